@@ -1,0 +1,123 @@
+//! Disparity in fixed point.
+
+use core::{fmt, num::NonZeroU16};
+use fixed::types::I10F6;
+
+/// A disparity: signed pixels in steps of 1/64, from -511 63/64 to 511 63/64.
+///
+/// A pixel that has none is `None`: an [`Option<Disparity>`] takes the same two bytes.
+///
+/// ```
+/// use multiscopic_core::{fixed::types::I10F6, Disparity};
+/// let d = Disparity::from_fixed(I10F6::from_num(-2.5)).unwrap();
+/// assert_eq!(f32::from(d), -2.5);
+/// assert_eq!(size_of::<Option<Disparity>>(), 2);
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(transparent)]
+pub struct Disparity(NonZeroU16);
+
+impl Disparity {
+    /// The smallest disparity that can be searched for, in pixels.
+    pub const MIN_SEARCH: i16 = -511;
+    /// The largest disparity that can be searched for, in pixels.
+    pub const MAX_SEARCH: i16 = 511;
+    /// Steps in a pixel.
+    pub const STEPS: i32 = 64;
+
+    /// The disparity `bits / 64`. `None` for -512, which no search reaches.
+    pub const fn from_bits(bits: i16) -> Option<Disparity> {
+        Disparity::from_raw16(bits as u16 ^ 0x8000)
+    }
+
+    /// This disparity times 64.
+    pub const fn to_bits(self) -> i16 {
+        (self.0.get() ^ 0x8000) as i16
+    }
+
+    /// The disparity with the value of `pixels`. `None` for -512, which no search reaches.
+    pub const fn from_fixed(pixels: I10F6) -> Option<Disparity> {
+        Disparity::from_bits(pixels.to_bits())
+    }
+
+    /// This disparity in pixels.
+    pub const fn to_fixed(self) -> I10F6 {
+        I10F6::from_bits(self.to_bits())
+    }
+
+    /// The disparity that a 16-bit image encodes as `64 d + 32768`; `None` for 0, which encodes an invalid pixel.
+    pub const fn from_raw16(raw: u16) -> Option<Disparity> {
+        match NonZeroU16::new(raw) {
+            Some(raw) => Some(Disparity(raw)),
+            None => None,
+        }
+    }
+
+    /// The encoding of a pixel in 16-bit images and packets: `64 d + 32768`, and 0 for an invalid pixel.
+    pub const fn to_raw16(pixel: Option<Disparity>) -> u16 {
+        match pixel {
+            Some(Disparity(raw)) => raw.get(),
+            None => 0,
+        }
+    }
+
+    /// The vertex of the parabola through the fused costs `before`, `at` and `after` at `d - 1`, `d` and `d + 1` pixels,
+    /// rounded to the nearest step, halves away from zero.
+    ///
+    /// `d + (a - b) / (2 a + 2 b - 4 c)`, and `d` itself where the denominator is 0. Costs stay below 2^23 and `at` is not above
+    /// the others, so the shift is at most half a pixel.
+    pub(crate) fn refine(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
+        let (fall, rise) = (before.saturating_sub(at), after.saturating_sub(at));
+        let denominator = 2 * (fall + rise);
+        let numerator = fall.abs_diff(rise) * Disparity::STEPS as u32;
+        let steps = match (numerator.checked_div(denominator), numerator.checked_rem(denominator)) {
+            (Some(whole), Some(rest)) => {
+                let up = fall > rise;
+                // A half goes away from zero, and on which side of zero the sum lies, `d` says.
+                let half_moves_on = if up { d >= 0 } else { d <= 0 };
+                let carry = 2 * rest > denominator || (2 * rest == denominator && half_moves_on);
+                let shift = whole as i32 + carry as i32;
+                if up { shift } else { -shift }
+            }
+            _ => 0,
+        };
+        Disparity::from_bits((i32::from(d) * Disparity::STEPS + steps) as i16)
+    }
+
+    /// The disparity of exactly `d` pixels.
+    pub(crate) const fn whole(d: i16) -> Option<Disparity> {
+        Disparity::from_bits(d.wrapping_mul(Disparity::STEPS as i16))
+    }
+}
+
+impl From<Disparity> for f32 {
+    /// Pixels, exactly.
+    fn from(d: Disparity) -> f32 {
+        f32::from(d.to_bits()) / 64.0
+    }
+}
+
+impl From<Disparity> for I10F6 {
+    fn from(d: Disparity) -> I10F6 {
+        d.to_fixed()
+    }
+}
+
+impl fmt::Debug for Disparity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.to_fixed())
+    }
+}
+
+impl fmt::Display for Disparity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self.to_fixed(), f)
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Disparity {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{=f32}", f32::from(*self));
+    }
+}

@@ -1,0 +1,110 @@
+//! Where the camera was when it took a frame.
+
+/// A neighbouring position of the camera, one baseline away from the centre in the image plane.
+///
+/// With `u` to the right and `v` down, the match of centre pixel `(u, v)` at disparity `d` is
+///
+/// | view | match |
+/// | --- | --- |
+/// | [`Right`](View::Right) | `(u - d, v)` |
+/// | [`Left`](View::Left) | `(u + d, v)` |
+/// | [`Top`](View::Top) | `(u, v + d)` |
+/// | [`Bottom`](View::Bottom) | `(u, v - d)` |
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum View {
+    /// The camera moved to the left.
+    Left,
+    /// The camera moved to the right.
+    Right,
+    /// The camera moved up.
+    Top,
+    /// The camera moved down.
+    Bottom,
+}
+
+impl View {
+    /// Every view, in the order in which the matcher holds them.
+    pub const ALL: [View; 4] = [View::Left, View::Right, View::Top, View::Bottom];
+
+    /// Whether the camera moved along the image's rows, so that matches lie in the same line.
+    pub const fn is_horizontal(self) -> bool {
+        matches!(self, View::Left | View::Right)
+    }
+
+    /// `+1` where a match's coordinate grows with the disparity, `-1` where it falls.
+    pub const fn sign(self) -> i32 {
+        match self {
+            View::Left | View::Top => 1,
+            View::Right | View::Bottom => -1,
+        }
+    }
+
+    const fn bit(self) -> u8 {
+        1 << self as u8
+    }
+}
+
+/// A set of neighbouring views.
+///
+/// ```
+/// use multiscopic_core::{View, Views};
+/// const PAIR: Views = Views::NONE.with(View::Left).with(View::Right);
+/// assert_eq!(PAIR.len(), 2);
+/// assert!(PAIR.iter().eq([View::Left, View::Right]));
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Views(u8);
+
+impl Views {
+    /// No neighbour: nothing to match with.
+    pub const NONE: Views = Views(0);
+    /// The classic stereo pair: centre and right.
+    pub const STEREO: Views = Views::NONE.with(View::Right);
+    /// Left and right.
+    pub const HORIZONTAL: Views = Views::STEREO.with(View::Left);
+    /// All four neighbours.
+    pub const ALL: Views = Views::HORIZONTAL.with(View::Top).with(View::Bottom);
+
+    /// This set and `view`.
+    pub const fn with(self, view: View) -> Views {
+        Views(self.0 | view.bit())
+    }
+
+    /// Whether `view` is in the set.
+    pub const fn contains(self, view: View) -> bool {
+        self.0 & view.bit() != 0
+    }
+
+    /// How many views are in the set, 0 to 4.
+    pub const fn len(self) -> usize {
+        self.0.count_ones() as usize
+    }
+
+    /// Whether the set is empty.
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// The views in the set, in the order of [`View::ALL`].
+    pub fn iter(self) -> impl Iterator<Item = View> {
+        View::ALL.into_iter().filter(move |&view| self.contains(view))
+    }
+}
+
+impl FromIterator<View> for Views {
+    fn from_iter<I: IntoIterator<Item = View>>(views: I) -> Views {
+        views.into_iter().fold(Views::NONE, Views::with)
+    }
+}
+
+/// One of the images of a capture: the reference in the centre or one of its neighbours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Frame {
+    /// The reference, for whose pixels disparities are estimated.
+    Center,
+    /// A neighbour.
+    View(View),
+}

@@ -1,0 +1,2 @@
+//! Firmware side of multiscopic.
+#![no_std]

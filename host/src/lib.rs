@@ -11,6 +11,7 @@ pub mod pfm;
 pub mod picture;
 pub mod ply;
 pub mod raster;
+pub mod rig;
 pub mod turbo;
 
 pub use disparity_map::DisparityMap;
@@ -19,3 +20,4 @@ pub use geometry::Geometry;
 pub use pfm::FloatImage;
 pub use picture::Picture;
 pub use raster::Raster;
+pub use rig::Rig;

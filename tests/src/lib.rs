@@ -1,1 +1,7 @@
 //! What the tests share.
+
+pub mod ascii;
+pub mod data;
+pub mod images;
+pub mod random;
+pub mod reference;

@@ -1,0 +1,80 @@
+//! Which views see the candidates of a pixel.
+
+use core::ops::Range;
+
+use crate::{Params, View};
+
+/// The disparities of a pixel, cut into runs that are available in the same views: where the match lies inside the image.
+///
+/// Disparities are indices, counted from the smallest.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Segments {
+    segments: [Segment; Segments::MAX],
+    len: usize,
+}
+
+/// A run of disparities that are available in the same views.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Segment {
+    pub start: usize,
+    pub end: usize,
+    /// Bit `k` is set if the `k`-th view of the match is available.
+    pub views: u8,
+}
+
+impl Segments {
+    /// Each view's availability begins and ends once.
+    const MAX: usize = 2 * View::ALL.len() + 1;
+
+    /// The segments of pixel `(u, v)`.
+    pub fn new(params: &Params, u: usize, v: usize) -> Segments {
+        let mut available = [const { 0..0 }; View::ALL.len()];
+        for (available, view) in available.iter_mut().zip(params.views().iter()) {
+            let (coordinate, size) = if view.is_horizontal() { (u, params.width()) } else { (v, params.height()) };
+            *available = inside(view, coordinate, size, params);
+        }
+        let mut all = Segments::default();
+        let mut start = 0;
+        for segment in &mut all.segments {
+            let nearest = |end: usize, bound: usize| if bound > start { end.min(bound) } else { end };
+            let end = available.iter().fold(params.num_disparities(), |end, range| nearest(nearest(end, range.start), range.end));
+            let views = available.iter().zip(0..).fold(0, |views, (range, k)| views | (u8::from(range.contains(&start)) << k));
+            *segment = Segment { start, end, views };
+            all.len += usize::from(start < end);
+            start = end;
+        }
+        all
+    }
+
+    /// The segments, in ascending order.
+    pub fn iter(&self) -> impl Iterator<Item = &Segment> {
+        self.segments.iter().take(self.len)
+    }
+
+    /// The views that are available at a disparity, as bits; none outside the search.
+    pub fn views_at(&self, index: usize) -> u8 {
+        self.iter().find(|segment| (segment.start..segment.end).contains(&index)).map_or(0, |segment| segment.views)
+    }
+}
+
+/// The columns in which every horizontal view is available at every disparity: all their pixels in a line have the same segments.
+pub(crate) fn uniform_columns(params: &Params) -> Range<usize> {
+    let (least, most) = (i32::from(params.min_disparity()), i32::from(params.max_disparity()));
+    let width = params.width() as i32;
+    let columns = params.views().iter().filter(|view| view.is_horizontal()).fold(0..width, |columns, view| {
+        let (nearest, furthest) = if view.sign() > 0 { (-least, most) } else { (most, -least) };
+        columns.start.max(nearest)..columns.end.min(width - furthest)
+    });
+    columns.start as usize..columns.end.max(columns.start) as usize
+}
+
+/// The disparities at which `coordinate`, moved by them, stays in `0..size`.
+fn inside(view: View, coordinate: usize, size: usize, params: &Params) -> Range<usize> {
+    let (coordinate, size) = (coordinate as i32, size as i32);
+    let (from, to) = match view.sign() {
+        1 => (-coordinate, size - coordinate),
+        _ => (coordinate - size + 1, coordinate + 1),
+    };
+    let index = |d: i32| (d - i32::from(params.min_disparity())).clamp(0, params.num_disparities() as i32) as usize;
+    index(from)..index(to)
+}

@@ -1,0 +1,262 @@
+//! The lines of a frame that the blocks of the current disparity line lie on.
+//!
+//! They are held so that one column's samples at ascending disparities are contiguous: a horizontal view's lines as they come, or
+//! mirrored; a vertical view's by column. A frame goes on beyond its borders by replication, and its *virtual* lines count on
+//! there: below 0 they repeat the first line, past the end the last.
+
+use crate::{Frame, Params, Region, View, memory::Shape};
+
+/// The held lines of one frame.
+#[derive(Debug)]
+pub(crate) struct Lines<'m> {
+    store: Store<'m>,
+    /// The frame's last line.
+    last: i32,
+    /// The next line of the frame to be read.
+    next: i32,
+    /// How far below the centre's line the view's lowest match lies.
+    lead: i32,
+}
+
+#[derive(Debug)]
+enum Store<'m> {
+    Rows(Rows<'m>),
+    Columns(Columns<'m>),
+}
+
+impl<'m> Lines<'m> {
+    /// No lines yet of `frame`, to be held in `samples`: as many as [`Shape::frame_bytes`] says.
+    pub fn new(frame: Frame, params: &Params, region: &Region, shape: Shape, samples: &'m mut [u8]) -> Lines<'m> {
+        let radius = params.radius() as i32;
+        let last = params.height() as i32 - 1;
+        let lead = params.lead(frame) - radius;
+        let left = region.columns().start as i32 - radius;
+        let top = region.rows().start as i32 - radius;
+        let min_disparity = i32::from(params.min_disparity());
+        let rows = |samples: &'m mut [u8], depth, mirrored, shift| {
+            let reach = shape.span + depth - 1;
+            Store::Rows(Rows { samples, span: shape.span, reach, count: shape.ring_lines, depth, mirrored, left: left + shift })
+        };
+        let first_virtual = match frame {
+            Frame::View(View::Top | View::Bottom) => top + lead + 1 - params.num_disparities() as i32,
+            _ => top,
+        };
+        let store = match frame {
+            Frame::Center => rows(samples, 1, false, 0),
+            Frame::View(View::Left) => rows(samples, shape.depth, false, min_disparity),
+            // The last column at the largest disparity is a mirrored line's last sample, and the leftmost one in the frame.
+            Frame::View(View::Right) => rows(samples, shape.depth, true, 1 - min_disparity - shape.depth as i32),
+            Frame::View(view) => {
+                let sign = view.sign();
+                let usable = shape.live + Shape::SLACK;
+                let edge = if sign > 0 { 0 } else { usable };
+                Store::Columns(Columns {
+                    samples,
+                    stack: shape.stack,
+                    usable,
+                    keep: shape.live - 1,
+                    depth: shape.depth,
+                    mirrored: sign < 0,
+                    left,
+                    nearest: sign * min_disparity,
+                    next: first_virtual,
+                    edge,
+                })
+            }
+        };
+        let next = if region.rows().start == 0 { 0 } else { first_virtual.clamp(0, last) };
+        Lines { store, last, next, lead }
+    }
+
+    /// The line of the frame to read next before the blocks can go down to line `v` of the centre, if one is missing.
+    pub fn wanted(&self, v: i32) -> Option<usize> {
+        (self.next <= (v + self.lead).clamp(0, self.last)).then_some(self.next as usize)
+    }
+
+    /// The first line of the frame that has not been read, if any.
+    pub fn unread(&self) -> Option<usize> {
+        (self.next <= self.last).then_some(self.next as usize)
+    }
+
+    /// Passes over the line that was [`unread`](Lines::unread).
+    pub fn skip(&mut self) {
+        self.next += 1;
+    }
+
+    /// Takes the line that was [`wanted`](Lines::wanted) for line `v` of the centre.
+    pub fn take(&mut self, v: i32, line: &[u8]) {
+        match &mut self.store {
+            Store::Rows(rows) => rows.put(self.next, line),
+            Store::Columns(columns) => {
+                while columns.next <= v + self.lead && columns.next.clamp(0, self.last) == self.next {
+                    columns.push(|column, _| replicated(line, column));
+                }
+            }
+        }
+        self.next += 1;
+    }
+
+    /// Goes on beyond the frame's first or last line, as far as line `v` of the centre needs.
+    pub fn extend(&mut self, v: i32) {
+        if let Store::Columns(columns) = &mut self.store {
+            while columns.next <= v + self.lead {
+                columns.push(|_, previous| previous);
+            }
+        }
+    }
+
+    /// The samples that line `v` of the centre is compared with; `v` may be virtual.
+    pub fn at(&self, v: i32) -> Samples<'_> {
+        match &self.store {
+            Store::Rows(rows) => rows.at(v.clamp(0, self.last)),
+            Store::Columns(columns) => columns.at(v),
+        }
+    }
+}
+
+/// Where the samples of a line at all disparities are: column `i`'s begin at `first + i step`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Samples<'a> {
+    samples: &'a [u8],
+    first: usize,
+    step: isize,
+    depth: usize,
+}
+
+impl<'a> Samples<'a> {
+    /// The same samples for every column.
+    pub fn constant(samples: &'a [u8]) -> Samples<'a> {
+        Samples { samples, first: 0, step: 0, depth: samples.len() }
+    }
+
+    /// The samples of column `i` at ascending disparities.
+    #[inline(always)]
+    pub fn column(&self, i: usize) -> &'a [u8] {
+        let start = self.first.wrapping_add_signed(self.step.wrapping_mul(i as isize));
+        self.samples.get(start..start.wrapping_add(self.depth)).unwrap_or_default()
+    }
+}
+
+/// A ring of lines, for matches in the same line.
+#[derive(Debug)]
+struct Rows<'m> {
+    samples: &'m mut [u8],
+    /// Columns under the blocks.
+    span: usize,
+    /// Samples in a line.
+    reach: usize,
+    /// Lines in the ring.
+    count: usize,
+    depth: usize,
+    /// Whether the lines are mirrored: a match's coordinate falls with the disparity.
+    mirrored: bool,
+    /// The leftmost coordinate in a line, maybe outside the frame.
+    left: i32,
+}
+
+impl Rows<'_> {
+    fn start(&self, v: i32) -> usize {
+        (v as usize).checked_rem(self.count).unwrap_or_default() * self.reach
+    }
+
+    fn put(&mut self, v: i32, line: &[u8]) {
+        let start = self.start(v);
+        let Some(held) = self.samples.get_mut(start..start + self.reach) else { return };
+        replicate(held, line, self.left);
+        if self.mirrored {
+            held.reverse();
+        }
+    }
+
+    fn at(&self, v: i32) -> Samples<'_> {
+        let (offset, step) = if self.mirrored { (self.span - 1, -1) } else { (0, 1) };
+        Samples { samples: self.samples, first: self.start(v) + offset, step, depth: self.depth }
+    }
+}
+
+/// A stack of samples for each column, for matches in the same column. Newer lines are pushed at the edge, at one end; when
+/// it reaches the stack's border, what is still needed moves to the other.
+#[derive(Debug)]
+struct Columns<'m> {
+    samples: &'m mut [u8],
+    /// Samples in a column, with the rounding of the disparities.
+    stack: usize,
+    /// Samples in a column without it.
+    usable: usize,
+    /// How many samples are still needed when one is pushed.
+    keep: usize,
+    depth: usize,
+    /// Whether newer lines go below older ones: a match's coordinate falls with the disparity.
+    mirrored: bool,
+    /// The first virtual column.
+    left: i32,
+    /// How far below a line the match at the smallest disparity lies.
+    nearest: i32,
+    /// The next virtual line to be pushed.
+    next: i32,
+    /// Past the newest sample, or the newest sample if mirrored.
+    edge: usize,
+}
+
+impl Columns<'_> {
+    /// Pushes the next virtual line: a sample for each virtual column from its coordinate and the sample before.
+    fn push(&mut self, sample: impl Fn(i32, u8) -> u8) {
+        let shift = match (self.mirrored, self.edge) {
+            (false, edge) if edge == self.usable => Some((edge - self.keep, 0)),
+            (true, 0) => Some((0, self.usable - self.keep)),
+            _ => None,
+        };
+        if let Some((from, to)) = shift {
+            for stack in self.samples.chunks_exact_mut(self.stack.max(1)) {
+                shift_within(stack, from, to, self.keep);
+            }
+            self.edge = if self.mirrored { to } else { self.keep };
+        }
+        let (newest, previous) = match self.mirrored {
+            false => (self.edge, self.edge.wrapping_sub(1)),
+            true => (self.edge - 1, self.edge),
+        };
+        for (stack, column) in self.samples.chunks_exact_mut(self.stack.max(1)).zip(self.left..) {
+            let before = stack.get(previous).copied().unwrap_or_default();
+            if let Some(newest) = stack.get_mut(newest) {
+                *newest = sample(column, before);
+            }
+        }
+        self.edge = if self.mirrored { self.edge - 1 } else { self.edge + 1 };
+        self.next += 1;
+    }
+
+    fn at(&self, v: i32) -> Samples<'_> {
+        // How many lines ago the match at the smallest disparity was pushed.
+        let age = (self.next - 1 - (v + self.nearest)) as usize;
+        let first = if self.mirrored { self.edge + age } else { (self.edge - 1).wrapping_sub(age) };
+        Samples { samples: self.samples, first, step: self.stack as isize, depth: self.depth }
+    }
+}
+
+/// Moves `len` samples, as `copy_within` does, but never panics.
+fn shift_within(samples: &mut [u8], from: usize, to: usize, len: usize) {
+    if from.saturating_add(len) <= samples.len() && to.saturating_add(len) <= samples.len() {
+        samples.copy_within(from..from + len, to);
+    }
+}
+
+/// The sample of `line` at a coordinate that may be outside it.
+fn replicated(line: &[u8], coordinate: i32) -> u8 {
+    let nearest = coordinate.clamp(0, line.len() as i32 - 1);
+    line.get(nearest as usize).copied().unwrap_or_default()
+}
+
+/// Fills `held` with the samples of `line` from the coordinate `left` on, which may be outside it.
+fn replicate(held: &mut [u8], line: &[u8], left: i32) {
+    let (Some(&first), Some(&last)) = (line.first(), line.last()) else { return };
+    let before = (left.min(0).unsigned_abs() as usize).min(held.len());
+    let (outside, held) = held.split_at_mut(before);
+    outside.fill(first);
+    let line = line.get(left.max(0) as usize..).unwrap_or_default();
+    let (inside, outside) = held.split_at_mut(line.len().min(held.len()));
+    for (held, &sample) in inside.iter_mut().zip(line) {
+        *held = sample;
+    }
+    outside.fill(last);
+}

@@ -1,0 +1,135 @@
+//! How much memory a match takes: the one formula behind the firmware's statics, the checks and the printed budgets.
+
+use crate::{Frame, Params, View};
+
+/// The matcher's memory by buffer, in bytes, for regions of up to a given number of columns.
+///
+/// With `X = columns + 2 rho` and `D` the number of disparities rounded up to the kernel's lanes:
+///
+/// | buffer | bytes |
+/// | --- | --- |
+/// | `column_sums` | `2 X D` for each view |
+/// | `block_sums` | `2 D` for each view, `4 D` from a block of 17 |
+/// | `fused` | `2 D`, `4 D` from a block of 17 |
+/// | `center` | `(2 rho + 2) X` |
+/// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each horizontal view |
+/// | `vertical` | `X (D + num_disparities + 2 rho + 8)` less the rounding, for each vertical view |
+/// | `zeros` | `2 D` |
+/// | `line` | the frame's width |
+///
+/// OpenCV's StereoBM, for comparison, takes `(height + block + 2) D (block + 1)` bytes of scratch for its one view.
+///
+/// ```
+/// use multiscopic_core::{Fusion, Memory, Params, Views};
+/// let params = Params::new(320, 240, Views::ALL, Fusion::Min, 1, 32, 11).unwrap();
+/// assert!(Memory::new(&params, 320, 4).bytes() < 144 * 1024);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct Memory {
+    /// Sums of differences over the block's height, for each column, view and disparity.
+    pub column_sums: usize,
+    /// Sums of differences over the block, for each view and disparity.
+    pub block_sums: usize,
+    /// Fused costs of one pixel.
+    pub fused: usize,
+    /// The centre's lines under the block.
+    pub center: usize,
+    /// The horizontal views' lines under the block.
+    pub horizontal: usize,
+    /// The vertical views' lines under the block and the search, by column.
+    pub vertical: usize,
+    /// What leaves before anything has entered.
+    pub zeros: usize,
+    /// A line as it comes from the source.
+    pub line: usize,
+}
+
+impl Memory {
+    /// The memory for regions of up to `columns` columns with a kernel of `lanes` lanes.
+    pub const fn new(params: &Params, columns: usize, lanes: usize) -> Memory {
+        let shape = Shape::new(params, columns, lanes);
+        let views = params.views().len();
+        let vertical_views = params.views().contains(View::Top) as usize + params.views().contains(View::Bottom) as usize;
+        Memory {
+            column_sums: shape.align(2 * shape.span * views * shape.depth),
+            block_sums: shape.align(shape.lane_bytes * views * shape.depth),
+            fused: shape.align(shape.lane_bytes * shape.depth),
+            center: shape.align(shape.ring_lines * shape.span),
+            horizontal: (views - vertical_views) * shape.align(shape.ring_lines * shape.reach()),
+            vertical: vertical_views * shape.align(shape.span * shape.stack),
+            zeros: shape.align(2 * shape.depth),
+            line: shape.align(params.width()),
+        }
+    }
+
+    /// All of it, in bytes.
+    pub const fn bytes(&self) -> usize {
+        self.column_sums + self.block_sums + self.fused + self.center + self.horizontal + self.vertical + self.zeros + self.line
+    }
+
+    /// All of it, as the length of the `[u32]` that the matcher is lent.
+    pub const fn words(&self) -> usize {
+        self.bytes().div_ceil(4)
+    }
+}
+
+/// The sizes that the buffers are made of.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shape {
+    /// Columns under the blocks of one line: the region's and the block's radius on both sides.
+    pub span: usize,
+    /// Disparities, rounded up to whole vectors.
+    pub depth: usize,
+    /// Lines that a block covers from one line to the next: its own, and the one that leaves.
+    pub ring_lines: usize,
+    /// Samples that each column of a vertical view holds.
+    pub stack: usize,
+    /// Of these, the ones still needed when a line enters.
+    pub live: usize,
+    /// Bytes of a block's sum.
+    pub lane_bytes: usize,
+    /// Bytes of a vector of column sums: what buffers are aligned to.
+    vector_bytes: usize,
+}
+
+impl Shape {
+    /// How many lines enter a column of a vertical view before its samples move.
+    pub const SLACK: usize = 8;
+
+    pub const fn new(params: &Params, columns: usize, lanes: usize) -> Shape {
+        let lanes = if lanes == 0 { 1 } else { lanes };
+        let depth = params.num_disparities().next_multiple_of(lanes);
+        let ring_lines = params.block_size() + 1;
+        // From the first line that leaves to the last that enters, each with all its disparities.
+        let live = params.num_disparities() + params.block_size();
+        Shape {
+            span: columns + 2 * params.radius(),
+            depth,
+            ring_lines,
+            stack: live + (depth - params.num_disparities()) + Shape::SLACK,
+            live,
+            lane_bytes: if params.max_block_sum() < u16::MAX as u32 { 2 } else { 4 },
+            vector_bytes: if lanes < 2 { 4 } else { 2 * lanes },
+        }
+    }
+
+    /// Samples in a line of a horizontal view: every column's match at every disparity.
+    pub const fn reach(&self) -> usize {
+        self.span + self.depth - 1
+    }
+
+    /// Bytes of the lines of `frame`.
+    pub const fn frame_bytes(&self, frame: Frame) -> usize {
+        self.align(match frame {
+            Frame::Center => self.ring_lines * self.span,
+            Frame::View(View::Left | View::Right) => self.ring_lines * self.reach(),
+            Frame::View(View::Top | View::Bottom) => self.span * self.stack,
+        })
+    }
+
+    const fn align(&self, bytes: usize) -> usize {
+        bytes.next_multiple_of(self.vector_bytes)
+    }
+}

@@ -1,0 +1,93 @@
+//! Which part of the frame a pass computes.
+
+use core::{error, fmt, ops::Range};
+
+use crate::Params;
+
+/// A rectangle of the centre frame whose disparities one pass of the matcher computes, not empty.
+///
+/// The whole frame takes one pass. Column tiles bound the memory by the tile's width, bands of lines give threads their
+/// share; either way every pixel gets the same bits as in one pass over the whole frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Region {
+    left: u16,
+    right: u16,
+    top: u16,
+    bottom: u16,
+}
+
+impl Region {
+    /// The whole frame.
+    pub const fn whole(params: &Params) -> Region {
+        Region { left: 0, right: params.width() as u16, top: 0, bottom: params.height() as u16 }
+    }
+
+    /// The pixels in `columns` and `rows`.
+    ///
+    /// # Errors
+    /// The rectangle is empty or leaves the frame.
+    pub const fn new(params: &Params, columns: Range<usize>, rows: Range<usize>) -> Result<Region, RegionError> {
+        let inside =
+            columns.start < columns.end && columns.end <= params.width() && rows.start < rows.end && rows.end <= params.height();
+        if !inside {
+            return Err(RegionError { columns: (columns.start, columns.end), rows: (rows.start, rows.end) });
+        }
+        Ok(Region { left: columns.start as u16, right: columns.end as u16, top: rows.start as u16, bottom: rows.end as u16 })
+    }
+
+    /// The frame in column tiles of `width` pixels, from left to right; the last one may be narrower.
+    pub fn tiles(params: &Params, width: usize) -> impl Iterator<Item = Region> + use<> {
+        let whole = Region::whole(params);
+        pieces(params.width(), width).map(move |(left, right)| Region { left, right, ..whole })
+    }
+
+    /// The frame in bands of `height` lines, from top to bottom; the last one may be lower.
+    pub fn bands(params: &Params, height: usize) -> impl Iterator<Item = Region> + use<> {
+        let whole = Region::whole(params);
+        pieces(params.height(), height).map(move |(top, bottom)| Region { top, bottom, ..whole })
+    }
+
+    /// The columns of the frame in this region.
+    pub const fn columns(&self) -> Range<usize> {
+        self.left as usize..self.right as usize
+    }
+
+    /// The lines of the frame in this region.
+    pub const fn rows(&self) -> Range<usize> {
+        self.top as usize..self.bottom as usize
+    }
+
+    /// Pixels in a disparity line of this region.
+    pub const fn width(&self) -> usize {
+        (self.right - self.left) as usize
+    }
+
+    /// Disparity lines in this region.
+    pub const fn height(&self) -> usize {
+        (self.bottom - self.top) as usize
+    }
+}
+
+/// `0..length` in pieces of `size`, at least 1, the last one maybe shorter. Lengths are those of frames.
+fn pieces(length: usize, size: usize) -> impl Iterator<Item = (u16, u16)> {
+    let size = size.max(1);
+    (0..length).step_by(size).map(move |start| (start as u16, length.min(start.saturating_add(size)) as u16))
+}
+
+/// A region that is empty or leaves the frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct RegionError {
+    columns: (usize, usize),
+    rows: (usize, usize),
+}
+
+impl fmt::Display for RegionError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let RegionError { columns, rows } = self;
+        write!(f, "columns {}..{} and rows {}..{} are empty or outside the frame", columns.0, columns.1, rows.0, rows.1)
+    }
+}
+
+impl error::Error for RegionError {}

@@ -270,7 +270,7 @@ impl<K: Lanes + Kernel<u16> + Kernel<u32>> Matcher<'_, K> {
             }
             let Some((u, pixel)) = pixels.next() else { break };
             let segments = match &mut segments {
-                Some(segments) if uniform.contains(&u) => segments,
+                Some(segments) if uniform.contains(&u) && u > uniform.start => segments,
                 segments => segments.insert(Segments::new(params, u, v)),
             };
             *pixel = Selection { params, segments, blocks, depth }.disparity(self.kernel, fused);

@@ -1,7 +1,9 @@
 //! What the tests share.
 
 pub mod ascii;
+pub mod case;
 pub mod data;
 pub mod images;
 pub mod random;
 pub mod reference;
+pub mod source;

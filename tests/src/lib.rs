@@ -3,6 +3,7 @@
 pub mod ascii;
 pub mod case;
 pub mod data;
+pub mod golden;
 pub mod images;
 pub mod random;
 pub mod reference;

@@ -2,6 +2,7 @@
 
 pub mod ascii;
 pub mod case;
+pub mod command;
 pub mod data;
 pub mod golden;
 pub mod images;

@@ -249,16 +249,18 @@ pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
 
 /// Does a test with `count` random values and panics with the simplest one that fails.
 ///
-/// The values follow from `$MULTISCOPIC_SEED`, or from the clock; the seed is printed, and part of the failure.
+/// The values follow from `$MULTISCOPIC_SEED`, or from the clock; the seed is printed, and part of the failure. `$MULTISCOPIC_EFFORT` times
+/// as many are tried.
 pub fn property<S: Strategy>(count: u32, strategy: S, test: impl Fn(&S::Value)) {
-    let seed = match env::var("MULTISCOPIC_SEED") {
-        Ok(seed) => seed.parse().expect("MULTISCOPIC_SEED is a whole number"),
-        Err(_) => SystemTime::UNIX_EPOCH.elapsed().map_or(0, |time| time.as_nanos() as u64),
-    };
+    let variable =
+        |name| env::var(name).ok().map(|value| value.parse().unwrap_or_else(|_| panic!("{name} is {value}, not a number")));
+    let seed = variable("MULTISCOPIC_SEED");
+    let seed = seed.unwrap_or_else(|| SystemTime::UNIX_EPOCH.elapsed().map_or(0, |time| time.as_nanos() as u64));
+    let effort = variable("MULTISCOPIC_EFFORT").unwrap_or(1) as u32;
     println!("MULTISCOPIC_SEED={seed}");
     let mut random = Random(seed);
     let bytes: Vec<u8> = (0..4).flat_map(|_| random.bits().to_le_bytes()).collect();
-    let config = Config { cases: count, failure_persistence: None, ..Config::default() };
+    let config = Config { cases: effort * count, max_local_rejects: u32::MAX, failure_persistence: None, ..Config::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes));
     let result = runner.run(&strategy, |value| {
         test(&value);

@@ -179,15 +179,15 @@ fn reduction(root: &Path) -> Result<(), Failed> {
 
 /// The core and the float reference agree on every bit of a part of a scene.
 fn part(root: &Path, dataset: Dataset, scene: &str, left: usize, top: usize) -> Result<(), Box<dyn Error>> {
-    let images = dataset.read(root, scene).images.crop(left, top, 72, 40);
+    let images = dataset.read(root, scene).images.crop(left, top, 48, 32);
     let views = images.views.each_ref().map(Option::is_some);
     for fusion in [Min, Mean, Heuristic] {
         let reference = images.reference(fusion, -2, 20, 7).disparities();
-        let params = params(72, 40, views, fusion, -2, 20, 7);
+        let params = params(48, 32, views, fusion, -2, 20, 7);
         let found = matched(Portable::<16>, &params, &Region::whole(&params), &images, &mut Random(1));
         let expected: Vec<u16> = reference.into_iter().map(raw16).collect();
         if let Some(i) = (0..expected.len()).find(|&i| found[i] != expected[i]) {
-            return Err(format!("{fusion:?}, pixel ({}, {}): {} instead of {}", i % 72, i / 72, found[i], expected[i]).into());
+            return Err(format!("{fusion:?}, pixel ({}, {}): {} instead of {}", i % 48, i / 48, found[i], expected[i]).into());
         }
     }
     Ok(())

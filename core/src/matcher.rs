@@ -271,7 +271,7 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
             }
             let Some((u, pixel)) = pixels.next() else { break };
             let segments = match &mut segments {
-                Some(segments) if uniform.contains(&u) => segments,
+                Some(segments) if uniform.contains(&u) && u > uniform.start => segments,
                 segments => segments.insert(Segments::new(params, u, v)),
             };
             *pixel = Selection { params, segments, blocks, depth }.disparity(self.isa, fused);

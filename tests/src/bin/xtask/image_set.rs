@@ -1,0 +1,125 @@
+//! The frames that the firmware is given.
+
+use anyhow::{Context, Result, ensure};
+use multiscopic_core::{Frame, Params, ScanlineSource, View};
+use std::{convert::Infallible, fs, path::Path};
+
+use multiscopic_edge::files;
+
+/// A centre frame and its neighbours, of which the parameters say size and number.
+pub struct ImageSet {
+    name: &'static str,
+    width: usize,
+    frames: Vec<(Frame, Vec<u8>)>,
+}
+
+impl ImageSet {
+    /// How reports name it.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Random dots on four planes that face the camera, with some noise: the same at every run.
+    pub fn random_dots(params: &Params) -> ImageSet {
+        let pixels =
+            |frame| (0..params.height() * params.width()).map(move |i| dot(frame, i % params.width(), i / params.width()));
+        let frames = frames(params).map(|frame| (frame, pixels(frame).collect())).collect();
+        ImageSet { name: "random-dots", width: params.width(), frames }
+    }
+
+    /// The middle of the Tsukuba head and lamp, five cameras of the grid, from `data`.
+    pub fn tsukuba(params: &Params, data: &Path) -> Result<ImageSet> {
+        let read = |frame| Ok((frame, read_middle(&data.join("tsukuba").join(tsukuba_file(frame)), params)?));
+        let frames = frames(params).map(read).collect::<Result<_>>()?;
+        Ok(ImageSet { name: "tsukuba", width: params.width(), frames })
+    }
+
+    /// Writes the frames as the firmware reads them.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        for (frame, pixels) in &self.frames {
+            let path = folder.join(files::frame(*frame).to_str()?);
+            fs::write(&path, pixels).with_context(|| format!("cannot write {}", path.display()))?;
+        }
+        Ok(())
+    }
+}
+
+impl ScanlineSource for &ImageSet {
+    type Error = Infallible;
+
+    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Infallible> {
+        let (_, pixels) = self.frames.iter().find(|(of, _)| *of == frame).expect("only frames of the parameters are read");
+        line.copy_from_slice(&pixels[v * self.width..][..self.width]);
+        Ok(())
+    }
+}
+
+/// The frames that `params` need.
+fn frames(params: &Params) -> impl Iterator<Item = Frame> {
+    [Frame::Center].into_iter().chain(params.views().iter().map(Frame::View))
+}
+
+/// Disparity, and left, top, right and bottom in the centre frame, of each plane, the nearest first.
+const PLANES: [(i32, [i32; 4]); 4] =
+    [(14, [60, 50, 80, 70]), (9, [20, 20, 60, 100]), (5, [80, 10, 140, 90]), (2, [i32::MIN, i32::MIN, i32::MAX, i32::MAX])];
+
+/// A pixel of `frame`: the dot of the nearest plane there, and noise.
+fn dot(frame: Frame, u: usize, v: usize) -> u8 {
+    let seen = |(disparity, [left, top, right, bottom]): (i32, [i32; 4])| {
+        let (x, y) = in_center(frame, disparity, u as i32, v as i32);
+        ((left..right).contains(&x) && (top..bottom).contains(&y)).then(|| hash([x, y, disparity]) % 240)
+    };
+    let dot = PLANES.into_iter().find_map(seen).expect("the last plane is everywhere");
+    let noise = hash([u as i32, v as i32, -1 - frame_number(frame)]) % 16;
+    (dot + noise) as u8
+}
+
+/// Where in the centre frame the pixel `(u, v)` of `frame` is, at `disparity`.
+fn in_center(frame: Frame, disparity: i32, u: i32, v: i32) -> (i32, i32) {
+    match frame {
+        Frame::Center => (u, v),
+        Frame::View(view) if view.is_horizontal() => (u - view.sign() * disparity, v),
+        Frame::View(view) => (u, v - view.sign() * disparity),
+    }
+}
+
+fn frame_number(frame: Frame) -> i32 {
+    match frame {
+        Frame::Center => 0,
+        Frame::View(view) => 1 + view as i32,
+    }
+}
+
+/// Well mixed bits of `values`.
+fn hash(values: [i32; 3]) -> u32 {
+    values.into_iter().fold(0x9e37_79b9, |hash, value| {
+        let hash = (hash ^ value as u32).wrapping_mul(0x85eb_ca6b);
+        (hash ^ hash >> 15).wrapping_mul(0xc2b2_ae35) ^ hash >> 13
+    })
+}
+
+const fn tsukuba_file(frame: Frame) -> &'static str {
+    match frame {
+        Frame::Center => "scene1.row3.col3.ppm",
+        Frame::View(View::Left) => "scene1.row3.col2.ppm",
+        Frame::View(View::Right) => "scene1.row3.col4.ppm",
+        Frame::View(View::Top) => "scene1.row2.col3.ppm",
+        Frame::View(View::Bottom) => "scene1.row4.col3.ppm",
+    }
+}
+
+/// The middle of the colour image at `path`, in grey.
+fn read_middle(path: &Path, params: &Params) -> Result<Vec<u8>> {
+    let image = image::open(path).with_context(|| format!("cannot read {}", path.display()))?.into_rgb8();
+    let (width, height) = (params.width() as u32, params.height() as u32);
+    let found = image.dimensions();
+    ensure!(width <= found.0 && height <= found.1, "{}: found {found:?}, expected {width}x{height} or more", path.display());
+    let (left, top) = ((found.0 - width) / 2, (found.1 - height) / 2);
+    let middle = image::imageops::crop_imm(&image, left, top, width, height).to_image();
+    Ok(middle.pixels().map(|&image::Rgb(rgb)| grey(rgb.map(u32::from))).collect())
+}
+
+const fn grey([r, g, b]: [u32; 3]) -> u8 {
+    ((77 * r + 150 * g + 29 * b + 128) >> 8) as u8
+}

@@ -22,9 +22,9 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
 /// The image sets that this machine has.
 fn image_sets(params: &Params) -> Result<Vec<ImageSet>> {
     let mut sets = vec![ImageSet::random_dots(params)];
-    match layout::data() {
-        Some(data) => sets.push(ImageSet::tsukuba(params, &data)?),
-        None => println!("edge: image set tsukuba: skipped, there is no data in $MULTISCOPIC_DATA or ../shared/data"),
+    match layout::data("tsukuba") {
+        Some(folder) => sets.push(ImageSet::tsukuba(params, &folder)?),
+        None => println!("edge: image set tsukuba: skipped, it is neither in $MULTISCOPIC_DATA nor in ../shared/data"),
     }
     Ok(sets)
 }
@@ -39,14 +39,7 @@ fn compare(board: &Board, image: &Path, params: &Params, set: &ImageSet) -> Resu
     }
     emulator::run(board, image, &folder)?;
     let found = fs::read(&output).with_context(|| format!("the firmware wrote no {}", output.display()))?;
-    let expected = expected(params, set)?;
-    ensure!(found.len() == expected.len(), "{}: found {} bytes, expected {}", output.display(), found.len(), expected.len());
-    if let Some(at) = found.iter().zip(&expected).position(|(found, expected)| found != expected) {
-        let (u, v) = (at / 2 % params.width(), at / 2 / params.width());
-        let pixel = |bytes: &[u8]| u16::from_le_bytes([bytes[at & !1], bytes[at | 1]]);
-        let show = |bytes: &[u8]| Disparity::from_raw16(pixel(bytes)).map_or("invalid".to_owned(), |d| d.to_string());
-        anyhow::bail!("pixel ({u}, {v}): the firmware found {}, this machine {}", show(&found), show(&expected));
-    }
+    same(&found, &expected(params, set)?, params.width()).with_context(|| output.display().to_string())?;
     Ok(found.len())
 }
 
@@ -59,4 +52,31 @@ fn expected(params: &Params, mut set: &ImageSet) -> Result<Vec<u8>> {
         bytes.extend(line.iter().flat_map(|&pixel| Disparity::to_raw16(pixel).to_le_bytes()));
     }
     Ok(bytes)
+}
+
+/// Fails at the first pixel that differs.
+fn same(found: &[u8], expected: &[u8], width: usize) -> Result<()> {
+    ensure!(found.len() == expected.len(), "found {} bytes, expected {}", found.len(), expected.len());
+    let pixels = |bytes| <[u8]>::chunks_exact(bytes, 2).map(|pixel| u16::from_le_bytes([pixel[0], pixel[1]]));
+    let show = |raw| Disparity::from_raw16(raw).map_or("invalid".to_owned(), |disparity| disparity.to_string());
+    for (i, (found, expected)) in pixels(found).zip(pixels(expected)).enumerate() {
+        let (u, v) = (i % width, i / width);
+        ensure!(found == expected, "pixel ({u}, {v}): the firmware found {}, this machine {}", show(found), show(expected));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_pixel_that_differs_is_named() {
+        let (expected, mut found) = ([0x80; 12], [0x80; 12]);
+        assert!(same(&found, &expected, 3).is_ok());
+        found[8..10].copy_from_slice(&[0, 0]);
+        let error = same(&found, &expected, 3).unwrap_err().to_string();
+        assert_eq!(error, "pixel (1, 1): the firmware found invalid, this machine 2");
+        assert!(same(&found[..10], &expected, 3).is_err());
+    }
 }

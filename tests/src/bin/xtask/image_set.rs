@@ -27,9 +27,9 @@ impl ImageSet {
         ImageSet { name: "random-dots", width: params.width(), frames }
     }
 
-    /// The middle of the Tsukuba head and lamp, five cameras of the grid, from `data`.
-    pub fn tsukuba(params: &Params, data: &Path) -> Result<ImageSet> {
-        let read = |frame| Ok((frame, read_middle(&data.join("tsukuba").join(tsukuba_file(frame)), params)?));
+    /// The middle of the Tsukuba head and lamp, five cameras of the grid, from `folder`.
+    pub fn tsukuba(params: &Params, folder: &Path) -> Result<ImageSet> {
+        let read = |frame| Ok((frame, read_middle(&folder.join(tsukuba_file(frame)), params)?));
         let frames = frames(params).map(read).collect::<Result<_>>()?;
         Ok(ImageSet { name: "tsukuba", width: params.width(), frames })
     }
@@ -122,4 +122,28 @@ fn read_middle(path: &Path, params: &Params) -> Result<Vec<u8>> {
 
 const fn grey([r, g, b]: [u32; 3]) -> u8 {
     ((77 * r + 150 * g + 29 * b + 128) >> 8) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use multiscopic_core::Matcher;
+    use multiscopic_edge::profile::SMALL;
+
+    /// A pixel well inside each plane, where no nearer one hides it.
+    const INSIDE: [(usize, usize, f32); 4] = [(70, 60, 14.0), (40, 80, 9.0), (120, 50, 5.0), (150, 110, 2.0)];
+
+    #[test]
+    fn the_matcher_finds_the_planes() {
+        let (params, set) = (SMALL.params, ImageSet::random_dots(&SMALL.params));
+        let mut memory = vec![0; params.memory_words()];
+        let mut matcher = Matcher::new(&params, &mut memory).unwrap();
+        let mut line = vec![None; params.width()];
+        while let Some(v) = matcher.next_line(&mut &set, &mut line).unwrap() {
+            for (u, _, plane) in INSIDE.into_iter().filter(|inside| inside.1 == v) {
+                let found = f32::from(line[u].expect("a view has the match"));
+                assert!((found - plane).abs() <= 0.25, "pixel ({u}, {v}): found {found}, expected {plane}");
+            }
+        }
+    }
 }

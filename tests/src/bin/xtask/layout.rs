@@ -20,8 +20,9 @@ pub fn edge_target() -> PathBuf {
     target().join("edge")
 }
 
-/// The real images, if this machine has them.
-pub fn data() -> Option<PathBuf> {
+/// The folder of the real images `dataset`, if this machine has it.
+pub fn data(dataset: &str) -> Option<PathBuf> {
     let given = env::var_os("MULTISCOPIC_DATA").map(PathBuf::from);
-    given.into_iter().chain([root().join("../shared/data")]).find(|folder| folder.is_dir())
+    let folders = given.into_iter().chain([root().join("../shared/data")]);
+    folders.map(|folder| folder.join(dataset)).find(|folder| folder.is_dir())
 }

@@ -1,6 +1,9 @@
 //! What can go wrong on the host, in words that name the file, what was found and what was expected.
 
-use std::{io, path::PathBuf};
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
 
 use multiscopic_core::ParamsError;
 
@@ -40,6 +43,13 @@ pub enum Error {
     /// The command line asks for something that cannot be.
     #[error("{0}")]
     Usage(String),
+}
+
+impl Error {
+    /// The contents of `path` are `found` where `expected` should be.
+    pub(crate) fn format(path: &Path, found: impl Into<String>, expected: impl Into<String>) -> Error {
+        Error::Format { path: path.into(), found: found.into(), expected: expected.into() }
+    }
 }
 
 /// The result of an operation on the host.

@@ -1,5 +1,30 @@
 //! Accurate depth from one camera moved on purpose, on the host: files, matching with threads, evaluation and pictures.
 
+pub mod depth;
+pub mod disparity_map;
 pub mod error;
+pub mod frames;
+pub mod geometry;
+mod image_file;
+mod input;
+pub mod matching;
+pub mod output;
+pub mod pfm;
+pub mod picture;
+pub mod ply;
+pub mod raster;
+pub mod rig;
+pub mod simd;
+pub mod turbo;
 
+pub use disparity_map::DisparityMap;
 pub use error::{Error, Result};
+pub use frames::Frames;
+pub use geometry::Geometry;
+pub use matching::Engine;
+pub use pfm::FloatImage;
+pub use picture::Picture;
+pub use raster::Raster;
+pub use rig::Rig;
+pub use simd::Simd;
+

@@ -1,0 +1,126 @@
+//! `multiscopic bench`: how fast this machine is.
+
+use std::{process::ExitCode, time::Instant};
+
+use clap::Args;
+use image::{GrayImage, Luma};
+use multiscopic::{Error, Frames, Result};
+use multiscopic_core::{View, Views};
+
+use super::options::{EngineOptions, SearchOptions};
+
+/// Measures how fast this machine matches, on made frames
+#[derive(Debug, Args)]
+pub struct Bench {
+    /// Frame width in pixels
+    #[arg(long, value_name = "N", default_value_t = 1282)]
+    width: u16,
+
+    /// Frame height in pixels
+    #[arg(long, value_name = "N", default_value_t = 1110)]
+    height: u16,
+
+    /// Neighbours: 1 (right), 2 (left and right) or 4
+    #[arg(long, value_name = "1|2|4", default_value_t = 2)]
+    views: usize,
+
+    /// Runs, of which the fastest counts
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    repeat: usize,
+
+    /// Print one JSON object instead of a line of text
+    #[arg(long)]
+    json: bool,
+
+    #[command(flatten)]
+    search: SearchOptions,
+
+    #[command(flatten)]
+    engine: EngineOptions,
+}
+
+/// What `bench` reports.
+#[derive(Debug, serde::Serialize)]
+struct Report {
+    width: usize,
+    height: usize,
+    num_disparities: usize,
+    block_size: usize,
+    views: usize,
+    fusion: String,
+    threads: usize,
+    kernel: String,
+    seconds: f64,
+    gde_per_s: f64,
+}
+
+impl Bench {
+    /// Runs the command.
+    pub fn run(&self) -> Result<ExitCode> {
+        let views = views_of_count(self.views)?;
+        if self.width == 0 || self.height == 0 || self.repeat == 0 {
+            return Err(Error::Usage("--width, --height and --repeat must be at least 1".into()));
+        }
+        let frames = made_frames(self.width.into(), self.height.into(), views);
+        let params = self.search.params(&frames, views, (1, 64))?;
+        let engine = self.engine.engine()?;
+        let seconds = (0..self.repeat)
+            .map(|_| {
+                let start = Instant::now();
+                std::hint::black_box(engine.disparities(&frames, &params, || ()));
+                start.elapsed().as_secs_f64()
+            })
+            .fold(f64::INFINITY, f64::min);
+        let report = Report {
+            width: params.width(),
+            height: params.height(),
+            num_disparities: params.num_disparities(),
+            block_size: params.block_size(),
+            views: params.views().len(),
+            fusion: format!("{:?}", params.fusion()).to_lowercase(),
+            threads: engine.threads(),
+            kernel: engine.simd().to_string(),
+            seconds,
+            gde_per_s: params.evaluations() as f64 / seconds / 1e9,
+        };
+        if self.json {
+            println!("{}", serde_json::to_string(&report).expect("numbers and strings"));
+        } else {
+            let Report { width, height, num_disparities, block_size, views, fusion, threads, kernel, seconds, gde_per_s } =
+                report;
+            println!(
+                "{width}x{height}, {num_disparities} disparities, block {block_size}, views {views}, {fusion}, threads {threads}, kernel {kernel}: \
+                 {:.1} ms, {gde_per_s:.3} GDE/s",
+                seconds * 1e3
+            );
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// The views that stand for a number of neighbours.
+pub fn views_of_count(count: usize) -> Result<Views> {
+    match count {
+        1 => Ok(Views::STEREO),
+        2 => Ok(Views::HORIZONTAL),
+        4 => Ok(Views::ALL),
+        other => Err(Error::Usage(format!("--views is {other}, it must be 1, 2 or 4"))),
+    }
+}
+
+/// Frames of noise on a plane at a disparity of 20: the time does not depend on what they show.
+fn made_frames(width: u32, height: u32, views: Views) -> Frames {
+    let noise = |u: i32, v: i32| {
+        let mut hash = (u as u32).wrapping_mul(0x9E37_79B1) ^ (v as u32).wrapping_mul(0x85EB_CA77);
+        hash = (hash ^ hash >> 15).wrapping_mul(0x2C1B_3C6D);
+        (hash >> 24) as u8
+    };
+    let shifted = |du: i32, dv: i32| GrayImage::from_fn(width, height, |u, v| Luma([noise(u as i32 - du, v as i32 - dv)]));
+    views.iter().fold(Frames::new(shifted(0, 0)), |frames, view| {
+        let (du, dv) = match view {
+            View::Left | View::Right => (20 * view.sign(), 0),
+            View::Top | View::Bottom => (0, 20 * view.sign()),
+        };
+        frames.with(view, shifted(du, dv))
+    })
+}

@@ -1,0 +1,4 @@
+//! The commands, a module each: options, what they do, what they print.
+
+pub mod bench;
+pub mod options;

@@ -1,0 +1,147 @@
+//! What matching gives: the disparity of every pixel of the centre frame.
+
+use std::{ops::RangeInclusive, path::Path};
+
+use image::{DynamicImage, ImageBuffer, Luma, Rgb, RgbImage};
+use multiscopic_core::Disparity;
+
+use crate::{Error, FloatImage, Raster, Result, image_file, input, turbo};
+
+/// A disparity for every pixel, `None` where there is none.
+pub type DisparityMap = Raster<Option<Disparity>>;
+
+impl DisparityMap {
+    /// In pixels, +inf where there is none.
+    pub fn to_float(&self) -> FloatImage {
+        self.map(|pixel| pixel.map_or(f32::INFINITY, f32::from))
+    }
+
+    /// The smallest and the largest disparity, `None` if no pixel has one.
+    pub fn range(&self) -> Option<RangeInclusive<Disparity>> {
+        let valid = || self.pixels().iter().flatten().copied();
+        Some(valid().min()?..=valid().max()?)
+    }
+
+    /// In the colours of Turbo: the far end of `range` (in pixels of disparity) is blue, the near end red, and black has no disparity.
+    ///
+    /// Disparities outside the range have the colour of its nearest end. Without a range it is the map's own.
+    pub fn to_color(&self, range: Option<RangeInclusive<f32>>) -> RgbImage {
+        let own = || self.range().map(|own| f32::from(*own.start())..=f32::from(*own.end()));
+        let (far, near) = range.or_else(own).map_or((0.0, 1.0), RangeInclusive::into_inner);
+        let color = |d: Disparity| {
+            // A range of one value must not divide by 0; any other is at least a step of 1/64.
+            let nearness = (f32::from(d) - far) / (near - far).max(1e-6);
+            turbo::color(f64::from(nearness))
+        };
+        let pixels = self.pixels().iter().flat_map(|pixel| pixel.map_or([0; 3], color)).collect();
+        let (width, height) = (self.width() as u32, self.height() as u32);
+        ImageBuffer::<Rgb<u8>, _>::from_raw(width, height, pixels).expect("three bytes for every pixel")
+    }
+
+    /// Writes a PFM file: pixels of disparity, +inf where there is none.
+    ///
+    /// # Errors
+    /// If the file cannot be written; what was there before is still there.
+    pub fn write_pfm(&self, path: &Path) -> Result<()> {
+        self.to_float().write_pfm(path)
+    }
+
+    /// Writes a PNG in the colours of [`to_color`](DisparityMap::to_color).
+    ///
+    /// # Errors
+    /// If the file cannot be written; what was there before is still there.
+    pub fn write_color_png(&self, path: &Path, range: Option<RangeInclusive<f32>>) -> Result<()> {
+        image_file::write_png(path, &self.to_color(range))
+    }
+
+    /// Writes a 16-bit PNG: disparity times 64 plus 32768, and 0 where there is none. Nothing is lost.
+    ///
+    /// # Errors
+    /// If the file cannot be written; what was there before is still there.
+    pub fn write_raw16(&self, path: &Path) -> Result<()> {
+        let samples = self.pixels().iter().map(|&pixel| Disparity::to_raw16(pixel)).collect();
+        let (width, height) = (self.width() as u32, self.height() as u32);
+        let image = ImageBuffer::<Luma<u16>, _>::from_raw(width, height, samples).expect("a sample for every pixel");
+        image_file::write_png(path, &image)
+    }
+
+    /// Reads what [`write_raw16`](DisparityMap::write_raw16) wrote.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is damaged or not an image of one channel of 16 bits.
+    pub fn read_raw16(path: &Path) -> Result<DisparityMap> {
+        match image_file::decode(path, &input::read(path)?)? {
+            DynamicImage::ImageLuma16(image) => {
+                let (width, height) = (image.width() as usize, image.height() as usize);
+                Ok(Raster::new(width, height, image.into_raw()).map(|&raw| Disparity::from_raw16(raw)))
+            }
+            other => {
+                let found = format!("an image of {:?}", other.color());
+                Err(Error::format(path, found, "disparities in a grey image of 16 bits (L16)"))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn disparity(pixels: f32) -> Option<Disparity> {
+        Disparity::from_bits((pixels * 64.0) as i16)
+    }
+
+    fn map() -> DisparityMap {
+        DisparityMap::new(
+            3,
+            2,
+            vec![disparity(-2.5), None, disparity(60.0), disparity(0.0), disparity(511.984_4), disparity(-511.984_4)],
+        )
+    }
+
+    #[test]
+    fn raw16_loses_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("raw.png");
+        map().write_raw16(&path).unwrap();
+        assert_eq!(DisparityMap::read_raw16(&path).unwrap(), map());
+        let image = image::open(&path).unwrap().into_luma16();
+        assert_eq!(image.into_raw(), [32768 - 160, 0, 32768 + 3840, 32768, 65535, 1]);
+    }
+
+    #[test]
+    fn another_image_is_not_raw16() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("color.png");
+        map().write_color_png(&path, None).unwrap();
+        let message = DisparityMap::read_raw16(&path).unwrap_err().to_string();
+        assert!(message.contains("found an image of Rgb8, expected disparities"), "{message}");
+    }
+
+    #[test]
+    fn pfm_marks_what_is_invalid() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("d.pfm");
+        map().write_pfm(&path).unwrap();
+        let read = FloatImage::read_pfm(&path).unwrap();
+        assert_eq!(read.pixels()[..4], [-2.5, f32::INFINITY, 60.0, 0.0]);
+    }
+
+    #[test]
+    fn near_is_red_and_far_is_blue() {
+        let map = DisparityMap::new(5, 1, [-4.0, 4.0, 0.0, 9.0].map(disparity).into_iter().chain([None]).collect());
+        let [far, near, middle, nearer, none] = [0, 1, 2, 3, 4].map(|u| map.to_color(Some(-4.0..=4.0)).get_pixel(u, 0).0);
+        assert!(far[2] > far[0] && near[0] > near[2] && middle[1] > 200, "{far:?} {middle:?} {near:?}");
+        assert_eq!((nearer, none), (near, [0; 3]));
+        // Its own range: -4 to 9.
+        assert_eq!(map.to_color(None).get_pixel(3, 0).0, near);
+        assert_ne!(map.to_color(None).get_pixel(1, 0).0, near);
+    }
+
+    #[test]
+    fn colours_of_a_flat_or_empty_map() {
+        assert_ne!(DisparityMap::filled(1, 1, disparity(3.0)).to_color(None).get_pixel(0, 0).0, [0; 3]);
+        assert_eq!(DisparityMap::filled(1, 1, None).to_color(None).get_pixel(0, 0).0, [0; 3]);
+        assert_eq!(DisparityMap::filled(1, 1, None).range(), None);
+    }
+}

@@ -1,0 +1,57 @@
+//! From disparity to space.
+
+use multiscopic_core::Disparity;
+
+/// What turns a disparity into a place: the camera as a pinhole, and how far it was moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geometry {
+    /// Focal length in pixels.
+    pub focal_px: f64,
+    /// How far the camera was moved from the centre to each neighbour, in millimetres.
+    pub baseline_mm: f64,
+    /// Where the optical axis meets the image, `[cx, cy]`; the centre of the first pixel is `[0, 0]`.
+    pub principal_point: [f64; 2],
+    /// The disparity of a point at infinity, negated: 0 unless the images were shifted or cropped against each other.
+    pub doffs: f64,
+}
+
+impl Geometry {
+    /// Depth in metres, `focal_px * baseline / (d + doffs)`. `None` where `d + doffs <= 0`, behind infinity.
+    pub fn depth(&self, d: Disparity) -> Option<f64> {
+        let shift = f64::from(f32::from(d)) + self.doffs;
+        (shift > 0.0).then(|| self.focal_px * self.baseline_mm / 1000.0 / shift)
+    }
+
+    /// The place in metres of what pixel `(u, v)` shows: x to the right, y down, z along the optical axis away from the camera.
+    pub fn point(&self, u: usize, v: usize, d: Disparity) -> Option<[f64; 3]> {
+        let z = self.depth(d)?;
+        let [cx, cy] = self.principal_point;
+        Some([(u as f64 - cx) * z / self.focal_px, (v as f64 - cy) * z / self.focal_px, z])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GEOMETRY: Geometry = Geometry { focal_px: 500.0, baseline_mm: 40.0, principal_point: [160.0, 120.0], doffs: 2.0 };
+
+    fn disparity(pixels: i16) -> Disparity {
+        Disparity::from_bits(pixels * 64).unwrap()
+    }
+
+    #[test]
+    fn depth_in_metres() {
+        assert_eq!(GEOMETRY.depth(disparity(8)), Some(2.0));
+        assert_eq!(GEOMETRY.depth(disparity(-1)), Some(20.0));
+        assert_eq!(GEOMETRY.depth(disparity(-2)), None);
+        assert_eq!(GEOMETRY.depth(disparity(-3)), None);
+    }
+
+    #[test]
+    fn points_lie_on_their_ray() {
+        assert_eq!(GEOMETRY.point(160, 120, disparity(8)), Some([0.0, 0.0, 2.0]));
+        assert_eq!(GEOMETRY.point(410, 70, disparity(8)), Some([1.0, -0.2, 2.0]));
+        assert_eq!(GEOMETRY.point(0, 0, disparity(-2)), None);
+    }
+}

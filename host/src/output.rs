@@ -1,0 +1,174 @@
+//! Files that are written whole or not at all.
+
+use std::{
+    fs::{self, File, Permissions},
+    io::{self, BufWriter, Write},
+    path::{Path, PathBuf},
+};
+
+use tempfile::{Builder, NamedTempFile};
+
+use crate::{Error, Result};
+
+/// Writes `path` with what `contents` writes.
+///
+/// The data goes to a temporary file beside `path` that takes its place only when it is complete: until then, and for ever if
+/// something fails, `path` is what it was. A symbolic link is followed, and the permissions of an existing file are kept. A pipe, a
+/// device or an already open file (`/dev/stdout`) has nothing to keep and is written directly.
+///
+/// # Errors
+/// [`Error::Write`] for whatever the system or `contents` says.
+pub fn write(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+    let written = match fs::metadata(path) {
+        Ok(old) if old.is_dir() => Err(io::ErrorKind::IsADirectory.into()),
+        Ok(old) if !old.is_file() || is_open_file(path) => append(path, contents),
+        // Whoever may write the directory could replace a read-only file, but its owner asked for it to stay.
+        Ok(old) if old.permissions().readonly() => Err(io::ErrorKind::PermissionDenied.into()),
+        Ok(old) => fs::canonicalize(path).and_then(|target| replace(&target, Some(old.permissions()), contents)),
+        Err(_) => replace(path, None, contents),
+    };
+    written.map_err(|source| Error::Write { path: path.into(), source })
+}
+
+/// Whether `path` names a file by this process's descriptor of it, so that replacing the name would miss the file.
+fn is_open_file(path: &Path) -> bool {
+    ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"].iter().any(|open| path.starts_with(open))
+}
+
+/// Appends, so that what the shell's `>>` kept is kept.
+fn append(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    fill(&mut File::options().append(true).open(path)?, contents)
+}
+
+fn replace(
+    target: &Path,
+    permissions: Option<Permissions>,
+    contents: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut file = temporary_file_beside(target)?;
+    fill(file.as_file_mut(), contents)?;
+    if let Some(permissions) = permissions {
+        file.as_file().set_permissions(permissions)?;
+    }
+    file.persist(target)?;
+    Ok(())
+}
+
+fn temporary_file_beside(target: &Path) -> io::Result<NamedTempFile> {
+    let directory = match target.parent() {
+        Some(parent) if parent != Path::new("") => parent.to_path_buf(),
+        _ => PathBuf::from("."),
+    };
+    let mut builder = Builder::new();
+    builder.prefix(".multiscopic-");
+    #[cfg(unix)]
+    {
+        // What any program asks for; the system takes the user's umask off.
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(Permissions::from_mode(0o666));
+    }
+    // The system's message would name the temporary file, which says nothing to the user.
+    builder.tempfile_in(&directory).map_err(|error| {
+        let message = format!("no file can be made in directory {}: {}", directory.display(), error.kind());
+        io::Error::new(error.kind(), message)
+    })
+}
+
+fn fill(file: &mut File, contents: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut writer = BufWriter::new(file);
+    contents(&mut writer)?;
+    writer.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(dir: &Path) -> Vec<String> {
+        let mut names: Vec<_> = fs::read_dir(dir).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn replaces_a_file_when_complete() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a");
+        for text in ["first", "2nd"] {
+            write(&path, |w| w.write_all(text.as_bytes())).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), text);
+        }
+        assert_eq!(names(dir.path()), ["a"]);
+    }
+
+    #[test]
+    fn a_failure_leaves_the_old_file_and_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a");
+        fs::write(&path, "old").unwrap();
+        for target in [path.clone(), dir.path().join("b")] {
+            let error = write(&target, |w| {
+                w.write_all(&[0; 100_000])?;
+                Err(io::Error::other("the disk is full"))
+            });
+            let message = error.unwrap_err().to_string();
+            assert_eq!(message, format!("cannot write {}: the disk is full", target.display()));
+        }
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(names(dir.path()), ["a"]);
+    }
+
+    #[test]
+    fn names_the_directory_that_is_not_there() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("none/a.pfm");
+        let message = write(&path, |_| Ok(())).unwrap_err().to_string();
+        assert!(message.starts_with(&format!("cannot write {}: ", path.display())), "{message}");
+        assert!(message.contains(&format!("directory {}", dir.path().join("none").display())), "{message}");
+        assert!(!message.contains(".multiscopic-"), "{message}");
+        assert!(matches!(write(dir.path(), |_| Ok(())), Err(Error::Write { .. })));
+        assert!(matches!(write(Path::new(""), |_| Ok(())), Err(Error::Write { .. })));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn permissions_are_the_usual_ones() {
+        use std::os::unix::fs::PermissionsExt;
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        let dir = tempfile::tempdir().unwrap();
+        let (usual, path) = (dir.path().join("usual"), dir.path().join("a"));
+        fs::write(&usual, "").unwrap();
+        write(&path, |_| Ok(())).unwrap();
+        assert_eq!(mode(&path), mode(&usual));
+        fs::set_permissions(&path, Permissions::from_mode(0o640)).unwrap();
+        write(&path, |_| Ok(())).unwrap();
+        assert_eq!(mode(&path), 0o640);
+        fs::set_permissions(&path, Permissions::from_mode(0o444)).unwrap();
+        assert!(write(&path, |_| Ok(())).unwrap_err().to_string().ends_with("permission denied"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn follows_a_link() {
+        let dir = tempfile::tempdir().unwrap();
+        let (path, link) = (dir.path().join("a"), dir.path().join("link"));
+        fs::write(&path, "old").unwrap();
+        std::os::unix::fs::symlink("a", &link).unwrap();
+        write(&link, |w| w.write_all(b"new")).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "new");
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_device_stays_a_device() {
+        use std::os::{fd::AsRawFd, unix::fs::FileTypeExt};
+        write(Path::new("/dev/null"), |w| w.write_all(b"gone")).unwrap();
+        assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+
+        let mut open = tempfile::NamedTempFile::new().unwrap();
+        open.write_all(b"kept ").unwrap();
+        write(Path::new(&format!("/dev/fd/{}", open.as_file().as_raw_fd())), |w| w.write_all(b"new")).unwrap();
+        assert_eq!(fs::read_to_string(open.path()).unwrap(), "kept new");
+    }
+}

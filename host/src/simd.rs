@@ -1,0 +1,123 @@
+//! The core compiled for the widest vectors that this processor has.
+//!
+//! There is one definition of the matcher; here it is compiled once for each instruction set. This is the only module of the host
+//! with unsafe code: calling a function that is compiled for more than every processor has, once that was detected.
+#![allow(unsafe_code)]
+
+use std::fmt;
+
+use multiscopic_core::{Disparity, Matcher, Memory, Params, Region, kernel::Portable};
+
+use crate::Frames;
+
+/// A set of vector instructions, which this processor has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Simd(Level);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Level {
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    Baseline,
+}
+
+impl Simd {
+    /// What every processor of this architecture has.
+    pub const BASELINE: Simd = Simd(Level::Baseline);
+
+    /// All that this processor has, the widest first.
+    pub fn available() -> Vec<Simd> {
+        let mut levels = Vec::new();
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx512bw")
+                && is_x86_feature_detected!("avx512vl")
+                && is_x86_feature_detected!("avx512dq")
+            {
+                levels.push(Simd(Level::Avx512));
+            }
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi2") {
+                levels.push(Simd(Level::Avx2));
+            }
+        }
+        levels.push(Simd::BASELINE);
+        levels
+    }
+
+    /// The widest that this processor has.
+    pub fn widest() -> Simd {
+        Simd::available()[0]
+    }
+
+    /// The level of that name, if this processor has it.
+    pub fn named(name: &str) -> Option<Simd> {
+        Simd::available().into_iter().find(|simd| simd.to_string() == name)
+    }
+
+    /// Matches `region` of `frames` into `out`, which has its pixels line by line, and calls `line_done` after each line.
+    pub(crate) fn match_region(
+        self,
+        frames: &Frames,
+        params: &Params,
+        region: &Region,
+        out: &mut [Option<Disparity>],
+        line_done: &impl Fn(),
+    ) {
+        match self.0 {
+            // SAFETY: a Simd is only made for what the processor has.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { avx512(frames, params, region, out, line_done) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => unsafe { avx2(frames, params, region, out, line_done) },
+            Level::Baseline => match_region::<8>(frames, params, region, out, line_done),
+        }
+    }
+}
+
+impl fmt::Display for Simd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self.0 {
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => "avx512",
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => "avx2",
+            Level::Baseline => "baseline",
+        })
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,bmi2")]
+fn avx512(frames: &Frames, params: &Params, region: &Region, out: &mut [Option<Disparity>], line_done: &impl Fn()) {
+    match_region::<32>(frames, params, region, out, line_done);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi2")]
+fn avx2(frames: &Frames, params: &Params, region: &Region, out: &mut [Option<Disparity>], line_done: &impl Fn()) {
+    match_region::<16>(frames, params, region, out, line_done);
+}
+
+#[inline(always)]
+fn match_region<const LANES: usize>(
+    mut frames: &Frames,
+    params: &Params,
+    region: &Region,
+    out: &mut [Option<Disparity>],
+    line_done: &impl Fn(),
+) {
+    /// Bytes of the widest vector, to which the sums are aligned.
+    const ALIGNMENT: usize = 64;
+    let words = Memory::new(params, region.width(), LANES).words();
+    let mut memory = vec![0u32; words + ALIGNMENT / 4];
+    let start = memory.as_ptr().align_offset(ALIGNMENT);
+    let mut matcher = Matcher::with_kernel(Portable::<LANES>, params, region, &mut memory[start..])
+        .expect("the memory has the matcher's own size");
+    for line in out.chunks_exact_mut(region.width()) {
+        matcher.next_line(&mut frames, line).expect("lines in memory do not fail");
+        line_done();
+    }
+}

@@ -13,8 +13,8 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
     let image = firmware::build(toolchain, board)?;
     println!("edge: profile {} on {}: {}", profile.name, board.name, Footprint::of(&image)?);
     for set in image_sets(&profile.params)? {
-        let bytes = compare(board, &image, &profile.params, &set).with_context(|| format!("image set {}", set.name()))?;
-        println!("edge: image set {}: identical to this machine ({bytes} bytes of disparities)", set.name());
+        let bytes = compare(board, &image, &profile.params, &set).with_context(|| format!("image set {}", set.name))?;
+        println!("edge: image set {}: identical to this machine ({bytes} bytes of disparities)", set.name);
     }
     Ok(())
 }
@@ -31,7 +31,7 @@ fn image_sets(params: &Params) -> Result<Vec<ImageSet>> {
 
 /// Runs `image` on `set`. Its output must be what this machine computes; how many bytes that is comes back.
 fn compare(board: &Board, image: &Path, params: &Params, set: &ImageSet) -> Result<usize> {
-    let folder = layout::edge_target().join("runs").join(set.name());
+    let folder = layout::edge_target().join("runs").join(set.name);
     set.write(&folder)?;
     let output = folder.join(files::DISPARITY.to_str()?);
     if output.exists() {
@@ -44,11 +44,11 @@ fn compare(board: &Board, image: &Path, params: &Params, set: &ImageSet) -> Resu
 }
 
 /// What this machine computes, in the firmware's encoding.
-fn expected(params: &Params, mut set: &ImageSet) -> Result<Vec<u8>> {
+fn expected(params: &Params, set: &ImageSet) -> Result<Vec<u8>> {
     let mut memory = vec![0; params.memory_words()];
     let mut matcher = Matcher::new(params, &mut memory)?;
     let (mut line, mut bytes) = (vec![None; params.width()], Vec::new());
-    while matcher.next_line(&mut set, &mut line)?.is_some() {
+    while matcher.next_line(&mut &set.frames, &mut line)?.is_some() {
         bytes.extend(line.iter().flat_map(|&pixel| Disparity::to_raw16(pixel).to_le_bytes()));
     }
     Ok(bytes)

@@ -1,63 +1,50 @@
 //! The frames that the firmware is given.
 
 use anyhow::{Context, Result, ensure};
-use multiscopic_core::{Frame, Params, ScanlineSource, View};
-use std::{convert::Infallible, fs, path::Path};
-
+use image::{GrayImage, Luma, imageops};
+use multiscopic::{Frames, Picture};
+use multiscopic_core::{Frame, Params, View};
 use multiscopic_edge::files;
+use std::{fs, path::Path};
 
-/// A centre frame and its neighbours, of which the parameters say size and number.
+/// Frames for some parameters, under a name.
 pub struct ImageSet {
-    name: &'static str,
-    width: usize,
-    frames: Vec<(Frame, Vec<u8>)>,
+    /// How reports name it.
+    pub name: &'static str,
+    /// The centre and its neighbours.
+    pub frames: Frames,
 }
 
 impl ImageSet {
-    /// How reports name it.
-    pub fn name(&self) -> &'static str {
-        self.name
-    }
-
     /// Random dots on four planes that face the camera, with some noise: the same at every run.
     pub fn random_dots(params: &Params) -> ImageSet {
-        let pixels =
-            |frame| (0..params.height() * params.width()).map(move |i| dot(frame, i % params.width(), i / params.width()));
-        let frames = frames(params).map(|frame| (frame, pixels(frame).collect())).collect();
-        ImageSet { name: "random-dots", width: params.width(), frames }
+        let (width, height) = (params.width() as u32, params.height() as u32);
+        let take = |frame| GrayImage::from_fn(width, height, |u, v| Luma([dot(frame, u as i32, v as i32)]));
+        ImageSet { name: "random-dots", frames: gather(params, |frame| Ok(take(frame))).expect("nothing is read") }
     }
 
     /// The middle of the Tsukuba head and lamp, five cameras of the grid, from `folder`.
     pub fn tsukuba(params: &Params, folder: &Path) -> Result<ImageSet> {
-        let read = |frame| Ok((frame, read_middle(&folder.join(tsukuba_file(frame)), params)?));
-        let frames = frames(params).map(read).collect::<Result<_>>()?;
-        Ok(ImageSet { name: "tsukuba", width: params.width(), frames })
+        let read = |frame| read_middle(&folder.join(tsukuba_file(frame)), params);
+        Ok(ImageSet { name: "tsukuba", frames: gather(params, read)? })
     }
 
     /// Writes the frames as the firmware reads them.
     pub fn write(&self, folder: &Path) -> Result<()> {
         fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-        for (frame, pixels) in &self.frames {
-            let path = folder.join(files::frame(*frame).to_str()?);
-            fs::write(&path, pixels).with_context(|| format!("cannot write {}", path.display()))?;
+        for frame in [Frame::Center].into_iter().chain(self.frames.views().iter().map(Frame::View)) {
+            let path = folder.join(files::frame(frame).to_str()?);
+            let image = self.frames.get(frame).context("the frame is one of them")?;
+            fs::write(&path, image.as_raw()).with_context(|| format!("cannot write {}", path.display()))?;
         }
         Ok(())
     }
 }
 
-impl ScanlineSource for &ImageSet {
-    type Error = Infallible;
-
-    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Infallible> {
-        let (_, pixels) = self.frames.iter().find(|(of, _)| *of == frame).expect("only frames of the parameters are read");
-        line.copy_from_slice(&pixels[v * self.width..][..self.width]);
-        Ok(())
-    }
-}
-
-/// The frames that `params` need.
-fn frames(params: &Params) -> impl Iterator<Item = Frame> {
-    [Frame::Center].into_iter().chain(params.views().iter().map(Frame::View))
+/// The frames that `params` need, each of which `take` makes.
+fn gather(params: &Params, mut take: impl FnMut(Frame) -> Result<GrayImage>) -> Result<Frames> {
+    let center = Frames::new(take(Frame::Center)?);
+    params.views().iter().try_fold(center, |frames, view| Ok(frames.with(view, take(Frame::View(view))?)))
 }
 
 /// Disparity, and left, top, right and bottom in the centre frame, of each plane, the nearest first.
@@ -65,13 +52,13 @@ const PLANES: [(i32, [i32; 4]); 4] =
     [(14, [60, 50, 80, 70]), (9, [20, 20, 60, 100]), (5, [80, 10, 140, 90]), (2, [i32::MIN, i32::MIN, i32::MAX, i32::MAX])];
 
 /// A pixel of `frame`: the dot of the nearest plane there, and noise.
-fn dot(frame: Frame, u: usize, v: usize) -> u8 {
+fn dot(frame: Frame, u: i32, v: i32) -> u8 {
     let seen = |(disparity, [left, top, right, bottom]): (i32, [i32; 4])| {
-        let (x, y) = in_center(frame, disparity, u as i32, v as i32);
+        let (x, y) = in_center(frame, disparity, u, v);
         ((left..right).contains(&x) && (top..bottom).contains(&y)).then(|| hash([x, y, disparity]) % 240)
     };
     let dot = PLANES.into_iter().find_map(seen).expect("the last plane is everywhere");
-    let noise = hash([u as i32, v as i32, -1 - frame_number(frame)]) % 16;
+    let noise = hash([u, v, -1 - frame_number(frame)]) % 16;
     (dot + noise) as u8
 }
 
@@ -109,19 +96,13 @@ const fn tsukuba_file(frame: Frame) -> &'static str {
     }
 }
 
-/// The middle of the colour image at `path`, in grey.
-fn read_middle(path: &Path, params: &Params) -> Result<Vec<u8>> {
-    let image = image::open(path).with_context(|| format!("cannot read {}", path.display()))?.into_rgb8();
+/// The middle of the image at `path`.
+fn read_middle(path: &Path, params: &Params) -> Result<GrayImage> {
+    let image = Picture::read(path)?.to_gray();
     let (width, height) = (params.width() as u32, params.height() as u32);
     let found = image.dimensions();
     ensure!(width <= found.0 && height <= found.1, "{}: found {found:?}, expected {width}x{height} or more", path.display());
-    let (left, top) = ((found.0 - width) / 2, (found.1 - height) / 2);
-    let middle = image::imageops::crop_imm(&image, left, top, width, height).to_image();
-    Ok(middle.pixels().map(|&image::Rgb(rgb)| grey(rgb.map(u32::from))).collect())
-}
-
-const fn grey([r, g, b]: [u32; 3]) -> u8 {
-    ((77 * r + 150 * g + 29 * b + 128) >> 8) as u8
+    Ok(imageops::crop_imm(&image, (found.0 - width) / 2, (found.1 - height) / 2, width, height).to_image())
 }
 
 #[cfg(test)]
@@ -139,7 +120,7 @@ mod tests {
         let mut memory = vec![0; params.memory_words()];
         let mut matcher = Matcher::new(&params, &mut memory).unwrap();
         let mut line = vec![None; params.width()];
-        while let Some(v) = matcher.next_line(&mut &set, &mut line).unwrap() {
+        while let Some(v) = matcher.next_line(&mut &set.frames, &mut line).unwrap() {
             for (u, _, plane) in INSIDE.into_iter().filter(|inside| inside.1 == v) {
                 let found = f32::from(line[u].expect("a view has the match"));
                 assert!((found - plane).abs() <= 0.25, "pixel ({u}, {v}): found {found}, expected {plane}");

@@ -51,6 +51,11 @@ impl Segments {
         self.segments.iter().take(self.len)
     }
 
+    /// Whether all views are available at all disparities.
+    pub fn are_complete(&self, params: &Params) -> bool {
+        self.len == 1 && self.segments[0].views.count_ones() as usize == params.views().len()
+    }
+
     /// The views that are available at a disparity, as bits; none outside the search.
     pub fn views_at(&self, index: usize) -> u8 {
         self.iter().find(|segment| (segment.start..segment.end).contains(&index)).map_or(0, |segment| segment.views)

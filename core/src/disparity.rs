@@ -66,6 +66,7 @@ impl Disparity {
     ///
     /// `d + (a - b) / (2 a + 2 b - 4 c)`, and `d` itself where the denominator is 0. Costs stay below 2^23 and `at` is not above
     /// the others, so the shift is at most half a pixel.
+    #[inline]
     pub(crate) fn refine(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
         let (fall, rise) = (before.saturating_sub(at), after.saturating_sub(at));
         let denominator = 2 * (fall + rise);

@@ -124,9 +124,9 @@ pub(crate) struct Samples<'a> {
 }
 
 impl<'a> Samples<'a> {
-    /// The same samples for every column.
-    pub fn constant(samples: &'a [u8]) -> Samples<'a> {
-        Samples { samples, first: 0, step: 0, depth: samples.len() }
+    /// As many samples of `zeros` for every column.
+    pub fn nothing(&self, zeros: &'a [u8]) -> Samples<'a> {
+        Samples { samples: zeros, first: 0, step: 0, depth: self.depth }
     }
 
     /// The samples of column `i` at ascending disparities.

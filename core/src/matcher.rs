@@ -1,11 +1,13 @@
 //! The matcher: scanlines in, disparity lines out.
 
-use core::{error, fmt};
+use core::{array, error, fmt, iter, mem, slice};
+
+use bytemuck::Pod;
 
 use crate::{
     Disparity, Frame, Memory, Params, Region, ScanlineSource,
     availability::{Segments, uniform_columns},
-    kernel::{self, Blocks, Change, Isa, Lane, Portable, Step},
+    kernel::{self, Block, Blocks, Change, Isa, Lane, Portable, Rule, Step},
     lines::{Lines, Samples},
     memory::Shape,
     selection::Selection,
@@ -112,7 +114,7 @@ impl<'m, I: Isa> Matcher<'m, I> {
         let too_small = MemoryTooSmall { needed: sizes.words(), given: memory.len() };
         let mut rest = memory.get_mut(..sizes.words()).ok_or(too_small)?;
         let mut lend = |bytes: usize| {
-            let (lent, left) = core::mem::take(&mut rest).split_at_mut_checked(bytes.div_ceil(4)).ok_or(too_small)?;
+            let (lent, left) = mem::take(&mut rest).split_at_mut_checked(bytes.div_ceil(4)).ok_or(too_small)?;
             rest = left;
             Ok(lent)
         };
@@ -181,7 +183,12 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
         // Until the first line's blocks are filled, lines only enter.
         while self.entering - radius < rows.start as i32 {
             self.read_ahead(source)?;
-            self.prime();
+            match self.params.views().len() {
+                1 => self.prime::<1>(),
+                2 => self.prime::<2>(),
+                3 => self.prime::<3>(),
+                _ => self.prime::<4>(),
+            }
             self.entering += 1;
         }
         self.read_ahead(source)?;
@@ -189,10 +196,15 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
         if v + 1 == self.params.height() {
             self.read_rest(source)?;
         }
-        if self.shape.lane_bytes == 2 {
-            self.compute::<u16>(v, out);
-        } else {
-            self.compute::<u32>(v, out);
+        match (self.shape.lane_bytes, self.params.views().len()) {
+            (2, 1) => self.compute::<u16, 1>(v, out),
+            (2, 2) => self.compute::<u16, 2>(v, out),
+            (2, 3) => self.compute::<u16, 3>(v, out),
+            (2, _) => self.compute::<u16, 4>(v, out),
+            (_, 1) => self.compute::<u32, 1>(v, out),
+            (_, 2) => self.compute::<u32, 2>(v, out),
+            (_, 3) => self.compute::<u32, 3>(v, out),
+            (_, _) => self.compute::<u32, 4>(v, out),
         }
         self.entering += 1;
         Ok(Some(v))
@@ -222,102 +234,131 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
         }
         Ok(())
     }
+}
 
+impl<I: Isa> Matcher<'_, I> {
     /// Adds the entering line to the column sums.
     #[inline(always)]
-    fn prime(&mut self) {
-        let steps = Steps::new(&self.center, &self.views, self.entering, None, self.sums.zeros);
-        let depth = self.shape.depth;
-        let stride = self.params.views().len() * depth;
-        for (i, columns) in self.sums.columns.chunks_exact_mut(stride.max(1)).take(self.shape.span).enumerate() {
-            let center = steps.center(i);
-            for (k, view) in steps.views(i).enumerate() {
-                let column = columns.get_mut(k * depth..(k + 1) * depth).unwrap_or_default();
-                kernel::update(self.isa, column, Step { center, view });
-            }
+    fn prime<const V: usize>(&mut self) {
+        let vectors = self.shape.depth / I::LANES;
+        let zeros = bytemuck::cast_slice(self.sums.zeros);
+        let steps = Steps::<V>::new(&self.center, &self.views, self.entering, None, zeros);
+        let mut columns = cast_mut::<_, [I::Sums; V]>(self.sums.columns);
+        for i in 0..self.shape.span {
+            let Some((column, rest)) = mem::take(&mut columns).split_at_mut_checked(vectors) else { break };
+            kernel::update(self.isa, column, &steps.column(i));
+            columns = rest;
         }
     }
 
     /// Moves the blocks down to the entering line, and along it.
     #[inline(always)]
-    fn compute<L: Lane>(&mut self, v: usize, out: &mut [Option<Disparity>])
+    fn compute<L: Lane, const V: usize>(&mut self, v: usize, out: &mut [Option<Disparity>])
     where
         I: Blocks<L>,
     {
-        let (params, depth) = (&self.params, self.shape.depth);
+        let (isa, params, vectors) = (self.isa, &self.params, self.shape.depth / I::LANES);
         let leaving = (v > self.region.rows().start).then(|| self.entering - params.block_size() as i32);
-        let steps = Steps::new(&self.center, &self.views, self.entering, leaving, self.sums.zeros);
-        let stride = params.views().len() * depth;
-        let blocks = bytemuck::cast_slice_mut::<_, L>(self.sums.blocks).get_mut(..stride).unwrap_or_default();
-        let fused = bytemuck::cast_slice_mut::<_, L>(self.sums.fused).get_mut(..depth).unwrap_or_default();
-        blocks.fill(L::default());
+        let steps = Steps::<V>::new(&self.center, &self.views, self.entering, leaving, bytemuck::cast_slice(self.sums.zeros));
+        let columns = cast_mut::<_, [I::Sums; V]>(self.sums.columns);
+        let nothing: &[[I::Sums; V]] = bytemuck::try_cast_slice(self.sums.zeros).unwrap_or_default();
+        cast_mut::<_, L>(self.sums.blocks).fill(L::default());
+        let blocks = cast_mut::<_, [I::Costs; V]>(self.sums.blocks).get_mut(..vectors).unwrap_or_default();
+        let fused = cast_mut::<_, I::Costs>(self.sums.fused).get_mut(..vectors).unwrap_or_default();
 
         let uniform = uniform_columns(params);
-        let mut segments = None;
+        let segments = Segments::new(params, uniform.start, v);
+        // Where all views are available at all disparities, costs are fused as they arise. Only the last vector has lanes too many.
+        let rule = Rule::new(params.fusion(), V);
+        let complete = if segments.are_complete(params) { uniform.clone() } else { 0..0 };
+        let excess = excess(isa, params.num_disparities());
+
         let mut pixels = self.region.columns().zip(out);
         for i in 0..self.shape.span {
-            let (before, here) = self.sums.columns.split_at_mut_checked(i * stride).unwrap_or_default();
-            let trailing = i.checked_sub(params.block_size()).and_then(|i| before.get(i * stride..));
-            let center = steps.center(i);
-            for (k, view) in steps.views(i).enumerate() {
-                let part = k * depth..(k + 1) * depth;
-                let column = here.get_mut(part.clone()).unwrap_or_default();
-                let block = blocks.get_mut(part.clone()).unwrap_or_default();
-                let trailing = trailing.and_then(|columns| columns.get(part)).unwrap_or(self.sums.zeros);
-                kernel::advance(self.isa, column, trailing, block, Step { center, view });
-            }
+            let (before, here) = columns.split_at_mut_checked(i * vectors).unwrap_or_default();
+            let column = here.get_mut(..vectors).unwrap_or_default();
+            let trailing = match i.checked_sub(params.block_size()) {
+                Some(i) => before.get(i * vectors..(i + 1) * vectors).unwrap_or_default(),
+                None => nothing,
+            };
+            let step = steps.column(i);
             if i < 2 * params.radius() {
+                kernel::advance(isa, column, trailing, blocks, &step, |_, _| ());
                 continue;
             }
             let Some((u, pixel)) = pixels.next() else { break };
-            let segments = match &mut segments {
-                Some(segments) if uniform.contains(&u) && u > uniform.start => segments,
-                segments => segments.insert(Segments::new(params, u, v)),
-            };
-            *pixel = Selection { params, segments, blocks, depth }.disparity(self.isa, fused);
+            if complete.contains(&u) {
+                let mut least = isa.splat(L::MAX);
+                kernel::advance(isa, column, trailing, blocks, &step, |j, sums| {
+                    if let (Some(costs), Some(fused)) = (kernel::fuse(rule, &sums), fused.get_mut(j)) {
+                        let costs = if j + 1 == vectors { costs.max(excess) } else { costs };
+                        costs.store(fused);
+                        least = least.min(costs);
+                    }
+                });
+                let selection = Selection { isa, params, segments: &segments, blocks };
+                if let Some(found) = selection.disparity_of_fused(rule, fused, least) {
+                    *pixel = found;
+                    continue;
+                }
+            } else {
+                kernel::advance(isa, column, trailing, blocks, &step, |_, _| ());
+            }
+            let segments = if uniform.contains(&u) { segments } else { Segments::new(params, u, v) };
+            *pixel = Selection { isa, params, segments: &segments, blocks }.disparity(fused);
         }
     }
 }
 
-/// The lines that enter and leave the blocks, of the centre and of every view.
-struct Steps<'a> {
-    center: Change<Samples<'a>>,
-    views: [Change<Samples<'a>>; 4],
-    count: usize,
+/// Zero in the lanes of the last vector that belong to a disparity, and the greatest cost in those that are too many.
+#[inline(always)]
+fn excess<L: Lane, I: Blocks<L>>(isa: I, num_disparities: usize) -> I::Block {
+    let mut costs = <I::Costs as bytemuck::Zeroable>::zeroed();
+    let used = (num_disparities - 1) % I::LANES + 1;
+    for lane in cast_mut::<_, L>(slice::from_mut(&mut costs)).iter_mut().skip(used) {
+        *lane = L::MAX;
+    }
+    isa.load_block(&costs)
 }
 
-impl<'a> Steps<'a> {
+/// Memory as an array of something else; its sizes were made to fit.
+fn cast_mut<T: Pod, U: Pod>(memory: &mut [T]) -> &mut [U] {
+    bytemuck::try_cast_slice_mut(memory).unwrap_or_default()
+}
+
+/// The lines that enter and leave the blocks, of the centre and of `V` views.
+struct Steps<'a, const V: usize> {
+    center: Change<Samples<'a>>,
+    views: [Change<Samples<'a>>; V],
+}
+
+impl<'a, const V: usize> Steps<'a, V> {
     /// Line `entering` enters, and line `leaving` leaves, if any.
     fn new(
         center: &'a Lines<'_>,
         views: &'a [Option<Lines<'_>>; 4],
         entering: i32,
         leaving: Option<i32>,
-        zeros: &'a [u16],
-    ) -> Steps<'a> {
-        let nothing = Samples::constant(bytemuck::cast_slice(zeros));
-        let change = |lines: &'a Lines<'_>| Change {
-            entering: lines.at(entering),
-            leaving: leaving.map_or(nothing, |leaving| lines.at(leaving)),
+        zeros: &'a [u8],
+    ) -> Steps<'a, V> {
+        let change = |lines: &'a Lines<'_>| {
+            let entering = lines.at(entering);
+            Change { entering, leaving: leaving.map_or(entering.nothing(zeros), |leaving| lines.at(leaving)) }
         };
-        let none = Change { entering: nothing, leaving: nothing };
-        Steps {
-            center: change(center),
-            views: views.each_ref().map(|lines| lines.as_ref().map_or(none, change)),
-            count: views.iter().flatten().count(),
+        let mut views = views.iter().flatten();
+        Steps { center: change(center), views: array::from_fn(|_| views.next().map_or(change(center), change)) }
+    }
+
+    /// The samples of column `i` at all disparities.
+    #[inline(always)]
+    fn column<I: Isa>(&self, i: usize) -> Step<'a, I, V> {
+        let sample = |samples: &Samples<'a>| samples.column(i).first().copied().unwrap_or_default();
+        let vectors = |samples: &Samples<'a>| bytemuck::try_cast_slice(samples.column(i)).unwrap_or_default();
+        let mut views = [Change { entering: &[][..], leaving: &[][..] }; V];
+        for (vector, view) in views.iter_mut().zip(&self.views) {
+            *vector = Change { entering: vectors(&view.entering), leaving: vectors(&view.leaving) };
         }
-    }
-
-    /// The centre's samples in column `i`.
-    #[inline(always)]
-    fn center(&self, i: usize) -> Change<u8> {
-        self.center.each_ref().map(|samples| samples.column(i).first().copied().unwrap_or_default())
-    }
-
-    /// Each view's samples in column `i` at all disparities.
-    #[inline(always)]
-    fn views(&self, i: usize) -> impl Iterator<Item = Change<&'a [u8]>> {
-        self.views.iter().take(self.count).map(move |view| view.each_ref().map(|samples| samples.column(i)))
+        Step { center: Change { entering: sample(&self.center.entering), leaving: sample(&self.center.leaving) }, views }
     }
 }
 
@@ -328,7 +369,7 @@ fn frames<'a, 'm>(
     views: &'a mut [Option<Lines<'m>>; 4],
 ) -> impl Iterator<Item = (Frame, &'a mut Lines<'m>)> {
     let views = params.views().iter().map(Frame::View).zip(views.iter_mut().flatten());
-    core::iter::once((Frame::Center, center)).chain(views)
+    iter::once((Frame::Center, center)).chain(views)
 }
 
 /// The memory that the matcher was lent is too small.

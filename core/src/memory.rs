@@ -14,7 +14,7 @@ use crate::{Frame, Params, View};
 /// | `center` | `(2 rho + 2) X` |
 /// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each horizontal view |
 /// | `vertical` | `X (D + num_disparities + 2 rho + 8)` less the rounding, for each vertical view |
-/// | `zeros` | `2 D` |
+/// | `zeros` | `2 D` for each view |
 /// | `line` | the frame's width |
 ///
 /// OpenCV's StereoBM, for comparison, takes `(height + block + 2) D (block + 1)` bytes of scratch for its one view.
@@ -59,7 +59,7 @@ impl Memory {
             center: shape.align(shape.ring_lines * shape.span),
             horizontal: (views - vertical_views) * shape.align(shape.ring_lines * shape.reach()),
             vertical: vertical_views * shape.align(shape.span * shape.stack),
-            zeros: shape.align(2 * shape.depth),
+            zeros: shape.align(2 * views * shape.depth),
             line: shape.align(params.width()),
         }
     }

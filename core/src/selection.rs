@@ -1,89 +1,118 @@
 //! From the block sums of a pixel to its disparity.
 
-use core::ops::Range;
-
 use crate::{
     Disparity, Params,
     availability::{Segment, Segments},
-    kernel::{self, Blocks, Lane, Rule},
+    kernel::{self, Block, Blocks, Lane, Rule},
 };
 
-/// The block sums of one pixel, and how its disparity is chosen by them.
-pub(crate) struct Selection<'a, L> {
+/// The choice of a disparity by the block sums of one pixel.
+pub(crate) struct Selection<'a, L, I: Blocks<L>, const V: usize> {
+    pub isa: I,
     pub params: &'a Params,
     pub segments: &'a Segments,
-    /// For each view, `depth` sums.
-    pub blocks: &'a [L],
-    pub depth: usize,
+    pub blocks: &'a [[I::Costs; V]],
 }
 
-impl<L: Lane> Selection<'_, L> {
+impl<L: Lane, I: Blocks<L>, const V: usize> Selection<'_, L, I, V> {
     /// The existing candidate of least fused cost, the smallest of several, refined between its neighbours.
+    ///
+    /// `fused` is a buffer for the costs of all candidates.
     #[inline(always)]
-    pub fn disparity<I: Blocks<L>>(&self, isa: I, fused: &mut [L]) -> Option<Disparity> {
+    pub fn disparity(&self, fused: &mut [I::Costs]) -> Option<Disparity> {
         let mut best: Option<(u32, usize)> = None;
-        let mut last = 0..0;
-        let mut factor = 0;
         for segment in self.segments.iter().filter(|segment| segment.views != 0) {
-            let (rule, views, count) = self.available(segment);
-            last = segment.start..segment.end;
-            factor = rule.factor(self.params.fusion(), count);
-            let (least, index) = kernel::winner(isa, rule, views.get(..count).unwrap_or_default(), last.clone(), fused);
-            let candidate = if least == L::MAX { self.search(last.clone()) } else { (least.widen() * factor, index) };
+            let candidate = self.winner(segment, fused);
             if best.is_none_or(|best| candidate.0 < best.0) {
                 best = Some(candidate);
             }
         }
         let (cost, index) = best?;
-        // The lanes still hold the costs of the last segment.
-        let neighbor = |index: usize| match fused.get(index) {
-            Some(&lane) if lane != L::MAX && last.contains(&index) => Some(lane.widen() * factor),
-            _ => self.cost(index),
-        };
-        let d = self.params.min_disparity() + index as i16;
-        match (index.checked_sub(1).and_then(neighbor), neighbor(index + 1)) {
-            (Some(before), Some(after)) => Disparity::refine(d, before, cost, after),
-            _ => Disparity::whole(d),
-        }
+        refined(self.params, index, cost, |index| self.cost(index))
     }
 
-    /// The block sums of the views in which a segment is available, how many they are, and the rule by which they are fused.
+    /// As [`disparity`](Selection::disparity) where all views are available at all disparities and `fused` holds the costs by `rule`
+    /// already, whose least in each lane is `least`. Nothing is known, `None`, if all have saturated.
     #[inline(always)]
-    fn available(&self, segment: &Segment) -> (Rule, [&[L]; 4], usize) {
-        let mut views: [&[L]; 4] = [&[]; 4];
-        let mut count = 0;
-        for (k, sums) in self.sums().enumerate() {
-            if let Some(view) = views.get_mut(count).filter(|_| segment.views >> k & 1 != 0) {
-                *view = sums;
-                count += 1;
+    pub fn disparity_of_fused(&self, rule: Rule, fused: &[I::Costs], least: I::Block) -> Option<Option<Disparity>> {
+        let least = least.least();
+        if least == L::MAX {
+            return None;
+        }
+        let index = kernel::position(self.isa, fused, least);
+        let factor = rule.factor(self.params.fusion(), V);
+        let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
+        Some(refined(self.params, index, least.widen() * factor, |index| match lanes.get(index) {
+            Some(&lane) if lane != L::MAX => Some(lane.widen() * factor),
+            _ => self.cost(index),
+        }))
+    }
+
+    /// The least fused cost in a segment and its first index.
+    #[inline(always)]
+    fn winner(&self, segment: &Segment, fused: &mut [I::Costs]) -> (u32, usize) {
+        let count = segment.views.count_ones() as usize;
+        let rule = Rule::new(self.params.fusion(), count);
+        // The vectors that the segment touches, of which the first and the last may be in part outside.
+        let touched = segment.start / I::LANES..segment.end.div_ceil(I::LANES);
+        let start = touched.start * I::LANES;
+        let blocks = self.blocks.get(touched.clone()).unwrap_or_default();
+        let fused = fused.get_mut(touched).unwrap_or_default();
+        let mut costs = [self.isa.splat(L::MAX); V];
+        for (fused, block) in fused.iter_mut().zip(blocks) {
+            let mut available = costs.iter_mut();
+            for (k, block) in block.iter().enumerate() {
+                let available = if segment.views >> k & 1 != 0 { available.next() } else { None };
+                if let Some(costs) = available {
+                    *costs = self.isa.load_block(block);
+                }
+            }
+            if let Some(costs) = costs.get(..count).and_then(|costs| kernel::fuse(rule, costs)) {
+                costs.store(fused);
             }
         }
-        (Rule::new(self.params.fusion(), count), views, count)
+        let lanes: &mut [L] = bytemuck::try_cast_slice_mut(fused).unwrap_or_default();
+        lanes.iter_mut().take(segment.start - start).for_each(|lane| *lane = L::MAX);
+        lanes.iter_mut().skip(segment.end - start).for_each(|lane| *lane = L::MAX);
+        let mut least = self.isa.splat(L::MAX);
+        for costs in &*fused {
+            least = least.min(self.isa.load_block(costs));
+        }
+        let least = least.least();
+        if least == L::MAX {
+            return self.search(segment);
+        }
+        (least.widen() * rule.factor(self.params.fusion(), count), start + kernel::position(self.isa, fused, least))
     }
 
-    /// The least exact cost of a segment and its first index: for the rare pixel where all lanes have saturated.
-    fn search(&self, segment: Range<usize>) -> (u32, usize) {
-        let costs = segment.clone().filter_map(|index| Some((self.cost(index)?, index)));
+    /// The least exact cost in a segment and its first index: for the rare one where all lanes have saturated.
+    fn search(&self, segment: &Segment) -> (u32, usize) {
+        let costs = (segment.start..segment.end).filter_map(|index| Some((self.cost(index)?, index)));
         costs.min_by_key(|&(cost, _)| cost).unwrap_or((u32::MAX, segment.start))
     }
 
     /// The exact fused cost of a candidate, if it exists.
     fn cost(&self, index: usize) -> Option<u32> {
         let available = self.segments.views_at(index);
-        let mut costs = [0; 4];
+        let block = self.blocks.get(index / I::LANES)?;
+        let mut costs = [0; V];
         let mut count = 0;
-        for (k, sums) in self.sums().enumerate() {
-            if let Some(cost) = costs.get_mut(count).filter(|_| available >> k & 1 != 0) {
-                *cost = sums.get(index).map_or(0, |sum| sum.widen());
-                count += 1;
-            }
+        for (_, lanes) in block.iter().enumerate().filter(|(k, _)| available >> k & 1 != 0) {
+            let lanes: &[L] = bytemuck::try_cast_slice(core::slice::from_ref(lanes)).unwrap_or_default();
+            *costs.get_mut(count)? = lanes.get(index % I::LANES)?.widen();
+            count += 1;
         }
-        self.params.fusion().fuse(costs.get_mut(..count).unwrap_or_default())
+        self.params.fusion().fuse(costs.get_mut(..count)?)
     }
+}
 
-    /// The block sums of each view.
-    #[inline(always)]
-    fn sums(&self) -> impl Iterator<Item = &[L]> {
-        (0..self.params.views().len()).map(|k| self.blocks.get(k * self.depth..(k + 1) * self.depth).unwrap_or_default())
+/// The disparity of an index with its cost, refined if both neighbours have a cost.
+#[inline(always)]
+fn refined(params: &Params, index: usize, cost: u32, neighbor: impl Fn(usize) -> Option<u32>) -> Option<Disparity> {
+    let d = params.min_disparity() + index as i16;
+    let after = index + 1;
+    match index.checked_sub(1).filter(|_| after < params.num_disparities()).map(|before| (neighbor(before), neighbor(after))) {
+        Some((Some(before), Some(after))) => Disparity::refine(d, before, cost, after),
+        _ => Disparity::whole(d),
     }
 }

@@ -32,16 +32,17 @@ impl Avx2 {
 
 impl Isa for Avx2 {
     const LANES: usize = 16;
+    type Samples = [u8; 16];
+    type Sums = [u16; 16];
     type Column = U16x16;
 
     #[inline(always)]
-    fn load_column(self, sums: &[u16]) -> U16x16 {
-        U16x16(sums.first_chunk::<16>().map_or_else(zero, |sums| unsafe { _mm256_loadu_si256(sums.as_ptr().cast()) }))
+    fn load_column(self, sums: &[u16; 16]) -> U16x16 {
+        U16x16(unsafe { _mm256_loadu_si256(sums.as_ptr().cast()) })
     }
 
     #[inline(always)]
-    fn differences(self, center: u8, view: &[u8]) -> U16x16 {
-        let Some(view) = view.first_chunk::<16>() else { return U16x16(zero()) };
+    fn differences(self, center: u8, view: &[u8; 16]) -> U16x16 {
         unsafe {
             let view = _mm256_cvtepu8_epi16(_mm_loadu_si128(view.as_ptr().cast()));
             U16x16(_mm256_abs_epi16(_mm256_sub_epi16(view, _mm256_set1_epi16(center.into()))))
@@ -50,11 +51,11 @@ impl Isa for Avx2 {
 }
 
 impl Column for U16x16 {
+    type Sums = [u16; 16];
+
     #[inline(always)]
-    fn store(self, sums: &mut [u16]) {
-        if let Some(sums) = sums.first_chunk_mut::<16>() {
-            unsafe { _mm256_storeu_si256(sums.as_mut_ptr().cast(), self.0) }
-        }
+    fn store(self, sums: &mut [u16; 16]) {
+        unsafe { _mm256_storeu_si256(sums.as_mut_ptr().cast(), self.0) }
     }
 
     #[inline(always)]
@@ -69,10 +70,11 @@ impl Column for U16x16 {
 }
 
 impl Blocks<u16> for Avx2 {
+    type Costs = [u16; 16];
     type Block = U16x16;
 
     #[inline(always)]
-    fn load_block(self, costs: &[u16]) -> U16x16 {
+    fn load_block(self, costs: &[u16; 16]) -> U16x16 {
         self.load_column(costs)
     }
 
@@ -83,10 +85,11 @@ impl Blocks<u16> for Avx2 {
 }
 
 impl Block<u16> for U16x16 {
+    type Costs = [u16; 16];
     type Column = U16x16;
 
     #[inline(always)]
-    fn store(self, costs: &mut [u16]) {
+    fn store(self, costs: &mut [u16; 16]) {
         Column::store(self, costs);
     }
 
@@ -134,11 +137,11 @@ impl Block<u16> for U16x16 {
 }
 
 impl Blocks<u32> for Avx2 {
+    type Costs = [u32; 16];
     type Block = U32x16;
 
     #[inline(always)]
-    fn load_block(self, costs: &[u32]) -> U32x16 {
-        let Some(costs) = costs.first_chunk::<16>() else { return U32x16([zero(); 2]) };
+    fn load_block(self, costs: &[u32; 16]) -> U32x16 {
         U32x16([0, 8].map(|lane| unsafe { _mm256_loadu_si256(costs[lane..].as_ptr().cast()) }))
     }
 
@@ -149,15 +152,14 @@ impl Blocks<u32> for Avx2 {
 }
 
 impl Block<u32> for U32x16 {
+    type Costs = [u32; 16];
     type Column = U16x16;
 
     #[inline(always)]
-    fn store(self, costs: &mut [u32]) {
-        if let Some(costs) = costs.first_chunk_mut::<16>() {
-            unsafe {
-                _mm256_storeu_si256(costs.as_mut_ptr().cast(), self.0[0]);
-                _mm256_storeu_si256(costs[8..].as_mut_ptr().cast(), self.0[1]);
-            }
+    fn store(self, costs: &mut [u32; 16]) {
+        unsafe {
+            _mm256_storeu_si256(costs.as_mut_ptr().cast(), self.0[0]);
+            _mm256_storeu_si256(costs[8..].as_mut_ptr().cast(), self.0[1]);
         }
     }
 
@@ -215,9 +217,4 @@ impl U32x16 {
     fn zip(self, other: Self, f: impl Fn(__m256i, __m256i) -> __m256i) -> Self {
         U32x16([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
     }
-}
-
-#[inline(always)]
-fn zero() -> __m256i {
-    unsafe { _mm256_setzero_si256() }
 }

@@ -32,16 +32,17 @@ impl Avx512 {
 
 impl Isa for Avx512 {
     const LANES: usize = 32;
+    type Samples = [u8; 32];
+    type Sums = [u16; 32];
     type Column = U16x32;
 
     #[inline(always)]
-    fn load_column(self, sums: &[u16]) -> U16x32 {
-        U16x32(sums.first_chunk::<32>().map_or_else(zero, |sums| unsafe { _mm512_loadu_si512(sums.as_ptr().cast()) }))
+    fn load_column(self, sums: &[u16; 32]) -> U16x32 {
+        U16x32(unsafe { _mm512_loadu_si512(sums.as_ptr().cast()) })
     }
 
     #[inline(always)]
-    fn differences(self, center: u8, view: &[u8]) -> U16x32 {
-        let Some(view) = view.first_chunk::<32>() else { return U16x32(zero()) };
+    fn differences(self, center: u8, view: &[u8; 32]) -> U16x32 {
         unsafe {
             let view = _mm512_cvtepu8_epi16(_mm256_loadu_si256(view.as_ptr().cast()));
             U16x32(_mm512_abs_epi16(_mm512_sub_epi16(view, _mm512_set1_epi16(center.into()))))
@@ -50,11 +51,11 @@ impl Isa for Avx512 {
 }
 
 impl Column for U16x32 {
+    type Sums = [u16; 32];
+
     #[inline(always)]
-    fn store(self, sums: &mut [u16]) {
-        if let Some(sums) = sums.first_chunk_mut::<32>() {
-            unsafe { _mm512_storeu_si512(sums.as_mut_ptr().cast(), self.0) }
-        }
+    fn store(self, sums: &mut [u16; 32]) {
+        unsafe { _mm512_storeu_si512(sums.as_mut_ptr().cast(), self.0) }
     }
 
     #[inline(always)]
@@ -69,10 +70,11 @@ impl Column for U16x32 {
 }
 
 impl Blocks<u16> for Avx512 {
+    type Costs = [u16; 32];
     type Block = U16x32;
 
     #[inline(always)]
-    fn load_block(self, costs: &[u16]) -> U16x32 {
+    fn load_block(self, costs: &[u16; 32]) -> U16x32 {
         self.load_column(costs)
     }
 
@@ -83,10 +85,11 @@ impl Blocks<u16> for Avx512 {
 }
 
 impl Block<u16> for U16x32 {
+    type Costs = [u16; 32];
     type Column = U16x32;
 
     #[inline(always)]
-    fn store(self, costs: &mut [u16]) {
+    fn store(self, costs: &mut [u16; 32]) {
         Column::store(self, costs);
     }
 
@@ -132,11 +135,11 @@ impl Block<u16> for U16x32 {
 }
 
 impl Blocks<u32> for Avx512 {
+    type Costs = [u32; 32];
     type Block = U32x32;
 
     #[inline(always)]
-    fn load_block(self, costs: &[u32]) -> U32x32 {
-        let Some(costs) = costs.first_chunk::<32>() else { return U32x32([zero(); 2]) };
+    fn load_block(self, costs: &[u32; 32]) -> U32x32 {
         U32x32([0, 16].map(|lane| unsafe { _mm512_loadu_si512(costs[lane..].as_ptr().cast()) }))
     }
 
@@ -147,15 +150,14 @@ impl Blocks<u32> for Avx512 {
 }
 
 impl Block<u32> for U32x32 {
+    type Costs = [u32; 32];
     type Column = U16x32;
 
     #[inline(always)]
-    fn store(self, costs: &mut [u32]) {
-        if let Some(costs) = costs.first_chunk_mut::<32>() {
-            unsafe {
-                _mm512_storeu_si512(costs.as_mut_ptr().cast(), self.0[0]);
-                _mm512_storeu_si512(costs[16..].as_mut_ptr().cast(), self.0[1]);
-            }
+    fn store(self, costs: &mut [u32; 32]) {
+        unsafe {
+            _mm512_storeu_si512(costs.as_mut_ptr().cast(), self.0[0]);
+            _mm512_storeu_si512(costs[16..].as_mut_ptr().cast(), self.0[1]);
         }
     }
 
@@ -210,9 +212,4 @@ impl U32x32 {
     fn zip(self, other: Self, f: impl Fn(__m512i, __m512i) -> __m512i) -> Self {
         U32x32([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
     }
-}
-
-#[inline(always)]
-fn zero() -> __m512i {
-    unsafe { _mm512_setzero_si512() }
 }

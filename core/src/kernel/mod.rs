@@ -9,7 +9,9 @@ mod avx2;
 mod avx512;
 mod portable;
 
-use core::{fmt::Debug, ops::Range};
+use core::fmt::Debug;
+
+use bytemuck::Pod;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;
@@ -21,35 +23,43 @@ use crate::Fusion;
 
 /// A set of vector instructions, as a token: who has one may use them.
 ///
-/// Vectors are loaded from the first [`LANES`](Isa::LANES) elements of a slice and stored there; a shorter slice gives zeros and takes
-/// nothing. Lanes past the last disparity hold anything, so arithmetic wraps.
+/// Lanes past the last disparity hold anything, so arithmetic wraps.
 pub trait Isa: Copy + Debug {
     /// Disparities at a time, at least 1. The number of disparities is rounded up to a multiple.
     const LANES: usize;
+    /// As many samples, in memory.
+    type Samples: Pod;
+    /// As many column sums, in memory.
+    type Sums: Pod;
     /// A vector of sums of absolute differences down a column of the block, each at most 21 x 255.
-    type Column: Column;
+    type Column: Column<Sums = Self::Sums>;
 
     /// Column sums from memory.
-    fn load_column(self, sums: &[u16]) -> Self::Column;
+    fn load_column(self, sums: &Self::Sums) -> Self::Column;
     /// The absolute differences between a sample of the centre and the samples of a view.
-    fn differences(self, center: u8, view: &[u8]) -> Self::Column;
+    fn differences(self, center: u8, view: &Self::Samples) -> Self::Column;
 }
 
 /// Vectors of block sums in lanes of type `L`.
 pub trait Blocks<L>: Isa {
+    /// As many costs, in memory.
+    type Costs: Pod;
     /// A vector of sums of absolute differences over the block, or of costs fused of them.
-    type Block: Block<L, Column = Self::Column>;
+    type Block: Block<L, Costs = Self::Costs, Column = Self::Column>;
 
     /// Costs from memory.
-    fn load_block(self, costs: &[L]) -> Self::Block;
+    fn load_block(self, costs: &Self::Costs) -> Self::Block;
     /// The same cost in every lane.
     fn splat(self, cost: L) -> Self::Block;
 }
 
 /// What is done with a vector of column sums.
 pub trait Column: Copy {
+    /// As many sums, in memory.
+    type Sums: Pod;
+
     /// Puts the sums into memory.
-    fn store(self, sums: &mut [u16]);
+    fn store(self, sums: &mut Self::Sums);
     /// Lane by lane, wrapping.
     fn add(self, other: Self) -> Self;
     /// Lane by lane, wrapping.
@@ -58,11 +68,13 @@ pub trait Column: Copy {
 
 /// What is done with a vector of block sums or costs.
 pub trait Block<L>: Copy {
+    /// As many costs, in memory.
+    type Costs: Pod;
     /// The vector of column sums with as many lanes.
     type Column: Column;
 
     /// Puts the costs into memory.
-    fn store(self, costs: &mut [L]);
+    fn store(self, costs: &mut Self::Costs);
     /// The block moved on by a column.
     fn slide(self, entering: Self::Column, leaving: Self::Column) -> Self;
     /// Lane by lane. 16 bits saturate; 32 bits never have to.
@@ -80,7 +92,7 @@ pub trait Block<L>: Copy {
 }
 
 /// A block's sum: 16 bits where the largest block sum fits below [`Lane::MAX`], 32 bits otherwise.
-pub trait Lane: Copy + Ord + Default + bytemuck::Pod {
+pub trait Lane: Copy + Ord + Default + Pod {
     /// The value at which fused costs saturate. No cost of a single view reaches it.
     const MAX: Self;
     /// This sum in 32 bits.
@@ -112,60 +124,67 @@ pub(crate) struct Change<T> {
     pub leaving: T,
 }
 
-impl<T> Change<T> {
-    #[inline(always)]
-    pub fn each_ref(&self) -> Change<&T> {
-        Change { entering: &self.entering, leaving: &self.leaving }
-    }
-
-    #[inline(always)]
-    pub fn map<U>(self, f: impl Fn(T) -> U) -> Change<U> {
-        Change { entering: f(self.entering), leaving: f(self.leaving) }
-    }
-}
-
-/// The step of a column of the block by a line, in one view.
+/// What a column of the block gains and loses in `V` views by a step down.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Step<'a> {
+pub(crate) struct Step<'a, I: Isa, const V: usize> {
     /// The centre's samples.
     pub center: Change<u8>,
-    /// The view's samples at every disparity.
-    pub view: Change<&'a [u8]>,
+    /// Each view's samples at every disparity.
+    pub views: [Change<&'a [I::Samples]>; V],
 }
 
-impl Step<'_> {
-    /// The vectors of the view's samples that enter and leave.
+impl<I: Isa, const V: usize> Step<'_, I, V> {
+    /// Whether there are samples for `vectors` vectors of disparities.
     #[inline(always)]
-    fn vectors<I: Isa>(&self) -> impl Iterator<Item = Change<&[u8]>> {
-        let leaving = self.view.leaving.chunks_exact(I::LANES);
-        self.view.entering.chunks_exact(I::LANES).zip(leaving).map(|(entering, leaving)| Change { entering, leaving })
+    fn covers(&self, vectors: usize) -> bool {
+        self.views.iter().all(|view| view.entering.len() == vectors && view.leaving.len() == vectors)
     }
 
-    /// The sums of a column with the differences that enter and without those that leave.
+    /// The sums of a column in view `k` at vector `j`, with the differences that enter and without those that leave.
     #[inline(always)]
-    fn applied<I: Isa>(&self, isa: I, sums: &[u16], view: Change<&[u8]>) -> I::Column {
-        let entering = isa.differences(self.center.entering, view.entering);
-        let leaving = isa.differences(self.center.leaving, view.leaving);
+    fn applied(&self, isa: I, sums: &I::Sums, k: usize, j: usize) -> I::Column {
+        let entering = isa.differences(self.center.entering, &self.views[k].entering[j]);
+        let leaving = isa.differences(self.center.leaving, &self.views[k].leaving[j]);
         isa.load_column(sums).add(entering).sub(leaving)
     }
 }
 
-/// Adds to each disparity's column sum the difference that enters and takes away the one that leaves.
+/// Moves a column of the block down.
 #[inline(always)]
-pub(crate) fn update<I: Isa>(isa: I, column: &mut [u16], step: Step<'_>) {
-    for (sums, view) in column.chunks_exact_mut(I::LANES).zip(step.vectors::<I>()) {
-        step.applied(isa, sums, view).store(sums);
+pub(crate) fn update<I: Isa, const V: usize>(isa: I, column: &mut [[I::Sums; V]], step: &Step<'_, I, V>) {
+    if !step.covers(column.len()) {
+        return;
+    }
+    for (j, column) in column.iter_mut().enumerate() {
+        for (k, sums) in column.iter_mut().enumerate() {
+            step.applied(isa, sums, k, j).store(sums);
+        }
     }
 }
 
-/// As [`update`]; then slides the block sums on: the column enters, `trailing` leaves.
+/// Moves a column of the block down and the block on: the column enters, `trailing` leaves. Gives the block's sums away, a vector of
+/// each view at a time.
 #[inline(always)]
-pub(crate) fn advance<L, I: Blocks<L>>(isa: I, column: &mut [u16], trailing: &[u16], block: &mut [L], step: Step<'_>) {
-    let sums = column.chunks_exact_mut(I::LANES).zip(trailing.chunks_exact(I::LANES)).zip(block.chunks_exact_mut(I::LANES));
-    for (((sums, trailing), block), view) in sums.zip(step.vectors::<I>()) {
-        let entering = step.applied(isa, sums, view);
-        entering.store(sums);
-        isa.load_block(block).slide(entering, isa.load_column(trailing)).store(block);
+pub(crate) fn advance<L: Lane, I: Blocks<L>, const V: usize>(
+    isa: I,
+    column: &mut [[I::Sums; V]],
+    trailing: &[[I::Sums; V]],
+    block: &mut [[I::Costs; V]],
+    step: &Step<'_, I, V>,
+    mut sums: impl FnMut(usize, [I::Block; V]),
+) {
+    if !step.covers(column.len()) {
+        return;
+    }
+    for (j, ((column, trailing), block)) in column.iter_mut().zip(trailing).zip(block).enumerate() {
+        let mut moved = [isa.splat(L::default()); V];
+        for k in 0..V {
+            let entering = step.applied(isa, &column[k], k, j);
+            entering.store(&mut column[k]);
+            moved[k] = isa.load_block(&block[k]).slide(entering, isa.load_column(&trailing[k]));
+            moved[k].store(&mut block[k]);
+        }
+        sums(j, moved);
     }
 }
 
@@ -203,63 +222,29 @@ impl Rule {
     }
 }
 
-/// Fuses the views' costs into `fused` by `rule`, saturating at [`Lane::MAX`], sets what lies outside `valid` to that
-/// too, and returns the least cost with its first index.
-///
-/// If the least is [`Lane::MAX`], the index means nothing: all that is valid has saturated.
+/// Fuses the costs of one to four views by `rule`.
 #[inline(always)]
-pub(crate) fn winner<L: Lane, I: Blocks<L>>(
-    isa: I,
-    rule: Rule,
-    views: &[&[L]],
-    valid: Range<usize>,
-    fused: &mut [L],
-) -> (L, usize) {
-    match (rule, views) {
-        (_, &[a]) => fuse(isa, [a], fused, |[a]| a),
-        (Rule::Min, &[a, b]) => fuse(isa, [a, b], fused, |[a, b]| a.min(b)),
-        (Rule::Min, &[a, b, c]) => fuse(isa, [a, b, c], fused, |[a, b, c]| a.min(b).min(c)),
-        (Rule::Min, &[a, b, c, d]) => fuse(isa, [a, b, c, d], fused, |[a, b, c, d]| a.min(b).min(c.min(d))),
-        (Rule::Sum, &[a, b]) => fuse(isa, [a, b], fused, |[a, b]| a.add(b)),
-        (Rule::Sum, &[a, b, c]) => fuse(isa, [a, b, c], fused, |[a, b, c]| a.add(b).add(c)),
-        (Rule::Sum, &[a, b, c, d]) => fuse(isa, [a, b, c, d], fused, |[a, b, c, d]| a.add(b).add(c).add(d)),
-        (Rule::Heuristic, &[a, b, c]) => fuse(isa, [a, b, c], fused, |[a, b, c]| {
+pub(crate) fn fuse<L, B: Block<L>>(rule: Rule, costs: &[B]) -> Option<B> {
+    Some(match (rule, costs) {
+        (_, &[a]) => a,
+        (Rule::Min, &[a, b]) => a.min(b),
+        (Rule::Min, &[a, b, c]) => a.min(b).min(c),
+        (Rule::Min, &[a, b, c, d]) => a.min(b).min(c.min(d)),
+        (Rule::Sum, &[a, b]) => a.add(b),
+        (Rule::Sum, &[a, b, c]) => a.add(b).add(c),
+        (Rule::Sum, &[a, b, c, d]) => a.add(b).add(c).add(d),
+        (Rule::Heuristic, &[a, b, c]) => {
             let (low, high) = (a.min(b), a.max(b));
             heuristic(low.min(c), low.max(c).min(high), high.max(c))
-        }),
-        (Rule::Heuristic, &[a, b, c, d]) => fuse(isa, [a, b, c, d], fused, |[a, b, c, d]| {
+        }
+        (Rule::Heuristic, &[a, b, c, d]) => {
             let ((a, b), (c, d)) = ((a.min(b), a.max(b)), (c.min(d), c.max(d)));
             // Second and third are the greater of the lower ones and the lesser of the upper ones.
             let (x, y) = (a.max(c), b.min(d));
             heuristic(a.min(c), x.min(y), x.max(y))
-        }),
-        _ => fused.fill(L::MAX),
-    }
-    mask(fused, valid);
-    let vectors = || fused.chunks_exact(I::LANES).map(|costs| isa.load_block(costs));
-    let least = vectors().fold(isa.splat(L::MAX), I::Block::min).least();
-    let position = vectors().enumerate().find_map(|(i, costs)| Some(i * I::LANES + costs.position(least)?));
-    (least, position.unwrap_or_default())
-}
-
-/// Sets the costs outside `valid` to the greatest.
-#[inline(always)]
-fn mask<L: Lane>(costs: &mut [L], valid: Range<usize>) {
-    if valid == (0..costs.len()) {
-        return;
-    }
-    for (index, cost) in costs.iter_mut().enumerate() {
-        if !valid.contains(&index) {
-            *cost = L::MAX;
         }
-    }
-}
-
-#[inline(always)]
-fn fuse<L, I: Blocks<L>, const V: usize>(isa: I, views: [&[L]; V], fused: &mut [L], rule: impl Fn([I::Block; V]) -> I::Block) {
-    for (i, fused) in fused.chunks_exact_mut(I::LANES).enumerate() {
-        rule(views.map(|costs| isa.load_block(costs.get(i * I::LANES..).unwrap_or_default()))).store(fused);
-    }
+        _ => return None,
+    })
 }
 
 /// Six times the mean of `c1 <= c2 <= c3`, or of the first two if `c3 > 3 c2`.
@@ -270,4 +255,15 @@ fn heuristic<L, B: Block<L>>(c1: B, c2: B, c3: B) -> B {
     let two = c1.add(c2);
     let three = two.add(c3);
     c3.if_greater(c2.add(c2).add(c2), two.add(two).add(two), three.add(three))
+}
+
+/// The first index of a cost, 0 if no lane has it.
+#[inline(always)]
+pub(crate) fn position<L: Copy, I: Blocks<L>>(isa: I, costs: &[I::Costs], cost: L) -> usize {
+    for (j, costs) in costs.iter().enumerate() {
+        if let Some(lane) = isa.load_block(costs).position(cost) {
+            return j * I::LANES + lane;
+        }
+    }
+    0
 }

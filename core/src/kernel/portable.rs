@@ -10,23 +10,27 @@ pub struct Portable<const N: usize>;
 
 impl<const N: usize> Isa for Portable<N> {
     const LANES: usize = N;
+    type Samples = [u8; N];
+    type Sums = [u16; N];
     type Column = [u16; N];
 
     #[inline(always)]
-    fn load_column(self, sums: &[u16]) -> [u16; N] {
-        first(sums)
+    fn load_column(self, sums: &[u16; N]) -> [u16; N] {
+        *sums
     }
 
     #[inline(always)]
-    fn differences(self, center: u8, view: &[u8]) -> [u16; N] {
-        first(view).map(|sample: u8| center.abs_diff(sample).into())
+    fn differences(self, center: u8, view: &[u8; N]) -> [u16; N] {
+        view.map(|sample| center.abs_diff(sample).into())
     }
 }
 
 impl<const N: usize> Column for [u16; N] {
+    type Sums = [u16; N];
+
     #[inline(always)]
-    fn store(self, sums: &mut [u16]) {
-        put(self, sums);
+    fn store(self, sums: &mut [u16; N]) {
+        *sums = self;
     }
 
     #[inline(always)]
@@ -43,11 +47,12 @@ impl<const N: usize> Column for [u16; N] {
 macro_rules! blocks {
     ($lane:ty, $add:ident) => {
         impl<const N: usize> Blocks<$lane> for Portable<N> {
+            type Costs = [$lane; N];
             type Block = [$lane; N];
 
             #[inline(always)]
-            fn load_block(self, costs: &[$lane]) -> [$lane; N] {
-                first(costs)
+            fn load_block(self, costs: &[$lane; N]) -> [$lane; N] {
+                *costs
             }
 
             #[inline(always)]
@@ -57,11 +62,12 @@ macro_rules! blocks {
         }
 
         impl<const N: usize> Block<$lane> for [$lane; N] {
+            type Costs = [$lane; N];
             type Column = [u16; N];
 
             #[inline(always)]
-            fn store(self, costs: &mut [$lane]) {
-                put(self, costs);
+            fn store(self, costs: &mut [$lane; N]) {
+                *costs = self;
             }
 
             #[inline(always)]
@@ -104,13 +110,3 @@ macro_rules! blocks {
 
 blocks!(u16, saturating_add);
 blocks!(u32, wrapping_add);
-
-fn first<T: Copy + Default, const N: usize>(slice: &[T]) -> [T; N] {
-    slice.first_chunk().copied().unwrap_or([T::default(); N])
-}
-
-fn put<T, const N: usize>(vector: [T; N], slice: &mut [T]) {
-    if let Some(lanes) = slice.first_chunk_mut() {
-        *lanes = vector;
-    }
-}

@@ -2,10 +2,7 @@
 
 use std::{env, ops::Range, time::SystemTime};
 
-use multiscopic_core::{
-    Disparity, Matcher, Memory, Params, Region, Views,
-    kernel::{Kernel, Lanes},
-};
+use multiscopic_core::{Disparity, Matcher, Memory, Params, Region, Views, kernel::Blocks};
 use proptest::{
     prelude::*,
     test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner},
@@ -188,13 +185,13 @@ pub fn params(
 
 /// What the core finds in a region, as 16-bit images encode it. The source is strict, and the memory is exactly as much as is
 /// needed and holds random words at first.
-pub fn matched<K>(kernel: K, params: &Params, region: &Region, images: &Images, random: &mut Random) -> Vec<u16>
+pub fn matched<I>(isa: I, params: &Params, region: &Region, images: &Images, random: &mut Random) -> Vec<u16>
 where
-    K: Lanes + Kernel<u16> + Kernel<u32>,
+    I: Blocks<u16> + Blocks<u32>,
 {
-    let words = Memory::new(params, region.width(), K::LANES).words();
+    let words = Memory::new(params, region.width(), I::LANES).words();
     let mut memory: Vec<u32> = (0..words).map(|_| random.bits() as u32).collect();
-    let mut matcher = Matcher::with_kernel(kernel, params, region, &mut memory).expect("enough memory");
+    let mut matcher = Matcher::with_isa(isa, params, region, &mut memory).expect("enough memory");
     let mut source = StrictSource::new(images, params, region);
     let mut line: Vec<Option<Disparity>> = (0..region.width()).map(|_| Disparity::from_raw16(random.bits() as u16)).collect();
     let mut found = Vec::new();

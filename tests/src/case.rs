@@ -30,6 +30,8 @@ pub enum Texture {
     Periodic(u8),
     /// A centre of one extreme and views of the other, all or nearly: the largest sums.
     Opposite,
+    /// A black centre and stripes so grey that the costs of a block, or a few of them, lie about the greatest 16-bit number.
+    Brink,
 }
 
 /// A match, described by so little that it can be read.
@@ -106,6 +108,18 @@ impl Case {
                     })
                 };
                 (pattern(), [(); 4].map(|()| pattern()))
+            }
+            Texture::Brink => {
+                let costs = [1, 2, 3, 4, 6][(self.seed % 5) as usize];
+                let grey = 65536 / (costs * self.block_size.pow(2));
+                let mut stripes = || {
+                    let stripe: Vec<i32> = fill(&mut |r, _, _| r.below(31) as u8).into_iter().map(i32::from).collect();
+                    fill(&mut |r, x, y| {
+                        let (column, row) = (stripe[x as usize], stripe[y as usize * width]);
+                        (grey + column + row - 30 + r.below(3) as i32).clamp(0, 255) as u8
+                    })
+                };
+                (vec![0; width * height], [(); 4].map(|()| stripes()))
             }
             Texture::Opposite => {
                 let (dark, rare) = (self.seed & 1 == 0, self.seed >> 1 & 7);
@@ -217,7 +231,7 @@ pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
         1 => (0..=12_i32, any::<bool>()).prop_map(|(n, top)| (if top { 511 - n } else { -511 }, n + 1)),
         1 => Just((-511, 1023)),
     ];
-    let block_size = prop_oneof![5 => 0..=3_i32, 3 => 4..=10_i32, 1 => 8..=10_i32].prop_map(|radius| 2 * radius + 1);
+    let block_size = prop_oneof![5 => 0..=3_i32, 3 => 4..=10_i32, 1 => 7..=10_i32].prop_map(|radius| 2 * radius + 1);
     let fusion = prop_oneof![Just(Fusion::Min), Just(Fusion::Mean), Just(Fusion::Heuristic)];
     let views = (1..16_u8).prop_map(|views| [0, 1, 2, 3].map(|i| views >> i & 1 != 0));
     let texture = prop_oneof![
@@ -227,6 +241,7 @@ pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
         2 => Just(Texture::Smooth),
         1 => (2..=6_u8).prop_map(Texture::Periodic),
         2 => Just(Texture::Opposite),
+        3 => Just(Texture::Brink),
     ];
     let case = (sizes, views, fusion, search, block_size, texture, any::<u64>()).prop_map(
         |((width, height), views, fusion, (min_disparity, num_disparities), block_size, texture, seed)| Case {

@@ -25,7 +25,7 @@ fn equals_the_reference() {
         .into_iter()
         .flat_map(|simd| [1, 2, 5].map(|threads| Engine::new(simd, threads).expect("threads")))
         .collect();
-    property(500, cases(40_000, 20_000), |case: &Case| {
+    property(500, cases(30_000, 10_000), |case: &Case| {
         let (frames, expected) = (frames(case), case.reference(&case.images()));
         let first = case.seed as usize % 3;
         for engine in engines.iter().skip(first).step_by(3) {

@@ -157,7 +157,8 @@ fn known_errors(root: &Path, known: &Known) -> Result<(), Failed> {
     Ok(())
 }
 
-/// Over all scenes of Middlebury 2006, two views have about a third less error than stereo.
+/// In the scenes of Middlebury 2006, two views have a quarter less error than stereo: the mean of the scenes' own reductions, of which
+/// textured scenes have up to nine tenths and plain ones nothing.
 fn reduction(root: &Path) -> Result<(), Failed> {
     let rows = evaluate(root, Dataset::Middlebury2006Third, &["--views", "1,2"])?;
     let of = |views: u64| rows.iter().filter(move |row| row.views == views && !row.scene.eq_ignore_ascii_case("mean"));
@@ -168,10 +169,10 @@ fn reduction(root: &Path) -> Result<(), Failed> {
         }
     }
     for (i, figure) in ["RMS", "AvgErr"].into_iter().enumerate() {
-        let mean = |views| of(views).map(|row| row.errors[i]).sum::<f64>() / scenes as f64;
-        let reduction = 100.0 * (1.0 - mean(2) / mean(1));
+        let two = |scene: &str| of(2).find(|row| row.scene == scene).map_or(f64::NAN, |row| row.errors[i]);
+        let reduction = of(1).map(|row| 100.0 * (1.0 - two(&row.scene) / row.errors[i])).sum::<f64>() / scenes as f64;
         if !(20.0..=45.0).contains(&reduction) {
-            return Err(format!("{figure} falls from {:.3} to {:.3}, by {reduction:.1} %", mean(1), mean(2)).into());
+            return Err(format!("{figure} falls by {reduction:.1} %: {rows:#?}").into());
         }
     }
     Ok(())
@@ -206,7 +207,7 @@ fn main() {
         let name = format!("known_errors::{}", known.scene);
         test(name, Box::new(move |root| known_errors(root, &known)));
     }
-    test("two_views_have_a_third_less_error".into(), Box::new(reduction));
+    test("two_views_have_a_quarter_less_error".into(), Box::new(reduction));
     for (dataset, scene, left, top) in PARTS {
         let run = move |root: &Path| part(root, dataset, scene, left, top).map_err(|error| error.to_string().into());
         test(format!("bit_exact::{}", dataset.name()), Box::new(run));

@@ -35,7 +35,7 @@ pub enum Finish {
     Satin,
     /// Matte under a clear coat, which mirrors a little, and more at grazing angles.
     Glazed,
-    /// A metal panel brushed along `x`: its reflections move with the camera, its scratches do not.
+    /// A brushed metal panel: its reflections move with the camera, its scratches do not.
     Brushed,
 }
 
@@ -81,7 +81,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The scene of `multiscopic demo`: a still life on a brushed metal table, from 0.4 m to 1.8 m.
+    /// The scene of `multiscopic demo`: a still life on a brushed metal table, from 0.4 m to 2.1 m.
     pub fn demo() -> Scene {
         demo::still_life()
     }

@@ -38,19 +38,16 @@ impl Tracer<'_> {
             Finish::Matte => return diffuse,
             Finish::Satin => return diffuse + light.highlight * 0.25,
             Finish::Glazed => (fresnel(0.045, facing), hit.normal),
-            // Its mirror image is blurred and dear: every second ray takes it, and twice.
-            Finish::Brushed => {
-                let share = 0.42 * fresnel(0.75, facing);
-                if sample & 2 == 0 {
-                    return diffuse * (1.0 - share);
-                }
-                let normal = brushed_normal(object, local, hit.normal, sample);
-                let mirrored = self.mirrored(&Ray { origin: point, direction: view.reflect(normal) }, hit.index);
-                return diffuse * (1.0 - share) + mirrored * (2.0 * share);
-            }
+            Finish::Brushed => (0.42 * fresnel(0.75, facing), brushed_normal(object, local, hit.normal, sample)),
         };
-        let mirrored = self.mirrored(&Ray { origin: point, direction: view.reflect(normal) }, hit.index);
-        diffuse * (1.0 - share) + mirrored * share
+        let scattered = diffuse * (1.0 - share);
+        let weight = match object.finish {
+            // Its mirror image is blurred and dear: half of a pixel's rays take it, twice.
+            Finish::Brushed if sample & 2 == 0 => return scattered,
+            Finish::Brushed => 2.0 * share,
+            _ => share,
+        };
+        scattered + self.mirrored(&Ray { origin: point, direction: view.reflect(normal) }, hit.index) * weight
     }
 
     /// What object `mirror` shows along a ray from it. It is faint, so shadows and mirrors in it are left out.
@@ -128,7 +125,8 @@ fn shine(cosine: f64) -> f64 {
     (0..5).fold(cosine.max(0.0), |x, _| x * x)
 }
 
-/// The normal of the groove a ray falls into. Grooves run along `x`, so they spread reflections mostly along `y`.
+/// The normal of the groove a ray falls into. Grooves spread reflections along `y` of their panel: most of what the camera sees
+/// of a table is spread towards and away from it.
 fn brushed_normal(object: &Object, local: Vec3, normal: Vec3, sample: u32) -> Vec3 {
     let [a, b] = even_square(sample).map(|x| x - 0.5);
     let [along, across] = brush(local);

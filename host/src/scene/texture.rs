@@ -86,7 +86,7 @@ pub enum Texture {
         /// From stripe to stripe.
         pitch: f64,
     },
-    /// Metal brushed along `x`.
+    /// A metal panel brushed askew, so that its streaks can be matched along `x` and along `y`.
     Brushed(Vec3),
 }
 
@@ -122,7 +122,7 @@ impl Texture {
     }
 }
 
-/// The strength of a brush's streaks along `x` at a point of a panel, around 0.5.
+/// How bright a brush's streaks are at a point of a panel, around 0.5.
 pub fn streaks(p: Vec3) -> f64 {
     let [along, across] = brush(p);
     let fine = value_flat(along / 7.0, across / 1.2, 0);

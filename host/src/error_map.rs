@@ -1,5 +1,6 @@
 //! A picture of how far estimated disparities are from the truth.
 
+use crate::FloatImage;
 use image::{Rgb, RgbImage};
 
 /// The error in pixels from which on everything is equally bright.
@@ -18,22 +19,23 @@ pub const LEGEND: &str = "black: no error; purple, orange, yellow: up to 4 px an
 /// and above. A truth that is not finite is unknown.
 ///
 /// ```
-/// use multiscopic::error_map;
-/// let map = error_map::draw(4, 1, [Some(7.0), Some(1.0), None, None], &[7.0, 9.0, 3.0, f32::INFINITY]);
+/// use multiscopic::{FloatImage, error_map};
+/// let truth = FloatImage::new(4, 1, vec![7.0, 9.0, 3.0, f32::INFINITY]);
+/// let map = error_map::draw([Some(7.0), Some(1.0), None, None], &truth);
 /// assert_eq!(map[(2, 0)], error_map::INVALID);
 /// assert_eq!(map[(3, 0)], error_map::UNKNOWN);
 /// ```
 ///
 /// # Panics
-///
-/// If there are not `width * height` estimates and truths.
-pub fn draw(width: u32, height: u32, estimates: impl IntoIterator<Item = Option<f32>>, truth: &[f32]) -> RgbImage {
-    let pixels = width as usize * height as usize;
-    assert_eq!(truth.len(), pixels, "an error map of {width}x{height} needs as many true disparities");
+/// If there are not as many estimates as pixels of the truth.
+pub fn draw(estimates: impl IntoIterator<Item = Option<f32>>, truth: &FloatImage) -> RgbImage {
     let mut estimates = estimates.into_iter();
-    let bytes: Vec<u8> = truth.iter().zip(&mut estimates).flat_map(|(&truth, estimate)| color(estimate, truth).0).collect();
-    assert!(bytes.len() == 3 * pixels && estimates.next().is_none(), "an error map of {width}x{height} needs as many estimates");
-    RgbImage::from_raw(width, height, bytes).expect("three bytes for every pixel")
+    let mut map = RgbImage::new(truth.width() as u32, truth.height() as u32);
+    for (pixel, &truth) in map.pixels_mut().zip(truth.pixels()) {
+        *pixel = color(estimates.next().expect("an estimate for every true disparity"), truth);
+    }
+    assert!(estimates.next().is_none(), "more estimates than true disparities");
+    map
 }
 
 fn color(estimate: Option<f32>, truth: f32) -> Rgb<u8> {
@@ -55,7 +57,7 @@ mod tests {
     #[test]
     fn brightness_grows_with_the_error_up_to_the_limit() {
         let estimates: Vec<f32> = (0..=50).map(|i| 20.0 + i as f32 * 0.1).collect();
-        let map = draw(51, 1, estimates.iter().map(|&d| Some(d)), &[20.0; 51]);
+        let map = draw(estimates.iter().map(|&d| Some(d)), &FloatImage::filled(51, 1, 20.0));
         let sums: Vec<u32> = map.pixels().map(|pixel| pixel.0.map(u32::from).iter().sum()).collect();
         assert!(sums[..=40].is_sorted() && sums[0] < 20 && sums[40] > 500, "{sums:?}");
         assert!(sums[40..].iter().all(|&sum| sum == sums[40]));
@@ -78,8 +80,14 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "2x2 needs as many estimates")]
+    #[should_panic(expected = "an estimate for every true disparity")]
     fn too_few_estimates_are_refused() {
-        draw(2, 2, [Some(1.0); 3], &[1.0; 4]);
+        draw([Some(1.0); 3], &FloatImage::filled(2, 2, 1.0));
+    }
+
+    #[test]
+    #[should_panic(expected = "more estimates")]
+    fn too_many_estimates_are_refused() {
+        draw([Some(1.0); 5], &FloatImage::filled(2, 2, 1.0));
     }
 }

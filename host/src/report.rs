@@ -49,7 +49,6 @@ impl Figure {
     /// A picture inside the report.
     ///
     /// # Panics
-    ///
     /// If the image is empty or of a kind that PNG does not have (float).
     pub fn embedded(caption: impl Into<String>, image: impl Into<DynamicImage>) -> Figure {
         let mut bytes = Cursor::new(Vec::new());

@@ -9,7 +9,7 @@
 //! let camera = Camera::new(64, 48);
 //! let shot = capture(&Scene::demo(), &camera, 1);
 //! assert_eq!(shot.center.dimensions(), (64, 48));
-//! assert!(shot.truth.iter().all(|d| (0.5..5.5).contains(d)));
+//! assert!(shot.truth.pixels().iter().all(|d| (0.5..5.5).contains(d)));
 //! ```
 
 mod camera;

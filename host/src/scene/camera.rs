@@ -6,6 +6,7 @@ use super::{
     trace::Tracer,
     vector::{Ray, Vec3},
 };
+use crate::FloatImage;
 use image::RgbImage;
 use multiscopic_core::{Frame, View};
 use rayon::prelude::*;
@@ -140,7 +141,7 @@ pub struct Capture {
     pub neighbors: [RgbImage; 4],
     /// The disparity of every centre pixel in pixels, row by row, for the nominal baseline and the point that the ray through
     /// the pixel's centre meets; infinite where it meets nothing.
-    pub truth: Vec<f32>,
+    pub truth: FloatImage,
 }
 
 impl Capture {
@@ -154,8 +155,12 @@ impl Capture {
 }
 
 /// Takes the centre and the four neighbours of a scene. The seed decides the sensor's noise and where the stage really stops.
+///
+/// # Panics
+/// If the camera has no pixels.
 pub fn capture(scene: &Scene, camera: &Camera, seed: u64) -> Capture {
     let tracer = Tracer::new(scene);
+    assert!(camera.width > 0 && camera.height > 0, "a camera of {}x{} pixels", camera.width, camera.height);
     Capture {
         center: shoot(&tracer, camera, Frame::Center, seed),
         neighbors: View::ALL.map(|view| shoot(&tracer, camera, Frame::View(view), seed)),
@@ -171,8 +176,7 @@ fn shoot(tracer: &Tracer, camera: &Camera, frame: Frame, seed: u64) -> RgbImage 
     };
     let frame_seed = hash(seed.wrapping_mul(8).wrapping_add(number));
     let mut image = RgbImage::new(camera.width, camera.height);
-    let row_bytes = 3 * camera.width as usize;
-    image.par_chunks_exact_mut(row_bytes.max(1)).zip(0..camera.height).for_each(|(row, v)| {
+    image.par_chunks_exact_mut(3 * camera.width as usize).zip(0..camera.height).for_each(|(row, v)| {
         for (run, first) in row.chunks_mut(3 * RUN as usize).zip((0..).step_by(RUN as usize)) {
             let objects = camera.objects_in_run(tracer, position, first, v);
             for (pixel, u) in run.chunks_exact_mut(3).zip(first..) {
@@ -184,10 +188,10 @@ fn shoot(tracer: &Tracer, camera: &Camera, frame: Frame, seed: u64) -> RgbImage 
     image
 }
 
-fn true_disparity(tracer: &Tracer, camera: &Camera) -> Vec<f32> {
+fn true_disparity(tracer: &Tracer, camera: &Camera) -> FloatImage {
     let (width, scale) = (camera.width as usize, camera.focal_px * camera.baseline_mm);
-    let mut truth = vec![f32::INFINITY; width * camera.height as usize];
-    truth.par_chunks_exact_mut(width.max(1)).zip(0..camera.height).for_each(|(row, v)| {
+    let mut truth = FloatImage::filled(width, camera.height as usize, f32::INFINITY);
+    truth.pixels_mut().par_chunks_exact_mut(width).zip(0..camera.height).for_each(|(row, v)| {
         for (d, u) in row.iter_mut().zip(0u32..) {
             let ray = camera.ray(tracer.scene, [0.0; 2], f64::from(u), f64::from(v));
             if let Some(hit) = tracer.nearest(&ray, tracer.all()) {
@@ -227,7 +231,7 @@ mod tests {
         let pose = Pose::at(Vec3::new(0.0, 0.0, 900.0)).turned(1, 0.2);
         let normal = pose.axes[2];
         let shot = capture(&alone(Shape::Panel { half_width: 1e9, half_height: 1e9 }, pose), &camera, 3);
-        for (index, &d) in shot.truth.iter().enumerate() {
+        for (index, &d) in shot.truth.pixels().iter().enumerate() {
             let (x, y) = direction(&camera, index);
             // The disparity of a plane is linear in the image.
             let expected = camera.focal_px * camera.baseline_mm * (normal.x * x + normal.y * y + normal.z) / (normal.z * 900.0);
@@ -241,7 +245,7 @@ mod tests {
         let (center, radius) = (Vec3::new(20.0, -30.0, 700.0), 90.0);
         let shot = capture(&alone(Shape::Sphere { radius }, Pose::at(center)), &camera, 3);
         let mut hits = 0;
-        for (index, &d) in shot.truth.iter().enumerate() {
+        for (index, &d) in shot.truth.pixels().iter().enumerate() {
             let (x, y) = direction(&camera, index);
             // |z (x, y, 1) - center| = radius, solved for z.
             let a = x * x + y * y + 1.0;
@@ -270,10 +274,10 @@ mod tests {
     /// The median grey difference between the centre and its match in a view, with `shift` added to the true disparity.
     fn residual(shot: &Capture, view: View, shift: f64) -> f64 {
         let width = shot.center.width() as usize;
-        let mut differences: Vec<f64> = (0..shot.truth.len())
+        let mut differences: Vec<f64> = (0..shot.truth.pixels().len())
             .filter_map(|index| {
                 let (u, v) = ((index % width) as f64, (index / width) as f64);
-                let step = f64::from(view.sign()) * (f64::from(shot.truth[index]) + shift);
+                let step = f64::from(view.sign()) * (f64::from(shot.truth.pixels()[index]) + shift);
                 let (x, y) = if view.is_horizontal() { (u + step, v) } else { (u, v + step) };
                 Some((grey_at(&shot.center, u, v)? - grey_at(shot.frame(Frame::View(view)), x, y)?).abs())
             })
@@ -309,7 +313,7 @@ mod tests {
     fn bytes_are_the_same_on_every_machine() {
         let shot = capture(&Scene::demo(), &Camera::new(64, 48), 1);
         let frames = std::iter::once(&shot.center).chain(&shot.neighbors).flat_map(|image| image.as_raw().iter().copied());
-        let truth = shot.truth.iter().flat_map(|d| d.to_bits().to_le_bytes());
+        let truth = shot.truth.pixels().iter().flat_map(|d| d.to_bits().to_le_bytes());
         assert_eq!(frames.chain(truth).fold(0, |sum, byte| hash(sum ^ u64::from(byte))), 11_751_516_164_657_235_580);
     }
 

@@ -3,6 +3,7 @@
 pub mod depth;
 pub mod disparity_map;
 pub mod error;
+pub mod error_map;
 pub mod frames;
 pub mod geometry;
 mod image_file;
@@ -13,7 +14,9 @@ pub mod pfm;
 pub mod picture;
 pub mod ply;
 pub mod raster;
+pub mod report;
 pub mod rig;
+pub mod scene;
 pub mod simd;
 pub mod turbo;
 

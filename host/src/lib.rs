@@ -4,6 +4,7 @@ pub mod dataset;
 pub mod depth;
 pub mod disparity_map;
 pub mod error;
+pub mod evaluation;
 pub mod frames;
 pub mod geometry;
 mod image_file;

@@ -1,0 +1,60 @@
+//! The tests and the checks, step by step.
+
+use anyhow::{Context, Result};
+use std::{process::Command, time::Instant};
+
+use crate::{
+    board,
+    command::{command, run},
+    edge, setup,
+    toolchain::Toolchain,
+};
+
+/// Every test.
+pub fn test() -> Result<()> {
+    let toolchain = step("setup", setup::run)?;
+    step("tests in debug", || run(&mut cargo(&["test", "--workspace"])))?;
+    step("tests in release", || run(&mut cargo(&["test", "--workspace", "--release"])))?;
+    step("the core for Arm", || core_for_arm(&toolchain))?;
+    step("the firmware in the emulator", || edge::run(&toolchain))?;
+    println!("\nevery test passed");
+    Ok(())
+}
+
+/// Formatting, lints, documentation, and every test.
+pub fn ci() -> Result<()> {
+    let toolchain = step("setup", setup::run)?;
+    step("formatting", || run(&mut cargo(&["fmt", "--all", "--check"])))?;
+    step("lints", || run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--", "-Dwarnings"])))?;
+    step("lints for Arm", || lints_for_arm(&toolchain))?;
+    step("documentation", || run(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")))?;
+    test()
+}
+
+/// Runs a step, and names it if it fails.
+fn step<T>(name: &str, run: impl FnOnce() -> Result<T>) -> Result<T> {
+    println!("\n== {name}");
+    let start = Instant::now();
+    let done = run().with_context(|| format!("step failed: {name}"))?;
+    println!("== {name}: passed in {:.0} s", start.elapsed().as_secs_f64());
+    Ok(done)
+}
+
+fn core_for_arm(toolchain: &Toolchain) -> Result<()> {
+    board::targets().iter().try_for_each(|target| {
+        let mut build = toolchain.cargo("rustc");
+        run(build.args(["--release", "--package", "multiscopic-core", "--target", target, "--", "-Dwarnings"]))
+    })
+}
+
+fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
+    board::targets().iter().try_for_each(|target| {
+        let mut clippy = toolchain.cargo("clippy");
+        let packages = ["--package", "multiscopic-core", "--package", "multiscopic-edge"];
+        run(clippy.args(packages).args(["--target", target, "--lib", "--bins", "--", "-Dwarnings"]))
+    })
+}
+
+fn cargo(args: &[&str]) -> Command {
+    command("cargo", args)
+}

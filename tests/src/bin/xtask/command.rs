@@ -1,0 +1,70 @@
+//! Runs other programs, and shows which.
+
+use anyhow::{Context, Result, bail, ensure};
+use std::{
+    process::{Child, Command, ExitStatus, Output, Stdio},
+    thread,
+    time::{Duration, Instant},
+};
+
+use crate::layout;
+
+/// A command that runs in the workspace's top folder.
+pub fn command<S: AsRef<str>>(program: &str, args: impl IntoIterator<Item = S>) -> Command {
+    let mut command = Command::new(program);
+    command.args(args.into_iter().map(|arg| arg.as_ref().to_owned())).current_dir(layout::root());
+    command
+}
+
+/// Runs `command` to its end, which must be a success.
+pub fn run(command: &mut Command) -> Result<()> {
+    show(command);
+    let status = command.status().with_context(|| format!("cannot start {}", name(command)))?;
+    ensure!(status.success(), "{} failed ({status})", name(command));
+    Ok(())
+}
+
+/// Runs `command`, which is ended if it takes longer than `limit`.
+pub fn run_within(command: &mut Command, limit: Duration) -> Result<()> {
+    show(command);
+    let mut child = command.stdin(Stdio::null()).spawn().with_context(|| format!("cannot start {}", name(command)))?;
+    match wait(&mut child, limit)? {
+        Some(status) if status.success() => Ok(()),
+        Some(status) => bail!("{} failed ({status})", name(command)),
+        None => bail!("{} was not done after {} s", name(command), limit.as_secs()),
+    }
+}
+
+/// What `command` prints on its standard output.
+pub fn read(command: &mut Command) -> Result<String> {
+    let Output { status, stdout, stderr } = command.output().with_context(|| format!("cannot start {}", name(command)))?;
+    ensure!(status.success(), "{} failed ({status}): {}", name(command), String::from_utf8_lossy(&stderr));
+    Ok(String::from_utf8(stdout)?.trim_end().to_owned())
+}
+
+/// Waits for `child` for at most `limit`, then ends it.
+fn wait(child: &mut Child, limit: Duration) -> Result<Option<ExitStatus>> {
+    let deadline = Instant::now() + limit;
+    while Instant::now() < deadline {
+        if let Some(status) = child.try_wait()? {
+            return Ok(Some(status));
+        }
+        thread::sleep(Duration::from_millis(20));
+    }
+    child.kill()?;
+    child.wait()?;
+    Ok(None)
+}
+
+/// Prints `command` as one would type it.
+fn show(command: &Command) {
+    let variables = command.get_envs().filter_map(|(key, value)| Some((key.to_str()?, value?.to_str()?)));
+    let variables = variables.map(|(key, value)| format!("{key}={value} "));
+    let words = [command.get_program()].into_iter().chain(command.get_args()).map(|word| word.to_string_lossy());
+    eprintln!("$ {}{}", variables.collect::<String>(), words.collect::<Vec<_>>().join(" "));
+}
+
+fn name(command: &Command) -> String {
+    let words = [command.get_program()].into_iter().chain(command.get_args().take(1));
+    words.map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,57 @@
+//! `cargo xtask`: one command for what a developer and the continuous integration do. Needs nothing but Rust.
+
+mod board;
+mod check;
+mod command;
+mod debian;
+mod edge;
+mod emulator;
+mod firmware;
+mod footprint;
+mod image_set;
+mod layout;
+mod setup;
+mod tool;
+mod toolchain;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Runs the project's tests, checks and firmware.
+#[derive(Parser)]
+#[command(bin_name = "cargo xtask", version)]
+struct Cli {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Install what the firmware needs: the Arm target and the emulator
+    Setup,
+    /// Run every test: on this machine in debug and release, then the firmware in the emulator
+    Test,
+    /// Check formatting, lints and documentation, then run every test
+    Ci,
+    /// Build the firmware, run it in the emulator and compare it with this machine, bit for bit
+    Edge,
+}
+
+fn main() -> ExitCode {
+    match run(Cli::parse().task) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", error.chain().map(|cause| cause.to_string()).collect::<Vec<_>>().join(": "));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(task: Task) -> anyhow::Result<()> {
+    match task {
+        Task::Setup => setup::run().map(drop),
+        Task::Test => check::test(),
+        Task::Ci => check::ci(),
+        Task::Edge => edge::run(&setup::run()?),
+    }
+}

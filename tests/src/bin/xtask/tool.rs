@@ -1,0 +1,92 @@
+//! Programs that the tests of the firmware run.
+
+use anyhow::{Result, bail};
+use std::{
+    env, fmt,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use crate::{command::command, debian, layout};
+
+/// A program, and the packages that bring it.
+pub struct Tool {
+    program: &'static str,
+    debian: &'static str,
+    fedora: &'static str,
+    homebrew: &'static str,
+}
+
+/// The emulator of the boards.
+pub const QEMU: Tool =
+    Tool { program: "qemu-system-arm", debian: "qemu-system-arm", fedora: "qemu-system-arm", homebrew: "qemu" };
+
+/// Every program that is needed.
+pub const ALL: [Tool; 1] = [QEMU];
+
+impl Tool {
+    /// The program, installed first if it is not there.
+    pub fn install(&self) -> Result<Program> {
+        if let Some(program) = self.find() {
+            return Ok(program);
+        }
+        if debian::can_install() {
+            debian::install(&[self.debian]).or_else(|refusal| {
+                eprintln!("setup: {refusal:#}; {} goes into {} instead", self.debian, self.folder().display());
+                debian::unpack(self.debian, &self.folder())
+            })?;
+        }
+        match self.find() {
+            Some(program) => Ok(program),
+            None => bail!(
+                "{} is missing; install it with one of\n  sudo apt-get install {}\n  sudo dnf install {}\n  brew install {}",
+                self.program,
+                self.debian,
+                self.fedora,
+                self.homebrew
+            ),
+        }
+    }
+
+    /// The program if it is installed or unpacked.
+    pub fn find(&self) -> Option<Program> {
+        let installed = env::var_os("PATH").and_then(|path| {
+            let file = format!("{}{}", self.program, env::consts::EXE_SUFFIX);
+            env::split_paths(&path).map(|folder| folder.join(&file)).find(|path| path.is_file())
+        });
+        let unpacked = || Some(self.folder().join("usr/bin").join(self.program)).filter(|path| path.is_file());
+        match installed {
+            Some(path) => Some(Program { path, libraries: Vec::new() }),
+            None => unpacked().map(|path| Program { path, libraries: debian::libraries(&self.folder()) }),
+        }
+    }
+
+    /// Where the program is unpacked if it cannot be installed.
+    fn folder(&self) -> PathBuf {
+        layout::target().join("tools").join(self.program)
+    }
+}
+
+/// A program that is there.
+pub struct Program {
+    path: PathBuf,
+    /// The folders of its libraries, where they are not the system's.
+    libraries: Vec<PathBuf>,
+}
+
+impl Program {
+    /// The program with `args`.
+    pub fn command(&self, args: &[&str]) -> Result<Command> {
+        let mut command = command(&self.path.to_string_lossy(), args);
+        if !self.libraries.is_empty() {
+            command.env("LD_LIBRARY_PATH", env::join_paths(&self.libraries)?);
+        }
+        Ok(command)
+    }
+}
+
+impl fmt::Display for Program {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", Path::display(&self.path))
+    }
+}

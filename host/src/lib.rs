@@ -4,6 +4,7 @@ pub mod dataset;
 pub mod depth;
 pub mod disparity_map;
 pub mod error;
+pub mod error_map;
 pub mod evaluation;
 pub mod frames;
 pub mod geometry;
@@ -16,7 +17,9 @@ pub mod pfm;
 pub mod picture;
 pub mod ply;
 pub mod raster;
+pub mod report;
 pub mod rig;
+pub mod scene;
 pub mod simd;
 pub mod turbo;
 

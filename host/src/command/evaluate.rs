@@ -1,6 +1,7 @@
 //! `multiscopic evaluate`: how accurate methods are on data sets with ground truth.
 
 use std::{
+    ops::RangeInclusive,
     path::{Path, PathBuf},
     process::ExitCode,
     time::Instant,
@@ -11,10 +12,12 @@ use clap::{
     builder::{PossibleValuesParser, TypedValueParser},
 };
 use multiscopic::{
-    Dataset, Error, Metrics, Result,
+    Dataset, DisparityMap, Error, FloatImage, Metrics, Picture, Result,
     dataset::Scene,
-    evaluation::{self, Record},
+    error_map,
+    evaluation::{self, Record, Row},
     output,
+    report::{Figure, Report},
 };
 use multiscopic_core::{Fusion, Views};
 
@@ -47,6 +50,10 @@ pub struct Evaluate {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
+    /// Page with the table and pictures of every scene
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+
     /// Methods
     #[arg(long, value_enum, value_delimiter = ',', default_value = "bm", help_heading = "Matching")]
     methods: Vec<MethodName>,
@@ -62,6 +69,33 @@ pub struct Evaluate {
     engine: EngineOptions,
 }
 
+/// The pictures of a scene.
+struct Gallery<'a> {
+    truth: &'a FloatImage,
+    /// All maps of a scene have the colours of its truth.
+    range: Option<RangeInclusive<f32>>,
+    figures: Vec<Figure>,
+}
+
+impl Gallery<'_> {
+    fn new<'a>(center: &Picture, truth: &'a FloatImage) -> Gallery<'a> {
+        let map = DisparityMap::from_float(truth);
+        let range = map.range().map(|range| f32::from(*range.start())..=f32::from(*range.end()));
+        let figures =
+            vec![Figure::embedded("centre", center.to_rgb()), Figure::embedded("true disparities", map.to_color(range.clone()))];
+        Gallery { truth, range, figures }
+    }
+
+    /// Adds the disparities and errors of a variant.
+    fn add(&mut self, variant: &str, disparities: &DisparityMap) {
+        let (width, height) = (disparities.width() as u32, disparities.height() as u32);
+        let estimates = disparities.pixels().iter().map(|d| d.map(f32::from));
+        let errors = error_map::draw(width, height, estimates, self.truth.pixels());
+        self.figures.push(Figure::embedded(variant, disparities.to_color(self.range.clone())));
+        self.figures.push(Figure::embedded(format!("errors of {variant}"), errors));
+    }
+}
+
 /// A variant of matching.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Variant {
@@ -70,46 +104,73 @@ struct Variant {
     fusion: FusionName,
 }
 
+impl Variant {
+    fn record(&self, scene: &Scene, metrics: Metrics, seconds: f64) -> Record {
+        Record {
+            dataset: scene.dataset.to_string(),
+            scene: scene.name.clone(),
+            method: self.method.name(),
+            views: self.views.len(),
+            fusion: self.fusion.name(),
+            metrics,
+            seconds,
+        }
+    }
+}
+
 impl Evaluate {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         let variants = self.variants()?;
         let scenes = self.chosen_scenes()?;
-        let outputs: Vec<&Path> = self.json.iter().map(PathBuf::as_path).collect();
+        let outputs: Vec<&Path> = self.json.iter().chain(&self.report).map(PathBuf::as_path).collect();
         let inputs: Vec<&Path> = scenes.iter().flat_map(|scene| scene.images.paths().chain([scene.truth.as_path()])).collect();
         output::check(&outputs, &inputs)?;
         let engine = self.engine.engine()?;
 
         let bar = terminal::progress((scenes.len() * variants.len()) as u64, "maps");
         let mut records = Vec::new();
+        let mut galleries = Vec::new();
         for scene in &scenes {
             bar.set_message(scene.name.clone());
-            let (frames, _, truth) = scene.load()?;
-            for &Variant { method, views, fusion } in &variants {
-                let params = self.search.params(&frames, views, Some(fusion), self.dataset.range())?;
+            let (frames, center, truth) = scene.load()?;
+            let mut gallery = self.report.as_ref().map(|_| Gallery::new(&center, &truth));
+            for variant in &variants {
+                let params = self.search.params(&frames, variant.views, Some(variant.fusion), self.dataset.range())?;
                 let start = Instant::now();
-                let disparities = method.disparities(&engine, &frames, &params, || ());
+                let disparities = variant.method.disparities(&engine, &frames, &params, || ());
                 let seconds = start.elapsed().as_secs_f64();
-                records.push(Record {
-                    dataset: self.dataset.to_string(),
-                    scene: scene.name.clone(),
-                    method: method.name(),
-                    views: views.len(),
-                    fusion: fusion.name(),
-                    metrics: Metrics::new(&disparities, &truth).expect("a scene that is loaded has some truth"),
-                    seconds,
-                });
+                let metrics = Metrics::new(&disparities, &truth).expect("a scene that is loaded has some truth");
+                let record = variant.record(scene, metrics, seconds);
+                if let Some(gallery) = &mut gallery {
+                    gallery.add(&record.variant(), &disparities);
+                }
+                records.push(record);
                 bar.inc(1);
             }
+            galleries.extend(gallery.map(|gallery| (scene.name.as_str(), gallery.figures)));
         }
         bar.finish_and_clear();
 
+        let rows = evaluation::rows(&records);
         if let Some(path) = &self.json {
             let json = serde_json::to_string_pretty(&records).expect("numbers and strings");
             output::write(path, |writer| writeln!(writer, "{json}"))?;
         }
-        terminal::print(&evaluation::text(&evaluation::rows(&records)))?;
+        if let Some(path) = &self.report {
+            let html = self.page(&rows, galleries).to_html();
+            output::write(path, |writer| writer.write_all(html.as_bytes()))?;
+        }
+        terminal::print(&evaluation::text(&rows))?;
         Ok(ExitCode::SUCCESS)
+    }
+
+    fn page<'a>(&self, rows: &[Row], galleries: impl IntoIterator<Item = (&'a str, Vec<Figure>)>) -> Report {
+        let page = Report::new(format!("Errors on {}", self.dataset))
+            .paragraph("RMS and AvgErr are in pixels, in brackets how far they are from stereo's; the rest is in percent.")
+            .table(Row::HEADS, rows.iter().map(Row::cells))
+            .paragraph(&format!("Disparities: near is red, far is blue, none is black. Errors: {}.", error_map::LEGEND));
+        galleries.into_iter().fold(page, |page, (scene, figures)| page.gallery(scene, figures))
     }
 
     /// Every method with every number of views, stereo first, and every fusion of several views.

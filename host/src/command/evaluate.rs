@@ -184,7 +184,9 @@ impl Evaluate {
                 let views = views_of_count(count)?;
                 if views.len() > available.len() {
                     let (dataset, most) = (self.dataset, available.len());
-                    return Err(Error::Usage(format!("--views is {count}, a scene of {dataset} has {most} neighbours at most")));
+                    return Err(Error::Usage(format!(
+                        "--views has {count}, but {dataset} has {most} neighbours: use 1 or {most}"
+                    )));
                 }
                 let fusions = match (&self.fusion[..], count) {
                     ([], _) => vec![Fusion::default_for(count).into()],
@@ -209,7 +211,7 @@ impl Evaluate {
         let names: Vec<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
         if let Some(unknown) = self.scenes.iter().find(|name| !names.contains(&name.as_str())) {
             let (directory, names) = (self.directory.display(), names.join(", "));
-            return Err(Error::Usage(format!("--scenes has {unknown}, {directory} has {names}")));
+            return Err(Error::Usage(format!("--scenes has {unknown}, which is not in {directory}: use {names}")));
         }
         scenes.retain(|scene| self.scenes.is_empty() || self.scenes.contains(&scene.name));
         Ok(scenes)

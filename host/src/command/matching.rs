@@ -20,10 +20,10 @@ use super::{
 };
 
 /// Estimates the disparity of every pixel of a centre image from its neighbours
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Match {
     /// Folder of a capture, with its rig.toml
-    #[arg(value_name = "RIG_DIR", required_unless_present = "center", conflicts_with_all = ["center", "left", "right", "top", "bottom"])]
+    #[arg(value_name = "RIG_DIR", conflicts_with_all = ["center", "left", "right", "top", "bottom"])]
     rig: Option<PathBuf>,
 
     /// Image in the centre: the reference
@@ -68,7 +68,7 @@ pub struct Match {
 }
 
 /// The files that are written.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Output")]
 struct Outputs {
     /// Disparities in pixels, +inf where there is none
@@ -141,9 +141,13 @@ impl Match {
             let rig = Rig::load(directory)?;
             return Ok((rig.images.within(directory), Some(rig)));
         }
-        let Match { center, left, right, top, bottom, .. } = self;
-        let center = center.clone().unwrap_or_default();
-        let images = Images { center, left: left.clone(), right: right.clone(), top: top.clone(), bottom: bottom.clone() };
+        let Match { center, left, right, top, bottom, .. } = self.clone();
+        let Some(center) = center else {
+            return Err(Error::Usage(
+                "there is no image to match, give --center and its neighbours, or the folder of a capture".into(),
+            ));
+        };
+        let images = Images { center, left, right, top, bottom };
         if images.views().is_empty() {
             let message = "there is no neighbour to match with, give at least one of --left, --right, --top and --bottom";
             return Err(Error::Usage(message.into()));

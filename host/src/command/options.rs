@@ -195,3 +195,32 @@ impl EngineOptions {
         Engine::new(simd, self.threads)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::GrayImage;
+
+    #[test]
+    fn what_is_given_comes_before_the_rig() {
+        let frames = Frames::new(GrayImage::new(640, 480));
+        let nothing = GeometryOptions { focal_px: None, baseline_mm: None, doffs: None, principal_point: None };
+        assert_eq!(nothing.geometry(None, &frames), None);
+        let rig = Geometry { focal_px: 500.0, baseline_mm: 40.0, principal_point: [1.0, 2.0], doffs: 3.0 };
+        assert_eq!(nothing.geometry(Some(rig), &frames), Some(rig));
+
+        let given = GeometryOptions { focal_px: Some(700.0), baseline_mm: Some(20.0), ..nothing };
+        let expected = Geometry { focal_px: 700.0, baseline_mm: 20.0, ..rig };
+        assert_eq!(given.geometry(Some(rig), &frames), Some(expected));
+        let middle = Geometry { principal_point: [319.5, 239.5], doffs: 0.0, ..expected };
+        assert_eq!(given.geometry(None, &frames), Some(middle));
+    }
+
+    #[test]
+    fn numbers() {
+        assert_eq!(point("319.5, -2").unwrap(), [319.5, -2.0]);
+        assert_eq!(positive("1e3").unwrap(), 1000.0);
+        assert!(["0", "-1", "inf", "nan", "", "1x"].iter().all(|text| positive(text).is_err()));
+        assert!(["1", "1,", "1,2,3", "a,b", "inf,1"].iter().all(|text| point(text).is_err()));
+    }
+}

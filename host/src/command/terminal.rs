@@ -21,7 +21,7 @@ pub fn say(message: &str) {
 
 /// A bar on standard error for work of `length` steps, each a `step`; nothing is shown where that is no terminal.
 pub fn progress(length: u64, step: &str) -> ProgressBar {
-    let template = format!("{{msg}} {{bar:40}} {{pos}}/{{len}} {step}, {{eta}} left");
+    let template = format!("{{bar:40}} {{pos}}/{{len}} {step}, {{eta}} left {{msg}}");
     let style = ProgressStyle::with_template(&template).expect("the template is one");
     ProgressBar::new(length).with_style(style)
 }

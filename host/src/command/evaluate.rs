@@ -88,9 +88,8 @@ impl Gallery<'_> {
 
     /// Adds the disparities and errors of a variant.
     fn add(&mut self, variant: &str, disparities: &DisparityMap) {
-        let (width, height) = (disparities.width() as u32, disparities.height() as u32);
         let estimates = disparities.pixels().iter().map(|d| d.map(f32::from));
-        let errors = error_map::draw(width, height, estimates, self.truth.pixels());
+        let errors = error_map::draw(estimates, self.truth);
         self.figures.push(Figure::embedded(variant, disparities.to_color(self.range.clone())));
         self.figures.push(Figure::embedded(format!("errors of {variant}"), errors));
     }

@@ -16,6 +16,15 @@ impl DisparityMap {
         self.map(|pixel| pixel.map_or(f32::INFINITY, f32::from))
     }
 
+    /// The map with the steps nearest to disparities in pixels; none where they are not finite or leave what a [`Disparity`] holds.
+    pub fn from_float(pixels: &FloatImage) -> DisparityMap {
+        let limits = f32::from(-i16::MAX)..=f32::from(i16::MAX);
+        pixels.map(|d| {
+            let steps = (d * Disparity::STEPS as f32).round();
+            limits.contains(&steps).then(|| Disparity::from_bits(steps as i16)).flatten()
+        })
+    }
+
     /// The smallest and the largest disparity, `None` if no pixel has one.
     pub fn range(&self) -> Option<RangeInclusive<Disparity>> {
         let valid = || self.pixels().iter().flatten().copied();
@@ -125,6 +134,14 @@ mod tests {
         map().write_pfm(&path).unwrap();
         let read = FloatImage::read_pfm(&path).unwrap();
         assert_eq!(read.pixels()[..4], [-2.5, f32::INFINITY, 60.0, 0.0]);
+    }
+
+    #[test]
+    fn steps_are_the_nearest_to_pixels() {
+        assert_eq!(DisparityMap::from_float(&map().to_float()), map());
+        let pixels = FloatImage::new(3, 2, vec![0.0079, -0.0079, 0.0077, f32::NAN, 512.0, -600.0]);
+        let bits = DisparityMap::from_float(&pixels).map(|d| d.map(Disparity::to_bits)).into_pixels();
+        assert_eq!(bits, [Some(1), Some(-1), Some(0), None, None, None]);
     }
 
     #[test]

@@ -5,6 +5,8 @@ use std::convert::Infallible;
 use image::GrayImage;
 use multiscopic_core::{Frame, Rewind, ScanlineSource, View, Views};
 
+use crate::{Error, Picture, rig::Images};
+
 /// A centre frame and its neighbours, all of one size, in 8-bit grey.
 #[derive(Clone, Debug)]
 pub struct Frames {
@@ -26,6 +28,29 @@ impl Frames {
         assert_eq!(image.dimensions(), self.center.dimensions(), "the size of the {view:?} view");
         self.neighbors[view as usize] = Some(image);
         self
+    }
+
+    /// Reads the files of a capture, and gives the centre in its colours too.
+    ///
+    /// # Errors
+    /// If a file cannot be read or is no picture, or if a neighbour has another size than the centre.
+    pub fn load(files: &Images) -> crate::Result<(Frames, Picture)> {
+        let center = Picture::read(&files.center)?;
+        let mut frames = Frames::new(center.to_gray());
+        for view in files.views().iter() {
+            let Some(path) = files.get(Frame::View(view)) else { continue };
+            let image = Picture::read(path)?.to_gray();
+            if image.dimensions() != center.dimensions() {
+                let ((width, height), (w, h)) = (center.dimensions(), image.dimensions());
+                return Err(Error::format(
+                    path,
+                    format!("{w}x{h} pixels"),
+                    format!("{width}x{height} as in {}: use frames of one capture", files.center.display()),
+                ));
+            }
+            frames = frames.with(view, image);
+        }
+        Ok((frames, center))
     }
 
     /// Width in pixels.
@@ -66,5 +91,36 @@ impl ScanlineSource for &Frames {
 impl Rewind for &Frames {
     fn rewind(&mut self) -> Result<(), Infallible> {
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn loads_the_files_of_a_capture() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = |name: &str, bytes: &[u8]| {
+            let path = dir.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            path
+        };
+        let center = file("center.ppm", b"P6 2 1 255 \xFF\0\0\0\0\0");
+        let top = file("top.pgm", b"P5 2 1 255 \x05\x06");
+        let mut files = Images { center, top: Some(top), ..Images::default() };
+        let (frames, color) = Frames::load(&files).unwrap();
+        assert_eq!((frames.width(), frames.height(), frames.views()), (2, 1, Views::NONE.with(View::Top)));
+        assert_eq!(frames.get(Frame::Center).unwrap().as_raw(), &[77, 0]);
+        assert_eq!(frames.get(Frame::View(View::Top)).unwrap().as_raw(), &[5, 6]);
+        assert_eq!(color.color(0, 0), [255, 0, 0]);
+
+        files.left = Some(file("left.pgm", b"P5 1 2 255 \0\0"));
+        let message = Frames::load(&files).unwrap_err().to_string();
+        for part in ["left.pgm: found 1x2 pixels, expected 2x1 as in", "center.ppm"] {
+            assert!(message.contains(part), "{message}");
+        }
+        files.left = Some(dir.path().join("none.pgm"));
+        assert!(Frames::load(&files).unwrap_err().to_string().contains("none.pgm"));
     }
 }

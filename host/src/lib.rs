@@ -1,14 +1,17 @@
 //! Accurate depth from one camera moved on purpose, on the host: files, matching with threads, evaluation and pictures.
 
+pub mod dataset;
 pub mod depth;
 pub mod disparity_map;
 pub mod error;
 pub mod error_map;
+pub mod evaluation;
 pub mod frames;
 pub mod geometry;
 mod image_file;
 mod input;
 pub mod matching;
+pub mod metrics;
 pub mod output;
 pub mod pfm;
 pub mod picture;
@@ -20,11 +23,13 @@ pub mod scene;
 pub mod simd;
 pub mod turbo;
 
+pub use dataset::Dataset;
 pub use disparity_map::DisparityMap;
 pub use error::{Error, Result};
 pub use frames::Frames;
 pub use geometry::Geometry;
 pub use matching::Engine;
+pub use metrics::Metrics;
 pub use pfm::FloatImage;
 pub use picture::Picture;
 pub use raster::Raster;

@@ -4,7 +4,8 @@ mod command;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Parser, Subcommand, error::ErrorKind};
+use command::terminal;
 
 /// Accurate depth from one camera moved on purpose.
 #[derive(Debug, Parser)]
@@ -16,15 +17,38 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Match(command::matching::Match),
+    Evaluate(command::evaluate::Evaluate),
     Bench(command::bench::Bench),
 }
 
 fn main() -> ExitCode {
-    let done = match Cli::parse().command {
-        Command::Bench(bench) => bench.run(),
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        // Whoever gives no arguments asks for help, which is no error.
+        Err(error) if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            let _ = terminal::print(&error.render().to_string());
+            return ExitCode::SUCCESS;
+        }
+        Err(error) => error.exit(),
+    };
+    let done = match cli.command {
+        Command::Match(command) => command.run(),
+        Command::Evaluate(command) => command.run(),
+        Command::Bench(command) => command.run(),
     };
     done.unwrap_or_else(|error| {
-        eprintln!("multiscopic: {error}");
+        terminal::say(&error.to_string());
         ExitCode::from(2)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_options_do_not_contradict_each_other() {
+        super::Cli::command().debug_assert();
+    }
 }

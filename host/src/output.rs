@@ -19,15 +19,64 @@ use crate::{Error, Result};
 /// # Errors
 /// [`Error::Write`] for whatever the system or `contents` says.
 pub fn write(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
-    let written = match fs::metadata(path) {
+    let written = target(path).and_then(|target| match target {
+        Target::Open => append(path, contents),
+        Target::File { path, permissions } => replace(&path, permissions, contents),
+    });
+    written.map_err(|source| Error::Write { path: path.into(), source })
+}
+
+/// Checks, before the work whose results they take, that `outputs` can be written: each may be made or replaced, and none is
+/// given twice or also one of `inputs`.
+///
+/// # Errors
+/// [`Error::Write`] as [`write`] would give it, and [`Error::Usage`] for what is given twice.
+pub fn check(outputs: &[&Path], inputs: &[&Path]) -> Result<()> {
+    for (i, path) in outputs.iter().enumerate() {
+        let same = |other: &&&Path| place(other) == place(path);
+        if outputs[..i].iter().any(|other| same(&other)) {
+            return Err(Error::Usage(format!("{} is given for two outputs, give each its own file", path.display())));
+        }
+        if let Some(input) = inputs.iter().find(same) {
+            let (output, input) = (path.display(), input.display());
+            return Err(Error::Usage(format!("the output {output} would replace the input {input}, give another file")));
+        }
+        let checked = target(path).and_then(|target| match target {
+            // Opening a pipe could not be undone.
+            Target::Open => Ok(()),
+            Target::File { path, .. } => temporary_file_beside(&path).map(drop),
+        });
+        checked.map_err(|source| Error::Write { path: path.into(), source })?;
+    }
+    Ok(())
+}
+
+/// Where a file is, be it there or not, whatever the way to it.
+fn place(path: &Path) -> PathBuf {
+    let in_its_folder = || {
+        let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+        Some(folder.canonicalize().ok()?.join(path.file_name()?))
+    };
+    path.canonicalize().ok().or_else(in_its_folder).unwrap_or_else(|| path.into())
+}
+
+/// How an output is written.
+enum Target {
+    /// Directly: there is nothing to keep.
+    Open,
+    /// By taking the place of a file that may be there, with its permissions.
+    File { path: PathBuf, permissions: Option<Permissions> },
+}
+
+fn target(path: &Path) -> io::Result<Target> {
+    match fs::metadata(path) {
         Ok(old) if old.is_dir() => Err(io::ErrorKind::IsADirectory.into()),
-        Ok(old) if !old.is_file() || is_open_file(path) => append(path, contents),
+        Ok(old) if !old.is_file() || is_open_file(path) => Ok(Target::Open),
         // Whoever may write the directory could replace a read-only file, but its owner asked for it to stay.
         Ok(old) if old.permissions().readonly() => Err(io::ErrorKind::PermissionDenied.into()),
-        Ok(old) => fs::canonicalize(path).and_then(|target| replace(&target, Some(old.permissions()), contents)),
-        Err(_) => replace(path, None, contents),
-    };
-    written.map_err(|source| Error::Write { path: path.into(), source })
+        Ok(old) => Ok(Target::File { path: fs::canonicalize(path)?, permissions: Some(old.permissions()) }),
+        Err(_) => Ok(Target::File { path: path.into(), permissions: None }),
+    }
 }
 
 /// Whether `path` names a file by this process's descriptor of it, so that replacing the name would miss the file.
@@ -128,6 +177,24 @@ mod tests {
         assert!(!message.contains(".multiscopic-"), "{message}");
         assert!(matches!(write(dir.path(), |_| Ok(())), Err(Error::Write { .. })));
         assert!(matches!(write(Path::new(""), |_| Ok(())), Err(Error::Write { .. })));
+    }
+
+    #[test]
+    fn checks_without_writing() {
+        let dir = tempfile::tempdir().unwrap();
+        let [a, b, again] = ["a", "b", "./a"].map(|name| dir.path().join(name));
+        fs::write(&a, "old").unwrap();
+        check(&[&a, &b, Path::new("/dev/null")], &[]).unwrap();
+        assert_eq!((names(dir.path()), fs::read_to_string(&a).unwrap()), (vec!["a".into()], "old".into()));
+
+        let message = |outputs: &[&Path], inputs: &[&Path]| check(outputs, inputs).unwrap_err().to_string();
+        assert!(message(&[&a, &again], &[]).contains("a is given for two outputs"));
+        assert!(message(&[&b, &dir.path().join("./b")], &[]).contains("b is given for two outputs"));
+        assert!(message(&[&b, &again], &[&a]).contains("a would replace the input"));
+        let nowhere = dir.path().join("none/a");
+        assert!(message(&[&b, &nowhere], &[]).starts_with(&format!("cannot write {}: no file can be made", nowhere.display())));
+        assert!(message(&[dir.path()], &[]).starts_with(&format!("cannot write {}: ", dir.path().display())));
+        assert_eq!(names(dir.path()), ["a"]);
     }
 
     #[cfg(unix)]

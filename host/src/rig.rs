@@ -77,6 +77,23 @@ impl Images {
     pub fn views(&self) -> Views {
         View::ALL.into_iter().filter(|&view| self.get(Frame::View(view)).is_some()).collect()
     }
+
+    /// All files, the centre's first.
+    pub fn paths(&self) -> impl Iterator<Item = &Path> {
+        std::iter::once(Frame::Center).chain(View::ALL.map(Frame::View)).filter_map(|frame| self.get(frame))
+    }
+
+    /// The same files if `directory` is what they are relative to.
+    pub fn within(&self, directory: &Path) -> Images {
+        let join = |file: &Option<PathBuf>| file.as_ref().map(|file| directory.join(file));
+        Images {
+            center: directory.join(&self.center),
+            left: join(&self.left),
+            right: join(&self.right),
+            top: join(&self.top),
+            bottom: join(&self.bottom),
+        }
+    }
 }
 
 /// How a rig was captured, as far as it is known.
@@ -122,11 +139,6 @@ impl Rig {
         // Only a path that is not Unicode has no TOML.
         let text = toml::to_string(self).map_err(|error| Error::format(&path, error.to_string(), "file names in UTF-8"))?;
         output::write(&path, |writer| writer.write_all(text.as_bytes()))
-    }
-
-    /// The path of a frame's image, if `directory` is where the rig was loaded from.
-    pub fn image_path(&self, directory: &Path, frame: Frame) -> Option<PathBuf> {
-        self.images.get(frame).map(|file| directory.join(file))
     }
 
     /// What turns disparities into places.
@@ -203,10 +215,9 @@ mod tests {
         assert_eq!(rig.geometry(), geometry);
         assert_eq!(rig.images.views(), Views::STEREO);
         assert_eq!(rig.capture.stage.as_deref(), Some("manual"));
-        let path = |frame| rig.image_path(Path::new("rig"), frame);
-        assert_eq!(path(Frame::Center), Some("rig/center.png".into()));
-        assert_eq!(path(Frame::View(View::Right)), Some("/data/right.png".into()));
-        assert_eq!(path(Frame::View(View::Top)), None);
+        let images = rig.images.within(Path::new("rig"));
+        assert!(images.paths().eq(["rig/center.png", "/data/right.png"].map(Path::new)));
+        assert_eq!(images.get(Frame::View(View::Top)), None);
     }
 
     #[test]

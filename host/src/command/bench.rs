@@ -7,7 +7,10 @@ use image::{GrayImage, Luma};
 use multiscopic::{Error, Frames, Result};
 use multiscopic_core::{View, Views};
 
-use super::options::{EngineOptions, SearchOptions};
+use super::{
+    options::{EngineOptions, FusionName, SearchOptions, views_of_count},
+    terminal,
+};
 
 /// Measures how fast this machine matches, on made frames
 #[derive(Debug, Args)]
@@ -31,6 +34,10 @@ pub struct Bench {
     /// Print one JSON object instead of a line of text
     #[arg(long)]
     json: bool,
+
+    /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
+    #[arg(long, value_enum)]
+    fusion: Option<FusionName>,
 
     #[command(flatten)]
     search: SearchOptions,
@@ -62,7 +69,7 @@ impl Bench {
             return Err(Error::Usage("--width, --height and --repeat must be at least 1".into()));
         }
         let frames = made_frames(self.width.into(), self.height.into(), views);
-        let params = self.search.params(&frames, views, (1, 64))?;
+        let params = self.search.params(&frames, views, self.fusion, (1, 64))?;
         let engine = self.engine.engine()?;
         let seconds = (0..self.repeat)
             .map(|_| {
@@ -77,34 +84,25 @@ impl Bench {
             num_disparities: params.num_disparities(),
             block_size: params.block_size(),
             views: params.views().len(),
-            fusion: format!("{:?}", params.fusion()).to_lowercase(),
+            fusion: FusionName::from(params.fusion()).name(),
             threads: engine.threads(),
             kernel: engine.simd().to_string(),
             seconds,
             gde_per_s: params.evaluations() as f64 / seconds / 1e9,
         };
-        if self.json {
-            println!("{}", serde_json::to_string(&report).expect("numbers and strings"));
+        let line = if self.json {
+            serde_json::to_string(&report).expect("numbers and strings")
         } else {
             let Report { width, height, num_disparities, block_size, views, fusion, threads, kernel, seconds, gde_per_s } =
                 report;
-            println!(
+            format!(
                 "{width}x{height}, {num_disparities} disparities, block {block_size}, views {views}, {fusion}, threads {threads}, kernel {kernel}: \
                  {:.1} ms, {gde_per_s:.3} GDE/s",
                 seconds * 1e3
-            );
-        }
+            )
+        };
+        terminal::print(&format!("{line}\n"))?;
         Ok(ExitCode::SUCCESS)
-    }
-}
-
-/// The views that stand for a number of neighbours.
-pub fn views_of_count(count: usize) -> Result<Views> {
-    match count {
-        1 => Ok(Views::STEREO),
-        2 => Ok(Views::HORIZONTAL),
-        4 => Ok(Views::ALL),
-        other => Err(Error::Usage(format!("--views is {other}, it must be 1, 2 or 4"))),
     }
 }
 

@@ -1,4 +1,7 @@
 //! The commands, a module each: options, what they do, what they print.
 
 pub mod bench;
+pub mod evaluate;
+pub mod matching;
 pub mod options;
+pub mod terminal;

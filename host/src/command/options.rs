@@ -1,8 +1,29 @@
 //! Options that several commands take.
 
 use clap::{Args, ValueEnum};
-use multiscopic::{Engine, Error, Frames, Result, Simd};
+use multiscopic::{DisparityMap, Engine, Error, Frames, Geometry, Result, Simd};
 use multiscopic_core::{Fusion, Params, Views};
+
+/// How disparities are estimated, by the name of the method.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MethodName {
+    /// Block matching: the least sum of absolute differences
+    Bm,
+}
+
+impl MethodName {
+    /// Its name.
+    pub fn name(self) -> String {
+        name_of(&self)
+    }
+
+    /// Matches `frames` with this method and calls `line_done` for every line, from any thread.
+    pub fn disparities(self, engine: &Engine, frames: &Frames, params: &Params, line_done: impl Fn() + Sync) -> DisparityMap {
+        match self {
+            MethodName::Bm => engine.disparities(frames, params, line_done),
+        }
+    }
+}
 
 /// How costs are fused, by the name of the rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -15,6 +36,13 @@ pub enum FusionName {
     Heuristic,
 }
 
+impl FusionName {
+    /// Its name.
+    pub fn name(self) -> String {
+        name_of(&self)
+    }
+}
+
 impl From<FusionName> for Fusion {
     fn from(name: FusionName) -> Fusion {
         match name {
@@ -25,33 +53,57 @@ impl From<FusionName> for Fusion {
     }
 }
 
-/// What is searched for, and how.
+impl From<Fusion> for FusionName {
+    fn from(fusion: Fusion) -> FusionName {
+        match fusion {
+            Fusion::Min => FusionName::Min,
+            Fusion::Mean => FusionName::Mean,
+            Fusion::Heuristic => FusionName::Heuristic,
+        }
+    }
+}
+
+/// The name of a value on the command line.
+fn name_of(value: &impl ValueEnum) -> String {
+    value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+}
+
+/// The views that stand for a number of neighbours.
+pub fn views_of_count(count: usize) -> Result<Views> {
+    match count {
+        1 => Ok(Views::STEREO),
+        2 => Ok(Views::HORIZONTAL),
+        4 => Ok(Views::ALL),
+        other => Err(Error::Usage(format!("--views is {other}, it must be 1, 2 or 4"))),
+    }
+}
+
+/// What is searched for.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Matching")]
 pub struct SearchOptions {
-    /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
-    #[arg(long, value_enum)]
-    pub fusion: Option<FusionName>,
-
-    /// Smallest disparity in pixels, may be negative (OpenCV: minDisparity; ROS: min_disparity)
+    /// Smallest disparity in pixels, may be negative (OpenCV: minDisparity; ROS: min_disparity) [default: 1, or the data set's]
     #[arg(long, visible_alias = "min_disp", value_name = "N", allow_negative_numbers = true)]
     pub min_disparity: Option<i16>,
 
     /// Number of disparities searched (OpenCV: numDisparities, ROS: disparity_range; any number, not only multiples of 16)
-    #[arg(long, visible_alias = "disparity_range", value_name = "N")]
+    /// [default: 60, or the data set's; bench: 64]
+    #[arg(long, visible_alias = "disparity_range", value_name = "N", allow_negative_numbers = true)]
     pub num_disparities: Option<u16>,
 
     /// Side of the block in pixels, odd, 1 to 21 (OpenCV: blockSize, ROS: correlation_window_size) [default: 11]
-    #[arg(long, visible_alias = "correlation_window_size", value_name = "N")]
+    #[arg(long, visible_alias = "correlation_window_size", value_name = "N", allow_negative_numbers = true)]
     pub block_size: Option<u8>,
 }
 
 impl SearchOptions {
+    /// The paper's range: a minimum and a number.
+    pub const RANGE: (i16, u16) = (1, 60);
     /// The paper's block size.
     const BLOCK_SIZE: u8 = 11;
 
     /// The parameters for matching `frames` in `views`; where no range is given, `range` is searched: a minimum and a number.
-    pub fn params(&self, frames: &Frames, views: Views, range: (i16, u16)) -> Result<Params> {
+    pub fn params(&self, frames: &Frames, views: Views, fusion: Option<FusionName>, range: (i16, u16)) -> Result<Params> {
         let side = |length: usize| {
             u16::try_from(length).map_err(|_| Error::Usage(format!("a frame has a side of {length} pixels, 65535 is the most")))
         };
@@ -59,11 +111,61 @@ impl SearchOptions {
             side(frames.width())?,
             side(frames.height())?,
             views,
-            self.fusion.map_or(Fusion::default_for(views.len()), Fusion::from),
+            fusion.map_or(Fusion::default_for(views.len()), Fusion::from),
             self.min_disparity.unwrap_or(range.0),
             self.num_disparities.unwrap_or(range.1),
             self.block_size.unwrap_or(Self::BLOCK_SIZE),
         )?)
+    }
+}
+
+/// What turns disparities into places.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Camera (for --depth and --ply; a rig.toml has it, and what is given here comes first)")]
+pub struct GeometryOptions {
+    /// Focal length in pixels
+    #[arg(long, value_name = "PX", value_parser = positive, allow_negative_numbers = true)]
+    focal_px: Option<f64>,
+
+    /// How far the camera was moved from the centre to each neighbour, in millimetres
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
+    baseline_mm: Option<f64>,
+
+    /// The negated disparity of a point at infinity [default: 0]
+    #[arg(long, value_name = "PX", value_parser = finite, allow_negative_numbers = true)]
+    doffs: Option<f64>,
+
+    /// Where the optical axis meets the image, in pixels from the centre of the first one [default: the middle of the image]
+    #[arg(long, value_name = "CX,CY", value_parser = point, allow_negative_numbers = true)]
+    principal_point: Option<[f64; 2]>,
+}
+
+impl GeometryOptions {
+    /// The geometry of frames like `frames`: what is given, else what the rig says. `None` if focal length or baseline is unknown.
+    pub fn geometry(&self, rig: Option<Geometry>, frames: &Frames) -> Option<Geometry> {
+        let middle = || [frames.width(), frames.height()].map(|side| (side as f64 - 1.0) / 2.0);
+        Some(Geometry {
+            focal_px: self.focal_px.or(rig.map(|rig| rig.focal_px))?,
+            baseline_mm: self.baseline_mm.or(rig.map(|rig| rig.baseline_mm))?,
+            principal_point: self.principal_point.or(rig.map(|rig| rig.principal_point)).unwrap_or_else(middle),
+            doffs: self.doffs.or(rig.map(|rig| rig.doffs)).unwrap_or_default(),
+        })
+    }
+}
+
+fn finite(text: &str) -> Result<f64> {
+    let number = text.trim().parse().ok().filter(|number: &f64| number.is_finite());
+    number.ok_or_else(|| Error::Usage("it must be a number".into()))
+}
+
+fn positive(text: &str) -> Result<f64> {
+    finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| Error::Usage("it must be a number above 0".into()))
+}
+
+fn point(text: &str) -> Result<[f64; 2]> {
+    match text.split_once(',').map(|(cx, cy)| (finite(cx), finite(cy))) {
+        Some((Ok(cx), Ok(cy))) => Ok([cx, cy]),
+        _ => Err(Error::Usage("it must be two numbers, as 319.5,239.5".into())),
     }
 }
 
@@ -91,5 +193,34 @@ impl EngineOptions {
             })?,
         };
         Engine::new(simd, self.threads)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::GrayImage;
+
+    #[test]
+    fn what_is_given_comes_before_the_rig() {
+        let frames = Frames::new(GrayImage::new(640, 480));
+        let nothing = GeometryOptions { focal_px: None, baseline_mm: None, doffs: None, principal_point: None };
+        assert_eq!(nothing.geometry(None, &frames), None);
+        let rig = Geometry { focal_px: 500.0, baseline_mm: 40.0, principal_point: [1.0, 2.0], doffs: 3.0 };
+        assert_eq!(nothing.geometry(Some(rig), &frames), Some(rig));
+
+        let given = GeometryOptions { focal_px: Some(700.0), baseline_mm: Some(20.0), ..nothing };
+        let expected = Geometry { focal_px: 700.0, baseline_mm: 20.0, ..rig };
+        assert_eq!(given.geometry(Some(rig), &frames), Some(expected));
+        let middle = Geometry { principal_point: [319.5, 239.5], doffs: 0.0, ..expected };
+        assert_eq!(given.geometry(None, &frames), Some(middle));
+    }
+
+    #[test]
+    fn numbers() {
+        assert_eq!(point("319.5, -2").unwrap(), [319.5, -2.0]);
+        assert_eq!(positive("1e3").unwrap(), 1000.0);
+        assert!(["0", "-1", "inf", "nan", "", "1x"].iter().all(|text| positive(text).is_err()));
+        assert!(["1", "1,", "1,2,3", "a,b", "inf,1"].iter().all(|text| point(text).is_err()));
     }
 }

@@ -1,0 +1,218 @@
+//! `multiscopic evaluate`: how accurate methods are on data sets with ground truth.
+
+use std::{
+    ops::RangeInclusive,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    time::Instant,
+};
+
+use clap::{
+    Args,
+    builder::{PossibleValuesParser, TypedValueParser},
+};
+use multiscopic::{
+    Dataset, DisparityMap, Error, FloatImage, Metrics, Picture, Result,
+    dataset::Scene,
+    error_map,
+    evaluation::{self, Record, Row},
+    output,
+    report::{Figure, Report},
+};
+use multiscopic_core::{Fusion, Views};
+
+use super::{
+    options::{EngineOptions, FusionName, MethodName, SearchOptions, views_of_count},
+    terminal,
+};
+
+/// Measures the errors of stereo and multiscopic matching on a data set with ground truth
+#[derive(Debug, Args)]
+pub struct Evaluate {
+    /// Folder of the data set, of one of its scenes, or the one that the data set's folder is in
+    #[arg(value_name = "DIR")]
+    directory: PathBuf,
+
+    /// Data set
+    #[arg(long, value_name = "NAME",
+        value_parser = PossibleValuesParser::new(Dataset::ALL.map(Dataset::name)).try_map(|name| name.parse::<Dataset>()))]
+    dataset: Dataset,
+
+    /// Scenes [default: all]
+    #[arg(long, value_name = "A,B", value_delimiter = ',')]
+    scenes: Vec<String>,
+
+    /// Numbers of neighbours: 1 (stereo), 2 or 4 [default: 1 and the most that the data set has]
+    #[arg(long, value_name = "1,2,4", value_delimiter = ',')]
+    views: Vec<usize>,
+
+    /// List of the results in JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+
+    /// Page with the table and pictures of every scene
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+
+    /// Methods
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "bm", help_heading = "Matching")]
+    methods: Vec<MethodName>,
+
+    /// Fusions of the views' costs [default: min with one or two neighbours, heuristic with more]
+    #[arg(long, value_enum, value_delimiter = ',', help_heading = "Matching")]
+    fusion: Vec<FusionName>,
+
+    #[command(flatten)]
+    search: SearchOptions,
+
+    #[command(flatten)]
+    engine: EngineOptions,
+}
+
+/// The pictures of a scene.
+struct Gallery<'a> {
+    truth: &'a FloatImage,
+    /// All maps of a scene have the colours of its truth.
+    range: Option<RangeInclusive<f32>>,
+    figures: Vec<Figure>,
+}
+
+impl Gallery<'_> {
+    fn new<'a>(center: &Picture, truth: &'a FloatImage) -> Gallery<'a> {
+        let map = DisparityMap::from_float(truth);
+        let range = map.range().map(|range| f32::from(*range.start())..=f32::from(*range.end()));
+        let figures =
+            vec![Figure::embedded("centre", center.to_rgb()), Figure::embedded("true disparities", map.to_color(range.clone()))];
+        Gallery { truth, range, figures }
+    }
+
+    /// Adds the disparities and errors of a variant.
+    fn add(&mut self, variant: &str, disparities: &DisparityMap) {
+        let estimates = disparities.pixels().iter().map(|d| d.map(f32::from));
+        let errors = error_map::draw(estimates, self.truth);
+        self.figures.push(Figure::embedded(variant, disparities.to_color(self.range.clone())));
+        self.figures.push(Figure::embedded(format!("errors of {variant}"), errors));
+    }
+}
+
+/// A variant of matching.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Variant {
+    method: MethodName,
+    views: Views,
+    fusion: FusionName,
+}
+
+impl Variant {
+    fn record(&self, scene: &Scene, metrics: Metrics, seconds: f64) -> Record {
+        Record {
+            dataset: scene.dataset.to_string(),
+            scene: scene.name.clone(),
+            method: self.method.name(),
+            views: self.views.len(),
+            fusion: self.fusion.name(),
+            metrics,
+            seconds,
+        }
+    }
+}
+
+impl Evaluate {
+    /// Runs the command.
+    pub fn run(&self) -> Result<ExitCode> {
+        let variants = self.variants()?;
+        let scenes = self.chosen_scenes()?;
+        let outputs: Vec<&Path> = self.json.iter().chain(&self.report).map(PathBuf::as_path).collect();
+        let inputs: Vec<&Path> = scenes.iter().flat_map(|scene| scene.images.paths().chain([scene.truth.as_path()])).collect();
+        output::check(&outputs, &inputs)?;
+        let engine = self.engine.engine()?;
+
+        let bar = terminal::progress((scenes.len() * variants.len()) as u64, "maps");
+        let mut records = Vec::new();
+        let mut galleries = Vec::new();
+        for scene in &scenes {
+            bar.set_message(scene.name.clone());
+            let (frames, center, truth) = scene.load()?;
+            let mut gallery = self.report.as_ref().map(|_| Gallery::new(&center, &truth));
+            for variant in &variants {
+                let params = self.search.params(&frames, variant.views, Some(variant.fusion), self.dataset.range())?;
+                let start = Instant::now();
+                let disparities = variant.method.disparities(&engine, &frames, &params, || ());
+                let seconds = start.elapsed().as_secs_f64();
+                let metrics = Metrics::new(&disparities, &truth).expect("a scene that is loaded has some truth");
+                let record = variant.record(scene, metrics, seconds);
+                if let Some(gallery) = &mut gallery {
+                    gallery.add(&record.variant(), &disparities);
+                }
+                records.push(record);
+                bar.inc(1);
+            }
+            galleries.extend(gallery.map(|gallery| (scene.name.as_str(), gallery.figures)));
+        }
+        bar.finish_and_clear();
+
+        let rows = evaluation::rows(&records);
+        if let Some(path) = &self.json {
+            let json = serde_json::to_string_pretty(&records).expect("numbers and strings");
+            output::write(path, |writer| writeln!(writer, "{json}"))?;
+        }
+        if let Some(path) = &self.report {
+            let html = self.page(&rows, galleries).to_html();
+            output::write(path, |writer| writer.write_all(html.as_bytes()))?;
+        }
+        terminal::print(&evaluation::text(&rows))?;
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn page<'a>(&self, rows: &[Row], galleries: impl IntoIterator<Item = (&'a str, Vec<Figure>)>) -> Report {
+        let page = Report::new(format!("Errors on {}", self.dataset))
+            .paragraph("RMS and AvgErr are in pixels, in brackets how far they are from stereo's; the rest is in percent.")
+            .table(Row::HEADS, rows.iter().map(Row::cells))
+            .paragraph(&format!("Disparities: near is red, far is blue, none is black. Errors: {}.", error_map::LEGEND));
+        galleries.into_iter().fold(page, |page, (scene, figures)| page.gallery(scene, figures))
+    }
+
+    /// Every method with every number of views, stereo first, and every fusion of several views.
+    fn variants(&self) -> Result<Vec<Variant>> {
+        let available = self.dataset.views();
+        let mut counts = if self.views.is_empty() { vec![1, available.len()] } else { self.views.clone() };
+        counts.sort_unstable();
+        let mut variants = Vec::new();
+        for &method in &self.methods {
+            for &count in &counts {
+                let views = views_of_count(count)?;
+                if views.len() > available.len() {
+                    let (dataset, most) = (self.dataset, available.len());
+                    return Err(Error::Usage(format!(
+                        "--views has {count}, but {dataset} has {most} neighbours: use 1 or {most}"
+                    )));
+                }
+                let fusions = match (&self.fusion[..], count) {
+                    ([], _) => vec![Fusion::default_for(count).into()],
+                    // One cost is the same by every rule.
+                    ([first, ..], 1) => vec![*first],
+                    (fusions, _) => fusions.to_vec(),
+                };
+                for fusion in fusions {
+                    let variant = Variant { method, views, fusion };
+                    if !variants.contains(&variant) {
+                        variants.push(variant);
+                    }
+                }
+            }
+        }
+        Ok(variants)
+    }
+
+    /// The scenes that were asked for.
+    fn chosen_scenes(&self) -> Result<Vec<Scene>> {
+        let mut scenes = self.dataset.scenes(&self.directory)?;
+        let names: Vec<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
+        if let Some(unknown) = self.scenes.iter().find(|name| !names.contains(&name.as_str())) {
+            let (directory, names) = (self.directory.display(), names.join(", "));
+            return Err(Error::Usage(format!("--scenes has {unknown}, which is not in {directory}: use {names}")));
+        }
+        scenes.retain(|scene| self.scenes.is_empty() || self.scenes.contains(&scene.name));
+        Ok(scenes)
+    }
+}

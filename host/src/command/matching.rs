@@ -1,0 +1,200 @@
+//! `multiscopic match`: images in, disparities out.
+
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+    time::Instant,
+};
+
+use clap::Args;
+use multiscopic::{
+    DisparityMap, Error, Frames, Result, Rig, depth, output,
+    ply::{self, Encoding},
+    rig::Images,
+};
+use multiscopic_core::Params;
+
+use super::{
+    options::{EngineOptions, FusionName, GeometryOptions, MethodName, SearchOptions},
+    terminal,
+};
+
+/// Estimates the disparity of every pixel of a centre image from its neighbours
+#[derive(Clone, Debug, Args)]
+pub struct Match {
+    /// Folder of a capture, with its rig.toml
+    #[arg(value_name = "RIG_DIR", conflicts_with_all = ["center", "left", "right", "top", "bottom"])]
+    rig: Option<PathBuf>,
+
+    /// Image in the centre: the reference
+    #[arg(long, value_name = "IMAGE")]
+    center: Option<PathBuf>,
+
+    /// Image with the camera moved to the left
+    #[arg(long, value_name = "IMAGE")]
+    left: Option<PathBuf>,
+
+    /// Image with the camera moved to the right
+    #[arg(long, value_name = "IMAGE")]
+    right: Option<PathBuf>,
+
+    /// Image with the camera moved up
+    #[arg(long, value_name = "IMAGE")]
+    top: Option<PathBuf>,
+
+    /// Image with the camera moved down
+    #[arg(long, value_name = "IMAGE")]
+    bottom: Option<PathBuf>,
+
+    /// Method
+    #[arg(long, value_enum, default_value = "bm", help_heading = "Matching")]
+    method: MethodName,
+
+    /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
+    #[arg(long, value_enum, help_heading = "Matching")]
+    fusion: Option<FusionName>,
+
+    #[command(flatten)]
+    search: SearchOptions,
+
+    #[command(flatten)]
+    outputs: Outputs,
+
+    #[command(flatten)]
+    geometry: GeometryOptions,
+
+    #[command(flatten)]
+    engine: EngineOptions,
+}
+
+/// The files that are written.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Output")]
+struct Outputs {
+    /// Disparities in pixels, +inf where there is none
+    #[arg(short, long, value_name = "OUT.pfm")]
+    output: PathBuf,
+
+    /// Disparities in colour: near is red, far is blue, none is black
+    #[arg(long, value_name = "OUT.png")]
+    png: Option<PathBuf>,
+
+    /// Disparities times 64 plus 32768 in a 16-bit image, 0 where there is none
+    #[arg(long, value_name = "OUT.png")]
+    raw16: Option<PathBuf>,
+
+    /// Depths in metres, +inf where there is none; needs the camera's focal length and baseline
+    #[arg(long, value_name = "OUT.pfm")]
+    depth: Option<PathBuf>,
+
+    /// Cloud of coloured points in metres; needs the camera's focal length and baseline
+    #[arg(long, value_name = "OUT.ply")]
+    ply: Option<PathBuf>,
+
+    /// Write the point cloud as text
+    #[arg(long, requires = "ply")]
+    ply_ascii: bool,
+}
+
+impl Match {
+    /// Runs the command.
+    pub fn run(&self) -> Result<ExitCode> {
+        let (images, rig) = self.capture()?;
+        let (frames, center) = Frames::load(&images)?;
+        let center = self.outputs.ply.is_some().then_some(center);
+        let params = self.search.params(&frames, frames.views(), self.fusion, SearchOptions::RANGE)?;
+        let geometry = self.geometry.geometry(rig.as_ref().map(Rig::geometry), &frames);
+        self.outputs.check_geometry(geometry.is_some())?;
+        let rig_file = self.rig.as_ref().map(|directory| directory.join(Rig::FILE_NAME));
+        let inputs: Vec<&Path> = images.paths().chain(rig_file.as_deref()).collect();
+        output::check(&self.outputs.paths(), &inputs)?;
+        let engine = self.engine.engine()?;
+
+        let bar = terminal::progress(params.height() as u64, "lines");
+        let start = Instant::now();
+        let disparities = self.method.disparities(&engine, &frames, &params, || bar.inc(1));
+        let seconds = start.elapsed().as_secs_f64();
+        bar.finish_and_clear();
+
+        let outputs = &self.outputs;
+        disparities.write_pfm(&outputs.output)?;
+        if let Some(path) = &outputs.png {
+            disparities.write_color_png(path, None)?;
+        }
+        if let Some(path) = &outputs.raw16 {
+            disparities.write_raw16(path)?;
+        }
+        if let (Some(path), Some(geometry)) = (&outputs.depth, &geometry) {
+            depth::depth_map(&disparities, geometry).write_pfm(path)?;
+        }
+        if let (Some(path), Some(geometry), Some(center)) = (&outputs.ply, &geometry, &center) {
+            let encoding = if outputs.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
+            ply::write(path, &disparities, geometry, center, encoding)?;
+        }
+        terminal::say(&summary(&params, &disparities, seconds));
+        Ok(ExitCode::SUCCESS)
+    }
+
+    /// The files to be matched, and what is known of how they were captured.
+    fn capture(&self) -> Result<(Images, Option<Rig>)> {
+        if let Some(directory) = &self.rig {
+            let rig = Rig::load(directory)?;
+            return Ok((rig.images.within(directory), Some(rig)));
+        }
+        let Match { center, left, right, top, bottom, .. } = self.clone();
+        let Some(center) = center else {
+            return Err(Error::Usage(
+                "there is no image to match, give --center and its neighbours, or the folder of a capture".into(),
+            ));
+        };
+        let images = Images { center, left, right, top, bottom };
+        if images.views().is_empty() {
+            let message = "there is no neighbour to match with, give at least one of --left, --right, --top and --bottom";
+            return Err(Error::Usage(message.into()));
+        }
+        Ok((images, None))
+    }
+}
+
+impl Outputs {
+    fn paths(&self) -> Vec<&Path> {
+        let Outputs { output, png, raw16, depth, ply, ply_ascii: _ } = self;
+        [Some(output), png.as_ref(), raw16.as_ref(), depth.as_ref(), ply.as_ref()]
+            .into_iter()
+            .flatten()
+            .map(PathBuf::as_path)
+            .collect()
+    }
+
+    /// Refuses an output for which the geometry is not known.
+    fn check_geometry(&self, known: bool) -> Result<()> {
+        let needing = [("--depth", &self.depth), ("--ply", &self.ply)];
+        match needing.into_iter().find_map(|(option, path)| Some((option, path.as_ref()?))) {
+            Some((option, path)) if !known => Err(Error::Usage(format!(
+                "{option} {} needs the camera's focal length and baseline, give --focal-px and --baseline-mm, or a folder with a rig.toml",
+                path.display()
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// What was matched, how and with what result, in a line.
+fn summary(params: &Params, disparities: &DisparityMap, seconds: f64) -> String {
+    let valid = disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64;
+    let views = match params.views().len() {
+        1 => "1 view".into(),
+        views => format!("{views} views"),
+    };
+    format!(
+        "{}x{}, {views}, {}, {}..={}, block {}: {:.1} % valid, {:.0} ms",
+        params.width(),
+        params.height(),
+        FusionName::from(params.fusion()).name(),
+        params.min_disparity(),
+        params.max_disparity(),
+        params.block_size(),
+        100.0 * valid,
+        1e3 * seconds
+    )
+}

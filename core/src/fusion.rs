@@ -33,10 +33,10 @@ impl Fusion {
 
     /// The fused cost on this rule's [`scale`](Fusion::scale), or `None` if no view is available.
     ///
-    /// `costs` holds at most four costs, each at most 21 x 21 x 255, so that no sum leaves 32 bits; their order does not
-    /// matter and is not kept.
+    /// `costs` holds at most four costs, each at most 21 x 21 x 255, so that no sum leaves 32 bits. Their order does not matter
+    /// and is not kept.
     pub fn fuse(self, costs: &mut [u32]) -> Option<u32> {
-        costs.sort_unstable();
+        sort(costs);
         Some(match (self, &*costs) {
             (_, []) => return None,
             (Fusion::Min, &[c1, ..]) => c1,
@@ -46,5 +46,18 @@ impl Fusion {
             (Fusion::Heuristic, &[c1, c2, c3, ..]) if c3 > 3 * c2 => 3 * (c1 + c2),
             (Fusion::Heuristic, &[c1, c2, c3, ..]) => 2 * (c1 + c2 + c3),
         })
+    }
+}
+
+/// Sorts by exchange: for four costs, the standard library's sort is large.
+fn sort(costs: &mut [u32]) {
+    let mut rest = costs;
+    while let [first, others @ ..] = rest {
+        for other in &mut *others {
+            if other < first {
+                core::mem::swap(first, other);
+            }
+        }
+        rest = others;
     }
 }

@@ -5,7 +5,7 @@ use core::{error, fmt};
 use crate::{
     Disparity, Frame, Memory, Params, Region, ScanlineSource,
     availability::{Segments, uniform_columns},
-    kernel::{Kernel, Lane, Lanes, Portable, Step},
+    kernel::{self, Blocks, Change, Isa, Lane, Portable, Step},
     lines::{Lines, Samples},
     memory::Shape,
     selection::Selection,
@@ -51,8 +51,8 @@ use crate::{
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
-pub struct Matcher<'m, K = Portable<{ Params::LANES }>> {
-    kernel: K,
+pub struct Matcher<'m, I = Portable<{ Params::LANES }>> {
+    isa: I,
     params: Params,
     region: Region,
     shape: Shape,
@@ -88,32 +88,27 @@ impl Params {
 }
 
 impl<'m> Matcher<'m> {
-    /// A pass over the whole frame with the portable kernel.
+    /// A pass over the whole frame with portable instructions.
     ///
     /// `memory` has at least [`Params::memory_words`] words; what they hold does not matter.
     ///
     /// # Errors
     /// [`MemoryTooSmall`].
     pub fn new(params: &Params, memory: &'m mut [u32]) -> Result<Matcher<'m>, MemoryTooSmall> {
-        Matcher::with_kernel(Portable, params, &Region::whole(params), memory)
+        Matcher::with_isa(Portable, params, &Region::whole(params), memory)
     }
 }
 
-impl<'m, K: Lanes> Matcher<'m, K> {
-    /// A pass over `region` with a kernel.
+impl<'m, I: Isa> Matcher<'m, I> {
+    /// A pass over `region` with an instruction set.
     ///
-    /// `memory` has as many words as [`Memory`] says for the region's width and the kernel's lanes; what they hold does not matter.
+    /// `memory` has as many words as [`Memory`] says for the region's width and its lanes; what they hold does not matter.
     ///
     /// # Errors
     /// [`MemoryTooSmall`].
-    pub fn with_kernel(
-        kernel: K,
-        params: &Params,
-        region: &Region,
-        memory: &'m mut [u32],
-    ) -> Result<Matcher<'m, K>, MemoryTooSmall> {
-        let shape = Shape::new(params, region.width(), K::LANES);
-        let sizes = Memory::new(params, region.width(), K::LANES);
+    pub fn with_isa(isa: I, params: &Params, region: &Region, memory: &'m mut [u32]) -> Result<Matcher<'m, I>, MemoryTooSmall> {
+        let shape = Shape::new(params, region.width(), I::LANES);
+        let sizes = Memory::new(params, region.width(), I::LANES);
         let too_small = MemoryTooSmall { needed: sizes.words(), given: memory.len() };
         let mut rest = memory.get_mut(..sizes.words()).ok_or(too_small)?;
         let mut lend = |bytes: usize| {
@@ -138,7 +133,7 @@ impl<'m, K: Lanes> Matcher<'m, K> {
             *lent = Some(lines(Frame::View(view))?);
         }
         Ok(Matcher {
-            kernel,
+            isa,
             params: *params,
             region: *region,
             shape,
@@ -161,7 +156,7 @@ impl<'m, K: Lanes> Matcher<'m, K> {
     }
 }
 
-impl<K: Lanes + Kernel<u16> + Kernel<u32>> Matcher<'_, K> {
+impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
     /// Computes the next disparity line of the region into `out`, which has a pixel for each of its columns, and returns
     /// the line's number in the frame; `None` after the last.
     ///
@@ -232,10 +227,13 @@ impl<K: Lanes + Kernel<u16> + Kernel<u32>> Matcher<'_, K> {
     #[inline(always)]
     fn prime(&mut self) {
         let steps = Steps::new(&self.center, &self.views, self.entering, None, self.sums.zeros);
-        let stride = self.params.views().len() * self.shape.depth;
+        let depth = self.shape.depth;
+        let stride = self.params.views().len() * depth;
         for (i, columns) in self.sums.columns.chunks_exact_mut(stride.max(1)).take(self.shape.span).enumerate() {
-            for (k, column) in columns.chunks_exact_mut(self.shape.depth.max(1)).enumerate() {
-                Kernel::<u16>::update(self.kernel, column, steps.step(i, k));
+            let center = steps.center(i);
+            for (k, view) in steps.views(i).enumerate() {
+                let column = columns.get_mut(k * depth..(k + 1) * depth).unwrap_or_default();
+                kernel::update(self.isa, column, Step { center, view });
             }
         }
     }
@@ -244,7 +242,7 @@ impl<K: Lanes + Kernel<u16> + Kernel<u32>> Matcher<'_, K> {
     #[inline(always)]
     fn compute<L: Lane>(&mut self, v: usize, out: &mut [Option<Disparity>])
     where
-        K: Kernel<L>,
+        I: Blocks<L>,
     {
         let (params, depth) = (&self.params, self.shape.depth);
         let leaving = (v > self.region.rows().start).then(|| self.entering - params.block_size() as i32);
@@ -260,31 +258,36 @@ impl<K: Lanes + Kernel<u16> + Kernel<u32>> Matcher<'_, K> {
         for i in 0..self.shape.span {
             let (before, here) = self.sums.columns.split_at_mut_checked(i * stride).unwrap_or_default();
             let trailing = i.checked_sub(params.block_size()).and_then(|i| before.get(i * stride..));
-            for (k, (column, block)) in here.chunks_exact_mut(depth.max(1)).zip(blocks.chunks_exact_mut(depth.max(1))).enumerate()
-            {
-                let trailing = trailing.and_then(|columns| columns.get(k * depth..(k + 1) * depth)).unwrap_or(self.sums.zeros);
-                self.kernel.advance(column, trailing, block, steps.step(i, k));
+            let center = steps.center(i);
+            for (k, view) in steps.views(i).enumerate() {
+                let part = k * depth..(k + 1) * depth;
+                let column = here.get_mut(part.clone()).unwrap_or_default();
+                let block = blocks.get_mut(part.clone()).unwrap_or_default();
+                let trailing = trailing.and_then(|columns| columns.get(part)).unwrap_or(self.sums.zeros);
+                kernel::advance(self.isa, column, trailing, block, Step { center, view });
             }
             if i < 2 * params.radius() {
                 continue;
             }
             let Some((u, pixel)) = pixels.next() else { break };
             let segments = match &mut segments {
-                Some(segments) if uniform.contains(&u) => segments,
+                Some(segments) if uniform.contains(&u) && u > uniform.start => segments,
                 segments => segments.insert(Segments::new(params, u, v)),
             };
-            *pixel = Selection { params, segments, blocks, depth }.disparity(self.kernel, fused);
+            *pixel = Selection { params, segments, blocks, depth }.disparity(self.isa, fused);
         }
     }
 }
 
 /// The lines that enter and leave the blocks, of the centre and of every view.
 struct Steps<'a> {
-    center: (Samples<'a>, Samples<'a>),
-    views: [(Samples<'a>, Samples<'a>); 4],
+    center: Change<Samples<'a>>,
+    views: [Change<Samples<'a>>; 4],
+    count: usize,
 }
 
 impl<'a> Steps<'a> {
+    /// Line `entering` enters, and line `leaving` leaves, if any.
     fn new(
         center: &'a Lines<'_>,
         views: &'a [Option<Lines<'_>>; 4],
@@ -293,16 +296,28 @@ impl<'a> Steps<'a> {
         zeros: &'a [u16],
     ) -> Steps<'a> {
         let nothing = Samples::constant(bytemuck::cast_slice(zeros));
-        let pair = |lines: &'a Lines<'_>| (lines.at(entering), leaving.map_or(nothing, |leaving| lines.at(leaving)));
-        Steps { center: pair(center), views: views.each_ref().map(|lines| lines.as_ref().map_or((nothing, nothing), pair)) }
+        let change = |lines: &'a Lines<'_>| Change {
+            entering: lines.at(entering),
+            leaving: leaving.map_or(nothing, |leaving| lines.at(leaving)),
+        };
+        let none = Change { entering: nothing, leaving: nothing };
+        Steps {
+            center: change(center),
+            views: views.each_ref().map(|lines| lines.as_ref().map_or(none, change)),
+            count: views.iter().flatten().count(),
+        }
     }
 
-    /// The step of column `i` in view `k`.
+    /// The centre's samples in column `i`.
     #[inline(always)]
-    fn step(&self, i: usize, k: usize) -> Step<'a> {
-        let (view_in, view_out) = self.views.get(k).map_or((&[][..], &[][..]), |view| (view.0.column(i), view.1.column(i)));
-        let sample = |samples: &Samples<'a>| samples.column(i).first().copied().unwrap_or_default();
-        Step { center_in: sample(&self.center.0), center_out: sample(&self.center.1), view_in, view_out }
+    fn center(&self, i: usize) -> Change<u8> {
+        self.center.each_ref().map(|samples| samples.column(i).first().copied().unwrap_or_default())
+    }
+
+    /// Each view's samples in column `i` at all disparities.
+    #[inline(always)]
+    fn views(&self, i: usize) -> impl Iterator<Item = Change<&'a [u8]>> {
+        self.views.iter().take(self.count).map(move |view| view.each_ref().map(|samples| samples.column(i)))
     }
 }
 

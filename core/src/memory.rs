@@ -4,7 +4,7 @@ use crate::{Frame, Params, View};
 
 /// The matcher's memory by buffer, in bytes, for regions of up to a given number of columns.
 ///
-/// With `X = columns + 2 rho` and `D` the number of disparities rounded up to the kernel's lanes:
+/// With `X = columns + 2 rho` and `D` the number of disparities rounded up to the lanes of the instruction set:
 ///
 /// | buffer | bytes |
 /// | --- | --- |
@@ -47,7 +47,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// The memory for regions of up to `columns` columns with a kernel of `lanes` lanes.
+    /// The memory for regions of up to `columns` columns with `lanes` lanes.
     pub const fn new(params: &Params, columns: usize, lanes: usize) -> Memory {
         let shape = Shape::new(params, columns, lanes);
         let views = params.views().len();

@@ -27,4 +27,3 @@ pub use picture::Picture;
 pub use raster::Raster;
 pub use rig::Rig;
 pub use simd::Simd;
-

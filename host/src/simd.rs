@@ -6,7 +6,12 @@
 
 use std::fmt;
 
-use multiscopic_core::{Disparity, Matcher, Memory, Params, Region, kernel::Portable};
+#[cfg(target_arch = "x86_64")]
+use multiscopic_core::kernel::{Avx2, Avx512};
+use multiscopic_core::{
+    Disparity, Matcher, Memory, Params, Region,
+    kernel::{Blocks, Portable},
+};
 
 use crate::Frames;
 
@@ -72,7 +77,7 @@ impl Simd {
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
             Level::Avx2 => unsafe { avx2(frames, params, region, out, line_done) },
-            Level::Baseline => match_region::<8>(frames, params, region, out, line_done),
+            Level::Baseline => match_region(Portable::<8>, frames, params, region, out, line_done),
         }
     }
 }
@@ -89,20 +94,27 @@ impl fmt::Display for Simd {
     }
 }
 
+/// # Safety
+/// The processor has AVX-512F, BW, DQ and VL.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,bmi2")]
-fn avx512(frames: &Frames, params: &Params, region: &Region, out: &mut [Option<Disparity>], line_done: &impl Fn()) {
-    match_region::<32>(frames, params, region, out, line_done);
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,bmi1,lzcnt,popcnt")]
+unsafe fn avx512(frames: &Frames, params: &Params, region: &Region, out: &mut [Option<Disparity>], line_done: &impl Fn()) {
+    // SAFETY: the caller's.
+    match_region(unsafe { Avx512::new() }, frames, params, region, out, line_done);
 }
 
+/// # Safety
+/// The processor has AVX2.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi2")]
-fn avx2(frames: &Frames, params: &Params, region: &Region, out: &mut [Option<Disparity>], line_done: &impl Fn()) {
-    match_region::<16>(frames, params, region, out, line_done);
+#[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
+unsafe fn avx2(frames: &Frames, params: &Params, region: &Region, out: &mut [Option<Disparity>], line_done: &impl Fn()) {
+    // SAFETY: the caller's.
+    match_region(unsafe { Avx2::new() }, frames, params, region, out, line_done);
 }
 
 #[inline(always)]
-fn match_region<const LANES: usize>(
+fn match_region<I: Blocks<u16> + Blocks<u32>>(
+    isa: I,
     mut frames: &Frames,
     params: &Params,
     region: &Region,
@@ -111,11 +123,11 @@ fn match_region<const LANES: usize>(
 ) {
     /// Bytes of the widest vector, to which the sums are aligned.
     const ALIGNMENT: usize = 64;
-    let words = Memory::new(params, region.width(), LANES).words();
+    let words = Memory::new(params, region.width(), I::LANES).words();
     let mut memory = vec![0u32; words + ALIGNMENT / 4];
     let start = memory.as_ptr().align_offset(ALIGNMENT);
-    let mut matcher = Matcher::with_kernel(Portable::<LANES>, params, region, &mut memory[start..])
-        .expect("the memory has the matcher's own size");
+    let mut matcher =
+        Matcher::with_isa(isa, params, region, &mut memory[start..]).expect("the memory has the matcher's own size");
     for line in out.chunks_exact_mut(region.width()) {
         matcher.next_line(&mut frames, line).expect("lines in memory do not fail");
         line_done();

@@ -1,1 +1,11 @@
 //! What the tests share.
+
+pub mod ascii;
+pub mod case;
+pub mod command;
+pub mod data;
+pub mod golden;
+pub mod images;
+pub mod random;
+pub mod reference;
+pub mod source;

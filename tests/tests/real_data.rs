@@ -1,0 +1,215 @@
+//! Tests on real images, which are not in the repository: see [`multiscopic_tests::data`]. Without them every test is reported as
+//! ignored.
+#![expect(clippy::approx_constant, reason = "errors that happen to look like pi")]
+
+use std::{error::Error, path::Path};
+
+use libtest_mimic::{Arguments, Failed, Trial};
+use multiscopic_core::{Region, kernel::Portable};
+use multiscopic_tests::{
+    case::{matched, params},
+    command::Run,
+    data::{self, Dataset},
+    random::Random,
+    reference::{
+        Fusion::{self, Heuristic, Mean, Min},
+        raw16,
+    },
+};
+
+/// What `evaluate` reports: RMS and AvgErr in pixels, Bad0.5, Bad1 and Bad2 in percent.
+type Errors = [f64; 5];
+
+/// A test that is given the folder of the data.
+type Test = Box<dyn Fn(&Path) -> Result<(), Failed> + Send>;
+
+/// A scene, its search, and its errors by number of views and fusion rule as an independent implementation found them.
+struct Known {
+    dataset: Dataset,
+    scene: &'static str,
+    min_disparity: i32,
+    num_disparities: i32,
+    block_size: i32,
+    errors: &'static [(u64, Fusion, Errors)],
+}
+
+const KNOWN: [Known; 4] = [
+    Known {
+        dataset: Dataset::Middlebury2006Third,
+        scene: "Aloe",
+        min_disparity: 1,
+        num_disparities: 30,
+        block_size: 11,
+        errors: &[(1, Min, [1.094, 0.351, 8.72, 6.70, 5.11]), (2, Min, [0.868, 0.271, 6.28, 4.88, 3.63])],
+    },
+    Known {
+        dataset: Dataset::Middlebury2006Third,
+        scene: "Lampshade1",
+        min_disparity: 1,
+        num_disparities: 30,
+        block_size: 11,
+        errors: &[(1, Min, [2.808, 1.156, 28.93, 20.43, 16.50]), (2, Min, [2.502, 0.965, 23.78, 17.48, 14.16])],
+    },
+    Known {
+        dataset: Dataset::Tsukuba,
+        scene: "tsukuba",
+        min_disparity: 1,
+        num_disparities: 18,
+        block_size: 9,
+        errors: &[
+            (1, Min, [1.815, 0.761, 30.21, 13.99, 9.64]),
+            (4, Min, [1.543, 0.622, 25.53, 10.79, 7.74]),
+            (4, Mean, [1.365, 0.476, 15.20, 7.38, 6.06]),
+            (4, Heuristic, [1.474, 0.618, 27.74, 12.30, 7.37]),
+        ],
+    },
+    Known {
+        dataset: Dataset::Hci4d,
+        scene: "cotton",
+        min_disparity: -8,
+        num_disparities: 17,
+        block_size: 9,
+        errors: &[
+            (1, Min, [1.361, 0.373, 6.26, 4.76, 3.84]),
+            (4, Min, [0.908, 0.232, 3.55, 2.57, 1.91]),
+            (4, Mean, [1.110, 0.296, 5.13, 3.84, 3.14]),
+            (4, Heuristic, [0.854, 0.216, 3.39, 2.37, 1.74]),
+        ],
+    },
+];
+
+/// Datasets and scenes of which a part, with its left and topmost pixel, is matched by the core and by the float reference.
+const PARTS: [(Dataset, &str, usize, usize); 4] = [
+    (Dataset::Middlebury2006Third, "Aloe", 180, 150),
+    (Dataset::Middlebury2005Full, "Art", 610, 420),
+    (Dataset::Tsukuba, "tsukuba", 150, 100),
+    (Dataset::Hci4d, "cotton", 230, 200),
+];
+
+fn name(fusion: Fusion) -> &'static str {
+    match fusion {
+        Min => "min",
+        Mean => "mean",
+        Heuristic => "heuristic",
+    }
+}
+
+/// One line of `evaluate --json`.
+#[derive(Debug)]
+struct Row {
+    scene: String,
+    views: u64,
+    fusion: String,
+    errors: Errors,
+    coverage: f64,
+}
+
+/// Runs `evaluate` on a dataset with block matching.
+fn evaluate(root: &Path, dataset: Dataset, arguments: &[&str]) -> Result<Vec<Row>, Failed> {
+    let dir = tempfile::tempdir()?;
+    let json = dir.path().join("results.json");
+    let folder = root.join(dataset.name());
+    let paths = [folder.to_str().ok_or("a path in UTF-8")?, json.to_str().ok_or("a path in UTF-8")?];
+    let mut all = vec!["evaluate", paths[0], "--dataset", dataset.name(), "--methods", "bm", "--json", paths[1]];
+    all.extend(arguments);
+    let run = Run::new(&all);
+    if run.code != Some(0) {
+        return Err(format!("{all:?}: {run:#?}").into());
+    }
+    let rows: Vec<serde_json::Value> = serde_json::from_slice(&std::fs::read(json)?)?;
+    let row = |value: &serde_json::Value| -> Option<Row> {
+        let number = |key: &str| value[key].as_f64();
+        let text = |key: &str| value[key].as_str().map(String::from);
+        let errors = [number("rms")?, number("avg_err")?, number("bad_0_5")?, number("bad_1")?, number("bad_2")?];
+        let is_right = value["dataset"] == dataset.name() && value["method"] == "bm" && number("seconds")? > 0.0;
+        is_right.then_some(Row {
+            scene: text("scene")?,
+            views: value["views"].as_u64()?,
+            fusion: text("fusion")?,
+            errors,
+            coverage: number("coverage")?,
+        })
+    };
+    rows.iter().map(|value| row(value).ok_or_else(|| format!("a row of evaluate: {value}").into())).collect()
+}
+
+/// `evaluate` agrees with the known errors of a scene within a hundredth of each.
+fn known_errors(root: &Path, known: &Known) -> Result<(), Failed> {
+    for &(views, fusion, expected) in known.errors {
+        let numbers = [known.min_disparity, known.num_disparities, known.block_size].map(|n| n.to_string());
+        let views_argument = views.to_string();
+        let mut arguments = vec!["--min-disparity", &numbers[0], "--num-disparities", &numbers[1], "--block-size", &numbers[2]];
+        arguments.extend(["--views", &views_argument, "--fusion", name(fusion)]);
+        if known.dataset != Dataset::Tsukuba {
+            arguments.extend(["--scenes", known.scene]);
+        }
+        let rows = evaluate(root, known.dataset, &arguments)?;
+        let [row] = &rows[..] else { return Err(format!("one row for {arguments:?}: {rows:?}").into()) };
+        // With one view there is nothing to fuse.
+        if row.views != views || (views > 1 && row.fusion != name(fusion)) || !row.scene.eq_ignore_ascii_case(known.scene) {
+            return Err(format!("a row for {arguments:?}: {row:?}").into());
+        }
+        let agrees = row.errors.iter().zip(expected).all(|(found, expected)| (found - expected).abs() <= 0.01 * expected);
+        if !agrees || !(0.9..=1.0).contains(&row.coverage) {
+            return Err(format!("{} with {views} views, {}: {row:?} instead of {expected:?}", known.scene, name(fusion)).into());
+        }
+    }
+    Ok(())
+}
+
+/// Over all scenes of Middlebury 2006, two views have about a third less error than stereo.
+fn reduction(root: &Path) -> Result<(), Failed> {
+    let rows = evaluate(root, Dataset::Middlebury2006Third, &["--views", "1,2"])?;
+    let of = |views: u64| rows.iter().filter(move |row| row.views == views && !row.scene.eq_ignore_ascii_case("mean"));
+    let scenes = std::fs::read_dir(root.join(Dataset::Middlebury2006Third.name()))?.count();
+    for views in [1, 2] {
+        if of(views).count() != scenes {
+            return Err(format!("a row with {views} views for each of {scenes} scenes: {rows:#?}").into());
+        }
+    }
+    for (i, figure) in ["RMS", "AvgErr"].into_iter().enumerate() {
+        let mean = |views| of(views).map(|row| row.errors[i]).sum::<f64>() / scenes as f64;
+        let reduction = 100.0 * (1.0 - mean(2) / mean(1));
+        if !(20.0..=45.0).contains(&reduction) {
+            return Err(format!("{figure} falls from {:.3} to {:.3}, by {reduction:.1} %", mean(1), mean(2)).into());
+        }
+    }
+    Ok(())
+}
+
+/// The core and the float reference agree on every bit of a part of a scene.
+fn part(root: &Path, dataset: Dataset, scene: &str, left: usize, top: usize) -> Result<(), Box<dyn Error>> {
+    let images = dataset.read(root, scene).images.crop(left, top, 48, 32);
+    let views = images.views.each_ref().map(Option::is_some);
+    for fusion in [Min, Mean, Heuristic] {
+        let reference = images.reference(fusion, -2, 20, 7).disparities();
+        let params = params(48, 32, views, fusion, -2, 20, 7);
+        let found = matched(Portable::<16>, &params, &Region::whole(&params), &images, &mut Random(1));
+        let expected: Vec<u16> = reference.into_iter().map(raw16).collect();
+        if let Some(i) = (0..expected.len()).find(|&i| found[i] != expected[i]) {
+            return Err(format!("{fusion:?}, pixel ({}, {}): {} instead of {}", i % 48, i / 48, found[i], expected[i]).into());
+        }
+    }
+    Ok(())
+}
+
+fn main() {
+    let arguments = Arguments::from_args();
+    let root = data::root();
+    let mut trials: Vec<Trial> = Vec::new();
+    let mut test = |name: String, run: Test| {
+        let (is_absent, root) = (root.is_none(), root.clone());
+        let run = move || run(&root.ok_or("the data is in neither $MULTISCOPIC_DATA nor ../shared/data")?);
+        trials.push(Trial::test(name, run).with_ignored_flag(is_absent));
+    };
+    for known in KNOWN {
+        let name = format!("known_errors::{}", known.scene);
+        test(name, Box::new(move |root| known_errors(root, &known)));
+    }
+    test("two_views_have_a_third_less_error".into(), Box::new(reduction));
+    for (dataset, scene, left, top) in PARTS {
+        let run = move |root: &Path| part(root, dataset, scene, left, top).map_err(|error| error.to_string().into());
+        test(format!("bit_exact::{}", dataset.name()), Box::new(run));
+    }
+    libtest_mimic::run(&arguments, trials).exit();
+}

@@ -1,7 +1,7 @@
 //! Runs the firmware in the emulator and compares what it writes with what this machine computes.
 
 use anyhow::{Context, Result, ensure};
-use multiscopic_core::{Disparity, Matcher, Params};
+use multiscopic_core::{Disparity, Params};
 use multiscopic_edge::{files, profile};
 use std::{fs, path::Path};
 
@@ -12,7 +12,7 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
     let (board, profile) = (&board::REFERENCE, profile::SMALL);
     let image = firmware::build(toolchain, board)?;
     println!("edge: profile {} on {}: {}", profile.name, board.name, Footprint::of(&image)?);
-    for set in image_sets(&profile.params)? {
+    for set in image_sets(&profile.params) {
         let bytes = compare(board, &image, &profile.params, &set).with_context(|| format!("image set {}", set.name))?;
         println!("edge: image set {}: identical to this machine ({bytes} bytes of disparities)", set.name);
     }
@@ -20,13 +20,13 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
 }
 
 /// The image sets that this machine has.
-fn image_sets(params: &Params) -> Result<Vec<ImageSet>> {
+fn image_sets(params: &Params) -> Vec<ImageSet> {
     let mut sets = vec![ImageSet::random_dots(params)];
-    match layout::data("tsukuba") {
-        Some(folder) => sets.push(ImageSet::tsukuba(params, &folder)?),
+    match ImageSet::tsukuba(params) {
+        Some(set) => sets.push(set),
         None => println!("edge: image set tsukuba: skipped, it is neither in $MULTISCOPIC_DATA nor in ../shared/data"),
     }
-    Ok(sets)
+    sets
 }
 
 /// Runs `image` on `set`. Its output must be what this machine computes; how many bytes that is comes back.
@@ -39,19 +39,10 @@ fn compare(board: &Board, image: &Path, params: &Params, set: &ImageSet) -> Resu
     }
     emulator::run(board, image, &folder)?;
     let found = fs::read(&output).with_context(|| format!("the firmware wrote no {}", output.display()))?;
-    same(&found, &expected(params, set)?, params.width()).with_context(|| output.display().to_string())?;
+    let encode = |pixel: &Option<Disparity>| Disparity::to_raw16(*pixel).to_le_bytes();
+    let expected: Vec<u8> = set.disparities(params)?.iter().flat_map(encode).collect();
+    same(&found, &expected, params.width()).with_context(|| output.display().to_string())?;
     Ok(found.len())
-}
-
-/// What this machine computes, in the firmware's encoding.
-fn expected(params: &Params, set: &ImageSet) -> Result<Vec<u8>> {
-    let mut memory = vec![0; params.memory_words()];
-    let mut matcher = Matcher::new(params, &mut memory)?;
-    let (mut line, mut bytes) = (vec![None; params.width()], Vec::new());
-    while matcher.next_line(&mut &set.frames, &mut line)?.is_some() {
-        bytes.extend(line.iter().flat_map(|&pixel| Disparity::to_raw16(pixel).to_le_bytes()));
-    }
-    Ok(bytes)
 }
 
 /// Fails at the first pixel that differs.

@@ -1,50 +1,63 @@
 //! The frames that the firmware is given.
 
-use anyhow::{Context, Result, ensure};
-use image::{GrayImage, Luma, imageops};
-use multiscopic::{Frames, Picture};
-use multiscopic_core::{Frame, Params, View};
+use anyhow::{Context, Result};
+use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, View};
 use multiscopic_edge::files;
+use multiscopic_tests::{
+    data::{self, Dataset},
+    images::Images,
+    source::StrictSource,
+};
 use std::{fs, path::Path};
 
 /// Frames for some parameters, under a name.
 pub struct ImageSet {
     /// How reports name it.
     pub name: &'static str,
-    /// The centre and its neighbours.
-    pub frames: Frames,
+    images: Images,
 }
 
 impl ImageSet {
     /// Random dots on four planes that face the camera, with some noise: the same at every run.
     pub fn random_dots(params: &Params) -> ImageSet {
-        let (width, height) = (params.width() as u32, params.height() as u32);
-        let take = |frame| GrayImage::from_fn(width, height, |u, v| Luma([dot(frame, u as i32, v as i32)]));
-        ImageSet { name: "random-dots", frames: gather(params, |frame| Ok(take(frame))).expect("nothing is read") }
+        let (width, height) = (params.width(), params.height());
+        let take = |frame| (0..width * height).map(|i| dot(frame, (i % width) as i32, (i / width) as i32)).collect();
+        let views = View::ALL.map(|view| params.views().contains(view).then(|| take(Frame::View(view))));
+        ImageSet { name: "random-dots", images: Images { width, height, center: take(Frame::Center), views } }
     }
 
-    /// The middle of the Tsukuba head and lamp, five cameras of the grid, from `folder`.
-    pub fn tsukuba(params: &Params, folder: &Path) -> Result<ImageSet> {
-        let read = |frame| read_middle(&folder.join(tsukuba_file(frame)), params);
-        Ok(ImageSet { name: "tsukuba", frames: gather(params, read)? })
+    /// The middle of the Tsukuba head and lamp, if this machine has it.
+    pub fn tsukuba(params: &Params) -> Option<ImageSet> {
+        let root = data::root().filter(|root| root.join(Dataset::Tsukuba.name()).is_dir())?;
+        let all = Dataset::Tsukuba.read(&root, "").images.only(View::ALL.map(|view| params.views().contains(view)));
+        let (left, top) = ((all.width - params.width()) / 2, (all.height - params.height()) / 2);
+        Some(ImageSet { name: Dataset::Tsukuba.name(), images: all.crop(left, top, params.width(), params.height()) })
     }
 
     /// Writes the frames as the firmware reads them.
     pub fn write(&self, folder: &Path) -> Result<()> {
         fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-        for frame in [Frame::Center].into_iter().chain(self.frames.views().iter().map(Frame::View)) {
+        let views = View::ALL.map(Frame::View).into_iter().zip(&self.images.views);
+        let views = views.filter_map(|(frame, pixels)| Some((frame, pixels.as_ref()?)));
+        for (frame, pixels) in [(Frame::Center, &self.images.center)].into_iter().chain(views) {
             let path = folder.join(files::frame(frame).to_str()?);
-            let image = self.frames.get(frame).context("the frame is one of them")?;
-            fs::write(&path, image.as_raw()).with_context(|| format!("cannot write {}", path.display()))?;
+            fs::write(&path, pixels).with_context(|| format!("cannot write {}", path.display()))?;
         }
         Ok(())
     }
-}
 
-/// The frames that `params` need, each of which `take` makes.
-fn gather(params: &Params, mut take: impl FnMut(Frame) -> Result<GrayImage>) -> Result<Frames> {
-    let center = Frames::new(take(Frame::Center)?);
-    params.views().iter().try_fold(center, |frames, view| Ok(frames.with(view, take(Frame::View(view))?)))
+    /// The disparities that the core finds on this machine, line by line.
+    pub fn disparities(&self, params: &Params) -> Result<Vec<Option<Disparity>>> {
+        let mut source = StrictSource::new(&self.images, params, &Region::whole(params));
+        let mut memory = vec![0; params.memory_words()];
+        let mut matcher = Matcher::new(params, &mut memory)?;
+        let (mut line, mut disparities) = (vec![None; params.width()], Vec::new());
+        while matcher.next_line(&mut source, &mut line)?.is_some() {
+            source.line_done();
+            disparities.extend_from_slice(&line);
+        }
+        Ok(disparities)
+    }
 }
 
 /// Disparity, and left, top, right and bottom in the centre frame, of each plane, the nearest first.
@@ -86,29 +99,9 @@ fn hash(values: [i32; 3]) -> u32 {
     })
 }
 
-const fn tsukuba_file(frame: Frame) -> &'static str {
-    match frame {
-        Frame::Center => "scene1.row3.col3.ppm",
-        Frame::View(View::Left) => "scene1.row3.col2.ppm",
-        Frame::View(View::Right) => "scene1.row3.col4.ppm",
-        Frame::View(View::Top) => "scene1.row2.col3.ppm",
-        Frame::View(View::Bottom) => "scene1.row4.col3.ppm",
-    }
-}
-
-/// The middle of the image at `path`.
-fn read_middle(path: &Path, params: &Params) -> Result<GrayImage> {
-    let image = Picture::read(path)?.to_gray();
-    let (width, height) = (params.width() as u32, params.height() as u32);
-    let found = image.dimensions();
-    ensure!(width <= found.0 && height <= found.1, "{}: found {found:?}, expected {width}x{height} or more", path.display());
-    Ok(imageops::crop_imm(&image, (found.0 - width) / 2, (found.1 - height) / 2, width, height).to_image())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::Matcher;
     use multiscopic_edge::profile::SMALL;
 
     /// A pixel well inside each plane, where no nearer one hides it.
@@ -116,15 +109,10 @@ mod tests {
 
     #[test]
     fn the_matcher_finds_the_planes() {
-        let (params, set) = (SMALL.params, ImageSet::random_dots(&SMALL.params));
-        let mut memory = vec![0; params.memory_words()];
-        let mut matcher = Matcher::new(&params, &mut memory).unwrap();
-        let mut line = vec![None; params.width()];
-        while let Some(v) = matcher.next_line(&mut &set.frames, &mut line).unwrap() {
-            for (u, _, plane) in INSIDE.into_iter().filter(|inside| inside.1 == v) {
-                let found = f32::from(line[u].expect("a view has the match"));
-                assert!((found - plane).abs() <= 0.25, "pixel ({u}, {v}): found {found}, expected {plane}");
-            }
+        let disparities = ImageSet::random_dots(&SMALL.params).disparities(&SMALL.params).unwrap();
+        for (u, v, plane) in INSIDE {
+            let found = f32::from(disparities[v * SMALL.params.width() + u].expect("a view has the match"));
+            assert!((found - plane).abs() <= 0.25, "pixel ({u}, {v}): found {found}, expected {plane}");
         }
     }
 }

@@ -19,10 +19,3 @@ pub fn target() -> PathBuf {
 pub fn edge_target() -> PathBuf {
     target().join("edge")
 }
-
-/// The folder of the real images `dataset`, if this machine has it.
-pub fn data(dataset: &str) -> Option<PathBuf> {
-    let given = env::var_os("MULTISCOPIC_DATA").map(PathBuf::from);
-    let folders = given.into_iter().chain([root().join("../shared/data")]);
-    folders.map(|folder| folder.join(dataset)).find(|folder| folder.is_dir())
-}

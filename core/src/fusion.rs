@@ -17,6 +17,18 @@ pub enum Fusion {
 }
 
 impl Fusion {
+    /// Every rule.
+    pub const ALL: [Fusion; 3] = [Fusion::Min, Fusion::Mean, Fusion::Heuristic];
+
+    /// Its name on command lines and in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Fusion::Min => "min",
+            Fusion::Mean => "mean",
+            Fusion::Heuristic => "heuristic",
+        }
+    }
+
     /// The rule the paper uses with this number of views: the minimum for up to two, the heuristic rule for more.
     pub const fn default_for(views: usize) -> Fusion {
         if views <= 2 { Fusion::Min } else { Fusion::Heuristic }

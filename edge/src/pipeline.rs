@@ -1,66 +1,139 @@
-//! From scanlines to bytes.
+//! From scanlines to packets.
 
-use core::{error, fmt};
+use core::{error, fmt, marker::PhantomData};
 use embedded_io::Write;
-use multiscopic_core::{Disparity, MatchError, Matcher, MemoryTooSmall, Params, ScanlineSource};
+use multiscopic_core::{
+    Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, Rewind, ScanlineSource, kernel::Portable,
+};
 
-/// The memory of a pipeline. Its lengths follow from the parameters.
-pub struct Workspace<const WORDS: usize, const WIDTH: usize> {
+use crate::{
+    Board, Phase,
+    packet::{BufferTooSmall, Sender},
+};
+
+/// The memory of a pipeline. Its lengths follow from the profile.
+pub struct Workspace<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> {
     matcher: [u32; WORDS],
-    line: [Option<Disparity>; WIDTH],
-    pixels: [[u8; 2]; WIDTH],
+    line: [Option<Disparity>; COLUMNS],
+    packet: [u8; PACKET],
 }
 
-impl<const WORDS: usize, const WIDTH: usize> Workspace<WORDS, WIDTH> {
-    /// A workspace for `params`. A constant of it is checked when it is compiled.
-    pub const fn new(params: &Params) -> Self {
-        assert!(WORDS == params.memory_words(), "WORDS must be Params::memory_words()");
-        assert!(WIDTH == params.width(), "WIDTH must be Params::width()");
-        Workspace { matcher: [0; WORDS], line: [None; WIDTH], pixels: [[0; 2]; WIDTH] }
+impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WORDS, COLUMNS, PACKET> {
+    /// An empty workspace.
+    #[expect(clippy::new_without_default, reason = "a static is initialised with it")]
+    pub const fn new() -> Self {
+        Workspace { matcher: [0; WORDS], line: [None; COLUMNS], packet: [0; PACKET] }
     }
 
-    /// Matches the frames of `source` and writes each disparity line to `output` as soon as it is there: a pixel in two bytes,
-    /// little-endian, as [`Disparity::to_raw16`] encodes it. Returns the number of lines.
+    /// The pipeline that works in it.
+    pub fn pipeline(&mut self) -> Pipeline<'_> {
+        Pipeline { matcher: &mut self.matcher, line: &mut self.line, packet: &mut self.packet }
+    }
+}
+
+/// Matches frames and sends the disparities, in memory of its own.
+#[derive(Debug)]
+pub struct Pipeline<'w> {
+    matcher: &'w mut [u32],
+    line: &'w mut [Option<Disparity>],
+    packet: &'w mut [u8],
+}
+
+impl<'w> Pipeline<'w> {
+    /// Matches the frames of `source` in column tiles and sends each disparity line to `output` as soon as it is there. The
+    /// sender comes back for the packet that ends the frame.
     ///
     /// # Errors
     /// Those of the source, the matcher and the output.
-    pub fn run<S: ScanlineSource, W: Write>(
-        &mut self,
+    pub fn run<B: Board>(
+        self,
         params: &Params,
-        source: &mut S,
-        output: &mut W,
-    ) -> Result<usize, PipelineError<S::Error, W::Error>> {
-        let mut matcher = Matcher::new(params, &mut self.matcher).map_err(PipelineError::Memory)?;
-        let mut lines = 0;
-        while matcher.next_line(source, &mut self.line).map_err(PipelineError::Match)?.is_some() {
-            for (bytes, pixel) in self.pixels.iter_mut().zip(self.line) {
-                *bytes = Disparity::to_raw16(pixel).to_le_bytes();
+        tile_width: usize,
+        source: &mut B::Frames,
+        output: &mut B::Output,
+    ) -> Result<Sender<'w>, RunError<B>> {
+        let mut sender = Sender::new(params, self.packet);
+        for (pass, tile) in Region::tiles(params, tile_width).enumerate() {
+            if pass > 0 {
+                source.rewind().map_err(PipelineError::Rewind)?;
             }
-            output.write_all(self.pixels.as_flattened()).map_err(PipelineError::Write)?;
-            lines += 1;
+            B::enter(Phase::Matching);
+            let columns = tile.width();
+            let given = self.line.len();
+            let line = self.line.get_mut(..columns).ok_or(PipelineError::Line { needed: columns, given })?;
+            let mut matcher =
+                Matcher::with_isa(Portable::<{ Params::LANES }>, params, &tile, self.matcher).map_err(PipelineError::Memory)?;
+            while let Some(v) = matcher.next_line(&mut Fetching::<B>::new(source), line).map_err(PipelineError::Match)? {
+                B::enter(Phase::Sending);
+                let packet = sender.line(&tile, v, line).map_err(PipelineError::Packet)?;
+                output.write_all(packet).map_err(PipelineError::Write)?;
+                B::enter(Phase::Matching);
+            }
+            B::enter(Phase::Idle);
         }
-        Ok(lines)
+        Ok(sender)
     }
 }
+
+/// A board's frames, whose fetching is marked.
+struct Fetching<'a, B: Board> {
+    source: &'a mut B::Frames,
+    board: PhantomData<B>,
+}
+
+impl<'a, B: Board> Fetching<'a, B> {
+    fn new(source: &'a mut B::Frames) -> Self {
+        Fetching { source, board: PhantomData }
+    }
+}
+
+impl<B: Board> ScanlineSource for Fetching<'_, B> {
+    type Error = <B::Frames as ScanlineSource>::Error;
+
+    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
+        B::enter(Phase::Fetching);
+        let done = self.source.read_line(frame, v, line);
+        B::enter(Phase::Matching);
+        done
+    }
+}
+
+/// Why a pipeline on board `B` ended before its last line.
+pub type RunError<B> =
+    PipelineError<<<B as Board>::Frames as ScanlineSource>::Error, <<B as Board>::Output as embedded_io::ErrorType>::Error>;
 
 /// Why a pipeline ended before its last line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PipelineError<S, W> {
+    /// The workspace is for narrower tiles.
+    Line {
+        /// Pixels of the tile.
+        needed: usize,
+        /// Pixels of the workspace's line.
+        given: usize,
+    },
     /// The workspace is for other parameters.
     Memory(MemoryTooSmall),
+    /// The frames cannot be read again.
+    Rewind(S),
     /// A line could not be matched.
     Match(MatchError<S>),
-    /// A line could not be written.
+    /// A line does not fit into its packet.
+    Packet(BufferTooSmall),
+    /// A line could not be sent.
     Write(W),
 }
 
 impl<S: fmt::Display, W: fmt::Display> fmt::Display for PipelineError<S, W> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            PipelineError::Line { needed, given } => write!(f, "a tile has {needed} columns, the workspace {given}"),
             PipelineError::Memory(error) => write!(f, "{error}"),
+            PipelineError::Rewind(error) => write!(f, "cannot go back to the first line: {error}"),
             PipelineError::Match(error) => write!(f, "{error}"),
-            PipelineError::Write(error) => write!(f, "cannot write a disparity line: {error}"),
+            PipelineError::Packet(error) => write!(f, "{error}"),
+            PipelineError::Write(error) => write!(f, "cannot send a disparity line: {error}"),
         }
     }
 }
@@ -69,17 +142,27 @@ impl<S: error::Error, W: error::Error> error::Error for PipelineError<S, W> {}
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
     use super::*;
-    use core::convert::Infallible;
-    use multiscopic_core::{Frame, Fusion, Views};
+    use crate::packet::{self, Content, Packet};
+    use core::{convert::Infallible, time::Duration};
+    use embedded_io::{ErrorType, SliceWriteError};
+    use multiscopic_core::{Fusion, Memory, Views};
+    use std::{vec, vec::Vec};
 
     const PARAMS: Params = match Params::new(24, 20, Views::ALL, Fusion::Heuristic, 1, 4, 3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
+    const WORDS: usize = Memory::new(&PARAMS, PARAMS.width(), Params::LANES).words();
+    const PACKET: usize = packet::buffer_bytes(PARAMS.width());
 
-    /// A slope two pixels away from the infinite.
-    struct Slope;
+    /// A slope two pixels away from the infinite, which counts how often it is read.
+    #[derive(Default)]
+    struct Slope {
+        rewinds: usize,
+    }
 
     impl ScanlineSource for Slope {
         type Error = Infallible;
@@ -97,21 +180,99 @@ mod tests {
         }
     }
 
+    impl Rewind for Slope {
+        fn rewind(&mut self) -> Result<(), Infallible> {
+            self.rewinds += 1;
+            Ok(())
+        }
+    }
+
+    /// A way out for so many bytes.
+    struct Output {
+        sent: Vec<u8>,
+        room: usize,
+    }
+
+    impl ErrorType for Output {
+        type Error = SliceWriteError;
+    }
+
+    impl Write for Output {
+        fn write(&mut self, bytes: &[u8]) -> Result<usize, SliceWriteError> {
+            if self.sent.len() + bytes.len() > self.room {
+                return Err(SliceWriteError::Full);
+            }
+            self.sent.extend_from_slice(bytes);
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> Result<(), SliceWriteError> {
+            Ok(())
+        }
+    }
+
+    struct Desk;
+
+    impl Board for Desk {
+        type Frames = Slope;
+        type Output = Output;
+        type Error = Infallible;
+
+        fn frames(&mut self, _: &Params) -> Result<Slope, Infallible> {
+            Ok(Slope::default())
+        }
+
+        fn output(&mut self) -> Result<Output, Infallible> {
+            Ok(Output { sent: Vec::new(), room: usize::MAX })
+        }
+
+        fn elapsed(&self) -> Duration {
+            Duration::ZERO
+        }
+
+        fn enter(_: Phase) {}
+    }
+
+    /// The pixels that a pipeline sends, and how often it goes back.
+    fn matched(tile_width: usize) -> (Vec<Option<Option<Disparity>>>, usize) {
+        let Ok(mut source) = Desk.frames(&PARAMS);
+        let Ok(mut output) = Desk.output();
+        let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
+        workspace.pipeline().run::<Desk>(&PARAMS, tile_width, &mut source, &mut output).unwrap();
+        let mut pixels = vec![None; PARAMS.width() * PARAMS.height()];
+        assert_eq!(output.sent.pop(), Some(0));
+        for bytes in output.sent.split_mut(|&byte| byte == 0) {
+            let packet = Packet::decode(bytes).unwrap();
+            let Content::Line { line, left, .. } = packet.header.content else { panic!("only lines were sent") };
+            let start = usize::from(line) * PARAMS.width() + usize::from(left);
+            for (pixel, disparity) in pixels[start..].iter_mut().zip(packet.disparities()) {
+                assert_eq!(pixel.replace(disparity), None);
+            }
+        }
+        (pixels, source.rewinds)
+    }
+
     #[test]
-    fn every_line_comes_out_encoded() {
-        let mut workspace = Workspace::<{ PARAMS.memory_words() }, { PARAMS.width() }>::new(&PARAMS);
-        let mut bytes = [0; 2 * PARAMS.width() * PARAMS.height()];
-        let mut output = &mut bytes[..];
-        assert_eq!(workspace.run(&PARAMS, &mut Slope, &mut output), Ok(PARAMS.height()));
-        assert!(output.is_empty());
-        let middle = 2 * (PARAMS.height() / 2 * PARAMS.width() + PARAMS.width() / 2);
-        assert_eq!(bytes[middle..][..2], (2 * 64 + 32768_u16).to_le_bytes());
+    fn every_line_is_sent() {
+        let (pixels, rewinds) = matched(PARAMS.width());
+        assert!(pixels.iter().all(Option::is_some));
+        assert_eq!(pixels[10 * PARAMS.width() + 12], Some(Disparity::from_bits(128)));
+        assert_eq!(rewinds, 0);
+    }
+
+    #[test]
+    fn tiles_are_the_same_frame() {
+        let (whole, _) = matched(PARAMS.width());
+        for (tile_width, passes) in [(12, 2), (7, 4), (1, 24)] {
+            assert_eq!(matched(tile_width), (whole.clone(), passes - 1), "tiles of {tile_width} columns");
+        }
     }
 
     #[test]
     fn an_output_that_is_full_ends_it() {
-        let mut workspace = Workspace::<{ PARAMS.memory_words() }, { PARAMS.width() }>::new(&PARAMS);
-        let end = workspace.run(&PARAMS, &mut Slope, &mut &mut [0; 2 * PARAMS.width()][..]);
-        assert_eq!(end, Err(PipelineError::Write(embedded_io::SliceWriteError::Full)));
+        let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
+        let mut output = Output { sent: Vec::new(), room: 150 };
+        let end = workspace.pipeline().run::<Desk>(&PARAMS, PARAMS.width(), &mut Slope::default(), &mut output);
+        assert_eq!(end.err(), Some(PipelineError::Write(SliceWriteError::Full)));
     }
 }

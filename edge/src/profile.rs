@@ -1,22 +1,122 @@
-//! What a firmware image matches.
+//! What firmware images match.
 
-use multiscopic_core::{Fusion, Params, Views};
+use multiscopic_core::{Fusion, Memory, Params, Views};
 
-/// Parameters under a name.
+use crate::packet;
+
+/// The size of a match under a name, and the RAM it may take.
 #[derive(Clone, Copy, Debug)]
 pub struct Profile {
-    /// How reports name it.
+    /// How reports name it: the name of its binary.
     pub name: &'static str,
-    /// What is matched.
-    pub params: Params,
+    /// How much RAM the statics and the greatest stack may take.
+    pub ram_budget: usize,
+    shape: Shape,
+    tile_width: usize,
 }
 
-/// All four neighbours of a small frame.
-pub const SMALL: Profile = profile("small", Params::new(160, 120, Views::ALL, Fusion::Heuristic, 1, 16, 7));
+/// A small frame and its horizontal neighbours.
+pub const QQVGA: Profile = Profile::whole("qqvga", Shape { views: Views::HORIZONTAL, ..Shape::new(160, 120, 16, 7) }, 20);
+/// A frame and all its neighbours.
+pub const QVGA: Profile = Profile::whole("qvga", Shape::new(320, 240, 32, 11), 144);
+/// The same in column tiles.
+pub const QVGA_TILED: Profile = Profile::tiled("qvga-tiled", Shape::new(320, 240, 32, 11), 48);
+/// A large frame and all its neighbours in column tiles.
+pub const VGA_TILED: Profile = Profile::tiled("vga-tiled", Shape::new(640, 480, 64, 11), 96);
 
-const fn profile(name: &'static str, params: Result<Params, multiscopic_core::ParamsError>) -> Profile {
-    match params {
-        Ok(params) => Profile { name, params },
-        Err(_) => panic!("a profile's parameters are out of range: see Params::new"),
+/// Every profile.
+pub const ALL: [Profile; 4] = [QQVGA, QVGA, QVGA_TILED, VGA_TILED];
+
+/// What tiles leave of the budget for everything that is not the matcher's memory: the stack, the line and its packet, the
+/// state of the runtime.
+const RESERVE: usize = 6 * 1024;
+
+impl Profile {
+    /// A match in one pass over the whole frame.
+    const fn whole(name: &'static str, shape: Shape, budget_kib: usize) -> Profile {
+        Profile { name, ram_budget: 1024 * budget_kib, shape, tile_width: shape.width as usize }
+    }
+
+    /// A match in column tiles: as few of the same width as the budget allows.
+    const fn tiled(name: &'static str, shape: Shape, budget_kib: usize) -> Profile {
+        let whole = Profile::whole(name, shape, budget_kib);
+        let mut tiles = 1;
+        loop {
+            let tile_width = whole.tile_width.div_ceil(tiles);
+            let profile = Profile { tile_width, ..whole };
+            if 4 * profile.memory_words() + RESERVE <= profile.ram_budget {
+                return profile;
+            }
+            assert!(tile_width > 1, "a profile's RAM budget is too small for its narrowest tile");
+            tiles += 1;
+        }
+    }
+
+    /// The parameters of the match with a rule of fusion.
+    pub const fn params(&self, fusion: Fusion) -> Params {
+        self.shape.params(fusion)
+    }
+
+    /// Columns of a tile: all, if the frame is matched in one pass.
+    pub const fn tile_width(&self) -> usize {
+        self.tile_width
+    }
+
+    /// The length of the memory that the matcher is lent.
+    pub const fn memory_words(&self) -> usize {
+        Memory::new(&self.params(Fusion::Min), self.tile_width, Params::LANES).words()
+    }
+
+    /// The length of the buffer that packets are encoded in.
+    pub const fn packet_bytes(&self) -> usize {
+        packet::buffer_bytes(self.tile_width)
+    }
+}
+
+/// The size of a match. Every search starts at a disparity of 1.
+#[derive(Clone, Copy, Debug)]
+struct Shape {
+    width: u16,
+    height: u16,
+    views: Views,
+    num_disparities: u16,
+    block_size: u8,
+}
+
+impl Shape {
+    const fn new(width: u16, height: u16, num_disparities: u16, block_size: u8) -> Shape {
+        Shape { width, height, views: Views::ALL, num_disparities, block_size }
+    }
+
+    const fn params(self, fusion: Fusion) -> Params {
+        match Params::new(self.width, self.height, self.views, fusion, 1, self.num_disparities, self.block_size) {
+            Ok(params) => params,
+            Err(_) => panic!("a profile's parameters are out of range: see Params::new"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_are_as_few_as_the_budget_allows() {
+        assert_eq!(QVGA.tile_width(), 320);
+        for tiled in [QVGA_TILED, VGA_TILED] {
+            let width = usize::from(tiled.shape.width);
+            let wider = Profile { tile_width: width.div_ceil(width.div_ceil(tiled.tile_width) - 1), ..tiled };
+            assert!(4 * wider.memory_words() + RESERVE > tiled.ram_budget, "{}", tiled.name);
+        }
+    }
+
+    #[test]
+    fn the_fusion_does_not_change_the_memory() {
+        for profile in ALL {
+            for fusion in [Fusion::Min, Fusion::Mean, Fusion::Heuristic] {
+                let memory = Memory::new(&profile.params(fusion), profile.tile_width(), Params::LANES);
+                assert_eq!(memory.words(), profile.memory_words(), "{}", profile.name);
+            }
+        }
     }
 }

@@ -1,8 +1,8 @@
-//! Scanlines from streams that cannot go back: files, UARTs, sensors.
+//! Scanlines from streams: files, and what cannot go back, such as UARTs and sensors.
 
 use core::{error, fmt};
-use embedded_io::{Read, ReadExactError};
-use multiscopic_core::{Frame, ScanlineSource, View, Views};
+use embedded_io::{Read, ReadExactError, Seek};
+use multiscopic_core::{Frame, Rewind, ScanlineSource, View, Views};
 
 /// One stream per frame, which brings the frame's lines from top to bottom.
 pub struct Streams<R> {
@@ -44,6 +44,19 @@ impl<R: Read> ScanlineSource for Streams<R> {
             ReadExactError::Other(error) => StreamsError::Read { frame, line: v, error },
         })?;
         stream.next += 1;
+        Ok(())
+    }
+}
+
+/// Streams that can go back, for matching in column tiles.
+impl<R: Read + Seek> Rewind for Streams<R> {
+    fn rewind(&mut self) -> Result<(), Self::Error> {
+        let views = View::ALL.map(Frame::View).into_iter().zip(self.views.iter_mut().map(Option::as_mut));
+        let views = views.filter_map(|(frame, stream)| Some((frame, stream?)));
+        for (frame, stream) in [(Frame::Center, &mut self.center)].into_iter().chain(views) {
+            stream.reader.rewind().map_err(|error| StreamsError::Rewind { frame, error })?;
+            stream.next = 0;
+        }
         Ok(())
     }
 }
@@ -94,6 +107,13 @@ pub enum StreamsError<E> {
         /// What the stream says.
         error: E,
     },
+    /// The stream does not go back.
+    Rewind {
+        /// The frame.
+        frame: Frame,
+        /// What the stream says.
+        error: E,
+    },
 }
 
 impl<E: fmt::Display> fmt::Display for StreamsError<E> {
@@ -105,6 +125,7 @@ impl<E: fmt::Display> fmt::Display for StreamsError<E> {
             }
             StreamsError::Ended { frame, line } => write!(f, "frame {frame:?} ended in line {line}"),
             StreamsError::Read { frame, line, error } => write!(f, "cannot read line {line} of frame {frame:?}: {error}"),
+            StreamsError::Rewind { frame, error } => write!(f, "cannot go back to the first line of frame {frame:?}: {error}"),
         }
     }
 }
@@ -112,7 +133,7 @@ impl<E: fmt::Display> fmt::Display for StreamsError<E> {
 impl<E: error::Error + 'static> error::Error for StreamsError<E> {
     fn source(&self) -> Option<&(dyn error::Error + 'static)> {
         match self {
-            StreamsError::Read { error, .. } => Some(error),
+            StreamsError::Read { error, .. } | StreamsError::Rewind { error, .. } => Some(error),
             _ => None,
         }
     }

@@ -6,7 +6,7 @@ use std::{process::Command, time::Instant};
 use crate::{
     board,
     command::{command, run},
-    edge, setup,
+    edge, faults, setup,
     toolchain::Toolchain,
 };
 
@@ -16,7 +16,8 @@ pub fn test() -> Result<()> {
     step("tests in debug", || run(&mut cargo(&["test", "--workspace"])))?;
     step("tests in release", || run(&mut cargo(&["test", "--workspace", "--release"])))?;
     step("the core for Arm", || core_for_arm(&toolchain))?;
-    step("the firmware in the emulator", || edge::run(&toolchain))?;
+    step("the firmware in the emulator", || edge::run(&toolchain, &edge::Selection::default()))?;
+    step("the firmware's faults", || faults::run(&toolchain))?;
     println!("\nevery test passed");
     Ok(())
 }
@@ -51,7 +52,7 @@ fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
     board::targets().iter().try_for_each(|target| {
         let mut clippy = toolchain.cargo("clippy");
         let packages = ["--package", "multiscopic-core", "--package", "multiscopic-edge"];
-        run(clippy.args(packages).args(["--target", target, "--lib", "--bins", "--", "-Dwarnings"]))
+        run(clippy.args(packages).args(["--target", target, "--lib", "--bins", "--examples", "--", "-Dwarnings"]))
     })
 }
 

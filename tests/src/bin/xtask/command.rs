@@ -24,13 +24,24 @@ pub fn run(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// Runs `command`, which is ended if it takes longer than `limit`.
+/// Runs `command`, which is ended if it takes longer than `limit`. It must be a success.
 pub fn run_within(command: &mut Command, limit: Duration) -> Result<()> {
     show(command);
+    let status = status_within(command, limit)?;
+    ensure!(status.success(), "{} failed ({status})", name(command));
+    Ok(())
+}
+
+/// Runs `command`, which is ended if it takes longer than `limit`, and gives its exit code.
+pub fn exit_code_within(command: &mut Command, limit: Duration) -> Result<i32> {
+    let status = status_within(command, limit)?;
+    status.code().with_context(|| format!("{} was ended ({status})", name(command)))
+}
+
+fn status_within(command: &mut Command, limit: Duration) -> Result<ExitStatus> {
     let mut child = command.stdin(Stdio::null()).spawn().with_context(|| format!("cannot start {}", name(command)))?;
     match wait(&mut child, limit)? {
-        Some(status) if status.success() => Ok(()),
-        Some(status) => bail!("{} failed ({status})", name(command)),
+        Some(status) => Ok(status),
         None => bail!("{} was not done after {} s", name(command), limit.as_secs()),
     }
 }
@@ -40,6 +51,14 @@ pub fn read(command: &mut Command) -> Result<String> {
     let Output { status, stdout, stderr } = command.output().with_context(|| format!("cannot start {}", name(command)))?;
     ensure!(status.success(), "{} failed ({status}): {}", name(command), String::from_utf8_lossy(&stderr));
     Ok(String::from_utf8(stdout)?.trim_end().to_owned())
+}
+
+/// What `command` prints on its standard error as it fails, which it must.
+pub fn read_failure(command: &mut Command) -> Result<String> {
+    show(command);
+    let Output { status, stderr, .. } = command.output().with_context(|| format!("cannot start {}", name(command)))?;
+    ensure!(!status.success(), "{} did not fail", name(command));
+    Ok(String::from_utf8_lossy(&stderr).into_owned())
 }
 
 /// Waits for `child` for at most `limit`, then ends it.

@@ -1,73 +1,238 @@
-//! Runs the firmware in the emulator and compares what it writes with what this machine computes.
+//! Runs the firmware in the emulator, compares what it sends with what this machine computes, and measures it.
 
-use anyhow::{Context, Result, ensure};
-use multiscopic_core::{Disparity, Params};
-use multiscopic_edge::{files, profile};
-use std::{fs, path::Path};
+use anyhow::{Context, Result, bail, ensure};
+use clap::Args;
+use multiscopic_core::Fusion;
+use multiscopic_edge::{Profile, frame_file, profile};
+use serde::Serialize;
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    sync::Mutex,
+    thread,
+};
 
-use crate::{board, board::Board, emulator, firmware, footprint::Footprint, image_set::ImageSet, layout, toolchain::Toolchain};
+use crate::{
+    board::{self, Board},
+    counter::{Counter, Instructions},
+    emulator,
+    firmware::{self, Program},
+    footprint::Footprint,
+    image_set::ImageSet,
+    layout,
+    received::Received,
+    toolchain::Toolchain,
+};
 
-/// Builds the firmware and runs it on each image set.
-pub fn run(toolchain: &Toolchain) -> Result<()> {
-    let (board, profile) = (&board::REFERENCE, profile::SMALL);
-    let image = firmware::build(toolchain, board)?;
-    println!("edge: profile {} on {}: {}", profile.name, board.name, Footprint::of(&image)?);
-    for set in image_sets(&profile.params) {
-        let bytes = compare(board, &image, &profile.params, &set).with_context(|| format!("image set {}", set.name))?;
-        println!("edge: image set {}: identical to this machine ({bytes} bytes of disparities)", set.name);
-    }
-    Ok(())
+/// How many emulators run at a time.
+const AT_A_TIME: usize = 2;
+
+/// What is run: everything, or what is named.
+#[derive(Args, Default)]
+pub struct Selection {
+    /// Only this profile
+    #[arg(long, value_parser = profile::ALL.map(|profile| profile.name))]
+    profile: Option<String>,
+    /// Only this rule of fusion
+    #[arg(long, value_parser = Fusion::ALL.map(Fusion::name))]
+    fusion: Option<String>,
+    /// Only this board
+    #[arg(long, value_parser = board::ALL.map(|board| board.name))]
+    board: Option<String>,
+    /// Write the measurements to this file
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 }
 
-/// The image sets that this machine has.
-fn image_sets(params: &Params) -> Vec<ImageSet> {
-    let mut sets = vec![ImageSet::random_dots(params)];
-    match ImageSet::tsukuba(params) {
-        Some(set) => sets.push(set),
-        None => println!("edge: image set tsukuba: skipped, it is neither in $MULTISCOPIC_DATA nor in ../shared/data"),
-    }
-    sets
+/// What a run measured.
+#[derive(Debug, Serialize)]
+struct Measurement {
+    profile: &'static str,
+    board: &'static str,
+    fusion: &'static str,
+    images: &'static str,
+    ram_static: usize,
+    stack_max: usize,
+    ram_total: usize,
+    ram_budget: usize,
+    text: u64,
+    de: u64,
+    instructions: u64,
+    instructions_per_de: f64,
+    instructions_matching: u64,
+    instructions_sending: u64,
+    lines_latency: usize,
+    identical_to_host: bool,
 }
 
-/// Runs `image` on `set`. Its output must be what this machine computes; how many bytes that is comes back.
-fn compare(board: &Board, image: &Path, params: &Params, set: &ImageSet) -> Result<usize> {
-    let folder = layout::edge_target().join("runs").join(set.name);
-    set.write(&folder)?;
-    let output = folder.join(files::DISPARITY.to_str()?);
-    if output.exists() {
-        fs::remove_file(&output)?;
-    }
-    emulator::run(board, image, &folder)?;
-    let found = fs::read(&output).with_context(|| format!("the firmware wrote no {}", output.display()))?;
-    let encode = |pixel: &Option<Disparity>| Disparity::to_raw16(*pixel).to_le_bytes();
-    let expected: Vec<u8> = set.disparities(params)?.iter().flat_map(encode).collect();
-    same(&found, &expected, params.width()).with_context(|| output.display().to_string())?;
-    Ok(found.len())
+/// An image and how it is run.
+struct Run {
+    board: &'static Board,
+    profile: Profile,
+    fusion: Fusion,
+    image: PathBuf,
 }
 
-/// Fails at the first pixel that differs.
-fn same(found: &[u8], expected: &[u8], width: usize) -> Result<()> {
-    ensure!(found.len() == expected.len(), "found {} bytes, expected {}", found.len(), expected.len());
-    let pixels = |bytes| <[u8]>::chunks_exact(bytes, 2).map(|pixel| u16::from_le_bytes([pixel[0], pixel[1]]));
-    let show = |raw| Disparity::from_raw16(raw).map_or("invalid".to_owned(), |disparity| disparity.to_string());
-    for (i, (found, expected)) in pixels(found).zip(pixels(expected)).enumerate() {
-        let (u, v) = (i % width, i / width);
-        ensure!(found == expected, "pixel ({u}, {v}): the firmware found {}, this machine {}", show(found), show(expected));
+/// Builds the firmware, runs it, and reports.
+pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
+    let counter = Counter::build()?;
+    let runs = build(toolchain, selection)?;
+    ensure!(!runs.is_empty(), "no board of the selection can hold a profile of it");
+    let mut measurements = measure_all(&runs, &counter)?;
+    measurements.sort_by_key(|measurement| {
+        runs.iter().position(|run| (run.board.name, run.profile.name, run.fusion.name()) == measurement.key())
+    });
+    print(&measurements);
+    if let Some(path) = &selection.json {
+        let json = serde_json::to_string_pretty(&measurements)?;
+        fs::write(path, json + "\n").with_context(|| format!("cannot write {}", path.display()))?;
     }
-    Ok(())
+    check(&measurements)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_first_pixel_that_differs_is_named() {
-        let (expected, mut found) = ([0x80; 12], [0x80; 12]);
-        assert!(same(&found, &expected, 3).is_ok());
-        found[8..10].copy_from_slice(&[0, 0]);
-        let error = same(&found, &expected, 3).unwrap_err().to_string();
-        assert_eq!(error, "pixel (1, 1): the firmware found invalid, this machine 2");
-        assert!(same(&found[..10], &expected, 3).is_err());
+/// Builds the images of `selection`, board by board.
+fn build(toolchain: &Toolchain, selection: &Selection) -> Result<Vec<Run>> {
+    let wanted = |choice: &Option<String>, name: &str| choice.as_deref().is_none_or(|choice| choice == name);
+    let mut runs = Vec::new();
+    for board in board::ALL.iter().filter(|board| wanted(&selection.board, board.name)) {
+        let held = |profile: &Profile| wanted(&selection.profile, profile.name) && profile.ram_budget <= board.ram;
+        let profiles: Vec<_> = profile::ALL.into_iter().filter(held).collect();
+        if profiles.is_empty() {
+            continue;
+        }
+        let programs: Vec<_> = profiles.iter().map(|profile| Program::Profile(profile.name)).collect();
+        for (profile, image) in profiles.into_iter().zip(firmware::build(toolchain, board, &programs)?) {
+            let fusions = Fusion::ALL.into_iter().filter(|fusion| wanted(&selection.fusion, fusion.name()));
+            runs.extend(fusions.map(|fusion| Run { board, profile, fusion, image: image.clone() }));
+        }
     }
+    Ok(runs)
+}
+
+/// Measures `runs`, a few at a time.
+fn measure_all(runs: &[Run], counter: &Counter) -> Result<Vec<Measurement>> {
+    let (next, measurements) = (Mutex::new(runs.iter()), Mutex::new(Vec::new()));
+    let take = || next.lock().expect("no thread panics here").next();
+    let work = || -> Result<()> {
+        while let Some(run) = take() {
+            let measurement = run.measure(counter).with_context(|| format!("edge: {}", run.name()))?;
+            println!("edge: {}: identical to this machine on {}", run.name(), measurement.images);
+            measurements.lock().expect("no thread panics here").push(measurement);
+        }
+        Ok(())
+    };
+    thread::scope(|scope| {
+        let workers: Vec<_> = (0..AT_A_TIME).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().try_for_each(|worker| worker.join().expect("no thread panics here"))
+    })?;
+    Ok(measurements.into_inner()?)
+}
+
+impl Run {
+    fn name(&self) -> String {
+        format!("{} on {}, {}", self.profile.name, self.board.name, self.fusion.name())
+    }
+
+    /// Runs the image. What it sends must be what this machine computes.
+    fn measure(&self, counter: &Counter) -> Result<Measurement> {
+        let params = self.profile.params(self.fusion);
+        let folder = layout::edge_target().join("runs").join(self.board.name).join(self.profile.name).join(self.fusion.name());
+        let images = ImageSet::tsukuba(&params).unwrap_or_else(|| ImageSet::demo(&params));
+        images.write(&folder)?;
+        let received = self.received(&folder, counter)?;
+        received.same_as(&images.disparities(&params)?, params.width())?;
+        let (footprint, instructions) = (Footprint::of(&self.image)?, Instructions::read(&folder)?);
+        let ram_static = footprint.ram() as usize;
+        Ok(Measurement {
+            profile: self.profile.name,
+            board: self.board.name,
+            fusion: self.fusion.name(),
+            images: images.name,
+            ram_static,
+            stack_max: received.stack,
+            ram_total: ram_static + received.stack,
+            ram_budget: self.profile.ram_budget,
+            text: footprint.text,
+            de: params.evaluations(),
+            instructions: instructions.pipeline(),
+            instructions_per_de: instructions.pipeline() as f64 / params.evaluations() as f64,
+            instructions_matching: instructions.matching,
+            instructions_sending: instructions.sending,
+            lines_latency: params.latency_lines(),
+            identical_to_host: true,
+        })
+    }
+
+    /// What the image sends as it is run in `folder`.
+    fn received(&self, folder: &Path, counter: &Counter) -> Result<Received> {
+        let packets = folder.join(frame_file::PACKETS.to_str()?);
+        if packets.exists() {
+            fs::remove_file(&packets)?;
+        }
+        let plugin = counter.plugin(&self.image)?;
+        let end = emulator::run(self.board, &self.image, self.fusion.name(), folder, Some(&plugin))?;
+        ensure!(end.code == 0, "the firmware ended with exit code {} and said:\n{}", end.code, end.words);
+        let bytes = fs::read(&packets).with_context(|| format!("the firmware sent no {}", packets.display()))?;
+        Received::decode(bytes, &self.profile.params(self.fusion)).with_context(|| packets.display().to_string())
+    }
+}
+
+impl Measurement {
+    fn key(&self) -> (&str, &str, &str) {
+        (self.board, self.profile, self.fusion)
+    }
+
+    fn fits(&self) -> bool {
+        self.ram_total <= self.ram_budget
+    }
+}
+
+fn print(measurements: &[Measurement]) {
+    println!(
+        "\n{:<10} {:<10} {:<9} {:<8} {:>8} {:>6} {:>8} {:>8} {:>7} {:>13} {:>7} {:>8} {:>7}",
+        "board",
+        "profile",
+        "fusion",
+        "images",
+        "static",
+        "stack",
+        "RAM",
+        "budget",
+        "text",
+        "instructions",
+        "per DE",
+        "sending",
+        "latency"
+    );
+    for m in measurements {
+        println!(
+            "{:<10} {:<10} {:<9} {:<8} {:>8} {:>6} {:>8} {:>8} {:>7} {:>13} {:>7.2} {:>8.2} {:>7}",
+            m.board,
+            m.profile,
+            m.fusion,
+            m.images,
+            m.ram_static,
+            m.stack_max,
+            m.ram_total,
+            m.ram_budget,
+            m.text,
+            m.instructions,
+            m.instructions_per_de,
+            m.instructions_sending as f64 / m.de as f64,
+            m.lines_latency
+        );
+    }
+    println!("RAM and text in bytes; DE = pixel x disparity x view; sending = for the packets, within per DE; latency in lines");
+}
+
+/// Fails if a run took more RAM than its profile may.
+fn check(measurements: &[Measurement]) -> Result<()> {
+    let over: Vec<_> = measurements.iter().filter(|measurement| !measurement.fits()).collect();
+    for m in &over {
+        eprintln!(
+            "edge: {} on {}, {}: {} bytes of RAM, at most {} are allowed",
+            m.profile, m.board, m.fusion, m.ram_total, m.ram_budget
+        );
+    }
+    if over.is_empty() { Ok(()) } else { bail!("{} runs take too much RAM", over.len()) }
 }

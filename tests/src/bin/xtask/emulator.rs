@@ -1,18 +1,37 @@
 //! Runs firmware in the emulator.
 
 use anyhow::{Context, Result};
-use std::{path::Path, time::Duration};
+use std::{
+    fs::{self, File},
+    path::Path,
+    time::Duration,
+};
 
-use crate::{board::Board, command::run_within, tool};
+use crate::{board::Board, command::exit_code_within, tool};
 
 /// How long a run may take.
-const LIMIT: Duration = Duration::from_secs(120);
+const LIMIT: Duration = Duration::from_secs(300);
 
-/// Runs `image` on `board` to its end, which must be a success. Its files are those in `folder`, and its words go where ours go.
-pub fn run(board: &Board, image: &Path, folder: &Path) -> Result<()> {
+/// How a run ended.
+#[derive(Debug)]
+pub struct End {
+    /// The exit code of the firmware.
+    pub code: i32,
+    /// What it said.
+    pub words: String,
+}
+
+/// Runs `image` on `board`, started with the word `arg`. Its files are those in `folder`; `plugin` watches, if there is one.
+pub fn run(board: &Board, image: &Path, arg: &str, folder: &Path, plugin: Option<&str>) -> Result<End> {
     let emulator = tool::QEMU.install()?;
+    let words = folder.join("words.txt");
+    let output = File::create(&words).with_context(|| format!("cannot make {}", words.display()))?;
     let machine = ["-machine", board.machine, "-nographic", "-monitor", "none", "-serial", "none"];
     let mut emulator = emulator.command(&machine)?;
-    emulator.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(image).current_dir(folder);
-    run_within(&mut emulator, LIMIT).with_context(|| format!("the firmware on {}", board.name))
+    emulator.args(plugin.into_iter().flat_map(|plugin| ["-plugin", plugin]));
+    emulator.arg("-semihosting-config").arg(format!("enable=on,target=native,arg=firmware,arg={arg}"));
+    emulator.arg("-kernel").arg(image).current_dir(folder);
+    emulator.stdout(output.try_clone()?).stderr(output);
+    let code = exit_code_within(&mut emulator, LIMIT).with_context(|| format!("the firmware on {}", board.name))?;
+    Ok(End { code, words: String::from_utf8_lossy(&fs::read(&words)?).into_owned() })
 }

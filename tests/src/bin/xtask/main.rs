@@ -3,13 +3,16 @@
 mod board;
 mod check;
 mod command;
+mod counter;
 mod debian;
 mod edge;
 mod emulator;
+mod faults;
 mod firmware;
 mod footprint;
 mod image_set;
 mod layout;
+mod received;
 mod setup;
 mod tool;
 mod toolchain;
@@ -33,8 +36,8 @@ enum Task {
     Test,
     /// Check formatting, lints and documentation, then run every test
     Ci,
-    /// Build the firmware, run it in the emulator and compare it with this machine, bit for bit
-    Edge,
+    /// Build the firmware, run it in the emulator, compare it with this machine bit for bit, and measure it
+    Edge(edge::Selection),
 }
 
 fn main() -> ExitCode {
@@ -52,6 +55,6 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Setup => setup::run().map(drop),
         Task::Test => check::test(),
         Task::Ci => check::ci(),
-        Task::Edge => edge::run(&setup::run()?),
+        Task::Edge(selection) => edge::run(&setup::run()?, &selection),
     }
 }

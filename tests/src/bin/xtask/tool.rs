@@ -21,8 +21,11 @@ pub struct Tool {
 pub const QEMU: Tool =
     Tool { program: "qemu-system-arm", debian: "qemu-system-arm", fedora: "qemu-system-arm", homebrew: "qemu" };
 
+/// A C compiler, for the emulator's plugin.
+pub const CC: Tool = Tool { program: "cc", debian: "gcc", fedora: "gcc", homebrew: "gcc" };
+
 /// Every program that is needed.
-pub const ALL: [Tool; 1] = [QEMU];
+pub const ALL: [Tool; 2] = [QEMU, CC];
 
 impl Tool {
     /// The program, installed first if it is not there.

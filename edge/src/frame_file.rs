@@ -3,12 +3,11 @@
 use core::ffi::CStr;
 use multiscopic_core::{Frame, View};
 
-/// The disparities: lines from top to bottom, a pixel in two bytes, little-endian, as
-/// [`Disparity::to_raw16`](multiscopic_core::Disparity::to_raw16) encodes it.
-pub const DISPARITY: &CStr = c"disparity.raw16";
+/// The packets of disparities: see [`packet`](crate::packet).
+pub const PACKETS: &CStr = c"disparity.packets";
 
 /// The pixels of `frame`: lines from top to bottom, a pixel in one byte, 8-bit grey.
-pub const fn frame(frame: Frame) -> &'static CStr {
+pub const fn name(frame: Frame) -> &'static CStr {
     match frame {
         Frame::Center => c"center.gray",
         Frame::View(View::Left) => c"left.gray",

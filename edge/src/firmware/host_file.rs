@@ -1,10 +1,10 @@
 //! Files of the machine that debugs or emulates the board, through semihosting.
 
 use core::{error, ffi::CStr, fmt};
-use embedded_io::{Error, ErrorKind, ErrorType, Read, Write};
+use embedded_io::{Error, ErrorKind, ErrorType, Read, Seek, SeekFrom, Write};
 use semihosting::{
     fs::File,
-    io::{self, Read as _, Write as _},
+    io::{self, Read as _, Seek as _, Write as _},
 };
 
 /// An open file of the host.
@@ -19,6 +19,11 @@ impl HostFile {
     /// Makes an empty file at `path`.
     pub fn create(path: &CStr) -> Result<HostFile, HostError> {
         File::create(path).map(HostFile).map_err(HostError)
+    }
+
+    /// How many bytes it has.
+    pub fn bytes(&self) -> Result<u64, HostError> {
+        self.0.metadata().map(|metadata| metadata.len()).map_err(HostError)
     }
 }
 
@@ -42,9 +47,21 @@ impl Write for HostFile {
     }
 }
 
+/// Semihosting counts from a file's start and end alone.
+impl Seek for HostFile {
+    fn seek(&mut self, to: SeekFrom) -> Result<u64, HostError> {
+        let to = match to {
+            SeekFrom::Start(offset) => io::SeekFrom::Start(offset),
+            SeekFrom::End(offset) => io::SeekFrom::End(offset),
+            SeekFrom::Current(_) => return Err(HostError(io::ErrorKind::Unsupported.into())),
+        };
+        self.0.seek(to).map_err(HostError)
+    }
+}
+
 /// What the host said.
 #[derive(Debug)]
-pub struct HostError(io::Error);
+pub struct HostError(pub io::Error);
 
 impl fmt::Display for HostError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

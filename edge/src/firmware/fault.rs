@@ -1,0 +1,49 @@
+//! How the firmware ends when it cannot go on: with words and an exit code, never in a silent loop.
+#![expect(unsafe_code, reason = "a fault is handled below what Rust knows of")]
+
+use core::{arch::naked_asm, fmt::Display, panic::PanicInfo};
+use cortex_m::peripheral::SCB;
+use semihosting::{eprintln, process};
+
+const FAILED: i32 = 1;
+const PANICKED: i32 = 101;
+const FAULTED: i32 = 102;
+const OVERFLOWED: i32 = 103;
+
+/// In the configurable fault status register: the stack could not take an exception's frame, or went past its limit.
+const STACKING: u32 = 1 << 4 | 1 << 12 | 1 << 20;
+
+/// Ends the firmware because of `error`.
+pub fn fail(error: impl Display) -> ! {
+    eprintln!("firmware: {error}");
+    process::exit(FAILED)
+}
+
+#[panic_handler]
+fn panic(info: &PanicInfo<'_>) -> ! {
+    eprintln!("firmware: {info}");
+    process::exit(PANICKED)
+}
+
+/// The stack may be what has failed, so it begins anew before anything else.
+#[unsafe(export_name = "HardFault")]
+#[unsafe(naked)]
+unsafe extern "C" fn hard_fault() -> ! {
+    naked_asm!("mov r0, sp", "ldr r1, =_stack_start", "mov sp, r1", "b {report}", report = sym report)
+}
+
+extern "C" fn report(stack_pointer: u32) -> ! {
+    // SAFETY: reading the status has no effect.
+    let status = unsafe { (*SCB::PTR).cfsr.read() };
+    let stack = cortex_m_stack::stack();
+    let (top, bottom) = (stack.start as u32, stack.end as u32);
+    if status & STACKING != 0 || stack_pointer < bottom {
+        eprintln!(
+            "firmware: stack overflow: the stack has {} bytes, and the stack pointer is at {stack_pointer:#010x}",
+            top - bottom
+        );
+        process::exit(OVERFLOWED)
+    }
+    eprintln!("firmware: hard fault, status {status:#010x}");
+    process::exit(FAULTED)
+}

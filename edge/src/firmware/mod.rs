@@ -1,0 +1,88 @@
+//! The firmware on a Cortex-M processor.
+
+mod fault;
+mod host_file;
+mod phase;
+mod semihosted;
+
+use core::{ffi::CStr, fmt};
+use cortex_m as _; // brings the critical section
+use embedded_io::Write;
+use multiscopic_core::Fusion;
+use semihosting::{experimental::env, println, process};
+
+use crate::{Board, Pipeline, PipelineError, Profile, StreamsError, packet::BufferTooSmall};
+
+use host_file::HostError;
+use semihosted::Semihosted;
+
+/// The room for the words that the firmware is started with.
+const ARGS: usize = 256;
+
+/// Matches the frames of the board in the way that `profile` says, with the rule of fusion that is its only argument.
+pub fn run(profile: &Profile, pipeline: Pipeline<'_>) -> ! {
+    match matched(&mut Semihosted::new(), profile, pipeline) {
+        Ok(()) => process::exit(0),
+        Err(failure) => fault::fail(failure),
+    }
+}
+
+fn matched(board: &mut Semihosted, profile: &Profile, pipeline: Pipeline<'_>) -> Result<(), Failure> {
+    let params = profile.params(fusion()?);
+    println!("firmware: profile {}, fusion {}", profile.name, params.fusion().name());
+    let (mut frames, mut output) = (board.frames(&params)?, board.output()?);
+    let run = pipeline.run::<Semihosted>(&params, profile.tile_width(), &mut frames, &mut output);
+    let mut sender = run.map_err(Failure::Pipeline)?;
+    let stack = cortex_m_stack::stack_size() as usize - cortex_m_stack::stack_painted() as usize;
+    output
+        .write_all(sender.end(stack).map_err(Failure::Packet)?)
+        .map_err(|error| Failure::Pipeline(PipelineError::Write(error)))?;
+    println!("firmware: done after {} ms", board.elapsed().as_millis());
+    Ok(())
+}
+
+/// The rule of fusion that the firmware is started with.
+fn fusion() -> Result<Fusion, Failure> {
+    let args = env::args::<ARGS>().map_err(|error| Failure::Args(HostError(error)))?;
+    let name = (&args).nth(1).and_then(Result::ok).ok_or(Failure::Fusion)?;
+    Fusion::ALL.into_iter().find(|fusion| fusion.name() == name).ok_or(Failure::Fusion)
+}
+
+/// Why the firmware did not come to its end.
+enum Failure {
+    /// The words that it was started with could not be had.
+    Args(HostError),
+    /// The argument is no rule of fusion.
+    Fusion,
+    /// A file could not be opened.
+    File(&'static CStr, HostError),
+    /// A frame has another size.
+    Size {
+        /// Its file.
+        path: &'static CStr,
+        /// Bytes it has.
+        found: u64,
+        /// Bytes that it should have.
+        expected: u64,
+    },
+    /// A line could not be read, matched or sent.
+    Pipeline(PipelineError<StreamsError<HostError>, HostError>),
+    /// The last packet could not be encoded.
+    Packet(BufferTooSmall),
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = |path: &'static CStr| path.to_str().unwrap_or("a file");
+        match self {
+            Failure::Args(error) => write!(f, "the words that it was started with cannot be had: {error}"),
+            Failure::Fusion => write!(f, "start it with one word: min, mean or heuristic"),
+            Failure::File(path, error) => write!(f, "cannot open {}: {error}", name(path)),
+            Failure::Size { path, found, expected } => {
+                write!(f, "{} has {found} bytes, a frame of this profile has {expected}", name(path))
+            }
+            Failure::Pipeline(error) => write!(f, "{error}"),
+            Failure::Packet(error) => write!(f, "{error}"),
+        }
+    }
+}

@@ -38,6 +38,8 @@ enum Task {
     Ci,
     /// Build the firmware, run it in the emulator, compare it with this machine bit for bit, and measure it
     Edge(edge::Selection),
+    /// Run the firmware where it must fail: too large, out of stack, without its frames
+    Faults,
 }
 
 fn main() -> ExitCode {
@@ -55,6 +57,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Setup => setup::run().map(drop),
         Task::Test => check::test(),
         Task::Ci => check::ci(),
+        Task::Faults => faults::run(&setup::run()?),
         Task::Edge(selection) => edge::run(&setup::run()?, &selection),
     }
 }

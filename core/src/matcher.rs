@@ -246,7 +246,12 @@ impl<I: Isa> Matcher<'_, I> {
         let mut columns = cast_mut::<_, [I::Sums; V]>(self.sums.columns);
         for i in 0..self.shape.span {
             let Some((column, rest)) = mem::take(&mut columns).split_at_mut_checked(vectors) else { break };
-            kernel::update(self.isa, column, &steps.column(i));
+            let step = steps.column(i);
+            if step.covers(vectors) {
+                for (j, column) in column.iter_mut().enumerate() {
+                    kernel::update(self.isa, column, &step, j);
+                }
+            }
             columns = rest;
         }
     }
@@ -261,7 +266,7 @@ impl<I: Isa> Matcher<'_, I> {
         let leaving = (v > self.region.rows().start).then(|| self.entering - params.block_size() as i32);
         let steps = Steps::<V>::new(&self.center, &self.views, self.entering, leaving, bytemuck::cast_slice(self.sums.zeros));
         let columns = cast_mut::<_, [I::Sums; V]>(self.sums.columns);
-        let nothing: &[[I::Sums; V]] = bytemuck::try_cast_slice(self.sums.zeros).unwrap_or_default();
+        let nothing: &[[I::Sums; V]] = cast(self.sums.zeros);
         cast_mut::<_, L>(self.sums.blocks).fill(L::default());
         let blocks = cast_mut::<_, [I::Costs; V]>(self.sums.blocks).get_mut(..vectors).unwrap_or_default();
         let fused = cast_mut::<_, I::Costs>(self.sums.fused).get_mut(..vectors).unwrap_or_default();
@@ -273,7 +278,7 @@ impl<I: Isa> Matcher<'_, I> {
         let complete = if segments.are_complete(params) { uniform.clone() } else { 0..0 };
         let excess = excess(isa, params.num_disparities());
 
-        let mut pixels = self.region.columns().zip(out);
+        let mut pixels = out.iter_mut();
         for i in 0..self.shape.span {
             let (before, here) = columns.split_at_mut_checked(i * vectors).unwrap_or_default();
             let column = here.get_mut(..vectors).unwrap_or_default();
@@ -282,30 +287,34 @@ impl<I: Isa> Matcher<'_, I> {
                 None => nothing,
             };
             let step = steps.column(i);
+            if !step.covers(vectors) || fused.len() != vectors {
+                break;
+            }
+            let u = (self.region.columns().start + i).wrapping_sub(2 * params.radius());
+            let fuses = complete.contains(&u);
+            let mut least = isa.splat(L::MAX);
+            let sums = column.iter_mut().zip(trailing).zip(&mut *blocks);
+            for (j, (((column, trailing), block), fused)) in sums.zip(&mut *fused).enumerate() {
+                let sums = kernel::advance(isa, column, trailing, block, &step, j);
+                if let Some(costs) = kernel::fuse(rule, &sums).filter(|_| fuses) {
+                    let costs = if j + 1 == vectors { costs.max(excess) } else { costs };
+                    costs.store(fused);
+                    least = least.min(costs);
+                }
+            }
             if i < 2 * params.radius() {
-                kernel::advance(isa, column, trailing, blocks, &step, |_, _| ());
                 continue;
             }
-            let Some((u, pixel)) = pixels.next() else { break };
-            if complete.contains(&u) {
-                let mut least = isa.splat(L::MAX);
-                kernel::advance(isa, column, trailing, blocks, &step, |j, sums| {
-                    if let (Some(costs), Some(fused)) = (kernel::fuse(rule, &sums), fused.get_mut(j)) {
-                        let costs = if j + 1 == vectors { costs.max(excess) } else { costs };
-                        costs.store(fused);
-                        least = least.min(costs);
-                    }
-                });
-                let selection = Selection { isa, params, segments: &segments, blocks };
-                if let Some(found) = selection.disparity_of_fused(rule, fused, least) {
-                    *pixel = found;
-                    continue;
+            let Some(pixel) = pixels.next() else { break };
+            let selection = Selection { isa, params, segments: &segments, blocks };
+            let found = if fuses { selection.disparity_of_fused(rule, fused, least) } else { None };
+            *pixel = match found {
+                Some(found) => found,
+                None => {
+                    let segments = if uniform.contains(&u) { segments } else { Segments::new(params, u, v) };
+                    Selection { isa, params, segments: &segments, blocks }.disparity(fused)
                 }
-            } else {
-                kernel::advance(isa, column, trailing, blocks, &step, |_, _| ());
-            }
-            let segments = if uniform.contains(&u) { segments } else { Segments::new(params, u, v) };
-            *pixel = Selection { isa, params, segments: &segments, blocks }.disparity(fused);
+            };
         }
     }
 }
@@ -321,9 +330,18 @@ fn excess<L: Lane, I: Blocks<L>>(isa: I, num_disparities: usize) -> I::Block {
     isa.load_block(&costs)
 }
 
-/// Memory as an array of something else; its sizes were made to fit.
+/// Memory as whole elements of another type, of no greater alignment; what is left over at the end was lent to round up.
 fn cast_mut<T: Pod, U: Pod>(memory: &mut [T]) -> &mut [U] {
-    bytemuck::try_cast_slice_mut(memory).unwrap_or_default()
+    let bytes: &mut [u8] = bytemuck::cast_slice_mut(memory);
+    let whole = bytes.len() / size_of::<U>() * size_of::<U>();
+    bytes.get_mut(..whole).and_then(|bytes| bytemuck::try_cast_slice_mut(bytes).ok()).unwrap_or_default()
+}
+
+/// As [`cast_mut`], to be read.
+fn cast<T: Pod, U: Pod>(memory: &[T]) -> &[U] {
+    let bytes: &[u8] = bytemuck::cast_slice(memory);
+    let whole = bytes.len() / size_of::<U>() * size_of::<U>();
+    bytes.get(..whole).and_then(|bytes| bytemuck::try_cast_slice(bytes).ok()).unwrap_or_default()
 }
 
 /// The lines that enter and leave the blocks, of the centre and of `V` views.

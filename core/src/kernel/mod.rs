@@ -136,7 +136,7 @@ pub(crate) struct Step<'a, I: Isa, const V: usize> {
 impl<I: Isa, const V: usize> Step<'_, I, V> {
     /// Whether there are samples for `vectors` vectors of disparities.
     #[inline(always)]
-    fn covers(&self, vectors: usize) -> bool {
+    pub fn covers(&self, vectors: usize) -> bool {
         self.views.iter().all(|view| view.entering.len() == vectors && view.leaving.len() == vectors)
     }
 
@@ -149,43 +149,33 @@ impl<I: Isa, const V: usize> Step<'_, I, V> {
     }
 }
 
-/// Moves a column of the block down.
+/// Moves vector `j` of a column of the block down, in each view.
 #[inline(always)]
-pub(crate) fn update<I: Isa, const V: usize>(isa: I, column: &mut [[I::Sums; V]], step: &Step<'_, I, V>) {
-    if !step.covers(column.len()) {
-        return;
-    }
-    for (j, column) in column.iter_mut().enumerate() {
-        for (k, sums) in column.iter_mut().enumerate() {
-            step.applied(isa, sums, k, j).store(sums);
-        }
+pub(crate) fn update<I: Isa, const V: usize>(isa: I, column: &mut [I::Sums; V], step: &Step<'_, I, V>, j: usize) {
+    for (k, sums) in column.iter_mut().enumerate() {
+        step.applied(isa, sums, k, j).store(sums);
     }
 }
 
-/// Moves a column of the block down and the block on: the column enters, `trailing` leaves. Gives the block's sums away, a vector of
-/// each view at a time.
+/// Moves vector `j` of a column of the block down and the block on, in each view: the column enters, `trailing` leaves. Returns the block's
+/// sums.
 #[inline(always)]
 pub(crate) fn advance<L: Lane, I: Blocks<L>, const V: usize>(
     isa: I,
-    column: &mut [[I::Sums; V]],
-    trailing: &[[I::Sums; V]],
-    block: &mut [[I::Costs; V]],
+    column: &mut [I::Sums; V],
+    trailing: &[I::Sums; V],
+    block: &mut [I::Costs; V],
     step: &Step<'_, I, V>,
-    mut sums: impl FnMut(usize, [I::Block; V]),
-) {
-    if !step.covers(column.len()) {
-        return;
+    j: usize,
+) -> [I::Block; V] {
+    let mut moved = [isa.splat(L::default()); V];
+    for k in 0..V {
+        let entering = step.applied(isa, &column[k], k, j);
+        entering.store(&mut column[k]);
+        moved[k] = isa.load_block(&block[k]).slide(entering, isa.load_column(&trailing[k]));
+        moved[k].store(&mut block[k]);
     }
-    for (j, ((column, trailing), block)) in column.iter_mut().zip(trailing).zip(block).enumerate() {
-        let mut moved = [isa.splat(L::default()); V];
-        for k in 0..V {
-            let entering = step.applied(isa, &column[k], k, j);
-            entering.store(&mut column[k]);
-            moved[k] = isa.load_block(&block[k]).slide(entering, isa.load_column(&trailing[k]));
-            moved[k].store(&mut block[k]);
-        }
-        sums(j, moved);
-    }
+    moved
 }
 
 /// How the costs of a pixel's available views are fused in lanes, less the constant factor that brings them to the

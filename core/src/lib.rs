@@ -26,6 +26,7 @@
 mod availability;
 mod depth;
 mod disparity;
+mod error;
 mod fusion;
 pub mod kernel;
 mod lines;
@@ -35,14 +36,16 @@ mod params;
 mod region;
 mod scanline;
 mod selection;
+mod sweep;
 mod view;
 
 pub use fixed;
 
 pub use depth::{Depth, Triangulation};
 pub use disparity::Disparity;
+pub use error::{MatchError, MemoryTooSmall};
 pub use fusion::Fusion;
-pub use matcher::{MatchError, Matcher, MemoryTooSmall};
+pub use matcher::Matcher;
 pub use memory::Memory;
 pub use params::{Params, ParamsError};
 pub use region::{Region, RegionError};

@@ -4,7 +4,61 @@
 //! mirrored; a vertical view's by column. A frame goes on beyond its borders by replication, and its *virtual* lines count on
 //! there: below 0 they repeat the first line, past the end the last.
 
-use crate::{Frame, Params, Region, View, memory::Shape};
+use core::iter;
+
+use bytemuck::Pod;
+
+use crate::{Frame, MatchError, Params, Region, ScanlineSource, View, memory::Shape};
+
+/// The held lines of all frames of a match.
+#[derive(Debug)]
+pub(crate) struct Frames<'m> {
+    pub center: Lines<'m>,
+    /// As many as the match has views, in their order.
+    pub views: [Option<Lines<'m>>; 4],
+}
+
+impl<'m> Frames<'m> {
+    /// Reads what the blocks need to go down to line `v` of the centre, through `line`, a buffer.
+    pub fn read_ahead<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        params: &Params,
+        line: &mut [u8],
+        v: i32,
+    ) -> Result<(), MatchError<S::Error>> {
+        for (frame, lines) in self.each(params) {
+            while let Some(row) = lines.wanted(v) {
+                source.read_line(frame, row, line).map_err(MatchError::Source)?;
+                lines.take(v, line);
+            }
+            lines.extend(v);
+        }
+        Ok(())
+    }
+
+    /// Reads what no block needs, so that every line of every frame has been asked for once.
+    pub fn read_rest<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        params: &Params,
+        line: &mut [u8],
+    ) -> Result<(), MatchError<S::Error>> {
+        for (frame, lines) in self.each(params) {
+            while let Some(row) = lines.unread() {
+                source.read_line(frame, row, line).map_err(MatchError::Source)?;
+                lines.skip();
+            }
+        }
+        Ok(())
+    }
+
+    /// The frames with their names, the centre first.
+    fn each(&mut self, params: &Params) -> impl Iterator<Item = (Frame, &mut Lines<'m>)> {
+        let views = params.views().iter().map(Frame::View).zip(self.views.iter_mut().flatten());
+        iter::once((Frame::Center, &mut self.center)).chain(views)
+    }
+}
 
 /// The held lines of one frame.
 #[derive(Debug)]
@@ -114,26 +168,24 @@ impl<'m> Lines<'m> {
     }
 }
 
-/// Where the samples of a line at all disparities are: column `i`'s begin at `first + i step`.
+/// The samples of a line at all disparities, from column to column.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Samples<'a> {
     samples: &'a [u8],
-    first: usize,
+    /// Where the next column's begin.
+    start: usize,
+    /// How much further the next but one column's begin.
     step: isize,
     depth: usize,
 }
 
 impl<'a> Samples<'a> {
-    /// As many samples of `zeros` for every column.
-    pub fn nothing(&self, zeros: &'a [u8]) -> Samples<'a> {
-        Samples { samples: zeros, first: 0, step: 0, depth: self.depth }
-    }
-
-    /// The samples of column `i` at ascending disparities.
+    /// The next column's, at ascending disparities, in vectors of type `T`.
     #[inline(always)]
-    pub fn column(&self, i: usize) -> &'a [u8] {
-        let start = self.first.wrapping_add_signed(self.step.wrapping_mul(i as isize));
-        self.samples.get(start..start.wrapping_add(self.depth)).unwrap_or_default()
+    pub fn next<T: Pod>(&mut self) -> Option<&'a [T]> {
+        let samples = self.samples.get(self.start..self.start.wrapping_add(self.depth))?;
+        self.start = self.start.wrapping_add_signed(self.step);
+        bytemuck::try_cast_slice(samples).ok()
     }
 }
 
@@ -170,7 +222,7 @@ impl Rows<'_> {
 
     fn at(&self, v: i32) -> Samples<'_> {
         let (offset, step) = if self.mirrored { (self.span - 1, -1) } else { (0, 1) };
-        Samples { samples: self.samples, first: self.start(v) + offset, step, depth: self.depth }
+        Samples { samples: self.samples, start: self.start(v) + offset, step, depth: self.depth }
     }
 }
 
@@ -229,8 +281,8 @@ impl Columns<'_> {
     fn at(&self, v: i32) -> Samples<'_> {
         // How many lines ago the match at the smallest disparity was pushed.
         let age = (self.next - 1 - (v + self.nearest)) as usize;
-        let first = if self.mirrored { self.edge + age } else { (self.edge - 1).wrapping_sub(age) };
-        Samples { samples: self.samples, first, step: self.stack as isize, depth: self.depth }
+        let start = if self.mirrored { self.edge + age } else { (self.edge - 1).wrapping_sub(age) };
+        Samples { samples: self.samples, start, step: self.stack as isize, depth: self.depth }
     }
 }
 

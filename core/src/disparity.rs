@@ -119,3 +119,31 @@ impl defmt::Format for Disparity {
         defmt::write!(f, "{=f32}", f32::from(*self));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+
+    #[test]
+    fn refinement_rounds_halves_away_from_zero() {
+        for (fall, rise) in (0..140).flat_map(|fall| (0..140).map(move |rise| (fall, rise))) {
+            for d in [-511, -300, -2, -1, 0, 1, 2, 300, 511] {
+                let shift =
+                    if fall + rise == 0 { 0.0 } else { f64::from(fall as i32 - rise as i32) / f64::from(2 * (fall + rise)) };
+                let exact = (f64::from(d) + shift) * 64.0;
+                let found = Disparity::refine(d, 7 + fall, 7, 7 + rise).map(Disparity::to_bits);
+                assert_eq!(found.map(f64::from), Some(exact.round()), "{d}, {fall}, {rise}");
+            }
+        }
+    }
+
+    #[test]
+    fn refinement_of_the_greatest_costs() {
+        let most = 12 * 21 * 21 * 255;
+        assert_eq!(Disparity::refine(511, most, 0, most), Disparity::whole(511));
+        assert_eq!(Disparity::refine(-511, most, 0, 0).map(Disparity::to_bits), Some(-511 * 64 + 32));
+        assert_eq!(Disparity::refine(3, 0, 0, most).map(Disparity::to_bits), Some(3 * 64 - 32));
+    }
+}

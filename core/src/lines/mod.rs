@@ -4,11 +4,16 @@
 //! mirrored; a vertical view's by column. A frame goes on beyond its borders by replication, and its *virtual* lines count on
 //! there: below 0 they repeat the first line, past the end the last.
 
+mod columns;
+mod rows;
+
 use core::iter;
 
 use bytemuck::Pod;
 
 use crate::{Frame, MatchError, Params, Region, ScanlineSource, View, memory::Shape};
+use columns::{Columns, replicated};
+use rows::Rows;
 
 /// The held lines of all frames of a match.
 #[derive(Debug)]
@@ -187,128 +192,4 @@ impl<'a> Samples<'a> {
         self.start = self.start.wrapping_add_signed(self.step);
         bytemuck::try_cast_slice(samples).ok()
     }
-}
-
-/// A ring of lines, for matches in the same line.
-#[derive(Debug)]
-struct Rows<'m> {
-    samples: &'m mut [u8],
-    /// Columns under the blocks.
-    span: usize,
-    /// Samples in a line.
-    reach: usize,
-    /// Lines in the ring.
-    count: usize,
-    depth: usize,
-    /// Whether the lines are mirrored: a match's coordinate falls with the disparity.
-    mirrored: bool,
-    /// The leftmost coordinate in a line, maybe outside the frame.
-    left: i32,
-}
-
-impl Rows<'_> {
-    fn start(&self, v: i32) -> usize {
-        (v as usize).checked_rem(self.count).unwrap_or_default() * self.reach
-    }
-
-    fn put(&mut self, v: i32, line: &[u8]) {
-        let start = self.start(v);
-        let Some(held) = self.samples.get_mut(start..start + self.reach) else { return };
-        replicate(held, line, self.left);
-        if self.mirrored {
-            held.reverse();
-        }
-    }
-
-    fn at(&self, v: i32) -> Samples<'_> {
-        let (offset, step) = if self.mirrored { (self.span - 1, -1) } else { (0, 1) };
-        Samples { samples: self.samples, start: self.start(v) + offset, step, depth: self.depth }
-    }
-}
-
-/// A stack of samples for each column, for matches in the same column. Newer lines are pushed at the edge, at one end; when
-/// it reaches the stack's border, what is still needed moves to the other.
-#[derive(Debug)]
-struct Columns<'m> {
-    samples: &'m mut [u8],
-    /// Samples in a column, with the rounding of the disparities.
-    stack: usize,
-    /// Samples in a column without it.
-    usable: usize,
-    /// How many samples are still needed when one is pushed.
-    keep: usize,
-    depth: usize,
-    /// Whether newer lines go below older ones: a match's coordinate falls with the disparity.
-    mirrored: bool,
-    /// The first virtual column.
-    left: i32,
-    /// How far below a line the match at the smallest disparity lies.
-    nearest: i32,
-    /// The next virtual line to be pushed.
-    next: i32,
-    /// Past the newest sample, or the newest sample if mirrored.
-    edge: usize,
-}
-
-impl Columns<'_> {
-    /// Pushes the next virtual line: a sample for each virtual column from its coordinate and the sample before.
-    fn push(&mut self, sample: impl Fn(i32, u8) -> u8) {
-        let shift = match (self.mirrored, self.edge) {
-            (false, edge) if edge == self.usable => Some((edge - self.keep, 0)),
-            (true, 0) => Some((0, self.usable - self.keep)),
-            _ => None,
-        };
-        if let Some((from, to)) = shift {
-            for stack in self.samples.chunks_exact_mut(self.stack.max(1)) {
-                shift_within(stack, from, to, self.keep);
-            }
-            self.edge = if self.mirrored { to } else { self.keep };
-        }
-        let (newest, previous) = match self.mirrored {
-            false => (self.edge, self.edge.wrapping_sub(1)),
-            true => (self.edge - 1, self.edge),
-        };
-        for (stack, column) in self.samples.chunks_exact_mut(self.stack.max(1)).zip(self.left..) {
-            let before = stack.get(previous).copied().unwrap_or_default();
-            if let Some(newest) = stack.get_mut(newest) {
-                *newest = sample(column, before);
-            }
-        }
-        self.edge = if self.mirrored { self.edge - 1 } else { self.edge + 1 };
-        self.next += 1;
-    }
-
-    fn at(&self, v: i32) -> Samples<'_> {
-        // How many lines ago the match at the smallest disparity was pushed.
-        let age = (self.next - 1 - (v + self.nearest)) as usize;
-        let start = if self.mirrored { self.edge + age } else { (self.edge - 1).wrapping_sub(age) };
-        Samples { samples: self.samples, start, step: self.stack as isize, depth: self.depth }
-    }
-}
-
-/// Moves `len` samples, as `copy_within` does, but never panics.
-fn shift_within(samples: &mut [u8], from: usize, to: usize, len: usize) {
-    if from.saturating_add(len) <= samples.len() && to.saturating_add(len) <= samples.len() {
-        samples.copy_within(from..from + len, to);
-    }
-}
-
-/// The sample of `line` at a coordinate that may be outside it.
-fn replicated(line: &[u8], coordinate: i32) -> u8 {
-    let nearest = coordinate.clamp(0, line.len() as i32 - 1);
-    line.get(nearest as usize).copied().unwrap_or_default()
-}
-
-/// Fills `held` with the samples of `line` from the coordinate `left` on, which may be outside it.
-fn replicate(held: &mut [u8], line: &[u8], left: i32) {
-    let (Some(&first), Some(&last)) = (line.first(), line.last()) else { return };
-    let before = (left.min(0).unsigned_abs() as usize).min(held.len());
-    let (outside, held) = held.split_at_mut(before);
-    outside.fill(first);
-    let line = line.get(left.max(0) as usize..).unwrap_or_default();
-    let (inside, outside) = held.split_at_mut(line.len().min(held.len()));
-    for (held, &sample) in inside.iter_mut().zip(line) {
-        *held = sample;
-    }
-    outside.fill(last);
 }

@@ -61,28 +61,25 @@ impl Disparity {
         }
     }
 
-    /// The vertex of the parabola through the fused costs `before`, `at` and `after` at `d - 1`, `d` and `d + 1` pixels,
-    /// rounded to the nearest step, halves away from zero.
+    /// The vertex of the parabola through the fused costs `before`, `at` and `after` at `d - 1`, `d` and `d + 1` pixels, rounded to
+    /// the nearest step, halves away from zero: `d + (a - b) / (2 a + 2 b - 4 c)`, and `d` itself where the denominator is 0.
     ///
-    /// `d + (a - b) / (2 a + 2 b - 4 c)`, and `d` itself where the denominator is 0. Costs stay below 2^23 and `at` is not above
-    /// the others, so the shift is at most half a pixel.
-    #[inline]
+    /// Costs stay below 2^21 and `at` is not above the others, so that the shift is at most half a pixel.
+    #[inline(always)]
     pub(crate) fn refine(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
-        let (fall, rise) = (before.saturating_sub(at), after.saturating_sub(at));
-        let denominator = 2 * (fall + rise);
-        let numerator = fall.abs_diff(rise) * Disparity::STEPS as u32;
-        let steps = match (numerator.checked_div(denominator), numerator.checked_rem(denominator)) {
-            (Some(whole), Some(rest)) => {
-                let up = fall > rise;
-                // A half goes away from zero, and on which side of zero the sum lies, `d` says.
-                let half_moves_on = if up { d >= 0 } else { d <= 0 };
-                let carry = 2 * rest > denominator || (2 * rest == denominator && half_moves_on);
-                let shift = whole as i32 + carry as i32;
-                if up { shift } else { -shift }
-            }
-            _ => 0,
-        };
-        Disparity::from_bits((i32::from(d) * Disparity::STEPS + steps) as i16)
+        const HALF: u32 = Disparity::STEPS as u32 / 2;
+        let (fall, rise) = (before.wrapping_sub(at), after.wrapping_sub(at));
+        let denominator = 2 * fall.wrapping_add(rise).max(1);
+        let numerator = (fall.wrapping_sub(rise) as i32).wrapping_mul(Disparity::STEPS);
+        // Rounding half up what is positive, and the mirror image of what is not, takes halves away from zero. The shift alone never
+        // changes the sign of the sum, unless d is 0.
+        let mirrored = d < 0 || (d == 0 && numerator < 0);
+        let numerator = if mirrored { numerator.wrapping_neg() } else { numerator };
+        // Half a pixel more makes it positive, so that the division rounds down.
+        let dividend = (2 * numerator).wrapping_add_unsigned((2 * HALF + 1).wrapping_mul(denominator)) as u32;
+        let shift = dividend.checked_div(2 * denominator).unwrap_or_default() as i32 - HALF as i32;
+        let shift = if mirrored { -shift } else { shift };
+        Disparity::from_bits((i32::from(d) * Disparity::STEPS + shift) as i16)
     }
 
     /// The disparity of exactly `d` pixels.
@@ -120,5 +117,33 @@ impl fmt::Display for Disparity {
 impl defmt::Format for Disparity {
     fn format(&self, f: defmt::Formatter<'_>) {
         defmt::write!(f, "{=f32}", f32::from(*self));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+
+    #[test]
+    fn refinement_rounds_halves_away_from_zero() {
+        for (fall, rise) in (0..140).flat_map(|fall| (0..140).map(move |rise| (fall, rise))) {
+            for d in [-511, -300, -2, -1, 0, 1, 2, 300, 511] {
+                let shift =
+                    if fall + rise == 0 { 0.0 } else { f64::from(fall as i32 - rise as i32) / f64::from(2 * (fall + rise)) };
+                let exact = (f64::from(d) + shift) * 64.0;
+                let found = Disparity::refine(d, 7 + fall, 7, 7 + rise).map(Disparity::to_bits);
+                assert_eq!(found.map(f64::from), Some(exact.round()), "{d}, {fall}, {rise}");
+            }
+        }
+    }
+
+    #[test]
+    fn refinement_of_the_greatest_costs() {
+        let most = 12 * 21 * 21 * 255;
+        assert_eq!(Disparity::refine(511, most, 0, most), Disparity::whole(511));
+        assert_eq!(Disparity::refine(-511, most, 0, 0).map(Disparity::to_bits), Some(-511 * 64 + 32));
+        assert_eq!(Disparity::refine(3, 0, 0, most).map(Disparity::to_bits), Some(3 * 64 - 32));
     }
 }

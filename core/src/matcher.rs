@@ -1,16 +1,15 @@
 //! The matcher: scanlines in, disparity lines out.
 
-use core::{array, error, fmt, iter, mem, slice};
+use core::mem;
 
 use bytemuck::Pod;
 
 use crate::{
-    Disparity, Frame, Memory, Params, Region, ScanlineSource,
-    availability::{Segments, uniform_columns},
-    kernel::{self, Block, Blocks, Change, Isa, Lane, Portable, Rule, Step},
-    lines::{Lines, Samples},
+    Disparity, Frame, MatchError, Memory, MemoryTooSmall, Params, Region, ScanlineSource,
+    kernel::{Blocks, Change, Isa, Lane, Portable},
+    lines::{Frames, Lines},
     memory::Shape,
-    selection::Selection,
+    sweep::{self, Steps, Sweep},
 };
 
 /// A pass over a region of a frame, one disparity line at a time.
@@ -58,25 +57,28 @@ pub struct Matcher<'m, I = Portable<{ Params::LANES }>> {
     params: Params,
     region: Region,
     shape: Shape,
-    center: Lines<'m>,
-    views: [Option<Lines<'m>>; 4],
+    frames: Frames<'m>,
     sums: Sums<'m>,
+    /// A line as it comes from the source.
     line: &'m mut [u8],
-    /// The next line of the centre to enter the blocks; above and below the frame it is virtual.
-    entering: i32,
+    /// The next disparity line.
+    next: usize,
+    /// The next line of the centre to enter the blocks of the region's first line; above the frame it is virtual.
+    primed: i32,
 }
 
-/// The running sums, by column (of the span), view and disparity.
+/// The running sums, and what they are turned into. All are in vectors, those of the same disparities in different views next to each
+/// other.
 #[derive(Debug)]
 struct Sums<'m> {
     /// Over a column of the block: for each column of the span.
-    columns: &'m mut [u16],
-    /// Over the block, in lanes.
+    columns: &'m mut [u32],
+    /// Over the block.
     blocks: &'m mut [u32],
-    /// The fused costs of a pixel, in lanes.
+    /// The fused costs of a pixel.
     fused: &'m mut [u32],
     /// What leaves where nothing has entered yet.
-    zeros: &'m [u16],
+    zeros: &'m mut [u32],
 }
 
 impl Params {
@@ -139,11 +141,11 @@ impl<'m, I: Isa> Matcher<'m, I> {
             params: *params,
             region: *region,
             shape,
-            center,
-            views,
-            sums: Sums { columns: bytemuck::cast_slice_mut(columns), blocks, fused, zeros: bytemuck::cast_slice(zeros) },
-            line: bytemuck::cast_slice_mut(line),
-            entering: region.rows().start as i32 - params.radius() as i32,
+            frames: Frames { center, views },
+            sums: Sums { columns, blocks, fused, zeros },
+            line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
+            next: region.rows().start,
+            primed: region.rows().start as i32 - params.radius() as i32,
         })
     }
 
@@ -175,244 +177,71 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
         if out.len() != self.region.width() {
             return Err(MatchError::OutputLength { needed: self.region.width(), given: out.len() });
         }
-        let radius = self.params.radius() as i32;
-        let rows = self.region.rows();
-        if self.entering - radius >= rows.end as i32 {
+        let v = self.next;
+        if v >= self.region.rows().end {
             return Ok(None);
         }
-        // Until the first line's blocks are filled, lines only enter.
-        while self.entering - radius < rows.start as i32 {
-            self.read_ahead(source)?;
-            match self.params.views().len() {
-                1 => self.prime::<1>(),
-                2 => self.prime::<2>(),
-                3 => self.prime::<3>(),
-                _ => self.prime::<4>(),
-            }
-            self.entering += 1;
-        }
-        self.read_ahead(source)?;
-        let v = (self.entering - radius) as usize;
-        if v + 1 == self.params.height() {
-            self.read_rest(source)?;
-        }
         match (self.shape.lane_bytes, self.params.views().len()) {
-            (2, 1) => self.compute::<u16, 1>(v, out),
-            (2, 2) => self.compute::<u16, 2>(v, out),
-            (2, 3) => self.compute::<u16, 3>(v, out),
-            (2, _) => self.compute::<u16, 4>(v, out),
-            (_, 1) => self.compute::<u32, 1>(v, out),
-            (_, 2) => self.compute::<u32, 2>(v, out),
-            (_, 3) => self.compute::<u32, 3>(v, out),
-            (_, _) => self.compute::<u32, 4>(v, out),
+            (2, 1) => self.compute::<S, u16, 1>(source, out)?,
+            (2, 2) => self.compute::<S, u16, 2>(source, out)?,
+            (2, 3) => self.compute::<S, u16, 3>(source, out)?,
+            (2, _) => self.compute::<S, u16, 4>(source, out)?,
+            (_, 1) => self.compute::<S, u32, 1>(source, out)?,
+            (_, 2) => self.compute::<S, u32, 2>(source, out)?,
+            (_, 3) => self.compute::<S, u32, 3>(source, out)?,
+            (_, _) => self.compute::<S, u32, 4>(source, out)?,
         }
-        self.entering += 1;
+        self.next += 1;
         Ok(Some(v))
-    }
-
-    /// Reads what the blocks need to go down to the entering line.
-    fn read_ahead<S: ScanlineSource>(&mut self, source: &mut S) -> Result<(), MatchError<S::Error>> {
-        let line = self.line.get_mut(..self.params.width()).unwrap_or_default();
-        for (frame, lines) in frames(&self.params, &mut self.center, &mut self.views) {
-            while let Some(row) = lines.wanted(self.entering) {
-                source.read_line(frame, row, line).map_err(MatchError::Source)?;
-                lines.take(self.entering, line);
-            }
-            lines.extend(self.entering);
-        }
-        Ok(())
-    }
-
-    /// Reads what no block needs, so that every line of every frame has been asked for once.
-    fn read_rest<S: ScanlineSource>(&mut self, source: &mut S) -> Result<(), MatchError<S::Error>> {
-        let line = self.line.get_mut(..self.params.width()).unwrap_or_default();
-        for (frame, lines) in frames(&self.params, &mut self.center, &mut self.views) {
-            while let Some(row) = lines.unread() {
-                source.read_line(frame, row, line).map_err(MatchError::Source)?;
-                lines.skip();
-            }
-        }
-        Ok(())
     }
 }
 
 impl<I: Isa> Matcher<'_, I> {
-    /// Adds the entering line to the column sums.
+    /// Computes the next line, in `V` views and with block sums in lanes of type `L`.
     #[inline(always)]
-    fn prime<const V: usize>(&mut self) {
-        let vectors = self.shape.depth / I::LANES;
-        let zeros = bytemuck::cast_slice(self.sums.zeros);
-        let steps = Steps::<V>::new(&self.center, &self.views, self.entering, None, zeros);
-        let mut columns = cast_mut::<_, [I::Sums; V]>(self.sums.columns);
-        for i in 0..self.shape.span {
-            let Some((column, rest)) = mem::take(&mut columns).split_at_mut_checked(vectors) else { break };
-            kernel::update(self.isa, column, &steps.column(i));
-            columns = rest;
-        }
-    }
-
-    /// Moves the blocks down to the entering line, and along it.
-    #[inline(always)]
-    fn compute<L: Lane, const V: usize>(&mut self, v: usize, out: &mut [Option<Disparity>])
+    fn compute<S: ScanlineSource, L: Lane, const V: usize>(
+        &mut self,
+        source: &mut S,
+        out: &mut [Option<Disparity>],
+    ) -> Result<(), MatchError<S::Error>>
     where
         I: Blocks<L>,
     {
-        let (isa, params, vectors) = (self.isa, &self.params, self.shape.depth / I::LANES);
-        let leaving = (v > self.region.rows().start).then(|| self.entering - params.block_size() as i32);
-        let steps = Steps::<V>::new(&self.center, &self.views, self.entering, leaving, bytemuck::cast_slice(self.sums.zeros));
+        let (v, vectors) = (self.next, self.shape.depth / I::LANES);
         let columns = cast_mut::<_, [I::Sums; V]>(self.sums.columns);
-        let nothing: &[[I::Sums; V]] = bytemuck::try_cast_slice(self.sums.zeros).unwrap_or_default();
-        cast_mut::<_, L>(self.sums.blocks).fill(L::default());
-        let blocks = cast_mut::<_, [I::Costs; V]>(self.sums.blocks).get_mut(..vectors).unwrap_or_default();
-        let fused = cast_mut::<_, I::Costs>(self.sums.fused).get_mut(..vectors).unwrap_or_default();
-
-        let uniform = uniform_columns(params);
-        let segments = Segments::new(params, uniform.start, v);
-        // Where all views are available at all disparities, costs are fused as they arise. Only the last vector has lanes too many.
-        let rule = Rule::new(params.fusion(), V);
-        let complete = if segments.are_complete(params) { uniform.clone() } else { 0..0 };
-        let excess = excess(isa, params.num_disparities());
-
-        let mut pixels = self.region.columns().zip(out);
-        for i in 0..self.shape.span {
-            let (before, here) = columns.split_at_mut_checked(i * vectors).unwrap_or_default();
-            let column = here.get_mut(..vectors).unwrap_or_default();
-            let trailing = match i.checked_sub(params.block_size()) {
-                Some(i) => before.get(i * vectors..(i + 1) * vectors).unwrap_or_default(),
-                None => nothing,
-            };
-            let step = steps.column(i);
-            if i < 2 * params.radius() {
-                kernel::advance(isa, column, trailing, blocks, &step, |_, _| ());
-                continue;
+        // The lowest line of the blocks enters. At the region's top all their lines do, and then nothing is left to move.
+        let entering = v as i32 + self.params.radius() as i32;
+        let mut lines = Change { entering, leaving: entering - self.params.block_size() as i32 };
+        if v == self.region.rows().start {
+            lines.leaving = entering;
+            while self.primed <= entering {
+                self.frames.read_ahead(source, &self.params, self.line, self.primed)?;
+                let line = Change { entering: self.primed, leaving: self.primed };
+                sweep::prime(self.isa, columns, vectors, Steps::<V>::new(&self.frames, line));
+                self.primed += 1;
             }
-            let Some((u, pixel)) = pixels.next() else { break };
-            if complete.contains(&u) {
-                let mut least = isa.splat(L::MAX);
-                kernel::advance(isa, column, trailing, blocks, &step, |j, sums| {
-                    if let (Some(costs), Some(fused)) = (kernel::fuse(rule, &sums), fused.get_mut(j)) {
-                        let costs = if j + 1 == vectors { costs.max(excess) } else { costs };
-                        costs.store(fused);
-                        least = least.min(costs);
-                    }
-                });
-                let selection = Selection { isa, params, segments: &segments, blocks };
-                if let Some(found) = selection.disparity_of_fused(rule, fused, least) {
-                    *pixel = found;
-                    continue;
-                }
-            } else {
-                kernel::advance(isa, column, trailing, blocks, &step, |_, _| ());
-            }
-            let segments = if uniform.contains(&u) { segments } else { Segments::new(params, u, v) };
-            *pixel = Selection { isa, params, segments: &segments, blocks }.disparity(fused);
         }
-    }
-}
-
-/// Zero in the lanes of the last vector that belong to a disparity, and the greatest cost in those that are too many.
-#[inline(always)]
-fn excess<L: Lane, I: Blocks<L>>(isa: I, num_disparities: usize) -> I::Block {
-    let mut costs = <I::Costs as bytemuck::Zeroable>::zeroed();
-    let used = (num_disparities - 1) % I::LANES + 1;
-    for lane in cast_mut::<_, L>(slice::from_mut(&mut costs)).iter_mut().skip(used) {
-        *lane = L::MAX;
-    }
-    isa.load_block(&costs)
-}
-
-/// Memory as an array of something else; its sizes were made to fit.
-fn cast_mut<T: Pod, U: Pod>(memory: &mut [T]) -> &mut [U] {
-    bytemuck::try_cast_slice_mut(memory).unwrap_or_default()
-}
-
-/// The lines that enter and leave the blocks, of the centre and of `V` views.
-struct Steps<'a, const V: usize> {
-    center: Change<Samples<'a>>,
-    views: [Change<Samples<'a>>; V],
-}
-
-impl<'a, const V: usize> Steps<'a, V> {
-    /// Line `entering` enters, and line `leaving` leaves, if any.
-    fn new(
-        center: &'a Lines<'_>,
-        views: &'a [Option<Lines<'_>>; 4],
-        entering: i32,
-        leaving: Option<i32>,
-        zeros: &'a [u8],
-    ) -> Steps<'a, V> {
-        let change = |lines: &'a Lines<'_>| {
-            let entering = lines.at(entering);
-            Change { entering, leaving: leaving.map_or(entering.nothing(zeros), |leaving| lines.at(leaving)) }
+        self.frames.read_ahead(source, &self.params, self.line, entering)?;
+        if v + 1 == self.params.height() {
+            self.frames.read_rest(source, &self.params, self.line)?;
+        }
+        let sweep = Sweep {
+            isa: self.isa,
+            params: &self.params,
+            region: &self.region,
+            columns,
+            zeros: cast_mut(self.sums.zeros),
+            blocks: cast_mut(self.sums.blocks).get_mut(..vectors).unwrap_or_default(),
+            fused: cast_mut(self.sums.fused).get_mut(..vectors).unwrap_or_default(),
         };
-        let mut views = views.iter().flatten();
-        Steps { center: change(center), views: array::from_fn(|_| views.next().map_or(change(center), change)) }
-    }
-
-    /// The samples of column `i` at all disparities.
-    #[inline(always)]
-    fn column<I: Isa>(&self, i: usize) -> Step<'a, I, V> {
-        let sample = |samples: &Samples<'a>| samples.column(i).first().copied().unwrap_or_default();
-        let vectors = |samples: &Samples<'a>| bytemuck::try_cast_slice(samples.column(i)).unwrap_or_default();
-        let mut views = [Change { entering: &[][..], leaving: &[][..] }; V];
-        for (vector, view) in views.iter_mut().zip(&self.views) {
-            *vector = Change { entering: vectors(&view.entering), leaving: vectors(&view.leaving) };
-        }
-        Step { center: Change { entering: sample(&self.center.entering), leaving: sample(&self.center.leaving) }, views }
+        sweep.run(v, Steps::new(&self.frames, lines), out);
+        Ok(())
     }
 }
 
-/// The frames of a match, the centre first.
-fn frames<'a, 'm>(
-    params: &Params,
-    center: &'a mut Lines<'m>,
-    views: &'a mut [Option<Lines<'m>>; 4],
-) -> impl Iterator<Item = (Frame, &'a mut Lines<'m>)> {
-    let views = params.views().iter().map(Frame::View).zip(views.iter_mut().flatten());
-    iter::once((Frame::Center, center)).chain(views)
+/// Memory as whole elements of another type, of no greater alignment; what is left over at the end was lent to round up.
+fn cast_mut<T: Pod, U: Pod>(memory: &mut [T]) -> &mut [U] {
+    let bytes: &mut [u8] = bytemuck::cast_slice_mut(memory);
+    let whole = bytes.len() / size_of::<U>() * size_of::<U>();
+    bytes.get_mut(..whole).and_then(|bytes| bytemuck::try_cast_slice_mut(bytes).ok()).unwrap_or_default()
 }
-
-/// The memory that the matcher was lent is too small.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct MemoryTooSmall {
-    /// Words needed.
-    pub needed: usize,
-    /// Words given.
-    pub given: usize,
-}
-
-impl fmt::Display for MemoryTooSmall {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "the matcher needs {} words of memory, {} were given", self.needed, self.given)
-    }
-}
-
-impl error::Error for MemoryTooSmall {}
-
-/// Why a disparity line could not be computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum MatchError<E> {
-    /// The source has failed.
-    Source(E),
-    /// The line to be written has the wrong length.
-    OutputLength {
-        /// Pixels needed: the region's width.
-        needed: usize,
-        /// Pixels given.
-        given: usize,
-    },
-}
-
-impl<E: fmt::Display> fmt::Display for MatchError<E> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            MatchError::Source(error) => write!(f, "cannot read a line: {error}"),
-            MatchError::OutputLength { needed, given } => write!(f, "a disparity line has {needed} pixels, {given} were given"),
-        }
-    }
-}
-
-impl<E: error::Error> error::Error for MatchError<E> {}

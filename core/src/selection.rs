@@ -28,7 +28,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Selection<'_, L, I, V> {
             }
         }
         let (cost, index) = best?;
-        refined(self.params, index, cost, |index| self.cost(index))
+        refined(self.params, index, self.cost(index.wrapping_sub(1)), cost, self.cost(index + 1))
     }
 
     /// As [`disparity`](Selection::disparity) where all views are available at all disparities and `fused` holds the costs by `rule`
@@ -42,10 +42,18 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Selection<'_, L, I, V> {
         let index = kernel::position(self.isa, fused, least);
         let factor = rule.factor(self.params.fusion(), V);
         let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
-        Some(refined(self.params, index, least.widen() * factor, |index| match lanes.get(index) {
+        let before = self.cost_in_lanes(lanes, index.wrapping_sub(1), factor);
+        let after = self.cost_in_lanes(lanes, index + 1, factor);
+        Some(refined(self.params, index, before, least.widen() * factor, after))
+    }
+
+    /// The fused cost of a candidate from its lane, where that has not saturated.
+    #[inline(always)]
+    fn cost_in_lanes(&self, lanes: &[L], index: usize, factor: u32) -> Option<u32> {
+        match lanes.get(index) {
             Some(&lane) if lane != L::MAX => Some(lane.widen() * factor),
             _ => self.cost(index),
-        }))
+        }
     }
 
     /// The least fused cost in a segment and its first index.
@@ -106,13 +114,12 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Selection<'_, L, I, V> {
     }
 }
 
-/// The disparity of an index with its cost, refined if both neighbours have a cost.
+/// The disparity of an index by its cost, refined if both neighbours exist and have one too.
 #[inline(always)]
-fn refined(params: &Params, index: usize, cost: u32, neighbor: impl Fn(usize) -> Option<u32>) -> Option<Disparity> {
+fn refined(params: &Params, index: usize, before: Option<u32>, cost: u32, after: Option<u32>) -> Option<Disparity> {
     let d = params.min_disparity() + index as i16;
-    let after = index + 1;
-    match index.checked_sub(1).filter(|_| after < params.num_disparities()).map(|before| (neighbor(before), neighbor(after))) {
-        Some((Some(before), Some(after))) => Disparity::refine(d, before, cost, after),
+    match (before, after) {
+        (Some(before), Some(after)) => Disparity::refine(d, before, cost, after),
         _ => Disparity::whole(d),
     }
 }

@@ -9,3 +9,8 @@ pub mod images;
 pub mod random;
 pub mod reference;
 pub mod source;
+
+/// The README's code compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;

@@ -136,56 +136,40 @@ pub(crate) struct Step<'a, I: Isa, const V: usize> {
 impl<I: Isa, const V: usize> Step<'_, I, V> {
     /// Whether there are samples for `vectors` vectors of disparities.
     #[inline(always)]
-    fn covers(&self, vectors: usize) -> bool {
+    pub fn covers(&self, vectors: usize) -> bool {
         self.views.iter().all(|view| view.entering.len() == vectors && view.leaving.len() == vectors)
     }
-
-    /// The sums of a column in view `k` at vector `j`, with the differences that enter and without those that leave.
-    #[inline(always)]
-    fn applied(&self, isa: I, sums: &I::Sums, k: usize, j: usize) -> I::Column {
-        let entering = isa.differences(self.center.entering, &self.views[k].entering[j]);
-        let leaving = isa.differences(self.center.leaving, &self.views[k].leaving[j]);
-        isa.load_column(sums).add(entering).sub(leaving)
-    }
 }
 
-/// Moves a column of the block down.
+/// Adds the entering line to vector `j` of a column of the block, in each view.
 #[inline(always)]
-pub(crate) fn update<I: Isa, const V: usize>(isa: I, column: &mut [[I::Sums; V]], step: &Step<'_, I, V>) {
-    if !step.covers(column.len()) {
-        return;
-    }
-    for (j, column) in column.iter_mut().enumerate() {
-        for (k, sums) in column.iter_mut().enumerate() {
-            step.applied(isa, sums, k, j).store(sums);
-        }
+pub(crate) fn prime<I: Isa, const V: usize>(isa: I, column: &mut [I::Sums; V], step: &Step<'_, I, V>, j: usize) {
+    for (sums, view) in column.iter_mut().zip(&step.views) {
+        isa.load_column(sums).add(isa.differences(step.center.entering, &view.entering[j])).store(sums);
     }
 }
 
-/// Moves a column of the block down and the block on: the column enters, `trailing` leaves. Gives the block's sums away, a vector of
-/// each view at a time.
+/// Moves vector `j` of a column of the block down, and the block on by it, in each view; `left` leaves the block. Returns the block's
+/// sums.
 #[inline(always)]
 pub(crate) fn advance<L: Lane, I: Blocks<L>, const V: usize>(
     isa: I,
-    column: &mut [[I::Sums; V]],
-    trailing: &[[I::Sums; V]],
-    block: &mut [[I::Costs; V]],
+    column: &mut [I::Sums; V],
+    left: &[I::Sums; V],
+    block: &mut [I::Costs; V],
     step: &Step<'_, I, V>,
-    mut sums: impl FnMut(usize, [I::Block; V]),
-) {
-    if !step.covers(column.len()) {
-        return;
+    j: usize,
+) -> [I::Block; V] {
+    let mut moved = [isa.splat(L::default()); V];
+    for k in 0..V {
+        let entering = isa.differences(step.center.entering, &step.views[k].entering[j]);
+        let leaving = isa.differences(step.center.leaving, &step.views[k].leaving[j]);
+        let sums = isa.load_column(&column[k]).add(entering).sub(leaving);
+        sums.store(&mut column[k]);
+        moved[k] = isa.load_block(&block[k]).slide(sums, isa.load_column(&left[k]));
+        moved[k].store(&mut block[k]);
     }
-    for (j, ((column, trailing), block)) in column.iter_mut().zip(trailing).zip(block).enumerate() {
-        let mut moved = [isa.splat(L::default()); V];
-        for k in 0..V {
-            let entering = step.applied(isa, &column[k], k, j);
-            entering.store(&mut column[k]);
-            moved[k] = isa.load_block(&block[k]).slide(entering, isa.load_column(&trailing[k]));
-            moved[k].store(&mut block[k]);
-        }
-        sums(j, moved);
-    }
+    moved
 }
 
 /// How the costs of a pixel's available views are fused in lanes, less the constant factor that brings them to the

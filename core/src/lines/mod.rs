@@ -1,0 +1,195 @@
+//! The lines of a frame that the blocks of the current disparity line lie on.
+//!
+//! They are held so that one column's samples at ascending disparities are contiguous: a horizontal view's lines as they come, or
+//! mirrored; a vertical view's by column. A frame goes on beyond its borders by replication, and its *virtual* lines count on
+//! there: below 0 they repeat the first line, past the end the last.
+
+mod columns;
+mod rows;
+
+use core::iter;
+
+use bytemuck::Pod;
+
+use crate::{Frame, MatchError, Params, Region, ScanlineSource, View, memory::Shape};
+use columns::{Columns, replicated};
+use rows::Rows;
+
+/// The held lines of all frames of a match.
+#[derive(Debug)]
+pub(crate) struct Frames<'m> {
+    pub center: Lines<'m>,
+    /// As many as the match has views, in their order.
+    pub views: [Option<Lines<'m>>; 4],
+}
+
+impl<'m> Frames<'m> {
+    /// Reads what the blocks need to go down to line `v` of the centre, through `line`, a buffer.
+    pub fn read_ahead<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        params: &Params,
+        line: &mut [u8],
+        v: i32,
+    ) -> Result<(), MatchError<S::Error>> {
+        for (frame, lines) in self.each(params) {
+            while let Some(row) = lines.wanted(v) {
+                source.read_line(frame, row, line).map_err(MatchError::Source)?;
+                lines.take(v, line);
+            }
+            lines.extend(v);
+        }
+        Ok(())
+    }
+
+    /// Reads what no block needs, so that every line of every frame has been asked for once.
+    pub fn read_rest<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        params: &Params,
+        line: &mut [u8],
+    ) -> Result<(), MatchError<S::Error>> {
+        for (frame, lines) in self.each(params) {
+            while let Some(row) = lines.unread() {
+                source.read_line(frame, row, line).map_err(MatchError::Source)?;
+                lines.skip();
+            }
+        }
+        Ok(())
+    }
+
+    /// The frames with their names, the centre first.
+    fn each(&mut self, params: &Params) -> impl Iterator<Item = (Frame, &mut Lines<'m>)> {
+        let views = params.views().iter().map(Frame::View).zip(self.views.iter_mut().flatten());
+        iter::once((Frame::Center, &mut self.center)).chain(views)
+    }
+}
+
+/// The held lines of one frame.
+#[derive(Debug)]
+pub(crate) struct Lines<'m> {
+    store: Store<'m>,
+    /// The frame's last line.
+    last: i32,
+    /// The next line of the frame to be read.
+    next: i32,
+    /// How far below the centre's line the view's lowest match lies.
+    lead: i32,
+}
+
+#[derive(Debug)]
+enum Store<'m> {
+    Rows(Rows<'m>),
+    Columns(Columns<'m>),
+}
+
+impl<'m> Lines<'m> {
+    /// No lines yet of `frame`, to be held in `samples`: as many as [`Shape::frame_bytes`] says.
+    pub fn new(frame: Frame, params: &Params, region: &Region, shape: Shape, samples: &'m mut [u8]) -> Lines<'m> {
+        let radius = params.radius() as i32;
+        let last = params.height() as i32 - 1;
+        let lead = params.lead(frame) - radius;
+        let left = region.columns().start as i32 - radius;
+        let top = region.rows().start as i32 - radius;
+        let min_disparity = i32::from(params.min_disparity());
+        let rows = |samples: &'m mut [u8], depth, mirrored, shift| {
+            let reach = shape.span + depth - 1;
+            Store::Rows(Rows { samples, span: shape.span, reach, count: shape.ring_lines, depth, mirrored, left: left + shift })
+        };
+        let first_virtual = match frame {
+            Frame::View(View::Top | View::Bottom) => top + lead + 1 - params.num_disparities() as i32,
+            _ => top,
+        };
+        let store = match frame {
+            Frame::Center => rows(samples, 1, false, 0),
+            Frame::View(View::Left) => rows(samples, shape.depth, false, min_disparity),
+            // The last column at the largest disparity is a mirrored line's last sample, and the leftmost one in the frame.
+            Frame::View(View::Right) => rows(samples, shape.depth, true, 1 - min_disparity - shape.depth as i32),
+            Frame::View(view) => {
+                let sign = view.sign();
+                let usable = shape.live + Shape::SLACK;
+                let edge = if sign > 0 { 0 } else { usable };
+                Store::Columns(Columns {
+                    samples,
+                    stack: shape.stack,
+                    usable,
+                    keep: shape.live - 1,
+                    depth: shape.depth,
+                    mirrored: sign < 0,
+                    left,
+                    nearest: sign * min_disparity,
+                    next: first_virtual,
+                    edge,
+                })
+            }
+        };
+        let next = if region.rows().start == 0 { 0 } else { first_virtual.clamp(0, last) };
+        Lines { store, last, next, lead }
+    }
+
+    /// The line of the frame to read next before the blocks can go down to line `v` of the centre, if one is missing.
+    pub fn wanted(&self, v: i32) -> Option<usize> {
+        (self.next <= (v + self.lead).clamp(0, self.last)).then_some(self.next as usize)
+    }
+
+    /// The first line of the frame that has not been read, if any.
+    pub fn unread(&self) -> Option<usize> {
+        (self.next <= self.last).then_some(self.next as usize)
+    }
+
+    /// Passes over the line that was [`unread`](Lines::unread).
+    pub fn skip(&mut self) {
+        self.next += 1;
+    }
+
+    /// Takes the line that was [`wanted`](Lines::wanted) for line `v` of the centre.
+    pub fn take(&mut self, v: i32, line: &[u8]) {
+        match &mut self.store {
+            Store::Rows(rows) => rows.put(self.next, line),
+            Store::Columns(columns) => {
+                while columns.next <= v + self.lead && columns.next.clamp(0, self.last) == self.next {
+                    columns.push(|column, _| replicated(line, column));
+                }
+            }
+        }
+        self.next += 1;
+    }
+
+    /// Goes on beyond the frame's first or last line, as far as line `v` of the centre needs.
+    pub fn extend(&mut self, v: i32) {
+        if let Store::Columns(columns) = &mut self.store {
+            while columns.next <= v + self.lead {
+                columns.push(|_, previous| previous);
+            }
+        }
+    }
+
+    /// The samples that line `v` of the centre is compared with; `v` may be virtual.
+    pub fn at(&self, v: i32) -> Samples<'_> {
+        match &self.store {
+            Store::Rows(rows) => rows.at(v.clamp(0, self.last)),
+            Store::Columns(columns) => columns.at(v),
+        }
+    }
+}
+
+/// The samples of a line at all disparities, from column to column.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Samples<'a> {
+    samples: &'a [u8],
+    /// Where the next column's begin.
+    start: usize,
+    /// How much further the next but one column's begin.
+    step: isize,
+    depth: usize,
+}
+
+impl<'a> Samples<'a> {
+    /// The next column's, at ascending disparities, in vectors of type `T`.
+    #[inline(always)]
+    pub fn next<T: Pod>(&mut self) -> Option<&'a [T]> {
+        let samples = self.samples.get(self.start..self.start.wrapping_add(self.depth))?;
+        self.start = self.start.wrapping_add_signed(self.step);
+        bytemuck::try_cast_slice(samples).ok()
+    }
+}

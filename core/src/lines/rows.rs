@@ -1,0 +1,56 @@
+//! Lines as they come, or mirrored.
+
+use super::Samples;
+
+/// A ring of lines, for matches in the same line.
+#[derive(Debug)]
+pub(super) struct Rows<'m> {
+    pub samples: &'m mut [u8],
+    /// Columns under the blocks.
+    pub span: usize,
+    /// Samples in a line.
+    pub reach: usize,
+    /// Lines in the ring.
+    pub count: usize,
+    pub depth: usize,
+    /// Whether the lines are mirrored: a match's coordinate falls with the disparity.
+    pub mirrored: bool,
+    /// The leftmost coordinate in a line, maybe outside the frame.
+    pub left: i32,
+}
+
+impl Rows<'_> {
+    fn start(&self, v: i32) -> usize {
+        (v as usize).checked_rem(self.count).unwrap_or_default() * self.reach
+    }
+
+    /// Takes line `v` of the frame.
+    pub fn put(&mut self, v: i32, line: &[u8]) {
+        let start = self.start(v);
+        let Some(held) = self.samples.get_mut(start..start + self.reach) else { return };
+        replicate(held, line, self.left);
+        if self.mirrored {
+            held.reverse();
+        }
+    }
+
+    /// The samples that line `v` is compared with.
+    pub fn at(&self, v: i32) -> Samples<'_> {
+        let (offset, step) = if self.mirrored { (self.span - 1, -1) } else { (0, 1) };
+        Samples { samples: self.samples, start: self.start(v) + offset, step, depth: self.depth }
+    }
+}
+
+/// Fills `held` with the samples of `line` from the coordinate `left` on, which may be outside it.
+fn replicate(held: &mut [u8], line: &[u8], left: i32) {
+    let (Some(&first), Some(&last)) = (line.first(), line.last()) else { return };
+    let before = (left.min(0).unsigned_abs() as usize).min(held.len());
+    let (outside, held) = held.split_at_mut(before);
+    outside.fill(first);
+    let line = line.get(left.max(0) as usize..).unwrap_or_default();
+    let (inside, outside) = held.split_at_mut(line.len().min(held.len()));
+    for (held, &sample) in inside.iter_mut().zip(line) {
+        *held = sample;
+    }
+    outside.fill(last);
+}

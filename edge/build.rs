@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var("OUT_DIR")?);
     fs::copy(MEMORY, out.join("memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
-    scripts.push("link.x".to_owned());
+    scripts.extend(["link.x".to_owned(), "defmt.x".to_owned()]);
     for script in scripts {
         println!("cargo:rustc-link-arg-bins=-T{script}");
         println!("cargo:rustc-link-arg-examples=-T{script}");

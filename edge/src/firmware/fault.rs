@@ -1,4 +1,5 @@
-//! How the firmware ends when it cannot go on: with words and an exit code, never in a silent loop.
+//! How the firmware ends when it cannot go on: with words and an exit code, never in a silent loop. After a panic or a fault the log
+//! may be broken, so the words are plain text.
 #![expect(unsafe_code, reason = "a fault is handled below what Rust knows of")]
 
 use core::{arch::naked_asm, fmt::Display, panic::PanicInfo};
@@ -15,7 +16,7 @@ const STACKING: u32 = 1 << 4 | 1 << 12 | 1 << 20;
 
 /// Ends the firmware because of `error`.
 pub fn fail(error: impl Display) -> ! {
-    eprintln!("firmware: {error}");
+    defmt::error!("{}", defmt::Display2Format(&error));
     process::exit(FAILED)
 }
 

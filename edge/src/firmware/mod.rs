@@ -7,21 +7,24 @@ mod semihosted;
 
 use core::{ffi::CStr, fmt};
 use cortex_m as _; // brings the critical section
+use defmt_semihosting as _; // takes the log to the host's standard output
 use embedded_io::Write;
 use multiscopic_core::Fusion;
-use semihosting::{experimental::env, println, process};
+use semihosting::{experimental::env, process};
 
 use crate::{Board, Pipeline, PipelineError, Profile, StreamsError, packet::BufferTooSmall};
 
 use host_file::HostError;
 use semihosted::Semihosted;
 
+defmt::timestamp!("{=u64:ms}", semihosted::elapsed().as_millis() as u64);
+
 /// The room for the words that the firmware is started with.
 const ARGS: usize = 256;
 
 /// Matches the frames of the board in the way that `profile` says, with the rule of fusion that is its only argument.
 pub fn run(profile: &Profile, pipeline: Pipeline<'_>) -> ! {
-    match matched(&mut Semihosted::new(), profile, pipeline) {
+    match matched(&mut Semihosted, profile, pipeline) {
         Ok(()) => process::exit(0),
         Err(failure) => fault::fail(failure),
     }
@@ -29,7 +32,7 @@ pub fn run(profile: &Profile, pipeline: Pipeline<'_>) -> ! {
 
 fn matched(board: &mut Semihosted, profile: &Profile, pipeline: Pipeline<'_>) -> Result<(), Failure> {
     let params = profile.params(fusion()?);
-    println!("firmware: profile {}, fusion {}", profile.name, params.fusion().name());
+    defmt::info!("profile {=str}, {=usize} columns at a time, {}", profile.name, profile.tile_width(), params);
     let (mut frames, mut output) = (board.frames(&params)?, board.output()?);
     let run = pipeline.run::<Semihosted>(&params, profile.tile_width(), &mut frames, &mut output);
     let mut sender = run.map_err(Failure::Pipeline)?;
@@ -37,7 +40,7 @@ fn matched(board: &mut Semihosted, profile: &Profile, pipeline: Pipeline<'_>) ->
     output
         .write_all(sender.end(stack).map_err(Failure::Packet)?)
         .map_err(|error| Failure::Pipeline(PipelineError::Write(error)))?;
-    println!("firmware: done after {} ms", board.elapsed().as_millis());
+    defmt::info!("done after {=u64} ms, {=usize} bytes of stack", board.elapsed().as_millis() as u64, stack);
     Ok(())
 }
 

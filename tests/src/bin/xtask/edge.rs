@@ -42,6 +42,30 @@ pub struct Selection {
     /// Write the measurements to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Only the smallest profile on boards other than the reference board.
+    #[arg(skip)]
+    quick: bool,
+}
+
+impl Selection {
+    /// Every profile on the reference board, and the smallest on the others.
+    pub fn quick() -> Selection {
+        Selection { quick: true, ..Selection::default() }
+    }
+
+    /// Whether a profile is to run on a board, which must have the RAM for it.
+    fn has(&self, board: &Board, profile: &Profile) -> bool {
+        let quick = *board == board::REFERENCE || profile.name == profile::QQVGA.name;
+        wanted(&self.board, board.name)
+            && wanted(&self.profile, profile.name)
+            && (quick || !self.quick)
+            && profile.ram_budget <= board.ram
+    }
+}
+
+/// Whether a choice, if there is one, is this name.
+fn wanted(choice: &Option<String>, name: &str) -> bool {
+    choice.as_deref().is_none_or(|choice| choice == name)
 }
 
 /// What a run measured.
@@ -92,11 +116,9 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
 
 /// Builds the images of `selection`, board by board.
 fn build(toolchain: &Toolchain, selection: &Selection) -> Result<Vec<Run>> {
-    let wanted = |choice: &Option<String>, name: &str| choice.as_deref().is_none_or(|choice| choice == name);
     let mut runs = Vec::new();
-    for board in board::ALL.iter().filter(|board| wanted(&selection.board, board.name)) {
-        let held = |profile: &Profile| wanted(&selection.profile, profile.name) && profile.ram_budget <= board.ram;
-        let profiles: Vec<_> = profile::ALL.into_iter().filter(held).collect();
+    for board in &board::ALL {
+        let profiles: Vec<_> = profile::ALL.into_iter().filter(|profile| selection.has(board, profile)).collect();
         if profiles.is_empty() {
             continue;
         }

@@ -7,7 +7,7 @@ use std::{
     time::Duration,
 };
 
-use crate::{board::Board, command::exit_code_within, tool};
+use crate::{board::Board, command::exit_code_within, log, tool};
 
 /// How long a run may take.
 const LIMIT: Duration = Duration::from_secs(300);
@@ -17,21 +17,23 @@ const LIMIT: Duration = Duration::from_secs(300);
 pub struct End {
     /// The exit code of the firmware.
     pub code: i32,
-    /// What it said.
+    /// What it said: its log, and what it said in plain text.
     pub words: String,
 }
 
 /// Runs `image` on `board`, started with the word `arg`. Its files are those in `folder`; `plugin` watches, if there is one.
 pub fn run(board: &Board, image: &Path, arg: &str, folder: &Path, plugin: Option<&str>) -> Result<End> {
     let emulator = tool::QEMU.install()?;
-    let words = folder.join("words.txt");
-    let output = File::create(&words).with_context(|| format!("cannot make {}", words.display()))?;
+    let (log, words) = (folder.join("log.defmt"), folder.join("words.txt"));
+    let create = |path: &Path| File::create(path).with_context(|| format!("cannot make {}", path.display()));
     let machine = ["-machine", board.machine, "-nographic", "-monitor", "none", "-serial", "none"];
     let mut emulator = emulator.command(&machine)?;
     emulator.args(plugin.into_iter().flat_map(|plugin| ["-plugin", plugin]));
     emulator.arg("-semihosting-config").arg(format!("enable=on,target=native,arg=firmware,arg={arg}"));
     emulator.arg("-kernel").arg(image).current_dir(folder);
-    emulator.stdout(output.try_clone()?).stderr(output);
+    emulator.stdout(create(&log)?).stderr(create(&words)?);
     let code = exit_code_within(&mut emulator, LIMIT).with_context(|| format!("the firmware on {}", board.name))?;
-    Ok(End { code, words: String::from_utf8_lossy(&fs::read(&words)?).into_owned() })
+    let mut lines = log::decode(image, &fs::read(&log)?)?;
+    lines.extend(String::from_utf8_lossy(&fs::read(&words)?).lines().map(str::to_owned));
+    Ok(End { code, words: lines.join("\n") })
 }

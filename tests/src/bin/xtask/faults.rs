@@ -41,6 +41,16 @@ fn too_large(toolchain: &Toolchain) -> Result<()> {
     Ok(())
 }
 
+/// The matcher alone is linked for every target, which fails if it can panic.
+pub fn no_panic(toolchain: &Toolchain) -> Result<()> {
+    for board in board::ALL.iter().filter(|board| [board::REFERENCE.name, "an547"].contains(&board.name)) {
+        command::run(&mut firmware::command(toolchain, board, &[Program::Example("no_panic")]))
+            .with_context(|| format!("the matcher can panic on a {}", board.core))?;
+        println!("faults: {}: the matcher cannot panic", board.name);
+    }
+    Ok(())
+}
+
 /// A stack that overflows ends in a fault that is named, not in the statics.
 fn stack_overflow(toolchain: &Toolchain, board: &Board) -> Result<()> {
     let images = firmware::build(toolchain, board, &[Program::Example("stack_overflow")])?;

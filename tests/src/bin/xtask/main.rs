@@ -12,6 +12,7 @@ mod firmware;
 mod footprint;
 mod image_set;
 mod layout;
+mod log;
 mod received;
 mod setup;
 mod tool;
@@ -40,6 +41,8 @@ enum Task {
     Edge(edge::Selection),
     /// Run the firmware where it must fail: too large, out of stack, without its frames
     Faults,
+    /// Link the matcher alone, which fails if there is any way from it into a panic
+    NoPanic,
 }
 
 fn main() -> ExitCode {
@@ -57,6 +60,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Setup => setup::run().map(drop),
         Task::Test => check::test(),
         Task::Ci => check::ci(),
+        Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),
         Task::Edge(selection) => edge::run(&setup::run()?, &selection),
     }

@@ -144,7 +144,7 @@ impl Match {
         let Match { center, left, right, top, bottom, .. } = self.clone();
         let Some(center) = center else {
             return Err(Error::Usage(
-                "there is no image to match, give --center and its neighbours, or the folder of a capture".into(),
+                "there is no image to match, give --center and its neighbours, or RIG_DIR, a folder with a rig.toml".into(),
             ));
         };
         let images = Images { center, left, right, top, bottom };

@@ -113,7 +113,7 @@ fn name(fusion: Fusion) -> &'static str {
 fn without_arguments_it_helps() {
     let run = Run::new::<&str>([]);
     let help = format!("{}{}", run.stdout, run.stderr);
-    for command in ["match", "evaluate", "bench", "demo", "budget"] {
+    for command in ["match", "evaluate", "demo", "bench"] {
         assert!(help.contains(command), "the help names `{command}`: {run:#?}");
     }
     assert_eq!(run.code, Some(0), "{run:#?}");
@@ -205,7 +205,7 @@ fn a_frame_of_one_pixel() {
     assert_eq!(read_raw16(&raw), (1, 1, vec![32768]), "disparity 0");
 }
 
-/// Near is red, far is blue, invalid is black.
+/// The colours go from Turbo's first at the far end to its last at the near one; invalid is black.
 #[test]
 fn the_picture_is_turbo() {
     let mut bench = Bench::new([false, false, true, false]);
@@ -223,11 +223,13 @@ fn the_picture_is_turbo() {
         assert_eq!(raw == 0, colour == [0, 0, 0], "{raw} is drawn as {colour:?}");
     }
     let valid = || raw.iter().zip(&colours).filter(|(raw, _)| **raw != 0);
-    let redness = |colour: &[u8; 3]| i32::from(colour[0]) - i32::from(colour[2]);
     let nearest = valid().max_by_key(|(raw, _)| **raw).expect("a valid pixel").1;
     let furthest = valid().min_by_key(|(raw, _)| **raw).expect("a valid pixel").1;
-    assert!(redness(nearest) > 30, "the nearest pixel is {nearest:?}");
-    assert!(redness(furthest) < 0, "the furthest pixel is {furthest:?}");
+    // Of the table that Google Research published. Its usual polynomial, which may be drawn with, is a little off.
+    for (colour, turbo) in [(furthest, [48_u8, 18, 59]), (nearest, [122, 4, 3])] {
+        let off = colour.iter().zip(turbo).map(|(a, b)| a.abs_diff(b)).max().expect("three channels");
+        assert!(off <= 25, "{colour:?} is drawn for {turbo:?}");
+    }
 }
 
 #[test]
@@ -322,7 +324,7 @@ fn no_neighbour() {
 fn no_centre() {
     let mut bench = Bench::stereo();
     bench.arguments.drain(1..3);
-    bench.refused(&["--center"]);
+    bench.refused(&["--center", "RIG_DIR"]);
 }
 
 #[test]

@@ -34,7 +34,7 @@ pub fn write(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()
 /// given twice or also one of `inputs`.
 ///
 /// # Errors
-/// [`Error::Write`] as [`write`] would give it, and [`Error::Usage`] for what is given twice.
+/// [`Error::Write`] as [`write()`] would give it, and [`Error::Usage`] for what is given twice.
 pub fn check(outputs: &[&Path], inputs: &[&Path]) -> Result<()> {
     for (i, path) in outputs.iter().enumerate() {
         let same = |other: &&&Path| place(other) == place(path);

@@ -83,7 +83,7 @@ const OVERVIEW: &str = "overview.png";
 const PAGE: &str = "index.html";
 
 /// How wide each of the overview's four pictures is at most.
-const OVERVIEW_PANEL: u32 = 384;
+const OVERVIEW_PANEL: u32 = 360;
 
 const ABOUT: &str = "A ray tracer made the views: a still life on a brushed metal table, from 0.4 m to 2.1 m away. It has what \
                      makes matching hard: stems thinner than a block, a blank canvas on the wall, reflections that move with the \
@@ -104,6 +104,7 @@ impl Demo {
         bar.inc(1);
         let frames = frames(&shot);
         let subject = Subject { dataset: "demo", scene: "demo", frames: &frames, truth: &shot.truth };
+        bar.set_message("maps");
         let mut results = Vec::new();
         for (variant, params) in VARIANTS.iter().zip(&params) {
             let (disparities, record) = variant.measure(&engine, &subject, params);
@@ -163,8 +164,8 @@ impl Demo {
             .paragraph("Near is red, far is blue, none is black; the colours are the same in all maps.")
             .gallery("Errors", VARIANTS.iter().map(errors))
             .paragraph(&format!("From the truth, {}.", error_map::LEGEND))
-            .heading("Again")
-            .paragraph("This page and its pictures, to the last bit on any machine; and a map from the captured folder:")
+            .heading("How to make this again")
+            .paragraph("The first line makes this page and all beside it. The second matches the captured folder, as it would a real one.")
             .code(&format!(
                 "multiscopic demo --width {width} --height {height} --seed {seed} {search} -o {output}\n\
                  multiscopic match {output} {search} -o disparities.pfm --png disparities.png"
@@ -220,7 +221,9 @@ impl Folder {
             write_png(&self.path(&map_png(name)), &color(disparities))?;
             write_png(&self.path(&errors_png(name)), &errors)?;
         }
-        let [Found { disparities: stereo, .. }, .., Found { disparities: best, .. }] = results else { return Ok(()) };
+        let [Found { disparities: stereo, .. }, .., Found { disparities: best, .. }] = results else {
+            unreachable!("there are several variants")
+        };
         let center = Picture::Rgb(shot.center.clone());
         ply::write(&self.path(CLOUD), best, &rig(camera, 0).geometry(), &center, Encoding::Binary)?;
         let panels = [&shot.center, &color(stereo), &color(best), &color(&truth)];
@@ -289,7 +292,7 @@ fn rig(camera: &Camera, seed: u64) -> Rig {
 
 /// The first and the last record in words.
 fn summary(records: &[Record]) -> String {
-    let [stereo, .., best] = records else { return String::new() };
+    let [stereo, .., best] = records else { unreachable!("there are several variants") };
     let numbers = |record: &Record| {
         let (rms, bad) = (record.metrics.rms, record.metrics.bad_1);
         format!("an RMS error of {rms:.2} px, and {bad:.1} % of the pixels are off by more than one")

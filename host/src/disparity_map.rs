@@ -25,18 +25,17 @@ impl DisparityMap {
         })
     }
 
-    /// The smallest and the largest disparity, `None` if no pixel has one.
-    pub fn range(&self) -> Option<RangeInclusive<Disparity>> {
+    /// The smallest and the largest disparity in pixels, `None` if no pixel has one.
+    pub fn range(&self) -> Option<RangeInclusive<f32>> {
         let valid = || self.pixels().iter().flatten().copied();
-        Some(valid().min()?..=valid().max()?)
+        Some(valid().min()?.into()..=valid().max()?.into())
     }
 
     /// In the colours of Turbo: the far end of `range` (in pixels of disparity) is blue, the near end red, and black has no disparity.
     ///
     /// Disparities outside the range have the colour of its nearest end. Without a range it is the map's own.
     pub fn to_color(&self, range: Option<RangeInclusive<f32>>) -> RgbImage {
-        let own = || self.range().map(|own| f32::from(*own.start())..=f32::from(*own.end()));
-        let (far, near) = range.or_else(own).map_or((0.0, 1.0), RangeInclusive::into_inner);
+        let (far, near) = range.or_else(|| self.range()).map_or((0.0, 1.0), RangeInclusive::into_inner);
         let color = |d: Disparity| {
             // A range of one value must not divide by 0; any other is at least a step of 1/64.
             let nearness = (f32::from(d) - far) / (near - far).max(1e-6);

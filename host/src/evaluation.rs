@@ -58,14 +58,23 @@ pub struct Reduction {
 /// A line of the table of an evaluation: a variant of a method, on one scene or over all.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// The scene's name, or over how many scenes the means are.
+    /// The scene's name, or what is the mean over how many scenes.
     pub scene: String,
     /// The variant of the method.
     pub variant: String,
-    /// The errors, or their means.
-    pub metrics: Metrics,
-    /// The reduction of the errors, or the mean of those of the scenes; stereo has none.
-    pub reduction: Option<Reduction>,
+    /// What the line says of it.
+    pub values: Values,
+}
+
+/// What a line of the table says of a variant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Values {
+    /// Its errors on a scene, and their reduction, which stereo does not have.
+    Scene(Metrics, Option<Reduction>),
+    /// The means of its errors.
+    MeanErrors(Metrics),
+    /// The means of its reductions, which are not the reductions of the means.
+    MeanReduction(Reduction),
 }
 
 impl Row {
@@ -74,56 +83,63 @@ impl Row {
 
     /// The line as text: errors in pixels with their reduction, bad pixels and coverage in percent.
     pub fn cells(&self) -> [String; 8] {
-        let Metrics { rms, avg_err, bad_0_5, bad_1, bad_2, coverage } = self.metrics;
-        let reduced = |error: f64, of: fn(Reduction) -> f64| match self.reduction {
-            Some(reduction) => format!("{error:.3} ({:+.1} %)", -100.0 * of(reduction)),
-            None => format!("{error:.3}"),
+        let change = |reduction: f64| format!("{:+.1} %", 0.0 - 100.0 * reduction);
+        let [rms, avg_err] = match self.values {
+            Values::Scene(metrics, None) | Values::MeanErrors(metrics) => {
+                [metrics.rms, metrics.avg_err].map(|error| format!("{error:.3}"))
+            }
+            Values::Scene(metrics, Some(reduction)) => [(metrics.rms, reduction.rms), (metrics.avg_err, reduction.avg_err)]
+                .map(|(error, reduction)| format!("{error:.3} ({})", change(reduction))),
+            Values::MeanReduction(reduction) => [reduction.rms, reduction.avg_err].map(change),
         };
-        let percent = |share: f64| format!("{share:.2}");
-        [
-            self.scene.clone(),
-            self.variant.clone(),
-            reduced(rms, |reduction| reduction.rms),
-            reduced(avg_err, |reduction| reduction.avg_err),
-            percent(bad_0_5),
-            percent(bad_1),
-            percent(bad_2),
-            percent(100.0 * coverage),
-        ]
+        let shares = match self.values {
+            Values::Scene(Metrics { bad_0_5, bad_1, bad_2, coverage, .. }, _)
+            | Values::MeanErrors(Metrics { bad_0_5, bad_1, bad_2, coverage, .. }) => {
+                [bad_0_5, bad_1, bad_2, 100.0 * coverage].map(|share| format!("{share:.2}"))
+            }
+            Values::MeanReduction(_) => Default::default(),
+        };
+        let [bad_0_5, bad_1, bad_2, coverage] = shares;
+        [self.scene.clone(), self.variant.clone(), rms, avg_err, bad_0_5, bad_1, bad_2, coverage]
     }
 }
 
-/// The table of an evaluation: a row for every record and, if there are several scenes, the means of each variant over them.
+/// The table of an evaluation: a row for every record and, if there are several scenes, for each variant the means over them of
+/// its errors and of their reductions.
 pub fn rows(records: &[Record]) -> Vec<Row> {
     let row = |record: &Record| Row {
         scene: record.scene.clone(),
         variant: record.variant(),
-        metrics: record.metrics,
-        reduction: record.reduction(records),
+        values: Values::Scene(record.metrics, record.reduction(records)),
     };
-    let scenes: Vec<Row> = records.iter().map(row).collect();
-    let mut variants: Vec<&str> = Vec::new();
-    for row in &scenes {
-        if !variants.contains(&row.variant.as_str()) {
-            variants.push(&row.variant);
+    let mut variants: Vec<String> = Vec::new();
+    for variant in records.iter().map(Record::variant) {
+        if !variants.contains(&variant) {
+            variants.push(variant);
         }
     }
-    let means = variants.iter().filter_map(|variant| mean(scenes.iter().filter(|row| row.variant == *variant))).collect();
-    [scenes, means].concat()
+    let of = |variant: &String| records.iter().filter(|record| record.variant() == *variant).collect::<Vec<_>>();
+    let errors = variants.iter().filter_map(|variant| mean_errors(variant, &of(variant)));
+    let reductions = variants.iter().filter_map(|variant| mean_reduction(variant, &of(variant), records));
+    records.iter().map(row).chain(errors).chain(reductions).collect()
 }
 
-/// The mean of one variant's rows, if there are several.
-fn mean<'a>(rows: impl Iterator<Item = &'a Row> + Clone) -> Option<Row> {
-    let first = rows.clone().next()?;
-    let count = rows.clone().count();
-    let metrics: Vec<Metrics> = rows.clone().map(|row| row.metrics).collect();
-    let reductions: Vec<Reduction> = rows.filter_map(|row| row.reduction).collect();
+/// The mean errors of a variant over its scenes, if there are several.
+fn mean_errors(variant: &str, scenes: &[&Record]) -> Option<Row> {
+    let metrics: Vec<Metrics> = scenes.iter().map(|record| record.metrics).collect();
+    let mean = Metrics::mean(&metrics).filter(|_| scenes.len() > 1)?;
+    let scene = format!("mean errors of {}", scenes.len());
+    Some(Row { scene, variant: variant.into(), values: Values::MeanErrors(mean) })
+}
+
+/// The mean reduction of a variant's errors over its scenes, if there are several that have one.
+fn mean_reduction(variant: &str, scenes: &[&Record], records: &[Record]) -> Option<Row> {
+    let reductions: Vec<Reduction> = scenes.iter().filter_map(|record| record.reduction(records)).collect();
     let mean = |of: fn(&Reduction) -> f64| reductions.iter().map(of).sum::<f64>() / reductions.len() as f64;
-    (count > 1).then(|| Row {
-        scene: format!("mean of {count}"),
-        variant: first.variant.clone(),
-        metrics: Metrics::mean(&metrics).unwrap_or_default(),
-        reduction: (!reductions.is_empty()).then(|| Reduction { rms: mean(|r| r.rms), avg_err: mean(|r| r.avg_err) }),
+    (reductions.len() > 1).then(|| Row {
+        scene: format!("mean reductions of {}", reductions.len()),
+        variant: variant.into(),
+        values: Values::MeanReduction(Reduction { rms: mean(|r| r.rms), avg_err: mean(|r| r.avg_err) }),
     })
 }
 
@@ -182,24 +198,33 @@ mod tests {
     #[test]
     fn means_are_over_scenes() {
         let rows = rows(&records());
-        let [stereo, multiscopic] = &rows[4..] else { panic!("{rows:?}") };
-        assert_eq!((stereo.scene.as_str(), stereo.variant.as_str(), stereo.metrics.rms), ("mean of 2", "stereo bm", 3.0));
-        assert_eq!(stereo.reduction, None);
-        assert_eq!((multiscopic.metrics.rms, multiscopic.metrics.avg_err), (3.25, 0.5));
+        let [stereo, multiscopic, reductions] = &rows[4..] else { panic!("{rows:?}") };
+        assert_eq!((stereo.scene.as_str(), stereo.variant.as_str()), ("mean errors of 2", "stereo bm"));
+        let Values::MeanErrors(Metrics { rms: 3.0, .. }) = stereo.values else { panic!("{stereo:?}") };
+        let Values::MeanErrors(Metrics { rms: 3.25, avg_err: 0.5, .. }) = multiscopic.values else { panic!("{multiscopic:?}") };
         // The mean of the reductions, not the reduction of the means.
-        assert_eq!(multiscopic.reduction, Some(Reduction { rms: 0.0, avg_err: 0.625 }));
+        assert_eq!((&*reductions.scene, &reductions.variant), ("mean reductions of 2", &multiscopic.variant));
+        assert_eq!(reductions.values, Values::MeanReduction(Reduction { rms: 0.0, avg_err: 0.625 }));
         assert_eq!(super::rows(&records()[..2]).len(), 2, "one scene is its own mean");
     }
 
     #[test]
     fn the_table() {
         let expected = "\
-scene  method                                     RMS           AvgErr  Bad0.5   Bad1   Bad2  coverage
-------------------------------------------------------------------------------------------------------
-A      stereo bm                                2.000            1.000   30.00  20.00  10.00     98.77
-A      multiscopic bm (2 views, min)  1.500 (-25.0 %)  0.500 (-50.0 %)   30.00  20.00  10.00     98.77
+scene                 method                                     RMS           AvgErr  Bad0.5   Bad1   Bad2  coverage
+---------------------------------------------------------------------------------------------------------------------
+A                     stereo bm                                2.000            1.000   30.00  20.00  10.00     98.77
+A                     multiscopic bm (2 views, min)  1.500 (-25.0 %)  0.500 (-50.0 %)   30.00  20.00  10.00     98.77
+---------------------------------------------------------------------------------------------------------------------
+B                     stereo bm                                4.000            2.000   30.00  20.00  10.00     98.77
+B                     multiscopic bm (2 views, min)  5.000 (+25.0 %)  0.500 (-75.0 %)   30.00  20.00  10.00     98.77
+---------------------------------------------------------------------------------------------------------------------
+mean errors of 2      stereo bm                                3.000            1.500   30.00  20.00  10.00     98.77
+mean errors of 2      multiscopic bm (2 views, min)            3.250            0.500   30.00  20.00  10.00     98.77
+---------------------------------------------------------------------------------------------------------------------
+mean reductions of 2  multiscopic bm (2 views, min)           +0.0 %          -62.5 %
 ";
-        let table = text(&rows(&records()[..2]));
+        let table = text(&rows(&records()));
         assert_eq!(table, expected, "\n{table}");
     }
 

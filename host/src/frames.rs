@@ -63,6 +63,11 @@ impl Frames {
         self.center.height() as usize
     }
 
+    /// Width and height in pixels.
+    pub fn size(&self) -> [usize; 2] {
+        [self.width(), self.height()]
+    }
+
     /// The neighbours that there are.
     pub fn views(&self) -> Views {
         View::ALL.into_iter().filter(|&view| self.neighbors[view as usize].is_some()).collect()
@@ -110,7 +115,7 @@ mod tests {
         let top = file("top.pgm", b"P5 2 1 255 \x05\x06");
         let mut files = Images { center, top: Some(top), ..Images::default() };
         let (frames, color) = Frames::load(&files).unwrap();
-        assert_eq!((frames.width(), frames.height(), frames.views()), (2, 1, Views::NONE.with(View::Top)));
+        assert_eq!((frames.size(), frames.views()), ([2, 1], Views::NONE.with(View::Top)));
         assert_eq!(frames.get(Frame::Center).unwrap().as_raw(), &[77, 0]);
         assert_eq!(frames.get(Frame::View(View::Top)).unwrap().as_raw(), &[5, 6]);
         assert_eq!(color.color(0, 0), [255, 0, 0]);

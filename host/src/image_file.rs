@@ -40,7 +40,10 @@ pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
 }
 
 /// Writes `image` as a PNG.
-pub(crate) fn write_png<P>(path: &Path, image: &ImageBuffer<P, Vec<P::Subpixel>>) -> Result<()>
+///
+/// # Errors
+/// If the file cannot be written; what was there before is still there.
+pub fn write_png<P>(path: &Path, image: &ImageBuffer<P, Vec<P::Subpixel>>) -> Result<()>
 where
     P: PixelWithColorType,
     [P::Subpixel]: EncodableLayout,

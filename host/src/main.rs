@@ -17,6 +17,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Demo(command::demo::Demo),
     Match(command::matching::Match),
     Evaluate(command::evaluate::Evaluate),
     Bench(command::bench::Bench),
@@ -33,6 +34,7 @@ fn main() -> ExitCode {
         Err(error) => error.exit(),
     };
     let done = match cli.command {
+        Command::Demo(command) => command.run(),
         Command::Match(command) => command.run(),
         Command::Evaluate(command) => command.run(),
         Command::Bench(command) => command.run(),

@@ -14,13 +14,17 @@ use crate::{Error, Result};
 ///
 /// The data goes to a temporary file beside `path` that takes its place only when it is complete: until then, and for ever if
 /// something fails, `path` is what it was. A symbolic link is followed, and the permissions of an existing file are kept. A pipe, a
-/// device or an already open file (`/dev/stdout`) has nothing to keep and is written directly.
+/// device or an already open file (`/dev/stdout`) has nothing to keep and is written directly; a reader that has had enough of a pipe
+/// (`| head`) is no error.
 ///
 /// # Errors
 /// [`Error::Write`] for whatever the system or `contents` says.
 pub fn write(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let written = target(path).and_then(|target| match target {
-        Target::Open => append(path, contents),
+        Target::Open => match append(path, contents) {
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+            written => written,
+        },
         Target::File { path, permissions } => replace(&path, permissions, contents),
     });
     written.map_err(|source| Error::Write { path: path.into(), source })
@@ -30,7 +34,7 @@ pub fn write(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()
 /// given twice or also one of `inputs`.
 ///
 /// # Errors
-/// [`Error::Write`] as [`write`] would give it, and [`Error::Usage`] for what is given twice.
+/// [`Error::Write`] as [`write()`] would give it, and [`Error::Usage`] for what is given twice.
 pub fn check(outputs: &[&Path], inputs: &[&Path]) -> Result<()> {
     for (i, path) in outputs.iter().enumerate() {
         let same = |other: &&&Path| place(other) == place(path);
@@ -237,5 +241,14 @@ mod tests {
         open.write_all(b"kept ").unwrap();
         write(Path::new(&format!("/dev/fd/{}", open.as_file().as_raw_fd())), |w| w.write_all(b"new")).unwrap();
         assert_eq!(fs::read_to_string(open.path()).unwrap(), "kept new");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_reader_that_has_had_enough_is_no_error() {
+        use std::os::fd::AsRawFd;
+        let (reader, writer) = io::pipe().unwrap();
+        drop(reader);
+        write(Path::new(&format!("/dev/fd/{}", writer.as_raw_fd())), |w| w.write_all(b"too much")).unwrap();
     }
 }

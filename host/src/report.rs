@@ -120,24 +120,33 @@ impl Report {
         self.part(format_args!("<p>{}</p>", Escaped(text)))
     }
 
-    /// Adds a table. Cells that are numbers are set flush right, so that they can be compared.
+    /// Adds lines of code, as what to type in a terminal.
+    pub fn code(self, text: &str) -> Report {
+        self.part(format_args!("<pre><code>{}</code></pre>", Escaped(text)))
+    }
+
+    /// Adds a table. Columns of numbers are set flush right, so that they can be compared.
     pub fn table<H, R, C>(self, headers: H, rows: R) -> Report
     where
         H: IntoIterator<Item: AsRef<str>>,
         R: IntoIterator<Item = C>,
         C: IntoIterator<Item: AsRef<str>>,
     {
+        let text = |cell: &dyn AsRef<str>| cell.as_ref().to_owned();
+        let rows: Vec<Vec<String>> = rows.into_iter().map(|row| row.into_iter().map(|cell| text(&cell)).collect()).collect();
+        let class = |column: usize| {
+            let mut cells = rows.iter().filter_map(|row| row.get(column)).filter(|cell| !cell.is_empty()).peekable();
+            if cells.peek().is_some() && cells.all(|cell| is_number(cell)) { " class=\"number\"" } else { "" }
+        };
         let mut table = String::from("<div class=\"scroll\"><table>\n<thead><tr>");
-        for header in headers {
-            put(&mut table, format_args!("<th scope=\"col\">{}</th>", Escaped(header.as_ref())));
+        for (column, header) in headers.into_iter().enumerate() {
+            put(&mut table, format_args!("<th scope=\"col\"{}>{}</th>", class(column), Escaped(header.as_ref())));
         }
         table.push_str("</tr></thead>\n<tbody>\n");
-        for row in rows {
+        for row in &rows {
             table.push_str("<tr>");
-            for cell in row {
-                let cell = cell.as_ref();
-                let class = if is_number(cell) { " class=\"number\"" } else { "" };
-                put(&mut table, format_args!("<td{class}>{}</td>", Escaped(cell)));
+            for (column, cell) in row.iter().enumerate() {
+                put(&mut table, format_args!("<td{}>{}</td>", class(column), Escaped(cell)));
             }
             table.push_str("</tr>\n");
         }
@@ -200,10 +209,14 @@ fn put(html: &mut String, text: fmt::Arguments) {
     html.write_fmt(text).expect("a string takes everything");
 }
 
-/// Whether a table's cell is a number, perhaps with a sign and a unit that is written without letters.
+/// Whether a table's cell is a number, perhaps with a sign and a unit that is written without letters, and with another one in
+/// brackets after it. A dash stands for a number that is not there.
 fn is_number(cell: &str) -> bool {
-    let number = cell.trim().trim_end_matches(['%', '×', ' ']).replace('\u{2212}', "-");
-    number.parse::<f64>().is_ok() || cell.trim() == "–"
+    let number = |text: &str| text.trim().trim_end_matches(['%', '×', ' ']).replace('\u{2212}', "-").parse::<f64>().is_ok();
+    match cell.trim().strip_suffix(')').and_then(|cell| cell.split_once(" (")) {
+        Some((first, second)) => number(first) && number(second),
+        None => number(cell) || ["–", "-"].contains(&cell.trim()),
+    }
 }
 
 #[cfg(test)]
@@ -263,13 +276,14 @@ mod tests {
         let report = Report::new(nasty)
             .heading(nasty)
             .paragraph(nasty)
+            .code(nasty)
             .table([nasty], [[nasty]])
             .gallery(nasty, [Figure::linked(nasty, "a.png")])
             .flip(nasty, [Figure::linked(nasty, "a.png")]);
         let html = report.to_html();
         assert_balanced(&html);
         assert!(!html.contains("<b>") && !html.contains('\u{0}'));
-        assert_eq!(html.matches(safe).count(), 13);
+        assert_eq!(html.matches(safe).count(), 14);
     }
 
     #[test]
@@ -291,13 +305,18 @@ mod tests {
 
     #[test]
     fn numbers_are_flush_right_and_words_are_not() {
-        for cell in ["1", "-0.25", "58.2 %", "1e-3", "\u{2212}4", "–", "2.4×"] {
+        for cell in ["1", "-0.25", "58.2 %", "1e-3", "\u{2212}4", "–", "2.4×", "3.636 (-45.5 %)"] {
             assert!(is_number(cell), "{cell}");
         }
-        for cell in ["", "Art", "bm", "3 views", "1/2"] {
+        for cell in ["", "Art", "bm", "3 views", "1/2", "Art (2)", "2 (Art)"] {
             assert!(!is_number(cell), "{cell}");
         }
-        assert!(everything().to_html().contains("<tr><td>Art</td><td class=\"number\">1.25</td></tr>"));
+        let html = everything().to_html();
+        assert!(html.contains("<tr><td>Art</td><td class=\"number\">1.25</td></tr>"), "{html}");
+        assert!(html.contains("<th scope=\"col\">scene</th><th scope=\"col\" class=\"number\">RMS</th>"), "{html}");
+        // One word makes a column one of words.
+        let html = Report::new("").table(["x", "y"], [["1", "2"], ["", "none"]]).to_html();
+        assert!(html.contains("<tr><td class=\"number\">1</td><td>2</td></tr>"), "{html}");
     }
 
     #[test]

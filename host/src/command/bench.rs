@@ -69,7 +69,7 @@ impl Bench {
             return Err(Error::Usage("--width, --height and --repeat must be at least 1".into()));
         }
         let frames = made_frames(self.width.into(), self.height.into(), views);
-        let params = self.search.params(&frames, views, self.fusion, (1, 64))?;
+        let params = self.search.params(frames.size(), views, self.fusion, (1, 64))?;
         let engine = self.engine.engine()?;
         let seconds = (0..self.repeat)
             .map(|_| {

@@ -4,7 +4,6 @@ use std::{
     ops::RangeInclusive,
     path::{Path, PathBuf},
     process::ExitCode,
-    time::Instant,
 };
 
 use clap::{
@@ -12,18 +11,19 @@ use clap::{
     builder::{PossibleValuesParser, TypedValueParser},
 };
 use multiscopic::{
-    Dataset, DisparityMap, Error, FloatImage, Metrics, Picture, Result,
+    Dataset, DisparityMap, Error, FloatImage, Picture, Result,
     dataset::Scene,
     error_map,
-    evaluation::{self, Record, Row},
+    evaluation::{self, Row},
     output,
     report::{Figure, Report},
 };
-use multiscopic_core::{Fusion, Views};
+use multiscopic_core::Fusion;
 
 use super::{
     options::{EngineOptions, FusionName, MethodName, SearchOptions, views_of_count},
     terminal,
+    variant::{Subject, Variant},
 };
 
 /// Measures the errors of stereo and multiscopic matching on a data set with ground truth
@@ -80,7 +80,7 @@ struct Gallery<'a> {
 impl Gallery<'_> {
     fn new<'a>(center: &Picture, truth: &'a FloatImage) -> Gallery<'a> {
         let map = DisparityMap::from_float(truth);
-        let range = map.range().map(|range| f32::from(*range.start())..=f32::from(*range.end()));
+        let range = map.range();
         let figures =
             vec![Figure::embedded("centre", center.to_rgb()), Figure::embedded("true disparities", map.to_color(range.clone()))];
         Gallery { truth, range, figures }
@@ -92,28 +92,6 @@ impl Gallery<'_> {
         let errors = error_map::draw(estimates, self.truth);
         self.figures.push(Figure::embedded(variant, disparities.to_color(self.range.clone())));
         self.figures.push(Figure::embedded(format!("errors of {variant}"), errors));
-    }
-}
-
-/// A variant of matching.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Variant {
-    method: MethodName,
-    views: Views,
-    fusion: FusionName,
-}
-
-impl Variant {
-    fn record(&self, scene: &Scene, metrics: Metrics, seconds: f64) -> Record {
-        Record {
-            dataset: scene.dataset.to_string(),
-            scene: scene.name.clone(),
-            method: self.method.name(),
-            views: self.views.len(),
-            fusion: self.fusion.name(),
-            metrics,
-            seconds,
-        }
     }
 }
 
@@ -134,13 +112,10 @@ impl Evaluate {
             bar.set_message(scene.name.clone());
             let (frames, center, truth) = scene.load()?;
             let mut gallery = self.report.as_ref().map(|_| Gallery::new(&center, &truth));
+            let subject = Subject { dataset: scene.dataset.name(), scene: &scene.name, frames: &frames, truth: &truth };
             for variant in &variants {
-                let params = self.search.params(&frames, variant.views, Some(variant.fusion), self.dataset.range())?;
-                let start = Instant::now();
-                let disparities = variant.method.disparities(&engine, &frames, &params, || ());
-                let seconds = start.elapsed().as_secs_f64();
-                let metrics = Metrics::new(&disparities, &truth).expect("a scene that is loaded has some truth");
-                let record = variant.record(scene, metrics, seconds);
+                let params = self.search.params(frames.size(), variant.views, Some(variant.fusion), self.dataset.range())?;
+                let (disparities, record) = variant.measure(&engine, &subject, &params);
                 if let Some(gallery) = &mut gallery {
                     gallery.add(&record.variant(), &disparities);
                 }

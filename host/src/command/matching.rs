@@ -102,7 +102,7 @@ impl Match {
         let (images, rig) = self.capture()?;
         let (frames, center) = Frames::load(&images)?;
         let center = self.outputs.ply.is_some().then_some(center);
-        let params = self.search.params(&frames, frames.views(), self.fusion, SearchOptions::RANGE)?;
+        let params = self.search.params(frames.size(), frames.views(), self.fusion, SearchOptions::RANGE)?;
         let geometry = self.geometry.geometry(rig.as_ref().map(Rig::geometry), &frames);
         self.outputs.check_geometry(geometry.is_some())?;
         let rig_file = self.rig.as_ref().map(|directory| directory.join(Rig::FILE_NAME));
@@ -144,7 +144,7 @@ impl Match {
         let Match { center, left, right, top, bottom, .. } = self.clone();
         let Some(center) = center else {
             return Err(Error::Usage(
-                "there is no image to match, give --center and its neighbours, or the folder of a capture".into(),
+                "there is no image to match, give --center and its neighbours, or RIG_DIR, a folder with a rig.toml".into(),
             ));
         };
         let images = Images { center, left, right, top, bottom };

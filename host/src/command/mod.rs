@@ -1,7 +1,9 @@
 //! The commands, a module each: options, what they do, what they print.
 
 pub mod bench;
+pub mod demo;
 pub mod evaluate;
 pub mod matching;
 pub mod options;
 pub mod terminal;
+pub mod variant;

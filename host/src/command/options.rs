@@ -87,7 +87,7 @@ pub struct SearchOptions {
     pub min_disparity: Option<i16>,
 
     /// Number of disparities searched (OpenCV: numDisparities, ROS: disparity_range; any number, not only multiples of 16)
-    /// [default: 60, or the data set's; bench: 64]
+    /// [default: 60, or the data set's; bench: 64; demo: in proportion to its width]
     #[arg(long, visible_alias = "disparity_range", value_name = "N", allow_negative_numbers = true)]
     pub num_disparities: Option<u16>,
 
@@ -102,14 +102,21 @@ impl SearchOptions {
     /// The paper's block size.
     const BLOCK_SIZE: u8 = 11;
 
-    /// The parameters for matching `frames` in `views`; where no range is given, `range` is searched: a minimum and a number.
-    pub fn params(&self, frames: &Frames, views: Views, fusion: Option<FusionName>, range: (i16, u16)) -> Result<Params> {
+    /// The parameters for matching frames of `width` x `height` in `views`; where no range is given, `range` is searched: a minimum
+    /// and a number.
+    pub fn params(
+        &self,
+        [width, height]: [usize; 2],
+        views: Views,
+        fusion: Option<FusionName>,
+        range: (i16, u16),
+    ) -> Result<Params> {
         let side = |length: usize| {
             u16::try_from(length).map_err(|_| Error::Usage(format!("a frame has a side of {length} pixels, 65535 is the most")))
         };
         Ok(Params::new(
-            side(frames.width())?,
-            side(frames.height())?,
+            side(width)?,
+            side(height)?,
             views,
             fusion.map_or(Fusion::default_for(views.len()), Fusion::from),
             self.min_disparity.unwrap_or(range.0),

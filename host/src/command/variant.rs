@@ -1,0 +1,51 @@
+//! Variants of matching, and how they are measured.
+
+use std::time::Instant;
+
+use multiscopic::{DisparityMap, Engine, FloatImage, Frames, Metrics, evaluation::Record};
+use multiscopic_core::{Params, Views};
+
+use super::options::{FusionName, MethodName};
+
+/// A method with the views it matches and how it fuses them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Variant {
+    /// How disparities are estimated.
+    pub method: MethodName,
+    /// The neighbours.
+    pub views: Views,
+    /// How their costs are fused.
+    pub fusion: FusionName,
+}
+
+/// Frames whose disparities are known.
+#[derive(Clone, Copy, Debug)]
+pub struct Subject<'a> {
+    /// The data set's name.
+    pub dataset: &'a str,
+    /// The scene's name.
+    pub scene: &'a str,
+    /// What is matched.
+    pub frames: &'a Frames,
+    /// What should come out; some of it is known.
+    pub truth: &'a FloatImage,
+}
+
+impl Variant {
+    /// Matches `subject` with `params`, which are this variant's, and compares the result with the truth.
+    pub fn measure(&self, engine: &Engine, subject: &Subject, params: &Params) -> (DisparityMap, Record) {
+        let start = Instant::now();
+        let disparities = self.method.disparities(engine, subject.frames, params, || ());
+        let seconds = start.elapsed().as_secs_f64();
+        let record = Record {
+            dataset: subject.dataset.into(),
+            scene: subject.scene.into(),
+            method: self.method.name(),
+            views: self.views.len(),
+            fusion: self.fusion.name(),
+            metrics: Metrics::new(&disparities, subject.truth).expect("some of the truth is known"),
+            seconds,
+        };
+        (disparities, record)
+    }
+}

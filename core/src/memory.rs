@@ -90,7 +90,7 @@ pub(crate) struct Shape {
     pub live: usize,
     /// Bytes of a block's sum.
     pub lane_bytes: usize,
-    /// Bytes of a vector of column sums: what buffers are aligned to.
+    /// Bytes of a vector of column sums, in whole words: what buffers are aligned to.
     vector_bytes: usize,
 }
 
@@ -111,7 +111,7 @@ impl Shape {
             stack: live + (depth - params.num_disparities()) + Shape::SLACK,
             live,
             lane_bytes: if params.max_block_sum() < u16::MAX as u32 { 2 } else { 4 },
-            vector_bytes: if lanes < 2 { 4 } else { 2 * lanes },
+            vector_bytes: (2 * lanes).next_multiple_of(4),
         }
     }
 

@@ -4,7 +4,8 @@ use crate::{Frame, Params, View};
 
 /// The matcher's memory by buffer, in bytes, for regions of up to a given number of columns.
 ///
-/// With `X = columns + 2 rho` and `D` the number of disparities rounded up to the lanes of the instruction set:
+/// With `X = columns + 2 rho` and `D` the number of disparities rounded up to the lanes of the instruction set, and each buffer rounded up
+/// to whole vectors:
 ///
 /// | buffer | bytes |
 /// | --- | --- |
@@ -13,7 +14,7 @@ use crate::{Frame, Params, View};
 /// | `fused` | `2 D`, `4 D` from a block of 17 |
 /// | `center` | `(2 rho + 2) X` |
 /// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each horizontal view |
-/// | `vertical` | `X (D + num_disparities + 2 rho + 8)` less the rounding, for each vertical view |
+/// | `vertical` | `X (D + 2 rho + 9)` for each vertical view |
 /// | `zeros` | `2 D` for each view |
 /// | `line` | the frame's width |
 ///

@@ -9,7 +9,7 @@ use crate::{
 /// The choice of a disparity by fused costs in lanes.
 ///
 /// A lane that holds [`Lane::MAX`] has saturated, or belongs to no candidate.
-pub(crate) struct Selection<'a, L, I: Blocks<L>> {
+pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     isa: I,
     params: &'a Params,
     rule: Rule,
@@ -134,6 +134,8 @@ pub(crate) struct Exact<'a, I: Isa> {
     pub columns: &'a [I::Sums],
     /// Vectors in a column's view.
     pub vectors: usize,
+    /// What every column sum has too much.
+    pub bias: u16,
 }
 
 impl<I: Isa> Exact<'_, I> {
@@ -176,7 +178,7 @@ impl<I: Isa> Exact<'_, I> {
         let columns = self.columns.chunks_exact((self.params.views().len() * self.vectors).max(1));
         columns.take(self.params.block_size()).try_fold(0, |sum, column| {
             let sums: &[u16] = bytemuck::try_cast_slice(column.get(k * self.vectors..)?).ok()?;
-            Some(sum + u32::from(*sums.get(lane::<I>(index))?))
+            Some(sum + u32::from(sums.get(lane::<I>(index))?.wrapping_sub(self.bias)))
         })
     }
 }

@@ -7,9 +7,12 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "arm")]
+mod dsp;
 mod portable;
+mod steps;
 
-use core::fmt::Debug;
+use core::{fmt::Debug, mem};
 
 use bytemuck::Pod;
 
@@ -17,7 +20,10 @@ use bytemuck::Pod;
 pub use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
+#[cfg(target_arch = "arm")]
+pub use dsp::Dsp;
 pub use portable::Portable;
+pub use steps::Steps;
 
 use crate::Fusion;
 
@@ -49,11 +55,32 @@ pub trait Isa: Copy + Debug {
     /// The absolute differences between a sample of the centre and the samples of a view.
     fn differences(self, center: u8, view: &Self::Samples) -> Self::Column;
     /// A column's sums moved down: with the differences that enter, and without those that leave. Wraps.
+    ///
+    /// It may add [`bias`](Isa::bias) too.
     fn advance(self, sums: Self::Column, center: Change<u8>, view: Change<&Self::Samples>) -> Self::Column;
+
+    /// What every column sum has too much after it has been moved down by so many lines. It leaves the blocks as it has entered.
+    fn bias(_lines: u32) -> u16 {
+        0
+    }
+
+    /// Adds what enters to the sums of a column, view by view.
+    #[inline(always)]
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, V>, column: &mut [Self::Sums]) {
+        let Some(step) = steps.next::<Self>() else { return };
+        let mut rest = column;
+        for view in step.views {
+            let Some((column, others)) = mem::take(&mut rest).split_at_mut_checked(view.entering.len()) else { return };
+            for (sums, samples) in column.iter_mut().zip(view.entering) {
+                self.load_column(sums).add(self.differences(step.center.entering, samples)).store(sums);
+            }
+            rest = others;
+        }
+    }
 }
 
 /// Vectors of block sums in lanes of type `L`.
-pub trait Blocks<L>: Isa {
+pub trait Blocks<L: Lane>: Isa {
     /// As many costs, in memory.
     type Costs: Pod;
     /// A vector of sums of absolute differences over the block, or of costs fused of them.
@@ -65,6 +92,36 @@ pub trait Blocks<L>: Isa {
     fn splat(self, cost: L) -> Self::Block;
     /// The index of the first disparity with this cost; any that is no disparity's if none has it.
     fn position(self, costs: &[Self::Costs], cost: L) -> usize;
+
+    /// Moves a column down, and the blocks on by it. `column` holds its sums, view by view, and `left` those of the column that leaves.
+    #[inline(always)]
+    fn slide<const V: usize>(
+        self,
+        steps: &mut Steps<'_, V>,
+        column: &mut [Self::Sums],
+        left: &[Self::Sums],
+        blocks: &mut [[Self::Costs; V]],
+    ) {
+        let Some(step) = steps.next::<Self>() else { return };
+        let (mut column, mut left) = (column, left);
+        for (k, Change { entering, leaving }) in step.views.iter().enumerate() {
+            let Some((sums, columns)) = mem::take(&mut column).split_at_mut_checked(entering.len()) else { return };
+            let Some((sums_left, columns_left)) = left.split_at_checked(entering.len()) else { return };
+            let samples = entering.iter().zip(*leaving);
+            for (((sums, left), block), (entering, leaving)) in sums.iter_mut().zip(sums_left).zip(&mut *blocks).zip(samples) {
+                let moved = self.advance(self.load_column(sums), step.center, Change { entering, leaving });
+                moved.store(sums);
+                self.load_block(&block[k]).slide(moved, self.load_column(left)).store(&mut block[k]);
+            }
+            (column, left) = (columns, columns_left);
+        }
+    }
+
+    /// Fuses the costs of blocks whose views are all available, and returns the least in each lane.
+    #[inline(always)]
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) -> Self::Block {
+        fuse_generic(self, rule, blocks, fused)
+    }
 }
 
 /// What is done with a vector of column sums.
@@ -87,7 +144,7 @@ pub trait Block<L>: Copy {
 
     /// Puts the costs into memory.
     fn store(self, costs: &mut Self::Costs);
-    /// The block moved on by a column.
+    /// The block moved on by a column. What enters less what leaves, in 16 bits with a sign, is what the block grows by.
     fn slide(self, entering: Self::Column, leaving: Self::Column) -> Self;
     /// Lane by lane. 16 bits saturate; 32 bits never have to.
     fn add(self, other: Self) -> Self;
@@ -141,6 +198,7 @@ impl Lane for u32 {
 
 /// What enters the block, and what leaves it.
 #[derive(Clone, Copy, Debug)]
+#[repr(C)]
 pub struct Change<T> {
     /// What enters.
     pub entering: T,
@@ -153,7 +211,7 @@ pub struct Change<T> {
 /// Costs are on a scale that keeps them small where all views are available: a factor common to all candidates of a pixel changes
 /// neither which is the least, nor where between its neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Rule {
+pub enum Rule {
     /// The least.
     Min,
     /// The sum.
@@ -171,6 +229,27 @@ impl Rule {
             (Fusion::Heuristic, _) => Rule::Heuristic,
         }
     }
+}
+
+/// Fuses the costs of blocks, vector by vector.
+#[inline(always)]
+fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
+    isa: I,
+    rule: Rule,
+    blocks: &[[I::Costs; V]],
+    fused: &mut [I::Costs],
+) -> I::Block {
+        let mut least = isa.splat(L::MAX);
+        for (fused, block) in fused.iter_mut().zip(blocks) {
+            let mut costs = [isa.splat(L::default()); V];
+            for k in 0..V {
+                costs[k] = isa.load_block(&block[k]);
+            }
+            let costs = fuse(rule, costs);
+            costs.store(fused);
+            least = least.min(costs);
+        }
+        least
 }
 
 /// Fuses the costs of views that are all available.

@@ -3,7 +3,7 @@
 use crate::{
     Disparity, Params,
     availability::Segments,
-    kernel::{self, Block, Blocks, Isa, Lane, Rule},
+    kernel::{Block, Blocks, Isa, Lane, Rule},
 };
 
 /// The choice of a disparity by fused costs in lanes.
@@ -17,13 +17,8 @@ pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     indices: I::Costs,
     /// Zero in the lanes of the last vector that belong to a disparity, and the greatest cost in those that are too many.
     excess: I::Costs,
-}
-
-/// The least fused cost in lanes, and its first index.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Winner<L> {
-    index: u16,
-    cost: L,
+    /// Whether there are any.
+    exceeds: bool,
 }
 
 impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
@@ -39,74 +34,66 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
                 *lane = L::MAX;
             }
         }
-        Selection { isa, params, rule, indices, excess }
+        Selection { isa, params, rule, indices, excess, exceeds: params.num_disparities() % I::LANES != 0 }
     }
 
-    /// Fuses the costs of a pixel whose views are all available at all disparities.
+    /// Fuses the costs of a pixel whose views are all available at all disparities, and returns the least.
     #[inline(always)]
-    pub fn fuse<const V: usize>(&self, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) {
-        for (fused, block) in fused.iter_mut().zip(blocks) {
-            let mut costs = [self.isa.splat(L::default()); V];
-            for k in 0..V {
-                costs[k] = self.isa.load_block(&block[k]);
-            }
-            kernel::fuse(self.rule, costs).store(fused);
+    pub fn fuse<const V: usize>(&self, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
+        let least = self.isa.fuse(self.rule, blocks, fused);
+        if self.exceeds {
+            return self.least(fused);
         }
-        if let Some(last) = fused.last_mut() {
-            self.isa.load_block(last).max(self.isa.load_block(&self.excess)).store(last);
-        }
+        least.least()
     }
 
-    /// Fuses the costs of a pixel segment by segment.
+    /// Fuses the costs of a pixel segment by segment, and returns the least.
     #[inline(always)]
-    pub fn fuse_segments<const V: usize>(&self, segments: &Segments, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) {
-                for segment in segments.iter() {
-            // Each segment is followed by the next, so that lanes past its end do not matter; of its first vector the lanes before its start are
-            // kept.
-            let first = segment.start / I::LANES;
-            let vectors = fused.iter_mut().zip(blocks).skip(first).take(segment.end.div_ceil(I::LANES) - first);
-            let mut kept = self.isa.splat(L::from_index(segment.start - first * I::LANES));
-            for (fused, block) in vectors {
-                let costs = match segment.views {
-                    0 => self.isa.splat(L::MAX),
-                    views => kernel::fuse_available(self.isa, self.rule, views, block),
-                };
-                let before = self.isa.load_block(fused);
-                kept.if_greater(self.isa.load_block(&self.indices), before, costs).store(fused);
-                kept = self.isa.splat(L::default());
+    pub fn fuse_segments<const V: usize>(&self, segments: &Segments, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
+        for segment in segments.iter() {
+            // Each segment is followed by the next, so that lanes past its end do not matter; of its first vector the lanes before its start
+            // are kept.
+            let (first, end) = (segment.start / I::LANES, segment.end.div_ceil(I::LANES));
+            let (Some(blocks), Some(fused)) = (blocks.get(first..end), fused.get_mut(first..end)) else { continue };
+            let before = fused.first().copied();
+            self.isa.fuse_available(self.rule, segment.views, blocks, fused);
+            let kept = segment.start - first * I::LANES;
+            if let (Some(before), Some(costs)) = (before.filter(|_| kept > 0), fused.first_mut()) {
+                let (before, after) = (self.isa.load_block(&before), self.isa.load_block(costs));
+                let kept = self.isa.splat(L::from_index(kept));
+                kept.if_greater(self.isa.load_block(&self.indices), before, after).store(costs);
             }
         }
-        if let Some(last) = fused.last_mut() {
+        self.least(fused)
+    }
+
+    /// The least of a pixel's fused costs, in which lanes too many do not count.
+    #[inline(always)]
+    fn least(&self, fused: &mut [I::Costs]) -> L {
+        if let Some(last) = fused.last_mut().filter(|_| self.exceeds) {
             self.isa.load_block(last).max(self.isa.load_block(&self.excess)).store(last);
         }
+        self.isa.least(fused)
     }
 
-    /// The least of a pixel's fused costs.
+    /// The disparity of a pixel with the `least` fused cost, refined between its neighbours; that by `exact` costs, where lanes do not tell.
     #[inline(always)]
-    pub fn winner(&self, fused: &[I::Costs]) -> Winner<L> {
-        let mut least = self.isa.splat(L::MAX);
-        for costs in fused {
-            least = least.min(self.isa.load_block(costs));
-        }
-        let cost = least.least();
-        Winner { index: self.isa.position(fused, cost) as u16, cost }
-    }
-
-    /// The disparity of a pixel's winner, refined between its neighbours; that by `exact` costs, where lanes do not tell.
-    #[inline(always)]
-    pub fn disparity<'e>(&self, winner: Winner<L>, fused: &[I::Costs], exact: impl FnOnce() -> Exact<'e, I>) -> Option<Disparity> {
-        let index = usize::from(winner.index);
-        if winner.cost == L::MAX {
+    pub fn disparity<'e>(&self, least: L, fused: &[I::Costs], exact: impl FnOnce() -> Exact<'e, I>) -> Option<Disparity>
+    where
+        I: 'e,
+    {
+        if least == L::MAX {
             return exact().disparity();
         }
-        let d = self.params.min_disparity() + winner.index as i16;
+        let index = self.isa.position(fused, least);
+        let d = self.params.min_disparity() + index as i16;
         if index == 0 || index + 1 >= self.params.num_disparities() {
             return Disparity::whole(d);
         }
         let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
         match (lanes.get(lane::<I>(index - 1)), lanes.get(lane::<I>(index + 1))) {
             (Some(&before), Some(&after)) if before != L::MAX && after != L::MAX => {
-                Disparity::refine(d, before.widen(), winner.cost.widen(), after.widen())
+                Disparity::refine(d, before.widen(), least.widen(), after.widen())
             }
             _ => exact().refined(index),
         }
@@ -143,6 +130,9 @@ impl<I: Isa> Exact<'_, I> {
     #[cold]
     pub fn disparity(&self) -> Option<Disparity> {
         let segments = Segments::new(self.params, self.u, self.v);
+        if segments.are_empty() {
+            return None;
+        }
         let all = 0..self.params.num_disparities();
         let costs = all.filter_map(|index| Some((self.cost(&segments, index)?, index)));
         let (_, index) = costs.min_by_key(|&(cost, _)| cost)?;

@@ -7,7 +7,7 @@ use crate::{
     availability::{Segments, uniform_columns},
     kernel::{Block, Blocks, Change, Isa, Lane, Rule, Steps},
     lines::{Frames, Lines},
-    selection::{Exact, Selection, Winner},
+    selection::{Exact, Selection},
 };
 
 /// The samples that two lines of the centre, which may be virtual, are compared with, in `columns` columns.
@@ -61,38 +61,27 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let uniform = uniform_columns(params);
         let of_uniform = Segments::new(params, uniform.start, v);
         let (start, end) = (self.region.columns().start, self.region.columns().end);
-        let mut winners = [Winner::default(); MAX_BATCH];
-        let mut u = start;
-        while u < end {
-            // A batch of pixels that lie in the uniform columns, or all before, or all after them.
-            let inside = uniform.contains(&u);
-            let border = if inside { uniform.end } else if u < uniform.start { uniform.start } else { end };
-            let batch = u..border.min(end).min(u + I::BATCH.min(MAX_BATCH));
-            let complete = inside && of_uniform.are_complete(params);
-            for (u, i) in batch.clone().zip(0..) {
+        let complete = of_uniform.are_complete(params);
+        let mut leasts = [L::MAX; MAX_BATCH];
+        for (pixels, u) in out.chunks_mut(I::BATCH.min(MAX_BATCH)).zip((start..end).step_by(I::BATCH.min(MAX_BATCH))) {
+            for ((least, u), i) in leasts.iter_mut().zip(u..).zip(0..pixels.len()) {
                 let x = u - start;
                 self.advance(x + 2 * params.radius(), x.checked_sub(1), &mut steps);
                 let fused = self.fused.get_mut(i * vectors..(i + 1) * vectors).unwrap_or_default();
-                if complete {
-                    selection.fuse(self.blocks, fused);
-                } else {
-                    let segments = if inside { of_uniform } else { Segments::new(params, u, v) };
-                    selection.fuse_segments(&segments, self.blocks, fused);
-                }
+                *least = match uniform.contains(&u) {
+                    true if complete => selection.fuse(self.blocks, fused),
+                    true => selection.fuse_segments(&of_uniform, self.blocks, fused),
+                    false => selection.fuse_segments(&Segments::new(params, u, v), self.blocks, fused),
+                };
             }
-            let fused = |i: usize| self.fused.get(i * vectors..(i + 1) * vectors).unwrap_or_default();
-            for (winner, i) in winners.iter_mut().zip(0..batch.len()) {
-                *winner = selection.winner(fused(i));
-            }
-            let pixels = out.get_mut(batch.start - start..batch.end - start).unwrap_or_default();
-            for (((pixel, winner), i), u) in pixels.iter_mut().zip(winners).zip(0..).zip(batch.clone()) {
+            for (((pixel, &least), u), i) in pixels.iter_mut().zip(&leasts).zip(u..).zip(0..) {
+                let fused = self.fused.get(i * vectors..(i + 1) * vectors).unwrap_or_default();
                 let columns = &*self.columns;
-                *pixel = selection.disparity(winner, fused(i), || {
+                *pixel = selection.disparity(least, fused, || {
                     let columns = columns.get((u - start) * V * vectors..).unwrap_or_default();
                     Exact { params, u, v, columns, vectors, bias }
                 });
             }
-            u = batch.end;
         }
     }
 

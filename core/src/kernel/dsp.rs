@@ -100,6 +100,61 @@ fn differences(a: u32, b: u32) -> u32 {
     uqsub8(a, b) | uqsub8(b, a)
 }
 
+/// The lesser of words' halves, of which the first is the place for the result.
+macro_rules! min {
+    ($a:literal, $b:literal) => {
+        concat!("usub16 {t}, {", $a, "}, {", $b, "}\nsel {", $a, "}, {", $b, "}, {", $a, "}\n")
+    };
+}
+
+impl Dsp {
+    /// Fuses the costs of up to four views, some of them maybe the same, to the least, and returns the least.
+    #[inline(always)]
+    fn fuse_min<const V: usize>(self, views: [usize; 4], blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> U16x4 {
+        let vectors = blocks.len().min(fused.len());
+        let mut least = !0;
+        if vectors == 0 {
+            return U16x4([least; 2]);
+        }
+        let [first, second, third, fourth] = views.map(|k| blocks.as_ptr().cast::<[u32; 2]>().wrapping_add(k.min(V - 1)));
+        unsafe {
+            asm!(
+                "2:",
+                "ldrd {a}, {b}, [{first}], #{stride}",
+                "ldrd {c}, {d}, [{second}], #{stride}",
+                min!("a", "c"),
+                min!("b", "d"),
+                "ldrd {c}, {d}, [{third}], #{stride}",
+                min!("a", "c"),
+                min!("b", "d"),
+                "ldrd {c}, {d}, [{fourth}], #{stride}",
+                min!("a", "c"),
+                min!("b", "d"),
+                "strd {a}, {b}, [{fused}], #8",
+                min!("least", "a"),
+                min!("least", "b"),
+                "subs {n}, {n}, #1",
+                "bne 2b",
+                n = inout(reg) vectors => _,
+                first = inout(reg) first => _,
+                second = inout(reg) second => _,
+                third = inout(reg) third => _,
+                fourth = inout(reg) fourth => _,
+                fused = inout(reg) fused.as_mut_ptr() => _,
+                least = inout(reg) least,
+                a = out(reg) _,
+                b = out(reg) _,
+                c = out(reg) _,
+                d = out(reg) _,
+                t = out(reg) _,
+                stride = const 8 * V,
+                options(nostack),
+            );
+        }
+        U16x4([least; 2])
+    }
+}
+
 /// Moves a column down, and the blocks of its `V` views on by it: `vectors` vectors, at least one.
 ///
 /// # Safety
@@ -181,7 +236,8 @@ impl Isa for Dsp {
 
     #[inline(always)]
     fn lane(index: usize) -> usize {
-        [0, 2, 1, 3][index % 4]
+        // The lower two bits change places.
+        index & !3 | index << 1 & 2 | index >> 1 & 1
     }
 
     #[inline(always)]

@@ -117,10 +117,35 @@ pub trait Blocks<L: Lane>: Isa {
         }
     }
 
-    /// Fuses the costs of blocks whose views are all available, and returns the least in each lane.
+    /// Fuses the costs of blocks whose views are all available. The least lane of what it returns is the least of them.
     #[inline(always)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) -> Self::Block {
         fuse_generic(self, rule, blocks, fused)
+    }
+
+    /// Fuses the costs of blocks in the `available` views, whose bits are set, on one scale for every number of them. Where there are
+    /// none, they are [`Lane::MAX`].
+    #[inline(always)]
+    fn fuse_available<const V: usize>(
+        self,
+        rule: Rule,
+        available: u8,
+        blocks: &[[Self::Costs; V]],
+        fused: &mut [Self::Costs],
+    ) {
+        for (fused, block) in fused.iter_mut().zip(blocks) {
+            fuse_available(self, rule, available, block).store(fused);
+        }
+    }
+
+    /// The least of costs.
+    #[inline(always)]
+    fn least(self, costs: &[Self::Costs]) -> L {
+        let mut least = self.splat(L::MAX);
+        for costs in costs {
+            least = least.min(self.load_block(costs));
+        }
+        least.least()
     }
 }
 
@@ -281,7 +306,7 @@ pub(crate) fn fuse<L: Lane, B: Block<L>, const V: usize>(rule: Rule, costs: [B; 
 
 /// Fuses the costs of the `available` views, at least one, whose bits are set, on one scale for every number of them.
 #[inline(always)]
-pub(crate) fn fuse_available<L: Lane, I: Blocks<L>, const V: usize>(
+fn fuse_available<L: Lane, I: Blocks<L>, const V: usize>(
     isa: I,
     rule: Rule,
     available: u8,
@@ -296,6 +321,7 @@ pub(crate) fn fuse_available<L: Lane, I: Blocks<L>, const V: usize>(
         }
     }
     match (rule, available.count_ones()) {
+        (_, 0) => isa.splat(L::MAX),
         (Rule::Min, _) => fuse(Rule::Min, of_available),
         (Rule::Heuristic, 1) => six_times(fuse(Rule::Min, of_available)),
         (Rule::Heuristic, _) => fuse(Rule::Heuristic, of_available),

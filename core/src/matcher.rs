@@ -208,7 +208,10 @@ impl<I: Isa> Matcher<'_, I> {
         I: Blocks<L>,
     {
         let (v, vectors) = (self.next, self.shape.depth / I::LANES);
-        let columns = cast_mut::<_, I::Sums>(self.sums.columns);
+        let columns = cast_mut::<_, I::Sums>(self.sums.columns).get_mut(..self.shape.span * V * vectors).unwrap_or_default();
+        let bias = I::bias((v + 1 - self.region.rows().start) as u32);
+        cast_mut::<_, u16>(self.sums.zeros).fill(bias);
+        let nothing = &*cast_mut::<_, I::Sums>(self.sums.zeros).get_mut(..V * vectors).unwrap_or_default();
         // The lowest line of the blocks enters. At the region's top all their lines do, and then nothing is left to move.
         let entering = v as i32 + self.params.radius() as i32;
         let mut lines = Change { entering, leaving: entering - self.params.block_size() as i32 };
@@ -217,7 +220,10 @@ impl<I: Isa> Matcher<'_, I> {
             while self.primed <= entering {
                 self.frames.read_ahead(source, &self.params, self.line, self.primed)?;
                 let line = Change { entering: self.primed, leaving: self.primed };
-                sweep::prime(self.isa, columns, vectors, sweep::steps::<V>(&self.frames, line, self.shape.span));
+                let mut steps = sweep::steps::<I, V>(&self.frames, line, columns, nothing, self.params.block_size());
+                for _ in 0..self.shape.span {
+                    self.isa.prime(&mut steps);
+                }
                 self.primed += 1;
             }
         }
@@ -225,19 +231,16 @@ impl<I: Isa> Matcher<'_, I> {
         if v + 1 == self.params.height() {
             self.frames.read_rest(source, &self.params, self.line)?;
         }
-        let bias = I::bias((v + 1 - self.region.rows().start) as u32);
-        cast_mut::<_, u16>(self.sums.zeros).fill(bias);
         let sweep = Sweep::<L, I, V> {
             isa: self.isa,
             params: &self.params,
             region: &self.region,
-            columns,
-            zeros: cast_mut(self.sums.zeros),
+            steps: sweep::steps(&self.frames, lines, columns, nothing, self.params.block_size()),
             bias,
             blocks: cast_mut(self.sums.blocks).get_mut(..vectors).unwrap_or_default(),
             fused: cast_mut(self.sums.fused),
         };
-        sweep.run(v, sweep::steps(&self.frames, lines, self.shape.span), out);
+        sweep.run(v, out);
         Ok(())
     }
 }

@@ -8,7 +8,7 @@
 
 use core::arch::asm;
 
-use super::{Block, Blocks, Change, Column, Isa, Rule, Steps, fuse_generic, steps::Track};
+use super::{Block, Blocks, Change, Column, Isa, Rule, Steps, fuse_generic, steps::Place};
 
 /// The DSP extension: four lanes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -155,19 +155,12 @@ impl Dsp {
     }
 }
 
-/// Moves a column down, and the blocks of its `V` views on by it: `vectors` vectors, at least one.
+/// Moves a column down, and the blocks on by it.
 ///
 /// # Safety
-/// The tracks' samples have as many vectors, the sums `V` times as many.
+/// The place has as many vectors in a view as there are blocks, at least one.
 #[inline(always)]
-unsafe fn slide<const V: usize>(
-    center: Change<u8>,
-    tracks: *mut Track,
-    column: *mut [u32; 2],
-    left: *const [u32; 2],
-    blocks: *mut [u32; 2],
-    vectors: usize,
-) {
+unsafe fn slide<const V: usize>(Place { center, tracks, column, left, .. }: Place<'_, Dsp, V>, blocks: &mut [[[u32; 2]; V]]) {
     let (entering, leaving) = (splat(center.entering), splat(center.leaving));
     unsafe {
         asm!(
@@ -208,11 +201,11 @@ unsafe fn slide<const V: usize>(
             "bne 2b",
             "ldr r7, [sp, #12]",
             "add sp, sp, #16",
-            n = inout(reg) vectors => _,
+            n = inout(reg) blocks.len() => _,
             tracks = inout(reg) tracks => _,
             column = inout(reg) column => _,
             left = inout(reg) left => _,
-            block = inout(reg) blocks => _,
+            block = inout(reg) blocks.as_mut_ptr() => _,
             center = in(reg) entering,
             center_left = in(reg) leaving,
             inverse = in(reg) !leaving,
@@ -312,19 +305,22 @@ impl Blocks<u16> for Dsp {
         4 * costs.len()
     }
 
-    #[inline(always)]
-    fn slide<const V: usize>(self, steps: &mut Steps<'_, V>, column: &mut [[u32; 2]], left: &[[u32; 2]], blocks: &mut [[[u32; 2]; V]]) {
-        let sums = V * blocks.len();
-        if steps.vectors::<Self>() != blocks.len() || column.len() != sums || left.len() != sums || blocks.is_empty() {
+    #[inline(never)]
+    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u32; 2]; V]]) {
+        if steps.vectors() != blocks.len() || blocks.is_empty() {
             return;
         }
-        let Some((center, tracks)) = steps.enter() else { return };
-        unsafe { slide::<V>(center, tracks.as_mut_ptr(), column.as_mut_ptr(), left.as_ptr(), blocks.as_mut_ptr().cast(), blocks.len()) }
+        if let Some(place) = steps.enter() {
+            unsafe { slide(place, blocks) }
+        }
     }
 
-    #[inline(always)]
+    #[inline(never)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> U16x4 {
-        fuse_generic::<u16, _, V>(self, rule, blocks, fused)
+        match rule {
+            Rule::Min => self.fuse_min([0, 1, 2, 3].map(|k: usize| k.min(V - 1)), blocks, fused),
+            _ => fuse_generic::<u16, _, V>(self, rule, blocks, fused),
+        }
     }
 }
 

@@ -36,8 +36,8 @@ pub struct Steps<'a, I: Isa, const V: usize> {
 #[repr(C)]
 pub(super) struct Track {
     pub samples: Change<*const u8>,
-    /// From the end of one column's to the next's.
-    pub gap: isize,
+    /// From one column's to the next's.
+    pub step: isize,
 }
 
 /// A column of the block, and what it gains and loses.
@@ -67,7 +67,7 @@ pub(super) struct Place<'a, I: Isa, const V: usize> {
 }
 
 impl Track {
-    const NONE: Track = Track { samples: Change { entering: [].as_ptr(), leaving: [].as_ptr() }, gap: 0 };
+    const NONE: Track = Track { samples: Change { entering: [].as_ptr(), leaving: [].as_ptr() }, step: 0 };
 }
 
 /// The tracks of the centre and of the views, if all their samples in `columns` columns are there, and `depth` in a view's.
@@ -80,9 +80,9 @@ fn tracks<const V: usize>(
     let track = |Change { entering, leaving }: Change<Samples<'_>>, depth: usize| {
         let alike = entering.step == leaving.step && entering.depth == depth && leaving.depth == depth;
         let samples = Change { entering: entering.first(columns)?, leaving: leaving.first(columns)? };
-        alike.then_some(Track { samples, gap: entering.step - depth as isize })
+        alike.then_some(Track { samples, step: entering.step })
     };
-    let center = track(center, 1).filter(|center| center.gap == 0)?;
+    let center = track(center, 1).filter(|center| center.step == 1)?;
     let mut tracks = [Track::NONE; V];
     for (to, view) in tracks.iter_mut().zip(views) {
         *to = track(view, depth)?;
@@ -156,14 +156,13 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
     pub(super) fn next(&mut self) -> Option<Step<'_, I, V>> {
         let vectors = self.vectors;
         let Place { center, column, left, .. } = self.enter()?;
-        let bytes = I::LANES * vectors;
         let mut views = [Change { entering: &[][..], leaving: &[][..] }; V];
         for (view, track) in views.iter_mut().zip(&mut self.tracks) {
             // SAFETY: for all columns, it has been checked that these samples are there. Bytes may be anywhere, and be anything.
             let vectors = |samples: *const u8| unsafe { slice::from_raw_parts(samples.cast(), vectors) };
             let Change { entering, leaving } = track.samples;
             *view = Change { entering: vectors(entering), leaving: vectors(leaving) };
-            let next = |samples: *const u8| samples.wrapping_add(bytes).wrapping_offset(track.gap);
+            let next = |samples: *const u8| samples.wrapping_offset(track.step);
             track.samples = Change { entering: next(entering), leaving: next(leaving) };
         }
         // SAFETY: for all columns, it has been checked that these sums are there. Blocks have at least one column, so that what they leave

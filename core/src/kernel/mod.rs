@@ -9,6 +9,8 @@ mod avx2;
 mod avx512;
 #[cfg(target_arch = "arm")]
 mod dsp;
+#[cfg(target_arch = "arm")]
+mod mve;
 mod portable;
 mod steps;
 
@@ -22,6 +24,8 @@ pub use avx2::Avx2;
 pub use avx512::Avx512;
 #[cfg(target_arch = "arm")]
 pub use dsp::Dsp;
+#[cfg(target_arch = "arm")]
+pub use mve::Mve;
 pub use portable::Portable;
 pub use steps::Steps;
 

@@ -355,6 +355,22 @@ mod tests {
     }
 
     #[test]
+    fn runs_of_all_lengths_are_framed() {
+        for len in (0..20).chain(245..270).chain(500..520).chain(755..775) {
+            for zeros in [vec![], vec![0], vec![253], vec![254], vec![255], vec![len / 2, len / 2 + 1], vec![len.saturating_sub(1)]] {
+                let bytes: Vec<u8> = (0..len).map(|i| if zeros.contains(&i) { 0 } else { i as u8 | 1 }).collect();
+                let mut framed = vec![0xaa; max_bytes(len / 2 + 1)];
+                let end = frame(&bytes, &mut framed).unwrap();
+                let (&mut zero, framed) = framed[..end].split_last_mut().unwrap();
+                assert!(zero == 0 && !framed.contains(&0), "{len} bytes, zeros at {zeros:?}");
+                let decoded = cobs::decode_in_place(framed).unwrap();
+                assert_eq!(&framed[..decoded], bytes, "zeros at {zeros:?}");
+                assert_eq!(frame(&bytes, &mut vec![0; end - 1]), None);
+            }
+        }
+    }
+
+    #[test]
     fn no_damaged_bit_goes_unnoticed() {
         let bytes = sent(30);
         let bytes = &bytes[..bytes.len() - 1];

@@ -249,6 +249,50 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(place: Place<'_, Dsp, V>,
     }
 }
 
+/// Adds what enters to a column.
+///
+/// # Safety
+/// The place has as many `vectors` in a view, not 0.
+#[inline(always)]
+unsafe fn prime<const V: usize>(place: Place<'_, Dsp, V>, vectors: usize) {
+    let Place { center, tracks, column, .. } = place;
+    unsafe {
+        asm!(
+            "2:",
+            "ldr {entering}, [{tracks}]",
+            "ldr {x}, [{tracks}, #8]",
+            "add {x}, {x}, {entering}",
+            "str {x}, [{tracks}], #{track}",
+            "mov {n}, {vectors}",
+            "3:",
+            "ldr {x}, [{entering}], #4",
+            "uqsub8 {a}, {x}, {center}",
+            "uqsub8 {x}, {center}, {x}",
+            "orr {x}, {x}, {a}",
+            "ldrd {a}, {b}, [{column}]",
+            "uxtab16 {a}, {a}, {x}",
+            "uxtab16 {b}, {b}, {x}, ror #8",
+            "strd {a}, {b}, [{column}], #8",
+            "subs {n}, {n}, #1",
+            "bne 3b",
+            "cmp {tracks}, {end}",
+            "bne 2b",
+            vectors = in(reg) vectors,
+            tracks = inout(reg) tracks => _,
+            end = in(reg) tracks.wrapping_add(V),
+            column = inout(reg) column => _,
+            center = in(reg) splat(center.entering),
+            entering = out(reg) _,
+            n = out(reg) _,
+            a = out(reg) _,
+            b = out(reg) _,
+            x = out(reg) _,
+            track = const size_of::<Track>(),
+            options(nostack),
+        );
+    }
+}
+
 impl Isa for Dsp {
     const LANES: usize = 4;
     const BATCH: usize = 1;
@@ -288,6 +332,14 @@ impl Isa for Dsp {
 
     fn bias(lines: u32) -> u16 {
         255u16.wrapping_mul(lines as u16)
+    }
+
+    #[inline(never)]
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
+        let vectors = steps.vectors();
+        if let Some(place) = steps.enter().filter(|_| vectors > 0) {
+            unsafe { prime(place, vectors) }
+        }
     }
 }
 

@@ -49,6 +49,14 @@ impl Isa for Mve {
     fn advance(self, sums: [u16; 8], center: Change<u8>, view: Change<&[u8; 8]>) -> [u16; 8] {
         TWIN.advance(sums, center, view)
     }
+
+    #[inline(never)]
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
+        let vectors = steps.vectors();
+        if let Some(place) = steps.enter().filter(|_| vectors > 0) {
+            unsafe { prime(place, vectors) }
+        }
+    }
 }
 
 impl Blocks<u16> for Mve {
@@ -178,6 +186,44 @@ impl Blocks<u32> for Mve {
     #[inline(always)]
     fn position(self, costs: &[[u32; 8]], cost: u32) -> usize {
         TWIN.position(costs, cost)
+    }
+}
+
+/// Adds what enters to a column.
+///
+/// # Safety
+/// The place has as many `vectors` in a view, not 0.
+#[inline(always)]
+unsafe fn prime<const V: usize>(place: Place<'_, Mve, V>, vectors: usize) {
+    let Place { center, tracks, column, .. } = place;
+    unsafe {
+        asm!(
+            "vdup.16 q1, r2",
+            "2:",
+            "ldr r2, [{tracks}]",
+            "ldr {x}, [{tracks}, #8]",
+            "add {x}, {x}, r2",
+            "str {x}, [{tracks}], #{track}",
+            "dls lr, {n}",
+            "3:",
+            "vldrb.u16 q0, [r2], #8",
+            "vabd.u16 q0, q0, q1",
+            "vldrh.u16 q2, [{column}]",
+            "vadd.i16 q0, q0, q2",
+            "vstrh.16 q0, [{column}], #16",
+            "le lr, 3b",
+            "cmp {tracks}, {end}",
+            "bne 2b",
+            n = in(reg) vectors,
+            tracks = inout(reg) tracks => _,
+            end = in(reg) tracks.wrapping_add(V),
+            column = inout(reg) column => _,
+            inout("r2") u32::from(center.entering) => _,
+            x = out(reg) _,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _,
+            track = const size_of::<Track>(),
+            options(nostack),
+        );
     }
 }
 

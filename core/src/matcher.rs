@@ -87,7 +87,7 @@ impl Params {
 
     /// The length of the memory that [`Matcher::new`] is lent: see [`Memory`].
     pub const fn memory_words(&self) -> usize {
-        Memory::new(self, self.width(), Params::LANES).words()
+        Memory::new::<Portable<{ Params::LANES }>>(self, self.width()).words()
     }
 }
 
@@ -111,8 +111,8 @@ impl<'m, I: Isa> Matcher<'m, I> {
     /// # Errors
     /// [`MemoryTooSmall`].
     pub fn with_isa(isa: I, params: &Params, region: &Region, memory: &'m mut [u32]) -> Result<Matcher<'m, I>, MemoryTooSmall> {
-        let shape = Shape::new(params, region.width(), I::LANES);
-        let sizes = Memory::new(params, region.width(), I::LANES);
+        let shape = Shape::new::<I>(params, region.width());
+        let sizes = Memory::new::<I>(params, region.width());
         let too_small = MemoryTooSmall { needed: sizes.words(), given: memory.len() };
         let mut rest = memory.get_mut(..sizes.words()).ok_or(too_small)?;
         let mut lend = |bytes: usize| {
@@ -208,7 +208,7 @@ impl<I: Isa> Matcher<'_, I> {
         I: Blocks<L>,
     {
         let (v, vectors) = (self.next, self.shape.depth / I::LANES);
-        let columns = cast_mut::<_, [I::Sums; V]>(self.sums.columns);
+        let columns = cast_mut::<_, I::Sums>(self.sums.columns);
         // The lowest line of the blocks enters. At the region's top all their lines do, and then nothing is left to move.
         let entering = v as i32 + self.params.radius() as i32;
         let mut lines = Change { entering, leaving: entering - self.params.block_size() as i32 };
@@ -217,7 +217,7 @@ impl<I: Isa> Matcher<'_, I> {
             while self.primed <= entering {
                 self.frames.read_ahead(source, &self.params, self.line, self.primed)?;
                 let line = Change { entering: self.primed, leaving: self.primed };
-                sweep::prime(self.isa, columns, vectors, Steps::<V>::new(&self.frames, line));
+                sweep::prime(self.isa, columns, vectors, &Steps::<V>::new(&self.frames, line));
                 self.primed += 1;
             }
         }
@@ -225,16 +225,16 @@ impl<I: Isa> Matcher<'_, I> {
         if v + 1 == self.params.height() {
             self.frames.read_rest(source, &self.params, self.line)?;
         }
-        let sweep = Sweep {
+        let sweep = Sweep::<L, I, V> {
             isa: self.isa,
             params: &self.params,
             region: &self.region,
             columns,
             zeros: cast_mut(self.sums.zeros),
             blocks: cast_mut(self.sums.blocks).get_mut(..vectors).unwrap_or_default(),
-            fused: cast_mut(self.sums.fused).get_mut(..vectors).unwrap_or_default(),
+            fused: cast_mut(self.sums.fused),
         };
-        sweep.run(v, Steps::new(&self.frames, lines), out);
+        sweep.run(v, &Steps::new(&self.frames, lines), out);
         Ok(())
     }
 }

@@ -8,12 +8,14 @@ mod board;
 #[cfg(target_os = "none")]
 pub mod firmware;
 pub mod frame_file;
+mod kernel;
 pub mod packet;
 mod pipeline;
 pub mod profile;
 mod streams;
 
 pub use board::{Board, Phase};
+pub use kernel::Kernel;
 pub use pipeline::{Pipeline, PipelineError, Workspace};
 pub use profile::Profile;
 pub use streams::{Streams, StreamsError};

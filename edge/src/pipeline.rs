@@ -3,11 +3,11 @@
 use core::{error, fmt, marker::PhantomData};
 use embedded_io::Write;
 use multiscopic_core::{
-    Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, Rewind, ScanlineSource, kernel::Portable,
+    Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, Rewind, ScanlineSource,
 };
 
 use crate::{
-    Board, Phase,
+    Board, Kernel, Phase,
     packet::{BufferTooSmall, Sender},
 };
 
@@ -62,7 +62,7 @@ impl<'w> Pipeline<'w> {
             let given = self.line.len();
             let line = self.line.get_mut(..columns).ok_or(PipelineError::Line { needed: columns, given })?;
             let mut matcher =
-                Matcher::with_isa(Portable::<{ Params::LANES }>, params, &tile, self.matcher).map_err(PipelineError::Memory)?;
+                Matcher::with_isa(Kernel::default(), params, &tile, self.matcher).map_err(PipelineError::Memory)?;
             while let Some(v) = matcher.next_line(&mut Fetching::<B>::new(source), line).map_err(PipelineError::Match)? {
                 B::enter(Phase::Sending);
                 let packet = sender.line(&tile, v, line).map_err(PipelineError::Packet)?;
@@ -155,7 +155,7 @@ mod tests {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
-    const WORDS: usize = Memory::new(&PARAMS, PARAMS.width(), Params::LANES).words();
+    const WORDS: usize = Memory::new::<Kernel>(&PARAMS, PARAMS.width()).words();
     const PACKET: usize = packet::buffer_bytes(PARAMS.width());
 
     /// A slope two pixels away from the infinite, which counts how often it is read.

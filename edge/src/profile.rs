@@ -2,7 +2,7 @@
 
 use multiscopic_core::{Fusion, Memory, Params, Views};
 
-use crate::packet;
+use crate::{Kernel, packet};
 
 /// The size of a match under a name, and the RAM it may take.
 #[derive(Clone, Copy, Debug)]
@@ -64,7 +64,7 @@ impl Profile {
 
     /// The length of the memory that the matcher is lent.
     pub const fn memory_words(&self) -> usize {
-        Memory::new(&self.params(Fusion::Min), self.tile_width, Params::LANES).words()
+        Memory::new::<Kernel>(&self.params(Fusion::Min), self.tile_width).words()
     }
 
     /// The length of the buffer that packets are encoded in.
@@ -114,7 +114,7 @@ mod tests {
     fn the_fusion_does_not_change_the_memory() {
         for profile in ALL {
             for fusion in [Fusion::Min, Fusion::Mean, Fusion::Heuristic] {
-                let memory = Memory::new(&profile.params(fusion), profile.tile_width(), Params::LANES);
+                let memory = Memory::new::<Kernel>(&profile.params(fusion), profile.tile_width());
                 assert_eq!(memory.words(), profile.memory_words(), "{}", profile.name);
             }
         }

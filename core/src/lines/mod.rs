@@ -9,8 +9,6 @@ mod rows;
 
 use core::iter;
 
-use bytemuck::Pod;
-
 use crate::{Frame, MatchError, Params, Region, ScanlineSource, View, memory::Shape};
 use columns::{Columns, replicated};
 use rows::Rows;
@@ -173,23 +171,22 @@ impl<'m> Lines<'m> {
     }
 }
 
-/// The samples of a line at all disparities, from column to column.
+/// The samples of a line at all disparities, column by column.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Samples<'a> {
     samples: &'a [u8],
-    /// Where the next column's begin.
+    /// Where the first column's begin.
     start: usize,
-    /// How much further the next but one column's begin.
+    /// How much further the next column's begin.
     step: isize,
     depth: usize,
 }
 
 impl<'a> Samples<'a> {
-    /// The next column's, at ascending disparities, in vectors of type `T`.
+    /// Column `x`'s, at ascending disparities.
     #[inline(always)]
-    pub fn next<T: Pod>(&mut self) -> Option<&'a [T]> {
-        let samples = self.samples.get(self.start..self.start.wrapping_add(self.depth))?;
-        self.start = self.start.wrapping_add_signed(self.step);
-        bytemuck::try_cast_slice(samples).ok()
+    pub fn at(&self, x: usize) -> Option<&'a [u8]> {
+        let start = self.start.wrapping_add_signed((x as isize).wrapping_mul(self.step));
+        self.samples.get(start..start.wrapping_add(self.depth))
     }
 }

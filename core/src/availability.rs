@@ -36,12 +36,19 @@ impl Segments {
         let mut all = Segments::default();
         let mut start = 0;
         for segment in &mut all.segments {
-            let nearest = |end: usize, bound: usize| if bound > start { end.min(bound) } else { end };
-            let end = available.iter().fold(params.num_disparities(), |end, range| nearest(nearest(end, range.start), range.end));
-            let views = available.iter().zip(0..).fold(0, |views, (range, k)| views | (u8::from(range.contains(&start)) << k));
+            let (mut end, mut views) = (params.num_disparities(), 0);
+            for (range, k) in available.iter().take(params.views().len()).zip(0..) {
+                for bound in [range.start, range.end] {
+                    end = if bound > start { end.min(bound) } else { end };
+                }
+                views |= u8::from(range.contains(&start)) << k;
+            }
             *segment = Segment { start, end, views };
-            all.len += usize::from(start < end);
+            all.len += 1;
             start = end;
+            if end == params.num_disparities() {
+                break;
+            }
         }
         all
     }
@@ -54,6 +61,11 @@ impl Segments {
     /// Whether all views are available at all disparities.
     pub fn are_complete(&self, params: &Params) -> bool {
         self.len == 1 && self.segments[0].views.count_ones() as usize == params.views().len()
+    }
+
+    /// Whether no view is available at any disparity.
+    pub fn are_empty(&self) -> bool {
+        self.iter().all(|segment| segment.views == 0)
     }
 
     /// The views that are available at a disparity, as bits; none outside the search.

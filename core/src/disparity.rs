@@ -82,6 +82,23 @@ impl Disparity {
         Disparity::from_bits((i32::from(d) * Disparity::STEPS + shift) as i16)
     }
 
+    /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that has vectors: 64 bits hold every quotient of 32 bits so
+    /// closely that none is rounded up to a whole number.
+    #[inline(always)]
+    pub(crate) fn refine_all(d: &[i16; MAX_BATCH], costs: &Around, refined: &mut [Option<Disparity>; MAX_BATCH]) {
+        for i in 0..MAX_BATCH {
+            let (d, steps) = (i32::from(d[i]), Disparity::STEPS);
+            // Costs that mean nothing make disparities that mean nothing.
+            let (fall, rise) = (costs.before[i].wrapping_sub(costs.at[i]) as i32, costs.after[i].wrapping_sub(costs.at[i]) as i32);
+            let denominator = fall.wrapping_add(rise).max(1).wrapping_mul(2);
+            let sign = if d < 0 || (d == 0 && fall < rise) { -1 } else { 1 };
+            let numerator = fall.wrapping_sub(rise).wrapping_mul(2 * steps * sign);
+            let dividend = numerator.wrapping_add(denominator.wrapping_mul(steps + 1));
+            let shift = ((f64::from(dividend) / f64::from(denominator.wrapping_mul(2))) as i32).wrapping_sub(steps / 2);
+            refined[i] = Disparity::from_bits(d.wrapping_mul(steps).wrapping_add(shift.wrapping_mul(sign)) as i16);
+        }
+    }
+
     /// The disparity of exactly `d` pixels.
     pub(crate) const fn whole(d: i16) -> Option<Disparity> {
         Disparity::from_bits(d.wrapping_mul(Disparity::STEPS as i16))
@@ -118,6 +135,17 @@ impl defmt::Format for Disparity {
     fn format(&self, f: defmt::Formatter<'_>) {
         defmt::write!(f, "{=f32}", f32::from(*self));
     }
+}
+
+/// The most pixels in a batch.
+pub(crate) const MAX_BATCH: usize = 16;
+
+/// The costs at the disparities of a batch of pixels, and at those before and after.
+#[derive(Debug)]
+pub(crate) struct Around {
+    pub before: [u32; MAX_BATCH],
+    pub at: [u32; MAX_BATCH],
+    pub after: [u32; MAX_BATCH],
 }
 
 #[cfg(test)]

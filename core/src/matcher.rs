@@ -9,7 +9,7 @@ use crate::{
     kernel::{Blocks, Change, Isa, Lane, Portable},
     lines::{Frames, Lines},
     memory::Shape,
-    sweep::{self, Steps, Sweep},
+    sweep::{self, Sweep},
 };
 
 /// A pass over a region of a frame, one disparity line at a time.
@@ -217,7 +217,7 @@ impl<I: Isa> Matcher<'_, I> {
             while self.primed <= entering {
                 self.frames.read_ahead(source, &self.params, self.line, self.primed)?;
                 let line = Change { entering: self.primed, leaving: self.primed };
-                sweep::prime(self.isa, columns, vectors, &Steps::<V>::new(&self.frames, line));
+                sweep::prime(self.isa, columns, vectors, sweep::steps::<V>(&self.frames, line, self.shape.span));
                 self.primed += 1;
             }
         }
@@ -225,16 +225,19 @@ impl<I: Isa> Matcher<'_, I> {
         if v + 1 == self.params.height() {
             self.frames.read_rest(source, &self.params, self.line)?;
         }
+        let bias = I::bias((v + 1 - self.region.rows().start) as u32);
+        cast_mut::<_, u16>(self.sums.zeros).fill(bias);
         let sweep = Sweep::<L, I, V> {
             isa: self.isa,
             params: &self.params,
             region: &self.region,
             columns,
             zeros: cast_mut(self.sums.zeros),
+            bias,
             blocks: cast_mut(self.sums.blocks).get_mut(..vectors).unwrap_or_default(),
             fused: cast_mut(self.sums.fused),
         };
-        sweep.run(v, &Steps::new(&self.frames, lines), out);
+        sweep.run(v, sweep::steps(&self.frames, lines, self.shape.span), out);
         Ok(())
     }
 }

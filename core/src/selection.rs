@@ -3,13 +3,21 @@
 use crate::{
     Disparity, Params,
     availability::Segments,
-    kernel::{self, Block, Blocks, Isa, Lane, Rule},
+    disparity::{Around, MAX_BATCH},
+    kernel::{Block, Blocks, Isa, Lane, Rule, Steps},
 };
+
+/// The least fused costs of a batch of pixels, in lanes, and their first indices.
+#[derive(Debug)]
+pub(crate) struct Winners<L> {
+    pub costs: [L; MAX_BATCH],
+    pub indices: [usize; MAX_BATCH],
+}
 
 /// The choice of a disparity by fused costs in lanes.
 ///
 /// A lane that holds [`Lane::MAX`] has saturated, or belongs to no candidate.
-pub(crate) struct Selection<'a, L, I: Blocks<L>> {
+pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     isa: I,
     params: &'a Params,
     rule: Rule,
@@ -17,13 +25,8 @@ pub(crate) struct Selection<'a, L, I: Blocks<L>> {
     indices: I::Costs,
     /// Zero in the lanes of the last vector that belong to a disparity, and the greatest cost in those that are too many.
     excess: I::Costs,
-}
-
-/// The least fused cost in lanes, and its first index.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Winner<L> {
-    index: u16,
-    cost: L,
+    /// Whether there are any.
+    exceeds: bool,
 }
 
 impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
@@ -39,74 +42,130 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
                 *lane = L::MAX;
             }
         }
-        Selection { isa, params, rule, indices, excess }
+        Selection { isa, params, rule, indices, excess, exceeds: params.num_disparities() % I::LANES != 0 }
     }
 
-    /// Fuses the costs of a pixel whose views are all available at all disparities.
+    /// Moves the blocks on to a pixel whose views are all available at all disparities, fuses their costs, and returns the least, unless
+    /// that is looked for [later](Selection::disparities).
     #[inline(always)]
-    pub fn fuse<const V: usize>(&self, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) {
-        for (fused, block) in fused.iter_mut().zip(blocks) {
-            let mut costs = [self.isa.splat(L::default()); V];
-            for k in 0..V {
-                costs[k] = self.isa.load_block(&block[k]);
-            }
-            kernel::fuse(self.rule, costs).store(fused);
+    pub fn slide_and_fuse<const V: usize>(
+        &self,
+        steps: &mut Steps<'_, V>,
+        column: &mut [I::Sums],
+        left: &[I::Sums],
+        blocks: &mut [[I::Costs; V]],
+        fused: &mut [I::Costs],
+    ) -> L {
+        let least = self.isa.slide_and_fuse(self.rule, steps, column, left, blocks, fused);
+        match (I::BATCH, self.exceeds) {
+            (1, false) => least.least(),
+            _ => self.least(fused),
         }
-        if let Some(last) = fused.last_mut() {
+    }
+
+    /// Fuses the costs of a pixel segment by segment, and returns the least.
+    #[inline(always)]
+    pub fn fuse_segments<const V: usize>(&self, segments: &Segments, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
+        for segment in segments.iter() {
+            // Each segment is followed by the next, so that lanes past its end do not matter; of its first vector the lanes before its start
+            // are kept.
+            let (first, end) = (segment.start / I::LANES, segment.end.div_ceil(I::LANES));
+            let (Some(blocks), Some(fused)) = (blocks.get(first..end), fused.get_mut(first..end)) else { continue };
+            let before = fused.first().copied();
+            self.isa.fuse_available(self.rule, segment.views, blocks, fused);
+            let kept = segment.start - first * I::LANES;
+            if let (Some(before), Some(costs)) = (before.filter(|_| kept > 0), fused.first_mut()) {
+                let (before, after) = (self.isa.load_block(&before), self.isa.load_block(costs));
+                let kept = self.isa.splat(L::from_index(kept));
+                kept.if_greater(self.isa.load_block(&self.indices), before, after).store(costs);
+            }
+        }
+        self.least(fused)
+    }
+
+    /// The least of a pixel's fused costs, in which lanes too many do not count; not yet, if pixels come in batches.
+    #[inline(always)]
+    fn least(&self, fused: &mut [I::Costs]) -> L {
+        if let Some(last) = fused.last_mut().filter(|_| self.exceeds) {
             self.isa.load_block(last).max(self.isa.load_block(&self.excess)).store(last);
         }
+        if I::BATCH == 1 { self.isa.least(fused) } else { L::MAX }
     }
 
-    /// Fuses the costs of a pixel segment by segment.
+    /// The disparities of a batch of pixels, refined between neighbours; those by [`Exact`] costs where lanes do not tell.
     #[inline(always)]
-    pub fn fuse_segments<const V: usize>(&self, segments: &Segments, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) {
-                for segment in segments.iter() {
-            // Each segment is followed by the next, so that lanes past its end do not matter; of its first vector the lanes before its start are
-            // kept.
-            let first = segment.start / I::LANES;
-            let vectors = fused.iter_mut().zip(blocks).skip(first).take(segment.end.div_ceil(I::LANES) - first);
-            let mut kept = self.isa.splat(L::from_index(segment.start - first * I::LANES));
-            for (fused, block) in vectors {
-                let costs = match segment.views {
-                    0 => self.isa.splat(L::MAX),
-                    views => kernel::fuse_available(self.isa, self.rule, views, block),
-                };
-                let before = self.isa.load_block(fused);
-                kept.if_greater(self.isa.load_block(&self.indices), before, costs).store(fused);
-                kept = self.isa.splat(L::default());
+    pub fn disparities<'e>(
+        &self,
+        winners: &mut Winners<L>,
+        fused: &[I::Costs],
+        vectors: usize,
+        pixels: &mut [Option<Disparity>],
+        exact: impl Fn(usize) -> Exact<'e, I>,
+    ) where
+        I: 'e,
+    {
+        if let ([pixel], [cost, ..]) = (&mut *pixels, winners.costs) && I::BATCH == 1 {
+            *pixel = self.disparity(cost, fused, || exact(0));
+            return;
+        }
+        // Step by step for all pixels: each step takes long, but does not wait for that of another pixel.
+        let Winners { costs, indices } = winners;
+        let fused = fused.chunks_exact(vectors.max(1)).take(pixels.len());
+        for ((fused, cost), index) in fused.clone().zip(&mut *costs).zip(&mut *indices) {
+            *cost = self.isa.least(fused);
+            *index = self.isa.position(fused, *cost);
+        }
+        let last = self.params.num_disparities() - 1;
+        let mut lanes = [[0; 2]; MAX_BATCH];
+        for (lanes, &mut index) in lanes.iter_mut().zip(&mut *indices) {
+            *lanes = [lane::<I>(index.wrapping_sub(1).min(last)), lane::<I>((index + 1).min(last))];
+        }
+        let mut around = Around { before: [0; MAX_BATCH], at: [0; MAX_BATCH], after: [0; MAX_BATCH] };
+        let mut unclear = 0;
+        for (((fused, lanes), &mut index), i) in fused.zip(lanes).zip(&mut *indices).zip(0..MAX_BATCH) {
+            let costs: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
+            let cost = |lane: usize| costs.get(lane).copied().unwrap_or(L::MAX);
+            let at = winners.costs[i];
+            let inner = index != 0 && index < last;
+            let (before, after) = if inner { (cost(lanes[0]), cost(lanes[1])) } else { (at, at) };
+            unclear |= u32::from(at == L::MAX || before == L::MAX || after == L::MAX) << i;
+            (around.before[i], around.at[i], around.after[i]) = (before.widen(), at.widen(), after.widen());
+        }
+        let mut found = [None; MAX_BATCH];
+        let mut d = [0; MAX_BATCH];
+        for (d, &mut index) in d.iter_mut().zip(indices) {
+            *d = self.params.min_disparity() + index as i16;
+        }
+        Disparity::refine_all(&d, &around, &mut found);
+        for (pixel, found) in pixels.iter_mut().zip(found) {
+            *pixel = found;
+        }
+        if unclear != 0 {
+            for ((pixel, i), &at) in pixels.iter_mut().zip(0..).zip(&winners.costs).filter(|((_, i), _)| unclear >> i & 1 != 0) {
+                let exact = exact(i);
+                *pixel = if at == L::MAX { exact.disparity() } else { exact.refined(winners.indices[i]) };
             }
         }
-        if let Some(last) = fused.last_mut() {
-            self.isa.load_block(last).max(self.isa.load_block(&self.excess)).store(last);
-        }
     }
 
-    /// The least of a pixel's fused costs.
+    /// The disparity of a pixel by its least cost.
     #[inline(always)]
-    pub fn winner(&self, fused: &[I::Costs]) -> Winner<L> {
-        let mut least = self.isa.splat(L::MAX);
-        for costs in fused {
-            least = least.min(self.isa.load_block(costs));
-        }
-        let cost = least.least();
-        Winner { index: self.isa.position(fused, cost) as u16, cost }
-    }
-
-    /// The disparity of a pixel's winner, refined between its neighbours; that by `exact` costs, where lanes do not tell.
-    #[inline(always)]
-    pub fn disparity<'e>(&self, winner: Winner<L>, fused: &[I::Costs], exact: impl FnOnce() -> Exact<'e, I>) -> Option<Disparity> {
-        let index = usize::from(winner.index);
-        if winner.cost == L::MAX {
+    fn disparity<'e>(&self, cost: L, fused: &[I::Costs], exact: impl FnOnce() -> Exact<'e, I>) -> Option<Disparity>
+    where
+        I: 'e,
+    {
+        if cost == L::MAX {
             return exact().disparity();
         }
-        let d = self.params.min_disparity() + winner.index as i16;
+        let index = self.isa.position(fused, cost);
+        let d = self.params.min_disparity() + index as i16;
         if index == 0 || index + 1 >= self.params.num_disparities() {
             return Disparity::whole(d);
         }
         let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
         match (lanes.get(lane::<I>(index - 1)), lanes.get(lane::<I>(index + 1))) {
             (Some(&before), Some(&after)) if before != L::MAX && after != L::MAX => {
-                Disparity::refine(d, before.widen(), winner.cost.widen(), after.widen())
+                Disparity::refine(d, before.widen(), cost.widen(), after.widen())
             }
             _ => exact().refined(index),
         }
@@ -134,6 +193,8 @@ pub(crate) struct Exact<'a, I: Isa> {
     pub columns: &'a [I::Sums],
     /// Vectors in a column's view.
     pub vectors: usize,
+    /// What every column sum has too much.
+    pub bias: u16,
 }
 
 impl<I: Isa> Exact<'_, I> {
@@ -141,6 +202,9 @@ impl<I: Isa> Exact<'_, I> {
     #[cold]
     pub fn disparity(&self) -> Option<Disparity> {
         let segments = Segments::new(self.params, self.u, self.v);
+        if segments.are_empty() {
+            return None;
+        }
         let all = 0..self.params.num_disparities();
         let costs = all.filter_map(|index| Some((self.cost(&segments, index)?, index)));
         let (_, index) = costs.min_by_key(|&(cost, _)| cost)?;
@@ -176,7 +240,7 @@ impl<I: Isa> Exact<'_, I> {
         let columns = self.columns.chunks_exact((self.params.views().len() * self.vectors).max(1));
         columns.take(self.params.block_size()).try_fold(0, |sum, column| {
             let sums: &[u16] = bytemuck::try_cast_slice(column.get(k * self.vectors..)?).ok()?;
-            Some(sum + u32::from(*sums.get(lane::<I>(index))?))
+            Some(sum + u32::from(sums.get(lane::<I>(index))?.wrapping_sub(self.bias)))
         })
     }
 }

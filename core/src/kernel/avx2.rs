@@ -6,7 +6,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{Block, Blocks, Change, Column, Isa};
+use super::{Block, Blocks, Change, Column, Isa, Rule, Steps, pass};
 
 /// AVX2: 32 lanes.
 #[derive(Clone, Copy, Debug)]
@@ -114,6 +114,19 @@ impl Blocks<u16> for Avx2 {
     }
 
     #[inline(always)]
+    fn slide_and_fuse<const V: usize>(
+        self,
+        rule: Rule,
+        steps: &mut Steps<'_, V>,
+        column: &mut [[u16; 32]],
+        left: &[[u16; 32]],
+        blocks: &mut [[[u16; 32]; V]],
+        fused: &mut [[u16; 32]],
+    ) -> <Self as Blocks<u16>>::Block {
+        pass::slide_and_fuse::<u16, _, V>(self, rule, steps, column, left, blocks, fused)
+    }
+
+    #[inline(always)]
     fn position(self, costs: &[[u16; 32]], cost: u16) -> usize {
         let cost = unsafe { _mm256_set1_epi16(cost as i16) };
         position(costs, |costs| {
@@ -216,6 +229,19 @@ impl Blocks<u32> for Avx2 {
     #[inline(always)]
     fn splat(self, cost: u32) -> U32x32 {
         U32x32([unsafe { _mm256_set1_epi32(cost as i32) }; 4])
+    }
+
+    #[inline(always)]
+    fn slide_and_fuse<const V: usize>(
+        self,
+        rule: Rule,
+        steps: &mut Steps<'_, V>,
+        column: &mut [[u16; 32]],
+        left: &[[u16; 32]],
+        blocks: &mut [[[u32; 32]; V]],
+        fused: &mut [[u32; 32]],
+    ) -> <Self as Blocks<u32>>::Block {
+        pass::slide_and_fuse::<u32, _, V>(self, rule, steps, column, left, blocks, fused)
     }
 
     #[inline(always)]

@@ -7,9 +7,14 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "arm")]
+mod dsp;
+#[cfg(target_arch = "x86_64")]
+mod pass;
 mod portable;
+mod steps;
 
-use core::fmt::Debug;
+use core::{fmt::Debug, mem};
 
 use bytemuck::Pod;
 
@@ -17,7 +22,10 @@ use bytemuck::Pod;
 pub use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
+#[cfg(target_arch = "arm")]
+pub use dsp::Dsp;
 pub use portable::Portable;
+pub use steps::Steps;
 
 use crate::Fusion;
 
@@ -49,11 +57,32 @@ pub trait Isa: Copy + Debug {
     /// The absolute differences between a sample of the centre and the samples of a view.
     fn differences(self, center: u8, view: &Self::Samples) -> Self::Column;
     /// A column's sums moved down: with the differences that enter, and without those that leave. Wraps.
+    ///
+    /// It may add [`bias`](Isa::bias) too.
     fn advance(self, sums: Self::Column, center: Change<u8>, view: Change<&Self::Samples>) -> Self::Column;
+
+    /// What every column sum has too much after it has been moved down by so many lines. It leaves the blocks as it has entered.
+    fn bias(_lines: u32) -> u16 {
+        0
+    }
+
+    /// Adds what enters to the sums of a column, view by view.
+    #[inline(always)]
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, V>, column: &mut [Self::Sums]) {
+        let Some(step) = steps.next::<Self>() else { return };
+        let mut rest = column;
+        for view in step.views {
+            let Some((column, others)) = mem::take(&mut rest).split_at_mut_checked(view.entering.len()) else { return };
+            for (sums, samples) in column.iter_mut().zip(view.entering) {
+                self.load_column(sums).add(self.differences(step.center.entering, samples)).store(sums);
+            }
+            rest = others;
+        }
+    }
 }
 
 /// Vectors of block sums in lanes of type `L`.
-pub trait Blocks<L>: Isa {
+pub trait Blocks<L: Lane>: Isa {
     /// As many costs, in memory.
     type Costs: Pod;
     /// A vector of sums of absolute differences over the block, or of costs fused of them.
@@ -65,6 +94,86 @@ pub trait Blocks<L>: Isa {
     fn splat(self, cost: L) -> Self::Block;
     /// The index of the first disparity with this cost; any that is no disparity's if none has it.
     fn position(self, costs: &[Self::Costs], cost: L) -> usize;
+
+    /// Moves a column down, and the blocks on by it. `column` holds its sums, view by view, and `left` those of the column that leaves.
+    #[inline(always)]
+    fn slide<const V: usize>(
+        self,
+        steps: &mut Steps<'_, V>,
+        column: &mut [Self::Sums],
+        left: &[Self::Sums],
+        blocks: &mut [[Self::Costs; V]],
+    ) {
+        let Some(step) = steps.next::<Self>() else { return };
+        let (mut column, mut left) = (column, left);
+        for (k, Change { entering, leaving }) in step.views.iter().enumerate() {
+            let Some((sums, columns)) = mem::take(&mut column).split_at_mut_checked(entering.len()) else { return };
+            let Some((sums_left, columns_left)) = left.split_at_checked(entering.len()) else { return };
+            let samples = entering.iter().zip(*leaving);
+            for (((sums, left), block), (entering, leaving)) in sums.iter_mut().zip(sums_left).zip(&mut *blocks).zip(samples) {
+                let moved = self.advance(self.load_column(sums), step.center, Change { entering, leaving });
+                moved.store(sums);
+                self.load_block(&block[k]).slide(moved, self.load_column(left)).store(&mut block[k]);
+            }
+            (column, left) = (columns, columns_left);
+        }
+    }
+
+    /// Fuses the costs of blocks whose views are all available. The least lane of what it returns is the least of them.
+    #[inline(always)]
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) -> Self::Block {
+        let mut least = self.splat(L::MAX);
+        for (fused, block) in fused.iter_mut().zip(blocks) {
+            let mut costs = [least; V];
+            for k in 0..V {
+                costs[k] = self.load_block(&block[k]);
+            }
+            let costs = fuse(rule, costs);
+            costs.store(fused);
+            least = least.min(costs);
+        }
+        least
+    }
+
+    /// Moves a column down and the blocks on by it, and fuses their costs: [`slide`](Blocks::slide) and [`fuse`](Blocks::fuse).
+    #[inline(always)]
+    fn slide_and_fuse<const V: usize>(
+        self,
+        rule: Rule,
+        steps: &mut Steps<'_, V>,
+        column: &mut [Self::Sums],
+        left: &[Self::Sums],
+        blocks: &mut [[Self::Costs; V]],
+        fused: &mut [Self::Costs],
+    ) -> Self::Block {
+        self.slide(steps, column, left, blocks);
+        self.fuse(rule, blocks, fused)
+    }
+
+    /// Fuses the costs of blocks in the `available` views, whose bits are set, on one scale for every number of them. Where there are
+    /// none, they are [`Lane::MAX`].
+    #[inline(always)]
+    fn fuse_available<const V: usize>(
+        self,
+        rule: Rule,
+        available: u8,
+        blocks: &[[Self::Costs; V]],
+        fused: &mut [Self::Costs],
+    ) {
+        for (fused, block) in fused.iter_mut().zip(blocks) {
+            fuse_available(self, rule, available, block).store(fused);
+        }
+    }
+
+    /// The least of costs.
+    #[inline(always)]
+    fn least(self, costs: &[Self::Costs]) -> L {
+        let mut least = self.splat(L::MAX);
+        for costs in costs {
+            least = least.min(self.load_block(costs));
+        }
+        least.least()
+    }
 }
 
 /// What is done with a vector of column sums.
@@ -87,7 +196,7 @@ pub trait Block<L>: Copy {
 
     /// Puts the costs into memory.
     fn store(self, costs: &mut Self::Costs);
-    /// The block moved on by a column.
+    /// The block moved on by a column. What enters less what leaves, in 16 bits with a sign, is what the block grows by.
     fn slide(self, entering: Self::Column, leaving: Self::Column) -> Self;
     /// Lane by lane. 16 bits saturate; 32 bits never have to.
     fn add(self, other: Self) -> Self;
@@ -141,6 +250,7 @@ impl Lane for u32 {
 
 /// What enters the block, and what leaves it.
 #[derive(Clone, Copy, Debug)]
+#[repr(C)]
 pub struct Change<T> {
     /// What enters.
     pub entering: T,
@@ -153,7 +263,7 @@ pub struct Change<T> {
 /// Costs are on a scale that keeps them small where all views are available: a factor common to all candidates of a pixel changes
 /// neither which is the least, nor where between its neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Rule {
+pub enum Rule {
     /// The least.
     Min,
     /// The sum.
@@ -202,7 +312,7 @@ pub(crate) fn fuse<L: Lane, B: Block<L>, const V: usize>(rule: Rule, costs: [B; 
 
 /// Fuses the costs of the `available` views, at least one, whose bits are set, on one scale for every number of them.
 #[inline(always)]
-pub(crate) fn fuse_available<L: Lane, I: Blocks<L>, const V: usize>(
+fn fuse_available<L: Lane, I: Blocks<L>, const V: usize>(
     isa: I,
     rule: Rule,
     available: u8,
@@ -217,6 +327,7 @@ pub(crate) fn fuse_available<L: Lane, I: Blocks<L>, const V: usize>(
         }
     }
     match (rule, available.count_ones()) {
+        (_, 0) => isa.splat(L::MAX),
         (Rule::Min, _) => fuse(Rule::Min, of_available),
         (Rule::Heuristic, 1) => six_times(fuse(Rule::Min, of_available)),
         (Rule::Heuristic, _) => fuse(Rule::Heuristic, of_available),

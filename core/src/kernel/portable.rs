@@ -85,7 +85,7 @@ macro_rules! blocks {
 
             #[inline(always)]
             fn slide(self, entering: [u16; N], leaving: [u16; N]) -> Self {
-                array::from_fn(|i| self[i].wrapping_add(entering[i].into()).wrapping_sub(leaving[i].into()))
+                array::from_fn(|i| self[i].wrapping_add(entering[i].wrapping_sub(leaving[i]) as i16 as $lane))
             }
 
             #[inline(always)]

@@ -178,15 +178,17 @@ pub(crate) struct Samples<'a> {
     /// Where the first column's begin.
     start: usize,
     /// How much further the next column's begin.
-    step: isize,
-    depth: usize,
+    pub step: isize,
+    /// How many a column has, at ascending disparities.
+    pub depth: usize,
 }
 
-impl<'a> Samples<'a> {
-    /// Column `x`'s, at ascending disparities.
-    #[inline(always)]
-    pub fn at(&self, x: usize) -> Option<&'a [u8]> {
-        let start = self.start.wrapping_add_signed((x as isize).wrapping_mul(self.step));
-        self.samples.get(start..start.wrapping_add(self.depth))
+impl Samples<'_> {
+    /// Where the first column's begin, if those of `columns` columns are there.
+    pub fn first(&self, columns: usize) -> Option<*const u8> {
+        let last = self.step.checked_mul(columns.checked_sub(1)? as isize)?;
+        let last = self.start.checked_add_signed(last)?;
+        let covered = |start: usize| start.checked_add(self.depth).is_some_and(|end| end <= self.samples.len());
+        (covered(self.start) && covered(last)).then(|| self.samples.as_ptr().wrapping_add(self.start))
     }
 }

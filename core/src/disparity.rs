@@ -3,6 +3,8 @@
 use core::{fmt, num::NonZeroU16};
 use fixed::types::I10F6;
 
+use crate::kernel::Winners;
+
 /// A disparity: signed pixels in steps of 1/64, from -511 63/64 to 511 63/64.
 ///
 /// A pixel that has none is `None`: an [`Option<Disparity>`] takes the same two bytes.
@@ -85,9 +87,10 @@ impl Disparity {
     /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that has vectors: 64 bits hold every quotient of 32 bits so
     /// closely that none is rounded up to a whole number.
     #[inline(always)]
-    pub(crate) fn refine_all(d: &[i16; MAX_BATCH], costs: &Around, refined: &mut [Option<Disparity>; MAX_BATCH]) {
-        for i in 0..MAX_BATCH {
-            let (d, steps) = (i32::from(d[i]), Disparity::STEPS);
+    pub(crate) fn refine_all(costs: &Around) -> [Option<Disparity>; BATCH] {
+        let mut refined = [None; BATCH];
+        for i in 0..BATCH {
+            let (d, steps) = (i32::from(costs.d[i]), Disparity::STEPS);
             // Costs that mean nothing make disparities that mean nothing.
             let (fall, rise) = (costs.before[i].wrapping_sub(costs.at[i]) as i32, costs.after[i].wrapping_sub(costs.at[i]) as i32);
             let denominator = fall.wrapping_add(rise).max(1).wrapping_mul(2);
@@ -97,6 +100,7 @@ impl Disparity {
             let shift = ((f64::from(dividend) / f64::from(denominator.wrapping_mul(2))) as i32).wrapping_sub(steps / 2);
             refined[i] = Disparity::from_bits(d.wrapping_mul(steps).wrapping_add(shift.wrapping_mul(sign)) as i16);
         }
+        refined
     }
 
     /// The disparity of exactly `d` pixels.
@@ -137,15 +141,15 @@ impl defmt::Format for Disparity {
     }
 }
 
-/// The most pixels in a batch.
-pub(crate) const MAX_BATCH: usize = 16;
+const BATCH: usize = Winners::<()>::MAX;
 
-/// The costs at the disparities of a batch of pixels, and at those before and after.
+/// The disparities of a batch of pixels, and the costs before, at and after them.
 #[derive(Debug)]
 pub(crate) struct Around {
-    pub before: [u32; MAX_BATCH],
-    pub at: [u32; MAX_BATCH],
-    pub after: [u32; MAX_BATCH],
+    pub d: [i16; BATCH],
+    pub before: [u32; BATCH],
+    pub at: [u32; BATCH],
+    pub after: [u32; BATCH],
 }
 
 #[cfg(test)]

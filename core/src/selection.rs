@@ -3,16 +3,11 @@
 use crate::{
     Disparity, Params,
     availability::Segments,
-    disparity::{Around, MAX_BATCH},
-    kernel::{Block, Blocks, Isa, Lane, Rule, Steps},
+    disparity::Around,
+    kernel::{Block, Blocks, Isa, Lane, Rule, Winners},
 };
 
-/// The least fused costs of a batch of pixels, in lanes, and their first indices.
-#[derive(Debug)]
-pub(crate) struct Winners<L> {
-    pub costs: [L; MAX_BATCH],
-    pub indices: [usize; MAX_BATCH],
-}
+const BATCH: usize = Winners::<()>::MAX;
 
 /// The choice of a disparity by fused costs in lanes.
 ///
@@ -20,7 +15,7 @@ pub(crate) struct Winners<L> {
 pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     isa: I,
     params: &'a Params,
-    rule: Rule,
+    pub rule: Rule,
     /// The index of each lane of a vector.
     indices: I::Costs,
     /// Zero in the lanes of the last vector that belong to a disparity, and the greatest cost in those that are too many.
@@ -45,22 +40,17 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         Selection { isa, params, rule, indices, excess, exceeds: params.num_disparities() % I::LANES != 0 }
     }
 
-    /// Moves the blocks on to a pixel whose views are all available at all disparities, fuses their costs, and returns the least, unless
-    /// that is looked for [later](Selection::disparities).
+    /// What the costs in the last vector are at least, if it has lanes too many.
     #[inline(always)]
-    pub fn slide_and_fuse<const V: usize>(
-        &self,
-        steps: &mut Steps<'_, V>,
-        column: &mut [I::Sums],
-        left: &[I::Sums],
-        blocks: &mut [[I::Costs; V]],
-        fused: &mut [I::Costs],
-    ) -> L {
-        let least = self.isa.slide_and_fuse(self.rule, steps, column, left, blocks, fused);
-        match (I::BATCH, self.exceeds) {
-            (1, false) => least.least(),
-            _ => self.least(fused),
-        }
+    pub fn excess(&self) -> Option<I::Costs> {
+        self.exceeds.then_some(self.excess)
+    }
+
+    /// Fuses the costs of a pixel whose views are all available at all disparities, and returns the least.
+    #[inline(always)]
+    pub fn fuse<const V: usize>(&self, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
+        let least = self.isa.fuse(self.rule, blocks, fused);
+        if self.exceeds { self.least(fused) } else { least.least() }
     }
 
     /// Fuses the costs of a pixel segment by segment, and returns the least.
@@ -83,20 +73,22 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         self.least(fused)
     }
 
-    /// The least of a pixel's fused costs, in which lanes too many do not count; not yet, if pixels come in batches.
+    /// The least of a pixel's fused costs, in which lanes too many do not count.
     #[inline(always)]
     fn least(&self, fused: &mut [I::Costs]) -> L {
         if let Some(last) = fused.last_mut().filter(|_| self.exceeds) {
             self.isa.load_block(last).max(self.isa.load_block(&self.excess)).store(last);
         }
-        if I::BATCH == 1 { self.isa.least(fused) } else { L::MAX }
+        self.isa.least(fused)
     }
 
     /// The disparities of a batch of pixels, refined between neighbours; those by [`Exact`] costs where lanes do not tell.
+    ///
+    /// Step by step for all pixels: each step takes long, but does not wait for that of another pixel.
     #[inline(always)]
     pub fn disparities<'e>(
         &self,
-        winners: &mut Winners<L>,
+        winners: &Winners<L>,
         fused: &[I::Costs],
         vectors: usize,
         pixels: &mut [Option<Disparity>],
@@ -104,53 +96,47 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     ) where
         I: 'e,
     {
-        if let ([pixel], [cost, ..]) = (&mut *pixels, winners.costs) && I::BATCH == 1 {
-            *pixel = self.disparity(cost, fused, || exact(0));
-            return;
-        }
-        // Step by step for all pixels: each step takes long, but does not wait for that of another pixel.
         let Winners { costs, indices } = winners;
         let fused = fused.chunks_exact(vectors.max(1)).take(pixels.len());
-        for ((fused, cost), index) in fused.clone().zip(&mut *costs).zip(&mut *indices) {
-            *cost = self.isa.least(fused);
-            *index = self.isa.position(fused, *cost);
+        let last = self.params.num_disparities() as u32 - 1;
+        let mut lanes = [[0; 2]; BATCH];
+        for (lanes, &index) in lanes.iter_mut().zip(indices) {
+            *lanes = [lane::<I>(index.saturating_sub(1) as usize), lane::<I>(last.min(index + 1) as usize)];
         }
-        let last = self.params.num_disparities() - 1;
-        let mut lanes = [[0; 2]; MAX_BATCH];
-        for (lanes, &mut index) in lanes.iter_mut().zip(&mut *indices) {
-            *lanes = [lane::<I>(index.wrapping_sub(1).min(last)), lane::<I>((index + 1).min(last))];
-        }
-        let mut around = Around { before: [0; MAX_BATCH], at: [0; MAX_BATCH], after: [0; MAX_BATCH] };
-        let mut unclear = 0;
-        for (((fused, lanes), &mut index), i) in fused.zip(lanes).zip(&mut *indices).zip(0..MAX_BATCH) {
+        let mut neighbours = [[L::MAX; 2]; BATCH];
+        for ((fused, lanes), neighbours) in fused.zip(&lanes).zip(&mut neighbours) {
             let costs: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
-            let cost = |lane: usize| costs.get(lane).copied().unwrap_or(L::MAX);
-            let at = winners.costs[i];
+            if let (Some(&before), Some(&after)) = (costs.get(lanes[0]), costs.get(lanes[1])) {
+                *neighbours = [before, after];
+            }
+        }
+        let mut around = Around { d: [0; BATCH], before: [0; BATCH], at: [0; BATCH], after: [0; BATCH] };
+        let mut unclear = [false; BATCH];
+        for i in 0..BATCH {
+            let (index, at, [before, after]) = (indices[i], costs[i], neighbours[i]);
+            // At the ends of the search the disparity is left as it is.
             let inner = index != 0 && index < last;
-            let (before, after) = if inner { (cost(lanes[0]), cost(lanes[1])) } else { (at, at) };
-            unclear |= u32::from(at == L::MAX || before == L::MAX || after == L::MAX) << i;
-            (around.before[i], around.at[i], around.after[i]) = (before.widen(), at.widen(), after.widen());
+            unclear[i] = at == L::MAX || (inner && (before == L::MAX || after == L::MAX));
+            around.d[i] = self.params.min_disparity().wrapping_add(index as i16);
+            around.before[i] = if inner { before.widen() } else { at.widen() };
+            around.at[i] = at.widen();
+            around.after[i] = if inner { after.widen() } else { at.widen() };
         }
-        let mut found = [None; MAX_BATCH];
-        let mut d = [0; MAX_BATCH];
-        for (d, &mut index) in d.iter_mut().zip(indices) {
-            *d = self.params.min_disparity() + index as i16;
+        let refined = Disparity::refine_all(&around);
+        for (pixel, refined) in pixels.iter_mut().zip(refined) {
+            *pixel = refined;
         }
-        Disparity::refine_all(&d, &around, &mut found);
-        for (pixel, found) in pixels.iter_mut().zip(found) {
-            *pixel = found;
-        }
-        if unclear != 0 {
-            for ((pixel, i), &at) in pixels.iter_mut().zip(0..).zip(&winners.costs).filter(|((_, i), _)| unclear >> i & 1 != 0) {
+        if unclear != [false; BATCH] {
+            for (((pixel, _), i), (&at, &index)) in pixels.iter_mut().zip(unclear).zip(0..).zip(costs.iter().zip(indices)).filter(|(((_, unclear), _), _)| *unclear) {
                 let exact = exact(i);
-                *pixel = if at == L::MAX { exact.disparity() } else { exact.refined(winners.indices[i]) };
+                *pixel = if at == L::MAX { exact.disparity() } else { exact.refined(index as usize) };
             }
         }
     }
 
     /// The disparity of a pixel by its least cost.
     #[inline(always)]
-    fn disparity<'e>(&self, cost: L, fused: &[I::Costs], exact: impl FnOnce() -> Exact<'e, I>) -> Option<Disparity>
+    pub fn disparity<'e>(&self, cost: L, fused: &[I::Costs], exact: impl FnOnce() -> Exact<'e, I>) -> Option<Disparity>
     where
         I: 'e,
     {

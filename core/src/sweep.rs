@@ -1,14 +1,13 @@
 //! A line's way through the sums: down the columns of the blocks, and along them.
 
-use core::array;
+use core::{array, mem};
 
 use crate::{
     Disparity, Params, Region,
     availability::{Segments, uniform_columns},
-    disparity::MAX_BATCH,
-    kernel::{Block, Blocks, Change, Isa, Lane, Rule, Steps},
+    kernel::{Batch, Block, Blocks, Change, Isa, Lane, Rule, Steps, Winners},
     lines::{Frames, Lines},
-    selection::{Exact, Selection, Winners},
+    selection::{Exact, Selection},
 };
 
 /// The samples that two lines of the centre, which may be virtual, are compared with, in `columns` columns.
@@ -31,10 +30,8 @@ pub(crate) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub isa: I,
     pub params: &'a Params,
     pub region: &'a Region,
-    /// The sums of each column of the span, view by view.
+    /// What leaves where nothing has entered, and the sums of each column of the span, view by view.
     pub columns: &'a mut [I::Sums],
-    /// The sums of a column of zeros.
-    pub zeros: &'a [I::Sums],
     /// What every column sum has too much.
     pub bias: u16,
     /// The sums of a block.
@@ -47,9 +44,9 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
     /// Moves the blocks down by a step and along line `v`, and writes its disparities.
     #[inline(always)]
     pub fn run(self, v: usize, mut steps: Steps<'_, V>, out: &mut [Option<Disparity>]) {
-        let Sweep { isa, params, region, columns, zeros, bias, blocks, fused } = self;
+        let Sweep { isa, params, region, columns, bias, blocks, fused } = self;
         let vectors = blocks.len();
-        let mut window = Window { columns, next: 0, size: V * vectors, block: params.block_size() * V * vectors, zeros };
+        let mut window = Window { columns, next: V * vectors, size: V * vectors, block: 0 };
         for costs in blocks.as_flattened_mut() {
             isa.splat(L::default()).store(costs);
         }
@@ -57,50 +54,57 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         for _ in 0..2 * params.radius() {
             let Some((column, left)) = window.next() else { return };
             isa.slide(&mut steps, column, left, blocks);
+            window.block += window.size;
         }
         let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
         let uniform = uniform_columns(params);
         let of_uniform = Segments::new(params, uniform.start, v);
         let complete = of_uniform.are_complete(params);
-        let mut winners = Winners { costs: [L::MAX; MAX_BATCH], indices: [0; MAX_BATCH] };
-        let batches = out.chunks_mut(const { if I::BATCH < MAX_BATCH { I::BATCH } else { MAX_BATCH } });
-        let mut first = region.columns().start;
-        for pixels in batches {
-            let costs = fused.chunks_exact_mut(vectors.max(1));
-            for ((fused, least), u) in costs.zip(&mut winners.costs).zip(first..first + pixels.len()) {
+        let mut winners = Winners { costs: [L::MAX; Winners::<()>::MAX], indices: [0; Winners::<()>::MAX] };
+        let (mut u, mut out) = (region.columns().start, out);
+        while !out.is_empty() {
+            let inside = uniform.contains(&u);
+            // Pixels whose views are all available come in batches, all others one by one.
+            let batch = I::BATCH.min(Winners::<L>::MAX).min(uniform.end.saturating_sub(u)).min(out.len());
+            let batch = if complete && inside { batch } else { 1 };
+            let Some((pixels, others)) = mem::take(&mut out).split_at_mut_checked(batch) else { return };
+            if let [pixel] = pixels {
                 let Some((column, left)) = window.next() else { return };
-                if complete && uniform.contains(&u) {
-                    *least = selection.slide_and_fuse(&mut steps, column, left, blocks, fused);
-                    continue;
-                }
                 isa.slide(&mut steps, column, left, blocks);
-                *least = match uniform.contains(&u) {
+                let fused = fused.get_mut(..vectors).unwrap_or_default();
+                let least = match inside {
+                    true if complete => selection.fuse(blocks, fused),
                     true => selection.fuse_segments(&of_uniform, blocks, fused),
                     false => selection.fuse_segments(&Segments::new(params, u, v), blocks, fused),
                 };
+                *pixel = selection.disparity(least, fused, || Exact { params, u, v, columns: window.under(1), vectors, bias });
+            } else {
+                let columns = window.batch(batch).unwrap_or_default();
+                let excess = selection.excess();
+                let batch = Batch { rule: selection.rule, pixels: batch, columns, blocks, fused, excess };
+                isa.batch(batch, &mut steps, &mut winners);
+                let columns = window.under(pixels.len());
+                selection.disparities(&winners, fused, vectors, pixels, |i| {
+                    let columns = columns.get(i * V * vectors..).unwrap_or_default();
+                    Exact { params, u: u + i, v, columns, vectors, bias }
+                });
             }
-            let columns = &*window.columns;
-            let exact = |u: usize| {
-                let columns = columns.get((u - region.columns().start) * V * vectors..).unwrap_or_default();
-                Exact { params, u, v, columns, vectors, bias }
-            };
-            selection.disparities(&mut winners, fused, vectors, pixels, |i| exact(first + i));
-            first += pixels.len();
+            u += pixels.len();
+            out = others;
         }
     }
 }
 
 /// The columns of the span in their order, each with the one that leaves the block as it enters.
 struct Window<'a, S> {
+    /// What leaves where nothing has entered, and the columns.
     columns: &'a mut [S],
     /// Where the next column is.
     next: usize,
     /// The sums of a column.
     size: usize,
-    /// The sums of a block's columns.
+    /// The sums of a block's columns, as far as they have entered.
     block: usize,
-    /// What leaves where nothing has entered.
-    zeros: &'a [S],
 }
 
 impl<S> Window<'_, S> {
@@ -108,11 +112,23 @@ impl<S> Window<'_, S> {
     #[inline(always)]
     fn next(&mut self) -> Option<(&mut [S], &[S])> {
         let (before, rest) = self.columns.split_at_mut_checked(self.next)?;
-        let left = match self.next.checked_sub(self.block) {
-            Some(left) => before.get(left..)?,
-            None => self.zeros,
-        };
+        let left = before.len() - self.block - self.size;
         self.next += self.size;
-        Some((rest.get_mut(..self.size)?, left.get(..self.size)?))
+        Some((rest.get_mut(..self.size)?, before.get(left..left + self.size)?))
+    }
+
+    /// The next columns that enter, for so many pixels, and before them the columns of a block, of which as many leave.
+    #[inline(always)]
+    fn batch(&mut self, pixels: usize) -> Option<&mut [S]> {
+        let first = self.next - self.block - self.size;
+        self.next += pixels * self.size;
+        self.columns.get_mut(first..self.next)
+    }
+
+    /// The columns under the blocks of the last `pixels` pixels.
+    #[inline(always)]
+    fn under(&self, pixels: usize) -> &[S] {
+        let first = self.next - self.block - pixels * self.size;
+        self.columns.get(first..self.next).unwrap_or_default()
     }
 }

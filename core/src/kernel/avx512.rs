@@ -6,7 +6,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{Block, Blocks, Change, Column, Isa, Rule, Steps, pass};
+use super::{Batch, Block, Blocks, Change, Column, Isa, Steps, Winners};
 
 /// AVX-512 with its extensions BW, DQ and VL, and BMI2: 64 lanes.
 #[derive(Clone, Copy, Debug)]
@@ -114,16 +114,8 @@ impl Blocks<u16> for Avx512 {
     }
 
     #[inline(always)]
-    fn slide_and_fuse<const V: usize>(
-        self,
-        rule: Rule,
-        steps: &mut Steps<'_, V>,
-        column: &mut [[u16; 64]],
-        left: &[[u16; 64]],
-        blocks: &mut [[[u16; 64]; V]],
-        fused: &mut [[u16; 64]],
-    ) -> <Self as Blocks<u16>>::Block {
-        pass::slide_and_fuse::<u16, _, V>(self, rule, steps, column, left, blocks, fused)
+    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, V>, winners: &mut Winners<u16>) {
+        batch.run_in_registers(self, steps, winners);
     }
 
     #[inline(always)]
@@ -230,19 +222,6 @@ impl Blocks<u32> for Avx512 {
     #[inline(always)]
     fn splat(self, cost: u32) -> U32x64 {
         U32x64([unsafe { _mm512_set1_epi32(cost as i32) }; 4])
-    }
-
-    #[inline(always)]
-    fn slide_and_fuse<const V: usize>(
-        self,
-        rule: Rule,
-        steps: &mut Steps<'_, V>,
-        column: &mut [[u16; 64]],
-        left: &[[u16; 64]],
-        blocks: &mut [[[u32; 64]; V]],
-        fused: &mut [[u32; 64]],
-    ) -> <Self as Blocks<u32>>::Block {
-        pass::slide_and_fuse::<u32, _, V>(self, rule, steps, column, left, blocks, fused)
     }
 
     #[inline(always)]

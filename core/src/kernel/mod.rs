@@ -9,8 +9,7 @@ mod avx2;
 mod avx512;
 #[cfg(target_arch = "arm")]
 mod dsp;
-#[cfg(target_arch = "x86_64")]
-mod pass;
+mod batch;
 mod portable;
 mod steps;
 
@@ -24,6 +23,7 @@ pub use avx2::Avx2;
 pub use avx512::Avx512;
 #[cfg(target_arch = "arm")]
 pub use dsp::Dsp;
+pub use batch::{Batch, Winners};
 pub use portable::Portable;
 pub use steps::Steps;
 
@@ -135,19 +135,10 @@ pub trait Blocks<L: Lane>: Isa {
         least
     }
 
-    /// Moves a column down and the blocks on by it, and fuses their costs: [`slide`](Blocks::slide) and [`fuse`](Blocks::fuse).
+    /// Goes over a batch of pixels whose views are all available.
     #[inline(always)]
-    fn slide_and_fuse<const V: usize>(
-        self,
-        rule: Rule,
-        steps: &mut Steps<'_, V>,
-        column: &mut [Self::Sums],
-        left: &[Self::Sums],
-        blocks: &mut [[Self::Costs; V]],
-        fused: &mut [Self::Costs],
-    ) -> Self::Block {
-        self.slide(steps, column, left, blocks);
-        self.fuse(rule, blocks, fused)
+    fn batch<const V: usize>(self, batch: Batch<'_, L, Self, V>, steps: &mut Steps<'_, V>, winners: &mut Winners<L>) {
+        batch.run(self, steps, winners);
     }
 
     /// Fuses the costs of blocks in the `available` views, whose bits are set, on one scale for every number of them. Where there are

@@ -84,6 +84,25 @@ impl<'a, const V: usize> Steps<'a, V> {
         Some((center, &mut self.tracks))
     }
 
+    /// Whether there are at least so many columns of so many vectors.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    pub(super) fn covers<I: Isa>(&self, columns: usize, vectors: usize) -> bool {
+        const { assert!(align_of::<I::Samples>() == 1 && size_of::<I::Samples>() == I::LANES, "samples are not bytes") };
+        self.columns >= columns && self.vectors::<I>() == vectors
+    }
+
+    /// Moves the views on from the column that was [entered](Steps::enter).
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    pub(super) fn leave(&mut self) {
+        for track in &mut self.tracks {
+            let next = |samples: *const u8| samples.wrapping_add(self.depth).wrapping_offset(track.gap);
+            let Change { entering, leaving } = track.samples;
+            track.samples = Change { entering: next(entering), leaving: next(leaving) };
+        }
+    }
+
     /// The next column's samples.
     #[inline(always)]
     pub(super) fn next<I: Isa>(&mut self) -> Option<Step<'a, I, V>> {

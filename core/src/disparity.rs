@@ -88,6 +88,8 @@ impl Disparity {
     /// closely that none is rounded up to a whole number.
     #[inline(always)]
     pub(crate) fn refine_all(costs: &Around) -> [Option<Disparity>; BATCH] {
+        const TWO_TO_52: f64 = 4_503_599_627_370_496.0;
+        const ALMOST_HALF: f64 = 0.5 - 1.0 / 33_554_432.0;
         let mut refined = [None; BATCH];
         for i in 0..BATCH {
             let (d, steps) = (i32::from(costs.d[i]), Disparity::STEPS);
@@ -97,7 +99,10 @@ impl Disparity {
             let sign = if d < 0 || (d == 0 && fall < rise) { -1 } else { 1 };
             let numerator = fall.wrapping_sub(rise).wrapping_mul(2 * steps * sign);
             let dividend = numerator.wrapping_add(denominator.wrapping_mul(steps + 1));
-            let shift = ((f64::from(dividend) / f64::from(denominator.wrapping_mul(2))) as i32).wrapping_sub(steps / 2);
+            let quotient = f64::from(dividend) / f64::from(denominator.wrapping_mul(2));
+            // Rounded down: 2^52 leaves no bits for a fraction, and a quotient that is not whole is further below the next whole number than the
+            // half lacks. A cast of floats would not be done in vectors.
+            let shift = (quotient - ALMOST_HALF + TWO_TO_52).to_bits() as i32 - steps / 2;
             refined[i] = Disparity::from_bits(d.wrapping_mul(steps).wrapping_add(shift.wrapping_mul(sign)) as i16);
         }
         refined

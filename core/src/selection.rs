@@ -99,28 +99,29 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         let Winners { costs, indices } = winners;
         let fused = fused.chunks_exact(vectors.max(1)).take(pixels.len());
         let last = self.params.num_disparities() as u32 - 1;
-        let mut lanes = [[0; 2]; BATCH];
-        for (lanes, &index) in lanes.iter_mut().zip(indices) {
-            *lanes = [lane::<I>(index.saturating_sub(1) as usize), lane::<I>(last.min(index + 1) as usize)];
+        let (mut lanes_before, mut lanes_after) = ([0; BATCH], [0; BATCH]);
+        for i in 0..BATCH {
+            lanes_before[i] = lane::<I>(indices[i].saturating_sub(1) as usize);
+            lanes_after[i] = lane::<I>(last.min(indices[i] + 1) as usize);
         }
-        let mut neighbours = [[L::MAX; 2]; BATCH];
-        for ((fused, lanes), neighbours) in fused.zip(&lanes).zip(&mut neighbours) {
+        let (mut before, mut after) = ([L::MAX; BATCH], [L::MAX; BATCH]);
+        let neighbours = lanes_before.iter().zip(&lanes_after).zip(before.iter_mut().zip(&mut after));
+        for (((&lane_before, &lane_after), (before, after)), fused) in neighbours.zip(fused) {
             let costs: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
-            if let (Some(&before), Some(&after)) = (costs.get(lanes[0]), costs.get(lanes[1])) {
-                *neighbours = [before, after];
-            }
+            *before = costs.get(lane_before).copied().unwrap_or(L::MAX);
+            *after = costs.get(lane_after).copied().unwrap_or(L::MAX);
         }
         let mut around = Around { d: [0; BATCH], before: [0; BATCH], at: [0; BATCH], after: [0; BATCH] };
         let mut unclear = [false; BATCH];
         for i in 0..BATCH {
-            let (index, at, [before, after]) = (indices[i], costs[i], neighbours[i]);
+            let (index, at, before, after) = (indices[i], costs[i], before[i], after[i]);
             // At the ends of the search the disparity is left as it is.
-            let inner = index != 0 && index < last;
-            unclear[i] = at == L::MAX || (inner && (before == L::MAX || after == L::MAX));
+            let inner = (index != 0) & (index < last);
+            unclear[i] = (at == L::MAX) | (inner & ((before == L::MAX) | (after == L::MAX)));
             around.d[i] = self.params.min_disparity().wrapping_add(index as i16);
-            around.before[i] = if inner { before.widen() } else { at.widen() };
+            around.before[i] = if inner { before } else { at }.widen();
             around.at[i] = at.widen();
-            around.after[i] = if inner { after.widen() } else { at.widen() };
+            around.after[i] = if inner { after } else { at }.widen();
         }
         let refined = Disparity::refine_all(&around);
         for (pixel, refined) in pixels.iter_mut().zip(refined) {

@@ -28,54 +28,29 @@ impl Segments {
 
     /// The segments of pixel `(u, v)`.
     pub fn new(params: &Params, u: usize, v: usize) -> Segments {
-        let mut all = Segments::default();
-        let mut views = 0;
-        // Where a view's availability begins or ends within the search, a segment does, and its bit changes.
-        for (view, k) in params.views().iter().zip(0..) {
+        let mut available = [const { 0..0 }; View::ALL.len()];
+        for (available, view) in available.iter_mut().zip(params.views().iter()) {
             let (coordinate, size) = if view.is_horizontal() { (u, params.width()) } else { (v, params.height()) };
-            let range = inside(view, coordinate, size, params);
-            if range.is_empty() {
-                continue;
-            }
-            if range.start == 0 {
-                views = views | 1 << k;
-            } else {
-                all.insert(range.start, 1 << k);
-            }
-            if range.end < params.num_disparities() {
-                all.insert(range.end, 1 << k);
-            }
+            *available = inside(view, coordinate, size, params);
         }
+        let mut all = Segments::default();
         let mut start = 0;
-        for segment in all.segments.iter_mut().take(all.len) {
-            let (end, changes) = (segment.end, segment.views);
+        for segment in &mut all.segments {
+            let (mut end, mut views) = (params.num_disparities(), 0);
+            for (range, k) in available.iter().take(params.views().len()).zip(0..) {
+                for bound in [range.start, range.end] {
+                    end = if bound > start { end.min(bound) } else { end };
+                }
+                views |= u8::from(range.contains(&start)) << k;
+            }
             *segment = Segment { start, end, views };
-            views ^= changes;
-            start = end;
-        }
-        if let Some(last) = all.segments.get_mut(all.len) {
-            *last = Segment { start, end: params.num_disparities(), views };
             all.len += 1;
+            start = end;
+            if end == params.num_disparities() {
+                break;
+            }
         }
         all
-    }
-
-    /// Ends a segment with a change of `views`; until all are known, these are what segments hold.
-    fn insert(&mut self, end: usize, views: u8) {
-        let mut next = Segment { start: 0, end, views };
-        for segment in self.segments.iter_mut().take(self.len) {
-            if segment.end == next.end {
-                segment.views ^= next.views;
-                return;
-            }
-            if segment.end > next.end {
-                core::mem::swap(segment, &mut next);
-            }
-        }
-        if let Some(last) = self.segments.get_mut(self.len) {
-            *last = next;
-            self.len += 1;
-        }
     }
 
     /// The segments, in ascending order.

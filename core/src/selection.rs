@@ -3,8 +3,11 @@
 use crate::{
     Disparity, Params,
     availability::Segments,
-    kernel::{Block, Blocks, Isa, Lane, Rule},
+    disparity::Around,
+    kernel::{Block, Blocks, Isa, Lane, Rule, Winners},
 };
+
+const BATCH: usize = Winners::<()>::MAX;
 
 /// The choice of a disparity by fused costs in lanes.
 ///
@@ -12,7 +15,7 @@ use crate::{
 pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     isa: I,
     params: &'a Params,
-    rule: Rule,
+    pub rule: Rule,
     /// The index of each lane of a vector.
     indices: I::Costs,
     /// Zero in the lanes of the last vector that belong to a disparity, and the greatest cost in those that are too many.
@@ -37,14 +40,17 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         Selection { isa, params, rule, indices, excess, exceeds: params.num_disparities() % I::LANES != 0 }
     }
 
+    /// What the costs in the last vector are at least, if it has lanes too many.
+    #[inline(always)]
+    pub fn excess(&self) -> Option<I::Costs> {
+        self.exceeds.then_some(self.excess)
+    }
+
     /// Fuses the costs of a pixel whose views are all available at all disparities, and returns the least.
     #[inline(always)]
     pub fn fuse<const V: usize>(&self, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
         let least = self.isa.fuse(self.rule, blocks, fused);
-        if self.exceeds {
-            return self.least(fused);
-        }
-        least.least()
+        if self.exceeds { self.least(fused) } else { least.least() }
     }
 
     /// Fuses the costs of a pixel segment by segment, and returns the least.
@@ -76,16 +82,69 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         self.isa.least(fused)
     }
 
-    /// The disparity of a pixel with the `least` fused cost, refined between its neighbours; that by `exact` costs, where lanes do not tell.
+    /// The disparities of a batch of pixels, refined between neighbours; those by [`Exact`] costs where lanes do not tell.
+    ///
+    /// Step by step for all pixels: each step takes long, but does not wait for that of another pixel.
     #[inline(always)]
-    pub fn disparity<'e>(&self, least: L, fused: &[I::Costs], exact: impl FnOnce() -> Exact<'e, I>) -> Option<Disparity>
+    pub fn disparities<'e>(
+        &self,
+        winners: &Winners<L>,
+        fused: &[I::Costs],
+        vectors: usize,
+        pixels: &mut [Option<Disparity>],
+        exact: impl Fn(usize) -> Exact<'e, I>,
+    ) where
+        I: 'e,
+    {
+        let Winners { costs, indices } = winners;
+        let fused = fused.chunks_exact(vectors.max(1)).take(pixels.len());
+        let last = self.params.num_disparities() as u32 - 1;
+        let (mut lanes_before, mut lanes_after) = ([0; BATCH], [0; BATCH]);
+        for i in 0..BATCH {
+            lanes_before[i] = lane::<I>(indices[i].saturating_sub(1) as usize);
+            lanes_after[i] = lane::<I>(last.min(indices[i] + 1) as usize);
+        }
+        let (mut before, mut after) = ([L::MAX; BATCH], [L::MAX; BATCH]);
+        let neighbours = lanes_before.iter().zip(&lanes_after).zip(before.iter_mut().zip(&mut after));
+        for (((&lane_before, &lane_after), (before, after)), fused) in neighbours.zip(fused) {
+            let costs: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
+            *before = costs.get(lane_before).copied().unwrap_or(L::MAX);
+            *after = costs.get(lane_after).copied().unwrap_or(L::MAX);
+        }
+        let mut around = Around { d: [0; BATCH], before: [0; BATCH], at: [0; BATCH], after: [0; BATCH] };
+        let mut unclear = [false; BATCH];
+        for i in 0..BATCH {
+            let (index, at, before, after) = (indices[i], costs[i], before[i], after[i]);
+            // At the ends of the search the disparity is left as it is.
+            let inner = (index != 0) & (index < last);
+            unclear[i] = (at == L::MAX) | (inner & ((before == L::MAX) | (after == L::MAX)));
+            around.d[i] = self.params.min_disparity().wrapping_add(index as i16);
+            around.before[i] = if inner { before } else { at }.widen();
+            around.at[i] = at.widen();
+            around.after[i] = if inner { after } else { at }.widen();
+        }
+        let refined = Disparity::refine_all(&around);
+        for (pixel, refined) in pixels.iter_mut().zip(refined) {
+            *pixel = refined;
+        }
+        if unclear != [false; BATCH] {
+            for (((pixel, _), i), (&at, &index)) in pixels.iter_mut().zip(unclear).zip(0..).zip(costs.iter().zip(indices)).filter(|(((_, unclear), _), _)| *unclear) {
+                let exact = exact(i);
+                *pixel = if at == L::MAX { exact.disparity() } else { exact.refined(index as usize) };
+            }
+        }
+    }
+
+    /// The disparity of a pixel by its least cost.
+    #[inline(always)]
+    pub fn disparity<'e>(&self, cost: L, fused: &[I::Costs], exact: impl FnOnce() -> Exact<'e, I>) -> Option<Disparity>
     where
         I: 'e,
     {
-        if least == L::MAX {
+        if cost == L::MAX {
             return exact().disparity();
         }
-        let index = self.isa.position(fused, least);
+        let index = self.isa.position(fused, cost);
         let d = self.params.min_disparity() + index as i16;
         if index == 0 || index + 1 >= self.params.num_disparities() {
             return Disparity::whole(d);
@@ -93,7 +152,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
         match (lanes.get(lane::<I>(index - 1)), lanes.get(lane::<I>(index + 1))) {
             (Some(&before), Some(&after)) if before != L::MAX && after != L::MAX => {
-                Disparity::refine(d, before.widen(), least.widen(), after.widen())
+                Disparity::refine(d, before.widen(), cost.widen(), after.widen())
             }
             _ => exact().refined(index),
         }

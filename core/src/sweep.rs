@@ -1,40 +1,37 @@
 //! A line's way through the sums: down the columns of the blocks, and along them.
 
-use core::array;
+use core::{array, mem};
 
 use crate::{
     Disparity, Params, Region,
     availability::{Segments, uniform_columns},
-    kernel::{Block, Blocks, Change, Isa, Lane, Rule, Steps},
+    kernel::{Batch, Block, Blocks, Change, Isa, Lane, Rule, Steps, Winners},
     lines::{Frames, Lines},
     selection::{Exact, Selection},
 };
 
-/// The way along the two lines of the centre, which may be virtual.
-#[inline(always)]
-pub(crate) fn steps<'a, I: Isa, const V: usize>(
-    frames: &'a Frames<'_>,
-    lines: Change<i32>,
-    sums: &'a mut [I::Sums],
-    nothing: &'a [I::Sums],
-    block_size: usize,
-) -> Steps<'a, I, V> {
+/// The samples that two lines of the centre, which may be virtual, are compared with, in `columns` columns.
+pub(crate) fn steps<'a, const V: usize>(frames: &'a Frames<'_>, lines: Change<i32>, columns: usize) -> Steps<'a, V> {
     let at = |frame: &'a Lines<'_>| Change { entering: frame.at(lines.entering), leaving: frame.at(lines.leaving) };
     let mut views = frames.views.iter().flatten();
-    let views = array::from_fn(|_| at(views.next().unwrap_or(&frames.center)));
-    Steps::new(at(&frames.center), views, sums, nothing, block_size)
+    Steps::new(at(&frames.center), array::from_fn(|_| at(views.next().unwrap_or(&frames.center))), columns)
 }
 
-/// The most pixels in a batch.
-const MAX_BATCH: usize = 16;
+/// Adds the entering line to the sums of all columns, of `vectors` vectors in each view.
+#[inline(always)]
+pub(crate) fn prime<I: Isa, const V: usize>(isa: I, columns: &mut [I::Sums], vectors: usize, mut steps: Steps<'_, V>) {
+    for column in columns.chunks_exact_mut((V * vectors).max(1)) {
+        isa.prime(&mut steps, column);
+    }
+}
 
 /// A sweep of the blocks along a line.
 pub(crate) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub isa: I,
     pub params: &'a Params,
     pub region: &'a Region,
-    /// The way along the columns.
-    pub steps: Steps<'a, I, V>,
+    /// What leaves where nothing has entered, and the sums of each column of the span, view by view.
+    pub columns: &'a mut [I::Sums],
     /// What every column sum has too much.
     pub bias: u16,
     /// The sums of a block.
@@ -46,39 +43,92 @@ pub(crate) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize> {
 impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
     /// Moves the blocks down by a step and along line `v`, and writes its disparities.
     #[inline(always)]
-    pub fn run(mut self, v: usize, out: &mut [Option<Disparity>]) {
-        let (isa, params, vectors, bias) = (self.isa, self.params, self.blocks.len(), self.bias);
-        for costs in self.blocks.as_flattened_mut() {
+    pub fn run(self, v: usize, mut steps: Steps<'_, V>, out: &mut [Option<Disparity>]) {
+        let Sweep { isa, params, region, columns, bias, blocks, fused } = self;
+        let vectors = blocks.len();
+        let mut window = Window { columns, next: V * vectors, size: V * vectors, block: 0 };
+        for costs in blocks.as_flattened_mut() {
             isa.splat(L::default()).store(costs);
         }
         // The first block's columns but the last.
         for _ in 0..2 * params.radius() {
-            isa.slide(&mut self.steps, self.blocks);
+            let Some((column, left)) = window.next() else { return };
+            isa.slide(&mut steps, column, left, blocks);
+            window.block += window.size;
         }
         let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
         let uniform = uniform_columns(params);
         let of_uniform = Segments::new(params, uniform.start, v);
-        let (start, end) = (self.region.columns().start, self.region.columns().end);
         let complete = of_uniform.are_complete(params);
-        let mut leasts = [L::MAX; MAX_BATCH];
-        for (pixels, u) in out.chunks_mut(I::BATCH.min(MAX_BATCH)).zip((start..end).step_by(I::BATCH.min(MAX_BATCH))) {
-            for ((least, u), i) in leasts.iter_mut().zip(u..).zip(0..pixels.len()) {
-                isa.slide(&mut self.steps, self.blocks);
-                let fused = self.fused.get_mut(i * vectors..(i + 1) * vectors).unwrap_or_default();
-                *least = match uniform.contains(&u) {
-                    true if complete => selection.fuse(self.blocks, fused),
-                    true => selection.fuse_segments(&of_uniform, self.blocks, fused),
-                    false => selection.fuse_segments(&Segments::new(params, u, v), self.blocks, fused),
+        let mut winners = Winners { costs: [L::MAX; Winners::<()>::MAX], indices: [0; Winners::<()>::MAX] };
+        let (mut u, mut out) = (region.columns().start, out);
+        while !out.is_empty() {
+            let inside = uniform.contains(&u);
+            // Pixels whose views are all available come in batches, all others one by one.
+            let batch = I::BATCH.min(Winners::<L>::MAX).min(uniform.end.saturating_sub(u)).min(out.len());
+            let batch = if complete && inside { batch } else { 1 };
+            let Some((pixels, others)) = mem::take(&mut out).split_at_mut_checked(batch) else { return };
+            if let [pixel] = pixels {
+                let Some((column, left)) = window.next() else { return };
+                isa.slide(&mut steps, column, left, blocks);
+                let fused = fused.get_mut(..vectors).unwrap_or_default();
+                let least = match inside {
+                    true if complete => selection.fuse(blocks, fused),
+                    true => selection.fuse_segments(&of_uniform, blocks, fused),
+                    false => selection.fuse_segments(&Segments::new(params, u, v), blocks, fused),
                 };
-            }
-            for (((pixel, &least), u), i) in pixels.iter_mut().zip(&leasts).zip(u..).zip(0..) {
-                let fused = self.fused.get(i * vectors..(i + 1) * vectors).unwrap_or_default();
-                let steps = &self.steps;
-                *pixel = selection.disparity(least, fused, || {
-                    let columns = steps.sums().get((u - start) * V * vectors..).unwrap_or_default();
-                    Exact { params, u, v, columns, vectors, bias }
+                *pixel = selection.disparity(least, fused, || Exact { params, u, v, columns: window.under(1), vectors, bias });
+            } else {
+                let columns = window.batch(batch).unwrap_or_default();
+                let excess = selection.excess();
+                let batch = Batch { rule: selection.rule, pixels: batch, columns, blocks, fused, excess };
+                isa.batch(batch, &mut steps, &mut winners);
+                let columns = window.under(pixels.len());
+                selection.disparities(&winners, fused, vectors, pixels, |i| {
+                    let columns = columns.get(i * V * vectors..).unwrap_or_default();
+                    Exact { params, u: u + i, v, columns, vectors, bias }
                 });
             }
+            u += pixels.len();
+            out = others;
         }
+    }
+}
+
+/// The columns of the span in their order, each with the one that leaves the block as it enters.
+struct Window<'a, S> {
+    /// What leaves where nothing has entered, and the columns.
+    columns: &'a mut [S],
+    /// Where the next column is.
+    next: usize,
+    /// The sums of a column.
+    size: usize,
+    /// The sums of a block's columns, as far as they have entered.
+    block: usize,
+}
+
+impl<S> Window<'_, S> {
+    /// The next column and the one that leaves.
+    #[inline(always)]
+    fn next(&mut self) -> Option<(&mut [S], &[S])> {
+        let (before, rest) = self.columns.split_at_mut_checked(self.next)?;
+        let left = before.len() - self.block - self.size;
+        self.next += self.size;
+        Some((rest.get_mut(..self.size)?, before.get(left..left + self.size)?))
+    }
+
+    /// The next columns that enter, for so many pixels, and before them the columns of a block, of which as many leave.
+    #[inline(always)]
+    fn batch(&mut self, pixels: usize) -> Option<&mut [S]> {
+        let first = self.next - self.block - self.size;
+        self.next += pixels * self.size;
+        self.columns.get_mut(first..self.next)
+    }
+
+    /// The columns under the blocks of the last `pixels` pixels.
+    #[inline(always)]
+    fn under(&self, pixels: usize) -> &[S] {
+        let first = self.next - self.block - pixels * self.size;
+        self.columns.get(first..self.next).unwrap_or_default()
     }
 }

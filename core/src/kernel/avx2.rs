@@ -6,7 +6,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{Block, Blocks, Change, Column, Isa};
+use super::{Batch, Block, Blocks, Change, Column, Isa, Steps, Winners};
 
 /// AVX2: 32 lanes.
 #[derive(Clone, Copy, Debug)]
@@ -111,6 +111,11 @@ impl Blocks<u16> for Avx2 {
     #[inline(always)]
     fn splat(self, cost: u16) -> U16x32 {
         U16x32([unsafe { _mm256_set1_epi16(cost as i16) }; 2])
+    }
+
+    #[inline(always)]
+    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, V>, winners: &mut Winners<u16>) {
+        batch.run_in_registers(self, steps, winners);
     }
 
     #[inline(always)]

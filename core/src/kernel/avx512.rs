@@ -6,7 +6,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{Block, Blocks, Change, Column, Isa};
+use super::{Batch, Block, Blocks, Change, Column, Isa, Steps, Winners};
 
 /// AVX-512 with its extensions BW, DQ and VL, and BMI2: 64 lanes.
 #[derive(Clone, Copy, Debug)]
@@ -111,6 +111,11 @@ impl Blocks<u16> for Avx512 {
     #[inline(always)]
     fn splat(self, cost: u16) -> U16x64 {
         U16x64([unsafe { _mm512_set1_epi16(cost as i16) }; 2])
+    }
+
+    #[inline(always)]
+    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, V>, winners: &mut Winners<u16>) {
+        batch.run_in_registers(self, steps, winners);
     }
 
     #[inline(always)]

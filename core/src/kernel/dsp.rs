@@ -8,7 +8,7 @@
 
 use core::arch::asm;
 
-use super::{Block, Blocks, Change, Column, Isa, Rule, Steps, fuse_generic, steps::{Place, Track}};
+use super::{Block, Blocks, Change, Column, Isa, Rule, Steps, fuse_generic, steps::Track};
 
 /// The DSP extension: four lanes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -199,10 +199,16 @@ unsafe fn costs<const N: usize, const V: usize>(views: [usize; 4], block: &[[u32
 /// Moves a column down, and the blocks on by it.
 ///
 /// # Safety
-/// The place has as many vectors in a view as there are blocks: a multiple of `UNROLLED`, not 0.
+/// The tracks have the samples, the column and what is left have the sums of as many vectors in a view as there are blocks: a multiple
+/// of `UNROLLED`, not 0.
 #[inline(always)]
-unsafe fn slide<const V: usize, const UNROLLED: usize>(place: Place<'_, Dsp, V>, blocks: &mut [[[u32; 2]; V]]) {
-    let Place { center, tracks, column, left, .. } = place;
+unsafe fn slide<const V: usize, const UNROLLED: usize>(
+    center: Change<u8>,
+    tracks: &mut [Track; V],
+    column: *mut [u32; 2],
+    left: *const [u32; 2],
+    blocks: &mut [[[u32; 2]; V]],
+) {
     let (entering, leaving) = (splat(center.entering), splat(center.leaving));
     unsafe {
         asm!(
@@ -231,8 +237,8 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(place: Place<'_, Dsp, V>,
             "add sp, sp, #16",
             n = inout(reg) blocks.len() => _,
             x = inout(reg) (blocks.len() * V - 1) * VECTOR => _,
-            y = inout(reg) tracks.wrapping_add(V) => _,
-            tracks = inout(reg) tracks => _,
+            y = inout(reg) tracks.as_mut_ptr().wrapping_add(V) => _,
+            tracks = inout(reg) tracks.as_mut_ptr() => _,
             column = inout(reg) column => _,
             left = inout(reg) left => _,
             block = inout(reg) blocks.as_mut_ptr() => _,
@@ -252,10 +258,9 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(place: Place<'_, Dsp, V>,
 /// Adds what enters to a column.
 ///
 /// # Safety
-/// The place has as many `vectors` in a view, not 0.
+/// The tracks have the samples, and the column the sums of so many vectors in a view, not 0.
 #[inline(always)]
-unsafe fn prime<const V: usize>(place: Place<'_, Dsp, V>, vectors: usize) {
-    let Place { center, tracks, column, .. } = place;
+unsafe fn prime<const V: usize>(center: u8, tracks: &mut [Track; V], column: *mut [u32; 2], vectors: usize) {
     unsafe {
         asm!(
             "2:",
@@ -278,10 +283,10 @@ unsafe fn prime<const V: usize>(place: Place<'_, Dsp, V>, vectors: usize) {
             "cmp {tracks}, {end}",
             "bne 2b",
             vectors = in(reg) vectors,
-            tracks = inout(reg) tracks => _,
-            end = in(reg) tracks.wrapping_add(V),
+            tracks = inout(reg) tracks.as_mut_ptr() => _,
+            end = in(reg) tracks.as_mut_ptr().wrapping_add(V),
             column = inout(reg) column => _,
-            center = in(reg) splat(center.entering),
+            center = in(reg) splat(center),
             entering = out(reg) _,
             n = out(reg) _,
             a = out(reg) _,
@@ -335,10 +340,13 @@ impl Isa for Dsp {
     }
 
     #[inline(never)]
-    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
-        let vectors = steps.vectors();
-        if let Some(place) = steps.enter().filter(|_| vectors > 0) {
-            unsafe { prime(place, vectors) }
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, V>, column: &mut [[u32; 2]]) {
+        let vectors = steps.vectors::<Self>();
+        if vectors == 0 || column.len() != V * vectors {
+            return;
+        }
+        if let Some((center, tracks)) = steps.enter() {
+            unsafe { prime(center.entering, tracks, column.as_mut_ptr(), vectors) }
         }
     }
 }
@@ -387,16 +395,18 @@ impl Blocks<u16> for Dsp {
     }
 
     #[inline(never)]
-    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u32; 2]; V]]) {
-        if steps.vectors() != blocks.len() || blocks.is_empty() {
+    fn slide<const V: usize>(self, steps: &mut Steps<'_, V>, column: &mut [[u32; 2]], left: &[[u32; 2]], blocks: &mut [[[u32; 2]; V]]) {
+        let sums = V * blocks.len();
+        if blocks.is_empty() || steps.vectors::<Self>() != blocks.len() || column.len() != sums || left.len() != sums {
             return;
         }
-        let Some(place) = steps.enter() else { return };
+        let Some((center, tracks)) = steps.enter() else { return };
+        let (column, left) = (column.as_mut_ptr(), left.as_ptr());
         unsafe {
             match blocks.len() {
-                n if n % 8 == 0 => slide::<V, 8>(place, blocks),
-                n if n % 4 == 0 => slide::<V, 4>(place, blocks),
-                _ => slide::<V, 1>(place, blocks),
+                n if n % 8 == 0 => slide::<V, 8>(center, tracks, column, left, blocks),
+                n if n % 4 == 0 => slide::<V, 4>(center, tracks, column, left, blocks),
+                _ => slide::<V, 1>(center, tracks, column, left, blocks),
             }
         }
     }

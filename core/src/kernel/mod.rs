@@ -11,10 +11,11 @@ mod avx512;
 mod dsp;
 #[cfg(target_arch = "arm")]
 mod mve;
+mod batch;
 mod portable;
 mod steps;
 
-use core::fmt::Debug;
+use core::{fmt::Debug, mem};
 
 use bytemuck::Pod;
 
@@ -26,6 +27,7 @@ pub use avx512::Avx512;
 pub use dsp::Dsp;
 #[cfg(target_arch = "arm")]
 pub use mve::Mve;
+pub use batch::{Batch, Winners};
 pub use portable::Portable;
 pub use steps::Steps;
 
@@ -68,14 +70,17 @@ pub trait Isa: Copy + Debug {
         0
     }
 
-    /// Adds what enters to the sums of the next column.
+    /// Adds what enters to the sums of a column, view by view.
     #[inline(always)]
-    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
-        let Some(step) = steps.next() else { return };
-        for (column, view) in step.column.chunks_exact_mut(step.vectors.max(1)).zip(step.views) {
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, V>, column: &mut [Self::Sums]) {
+        let Some(step) = steps.next::<Self>() else { return };
+        let mut rest = column;
+        for view in step.views {
+            let Some((column, others)) = mem::take(&mut rest).split_at_mut_checked(view.entering.len()) else { return };
             for (sums, samples) in column.iter_mut().zip(view.entering) {
                 self.load_column(sums).add(self.differences(step.center.entering, samples)).store(sums);
             }
+            rest = others;
         }
     }
 }
@@ -94,18 +99,27 @@ pub trait Blocks<L: Lane>: Isa {
     /// The index of the first disparity with this cost; any that is no disparity's if none has it.
     fn position(self, costs: &[Self::Costs], cost: L) -> usize;
 
-    /// Moves the next column down, and the blocks on by it.
+    /// Moves a column down, and the blocks on by it. `column` holds its sums, view by view, and `left` those of the column that leaves.
     #[inline(always)]
-    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[Self::Costs; V]]) {
-        let Some(step) = steps.next() else { return };
-        let columns = step.column.chunks_exact_mut(step.vectors.max(1)).zip(step.left.chunks_exact(step.vectors.max(1)));
-        for (k, ((column, left), view)) in columns.zip(step.views).enumerate() {
-            let samples = view.entering.iter().zip(view.leaving);
-            for (((sums, left), block), (entering, leaving)) in column.iter_mut().zip(left).zip(&mut *blocks).zip(samples) {
+    fn slide<const V: usize>(
+        self,
+        steps: &mut Steps<'_, V>,
+        column: &mut [Self::Sums],
+        left: &[Self::Sums],
+        blocks: &mut [[Self::Costs; V]],
+    ) {
+        let Some(step) = steps.next::<Self>() else { return };
+        let (mut column, mut left) = (column, left);
+        for (k, Change { entering, leaving }) in step.views.iter().enumerate() {
+            let Some((sums, columns)) = mem::take(&mut column).split_at_mut_checked(entering.len()) else { return };
+            let Some((sums_left, columns_left)) = left.split_at_checked(entering.len()) else { return };
+            let samples = entering.iter().zip(*leaving);
+            for (((sums, left), block), (entering, leaving)) in sums.iter_mut().zip(sums_left).zip(&mut *blocks).zip(samples) {
                 let moved = self.advance(self.load_column(sums), step.center, Change { entering, leaving });
                 moved.store(sums);
                 self.load_block(&block[k]).slide(moved, self.load_column(left)).store(&mut block[k]);
             }
+            (column, left) = (columns, columns_left);
         }
     }
 
@@ -113,6 +127,12 @@ pub trait Blocks<L: Lane>: Isa {
     #[inline(always)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) -> Self::Block {
         fuse_generic(self, rule, blocks, fused)
+    }
+
+    /// Goes over a batch of pixels whose views are all available.
+    #[inline(always)]
+    fn batch<const V: usize>(self, batch: Batch<'_, L, Self, V>, steps: &mut Steps<'_, V>, winners: &mut Winners<L>) {
+        batch.run(self, steps, winners);
     }
 
     /// Fuses the costs of blocks in the `available` views, whose bits are set, on one scale for every number of them. Where there are
@@ -248,7 +268,7 @@ impl Rule {
     }
 }
 
-/// Fuses the costs of blocks, vector by vector.
+/// Fuses the costs of blocks, vector by vector, and returns the least in each lane.
 #[inline(always)]
 fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
     isa: I,
@@ -258,7 +278,7 @@ fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
 ) -> I::Block {
         let mut least = isa.splat(L::MAX);
         for (fused, block) in fused.iter_mut().zip(blocks) {
-            let mut costs = [isa.splat(L::default()); V];
+            let mut costs = [least; V];
             for k in 0..V {
                 costs[k] = isa.load_block(&block[k]);
             }

@@ -74,6 +74,69 @@ impl Segments {
     }
 }
 
+/// Where each view of a match is available to a pixel, as ranges of disparities.
+///
+/// It goes along with the pixel, and says what changes: from one pixel to the next, no more than a disparity or two.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Available {
+    ranges: [Range<usize>; View::ALL.len()],
+    /// How many views there are, and how many of them are available at all disparities.
+    views: usize,
+    complete: usize,
+}
+
+impl Available {
+    /// Goes to the line of pixel `(u, v)`.
+    #[inline(never)]
+    pub fn enter_line(&mut self, params: &Params, u: usize, v: usize, change: impl FnMut(usize, usize, bool)) {
+        self.go(params, |_| true, u, v, change);
+    }
+
+    /// Goes to pixel `(u, v)` from another one in its line.
+    #[inline(always)]
+    pub fn enter(&mut self, params: &Params, u: usize, v: usize, change: impl FnMut(usize, usize, bool)) {
+        self.go(params, View::is_horizontal, u, v, change);
+    }
+
+    /// Whether all views are available at all disparities.
+    pub fn is_complete(&self) -> bool {
+        self.complete == self.views
+    }
+
+    /// Whether no disparity is available in one view alone.
+    pub fn has_pairs(&self) -> bool {
+        self.complete >= 2
+    }
+
+    /// Goes to pixel `(u, v)` in some of the views. `change` is told of every view and disparity that changes whether it is available.
+    #[inline(always)]
+    fn go(
+        &mut self,
+        params: &Params,
+        moves: impl Fn(View) -> bool,
+        u: usize,
+        v: usize,
+        mut change: impl FnMut(usize, usize, bool),
+    ) {
+        (self.views, self.complete) = (0, 0);
+        for (range, view) in self.ranges.iter_mut().zip(params.views().iter()) {
+            if moves(view) {
+                let (coordinate, size) = if view.is_horizontal() { (u, params.width()) } else { (v, params.height()) };
+                let next = inside(view, coordinate, size, params);
+                // What lies between both beginnings and between both ends is all that may change.
+                for (from, to) in [(range.start, next.start), (range.end, next.end)] {
+                    for index in from.min(to)..from.max(to) {
+                        change(self.views, index, next.contains(&index));
+                    }
+                }
+                *range = next;
+            }
+            self.views += 1;
+            self.complete += usize::from(*range == (0..params.num_disparities()));
+        }
+    }
+}
+
 /// The columns in which every horizontal view is available at every disparity: all their pixels in a line have the same segments.
 pub(crate) fn uniform_columns(params: &Params) -> Range<usize> {
     let (least, most) = (i32::from(params.min_disparity()), i32::from(params.max_disparity()));

@@ -11,6 +11,7 @@ use crate::{Frame, Params, View, kernel::Isa};
 /// | --- | --- |
 /// | `column_sums` | `2 (X + 1) D` for each view |
 /// | `block_sums` | `2 D` for each view, `4 D` from a block of 17 |
+/// | `masks` | as `block_sums` |
 /// | `fused` | `2 D` for each pixel of a [batch](Isa::BATCH), `4 D` from a block of 17 |
 /// | `center` | `(2 rho + 2) X` |
 /// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each horizontal view |
@@ -33,6 +34,8 @@ pub struct Memory {
     pub column_sums: usize,
     /// Sums of differences over the block, for each view and disparity.
     pub block_sums: usize,
+    /// What hides block sums in views that are not available.
+    pub masks: usize,
     /// Fused costs of one pixel.
     pub fused: usize,
     /// The centre's lines under the block.
@@ -54,6 +57,7 @@ impl Memory {
         Memory {
             column_sums: shape.align(2 * (shape.span + 1) * views * shape.depth),
             block_sums: shape.align(shape.lane_bytes * views * shape.depth),
+            masks: shape.align(shape.lane_bytes * views * shape.depth),
             fused: shape.align(I::BATCH * shape.lane_bytes * shape.depth),
             center: shape.align(shape.ring_lines * shape.span),
             horizontal: (views - vertical_views) * shape.align(shape.ring_lines * shape.reach()),
@@ -64,7 +68,7 @@ impl Memory {
 
     /// All of it, in bytes.
     pub const fn bytes(&self) -> usize {
-        self.column_sums + self.block_sums + self.fused + self.center + self.horizontal + self.vertical + self.line
+        self.column_sums + self.block_sums + self.masks + self.fused + self.center + self.horizontal + self.vertical + self.line
     }
 
     /// All of it, as the length of the `[u32]` that the matcher is lent.

@@ -2,7 +2,7 @@
 
 use crate::{
     Disparity, Params,
-    availability::Segments,
+    availability::{Available, Segments},
     disparity::Around,
     kernel::{Block, Blocks, Isa, Lane, Rule, Winners},
 };
@@ -51,6 +51,21 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     pub fn fuse<const V: usize>(&self, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
         let least = self.isa.fuse(self.rule, blocks, fused);
         if self.exceeds { self.least(fused) } else { least.least() }
+    }
+
+    /// Whether masks do for the rule: a hidden cost is that of no view, but for the heuristic rule where there is but one.
+    pub fn masks(&self, available: &Available) -> bool {
+        match self.rule {
+            Rule::Min => true,
+            Rule::Sum => false,
+            Rule::Heuristic => available.has_pairs(),
+        }
+    }
+
+    /// Fuses the costs of a pixel that masks leave, and returns the least.
+    #[inline(always)]
+    pub fn fuse_masked<const V: usize>(&self, blocks: &[[I::Costs; V]], masks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
+        self.isa.fuse_masked(self.rule, blocks, masks, fused).least()
     }
 
     /// Fuses the costs of a pixel segment by segment, and returns the least.

@@ -1,10 +1,10 @@
 //! A line's way through the sums: down the columns of the blocks, and along them.
 
-use core::{array, mem};
+use core::{array, mem, slice};
 
 use crate::{
     Disparity, Params, Region,
-    availability::{Segments, uniform_columns},
+    availability::{Available, Segments, uniform_columns},
     kernel::{Batch, Block, Blocks, Change, Isa, Lane, Rule, Steps, Winners},
     lines::{Frames, Lines},
     selection::{Exact, Selection},
@@ -36,6 +36,9 @@ pub(crate) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub bias: u16,
     /// The sums of a block.
     pub blocks: &'a mut [[I::Costs; V]],
+    /// What hides them where a view is not available.
+    pub masks: &'a mut [[I::Costs; V]],
+    pub available: &'a mut Available,
     /// The fused costs of a batch of pixels.
     pub fused: &'a mut [I::Costs],
 }
@@ -44,7 +47,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
     /// Moves the blocks down by a step and along line `v`, and writes its disparities.
     #[inline(always)]
     pub fn run(self, v: usize, mut steps: Steps<'_, V>, out: &mut [Option<Disparity>]) {
-        let Sweep { isa, params, region, columns, bias, blocks, fused } = self;
+        let Sweep { isa, params, region, columns, bias, blocks, masks, available, fused } = self;
         let vectors = blocks.len();
         let mut window = Window { columns, next: V * vectors, size: V * vectors, block: 0 };
         for costs in blocks.as_flattened_mut() {
@@ -62,6 +65,9 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let complete = of_uniform.are_complete(params);
         let mut winners = Winners { costs: [L::MAX; Winners::<()>::MAX], indices: [0; Winners::<()>::MAX] };
         let (mut u, mut out) = (region.columns().start, out);
+        available.enter_line(params, u, v, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
+        // Whether it is known what is available in the uniform columns.
+        let mut settled = uniform.contains(&u);
         while !out.is_empty() {
             let inside = uniform.contains(&u);
             // Pixels whose views are all available come in batches, all others one by one.
@@ -72,8 +78,13 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
                 let Some((column, left)) = window.next() else { return };
                 isa.slide(&mut steps, column, left, blocks);
                 let fused = fused.get_mut(..vectors).unwrap_or_default();
+                if !(inside && settled) {
+                    available.enter(params, u, v, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
+                    settled = inside;
+                }
                 let least = match inside {
-                    true if complete => selection.fuse(blocks, fused),
+                    _ if available.is_complete() => selection.fuse(blocks, fused),
+                    _ if selection.masks(available) => selection.fuse_masked(blocks, masks, fused),
                     true => selection.fuse_segments(&of_uniform, blocks, fused),
                     false => selection.fuse_segments(&Segments::new(params, u, v), blocks, fused),
                 };
@@ -92,6 +103,16 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
             u += pixels.len();
             out = others;
         }
+    }
+}
+
+/// Hides a disparity of the `k`-th view, or shows it.
+#[inline(always)]
+fn mask<L: Lane, I: Blocks<L>, const V: usize>(masks: &mut [[I::Costs; V]], k: usize, index: usize, shows: bool) {
+    let vector = masks.get_mut(index / I::LANES).and_then(|views| views.get_mut(k));
+    let lanes = vector.and_then(|vector| bytemuck::try_cast_slice_mut::<_, L>(slice::from_mut(vector)).ok());
+    if let Some(lane) = lanes.and_then(|lanes| lanes.get_mut(I::lane(index % I::LANES))) {
+        *lane = if shows { L::default() } else { L::MAX };
     }
 }
 

@@ -129,6 +129,19 @@ pub trait Blocks<L: Lane>: Isa {
         fuse_generic(self, rule, blocks, fused)
     }
 
+    /// Fuses the costs of blocks as if those under a mask of [`Lane::MAX`] were that; no other lane is masked. The least lane of what it
+    /// returns is the least of them.
+    #[inline(always)]
+    fn fuse_masked<const V: usize>(
+        self,
+        rule: Rule,
+        blocks: &[[Self::Costs; V]],
+        masks: &[[Self::Costs; V]],
+        fused: &mut [Self::Costs],
+    ) -> Self::Block {
+        fuse_masked_generic(self, rule, blocks, masks, fused)
+    }
+
     /// Goes over a batch of pixels whose views are all available.
     #[inline(always)]
     fn batch<const V: usize>(self, batch: Batch<'_, L, Self, V>, steps: &mut Steps<'_, V>, winners: &mut Winners<L>) {
@@ -287,6 +300,28 @@ fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
             least = least.min(costs);
         }
         least
+}
+
+/// Fuses the costs of blocks that masks leave, vector by vector, and returns the least in each lane.
+#[inline(always)]
+fn fuse_masked_generic<L: Lane, I: Blocks<L>, const V: usize>(
+    isa: I,
+    rule: Rule,
+    blocks: &[[I::Costs; V]],
+    masks: &[[I::Costs; V]],
+    fused: &mut [I::Costs],
+) -> I::Block {
+    let mut least = isa.splat(L::MAX);
+    for ((fused, block), mask) in fused.iter_mut().zip(blocks).zip(masks) {
+        let mut costs = [least; V];
+        for k in 0..V {
+            costs[k] = isa.load_block(&block[k]).max(isa.load_block(&mask[k]));
+        }
+        let costs = fuse(rule, costs);
+        costs.store(fused);
+        least = least.min(costs);
+    }
+    least
 }
 
 /// Fuses the costs of views that are all available.

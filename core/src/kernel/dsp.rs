@@ -8,7 +8,7 @@
 
 use core::arch::asm;
 
-use super::{Block, Blocks, Change, Column, Isa, Rule, Steps, fuse_generic, steps::Track};
+use super::{Block, Blocks, Change, Column, Isa, Rule, Steps, fuse_generic, fuse_masked_generic, steps::Track};
 
 /// The DSP extension: four lanes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -147,53 +147,49 @@ unsafe fn least_of_all<const UNROLLED: usize>(blocks: *const [[u32; 2]; 4], fuse
     least
 }
 
-/// Fuses the costs of four of `V` views, some of them maybe the same, to the least.
+/// Fuses the costs of `V` views that masks leave to the least, and returns the least of all.
 ///
 /// # Safety
-/// The views exist. There are as many blocks as fused costs, not 0.
+/// There are as many blocks and masks as fused costs, not 0.
 #[inline(always)]
-unsafe fn least_of<const V: usize>(views: [usize; 4], blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) {
-    let [first, second, third, fourth] = views.map(|k| blocks.as_ptr().cast::<[u32; 2]>().wrapping_add(k));
+unsafe fn least_of_unmasked<const V: usize>(blocks: *const [[u32; 2]; V], masks: *const [[u32; 2]; V], fused: &mut [[u32; 2]]) -> u32 {
+    let mut least = u32::MAX;
     unsafe {
         asm!(
             "2:",
-            "ldrd {a}, {b}, [{first}], #{stride}",
-            "ldrd {c}, {d}, [{second}], #{stride}",
+            "ldrd {a}, {b}, [{block}], #8",
+            "ldrd {c}, {d}, [{mask}], #8",
+            "orr {a}, {a}, {c}",
+            "orr {b}, {b}, {d}",
+            ".rept {others}",
+            "ldrd {c}, {d}, [{block}], #8",
+            "ldrd {e}, {t}, [{mask}], #8",
+            "orr {c}, {c}, {e}",
+            "orr {d}, {d}, {t}",
             min!("{a}", "{c}"),
             min!("{b}", "{d}"),
-            "ldrd {c}, {d}, [{third}], #{stride}",
-            min!("{a}", "{c}"),
-            min!("{b}", "{d}"),
-            "ldrd {c}, {d}, [{fourth}], #{stride}",
-            min!("{a}", "{c}"),
-            min!("{b}", "{d}"),
+            ".endr",
             "strd {a}, {b}, [{fused}], #8",
+            min!("{least}", "{a}"),
+            min!("{least}", "{b}"),
             "subs {n}, {n}, #1",
             "bne 2b",
             n = inout(reg) fused.len() => _,
-            first = inout(reg) first => _,
-            second = inout(reg) second => _,
-            third = inout(reg) third => _,
-            fourth = inout(reg) fourth => _,
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
             fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
             a = out(reg) _,
             b = out(reg) _,
             c = out(reg) _,
             d = out(reg) _,
+            e = out(reg) _,
             t = out(reg) _,
-            stride = const VECTOR * V,
+            others = const V - 1,
             options(nostack),
         );
     }
-}
-
-/// The costs of block `j` in `N` of `V` views.
-///
-/// # Safety
-/// The views exist.
-#[inline(always)]
-unsafe fn costs<const N: usize, const V: usize>(views: [usize; 4], block: &[[u32; 2]; V]) -> [U16x4; N] {
-    core::array::from_fn(|i| U16x4(unsafe { *block.get_unchecked(views[i]) }))
+    least
 }
 
 /// Moves a column down, and the blocks on by it.
@@ -427,29 +423,17 @@ impl Blocks<u16> for Dsp {
     }
 
     #[inline(never)]
-    fn fuse_available<const V: usize>(self, rule: Rule, available: u8, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) {
-        let (mut views, mut count) = ([0; 4], 0);
-        for k in (0..V).filter(|k| available >> k & 1 != 0) {
-            // The views that are not available are replaced by one that is.
-            views[count..].fill(k);
-            count += 1;
+    fn fuse_masked<const V: usize>(
+        self,
+        rule: Rule,
+        blocks: &[[[u32; 2]; V]],
+        masks: &[[[u32; 2]; V]],
+        fused: &mut [[u32; 2]],
+    ) -> U16x4 {
+        if rule != Rule::Min || blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
+            return fuse_masked_generic::<u16, _, V>(self, rule, blocks, masks, fused);
         }
-        if blocks.len() != fused.len() || blocks.is_empty() {
-            return;
-        }
-        let each = blocks.iter().zip(&mut *fused);
-        match (rule, count) {
-            (_, 0) => fused.fill([u32::MAX; 2]),
-            (Rule::Min, _) => unsafe { least_of(views, blocks, fused) },
-            (Rule::Heuristic, 2) => each.for_each(|(block, fused)| {
-                let [a, b] = unsafe { costs::<2, V>(views, block) };
-                let sum = a.zip(b, uqadd16);
-                *fused = sum.zip(sum, uqadd16).zip(sum, uqadd16).0;
-            }),
-            (Rule::Heuristic, 3) => each.for_each(|(block, fused)| *fused = super::fuse(rule, unsafe { costs::<3, V>(views, block) }).0),
-            (Rule::Heuristic, 4) => each.for_each(|(block, fused)| *fused = super::fuse(rule, unsafe { costs::<4, V>(views, block) }).0),
-            _ => each.for_each(|(block, fused)| *fused = super::fuse_available::<u16, _, V>(self, rule, available, block).0),
-        }
+        U16x4([unsafe { least_of_unmasked(blocks.as_ptr(), masks.as_ptr(), fused) }; 2])
     }
 
     #[inline(never)]

@@ -9,7 +9,7 @@
 use core::arch::asm;
 
 use super::{
-    Blocks, Change, Isa, Portable, Rule, Steps, fuse_generic,
+    Blocks, Change, Isa, Portable, Rule, Steps, fuse_generic, fuse_masked_generic,
     steps::Track,
 };
 
@@ -122,42 +122,32 @@ impl Blocks<u16> for Mve {
 
     #[inline(never)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> [u16; 8] {
-        if blocks.len() != fused.len() || blocks.is_empty() {
+        if blocks.len() != fused.len() || fused.is_empty() {
             return [u16::MAX; 8];
         }
-        let views = [0, 1, 2, 3].map(|k: usize| k.min(V - 1));
+        let first = blocks.as_ptr();
         match (rule, V) {
-            (Rule::Min, _) => [unsafe { least_of(views, blocks, fused) }; 8],
-            (Rule::Heuristic, 4) => [unsafe { heuristic_of::<4, V>(views, blocks, fused) }; 8],
-            (Rule::Heuristic, 3) => [unsafe { heuristic_of::<3, V>(views, blocks, fused) }; 8],
+            (Rule::Min, _) => [unsafe { least_of::<V, false>(first, first, fused) }; 8],
+            (Rule::Heuristic, 3 | 4) => [unsafe { heuristic_of::<V, false>(first, first, fused) }; 8],
             _ => fuse_generic::<u16, _, V>(self, rule, blocks, fused),
         }
     }
 
     #[inline(never)]
-    fn fuse_available<const V: usize>(self, rule: Rule, available: u8, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) {
-        if blocks.len() != fused.len() || blocks.is_empty() {
-            return;
+    fn fuse_masked<const V: usize>(
+        self,
+        rule: Rule,
+        blocks: &[[[u16; 8]; V]],
+        masks: &[[[u16; 8]; V]],
+        fused: &mut [[u16; 8]],
+    ) -> [u16; 8] {
+        if blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
+            return [u16::MAX; 8];
         }
-        let (mut views, mut count) = ([0; 4], 0);
-        for k in (0..V).filter(|k| available >> k & 1 != 0) {
-            // The views that are not available are replaced by one that is.
-            views[count..].fill(k);
-            count += 1;
-        }
-        unsafe {
-            match (rule, count) {
-                (_, 0) => fused.fill([u16::MAX; 8]),
-                (Rule::Min, _) => _ = least_of(views, blocks, fused),
-                (Rule::Heuristic, 2) => _ = heuristic_of::<2, V>(views, blocks, fused),
-                (Rule::Heuristic, 3) => _ = heuristic_of::<3, V>(views, blocks, fused),
-                (Rule::Heuristic, 4) => _ = heuristic_of::<4, V>(views, blocks, fused),
-                _ => {
-                    for (block, fused) in blocks.iter().zip(fused) {
-                        *fused = super::fuse_available::<u16, _, V>(self, rule, available, block);
-                    }
-                }
-            }
+        match (rule, V) {
+            (Rule::Min, _) => [unsafe { least_of::<V, true>(blocks.as_ptr(), masks.as_ptr(), fused) }; 8],
+            (Rule::Heuristic, 3 | 4) => [unsafe { heuristic_of::<V, true>(blocks.as_ptr(), masks.as_ptr(), fused) }; 8],
+            _ => fuse_masked_generic::<u16, _, V>(self, rule, blocks, masks, fused),
         }
     }
 
@@ -296,73 +286,81 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(
     }
 }
 
-/// Fuses the costs of four of `V` views, some of them maybe the same, to the least, and returns the least of all.
+/// Loads the costs of the views, from the first on, into vectors from `q0` on; those that are masked with all bits set.
+macro_rules! load_views {
+    () => {
+        "
+        .irp q, 0, 1, 2, 3
+        .if \\q < {views}
+        vldrh.u16 q\\q, [{block}], #16
+        .if {masked}
+        vldrh.u16 q5, [{mask}], #16
+        vorr q\\q, q\\q, q5
+        .endif
+        .endif
+        .endr
+        "
+    };
+}
+
+/// Fuses the costs of `V` views to the least, those that masks leave if they are `MASKED`, and returns the least of all.
 ///
 /// # Safety
-/// The views exist. There are as many blocks as fused costs, not 0.
+/// There are as many blocks and masks as fused costs, not 0.
 #[inline(always)]
-unsafe fn least_of<const V: usize>(views: [usize; 4], blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> u16 {
-    let [first, second, third, fourth] = views.map(|k| blocks.as_ptr().cast::<[u16; 8]>().wrapping_add(k));
+unsafe fn least_of<const V: usize, const MASKED: bool>(
+    blocks: *const [[u16; 8]; V],
+    masks: *const [[u16; 8]; V],
+    fused: &mut [[u16; 8]],
+) -> u16 {
     let mut least = u32::from(u16::MAX);
     unsafe {
         asm!(
             "dls lr, {n}",
             "2:",
-            "vldrh.u16 q0, [{first}], #{stride}",
-            "vldrh.u16 q1, [{second}], #{stride}",
-            "vldrh.u16 q2, [{third}], #{stride}",
-            "vldrh.u16 q3, [{fourth}], #{stride}",
-            "vmin.u16 q0, q0, q1",
-            "vmin.u16 q2, q2, q3",
-            "vmin.u16 q0, q0, q2",
+            load_views!(),
+            ".irp q, 1, 2, 3",
+            ".if \\q < {views}",
+            "vmin.u16 q0, q0, q\\q",
+            ".endif",
+            ".endr",
             "vstrh.16 q0, [{fused}], #16",
             "vminv.u16 {least}, q0",
             "le lr, 2b",
             n = in(reg) fused.len(),
-            first = inout(reg) first => _,
-            second = inout(reg) second => _,
-            third = inout(reg) third => _,
-            fourth = inout(reg) fourth => _,
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
             fused = inout(reg) fused.as_mut_ptr() => _,
             least = inout(reg) least,
-            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
-            stride = const VECTOR * V,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q5") _,
+            views = const V,
+            masked = const MASKED as u8,
             options(nostack, preserves_flags),
         );
     }
     least as u16
 }
 
-/// Fuses the costs of the first `N` of four of `V` views, two at least, by the heuristic rule, and returns the least of all.
+/// Fuses the costs of `V` views, three or four, by the heuristic rule, those that masks leave if they are `MASKED`, and returns the
+/// least of all.
 ///
 /// # Safety
-/// The views exist. There are as many blocks as fused costs, not 0.
+/// There are as many blocks and masks as fused costs, not 0.
 #[inline(always)]
-unsafe fn heuristic_of<const N: usize, const V: usize>(
-    views: [usize; 4],
-    blocks: &[[[u16; 8]; V]],
+unsafe fn heuristic_of<const V: usize, const MASKED: bool>(
+    blocks: *const [[u16; 8]; V],
+    masks: *const [[u16; 8]; V],
     fused: &mut [[u16; 8]],
 ) -> u16 {
-    let [first, second, third, fourth] = views.map(|k| blocks.as_ptr().cast::<[u16; 8]>().wrapping_add(k));
     let mut least = u32::from(u16::MAX);
     unsafe {
         asm!(
             "vmrs {before}, p0",
             "dls lr, {n}",
             "2:",
-            "vldrh.u16 q0, [{first}], #{stride}",
-            "vldrh.u16 q1, [{second}], #{stride}",
-            // In place of a view that is not there, the greatest cost: see the rule for any vectors.
-            ".if {views} > 2",
-            "vldrh.u16 q2, [{third}], #{stride}",
-            ".else",
-            "vmov.i8 q2, #255",
-            ".endif",
-            ".if {views} > 3",
-            "vldrh.u16 q3, [{fourth}], #{stride}",
-            ".else",
+            // In place of a fourth view that is not there, the greatest cost.
             "vmov.i8 q3, #255",
-            ".endif",
+            load_views!(),
             "vmin.u16 q4, q0, q1",
             "vmax.u16 q0, q0, q1",
             "vmin.u16 q1, q2, q3",
@@ -388,16 +386,14 @@ unsafe fn heuristic_of<const N: usize, const V: usize>(
             "le lr, 2b",
             "vmsr p0, {before}",
             n = in(reg) fused.len(),
-            first = inout(reg) first => _,
-            second = inout(reg) second => _,
-            third = inout(reg) third => _,
-            fourth = inout(reg) fourth => _,
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
             fused = inout(reg) fused.as_mut_ptr() => _,
             least = inout(reg) least,
             before = out(reg) _,
-            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _,
-            views = const N,
-            stride = const VECTOR * V,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _,
+            views = const V,
+            masked = const MASKED as u8,
             options(nostack, preserves_flags),
         );
     }

@@ -31,7 +31,7 @@ impl Segments {
         let mut available = [const { 0..0 }; View::ALL.len()];
         for (available, view) in available.iter_mut().zip(params.views().iter()) {
             let (coordinate, size) = if view.is_horizontal() { (u, params.width()) } else { (v, params.height()) };
-            *available = inside(view, coordinate, size, params);
+            *available = inside(view, coordinate as i32, size as i32 - 1, params.min_disparity().into(), params.num_disparities());
         }
         let mut all = Segments::default();
         let mut start = 0;
@@ -74,65 +74,84 @@ impl Segments {
     }
 }
 
-/// Where each view of a match is available to a pixel, as ranges of disparities.
+/// Where each view of a match is available to a pixel.
 ///
 /// It goes along with the pixel, and says what changes: from one pixel to the next, no more than a disparity or two.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Available {
-    ranges: [Range<usize>; View::ALL.len()],
-    /// How many views there are, and how many of them are available at all disparities.
-    views: usize,
-    complete: usize,
+    views: [Option<Reach>; View::ALL.len()],
+    /// How many views there are, and how many of them are available at some disparities only.
+    len: usize,
+    incomplete: usize,
+    all: usize,
+}
+
+/// Where a view is available, and how that follows the pixel.
+#[derive(Clone, Debug)]
+struct Reach {
+    view: View,
+    range: Range<usize>,
+    /// The last coordinate, and the smallest disparity.
+    last: i32,
+    least: i32,
 }
 
 impl Available {
-    /// Goes to the line of pixel `(u, v)`.
-    #[inline(never)]
-    pub fn enter_line(&mut self, params: &Params, u: usize, v: usize, change: impl FnMut(usize, usize, bool)) {
-        self.go(params, |_| true, u, v, change);
+    /// Nowhere yet.
+    pub fn new(params: &Params) -> Available {
+        let mut available = Available { all: params.num_disparities(), ..Available::default() };
+        for (reach, view) in available.views.iter_mut().zip(params.views().iter()) {
+            let size = if view.is_horizontal() { params.width() } else { params.height() };
+            *reach = Some(Reach { view, range: 0..0, last: size as i32 - 1, least: params.min_disparity().into() });
+            available.len += 1;
+        }
+        available.incomplete = available.len;
+        available
     }
 
-    /// Goes to pixel `(u, v)` from another one in its line.
-    #[inline(always)]
-    pub fn enter(&mut self, params: &Params, u: usize, v: usize, change: impl FnMut(usize, usize, bool)) {
-        self.go(params, View::is_horizontal, u, v, change);
+    /// Goes to pixel `(u, v)`. `change` is told of every view and disparity that changes whether it is available.
+    #[inline(never)]
+    pub fn enter_line(&mut self, u: usize, v: usize, mut change: impl FnMut(usize, usize, bool)) {
+        for vertical in [true, false] {
+            self.go(vertical, if vertical { v } else { u }, &mut change);
+        }
+    }
+
+    /// Goes to the pixel at `u` in the same line.
+    #[inline(never)]
+    pub fn enter(&mut self, u: usize, change: impl FnMut(usize, usize, bool)) {
+        self.go(false, u, change);
     }
 
     /// Whether all views are available at all disparities.
     pub fn is_complete(&self) -> bool {
-        self.complete == self.views
+        self.incomplete == 0
     }
 
     /// Whether no disparity is available in one view alone.
     pub fn has_pairs(&self) -> bool {
-        self.complete >= 2
+        self.len >= self.incomplete + 2
     }
 
-    /// Goes to pixel `(u, v)` in some of the views. `change` is told of every view and disparity that changes whether it is available.
+    /// Goes to a coordinate in the vertical views, or the others.
     #[inline(always)]
-    fn go(
-        &mut self,
-        params: &Params,
-        moves: impl Fn(View) -> bool,
-        u: usize,
-        v: usize,
-        mut change: impl FnMut(usize, usize, bool),
-    ) {
-        (self.views, self.complete) = (0, 0);
-        for (range, view) in self.ranges.iter_mut().zip(params.views().iter()) {
-            if moves(view) {
-                let (coordinate, size) = if view.is_horizontal() { (u, params.width()) } else { (v, params.height()) };
-                let next = inside(view, coordinate, size, params);
-                // What lies between both beginnings and between both ends is all that may change.
-                for (from, to) in [(range.start, next.start), (range.end, next.end)] {
-                    for index in from.min(to)..from.max(to) {
-                        change(self.views, index, next.contains(&index));
-                    }
-                }
-                *range = next;
+    fn go(&mut self, vertical: bool, coordinate: usize, mut change: impl FnMut(usize, usize, bool)) {
+        for (k, reach) in self.views.iter_mut().enumerate() {
+            let Some(reach) = reach.as_mut().filter(|reach| reach.view.is_horizontal() != vertical) else { continue };
+            let before = reach.range.clone();
+            let next = inside(reach.view, coordinate as i32, reach.last, reach.least, self.all);
+            if next == before {
+                continue;
             }
-            self.views += 1;
-            self.complete += usize::from(*range == (0..params.num_disparities()));
+            // What lies between both beginnings and between both ends is all that may change.
+            for (from, to) in [(before.start, next.start), (before.end, next.end)] {
+                for index in from.min(to)..from.max(to) {
+                    change(k, index, next.contains(&index));
+                }
+            }
+            self.incomplete -= usize::from(before != (0..self.all));
+            self.incomplete += usize::from(next != (0..self.all));
+            reach.range = next;
         }
     }
 }
@@ -148,13 +167,12 @@ pub(crate) fn uniform_columns(params: &Params) -> Range<usize> {
     columns.start as usize..columns.end.max(columns.start) as usize
 }
 
-/// The disparities at which `coordinate`, moved by them, stays in `0..size`.
-fn inside(view: View, coordinate: usize, size: usize, params: &Params) -> Range<usize> {
-    let (coordinate, size) = (coordinate as i32, size as i32);
+/// The indices of `all` disparities, from `least` on, by which `coordinate` is moved to one that is not below 0 and not above `last`.
+fn inside(view: View, coordinate: i32, last: i32, least: i32, all: usize) -> Range<usize> {
     let (from, to) = match view.sign() {
-        1 => (-coordinate, size - coordinate),
-        _ => (coordinate - size + 1, coordinate + 1),
+        1 => (-coordinate, last + 1 - coordinate),
+        _ => (coordinate - last, coordinate + 1),
     };
-    let index = |d: i32| (d - i32::from(params.min_disparity())).clamp(0, params.num_disparities() as i32) as usize;
+    let index = |d: i32| (d - least).clamp(0, all as i32) as usize;
     index(from)..index(to)
 }

@@ -146,7 +146,7 @@ impl<'m, I: Isa> Matcher<'m, I> {
             shape,
             frames: Frames { center, views },
             sums: Sums { columns, blocks, masks, fused },
-            available: Available::default(),
+            available: Available::new(params),
             line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
             next: region.rows().start,
             primed: region.rows().start as i32 - params.radius() as i32,

@@ -65,7 +65,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let complete = of_uniform.are_complete(params);
         let mut winners = Winners { costs: [L::MAX; Winners::<()>::MAX], indices: [0; Winners::<()>::MAX] };
         let (mut u, mut out) = (region.columns().start, out);
-        available.enter_line(params, u, v, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
+        available.enter_line(u, v, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
         // Whether it is known what is available in the uniform columns.
         let mut settled = uniform.contains(&u);
         while !out.is_empty() {
@@ -79,7 +79,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
                 isa.slide(&mut steps, column, left, blocks);
                 let fused = fused.get_mut(..vectors).unwrap_or_default();
                 if !(inside && settled) {
-                    available.enter(params, u, v, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
+                    available.enter(u, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
                     settled = inside;
                 }
                 let least = match inside {

@@ -69,7 +69,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     }
 
     /// Fuses the costs of a pixel segment by segment, and returns the least.
-    #[inline(always)]
+    #[cfg_attr(target_arch = "arm", inline(never))]
+    #[cfg_attr(not(target_arch = "arm"), inline(always))]
     pub fn fuse_segments<const V: usize>(&self, segments: &Segments, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
         for segment in segments.iter() {
             // Each segment is followed by the next, so that lanes past its end do not matter; of its first vector the lanes before its start

@@ -46,7 +46,51 @@ pub(crate) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize> {
 impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
     /// Moves the blocks down by a step and along line `v`, and writes its disparities.
     #[inline(always)]
-    pub fn run(self, v: usize, mut steps: Steps<'_, V>, out: &mut [Option<Disparity>]) {
+    pub fn run(self, v: usize, steps: Steps<'_, V>, out: &mut [Option<Disparity>]) {
+        if const { I::BATCH == 1 } { self.run_by_pixel(v, steps, out) } else { self.run_by_batch(v, steps, out) }
+    }
+
+    /// As [`run`](Sweep::run), pixel by pixel: a function of its own, since a small processor has few registers.
+    #[inline(never)]
+    fn run_by_pixel(self, v: usize, mut steps: Steps<'_, V>, out: &mut [Option<Disparity>]) {
+        let Sweep { isa, params, region, columns, bias, blocks, masks, available, fused } = self;
+        let vectors = blocks.len();
+        let Some(fused) = fused.get_mut(..vectors) else { return };
+        let mut window = Window { columns, next: V * vectors, size: V * vectors, block: 0 };
+        for costs in blocks.as_flattened_mut() {
+            isa.splat(L::default()).store(costs);
+        }
+        // The first block's columns but the last.
+        for _ in 0..2 * params.radius() {
+            let Some((column, left)) = window.next() else { return };
+            isa.slide(&mut steps, column, left, blocks);
+            window.block += window.size;
+        }
+        let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
+        let uniform = uniform_columns(params);
+        let first = region.columns().start;
+        available.enter_line(first, v, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
+        let (mut complete, mut masked) = (available.is_complete(), selection.masks(available));
+        for (pixel, u) in out.iter_mut().zip(first..) {
+            let Some((column, left)) = window.next() else { return };
+            isa.slide(&mut steps, column, left, blocks);
+            // What is available is the same in all uniform columns.
+            if u <= uniform.start || u >= uniform.end {
+                available.enter(u, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
+                (complete, masked) = (available.is_complete(), selection.masks(available));
+            }
+            let least = match (complete, masked) {
+                (true, _) => selection.fuse(blocks, fused),
+                (_, true) => selection.fuse_masked(blocks, masks, fused),
+                _ => selection.fuse_segments(&Segments::new(params, u, v), blocks, fused),
+            };
+            *pixel = selection.disparity(least, fused, || Exact { params, u, v, columns: window.under(1), vectors, bias });
+        }
+    }
+
+    /// As [`run`](Sweep::run), in batches of pixels.
+    #[inline(always)]
+    fn run_by_batch(self, v: usize, mut steps: Steps<'_, V>, out: &mut [Option<Disparity>]) {
         let Sweep { isa, params, region, columns, bias, blocks, masks, available, fused } = self;
         let vectors = blocks.len();
         let mut window = Window { columns, next: V * vectors, size: V * vectors, block: 0 };

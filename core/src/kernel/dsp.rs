@@ -192,13 +192,13 @@ unsafe fn least_of_unmasked<const V: usize>(blocks: *const [[u32; 2]; V], masks:
     least
 }
 
-/// Moves a column down, and the blocks on by it.
+/// Moves a column down, and the blocks on by it: of `N` vectors in a view if that is not 0, and then without counting them.
 ///
 /// # Safety
-/// The tracks have the samples, the column and what is left have the sums of as many vectors in a view as there are blocks: a multiple
-/// of `UNROLLED`, not 0.
+/// The tracks have the samples, the column and what is left have the sums of as many vectors in a view as there are blocks: `N`, or at
+/// least one.
 #[inline(always)]
-unsafe fn slide<const V: usize, const UNROLLED: usize>(
+unsafe fn slide<const V: usize, const N: usize>(
     center: Change<u8>,
     tracks: &mut [Track; V],
     column: *mut [u32; 2],
@@ -206,34 +206,41 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(
     blocks: &mut [[[u32; 2]; V]],
 ) {
     let (entering, leaving) = (splat(center.entering), splat(center.leaving));
+    let end = tracks.as_mut_ptr().wrapping_add(V);
     unsafe {
         asm!(
-            // On the stack: the vectors, the way back to the next view's first block, the tracks' end, and the frame pointer.
+            // On the stack: the vectors, the tracks' end, the frame pointer, and the first block.
             "sub sp, sp, #16",
             "strd {n}, {x}, [sp]",
-            "strd {y}, r7, [sp, #8]",
+            "strd r7, {block}, [sp, #8]",
             "2:",
             "ldrd {entering}, {leaving}, [{tracks}]",
             "ldr {x}, [{tracks}, #8]",
             "add {y}, {entering}, {x}",
             "add {a}, {leaving}, {x}",
             "strd {y}, {a}, [{tracks}], #{track}",
-            "ldr {n}, [sp]",
-            "3:",
-            ".rept {unrolled}",
+            ".if {fixed}",
+            ".rept {fixed}",
             slide_vector!(),
             ".endr",
-            "subs {n}, {n}, #{unrolled}",
+            "sub {block}, {block}, #{back}",
+            ".else",
+            "ldr {n}, [sp]",
+            "3:",
+            slide_vector!(),
+            "subs {n}, {n}, #1",
             "bne 3b",
-            "ldrd {x}, {y}, [sp, #4]",
-            "sub {block}, {block}, {x}",
-            "cmp {tracks}, {y}",
+            "ldr {block}, [sp, #12]",
+            "add {block}, {block}, #{vector}",
+            "str {block}, [sp, #12]",
+            ".endif",
+            "ldr {x}, [sp, #4]",
+            "cmp {tracks}, {x}",
             "bne 2b",
-            "ldr r7, [sp, #12]",
+            "ldr r7, [sp, #8]",
             "add sp, sp, #16",
             n = inout(reg) blocks.len() => _,
-            x = inout(reg) (blocks.len() * V - 1) * VECTOR => _,
-            y = inout(reg) tracks.as_mut_ptr().wrapping_add(V) => _,
+            x = inout(reg) end => _,
             tracks = inout(reg) tracks.as_mut_ptr() => _,
             column = inout(reg) column => _,
             left = inout(reg) left => _,
@@ -244,7 +251,11 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(
             entering = out(reg) _,
             leaving = out(reg) _,
             a = out(reg) _,
-            unrolled = const UNROLLED,
+            y = out(reg) _,
+            fixed = const N,
+            // To the next view's first block.
+            back = const (N * V).saturating_sub(1) * VECTOR,
+            vector = const VECTOR,
             stride = const VECTOR * V,
             track = const size_of::<Track>(),
         );
@@ -400,9 +411,10 @@ impl Blocks<u16> for Dsp {
         let (column, left) = (column.as_mut_ptr(), left.as_ptr());
         unsafe {
             match blocks.len() {
-                n if n % 8 == 0 => slide::<V, 8>(center, tracks, column, left, blocks),
-                n if n % 4 == 0 => slide::<V, 4>(center, tracks, column, left, blocks),
-                _ => slide::<V, 1>(center, tracks, column, left, blocks),
+                4 => slide::<V, 4>(center, tracks, column, left, blocks),
+                8 => slide::<V, 8>(center, tracks, column, left, blocks),
+                16 => slide::<V, 16>(center, tracks, column, left, blocks),
+                _ => slide::<V, 0>(center, tracks, column, left, blocks),
             }
         }
     }

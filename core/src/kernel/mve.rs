@@ -113,9 +113,10 @@ impl Blocks<u16> for Mve {
         let (column, left) = (column.as_mut_ptr(), left.as_ptr());
         unsafe {
             match blocks.len() {
-                n if n % 4 == 0 => slide::<V, 4>(center, tracks, column, left, blocks),
-                n if n % 2 == 0 => slide::<V, 2>(center, tracks, column, left, blocks),
-                _ => slide::<V, 1>(center, tracks, column, left, blocks),
+                2 => slide::<V, 2>(center, tracks, column, left, blocks),
+                4 => slide::<V, 4>(center, tracks, column, left, blocks),
+                8 => slide::<V, 8>(center, tracks, column, left, blocks),
+                _ => slide::<V, 0>(center, tracks, column, left, blocks),
             }
         }
     }
@@ -221,13 +222,13 @@ unsafe fn prime<const V: usize>(center: u8, tracks: &mut [Track; V], column: *mu
     }
 }
 
-/// Moves a column down, and the blocks on by it.
+/// Moves a column down, and the blocks on by it: of `N` vectors in a view if that is not 0, and then without counting them.
 ///
 /// # Safety
-/// The tracks have the samples, the column and what is left have the sums of as many vectors in a view as there are blocks: a multiple
-/// of `UNROLLED`, not 0.
+/// The tracks have the samples, the column and what is left have the sums of as many vectors in a view as there are blocks: `N`, or at
+/// least one.
 #[inline(always)]
-unsafe fn slide<const V: usize, const UNROLLED: usize>(
+unsafe fn slide<const V: usize, const N: usize>(
     center: Change<u8>,
     tracks: &mut [Track; V],
     column: *mut [u16; 8],
@@ -244,9 +245,11 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(
             "add {x}, r2, {y}",
             "add {y}, r3, {y}",
             "strd {x}, {y}, [{tracks}], #{track}",
+            ".if {fixed} == 0",
             "dls lr, {n}",
             "3:",
-            ".rept {unrolled}",
+            ".endif",
+            ".rept {repeated}",
             "vldrb.u16 q0, [r2], #8",
             "vldrb.u16 q1, [r3], #8",
             "vabd.u16 q0, q0, q2",
@@ -261,11 +264,13 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(
             "vadd.i16 q0, q0, q1",
             "vstrh.16 q0, [{block}], #{stride}",
             ".endr",
+            ".if {fixed} == 0",
             "le lr, 3b",
+            ".endif",
             "sub {block}, {block}, {back}",
             "cmp {tracks}, {end}",
             "bne 2b",
-            n = in(reg) blocks.len() / UNROLLED,
+            n = in(reg) blocks.len(),
             tracks = inout(reg) tracks.as_mut_ptr() => _,
             end = in(reg) tracks.as_mut_ptr().wrapping_add(V),
             column = inout(reg) column => _,
@@ -278,7 +283,8 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(
             x = out(reg) _,
             y = out(reg) _,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
-            unrolled = const UNROLLED,
+            fixed = const N,
+            repeated = const if N == 0 { 1 } else { N },
             stride = const VECTOR * V,
             track = const size_of::<Track>(),
             options(nostack),

@@ -4,25 +4,25 @@ use core::{array, mem};
 
 use crate::{
     Disparity, Params, Region,
-    availability::{Segments, uniform_columns},
+    availability::{Availability, uniform_columns},
     kernel::{Batch, Block, Blocks, Change, Isa, Lane, Rule, Steps, Winners},
     lines::{Frames, Lines},
     selection::{Exact, Selection},
 };
 
-/// The samples that two lines of the centre, which may be virtual, are compared with, in `columns` columns.
-pub(crate) fn steps<'a, const V: usize>(frames: &'a Frames<'_>, lines: Change<i32>, columns: usize) -> Steps<'a, V> {
+/// The way along the two lines of the centre, which may be virtual.
+#[inline(always)]
+pub(crate) fn steps<'a, I: Isa, const V: usize>(
+    frames: &'a Frames<'_>,
+    lines: Change<i32>,
+    sums: &'a mut [I::Sums],
+    nothing: &'a [I::Sums],
+    block_size: usize,
+) -> Steps<'a, I, V> {
     let at = |frame: &'a Lines<'_>| Change { entering: frame.at(lines.entering), leaving: frame.at(lines.leaving) };
     let mut views = frames.views.iter().flatten();
-    Steps::new(at(&frames.center), array::from_fn(|_| at(views.next().unwrap_or(&frames.center))), columns)
-}
-
-/// Adds the entering line to the sums of all columns, of `vectors` vectors in each view.
-#[inline(always)]
-pub(crate) fn prime<I: Isa, const V: usize>(isa: I, columns: &mut [I::Sums], vectors: usize, mut steps: Steps<'_, V>) {
-    for column in columns.chunks_exact_mut((V * vectors).max(1)) {
-        isa.prime(&mut steps, column);
-    }
+    let views = array::from_fn(|_| at(views.next().unwrap_or(&frames.center)));
+    Steps::new(at(&frames.center), views, sums, nothing, block_size)
 }
 
 /// A sweep of the blocks along a line.
@@ -30,8 +30,8 @@ pub(crate) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub isa: I,
     pub params: &'a Params,
     pub region: &'a Region,
-    /// What leaves where nothing has entered, and the sums of each column of the span, view by view.
-    pub columns: &'a mut [I::Sums],
+    /// The way along the columns.
+    pub steps: Steps<'a, I, V>,
     /// What every column sum has too much.
     pub bias: u16,
     /// The sums of a block.
@@ -42,25 +42,23 @@ pub(crate) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize> {
 
 impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
     /// Moves the blocks down by a step and along line `v`, and writes its disparities.
-    #[inline(always)]
-    pub fn run(self, v: usize, mut steps: Steps<'_, V>, out: &mut [Option<Disparity>]) {
-        let Sweep { isa, params, region, columns, bias, blocks, fused } = self;
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    pub fn run(self, v: usize, out: &mut [Option<Disparity>]) {
+        let Sweep { isa, params, region, mut steps, bias, blocks, fused } = self;
         let vectors = blocks.len();
-        let mut window = Window { columns, next: V * vectors, size: V * vectors, block: 0 };
         for costs in blocks.as_flattened_mut() {
             isa.splat(L::default()).store(costs);
         }
         // The first block's columns but the last.
         for _ in 0..2 * params.radius() {
-            let Some((column, left)) = window.next() else { return };
-            isa.slide(&mut steps, column, left, blocks);
-            window.block += window.size;
+            isa.slide(&mut steps, blocks);
         }
         let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
         let uniform = uniform_columns(params);
-        let of_uniform = Segments::new(params, uniform.start, v);
-        let complete = of_uniform.are_complete(params);
+        let of_uniform = Availability::new(params, uniform.start, v);
+        let complete = of_uniform.is_complete();
         let mut winners = Winners { costs: [L::MAX; Winners::<()>::MAX], indices: [0; Winners::<()>::MAX] };
+        let start = region.columns().start;
         let (mut u, mut out) = (region.columns().start, out);
         while !out.is_empty() {
             let inside = uniform.contains(&u);
@@ -69,66 +67,30 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
             let batch = if complete && inside { batch } else { 1 };
             let Some((pixels, others)) = mem::take(&mut out).split_at_mut_checked(batch) else { return };
             if let [pixel] = pixels {
-                let Some((column, left)) = window.next() else { return };
-                isa.slide(&mut steps, column, left, blocks);
+                isa.slide(&mut steps, blocks);
                 let fused = fused.get_mut(..vectors).unwrap_or_default();
                 let least = match inside {
                     true if complete => selection.fuse(blocks, fused),
                     true => selection.fuse_segments(&of_uniform, blocks, fused),
-                    false => selection.fuse_segments(&Segments::new(params, u, v), blocks, fused),
+                    false => selection.fuse_segments(&of_uniform.clone().in_column(u), blocks, fused),
                 };
-                *pixel = selection.disparity(least, fused, || Exact { params, u, v, columns: window.under(1), vectors, bias });
+                *pixel = selection.disparity(least, fused, || Exact { params, u, v, start, sums: steps.sums(), vectors, bias });
             } else {
-                let columns = window.batch(batch).unwrap_or_default();
                 let excess = selection.excess();
-                let batch = Batch { rule: selection.rule, pixels: batch, columns, blocks, fused, excess };
+                let batch = Batch { rule: selection.rule, pixels: batch, blocks, fused, excess };
                 isa.batch(batch, &mut steps, &mut winners);
-                let columns = window.under(pixels.len());
-                selection.disparities(&winners, fused, vectors, pixels, |i| {
-                    let columns = columns.get(i * V * vectors..).unwrap_or_default();
-                    Exact { params, u: u + i, v, columns, vectors, bias }
+                selection.disparities(&winners, fused, vectors, pixels, |i| Exact {
+                    params,
+                    u: u + i,
+                    v,
+                    start,
+                    sums: steps.sums(),
+                    vectors,
+                    bias,
                 });
             }
             u += pixels.len();
             out = others;
         }
-    }
-}
-
-/// The columns of the span in their order, each with the one that leaves the block as it enters.
-struct Window<'a, S> {
-    /// What leaves where nothing has entered, and the columns.
-    columns: &'a mut [S],
-    /// Where the next column is.
-    next: usize,
-    /// The sums of a column.
-    size: usize,
-    /// The sums of a block's columns, as far as they have entered.
-    block: usize,
-}
-
-impl<S> Window<'_, S> {
-    /// The next column and the one that leaves.
-    #[inline(always)]
-    fn next(&mut self) -> Option<(&mut [S], &[S])> {
-        let (before, rest) = self.columns.split_at_mut_checked(self.next)?;
-        let left = before.len() - self.block - self.size;
-        self.next += self.size;
-        Some((rest.get_mut(..self.size)?, before.get(left..left + self.size)?))
-    }
-
-    /// The next columns that enter, for so many pixels, and before them the columns of a block, of which as many leave.
-    #[inline(always)]
-    fn batch(&mut self, pixels: usize) -> Option<&mut [S]> {
-        let first = self.next - self.block - self.size;
-        self.next += pixels * self.size;
-        self.columns.get_mut(first..self.next)
-    }
-
-    /// The columns under the blocks of the last `pixels` pixels.
-    #[inline(always)]
-    fn under(&self, pixels: usize) -> &[S] {
-        let first = self.next - self.block - pixels * self.size;
-        self.columns.get(first..self.next).unwrap_or_default()
     }
 }

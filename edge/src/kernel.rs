@@ -1,9 +1,15 @@
 //! The vectors that the firmware matches with.
 
-/// The instruction set of the processor that the firmware is built for.
-#[cfg(all(target_arch = "arm", not(feature = "an547")))]
-pub type Kernel = multiscopic_core::kernel::Dsp;
+use multiscopic_core::kernel;
 
 /// The instruction set of the processor that the firmware is built for.
-#[cfg(not(all(target_arch = "arm", not(feature = "an547"))))]
-pub type Kernel = multiscopic_core::kernel::Portable<{ multiscopic_core::Params::LANES }>;
+#[cfg(all(target_arch = "arm", not(feature = "an547")))]
+pub type Kernel = kernel::Dsp;
+
+/// The instruction set of the processor that the firmware is built for.
+#[cfg(all(target_arch = "arm", feature = "an547"))]
+pub type Kernel = kernel::Mve;
+
+/// The instruction set of the processor that the firmware is built for.
+#[cfg(not(target_arch = "arm"))]
+pub type Kernel = kernel::Portable<{ multiscopic_core::Params::LANES }>;

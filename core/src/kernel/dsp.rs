@@ -8,7 +8,10 @@
 
 use core::arch::asm;
 
-use super::{Block, Blocks, Change, Column, Isa, Rule, Steps, fuse_generic, steps::Track};
+use super::{
+    Block, Blocks, Change, Column, Isa, Rule, Steps, fuse_generic,
+    steps::{Place, Track},
+};
 
 /// The DSP extension: four lanes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -21,6 +24,9 @@ pub struct U16x4([u32; 2]);
 /// Four lanes of 32 bits.
 #[derive(Clone, Copy, Debug)]
 pub struct U32x4([u32; 4]);
+
+/// Bytes of a vector of 16-bit lanes.
+const VECTOR: usize = size_of::<[u32; 2]>();
 
 /// A function of words that is one instruction: of this name, and with this operand's suffix.
 macro_rules! instruction {
@@ -103,126 +109,189 @@ fn differences(a: u32, b: u32) -> u32 {
 /// The lesser of words' halves, of which the first is the place for the result.
 macro_rules! min {
     ($a:literal, $b:literal) => {
-        concat!("usub16 {t}, {", $a, "}, {", $b, "}\nsel {", $a, "}, {", $b, "}, {", $a, "}\n")
+        concat!("usub16 {t}, ", $a, ", ", $b, "\nsel ", $a, ", ", $b, ", ", $a, "\n")
     };
 }
 
-impl Dsp {
-    /// Fuses the costs of up to four views, some of them maybe the same, to the least, and returns the least.
-    #[inline(always)]
-    fn fuse_min<const V: usize>(self, views: [usize; 4], blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> U16x4 {
-        let vectors = blocks.len().min(fused.len());
-        let mut least = !0;
-        if vectors == 0 {
-            return U16x4([least; 2]);
-        }
-        let [first, second, third, fourth] = views.map(|k| blocks.as_ptr().cast::<[u32; 2]>().wrapping_add(k.min(V - 1)));
-        unsafe {
-            asm!(
-                "2:",
-                "ldrd {a}, {b}, [{first}], #{stride}",
-                "ldrd {c}, {d}, [{second}], #{stride}",
-                min!("a", "c"),
-                min!("b", "d"),
-                "ldrd {c}, {d}, [{third}], #{stride}",
-                min!("a", "c"),
-                min!("b", "d"),
-                "ldrd {c}, {d}, [{fourth}], #{stride}",
-                min!("a", "c"),
-                min!("b", "d"),
-                "strd {a}, {b}, [{fused}], #8",
-                min!("least", "a"),
-                min!("least", "b"),
-                "subs {n}, {n}, #1",
-                "bne 2b",
-                n = inout(reg) vectors => _,
-                first = inout(reg) first => _,
-                second = inout(reg) second => _,
-                third = inout(reg) third => _,
-                fourth = inout(reg) fourth => _,
-                fused = inout(reg) fused.as_mut_ptr() => _,
-                least = inout(reg) least,
-                a = out(reg) _,
-                b = out(reg) _,
-                c = out(reg) _,
-                d = out(reg) _,
-                t = out(reg) _,
-                stride = const 8 * V,
-                options(nostack),
-            );
-        }
-        U16x4([least; 2])
+/// Fuses the costs of four views to the least, and returns the least of all.
+///
+/// # Safety
+/// There are as many blocks as fused costs: a multiple of `UNROLLED`, not 0.
+#[inline(always)]
+unsafe fn least_of_all<const UNROLLED: usize>(blocks: *const [[u32; 2]; 4], fused: &mut [[u32; 2]]) -> u32 {
+    let mut least = u32::MAX;
+    unsafe {
+        asm!(
+            "2:",
+            ".rept {unrolled}",
+            "ldm {block}!, {{r0, r1, r2, r3, r4, r5, r8, r9}}",
+            min!("r0", "r2"),
+            min!("r1", "r3"),
+            min!("r0", "r4"),
+            min!("r1", "r5"),
+            min!("r0", "r8"),
+            min!("r1", "r9"),
+            "strd r0, r1, [{fused}], #8",
+            min!("{least}", "r0"),
+            min!("{least}", "r1"),
+            ".endr",
+            "subs {n}, {n}, #{unrolled}",
+            "bne 2b",
+            n = inout(reg) fused.len() => _,
+            block = inout(reg) blocks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            t = out(reg) _,
+            out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
+            unrolled = const UNROLLED,
+            options(nostack),
+        );
+    }
+    least
+}
+
+/// Fuses the costs of four of `V` views, some of them maybe the same, to the least.
+///
+/// # Safety
+/// The views exist. There are as many blocks as fused costs, not 0.
+#[inline(always)]
+unsafe fn least_of<const V: usize>(views: [usize; 4], blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) {
+    let [first, second, third, fourth] = views.map(|k| blocks.as_ptr().cast::<[u32; 2]>().wrapping_add(k));
+    unsafe {
+        asm!(
+            "2:",
+            "ldrd {a}, {b}, [{first}], #{stride}",
+            "ldrd {c}, {d}, [{second}], #{stride}",
+            min!("{a}", "{c}"),
+            min!("{b}", "{d}"),
+            "ldrd {c}, {d}, [{third}], #{stride}",
+            min!("{a}", "{c}"),
+            min!("{b}", "{d}"),
+            "ldrd {c}, {d}, [{fourth}], #{stride}",
+            min!("{a}", "{c}"),
+            min!("{b}", "{d}"),
+            "strd {a}, {b}, [{fused}], #8",
+            "subs {n}, {n}, #1",
+            "bne 2b",
+            n = inout(reg) fused.len() => _,
+            first = inout(reg) first => _,
+            second = inout(reg) second => _,
+            third = inout(reg) third => _,
+            fourth = inout(reg) fourth => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            a = out(reg) _,
+            b = out(reg) _,
+            c = out(reg) _,
+            d = out(reg) _,
+            t = out(reg) _,
+            stride = const VECTOR * V,
+            options(nostack),
+        );
     }
 }
 
-/// Moves a column down, and the blocks of its `V` views on by it: `vectors` vectors, at least one.
+/// The costs of block `j` in `N` of `V` views.
 ///
 /// # Safety
-/// The tracks' samples have as many vectors, the sums `V` times as many.
+/// The views exist.
 #[inline(always)]
-unsafe fn slide<const V: usize>(
-    center: Change<u8>,
-    tracks: *mut Track,
-    column: *mut [u32; 2],
-    left: *const [u32; 2],
-    blocks: *mut [u32; 2],
-    vectors: usize,
-) {
+unsafe fn costs<const N: usize, const V: usize>(views: [usize; 4], block: &[[u32; 2]; V]) -> [U16x4; N] {
+    core::array::from_fn(|i| U16x4(unsafe { *block.get_unchecked(views[i]) }))
+}
+
+/// Moves a column down, and the blocks on by it.
+///
+/// # Safety
+/// The place has as many vectors in a view as there are blocks: a multiple of `UNROLLED`, not 0.
+#[inline(always)]
+unsafe fn slide<const V: usize, const UNROLLED: usize>(place: Place<'_, Dsp, V>, blocks: &mut [[[u32; 2]; V]]) {
+    let Place { center, tracks, column, left, .. } = place;
     let (entering, leaving) = (splat(center.entering), splat(center.leaving));
     unsafe {
         asm!(
-            // On the stack: the vectors, the way back to the next view's first block, where the tracks end, the frame pointer.
+            // On the stack: the vectors, the way back to the next view's first block, the tracks' end, and the frame pointer.
             "sub sp, sp, #16",
-            "add {x}, {tracks}, #{tracks_bytes}",
-            "strd {x}, r7, [sp, #8]",
-            "mov {x}, #{stride}",
-            "mul {x}, {x}, {n}",
-            "subs {x}, {x}, #8",
             "strd {n}, {x}, [sp]",
+            "strd {y}, r7, [sp, #8]",
             "2:",
             "ldrd {entering}, {leaving}, [{tracks}]",
+            "ldr {x}, [{tracks}, #8]",
+            "add {y}, {entering}, {x}",
+            "add {a}, {leaving}, {x}",
+            "strd {y}, {a}, [{tracks}], #{track}",
             "ldr {n}, [sp]",
-            "subs {n}, {n}, #4",
-            "blo 4f",
             "3:",
-            ".rept 4",
+            ".rept {unrolled}",
             slide_vector!(),
             ".endr",
-            "subs {n}, {n}, #4",
-            "bhs 3b",
-            "4:",
-            "adds {n}, {n}, #4",
-            "beq 6f",
-            "5:",
-            slide_vector!(),
-            "subs {n}, {n}, #1",
-            "bne 5b",
-            "6:",
-            "ldr {x}, [{tracks}, #8]",
-            "ldrd {y}, {a}, [sp, #4]",
-            "subs {block}, {block}, {y}",
-            "add {entering}, {entering}, {x}",
-            "add {leaving}, {leaving}, {x}",
-            "strd {entering}, {leaving}, [{tracks}], #12",
-            "cmp {tracks}, {a}",
+            "subs {n}, {n}, #{unrolled}",
+            "bne 3b",
+            "ldrd {x}, {y}, [sp, #4]",
+            "sub {block}, {block}, {x}",
+            "cmp {tracks}, {y}",
             "bne 2b",
             "ldr r7, [sp, #12]",
             "add sp, sp, #16",
-            n = inout(reg) vectors => _,
+            n = inout(reg) blocks.len() => _,
+            x = inout(reg) (blocks.len() * V - 1) * VECTOR => _,
+            y = inout(reg) tracks.wrapping_add(V) => _,
             tracks = inout(reg) tracks => _,
             column = inout(reg) column => _,
             left = inout(reg) left => _,
-            block = inout(reg) blocks => _,
+            block = inout(reg) blocks.as_mut_ptr() => _,
             center = in(reg) entering,
             center_left = in(reg) leaving,
             inverse = in(reg) !leaving,
             entering = out(reg) _,
             leaving = out(reg) _,
             a = out(reg) _,
+            unrolled = const UNROLLED,
+            stride = const VECTOR * V,
+            track = const size_of::<Track>(),
+        );
+    }
+}
+
+/// Adds what enters to a column.
+///
+/// # Safety
+/// The place has as many `vectors` in a view, not 0.
+#[inline(always)]
+unsafe fn prime<const V: usize>(place: Place<'_, Dsp, V>, vectors: usize) {
+    let Place { center, tracks, column, .. } = place;
+    unsafe {
+        asm!(
+            "2:",
+            "ldr {entering}, [{tracks}]",
+            "ldr {x}, [{tracks}, #8]",
+            "add {x}, {x}, {entering}",
+            "str {x}, [{tracks}], #{track}",
+            "mov {n}, {vectors}",
+            "3:",
+            "ldr {x}, [{entering}], #4",
+            "uqsub8 {a}, {x}, {center}",
+            "uqsub8 {x}, {center}, {x}",
+            "orr {x}, {x}, {a}",
+            "ldrd {a}, {b}, [{column}]",
+            "uxtab16 {a}, {a}, {x}",
+            "uxtab16 {b}, {b}, {x}, ror #8",
+            "strd {a}, {b}, [{column}], #8",
+            "subs {n}, {n}, #1",
+            "bne 3b",
+            "cmp {tracks}, {end}",
+            "bne 2b",
+            vectors = in(reg) vectors,
+            tracks = inout(reg) tracks => _,
+            end = in(reg) tracks.wrapping_add(V),
+            column = inout(reg) column => _,
+            center = in(reg) splat(center.entering),
+            entering = out(reg) _,
+            n = out(reg) _,
+            a = out(reg) _,
+            b = out(reg) _,
             x = out(reg) _,
-            y = out(reg) _,
-            stride = const 8 * V,
-            tracks_bytes = const 12 * V,
+            track = const size_of::<Track>(),
+            options(nostack),
         );
     }
 }
@@ -266,6 +335,14 @@ impl Isa for Dsp {
 
     fn bias(lines: u32) -> u16 {
         255u16.wrapping_mul(lines as u16)
+    }
+
+    #[inline(never)]
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
+        let vectors = steps.vectors();
+        if let Some(place) = steps.enter().filter(|_| vectors > 0) {
+            unsafe { prime(place, vectors) }
+        }
     }
 }
 
@@ -312,19 +389,73 @@ impl Blocks<u16> for Dsp {
         4 * costs.len()
     }
 
-    #[inline(always)]
-    fn slide<const V: usize>(self, steps: &mut Steps<'_, V>, column: &mut [[u32; 2]], left: &[[u32; 2]], blocks: &mut [[[u32; 2]; V]]) {
-        let sums = V * blocks.len();
-        if steps.vectors::<Self>() != blocks.len() || column.len() != sums || left.len() != sums || blocks.is_empty() {
+    #[inline(never)]
+    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u32; 2]; V]]) {
+        if steps.vectors() != blocks.len() || blocks.is_empty() {
             return;
         }
-        let Some((center, tracks)) = steps.enter() else { return };
-        unsafe { slide::<V>(center, tracks.as_mut_ptr(), column.as_mut_ptr(), left.as_ptr(), blocks.as_mut_ptr().cast(), blocks.len()) }
+        let Some(place) = steps.enter() else { return };
+        unsafe {
+            match blocks.len() {
+                n if n % 8 == 0 => slide::<V, 8>(place, blocks),
+                n if n % 4 == 0 => slide::<V, 4>(place, blocks),
+                _ => slide::<V, 1>(place, blocks),
+            }
+        }
     }
 
-    #[inline(always)]
+    #[inline(never)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> U16x4 {
-        fuse_generic::<u16, _, V>(self, rule, blocks, fused)
+        if V != 4 || rule != Rule::Min || blocks.len() != fused.len() || blocks.is_empty() {
+            return fuse_generic::<u16, _, V>(self, rule, blocks, fused);
+        }
+        let blocks = blocks.as_ptr().cast();
+        let least = unsafe {
+            match fused.len() {
+                n if n % 4 == 0 => least_of_all::<4>(blocks, fused),
+                _ => least_of_all::<1>(blocks, fused),
+            }
+        };
+        U16x4([least; 2])
+    }
+
+    #[inline(never)]
+    fn fuse_available<const V: usize>(self, rule: Rule, available: u8, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) {
+        let (mut views, mut count) = ([0; 4], 0);
+        for k in (0..V).filter(|k| available >> k & 1 != 0) {
+            // The views that are not available are replaced by one that is.
+            views[count..].fill(k);
+            count += 1;
+        }
+        if blocks.len() != fused.len() || blocks.is_empty() {
+            return;
+        }
+        let each = blocks.iter().zip(&mut *fused);
+        match (rule, count) {
+            (_, 0) => fused.fill([u32::MAX; 2]),
+            (Rule::Min, _) => unsafe { least_of(views, blocks, fused) },
+            (Rule::Heuristic, 2) => each.for_each(|(block, fused)| {
+                let [a, b] = unsafe { costs::<2, V>(views, block) };
+                let sum = a.zip(b, uqadd16);
+                *fused = sum.zip(sum, uqadd16).zip(sum, uqadd16).0;
+            }),
+            (Rule::Heuristic, 3) => {
+                each.for_each(|(block, fused)| *fused = super::fuse(rule, unsafe { costs::<3, V>(views, block) }).0)
+            }
+            (Rule::Heuristic, 4) => {
+                each.for_each(|(block, fused)| *fused = super::fuse(rule, unsafe { costs::<4, V>(views, block) }).0)
+            }
+            _ => each.for_each(|(block, fused)| *fused = super::fuse_available::<u16, _, V>(self, rule, available, block).0),
+        }
+    }
+
+    #[inline(never)]
+    fn least(self, costs: &[[u32; 2]]) -> u16 {
+        let mut least = U16x4([u32::MAX; 2]);
+        for &costs in costs {
+            least = least.min(U16x4(costs));
+        }
+        least.least()
     }
 }
 

@@ -10,7 +10,7 @@ mod rows;
 use core::iter;
 
 use crate::{Frame, MatchError, Params, Region, ScanlineSource, View, memory::Shape};
-use columns::{Columns, replicated};
+use columns::Columns;
 use rows::Rows;
 
 /// The held lines of all frames of a match.
@@ -146,7 +146,7 @@ impl<'m> Lines<'m> {
             Store::Rows(rows) => rows.put(self.next, line),
             Store::Columns(columns) => {
                 while columns.next <= v + self.lead && columns.next.clamp(0, self.last) == self.next {
-                    columns.push(|column, _| replicated(line, column));
+                    columns.push(line);
                 }
             }
         }
@@ -157,7 +157,7 @@ impl<'m> Lines<'m> {
     pub fn extend(&mut self, v: i32) {
         if let Store::Columns(columns) = &mut self.store {
             while columns.next <= v + self.lead {
-                columns.push(|_, previous| previous);
+                columns.repeat();
             }
         }
     }

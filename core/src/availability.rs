@@ -1,20 +1,21 @@
 //! Which views see the candidates of a pixel.
 
-use core::ops::Range;
+use core::{iter, ops::Range};
 
 use crate::{Params, View};
 
-/// The disparities of a pixel, cut into runs that are available in the same views: where the match lies inside the image.
+/// The disparities of a pixel at which each view is available: where the match lies inside the image.
 ///
 /// Disparities are indices, counted from the smallest.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Segments {
-    segments: [Segment; Segments::MAX],
-    len: usize,
+#[derive(Clone, Debug)]
+pub(crate) struct Availability<'a> {
+    params: &'a Params,
+    /// For each view of the match, in their order.
+    ranges: [Range<u16>; View::ALL.len()],
 }
 
 /// A run of disparities that are available in the same views.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Segment {
     pub start: usize,
     pub end: usize,
@@ -22,55 +23,65 @@ pub(crate) struct Segment {
     pub views: u8,
 }
 
-impl Segments {
-    /// Each view's availability begins and ends once.
-    const MAX: usize = 2 * View::ALL.len() + 1;
-
-    /// The segments of pixel `(u, v)`.
-    pub fn new(params: &Params, u: usize, v: usize) -> Segments {
-        let mut available = [const { 0..0 }; View::ALL.len()];
-        for (available, view) in available.iter_mut().zip(params.views().iter()) {
+impl<'a> Availability<'a> {
+    /// That of the pixel `(u, v)`.
+    pub fn new(params: &'a Params, u: usize, v: usize) -> Availability<'a> {
+        let mut all = Availability { params, ranges: [const { 0..0 }; View::ALL.len()] };
+        for (range, view) in all.ranges.iter_mut().zip(params.views().iter()) {
             let (coordinate, size) = if view.is_horizontal() { (u, params.width()) } else { (v, params.height()) };
-            *available = inside(view, coordinate as i32, size as i32 - 1, params.min_disparity().into(), params.num_disparities());
-        }
-        let mut all = Segments::default();
-        let mut start = 0;
-        for segment in &mut all.segments {
-            let (mut end, mut views) = (params.num_disparities(), 0);
-            for (range, k) in available.iter().take(params.views().len()).zip(0..) {
-                for bound in [range.start, range.end] {
-                    end = if bound > start { end.min(bound) } else { end };
-                }
-                views |= u8::from(range.contains(&start)) << k;
-            }
-            *segment = Segment { start, end, views };
-            all.len += 1;
-            start = end;
-            if end == params.num_disparities() {
-                break;
-            }
+            *range = inside(view, coordinate, size, params.min_disparity(), params.num_disparities());
         }
         all
     }
 
-    /// The segments, in ascending order.
-    pub fn iter(&self) -> impl Iterator<Item = &Segment> {
-        self.segments.iter().take(self.len)
+    /// The same pixel in column `u`.
+    #[inline(always)]
+    pub fn in_column(mut self, u: usize) -> Availability<'a> {
+        for (range, view) in self.ranges.iter_mut().zip(self.params.views().iter()).filter(|(_, view)| view.is_horizontal()) {
+            *range = inside(view, u, self.params.width(), self.params.min_disparity(), self.params.num_disparities());
+        }
+        self
+    }
+
+    /// The disparities in runs that are available in the same views, in ascending order.
+    #[inline(always)]
+    pub fn segments(&self) -> impl Iterator<Item = Segment> {
+        let mut start = 0;
+        iter::from_fn(move || {
+            let mut end = self.params.num_disparities() as u16;
+            if start >= end {
+                return None;
+            }
+            let first = start;
+            let mut views = 0;
+            for (range, k) in self.ranges.iter().zip(0..) {
+                if first < range.start {
+                    end = end.min(range.start);
+                } else if first < range.end {
+                    end = end.min(range.end);
+                    views |= 1 << k;
+                }
+            }
+            start = end;
+            Some(Segment { start: first.into(), end: end.into(), views })
+        })
     }
 
     /// Whether all views are available at all disparities.
-    pub fn are_complete(&self, params: &Params) -> bool {
-        self.len == 1 && self.segments[0].views.count_ones() as usize == params.views().len()
+    pub fn is_complete(&self) -> bool {
+        let all = 0..self.params.num_disparities() as u16;
+        self.ranges.iter().take(self.params.views().len()).all(|range| *range == all)
     }
 
     /// Whether no view is available at any disparity.
-    pub fn are_empty(&self) -> bool {
-        self.iter().all(|segment| segment.views == 0)
+    pub fn is_empty(&self) -> bool {
+        self.ranges.iter().all(Range::is_empty)
     }
 
     /// The views that are available at a disparity, as bits; none outside the search.
     pub fn views_at(&self, index: usize) -> u8 {
-        self.iter().find(|segment| (segment.start..segment.end).contains(&index)).map_or(0, |segment| segment.views)
+        let ranges = self.ranges.iter().map(|range| range.start.into()..range.end.into());
+        ranges.zip(0..).fold(0, |views, (range, k): (Range<usize>, u8)| views | u8::from(range.contains(&index)) << k)
     }
 }
 
@@ -91,9 +102,9 @@ pub(crate) struct Available {
 struct Reach {
     view: View,
     range: Range<usize>,
-    /// The last coordinate, and the smallest disparity.
-    last: i32,
-    least: i32,
+    /// The frame's size in its direction, and the smallest disparity.
+    size: usize,
+    least: i16,
 }
 
 impl Available {
@@ -102,7 +113,7 @@ impl Available {
         let mut available = Available { all: params.num_disparities(), ..Available::default() };
         for (reach, view) in available.views.iter_mut().zip(params.views().iter()) {
             let size = if view.is_horizontal() { params.width() } else { params.height() };
-            *reach = Some(Reach { view, range: 0..0, last: size as i32 - 1, least: params.min_disparity().into() });
+            *reach = Some(Reach { view, range: 0..0, size, least: params.min_disparity() });
             available.len += 1;
         }
         available.incomplete = available.len;
@@ -139,7 +150,8 @@ impl Available {
         for (k, reach) in self.views.iter_mut().enumerate() {
             let Some(reach) = reach.as_mut().filter(|reach| reach.view.is_horizontal() != vertical) else { continue };
             let before = reach.range.clone();
-            let next = inside(reach.view, coordinate as i32, reach.last, reach.least, self.all);
+            let next = inside(reach.view, coordinate, reach.size, reach.least, self.all);
+            let next = next.start.into()..next.end.into();
             if next == before {
                 continue;
             }
@@ -156,7 +168,7 @@ impl Available {
     }
 }
 
-/// The columns in which every horizontal view is available at every disparity: all their pixels in a line have the same segments.
+/// The columns in which every horizontal view is available at every disparity: all their pixels in a line have the same availability.
 pub(crate) fn uniform_columns(params: &Params) -> Range<usize> {
     let (least, most) = (i32::from(params.min_disparity()), i32::from(params.max_disparity()));
     let width = params.width() as i32;
@@ -167,12 +179,14 @@ pub(crate) fn uniform_columns(params: &Params) -> Range<usize> {
     columns.start as usize..columns.end.max(columns.start) as usize
 }
 
-/// The indices of `all` disparities, from `least` on, by which `coordinate` is moved to one that is not below 0 and not above `last`.
-fn inside(view: View, coordinate: i32, last: i32, least: i32, all: usize) -> Range<usize> {
+/// The indices of the disparities, `count` from `least` on, at which `coordinate`, moved by them, stays in `0..size`.
+#[inline(always)]
+fn inside(view: View, coordinate: usize, size: usize, least: i16, count: usize) -> Range<u16> {
+    let (coordinate, size) = (coordinate as i32, size as i32);
     let (from, to) = match view.sign() {
-        1 => (-coordinate, last + 1 - coordinate),
-        _ => (coordinate - last, coordinate + 1),
+        1 => (-coordinate, size - coordinate),
+        _ => (coordinate - size + 1, coordinate + 1),
     };
-    let index = |d: i32| (d - least).clamp(0, all as i32) as usize;
+    let index = |d: i32| (d - i32::from(least)).max(0).min(count as i32) as u16;
     index(from)..index(to)
 }

@@ -91,10 +91,11 @@ impl Disparity {
         const TWO_TO_52: f64 = 4_503_599_627_370_496.0;
         const ALMOST_HALF: f64 = 0.5 - 1.0 / 33_554_432.0;
         let mut refined = [None; BATCH];
-        for i in 0..BATCH {
+        for (i, refined) in refined.iter_mut().enumerate() {
             let (d, steps) = (i32::from(costs.d[i]), Disparity::STEPS);
             // Costs that mean nothing make disparities that mean nothing.
-            let (fall, rise) = (costs.before[i].wrapping_sub(costs.at[i]) as i32, costs.after[i].wrapping_sub(costs.at[i]) as i32);
+            let (fall, rise) =
+                (costs.before[i].wrapping_sub(costs.at[i]) as i32, costs.after[i].wrapping_sub(costs.at[i]) as i32);
             let denominator = fall.wrapping_add(rise).max(1).wrapping_mul(2);
             let sign = if d < 0 || (d == 0 && fall < rise) { -1 } else { 1 };
             let numerator = fall.wrapping_sub(rise).wrapping_mul(2 * steps * sign);
@@ -103,7 +104,7 @@ impl Disparity {
             // Rounded down: 2^52 leaves no bits for a fraction, and a quotient that is not whole is further below the next whole number than the
             // half lacks. A cast of floats would not be done in vectors.
             let shift = (quotient - ALMOST_HALF + TWO_TO_52).to_bits() as i32 - steps / 2;
-            refined[i] = Disparity::from_bits(d.wrapping_mul(steps).wrapping_add(shift.wrapping_mul(sign)) as i16);
+            *refined = Disparity::from_bits(d.wrapping_mul(steps).wrapping_add(shift.wrapping_mul(sign)) as i16);
         }
         refined
     }

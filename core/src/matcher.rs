@@ -74,7 +74,7 @@ pub struct Matcher<'m, I = Portable<{ Params::LANES }>> {
 /// other.
 #[derive(Debug)]
 struct Sums<'m> {
-    /// Over a column of the block: of what leaves where nothing has entered yet, and for each column of the span.
+    /// Over a column of the block: for each column of the span.
     columns: &'m mut [u32],
     /// Over the block.
     blocks: &'m mut [u32],
@@ -82,6 +82,8 @@ struct Sums<'m> {
     masks: &'m mut [u32],
     /// The fused costs of a pixel.
     fused: &'m mut [u32],
+    /// What leaves where nothing has entered yet.
+    zeros: &'m mut [u32],
 }
 
 impl Params {
@@ -127,9 +129,11 @@ impl<'m, I: Isa> Matcher<'m, I> {
         let blocks = lend(sizes.block_sums)?;
         let masks = lend(sizes.masks)?;
         let fused = lend(sizes.fused)?;
+        let zeros = lend(sizes.zeros)?;
         let line = lend(sizes.line)?;
         columns.fill(0);
         masks.fill(u32::MAX);
+        zeros.fill(0);
         let mut lines = |frame| {
             let samples = bytemuck::cast_slice_mut(lend(shape.frame_bytes(frame))?);
             Ok(Lines::new(frame, params, region, shape, samples))
@@ -145,7 +149,7 @@ impl<'m, I: Isa> Matcher<'m, I> {
             region: *region,
             shape,
             frames: Frames { center, views },
-            sums: Sums { columns, blocks, masks, fused },
+            sums: Sums { columns, blocks, masks, fused, zeros },
             available: Available::new(params),
             line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
             next: region.rows().start,
@@ -202,7 +206,8 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
 
 impl<I: Isa> Matcher<'_, I> {
     /// Computes the next line, in `V` views and with block sums in lanes of type `L`.
-    #[inline(always)]
+    // Without optimisation, all that is inlined takes stack, and once is enough.
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn compute<S: ScanlineSource, L: Lane, const V: usize>(
         &mut self,
         source: &mut S,
@@ -212,8 +217,10 @@ impl<I: Isa> Matcher<'_, I> {
         I: Blocks<L>,
     {
         let (v, vectors) = (self.next, self.shape.depth / I::LANES);
-        let columns = cast_mut::<_, I::Sums>(self.sums.columns);
-        let nothing = V * vectors;
+        let columns = cast_mut::<_, I::Sums>(self.sums.columns).get_mut(..self.shape.span * V * vectors).unwrap_or_default();
+        let bias = I::bias((v + 1 - self.region.rows().start) as u32);
+        cast_mut::<_, u16>(self.sums.zeros).fill(bias);
+        let nothing = &*cast_mut::<_, I::Sums>(self.sums.zeros).get_mut(..V * vectors).unwrap_or_default();
         // The lowest line of the blocks enters. At the region's top all their lines do, and then nothing is left to move.
         let entering = v as i32 + self.params.radius() as i32;
         let mut lines = Change { entering, leaving: entering - self.params.block_size() as i32 };
@@ -222,8 +229,10 @@ impl<I: Isa> Matcher<'_, I> {
             while self.primed <= entering {
                 self.frames.read_ahead(source, &self.params, self.line, self.primed)?;
                 let line = Change { entering: self.primed, leaving: self.primed };
-                let columns = columns.get_mut(nothing..).unwrap_or_default();
-                sweep::prime(self.isa, columns, vectors, sweep::steps::<V>(&self.frames, line, self.shape.span));
+                let mut steps = sweep::steps::<I, V>(&self.frames, line, columns, nothing, self.params.block_size());
+                for _ in 0..self.shape.span {
+                    self.isa.prime(&mut steps);
+                }
                 self.primed += 1;
             }
         }
@@ -231,20 +240,18 @@ impl<I: Isa> Matcher<'_, I> {
         if v + 1 == self.params.height() {
             self.frames.read_rest(source, &self.params, self.line)?;
         }
-        let bias = I::bias((v + 1 - self.region.rows().start) as u32);
-        cast_mut::<_, u16>(columns).iter_mut().take(nothing * I::LANES).for_each(|sum| *sum = bias);
         let sweep = Sweep::<L, I, V> {
             isa: self.isa,
             params: &self.params,
             region: &self.region,
-            columns,
+            steps: sweep::steps(&self.frames, lines, columns, nothing, self.params.block_size()),
             bias,
             blocks: cast_mut(self.sums.blocks).get_mut(..vectors).unwrap_or_default(),
             masks: cast_mut(self.sums.masks).get_mut(..vectors).unwrap_or_default(),
             available: &mut self.available,
             fused: cast_mut(self.sums.fused),
         };
-        sweep.run(v, sweep::steps(&self.frames, lines, self.shape.span), out);
+        sweep.run(v, out);
         Ok(())
     }
 }

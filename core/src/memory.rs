@@ -9,13 +9,14 @@ use crate::{Frame, Params, View, kernel::Isa};
 ///
 /// | buffer | bytes |
 /// | --- | --- |
-/// | `column_sums` | `2 (X + 1) D` for each view |
+/// | `column_sums` | `2 X D` for each view |
 /// | `block_sums` | `2 D` for each view, `4 D` from a block of 17 |
 /// | `masks` | as `block_sums` |
 /// | `fused` | `2 D` for each pixel of a [batch](Isa::BATCH), `4 D` from a block of 17 |
 /// | `center` | `(2 rho + 2) X` |
 /// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each horizontal view |
 /// | `vertical` | `X (D + 2 rho + 8)` for each vertical view |
+/// | `zeros` | `2 D` for each view |
 /// | `line` | the frame's width |
 ///
 /// OpenCV's StereoBM, for comparison, takes `(height + block + 2) D (block + 1)` bytes of scratch for its one view.
@@ -29,8 +30,7 @@ use crate::{Frame, Params, View, kernel::Isa};
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Memory {
-    /// Sums of differences over the block's height, for each column, view and disparity, and of one column more, which leaves where none
-    /// has entered.
+    /// Sums of differences over the block's height, for each column, view and disparity.
     pub column_sums: usize,
     /// Sums of differences over the block, for each view and disparity.
     pub block_sums: usize,
@@ -44,6 +44,8 @@ pub struct Memory {
     pub horizontal: usize,
     /// The vertical views' lines under the block and the search, by column.
     pub vertical: usize,
+    /// What leaves before anything has entered.
+    pub zeros: usize,
     /// A line as it comes from the source.
     pub line: usize,
 }
@@ -55,20 +57,21 @@ impl Memory {
         let views = params.views().len();
         let vertical_views = params.views().contains(View::Top) as usize + params.views().contains(View::Bottom) as usize;
         Memory {
-            column_sums: shape.align(2 * (shape.span + 1) * views * shape.depth),
+            column_sums: shape.align(2 * shape.span * views * shape.depth),
             block_sums: shape.align(shape.lane_bytes * views * shape.depth),
             masks: shape.align(shape.lane_bytes * views * shape.depth),
             fused: shape.align(I::BATCH * shape.lane_bytes * shape.depth),
             center: shape.align(shape.ring_lines * shape.span),
             horizontal: (views - vertical_views) * shape.align(shape.ring_lines * shape.reach()),
             vertical: vertical_views * shape.align(shape.span * shape.stack),
+            zeros: shape.align(2 * views * shape.depth),
             line: shape.align(params.width()),
         }
     }
 
     /// All of it, in bytes.
     pub const fn bytes(&self) -> usize {
-        self.column_sums + self.block_sums + self.masks + self.fused + self.center + self.horizontal + self.vertical + self.line
+        self.column_sums + self.block_sums + self.masks + self.fused + self.center + self.horizontal + self.vertical + self.zeros + self.line
     }
 
     /// All of it, as the length of the `[u32]` that the matcher is lent.

@@ -2,7 +2,7 @@
 
 use crate::{
     Disparity, Params,
-    availability::{Available, Segments},
+    availability::{Availability, Available},
     disparity::Around,
     kernel::{Block, Blocks, Isa, Lane, Rule, Winners},
 };
@@ -37,7 +37,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
                 *lane = L::MAX;
             }
         }
-        Selection { isa, params, rule, indices, excess, exceeds: params.num_disparities() % I::LANES != 0 }
+        Selection { isa, params, rule, indices, excess, exceeds: !params.num_disparities().is_multiple_of(I::LANES) }
     }
 
     /// What the costs in the last vector are at least, if it has lanes too many.
@@ -70,9 +70,14 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
 
     /// Fuses the costs of a pixel segment by segment, and returns the least.
     #[cfg_attr(target_arch = "arm", inline(never))]
-    #[cfg_attr(not(target_arch = "arm"), inline(always))]
-    pub fn fuse_segments<const V: usize>(&self, segments: &Segments, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
-        for segment in segments.iter() {
+    #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
+    pub fn fuse_segments<const V: usize>(
+        &self,
+        availability: &Availability<'_>,
+        blocks: &[[I::Costs; V]],
+        fused: &mut [I::Costs],
+    ) -> L {
+        for segment in availability.segments() {
             // Each segment is followed by the next, so that lanes past its end do not matter; of its first vector the lanes before its start
             // are kept.
             let (first, end) = (segment.start / I::LANES, segment.end.div_ceil(I::LANES));
@@ -101,7 +106,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     /// The disparities of a batch of pixels, refined between neighbours; those by [`Exact`] costs where lanes do not tell.
     ///
     /// Step by step for all pixels: each step takes long, but does not wait for that of another pixel.
-    #[inline(always)]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     pub fn disparities<'e>(
         &self,
         winners: &Winners<L>,
@@ -144,7 +149,9 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             *pixel = refined;
         }
         if unclear != [false; BATCH] {
-            for (((pixel, _), i), (&at, &index)) in pixels.iter_mut().zip(unclear).zip(0..).zip(costs.iter().zip(indices)).filter(|(((_, unclear), _), _)| *unclear) {
+            for (((pixel, _), i), (&at, &index)) in
+                pixels.iter_mut().zip(unclear).zip(0..).zip(costs.iter().zip(indices)).filter(|(((_, unclear), _), _)| *unclear)
+            {
                 let exact = exact(i);
                 *pixel = if at == L::MAX { exact.disparity() } else { exact.refined(index as usize) };
             }
@@ -152,7 +159,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     }
 
     /// The disparity of a pixel by its least cost.
-    #[inline(always)]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     pub fn disparity<'e>(&self, cost: L, fused: &[I::Costs], exact: impl FnOnce() -> Exact<'e, I>) -> Option<Disparity>
     where
         I: 'e,
@@ -192,8 +199,10 @@ pub(crate) struct Exact<'a, I: Isa> {
     /// The pixel.
     pub u: usize,
     pub v: usize,
-    /// The sums of the columns under its block, view by view.
-    pub columns: &'a [I::Sums],
+    /// The first pixel of its line.
+    pub start: usize,
+    /// The sums of the columns of the line, view by view, from the first under that pixel's block on.
+    pub sums: &'a [I::Sums],
     /// Vectors in a column's view.
     pub vectors: usize,
     /// What every column sum has too much.
@@ -204,12 +213,12 @@ impl<I: Isa> Exact<'_, I> {
     /// The existing candidate of least fused cost, the smallest of several, refined between its neighbours.
     #[cold]
     pub fn disparity(&self) -> Option<Disparity> {
-        let segments = Segments::new(self.params, self.u, self.v);
-        if segments.are_empty() {
+        let availability = Availability::new(self.params, self.u, self.v);
+        if availability.is_empty() {
             return None;
         }
         let all = 0..self.params.num_disparities();
-        let costs = all.filter_map(|index| Some((self.cost(&segments, index)?, index)));
+        let costs = all.filter_map(|index| Some((self.cost(&availability, index)?, index)));
         let (_, index) = costs.min_by_key(|&(cost, _)| cost)?;
         self.refined(index)
     }
@@ -217,8 +226,8 @@ impl<I: Isa> Exact<'_, I> {
     /// The disparity at `index`, refined if both neighbours exist.
     #[cold]
     pub fn refined(&self, index: usize) -> Option<Disparity> {
-        let segments = Segments::new(self.params, self.u, self.v);
-        let cost = |index| self.cost(&segments, index);
+        let availability = Availability::new(self.params, self.u, self.v);
+        let cost = |index| self.cost(&availability, index);
         let d = self.params.min_disparity() + index as i16;
         match (cost(index.wrapping_sub(1)), cost(index), cost(index + 1)) {
             (Some(before), Some(at), Some(after)) => Disparity::refine(d, before, at, after),
@@ -227,8 +236,8 @@ impl<I: Isa> Exact<'_, I> {
     }
 
     /// The fused cost of a candidate, if it exists.
-    fn cost(&self, segments: &Segments, index: usize) -> Option<u32> {
-        let available = segments.views_at(index);
+    fn cost(&self, availability: &Availability<'_>, index: usize) -> Option<u32> {
+        let available = availability.views_at(index);
         let mut costs = [0; 4];
         let mut count = 0;
         for k in (0..self.params.views().len()).filter(|k| available >> k & 1 != 0) {
@@ -240,8 +249,8 @@ impl<I: Isa> Exact<'_, I> {
 
     /// The block's sum in the `k`-th view.
     fn block_sum(&self, k: usize, index: usize) -> Option<u32> {
-        let columns = self.columns.chunks_exact((self.params.views().len() * self.vectors).max(1));
-        columns.take(self.params.block_size()).try_fold(0, |sum, column| {
+        let columns = self.sums.chunks_exact((self.params.views().len() * self.vectors).max(1));
+        columns.skip(self.u - self.start).take(self.params.block_size()).try_fold(0, |sum, column| {
             let sums: &[u16] = bytemuck::try_cast_slice(column.get(k * self.vectors..)?).ok()?;
             Some(sum + u32::from(sums.get(lane::<I>(index))?.wrapping_sub(self.bias)))
         })

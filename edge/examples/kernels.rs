@@ -254,7 +254,8 @@ mod image {
     /// Matches of all views and rules in several sizes. Returns how many.
     fn matches() -> Result<usize, Difference> {
         let Some([memory, memory_of_twin]) = MEMORY.try_take() else { return Err(Difference) };
-        let sizes: [(i16, u16, u8); 8] = [(0, 1, 1), (1, 5, 3), (-3, 16, 5), (1, 32, 11), (2, 17, 15), (-9, 12, 17), (1, 33, 7), (0, 8, 21)];
+        let sizes: [(i16, u16, u8); 8] =
+            [(0, 1, 1), (1, 5, 3), (-3, 16, 5), (1, 32, 11), (2, 17, 15), (-9, 12, 17), (1, 33, 7), (0, 8, 21)];
         let mut count = 0;
         for (min_disparity, num_disparities, block_size) in sizes {
             for (bits, fusion) in (1..16).flat_map(|bits| Fusion::ALL.map(|fusion| (bits, fusion))) {

@@ -357,7 +357,9 @@ mod tests {
     #[test]
     fn runs_of_all_lengths_are_framed() {
         for len in (0usize..20).chain(245..270).chain(500..520).chain(755..775) {
-            for zeros in [vec![], vec![0], vec![253], vec![254], vec![255], vec![len / 2, len / 2 + 1], vec![len.saturating_sub(1)]] {
+            for zeros in
+                [vec![], vec![0], vec![253], vec![254], vec![255], vec![len / 2, len / 2 + 1], vec![len.saturating_sub(1)]]
+            {
                 let bytes: Vec<u8> = (0..len).map(|i| if zeros.contains(&i) { 0 } else { i as u8 | 1 }).collect();
                 let mut framed = vec![0xaa; max_bytes(len / 2 + 1)];
                 let end = frame(&bytes, &mut framed).unwrap();

@@ -2,9 +2,7 @@
 
 use core::{error, fmt, marker::PhantomData};
 use embedded_io::Write;
-use multiscopic_core::{
-    Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, Rewind, ScanlineSource,
-};
+use multiscopic_core::{Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, Rewind, ScanlineSource};
 
 use crate::{
     Board, Kernel, Phase,
@@ -61,8 +59,7 @@ impl<'w> Pipeline<'w> {
             let columns = tile.width();
             let given = self.line.len();
             let line = self.line.get_mut(..columns).ok_or(PipelineError::Line { needed: columns, given })?;
-            let mut matcher =
-                Matcher::with_isa(Kernel::default(), params, &tile, self.matcher).map_err(PipelineError::Memory)?;
+            let mut matcher = Matcher::with_isa(Kernel::default(), params, &tile, self.matcher).map_err(PipelineError::Memory)?;
             while let Some(v) = matcher.next_line(&mut Fetching::<B>::new(source), line).map_err(PipelineError::Match)? {
                 B::enter(Phase::Sending);
                 let packet = sender.line(&tile, v, line).map_err(PipelineError::Packet)?;

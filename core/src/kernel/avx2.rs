@@ -114,7 +114,7 @@ impl Blocks<u16> for Avx2 {
     }
 
     #[inline(always)]
-    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, V>, winners: &mut Winners<u16>) {
+    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, Self, V>, winners: &mut Winners<u16>) {
         batch.run_in_registers(self, steps, winners);
     }
 

@@ -4,7 +4,9 @@
 //! those of several at once, if nothing else is in its way.
 #![allow(unsafe_code)]
 
-use super::{Block, Blocks, Change, Column, Lane, Rule, Steps, fuse};
+use super::{Block, Blocks, Lane, Rule, Steps};
+#[cfg(target_arch = "x86_64")]
+use super::{Change, Column, fuse, steps::Place};
 
 /// A batch of pixels and their sums.
 #[derive(Debug)]
@@ -13,8 +15,6 @@ pub struct Batch<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub rule: Rule,
     /// How many pixels there are, at most [`Winners::MAX`].
     pub pixels: usize,
-    /// The sums of the columns, view by view: from the one that leaves the first pixel's block to the one that enters the last's.
-    pub columns: &'a mut [I::Sums],
     /// The sums of the block before the batch, and after it.
     pub blocks: &'a mut [[I::Costs; V]],
     /// The fused costs of each pixel.
@@ -42,24 +42,18 @@ impl<L> Winners<L> {
 
 impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, L, I, V> {
     /// Goes over the pixels one after the other.
-    #[inline(always)]
-    pub(super) fn run(mut self, isa: I, steps: &mut Steps<'_, V>, winners: &mut Winners<L>) {
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    pub(super) fn run(mut self, isa: I, steps: &mut Steps<'_, I, V>, winners: &mut Winners<L>) {
         let vectors = self.blocks.len();
-        // The first column leaves as the last one enters.
-        let block = self.columns.len().saturating_sub(self.pixels * V * vectors);
-        for i in 0..self.pixels {
-            let Some((before, column)) = self.columns.split_at_mut_checked(block + i * V * vectors) else { return };
-            let left = before.get(i * V * vectors..).and_then(|left| left.get(..V * vectors));
-            let fused = self.fused.get_mut(i * vectors..).and_then(|fused| fused.get_mut(..vectors));
-            let (Some(column), Some(left), Some(fused)) = (column.get_mut(..V * vectors), left, fused) else { return };
-            isa.slide(steps, column, left, self.blocks);
+        for fused in self.fused.chunks_exact_mut(vectors.max(1)).take(self.pixels) {
+            isa.slide(steps, self.blocks);
             isa.fuse(self.rule, self.blocks, fused);
         }
         self.find(isa, vectors, winners);
     }
 
     /// Finds the least costs.
-    #[inline(always)]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn find(&mut self, isa: I, vectors: usize, winners: &mut Winners<L>) {
         let pixels = self.fused.chunks_exact_mut(vectors.max(1)).take(self.pixels);
         for ((fused, cost), index) in pixels.zip(&mut winners.costs).zip(&mut winners.indices) {
@@ -75,8 +69,8 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, L, I, V> {
 #[cfg(target_arch = "x86_64")]
 impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, L, I, V> {
     /// As [`run`](Batch::run), with all sums of the block in registers, if there are few enough.
-    #[inline(always)]
-    pub(super) fn run_in_registers(mut self, isa: I, steps: &mut Steps<'_, V>, winners: &mut Winners<L>) {
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    pub(super) fn run_in_registers(mut self, isa: I, steps: &mut Steps<'_, I, V>, winners: &mut Winners<L>) {
         match (self.blocks.len(), self.rule) {
             (1, Rule::Min) => self.fuse_in_registers::<1>(isa, Rule::Min, steps),
             (1, Rule::Sum) if V > 1 => self.fuse_in_registers::<1>(isa, Rule::Sum, steps),
@@ -93,11 +87,10 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, L, I, V> {
     }
 
     /// Fuses the costs of the pixels in `J` vectors.
-    #[inline(always)]
-    fn fuse_in_registers<const J: usize>(&mut self, isa: I, rule: Rule, steps: &mut Steps<'_, V>) {
-        let Some(block) = self.columns.len().checked_sub(self.pixels * V * J) else { return };
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn fuse_in_registers<const J: usize>(&mut self, isa: I, rule: Rule, steps: &mut Steps<'_, I, V>) {
         let Some(blocks) = self.blocks.first_chunk_mut::<J>() else { return };
-        if block < V * J || self.fused.len() < self.pixels * J || !steps.covers::<I>(self.pixels, J) {
+        if self.fused.len() < self.pixels * J || steps.vectors() != J {
             return;
         }
         let mut sums = [[isa.splat(L::default()); V]; J];
@@ -106,31 +99,25 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, L, I, V> {
                 sums[j][k] = isa.load_block(&blocks[j][k]);
             }
         }
-        let mut left = self.columns.as_mut_ptr();
-        let mut fused = self.fused.as_mut_ptr();
-        for _ in 0..self.pixels {
-            let Some((center, tracks)) = steps.enter() else { return };
-            for j in 0..J {
+        for fused in self.fused.chunks_exact_mut(J).take(self.pixels) {
+            let Some(Place { center, tracks, column, left, .. }) = steps.enter() else { return };
+            for (j, fused) in fused.iter_mut().enumerate() {
                 let mut costs = [isa.splat(L::default()); V];
                 for k in 0..V {
-                    let Change { entering, leaving } = tracks[k].samples;
-                    // SAFETY: there are columns for all pixels, and a block before them; the column that leaves is in front of that which enters.
-                    // There are samples of `J` vectors in every column of the steps. Samples are bytes.
-                    let (left, column, view) = unsafe {
+                    // SAFETY: at the place are the samples and the sums of `V` views in `J` vectors. Samples are bytes.
+                    let (column, left, view) = unsafe {
                         let samples = |samples: *const u8| &*samples.cast::<I::Samples>().add(j);
-                        let left = left.add(k * J + j);
-                        (&*left, &mut *left.add(block), Change { entering: samples(entering), leaving: samples(leaving) })
+                        let Change { entering, leaving } = (*tracks.add(k)).samples;
+                        let view = Change { entering: samples(entering), leaving: samples(leaving) };
+                        (&mut *column.add(k * J + j), &*left.add(k * J + j), view)
                     };
                     let moved = isa.advance(isa.load_column(column), center, view);
                     moved.store(column);
                     sums[j][k] = sums[j][k].slide(moved, isa.load_column(left));
                     costs[k] = sums[j][k];
                 }
-                // SAFETY: there are fused costs for all pixels.
-                fuse(rule, costs).store(unsafe { &mut *fused.add(j) });
+                fuse(rule, costs).store(fused);
             }
-            left = left.wrapping_add(V * J);
-            fused = fused.wrapping_add(J);
             steps.leave();
         }
         for j in 0..J {

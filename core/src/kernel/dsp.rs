@@ -8,7 +8,7 @@
 
 use core::arch::asm;
 
-use super::{Block, Blocks, Change, Column, Isa, Rule, Steps, fuse_generic, fuse_masked_generic, steps::Track};
+use super::{Block, Blocks, Change, Column, Isa, Rule, Steps, fuse_generic, fuse_masked_generic, steps::{Place, Track}};
 
 /// The DSP extension: four lanes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -195,18 +195,12 @@ unsafe fn least_of_unmasked<const V: usize>(blocks: *const [[u32; 2]; V], masks:
 /// Moves a column down, and the blocks on by it: of `N` vectors in a view if that is not 0, and then without counting them.
 ///
 /// # Safety
-/// The tracks have the samples, the column and what is left have the sums of as many vectors in a view as there are blocks: `N`, or at
-/// least one.
+/// The place has as many vectors in a view as there are blocks: `N`, or at least one.
 #[inline(always)]
-unsafe fn slide<const V: usize, const N: usize>(
-    center: Change<u8>,
-    tracks: &mut [Track; V],
-    column: *mut [u32; 2],
-    left: *const [u32; 2],
-    blocks: &mut [[[u32; 2]; V]],
-) {
+unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Dsp, V>, blocks: &mut [[[u32; 2]; V]]) {
+    let Place { center, tracks, column, left, .. } = place;
     let (entering, leaving) = (splat(center.entering), splat(center.leaving));
-    let end = tracks.as_mut_ptr().wrapping_add(V);
+    let end = tracks.wrapping_add(V);
     unsafe {
         asm!(
             // On the stack: the vectors, the tracks' end, the frame pointer, and the first block.
@@ -241,7 +235,7 @@ unsafe fn slide<const V: usize, const N: usize>(
             "add sp, sp, #16",
             n = inout(reg) blocks.len() => _,
             x = inout(reg) end => _,
-            tracks = inout(reg) tracks.as_mut_ptr() => _,
+            tracks = inout(reg) tracks => _,
             column = inout(reg) column => _,
             left = inout(reg) left => _,
             block = inout(reg) blocks.as_mut_ptr() => _,
@@ -265,9 +259,10 @@ unsafe fn slide<const V: usize, const N: usize>(
 /// Adds what enters to a column.
 ///
 /// # Safety
-/// The tracks have the samples, and the column the sums of so many vectors in a view, not 0.
+/// The place has so many vectors in a view, not 0.
 #[inline(always)]
-unsafe fn prime<const V: usize>(center: u8, tracks: &mut [Track; V], column: *mut [u32; 2], vectors: usize) {
+unsafe fn prime<const V: usize>(place: Place<'_, Dsp, V>, vectors: usize) {
+    let Place { center, tracks, column, .. } = place;
     unsafe {
         asm!(
             "2:",
@@ -290,10 +285,10 @@ unsafe fn prime<const V: usize>(center: u8, tracks: &mut [Track; V], column: *mu
             "cmp {tracks}, {end}",
             "bne 2b",
             vectors = in(reg) vectors,
-            tracks = inout(reg) tracks.as_mut_ptr() => _,
-            end = in(reg) tracks.as_mut_ptr().wrapping_add(V),
+            tracks = inout(reg) tracks => _,
+            end = in(reg) tracks.wrapping_add(V),
             column = inout(reg) column => _,
-            center = in(reg) splat(center),
+            center = in(reg) splat(center.entering),
             entering = out(reg) _,
             n = out(reg) _,
             a = out(reg) _,
@@ -347,13 +342,10 @@ impl Isa for Dsp {
     }
 
     #[inline(never)]
-    fn prime<const V: usize>(self, steps: &mut Steps<'_, V>, column: &mut [[u32; 2]]) {
-        let vectors = steps.vectors::<Self>();
-        if vectors == 0 || column.len() != V * vectors {
-            return;
-        }
-        if let Some((center, tracks)) = steps.enter() {
-            unsafe { prime(center.entering, tracks, column.as_mut_ptr(), vectors) }
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
+        let vectors = steps.vectors();
+        if let Some(place) = steps.enter().filter(|_| vectors > 0) {
+            unsafe { prime(place, vectors) }
         }
     }
 }
@@ -402,19 +394,17 @@ impl Blocks<u16> for Dsp {
     }
 
     #[inline(never)]
-    fn slide<const V: usize>(self, steps: &mut Steps<'_, V>, column: &mut [[u32; 2]], left: &[[u32; 2]], blocks: &mut [[[u32; 2]; V]]) {
-        let sums = V * blocks.len();
-        if blocks.is_empty() || steps.vectors::<Self>() != blocks.len() || column.len() != sums || left.len() != sums {
+    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u32; 2]; V]]) {
+        if steps.vectors() != blocks.len() || blocks.is_empty() {
             return;
         }
-        let Some((center, tracks)) = steps.enter() else { return };
-        let (column, left) = (column.as_mut_ptr(), left.as_ptr());
+        let Some(place) = steps.enter() else { return };
         unsafe {
             match blocks.len() {
-                4 => slide::<V, 4>(center, tracks, column, left, blocks),
-                8 => slide::<V, 8>(center, tracks, column, left, blocks),
-                16 => slide::<V, 16>(center, tracks, column, left, blocks),
-                _ => slide::<V, 0>(center, tracks, column, left, blocks),
+                4 => slide::<V, 4>(place, blocks),
+                8 => slide::<V, 8>(place, blocks),
+                16 => slide::<V, 16>(place, blocks),
+                _ => slide::<V, 0>(place, blocks),
             }
         }
     }

@@ -7,15 +7,15 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod batch;
 #[cfg(target_arch = "arm")]
 mod dsp;
 #[cfg(target_arch = "arm")]
 mod mve;
-mod batch;
 mod portable;
 mod steps;
 
-use core::{fmt::Debug, mem};
+use core::fmt::Debug;
 
 use bytemuck::Pod;
 
@@ -23,11 +23,11 @@ use bytemuck::Pod;
 pub use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
+pub use batch::{Batch, Winners};
 #[cfg(target_arch = "arm")]
 pub use dsp::Dsp;
 #[cfg(target_arch = "arm")]
 pub use mve::Mve;
-pub use batch::{Batch, Winners};
 pub use portable::Portable;
 pub use steps::Steps;
 
@@ -70,17 +70,14 @@ pub trait Isa: Copy + Debug {
         0
     }
 
-    /// Adds what enters to the sums of a column, view by view.
+    /// Adds what enters to the sums of the next column.
     #[inline(always)]
-    fn prime<const V: usize>(self, steps: &mut Steps<'_, V>, column: &mut [Self::Sums]) {
-        let Some(step) = steps.next::<Self>() else { return };
-        let mut rest = column;
-        for view in step.views {
-            let Some((column, others)) = mem::take(&mut rest).split_at_mut_checked(view.entering.len()) else { return };
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
+        let Some(step) = steps.next() else { return };
+        for (column, view) in step.column.chunks_exact_mut(step.vectors.max(1)).zip(step.views) {
             for (sums, samples) in column.iter_mut().zip(view.entering) {
                 self.load_column(sums).add(self.differences(step.center.entering, samples)).store(sums);
             }
-            rest = others;
         }
     }
 }
@@ -99,27 +96,18 @@ pub trait Blocks<L: Lane>: Isa {
     /// The index of the first disparity with this cost; any that is no disparity's if none has it.
     fn position(self, costs: &[Self::Costs], cost: L) -> usize;
 
-    /// Moves a column down, and the blocks on by it. `column` holds its sums, view by view, and `left` those of the column that leaves.
+    /// Moves the next column down, and the blocks on by it.
     #[inline(always)]
-    fn slide<const V: usize>(
-        self,
-        steps: &mut Steps<'_, V>,
-        column: &mut [Self::Sums],
-        left: &[Self::Sums],
-        blocks: &mut [[Self::Costs; V]],
-    ) {
-        let Some(step) = steps.next::<Self>() else { return };
-        let (mut column, mut left) = (column, left);
-        for (k, Change { entering, leaving }) in step.views.iter().enumerate() {
-            let Some((sums, columns)) = mem::take(&mut column).split_at_mut_checked(entering.len()) else { return };
-            let Some((sums_left, columns_left)) = left.split_at_checked(entering.len()) else { return };
-            let samples = entering.iter().zip(*leaving);
-            for (((sums, left), block), (entering, leaving)) in sums.iter_mut().zip(sums_left).zip(&mut *blocks).zip(samples) {
+    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[Self::Costs; V]]) {
+        let Some(step) = steps.next() else { return };
+        let columns = step.column.chunks_exact_mut(step.vectors.max(1)).zip(step.left.chunks_exact(step.vectors.max(1)));
+        for (k, ((column, left), view)) in columns.zip(step.views).enumerate() {
+            let samples = view.entering.iter().zip(view.leaving);
+            for (((sums, left), block), (entering, leaving)) in column.iter_mut().zip(left).zip(&mut *blocks).zip(samples) {
                 let moved = self.advance(self.load_column(sums), step.center, Change { entering, leaving });
                 moved.store(sums);
                 self.load_block(&block[k]).slide(moved, self.load_column(left)).store(&mut block[k]);
             }
-            (column, left) = (columns, columns_left);
         }
     }
 
@@ -129,8 +117,8 @@ pub trait Blocks<L: Lane>: Isa {
         fuse_generic(self, rule, blocks, fused)
     }
 
-    /// Fuses the costs of blocks as if those under a mask of [`Lane::MAX`] were that; no other lane is masked. The least lane of what it
-    /// returns is the least of them.
+    /// Fuses the costs of blocks as if those under a mask of [`Lane::MAX`] were that; under a mask of zero they are as they are. The least
+    /// lane of what it returns is the least of them.
     #[inline(always)]
     fn fuse_masked<const V: usize>(
         self,
@@ -144,20 +132,14 @@ pub trait Blocks<L: Lane>: Isa {
 
     /// Goes over a batch of pixels whose views are all available.
     #[inline(always)]
-    fn batch<const V: usize>(self, batch: Batch<'_, L, Self, V>, steps: &mut Steps<'_, V>, winners: &mut Winners<L>) {
+    fn batch<const V: usize>(self, batch: Batch<'_, L, Self, V>, steps: &mut Steps<'_, Self, V>, winners: &mut Winners<L>) {
         batch.run(self, steps, winners);
     }
 
     /// Fuses the costs of blocks in the `available` views, whose bits are set, on one scale for every number of them. Where there are
     /// none, they are [`Lane::MAX`].
     #[inline(always)]
-    fn fuse_available<const V: usize>(
-        self,
-        rule: Rule,
-        available: u8,
-        blocks: &[[Self::Costs; V]],
-        fused: &mut [Self::Costs],
-    ) {
+    fn fuse_available<const V: usize>(self, rule: Rule, available: u8, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) {
         for (fused, block) in fused.iter_mut().zip(blocks) {
             fuse_available(self, rule, available, block).store(fused);
         }
@@ -302,7 +284,7 @@ fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
         least
 }
 
-/// Fuses the costs of blocks that masks leave, vector by vector, and returns the least in each lane.
+/// As [`fuse_generic`], of what masks leave.
 #[inline(always)]
 fn fuse_masked_generic<L: Lane, I: Blocks<L>, const V: usize>(
     isa: I,
@@ -353,12 +335,7 @@ pub(crate) fn fuse<L: Lane, B: Block<L>, const V: usize>(rule: Rule, costs: [B; 
 
 /// Fuses the costs of the `available` views, at least one, whose bits are set, on one scale for every number of them.
 #[inline(always)]
-fn fuse_available<L: Lane, I: Blocks<L>, const V: usize>(
-    isa: I,
-    rule: Rule,
-    available: u8,
-    costs: &[I::Costs; V],
-) -> I::Block {
+fn fuse_available<L: Lane, I: Blocks<L>, const V: usize>(isa: I, rule: Rule, available: u8, costs: &[I::Costs; V]) -> I::Block {
     // In place of a view that is not available, a cost that changes nothing.
     let nothing = isa.splat(if rule == Rule::Sum { L::default() } else { L::MAX });
     let mut of_available = [nothing; V];

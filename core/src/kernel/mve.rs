@@ -10,7 +10,7 @@ use core::arch::asm;
 
 use super::{
     Blocks, Change, Isa, Portable, Rule, Steps, fuse_generic, fuse_masked_generic,
-    steps::Track,
+    steps::{Place, Track},
 };
 
 /// MVE: eight lanes.
@@ -51,13 +51,10 @@ impl Isa for Mve {
     }
 
     #[inline(never)]
-    fn prime<const V: usize>(self, steps: &mut Steps<'_, V>, column: &mut [[u16; 8]]) {
-        let vectors = steps.vectors::<Self>();
-        if vectors == 0 || column.len() != V * vectors {
-            return;
-        }
-        if let Some((center, tracks)) = steps.enter() {
-            unsafe { prime(center.entering, tracks, column.as_mut_ptr(), vectors) }
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
+        let vectors = steps.vectors();
+        if let Some(place) = steps.enter().filter(|_| vectors > 0) {
+            unsafe { prime(place, vectors) }
         }
     }
 }
@@ -104,19 +101,17 @@ impl Blocks<u16> for Mve {
     }
 
     #[inline(never)]
-    fn slide<const V: usize>(self, steps: &mut Steps<'_, V>, column: &mut [[u16; 8]], left: &[[u16; 8]], blocks: &mut [[[u16; 8]; V]]) {
-        let sums = V * blocks.len();
-        if blocks.is_empty() || steps.vectors::<Self>() != blocks.len() || column.len() != sums || left.len() != sums {
+    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u16; 8]; V]]) {
+        if steps.vectors() != blocks.len() || blocks.is_empty() {
             return;
         }
-        let Some((center, tracks)) = steps.enter() else { return };
-        let (column, left) = (column.as_mut_ptr(), left.as_ptr());
+        let Some(place) = steps.enter() else { return };
         unsafe {
             match blocks.len() {
-                2 => slide::<V, 2>(center, tracks, column, left, blocks),
-                4 => slide::<V, 4>(center, tracks, column, left, blocks),
-                8 => slide::<V, 8>(center, tracks, column, left, blocks),
-                _ => slide::<V, 0>(center, tracks, column, left, blocks),
+                2 => slide::<V, 2>(place, blocks),
+                4 => slide::<V, 4>(place, blocks),
+                8 => slide::<V, 8>(place, blocks),
+                _ => slide::<V, 0>(place, blocks),
             }
         }
     }
@@ -188,9 +183,10 @@ impl Blocks<u32> for Mve {
 /// Adds what enters to a column.
 ///
 /// # Safety
-/// The tracks have the samples, and the column the sums of so many vectors in a view, not 0.
+/// The place has so many vectors in a view, not 0.
 #[inline(always)]
-unsafe fn prime<const V: usize>(center: u8, tracks: &mut [Track; V], column: *mut [u16; 8], vectors: usize) {
+unsafe fn prime<const V: usize>(place: Place<'_, Mve, V>, vectors: usize) {
+    let Place { center, tracks, column, .. } = place;
     unsafe {
         asm!(
             "vdup.16 q1, r2",
@@ -210,10 +206,10 @@ unsafe fn prime<const V: usize>(center: u8, tracks: &mut [Track; V], column: *mu
             "cmp {tracks}, {end}",
             "bne 2b",
             n = in(reg) vectors,
-            tracks = inout(reg) tracks.as_mut_ptr() => _,
-            end = in(reg) tracks.as_mut_ptr().wrapping_add(V),
+            tracks = inout(reg) tracks => _,
+            end = in(reg) tracks.wrapping_add(V),
             column = inout(reg) column => _,
-            inout("r2") u32::from(center) => _,
+            inout("r2") u32::from(center.entering) => _,
             x = out(reg) _,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _,
             track = const size_of::<Track>(),
@@ -225,16 +221,10 @@ unsafe fn prime<const V: usize>(center: u8, tracks: &mut [Track; V], column: *mu
 /// Moves a column down, and the blocks on by it: of `N` vectors in a view if that is not 0, and then without counting them.
 ///
 /// # Safety
-/// The tracks have the samples, the column and what is left have the sums of as many vectors in a view as there are blocks: `N`, or at
-/// least one.
+/// The place has as many vectors in a view as there are blocks: `N`, or at least one.
 #[inline(always)]
-unsafe fn slide<const V: usize, const N: usize>(
-    center: Change<u8>,
-    tracks: &mut [Track; V],
-    column: *mut [u16; 8],
-    left: *const [u16; 8],
-    blocks: &mut [[[u16; 8]; V]],
-) {
+unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
+    let Place { center, tracks, column, left, .. } = place;
     unsafe {
         asm!(
             "vdup.16 q2, r2",
@@ -271,8 +261,8 @@ unsafe fn slide<const V: usize, const N: usize>(
             "cmp {tracks}, {end}",
             "bne 2b",
             n = in(reg) blocks.len(),
-            tracks = inout(reg) tracks.as_mut_ptr() => _,
-            end = in(reg) tracks.as_mut_ptr().wrapping_add(V),
+            tracks = inout(reg) tracks => _,
+            end = in(reg) tracks.wrapping_add(V),
             column = inout(reg) column => _,
             left = inout(reg) left => _,
             block = inout(reg) blocks.as_mut_ptr() => _,

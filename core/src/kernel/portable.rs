@@ -32,7 +32,8 @@ impl<const N: usize> Isa for Portable<N> {
 
     #[inline(always)]
     fn advance(self, sums: [u16; N], center: Change<u8>, view: Change<&[u8; N]>) -> [u16; N] {
-        let (entering, leaving) = (self.differences(center.entering, view.entering), self.differences(center.leaving, view.leaving));
+        let (entering, leaving) =
+            (self.differences(center.entering, view.entering), self.differences(center.leaving, view.leaving));
         array::from_fn(|i| sums[i].wrapping_add(entering[i]).wrapping_sub(leaving[i]))
     }
 }

@@ -1,6 +1,6 @@
-//! The samples that enter and leave the blocks, from column to column.
+//! Along a line of the centre, from column to column: the samples that enter and leave the blocks, and the sums that they change.
 //!
-//! Where they are is checked once, for all columns of a line: a view's next samples are only moved to, which is one addition.
+//! That all of them are there is checked once for a line. From then on, to go to the next column is to add to a few addresses.
 #![allow(unsafe_code)]
 
 use core::{marker::PhantomData, slice};
@@ -8,16 +8,27 @@ use core::{marker::PhantomData, slice};
 use super::{Change, Isa};
 use crate::lines::Samples;
 
-/// The samples that enter and leave the blocks, of the centre and of `V` views, from column to column.
+/// The way along a line, with samples of `V` views.
 #[derive(Debug)]
-pub struct Steps<'a, const V: usize> {
+pub struct Steps<'a, I: Isa, const V: usize> {
     tracks: [Track; V],
+    /// Where the centre's next samples are.
     center: Change<*const u8>,
-    center_step: isize,
+    /// The sums of the next column, view by view.
+    column: *mut I::Sums,
+    /// Those of the column that the blocks leave then.
+    left: *const I::Sums,
     /// How many columns there are still.
     columns: usize,
-    depth: usize,
-    samples: PhantomData<&'a [u8]>,
+    /// Until there are only so many, the blocks leave nothing.
+    leaving: usize,
+    nothing: *const I::Sums,
+    /// Vectors of a column in a view.
+    vectors: usize,
+    /// The sums of all columns.
+    sums: *mut I::Sums,
+    len: usize,
+    memory: PhantomData<(&'a [u8], &'a mut [I::Sums])>,
 }
 
 /// Where a view's next samples are.
@@ -29,96 +40,146 @@ pub(super) struct Track {
     pub step: isize,
 }
 
-/// What a column of the block gains and loses in `V` views by a step down.
-#[derive(Clone, Copy, Debug)]
+/// A column of the block, and what it gains and loses.
+#[derive(Debug)]
 pub(super) struct Step<'a, I: Isa, const V: usize> {
     /// The centre's samples.
     pub center: Change<u8>,
     /// Each view's samples at every disparity.
     pub views: [Change<&'a [I::Samples]>; V],
+    /// The sums, view by view.
+    pub column: &'a mut [I::Sums],
+    /// Those of the column that the blocks leave.
+    pub left: &'a [I::Sums],
+    /// Vectors of a column in a view.
+    pub vectors: usize,
 }
 
-impl<'a, const V: usize> Steps<'a, V> {
-    /// Those of `columns` columns, none if one of them is not there. All views have as many samples in a column.
-    pub(crate) fn new(center: Change<Samples<'a>>, views: [Change<Samples<'a>>; V], columns: usize) -> Steps<'a, V> {
-        Steps::checked(center, views, columns).unwrap_or(Steps {
-            tracks: [Track { samples: Change { entering: [].as_ptr(), leaving: [].as_ptr() }, step: 0 }; V],
-            center: Change { entering: [].as_ptr(), leaving: [].as_ptr() },
-            center_step: 0,
-            columns: 0,
-            depth: 0,
-            samples: PhantomData,
-        })
-    }
+/// As [`Step`], as addresses.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place<'a, I: Isa, const V: usize> {
+    pub center: Change<u8>,
+    /// To be moved on.
+    pub tracks: *mut Track,
+    pub column: *mut I::Sums,
+    pub left: *const I::Sums,
+    memory: PhantomData<&'a [[u8; V]]>,
+}
 
-    fn checked(center: Change<Samples<'a>>, views: [Change<Samples<'a>>; V], columns: usize) -> Option<Steps<'a, V>> {
-        let depth = views.first()?.entering.depth;
-        let first = |change: &Change<Samples<'_>>| {
-            let alike = change.entering.step == change.leaving.step && change.entering.depth == change.leaving.depth;
-            let samples = Change { entering: change.entering.first(columns)?, leaving: change.leaving.first(columns)? };
-            alike.then_some(Track { samples, step: change.entering.step })
-        };
-        let center = first(&center).filter(|_| center.entering.depth == 1)?;
-        let mut tracks = [center; V];
-        for (track, view) in tracks.iter_mut().zip(&views) {
-            *track = first(view).filter(|_| view.entering.depth == depth)?;
-        }
-        Some(Steps { tracks, center: center.samples, center_step: center.step, columns, depth, samples: PhantomData })
-    }
+impl Track {
+    const NONE: Track = Track { samples: Change { entering: [].as_ptr(), leaving: [].as_ptr() }, step: 0 };
+}
 
-    /// The vectors of a column.
-    #[inline(always)]
-    pub(super) fn vectors<I: Isa>(&self) -> usize {
-        self.depth / I::LANES
+/// The tracks of the centre and of the views, if all their samples in `columns` columns are there, and `depth` in a view's.
+fn tracks<const V: usize>(
+    center: Change<Samples<'_>>,
+    views: [Change<Samples<'_>>; V],
+    columns: usize,
+    depth: usize,
+) -> Option<(Track, [Track; V])> {
+    let track = |Change { entering, leaving }: Change<Samples<'_>>, depth: usize| {
+        let alike = entering.step == leaving.step && entering.depth == depth && leaving.depth == depth;
+        let samples = Change { entering: entering.first(columns)?, leaving: leaving.first(columns)? };
+        alike.then_some(Track { samples, step: entering.step })
+    };
+    let center = track(center, 1).filter(|center| center.step == 1)?;
+    let mut tracks = [Track::NONE; V];
+    for (to, view) in tracks.iter_mut().zip(views) {
+        *to = track(view, depth)?;
     }
+    Some((center, tracks))
+}
 
-    /// Moves on to the next column. The centre's samples, and where the views' are, which are to be moved by their steps.
-    #[inline(always)]
-    pub(super) fn enter(&mut self) -> Option<(Change<u8>, &mut [Track; V])> {
-        self.columns = self.columns.checked_sub(1)?;
-        let Change { entering, leaving } = self.center;
-        // SAFETY: as for all columns, it has been checked that these samples are there.
-        let center = unsafe { Change { entering: *entering, leaving: *leaving } };
-        let step = self.center_step;
-        self.center = Change { entering: entering.wrapping_offset(step), leaving: leaving.wrapping_offset(step) };
-        Some((center, &mut self.tracks))
-    }
-
-    /// Whether there are at least so many columns of so many vectors.
-    #[cfg(target_arch = "x86_64")]
-    #[inline(always)]
-    pub(super) fn covers<I: Isa>(&self, columns: usize, vectors: usize) -> bool {
+impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
+    /// Along columns with these samples and `sums`, of as many vectors in each view as `nothing` has in all. Blocks of `block_size` columns leave
+    /// them again, and `nothing` before. There are no columns if anything is missing.
+    pub(crate) fn new(
+        center: Change<Samples<'a>>,
+        views: [Change<Samples<'a>>; V],
+        sums: &'a mut [I::Sums],
+        nothing: &'a [I::Sums],
+        block_size: usize,
+    ) -> Steps<'a, I, V> {
         const { assert!(align_of::<I::Samples>() == 1 && size_of::<I::Samples>() == I::LANES, "samples are not bytes") };
-        self.columns >= columns && self.vectors::<I>() == vectors
+        let columns = sums.len().checked_div(nothing.len()).unwrap_or_default();
+        let depth = nothing.len() / V.max(1) * I::LANES;
+        let tracks = tracks(center, views, columns, depth);
+        let (len, column) = (sums.len(), sums.as_mut_ptr());
+        Steps {
+            tracks: tracks.map_or([Track::NONE; V], |(_, views)| views),
+            center: tracks.map_or(Track::NONE, |(center, _)| center).samples,
+            column,
+            left: column,
+            columns: if tracks.is_some() { columns } else { 0 },
+            leaving: columns.saturating_sub(block_size),
+            nothing: nothing.as_ptr(),
+            vectors: nothing.len() / V.max(1),
+            sums: column,
+            len,
+            memory: PhantomData,
+        }
     }
 
-    /// Moves the views on from the column that was [entered](Steps::enter).
+    /// The vectors of a column in a view.
+    #[inline(always)]
+    pub(super) fn vectors(&self) -> usize {
+        self.vectors
+    }
+
+    /// The sums of all columns.
+    #[inline(always)]
+    pub(crate) fn sums(&self) -> &[I::Sums] {
+        // SAFETY: they are lent to this, and nobody changes them as long as this is.
+        unsafe { slice::from_raw_parts(self.sums, self.len) }
+    }
+
+    /// Goes to the next column.
+    #[inline(always)]
+    pub(super) fn enter(&mut self) -> Option<Place<'_, I, V>> {
+        let sums = V * self.vectors;
+        let (column, mut left) = (self.column, self.nothing);
+        if self.columns <= self.leaving {
+            left = self.left;
+            self.left = left.wrapping_add(sums);
+        }
+        self.columns = self.columns.checked_sub(1)?;
+        self.column = column.wrapping_add(sums);
+        let Change { entering, leaving } = self.center;
+        // SAFETY: for all columns, it has been checked that these samples are there.
+        let center = unsafe { Change { entering: *entering, leaving: *leaving } };
+        self.center = Change { entering: entering.wrapping_add(1), leaving: leaving.wrapping_add(1) };
+        Some(Place { center, tracks: self.tracks.as_mut_ptr(), column, left, memory: PhantomData })
+    }
+
+    /// Moves the tracks on from the place that was [entered](Steps::enter).
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub(super) fn leave(&mut self) {
         for track in &mut self.tracks {
-            let next = |samples: *const u8| samples.wrapping_offset(track.step);
             let Change { entering, leaving } = track.samples;
+            let next = |samples: *const u8| samples.wrapping_offset(track.step);
             track.samples = Change { entering: next(entering), leaving: next(leaving) };
         }
     }
 
-    /// The next column's samples.
+    /// Goes to the next column.
     #[inline(always)]
-    pub(super) fn next<I: Isa>(&mut self) -> Option<Step<'a, I, V>> {
-        const { assert!(align_of::<I::Samples>() == 1 && size_of::<I::Samples>() == I::LANES, "samples are not bytes") };
-        let vectors = self.vectors::<I>();
-        let (center, tracks) = self.enter()?;
+    pub(super) fn next(&mut self) -> Option<Step<'_, I, V>> {
+        let vectors = self.vectors;
+        let Place { center, column, left, .. } = self.enter()?;
         let mut views = [Change { entering: &[][..], leaving: &[][..] }; V];
-        for (view, track) in views.iter_mut().zip(tracks) {
-            // SAFETY: as for all columns, it has been checked that these samples are there, for as long as they are lent. Bytes are
-            // in any place what they are in another.
+        for (view, track) in views.iter_mut().zip(&mut self.tracks) {
+            // SAFETY: for all columns, it has been checked that these samples are there. Bytes may be anywhere, and be anything.
             let vectors = |samples: *const u8| unsafe { slice::from_raw_parts(samples.cast(), vectors) };
             let Change { entering, leaving } = track.samples;
             *view = Change { entering: vectors(entering), leaving: vectors(leaving) };
             let next = |samples: *const u8| samples.wrapping_offset(track.step);
             track.samples = Change { entering: next(entering), leaving: next(leaving) };
         }
-        Some(Step { center, views })
+        // SAFETY: for all columns, it has been checked that these sums are there. Blocks have at least one column, so that what they leave
+        // is another one; `self` is lent as long as they are.
+        let (column, left) =
+            unsafe { (slice::from_raw_parts_mut(column, V * vectors), slice::from_raw_parts(left, V * vectors)) };
+        Some(Step { center, views, column, left, vectors })
     }
 }

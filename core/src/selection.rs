@@ -50,7 +50,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     #[inline(always)]
     pub fn fuse<const V: usize>(&self, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
         let least = self.isa.fuse(self.rule, blocks, fused);
-        if self.exceeds { self.least(fused) } else { least.least() }
+        if self.exceeds { self.least(fused) } else { least }
     }
 
     /// Whether masks do for the rule: a hidden cost is that of no view, but for the heuristic rule where there is but one.
@@ -65,7 +65,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     /// Fuses the costs of a pixel that masks leave, and returns the least.
     #[inline(always)]
     pub fn fuse_masked<const V: usize>(&self, blocks: &[[I::Costs; V]], masks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
-        self.isa.fuse_masked(self.rule, blocks, masks, fused).least()
+        self.isa.fuse_masked(self.rule, blocks, masks, fused)
     }
 
     /// Fuses the costs of a pixel segment by segment, and returns the least.

@@ -410,7 +410,7 @@ impl Blocks<u16> for Dsp {
     }
 
     #[inline(never)]
-    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> U16x4 {
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> u16 {
         if V != 4 || rule != Rule::Min || blocks.len() != fused.len() || blocks.is_empty() {
             return fuse_generic::<u16, _, V>(self, rule, blocks, fused);
         }
@@ -421,7 +421,7 @@ impl Blocks<u16> for Dsp {
                 _ => least_of_all::<1>(blocks, fused),
             }
         };
-        U16x4([least; 2])
+        (least as u16).min((least >> 16) as u16)
     }
 
     #[inline(never)]
@@ -431,11 +431,12 @@ impl Blocks<u16> for Dsp {
         blocks: &[[[u32; 2]; V]],
         masks: &[[[u32; 2]; V]],
         fused: &mut [[u32; 2]],
-    ) -> U16x4 {
+    ) -> u16 {
         if rule != Rule::Min || blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
             return fuse_masked_generic::<u16, _, V>(self, rule, blocks, masks, fused);
         }
-        U16x4([unsafe { least_of_unmasked(blocks.as_ptr(), masks.as_ptr(), fused) }; 2])
+        let least = unsafe { least_of_unmasked(blocks.as_ptr(), masks.as_ptr(), fused) };
+        (least as u16).min((least >> 16) as u16)
     }
 
     #[inline(never)]

@@ -111,14 +111,14 @@ pub trait Blocks<L: Lane>: Isa {
         }
     }
 
-    /// Fuses the costs of blocks whose views are all available. The least lane of what it returns is the least of them.
+    /// Fuses the costs of blocks whose views are all available, and returns the least.
     #[inline(always)]
-    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) -> Self::Block {
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) -> L {
         fuse_generic(self, rule, blocks, fused)
     }
 
-    /// Fuses the costs of blocks as if those under a mask of [`Lane::MAX`] were that; under a mask of zero they are as they are. The least
-    /// lane of what it returns is the least of them.
+    /// Fuses the costs of blocks as if those under a mask of [`Lane::MAX`] were that; under a mask of zero they are as they are. Returns the
+    /// least.
     #[inline(always)]
     fn fuse_masked<const V: usize>(
         self,
@@ -126,7 +126,7 @@ pub trait Blocks<L: Lane>: Isa {
         blocks: &[[Self::Costs; V]],
         masks: &[[Self::Costs; V]],
         fused: &mut [Self::Costs],
-    ) -> Self::Block {
+    ) -> L {
         fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 
@@ -263,14 +263,14 @@ impl Rule {
     }
 }
 
-/// Fuses the costs of blocks, vector by vector, and returns the least in each lane.
+/// Fuses the costs of blocks, vector by vector, and returns the least.
 #[inline(always)]
 fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
     isa: I,
     rule: Rule,
     blocks: &[[I::Costs; V]],
     fused: &mut [I::Costs],
-) -> I::Block {
+) -> L {
         let mut least = isa.splat(L::MAX);
         for (fused, block) in fused.iter_mut().zip(blocks) {
             let mut costs = [least; V];
@@ -281,7 +281,7 @@ fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
             costs.store(fused);
             least = least.min(costs);
         }
-        least
+        least.least()
 }
 
 /// As [`fuse_generic`], of what masks leave.
@@ -292,7 +292,7 @@ fn fuse_masked_generic<L: Lane, I: Blocks<L>, const V: usize>(
     blocks: &[[I::Costs; V]],
     masks: &[[I::Costs; V]],
     fused: &mut [I::Costs],
-) -> I::Block {
+) -> L {
     let mut least = isa.splat(L::MAX);
     for ((fused, block), mask) in fused.iter_mut().zip(blocks).zip(masks) {
         let mut costs = [least; V];
@@ -303,7 +303,7 @@ fn fuse_masked_generic<L: Lane, I: Blocks<L>, const V: usize>(
         costs.store(fused);
         least = least.min(costs);
     }
-    least
+    least.least()
 }
 
 /// Fuses the costs of views that are all available.

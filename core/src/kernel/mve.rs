@@ -117,14 +117,14 @@ impl Blocks<u16> for Mve {
     }
 
     #[inline(never)]
-    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> [u16; 8] {
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> u16 {
         if blocks.len() != fused.len() || fused.is_empty() {
-            return [u16::MAX; 8];
+            return u16::MAX;
         }
         let first = blocks.as_ptr();
         match (rule, V) {
-            (Rule::Min, _) => [unsafe { least_of::<V, false>(first, first, fused) }; 8],
-            (Rule::Heuristic, 3 | 4) => [unsafe { heuristic_of::<V, false>(first, first, fused) }; 8],
+            (Rule::Min, _) => unsafe { least_of::<V, false>(first, first, fused) },
+            (Rule::Heuristic, 3 | 4) => unsafe { heuristic_of::<V, false>(first, first, fused) },
             _ => fuse_generic::<u16, _, V>(self, rule, blocks, fused),
         }
     }
@@ -136,13 +136,13 @@ impl Blocks<u16> for Mve {
         blocks: &[[[u16; 8]; V]],
         masks: &[[[u16; 8]; V]],
         fused: &mut [[u16; 8]],
-    ) -> [u16; 8] {
+    ) -> u16 {
         if blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
-            return [u16::MAX; 8];
+            return u16::MAX;
         }
         match (rule, V) {
-            (Rule::Min, _) => [unsafe { least_of::<V, true>(blocks.as_ptr(), masks.as_ptr(), fused) }; 8],
-            (Rule::Heuristic, 3 | 4) => [unsafe { heuristic_of::<V, true>(blocks.as_ptr(), masks.as_ptr(), fused) }; 8],
+            (Rule::Min, _) => unsafe { least_of::<V, true>(blocks.as_ptr(), masks.as_ptr(), fused) },
+            (Rule::Heuristic, 3 | 4) => unsafe { heuristic_of::<V, true>(blocks.as_ptr(), masks.as_ptr(), fused) },
             _ => fuse_masked_generic::<u16, _, V>(self, rule, blocks, masks, fused),
         }
     }

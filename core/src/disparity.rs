@@ -72,16 +72,21 @@ impl Disparity {
         let (fall, rise) = (before.wrapping_sub(at), after.wrapping_sub(at));
         // Rounding half up what is positive, and the mirror image of what is not, takes halves away from zero. The shift alone never
         // changes the sign of the sum, unless d is 0.
-        let mirrored = d < 0 || (d == 0 && fall < rise);
-        let ahead = if mirrored { rise.wrapping_sub(fall) } else { fall.wrapping_sub(rise) };
-        // In steps from half a pixel before to half a pixel after, so that it is positive and the division rounds down: 64 (1 / 2 + shift)
-        // + 1 / 2, where the shift is ahead / (2 sum).
-        let sum = fall.wrapping_add(rise).max(1);
-        let dividend = ahead.wrapping_mul(64).wrapping_add(sum.wrapping_mul(65));
-        let steps = dividend.checked_div(2 * sum).unwrap_or_default() as i32;
-        let d = i32::from(d) * Disparity::STEPS;
-        let half = Disparity::STEPS / 2;
-        Disparity::from_bits(if mirrored { d + half - steps } else { d - half + steps } as i16)
+        let (whole, half) = (i32::from(d) * Disparity::STEPS, Disparity::STEPS / 2);
+        Disparity::from_bits(match d > 0 || (d == 0 && fall >= rise) {
+            true => whole - half + Disparity::steps(fall, rise),
+            false => whole + half - Disparity::steps(rise, fall),
+        } as i16)
+    }
+
+    /// How many steps after half a pixel before lies the vertex of a parabola that falls so much before and rises so much after, rounded
+    /// half up.
+    #[inline(always)]
+    fn steps(fall: u32, rise: u32) -> i32 {
+        let sum = fall.wrapping_add(rise);
+        // In twice the sum, 64 (1 / 2 + shift) + 1 / 2, where the shift is (fall - rise) / (2 sum). That is never negative.
+        let dividend = fall.wrapping_sub(rise).wrapping_mul(64).wrapping_add(sum.wrapping_mul(65));
+        dividend.checked_div(sum.wrapping_mul(2)).map_or(Disparity::STEPS / 2, |steps| steps as i32)
     }
 
     /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that has vectors: 64 bits hold every quotient of 32 bits so

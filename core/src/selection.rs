@@ -22,6 +22,8 @@ pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     excess: I::Costs,
     /// Whether there are any.
     exceeds: bool,
+    /// Disparities that have one on both sides.
+    inner: usize,
 }
 
 impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
@@ -37,7 +39,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
                 *lane = L::MAX;
             }
         }
-        Selection { isa, params, rule, indices, excess, exceeds: !params.num_disparities().is_multiple_of(I::LANES) }
+        let exceeds = !params.num_disparities().is_multiple_of(I::LANES);
+        Selection { isa, params, rule, indices, excess, exceeds, inner: params.num_disparities().saturating_sub(2) }
     }
 
     /// What the costs in the last vector are at least, if it has lanes too many.
@@ -169,12 +172,13 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
         let index = self.isa.position(fused, cost);
         let d = self.params.min_disparity() + index as i16;
-        if index == 0 || index + 1 >= self.params.num_disparities() {
+        let before = index.wrapping_sub(1);
+        if before >= self.inner {
             return Disparity::whole(d);
         }
         let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
-        match (lanes.get(lane::<I>(index - 1)), lanes.get(lane::<I>(index + 1))) {
-            (Some(&before), Some(&after)) if before != L::MAX && after != L::MAX => {
+        match (lanes.get(lane::<I>(before)), lanes.get(lane::<I>(index + 1))) {
+            (Some(&before), Some(&after)) if before.max(after) != L::MAX => {
                 Disparity::refine(d, before.widen(), cost.widen(), after.widen())
             }
             _ => exact().refined(index),

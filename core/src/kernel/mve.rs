@@ -75,29 +75,34 @@ impl Blocks<u16> for Mve {
 
     #[inline(always)]
     fn position(self, costs: &[[u16; 8]], cost: u16) -> usize {
-        for (j, costs) in costs.iter().enumerate() {
-            let equal: u32;
-            unsafe {
-                asm!(
-                    "vmrs {before}, p0",
-                    "vldrh.u16 q0, [{costs}]",
-                    "vcmp.i16 eq, q0, {cost}",
-                    "vmrs {equal}, p0",
-                    "vmsr p0, {before}",
-                    costs = in(reg) costs,
-                    cost = in(reg) cost,
-                    before = out(reg) _,
-                    equal = out(reg) equal,
-                    out("q0") _,
-                    options(readonly, nostack),
-                );
-            }
-            // Two bits for each lane.
-            if equal != 0 {
-                return 8 * j + equal.trailing_zeros() as usize / 2;
-            }
+        if costs.is_empty() {
+            return 0;
         }
-        8 * costs.len()
+        let (equal, left): (u32, usize);
+        unsafe {
+            asm!(
+                "vmrs {before}, p0",
+                "2:",
+                "vldrh.u16 q0, [{costs}], #16",
+                "vcmp.i16 eq, q0, {cost}",
+                "vmrs {equal}, p0",
+                "cmp {equal}, #0",
+                "bne 3f",
+                "subs {left}, {left}, #1",
+                "bne 2b",
+                "3:",
+                "vmsr p0, {before}",
+                costs = inout(reg) costs.as_ptr() => _,
+                left = inout(reg) costs.len() => left,
+                cost = in(reg) u32::from(cost),
+                before = out(reg) _,
+                equal = out(reg) equal,
+                out("q0") _,
+                options(readonly, nostack),
+            );
+        }
+        // Two bits for each lane, and none without the cost.
+        8 * (costs.len() - left) + equal.trailing_zeros() as usize / 2
     }
 
     #[inline(never)]

@@ -91,6 +91,12 @@ macro_rules! slide_vector {
     };
 }
 
+/// The lesser halves.
+#[inline(always)]
+fn if_less(a: u32, b: u32) -> u32 {
+    if_not_less(a, b, b, a)
+}
+
 /// The same byte four times.
 #[inline(always)]
 fn splat(byte: u8) -> u32 {
@@ -141,6 +147,106 @@ unsafe fn least_of_all<const UNROLLED: usize>(blocks: *const [[u32; 2]; 4], fuse
             t = out(reg) _,
             out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
             unrolled = const UNROLLED,
+            options(nostack),
+        );
+    }
+    least
+}
+
+/// Fuses the costs of four views in two lanes by the heuristic rule, into the place of the first.
+macro_rules! heuristic {
+    ($a:literal, $b:literal, $c:literal, $d:literal) => {
+        concat!(
+            // The lesser and the greater of the first two are in t and a, those of the others in b and c.
+            "usub16 {t}, ", $a, ", ", $b, "\nsel {t}, ", $b, ", ", $a, "\nsel ", $a, ", ", $a, ", ", $b, "\n",
+            "usub16 ", $b, ", ", $c, ", ", $d, "\nsel ", $b, ", ", $d, ", ", $c, "\nsel ", $c, ", ", $c, ", ", $d, "\n",
+            // The least in d. Second and third are the greater of the lesser ones and the lesser of the greater ones: in b and a.
+            "usub16 ", $d, ", {t}, ", $b, "\nsel ", $d, ", ", $b, ", {t}\nsel ", $b, ", {t}, ", $b, "\n",
+            "usub16 {t}, ", $a, ", ", $c, "\nsel ", $a, ", ", $c, ", ", $a, "\n",
+            // In c and a.
+            "usub16 {t}, ", $b, ", ", $a, "\nsel ", $c, ", ", $a, ", ", $b, "\nsel ", $a, ", ", $b, ", ", $a, "\n",
+            // The sums of two in d and of three in b, three times the second in t.
+            "uqadd16 ", $d, ", ", $d, ", ", $c, "\nuqadd16 ", $b, ", ", $d, ", ", $a, "\n",
+            "uqadd16 {t}, ", $c, ", ", $c, "\nuqadd16 {t}, {t}, ", $c, "\n",
+            "uqadd16 ", $c, ", ", $d, ", ", $d, "\nuqadd16 ", $d, ", ", $c, ", ", $d, "\n",
+            "uqadd16 ", $b, ", ", $b, ", ", $b, "\n",
+            "usub16 {t}, {t}, ", $a, "\nsel ", $a, ", ", $b, ", ", $d, "\n"
+        )
+    };
+}
+
+/// Fuses the costs of four views by the heuristic rule, and returns the least of all.
+///
+/// # Safety
+/// There are as many blocks as fused costs, not 0.
+#[inline(always)]
+unsafe fn heuristic_of_all(blocks: *const [[u32; 2]; 4], fused: &mut [[u32; 2]]) -> u32 {
+    let mut least = u32::MAX;
+    unsafe {
+        asm!(
+            "2:",
+            "ldm {block}!, {{r0, r1, r2, r3, r4, r5, r8, r9}}",
+            heuristic!("r0", "r2", "r4", "r8"),
+            heuristic!("r1", "r3", "r5", "r9"),
+            "strd r0, r1, [{fused}], #8",
+            min!("{least}", "r0"),
+            min!("{least}", "r1"),
+            "subs {n}, {n}, #1",
+            "bne 2b",
+            n = inout(reg) fused.len() => _,
+            block = inout(reg) blocks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            t = out(reg) _,
+            out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
+            options(nostack),
+        );
+    }
+    least
+}
+
+/// As [`heuristic_of_all`], of what masks leave.
+///
+/// # Safety
+/// There are as many blocks and masks as fused costs, not 0.
+#[inline(always)]
+unsafe fn heuristic_of_unmasked(blocks: *const [[u32; 2]; 4], masks: *const [[u32; 2]; 4], fused: &mut [[u32; 2]]) -> u32 {
+    let mut least = u32::MAX;
+    unsafe {
+        asm!(
+            "2:",
+            // Word by word, for want of registers.
+            ".irp next, 4, 28",
+            "ldr {a}, [{block}]",
+            "ldr {t}, [{mask}]",
+            "orr {a}, {a}, {t}",
+            "ldr {b}, [{block}, #8]",
+            "ldr {t}, [{mask}, #8]",
+            "orr {b}, {b}, {t}",
+            "ldr {c}, [{block}, #16]",
+            "ldr {t}, [{mask}, #16]",
+            "orr {c}, {c}, {t}",
+            "ldr {d}, [{block}, #24]",
+            "ldr {t}, [{mask}, #24]",
+            "orr {d}, {d}, {t}",
+            "add {block}, {block}, #\\next",
+            "add {mask}, {mask}, #\\next",
+            heuristic!("{a}", "{b}", "{c}", "{d}"),
+            "str {a}, [{fused}], #4",
+            min!("{least}", "{a}"),
+            ".endr",
+            "subs {n}, {n}, #1",
+            "bne 2b",
+            n = inout(reg) fused.len() => _,
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            a = out(reg) _,
+            b = out(reg) _,
+            c = out(reg) _,
+            d = out(reg) _,
+            t = out(reg) _,
             options(nostack),
         );
     }
@@ -380,14 +486,12 @@ impl Blocks<u16> for Dsp {
 
     #[inline(always)]
     fn position(self, costs: &[[u32; 2]], cost: u16) -> usize {
-        // All ones in the halves that are greater.
-        let cost = u32::from(cost) * 0x1_0001;
-        let greater = |costs: u32| if_not_less(cost, costs, 0, !0);
+        let all = u32::from(cost) * 0x1_0001;
         for (j, &[a, b]) in costs.iter().enumerate() {
-            let (a, b) = (greater(a), greater(b));
-            if a & b != !0 {
-                let lanes = if (a & b) as u16 != 0xffff { [a as u16, 0] } else { [(a >> 16) as u16, 2] };
-                return 4 * j + usize::from(lanes[1]) + usize::from(lanes[0] != 0);
+            // All ones in the halves of which one has it, since no cost is less.
+            if if_not_less(all, if_less(a, b), !0, 0) != 0 {
+                let lanes = [a as u16, b as u16, (a >> 16) as u16];
+                return 4 * j + lanes.iter().position(|&lane| lane == cost).unwrap_or(3);
             }
         }
         4 * costs.len()
@@ -411,12 +515,13 @@ impl Blocks<u16> for Dsp {
 
     #[inline(never)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> u16 {
-        if V != 4 || rule != Rule::Min || blocks.len() != fused.len() || blocks.is_empty() {
+        if V != 4 || rule == Rule::Sum || blocks.len() != fused.len() || blocks.is_empty() {
             return fuse_generic::<u16, _, V>(self, rule, blocks, fused);
         }
         let blocks = blocks.as_ptr().cast();
         let least = unsafe {
             match fused.len() {
+                _ if rule == Rule::Heuristic => heuristic_of_all(blocks, fused),
                 n if n % 4 == 0 => least_of_all::<4>(blocks, fused),
                 _ => least_of_all::<1>(blocks, fused),
             }
@@ -432,10 +537,14 @@ impl Blocks<u16> for Dsp {
         masks: &[[[u32; 2]; V]],
         fused: &mut [[u32; 2]],
     ) -> u16 {
-        if rule != Rule::Min || blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
-            return fuse_masked_generic::<u16, _, V>(self, rule, blocks, masks, fused);
-        }
-        let least = unsafe { least_of_unmasked(blocks.as_ptr(), masks.as_ptr(), fused) };
+        let fits = blocks.len() == fused.len() && masks.len() == fused.len() && !fused.is_empty();
+        let least = match rule {
+            Rule::Min if fits => unsafe { least_of_unmasked(blocks.as_ptr(), masks.as_ptr(), fused) },
+            Rule::Heuristic if fits && V == 4 => unsafe {
+                heuristic_of_unmasked(blocks.as_ptr().cast(), masks.as_ptr().cast(), fused)
+            },
+            _ => return fuse_masked_generic::<u16, _, V>(self, rule, blocks, masks, fused),
+        };
         (least as u16).min((least >> 16) as u16)
     }
 

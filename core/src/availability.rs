@@ -94,10 +94,10 @@ pub(crate) struct Available {
     views: [Reach; View::ALL.len()],
     horizontal: usize,
     len: usize,
-    /// How many views are available at some disparities only.
-    incomplete: usize,
+    /// The views that are not available at all disparities, as bits.
+    incomplete: u8,
     /// The number of disparities.
-    all: usize,
+    all: u16,
 }
 
 /// Where a view is available, and how that follows the pixel.
@@ -121,7 +121,7 @@ impl Available {
         });
         let len = params.views().len();
         let horizontal = params.views().iter().filter(|view| view.is_horizontal()).count();
-        Available { views, horizontal, len, incomplete: len, all: params.num_disparities() }
+        Available { views, horizontal, len, incomplete: (1 << len) - 1, all: params.num_disparities() as u16 }
     }
 
     /// Goes to pixel `(u, v)`. `change` is told of every view and disparity that changes whether it is available.
@@ -140,21 +140,21 @@ impl Available {
         }
     }
 
-    /// Whether all views are available at all disparities.
-    pub fn is_complete(&self) -> bool {
-        self.incomplete == 0
+    /// The views that are not available at all disparities, as bits.
+    pub fn incomplete(&self) -> u8 {
+        self.incomplete
     }
 
     /// Whether no disparity is available in one view alone.
     pub fn has_pairs(&self) -> bool {
-        self.len >= self.incomplete + 2
+        self.len >= self.incomplete.count_ones() as usize + 2
     }
 
     /// Goes to a coordinate in the `k`-th view.
     #[inline(always)]
     fn go(&mut self, k: usize, coordinate: usize, mut change: impl FnMut(usize, usize, bool)) {
         let Some(reach) = self.views.get_mut(k) else { return };
-        let next = inside(reach.view, coordinate, reach.size, reach.least, self.all);
+        let next = inside(reach.view, coordinate, reach.size, reach.least, self.all.into());
         let before = mem::replace(&mut reach.range, next.clone());
         if next == before {
             return;
@@ -165,8 +165,7 @@ impl Available {
                 change(k, index.into(), next.contains(&index));
             }
         }
-        let all = 0..self.all as u16;
-        self.incomplete = self.incomplete + usize::from(next != all) - usize::from(before != all);
+        self.incomplete = self.incomplete & !(1 << k) | u8::from(next != (0..self.all)) << k;
     }
 }
 

@@ -65,10 +65,16 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
     }
 
-    /// Fuses the costs of a pixel that masks leave, and returns the least.
+    /// Fuses the costs of a pixel that masks leave, in the `masked` views, and returns the least.
     #[inline(always)]
-    pub fn fuse_masked<const V: usize>(&self, blocks: &[[I::Costs; V]], masks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
-        self.isa.fuse_masked(self.rule, blocks, masks, fused)
+    pub fn fuse_masked<const V: usize>(
+        &self,
+        masked: u8,
+        blocks: &[[I::Costs; V]],
+        masks: &[[I::Costs; V]],
+        fused: &mut [I::Costs],
+    ) -> L {
+        self.isa.fuse_masked(self.rule, masked, blocks, masks, fused)
     }
 
     /// Fuses the costs of a pixel segment by segment, and returns the least.

@@ -67,17 +67,17 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let uniform = uniform_columns(params);
         let start = region.columns().start;
         available.enter_line(start, v, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
-        let (mut complete, mut masked) = (available.is_complete(), selection.masks(available));
+        let (mut incomplete, mut masked) = (available.incomplete(), selection.masks(available));
         for (pixel, u) in out.iter_mut().zip(start..) {
             isa.slide(&mut steps, blocks);
             // What is available is the same in all uniform columns.
             if u <= uniform.start || u >= uniform.end {
                 available.enter(u, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
-                (complete, masked) = (available.is_complete(), selection.masks(available));
+                (incomplete, masked) = (available.incomplete(), selection.masks(available));
             }
-            let least = match (complete, masked) {
-                (true, _) => selection.fuse(blocks, fused),
-                (_, true) => selection.fuse_masked(blocks, masks, fused),
+            let least = match (incomplete, masked) {
+                (0, _) => selection.fuse(blocks, fused),
+                (_, true) => selection.fuse_masked(incomplete, blocks, masks, fused),
                 _ => selection.fuse_segments(&Availability::new(params, u, v), blocks, fused),
             };
             *pixel = selection.disparity(least, fused, || Exact { params, u, v, start, sums: steps.sums(), vectors, bias });

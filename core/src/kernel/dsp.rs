@@ -298,6 +298,55 @@ unsafe fn least_of_unmasked<const V: usize>(blocks: *const [[u32; 2]; V], masks:
     least
 }
 
+/// As [`least_of_unmasked`], where only view `K` has masks.
+///
+/// # Safety
+/// There are as many blocks and masks as fused costs, not 0, and a view `K`.
+#[inline(always)]
+unsafe fn least_of_one_masked<const V: usize, const K: usize>(
+    blocks: *const [[u32; 2]; V],
+    masks: *const [[u32; 2]; V],
+    fused: &mut [[u32; 2]],
+) -> u32 {
+    let mut least = u32::MAX;
+    unsafe {
+        asm!(
+            "2:",
+            "ldrd {a}, {b}, [{mask}], #{stride}",
+            "ldrd {c}, {d}, [{block}, #{masked}]",
+            "orr {a}, {a}, {c}",
+            "orr {b}, {b}, {d}",
+            ".irp view, 0, 8, 16, 24",
+            ".if (\\view < {stride}) && (\\view != {masked})",
+            "ldrd {c}, {d}, [{block}, #\\view]",
+            min!("{a}", "{c}"),
+            min!("{b}", "{d}"),
+            ".endif",
+            ".endr",
+            "add {block}, {block}, #{stride}",
+            "strd {a}, {b}, [{fused}], #8",
+            min!("{least}", "{a}"),
+            min!("{least}", "{b}"),
+            "subs {n}, {n}, #1",
+            "bne 2b",
+            n = inout(reg) fused.len() => _,
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks.cast::<[u32; 2]>().wrapping_add(K) => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            a = out(reg) _,
+            b = out(reg) _,
+            c = out(reg) _,
+            d = out(reg) _,
+            t = out(reg) _,
+            masked = const K * VECTOR,
+            stride = const V * VECTOR,
+            options(nostack),
+        );
+    }
+    least
+}
+
 /// Moves a column down, and the blocks on by it: of `N` vectors in a view if that is not 0, and then without counting them.
 ///
 /// # Safety
@@ -533,13 +582,23 @@ impl Blocks<u16> for Dsp {
     fn fuse_masked<const V: usize>(
         self,
         rule: Rule,
+        masked: u8,
         blocks: &[[[u32; 2]; V]],
         masks: &[[[u32; 2]; V]],
         fused: &mut [[u32; 2]],
     ) -> u16 {
         let fits = blocks.len() == fused.len() && masks.len() == fused.len() && !fused.is_empty();
         let least = match rule {
-            Rule::Min if fits => unsafe { least_of_unmasked(blocks.as_ptr(), masks.as_ptr(), fused) },
+            Rule::Min if fits => unsafe {
+                let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
+                match masked {
+                    1 => least_of_one_masked::<V, 0>(blocks, masks, fused),
+                    2 if V > 1 => least_of_one_masked::<V, 1>(blocks, masks, fused),
+                    4 if V > 2 => least_of_one_masked::<V, 2>(blocks, masks, fused),
+                    8 if V > 3 => least_of_one_masked::<V, 3>(blocks, masks, fused),
+                    _ => least_of_unmasked(blocks, masks, fused),
+                }
+            },
             Rule::Heuristic if fits && V == 4 => unsafe {
                 heuristic_of_unmasked(blocks.as_ptr().cast(), masks.as_ptr().cast(), fused)
             },

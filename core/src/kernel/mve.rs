@@ -128,8 +128,8 @@ impl Blocks<u16> for Mve {
         }
         let first = blocks.as_ptr();
         match (rule, V) {
-            (Rule::Min, _) => unsafe { least_of::<V, false>(first, first, fused) },
-            (Rule::Heuristic, 3 | 4) => unsafe { heuristic_of::<V, false>(first, first, fused) },
+            (Rule::Min, _) => unsafe { least_of::<V, 0>(first, first, fused) },
+            (Rule::Heuristic, 3 | 4) => unsafe { heuristic_of::<V, 0>(first, first, fused) },
             _ => fuse_generic::<u16, _, V>(self, rule, blocks, fused),
         }
     }
@@ -138,6 +138,7 @@ impl Blocks<u16> for Mve {
     fn fuse_masked<const V: usize>(
         self,
         rule: Rule,
+        masked: u8,
         blocks: &[[[u16; 8]; V]],
         masks: &[[[u16; 8]; V]],
         fused: &mut [[u16; 8]],
@@ -145,9 +146,18 @@ impl Blocks<u16> for Mve {
         if blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
             return u16::MAX;
         }
-        match (rule, V) {
-            (Rule::Min, _) => unsafe { least_of::<V, true>(blocks.as_ptr(), masks.as_ptr(), fused) },
-            (Rule::Heuristic, 3 | 4) => unsafe { heuristic_of::<V, true>(blocks.as_ptr(), masks.as_ptr(), fused) },
+        let (first, mask) = (blocks.as_ptr(), masks.as_ptr());
+        match (rule, V, masked) {
+            (Rule::Min, _, 1) => unsafe { least_of::<V, 1>(first, mask, fused) },
+            (Rule::Min, _, 2) => unsafe { least_of::<V, 2>(first, mask, fused) },
+            (Rule::Min, _, 4) => unsafe { least_of::<V, 4>(first, mask, fused) },
+            (Rule::Min, _, 8) => unsafe { least_of::<V, 8>(first, mask, fused) },
+            (Rule::Min, ..) => unsafe { least_of::<V, 15>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, 1) => unsafe { heuristic_of::<V, 1>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, 2) => unsafe { heuristic_of::<V, 2>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, 4) => unsafe { heuristic_of::<V, 4>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, 8) => unsafe { heuristic_of::<V, 8>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, _) => unsafe { heuristic_of::<V, 15>(first, mask, fused) },
             _ => fuse_masked_generic::<u16, _, V>(self, rule, blocks, masks, fused),
         }
     }
@@ -294,22 +304,25 @@ macro_rules! load_views {
         .irp q, 0, 1, 2, 3
         .if \\q < {views}
         vldrh.u16 q\\q, [{block}], #16
-        .if {masked}
-        vldrh.u16 q5, [{mask}], #16
+        .if ({masked} >> \\q) & 1
+        vldrh.u16 q5, [{mask}, #16 * \\q]
         vorr q\\q, q\\q, q5
         .endif
         .endif
         .endr
+        .if {masked}
+        add {mask}, {mask}, #{stride}
+        .endif
         "
     };
 }
 
-/// Fuses the costs of `V` views to the least, those that masks leave if they are `MASKED`, and returns the least of all.
+/// Fuses the costs of `V` views to the least, less those that masks hide in the views whose bits are set in `MASKED`, and returns the least of all.
 ///
 /// # Safety
 /// There are as many blocks and masks as fused costs, not 0.
 #[inline(always)]
-unsafe fn least_of<const V: usize, const MASKED: bool>(
+unsafe fn least_of<const V: usize, const MASKED: u8>(
     blocks: *const [[u16; 8]; V],
     masks: *const [[u16; 8]; V],
     fused: &mut [[u16; 8]],
@@ -335,20 +348,21 @@ unsafe fn least_of<const V: usize, const MASKED: bool>(
             least = inout(reg) least,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q5") _,
             views = const V,
-            masked = const MASKED as u8,
+            masked = const MASKED,
+            stride = const V * VECTOR,
             options(nostack, preserves_flags),
         );
     }
     least as u16
 }
 
-/// Fuses the costs of `V` views, three or four, by the heuristic rule, those that masks leave if they are `MASKED`, and returns the
+/// Fuses the costs of `V` views, three or four, by the heuristic rule, less those that masks hide in the views whose bits are set in `MASKED`, and returns the
 /// least of all.
 ///
 /// # Safety
 /// There are as many blocks and masks as fused costs, not 0.
 #[inline(always)]
-unsafe fn heuristic_of<const V: usize, const MASKED: bool>(
+unsafe fn heuristic_of<const V: usize, const MASKED: u8>(
     blocks: *const [[u16; 8]; V],
     masks: *const [[u16; 8]; V],
     fused: &mut [[u16; 8]],
@@ -394,7 +408,8 @@ unsafe fn heuristic_of<const V: usize, const MASKED: bool>(
             before = out(reg) _,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _,
             views = const V,
-            masked = const MASKED as u8,
+            masked = const MASKED,
+            stride = const V * VECTOR,
             options(nostack, preserves_flags),
         );
     }

@@ -106,19 +106,13 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         while !out.is_empty() {
             let inside = uniform.contains(&u);
             // Pixels whose views are all available come in batches, all others one by one.
-            let batch = I::BATCH.min(Winners::<L>::MAX).min(uniform.end.saturating_sub(u)).min(out.len());
-            let batch = if complete && inside { batch } else { 1 };
-            let Some((pixels, others)) = mem::take(&mut out).split_at_mut_checked(batch) else { return };
-            if let [pixel] = pixels {
-                isa.slide(&mut steps, blocks);
-                let fused = fused.get_mut(..vectors).unwrap_or_default();
-                let least = match inside {
-                    true if complete => selection.fuse(blocks, fused),
-                    true => selection.fuse_segments(&of_uniform, blocks, fused),
-                    false => selection.fuse_segments(&of_uniform.clone().in_column(u), blocks, fused),
-                };
-                *pixel = selection.disparity(least, fused, || Exact { params, u, v, start, sums: steps.sums(), vectors, bias });
+            let batch = if I::BATCH > 1 && complete && inside {
+                I::BATCH.min(Winners::<L>::MAX).min(uniform.end - u).min(out.len())
             } else {
+                1
+            };
+            let Some((pixels, others)) = mem::take(&mut out).split_at_mut_checked(batch) else { return };
+            if batch > 1 {
                 let excess = selection.excess();
                 let batch = Batch { rule: selection.rule, pixels: batch, blocks, fused, excess };
                 isa.batch(batch, &mut steps, &mut winners);
@@ -131,8 +125,17 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
                     vectors,
                     bias,
                 });
+            } else if let [pixel] = pixels {
+                isa.slide(&mut steps, blocks);
+                let fused = fused.get_mut(..vectors).unwrap_or_default();
+                let least = match inside {
+                    true if complete => selection.fuse(blocks, fused),
+                    true => selection.fuse_segments(&of_uniform, blocks, fused),
+                    false => selection.fuse_segments(&of_uniform.clone().in_column(u), blocks, fused),
+                };
+                *pixel = selection.disparity(least, fused, || Exact { params, u, v, start, sums: steps.sums(), vectors, bias });
             }
-            u += pixels.len();
+            u += batch;
             out = others;
         }
     }

@@ -32,7 +32,7 @@ impl Avx2 {
 
 impl Isa for Avx2 {
     const LANES: usize = 32;
-    const BATCH: usize = 16;
+    const BATCH: usize = Winners::<()>::MAX;
     type Samples = [u8; 32];
     type Sums = [u16; 32];
     type Column = U16x32;

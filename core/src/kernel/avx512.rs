@@ -32,7 +32,7 @@ impl Avx512 {
 
 impl Isa for Avx512 {
     const LANES: usize = 64;
-    const BATCH: usize = 16;
+    const BATCH: usize = Winners::<()>::MAX;
     type Samples = [u8; 64];
     type Sums = [u16; 64];
     type Column = U16x64;

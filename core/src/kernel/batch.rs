@@ -33,7 +33,7 @@ pub struct Winners<L> {
 }
 
 /// The most pixels in a batch.
-const MAX: usize = 16;
+const MAX: usize = 32;
 
 impl<L> Winners<L> {
     /// The most pixels in a batch.

@@ -134,6 +134,10 @@ impl Shape {
     }
 
     const fn align(&self, bytes: usize) -> usize {
-        bytes.next_multiple_of(self.vector_bytes)
+        // Never 0, which the compiler does not see.
+        match bytes.checked_next_multiple_of(self.vector_bytes) {
+            Some(bytes) => bytes,
+            None => bytes,
+        }
     }
 }

@@ -74,6 +74,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         masks: &[[I::Costs; V]],
         fused: &mut [I::Costs],
     ) -> L {
+        // Masks hide lanes that are too many in every view.
+        let masked = if self.exceeds { u8::MAX } else { masked };
         self.isa.fuse_masked(self.rule, masked, blocks, masks, fused)
     }
 

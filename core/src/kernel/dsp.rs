@@ -91,12 +91,6 @@ macro_rules! slide_vector {
     };
 }
 
-/// The lesser halves.
-#[inline(always)]
-fn if_less(a: u32, b: u32) -> u32 {
-    if_not_less(a, b, b, a)
-}
-
 /// The same byte four times.
 #[inline(always)]
 fn splat(byte: u8) -> u32 {
@@ -109,10 +103,13 @@ fn differences(a: u32, b: u32) -> u32 {
     uqsub8(a, b) | uqsub8(b, a)
 }
 
-/// The lesser of words' halves, of which the first is the place for the result.
+/// The lesser of words' halves, to the place of the first if there is no other.
 macro_rules! min {
     ($a:literal, $b:literal) => {
         concat!("usub16 {t}, ", $a, ", ", $b, "\nsel ", $a, ", ", $b, ", ", $a, "\n")
+    };
+    ($a:literal, $b:literal, $to:literal) => {
+        concat!("usub16 ", $to, ", ", $a, ", ", $b, "\nsel ", $to, ", ", $b, ", ", $a, "\n")
     };
 }
 
@@ -535,15 +532,37 @@ impl Blocks<u16> for Dsp {
 
     #[inline(always)]
     fn position(self, costs: &[[u32; 2]], cost: u16) -> usize {
-        let all = u32::from(cost) * 0x1_0001;
-        for (j, &[a, b]) in costs.iter().enumerate() {
-            // All ones in the halves of which one has it, since no cost is less.
-            if if_not_less(all, if_less(a, b), !0, 0) != 0 {
-                let lanes = [a as u16, b as u16, (a >> 16) as u16];
-                return 4 * j + lanes.iter().position(|&lane| lane == cost).unwrap_or(3);
-            }
+        if costs.is_empty() {
+            return 0;
         }
-        4 * costs.len()
+        let (a, b, left): (u32, u32, usize);
+        unsafe {
+            asm!(
+                "2:",
+                "ldrd {a}, {b}, [{costs}], #8",
+                min!("{a}", "{b}", "{t}"),
+                // Whether one of the halves has it, since no cost is less.
+                "usub16 {t}, {cost}, {t}",
+                "sel {t}, {ones}, {zero}",
+                "cmp {t}, #0",
+                "bne 3f",
+                "subs {left}, {left}, #1",
+                "bne 2b",
+                "3:",
+                costs = inout(reg) costs.as_ptr() => _,
+                left = inout(reg) costs.len() => left,
+                cost = in(reg) u32::from(cost) * 0x1_0001,
+                ones = in(reg) u32::MAX,
+                zero = in(reg) 0,
+                a = out(reg) a,
+                b = out(reg) b,
+                t = out(reg) _,
+                options(readonly, nostack),
+            );
+        }
+        let lanes = [a as u16, b as u16, (a >> 16) as u16];
+        let lane = lanes.iter().position(|&lane| lane == cost).unwrap_or(3);
+        4 * (costs.len() - left) + lane
     }
 
     #[inline(never)]
@@ -565,7 +584,7 @@ impl Blocks<u16> for Dsp {
     #[inline(never)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> u16 {
         if V != 4 || rule == Rule::Sum || blocks.len() != fused.len() || blocks.is_empty() {
-            return fuse_generic::<u16, _, V>(self, rule, blocks, fused);
+            return self.fuse_others(rule, blocks, fused);
         }
         let blocks = blocks.as_ptr().cast();
         let least = unsafe {
@@ -602,7 +621,7 @@ impl Blocks<u16> for Dsp {
             Rule::Heuristic if fits && V == 4 => unsafe {
                 heuristic_of_unmasked(blocks.as_ptr().cast(), masks.as_ptr().cast(), fused)
             },
-            _ => return fuse_masked_generic::<u16, _, V>(self, rule, blocks, masks, fused),
+            _ => return self.fuse_others_masked(rule, blocks, masks, fused),
         };
         (least as u16).min((least >> 16) as u16)
     }
@@ -669,6 +688,26 @@ impl U16x4 {
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(u32, u32) -> u32) -> Self {
         U16x4([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
+    }
+}
+
+impl Dsp {
+    /// By the other rules. A function of its own, so that the common ones need fewer registers.
+    #[inline(never)]
+    fn fuse_others<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> u16 {
+        fuse_generic(self, rule, blocks, fused)
+    }
+
+    /// As [`fuse_others`](Dsp::fuse_others), of what masks leave.
+    #[inline(never)]
+    fn fuse_others_masked<const V: usize>(
+        self,
+        rule: Rule,
+        blocks: &[[[u32; 2]; V]],
+        masks: &[[[u32; 2]; V]],
+        fused: &mut [[u32; 2]],
+    ) -> u16 {
+        fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 }
 

@@ -113,10 +113,9 @@ impl Blocks<u16> for Mve {
         let Some(place) = steps.enter() else { return };
         unsafe {
             match blocks.len() {
-                2 => slide::<V, 2>(place, blocks),
-                4 => slide::<V, 4>(place, blocks),
-                8 => slide::<V, 8>(place, blocks),
-                _ => slide::<V, 0>(place, blocks),
+                2 => slide_unrolled::<V, 2>(place, blocks),
+                4 => slide_unrolled::<V, 4>(place, blocks),
+                _ => slide(place, blocks),
             }
         }
     }
@@ -130,7 +129,7 @@ impl Blocks<u16> for Mve {
         match (rule, V) {
             (Rule::Min, _) => unsafe { least_of::<V, 0>(first, first, fused) },
             (Rule::Heuristic, 3 | 4) => unsafe { heuristic_of::<V, 0>(first, first, fused) },
-            _ => fuse_generic::<u16, _, V>(self, rule, blocks, fused),
+            _ => self.fuse_others(rule, blocks, fused),
         }
     }
 
@@ -158,7 +157,7 @@ impl Blocks<u16> for Mve {
             (Rule::Heuristic, 3 | 4, 4) => unsafe { heuristic_of::<V, 4>(first, mask, fused) },
             (Rule::Heuristic, 3 | 4, 8) => unsafe { heuristic_of::<V, 8>(first, mask, fused) },
             (Rule::Heuristic, 3 | 4, _) => unsafe { heuristic_of::<V, 15>(first, mask, fused) },
-            _ => fuse_masked_generic::<u16, _, V>(self, rule, blocks, masks, fused),
+            _ => self.fuse_others_masked(rule, blocks, masks, fused),
         }
     }
 
@@ -172,6 +171,26 @@ impl Blocks<u16> for Mve {
             }
         }
         least as u16
+    }
+}
+
+impl Mve {
+    /// By the other rules. A function of its own, so that the common ones need fewer registers.
+    #[inline(never)]
+    fn fuse_others<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> u16 {
+        fuse_generic(self, rule, blocks, fused)
+    }
+
+    /// As [`fuse_others`](Mve::fuse_others), of what masks leave.
+    #[inline(never)]
+    fn fuse_others_masked<const V: usize>(
+        self,
+        rule: Rule,
+        blocks: &[[[u16; 8]; V]],
+        masks: &[[[u16; 8]; V]],
+        fused: &mut [[u16; 8]],
+    ) -> u16 {
+        fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 }
 
@@ -233,12 +252,68 @@ unsafe fn prime<const V: usize>(place: Place<'_, Mve, V>, vectors: usize) {
     }
 }
 
-/// Moves a column down, and the blocks on by it: of `N` vectors in a view if that is not 0, and then without counting them.
+/// Moves a column down, and the blocks on by it: of `N` vectors in a view, at most 16 in all, so that each has a place of its own in the
+/// code.
 ///
 /// # Safety
-/// The place has as many vectors in a view as there are blocks: `N`, or at least one.
+/// The place has as many vectors in a view as there are blocks: `N`.
 #[inline(always)]
-unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
+unsafe fn slide_unrolled<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
+    let Place { center, tracks, column, left, .. } = place;
+    unsafe {
+        asm!(
+            "vdup.16 q2, r2",
+            "vdup.16 q3, r3",
+            ".irp k, 0, 1, 2, 3",
+            ".if \\k < {views}",
+            "ldrd r2, r3, [{tracks}, #({track} * \\k)]",
+            "ldr {y}, [{tracks}, #({track} * \\k + 8)]",
+            "add {x}, r2, {y}",
+            "add {y}, r3, {y}",
+            "strd {x}, {y}, [{tracks}, #({track} * \\k)]",
+            ".irp j, 0, 1, 2, 3, 4, 5, 6, 7",
+            ".if \\j < {vectors}",
+            "vldrb.u16 q0, [r2, #(8 * \\j)]",
+            "vldrb.u16 q1, [r3, #(8 * \\j)]",
+            "vabd.u16 q0, q0, q2",
+            "vabd.u16 q1, q1, q3",
+            "vsub.i16 q0, q0, q1",
+            "vldrh.u16 q1, [{column}, #(16 * ({vectors} * \\k + \\j))]",
+            "vadd.i16 q0, q0, q1",
+            "vstrh.16 q0, [{column}, #(16 * ({vectors} * \\k + \\j))]",
+            "vldrh.u16 q1, [{left}, #(16 * ({vectors} * \\k + \\j))]",
+            "vsub.i16 q0, q0, q1",
+            "vldrh.u16 q1, [{block}, #(16 * ({views} * \\j + \\k))]",
+            "vadd.i16 q0, q0, q1",
+            "vstrh.16 q0, [{block}, #(16 * ({views} * \\j + \\k))]",
+            ".endif",
+            ".endr",
+            ".endif",
+            ".endr",
+            tracks = in(reg) tracks,
+            column = in(reg) column,
+            left = in(reg) left,
+            block = in(reg) blocks.as_mut_ptr(),
+            // Loads that widen take their addresses from low registers.
+            inout("r2") u32::from(center.entering) => _,
+            inout("r3") u32::from(center.leaving) => _,
+            x = out(reg) _,
+            y = out(reg) _,
+            out("q0") _, out("q1") _, out("q2") _, out("q3") _,
+            views = const V,
+            vectors = const N,
+            track = const size_of::<Track>(),
+            options(nostack),
+        );
+    }
+}
+
+/// Moves a column down, and the blocks on by it.
+///
+/// # Safety
+/// The place has as many vectors in a view as there are blocks, at least one.
+#[inline(always)]
+unsafe fn slide<const V: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
     let Place { center, tracks, column, left, .. } = place;
     unsafe {
         asm!(
@@ -250,11 +325,8 @@ unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks
             "add {x}, r2, {y}",
             "add {y}, r3, {y}",
             "strd {x}, {y}, [{tracks}], #{track}",
-            ".if {fixed} == 0",
             "dls lr, {n}",
             "3:",
-            ".endif",
-            ".rept {repeated}",
             "vldrb.u16 q0, [r2], #8",
             "vldrb.u16 q1, [r3], #8",
             "vabd.u16 q0, q0, q2",
@@ -268,10 +340,7 @@ unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks
             "vldrh.u16 q1, [{block}]",
             "vadd.i16 q0, q0, q1",
             "vstrh.16 q0, [{block}], #{stride}",
-            ".endr",
-            ".if {fixed} == 0",
             "le lr, 3b",
-            ".endif",
             "sub {block}, {block}, {back}",
             "cmp {tracks}, {end}",
             "bne 2b",
@@ -288,8 +357,6 @@ unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks
             x = out(reg) _,
             y = out(reg) _,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
-            fixed = const N,
-            repeated = const if N == 0 { 1 } else { N },
             stride = const VECTOR * V,
             track = const size_of::<Track>(),
             options(nostack),

@@ -5,8 +5,8 @@ use core::mem;
 use bytemuck::Pod;
 
 use crate::{
-    availability::Available,
     Disparity, Frame, MatchError, Memory, MemoryTooSmall, Params, Region, ScanlineSource,
+    availability::Available,
     kernel::{Blocks, Change, Isa, Lane, Portable},
     lines::{Frames, Lines},
     memory::Shape,

@@ -71,7 +71,15 @@ impl Memory {
 
     /// All of it, in bytes.
     pub const fn bytes(&self) -> usize {
-        self.column_sums + self.block_sums + self.masks + self.fused + self.center + self.horizontal + self.vertical + self.zeros + self.line
+        self.column_sums
+            + self.block_sums
+            + self.masks
+            + self.fused
+            + self.center
+            + self.horizontal
+            + self.vertical
+            + self.zeros
+            + self.line
     }
 
     /// All of it, as the length of the `[u32]` that the matcher is lent.

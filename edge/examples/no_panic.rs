@@ -11,10 +11,10 @@ mod kernel;
 mod image {
     #![expect(unsafe_code, reason = "the function that does not exist is foreign")]
 
+    use super::kernel::Kernel;
     use core::{convert::Infallible, hint::black_box, panic::PanicInfo};
     use cortex_m as _; // brings the critical section
     use multiscopic_core::{Frame, Fusion, Matcher, Params, Region, ScanlineSource, Views};
-    use super::kernel::Kernel;
     use static_cell::ConstStaticCell;
 
     static MEMORY: ConstStaticCell<[u32; 10_000]> = ConstStaticCell::new([0; 10_000]);

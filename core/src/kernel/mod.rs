@@ -118,17 +118,16 @@ pub trait Blocks<L: Lane>: Isa {
     }
 
     /// Fuses the costs of blocks as if those under a mask of [`Lane::MAX`] were that; under a mask of zero they are as they are. Returns the
-    /// least. Only the `masked` views, whose bits are set, have a mask that is not zero.
+    /// least. Only the views whose bits are set in `masked` have a mask that is not zero.
     #[inline(always)]
     fn fuse_masked<const V: usize>(
         self,
         rule: Rule,
-        masked: u8,
+        _masked: u8,
         blocks: &[[Self::Costs; V]],
         masks: &[[Self::Costs; V]],
         fused: &mut [Self::Costs],
     ) -> L {
-        let _ = masked;
         fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 
@@ -273,17 +272,17 @@ fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
     blocks: &[[I::Costs; V]],
     fused: &mut [I::Costs],
 ) -> L {
-        let mut least = isa.splat(L::MAX);
-        for (fused, block) in fused.iter_mut().zip(blocks) {
-            let mut costs = [least; V];
-            for k in 0..V {
-                costs[k] = isa.load_block(&block[k]);
-            }
-            let costs = fuse(rule, costs);
-            costs.store(fused);
-            least = least.min(costs);
+    let mut least = isa.splat(L::MAX);
+    for (fused, block) in fused.iter_mut().zip(blocks) {
+        let mut costs = [least; V];
+        for k in 0..V {
+            costs[k] = isa.load_block(&block[k]);
         }
-        least.least()
+        let costs = fuse(rule, costs);
+        costs.store(fused);
+        least = least.min(costs);
+    }
+    least.least()
 }
 
 /// As [`fuse_generic`], of what masks leave.

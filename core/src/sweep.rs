@@ -57,7 +57,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let uniform = uniform_columns(params);
         let of_uniform = Availability::new(params, uniform.start, v);
         let complete = of_uniform.is_complete();
-        let mut winners = Winners { costs: [L::MAX; Winners::<()>::MAX], indices: [0; Winners::<()>::MAX] };
+        let mut winners = Winners::new();
         let start = region.columns().start;
         let (mut u, mut out) = (region.columns().start, out);
         while !out.is_empty() {
@@ -73,7 +73,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
                 let excess = selection.excess();
                 let batch = Batch { rule: selection.rule, pixels: batch, blocks, fused, excess };
                 isa.batch(batch, &mut steps, &mut winners);
-                selection.disparities(&winners, fused, vectors, pixels, |i| Exact {
+                selection.disparities(&winners, pixels, |i| Exact {
                     params,
                     u: u + i,
                     v,

@@ -260,6 +260,12 @@ impl Rule {
     }
 }
 
+/// Where the lane of a disparity is among those of a pixel.
+#[inline(always)]
+pub(crate) fn lane<I: Isa>(index: usize) -> usize {
+    index / I::LANES * I::LANES + I::lane(index % I::LANES)
+}
+
 /// Fuses the costs of views that are all available.
 #[inline(always)]
 pub(crate) fn fuse<L: Lane, B: Block<L>, const V: usize>(rule: Rule, costs: [B; V]) -> B {

@@ -69,19 +69,24 @@ impl Disparity {
     /// Costs stay below 2^21 and `at` is not above the others, so that the shift is at most half a pixel.
     #[inline(always)]
     pub(crate) fn refine(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
-        const HALF: u32 = Disparity::STEPS as u32 / 2;
         let (fall, rise) = (before.wrapping_sub(at), after.wrapping_sub(at));
-        let denominator = 2 * fall.wrapping_add(rise).max(1);
-        let numerator = (fall.wrapping_sub(rise) as i32).wrapping_mul(Disparity::STEPS);
         // Rounding half up what is positive, and the mirror image of what is not, takes halves away from zero. The shift alone never
         // changes the sign of the sum, unless d is 0.
-        let mirrored = d < 0 || (d == 0 && numerator < 0);
-        let numerator = if mirrored { numerator.wrapping_neg() } else { numerator };
-        // Half a pixel more makes it positive, so that the division rounds down.
-        let dividend = (2 * numerator).wrapping_add_unsigned((2 * HALF + 1).wrapping_mul(denominator)) as u32;
-        let shift = dividend.checked_div(2 * denominator).unwrap_or_default() as i32 - HALF as i32;
-        let shift = if mirrored { -shift } else { shift };
-        Disparity::from_bits((i32::from(d) * Disparity::STEPS + shift) as i16)
+        let (whole, half) = (i32::from(d) * Disparity::STEPS, Disparity::STEPS / 2);
+        Disparity::from_bits(match d > 0 || (d == 0 && fall >= rise) {
+            true => whole - half + Disparity::steps(fall, rise),
+            false => whole + half - Disparity::steps(rise, fall),
+        } as i16)
+    }
+
+    /// How many steps after half a pixel before lies the vertex of a parabola that falls so much before and rises so much after, rounded
+    /// half up.
+    #[inline(always)]
+    fn steps(fall: u32, rise: u32) -> i32 {
+        let sum = fall.wrapping_add(rise);
+        // In twice the sum, 64 (1 / 2 + shift) + 1 / 2, where the shift is (fall - rise) / (2 sum). That is never negative.
+        let dividend = fall.wrapping_sub(rise).wrapping_mul(64).wrapping_add(sum.wrapping_mul(65));
+        dividend.checked_div(sum.wrapping_mul(2)).map_or(Disparity::STEPS / 2, |steps| steps as i32)
     }
 
     /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that has vectors: 64 bits hold every quotient of 32 bits so

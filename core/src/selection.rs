@@ -2,7 +2,7 @@
 
 use crate::{
     Disparity, Params,
-    availability::Availability,
+    availability::{Availability, Available},
     disparity::Around,
     kernel::{self, Block, Blocks, Isa, Lane, Rule, Winners},
 };
@@ -22,6 +22,8 @@ pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     excess: I::Costs,
     /// Whether there are any.
     exceeds: bool,
+    /// Disparities that have one on both sides.
+    inner: usize,
 }
 
 impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
@@ -37,7 +39,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
                 *lane = L::MAX;
             }
         }
-        Selection { isa, params, rule, indices, excess, exceeds: !params.num_disparities().is_multiple_of(I::LANES) }
+        let exceeds = !params.num_disparities().is_multiple_of(I::LANES);
+        Selection { isa, params, rule, indices, excess, exceeds, inner: params.num_disparities().saturating_sub(2) }
     }
 
     /// What the costs in the last vector are at least, if it has lanes too many.
@@ -50,11 +53,35 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     #[inline(always)]
     pub fn fuse<const V: usize>(&self, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
         let least = self.isa.fuse(self.rule, blocks, fused);
-        if self.exceeds { self.least(fused) } else { least.least() }
+        if self.exceeds { self.least(fused) } else { least }
+    }
+
+    /// Whether masks do for the rule: a hidden cost is that of no view, but for the heuristic rule where there is but one.
+    pub fn masks(&self, available: &Available) -> bool {
+        match self.rule {
+            Rule::Min => true,
+            Rule::Sum => false,
+            Rule::Heuristic => available.has_pairs(),
+        }
+    }
+
+    /// Fuses the costs of a pixel that masks leave, in the `masked` views, and returns the least.
+    #[inline(always)]
+    pub fn fuse_masked<const V: usize>(
+        &self,
+        masked: u8,
+        blocks: &[[I::Costs; V]],
+        masks: &[[I::Costs; V]],
+        fused: &mut [I::Costs],
+    ) -> L {
+        // Masks hide lanes that are too many in every view.
+        let masked = if self.exceeds { u8::MAX } else { masked };
+        self.isa.fuse_masked(self.rule, masked, blocks, masks, fused)
     }
 
     /// Fuses the costs of a pixel segment by segment, and returns the least.
-    #[cfg_attr(not(debug_assertions), inline(always))]
+    #[cfg_attr(target_arch = "arm", inline(never))]
+    #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
     pub fn fuse_segments<const V: usize>(
         &self,
         availability: &Availability<'_>,
@@ -138,12 +165,13 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
         let index = self.isa.position(fused, cost);
         let d = self.params.min_disparity() + index as i16;
-        if index == 0 || index + 1 >= self.params.num_disparities() {
+        let before = index.wrapping_sub(1);
+        if before >= self.inner {
             return Disparity::whole(d);
         }
         let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
-        match (lanes.get(kernel::lane::<I>(index - 1)), lanes.get(kernel::lane::<I>(index + 1))) {
-            (Some(&before), Some(&after)) if before != L::MAX && after != L::MAX => {
+        match (lanes.get(kernel::lane::<I>(before)), lanes.get(kernel::lane::<I>(index + 1))) {
+            (Some(&before), Some(&after)) if before.max(after) != L::MAX => {
                 Disparity::refine(d, before.widen(), cost.widen(), after.widen())
             }
             _ => exact().refined(index),

@@ -183,6 +183,43 @@ mod tests {
     }
 
     #[test]
+    fn batches_are_refined_as_pixels_are() {
+        let mut random = 1u64;
+        let mut below = |limit: u32| {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((random >> 32) % u64::from(limit)) as u32
+        };
+        for most in [3, 40, 700, 65_535, 12 * 21 * 21 * 255] {
+            for _ in 0..3000 {
+                let mut costs = Around { d: [0; BATCH], before: [0; BATCH], at: [0; BATCH], after: [0; BATCH] };
+                for i in 0..BATCH {
+                    costs.d[i] = [-511, -1, 0, 1, 60, 511][below(6) as usize];
+                    costs.at[i] = below(most);
+                    // Often at the ends of what is possible.
+                    costs.before[i] = [costs.at[i], costs.at[i] + below(most - costs.at[i]), most - 1][below(3) as usize];
+                    costs.after[i] = [costs.at[i], costs.at[i] + below(most - costs.at[i]), most - 1][below(3) as usize];
+                }
+                let one = |i: usize| Disparity::refine(costs.d[i], costs.before[i], costs.at[i], costs.after[i]);
+                assert_eq!(Disparity::refine_all(&costs), core::array::from_fn(one), "{costs:?}");
+            }
+        }
+    }
+
+    /// The quotient that is the least below a whole number is still rounded down.
+    #[test]
+    fn batches_are_rounded_as_pixels_are() {
+        let most: u32 = 12 * 21 * 21 * 255;
+        for sum in [most, most - 1, 2 * most - 1, 1_048_576, 65_535, 131_070] {
+            for fall in (0..200).chain(sum / 2 - 100..sum / 2 + 100).chain((sum - sum / 64).saturating_sub(100)..=sum).take(3000)
+            {
+                let Some(rise) = sum.checked_sub(fall).filter(|&rise| rise <= most) else { continue };
+                let costs = Around { d: [7; BATCH], before: [fall; BATCH], at: [0; BATCH], after: [rise; BATCH] };
+                assert_eq!(Disparity::refine_all(&costs)[0], Disparity::refine(7, fall, 0, rise), "{fall} {rise}");
+            }
+        }
+    }
+
+    #[test]
     fn refinement_of_the_greatest_costs() {
         let most = 12 * 21 * 21 * 255;
         assert_eq!(Disparity::refine(511, most, 0, most), Disparity::whole(511));

@@ -100,23 +100,19 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let uniform = uniform_columns(params);
         let of_uniform = Availability::new(params, uniform.start, v);
         let complete = of_uniform.is_complete();
-        let mut winners = Winners { costs: [L::MAX; Winners::<()>::MAX], indices: [0; Winners::<()>::MAX] };
+        let mut winners = Winners::new();
         let start = region.columns().start;
         let (mut u, mut out) = (region.columns().start, out);
         while !out.is_empty() {
             let inside = uniform.contains(&u);
             // Pixels whose views are all available come in batches, all others one by one.
-            let batch = if I::BATCH > 1 && complete && inside {
-                I::BATCH.min(Winners::<L>::MAX).min(uniform.end - u).min(out.len())
-            } else {
-                1
-            };
+            let batch = if complete && inside { I::BATCH.min(Winners::<L>::MAX).min(uniform.end - u).min(out.len()) } else { 1 };
             let Some((pixels, others)) = mem::take(&mut out).split_at_mut_checked(batch) else { return };
             if batch > 1 {
                 let excess = selection.excess();
                 let batch = Batch { rule: selection.rule, pixels: batch, blocks, fused, excess };
                 isa.batch(batch, &mut steps, &mut winners);
-                selection.disparities(&winners, fused, vectors, pixels, |i| Exact {
+                selection.disparities(&winners, pixels, |i| Exact {
                     params,
                     u: u + i,
                     v,

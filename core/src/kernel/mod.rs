@@ -264,6 +264,12 @@ impl Rule {
     }
 }
 
+/// Where the lane of a disparity is among those of a pixel.
+#[inline(always)]
+pub(crate) fn lane<I: Isa>(index: usize) -> usize {
+    index / I::LANES * I::LANES + I::lane(index % I::LANES)
+}
+
 /// Fuses the costs of blocks, vector by vector, and returns the least.
 #[inline(always)]
 fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(

@@ -5,7 +5,7 @@
 #![allow(unsafe_code)]
 
 use super::{Block, Blocks, Lane, Rule, Steps};
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
 use super::{Change, Column, fuse, steps::Place};
 
 /// A batch of pixels and their sums.
@@ -66,7 +66,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, L, I, V> {
     }
 }
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
 impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, L, I, V> {
     /// As [`run`](Batch::run), with all sums of the block in registers, if there are few enough.
     #[cfg_attr(not(debug_assertions), inline(always))]

@@ -6,6 +6,8 @@
 
 use std::fmt;
 
+#[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+use multiscopic_core::kernel::Neon;
 #[cfg(target_arch = "x86_64")]
 use multiscopic_core::kernel::{Avx2, Avx512};
 use multiscopic_core::{
@@ -28,6 +30,8 @@ enum Level {
     Avx512,
     #[cfg(target_arch = "x86_64")]
     Avx2,
+    #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+    Neon,
     Baseline,
 }
 
@@ -51,6 +55,8 @@ impl Simd {
                 levels.push(Simd(Level::Avx2));
             }
         }
+        #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+        levels.push(Simd(Level::Neon));
         levels.push(Simd::BASELINE);
         levels
     }
@@ -68,6 +74,8 @@ impl Simd {
             Level::Avx512 => Avx512::LANES,
             #[cfg(target_arch = "x86_64")]
             Level::Avx2 => Avx2::LANES,
+            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+            Level::Neon => Neon::LANES,
             Level::Baseline => Baseline::LANES,
         }
     }
@@ -93,6 +101,8 @@ impl Simd {
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
             Level::Avx2 => unsafe { avx2(frames, params, region, out, line_done) },
+            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+            Level::Neon => match_region(Neon, frames, params, region, out, line_done),
             Level::Baseline => match_region(Baseline::default(), frames, params, region, out, line_done),
         }
     }
@@ -105,6 +115,8 @@ impl fmt::Display for Simd {
             Level::Avx512 => "avx512",
             #[cfg(target_arch = "x86_64")]
             Level::Avx2 => "avx2",
+            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+            Level::Neon => "neon",
             Level::Baseline => "baseline",
         })
     }

@@ -5,7 +5,8 @@
 #![allow(unsafe_code)]
 
 use super::{Block, Blocks, Lane, Rule, Steps, lane};
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+use super::{Change, Column, fuse, steps::Place};
 use super::{Change, Column, fuse, steps::Place};
 
 /// A batch of pixels and their sums.
@@ -86,7 +87,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, L, I, V> {
     }
 }
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
 impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, L, I, V> {
     /// As [`run`](Batch::run), with all sums of the block in registers, if there are few enough.
     #[cfg_attr(not(debug_assertions), inline(always))]

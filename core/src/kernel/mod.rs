@@ -12,6 +12,8 @@ mod batch;
 mod dsp;
 #[cfg(target_arch = "arm")]
 mod mve;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+mod neon;
 mod portable;
 mod steps;
 
@@ -28,6 +30,8 @@ pub use batch::{Batch, Winners};
 pub use dsp::Dsp;
 #[cfg(target_arch = "arm")]
 pub use mve::Mve;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+pub use neon::Neon;
 pub use portable::Portable;
 pub use steps::Steps;
 

@@ -5,8 +5,7 @@
 #![allow(unsafe_code)]
 
 use super::{Block, Blocks, Lane, Rule, Steps, lane};
-#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
-use super::{Change, Column, fuse, steps::Place};
+#[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
 use super::{Change, Column, fuse, steps::Place};
 
 /// A batch of pixels and their sums.

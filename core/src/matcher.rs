@@ -10,7 +10,7 @@ use crate::{
     kernel::{Blocks, Change, Isa, Lane, Portable},
     lines::{Frames, Lines},
     memory::Shape,
-    sweep::{self, Sweep},
+    sweep::{self, Priming, Sweep},
 };
 
 /// A pass over a region of a frame, one disparity line at a time.
@@ -172,11 +172,8 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
     /// Computes the next disparity line of the region into `out`, which has a pixel for each of its columns, and returns
     /// the line's number in the frame; `None` after the last.
     ///
-    /// Compiled into its caller, so that a caller with wider SIMD enabled gets this code with it.
-    ///
     /// # Errors
     /// That of the source, or the length of `out` is wrong. Nothing is lost: the same call can be made again.
-    #[inline(always)]
     pub fn next_line<S: ScanlineSource>(
         &mut self,
         source: &mut S,
@@ -206,8 +203,6 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
 
 impl<I: Isa> Matcher<'_, I> {
     /// Computes the next line, in `V` views and with block sums in lanes of type `L`.
-    // Without optimisation, all that is inlined takes stack, and once is enough.
-    #[cfg_attr(not(debug_assertions), inline(always))]
     fn compute<S: ScanlineSource, L: Lane, const V: usize>(
         &mut self,
         source: &mut S,
@@ -229,10 +224,8 @@ impl<I: Isa> Matcher<'_, I> {
             while self.primed <= entering {
                 self.frames.read_ahead(source, &self.params, self.line, self.primed)?;
                 let line = Change { entering: self.primed, leaving: self.primed };
-                let mut steps = sweep::steps::<I, V>(&self.frames, line, columns, nothing, self.params.block_size());
-                for _ in 0..self.shape.span {
-                    self.isa.prime(&mut steps);
-                }
+                let steps = sweep::steps::<I, V>(&self.frames, line, columns, nothing, self.params.block_size());
+                self.isa.compiled(Priming { isa: self.isa, steps, columns: self.shape.span });
                 self.primed += 1;
             }
         }
@@ -244,14 +237,16 @@ impl<I: Isa> Matcher<'_, I> {
             isa: self.isa,
             params: &self.params,
             region: &self.region,
+            v,
             steps: sweep::steps(&self.frames, lines, columns, nothing, self.params.block_size()),
             bias,
             blocks: cast_mut(self.sums.blocks).get_mut(..vectors).unwrap_or_default(),
             masks: cast_mut(self.sums.masks).get_mut(..vectors).unwrap_or_default(),
             available: &mut self.available,
             fused: cast_mut(self.sums.fused),
+            out,
         };
-        sweep.run(v, out);
+        self.isa.compiled(sweep);
         Ok(())
     }
 }

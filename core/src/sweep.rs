@@ -5,7 +5,7 @@ use core::{array, mem, slice};
 use crate::{
     Disparity, Params, Region,
     availability::{Availability, Available, uniform_columns},
-    kernel::{Batch, Block, Blocks, Change, Isa, Lane, Rule, Steps, Winners},
+    kernel::{Batch, Block, Blocks, Change, Isa, Lane, Rule, Steps, Winners, Work},
     lines::{Frames, Lines},
     selection::{Exact, Selection},
 };
@@ -25,11 +25,13 @@ pub(crate) fn steps<'a, I: Isa, const V: usize>(
     Steps::new(at(&frames.center), views, sums, nothing, block_size)
 }
 
-/// A sweep of the blocks along a line.
+/// A sweep of the blocks along a line: moves them down by a step and along, and writes the disparities.
 pub(crate) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub isa: I,
     pub params: &'a Params,
     pub region: &'a Region,
+    /// The line.
+    pub v: usize,
     /// The way along the columns.
     pub steps: Steps<'a, I, V>,
     /// What every column sum has too much.
@@ -41,19 +43,38 @@ pub(crate) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub available: &'a mut Available,
     /// The fused costs of a batch of pixels.
     pub fused: &'a mut [I::Costs],
+    /// The disparities of the line.
+    pub out: &'a mut [Option<Disparity>],
+}
+
+/// Adds a line to the sums of all columns.
+pub(crate) struct Priming<'a, I: Isa, const V: usize> {
+    pub isa: I,
+    pub steps: Steps<'a, I, V>,
+    pub columns: usize,
+}
+
+impl<I: Isa, const V: usize> Work for Priming<'_, I, V> {
+    #[inline(always)]
+    fn run(mut self) {
+        for _ in 0..self.columns {
+            self.isa.prime(&mut self.steps);
+        }
+    }
+}
+
+impl<L: Lane, I: Blocks<L>, const V: usize> Work for Sweep<'_, L, I, V> {
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn run(self) {
+        if const { I::BATCH == 1 } { self.by_pixel() } else { self.by_batch() }
+    }
 }
 
 impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
-    /// Moves the blocks down by a step and along line `v`, and writes its disparities.
-    #[cfg_attr(not(debug_assertions), inline(always))]
-    pub fn run(self, v: usize, out: &mut [Option<Disparity>]) {
-        if const { I::BATCH == 1 } { self.run_by_pixel(v, out) } else { self.run_by_batch(v, out) }
-    }
-
-    /// As [`run`](Sweep::run), pixel by pixel: a function of its own, since small processors have few registers.
+    /// Pixel by pixel: a function of its own, since small processors have few registers.
     #[inline(never)]
-    fn run_by_pixel(self, v: usize, out: &mut [Option<Disparity>]) {
-        let Sweep { isa, params, region, mut steps, bias, blocks, masks, available, fused } = self;
+    fn by_pixel(self) {
+        let Sweep { isa, params, region, v, mut steps, bias, blocks, masks, available, fused, out } = self;
         let vectors = blocks.len();
         let Some(fused) = fused.get_mut(..vectors) else { return };
         for costs in blocks.as_flattened_mut() {
@@ -84,10 +105,10 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         }
     }
 
-    /// As [`run`](Sweep::run), in batches of pixels.
+    /// In batches of pixels.
     #[cfg_attr(not(debug_assertions), inline(always))]
-    fn run_by_batch(self, v: usize, out: &mut [Option<Disparity>]) {
-        let Sweep { isa, params, region, mut steps, bias, blocks, fused, .. } = self;
+    fn by_batch(self) {
+        let Sweep { isa, params, region, v, mut steps, bias, blocks, fused, mut out, .. } = self;
         let vectors = blocks.len();
         for costs in blocks.as_flattened_mut() {
             isa.splat(L::default()).store(costs);
@@ -102,7 +123,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let complete = of_uniform.is_complete();
         let mut winners = Winners::new();
         let start = region.columns().start;
-        let (mut u, mut out) = (region.columns().start, out);
+        let mut u = start;
         while !out.is_empty() {
             let inside = uniform.contains(&u);
             // Pixels whose views are all available come in batches, all others one by one.

@@ -1,7 +1,7 @@
-//! The core compiled for the widest vectors that this processor has.
+//! The core with the widest vectors that this processor has.
 //!
-//! There is one definition of the matcher; here it is compiled once for each instruction set. This is the only module of the host
-//! with unsafe code: calling a function that is compiled for more than every processor has, once that was detected.
+//! This is the only module of the host
+//! with unsafe code: vouching for what the processor has, once that was detected.
 #![allow(unsafe_code)]
 
 use std::fmt;
@@ -97,10 +97,10 @@ impl Simd {
         match self.0 {
             // SAFETY: a Simd is only made for what the processor has.
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => unsafe { avx512(frames, params, region, out, line_done) },
+            Level::Avx512 => match_region(unsafe { Avx512::new() }, frames, params, region, out, line_done),
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => unsafe { avx2(frames, params, region, out, line_done) },
+            Level::Avx2 => match_region(unsafe { Avx2::new() }, frames, params, region, out, line_done),
             #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
             Level::Neon => match_region(Neon, frames, params, region, out, line_done),
             Level::Baseline => match_region(Baseline::default(), frames, params, region, out, line_done),
@@ -122,25 +122,6 @@ impl fmt::Display for Simd {
     }
 }
 
-/// # Safety
-/// The processor has AVX-512F, BW, DQ and VL, and BMI2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn avx512(frames: &Frames, params: &Params, region: &Region, out: &mut [Option<Disparity>], line_done: &impl Fn()) {
-    // SAFETY: the caller's.
-    match_region(unsafe { Avx512::new() }, frames, params, region, out, line_done);
-}
-
-/// # Safety
-/// The processor has AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
-unsafe fn avx2(frames: &Frames, params: &Params, region: &Region, out: &mut [Option<Disparity>], line_done: &impl Fn()) {
-    // SAFETY: the caller's.
-    match_region(unsafe { Avx2::new() }, frames, params, region, out, line_done);
-}
-
-#[inline(always)]
 fn match_region<I: Blocks<u16> + Blocks<u32>>(
     isa: I,
     mut frames: &Frames,

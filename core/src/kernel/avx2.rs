@@ -6,7 +6,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{Batch, Block, Blocks, Change, Column, Isa, Steps, Winners};
+use super::{Batch, Block, Blocks, Change, Column, Isa, Steps, Winners, Work};
 
 /// AVX2: 32 lanes.
 #[derive(Clone, Copy, Debug)]
@@ -21,7 +21,7 @@ pub struct U16x32([__m256i; 2]);
 pub struct U32x32([__m256i; 4]);
 
 impl Avx2 {
-    /// The token. What uses it should be compiled for AVX2 too, or every operation is a call.
+    /// The token.
     ///
     /// # Safety
     /// The processor has AVX2.
@@ -40,6 +40,14 @@ impl Isa for Avx2 {
     #[inline(always)]
     fn lane(index: usize) -> usize {
         LANE[index % 32].into()
+    }
+
+    fn compiled<W: Work>(self, work: W) {
+        #[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
+        fn compiled<W: Work>(work: W) {
+            work.run();
+        }
+        unsafe { compiled(work) }
     }
 
     #[inline(always)]

@@ -6,7 +6,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{Batch, Block, Blocks, Change, Column, Isa, Steps, Winners};
+use super::{Batch, Block, Blocks, Change, Column, Isa, Steps, Winners, Work};
 
 /// AVX-512 with its extensions BW, DQ and VL, and BMI2: 64 lanes.
 #[derive(Clone, Copy, Debug)]
@@ -21,7 +21,7 @@ pub struct U16x64([__m512i; 2]);
 pub struct U32x64([__m512i; 4]);
 
 impl Avx512 {
-    /// The token. What uses it should be compiled for AVX-512 too, or every operation is a call.
+    /// The token.
     ///
     /// # Safety
     /// The processor has AVX-512F, BW, DQ and VL, and BMI2.
@@ -40,6 +40,14 @@ impl Isa for Avx512 {
     #[inline(always)]
     fn lane(index: usize) -> usize {
         LANE[index % 64].into()
+    }
+
+    fn compiled<W: Work>(self, work: W) {
+        #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,bmi1,bmi2,lzcnt,popcnt")]
+        fn compiled<W: Work>(work: W) {
+            work.run();
+        }
+        unsafe { compiled(work) }
     }
 
     #[inline(always)]

@@ -58,6 +58,12 @@ pub trait Isa: Copy + Debug {
         index
     }
 
+    /// Does what is compiled for the instruction set.
+    #[inline(always)]
+    fn compiled<W: Work>(self, work: W) {
+        work.run();
+    }
+
     /// The samples in whole vectors.
     fn samples(samples: &[u8]) -> &[Self::Samples];
     /// Column sums from memory.
@@ -84,6 +90,12 @@ pub trait Isa: Copy + Debug {
             }
         }
     }
+}
+
+/// Something to do that is compiled for an instruction set, if that is more than the compiler may use elsewhere.
+pub trait Work {
+    /// Does it. To be inlined.
+    fn run(self);
 }
 
 /// Vectors of block sums in lanes of type `L`.

@@ -18,6 +18,7 @@ pub mod pfm;
 pub mod picture;
 pub mod ply;
 pub mod raster;
+pub mod reception;
 pub mod report;
 pub mod rig;
 pub mod scene;

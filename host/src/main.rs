@@ -21,6 +21,7 @@ enum Command {
     Match(command::matching::Match),
     Evaluate(command::evaluate::Evaluate),
     Bench(command::bench::Bench),
+    Listen(command::listen::Listen),
 }
 
 fn main() -> ExitCode {
@@ -38,6 +39,7 @@ fn main() -> ExitCode {
         Command::Match(command) => command.run(),
         Command::Evaluate(command) => command.run(),
         Command::Bench(command) => command.run(),
+        Command::Listen(command) => command.run(),
     };
     done.unwrap_or_else(|error| {
         terminal::say(&error.to_string());

@@ -38,7 +38,7 @@ fn matched(board: &mut Semihosted, profile: &Profile, pipeline: Pipeline<'_>) ->
     let mut sender = run.map_err(Failure::Pipeline)?;
     let stack = cortex_m_stack::stack_size() as usize - cortex_m_stack::stack_painted() as usize;
     output
-        .write_all(sender.end(stack).map_err(Failure::Packet)?)
+        .write_all(sender.end(Some(stack)).map_err(Failure::Packet)?)
         .map_err(|error| Failure::Pipeline(PipelineError::Write(error)))?;
     defmt::info!("done after {=u64} ms, {=usize} bytes of stack", board.elapsed().as_millis() as u64, stack);
     Ok(())

@@ -15,7 +15,7 @@ use multiscopic::{
 use multiscopic_core::Params;
 
 use super::{
-    options::{EngineOptions, FusionName, GeometryOptions, MethodName, SearchOptions},
+    options::{EngineOptions, FusionName, GeometryOptions, MapFiles, MethodName, SearchOptions},
     terminal,
 };
 
@@ -71,17 +71,8 @@ pub struct Match {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Output")]
 struct Outputs {
-    /// Disparities in pixels, +inf where there is none
-    #[arg(short, long, value_name = "OUT.pfm")]
-    output: PathBuf,
-
-    /// Disparities in colour: near is red, far is blue, none is black
-    #[arg(long, value_name = "OUT.png")]
-    png: Option<PathBuf>,
-
-    /// Disparities times 64 plus 32768 in a 16-bit image, 0 where there is none
-    #[arg(long, value_name = "OUT.png")]
-    raw16: Option<PathBuf>,
+    #[command(flatten)]
+    maps: MapFiles,
 
     /// Depths in metres, +inf where there is none; needs the camera's focal length and baseline
     #[arg(long, value_name = "OUT.pfm")]
@@ -117,13 +108,7 @@ impl Match {
         bar.finish_and_clear();
 
         let outputs = &self.outputs;
-        disparities.write_pfm(&outputs.output)?;
-        if let Some(path) = &outputs.png {
-            disparities.write_color_png(path, None)?;
-        }
-        if let Some(path) = &outputs.raw16 {
-            disparities.write_raw16(path)?;
-        }
+        outputs.maps.write(&disparities)?;
         if let (Some(path), Some(geometry)) = (&outputs.depth, &geometry) {
             depth::depth_map(&disparities, geometry).write_pfm(path)?;
         }
@@ -158,12 +143,8 @@ impl Match {
 
 impl Outputs {
     fn paths(&self) -> Vec<&Path> {
-        let Outputs { output, png, raw16, depth, ply, ply_ascii: _ } = self;
-        [Some(output), png.as_ref(), raw16.as_ref(), depth.as_ref(), ply.as_ref()]
-            .into_iter()
-            .flatten()
-            .map(PathBuf::as_path)
-            .collect()
+        let Outputs { maps, depth, ply, ply_ascii: _ } = self;
+        maps.paths().chain([depth, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
     }
 
     /// Refuses an output for which the geometry is not known.

@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod demo;
 pub mod evaluate;
+pub mod listen;
 pub mod matching;
 pub mod options;
 pub mod terminal;

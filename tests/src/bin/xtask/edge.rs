@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
+use multiscopic::reception::Received;
 use multiscopic_core::Fusion;
 use multiscopic_edge::{Profile, frame_file, profile};
 use serde::Serialize;
@@ -19,8 +20,7 @@ use crate::{
     firmware::{self, Program},
     footprint::Footprint,
     image_set::ImageSet,
-    layout,
-    received::Received,
+    layout, received,
     toolchain::Toolchain,
 };
 
@@ -162,7 +162,8 @@ impl Run {
         let images = ImageSet::tsukuba(&params).unwrap_or_else(|| ImageSet::demo(&params));
         images.write(&folder)?;
         let received = self.received(&folder, counter)?;
-        received.same_as(&images.disparities(&params)?, params.width())?;
+        received::same(&received.disparities, &images.disparities(&params)?)?;
+        let stack_max = received.stack.context("the firmware did not measure its stack")?;
         let (footprint, instructions) = (Footprint::of(&self.image)?, Instructions::read(&folder)?);
         let ram_static = footprint.ram() as usize;
         Ok(Measurement {
@@ -171,8 +172,8 @@ impl Run {
             fusion: self.fusion.name(),
             images: images.name,
             ram_static,
-            stack_max: received.stack,
-            ram_total: ram_static + received.stack,
+            stack_max,
+            ram_total: ram_static + stack_max,
             ram_budget: self.profile.ram_budget,
             text: footprint.text,
             de: params.evaluations(),
@@ -195,7 +196,7 @@ impl Run {
         let end = emulator::run(self.board, &self.image, self.fusion.name(), folder, Some(&plugin))?;
         ensure!(end.code == 0, "the firmware ended with exit code {} and said:\n{}", end.code, end.words);
         let bytes = fs::read(&packets).with_context(|| format!("the firmware sent no {}", packets.display()))?;
-        Received::decode(bytes, &self.profile.params(self.fusion)).with_context(|| packets.display().to_string())
+        received::whole(&bytes, &packets, &self.profile.params(self.fusion)).with_context(|| packets.display().to_string())
     }
 }
 

@@ -14,9 +14,21 @@ pub mod profile;
 mod streams;
 
 pub use board::{Board, Phase};
-pub use pipeline::{Pipeline, PipelineError, Workspace};
+pub use pipeline::{Lengths, Pipeline, PipelineError, RunError, Workspace};
 pub use profile::Profile;
 pub use streams::{Streams, StreamsError};
+
+/// The type of a profile's [`Workspace`].
+#[macro_export]
+macro_rules! workspace {
+    ($profile:path) => {
+        $crate::Workspace<
+            { $profile.lengths().matcher.words() },
+            { $profile.lengths().columns },
+            { $profile.lengths().packet },
+        >
+    };
+}
 
 /// The program of a profile's binary.
 #[macro_export]
@@ -24,15 +36,12 @@ macro_rules! firmware {
     ($profile:path) => {
         #[cfg(target_os = "none")]
         mod image {
-            use multiscopic_edge::{Profile, Workspace, firmware};
+            use multiscopic_edge::{Profile, Workspace, firmware, workspace};
             use static_cell::ConstStaticCell;
 
             const PROFILE: Profile = $profile;
-            const WORDS: usize = PROFILE.memory_words();
-            const COLUMNS: usize = PROFILE.tile_width();
-            const PACKET: usize = PROFILE.packet_bytes();
 
-            static WORKSPACE: ConstStaticCell<Workspace<WORDS, COLUMNS, PACKET>> = ConstStaticCell::new(Workspace::new());
+            static WORKSPACE: ConstStaticCell<workspace!(PROFILE)> = ConstStaticCell::new(Workspace::new());
 
             #[cortex_m_rt::entry]
             fn main() -> ! {

@@ -3,15 +3,47 @@
 use core::{error, fmt, marker::PhantomData};
 use embedded_io::Write;
 use multiscopic_core::{
-    Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, Rewind, ScanlineSource, kernel::Portable,
+    Disparity, Frame, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, Rewind, ScanlineSource, kernel::Portable,
 };
 
 use crate::{
     Board, Phase,
-    packet::{BufferTooSmall, Sender},
+    packet::{self, BufferTooSmall, Sender},
 };
 
-/// The memory of a pipeline. Its lengths follow from the profile.
+/// How long the parts of a [`Workspace`] are for a match in column tiles of some width.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lengths {
+    /// The matcher's memory by buffer.
+    pub matcher: Memory,
+    /// Disparities of a line.
+    pub columns: usize,
+    /// Bytes of the buffer that packets are encoded in.
+    pub packet: usize,
+}
+
+impl Lengths {
+    /// Those for tiles of `tile_width` columns: all of them, if the frame is matched in one pass.
+    pub const fn new(params: &Params, tile_width: usize) -> Lengths {
+        Lengths {
+            matcher: Memory::new(params, tile_width, Params::LANES),
+            columns: tile_width,
+            packet: packet::buffer_bytes(tile_width),
+        }
+    }
+
+    /// The size of such a workspace, in bytes.
+    pub const fn bytes(&self) -> usize {
+        (4 * self.matcher.words() + self.line_bytes() + self.packet).next_multiple_of(align_of::<u32>())
+    }
+
+    /// Bytes of a line of disparities.
+    pub const fn line_bytes(&self) -> usize {
+        self.columns * size_of::<Option<Disparity>>()
+    }
+}
+
+/// The memory of a pipeline. Its [`Lengths`] follow from the profile: [`workspace!`](crate::workspace) is the type with them.
 pub struct Workspace<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> {
     matcher: [u32; WORDS],
     line: [Option<Disparity>; COLUMNS],
@@ -145,18 +177,21 @@ mod tests {
     extern crate std;
 
     use super::*;
-    use crate::packet::{self, Content, Packet};
+    use crate::{
+        packet::{Content, Packet},
+        profile,
+    };
     use core::{convert::Infallible, time::Duration};
     use embedded_io::{ErrorType, SliceWriteError};
-    use multiscopic_core::{Fusion, Memory, Views};
+    use multiscopic_core::{Fusion, Views};
     use std::{vec, vec::Vec};
 
     const PARAMS: Params = match Params::new(24, 20, Views::ALL, Fusion::Heuristic, 1, 4, 3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
-    const WORDS: usize = Memory::new(&PARAMS, PARAMS.width(), Params::LANES).words();
-    const PACKET: usize = packet::buffer_bytes(PARAMS.width());
+    const WORDS: usize = Lengths::new(&PARAMS, PARAMS.width()).matcher.words();
+    const PACKET: usize = Lengths::new(&PARAMS, PARAMS.width()).packet;
 
     /// A slope two pixels away from the infinite, which counts how often it is read.
     #[derive(Default)]
@@ -250,6 +285,18 @@ mod tests {
             }
         }
         (pixels, source.rewinds)
+    }
+
+    #[test]
+    fn the_lengths_are_those_of_the_statics() {
+        let sizes = [
+            size_of::<crate::workspace!(profile::QQVGA)>(),
+            size_of::<crate::workspace!(profile::QVGA)>(),
+            size_of::<crate::workspace!(profile::QVGA_TILED)>(),
+            size_of::<crate::workspace!(profile::VGA_TILED)>(),
+        ];
+        assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths().bytes()));
+        assert_eq!(size_of::<Workspace<WORDS, 24, PACKET>>(), Lengths::new(&PARAMS, 24).bytes());
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! What firmware images match.
 
-use multiscopic_core::{Fusion, Memory, Params, Views};
+use multiscopic_core::{Fusion, Params, Views};
 
-use crate::packet;
+use crate::Lengths;
 
 /// The size of a match under a name, and the RAM it may take.
 #[derive(Clone, Copy, Debug)]
@@ -44,7 +44,7 @@ impl Profile {
         loop {
             let tile_width = whole.tile_width.div_ceil(tiles);
             let profile = Profile { tile_width, ..whole };
-            if 4 * profile.memory_words() + RESERVE <= profile.ram_budget {
+            if profile.lengths().matcher.bytes() + RESERVE <= profile.ram_budget {
                 return profile;
             }
             assert!(tile_width > 1, "a profile's RAM budget is too small for its narrowest tile");
@@ -62,14 +62,9 @@ impl Profile {
         self.tile_width
     }
 
-    /// The length of the memory that the matcher is lent.
-    pub const fn memory_words(&self) -> usize {
-        Memory::new(&self.params(Fusion::Min), self.tile_width, Params::LANES).words()
-    }
-
-    /// The length of the buffer that packets are encoded in.
-    pub const fn packet_bytes(&self) -> usize {
-        packet::buffer_bytes(self.tile_width)
+    /// How long the parts of its workspace are; the rule of fusion does not matter.
+    pub const fn lengths(&self) -> Lengths {
+        Lengths::new(&self.params(Fusion::Min), self.tile_width)
     }
 }
 
@@ -106,7 +101,7 @@ mod tests {
         for tiled in [QVGA_TILED, VGA_TILED] {
             let width = usize::from(tiled.shape.width);
             let wider = Profile { tile_width: width.div_ceil(width.div_ceil(tiled.tile_width) - 1), ..tiled };
-            assert!(4 * wider.memory_words() + RESERVE > tiled.ram_budget, "{}", tiled.name);
+            assert!(wider.lengths().matcher.bytes() + RESERVE > tiled.ram_budget, "{}", tiled.name);
         }
     }
 
@@ -114,8 +109,8 @@ mod tests {
     fn the_fusion_does_not_change_the_memory() {
         for profile in ALL {
             for fusion in [Fusion::Min, Fusion::Mean, Fusion::Heuristic] {
-                let memory = Memory::new(&profile.params(fusion), profile.tile_width(), Params::LANES);
-                assert_eq!(memory.words(), profile.memory_words(), "{}", profile.name);
+                let lengths = Lengths::new(&profile.params(fusion), profile.tile_width());
+                assert_eq!(lengths, profile.lengths(), "{}", profile.name);
             }
         }
     }

@@ -1,5 +1,6 @@
 //! Accurate depth from one camera moved on purpose, on the host: files, matching with threads, evaluation and pictures.
 
+pub mod budget;
 pub mod dataset;
 pub mod depth;
 pub mod disparity_map;
@@ -11,18 +12,21 @@ pub mod geometry;
 pub mod image_file;
 mod input;
 pub mod matching;
+pub mod measured;
 pub mod metrics;
 pub mod montage;
 pub mod output;
 pub mod pfm;
 pub mod picture;
 pub mod ply;
+pub mod processor;
 pub mod raster;
 pub mod reception;
 pub mod report;
 pub mod rig;
 pub mod scene;
 pub mod simd;
+pub mod simulation;
 pub mod turbo;
 
 pub use dataset::Dataset;
@@ -34,6 +38,7 @@ pub use matching::Engine;
 pub use metrics::Metrics;
 pub use pfm::FloatImage;
 pub use picture::Picture;
+pub use processor::Processor;
 pub use raster::Raster;
 pub use rig::Rig;
 pub use simd::Simd;

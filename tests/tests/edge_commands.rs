@@ -1,4 +1,4 @@
-//! The commands around the firmware as their users meet them: `listen`.
+//! The commands around the firmware as their users meet them: `listen`, `simulate` and `budget`.
 
 use std::{
     fs,
@@ -8,9 +8,14 @@ use std::{
 };
 
 use multiscopic_core::{Disparity, Fusion, Params, Region, Views};
-use multiscopic_edge::packet::{Sender, buffer_bytes};
+use multiscopic_edge::{
+    Profile,
+    packet::{Sender, buffer_bytes},
+    profile,
+};
 use multiscopic_tests::{
     command::{self, Run},
+    golden,
     images::{read_pfm, read_raw16},
 };
 use tempfile::TempDir;
@@ -169,4 +174,88 @@ fn what_is_no_stream_is_refused() {
     fs::write(&stream, packets().concat()).expect("a stream for the test");
     Run::new([Path::new("listen"), &stream, Path::new("-o"), &nowhere]).assert_refused(&["cannot write", "none"]);
     Run::new([Path::new("listen"), &stream, Path::new("-o"), &stream]).assert_refused(&["would replace the input"]);
+}
+
+/// The JSON that a command prints, which is all that it prints.
+#[track_caller]
+fn json(run: &Run, code: i32) -> serde_json::Value {
+    assert_eq!(run.code, Some(code), "{run:#?}");
+    serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {run:#?}"))
+}
+
+/// The middle of frames of `multiscopic demo` that are larger than the profile's: what is simulated is what `match` makes of it.
+fn assert_simulated_as_matched(profile: &Profile) {
+    let dir = folder();
+    let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
+    let params = profile.params(Fusion::Min);
+    let size = [("--width", params.width() + 7), ("--height", params.height() + 4)];
+    let size = size.map(|(option, side)| [option.to_owned(), side.to_string()]).concat();
+    let demo = ["demo".to_owned(), "-o".into(), path("demo"), "--num-disparities".into(), "1".into()];
+    assert_eq!(Run::new(demo.into_iter().chain(size)).code, Some(0));
+    let mut views = Vec::new();
+    for view in ["center", "left", "right", "top", "bottom"] {
+        let (w, h, pixels) = multiscopic_tests::images::read_grey(Path::new(&path(&format!("demo/{view}.png"))));
+        let lines = pixels.chunks_exact(w).skip((h - params.height()) / 2).take(params.height());
+        let left = (w - params.width()) / 2;
+        let mut pgm = format!("P5 {} {} 255\n", params.width(), params.height()).into_bytes();
+        pgm.extend(lines.flat_map(|line| &line[left..left + params.width()]));
+        fs::write(path(&format!("{view}.pgm")), pgm).expect("a view for the test");
+        if view == "center" || params.views().iter().any(|of| format!("{of:?}").to_lowercase() == view) {
+            views.extend([format!("--{view}"), path(&format!("{view}.pgm"))]);
+        }
+    }
+    for fusion in Fusion::ALL.map(Fusion::name) {
+        let common = ["--fusion", fusion, "-o"].map(str::to_owned);
+        let mut matched = vec!["match".to_owned()];
+        matched.extend(views.iter().cloned().chain(common.clone()).chain([path("matched.pfm")]));
+        matched.extend(["--num-disparities".into(), params.num_disparities().to_string()]);
+        matched.extend(["--block-size".into(), params.block_size().to_string()]);
+        Run::new(&matched).assert_done();
+        let mut simulated = ["simulate", "--json", "--profile", profile.name].map(str::to_owned).to_vec();
+        simulated.extend(common.into_iter().chain([path("simulated.pfm"), "--packets".into(), path("packets")]));
+        simulated.push(path("demo"));
+        let report = json(&Run::new(&simulated), 0);
+        let expected = read_pfm(Path::new(&path("matched.pfm")));
+        assert_eq!(read_pfm(Path::new(&path("simulated.pfm"))), expected, "{} with {fusion}", profile.name);
+        Run::new(["listen", &path("packets"), "-o", &path("listened.pfm")]).assert_done();
+        assert_eq!(read_pfm(Path::new(&path("listened.pfm"))), expected, "{} with {fusion}", profile.name);
+
+        assert_eq!(report["packet_bytes"], fs::metadata(path("packets")).expect("packets").len());
+        assert_eq!(report["de"], params.evaluations());
+        assert_eq!(report["lines_latency"], params.latency_lines());
+        let passes = params.width().div_ceil(profile.tile_width());
+        assert_eq!(report["tile_passes"], passes);
+        let lines = report["lines_read"].as_object().expect("lines by frame");
+        assert_eq!(lines.len(), 1 + params.views().len());
+        assert!(lines.values().all(|read| *read == passes * params.height()), "{report:#}");
+        let statics = report["ram_static"].as_u64().expect("bytes");
+        assert!(statics >= profile.lengths().bytes() as u64, "{report:#}");
+        assert!(report["ram_total"].as_u64() > Some(statics), "{report:#}");
+        assert!(report["ram_total"].as_u64() <= Some(profile.ram_budget as u64), "{report:#}");
+    }
+}
+
+#[test]
+fn a_small_profile_is_simulated() {
+    assert_simulated_as_matched(&profile::QQVGA);
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "takes minutes without optimisation")]
+fn every_other_profile_is_simulated() {
+    for profile in profile::ALL.iter().filter(|profile| profile.name != profile::QQVGA.name) {
+        assert_simulated_as_matched(profile);
+    }
+}
+
+#[test]
+fn a_simulation_refuses_what_does_not_fit() {
+    Run::new(["simulate", "--profile", "svga"]).assert_refused(&["svga", "qqvga", "vga-tiled"]);
+    Run::new(["simulate"]).assert_refused(&["--profile"]);
+    let [center, left, right, ..] = golden::paths().map(|path| path.to_str().expect("UTF-8").to_owned());
+    let small = ["simulate", "--profile", "qqvga", "--center", &center, "--left", &left, "--right", &right];
+    Run::new(small).assert_refused(&["center.png: found 48x32 pixels", "at least 160x120"]);
+    Run::new(&small[..7]).assert_refused(&["profile qqvga matches with left, right, the right one is missing"]);
+    Run::new(&small[..5]).assert_refused(&["--left", "--top"]);
+    Run::new(["simulate", "--profile", "qqvga", "-o", "none/out.pfm"]).assert_refused(&["cannot write none/out.pfm"]);
 }

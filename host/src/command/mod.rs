@@ -6,5 +6,7 @@ pub mod evaluate;
 pub mod listen;
 pub mod matching;
 pub mod options;
+pub mod simulate;
+pub mod source;
 pub mod terminal;
 pub mod variant;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use multiscopic::{DisparityMap, Engine, Error, Frames, Geometry, Result, Simd};
+use multiscopic::{DisparityMap, Engine, Error, Frames, Geometry, Processor, Result, Simd};
 use multiscopic_core::{Fusion, Params, Views};
 
 /// How disparities are estimated, by the name of the method.
@@ -61,6 +61,27 @@ impl From<Fusion> for FusionName {
             Fusion::Min => FusionName::Min,
             Fusion::Mean => FusionName::Mean,
             Fusion::Heuristic => FusionName::Heuristic,
+        }
+    }
+}
+
+/// A processor, by the name of its core.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ProcessorName {
+    /// Armv7E-M with DSP instructions
+    CortexM4,
+    /// Armv7E-M with DSP instructions, two instructions at a time
+    CortexM7,
+    /// Armv8.1-M with vectors
+    CortexM55,
+}
+
+impl From<ProcessorName> for Processor {
+    fn from(name: ProcessorName) -> Processor {
+        match name {
+            ProcessorName::CortexM4 => Processor::CortexM4,
+            ProcessorName::CortexM7 => Processor::CortexM7,
+            ProcessorName::CortexM55 => Processor::CortexM55,
         }
     }
 }

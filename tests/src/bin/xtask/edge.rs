@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use multiscopic::reception::Received;
+use multiscopic::{reception::Received, simulation::simulate};
 use multiscopic_core::Fusion;
 use multiscopic_edge::{Profile, frame_file, profile};
 use serde::Serialize;
@@ -161,7 +161,8 @@ impl Run {
         let folder = layout::edge_target().join("runs").join(self.board.name).join(self.profile.name).join(self.fusion.name());
         let images = ImageSet::tsukuba(&params).unwrap_or_else(|| ImageSet::demo(&params));
         images.write(&folder)?;
-        let received = self.received(&folder, counter)?;
+        let (bytes, received) = self.received(&folder, counter)?;
+        received::same_lines(&bytes, &simulate(&self.profile, self.fusion, &images.frames()?).packets)?;
         received::same(&received.disparities, &images.disparities(&params)?)?;
         let stack_max = received.stack.context("the firmware did not measure its stack")?;
         let (footprint, instructions) = (Footprint::of(&self.image)?, Instructions::read(&folder)?);
@@ -186,8 +187,8 @@ impl Run {
         })
     }
 
-    /// What the image sends as it is run in `folder`.
-    fn received(&self, folder: &Path, counter: &Counter) -> Result<Received> {
+    /// What the image sends, as bytes and as a frame, as it is run in `folder`.
+    fn received(&self, folder: &Path, counter: &Counter) -> Result<(Vec<u8>, Received)> {
         let packets = folder.join(frame_file::PACKETS.to_str()?);
         if packets.exists() {
             fs::remove_file(&packets)?;
@@ -196,7 +197,9 @@ impl Run {
         let end = emulator::run(self.board, &self.image, self.fusion.name(), folder, Some(&plugin))?;
         ensure!(end.code == 0, "the firmware ended with exit code {} and said:\n{}", end.code, end.words);
         let bytes = fs::read(&packets).with_context(|| format!("the firmware sent no {}", packets.display()))?;
-        received::whole(&bytes, &packets, &self.profile.params(self.fusion)).with_context(|| packets.display().to_string())
+        let params = self.profile.params(self.fusion);
+        let received = received::whole(&bytes, &packets, &params).with_context(|| packets.display().to_string())?;
+        Ok((bytes, received))
     }
 }
 

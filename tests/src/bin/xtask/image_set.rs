@@ -1,8 +1,9 @@
 //! The frames that the firmware is given.
 
 use anyhow::{Context, Result};
+use image::GrayImage;
 use multiscopic::{
-    Picture,
+    Frames, Picture,
     scene::{Camera, Scene, capture},
 };
 use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, View};
@@ -49,6 +50,17 @@ impl ImageSet {
             fs::write(&path, pixels).with_context(|| format!("cannot write {}", path.display()))?;
         }
         Ok(())
+    }
+
+    /// The frames in the host's terms.
+    pub fn frames(&self) -> Result<Frames> {
+        let Images { width, height, center, views } = &self.images;
+        let image = |pixels: &Vec<u8>| {
+            let image = GrayImage::from_raw(*width as u32, *height as u32, pixels.clone());
+            image.context("there are as many pixels as width and height say")
+        };
+        let views = View::ALL.into_iter().zip(views).filter_map(|(view, pixels)| Some((view, pixels.as_ref()?)));
+        views.into_iter().try_fold(Frames::new(image(center)?), |frames, (view, pixels)| Ok(frames.with(view, image(pixels)?)))
     }
 
     /// The disparities that the core finds on this machine, line by line.

@@ -35,6 +35,17 @@ pub fn same(found: &DisparityMap, expected: &[Option<Disparity>]) -> Result<()> 
     Ok(())
 }
 
+/// Fails unless the packets of lines are the same bytes. The last packet tells how deep the stack was, and may differ.
+pub fn same_lines(found: &[u8], simulated: &[u8]) -> Result<()> {
+    let packets = |bytes: &[u8]| bytes.split_inclusive(|&byte| byte == 0).map(<[u8]>::to_vec).collect::<Vec<_>>();
+    let (found, simulated) = (packets(found), packets(simulated));
+    ensure!(found.len() == simulated.len(), "{} packets came, {} were simulated", found.len(), simulated.len());
+    let lines = found.len().saturating_sub(1);
+    let differs = (0..lines).find(|&i| found[i] != simulated[i]);
+    ensure!(differs.is_none(), "packet {} is not the simulated one", differs.unwrap_or_default());
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -71,6 +82,18 @@ mod tests {
         expected[4] = None;
         let difference = same(&received.disparities, &expected).unwrap_err().to_string();
         assert_eq!(difference, "pixel (1, 1): the firmware found 2, this machine invalid");
+    }
+
+    #[test]
+    fn packets_of_lines_are_compared() {
+        let found = sent(None, b"");
+        let mut other = found.clone();
+        assert!(same_lines(&found, &found).is_ok());
+        *other.iter_mut().rev().nth(3).unwrap() ^= 1;
+        assert!(same_lines(&found, &other).is_ok(), "the end may differ");
+        other[4] ^= 1;
+        assert_eq!(same_lines(&found, &other).unwrap_err().to_string(), "packet 0 is not the simulated one");
+        assert_eq!(same_lines(&found, &sent(Some(1), b"")).unwrap_err().to_string(), "3 packets came, 2 were simulated");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What a match takes on a microcontroller: RAM by buffer.
+//! The RAM that a match takes on a microcontroller, by buffer.
 
 use multiscopic_core::Params;
 use multiscopic_edge::Lengths;
@@ -58,6 +58,13 @@ impl Ram {
     }
 }
 
+/// The widest tiles, of as many as have about the same width, with which a match takes at most `limit` bytes of RAM; `None` if even
+/// the narrowest take more.
+pub fn widest_tile(params: &Params, processor: Processor, limit: usize) -> Option<usize> {
+    let widths = (1..=params.width()).map(|tiles| params.width().div_ceil(tiles));
+    widths.into_iter().find(|&width| Ram::new(params, width, processor).bytes() <= limit)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -75,5 +82,17 @@ mod tests {
             assert_eq!(ram.statics(), profile.lengths().bytes() + processor.measured().statics);
             assert!(ram.bytes() <= profile.ram_budget, "{}", profile.name);
         }
+    }
+    #[test]
+    fn the_widest_tile_fits_and_a_wider_one_does_not() {
+        let params = profile::QVGA.params(Fusion::Min);
+        let bytes = |width| Ram::new(&params, width, Processor::CortexM4).bytes();
+        for limit in [20_000, 48 * 1024, 100_000] {
+            let width = widest_tile(&params, Processor::CortexM4, limit).unwrap();
+            let tiles = params.width().div_ceil(width);
+            assert!(bytes(width) <= limit && bytes(params.width().div_ceil(tiles - 1)) > limit, "{limit}: {width}");
+        }
+        assert_eq!(widest_tile(&params, Processor::CortexM4, bytes(320)), Some(320));
+        assert_eq!(widest_tile(&params, Processor::CortexM4, 4096), None);
     }
 }

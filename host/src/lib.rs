@@ -1,6 +1,7 @@
 //! Accurate depth from one camera moved on purpose, on the host: files, matching with threads, evaluation and pictures.
 
 pub mod budget;
+pub mod cost;
 pub mod dataset;
 pub mod depth;
 pub mod disparity_map;

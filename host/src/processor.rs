@@ -53,9 +53,6 @@ impl Processor {
 
     /// What was measured of its firmware.
     pub fn measured(self) -> &'static Measured {
-        match self {
-            Processor::CortexM4 | Processor::CortexM7 => &MEASURED.armv7e_m,
-            Processor::CortexM55 => &MEASURED.armv8_1_m,
-        }
+        MEASURED.of(self)
     }
 }

@@ -22,11 +22,11 @@ pub struct Simulation {
     pub workspace: usize,
 }
 
-/// Runs the pipeline of `profile` on `frames`.
+/// Runs the pipeline of `profile` on `frames`, and calls `line_read` for every line of the centre that it reads.
 ///
 /// # Panics
 /// If the frames are not as large as the profile's, or a view of it is missing.
-pub fn simulate(profile: &Profile, fusion: Fusion, frames: &Frames) -> Simulation {
+pub fn simulate(profile: &Profile, fusion: Fusion, frames: &Frames, line_read: &dyn Fn()) -> Simulation {
     let params = profile.params(fusion);
     assert_eq!(frames.size(), [params.width(), params.height()], "the size of the frames for {}", profile.name);
     // The lengths of a workspace are part of its type.
@@ -34,7 +34,7 @@ pub fn simulate(profile: &Profile, fusion: Fusion, frames: &Frames) -> Simulatio
         ($($known:path),*) => {
             match profile.name {
                 $(name if name == $known.name => {
-                    run(&mut *Box::<workspace!($known)>::new(Workspace::new()), &params, profile.tile_width(), frames)
+                    run(&mut *Box::<workspace!($known)>::new(Workspace::new()), &params, profile.tile_width(), &mut Desk { frames, line_read })
                 })*
                 name => unreachable!("{name} is not a profile"),
             }
@@ -47,9 +47,8 @@ fn run<const WORDS: usize, const COLUMNS: usize, const PACKET: usize>(
     workspace: &mut Workspace<WORDS, COLUMNS, PACKET>,
     params: &Params,
     tile_width: usize,
-    frames: &Frames,
+    desk: &mut Desk<'_>,
 ) -> Simulation {
-    let mut desk = Desk { frames };
     let (Ok(mut source), Ok(mut packets)) = (desk.frames(params), desk.output());
     let run = workspace.pipeline().run::<Desk<'_>>(params, tile_width, &mut source, &mut packets);
     let mut sender = run.unwrap_or_else(|error| panic!("the workspace is the profile's and memory can be read: {error}"));
@@ -66,6 +65,7 @@ fn run<const WORDS: usize, const COLUMNS: usize, const PACKET: usize>(
 /// A board with frames in memory.
 struct Desk<'a> {
     frames: &'a Frames,
+    line_read: &'a dyn Fn(),
 }
 
 impl<'a> Board for Desk<'a> {
@@ -78,7 +78,7 @@ impl<'a> Board for Desk<'a> {
             let image = self.frames.get(frame).unwrap_or_else(|| panic!("the frame {frame:?} is missing"));
             Ok::<_, Infallible>(Stored { pixels: image.as_raw(), next: 0 })
         };
-        Ok(Counted { streams: Streams::open(params.views(), open)?, lines: [0; 5], passes: 1 })
+        Ok(Counted { streams: Streams::open(params.views(), open)?, lines: [0; 5], passes: 1, line_read: self.line_read })
     }
 
     fn output(&mut self) -> Result<Vec<u8>, Infallible> {
@@ -97,6 +97,7 @@ struct Counted<'a> {
     streams: Streams<Stored<'a>>,
     lines: [usize; 1 + View::ALL.len()],
     passes: usize,
+    line_read: &'a dyn Fn(),
 }
 
 const fn place(frame: Frame) -> usize {
@@ -111,6 +112,9 @@ impl ScanlineSource for Counted<'_> {
 
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
         self.lines[place(frame)] += 1;
+        if frame == Frame::Center {
+            (self.line_read)();
+        }
         self.streams.read_line(frame, v, line)
     }
 }
@@ -168,7 +172,7 @@ mod tests {
         let profile = profile::QQVGA;
         let params = profile.params(Fusion::Min);
         let frames = capture(&Scene::demo(), &Camera::new(160, 120), 1).frames(params.views());
-        let simulation = simulate(&profile, Fusion::Min, &frames);
+        let simulation = simulate(&profile, Fusion::Min, &frames, &|| ());
         assert_eq!(simulation.workspace, profile.lengths().bytes());
         assert_eq!(simulation.passes, 1);
         let views = [View::Left, View::Right].map(Frame::View);
@@ -184,6 +188,6 @@ mod tests {
     #[should_panic = "the frame View(Left) is missing"]
     fn a_view_that_is_missing_is_named() {
         let frames = capture(&Scene::demo(), &Camera::new(160, 120), 1).frames(Views::STEREO);
-        simulate(&profile::QQVGA, Fusion::Min, &frames);
+        simulate(&profile::QQVGA, Fusion::Min, &frames, &|| ());
     }
 }

@@ -15,7 +15,7 @@ use multiscopic::{
     scene::{Camera, Scene, capture},
     simulation::{self, Simulation},
 };
-use multiscopic_core::{Frame, Fusion, Params, View, Views};
+use multiscopic_core::{Frame, Fusion, Params, Region, View, Views};
 use multiscopic_edge::{Profile, profile};
 use serde::Serialize;
 
@@ -66,7 +66,10 @@ impl Simulate {
         let params = profile.params(fusion);
         let (frames, images) = self.frames(&profile, &params)?;
 
-        let simulation = simulation::simulate(&profile, fusion, &frames);
+        let passes = Region::tiles(&params, profile.tile_width()).count();
+        let bar = terminal::progress((passes * params.height()) as u64, "lines");
+        let simulation = simulation::simulate(&profile, fusion, &frames, &|| bar.inc(1));
+        bar.finish_and_clear();
         if let Some(path) = &self.packets {
             output::write(path, |writer| writer.write_all(&simulation.packets))?;
         }
@@ -136,6 +139,8 @@ struct Report<'a> {
     ram_total: usize,
     ram_budget: usize,
     de: u64,
+    instructions: f64,
+    instructions_per_de: f64,
     lines_latency: usize,
     tile_passes: usize,
     lines_read: BTreeMap<&'a str, usize>,
@@ -145,6 +150,8 @@ struct Report<'a> {
 impl<'a> Report<'a> {
     fn new(profile: &Profile, params: &Params, processor: Processor, images: &'a str, simulation: &Simulation) -> Report<'a> {
         let ram = Ram::new(params, profile.tile_width(), processor);
+        let instructions = processor.measured().prices.instructions(params, profile.tile_width());
+        let instructions = instructions.expect("there are prices for every profile").round();
         let frame = |frame: Frame| match frame {
             Frame::Center => "center",
             Frame::View(view) => name(view),
@@ -159,6 +166,8 @@ impl<'a> Report<'a> {
             ram_total: simulation.workspace + ram.statics + ram.stack,
             ram_budget: profile.ram_budget,
             de: params.evaluations(),
+            instructions,
+            instructions_per_de: instructions / params.evaluations() as f64,
             lines_latency: params.latency_lines(),
             tile_passes: simulation.passes,
             lines_read: simulation.lines_read.iter().map(|&(of, lines)| (frame(of), lines)).collect(),
@@ -172,7 +181,11 @@ impl fmt::Display for Report<'_> {
         writeln!(f, "{} with {} on the frames {}, as on a {}", self.profile, self.fusion, self.images, self.core)?;
         let Report { ram_static, stack_max, ram_total, ram_budget, .. } = self;
         writeln!(f, "RAM      {ram_total} bytes of {ram_budget}: {ram_static} of statics, {stack_max} of stack")?;
-        writeln!(f, "work     {} DE (pixel x disparity x view)", self.de)?;
+        let Report { de, instructions, instructions_per_de, .. } = self;
+        writeln!(
+            f,
+            "work     {de} DE (pixel x disparity x view), {instructions} instructions: {instructions_per_de:.2} per DE, predicted"
+        )?;
         let lines: Vec<String> = self.lines_read.iter().map(|(frame, lines)| format!("{frame} {lines}")).collect();
         writeln!(f, "lines    {} read ahead; read in {} passes: {}", self.lines_latency, self.tile_passes, lines.join(", "))?;
         writeln!(f, "packets  {} bytes", self.packet_bytes)

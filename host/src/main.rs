@@ -21,6 +21,7 @@ enum Command {
     Match(command::matching::Match),
     Evaluate(command::evaluate::Evaluate),
     Bench(command::bench::Bench),
+    Budget(command::budget::Budget),
     Simulate(command::simulate::Simulate),
     Listen(command::listen::Listen),
 }
@@ -40,6 +41,7 @@ fn main() -> ExitCode {
         Command::Match(command) => command.run(),
         Command::Evaluate(command) => command.run(),
         Command::Bench(command) => command.run(),
+        Command::Budget(command) => command.run(),
         Command::Simulate(command) => command.run(),
         Command::Listen(command) => command.run(),
     };

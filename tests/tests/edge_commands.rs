@@ -7,7 +7,7 @@ use std::{
     process::{Command, Stdio},
 };
 
-use multiscopic_core::{Disparity, Fusion, Params, Region, Views};
+use multiscopic_core::{Disparity, Fusion, Memory, Params, Region, Views};
 use multiscopic_edge::{
     Profile,
     packet::{Sender, buffer_bytes},
@@ -258,4 +258,133 @@ fn a_simulation_refuses_what_does_not_fit() {
     Run::new(&small[..7]).assert_refused(&["profile qqvga matches with left, right, the right one is missing"]);
     Run::new(&small[..5]).assert_refused(&["--left", "--top"]);
     Run::new(["simulate", "--profile", "qqvga", "-o", "none/out.pfm"]).assert_refused(&["cannot write none/out.pfm"]);
+}
+
+/// What `budget` says with some options, and its words.
+fn budget(options: &[&str]) -> Run {
+    Run::new(["budget", "--json"].iter().chain(options))
+}
+
+#[test]
+fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
+    for profile in profile::ALL {
+        let report = json(&budget(&["--profile", profile.name]), 0);
+        let params = profile.params(Fusion::Min);
+        let memory = Memory::new(&params, profile.tile_width(), Params::LANES);
+        for (buffer, bytes) in [
+            ("column_sums", memory.column_sums),
+            ("block_sums", memory.block_sums),
+            ("fused", memory.fused),
+            ("center", memory.center),
+            ("horizontal", memory.horizontal),
+            ("vertical", memory.vertical),
+            ("zeros", memory.zeros),
+            ("line", memory.line),
+            ("disparities", 2 * profile.tile_width()),
+        ] {
+            assert_eq!(report["ram"][buffer], bytes, "{buffer} of {}", profile.name);
+        }
+        let bytes = |name: &str| report[name].as_u64().expect("bytes");
+        let buffers = report["ram"].as_object().expect("buffers").values();
+        assert_eq!(buffers.map(|bytes| bytes.as_u64().expect("bytes")).sum::<u64>(), bytes("ram_total"));
+        assert_eq!(bytes("ram_static") + bytes("stack_max"), bytes("ram_total"));
+        let runtime = report["ram"]["runtime"].as_u64().expect("bytes");
+        assert_eq!(bytes("ram_static"), profile.lengths().bytes() as u64 + runtime, "{}", profile.name);
+    }
+    let simulated = json(&Run::new(["simulate", "--json", "--profile", "qqvga", "--core", "cortex-m55"]), 0);
+    let budgeted = json(&budget(&["--profile", "qqvga", "--core", "cortex-m55"]), 0);
+    for name in
+        ["ram_static", "stack_max", "ram_total", "de", "instructions", "instructions_per_de", "lines_latency", "tile_passes"]
+    {
+        assert_eq!(simulated[name], budgeted[name], "{name}");
+    }
+}
+
+#[test]
+fn a_budget_of_any_match() {
+    let given = "--width 320 --height 240 --num-disparities 32 --core cortex-m7 --tile-width 80 --fusion min";
+    let mut own = json(&budget(&given.split(' ').collect::<Vec<_>>()), 0);
+    let tile = profile::QVGA_TILED.tile_width().to_string();
+    assert_eq!((own["views"].as_u64(), own["tile_passes"].as_u64()), (Some(4), Some(4)));
+    let given = given.replace("80", &tile);
+    own = json(&budget(&given.split(' ').collect::<Vec<_>>()), 0);
+    assert_eq!(own, json(&budget(&["--profile", "qvga-tiled", "--core", "cortex-m7", "--fusion", "min"]), 0));
+    for views in ["1", "2", "4"] {
+        for (fusion, block) in [("min", "11"), ("mean", "17"), ("heuristic", "21")] {
+            let options = ["--width", "99", "--height", "77", "--views", views, "--fusion", fusion, "--block-size", block];
+            let report = json(&budget(&options), 0);
+            let per_de = report["instructions_per_de"].as_f64().expect("a number");
+            assert!(per_de > 1.0 && per_de < 500.0, "{report:#}");
+        }
+    }
+}
+
+#[test]
+fn time_is_instructions_by_cycles_by_clock() {
+    let report = json(&budget(&["--profile", "qvga", "--clock", "200", "--cpi", "1.25"]), 0);
+    let number = |name: &str| report[name].as_f64().expect("a number");
+    let seconds = number("instructions") * 1.25 / 200e6;
+    assert!((number("seconds") / seconds - 1.0).abs() < 1e-9, "{report:#}");
+    assert!((number("fps") * seconds - 1.0).abs() < 1e-9, "{report:#}");
+    for (core, clock, cycles) in [("cortex-m4", 64.0, 1.4), ("cortex-m7", 480.0, 0.8), ("cortex-m55", 32.0, 1.5)] {
+        let report = json(&budget(&["--profile", "qvga", "--core", core]), 0);
+        assert_eq!((&report["clock_mhz"], &report["cycles_per_instruction"]), (&clock.into(), &cycles.into()), "{core}");
+        let text = Run::new(["budget", "--profile", "qvga", "--core", core]);
+        assert!(text.stdout.contains(&format!("at {clock} MHz, if an instruction takes {cycles} cycles")), "{text:#?}");
+    }
+}
+
+#[test]
+fn a_budget_that_is_not_met_fails_by_name() {
+    let report = json(&budget(&["--profile", "qvga"]), 0);
+    let total = report["ram_total"].as_u64().expect("bytes");
+    let fps = report["fps"].as_f64().expect("a number");
+    let run = |ram: u64, fps: f64| budget(&["--profile", "qvga", "--ram", &ram.to_string(), "--fps", &fps.to_string()]);
+    let met = run(total, 0.99 * fps);
+    assert_eq!(met.stderr, "");
+    json(&met, 0);
+    let short = run(total - 1, 0.99 * fps);
+    json(&short, 1);
+    let words =
+        format!("RAM: {total} bytes are 1 more than the {} of --ram; column tiles would fit: --tile-width 160", total - 1);
+    assert!(short.stderr.contains(&words) && !short.stderr.contains("--fps"), "{short:#?}");
+    let slow = run(total, 2.0 * fps);
+    json(&slow, 1);
+    assert!(slow.stderr.contains("2.00 times the speed is needed") && !slow.stderr.contains("--ram"), "{slow:#?}");
+    json(&budget(&["--profile", "qvga", "--ram", "144KiB"]), 0);
+    json(&budget(&["--profile", "qvga", "--ram", "48KiB"]), 1);
+}
+
+#[test]
+fn a_budget_refuses_bad_usage() {
+    let refused = |options: &[&str], words: &[&str]| budget(options).assert_refused(words);
+    refused(&[], &["--width", "--height"]);
+    refused(&["--width", "320"], &["--height"]);
+    refused(&["--profile", "svga"], &["svga", "qvga-tiled"]);
+    refused(&["--profile", "qvga", "--block-size", "5"], &["--profile", "--block-size"]);
+    refused(&["--width", "64", "--height", "48", "--views", "3"], &["--views is 3"]);
+    refused(&["--width", "64", "--height", "48", "--block-size", "8"], &["block size is 8"]);
+    refused(&["--width", "64", "--height", "48", "--tile-width", "65"], &["--tile-width is 65", "64"]);
+    refused(&["--width", "64", "--height", "48", "--tile-width", "0"], &["--tile-width is 0"]);
+    refused(&["--profile", "qvga", "--core", "cortex-m0"], &["cortex-m0", "cortex-m55"]);
+    refused(&["--profile", "qvga", "--ram", "12G"], &["12G", "144KiB"]);
+    refused(&["--profile", "qvga", "--clock", "0"], &["--clock", "above 0"]);
+    refused(&["--profile", "qvga", "--cpi", "-1"], &["--cpi", "above 0"]);
+    refused(&["--profile", "qvga", "--fps", "x"], &["--fps", "above 0"]);
+}
+
+#[test]
+fn the_commands_of_the_readme_run() {
+    let dir = folder();
+    let run = |words: &[&str]| {
+        let output = Command::new(command::binary()).args(words).current_dir(dir.path()).output().expect("the command line runs");
+        assert_eq!(output.status.code(), Some(0), "{words:?}: {output:?}");
+    };
+    run(&["demo", "-o", "out/demo", "--width", "180", "--height", "130", "--num-disparities", "1"]);
+    let readme = include_str!("../../README.md");
+    for name in ["budget", "simulate", "listen"] {
+        let line = readme.lines().find_map(|line| line.strip_prefix("multiscopic ").filter(|rest| rest.starts_with(name)));
+        run(&line.unwrap_or_else(|| panic!("the README has a line for {name}")).split(' ').collect::<Vec<_>>());
+    }
+    assert_eq!(read_pfm(&dir.path().join("received.pfm")).0, 160);
 }

@@ -1,6 +1,7 @@
 //! The commands, a module each: options, what they do, what they print.
 
 pub mod bench;
+pub mod budget;
 pub mod demo;
 pub mod evaluate;
 pub mod listen;

@@ -224,7 +224,8 @@ fn finite(text: &str) -> Result<f64> {
     number.ok_or_else(|| Error::Usage("it must be a number".into()))
 }
 
-fn positive(text: &str) -> Result<f64> {
+/// A number above 0.
+pub fn positive(text: &str) -> Result<f64> {
     finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| Error::Usage("it must be a number above 0".into()))
 }
 

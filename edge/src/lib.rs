@@ -1,11 +1,17 @@
 //! Firmware that matches: what it matches, the lines it reads, and the packets it sends.
 //!
 //! Each profile is a binary of its name. The parts that need a processor, in `firmware`, are there for Arm alone; the
-//! others run and are tested anywhere.
+//! others run and are tested anywhere. Firmware for a board of one's own implements [`Board`], and takes this library without its
+//! default features.
+//!
+//! # Features
+//! - `semihosting` (default): the firmware of the profiles, whose files and log a debugger or an emulator lends, with its handlers of
+//!   panics and faults.
+//! - `stm32f405`, `stm32h743`, `an547`: the board that it is linked for, at most one; without, the reference board of `memory.x`.
 #![no_std]
 
 mod board;
-#[cfg(target_os = "none")]
+#[cfg(all(target_os = "none", feature = "semihosting"))]
 pub mod firmware;
 pub mod frame_file;
 pub mod packet;

@@ -1,20 +1,21 @@
 //! Which views see the candidates of a pixel.
 
-use core::ops::Range;
+use core::{iter, ops::Range};
 
 use crate::{Params, View};
 
-/// The disparities of a pixel, cut into runs that are available in the same views: where the match lies inside the image.
+/// The disparities of a pixel at which each view is available: where the match lies inside the image.
 ///
 /// Disparities are indices, counted from the smallest.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Segments {
-    segments: [Segment; Segments::MAX],
-    len: usize,
+#[derive(Clone, Debug)]
+pub(crate) struct Availability<'a> {
+    params: &'a Params,
+    /// For each view of the match, in their order.
+    ranges: [Range<u16>; View::ALL.len()],
 }
 
 /// A run of disparities that are available in the same views.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Segment {
     pub start: usize,
     pub end: usize,
@@ -22,47 +23,152 @@ pub(crate) struct Segment {
     pub views: u8,
 }
 
-impl Segments {
-    /// Each view's availability begins and ends once.
-    const MAX: usize = 2 * View::ALL.len() + 1;
-
-    /// The segments of pixel `(u, v)`.
-    pub fn new(params: &Params, u: usize, v: usize) -> Segments {
-        let mut available = [const { 0..0 }; View::ALL.len()];
-        for (available, view) in available.iter_mut().zip(params.views().iter()) {
+impl<'a> Availability<'a> {
+    /// That of the pixel `(u, v)`.
+    pub fn new(params: &'a Params, u: usize, v: usize) -> Availability<'a> {
+        let mut all = Availability { params, ranges: [const { 0..0 }; View::ALL.len()] };
+        for (range, view) in all.ranges.iter_mut().zip(params.views().iter()) {
             let (coordinate, size) = if view.is_horizontal() { (u, params.width()) } else { (v, params.height()) };
-            *available = inside(view, coordinate, size, params);
-        }
-        let mut all = Segments::default();
-        let mut start = 0;
-        for segment in &mut all.segments {
-            let nearest = |end: usize, bound: usize| if bound > start { end.min(bound) } else { end };
-            let end = available.iter().fold(params.num_disparities(), |end, range| nearest(nearest(end, range.start), range.end));
-            let views = available.iter().zip(0..).fold(0, |views, (range, k)| views | (u8::from(range.contains(&start)) << k));
-            *segment = Segment { start, end, views };
-            all.len += usize::from(start < end);
-            start = end;
+            *range = inside(view, coordinate, size, params.min_disparity(), params.num_disparities());
         }
         all
     }
 
-    /// The segments, in ascending order.
-    pub fn iter(&self) -> impl Iterator<Item = &Segment> {
-        self.segments.iter().take(self.len)
+    /// The same pixel in column `u`.
+    #[inline(always)]
+    pub fn in_column(mut self, u: usize) -> Availability<'a> {
+        for (range, view) in self.ranges.iter_mut().zip(self.params.views().iter()).filter(|(_, view)| view.is_horizontal()) {
+            *range = inside(view, u, self.params.width(), self.params.min_disparity(), self.params.num_disparities());
+        }
+        self
+    }
+
+    /// The disparities in runs that are available in the same views, in ascending order.
+    #[inline(always)]
+    pub fn segments(&self) -> impl Iterator<Item = Segment> {
+        let mut start = 0;
+        iter::from_fn(move || {
+            let mut end = self.params.num_disparities() as u16;
+            if start >= end {
+                return None;
+            }
+            let first = start;
+            let mut views = 0;
+            for (range, k) in self.ranges.iter().zip(0..) {
+                if first < range.start {
+                    end = end.min(range.start);
+                } else if first < range.end {
+                    end = end.min(range.end);
+                    views |= 1 << k;
+                }
+            }
+            start = end;
+            Some(Segment { start: first.into(), end: end.into(), views })
+        })
     }
 
     /// Whether all views are available at all disparities.
-    pub fn are_complete(&self, params: &Params) -> bool {
-        self.len == 1 && self.segments[0].views.count_ones() as usize == params.views().len()
+    pub fn is_complete(&self) -> bool {
+        let all = 0..self.params.num_disparities() as u16;
+        self.ranges.iter().take(self.params.views().len()).all(|range| *range == all)
+    }
+
+    /// Whether no view is available at any disparity.
+    pub fn is_empty(&self) -> bool {
+        self.ranges.iter().all(Range::is_empty)
     }
 
     /// The views that are available at a disparity, as bits; none outside the search.
     pub fn views_at(&self, index: usize) -> u8 {
-        self.iter().find(|segment| (segment.start..segment.end).contains(&index)).map_or(0, |segment| segment.views)
+        let ranges = self.ranges.iter().map(|range| range.start.into()..range.end.into());
+        ranges.zip(0..).fold(0, |views, (range, k): (Range<usize>, u8)| views | u8::from(range.contains(&index)) << k)
     }
 }
 
-/// The columns in which every horizontal view is available at every disparity: all their pixels in a line have the same segments.
+/// Where each view of a match is available to a pixel.
+///
+/// It goes along with the pixel, and says what changes: from one pixel to the next, no more than a disparity or two.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Available {
+    views: [Option<Reach>; View::ALL.len()],
+    /// How many views there are, and how many of them are available at some disparities only.
+    len: usize,
+    incomplete: usize,
+    all: usize,
+}
+
+/// Where a view is available, and how that follows the pixel.
+#[derive(Clone, Debug)]
+struct Reach {
+    view: View,
+    range: Range<usize>,
+    /// The frame's size in its direction, and the smallest disparity.
+    size: usize,
+    least: i16,
+}
+
+impl Available {
+    /// Nowhere yet.
+    pub fn new(params: &Params) -> Available {
+        let mut available = Available { all: params.num_disparities(), ..Available::default() };
+        for (reach, view) in available.views.iter_mut().zip(params.views().iter()) {
+            let size = if view.is_horizontal() { params.width() } else { params.height() };
+            *reach = Some(Reach { view, range: 0..0, size, least: params.min_disparity() });
+            available.len += 1;
+        }
+        available.incomplete = available.len;
+        available
+    }
+
+    /// Goes to pixel `(u, v)`. `change` is told of every view and disparity that changes whether it is available.
+    #[inline(never)]
+    pub fn enter_line(&mut self, u: usize, v: usize, mut change: impl FnMut(usize, usize, bool)) {
+        for vertical in [true, false] {
+            self.go(vertical, if vertical { v } else { u }, &mut change);
+        }
+    }
+
+    /// Goes to the pixel at `u` in the same line.
+    #[inline(never)]
+    pub fn enter(&mut self, u: usize, change: impl FnMut(usize, usize, bool)) {
+        self.go(false, u, change);
+    }
+
+    /// Whether all views are available at all disparities.
+    pub fn is_complete(&self) -> bool {
+        self.incomplete == 0
+    }
+
+    /// Whether no disparity is available in one view alone.
+    pub fn has_pairs(&self) -> bool {
+        self.len >= self.incomplete + 2
+    }
+
+    /// Goes to a coordinate in the vertical views, or the others.
+    #[inline(always)]
+    fn go(&mut self, vertical: bool, coordinate: usize, mut change: impl FnMut(usize, usize, bool)) {
+        for (k, reach) in self.views.iter_mut().enumerate() {
+            let Some(reach) = reach.as_mut().filter(|reach| reach.view.is_horizontal() != vertical) else { continue };
+            let before = reach.range.clone();
+            let next = inside(reach.view, coordinate, reach.size, reach.least, self.all);
+            let next = next.start.into()..next.end.into();
+            if next == before {
+                continue;
+            }
+            // What lies between both beginnings and between both ends is all that may change.
+            for (from, to) in [(before.start, next.start), (before.end, next.end)] {
+                for index in from.min(to)..from.max(to) {
+                    change(k, index, next.contains(&index));
+                }
+            }
+            self.incomplete -= usize::from(before != (0..self.all));
+            self.incomplete += usize::from(next != (0..self.all));
+            reach.range = next;
+        }
+    }
+}
+
+/// The columns in which every horizontal view is available at every disparity: all their pixels in a line have the same availability.
 pub(crate) fn uniform_columns(params: &Params) -> Range<usize> {
     let (least, most) = (i32::from(params.min_disparity()), i32::from(params.max_disparity()));
     let width = params.width() as i32;
@@ -73,13 +179,14 @@ pub(crate) fn uniform_columns(params: &Params) -> Range<usize> {
     columns.start as usize..columns.end.max(columns.start) as usize
 }
 
-/// The disparities at which `coordinate`, moved by them, stays in `0..size`.
-fn inside(view: View, coordinate: usize, size: usize, params: &Params) -> Range<usize> {
+/// The indices of the disparities, `count` from `least` on, at which `coordinate`, moved by them, stays in `0..size`.
+#[inline(always)]
+fn inside(view: View, coordinate: usize, size: usize, least: i16, count: usize) -> Range<u16> {
     let (coordinate, size) = (coordinate as i32, size as i32);
     let (from, to) = match view.sign() {
         1 => (-coordinate, size - coordinate),
         _ => (coordinate - size + 1, coordinate + 1),
     };
-    let index = |d: i32| (d - i32::from(params.min_disparity())).clamp(0, params.num_disparities() as i32) as usize;
+    let index = |d: i32| (d - i32::from(least)).max(0).min(count as i32) as u16;
     index(from)..index(to)
 }

@@ -3,6 +3,8 @@
 use core::{fmt, num::NonZeroU16};
 use fixed::types::I10F6;
 
+use crate::kernel::Winners;
+
 /// A disparity: signed pixels in steps of 1/64, from -511 63/64 to 511 63/64.
 ///
 /// A pixel that has none is `None`: an [`Option<Disparity>`] takes the same two bytes.
@@ -67,19 +69,44 @@ impl Disparity {
     /// Costs stay below 2^21 and `at` is not above the others, so that the shift is at most half a pixel.
     #[inline(always)]
     pub(crate) fn refine(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
-        const HALF: u32 = Disparity::STEPS as u32 / 2;
         let (fall, rise) = (before.wrapping_sub(at), after.wrapping_sub(at));
-        let denominator = 2 * fall.wrapping_add(rise).max(1);
-        let numerator = (fall.wrapping_sub(rise) as i32).wrapping_mul(Disparity::STEPS);
         // Rounding half up what is positive, and the mirror image of what is not, takes halves away from zero. The shift alone never
         // changes the sign of the sum, unless d is 0.
-        let mirrored = d < 0 || (d == 0 && numerator < 0);
-        let numerator = if mirrored { numerator.wrapping_neg() } else { numerator };
-        // Half a pixel more makes it positive, so that the division rounds down.
-        let dividend = (2 * numerator).wrapping_add_unsigned((2 * HALF + 1).wrapping_mul(denominator)) as u32;
-        let shift = dividend.checked_div(2 * denominator).unwrap_or_default() as i32 - HALF as i32;
-        let shift = if mirrored { -shift } else { shift };
-        Disparity::from_bits((i32::from(d) * Disparity::STEPS + shift) as i16)
+        let mirrored = d < 0 || (d == 0 && fall < rise);
+        let ahead = if mirrored { rise.wrapping_sub(fall) } else { fall.wrapping_sub(rise) };
+        // In steps from half a pixel before to half a pixel after, so that it is positive and the division rounds down: 64 (1 / 2 + shift)
+        // + 1 / 2, where the shift is ahead / (2 sum).
+        let sum = fall.wrapping_add(rise).max(1);
+        let dividend = ahead.wrapping_mul(64).wrapping_add(sum.wrapping_mul(65));
+        let steps = dividend.checked_div(2 * sum).unwrap_or_default() as i32;
+        let d = i32::from(d) * Disparity::STEPS;
+        let half = Disparity::STEPS / 2;
+        Disparity::from_bits(if mirrored { d + half - steps } else { d - half + steps } as i16)
+    }
+
+    /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that has vectors: 64 bits hold every quotient of 32 bits so
+    /// closely that none is rounded up to a whole number.
+    #[inline(always)]
+    pub(crate) fn refine_all(costs: &Around) -> [Option<Disparity>; BATCH] {
+        const TWO_TO_52: f64 = 4_503_599_627_370_496.0;
+        const ALMOST_HALF: f64 = 0.5 - 1.0 / 33_554_432.0;
+        let mut refined = [None; BATCH];
+        for (i, refined) in refined.iter_mut().enumerate() {
+            let (d, steps) = (i32::from(costs.d[i]), Disparity::STEPS);
+            // Costs that mean nothing make disparities that mean nothing.
+            let (fall, rise) =
+                (costs.before[i].wrapping_sub(costs.at[i]) as i32, costs.after[i].wrapping_sub(costs.at[i]) as i32);
+            let denominator = fall.wrapping_add(rise).max(1).wrapping_mul(2);
+            let sign = if d < 0 || (d == 0 && fall < rise) { -1 } else { 1 };
+            let numerator = fall.wrapping_sub(rise).wrapping_mul(2 * steps * sign);
+            let dividend = numerator.wrapping_add(denominator.wrapping_mul(steps + 1));
+            let quotient = f64::from(dividend) / f64::from(denominator.wrapping_mul(2));
+            // Rounded down: 2^52 leaves no bits for a fraction, and a quotient that is not whole is further below the next whole number than the
+            // half lacks. A cast of floats would not be done in vectors.
+            let shift = (quotient - ALMOST_HALF + TWO_TO_52).to_bits() as i32 - steps / 2;
+            *refined = Disparity::from_bits(d.wrapping_mul(steps).wrapping_add(shift.wrapping_mul(sign)) as i16);
+        }
+        refined
     }
 
     /// The disparity of exactly `d` pixels.
@@ -118,6 +145,17 @@ impl defmt::Format for Disparity {
     fn format(&self, f: defmt::Formatter<'_>) {
         defmt::write!(f, "{=f32}", f32::from(*self));
     }
+}
+
+const BATCH: usize = Winners::<()>::MAX;
+
+/// The disparities of a batch of pixels, and the costs before, at and after them.
+#[derive(Debug)]
+pub(crate) struct Around {
+    pub d: [i16; BATCH],
+    pub before: [u32; BATCH],
+    pub at: [u32; BATCH],
+    pub after: [u32; BATCH],
 }
 
 #[cfg(test)]

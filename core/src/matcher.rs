@@ -6,10 +6,11 @@ use bytemuck::Pod;
 
 use crate::{
     Disparity, Frame, MatchError, Memory, MemoryTooSmall, Params, Region, ScanlineSource,
+    availability::Available,
     kernel::{Blocks, Change, Isa, Lane, Portable},
     lines::{Frames, Lines},
     memory::Shape,
-    sweep::{self, Steps, Sweep},
+    sweep::{self, Sweep},
 };
 
 /// A pass over a region of a frame, one disparity line at a time.
@@ -59,6 +60,8 @@ pub struct Matcher<'m, I = Portable<{ Params::LANES }>> {
     shape: Shape,
     frames: Frames<'m>,
     sums: Sums<'m>,
+    /// What `sums.masks` leaves.
+    available: Available,
     /// A line as it comes from the source.
     line: &'m mut [u8],
     /// The next disparity line.
@@ -75,6 +78,8 @@ struct Sums<'m> {
     columns: &'m mut [u32],
     /// Over the block.
     blocks: &'m mut [u32],
+    /// In the shape of `blocks`, the greatest cost where a view is not available, and zero elsewhere.
+    masks: &'m mut [u32],
     /// The fused costs of a pixel.
     fused: &'m mut [u32],
     /// What leaves where nothing has entered yet.
@@ -87,7 +92,7 @@ impl Params {
 
     /// The length of the memory that [`Matcher::new`] is lent: see [`Memory`].
     pub const fn memory_words(&self) -> usize {
-        Memory::new(self, self.width(), Params::LANES).words()
+        Memory::new::<Portable<{ Params::LANES }>>(self, self.width()).words()
     }
 }
 
@@ -111,8 +116,8 @@ impl<'m, I: Isa> Matcher<'m, I> {
     /// # Errors
     /// [`MemoryTooSmall`].
     pub fn with_isa(isa: I, params: &Params, region: &Region, memory: &'m mut [u32]) -> Result<Matcher<'m, I>, MemoryTooSmall> {
-        let shape = Shape::new(params, region.width(), I::LANES);
-        let sizes = Memory::new(params, region.width(), I::LANES);
+        let shape = Shape::new::<I>(params, region.width());
+        let sizes = Memory::new::<I>(params, region.width());
         let too_small = MemoryTooSmall { needed: sizes.words(), given: memory.len() };
         let mut rest = memory.get_mut(..sizes.words()).ok_or(too_small)?;
         let mut lend = |bytes: usize| {
@@ -122,10 +127,12 @@ impl<'m, I: Isa> Matcher<'m, I> {
         };
         let columns = lend(sizes.column_sums)?;
         let blocks = lend(sizes.block_sums)?;
+        let masks = lend(sizes.masks)?;
         let fused = lend(sizes.fused)?;
         let zeros = lend(sizes.zeros)?;
         let line = lend(sizes.line)?;
         columns.fill(0);
+        masks.fill(u32::MAX);
         zeros.fill(0);
         let mut lines = |frame| {
             let samples = bytemuck::cast_slice_mut(lend(shape.frame_bytes(frame))?);
@@ -142,7 +149,8 @@ impl<'m, I: Isa> Matcher<'m, I> {
             region: *region,
             shape,
             frames: Frames { center, views },
-            sums: Sums { columns, blocks, fused, zeros },
+            sums: Sums { columns, blocks, masks, fused, zeros },
+            available: Available::new(params),
             line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
             next: region.rows().start,
             primed: region.rows().start as i32 - params.radius() as i32,
@@ -198,7 +206,8 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
 
 impl<I: Isa> Matcher<'_, I> {
     /// Computes the next line, in `V` views and with block sums in lanes of type `L`.
-    #[inline(always)]
+    // Without optimisation, all that is inlined takes stack, and once is enough.
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn compute<S: ScanlineSource, L: Lane, const V: usize>(
         &mut self,
         source: &mut S,
@@ -208,7 +217,10 @@ impl<I: Isa> Matcher<'_, I> {
         I: Blocks<L>,
     {
         let (v, vectors) = (self.next, self.shape.depth / I::LANES);
-        let columns = cast_mut::<_, [I::Sums; V]>(self.sums.columns);
+        let columns = cast_mut::<_, I::Sums>(self.sums.columns).get_mut(..self.shape.span * V * vectors).unwrap_or_default();
+        let bias = I::bias((v + 1 - self.region.rows().start) as u32);
+        cast_mut::<_, u16>(self.sums.zeros).fill(bias);
+        let nothing = &*cast_mut::<_, I::Sums>(self.sums.zeros).get_mut(..V * vectors).unwrap_or_default();
         // The lowest line of the blocks enters. At the region's top all their lines do, and then nothing is left to move.
         let entering = v as i32 + self.params.radius() as i32;
         let mut lines = Change { entering, leaving: entering - self.params.block_size() as i32 };
@@ -217,7 +229,10 @@ impl<I: Isa> Matcher<'_, I> {
             while self.primed <= entering {
                 self.frames.read_ahead(source, &self.params, self.line, self.primed)?;
                 let line = Change { entering: self.primed, leaving: self.primed };
-                sweep::prime(self.isa, columns, vectors, Steps::<V>::new(&self.frames, line));
+                let mut steps = sweep::steps::<I, V>(&self.frames, line, columns, nothing, self.params.block_size());
+                for _ in 0..self.shape.span {
+                    self.isa.prime(&mut steps);
+                }
                 self.primed += 1;
             }
         }
@@ -225,16 +240,18 @@ impl<I: Isa> Matcher<'_, I> {
         if v + 1 == self.params.height() {
             self.frames.read_rest(source, &self.params, self.line)?;
         }
-        let sweep = Sweep {
+        let sweep = Sweep::<L, I, V> {
             isa: self.isa,
             params: &self.params,
             region: &self.region,
-            columns,
-            zeros: cast_mut(self.sums.zeros),
+            steps: sweep::steps(&self.frames, lines, columns, nothing, self.params.block_size()),
+            bias,
             blocks: cast_mut(self.sums.blocks).get_mut(..vectors).unwrap_or_default(),
-            fused: cast_mut(self.sums.fused).get_mut(..vectors).unwrap_or_default(),
+            masks: cast_mut(self.sums.masks).get_mut(..vectors).unwrap_or_default(),
+            available: &mut self.available,
+            fused: cast_mut(self.sums.fused),
         };
-        sweep.run(v, Steps::new(&self.frames, lines), out);
+        sweep.run(v, out);
         Ok(())
     }
 }

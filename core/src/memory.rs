@@ -1,6 +1,6 @@
 //! How much memory a match takes: the one formula behind the firmware's statics, the checks and the printed budgets.
 
-use crate::{Frame, Params, View};
+use crate::{Frame, Params, View, kernel::Isa};
 
 /// The matcher's memory by buffer, in bytes, for regions of up to a given number of columns.
 ///
@@ -11,19 +11,20 @@ use crate::{Frame, Params, View};
 /// | --- | --- |
 /// | `column_sums` | `2 X D` for each view |
 /// | `block_sums` | `2 D` for each view, `4 D` from a block of 17 |
-/// | `fused` | `2 D`, `4 D` from a block of 17 |
+/// | `masks` | as `block_sums` |
+/// | `fused` | `2 D` for each pixel of a [batch](Isa::BATCH), `4 D` from a block of 17 |
 /// | `center` | `(2 rho + 2) X` |
 /// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each horizontal view |
-/// | `vertical` | `X (D + 2 rho + 9)` for each vertical view |
+/// | `vertical` | `X (D + 2 rho + 8)` for each vertical view |
 /// | `zeros` | `2 D` for each view |
 /// | `line` | the frame's width |
 ///
 /// OpenCV's StereoBM, for comparison, takes `(height + block + 2) D (block + 1)` bytes of scratch for its one view.
 ///
 /// ```
-/// use multiscopic_core::{Fusion, Memory, Params, Views};
+/// use multiscopic_core::{Fusion, Memory, Params, Views, kernel::Portable};
 /// let params = Params::new(320, 240, Views::ALL, Fusion::Min, 1, 32, 11).unwrap();
-/// assert!(Memory::new(&params, 320, 4).bytes() < 144 * 1024);
+/// assert!(Memory::new::<Portable<4>>(&params, 320).bytes() < 144 * 1024);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -33,6 +34,8 @@ pub struct Memory {
     pub column_sums: usize,
     /// Sums of differences over the block, for each view and disparity.
     pub block_sums: usize,
+    /// What hides block sums in views that are not available.
+    pub masks: usize,
     /// Fused costs of one pixel.
     pub fused: usize,
     /// The centre's lines under the block.
@@ -48,15 +51,16 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// The memory for regions of up to `columns` columns with `lanes` lanes.
-    pub const fn new(params: &Params, columns: usize, lanes: usize) -> Memory {
-        let shape = Shape::new(params, columns, lanes);
+    /// The memory for regions of up to `columns` columns with an instruction set.
+    pub const fn new<I: Isa>(params: &Params, columns: usize) -> Memory {
+        let shape = Shape::new::<I>(params, columns);
         let views = params.views().len();
         let vertical_views = params.views().contains(View::Top) as usize + params.views().contains(View::Bottom) as usize;
         Memory {
             column_sums: shape.align(2 * shape.span * views * shape.depth),
             block_sums: shape.align(shape.lane_bytes * views * shape.depth),
-            fused: shape.align(shape.lane_bytes * shape.depth),
+            masks: shape.align(shape.lane_bytes * views * shape.depth),
+            fused: shape.align(I::BATCH * shape.lane_bytes * shape.depth),
             center: shape.align(shape.ring_lines * shape.span),
             horizontal: (views - vertical_views) * shape.align(shape.ring_lines * shape.reach()),
             vertical: vertical_views * shape.align(shape.span * shape.stack),
@@ -67,7 +71,15 @@ impl Memory {
 
     /// All of it, in bytes.
     pub const fn bytes(&self) -> usize {
-        self.column_sums + self.block_sums + self.fused + self.center + self.horizontal + self.vertical + self.zeros + self.line
+        self.column_sums
+            + self.block_sums
+            + self.masks
+            + self.fused
+            + self.center
+            + self.horizontal
+            + self.vertical
+            + self.zeros
+            + self.line
     }
 
     /// All of it, as the length of the `[u32]` that the matcher is lent.
@@ -96,12 +108,11 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
-    /// How many lines enter a column of a vertical view before its samples move.
-    pub const SLACK: usize = 8;
+    /// How many lines enter a column of a vertical view before its samples move, by one more: by whole words.
+    pub const SLACK: usize = 7;
 
-    pub const fn new(params: &Params, columns: usize, lanes: usize) -> Shape {
-        let lanes = if lanes == 0 { 1 } else { lanes };
-        let depth = params.num_disparities().next_multiple_of(lanes);
+    pub const fn new<I: Isa>(params: &Params, columns: usize) -> Shape {
+        let depth = params.num_disparities().next_multiple_of(I::LANES);
         let ring_lines = params.block_size() + 1;
         // From the first line that leaves to the last that enters, each with all its disparities.
         let live = params.num_disparities() + params.block_size();
@@ -112,7 +123,7 @@ impl Shape {
             stack: live + (depth - params.num_disparities()) + Shape::SLACK,
             live,
             lane_bytes: if params.max_block_sum() < u16::MAX as u32 { 2 } else { 4 },
-            vector_bytes: (2 * lanes).next_multiple_of(4),
+            vector_bytes: (2 * I::LANES).next_multiple_of(4),
         }
     }
 

@@ -2,124 +2,257 @@
 
 use crate::{
     Disparity, Params,
-    availability::{Segment, Segments},
-    kernel::{self, Block, Blocks, Lane, Rule},
+    availability::{Availability, Available},
+    disparity::Around,
+    kernel::{Block, Blocks, Isa, Lane, Rule, Winners},
 };
 
-/// The choice of a disparity by the block sums of one pixel.
-pub(crate) struct Selection<'a, L, I: Blocks<L>, const V: usize> {
-    pub isa: I,
-    pub params: &'a Params,
-    pub segments: &'a Segments,
-    pub blocks: &'a [[I::Costs; V]],
+const BATCH: usize = Winners::<()>::MAX;
+
+/// The choice of a disparity by fused costs in lanes.
+///
+/// A lane that holds [`Lane::MAX`] has saturated, or belongs to no candidate.
+pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
+    isa: I,
+    params: &'a Params,
+    pub rule: Rule,
+    /// The index of each lane of a vector.
+    indices: I::Costs,
+    /// Zero in the lanes of the last vector that belong to a disparity, and the greatest cost in those that are too many.
+    excess: I::Costs,
+    /// Whether there are any.
+    exceeds: bool,
 }
 
-impl<L: Lane, I: Blocks<L>, const V: usize> Selection<'_, L, I, V> {
-    /// The existing candidate of least fused cost, the smallest of several, refined between its neighbours.
-    ///
-    /// `fused` is a buffer for the costs of all candidates.
-    #[inline(always)]
-    pub fn disparity(&self, fused: &mut [I::Costs]) -> Option<Disparity> {
-        let mut best: Option<(u32, usize)> = None;
-        for segment in self.segments.iter().filter(|segment| segment.views != 0) {
-            let candidate = self.winner(segment, fused);
-            if best.is_none_or(|best| candidate.0 < best.0) {
-                best = Some(candidate);
+impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
+    pub fn new(isa: I, params: &'a Params, rule: Rule) -> Selection<'a, L, I> {
+        let mut indices = <I::Costs as bytemuck::Zeroable>::zeroed();
+        let mut excess = indices;
+        for index in 0..I::LANES {
+            if let Some(lane) = lanes_mut::<L, _>(&mut indices).get_mut(I::lane(index)) {
+                *lane = L::from_index(index);
+            }
+            let is_excess = index > (params.num_disparities() - 1) % I::LANES;
+            if let Some(lane) = lanes_mut::<L, _>(&mut excess).get_mut(I::lane(index)).filter(|_| is_excess) {
+                *lane = L::MAX;
             }
         }
-        let (cost, index) = best?;
-        refined(self.params, index, self.cost(index.wrapping_sub(1)), cost, self.cost(index + 1))
+        Selection { isa, params, rule, indices, excess, exceeds: !params.num_disparities().is_multiple_of(I::LANES) }
     }
 
-    /// As [`disparity`](Selection::disparity) where all views are available at all disparities and `fused` holds the costs by `rule`
-    /// already, whose least in each lane is `least`. Nothing is known, `None`, if all have saturated.
+    /// What the costs in the last vector are at least, if it has lanes too many.
     #[inline(always)]
-    pub fn disparity_of_fused(&self, rule: Rule, fused: &[I::Costs], least: I::Block) -> Option<Option<Disparity>> {
-        let least = least.least();
-        if least == L::MAX {
+    pub fn excess(&self) -> Option<I::Costs> {
+        self.exceeds.then_some(self.excess)
+    }
+
+    /// Fuses the costs of a pixel whose views are all available at all disparities, and returns the least.
+    #[inline(always)]
+    pub fn fuse<const V: usize>(&self, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
+        let least = self.isa.fuse(self.rule, blocks, fused);
+        if self.exceeds { self.least(fused) } else { least.least() }
+    }
+
+    /// Whether masks do for the rule: a hidden cost is that of no view, but for the heuristic rule where there is but one.
+    pub fn masks(&self, available: &Available) -> bool {
+        match self.rule {
+            Rule::Min => true,
+            Rule::Sum => false,
+            Rule::Heuristic => available.has_pairs(),
+        }
+    }
+
+    /// Fuses the costs of a pixel that masks leave, and returns the least.
+    #[inline(always)]
+    pub fn fuse_masked<const V: usize>(&self, blocks: &[[I::Costs; V]], masks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
+        self.isa.fuse_masked(self.rule, blocks, masks, fused).least()
+    }
+
+    /// Fuses the costs of a pixel segment by segment, and returns the least.
+    #[cfg_attr(target_arch = "arm", inline(never))]
+    #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
+    pub fn fuse_segments<const V: usize>(
+        &self,
+        availability: &Availability<'_>,
+        blocks: &[[I::Costs; V]],
+        fused: &mut [I::Costs],
+    ) -> L {
+        for segment in availability.segments() {
+            // Each segment is followed by the next, so that lanes past its end do not matter; of its first vector the lanes before its start
+            // are kept.
+            let (first, end) = (segment.start / I::LANES, segment.end.div_ceil(I::LANES));
+            let (Some(blocks), Some(fused)) = (blocks.get(first..end), fused.get_mut(first..end)) else { continue };
+            let before = fused.first().copied();
+            self.isa.fuse_available(self.rule, segment.views, blocks, fused);
+            let kept = segment.start - first * I::LANES;
+            if let (Some(before), Some(costs)) = (before.filter(|_| kept > 0), fused.first_mut()) {
+                let (before, after) = (self.isa.load_block(&before), self.isa.load_block(costs));
+                let kept = self.isa.splat(L::from_index(kept));
+                kept.if_greater(self.isa.load_block(&self.indices), before, after).store(costs);
+            }
+        }
+        self.least(fused)
+    }
+
+    /// The least of a pixel's fused costs, in which lanes too many do not count.
+    #[inline(always)]
+    fn least(&self, fused: &mut [I::Costs]) -> L {
+        if let Some(last) = fused.last_mut().filter(|_| self.exceeds) {
+            self.isa.load_block(last).max(self.isa.load_block(&self.excess)).store(last);
+        }
+        self.isa.least(fused)
+    }
+
+    /// The disparities of a batch of pixels, refined between neighbours; those by [`Exact`] costs where lanes do not tell.
+    ///
+    /// Step by step for all pixels: each step takes long, but does not wait for that of another pixel.
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    pub fn disparities<'e>(
+        &self,
+        winners: &Winners<L>,
+        fused: &[I::Costs],
+        vectors: usize,
+        pixels: &mut [Option<Disparity>],
+        exact: impl Fn(usize) -> Exact<'e, I>,
+    ) where
+        I: 'e,
+    {
+        let Winners { costs, indices } = winners;
+        let fused = fused.chunks_exact(vectors.max(1)).take(pixels.len());
+        let last = self.params.num_disparities() as u32 - 1;
+        let (mut lanes_before, mut lanes_after) = ([0; BATCH], [0; BATCH]);
+        for i in 0..BATCH {
+            lanes_before[i] = lane::<I>(indices[i].saturating_sub(1) as usize);
+            lanes_after[i] = lane::<I>(last.min(indices[i] + 1) as usize);
+        }
+        let (mut before, mut after) = ([L::MAX; BATCH], [L::MAX; BATCH]);
+        let neighbours = lanes_before.iter().zip(&lanes_after).zip(before.iter_mut().zip(&mut after));
+        for (((&lane_before, &lane_after), (before, after)), fused) in neighbours.zip(fused) {
+            let costs: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
+            *before = costs.get(lane_before).copied().unwrap_or(L::MAX);
+            *after = costs.get(lane_after).copied().unwrap_or(L::MAX);
+        }
+        let mut around = Around { d: [0; BATCH], before: [0; BATCH], at: [0; BATCH], after: [0; BATCH] };
+        let mut unclear = [false; BATCH];
+        for i in 0..BATCH {
+            let (index, at, before, after) = (indices[i], costs[i], before[i], after[i]);
+            // At the ends of the search the disparity is left as it is.
+            let inner = (index != 0) & (index < last);
+            unclear[i] = (at == L::MAX) | (inner & ((before == L::MAX) | (after == L::MAX)));
+            around.d[i] = self.params.min_disparity().wrapping_add(index as i16);
+            around.before[i] = if inner { before } else { at }.widen();
+            around.at[i] = at.widen();
+            around.after[i] = if inner { after } else { at }.widen();
+        }
+        let refined = Disparity::refine_all(&around);
+        for (pixel, refined) in pixels.iter_mut().zip(refined) {
+            *pixel = refined;
+        }
+        if unclear != [false; BATCH] {
+            for (((pixel, _), i), (&at, &index)) in
+                pixels.iter_mut().zip(unclear).zip(0..).zip(costs.iter().zip(indices)).filter(|(((_, unclear), _), _)| *unclear)
+            {
+                let exact = exact(i);
+                *pixel = if at == L::MAX { exact.disparity() } else { exact.refined(index as usize) };
+            }
+        }
+    }
+
+    /// The disparity of a pixel by its least cost.
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    pub fn disparity<'e>(&self, cost: L, fused: &[I::Costs], exact: impl FnOnce() -> Exact<'e, I>) -> Option<Disparity>
+    where
+        I: 'e,
+    {
+        if cost == L::MAX {
+            return exact().disparity();
+        }
+        let index = self.isa.position(fused, cost);
+        let d = self.params.min_disparity() + index as i16;
+        if index == 0 || index + 1 >= self.params.num_disparities() {
+            return Disparity::whole(d);
+        }
+        let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
+        match (lanes.get(lane::<I>(index - 1)), lanes.get(lane::<I>(index + 1))) {
+            (Some(&before), Some(&after)) if before != L::MAX && after != L::MAX => {
+                Disparity::refine(d, before.widen(), cost.widen(), after.widen())
+            }
+            _ => exact().refined(index),
+        }
+    }
+}
+
+/// Where the lane of a disparity is among those of a pixel.
+#[inline(always)]
+fn lane<I: Isa>(index: usize) -> usize {
+    index / I::LANES * I::LANES + I::lane(index % I::LANES)
+}
+
+/// A vector's lanes.
+fn lanes_mut<L: Lane, T: bytemuck::Pod>(vector: &mut T) -> &mut [L] {
+    bytemuck::try_cast_slice_mut(core::slice::from_mut(vector)).unwrap_or_default()
+}
+
+/// The exact fused costs of a pixel, one by one: for where lanes have saturated, and next to disparities at which no view is available.
+pub(crate) struct Exact<'a, I: Isa> {
+    pub params: &'a Params,
+    /// The pixel.
+    pub u: usize,
+    pub v: usize,
+    /// The first pixel of its line.
+    pub start: usize,
+    /// The sums of the columns of the line, view by view, from the first under that pixel's block on.
+    pub sums: &'a [I::Sums],
+    /// Vectors in a column's view.
+    pub vectors: usize,
+    /// What every column sum has too much.
+    pub bias: u16,
+}
+
+impl<I: Isa> Exact<'_, I> {
+    /// The existing candidate of least fused cost, the smallest of several, refined between its neighbours.
+    #[cold]
+    pub fn disparity(&self) -> Option<Disparity> {
+        let availability = Availability::new(self.params, self.u, self.v);
+        if availability.is_empty() {
             return None;
         }
-        let index = kernel::position(self.isa, fused, least);
-        let factor = rule.factor(self.params.fusion(), V);
-        let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
-        let before = self.cost_in_lanes(lanes, index.wrapping_sub(1), factor);
-        let after = self.cost_in_lanes(lanes, index + 1, factor);
-        Some(refined(self.params, index, before, least.widen() * factor, after))
+        let all = 0..self.params.num_disparities();
+        let costs = all.filter_map(|index| Some((self.cost(&availability, index)?, index)));
+        let (_, index) = costs.min_by_key(|&(cost, _)| cost)?;
+        self.refined(index)
     }
 
-    /// The fused cost of a candidate from its lane, where that has not saturated.
-    #[inline(always)]
-    fn cost_in_lanes(&self, lanes: &[L], index: usize, factor: u32) -> Option<u32> {
-        match lanes.get(index) {
-            Some(&lane) if lane != L::MAX => Some(lane.widen() * factor),
-            _ => self.cost(index),
+    /// The disparity at `index`, refined if both neighbours exist.
+    #[cold]
+    pub fn refined(&self, index: usize) -> Option<Disparity> {
+        let availability = Availability::new(self.params, self.u, self.v);
+        let cost = |index| self.cost(&availability, index);
+        let d = self.params.min_disparity() + index as i16;
+        match (cost(index.wrapping_sub(1)), cost(index), cost(index + 1)) {
+            (Some(before), Some(at), Some(after)) => Disparity::refine(d, before, at, after),
+            _ => Disparity::whole(d),
         }
     }
 
-    /// The least fused cost in a segment and its first index.
-    #[inline(always)]
-    fn winner(&self, segment: &Segment, fused: &mut [I::Costs]) -> (u32, usize) {
-        let count = segment.views.count_ones() as usize;
-        let rule = Rule::new(self.params.fusion(), count);
-        // The vectors that the segment touches, of which the first and the last may be in part outside.
-        let touched = segment.start / I::LANES..segment.end.div_ceil(I::LANES);
-        let start = touched.start * I::LANES;
-        let blocks = self.blocks.get(touched.clone()).unwrap_or_default();
-        let fused = fused.get_mut(touched).unwrap_or_default();
-        let mut costs = [self.isa.splat(L::MAX); V];
-        for (fused, block) in fused.iter_mut().zip(blocks) {
-            let mut available = costs.iter_mut();
-            for (k, block) in block.iter().enumerate() {
-                let available = if segment.views >> k & 1 != 0 { available.next() } else { None };
-                if let Some(costs) = available {
-                    *costs = self.isa.load_block(block);
-                }
-            }
-            if let Some(costs) = costs.get(..count).and_then(|costs| kernel::fuse(rule, costs)) {
-                costs.store(fused);
-            }
-        }
-        let lanes: &mut [L] = bytemuck::try_cast_slice_mut(fused).unwrap_or_default();
-        lanes.iter_mut().take(segment.start - start).for_each(|lane| *lane = L::MAX);
-        lanes.iter_mut().skip(segment.end - start).for_each(|lane| *lane = L::MAX);
-        let mut least = self.isa.splat(L::MAX);
-        for costs in &*fused {
-            least = least.min(self.isa.load_block(costs));
-        }
-        let least = least.least();
-        if least == L::MAX {
-            return self.search(segment);
-        }
-        (least.widen() * rule.factor(self.params.fusion(), count), start + kernel::position(self.isa, fused, least))
-    }
-
-    /// The least exact cost in a segment and its first index: for the rare one where all lanes have saturated.
-    fn search(&self, segment: &Segment) -> (u32, usize) {
-        let costs = (segment.start..segment.end).filter_map(|index| Some((self.cost(index)?, index)));
-        costs.min_by_key(|&(cost, _)| cost).unwrap_or((u32::MAX, segment.start))
-    }
-
-    /// The exact fused cost of a candidate, if it exists.
-    fn cost(&self, index: usize) -> Option<u32> {
-        let available = self.segments.views_at(index);
-        let block = self.blocks.get(index / I::LANES)?;
-        let mut costs = [0; V];
+    /// The fused cost of a candidate, if it exists.
+    fn cost(&self, availability: &Availability<'_>, index: usize) -> Option<u32> {
+        let available = availability.views_at(index);
+        let mut costs = [0; 4];
         let mut count = 0;
-        for (_, lanes) in block.iter().enumerate().filter(|(k, _)| available >> k & 1 != 0) {
-            let lanes: &[L] = bytemuck::try_cast_slice(core::slice::from_ref(lanes)).unwrap_or_default();
-            *costs.get_mut(count)? = lanes.get(index % I::LANES)?.widen();
+        for k in (0..self.params.views().len()).filter(|k| available >> k & 1 != 0) {
+            *costs.get_mut(count)? = self.block_sum(k, index)?;
             count += 1;
         }
         self.params.fusion().fuse(costs.get_mut(..count)?)
     }
-}
 
-/// The disparity of an index by its cost, refined if both neighbours exist and have one too.
-#[inline(always)]
-fn refined(params: &Params, index: usize, before: Option<u32>, cost: u32, after: Option<u32>) -> Option<Disparity> {
-    let d = params.min_disparity() + index as i16;
-    match (before, after) {
-        (Some(before), Some(after)) => Disparity::refine(d, before, cost, after),
-        _ => Disparity::whole(d),
+    /// The block's sum in the `k`-th view.
+    fn block_sum(&self, k: usize, index: usize) -> Option<u32> {
+        let columns = self.sums.chunks_exact((self.params.views().len() * self.vectors).max(1));
+        columns.skip(self.u - self.start).take(self.params.block_size()).try_fold(0, |sum, column| {
+            let sums: &[u16] = bytemuck::try_cast_slice(column.get(k * self.vectors..)?).ok()?;
+            Some(sum + u32::from(sums.get(lane::<I>(index))?.wrapping_sub(self.bias)))
+        })
     }
 }

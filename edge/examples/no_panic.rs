@@ -8,7 +8,8 @@ mod image {
 
     use core::{convert::Infallible, hint::black_box, panic::PanicInfo};
     use cortex_m as _; // brings the critical section
-    use multiscopic_core::{Frame, Fusion, Matcher, Params, Region, ScanlineSource, Views, kernel::Portable};
+    use multiscopic_core::{Frame, Fusion, Matcher, Params, Region, ScanlineSource, Views};
+    use multiscopic_edge::Kernel;
     use static_cell::ConstStaticCell;
 
     static MEMORY: ConstStaticCell<[u32; 10_000]> = ConstStaticCell::new([0; 10_000]);
@@ -42,7 +43,7 @@ mod image {
         let params = Params::new(width, height, views, fusion, min_disparity, num_disparities, block_size).ok()?;
         let (memory, line) = (MEMORY.try_take()?, LINE.try_take()?);
         for tile in Region::tiles(&params, black_box(20)) {
-            let mut matcher = Matcher::with_isa(Portable::<{ Params::LANES }>, &params, &tile, &mut memory[..]).ok()?;
+            let mut matcher = Matcher::with_isa(Kernel::default(), &params, &tile, &mut memory[..]).ok()?;
             let line = line.get_mut(..tile.width())?;
             while matcher.next_line(&mut Unknown, line).ok()?.is_some() {
                 black_box(&mut *line);

@@ -12,7 +12,7 @@ use multiscopic_core::{Params, Rewind};
 /// use core::{convert::Infallible, time::Duration};
 /// use embedded_io::Write;
 /// use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, Views};
-/// use multiscopic_edge::{Board, Lengths, Phase, Workspace};
+/// use multiscopic_edge::{Board, Kernel, Lengths, Phase, Workspace};
 ///
 /// const PARAMS: Params = match Params::new(96, 64, Views::HORIZONTAL, Fusion::Min, 1, 16, 7) {
 ///     Ok(params) => params,
@@ -20,7 +20,7 @@ use multiscopic_core::{Params, Rewind};
 /// };
 /// /// All columns in one pass. Narrower tiles take less memory: `multiscopic budget` says how much.
 /// const TILE: usize = PARAMS.width();
-/// const LENGTHS: Lengths = Lengths::new(&PARAMS, TILE);
+/// const LENGTHS: Lengths = Lengths::new::<Kernel>(&PARAMS, TILE);
 /// type Memory = Workspace<{ LENGTHS.matcher.words() }, { LENGTHS.columns }, { LENGTHS.packet }>;
 /// // The build fails where it does not fit.
 /// const _: () = assert!(size_of::<Memory>() < 20 * 1024, "use narrower tiles: TILE");

@@ -14,24 +14,26 @@ mod board;
 #[cfg(all(target_os = "none", feature = "semihosting"))]
 pub mod firmware;
 pub mod frame_file;
+mod kernel;
 pub mod packet;
 mod pipeline;
 pub mod profile;
 mod streams;
 
 pub use board::{Board, Phase};
+pub use kernel::{Kernel, Narrow, Wide};
 pub use pipeline::{Lengths, Pipeline, PipelineError, RunError, Workspace};
 pub use profile::Profile;
 pub use streams::{Streams, StreamsError};
 
-/// The type of a profile's [`Workspace`].
+/// The type of the [`Workspace`] that a kernel needs for a profile.
 #[macro_export]
 macro_rules! workspace {
-    ($profile:path) => {
+    ($kernel:ty, $profile:path) => {
         $crate::Workspace<
-            { $profile.lengths().matcher.words() },
-            { $profile.lengths().columns },
-            { $profile.lengths().packet },
+            { $profile.lengths::<$kernel>().matcher.words() },
+            { $profile.lengths::<$kernel>().columns },
+            { $profile.lengths::<$kernel>().packet },
         >
     };
 }
@@ -42,12 +44,12 @@ macro_rules! firmware {
     ($profile:path) => {
         #[cfg(target_os = "none")]
         mod image {
-            use multiscopic_edge::{Profile, Workspace, firmware, workspace};
+            use multiscopic_edge::{Kernel, Profile, Workspace, firmware, workspace};
             use static_cell::ConstStaticCell;
 
             const PROFILE: Profile = $profile;
 
-            static WORKSPACE: ConstStaticCell<workspace!(PROFILE)> = ConstStaticCell::new(Workspace::new());
+            static WORKSPACE: ConstStaticCell<workspace!(Kernel, PROFILE)> = ConstStaticCell::new(Workspace::new());
 
             #[cortex_m_rt::entry]
             fn main() -> ! {

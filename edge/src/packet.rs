@@ -119,11 +119,33 @@ impl<'b> Sender<'b> {
         let (body, rest) = plain.split_at_mut_checked(header + 2 * disparities.len()).ok_or(too_small)?;
         rest.get_mut(..CRC_BYTES).ok_or(too_small)?.copy_from_slice(&CRC.checksum(body).to_le_bytes());
         let len = body.len() + CRC_BYTES;
-        let len = cobs::try_encode(plain.get(..len).ok_or(too_small)?, framed).map_err(|_| too_small)?;
-        *framed.get_mut(len).ok_or(too_small)? = 0;
+        let len = frame(plain.get(..len).ok_or(too_small)?, framed).ok_or(too_small)?;
         self.sequence += 1;
-        framed.get(..=len).ok_or(too_small)
+        framed.get(..len).ok_or(too_small)
     }
+}
+
+/// Takes the zeros out of `bytes`, ends them with one, and returns how many these are: COBS run by run, since zeros are rare.
+fn frame(bytes: &[u8], mut framed: &mut [u8]) -> Option<usize> {
+    /// The most bytes in a run.
+    const RUN: usize = 254;
+    let (mut rest, mut len) = (bytes, 0);
+    loop {
+        let most = rest.get(..RUN).unwrap_or(rest);
+        let run = most.iter().position(|&byte| byte == 0).unwrap_or(most.len());
+        let (code, after) = framed.split_first_mut()?;
+        let (to, after) = after.split_at_mut_checked(run)?;
+        *code = run as u8 + 1;
+        to.copy_from_slice(rest.get(..run)?);
+        (framed, len) = (after, len + 1 + run);
+        // A run of the most bytes is not followed by a zero that was taken out.
+        rest = match rest.get(run + usize::from(run < RUN)..) {
+            Some(rest) if run < RUN || !rest.is_empty() => rest,
+            _ => break,
+        };
+    }
+    *framed.first_mut()? = 0;
+    Some(len + 1)
 }
 
 /// The buffer is too small for a packet.
@@ -329,6 +351,24 @@ mod tests {
             assert_eq!((packet.header.width, packet.header.height), (700, 20));
             assert_eq!(packet.header.content, Content::Line { line: 7, left: 3, columns: columns as u16 });
             assert!(packet.disparities().eq(line(columns)));
+        }
+    }
+
+    #[test]
+    fn runs_of_all_lengths_are_framed() {
+        for len in (0usize..20).chain(245..270).chain(500..520).chain(755..775) {
+            for zeros in
+                [vec![], vec![0], vec![253], vec![254], vec![255], vec![len / 2, len / 2 + 1], vec![len.saturating_sub(1)]]
+            {
+                let bytes: Vec<u8> = (0..len).map(|i| if zeros.contains(&i) { 0 } else { i as u8 | 1 }).collect();
+                let mut framed = vec![0xaa; max_bytes(len / 2 + 1)];
+                let end = frame(&bytes, &mut framed).unwrap();
+                let (&mut zero, framed) = framed[..end].split_last_mut().unwrap();
+                assert!(zero == 0 && !framed.contains(&0), "{len} bytes, zeros at {zeros:?}");
+                let decoded = cobs::decode_in_place(framed).unwrap();
+                assert_eq!(&framed[..decoded], bytes, "zeros at {zeros:?}");
+                assert_eq!(frame(&bytes, &mut vec![0; end - 1]), None);
+            }
         }
     }
 

@@ -3,11 +3,12 @@
 use core::{error, fmt, marker::PhantomData};
 use embedded_io::Write;
 use multiscopic_core::{
-    Disparity, Frame, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, Rewind, ScanlineSource, kernel::Portable,
+    Disparity, Frame, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, Rewind, ScanlineSource,
+    kernel::{Blocks, Isa},
 };
 
 use crate::{
-    Board, Phase,
+    Board, Kernel, Phase,
     packet::{self, BufferTooSmall, Sender},
 };
 
@@ -23,13 +24,10 @@ pub struct Lengths {
 }
 
 impl Lengths {
-    /// Those for tiles of `tile_width` columns: all of them, if the frame is matched in one pass.
-    pub const fn new(params: &Params, tile_width: usize) -> Lengths {
-        Lengths {
-            matcher: Memory::new(params, tile_width, Params::LANES),
-            columns: tile_width,
-            packet: packet::buffer_bytes(tile_width),
-        }
+    /// Those for tiles of `tile_width` columns, all of them if the frame is matched in one pass, and for a kernel: [`Kernel`] in
+    /// firmware.
+    pub const fn new<I: Isa>(params: &Params, tile_width: usize) -> Lengths {
+        Lengths { matcher: Memory::new::<I>(params, tile_width), columns: tile_width, packet: packet::buffer_bytes(tile_width) }
     }
 
     /// The size of such a workspace, in bytes.
@@ -84,6 +82,21 @@ impl<'w> Pipeline<'w> {
         source: &mut B::Frames,
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
+        self.run_with::<B, Kernel>(Kernel::default(), params, tile_width, source, output)
+    }
+
+    /// The same with a kernel of choice: with as many lanes, it takes the memory of another processor's.
+    ///
+    /// # Errors
+    /// Those of the source, the matcher and the output.
+    pub fn run_with<B: Board, I: Blocks<u16> + Blocks<u32>>(
+        self,
+        kernel: I,
+        params: &Params,
+        tile_width: usize,
+        source: &mut B::Frames,
+        output: &mut B::Output,
+    ) -> Result<Sender<'w>, RunError<B>> {
         let mut sender = Sender::new(params, self.packet);
         for (pass, tile) in Region::tiles(params, tile_width).enumerate() {
             if pass > 0 {
@@ -93,8 +106,7 @@ impl<'w> Pipeline<'w> {
             let columns = tile.width();
             let given = self.line.len();
             let line = self.line.get_mut(..columns).ok_or(PipelineError::Line { needed: columns, given })?;
-            let mut matcher =
-                Matcher::with_isa(Portable::<{ Params::LANES }>, params, &tile, self.matcher).map_err(PipelineError::Memory)?;
+            let mut matcher = Matcher::with_isa(kernel, params, &tile, self.matcher).map_err(PipelineError::Memory)?;
             while let Some(v) = matcher.next_line(&mut Fetching::<B>::new(source), line).map_err(PipelineError::Match)? {
                 B::enter(Phase::Sending);
                 let packet = sender.line(&tile, v, line).map_err(PipelineError::Packet)?;
@@ -190,8 +202,8 @@ mod tests {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
-    const WORDS: usize = Lengths::new(&PARAMS, PARAMS.width()).matcher.words();
-    const PACKET: usize = Lengths::new(&PARAMS, PARAMS.width()).packet;
+    const WORDS: usize = Lengths::new::<Kernel>(&PARAMS, PARAMS.width()).matcher.words();
+    const PACKET: usize = Lengths::new::<Kernel>(&PARAMS, PARAMS.width()).packet;
 
     /// A slope two pixels away from the infinite, which counts how often it is read.
     #[derive(Default)]
@@ -290,13 +302,13 @@ mod tests {
     #[test]
     fn the_lengths_are_those_of_the_statics() {
         let sizes = [
-            size_of::<crate::workspace!(profile::QQVGA)>(),
-            size_of::<crate::workspace!(profile::QVGA)>(),
-            size_of::<crate::workspace!(profile::QVGA_TILED)>(),
-            size_of::<crate::workspace!(profile::VGA_TILED)>(),
+            size_of::<crate::workspace!(Kernel, profile::QQVGA)>(),
+            size_of::<crate::workspace!(Kernel, profile::QVGA)>(),
+            size_of::<crate::workspace!(Kernel, profile::QVGA_TILED)>(),
+            size_of::<crate::workspace!(Kernel, profile::VGA_TILED)>(),
         ];
-        assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths().bytes()));
-        assert_eq!(size_of::<Workspace<WORDS, 24, PACKET>>(), Lengths::new(&PARAMS, 24).bytes());
+        assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths::<Kernel>().bytes()));
+        assert_eq!(size_of::<Workspace<WORDS, 24, PACKET>>(), Lengths::new::<Kernel>(&PARAMS, 24).bytes());
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! What firmware images match.
 
-use multiscopic_core::{Fusion, Params, Views};
+use multiscopic_core::{Fusion, Params, Views, kernel::Isa};
 
-use crate::Lengths;
+use crate::{Lengths, Wide};
 
 /// The size of a match under a name, and the RAM it may take.
 #[derive(Clone, Copy, Debug)]
@@ -37,14 +37,14 @@ impl Profile {
         Profile { name, ram_budget: 1024 * budget_kib, shape, tile_width: shape.width as usize }
     }
 
-    /// A match in column tiles: as few of the same width as the budget allows.
+    /// A match in column tiles: as few of the same width as the budget allows with any kernel.
     const fn tiled(name: &'static str, shape: Shape, budget_kib: usize) -> Profile {
         let whole = Profile::whole(name, shape, budget_kib);
         let mut tiles = 1;
         loop {
             let tile_width = whole.tile_width.div_ceil(tiles);
             let profile = Profile { tile_width, ..whole };
-            if profile.lengths().matcher.bytes() + RESERVE <= profile.ram_budget {
+            if profile.lengths::<Wide>().matcher.bytes() + RESERVE <= profile.ram_budget {
                 return profile;
             }
             assert!(tile_width > 1, "a profile's RAM budget is too small for its narrowest tile");
@@ -62,9 +62,9 @@ impl Profile {
         self.tile_width
     }
 
-    /// How long the parts of its workspace are; the rule of fusion does not matter.
-    pub const fn lengths(&self) -> Lengths {
-        Lengths::new(&self.params(Fusion::Min), self.tile_width)
+    /// How long the parts of its workspace are for a kernel; the rule of fusion does not matter.
+    pub const fn lengths<I: Isa>(&self) -> Lengths {
+        Lengths::new::<I>(&self.params(Fusion::Min), self.tile_width)
     }
 }
 
@@ -101,7 +101,7 @@ mod tests {
         for tiled in [QVGA_TILED, VGA_TILED] {
             let width = usize::from(tiled.shape.width);
             let wider = Profile { tile_width: width.div_ceil(width.div_ceil(tiled.tile_width) - 1), ..tiled };
-            assert!(wider.lengths().matcher.bytes() + RESERVE > tiled.ram_budget, "{}", tiled.name);
+            assert!(wider.lengths::<Wide>().matcher.bytes() + RESERVE > tiled.ram_budget, "{}", tiled.name);
         }
     }
 
@@ -109,8 +109,8 @@ mod tests {
     fn the_fusion_does_not_change_the_memory() {
         for profile in ALL {
             for fusion in [Fusion::Min, Fusion::Mean, Fusion::Heuristic] {
-                let lengths = Lengths::new(&profile.params(fusion), profile.tile_width());
-                assert_eq!(lengths, profile.lengths(), "{}", profile.name);
+                let lengths = Lengths::new::<Wide>(&profile.params(fusion), profile.tile_width());
+                assert_eq!(lengths, profile.lengths::<Wide>(), "{}", profile.name);
             }
         }
     }

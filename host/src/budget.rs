@@ -23,7 +23,7 @@ impl Ram {
     /// That of a match in column tiles on a processor. The workspace follows from a formula, the rest was measured.
     pub fn new(params: &Params, tile_width: usize, processor: Processor) -> Ram {
         let measured = processor.measured();
-        Ram { workspace: Lengths::new(params, tile_width), statics: measured.statics, stack: measured.stack }
+        Ram { workspace: processor.lengths(params, tile_width), statics: measured.statics, stack: measured.stack }
     }
 
     /// Bytes of all statics.
@@ -37,13 +37,14 @@ impl Ram {
     }
 
     /// Every buffer. Their sizes sum to [`bytes`](Ram::bytes).
-    pub fn buffers(&self) -> [Buffer; 12] {
+    pub fn buffers(&self) -> [Buffer; 13] {
         let Lengths { matcher, packet, .. } = self.workspace;
         let line = self.workspace.line_bytes();
         let rounding = self.workspace.bytes() - (matcher.bytes() + line + packet);
         [
             ("column_sums", matcher.column_sums, "sums of differences down the block, by column, view and disparity"),
             ("block_sums", matcher.block_sums, "sums over the block, by view and disparity"),
+            ("masks", matcher.masks, "which views see which disparities of a pixel near a border"),
             ("fused", matcher.fused, "fused costs of a pixel"),
             ("center", matcher.center, "lines of the centre under the block"),
             ("horizontal", matcher.horizontal, "lines of the left and right views under the block"),
@@ -69,7 +70,7 @@ pub fn widest_tile(params: &Params, processor: Processor, limit: usize) -> Optio
 mod tests {
     use super::*;
     use multiscopic_core::{Fusion, Memory};
-    use multiscopic_edge::profile;
+    use multiscopic_edge::{Narrow, Wide, profile};
 
     #[test]
     fn the_buffers_are_all_of_it() {
@@ -77,9 +78,13 @@ mod tests {
             let params = profile.params(Fusion::Heuristic);
             let ram = Ram::new(&params, profile.tile_width(), processor);
             assert_eq!(ram.buffers().iter().map(|buffer| buffer.1).sum::<usize>(), ram.bytes());
-            let matcher = ram.buffers()[..8].iter().map(|buffer| buffer.1).sum::<usize>();
-            assert_eq!(matcher, Memory::new(&params, profile.tile_width(), Params::LANES).bytes());
-            assert_eq!(ram.statics(), profile.lengths().bytes() + processor.measured().statics);
+            let matcher = ram.buffers()[..9].iter().map(|buffer| buffer.1).sum::<usize>();
+            let (memory, lengths) = match processor {
+                Processor::CortexM55 => (Memory::new::<Wide>(&params, profile.tile_width()), profile.lengths::<Wide>()),
+                _ => (Memory::new::<Narrow>(&params, profile.tile_width()), profile.lengths::<Narrow>()),
+            };
+            assert_eq!((matcher, ram.workspace), (memory.bytes(), lengths));
+            assert_eq!(ram.statics(), lengths.bytes() + processor.measured().statics);
             assert!(ram.bytes() <= profile.ram_budget, "{}", profile.name);
         }
     }

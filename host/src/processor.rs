@@ -1,5 +1,8 @@
 //! The processors that budgets are made for.
 
+use multiscopic_core::{Params, kernel::Isa};
+use multiscopic_edge::{Lengths, Narrow, Wide};
+
 use crate::measured::{MEASURED, Measured};
 
 /// A processor by its core.
@@ -49,6 +52,28 @@ impl Processor {
             Processor::CortexM7 => 0.8,
             Processor::CortexM55 => 1.5,
         }
+    }
+
+    /// The lanes of its kernel: the number of disparities is rounded up to a multiple.
+    pub fn lanes(self) -> usize {
+        match self {
+            Processor::CortexM4 | Processor::CortexM7 => Narrow::LANES,
+            Processor::CortexM55 => Wide::LANES,
+        }
+    }
+
+    /// How long the parts of its workspace are.
+    pub fn lengths(self, params: &Params, tile_width: usize) -> Lengths {
+        match self {
+            Processor::CortexM4 | Processor::CortexM7 => Lengths::new::<Narrow>(params, tile_width),
+            Processor::CortexM55 => Lengths::new::<Wide>(params, tile_width),
+        }
+    }
+
+    /// The instructions of a match in column tiles by the cost model, lines not fetched but sent; `None` for three views, for which
+    /// no prices were fitted.
+    pub fn instructions(self, params: &Params, tile_width: usize) -> Option<f64> {
+        self.measured().prices.instructions(params, tile_width, self.lanes())
     }
 
     /// What was measured of its firmware.

@@ -40,6 +40,7 @@ impl Simd {
             if is_x86_feature_detected!("avx512bw")
                 && is_x86_feature_detected!("avx512vl")
                 && is_x86_feature_detected!("avx512dq")
+                && is_x86_feature_detected!("bmi2")
             {
                 levels.push(Simd(Level::Avx512));
             }
@@ -95,9 +96,9 @@ impl fmt::Display for Simd {
 }
 
 /// # Safety
-/// The processor has AVX-512F, BW, DQ and VL.
+/// The processor has AVX-512F, BW, DQ and VL, and BMI2.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,bmi1,lzcnt,popcnt")]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,bmi1,bmi2,lzcnt,popcnt")]
 unsafe fn avx512(frames: &Frames, params: &Params, region: &Region, out: &mut [Option<Disparity>], line_done: &impl Fn()) {
     // SAFETY: the caller's.
     match_region(unsafe { Avx512::new() }, frames, params, region, out, line_done);
@@ -123,7 +124,7 @@ fn match_region<I: Blocks<u16> + Blocks<u32>>(
 ) {
     /// Bytes of the widest vector, to which the sums are aligned.
     const ALIGNMENT: usize = 64;
-    let words = Memory::new(params, region.width(), I::LANES).words();
+    let words = Memory::new::<I>(params, region.width()).words();
     let mut memory = vec![0u32; words + ALIGNMENT / 4];
     let start = memory.as_ptr().align_offset(ALIGNMENT);
     let mut matcher =

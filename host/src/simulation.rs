@@ -3,10 +3,10 @@
 use std::{convert::Infallible, time::Duration};
 
 use embedded_io::{ErrorType, Read, Seek, SeekFrom};
-use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, View};
-use multiscopic_edge::{Board, Phase, Profile, Streams, StreamsError, Workspace, profile, workspace};
+use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, View, kernel::Blocks};
+use multiscopic_edge::{Board, Narrow, Phase, Profile, Streams, StreamsError, Wide, Workspace, profile, workspace};
 
-use crate::Frames;
+use crate::{Frames, Processor};
 
 /// What the firmware of a profile does with some frames.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,35 +22,43 @@ pub struct Simulation {
     pub workspace: usize,
 }
 
-/// Runs the pipeline of `profile` on `frames`, and calls `line_read` for every line of the centre that it reads.
+/// Runs the pipeline of `profile` on `frames`, in the memory that it has on `processor`, and calls `line_read` for every line of the centre that it reads.
 ///
 /// # Panics
 /// If the frames are not as large as the profile's, or a view of it is missing.
-pub fn simulate(profile: &Profile, fusion: Fusion, frames: &Frames, line_read: &dyn Fn()) -> Simulation {
+pub fn simulate(profile: &Profile, fusion: Fusion, processor: Processor, frames: &Frames, line_read: &dyn Fn()) -> Simulation {
     let params = profile.params(fusion);
     assert_eq!(frames.size(), [params.width(), params.height()], "the size of the frames for {}", profile.name);
+    let mut desk = Desk { frames, line_read };
     // The lengths of a workspace are part of its type.
     macro_rules! run {
-        ($($known:path),*) => {
+        ($kernel:ty: $($known:path),*) => {
             match profile.name {
                 $(name if name == $known.name => {
-                    run(&mut *Box::<workspace!($known)>::new(Workspace::new()), &params, profile.tile_width(), &mut Desk { frames, line_read })
+                    let mut workspace = Box::<workspace!($kernel, $known)>::new(Workspace::new());
+                    run(<$kernel>::default(), &mut *workspace, &params, profile.tile_width(), &mut desk)
                 })*
                 name => unreachable!("{name} is not a profile"),
             }
         };
     }
-    run!(profile::QQVGA, profile::QVGA, profile::QVGA_TILED, profile::VGA_TILED)
+    match processor {
+        Processor::CortexM4 | Processor::CortexM7 => {
+            run!(Narrow: profile::QQVGA, profile::QVGA, profile::QVGA_TILED, profile::VGA_TILED)
+        }
+        Processor::CortexM55 => run!(Wide: profile::QQVGA, profile::QVGA, profile::QVGA_TILED, profile::VGA_TILED),
+    }
 }
 
-fn run<const WORDS: usize, const COLUMNS: usize, const PACKET: usize>(
+fn run<I: Blocks<u16> + Blocks<u32>, const WORDS: usize, const COLUMNS: usize, const PACKET: usize>(
+    kernel: I,
     workspace: &mut Workspace<WORDS, COLUMNS, PACKET>,
     params: &Params,
     tile_width: usize,
     desk: &mut Desk<'_>,
 ) -> Simulation {
     let (Ok(mut source), Ok(mut packets)) = (desk.frames(params), desk.output());
-    let run = workspace.pipeline().run::<Desk<'_>>(params, tile_width, &mut source, &mut packets);
+    let run = workspace.pipeline().run_with::<Desk<'_>, I>(kernel, params, tile_width, &mut source, &mut packets);
     let mut sender = run.unwrap_or_else(|error| panic!("the workspace is the profile's and memory can be read: {error}"));
     packets.extend_from_slice(sender.end(None).expect("an end takes less room than a line"));
     let frames = [Frame::Center].into_iter().chain(params.views().iter().map(Frame::View));
@@ -172,8 +180,8 @@ mod tests {
         let profile = profile::QQVGA;
         let params = profile.params(Fusion::Min);
         let frames = capture(&Scene::demo(), &Camera::new(160, 120), 1).frames(params.views());
-        let simulation = simulate(&profile, Fusion::Min, &frames, &|| ());
-        assert_eq!(simulation.workspace, profile.lengths().bytes());
+        let simulation = simulate(&profile, Fusion::Min, Processor::CortexM4, &frames, &|| ());
+        assert_eq!(simulation.workspace, profile.lengths::<Narrow>().bytes());
         assert_eq!(simulation.passes, 1);
         let views = [View::Left, View::Right].map(Frame::View);
         assert_eq!(simulation.lines_read, [(Frame::Center, 120), (views[0], 120), (views[1], 120)]);
@@ -188,6 +196,6 @@ mod tests {
     #[should_panic = "the frame View(Left) is missing"]
     fn a_view_that_is_missing_is_named() {
         let frames = capture(&Scene::demo(), &Camera::new(160, 120), 1).frames(Views::STEREO);
-        simulate(&profile::QQVGA, Fusion::Min, &frames, &|| ());
+        simulate(&profile::QQVGA, Fusion::Min, Processor::CortexM4, &frames, &|| ());
     }
 }

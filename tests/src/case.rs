@@ -189,7 +189,7 @@ pub fn matched<I>(isa: I, params: &Params, region: &Region, images: &Images, ran
 where
     I: Blocks<u16> + Blocks<u32>,
 {
-    let words = Memory::new(params, region.width(), I::LANES).words();
+    let words = Memory::new::<I>(params, region.width()).words();
     let mut memory: Vec<u32> = (0..words).map(|_| random.bits() as u32).collect();
     let mut matcher = Matcher::with_isa(isa, params, region, &mut memory).expect("enough memory");
     let mut source = StrictSource::new(images, params, region);

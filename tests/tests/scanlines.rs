@@ -139,7 +139,7 @@ fn one_word_less_than_needed_is_refused() {
         let params = case.params();
         let mut random = Random(case.seed);
         let tile = Region::tiles(&params, 1 + random.below(case.width)).next().expect("a tile");
-        let memory = Memory::new(&params, tile.width(), 4);
+        let memory = Memory::new::<Portable<4>>(&params, tile.width());
         let mut lent = vec![0_u32; memory.words()];
         assert_eq!(size_of_val(&lent[..]), memory.bytes().next_multiple_of(4), "the formula, in bytes");
 
@@ -178,7 +178,7 @@ fn every_tile_width_gives_the_same_bits() {
     let expected = case.reference(&images);
     let mut least = usize::MAX;
     for width in (1..=23).rev() {
-        let words = Memory::new(&params, width, 4).words();
+        let words = Memory::new::<Portable<4>>(&params, width).words();
         assert!(words < least, "a narrower tile takes less memory");
         least = words;
         for tile in Region::tiles(&params, width) {

@@ -6,169 +6,249 @@
 
 use core::arch::x86_64::*;
 
-use super::{Block, Blocks, Column, Isa};
+use super::{Batch, Block, Blocks, Change, Column, Isa, Steps, Winners};
 
-/// AVX-512 with its extensions BW, DQ and VL: 32 lanes.
+/// AVX-512 with its extensions BW, DQ and VL, and BMI2: 64 lanes.
 #[derive(Clone, Copy, Debug)]
 pub struct Avx512(());
 
-/// Thirty-two lanes of 16 bits.
+/// Sixty-four lanes of 16 bits, as interleaving bytes leaves them: the lower eight of each sixteen disparities, then the upper eight.
 #[derive(Clone, Copy, Debug)]
-pub struct U16x32(__m512i);
+pub struct U16x64([__m512i; 2]);
 
-/// Thirty-two lanes of 32 bits: the lower half and the upper.
+/// Sixty-four lanes of 32 bits in the same order.
 #[derive(Clone, Copy, Debug)]
-pub struct U32x32([__m512i; 2]);
+pub struct U32x64([__m512i; 4]);
 
 impl Avx512 {
     /// The token. What uses it should be compiled for AVX-512 too, or every operation is a call.
     ///
     /// # Safety
-    /// The processor has AVX-512F, BW, DQ and VL.
+    /// The processor has AVX-512F, BW, DQ and VL, and BMI2.
     pub const unsafe fn new() -> Avx512 {
         Avx512(())
     }
 }
 
 impl Isa for Avx512 {
-    const LANES: usize = 32;
-    type Samples = [u8; 32];
-    type Sums = [u16; 32];
-    type Column = U16x32;
+    const LANES: usize = 64;
+    const BATCH: usize = 16;
+    type Samples = [u8; 64];
+    type Sums = [u16; 64];
+    type Column = U16x64;
 
     #[inline(always)]
-    fn load_column(self, sums: &[u16; 32]) -> U16x32 {
-        U16x32(unsafe { _mm512_loadu_si512(sums.as_ptr().cast()) })
+    fn lane(index: usize) -> usize {
+        index % 8 + index / 16 * 8 + index / 8 % 2 * 32
     }
 
     #[inline(always)]
-    fn differences(self, center: u8, view: &[u8; 32]) -> U16x32 {
+    fn samples(samples: &[u8]) -> &[[u8; 64]] {
+        samples.as_chunks().0
+    }
+
+    #[inline(always)]
+    fn load_column(self, sums: &[u16; 64]) -> U16x64 {
+        unsafe { U16x64([_mm512_loadu_si512(sums.as_ptr().cast()), _mm512_loadu_si512(sums[32..].as_ptr().cast())]) }
+    }
+
+    #[inline(always)]
+    fn differences(self, center: u8, view: &[u8; 64]) -> U16x64 {
         unsafe {
-            let view = _mm512_cvtepu8_epi16(_mm256_loadu_si256(view.as_ptr().cast()));
-            U16x32(_mm512_abs_epi16(_mm512_sub_epi16(view, _mm512_set1_epi16(center.into()))))
+            let (differences, zero) = (absolute_differences(center, view), _mm512_setzero_si512());
+            U16x64([_mm512_unpacklo_epi8(differences, zero), _mm512_unpackhi_epi8(differences, zero)])
+        }
+    }
+
+    #[inline(always)]
+    fn advance(self, sums: U16x64, center: Change<u8>, view: Change<&[u8; 64]>) -> U16x64 {
+        unsafe {
+            let entering = absolute_differences(center.entering, view.entering);
+            let leaving = absolute_differences(center.leaving, view.leaving);
+            // Pairs of bytes, times 1 and -1.
+            let signs = _mm512_set1_epi16(i16::from_le_bytes([1, 0xff]));
+            let low = _mm512_maddubs_epi16(_mm512_unpacklo_epi8(entering, leaving), signs);
+            let high = _mm512_maddubs_epi16(_mm512_unpackhi_epi8(entering, leaving), signs);
+            U16x64([_mm512_add_epi16(sums.0[0], low), _mm512_add_epi16(sums.0[1], high)])
         }
     }
 }
 
-impl Column for U16x32 {
-    type Sums = [u16; 32];
+#[inline(always)]
+unsafe fn absolute_differences(center: u8, view: &[u8; 64]) -> __m512i {
+    unsafe {
+        let (center, view) = (_mm512_set1_epi8(center as i8), _mm512_loadu_si512(view.as_ptr().cast()));
+        _mm512_sub_epi8(_mm512_max_epu8(center, view), _mm512_min_epu8(center, view))
+    }
+}
+
+impl Column for U16x64 {
+    type Sums = [u16; 64];
 
     #[inline(always)]
-    fn store(self, sums: &mut [u16; 32]) {
-        unsafe { _mm512_storeu_si512(sums.as_mut_ptr().cast(), self.0) }
+    fn store(self, sums: &mut [u16; 64]) {
+        unsafe {
+            _mm512_storeu_si512(sums.as_mut_ptr().cast(), self.0[0]);
+            _mm512_storeu_si512(sums[32..].as_mut_ptr().cast(), self.0[1]);
+        }
     }
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        U16x32(unsafe { _mm512_add_epi16(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        U16x32(unsafe { _mm512_sub_epi16(self.0, other.0) })
+        self.zip(other, |a, b| unsafe { _mm512_add_epi16(a, b) })
     }
 }
 
 impl Blocks<u16> for Avx512 {
-    type Costs = [u16; 32];
-    type Block = U16x32;
+    type Costs = [u16; 64];
+    type Block = U16x64;
 
     #[inline(always)]
-    fn load_block(self, costs: &[u16; 32]) -> U16x32 {
+    fn load_block(self, costs: &[u16; 64]) -> U16x64 {
         self.load_column(costs)
     }
 
     #[inline(always)]
-    fn splat(self, cost: u16) -> U16x32 {
-        U16x32(unsafe { _mm512_set1_epi16(cost as i16) })
+    fn splat(self, cost: u16) -> U16x64 {
+        U16x64([unsafe { _mm512_set1_epi16(cost as i16) }; 2])
+    }
+
+    #[inline(always)]
+    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, Self, V>, winners: &mut Winners<u16>) {
+        batch.run_in_registers(self, steps, winners);
+    }
+
+    #[inline(always)]
+    fn position(self, costs: &[[u16; 64]], cost: u16) -> usize {
+        let cost = unsafe { _mm512_set1_epi16(cost as i16) };
+        position(costs, |costs| {
+            let U16x64([low, high]) = self.load_column(costs);
+            unsafe { interleaved(_mm512_cmpeq_epu16_mask(low, cost), _mm512_cmpeq_epu16_mask(high, cost)) }
+        })
     }
 }
 
-impl Block<u16> for U16x32 {
-    type Costs = [u16; 32];
-    type Column = U16x32;
+/// The first disparity whose bit is set in the masks of the vectors, found without a branch.
+#[inline(always)]
+fn position<T>(costs: &[T], mask: impl Fn(&T) -> u64) -> usize {
+    let mut first = 64 * costs.len();
+    for (j, costs) in costs.iter().enumerate().rev() {
+        let mask = mask(costs);
+        first = if mask != 0 { 64 * j + mask.trailing_zeros() as usize } else { first };
+    }
+    first
+}
+
+/// The bits of lanes in the order of the disparities.
+#[inline(always)]
+unsafe fn interleaved(low: u32, high: u32) -> u64 {
+    const LOW: u64 = 0x00ff_00ff_00ff_00ff;
+    unsafe { _pdep_u64(low.into(), LOW) | _pdep_u64(high.into(), !LOW) }
+}
+
+impl Block<u16> for U16x64 {
+    type Costs = [u16; 64];
+    type Column = U16x64;
 
     #[inline(always)]
-    fn store(self, costs: &mut [u16; 32]) {
+    fn store(self, costs: &mut [u16; 64]) {
         Column::store(self, costs);
     }
 
     #[inline(always)]
-    fn slide(self, entering: U16x32, leaving: U16x32) -> Self {
-        Column::add(self, entering).sub(leaving)
+    fn slide(self, entering: U16x64, leaving: U16x64) -> Self {
+        Column::add(self, entering).zip(leaving, |a, b| unsafe { _mm512_sub_epi16(a, b) })
     }
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        U16x32(unsafe { _mm512_adds_epu16(self.0, other.0) })
+        self.zip(other, |a, b| unsafe { _mm512_adds_epu16(a, b) })
     }
 
     #[inline(always)]
     fn min(self, other: Self) -> Self {
-        U16x32(unsafe { _mm512_min_epu16(self.0, other.0) })
+        self.zip(other, |a, b| unsafe { _mm512_min_epu16(a, b) })
     }
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        U16x32(unsafe { _mm512_max_epu16(self.0, other.0) })
+        self.zip(other, |a, b| unsafe { _mm512_max_epu16(a, b) })
     }
 
     #[inline(always)]
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
-        U16x32(unsafe { _mm512_mask_blend_epi16(_mm512_cmpgt_epu16_mask(self.0, other.0), otherwise.0, then.0) })
+        let choose = |i: usize| unsafe {
+            _mm512_mask_blend_epi16(_mm512_cmpgt_epu16_mask(self.0[i], other.0[i]), otherwise.0[i], then.0[i])
+        };
+        U16x64([choose(0), choose(1)])
     }
 
     #[inline(always)]
     fn least(self) -> u16 {
         unsafe {
-            let half = _mm256_min_epu16(_mm512_castsi512_si256(self.0), _mm512_extracti64x4_epi64::<1>(self.0));
+            let whole = _mm512_min_epu16(self.0[0], self.0[1]);
+            let half = _mm256_min_epu16(_mm512_castsi512_si256(whole), _mm512_extracti64x4_epi64::<1>(whole));
             let quarter = _mm_min_epu16(_mm256_castsi256_si128(half), _mm256_extracti128_si256::<1>(half));
             _mm_cvtsi128_si32(_mm_minpos_epu16(quarter)) as u16
         }
     }
+}
 
+impl U16x64 {
     #[inline(always)]
-    fn position(self, cost: u16) -> Option<usize> {
-        let equal = unsafe { _mm512_cmpeq_epu16_mask(self.0, _mm512_set1_epi16(cost as i16)) };
-        (equal != 0).then_some(equal.trailing_zeros() as usize)
+    fn zip(self, other: Self, f: impl Fn(__m512i, __m512i) -> __m512i) -> Self {
+        U16x64([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
+    }
+
+    /// The lanes in 32 bits.
+    #[inline(always)]
+    fn widen(self) -> U32x64 {
+        let low = |whole| unsafe { _mm512_cvtepu16_epi32(_mm512_castsi512_si256(whole)) };
+        let high = |whole| unsafe { _mm512_cvtepu16_epi32(_mm512_extracti64x4_epi64::<1>(whole)) };
+        U32x64([low(self.0[0]), high(self.0[0]), low(self.0[1]), high(self.0[1])])
     }
 }
 
 impl Blocks<u32> for Avx512 {
-    type Costs = [u32; 32];
-    type Block = U32x32;
+    type Costs = [u32; 64];
+    type Block = U32x64;
 
     #[inline(always)]
-    fn load_block(self, costs: &[u32; 32]) -> U32x32 {
-        U32x32([0, 16].map(|lane| unsafe { _mm512_loadu_si512(costs[lane..].as_ptr().cast()) }))
+    fn load_block(self, costs: &[u32; 64]) -> U32x64 {
+        let load = |i: usize| unsafe { _mm512_loadu_si512(costs[16 * i..].as_ptr().cast()) };
+        U32x64([load(0), load(1), load(2), load(3)])
     }
 
     #[inline(always)]
-    fn splat(self, cost: u32) -> U32x32 {
-        U32x32([unsafe { _mm512_set1_epi32(cost as i32) }; 2])
+    fn splat(self, cost: u32) -> U32x64 {
+        U32x64([unsafe { _mm512_set1_epi32(cost as i32) }; 4])
+    }
+
+    #[inline(always)]
+    fn position(self, costs: &[[u32; 64]], cost: u32) -> usize {
+        let cost = unsafe { _mm512_set1_epi32(cost as i32) };
+        position(costs, |costs| {
+            let U32x64(costs) = Blocks::<u32>::load_block(self, costs);
+            let mask = |i: usize| u32::from(unsafe { _mm512_cmpeq_epu32_mask(costs[i], cost) });
+            unsafe { interleaved(mask(0) | mask(1) << 16, mask(2) | mask(3) << 16) }
+        })
     }
 }
 
-impl Block<u32> for U32x32 {
-    type Costs = [u32; 32];
-    type Column = U16x32;
+impl Block<u32> for U32x64 {
+    type Costs = [u32; 64];
+    type Column = U16x64;
 
     #[inline(always)]
-    fn store(self, costs: &mut [u32; 32]) {
-        unsafe {
-            _mm512_storeu_si512(costs.as_mut_ptr().cast(), self.0[0]);
-            _mm512_storeu_si512(costs[16..].as_mut_ptr().cast(), self.0[1]);
+    fn store(self, costs: &mut [u32; 64]) {
+        for i in 0..4 {
+            unsafe { _mm512_storeu_si512(costs[16 * i..].as_mut_ptr().cast(), self.0[i]) }
         }
     }
 
     #[inline(always)]
-    fn slide(self, entering: U16x32, leaving: U16x32) -> Self {
-        let slide = |block, entering, leaving| unsafe {
-            _mm512_sub_epi32(_mm512_add_epi32(block, _mm512_cvtepu16_epi32(entering)), _mm512_cvtepu16_epi32(leaving))
-        };
-        let halves = |sums: U16x32| unsafe { (_mm512_castsi512_si256(sums.0), _mm512_extracti64x4_epi64::<1>(sums.0)) };
-        let (entering, leaving) = (halves(entering), halves(leaving));
-        U32x32([slide(self.0[0], entering.0, leaving.0), slide(self.0[1], entering.1, leaving.1)])
+    fn slide(self, entering: U16x64, leaving: U16x64) -> Self {
+        self.add(entering.widen()).zip(leaving.widen(), |a, b| unsafe { _mm512_sub_epi32(a, b) })
     }
 
     #[inline(always)]
@@ -188,28 +268,23 @@ impl Block<u32> for U32x32 {
 
     #[inline(always)]
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
-        let choose = |half: usize| unsafe {
-            _mm512_mask_blend_epi32(_mm512_cmpgt_epu32_mask(self.0[half], other.0[half]), otherwise.0[half], then.0[half])
+        let choose = |i: usize| unsafe {
+            _mm512_mask_blend_epi32(_mm512_cmpgt_epu32_mask(self.0[i], other.0[i]), otherwise.0[i], then.0[i])
         };
-        U32x32([choose(0), choose(1)])
+        U32x64([choose(0), choose(1), choose(2), choose(3)])
     }
 
     #[inline(always)]
     fn least(self) -> u32 {
-        unsafe { _mm512_reduce_min_epu32(_mm512_min_epu32(self.0[0], self.0[1])) }
-    }
-
-    #[inline(always)]
-    fn position(self, cost: u32) -> Option<usize> {
-        let equal = self.0.map(|costs| u32::from(unsafe { _mm512_cmpeq_epu32_mask(costs, _mm512_set1_epi32(cost as i32)) }));
-        let equal = equal[0] | equal[1] << 16;
-        (equal != 0).then_some(equal.trailing_zeros() as usize)
+        let [a, b, c, d] = self.0;
+        unsafe { _mm512_reduce_min_epu32(_mm512_min_epu32(_mm512_min_epu32(a, b), _mm512_min_epu32(c, d))) }
     }
 }
 
-impl U32x32 {
+impl U32x64 {
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(__m512i, __m512i) -> __m512i) -> Self {
-        U32x32([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
+        let ([a, b, c, d], [e, g, h, i]) = (self.0, other.0);
+        U32x64([f(a, e), f(b, g), f(c, h), f(d, i)])
     }
 }

@@ -7,7 +7,13 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod batch;
+#[cfg(target_arch = "arm")]
+mod dsp;
+#[cfg(target_arch = "arm")]
+mod mve;
 mod portable;
+mod steps;
 
 use core::fmt::Debug;
 
@@ -17,7 +23,13 @@ use bytemuck::Pod;
 pub use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
+pub use batch::{Batch, Winners};
+#[cfg(target_arch = "arm")]
+pub use dsp::Dsp;
+#[cfg(target_arch = "arm")]
+pub use mve::Mve;
 pub use portable::Portable;
+pub use steps::Steps;
 
 use crate::Fusion;
 
@@ -27,6 +39,9 @@ use crate::Fusion;
 pub trait Isa: Copy + Debug {
     /// Disparities at a time, at least 1. The number of disparities is rounded up to a multiple.
     const LANES: usize;
+    /// Pixels whose costs are fused before their disparities are selected, at least 1: selecting takes long, but that of one pixel does not
+    /// wait for another's.
+    const BATCH: usize;
     /// As many samples, in memory.
     type Samples: Pod;
     /// As many column sums, in memory.
@@ -34,14 +49,41 @@ pub trait Isa: Copy + Debug {
     /// A vector of sums of absolute differences down a column of the block, each at most 21 x 255.
     type Column: Column<Sums = Self::Sums>;
 
+    /// The lane in memory that holds the disparity at `index` of a vector, in sums and in costs.
+    fn lane(index: usize) -> usize {
+        index
+    }
+
+    /// The samples in whole vectors.
+    fn samples(samples: &[u8]) -> &[Self::Samples];
     /// Column sums from memory.
     fn load_column(self, sums: &Self::Sums) -> Self::Column;
     /// The absolute differences between a sample of the centre and the samples of a view.
     fn differences(self, center: u8, view: &Self::Samples) -> Self::Column;
+    /// A column's sums moved down: with the differences that enter, and without those that leave. Wraps.
+    ///
+    /// It may add [`bias`](Isa::bias) too.
+    fn advance(self, sums: Self::Column, center: Change<u8>, view: Change<&Self::Samples>) -> Self::Column;
+
+    /// What every column sum has too much after it has been moved down by so many lines. It leaves the blocks as it has entered.
+    fn bias(_lines: u32) -> u16 {
+        0
+    }
+
+    /// Adds what enters to the sums of the next column.
+    #[inline(always)]
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
+        let Some(step) = steps.next() else { return };
+        for (column, view) in step.column.chunks_exact_mut(step.vectors.max(1)).zip(step.views) {
+            for (sums, samples) in column.iter_mut().zip(view.entering) {
+                self.load_column(sums).add(self.differences(step.center.entering, samples)).store(sums);
+            }
+        }
+    }
 }
 
 /// Vectors of block sums in lanes of type `L`.
-pub trait Blocks<L>: Isa {
+pub trait Blocks<L: Lane>: Isa {
     /// As many costs, in memory.
     type Costs: Pod;
     /// A vector of sums of absolute differences over the block, or of costs fused of them.
@@ -51,6 +93,67 @@ pub trait Blocks<L>: Isa {
     fn load_block(self, costs: &Self::Costs) -> Self::Block;
     /// The same cost in every lane.
     fn splat(self, cost: L) -> Self::Block;
+    /// The index of the first disparity with this cost; any that is no disparity's if none has it.
+    fn position(self, costs: &[Self::Costs], cost: L) -> usize;
+
+    /// Moves the next column down, and the blocks on by it.
+    #[inline(always)]
+    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[Self::Costs; V]]) {
+        let Some(step) = steps.next() else { return };
+        let columns = step.column.chunks_exact_mut(step.vectors.max(1)).zip(step.left.chunks_exact(step.vectors.max(1)));
+        for (k, ((column, left), view)) in columns.zip(step.views).enumerate() {
+            let samples = view.entering.iter().zip(view.leaving);
+            for (((sums, left), block), (entering, leaving)) in column.iter_mut().zip(left).zip(&mut *blocks).zip(samples) {
+                let moved = self.advance(self.load_column(sums), step.center, Change { entering, leaving });
+                moved.store(sums);
+                self.load_block(&block[k]).slide(moved, self.load_column(left)).store(&mut block[k]);
+            }
+        }
+    }
+
+    /// Fuses the costs of blocks whose views are all available. The least lane of what it returns is the least of them.
+    #[inline(always)]
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) -> Self::Block {
+        fuse_generic(self, rule, blocks, fused)
+    }
+
+    /// Fuses the costs of blocks as if those under a mask of [`Lane::MAX`] were that; under a mask of zero they are as they are. The least
+    /// lane of what it returns is the least of them.
+    #[inline(always)]
+    fn fuse_masked<const V: usize>(
+        self,
+        rule: Rule,
+        blocks: &[[Self::Costs; V]],
+        masks: &[[Self::Costs; V]],
+        fused: &mut [Self::Costs],
+    ) -> Self::Block {
+        fuse_masked_generic(self, rule, blocks, masks, fused)
+    }
+
+    /// Goes over a batch of pixels whose views are all available.
+    #[inline(always)]
+    fn batch<const V: usize>(self, batch: Batch<'_, L, Self, V>, steps: &mut Steps<'_, Self, V>, winners: &mut Winners<L>) {
+        batch.run(self, steps, winners);
+    }
+
+    /// Fuses the costs of blocks in the `available` views, whose bits are set, on one scale for every number of them. Where there are
+    /// none, they are [`Lane::MAX`].
+    #[inline(always)]
+    fn fuse_available<const V: usize>(self, rule: Rule, available: u8, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) {
+        for (fused, block) in fused.iter_mut().zip(blocks) {
+            fuse_available(self, rule, available, block).store(fused);
+        }
+    }
+
+    /// The least of costs.
+    #[inline(always)]
+    fn least(self, costs: &[Self::Costs]) -> L {
+        let mut least = self.splat(L::MAX);
+        for costs in costs {
+            least = least.min(self.load_block(costs));
+        }
+        least.least()
+    }
 }
 
 /// What is done with a vector of column sums.
@@ -62,8 +165,6 @@ pub trait Column: Copy {
     fn store(self, sums: &mut Self::Sums);
     /// Lane by lane, wrapping.
     fn add(self, other: Self) -> Self;
-    /// Lane by lane, wrapping.
-    fn sub(self, other: Self) -> Self;
 }
 
 /// What is done with a vector of block sums or costs.
@@ -75,7 +176,7 @@ pub trait Block<L>: Copy {
 
     /// Puts the costs into memory.
     fn store(self, costs: &mut Self::Costs);
-    /// The block moved on by a column.
+    /// The block moved on by a column. What enters less what leaves, in 16 bits with a sign, is what the block grows by.
     fn slide(self, entering: Self::Column, leaving: Self::Column) -> Self;
     /// Lane by lane. 16 bits saturate; 32 bits never have to.
     fn add(self, other: Self) -> Self;
@@ -87,8 +188,6 @@ pub trait Block<L>: Copy {
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self;
     /// The least of all lanes.
     fn least(self) -> L;
-    /// The first lane with this cost, if any has it.
-    fn position(self, cost: L) -> Option<usize>;
 }
 
 /// A block's sum: 16 bits where the largest block sum fits below [`Lane::MAX`], 32 bits otherwise.
@@ -97,6 +196,8 @@ pub trait Lane: Copy + Ord + Default + Pod {
     const MAX: Self;
     /// This sum in 32 bits.
     fn widen(self) -> u32;
+    /// The index of a lane as a cost.
+    fn from_index(index: usize) -> Self;
 }
 
 impl Lane for u16 {
@@ -105,6 +206,11 @@ impl Lane for u16 {
     #[inline(always)]
     fn widen(self) -> u32 {
         self.into()
+    }
+
+    #[inline(always)]
+    fn from_index(index: usize) -> u16 {
+        index as u16
     }
 }
 
@@ -115,67 +221,29 @@ impl Lane for u32 {
     fn widen(self) -> u32 {
         self
     }
+
+    #[inline(always)]
+    fn from_index(index: usize) -> u32 {
+        index as u32
+    }
 }
 
 /// What enters the block, and what leaves it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Change<T> {
+#[repr(C)]
+pub struct Change<T> {
+    /// What enters.
     pub entering: T,
+    /// What leaves.
     pub leaving: T,
 }
 
-/// What a column of the block gains and loses in `V` views by a step down.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Step<'a, I: Isa, const V: usize> {
-    /// The centre's samples.
-    pub center: Change<u8>,
-    /// Each view's samples at every disparity.
-    pub views: [Change<&'a [I::Samples]>; V],
-}
-
-impl<I: Isa, const V: usize> Step<'_, I, V> {
-    /// Whether there are samples for `vectors` vectors of disparities.
-    #[inline(always)]
-    pub fn covers(&self, vectors: usize) -> bool {
-        self.views.iter().all(|view| view.entering.len() == vectors && view.leaving.len() == vectors)
-    }
-}
-
-/// Adds the entering line to vector `j` of a column of the block, in each view.
-#[inline(always)]
-pub(crate) fn prime<I: Isa, const V: usize>(isa: I, column: &mut [I::Sums; V], step: &Step<'_, I, V>, j: usize) {
-    for (sums, view) in column.iter_mut().zip(&step.views) {
-        isa.load_column(sums).add(isa.differences(step.center.entering, &view.entering[j])).store(sums);
-    }
-}
-
-/// Moves vector `j` of a column of the block down, and the block on by it, in each view; `left` leaves the block. Returns the block's
-/// sums.
-#[inline(always)]
-pub(crate) fn advance<L: Lane, I: Blocks<L>, const V: usize>(
-    isa: I,
-    column: &mut [I::Sums; V],
-    left: &[I::Sums; V],
-    block: &mut [I::Costs; V],
-    step: &Step<'_, I, V>,
-    j: usize,
-) -> [I::Block; V] {
-    let mut moved = [isa.splat(L::default()); V];
-    for k in 0..V {
-        let entering = isa.differences(step.center.entering, &step.views[k].entering[j]);
-        let leaving = isa.differences(step.center.leaving, &step.views[k].leaving[j]);
-        let sums = isa.load_column(&column[k]).add(entering).sub(leaving);
-        sums.store(&mut column[k]);
-        moved[k] = isa.load_block(&block[k]).slide(sums, isa.load_column(&left[k]));
-        moved[k].store(&mut block[k]);
-    }
-    moved
-}
-
-/// How the costs of a pixel's available views are fused in lanes, less the constant factor that brings them to the
-/// [scale](Fusion::scale) of the rule.
+/// How the costs of the views are fused in lanes.
+///
+/// Costs are on a scale that keeps them small where all views are available: a factor common to all candidates of a pixel changes
+/// neither which is the least, nor where between its neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Rule {
+pub enum Rule {
     /// The least.
     Min,
     /// The sum.
@@ -185,35 +253,63 @@ pub(crate) enum Rule {
 }
 
 impl Rule {
-    /// The rule for `views` available views, one to four.
+    /// The rule for `views` views, one to four.
     pub const fn new(fusion: Fusion, views: usize) -> Rule {
         match (fusion, views) {
-            (Fusion::Min, _) => Rule::Min,
-            (Fusion::Mean, _) | (Fusion::Heuristic, ..=2) => Rule::Sum,
+            (Fusion::Min, _) | (_, ..=1) => Rule::Min,
+            (Fusion::Mean, _) | (Fusion::Heuristic, 2) => Rule::Sum,
             (Fusion::Heuristic, _) => Rule::Heuristic,
-        }
-    }
-
-    /// What its costs are multiplied by to be on the scale of `fusion`.
-    pub const fn factor(self, fusion: Fusion, views: usize) -> u32 {
-        match (self, views) {
-            (Rule::Min | Rule::Heuristic, _) => 1,
-            (Rule::Sum, ..=1) => fusion.scale(),
-            (Rule::Sum, 2) => fusion.scale() / 2,
-            (Rule::Sum, 3) => fusion.scale() / 3,
-            (Rule::Sum, _) => fusion.scale() / 4,
         }
     }
 }
 
-/// Fuses the costs of one to four views by `rule`.
+/// Fuses the costs of blocks, vector by vector, and returns the least in each lane.
 #[inline(always)]
-pub(crate) fn fuse<L, B: Block<L>>(rule: Rule, costs: &[B]) -> Option<B> {
-    Some(match (rule, costs) {
-        (_, &[a]) => a,
-        (Rule::Min, &[a, b]) => a.min(b),
-        (Rule::Min, &[a, b, c]) => a.min(b).min(c),
-        (Rule::Min, &[a, b, c, d]) => a.min(b).min(c.min(d)),
+fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
+    isa: I,
+    rule: Rule,
+    blocks: &[[I::Costs; V]],
+    fused: &mut [I::Costs],
+) -> I::Block {
+    let mut least = isa.splat(L::MAX);
+    for (fused, block) in fused.iter_mut().zip(blocks) {
+        let mut costs = [least; V];
+        for k in 0..V {
+            costs[k] = isa.load_block(&block[k]);
+        }
+        let costs = fuse(rule, costs);
+        costs.store(fused);
+        least = least.min(costs);
+    }
+    least
+}
+
+/// As [`fuse_generic`], of what masks leave.
+#[inline(always)]
+fn fuse_masked_generic<L: Lane, I: Blocks<L>, const V: usize>(
+    isa: I,
+    rule: Rule,
+    blocks: &[[I::Costs; V]],
+    masks: &[[I::Costs; V]],
+    fused: &mut [I::Costs],
+) -> I::Block {
+    let mut least = isa.splat(L::MAX);
+    for ((fused, block), mask) in fused.iter_mut().zip(blocks).zip(masks) {
+        let mut costs = [least; V];
+        for k in 0..V {
+            costs[k] = isa.load_block(&block[k]).max(isa.load_block(&mask[k]));
+        }
+        let costs = fuse(rule, costs);
+        costs.store(fused);
+        least = least.min(costs);
+    }
+    least
+}
+
+/// Fuses the costs of views that are all available.
+#[inline(always)]
+pub(crate) fn fuse<L: Lane, B: Block<L>, const V: usize>(rule: Rule, costs: [B; V]) -> B {
+    match (rule, &costs[..]) {
         (Rule::Sum, &[a, b]) => a.add(b),
         (Rule::Sum, &[a, b, c]) => a.add(b).add(c),
         (Rule::Sum, &[a, b, c, d]) => a.add(b).add(c).add(d),
@@ -227,13 +323,50 @@ pub(crate) fn fuse<L, B: Block<L>>(rule: Rule, costs: &[B]) -> Option<B> {
             let (x, y) = (a.max(c), b.min(d));
             heuristic(a.min(c), x.min(y), x.max(y))
         }
-        _ => return None,
-    })
+        _ => {
+            let mut least = costs[0];
+            for &cost in costs.iter().skip(1) {
+                least = least.min(cost);
+            }
+            least
+        }
+    }
+}
+
+/// Fuses the costs of the `available` views, at least one, whose bits are set, on one scale for every number of them.
+#[inline(always)]
+fn fuse_available<L: Lane, I: Blocks<L>, const V: usize>(isa: I, rule: Rule, available: u8, costs: &[I::Costs; V]) -> I::Block {
+    // In place of a view that is not available, a cost that changes nothing.
+    let nothing = isa.splat(if rule == Rule::Sum { L::default() } else { L::MAX });
+    let mut of_available = [nothing; V];
+    for k in 0..V {
+        if available >> k & 1 != 0 {
+            of_available[k] = isa.load_block(&costs[k]);
+        }
+    }
+    match (rule, available.count_ones()) {
+        (_, 0) => isa.splat(L::MAX),
+        (Rule::Min, _) => fuse(Rule::Min, of_available),
+        (Rule::Heuristic, 1) => six_times(fuse(Rule::Min, of_available)),
+        (Rule::Heuristic, _) => fuse(Rule::Heuristic, of_available),
+        (Rule::Sum, count) => {
+            let sum = fuse(Rule::Sum, of_available);
+            match (V, count) {
+                (2, 2) => sum,
+                (2, _) => sum.add(sum),
+                (_, 4) => sum.add(sum).add(sum),
+                (_, 3) => sum.add(sum).add(sum.add(sum)),
+                (_, 2) => six_times(sum),
+                (_, _) => six_times(sum.add(sum)),
+            }
+        }
+    }
 }
 
 /// Six times the mean of `c1 <= c2 <= c3`, or of the first two if `c3 > 3 c2`.
 ///
-/// In 16 bits nothing but the result is changed by saturation: where three times `c2` saturates, no `c3` is greater either way.
+/// In 16 bits nothing but the result is changed by saturation: where three times `c2` saturates, no `c3` is greater either way. Nor is it by
+/// a third cost of [`Lane::MAX`] that stands for no view: then that of the first two has saturated too.
 #[inline(always)]
 fn heuristic<L, B: Block<L>>(c1: B, c2: B, c3: B) -> B {
     let two = c1.add(c2);
@@ -241,13 +374,8 @@ fn heuristic<L, B: Block<L>>(c1: B, c2: B, c3: B) -> B {
     c3.if_greater(c2.add(c2).add(c2), two.add(two).add(two), three.add(three))
 }
 
-/// The first index of a cost, 0 if no lane has it.
 #[inline(always)]
-pub(crate) fn position<L: Copy, I: Blocks<L>>(isa: I, costs: &[I::Costs], cost: L) -> usize {
-    for (j, costs) in costs.iter().enumerate() {
-        if let Some(lane) = isa.load_block(costs).position(cost) {
-            return j * I::LANES + lane;
-        }
-    }
-    0
+fn six_times<L, B: Block<L>>(cost: B) -> B {
+    let twice = cost.add(cost);
+    twice.add(twice).add(twice)
 }

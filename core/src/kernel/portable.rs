@@ -2,7 +2,7 @@
 
 use core::array;
 
-use super::{Block, Blocks, Column, Isa};
+use super::{Block, Blocks, Change, Column, Isa};
 
 /// No instruction set in particular: arrays of `N` lanes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -10,9 +10,15 @@ pub struct Portable<const N: usize>;
 
 impl<const N: usize> Isa for Portable<N> {
     const LANES: usize = N;
+    const BATCH: usize = 1;
     type Samples = [u8; N];
     type Sums = [u16; N];
     type Column = [u16; N];
+
+    #[inline(always)]
+    fn samples(samples: &[u8]) -> &[[u8; N]] {
+        samples.as_chunks().0
+    }
 
     #[inline(always)]
     fn load_column(self, sums: &[u16; N]) -> [u16; N] {
@@ -22,6 +28,13 @@ impl<const N: usize> Isa for Portable<N> {
     #[inline(always)]
     fn differences(self, center: u8, view: &[u8; N]) -> [u16; N] {
         view.map(|sample| center.abs_diff(sample).into())
+    }
+
+    #[inline(always)]
+    fn advance(self, sums: [u16; N], center: Change<u8>, view: Change<&[u8; N]>) -> [u16; N] {
+        let (entering, leaving) =
+            (self.differences(center.entering, view.entering), self.differences(center.leaving, view.leaving));
+        array::from_fn(|i| sums[i].wrapping_add(entering[i]).wrapping_sub(leaving[i]))
     }
 }
 
@@ -36,11 +49,6 @@ impl<const N: usize> Column for [u16; N] {
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         array::from_fn(|i| self[i].wrapping_add(other[i]))
-    }
-
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        array::from_fn(|i| self[i].wrapping_sub(other[i]))
     }
 }
 
@@ -59,6 +67,12 @@ macro_rules! blocks {
             fn splat(self, cost: $lane) -> [$lane; N] {
                 [cost; N]
             }
+
+            #[inline(always)]
+            fn position(self, costs: &[[$lane; N]], cost: $lane) -> usize {
+                let lanes = costs.as_flattened();
+                lanes.iter().position(|&lane| lane == cost).unwrap_or(lanes.len())
+            }
         }
 
         impl<const N: usize> Block<$lane> for [$lane; N] {
@@ -72,7 +86,7 @@ macro_rules! blocks {
 
             #[inline(always)]
             fn slide(self, entering: [u16; N], leaving: [u16; N]) -> Self {
-                array::from_fn(|i| self[i].wrapping_add(entering[i].into()).wrapping_sub(leaving[i].into()))
+                array::from_fn(|i| self[i].wrapping_add(entering[i].wrapping_sub(leaving[i]) as i16 as $lane))
             }
 
             #[inline(always)]
@@ -98,11 +112,6 @@ macro_rules! blocks {
             #[inline(always)]
             fn least(self) -> $lane {
                 self.into_iter().fold(<$lane>::MAX, <$lane>::min)
-            }
-
-            #[inline(always)]
-            fn position(self, cost: $lane) -> Option<usize> {
-                self.iter().position(|&lane| lane == cost)
             }
         }
     };

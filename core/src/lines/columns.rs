@@ -27,31 +27,51 @@ pub(super) struct Columns<'m> {
 }
 
 impl Columns<'_> {
-    /// Pushes the next virtual line: a sample for each virtual column from its coordinate and the sample before.
-    pub fn push(&mut self, sample: impl Fn(i32, u8) -> u8) {
-        let shift = match (self.mirrored, self.edge) {
-            (false, edge) if edge == self.usable => Some((edge - self.keep, 0)),
-            (true, 0) => Some((0, self.usable - self.keep)),
-            _ => None,
-        };
-        if let Some((from, to)) = shift {
-            for stack in self.samples.chunks_exact_mut(self.stack.max(1)) {
-                shift_within(stack, from, to, self.keep);
+    /// Pushes the next virtual line: the samples of `line`.
+    pub fn push(&mut self, line: &[u8]) {
+        let (Some(&first), Some(&last)) = (line.first(), line.last()) else { return };
+        let newest = self.advance();
+        let samples = self.samples.get_mut(newest..).unwrap_or_default();
+        let mut newest = samples.iter_mut().step_by(self.stack.max(1));
+        let outside = self.left.min(0).unsigned_abs() as usize;
+        newest.by_ref().take(outside).for_each(|sample| *sample = first);
+        let inside = line.get(self.left.max(0) as usize..).unwrap_or_default();
+        // Not by `zip` alone, which would take one that it does not fill.
+        newest.by_ref().take(inside.len()).zip(inside).for_each(|(sample, &inside)| *sample = inside);
+        newest.for_each(|sample| *sample = last);
+    }
+
+    /// Pushes the next virtual line, which repeats the one before.
+    pub fn repeat(&mut self) {
+        let newest = self.advance();
+        let previous = if self.mirrored { newest + 1 } else { newest.wrapping_sub(1) };
+        for stack in self.samples.chunks_exact_mut(self.stack.max(1)) {
+            let previous = stack.get(previous).copied();
+            if let (Some(previous), Some(newest)) = (previous, stack.get_mut(newest)) {
+                *newest = previous;
             }
-            self.edge = if self.mirrored { to } else { self.keep };
         }
-        let (newest, previous) = match self.mirrored {
-            false => (self.edge, self.edge.wrapping_sub(1)),
-            true => (self.edge - 1, self.edge),
-        };
-        for (stack, column) in self.samples.chunks_exact_mut(self.stack.max(1)).zip(self.left..) {
-            let before = stack.get(previous).copied().unwrap_or_default();
-            if let Some(newest) = stack.get_mut(newest) {
-                *newest = sample(column, before);
+    }
+
+    /// Goes on to the next virtual line, and returns where in each stack its sample goes.
+    fn advance(&mut self) -> usize {
+        // Stacks are of the same length, so they are moved all at once. What leaves a stack is no longer needed, and what is at the end
+        // that it enters is not needed yet.
+        let moved = self.usable - self.keep;
+        match (self.mirrored, self.edge) {
+            (false, edge) if edge == self.usable => {
+                copy_within(self.samples, moved, 0);
+                self.edge = self.keep;
             }
+            (true, 0) => {
+                copy_within(self.samples, 0, moved);
+                self.edge = moved;
+            }
+            _ => {}
         }
         self.edge = if self.mirrored { self.edge - 1 } else { self.edge + 1 };
         self.next += 1;
+        if self.mirrored { self.edge } else { self.edge - 1 }
     }
 
     /// The samples that line `v`, which may be virtual, is compared with.
@@ -63,15 +83,9 @@ impl Columns<'_> {
     }
 }
 
-/// Moves `len` samples, as `copy_within` does, but never panics.
-fn shift_within(samples: &mut [u8], from: usize, to: usize, len: usize) {
-    if from.saturating_add(len) <= samples.len() && to.saturating_add(len) <= samples.len() {
-        samples.copy_within(from..from + len, to);
+/// Moves as many samples as stay within, as the method of slices does, but never panics.
+fn copy_within(samples: &mut [u8], from: usize, to: usize) {
+    if let Some(end) = samples.len().checked_sub(to).filter(|&end| from <= end) {
+        samples.copy_within(from..end, to);
     }
-}
-
-/// The sample of `line` at a coordinate that may be outside it.
-pub(super) fn replicated(line: &[u8], coordinate: i32) -> u8 {
-    let nearest = coordinate.clamp(0, line.len() as i32 - 1);
-    line.get(nearest as usize).copied().unwrap_or_default()
 }

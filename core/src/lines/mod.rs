@@ -9,10 +9,8 @@ mod rows;
 
 use core::iter;
 
-use bytemuck::Pod;
-
 use crate::{Frame, MatchError, Params, Region, ScanlineSource, View, memory::Shape};
-use columns::{Columns, replicated};
+use columns::Columns;
 use rows::Rows;
 
 /// The held lines of all frames of a match.
@@ -148,7 +146,7 @@ impl<'m> Lines<'m> {
             Store::Rows(rows) => rows.put(self.next, line),
             Store::Columns(columns) => {
                 while columns.next <= v + self.lead && columns.next.clamp(0, self.last) == self.next {
-                    columns.push(|column, _| replicated(line, column));
+                    columns.push(line);
                 }
             }
         }
@@ -159,7 +157,7 @@ impl<'m> Lines<'m> {
     pub fn extend(&mut self, v: i32) {
         if let Store::Columns(columns) = &mut self.store {
             while columns.next <= v + self.lead {
-                columns.push(|_, previous| previous);
+                columns.repeat();
             }
         }
     }
@@ -173,23 +171,24 @@ impl<'m> Lines<'m> {
     }
 }
 
-/// The samples of a line at all disparities, from column to column.
+/// The samples of a line at all disparities, column by column.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Samples<'a> {
     samples: &'a [u8],
-    /// Where the next column's begin.
+    /// Where the first column's begin.
     start: usize,
-    /// How much further the next but one column's begin.
-    step: isize,
-    depth: usize,
+    /// How much further the next column's begin.
+    pub step: isize,
+    /// How many a column has, at ascending disparities.
+    pub depth: usize,
 }
 
-impl<'a> Samples<'a> {
-    /// The next column's, at ascending disparities, in vectors of type `T`.
-    #[inline(always)]
-    pub fn next<T: Pod>(&mut self) -> Option<&'a [T]> {
-        let samples = self.samples.get(self.start..self.start.wrapping_add(self.depth))?;
-        self.start = self.start.wrapping_add_signed(self.step);
-        bytemuck::try_cast_slice(samples).ok()
+impl Samples<'_> {
+    /// Where the first column's begin, if those of `columns` columns are there.
+    pub fn first(&self, columns: usize) -> Option<*const u8> {
+        let last = self.step.checked_mul(columns.checked_sub(1)? as isize)?;
+        let last = self.start.checked_add_signed(last)?;
+        let covered = |start: usize| start.checked_add(self.depth).is_some_and(|end| end <= self.samples.len());
+        (covered(self.start) && covered(last)).then(|| self.samples.as_ptr().wrapping_add(self.start))
     }
 }

@@ -68,7 +68,7 @@ impl Simulate {
 
         let passes = Region::tiles(&params, profile.tile_width()).count();
         let bar = terminal::progress((passes * params.height()) as u64, "lines");
-        let simulation = simulation::simulate(&profile, fusion, &frames, &|| bar.inc(1));
+        let simulation = simulation::simulate(&profile, fusion, self.core.into(), &frames, &|| bar.inc(1));
         bar.finish_and_clear();
         if let Some(path) = &self.packets {
             output::write(path, |writer| writer.write_all(&simulation.packets))?;
@@ -150,7 +150,7 @@ struct Report<'a> {
 impl<'a> Report<'a> {
     fn new(profile: &Profile, params: &Params, processor: Processor, images: &'a str, simulation: &Simulation) -> Report<'a> {
         let ram = Ram::new(params, profile.tile_width(), processor);
-        let instructions = processor.measured().prices.instructions(params, profile.tile_width());
+        let instructions = processor.instructions(params, profile.tile_width());
         let instructions = instructions.expect("there are prices for every profile").round();
         let frame = |frame: Frame| match frame {
             Frame::Center => "center",

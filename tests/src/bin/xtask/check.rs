@@ -6,7 +6,7 @@ use std::{process::Command, time::Instant};
 use crate::{
     board,
     command::{command, run},
-    edge, faults, setup,
+    edge, faults, kernels, setup,
     toolchain::Toolchain,
 };
 
@@ -16,6 +16,7 @@ pub fn test() -> Result<()> {
     step("tests in debug", || run(&mut cargo(&["test", "--workspace"])))?;
     step("tests in release", || run(&mut cargo(&["test", "--workspace", "--release"])))?;
     step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
+    step("the kernels in the emulator", || kernels::run(&toolchain))?;
     step("the firmware in the emulator", || edge::run(&toolchain, &edge::Selection::quick()))?;
     step("the firmware's faults", || faults::run(&toolchain))?;
     println!("\nevery test passed");

@@ -150,7 +150,7 @@ fn fitted(toolchain: &Toolchain, counter: &Counter) -> Result<Table> {
 fn note_ram(table: &mut Table, runs: &[Run], measurements: &[Measurement]) {
     for (run, measurement) in runs.iter().zip(measurements) {
         let noted = table.of_mut(run.board.processor);
-        noted.statics = noted.statics.max(measurement.ram_static - run.profile.lengths().bytes());
+        noted.statics = noted.statics.max(measurement.ram_static - run.workspace_bytes());
         noted.stack = noted.stack.max(measurement.stack_max);
     }
 }
@@ -177,6 +177,11 @@ impl Run {
         format!("{} on {}, {}", self.profile.name, self.board.name, self.fusion.name())
     }
 
+    /// The size of its workspace.
+    fn workspace_bytes(&self) -> usize {
+        self.board.processor.lengths(&self.profile.params(self.fusion), self.profile.tile_width()).bytes()
+    }
+
     /// Runs the image. What it sends must be what this machine computes.
     fn measure(&self, counter: &Counter) -> Result<Measurement> {
         let params = self.profile.params(self.fusion);
@@ -184,7 +189,7 @@ impl Run {
         let images = ImageSet::tsukuba(&params).unwrap_or_else(|| ImageSet::demo(&params));
         images.write(&folder)?;
         let (bytes, received) = self.received(&folder, counter)?;
-        let simulation = simulate(&self.profile, self.fusion, &images.frames()?, &|| ());
+        let simulation = simulate(&self.profile, self.fusion, self.board.processor, &images.frames()?, &|| ());
         received::same_lines(&bytes, &simulation.packets)?;
         received::same(&received.disparities, &images.disparities(&params)?)?;
         let stack_max = received.stack.context("the firmware did not measure its stack")?;
@@ -231,7 +236,8 @@ impl Measurement {
     /// Notes what the cost model says.
     fn predict(&mut self, run: &Run, table: &Table) -> Result<()> {
         let prices = &table.of(run.board.processor).prices;
-        let predicted = prices.instructions(&run.profile.params(run.fusion), run.profile.tile_width());
+        let (params, lanes) = (run.profile.params(run.fusion), run.board.processor.lanes());
+        let predicted = prices.instructions(&params, run.profile.tile_width(), lanes);
         self.instructions_predicted =
             predicted.context("the cost model has no prices for a profile: run cargo xtask edge --fit")?;
         Ok(())
@@ -294,7 +300,7 @@ fn check(runs: &[Run], measurements: &[Measurement], table: &Table) -> Result<()
     };
     for (run, m) in runs.iter().zip(measurements) {
         let measured = table.of(run.board.processor);
-        let statics = run.profile.lengths().bytes() + measured.statics;
+        let statics = run.workspace_bytes() + measured.statics;
         if m.ram_total > m.ram_budget {
             fail(run, format!("{} bytes of RAM, at most {} are allowed", m.ram_total, m.ram_budget));
         }

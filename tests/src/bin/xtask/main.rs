@@ -12,6 +12,7 @@ mod faults;
 mod firmware;
 mod footprint;
 mod image_set;
+mod kernels;
 mod layout;
 mod least_squares;
 mod log;
@@ -44,6 +45,8 @@ enum Task {
     Edge(edge::Selection),
     /// Run the firmware where it must fail: too large, out of stack, without its frames
     Faults,
+    /// Compare the processors' kernels with their portable twins, in the emulator
+    Kernels,
     /// Link the matcher alone, which fails if there is any way from it into a panic
     NoPanic,
 }
@@ -63,6 +66,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Setup => setup::run().map(drop),
         Task::Test => check::test(),
         Task::Ci => check::ci(),
+        Task::Kernels => kernels::run(&setup::run()?),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),
         Task::Edge(selection) => edge::run(&setup::run()?, &selection),

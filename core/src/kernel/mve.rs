@@ -1,0 +1,397 @@
+//! The loops in the vector instructions of Arm's MVE (Helium), as Cortex-M55 and M85 have them.
+//!
+//! Rust has no types for these vectors, so whole loops are written with them; single operations are the portable ones.
+//!
+//! An instruction is only assembled for a processor that has it. What goes through the vector predicate puts it back, since the
+//! compiler is not told of it.
+#![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
+
+use core::arch::asm;
+
+use super::{
+    Blocks, Change, Isa, Portable, Rule, Steps, fuse_generic, fuse_masked_generic,
+    steps::{Place, Track},
+};
+
+/// MVE: eight lanes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Mve;
+
+/// Operation by operation, the same.
+const TWIN: Portable<8> = Portable;
+
+/// Bytes of a vector of 16-bit lanes.
+const VECTOR: usize = size_of::<[u16; 8]>();
+
+impl Isa for Mve {
+    const LANES: usize = 8;
+    const BATCH: usize = 1;
+    type Samples = [u8; 8];
+    type Sums = [u16; 8];
+    type Column = [u16; 8];
+
+    #[inline(always)]
+    fn samples(samples: &[u8]) -> &[[u8; 8]] {
+        samples.as_chunks().0
+    }
+
+    #[inline(always)]
+    fn load_column(self, sums: &[u16; 8]) -> [u16; 8] {
+        *sums
+    }
+
+    #[inline(always)]
+    fn differences(self, center: u8, view: &[u8; 8]) -> [u16; 8] {
+        TWIN.differences(center, view)
+    }
+
+    #[inline(always)]
+    fn advance(self, sums: [u16; 8], center: Change<u8>, view: Change<&[u8; 8]>) -> [u16; 8] {
+        TWIN.advance(sums, center, view)
+    }
+
+    #[inline(never)]
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
+        let vectors = steps.vectors();
+        if let Some(place) = steps.enter().filter(|_| vectors > 0) {
+            unsafe { prime(place, vectors) }
+        }
+    }
+}
+
+impl Blocks<u16> for Mve {
+    type Costs = [u16; 8];
+    type Block = [u16; 8];
+
+    #[inline(always)]
+    fn load_block(self, costs: &[u16; 8]) -> [u16; 8] {
+        *costs
+    }
+
+    #[inline(always)]
+    fn splat(self, cost: u16) -> [u16; 8] {
+        [cost; 8]
+    }
+
+    #[inline(always)]
+    fn position(self, costs: &[[u16; 8]], cost: u16) -> usize {
+        for (j, costs) in costs.iter().enumerate() {
+            let equal: u32;
+            unsafe {
+                asm!(
+                    "vmrs {before}, p0",
+                    "vldrh.u16 q0, [{costs}]",
+                    "vcmp.i16 eq, q0, {cost}",
+                    "vmrs {equal}, p0",
+                    "vmsr p0, {before}",
+                    costs = in(reg) costs,
+                    cost = in(reg) cost,
+                    before = out(reg) _,
+                    equal = out(reg) equal,
+                    out("q0") _,
+                    options(readonly, nostack),
+                );
+            }
+            // Two bits for each lane.
+            if equal != 0 {
+                return 8 * j + equal.trailing_zeros() as usize / 2;
+            }
+        }
+        8 * costs.len()
+    }
+
+    #[inline(never)]
+    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u16; 8]; V]]) {
+        if steps.vectors() != blocks.len() || blocks.is_empty() {
+            return;
+        }
+        let Some(place) = steps.enter() else { return };
+        unsafe {
+            match blocks.len() {
+                2 => slide::<V, 2>(place, blocks),
+                4 => slide::<V, 4>(place, blocks),
+                8 => slide::<V, 8>(place, blocks),
+                _ => slide::<V, 0>(place, blocks),
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> [u16; 8] {
+        if blocks.len() != fused.len() || fused.is_empty() {
+            return [u16::MAX; 8];
+        }
+        let first = blocks.as_ptr();
+        match (rule, V) {
+            (Rule::Min, _) => [unsafe { least_of::<V, false>(first, first, fused) }; 8],
+            (Rule::Heuristic, 3 | 4) => [unsafe { heuristic_of::<V, false>(first, first, fused) }; 8],
+            _ => fuse_generic::<u16, _, V>(self, rule, blocks, fused),
+        }
+    }
+
+    #[inline(never)]
+    fn fuse_masked<const V: usize>(
+        self,
+        rule: Rule,
+        blocks: &[[[u16; 8]; V]],
+        masks: &[[[u16; 8]; V]],
+        fused: &mut [[u16; 8]],
+    ) -> [u16; 8] {
+        if blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
+            return [u16::MAX; 8];
+        }
+        match (rule, V) {
+            (Rule::Min, _) => [unsafe { least_of::<V, true>(blocks.as_ptr(), masks.as_ptr(), fused) }; 8],
+            (Rule::Heuristic, 3 | 4) => [unsafe { heuristic_of::<V, true>(blocks.as_ptr(), masks.as_ptr(), fused) }; 8],
+            _ => fuse_masked_generic::<u16, _, V>(self, rule, blocks, masks, fused),
+        }
+    }
+
+    #[inline(always)]
+    fn least(self, costs: &[[u16; 8]]) -> u16 {
+        let mut least = u32::from(u16::MAX);
+        for costs in costs {
+            unsafe {
+                asm!("vldrh.u16 q0, [{costs}]", "vminv.u16 {least}, q0", costs = in(reg) costs, least = inout(reg) least,
+                     out("q0") _, options(pure, readonly, nostack, preserves_flags));
+            }
+        }
+        least as u16
+    }
+}
+
+impl Blocks<u32> for Mve {
+    type Costs = [u32; 8];
+    type Block = [u32; 8];
+
+    #[inline(always)]
+    fn load_block(self, costs: &[u32; 8]) -> [u32; 8] {
+        *costs
+    }
+
+    #[inline(always)]
+    fn splat(self, cost: u32) -> [u32; 8] {
+        [cost; 8]
+    }
+
+    #[inline(always)]
+    fn position(self, costs: &[[u32; 8]], cost: u32) -> usize {
+        TWIN.position(costs, cost)
+    }
+}
+
+/// Adds what enters to a column.
+///
+/// # Safety
+/// The place has so many vectors in a view, not 0.
+#[inline(always)]
+unsafe fn prime<const V: usize>(place: Place<'_, Mve, V>, vectors: usize) {
+    let Place { center, tracks, column, .. } = place;
+    unsafe {
+        asm!(
+            "vdup.16 q1, r2",
+            "2:",
+            "ldr r2, [{tracks}]",
+            "ldr {x}, [{tracks}, #8]",
+            "add {x}, {x}, r2",
+            "str {x}, [{tracks}], #{track}",
+            "dls lr, {n}",
+            "3:",
+            "vldrb.u16 q0, [r2], #8",
+            "vabd.u16 q0, q0, q1",
+            "vldrh.u16 q2, [{column}]",
+            "vadd.i16 q0, q0, q2",
+            "vstrh.16 q0, [{column}], #16",
+            "le lr, 3b",
+            "cmp {tracks}, {end}",
+            "bne 2b",
+            n = in(reg) vectors,
+            tracks = inout(reg) tracks => _,
+            end = in(reg) tracks.wrapping_add(V),
+            column = inout(reg) column => _,
+            inout("r2") u32::from(center.entering) => _,
+            x = out(reg) _,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _,
+            track = const size_of::<Track>(),
+            options(nostack),
+        );
+    }
+}
+
+/// Moves a column down, and the blocks on by it: of `N` vectors in a view if that is not 0, and then without counting them.
+///
+/// # Safety
+/// The place has as many vectors in a view as there are blocks: `N`, or at least one.
+#[inline(always)]
+unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
+    let Place { center, tracks, column, left, .. } = place;
+    unsafe {
+        asm!(
+            "vdup.16 q2, r2",
+            "vdup.16 q3, r3",
+            "2:",
+            "ldrd r2, r3, [{tracks}]",
+            "ldr {y}, [{tracks}, #8]",
+            "add {x}, r2, {y}",
+            "add {y}, r3, {y}",
+            "strd {x}, {y}, [{tracks}], #{track}",
+            ".if {fixed} == 0",
+            "dls lr, {n}",
+            "3:",
+            ".endif",
+            ".rept {repeated}",
+            "vldrb.u16 q0, [r2], #8",
+            "vldrb.u16 q1, [r3], #8",
+            "vabd.u16 q0, q0, q2",
+            "vabd.u16 q1, q1, q3",
+            "vsub.i16 q0, q0, q1",
+            "vldrh.u16 q1, [{column}]",
+            "vadd.i16 q0, q0, q1",
+            "vstrh.16 q0, [{column}], #16",
+            "vldrh.u16 q1, [{left}], #16",
+            "vsub.i16 q0, q0, q1",
+            "vldrh.u16 q1, [{block}]",
+            "vadd.i16 q0, q0, q1",
+            "vstrh.16 q0, [{block}], #{stride}",
+            ".endr",
+            ".if {fixed} == 0",
+            "le lr, 3b",
+            ".endif",
+            "sub {block}, {block}, {back}",
+            "cmp {tracks}, {end}",
+            "bne 2b",
+            n = in(reg) blocks.len(),
+            tracks = inout(reg) tracks => _,
+            end = in(reg) tracks.wrapping_add(V),
+            column = inout(reg) column => _,
+            left = inout(reg) left => _,
+            block = inout(reg) blocks.as_mut_ptr() => _,
+            back = in(reg) (blocks.len() * V - 1) * VECTOR,
+            // Loads that widen take their addresses from low registers.
+            inout("r2") u32::from(center.entering) => _,
+            inout("r3") u32::from(center.leaving) => _,
+            x = out(reg) _,
+            y = out(reg) _,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
+            fixed = const N,
+            repeated = const if N == 0 { 1 } else { N },
+            stride = const VECTOR * V,
+            track = const size_of::<Track>(),
+            options(nostack),
+        );
+    }
+}
+
+/// Loads the costs of the views, from the first on, into vectors from `q0` on; those that are masked with all bits set.
+macro_rules! load_views {
+    () => {
+        "
+        .irp q, 0, 1, 2, 3
+        .if \\q < {views}
+        vldrh.u16 q\\q, [{block}], #16
+        .if {masked}
+        vldrh.u16 q5, [{mask}], #16
+        vorr q\\q, q\\q, q5
+        .endif
+        .endif
+        .endr
+        "
+    };
+}
+
+/// Fuses the costs of `V` views to the least, those that masks leave if they are `MASKED`, and returns the least of all.
+///
+/// # Safety
+/// There are as many blocks and masks as fused costs, not 0.
+#[inline(always)]
+unsafe fn least_of<const V: usize, const MASKED: bool>(
+    blocks: *const [[u16; 8]; V],
+    masks: *const [[u16; 8]; V],
+    fused: &mut [[u16; 8]],
+) -> u16 {
+    let mut least = u32::from(u16::MAX);
+    unsafe {
+        asm!(
+            "dls lr, {n}",
+            "2:",
+            load_views!(),
+            ".irp q, 1, 2, 3",
+            ".if \\q < {views}",
+            "vmin.u16 q0, q0, q\\q",
+            ".endif",
+            ".endr",
+            "vstrh.16 q0, [{fused}], #16",
+            "vminv.u16 {least}, q0",
+            "le lr, 2b",
+            n = in(reg) fused.len(),
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q5") _,
+            views = const V,
+            masked = const MASKED as u8,
+            options(nostack, preserves_flags),
+        );
+    }
+    least as u16
+}
+
+/// Fuses the costs of `V` views, three or four, by the heuristic rule, those that masks leave if they are `MASKED`, and returns the
+/// least of all.
+///
+/// # Safety
+/// There are as many blocks and masks as fused costs, not 0.
+#[inline(always)]
+unsafe fn heuristic_of<const V: usize, const MASKED: bool>(
+    blocks: *const [[u16; 8]; V],
+    masks: *const [[u16; 8]; V],
+    fused: &mut [[u16; 8]],
+) -> u16 {
+    let mut least = u32::from(u16::MAX);
+    unsafe {
+        asm!(
+            "vmrs {before}, p0",
+            "dls lr, {n}",
+            "2:",
+            // In place of a fourth view that is not there, the greatest cost.
+            "vmov.i8 q3, #255",
+            load_views!(),
+            "vmin.u16 q4, q0, q1",
+            "vmax.u16 q0, q0, q1",
+            "vmin.u16 q1, q2, q3",
+            "vmax.u16 q2, q2, q3",
+            // Second and third are the greater of the lower ones and the lesser of the upper ones.
+            "vmax.u16 q3, q4, q1",
+            "vmin.u16 q4, q4, q1",
+            "vmin.u16 q0, q0, q2",
+            "vmin.u16 q1, q3, q0",
+            "vmax.u16 q3, q3, q0",
+            // The sums of two and of three, and three times the second.
+            "vqadd.u16 q4, q4, q1",
+            "vqadd.u16 q0, q4, q3",
+            "vqadd.u16 q2, q1, q1",
+            "vqadd.u16 q2, q2, q1",
+            "vqadd.u16 q1, q4, q4",
+            "vqadd.u16 q4, q4, q1",
+            "vqadd.u16 q0, q0, q0",
+            "vcmp.u16 hi, q3, q2",
+            "vpsel q0, q4, q0",
+            "vstrh.16 q0, [{fused}], #16",
+            "vminv.u16 {least}, q0",
+            "le lr, 2b",
+            "vmsr p0, {before}",
+            n = in(reg) fused.len(),
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            before = out(reg) _,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _,
+            views = const V,
+            masked = const MASKED as u8,
+            options(nostack, preserves_flags),
+        );
+    }
+    least as u16
+}

@@ -42,11 +42,10 @@ macro_rules! units {
 units! {
     line: "Disparity lines, one for each line of each tile.",
     column: "Columns that blocks move on by: in each line those of the tile and of the block's radius on both sides.",
-    column_view: "The same for each view.",
+    column_view: "The same for each view: samples come in, and sums change.",
     pixel: "Pixels.",
     border_pixel: "Of these, those that some view cannot see at some disparity.",
     segment: "In pixels whose costs are fused by segments: runs of disparities that the same views see.",
-    sample: "Samples that are held: of the centre and of horizontal views line by line, of vertical views column by column.",
     primed: "Candidates of columns that enter the first blocks of a tile, for each view.",
     packet: "Packets.",
     sent: "Pixels in packets.",
@@ -160,12 +159,8 @@ impl Work {
         // Columns under the blocks of a line, in all tiles.
         let span = width + passes * (block - 1.0);
         let depth = count(params.num_disparities().next_multiple_of(lanes));
-        let vertical = count(params.views().iter().filter(|view| !view.is_horizontal()).count());
         let pixels = width * height;
         let Pixels { complete, masked, segmented, segments } = Pixels::new(params);
-        let held = span + passes * (depth - 1.0);
-        // Lines above the first and below the last are pushed too.
-        let pushed = vertical * span * (height + block - 1.0 + count(params.num_disparities()));
         Work {
             units: Units {
                 line: passes * height,
@@ -174,7 +169,6 @@ impl Work {
                 pixel: pixels,
                 border_pixel: count(masked + segmented),
                 segment: count(segments),
-                sample: height * (span + (views - vertical) * held) + pushed,
                 primed: block * span * depth * views,
                 packet: passes * height,
                 sent: pixels,

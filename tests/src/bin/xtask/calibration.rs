@@ -39,19 +39,23 @@ const fn shape(
     Shape { width, height, min_disparity, num_disparities: num_disparities as u16, block_sizes, tile_width }
 }
 
-/// Much of border and little, wide and narrow tiles, small and large blocks, few and many disparities, with whole and broken vectors.
+/// Much of border and little, with many disparities and few, in whole and in broken vectors, in numbers for which kernels have loops of
+/// their own and in others; wide tiles and narrow ones, small and large blocks.
 ///
 /// Not blocks of 13 and 15: their mean costs saturate in 16 bits as often as the images have it, and are then computed again.
-const SHAPES: [Shape; 9] = [
-    shape([96, 60], [1, 12], [5, 17], 96),
-    shape([140, 90], [1, 24], [9, 19], 140),
-    shape([150, 110], [1, 40], [11, 21], 50),
-    shape([128, 80], [0, 28], [7, 17], 64),
-    shape([180, 150], [1, 56], [9, 17], 61),
-    shape([112, 72], [-3, 20], [9, 21], 112),
-    shape([120, 100], [2, 36], [3, 19], 40),
+const SHAPES: [Shape; 12] = [
+    shape([60, 48], [1, 16], [5, 17], 60),
     shape([240, 160], [1, 16], [7, 17], 240),
+    shape([112, 72], [-3, 20], [9, 21], 112),
+    shape([140, 90], [1, 24], [9, 19], 140),
+    shape([300, 220], [1, 24], [7, 21], 100),
+    shape([128, 80], [0, 28], [7, 17], 64),
+    shape([100, 90], [1, 32], [9, 17], 50),
     shape([256, 192], [1, 32], [11, 19], 86),
+    shape([120, 100], [2, 36], [3, 19], 40),
+    shape([320, 240], [1, 44], [11, 19], 80),
+    shape([180, 150], [1, 56], [9, 17], 61),
+    shape([320, 240], [1, 64], [9, 17], 64),
 ];
 
 /// Numbers of views, and the rules that fuse them in loops of their own.
@@ -66,16 +70,18 @@ const VARIANTS: [(Views, Fusion); 7] = [
 ];
 
 /// A match that is measured.
-struct Run {
+struct Run<'a> {
     params: Params,
     tile_width: usize,
+    images: &'a ImageSet,
 }
 
 /// What the firmware of `board` takes for each unit of work.
 pub fn prices(toolchain: &Toolchain, board: &Board, counter: &Counter) -> Result<Prices> {
     let image =
         firmware::build(toolchain, board, &[Program::Example("calibrate")])?.pop().context("one program gives one image")?;
-    let runs = runs()?;
+    let images = SHAPES.each_ref().map(Shape::images);
+    let runs = runs(&images)?;
     let counted = workers::map(&runs, |run| run.count(board, &image, counter).with_context(|| run.name(board)))?;
     let lanes = board.processor.lanes();
     let prices = fit(&runs, &counted, lanes);
@@ -94,19 +100,29 @@ pub fn prices(toolchain: &Toolchain, board: &Board, counter: &Counter) -> Result
     Ok(prices)
 }
 
-fn runs() -> Result<Vec<Run>> {
+impl Shape {
+    /// Frames whose disparities fill the search as those of a profile do: the middle of larger ones.
+    fn images(&self) -> ImageSet {
+        let width = usize::from(self.width).max(10 * usize::from(self.num_disparities));
+        let height = usize::from(self.height).max(3 * width / 4);
+        ImageSet::demo_middle([width, height], [self.width.into(), self.height.into()])
+    }
+}
+
+fn runs(images: &[ImageSet]) -> Result<Vec<Run<'_>>> {
     let mut runs = Vec::new();
-    for (shape, (views, fusion)) in SHAPES.iter().flat_map(|shape| VARIANTS.map(|variant| (shape, variant))) {
+    let shapes = SHAPES.iter().zip(images);
+    for ((shape, images), (views, fusion)) in shapes.flat_map(|shape| VARIANTS.map(|variant| (shape, variant))) {
         for block_size in shape.block_sizes {
             let Shape { width, height, min_disparity, num_disparities, tile_width, .. } = *shape;
             let params = Params::new(width, height, views, fusion, min_disparity, num_disparities, block_size)?;
-            runs.push(Run { params, tile_width });
+            runs.push(Run { params, tile_width, images });
         }
     }
     Ok(runs)
 }
 
-impl Run {
+impl Run<'_> {
     fn name(&self, board: &Board) -> String {
         let p = &self.params;
         let (width, height, views, d) = (p.width(), p.height(), p.views().len(), p.num_disparities());
@@ -117,7 +133,7 @@ impl Run {
     fn count(&self, board: &Board, image: &Path, counter: &Counter) -> Result<Instructions> {
         let params = &self.params;
         let folder: PathBuf = layout::edge_target().join("runs/calibration").join(self.name(board));
-        ImageSet::demo(params).write(&folder)?;
+        self.images.write(&folder)?;
         let numbers = [params.width(), params.height(), params.views().len()].map(|number| number.to_string());
         let search = [params.min_disparity().to_string(), params.num_disparities().to_string(), params.block_size().to_string()];
         let rest = [params.fusion().name().to_owned(), self.tile_width.to_string()];
@@ -129,7 +145,7 @@ impl Run {
 }
 
 /// The prices that explain what was counted. Matching and sending are counted, and fitted, apart.
-fn fit(runs: &[Run], counted: &[Instructions], lanes: usize) -> Prices {
+fn fit(runs: &[Run<'_>], counted: &[Instructions], lanes: usize) -> Prices {
     let works: Vec<Work> = runs.iter().map(|run| Work::new(&run.params, run.tile_width, lanes)).collect();
     let mut kernels: Vec<&str> = works.iter().map(|work| work.kernel.as_str()).collect();
     kernels.sort_unstable();

@@ -6,7 +6,7 @@ use multiscopic::{
     Frames, Picture,
     scene::{Camera, Scene, capture},
 };
-use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, View};
+use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, View, Views};
 use multiscopic_edge::frame_file;
 use multiscopic_tests::{
     data::{self, Dataset},
@@ -30,6 +30,15 @@ impl ImageSet {
         let gray = |frame| Picture::Rgb(shot.frame(frame).clone()).to_gray().into_raw();
         let views = View::ALL.map(|view| params.views().contains(view).then(|| gray(Frame::View(view))));
         ImageSet { name: "demo", images: Images { width, height, center: gray(Frame::Center), views } }
+    }
+
+    /// The `[width, height]` pixels in the middle of the same scene in frames of `size`, with all neighbours.
+    pub fn demo_middle([w, h]: [usize; 2], [width, height]: [usize; 2]) -> ImageSet {
+        let frames =
+            capture(&Scene::demo(), &Camera::new(w as u32, h as u32), 1).frames(Views::ALL).middle([width, height], Views::ALL);
+        let gray = |frame| frames.get(frame).map(|image| image.as_raw().clone());
+        let views = View::ALL.map(|view| gray(Frame::View(view)));
+        ImageSet { name: "demo", images: Images { width, height, center: gray(Frame::Center).unwrap_or_default(), views } }
     }
 
     /// The middle of the Tsukuba head and lamp, if this machine has it and it is large enough.

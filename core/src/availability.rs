@@ -1,6 +1,6 @@
 //! Which views see the candidates of a pixel.
 
-use core::{iter, ops::Range};
+use core::{iter, mem, ops::Range};
 
 use crate::{Params, View};
 
@@ -88,83 +88,86 @@ impl<'a> Availability<'a> {
 /// Where each view of a match is available to a pixel.
 ///
 /// It goes along with the pixel, and says what changes: from one pixel to the next, no more than a disparity or two.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Available {
-    views: [Option<Reach>; View::ALL.len()],
-    /// How many views there are, and how many of them are available at some disparities only.
+    /// The horizontal views, then the vertical ones: their order.
+    views: [Reach; View::ALL.len()],
+    horizontal: usize,
     len: usize,
-    incomplete: usize,
-    all: usize,
+    /// The views that are not available at all disparities, as bits.
+    incomplete: u8,
+    /// The number of disparities.
+    all: u16,
 }
 
 /// Where a view is available, and how that follows the pixel.
 #[derive(Clone, Debug)]
 struct Reach {
     view: View,
-    range: Range<usize>,
     /// The frame's size in its direction, and the smallest disparity.
     size: usize,
     least: i16,
+    range: Range<u16>,
 }
 
 impl Available {
     /// Nowhere yet.
     pub fn new(params: &Params) -> Available {
-        let mut available = Available { all: params.num_disparities(), ..Available::default() };
-        for (reach, view) in available.views.iter_mut().zip(params.views().iter()) {
+        let mut views = params.views().iter();
+        let views = View::ALL.map(|view| {
+            let view = views.next().unwrap_or(view);
             let size = if view.is_horizontal() { params.width() } else { params.height() };
-            *reach = Some(Reach { view, range: 0..0, size, least: params.min_disparity() });
-            available.len += 1;
-        }
-        available.incomplete = available.len;
-        available
+            Reach { view, size, least: params.min_disparity(), range: 0..0 }
+        });
+        let len = params.views().len();
+        let horizontal = params.views().iter().filter(|view| view.is_horizontal()).count();
+        Available { views, horizontal, len, incomplete: (1 << len) - 1, all: params.num_disparities() as u16 }
     }
 
     /// Goes to pixel `(u, v)`. `change` is told of every view and disparity that changes whether it is available.
     #[inline(never)]
     pub fn enter_line(&mut self, u: usize, v: usize, mut change: impl FnMut(usize, usize, bool)) {
-        for vertical in [true, false] {
-            self.go(vertical, if vertical { v } else { u }, &mut change);
+        for k in 0..self.len {
+            self.go(k, if k < self.horizontal { u } else { v }, &mut change);
         }
     }
 
     /// Goes to the pixel at `u` in the same line.
     #[inline(never)]
-    pub fn enter(&mut self, u: usize, change: impl FnMut(usize, usize, bool)) {
-        self.go(false, u, change);
+    pub fn enter(&mut self, u: usize, mut change: impl FnMut(usize, usize, bool)) {
+        for k in 0..self.horizontal {
+            self.go(k, u, &mut change);
+        }
     }
 
-    /// Whether all views are available at all disparities.
-    pub fn is_complete(&self) -> bool {
-        self.incomplete == 0
+    /// The views that are not available at all disparities, as bits.
+    pub fn incomplete(&self) -> u8 {
+        self.incomplete
     }
 
     /// Whether no disparity is available in one view alone.
     pub fn has_pairs(&self) -> bool {
-        self.len >= self.incomplete + 2
+        self.len >= self.incomplete.count_ones() as usize + 2
     }
 
-    /// Goes to a coordinate in the vertical views, or the others.
+    /// Goes to a coordinate in the `k`-th view.
     #[inline(always)]
-    fn go(&mut self, vertical: bool, coordinate: usize, mut change: impl FnMut(usize, usize, bool)) {
-        for (k, reach) in self.views.iter_mut().enumerate() {
-            let Some(reach) = reach.as_mut().filter(|reach| reach.view.is_horizontal() != vertical) else { continue };
-            let before = reach.range.clone();
-            let next = inside(reach.view, coordinate, reach.size, reach.least, self.all);
-            let next = next.start.into()..next.end.into();
-            if next == before {
-                continue;
-            }
-            // What lies between both beginnings and between both ends is all that may change.
-            for (from, to) in [(before.start, next.start), (before.end, next.end)] {
-                for index in from.min(to)..from.max(to) {
-                    change(k, index, next.contains(&index));
-                }
-            }
-            self.incomplete -= usize::from(before != (0..self.all));
-            self.incomplete += usize::from(next != (0..self.all));
-            reach.range = next;
+    fn go(&mut self, k: usize, coordinate: usize, mut change: impl FnMut(usize, usize, bool)) {
+        let Some(reach) = self.views.get_mut(k) else { return };
+        let next = inside(reach.view, coordinate, reach.size, reach.least, self.all.into());
+        let before = mem::replace(&mut reach.range, next.clone());
+        if next == before {
+            return;
         }
+        // What lies between both beginnings and between both ends is all that may change.
+        for (from, to) in [(before.start, next.start), (before.end, next.end)] {
+            let (mut index, end) = (from.min(to), from.max(to));
+            while index < end {
+                change(k, index.into(), next.contains(&index));
+                index += 1;
+            }
+        }
+        self.incomplete = self.incomplete & !(1 << k) | u8::from(next != (0..self.all)) << k;
     }
 }
 

@@ -15,7 +15,7 @@ use crate::{Frame, Params, View, kernel::Isa};
 /// | `fused` | `2 D` for each pixel of a [batch](Isa::BATCH), `4 D` from a block of 17 |
 /// | `center` | `(2 rho + 2) X` |
 /// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each horizontal view |
-/// | `vertical` | `X (D + 2 rho + 8)` for each vertical view |
+/// | `vertical` | `X (D + 2 rho + 16)` for each vertical view |
 /// | `zeros` | `2 D` for each view |
 /// | `line` | the frame's width |
 ///
@@ -109,7 +109,7 @@ pub(crate) struct Shape {
 
 impl Shape {
     /// How many lines enter a column of a vertical view before its samples move, by one more: by whole words.
-    pub const SLACK: usize = 7;
+    pub const SLACK: usize = 15;
 
     pub const fn new<I: Isa>(params: &Params, columns: usize) -> Shape {
         let depth = params.num_disparities().next_multiple_of(I::LANES);
@@ -142,6 +142,10 @@ impl Shape {
     }
 
     const fn align(&self, bytes: usize) -> usize {
-        bytes.next_multiple_of(self.vector_bytes)
+        // Never 0, which the compiler does not see.
+        match bytes.checked_next_multiple_of(self.vector_bytes) {
+            Some(bytes) => bytes,
+            None => bytes,
+        }
     }
 }

@@ -67,17 +67,17 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let uniform = uniform_columns(params);
         let start = region.columns().start;
         available.enter_line(start, v, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
-        let (mut complete, mut masked) = (available.is_complete(), selection.masks(available));
+        let (mut incomplete, mut masked) = (available.incomplete(), selection.masks(available));
         for (pixel, u) in out.iter_mut().zip(start..) {
             isa.slide(&mut steps, blocks);
             // What is available is the same in all uniform columns.
             if u <= uniform.start || u >= uniform.end {
                 available.enter(u, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
-                (complete, masked) = (available.is_complete(), selection.masks(available));
+                (incomplete, masked) = (available.incomplete(), selection.masks(available));
             }
-            let least = match (complete, masked) {
-                (true, _) => selection.fuse(blocks, fused),
-                (_, true) => selection.fuse_masked(blocks, masks, fused),
+            let least = match (incomplete, masked) {
+                (0, _) => selection.fuse(blocks, fused),
+                (_, true) => selection.fuse_masked(incomplete, blocks, masks, fused),
                 _ => selection.fuse_segments(&Availability::new(params, u, v), blocks, fused),
             };
             *pixel = selection.disparity(least, fused, || Exact { params, u, v, start, sums: steps.sums(), vectors, bias });
@@ -100,29 +100,19 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let uniform = uniform_columns(params);
         let of_uniform = Availability::new(params, uniform.start, v);
         let complete = of_uniform.is_complete();
-        let mut winners = Winners { costs: [L::MAX; Winners::<()>::MAX], indices: [0; Winners::<()>::MAX] };
+        let mut winners = Winners::new();
         let start = region.columns().start;
         let (mut u, mut out) = (region.columns().start, out);
         while !out.is_empty() {
             let inside = uniform.contains(&u);
             // Pixels whose views are all available come in batches, all others one by one.
-            let batch = I::BATCH.min(Winners::<L>::MAX).min(uniform.end.saturating_sub(u)).min(out.len());
-            let batch = if complete && inside { batch } else { 1 };
+            let batch = if complete && inside { I::BATCH.min(Winners::<L>::MAX).min(uniform.end - u).min(out.len()) } else { 1 };
             let Some((pixels, others)) = mem::take(&mut out).split_at_mut_checked(batch) else { return };
-            if let [pixel] = pixels {
-                isa.slide(&mut steps, blocks);
-                let fused = fused.get_mut(..vectors).unwrap_or_default();
-                let least = match inside {
-                    true if complete => selection.fuse(blocks, fused),
-                    true => selection.fuse_segments(&of_uniform, blocks, fused),
-                    false => selection.fuse_segments(&of_uniform.clone().in_column(u), blocks, fused),
-                };
-                *pixel = selection.disparity(least, fused, || Exact { params, u, v, start, sums: steps.sums(), vectors, bias });
-            } else {
+            if batch > 1 {
                 let excess = selection.excess();
                 let batch = Batch { rule: selection.rule, pixels: batch, blocks, fused, excess };
                 isa.batch(batch, &mut steps, &mut winners);
-                selection.disparities(&winners, fused, vectors, pixels, |i| Exact {
+                selection.disparities(&winners, pixels, |i| Exact {
                     params,
                     u: u + i,
                     v,
@@ -131,8 +121,17 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
                     vectors,
                     bias,
                 });
+            } else if let [pixel] = pixels {
+                isa.slide(&mut steps, blocks);
+                let fused = fused.get_mut(..vectors).unwrap_or_default();
+                let least = match inside {
+                    true if complete => selection.fuse(blocks, fused),
+                    true => selection.fuse_segments(&of_uniform, blocks, fused),
+                    false => selection.fuse_segments(&of_uniform.clone().in_column(u), blocks, fused),
+                };
+                *pixel = selection.disparity(least, fused, || Exact { params, u, v, start, sums: steps.sums(), vectors, bias });
             }
-            u += pixels.len();
+            u += batch;
             out = others;
         }
     }

@@ -8,16 +8,17 @@ use crate::{DisparityMap, Error, Frames, Result, Simd};
 /// The machine that matches: threads and their vectors.
 #[derive(Debug)]
 pub struct Engine {
-    simd: Simd,
+    simd: Option<Simd>,
     pool: rayon::ThreadPool,
 }
 
 impl Engine {
-    /// An engine with a number of threads, 0 for as many as the machine has cores.
+    /// An engine with vectors, the [fastest](Simd::fastest) for each match if `None`, and a number of threads, 0 for as many as the
+    /// machine has cores.
     ///
     /// # Errors
     /// The threads could not be started.
-    pub fn new(simd: Simd, threads: usize) -> Result<Engine> {
+    pub fn new(simd: Option<Simd>, threads: usize) -> Result<Engine> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let pool = pool.map_err(|error| Error::Usage(format!("cannot start {threads} threads: {error}")))?;
         Ok(Engine { simd, pool })
@@ -28,9 +29,9 @@ impl Engine {
         self.pool.current_num_threads()
     }
 
-    /// The vector instructions it uses.
-    pub fn simd(&self) -> Simd {
-        self.simd
+    /// The vector instructions it uses for a match.
+    pub fn simd(&self, params: &Params) -> Simd {
+        self.simd.unwrap_or_else(|| Simd::fastest(params.num_disparities()))
     }
 
     /// Matches the centre of `frames` with the views of `params` and calls `line_done` for every line, from any thread.
@@ -44,9 +45,10 @@ impl Engine {
         // Each band first goes over a block's height of lines for nothing, so there are as few as keep all threads busy.
         let height = params.height().div_ceil(self.threads());
         let bands: Vec<Region> = Region::bands(params, height).collect();
+        let simd = self.simd(params);
         let pixels = map.pixels_mut().par_chunks_mut(height * params.width());
         self.pool.install(|| {
-            pixels.zip(bands).for_each(|(out, band)| self.simd.match_region(frames, params, &band, out, &line_done));
+            pixels.zip(bands).for_each(|(out, band)| simd.match_region(frames, params, &band, out, &line_done));
         });
         map
     }

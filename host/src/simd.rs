@@ -6,14 +6,19 @@
 
 use std::fmt;
 
+#[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+use multiscopic_core::kernel::Neon;
 #[cfg(target_arch = "x86_64")]
 use multiscopic_core::kernel::{Avx2, Avx512};
 use multiscopic_core::{
     Disparity, Matcher, Memory, Params, Region,
-    kernel::{Blocks, Portable},
+    kernel::{Blocks, Isa, Portable},
 };
 
 use crate::Frames;
+
+/// As many lanes as the compiler makes vectors of, on any processor.
+type Baseline = Portable<8>;
 
 /// A set of vector instructions, which this processor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +30,8 @@ enum Level {
     Avx512,
     #[cfg(target_arch = "x86_64")]
     Avx2,
+    #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+    Neon,
     Baseline,
 }
 
@@ -48,13 +55,29 @@ impl Simd {
                 levels.push(Simd(Level::Avx2));
             }
         }
+        #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+        levels.push(Simd(Level::Neon));
         levels.push(Simd::BASELINE);
         levels
     }
 
-    /// The widest that this processor has.
-    pub fn widest() -> Simd {
-        Simd::available()[0]
+    /// The fastest of this processor for a number of disparities: the widest, unless half of its lanes would be idle.
+    pub fn fastest(num_disparities: usize) -> Simd {
+        let available = Simd::available();
+        available.iter().copied().find(|simd| num_disparities > simd.lanes() / 2).unwrap_or(available[available.len() - 1])
+    }
+
+    /// Disparities that are computed at a time.
+    fn lanes(self) -> usize {
+        match self.0 {
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => Avx512::LANES,
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => Avx2::LANES,
+            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+            Level::Neon => Neon::LANES,
+            Level::Baseline => Baseline::LANES,
+        }
     }
 
     /// The level of that name, if this processor has it.
@@ -78,7 +101,9 @@ impl Simd {
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
             Level::Avx2 => unsafe { avx2(frames, params, region, out, line_done) },
-            Level::Baseline => match_region(Portable::<8>, frames, params, region, out, line_done),
+            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+            Level::Neon => match_region(Neon, frames, params, region, out, line_done),
+            Level::Baseline => match_region(Baseline::default(), frames, params, region, out, line_done),
         }
     }
 }
@@ -90,6 +115,8 @@ impl fmt::Display for Simd {
             Level::Avx512 => "avx512",
             #[cfg(target_arch = "x86_64")]
             Level::Avx2 => "avx2",
+            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+            Level::Neon => "neon",
             Level::Baseline => "baseline",
         })
     }

@@ -32,14 +32,14 @@ impl Avx2 {
 
 impl Isa for Avx2 {
     const LANES: usize = 32;
-    const BATCH: usize = 16;
+    const BATCH: usize = Winners::<()>::MAX;
     type Samples = [u8; 32];
     type Sums = [u16; 32];
     type Column = U16x32;
 
     #[inline(always)]
     fn lane(index: usize) -> usize {
-        index % 8 + index / 16 * 8 + index / 8 % 2 * 16
+        LANE[index % 32].into()
     }
 
     #[inline(always)]
@@ -73,6 +73,17 @@ impl Isa for Avx2 {
         }
     }
 }
+
+/// The lane of each disparity, as interleaving bytes leaves them.
+static LANE: [u8; 32] = {
+    let mut lanes = [0; 32];
+    let mut index = 0;
+    while index < 32 {
+        lanes[index] = (index % 8 + index / 16 * 8 + index / 8 % 2 * 16) as u8;
+        index += 1;
+    }
+    lanes
+};
 
 #[inline(always)]
 unsafe fn absolute_differences(center: u8, view: &[u8; 32]) -> __m256i {

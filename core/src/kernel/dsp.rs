@@ -106,10 +106,13 @@ fn differences(a: u32, b: u32) -> u32 {
     uqsub8(a, b) | uqsub8(b, a)
 }
 
-/// The lesser of words' halves, of which the first is the place for the result.
+/// The lesser of words' halves, to the place of the first if there is no other.
 macro_rules! min {
     ($a:literal, $b:literal) => {
         concat!("usub16 {t}, ", $a, ", ", $b, "\nsel ", $a, ", ", $b, ", ", $a, "\n")
+    };
+    ($a:literal, $b:literal, $to:literal) => {
+        concat!("usub16 ", $to, ", ", $a, ", ", $b, "\nsel ", $to, ", ", $b, ", ", $a, "\n")
     };
 }
 
@@ -144,6 +147,220 @@ unsafe fn least_of_all<const UNROLLED: usize>(blocks: *const [[u32; 2]; 4], fuse
             t = out(reg) _,
             out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
             unrolled = const UNROLLED,
+            options(nostack),
+        );
+    }
+    least
+}
+
+/// Fuses the costs of four views in two lanes by the heuristic rule, into the place of the first.
+macro_rules! heuristic {
+    ($a:literal, $b:literal, $c:literal, $d:literal) => {
+        concat!(
+            // The lesser and the greater of the first two are in t and a, those of the others in b and c.
+            "usub16 {t}, ",
+            $a,
+            ", ",
+            $b,
+            "\nsel {t}, ",
+            $b,
+            ", ",
+            $a,
+            "\nsel ",
+            $a,
+            ", ",
+            $a,
+            ", ",
+            $b,
+            "\n",
+            "usub16 ",
+            $b,
+            ", ",
+            $c,
+            ", ",
+            $d,
+            "\nsel ",
+            $b,
+            ", ",
+            $d,
+            ", ",
+            $c,
+            "\nsel ",
+            $c,
+            ", ",
+            $c,
+            ", ",
+            $d,
+            "\n",
+            // The least in d. Second and third are the greater of the lesser ones and the lesser of the greater ones: in b and a.
+            "usub16 ",
+            $d,
+            ", {t}, ",
+            $b,
+            "\nsel ",
+            $d,
+            ", ",
+            $b,
+            ", {t}\nsel ",
+            $b,
+            ", {t}, ",
+            $b,
+            "\n",
+            "usub16 {t}, ",
+            $a,
+            ", ",
+            $c,
+            "\nsel ",
+            $a,
+            ", ",
+            $c,
+            ", ",
+            $a,
+            "\n",
+            // In c and a.
+            "usub16 {t}, ",
+            $b,
+            ", ",
+            $a,
+            "\nsel ",
+            $c,
+            ", ",
+            $a,
+            ", ",
+            $b,
+            "\nsel ",
+            $a,
+            ", ",
+            $b,
+            ", ",
+            $a,
+            "\n",
+            // The sums of two in d and of three in b, three times the second in t.
+            "uqadd16 ",
+            $d,
+            ", ",
+            $d,
+            ", ",
+            $c,
+            "\nuqadd16 ",
+            $b,
+            ", ",
+            $d,
+            ", ",
+            $a,
+            "\n",
+            "uqadd16 {t}, ",
+            $c,
+            ", ",
+            $c,
+            "\nuqadd16 {t}, {t}, ",
+            $c,
+            "\n",
+            "uqadd16 ",
+            $c,
+            ", ",
+            $d,
+            ", ",
+            $d,
+            "\nuqadd16 ",
+            $d,
+            ", ",
+            $c,
+            ", ",
+            $d,
+            "\n",
+            "uqadd16 ",
+            $b,
+            ", ",
+            $b,
+            ", ",
+            $b,
+            "\n",
+            "usub16 {t}, {t}, ",
+            $a,
+            "\nsel ",
+            $a,
+            ", ",
+            $b,
+            ", ",
+            $d,
+            "\n"
+        )
+    };
+}
+
+/// Fuses the costs of four views by the heuristic rule, and returns the least of all.
+///
+/// # Safety
+/// There are as many blocks as fused costs, not 0.
+#[inline(always)]
+unsafe fn heuristic_of_all(blocks: *const [[u32; 2]; 4], fused: &mut [[u32; 2]]) -> u32 {
+    let mut least = u32::MAX;
+    unsafe {
+        asm!(
+            "2:",
+            "ldm {block}!, {{r0, r1, r2, r3, r4, r5, r8, r9}}",
+            heuristic!("r0", "r2", "r4", "r8"),
+            heuristic!("r1", "r3", "r5", "r9"),
+            "strd r0, r1, [{fused}], #8",
+            min!("{least}", "r0"),
+            min!("{least}", "r1"),
+            "subs {n}, {n}, #1",
+            "bne 2b",
+            n = inout(reg) fused.len() => _,
+            block = inout(reg) blocks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            t = out(reg) _,
+            out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
+            options(nostack),
+        );
+    }
+    least
+}
+
+/// As [`heuristic_of_all`], of what masks leave.
+///
+/// # Safety
+/// There are as many blocks and masks as fused costs, not 0.
+#[inline(always)]
+unsafe fn heuristic_of_unmasked(blocks: *const [[u32; 2]; 4], masks: *const [[u32; 2]; 4], fused: &mut [[u32; 2]]) -> u32 {
+    let mut least = u32::MAX;
+    unsafe {
+        asm!(
+            "2:",
+            // Word by word, for want of registers.
+            ".irp next, 4, 28",
+            "ldr {a}, [{block}]",
+            "ldr {t}, [{mask}]",
+            "orr {a}, {a}, {t}",
+            "ldr {b}, [{block}, #8]",
+            "ldr {t}, [{mask}, #8]",
+            "orr {b}, {b}, {t}",
+            "ldr {c}, [{block}, #16]",
+            "ldr {t}, [{mask}, #16]",
+            "orr {c}, {c}, {t}",
+            "ldr {d}, [{block}, #24]",
+            "ldr {t}, [{mask}, #24]",
+            "orr {d}, {d}, {t}",
+            "add {block}, {block}, #\\next",
+            "add {mask}, {mask}, #\\next",
+            heuristic!("{a}", "{b}", "{c}", "{d}"),
+            "str {a}, [{fused}], #4",
+            min!("{least}", "{a}"),
+            ".endr",
+            "subs {n}, {n}, #1",
+            "bne 2b",
+            n = inout(reg) fused.len() => _,
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            a = out(reg) _,
+            b = out(reg) _,
+            c = out(reg) _,
+            d = out(reg) _,
+            t = out(reg) _,
             options(nostack),
         );
     }
@@ -193,6 +410,55 @@ unsafe fn least_of_unmasked<const V: usize>(
             e = out(reg) _,
             t = out(reg) _,
             others = const V - 1,
+            options(nostack),
+        );
+    }
+    least
+}
+
+/// As [`least_of_unmasked`], where only view `K` has masks.
+///
+/// # Safety
+/// There are as many blocks and masks as fused costs, not 0, and a view `K`.
+#[inline(always)]
+unsafe fn least_of_one_masked<const V: usize, const K: usize>(
+    blocks: *const [[u32; 2]; V],
+    masks: *const [[u32; 2]; V],
+    fused: &mut [[u32; 2]],
+) -> u32 {
+    let mut least = u32::MAX;
+    unsafe {
+        asm!(
+            "2:",
+            "ldrd {a}, {b}, [{mask}], #{stride}",
+            "ldrd {c}, {d}, [{block}, #{masked}]",
+            "orr {a}, {a}, {c}",
+            "orr {b}, {b}, {d}",
+            ".irp view, 0, 8, 16, 24",
+            ".if (\\view < {stride}) && (\\view != {masked})",
+            "ldrd {c}, {d}, [{block}, #\\view]",
+            min!("{a}", "{c}"),
+            min!("{b}", "{d}"),
+            ".endif",
+            ".endr",
+            "add {block}, {block}, #{stride}",
+            "strd {a}, {b}, [{fused}], #8",
+            min!("{least}", "{a}"),
+            min!("{least}", "{b}"),
+            "subs {n}, {n}, #1",
+            "bne 2b",
+            n = inout(reg) fused.len() => _,
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks.cast::<[u32; 2]>().wrapping_add(K) => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            a = out(reg) _,
+            b = out(reg) _,
+            c = out(reg) _,
+            d = out(reg) _,
+            t = out(reg) _,
+            masked = const K * VECTOR,
+            stride = const V * VECTOR,
             options(nostack),
         );
     }
@@ -387,17 +653,37 @@ impl Blocks<u16> for Dsp {
 
     #[inline(always)]
     fn position(self, costs: &[[u32; 2]], cost: u16) -> usize {
-        // All ones in the halves that are greater.
-        let cost = u32::from(cost) * 0x1_0001;
-        let greater = |costs: u32| if_not_less(cost, costs, 0, !0);
-        for (j, &[a, b]) in costs.iter().enumerate() {
-            let (a, b) = (greater(a), greater(b));
-            if a & b != !0 {
-                let lanes = if (a & b) as u16 != 0xffff { [a as u16, 0] } else { [(a >> 16) as u16, 2] };
-                return 4 * j + usize::from(lanes[1]) + usize::from(lanes[0] != 0);
-            }
+        if costs.is_empty() {
+            return 0;
         }
-        4 * costs.len()
+        let (a, b, left): (u32, u32, usize);
+        unsafe {
+            asm!(
+                "2:",
+                "ldrd {a}, {b}, [{costs}], #8",
+                min!("{a}", "{b}", "{t}"),
+                // Whether one of the halves has it, since no cost is less.
+                "usub16 {t}, {cost}, {t}",
+                "sel {t}, {ones}, {zero}",
+                "cmp {t}, #0",
+                "bne 3f",
+                "subs {left}, {left}, #1",
+                "bne 2b",
+                "3:",
+                costs = inout(reg) costs.as_ptr() => _,
+                left = inout(reg) costs.len() => left,
+                cost = in(reg) u32::from(cost) * 0x1_0001,
+                ones = in(reg) u32::MAX,
+                zero = in(reg) 0,
+                a = out(reg) a,
+                b = out(reg) b,
+                t = out(reg) _,
+                options(readonly, nostack),
+            );
+        }
+        let lanes = [a as u16, b as u16, (a >> 16) as u16];
+        let lane = lanes.iter().position(|&lane| lane == cost).unwrap_or(3);
+        4 * (costs.len() - left) + lane
     }
 
     #[inline(never)]
@@ -417,32 +703,48 @@ impl Blocks<u16> for Dsp {
     }
 
     #[inline(never)]
-    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> U16x4 {
-        if V != 4 || rule != Rule::Min || blocks.len() != fused.len() || blocks.is_empty() {
-            return fuse_generic::<u16, _, V>(self, rule, blocks, fused);
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> u16 {
+        if V != 4 || rule == Rule::Sum || blocks.len() != fused.len() || blocks.is_empty() {
+            return self.fuse_others(rule, blocks, fused);
         }
         let blocks = blocks.as_ptr().cast();
         let least = unsafe {
             match fused.len() {
+                _ if rule == Rule::Heuristic => heuristic_of_all(blocks, fused),
                 n if n % 4 == 0 => least_of_all::<4>(blocks, fused),
                 _ => least_of_all::<1>(blocks, fused),
             }
         };
-        U16x4([least; 2])
+        (least as u16).min((least >> 16) as u16)
     }
 
     #[inline(never)]
     fn fuse_masked<const V: usize>(
         self,
         rule: Rule,
+        masked: u8,
         blocks: &[[[u32; 2]; V]],
         masks: &[[[u32; 2]; V]],
         fused: &mut [[u32; 2]],
-    ) -> U16x4 {
-        if rule != Rule::Min || blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
-            return fuse_masked_generic::<u16, _, V>(self, rule, blocks, masks, fused);
-        }
-        U16x4([unsafe { least_of_unmasked(blocks.as_ptr(), masks.as_ptr(), fused) }; 2])
+    ) -> u16 {
+        let fits = blocks.len() == fused.len() && masks.len() == fused.len() && !fused.is_empty();
+        let least = match rule {
+            Rule::Min if fits => unsafe {
+                let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
+                match masked {
+                    1 => least_of_one_masked::<V, 0>(blocks, masks, fused),
+                    2 if V > 1 => least_of_one_masked::<V, 1>(blocks, masks, fused),
+                    4 if V > 2 => least_of_one_masked::<V, 2>(blocks, masks, fused),
+                    8 if V > 3 => least_of_one_masked::<V, 3>(blocks, masks, fused),
+                    _ => least_of_unmasked(blocks, masks, fused),
+                }
+            },
+            Rule::Heuristic if fits && V == 4 => unsafe {
+                heuristic_of_unmasked(blocks.as_ptr().cast(), masks.as_ptr().cast(), fused)
+            },
+            _ => return self.fuse_others_masked(rule, blocks, masks, fused),
+        };
+        (least as u16).min((least >> 16) as u16)
     }
 
     #[inline(never)]
@@ -507,6 +809,26 @@ impl U16x4 {
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(u32, u32) -> u32) -> Self {
         U16x4([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
+    }
+}
+
+impl Dsp {
+    /// By the other rules. A function of its own, so that the common ones need fewer registers.
+    #[inline(never)]
+    fn fuse_others<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> u16 {
+        fuse_generic(self, rule, blocks, fused)
+    }
+
+    /// As [`fuse_others`](Dsp::fuse_others), of what masks leave.
+    #[inline(never)]
+    fn fuse_others_masked<const V: usize>(
+        self,
+        rule: Rule,
+        blocks: &[[[u32; 2]; V]],
+        masks: &[[[u32; 2]; V]],
+        fused: &mut [[u32; 2]],
+    ) -> u16 {
+        fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 }
 

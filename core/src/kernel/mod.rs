@@ -12,6 +12,8 @@ mod batch;
 mod dsp;
 #[cfg(target_arch = "arm")]
 mod mve;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+mod neon;
 mod portable;
 mod steps;
 
@@ -28,6 +30,8 @@ pub use batch::{Batch, Winners};
 pub use dsp::Dsp;
 #[cfg(target_arch = "arm")]
 pub use mve::Mve;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+pub use neon::Neon;
 pub use portable::Portable;
 pub use steps::Steps;
 
@@ -111,22 +115,23 @@ pub trait Blocks<L: Lane>: Isa {
         }
     }
 
-    /// Fuses the costs of blocks whose views are all available. The least lane of what it returns is the least of them.
+    /// Fuses the costs of blocks whose views are all available, and returns the least.
     #[inline(always)]
-    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) -> Self::Block {
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) -> L {
         fuse_generic(self, rule, blocks, fused)
     }
 
-    /// Fuses the costs of blocks as if those under a mask of [`Lane::MAX`] were that; under a mask of zero they are as they are. The least
-    /// lane of what it returns is the least of them.
+    /// Fuses the costs of blocks as if those under a mask of [`Lane::MAX`] were that; under a mask of zero they are as they are. Returns the
+    /// least. Only the views whose bits are set in `masked` have a mask that is not zero.
     #[inline(always)]
     fn fuse_masked<const V: usize>(
         self,
         rule: Rule,
+        _masked: u8,
         blocks: &[[Self::Costs; V]],
         masks: &[[Self::Costs; V]],
         fused: &mut [Self::Costs],
-    ) -> Self::Block {
+    ) -> L {
         fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 
@@ -263,14 +268,20 @@ impl Rule {
     }
 }
 
-/// Fuses the costs of blocks, vector by vector, and returns the least in each lane.
+/// Where the lane of a disparity is among those of a pixel.
+#[inline(always)]
+pub(crate) fn lane<I: Isa>(index: usize) -> usize {
+    index / I::LANES * I::LANES + I::lane(index % I::LANES)
+}
+
+/// Fuses the costs of blocks, vector by vector, and returns the least.
 #[inline(always)]
 fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
     isa: I,
     rule: Rule,
     blocks: &[[I::Costs; V]],
     fused: &mut [I::Costs],
-) -> I::Block {
+) -> L {
     let mut least = isa.splat(L::MAX);
     for (fused, block) in fused.iter_mut().zip(blocks) {
         let mut costs = [least; V];
@@ -281,7 +292,7 @@ fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
         costs.store(fused);
         least = least.min(costs);
     }
-    least
+    least.least()
 }
 
 /// As [`fuse_generic`], of what masks leave.
@@ -292,7 +303,7 @@ fn fuse_masked_generic<L: Lane, I: Blocks<L>, const V: usize>(
     blocks: &[[I::Costs; V]],
     masks: &[[I::Costs; V]],
     fused: &mut [I::Costs],
-) -> I::Block {
+) -> L {
     let mut least = isa.splat(L::MAX);
     for ((fused, block), mask) in fused.iter_mut().zip(blocks).zip(masks) {
         let mut costs = [least; V];
@@ -303,7 +314,7 @@ fn fuse_masked_generic<L: Lane, I: Blocks<L>, const V: usize>(
         costs.store(fused);
         least = least.min(costs);
     }
-    least
+    least.least()
 }
 
 /// Fuses the costs of views that are all available.

@@ -75,29 +75,34 @@ impl Blocks<u16> for Mve {
 
     #[inline(always)]
     fn position(self, costs: &[[u16; 8]], cost: u16) -> usize {
-        for (j, costs) in costs.iter().enumerate() {
-            let equal: u32;
-            unsafe {
-                asm!(
-                    "vmrs {before}, p0",
-                    "vldrh.u16 q0, [{costs}]",
-                    "vcmp.i16 eq, q0, {cost}",
-                    "vmrs {equal}, p0",
-                    "vmsr p0, {before}",
-                    costs = in(reg) costs,
-                    cost = in(reg) cost,
-                    before = out(reg) _,
-                    equal = out(reg) equal,
-                    out("q0") _,
-                    options(readonly, nostack),
-                );
-            }
-            // Two bits for each lane.
-            if equal != 0 {
-                return 8 * j + equal.trailing_zeros() as usize / 2;
-            }
+        if costs.is_empty() {
+            return 0;
         }
-        8 * costs.len()
+        let (equal, left): (u32, usize);
+        unsafe {
+            asm!(
+                "vmrs {before}, p0",
+                "2:",
+                "vldrh.u16 q0, [{costs}], #16",
+                "vcmp.i16 eq, q0, {cost}",
+                "vmrs {equal}, p0",
+                "cmp {equal}, #0",
+                "bne 3f",
+                "subs {left}, {left}, #1",
+                "bne 2b",
+                "3:",
+                "vmsr p0, {before}",
+                costs = inout(reg) costs.as_ptr() => _,
+                left = inout(reg) costs.len() => left,
+                cost = in(reg) u32::from(cost),
+                before = out(reg) _,
+                equal = out(reg) equal,
+                out("q0") _,
+                options(readonly, nostack),
+            );
+        }
+        // Two bits for each lane, and none without the cost.
+        8 * (costs.len() - left) + equal.trailing_zeros() as usize / 2
     }
 
     #[inline(never)]
@@ -108,24 +113,23 @@ impl Blocks<u16> for Mve {
         let Some(place) = steps.enter() else { return };
         unsafe {
             match blocks.len() {
-                2 => slide::<V, 2>(place, blocks),
-                4 => slide::<V, 4>(place, blocks),
-                8 => slide::<V, 8>(place, blocks),
-                _ => slide::<V, 0>(place, blocks),
+                2 => slide_unrolled::<V, 2>(place, blocks),
+                4 => slide_unrolled::<V, 4>(place, blocks),
+                _ => slide(place, blocks),
             }
         }
     }
 
     #[inline(never)]
-    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> [u16; 8] {
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> u16 {
         if blocks.len() != fused.len() || fused.is_empty() {
-            return [u16::MAX; 8];
+            return u16::MAX;
         }
         let first = blocks.as_ptr();
         match (rule, V) {
-            (Rule::Min, _) => [unsafe { least_of::<V, false>(first, first, fused) }; 8],
-            (Rule::Heuristic, 3 | 4) => [unsafe { heuristic_of::<V, false>(first, first, fused) }; 8],
-            _ => fuse_generic::<u16, _, V>(self, rule, blocks, fused),
+            (Rule::Min, _) => unsafe { least_of::<V, 0>(first, first, fused) },
+            (Rule::Heuristic, 3 | 4) => unsafe { heuristic_of::<V, 0>(first, first, fused) },
+            _ => self.fuse_others(rule, blocks, fused),
         }
     }
 
@@ -133,17 +137,27 @@ impl Blocks<u16> for Mve {
     fn fuse_masked<const V: usize>(
         self,
         rule: Rule,
+        masked: u8,
         blocks: &[[[u16; 8]; V]],
         masks: &[[[u16; 8]; V]],
         fused: &mut [[u16; 8]],
-    ) -> [u16; 8] {
+    ) -> u16 {
         if blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
-            return [u16::MAX; 8];
+            return u16::MAX;
         }
-        match (rule, V) {
-            (Rule::Min, _) => [unsafe { least_of::<V, true>(blocks.as_ptr(), masks.as_ptr(), fused) }; 8],
-            (Rule::Heuristic, 3 | 4) => [unsafe { heuristic_of::<V, true>(blocks.as_ptr(), masks.as_ptr(), fused) }; 8],
-            _ => fuse_masked_generic::<u16, _, V>(self, rule, blocks, masks, fused),
+        let (first, mask) = (blocks.as_ptr(), masks.as_ptr());
+        match (rule, V, masked) {
+            (Rule::Min, _, 1) => unsafe { least_of::<V, 1>(first, mask, fused) },
+            (Rule::Min, _, 2) => unsafe { least_of::<V, 2>(first, mask, fused) },
+            (Rule::Min, _, 4) => unsafe { least_of::<V, 4>(first, mask, fused) },
+            (Rule::Min, _, 8) => unsafe { least_of::<V, 8>(first, mask, fused) },
+            (Rule::Min, ..) => unsafe { least_of::<V, 15>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, 1) => unsafe { heuristic_of::<V, 1>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, 2) => unsafe { heuristic_of::<V, 2>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, 4) => unsafe { heuristic_of::<V, 4>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, 8) => unsafe { heuristic_of::<V, 8>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, _) => unsafe { heuristic_of::<V, 15>(first, mask, fused) },
+            _ => self.fuse_others_masked(rule, blocks, masks, fused),
         }
     }
 
@@ -157,6 +171,26 @@ impl Blocks<u16> for Mve {
             }
         }
         least as u16
+    }
+}
+
+impl Mve {
+    /// By the other rules. A function of its own, so that the common ones need fewer registers.
+    #[inline(never)]
+    fn fuse_others<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> u16 {
+        fuse_generic(self, rule, blocks, fused)
+    }
+
+    /// As [`fuse_others`](Mve::fuse_others), of what masks leave.
+    #[inline(never)]
+    fn fuse_others_masked<const V: usize>(
+        self,
+        rule: Rule,
+        blocks: &[[[u16; 8]; V]],
+        masks: &[[[u16; 8]; V]],
+        fused: &mut [[u16; 8]],
+    ) -> u16 {
+        fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 }
 
@@ -218,12 +252,68 @@ unsafe fn prime<const V: usize>(place: Place<'_, Mve, V>, vectors: usize) {
     }
 }
 
-/// Moves a column down, and the blocks on by it: of `N` vectors in a view if that is not 0, and then without counting them.
+/// Moves a column down, and the blocks on by it: of `N` vectors in a view, at most 16 in all, so that each has a place of its own in the
+/// code.
 ///
 /// # Safety
-/// The place has as many vectors in a view as there are blocks: `N`, or at least one.
+/// The place has as many vectors in a view as there are blocks: `N`.
 #[inline(always)]
-unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
+unsafe fn slide_unrolled<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
+    let Place { center, tracks, column, left, .. } = place;
+    unsafe {
+        asm!(
+            "vdup.16 q2, r2",
+            "vdup.16 q3, r3",
+            ".irp k, 0, 1, 2, 3",
+            ".if \\k < {views}",
+            "ldrd r2, r3, [{tracks}, #({track} * \\k)]",
+            "ldr {y}, [{tracks}, #({track} * \\k + 8)]",
+            "add {x}, r2, {y}",
+            "add {y}, r3, {y}",
+            "strd {x}, {y}, [{tracks}, #({track} * \\k)]",
+            ".irp j, 0, 1, 2, 3, 4, 5, 6, 7",
+            ".if \\j < {vectors}",
+            "vldrb.u16 q0, [r2, #(8 * \\j)]",
+            "vldrb.u16 q1, [r3, #(8 * \\j)]",
+            "vabd.u16 q0, q0, q2",
+            "vabd.u16 q1, q1, q3",
+            "vsub.i16 q0, q0, q1",
+            "vldrh.u16 q1, [{column}, #(16 * ({vectors} * \\k + \\j))]",
+            "vadd.i16 q0, q0, q1",
+            "vstrh.16 q0, [{column}, #(16 * ({vectors} * \\k + \\j))]",
+            "vldrh.u16 q1, [{left}, #(16 * ({vectors} * \\k + \\j))]",
+            "vsub.i16 q0, q0, q1",
+            "vldrh.u16 q1, [{block}, #(16 * ({views} * \\j + \\k))]",
+            "vadd.i16 q0, q0, q1",
+            "vstrh.16 q0, [{block}, #(16 * ({views} * \\j + \\k))]",
+            ".endif",
+            ".endr",
+            ".endif",
+            ".endr",
+            tracks = in(reg) tracks,
+            column = in(reg) column,
+            left = in(reg) left,
+            block = in(reg) blocks.as_mut_ptr(),
+            // Loads that widen take their addresses from low registers.
+            inout("r2") u32::from(center.entering) => _,
+            inout("r3") u32::from(center.leaving) => _,
+            x = out(reg) _,
+            y = out(reg) _,
+            out("q0") _, out("q1") _, out("q2") _, out("q3") _,
+            views = const V,
+            vectors = const N,
+            track = const size_of::<Track>(),
+            options(nostack),
+        );
+    }
+}
+
+/// Moves a column down, and the blocks on by it.
+///
+/// # Safety
+/// The place has as many vectors in a view as there are blocks, at least one.
+#[inline(always)]
+unsafe fn slide<const V: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
     let Place { center, tracks, column, left, .. } = place;
     unsafe {
         asm!(
@@ -235,11 +325,8 @@ unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks
             "add {x}, r2, {y}",
             "add {y}, r3, {y}",
             "strd {x}, {y}, [{tracks}], #{track}",
-            ".if {fixed} == 0",
             "dls lr, {n}",
             "3:",
-            ".endif",
-            ".rept {repeated}",
             "vldrb.u16 q0, [r2], #8",
             "vldrb.u16 q1, [r3], #8",
             "vabd.u16 q0, q0, q2",
@@ -253,10 +340,7 @@ unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks
             "vldrh.u16 q1, [{block}]",
             "vadd.i16 q0, q0, q1",
             "vstrh.16 q0, [{block}], #{stride}",
-            ".endr",
-            ".if {fixed} == 0",
             "le lr, 3b",
-            ".endif",
             "sub {block}, {block}, {back}",
             "cmp {tracks}, {end}",
             "bne 2b",
@@ -273,8 +357,6 @@ unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks
             x = out(reg) _,
             y = out(reg) _,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
-            fixed = const N,
-            repeated = const if N == 0 { 1 } else { N },
             stride = const VECTOR * V,
             track = const size_of::<Track>(),
             options(nostack),
@@ -289,22 +371,25 @@ macro_rules! load_views {
         .irp q, 0, 1, 2, 3
         .if \\q < {views}
         vldrh.u16 q\\q, [{block}], #16
-        .if {masked}
-        vldrh.u16 q5, [{mask}], #16
+        .if ({masked} >> \\q) & 1
+        vldrh.u16 q5, [{mask}, #16 * \\q]
         vorr q\\q, q\\q, q5
         .endif
         .endif
         .endr
+        .if {masked}
+        add {mask}, {mask}, #{stride}
+        .endif
         "
     };
 }
 
-/// Fuses the costs of `V` views to the least, those that masks leave if they are `MASKED`, and returns the least of all.
+/// Fuses the costs of `V` views to the least, less those that masks hide in the views whose bits are set in `MASKED`, and returns the least of all.
 ///
 /// # Safety
 /// There are as many blocks and masks as fused costs, not 0.
 #[inline(always)]
-unsafe fn least_of<const V: usize, const MASKED: bool>(
+unsafe fn least_of<const V: usize, const MASKED: u8>(
     blocks: *const [[u16; 8]; V],
     masks: *const [[u16; 8]; V],
     fused: &mut [[u16; 8]],
@@ -330,20 +415,21 @@ unsafe fn least_of<const V: usize, const MASKED: bool>(
             least = inout(reg) least,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q5") _,
             views = const V,
-            masked = const MASKED as u8,
+            masked = const MASKED,
+            stride = const V * VECTOR,
             options(nostack, preserves_flags),
         );
     }
     least as u16
 }
 
-/// Fuses the costs of `V` views, three or four, by the heuristic rule, those that masks leave if they are `MASKED`, and returns the
+/// Fuses the costs of `V` views, three or four, by the heuristic rule, less those that masks hide in the views whose bits are set in `MASKED`, and returns the
 /// least of all.
 ///
 /// # Safety
 /// There are as many blocks and masks as fused costs, not 0.
 #[inline(always)]
-unsafe fn heuristic_of<const V: usize, const MASKED: bool>(
+unsafe fn heuristic_of<const V: usize, const MASKED: u8>(
     blocks: *const [[u16; 8]; V],
     masks: *const [[u16; 8]; V],
     fused: &mut [[u16; 8]],
@@ -389,7 +475,8 @@ unsafe fn heuristic_of<const V: usize, const MASKED: bool>(
             before = out(reg) _,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _,
             views = const V,
-            masked = const MASKED as u8,
+            masked = const MASKED,
+            stride = const V * VECTOR,
             options(nostack, preserves_flags),
         );
     }

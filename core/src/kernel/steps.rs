@@ -152,7 +152,7 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
     }
 
     /// Moves the tracks on from the place that was [entered](Steps::enter).
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
     #[inline(always)]
     pub(super) fn leave(&mut self) {
         for track in &mut self.tracks {

@@ -86,7 +86,7 @@ impl Bench {
             views: params.views().len(),
             fusion: FusionName::from(params.fusion()).name(),
             threads: engine.threads(),
-            kernel: engine.simd().to_string(),
+            kernel: engine.simd(&params).to_string(),
             seconds,
             gde_per_s: params.evaluations() as f64 / seconds / 1e9,
         };

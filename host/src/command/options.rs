@@ -244,7 +244,7 @@ pub struct EngineOptions {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub threads: usize,
 
-    /// Vector instructions, by default the widest that the processor has; the result is the same
+    /// Vector instructions, by default the fastest for the number of disparities that the processor has; the result is the same
     #[arg(long, value_name = "NAME")]
     pub simd: Option<String>,
 }
@@ -252,14 +252,13 @@ pub struct EngineOptions {
 impl EngineOptions {
     /// The engine asked for.
     pub fn engine(&self) -> Result<Engine> {
-        let simd = match &self.simd {
-            None => Simd::widest(),
-            Some(name) => Simd::named(name).ok_or_else(|| {
+        let named = |name: &String| {
+            Simd::named(name).ok_or_else(|| {
                 let available: Vec<String> = Simd::available().iter().map(Simd::to_string).collect();
                 Error::Usage(format!("--simd is {name}, this processor has {}", available.join(", ")))
-            })?,
+            })
         };
-        Engine::new(simd, self.threads)
+        Engine::new(self.simd.as_ref().map(named).transpose()?, self.threads)
     }
 }
 

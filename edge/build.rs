@@ -27,6 +27,10 @@ fn main() -> Result<(), Box<dyn Error>> {
             return Err(format!("firmware is linked for one board: choose the feature {first} or {second}, not both").into());
         }
     }
+    // Firmware of one's own brings its own memory.
+    if !chosen("semihosting") {
+        return Ok(());
+    }
     println!("cargo:rerun-if-changed={MEMORY}");
     let out = PathBuf::from(env::var("OUT_DIR")?);
     fs::copy(MEMORY, out.join("memory.x"))?;

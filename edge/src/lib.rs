@@ -1,11 +1,17 @@
 //! Firmware that matches: what it matches, the lines it reads, and the packets it sends.
 //!
 //! Each profile is a binary of its name. The parts that need a processor, in `firmware`, are there for Arm alone; the
-//! others run and are tested anywhere.
+//! others run and are tested anywhere. Firmware for a board of one's own implements [`Board`], and takes this library without its
+//! default features.
+//!
+//! # Features
+//! - `semihosting` (default): the firmware of the profiles, whose files and log a debugger or an emulator lends, with its handlers of
+//!   panics and faults.
+//! - `stm32f405`, `stm32h743`, `an547`: the board that it is linked for, at most one; without, the reference board of `memory.x`.
 #![no_std]
 
 mod board;
-#[cfg(target_os = "none")]
+#[cfg(all(target_os = "none", feature = "semihosting"))]
 pub mod firmware;
 pub mod frame_file;
 mod kernel;
@@ -15,10 +21,22 @@ pub mod profile;
 mod streams;
 
 pub use board::{Board, Phase};
-pub use kernel::Kernel;
-pub use pipeline::{Pipeline, PipelineError, Workspace};
+pub use kernel::{Kernel, Narrow, Wide};
+pub use pipeline::{Lengths, Pipeline, PipelineError, RunError, Workspace};
 pub use profile::Profile;
 pub use streams::{Streams, StreamsError};
+
+/// The type of the [`Workspace`] that a kernel needs for a profile.
+#[macro_export]
+macro_rules! workspace {
+    ($kernel:ty, $profile:path) => {
+        $crate::Workspace<
+            { $profile.lengths::<$kernel>().matcher.words() },
+            { $profile.lengths::<$kernel>().columns },
+            { $profile.lengths::<$kernel>().packet },
+        >
+    };
+}
 
 /// The program of a profile's binary.
 #[macro_export]
@@ -26,15 +44,12 @@ macro_rules! firmware {
     ($profile:path) => {
         #[cfg(target_os = "none")]
         mod image {
-            use multiscopic_edge::{Profile, Workspace, firmware};
+            use multiscopic_edge::{Kernel, Profile, Workspace, firmware, workspace};
             use static_cell::ConstStaticCell;
 
             const PROFILE: Profile = $profile;
-            const WORDS: usize = PROFILE.memory_words();
-            const COLUMNS: usize = PROFILE.tile_width();
-            const PACKET: usize = PROFILE.packet_bytes();
 
-            static WORKSPACE: ConstStaticCell<Workspace<WORDS, COLUMNS, PACKET>> = ConstStaticCell::new(Workspace::new());
+            static WORKSPACE: ConstStaticCell<workspace!(Kernel, PROFILE)> = ConstStaticCell::new(Workspace::new());
 
             #[cortex_m_rt::entry]
             fn main() -> ! {

@@ -66,8 +66,8 @@ pub enum Content {
     },
     /// The frame's end.
     End {
-        /// The greatest depth of the sender's stack, in bytes.
-        stack: u32,
+        /// The greatest depth of the sender's stack, in bytes, if the sender measures it: a host that simulates one does not.
+        stack: Option<u32>,
     },
 }
 
@@ -99,8 +99,8 @@ impl<'b> Sender<'b> {
     ///
     /// # Errors
     /// [`BufferTooSmall`].
-    pub fn end(&mut self, stack: usize) -> Result<&[u8], BufferTooSmall> {
-        self.packet(Content::End { stack: stack as u32 }, &[])
+    pub fn end(&mut self, stack: Option<usize>) -> Result<&[u8], BufferTooSmall> {
+        self.packet(Content::End { stack: stack.map(|bytes| bytes as u32) }, &[])
     }
 
     fn packet(&mut self, content: Content, disparities: &[Option<Disparity>]) -> Result<&[u8], BufferTooSmall> {

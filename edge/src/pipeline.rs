@@ -2,14 +2,46 @@
 
 use core::{error, fmt, marker::PhantomData};
 use embedded_io::Write;
-use multiscopic_core::{Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, Rewind, ScanlineSource};
+use multiscopic_core::{
+    Disparity, Frame, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, Rewind, ScanlineSource,
+    kernel::{Blocks, Isa},
+};
 
 use crate::{
     Board, Kernel, Phase,
-    packet::{BufferTooSmall, Sender},
+    packet::{self, BufferTooSmall, Sender},
 };
 
-/// The memory of a pipeline. Its lengths follow from the profile.
+/// How long the parts of a [`Workspace`] are for a match in column tiles of some width.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lengths {
+    /// The matcher's memory by buffer.
+    pub matcher: Memory,
+    /// Disparities of a line.
+    pub columns: usize,
+    /// Bytes of the buffer that packets are encoded in.
+    pub packet: usize,
+}
+
+impl Lengths {
+    /// Those for tiles of `tile_width` columns, all of them if the frame is matched in one pass, and for a kernel: [`Kernel`] in
+    /// firmware.
+    pub const fn new<I: Isa>(params: &Params, tile_width: usize) -> Lengths {
+        Lengths { matcher: Memory::new::<I>(params, tile_width), columns: tile_width, packet: packet::buffer_bytes(tile_width) }
+    }
+
+    /// The size of such a workspace, in bytes.
+    pub const fn bytes(&self) -> usize {
+        (4 * self.matcher.words() + self.line_bytes() + self.packet).next_multiple_of(align_of::<u32>())
+    }
+
+    /// Bytes of a line of disparities.
+    pub const fn line_bytes(&self) -> usize {
+        self.columns * size_of::<Option<Disparity>>()
+    }
+}
+
+/// The memory of a pipeline. Its [`Lengths`] follow from the profile: [`workspace!`](crate::workspace) is the type with them.
 pub struct Workspace<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> {
     matcher: [u32; WORDS],
     line: [Option<Disparity>; COLUMNS],
@@ -50,6 +82,21 @@ impl<'w> Pipeline<'w> {
         source: &mut B::Frames,
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
+        self.run_with::<B, Kernel>(Kernel::default(), params, tile_width, source, output)
+    }
+
+    /// The same with a kernel of choice: with as many lanes, it takes the memory of another processor's.
+    ///
+    /// # Errors
+    /// Those of the source, the matcher and the output.
+    pub fn run_with<B: Board, I: Blocks<u16> + Blocks<u32>>(
+        self,
+        kernel: I,
+        params: &Params,
+        tile_width: usize,
+        source: &mut B::Frames,
+        output: &mut B::Output,
+    ) -> Result<Sender<'w>, RunError<B>> {
         let mut sender = Sender::new(params, self.packet);
         for (pass, tile) in Region::tiles(params, tile_width).enumerate() {
             if pass > 0 {
@@ -59,7 +106,7 @@ impl<'w> Pipeline<'w> {
             let columns = tile.width();
             let given = self.line.len();
             let line = self.line.get_mut(..columns).ok_or(PipelineError::Line { needed: columns, given })?;
-            let mut matcher = Matcher::with_isa(Kernel::default(), params, &tile, self.matcher).map_err(PipelineError::Memory)?;
+            let mut matcher = Matcher::with_isa(kernel, params, &tile, self.matcher).map_err(PipelineError::Memory)?;
             while let Some(v) = matcher.next_line(&mut Fetching::<B>::new(source), line).map_err(PipelineError::Match)? {
                 B::enter(Phase::Sending);
                 let packet = sender.line(&tile, v, line).map_err(PipelineError::Packet)?;
@@ -142,18 +189,21 @@ mod tests {
     extern crate std;
 
     use super::*;
-    use crate::packet::{self, Content, Packet};
+    use crate::{
+        packet::{Content, Packet},
+        profile,
+    };
     use core::{convert::Infallible, time::Duration};
     use embedded_io::{ErrorType, SliceWriteError};
-    use multiscopic_core::{Fusion, Memory, Views};
+    use multiscopic_core::{Fusion, Views};
     use std::{vec, vec::Vec};
 
     const PARAMS: Params = match Params::new(24, 20, Views::ALL, Fusion::Heuristic, 1, 4, 3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
-    const WORDS: usize = Memory::new::<Kernel>(&PARAMS, PARAMS.width()).words();
-    const PACKET: usize = packet::buffer_bytes(PARAMS.width());
+    const WORDS: usize = Lengths::new::<Kernel>(&PARAMS, PARAMS.width()).matcher.words();
+    const PACKET: usize = Lengths::new::<Kernel>(&PARAMS, PARAMS.width()).packet;
 
     /// A slope two pixels away from the infinite, which counts how often it is read.
     #[derive(Default)]
@@ -247,6 +297,18 @@ mod tests {
             }
         }
         (pixels, source.rewinds)
+    }
+
+    #[test]
+    fn the_lengths_are_those_of_the_statics() {
+        let sizes = [
+            size_of::<crate::workspace!(Kernel, profile::QQVGA)>(),
+            size_of::<crate::workspace!(Kernel, profile::QVGA)>(),
+            size_of::<crate::workspace!(Kernel, profile::QVGA_TILED)>(),
+            size_of::<crate::workspace!(Kernel, profile::VGA_TILED)>(),
+        ];
+        assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths::<Kernel>().bytes()));
+        assert_eq!(size_of::<Workspace<WORDS, 24, PACKET>>(), Lengths::new::<Kernel>(&PARAMS, 24).bytes());
     }
 
     #[test]

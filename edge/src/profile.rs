@@ -1,8 +1,8 @@
 //! What firmware images match.
 
-use multiscopic_core::{Fusion, Memory, Params, Views};
+use multiscopic_core::{Fusion, Params, Views, kernel::Isa};
 
-use crate::{Kernel, packet};
+use crate::{Lengths, Wide};
 
 /// The size of a match under a name, and the RAM it may take.
 #[derive(Clone, Copy, Debug)]
@@ -37,14 +37,14 @@ impl Profile {
         Profile { name, ram_budget: 1024 * budget_kib, shape, tile_width: shape.width as usize }
     }
 
-    /// A match in column tiles: as few of the same width as the budget allows.
+    /// A match in column tiles: as few of the same width as the budget allows with any kernel.
     const fn tiled(name: &'static str, shape: Shape, budget_kib: usize) -> Profile {
         let whole = Profile::whole(name, shape, budget_kib);
         let mut tiles = 1;
         loop {
             let tile_width = whole.tile_width.div_ceil(tiles);
             let profile = Profile { tile_width, ..whole };
-            if 4 * profile.memory_words() + RESERVE <= profile.ram_budget {
+            if profile.lengths::<Wide>().matcher.bytes() + RESERVE <= profile.ram_budget {
                 return profile;
             }
             assert!(tile_width > 1, "a profile's RAM budget is too small for its narrowest tile");
@@ -62,14 +62,9 @@ impl Profile {
         self.tile_width
     }
 
-    /// The length of the memory that the matcher is lent.
-    pub const fn memory_words(&self) -> usize {
-        Memory::new::<Kernel>(&self.params(Fusion::Min), self.tile_width).words()
-    }
-
-    /// The length of the buffer that packets are encoded in.
-    pub const fn packet_bytes(&self) -> usize {
-        packet::buffer_bytes(self.tile_width)
+    /// How long the parts of its workspace are for a kernel; the rule of fusion does not matter.
+    pub const fn lengths<I: Isa>(&self) -> Lengths {
+        Lengths::new::<I>(&self.params(Fusion::Min), self.tile_width)
     }
 }
 
@@ -106,7 +101,7 @@ mod tests {
         for tiled in [QVGA_TILED, VGA_TILED] {
             let width = usize::from(tiled.shape.width);
             let wider = Profile { tile_width: width.div_ceil(width.div_ceil(tiled.tile_width) - 1), ..tiled };
-            assert!(4 * wider.memory_words() + RESERVE > tiled.ram_budget, "{}", tiled.name);
+            assert!(wider.lengths::<Wide>().matcher.bytes() + RESERVE > tiled.ram_budget, "{}", tiled.name);
         }
     }
 
@@ -114,8 +109,8 @@ mod tests {
     fn the_fusion_does_not_change_the_memory() {
         for profile in ALL {
             for fusion in [Fusion::Min, Fusion::Mean, Fusion::Heuristic] {
-                let memory = Memory::new::<Kernel>(&profile.params(fusion), profile.tile_width());
-                assert_eq!(memory.words(), profile.memory_words(), "{}", profile.name);
+                let lengths = Lengths::new::<Wide>(&profile.params(fusion), profile.tile_width());
+                assert_eq!(lengths, profile.lengths::<Wide>(), "{}", profile.name);
             }
         }
     }

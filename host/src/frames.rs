@@ -2,7 +2,7 @@
 
 use std::convert::Infallible;
 
-use image::GrayImage;
+use image::{GrayImage, imageops};
 use multiscopic_core::{Frame, Rewind, ScanlineSource, View, Views};
 
 use crate::{Error, Picture, rig::Images};
@@ -51,6 +51,19 @@ impl Frames {
             frames = frames.with(view, image);
         }
         Ok((frames, center))
+    }
+
+    /// The `width` x `height` pixels in the middle of the centre and of its neighbours `views`.
+    ///
+    /// # Panics
+    /// If the frames are smaller, or a view is not there.
+    pub fn middle(&self, [width, height]: [usize; 2], views: Views) -> Frames {
+        let [left, top] = [self.width() - width, self.height() - height].map(|rest| rest as u32 / 2);
+        let cut = |frame| {
+            let image = self.get(frame).unwrap_or_else(|| panic!("there is no frame {frame:?}"));
+            imageops::crop_imm(image, left, top, width as u32, height as u32).to_image()
+        };
+        views.iter().fold(Frames::new(cut(Frame::Center)), |frames, view| frames.with(view, cut(Frame::View(view))))
     }
 
     /// Width in pixels.
@@ -102,6 +115,16 @@ impl Rewind for &Frames {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_middle() {
+        let image = |first: u8| GrayImage::from_raw(4, 3, (first..first + 12).collect()).unwrap();
+        let frames = Frames::new(image(0)).with(View::Left, image(50)).with(View::Top, image(100));
+        let middle = frames.middle([2, 2], Views::NONE.with(View::Left));
+        assert_eq!((middle.size(), middle.views()), ([2, 2], Views::NONE.with(View::Left)));
+        assert_eq!(middle.get(Frame::Center).unwrap().as_raw(), &[1, 2, 5, 6]);
+        assert_eq!(middle.get(Frame::View(View::Left)).unwrap().as_raw(), &[51, 52, 55, 56]);
+    }
 
     #[test]
     fn loads_the_files_of_a_capture() {

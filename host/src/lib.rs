@@ -1,5 +1,7 @@
 //! Accurate depth from one camera moved on purpose, on the host: files, matching with threads, evaluation and pictures.
 
+pub mod budget;
+pub mod cost;
 pub mod dataset;
 pub mod depth;
 pub mod disparity_map;
@@ -11,17 +13,21 @@ pub mod geometry;
 pub mod image_file;
 mod input;
 pub mod matching;
+pub mod measured;
 pub mod metrics;
 pub mod montage;
 pub mod output;
 pub mod pfm;
 pub mod picture;
 pub mod ply;
+pub mod processor;
 pub mod raster;
+pub mod reception;
 pub mod report;
 pub mod rig;
 pub mod scene;
 pub mod simd;
+pub mod simulation;
 pub mod turbo;
 
 pub use dataset::Dataset;
@@ -33,6 +39,7 @@ pub use matching::Engine;
 pub use metrics::Metrics;
 pub use pfm::FloatImage;
 pub use picture::Picture;
+pub use processor::Processor;
 pub use raster::Raster;
 pub use rig::Rig;
 pub use simd::Simd;

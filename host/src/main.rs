@@ -21,6 +21,9 @@ enum Command {
     Match(command::matching::Match),
     Evaluate(command::evaluate::Evaluate),
     Bench(command::bench::Bench),
+    Budget(command::budget::Budget),
+    Simulate(command::simulate::Simulate),
+    Listen(command::listen::Listen),
 }
 
 fn main() -> ExitCode {
@@ -38,6 +41,9 @@ fn main() -> ExitCode {
         Command::Match(command) => command.run(),
         Command::Evaluate(command) => command.run(),
         Command::Bench(command) => command.run(),
+        Command::Budget(command) => command.run(),
+        Command::Simulate(command) => command.run(),
+        Command::Listen(command) => command.run(),
     };
     done.unwrap_or_else(|error| {
         terminal::say(&error.to_string());

@@ -160,7 +160,7 @@ fn name(fusion: Fusion) -> &'static str {
 fn without_arguments_it_helps() {
     let run = Run::new::<&str>([]);
     let help = format!("{}{}", run.stdout, run.stderr);
-    for command in ["match", "evaluate", "demo", "bench"] {
+    for command in ["match", "evaluate", "demo", "bench", "budget", "simulate", "listen"] {
         assert!(help.contains(command), "the help names `{command}`: {run:#?}");
     }
     assert_eq!(run.code, Some(0), "{run:#?}");

@@ -8,7 +8,7 @@ use std::{
 
 use clap::{Args, value_parser};
 use multiscopic::{
-    DisparityMap, Error, Frames, Picture, Result, Rig, error_map,
+    DisparityMap, Error, Picture, Result, Rig, error_map,
     evaluation::{self, Record, Row},
     image_file::write_png,
     montage, output,
@@ -102,7 +102,7 @@ impl Demo {
         let camera = Camera::new(self.width, self.height);
         let shot = capture(&Scene::demo(), &camera, self.seed);
         bar.inc(1);
-        let frames = frames(&shot);
+        let frames = shot.frames(Views::ALL);
         let subject = Subject { dataset: "demo", scene: "demo", frames: &frames, truth: &shot.truth };
         bar.set_message("maps");
         let mut results = Vec::new();
@@ -256,12 +256,6 @@ fn map_png(name: &str) -> String {
 
 fn errors_png(name: &str) -> String {
     format!("{name}-errors.png")
-}
-
-/// What the matcher sees of a capture.
-fn frames(shot: &Capture) -> Frames {
-    let gray = |frame: Frame| Picture::Rgb(shot.frame(frame).clone()).to_gray();
-    View::ALL.into_iter().fold(Frames::new(gray(Frame::Center)), |frames, view| frames.with(view, gray(Frame::View(view))))
 }
 
 /// What is known about camera and stage.

@@ -10,41 +10,20 @@ use clap::Args;
 use multiscopic::{
     DisparityMap, Error, Frames, Result, Rig, depth, output,
     ply::{self, Encoding},
-    rig::Images,
 };
 use multiscopic_core::Params;
 
 use super::{
-    options::{EngineOptions, FusionName, GeometryOptions, MethodName, SearchOptions},
+    options::{EngineOptions, FusionName, GeometryOptions, MapFiles, MethodName, SearchOptions},
+    source::SourceOptions,
     terminal,
 };
 
 /// Estimates the disparity of every pixel of a centre image from its neighbours
 #[derive(Clone, Debug, Args)]
 pub struct Match {
-    /// Folder of a capture, with its rig.toml
-    #[arg(value_name = "RIG_DIR", conflicts_with_all = ["center", "left", "right", "top", "bottom"])]
-    rig: Option<PathBuf>,
-
-    /// Image in the centre: the reference
-    #[arg(long, value_name = "IMAGE")]
-    center: Option<PathBuf>,
-
-    /// Image with the camera moved to the left
-    #[arg(long, value_name = "IMAGE")]
-    left: Option<PathBuf>,
-
-    /// Image with the camera moved to the right
-    #[arg(long, value_name = "IMAGE")]
-    right: Option<PathBuf>,
-
-    /// Image with the camera moved up
-    #[arg(long, value_name = "IMAGE")]
-    top: Option<PathBuf>,
-
-    /// Image with the camera moved down
-    #[arg(long, value_name = "IMAGE")]
-    bottom: Option<PathBuf>,
+    #[command(flatten)]
+    source: SourceOptions,
 
     /// Method
     #[arg(long, value_enum, default_value = "bm", help_heading = "Matching")]
@@ -71,17 +50,8 @@ pub struct Match {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Output")]
 struct Outputs {
-    /// Disparities in pixels, +inf where there is none
-    #[arg(short, long, value_name = "OUT.pfm")]
-    output: PathBuf,
-
-    /// Disparities in colour: near is red, far is blue, none is black
-    #[arg(long, value_name = "OUT.png")]
-    png: Option<PathBuf>,
-
-    /// Disparities times 64 plus 32768 in a 16-bit image, 0 where there is none
-    #[arg(long, value_name = "OUT.png")]
-    raw16: Option<PathBuf>,
+    #[command(flatten)]
+    maps: MapFiles,
 
     /// Depths in metres, +inf where there is none; needs the camera's focal length and baseline
     #[arg(long, value_name = "OUT.pfm")]
@@ -99,13 +69,16 @@ struct Outputs {
 impl Match {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
-        let (images, rig) = self.capture()?;
+        let Some((images, rig)) = self.source.capture()? else {
+            let message = "there is no image to match, give --center and its neighbours, or RIG_DIR, a folder with a rig.toml";
+            return Err(Error::Usage(message.into()));
+        };
         let (frames, center) = Frames::load(&images)?;
         let center = self.outputs.ply.is_some().then_some(center);
         let params = self.search.params(frames.size(), frames.views(), self.fusion, SearchOptions::RANGE)?;
         let geometry = self.geometry.geometry(rig.as_ref().map(Rig::geometry), &frames);
         self.outputs.check_geometry(geometry.is_some())?;
-        let rig_file = self.rig.as_ref().map(|directory| directory.join(Rig::FILE_NAME));
+        let rig_file = self.source.rig_file();
         let inputs: Vec<&Path> = images.paths().chain(rig_file.as_deref()).collect();
         output::check(&self.outputs.paths(), &inputs)?;
         let engine = self.engine.engine()?;
@@ -117,13 +90,7 @@ impl Match {
         bar.finish_and_clear();
 
         let outputs = &self.outputs;
-        disparities.write_pfm(&outputs.output)?;
-        if let Some(path) = &outputs.png {
-            disparities.write_color_png(path, None)?;
-        }
-        if let Some(path) = &outputs.raw16 {
-            disparities.write_raw16(path)?;
-        }
+        outputs.maps.write(&disparities)?;
         if let (Some(path), Some(geometry)) = (&outputs.depth, &geometry) {
             depth::depth_map(&disparities, geometry).write_pfm(path)?;
         }
@@ -134,36 +101,12 @@ impl Match {
         terminal::say(&summary(&params, &disparities, seconds));
         Ok(ExitCode::SUCCESS)
     }
-
-    /// The files to be matched, and what is known of how they were captured.
-    fn capture(&self) -> Result<(Images, Option<Rig>)> {
-        if let Some(directory) = &self.rig {
-            let rig = Rig::load(directory)?;
-            return Ok((rig.images.within(directory), Some(rig)));
-        }
-        let Match { center, left, right, top, bottom, .. } = self.clone();
-        let Some(center) = center else {
-            return Err(Error::Usage(
-                "there is no image to match, give --center and its neighbours, or RIG_DIR, a folder with a rig.toml".into(),
-            ));
-        };
-        let images = Images { center, left, right, top, bottom };
-        if images.views().is_empty() {
-            let message = "there is no neighbour to match with, give at least one of --left, --right, --top and --bottom";
-            return Err(Error::Usage(message.into()));
-        }
-        Ok((images, None))
-    }
 }
 
 impl Outputs {
     fn paths(&self) -> Vec<&Path> {
-        let Outputs { output, png, raw16, depth, ply, ply_ascii: _ } = self;
-        [Some(output), png.as_ref(), raw16.as_ref(), depth.as_ref(), ply.as_ref()]
-            .into_iter()
-            .flatten()
-            .map(PathBuf::as_path)
-            .collect()
+        let Outputs { maps, depth, ply, ply_ascii: _ } = self;
+        maps.paths().chain([depth, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
     }
 
     /// Refuses an output for which the geometry is not known.

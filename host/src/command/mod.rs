@@ -1,9 +1,13 @@
 //! The commands, a module each: options, what they do, what they print.
 
 pub mod bench;
+pub mod budget;
 pub mod demo;
 pub mod evaluate;
+pub mod listen;
 pub mod matching;
 pub mod options;
+pub mod simulate;
+pub mod source;
 pub mod terminal;
 pub mod variant;

@@ -1,7 +1,9 @@
 //! Options that several commands take.
 
+use std::path::{Path, PathBuf};
+
 use clap::{Args, ValueEnum};
-use multiscopic::{DisparityMap, Engine, Error, Frames, Geometry, Result, Simd};
+use multiscopic::{DisparityMap, Engine, Error, Frames, Geometry, Processor, Result, Simd};
 use multiscopic_core::{Fusion, Params, Views};
 
 /// How disparities are estimated, by the name of the method.
@@ -59,6 +61,27 @@ impl From<Fusion> for FusionName {
             Fusion::Min => FusionName::Min,
             Fusion::Mean => FusionName::Mean,
             Fusion::Heuristic => FusionName::Heuristic,
+        }
+    }
+}
+
+/// A processor, by the name of its core.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ProcessorName {
+    /// Armv7E-M with DSP instructions
+    CortexM4,
+    /// Armv7E-M with DSP instructions, two instructions at a time
+    CortexM7,
+    /// Armv8.1-M with vectors
+    CortexM55,
+}
+
+impl From<ProcessorName> for Processor {
+    fn from(name: ProcessorName) -> Processor {
+        match name {
+            ProcessorName::CortexM4 => Processor::CortexM4,
+            ProcessorName::CortexM7 => Processor::CortexM7,
+            ProcessorName::CortexM55 => Processor::CortexM55,
         }
     }
 }
@@ -126,6 +149,42 @@ impl SearchOptions {
     }
 }
 
+/// The files that disparities are written to.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Output")]
+pub struct MapFiles {
+    /// Disparities in pixels, +inf where there is none
+    #[arg(short, long, value_name = "OUT.pfm")]
+    output: PathBuf,
+
+    /// Disparities in colour: near is red, far is blue, none is black
+    #[arg(long, value_name = "OUT.png")]
+    png: Option<PathBuf>,
+
+    /// Disparities times 64 plus 32768 in a 16-bit image, 0 where there is none
+    #[arg(long, value_name = "OUT.png")]
+    raw16: Option<PathBuf>,
+}
+
+impl MapFiles {
+    /// All of them.
+    pub fn paths(&self) -> impl Iterator<Item = &Path> {
+        [Some(&self.output), self.png.as_ref(), self.raw16.as_ref()].into_iter().flatten().map(PathBuf::as_path)
+    }
+
+    /// Writes `disparities` to each.
+    pub fn write(&self, disparities: &DisparityMap) -> Result<()> {
+        disparities.write_pfm(&self.output)?;
+        if let Some(path) = &self.png {
+            disparities.write_color_png(path, None)?;
+        }
+        if let Some(path) = &self.raw16 {
+            disparities.write_raw16(path)?;
+        }
+        Ok(())
+    }
+}
+
 /// What turns disparities into places.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Camera (for --depth and --ply; a rig.toml has it, and what is given here comes first)")]
@@ -165,7 +224,8 @@ fn finite(text: &str) -> Result<f64> {
     number.ok_or_else(|| Error::Usage("it must be a number".into()))
 }
 
-fn positive(text: &str) -> Result<f64> {
+/// A number above 0.
+pub fn positive(text: &str) -> Result<f64> {
     finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| Error::Usage("it must be a number above 0".into()))
 }
 

@@ -6,9 +6,9 @@ use super::{
     trace::Tracer,
     vector::{Ray, Vec3},
 };
-use crate::FloatImage;
+use crate::{FloatImage, Frames, Picture};
 use image::RgbImage;
-use multiscopic_core::{Frame, View};
+use multiscopic_core::{Frame, View, Views};
 use rayon::prelude::*;
 use std::ops::Add;
 
@@ -151,6 +151,12 @@ impl Capture {
             Frame::Center => &self.center,
             Frame::View(view) => &self.neighbors[view as usize],
         }
+    }
+
+    /// What the matcher sees: the centre and the neighbours `views`, in grey.
+    pub fn frames(&self, views: Views) -> Frames {
+        let gray = |frame| Picture::Rgb(self.frame(frame).clone()).to_gray();
+        views.iter().fold(Frames::new(gray(Frame::Center)), |frames, view| frames.with(view, gray(Frame::View(view))))
     }
 }
 

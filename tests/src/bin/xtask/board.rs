@@ -1,5 +1,7 @@
 //! The boards that the firmware is built for.
 
+use multiscopic::Processor;
+
 /// A board as the linker and the emulator know it.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Board {
@@ -7,6 +9,8 @@ pub struct Board {
     pub name: &'static str,
     /// Its processor.
     pub core: &'static str,
+    /// The processor whose budget it is held against.
+    pub processor: Processor,
     /// The feature of the firmware that chooses its memory; the reference board needs none.
     pub feature: Option<&'static str>,
     /// Its processor's Rust target.
@@ -23,11 +27,24 @@ pub struct Board {
 pub const REFERENCE: Board = Board {
     name: "nrf52840",
     core: "Cortex-M4F",
+    processor: Processor::CortexM4,
     feature: None,
     target: "thumbv7em-none-eabihf",
     rustflags: "",
     machine: "mps2-an386",
     ram: 256 * 1024,
+};
+
+/// The board with vectors.
+pub const VECTORS: Board = Board {
+    name: "an547",
+    core: "Cortex-M55",
+    processor: Processor::CortexM55,
+    feature: Some("an547"),
+    target: "thumbv8m.main-none-eabihf",
+    rustflags: "-Ctarget-cpu=cortex-m55",
+    machine: "mps3-an547",
+    ram: 512 * 1024,
 };
 
 /// Every board.
@@ -37,20 +54,13 @@ pub const ALL: [Board; 4] = [
     Board {
         name: "stm32h743",
         core: "Cortex-M7",
+        processor: Processor::CortexM7,
         feature: Some("stm32h743"),
         machine: "mps2-an500",
         ram: 512 * 1024,
         ..REFERENCE
     },
-    Board {
-        name: "an547",
-        core: "Cortex-M55",
-        feature: Some("an547"),
-        target: "thumbv8m.main-none-eabihf",
-        rustflags: "-Ctarget-cpu=cortex-m55",
-        machine: "mps3-an547",
-        ram: 512 * 1024,
-    },
+    VECTORS,
 ];
 
 /// The Rust targets of all boards.

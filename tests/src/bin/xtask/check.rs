@@ -15,7 +15,7 @@ pub fn test() -> Result<()> {
     let toolchain = step("setup", setup::run)?;
     step("tests in debug", || run(&mut cargo(&["test", "--workspace"])))?;
     step("tests in release", || run(&mut cargo(&["test", "--workspace", "--release"])))?;
-    step("the core for Arm", || core_for_arm(&toolchain))?;
+    step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
     step("the kernels in the emulator", || kernels::run(&toolchain))?;
     step("the firmware in the emulator", || edge::run(&toolchain, &edge::Selection::default()))?;
     step("the firmware's faults", || faults::run(&toolchain))?;
@@ -42,10 +42,12 @@ fn step<T>(name: &str, run: impl FnOnce() -> Result<T>) -> Result<T> {
     Ok(done)
 }
 
-fn core_for_arm(toolchain: &Toolchain) -> Result<()> {
-    board::targets().iter().try_for_each(|target| {
+fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
+    // As firmware of one's own has them.
+    let packages = [["--package", "multiscopic-core", "--lib"], ["--package", "multiscopic-edge", "--lib"]];
+    board::targets().iter().flat_map(|target| packages.map(|package| (target, package))).try_for_each(|(target, package)| {
         let mut build = toolchain.cargo("rustc");
-        run(build.args(["--release", "--package", "multiscopic-core", "--target", target, "--", "-Dwarnings"]))
+        run(build.args(["--release", "--no-default-features"]).args(package).args(["--target", target, "--", "-Dwarnings"]))
     })
 }
 

@@ -19,7 +19,10 @@ const PHASES: [&str; 4] = ["phase_idle", "phase_matching", "phase_fetching", "ph
 const REPORT: &str = "instructions.txt";
 
 /// The plugin, compiled for the emulator that is installed.
-pub struct Counter(PathBuf);
+pub struct Counter {
+    library: PathBuf,
+    emulator: String,
+}
 
 /// Instructions by phase.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,22 +39,28 @@ impl Counter {
     /// Compiles the plugin.
     pub fn build() -> Result<Counter> {
         let library = layout::edge_target().join("libcount.so");
-        let version =
-            format!("-DQEMU_PLUGIN_VERSION={}", interface(&read(&mut tool::QEMU.install()?.command(&["--version"])?)?)?);
+        let emulator = read(&mut tool::QEMU.install()?.command(&["--version"])?)?;
+        let version = format!("-DQEMU_PLUGIN_VERSION={}", interface(&emulator)?);
         let mut cc = tool::CC.install()?.command(&["-O2", "-Wall", "-shared", "-fPIC", &version])?;
         if env::consts::OS == "macos" {
             cc.arg("-Wl,-undefined,dynamic_lookup");
         }
         fs::create_dir_all(layout::edge_target())?;
         run(cc.arg(layout::root().join("tests/emulator/count.c")).arg("-o").arg(&library))?;
-        Ok(Counter(library))
+        let emulator = emulator.lines().next().unwrap_or_default().to_owned();
+        Ok(Counter { library, emulator })
+    }
+
+    /// What the emulator calls itself.
+    pub fn emulator(&self) -> &str {
+        &self.emulator
     }
 
     /// The emulator's argument that counts in `image`.
     pub fn plugin(&self, image: &Path) -> Result<String> {
         let bytes = fs::read(image).with_context(|| format!("cannot read {}", image.display()))?;
         let elf = ElfFile32::<object::Endianness>::parse(&*bytes).with_context(|| image.display().to_string())?;
-        PHASES.iter().try_fold(format!("{},to={REPORT}", self.0.display()), |argument, name| {
+        PHASES.iter().try_fold(format!("{},to={REPORT}", self.library.display()), |argument, name| {
             let symbol = elf.symbol_by_name(name).with_context(|| format!("{} has no function {name}", image.display()))?;
             Ok(format!("{argument},phase={:#x}", symbol.address()))
         })

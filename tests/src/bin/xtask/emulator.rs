@@ -21,15 +21,16 @@ pub struct End {
     pub words: String,
 }
 
-/// Runs `image` on `board`, started with the word `arg`. Its files are those in `folder`; `plugin` watches, if there is one.
-pub fn run(board: &Board, image: &Path, arg: &str, folder: &Path, plugin: Option<&str>) -> Result<End> {
+/// Runs `image` on `board`, started with the words `args`. Its files are those in `folder`; `plugin` watches, if there is one.
+pub fn run(board: &Board, image: &Path, args: &[&str], folder: &Path, plugin: Option<&str>) -> Result<End> {
     let emulator = tool::QEMU.install()?;
     let (log, words) = (folder.join("log.defmt"), folder.join("words.txt"));
     let create = |path: &Path| File::create(path).with_context(|| format!("cannot make {}", path.display()));
     let machine = ["-machine", board.machine, "-nographic", "-monitor", "none", "-serial", "none"];
     let mut emulator = emulator.command(&machine)?;
     emulator.args(plugin.into_iter().flat_map(|plugin| ["-plugin", plugin]));
-    emulator.arg("-semihosting-config").arg(format!("enable=on,target=native,arg=firmware,arg={arg}"));
+    let args: String = args.iter().map(|arg| format!(",arg={arg}")).collect();
+    emulator.arg("-semihosting-config").arg(format!("enable=on,target=native,arg=firmware{args}"));
     emulator.arg("-kernel").arg(image).current_dir(folder);
     emulator.stdout(create(&log)?).stderr(create(&words)?);
     let code = exit_code_within(&mut emulator, LIMIT).with_context(|| format!("the firmware on {}", board.name))?;

@@ -1,6 +1,6 @@
 //! Runs the firmware where it must fail: each time with words that name the reason and an exit code of its own.
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use multiscopic_core::{Frame, Fusion, View};
 use multiscopic_edge::{frame_file, profile};
 use std::{
@@ -23,6 +23,7 @@ const OVERFLOWED: i32 = 103;
 /// Every fault.
 pub fn run(toolchain: &Toolchain) -> Result<()> {
     too_large(toolchain)?;
+    two_boards(toolchain)?;
     for board in &board::ALL {
         stack_overflow(toolchain, board)?;
     }
@@ -39,6 +40,18 @@ fn too_large(toolchain: &Toolchain) -> Result<()> {
         let from = reason.find("section").unwrap_or_default();
         println!("faults: {} refuses an image that is too large: {}", board.name, &reason[from..]);
     }
+    Ok(())
+}
+
+/// Firmware for two boards at once is not built.
+fn two_boards(toolchain: &Toolchain) -> Result<()> {
+    let features = board::ALL.iter().filter_map(|board| board.feature).collect::<Vec<_>>();
+    let [first, second, ..] = features[..] else { bail!("there are no two boards with features") };
+    let mut build = firmware::command(toolchain, &board::REFERENCE, &[Program::Profile(profile::QQVGA.name)]);
+    let words = command::read_failure(build.arg(format!("--features={first},{second}")))?;
+    let reason = words.lines().find(|line| line.contains(&format!("choose the feature {first} or {second}, not both")));
+    let reason = reason.with_context(|| format!("{first} with {second} was refused for another reason:\n{words}"))?;
+    println!("faults: two boards are refused: {}", reason.trim());
     Ok(())
 }
 
@@ -86,7 +99,7 @@ fn bad_input(toolchain: &Toolchain, board: &Board) -> Result<()> {
 
 /// Runs `image`, which must end with `code` and say `words` among others.
 fn ends(board: &Board, image: &Path, arg: &str, folder: &Path, code: i32, words: &str) -> Result<()> {
-    let end = emulator::run(board, image, arg, folder, None)?;
+    let end = emulator::run(board, image, &[arg], folder, None)?;
     let found = format!("exit code {} and said:\n{}", end.code, end.words);
     ensure!(
         end.code == code && end.words.contains(words),

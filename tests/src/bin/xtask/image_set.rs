@@ -1,11 +1,12 @@
 //! The frames that the firmware is given.
 
 use anyhow::{Context, Result};
+use image::GrayImage;
 use multiscopic::{
-    Picture,
+    Frames, Picture,
     scene::{Camera, Scene, capture},
 };
-use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, View};
+use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, View, Views};
 use multiscopic_edge::frame_file;
 use multiscopic_tests::{
     data::{self, Dataset},
@@ -31,6 +32,15 @@ impl ImageSet {
         ImageSet { name: "demo", images: Images { width, height, center: gray(Frame::Center), views } }
     }
 
+    /// The `[width, height]` pixels in the middle of the same scene in frames of `size`, with all neighbours.
+    pub fn demo_middle([w, h]: [usize; 2], [width, height]: [usize; 2]) -> ImageSet {
+        let frames =
+            capture(&Scene::demo(), &Camera::new(w as u32, h as u32), 1).frames(Views::ALL).middle([width, height], Views::ALL);
+        let gray = |frame| frames.get(frame).map(|image| image.as_raw().clone());
+        let views = View::ALL.map(|view| gray(Frame::View(view)));
+        ImageSet { name: "demo", images: Images { width, height, center: gray(Frame::Center).unwrap_or_default(), views } }
+    }
+
     /// The middle of the Tsukuba head and lamp, if this machine has it and it is large enough.
     pub fn tsukuba(params: &Params) -> Option<ImageSet> {
         let root = data::root().filter(|root| root.join(Dataset::Tsukuba.name()).is_dir())?;
@@ -49,6 +59,17 @@ impl ImageSet {
             fs::write(&path, pixels).with_context(|| format!("cannot write {}", path.display()))?;
         }
         Ok(())
+    }
+
+    /// The frames in the host's terms.
+    pub fn frames(&self) -> Result<Frames> {
+        let Images { width, height, center, views } = &self.images;
+        let image = |pixels: &Vec<u8>| {
+            let image = GrayImage::from_raw(*width as u32, *height as u32, pixels.clone());
+            image.context("there are as many pixels as width and height say")
+        };
+        let views = View::ALL.into_iter().zip(views).filter_map(|(view, pixels)| Some((view, pixels.as_ref()?)));
+        views.into_iter().try_fold(Frames::new(image(center)?), |frames, (view, pixels)| Ok(frames.with(view, image(pixels)?)))
     }
 
     /// The disparities that the core finds on this machine, line by line.

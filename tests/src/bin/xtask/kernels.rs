@@ -19,7 +19,7 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
         let folder = layout::edge_target().join("runs").join("kernels").join(board.name);
         fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
         for image in firmware::build(toolchain, board, &[Program::Example("kernels")])? {
-            let end = emulator::run(board, &image, "", &folder, None)?;
+            let end = emulator::run(board, &image, &[""], &folder, None)?;
             ensure!(end.code == 0, "on a {} a kernel is not its twin:\n{}", board.core, end.words);
             println!("{} on a {}", end.words.lines().last().unwrap_or_default(), board.core);
         }

@@ -1,6 +1,7 @@
 //! `cargo xtask`: one command for what a developer and the continuous integration do. Needs nothing but Rust.
 
 mod board;
+mod calibration;
 mod check;
 mod command;
 mod counter;
@@ -13,11 +14,13 @@ mod footprint;
 mod image_set;
 mod kernels;
 mod layout;
+mod least_squares;
 mod log;
 mod received;
 mod setup;
 mod tool;
 mod toolchain;
+mod workers;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;

@@ -1,0 +1,193 @@
+//! `multiscopic simulate`: what the firmware does, without it.
+
+use std::{
+    collections::BTreeMap,
+    fmt,
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use clap::Args;
+use multiscopic::{
+    Error, Frames, Processor, Result,
+    budget::Ram,
+    output, reception,
+    scene::{Camera, Scene, capture},
+    simulation::{self, Simulation},
+};
+use multiscopic_core::{Frame, Fusion, Params, Region, View, Views};
+use multiscopic_edge::{Profile, profile};
+use serde::Serialize;
+
+use super::{
+    options::{FusionName, ProcessorName},
+    source::SourceOptions,
+    terminal,
+};
+
+/// Runs the firmware's pipeline on this machine: its parameters, its memory, its order of lines, and its packets byte for byte
+#[derive(Clone, Debug, Args)]
+pub struct Simulate {
+    #[command(flatten)]
+    source: SourceOptions,
+
+    /// Profile of the firmware; of larger frames the middle is matched, and without any the scene of `multiscopic demo`
+    #[arg(long, value_name = "NAME", value_parser = profile::ALL.map(|profile| profile.name))]
+    profile: String,
+
+    /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
+    #[arg(long, value_enum)]
+    fusion: Option<FusionName>,
+
+    /// Processor whose firmware is predicted
+    #[arg(long, value_enum, default_value = "cortex-m4")]
+    core: ProcessorName,
+
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    json: bool,
+
+    /// Disparities in pixels, +inf where there is none
+    #[arg(short, long, value_name = "OUT.pfm", help_heading = "Output")]
+    output: Option<PathBuf>,
+
+    /// Packets as the firmware sends them; but the end does not say how deep the stack was, which is not known here
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    packets: Option<PathBuf>,
+}
+
+impl Simulate {
+    /// Runs the command.
+    pub fn run(&self) -> Result<ExitCode> {
+        let profile = profile::ALL.into_iter().find(|profile| profile.name == self.profile);
+        let profile = profile.expect("the names are those of the profiles");
+        let views = profile.params(Fusion::Min).views();
+        let fusion = self.fusion.map_or(Fusion::default_for(views.len()), Fusion::from);
+        let params = profile.params(fusion);
+        let (frames, images) = self.frames(&profile, &params)?;
+
+        let passes = Region::tiles(&params, profile.tile_width()).count();
+        let bar = terminal::progress((passes * params.height()) as u64, "lines");
+        let simulation = simulation::simulate(&profile, fusion, self.core.into(), &frames, &|| bar.inc(1));
+        bar.finish_and_clear();
+        if let Some(path) = &self.packets {
+            output::write(path, |writer| writer.write_all(&simulation.packets))?;
+        }
+        if let Some(path) = &self.output {
+            let received = reception::receive(&simulation.packets[..], Path::new("the simulated packets"), |_| ())?;
+            received.disparities.write_pfm(path)?;
+        }
+        let report = Report::new(&profile, &params, self.core.into(), images, &simulation);
+        terminal::print(&match self.json {
+            true => serde_json::to_string(&report).expect("numbers and strings") + "\n",
+            false => report.to_string(),
+        })?;
+        Ok(ExitCode::SUCCESS)
+    }
+
+    /// The frames, as large as the profile's, and what they are called.
+    fn frames(&self, profile: &Profile, params: &Params) -> Result<(Frames, &'static str)> {
+        let outputs: Vec<&Path> = [&self.output, &self.packets].into_iter().flatten().map(PathBuf::as_path).collect();
+        let [width, height] = [params.width(), params.height()];
+        let Some((images, _)) = self.source.capture()? else {
+            output::check(&outputs, &[])?;
+            let camera = Camera::new(width as u32, height as u32);
+            return Ok((capture(&Scene::demo(), &camera, 1).frames(params.views()), "demo"));
+        };
+        let rig_file = self.source.rig_file();
+        output::check(&outputs, &images.paths().chain(rig_file.as_deref()).collect::<Vec<_>>())?;
+        if let Some(view) = params.views().iter().find(|&view| !images.views().contains(view)) {
+            let message =
+                format!("profile {} matches with {}, the {} one is missing", profile.name, names(params.views()), name(view));
+            return Err(Error::Usage(message));
+        }
+        let (frames, _) = Frames::load(&images)?;
+        let [w, h] = frames.size();
+        if w < width || h < height {
+            return Err(Error::Format {
+                path: images.center,
+                found: format!("{w}x{h} pixels"),
+                expected: format!("at least {width}x{height}, the frame of profile {}", profile.name),
+            });
+        }
+        Ok((frames.middle([width, height], params.views()), "given"))
+    }
+}
+
+fn name(view: View) -> &'static str {
+    match view {
+        View::Left => "left",
+        View::Right => "right",
+        View::Top => "top",
+        View::Bottom => "bottom",
+    }
+}
+
+fn names(views: Views) -> String {
+    views.iter().map(name).collect::<Vec<_>>().join(", ")
+}
+
+/// What `simulate` reports, under the names of `cargo xtask edge`.
+#[derive(Debug, Serialize)]
+struct Report<'a> {
+    profile: &'a str,
+    core: &'a str,
+    fusion: &'a str,
+    images: &'a str,
+    ram_static: usize,
+    stack_max: usize,
+    ram_total: usize,
+    ram_budget: usize,
+    de: u64,
+    instructions: f64,
+    instructions_per_de: f64,
+    lines_latency: usize,
+    tile_passes: usize,
+    lines_read: BTreeMap<&'a str, usize>,
+    packet_bytes: usize,
+}
+
+impl<'a> Report<'a> {
+    fn new(profile: &Profile, params: &Params, processor: Processor, images: &'a str, simulation: &Simulation) -> Report<'a> {
+        let ram = Ram::new(params, profile.tile_width(), processor);
+        let instructions = processor.instructions(params, profile.tile_width());
+        let instructions = instructions.expect("there are prices for every profile").round();
+        let frame = |frame: Frame| match frame {
+            Frame::Center => "center",
+            Frame::View(view) => name(view),
+        };
+        Report {
+            profile: profile.name,
+            core: processor.name(),
+            fusion: params.fusion().name(),
+            images,
+            ram_static: simulation.workspace + ram.statics,
+            stack_max: ram.stack,
+            ram_total: simulation.workspace + ram.statics + ram.stack,
+            ram_budget: profile.ram_budget,
+            de: params.evaluations(),
+            instructions,
+            instructions_per_de: instructions / params.evaluations() as f64,
+            lines_latency: params.latency_lines(),
+            tile_passes: simulation.passes,
+            lines_read: simulation.lines_read.iter().map(|&(of, lines)| (frame(of), lines)).collect(),
+            packet_bytes: simulation.packets.len(),
+        }
+    }
+}
+
+impl fmt::Display for Report<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} with {} on the frames {}, as on a {}", self.profile, self.fusion, self.images, self.core)?;
+        let Report { ram_static, stack_max, ram_total, ram_budget, .. } = self;
+        writeln!(f, "RAM      {ram_total} bytes of {ram_budget}: {ram_static} of statics, {stack_max} of stack")?;
+        let Report { de, instructions, instructions_per_de, .. } = self;
+        writeln!(
+            f,
+            "work     {de} DE (pixel x disparity x view), {instructions} instructions: {instructions_per_de:.2} per DE, predicted"
+        )?;
+        let lines: Vec<String> = self.lines_read.iter().map(|(frame, lines)| format!("{frame} {lines}")).collect();
+        writeln!(f, "lines    {} read ahead; read in {} passes: {}", self.lines_latency, self.tile_passes, lines.join(", "))?;
+        writeln!(f, "packets  {} bytes", self.packet_bytes)
+    }
+}

@@ -125,11 +125,11 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         let last = self.params.num_disparities() as u32 - 1;
         let mut around = Around { d: [0; BATCH], before: [0; BATCH], at: [0; BATCH], after: [0; BATCH] };
         let mut unclear = [false; BATCH];
-        for i in 0..BATCH {
+        for (i, unclear) in unclear.iter_mut().enumerate() {
             let (index, at, before, after) = (winners.indices[i], winners.costs[i], winners.before[i], winners.after[i]);
             // At the ends of the search the disparity is left as it is.
             let inner = (index != 0) & (index < last);
-            unclear[i] = (at == L::MAX) | (inner & ((before == L::MAX) | (after == L::MAX)));
+            *unclear = (at == L::MAX) | (inner & ((before == L::MAX) | (after == L::MAX)));
             around.d[i] = self.params.min_disparity().wrapping_add(index as i16);
             around.before[i] = if inner { before } else { at }.widen();
             around.at[i] = at.widen();

@@ -121,7 +121,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let uniform = uniform_columns(params);
         let of_uniform = Availability::new(params, uniform.start, v);
         let complete = of_uniform.is_complete();
-        let mut winners = Winners::new();
+        let mut winners = Winners::default();
         let start = region.columns().start;
         let mut u = start;
         while !out.is_empty() {

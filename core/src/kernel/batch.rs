@@ -44,9 +44,9 @@ impl<L> Winners<L> {
     pub const MAX: usize = MAX;
 }
 
-impl<L: Lane> Winners<L> {
-    /// None yet.
-    pub const fn new() -> Winners<L> {
+/// None yet.
+impl<L: Lane> Default for Winners<L> {
+    fn default() -> Winners<L> {
         Winners { costs: [L::MAX; MAX], indices: [0; MAX], before: [L::MAX; MAX], after: [L::MAX; MAX] }
     }
 }

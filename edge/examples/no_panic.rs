@@ -5,6 +5,7 @@
 // Not from the crate, whose panic handler would come with it.
 #[cfg(target_os = "none")]
 #[path = "../src/kernel.rs"]
+#[allow(dead_code, reason = "twins of other processors' kernels are there too")]
 mod kernel;
 
 #[cfg(target_os = "none")]

@@ -240,10 +240,15 @@ impl<I: Isa> Exact<'_, I> {
 
     /// The block's sum in the `k`-th view.
     fn block_sum(&self, k: usize, index: usize) -> Option<u32> {
-        let columns = self.sums.chunks_exact((self.params.views().len() * self.vectors).max(1));
-        columns.skip(self.u - self.start).take(self.params.block_size()).try_fold(0, |sum, column| {
-            let sums: &[u16] = bytemuck::try_cast_slice(column.get(k * self.vectors..)?).ok()?;
-            Some(sum + u32::from(sums.get(kernel::lane::<I>(index))?.wrapping_sub(self.bias)))
-        })
+        let sums: &[u16] = bytemuck::try_cast_slice(self.sums).ok()?;
+        let view = self.vectors * I::LANES;
+        let column = self.params.views().len() * view;
+        let mut at = (self.u - self.start) * column + k * view + kernel::lane::<I>(index);
+        let mut sum = 0;
+        for _ in 0..self.params.block_size() {
+            sum += u32::from(sums.get(at)?.wrapping_sub(self.bias));
+            at += column;
+        }
+        Some(sum)
     }
 }

@@ -573,6 +573,16 @@ unsafe fn prime<const V: usize>(place: Place<'_, Dsp, V>, vectors: usize) {
     }
 }
 
+/// [`Blocks::least`]. Generic, so that it is only compiled for processors that use it: this module is there for all of Arm's.
+#[inline(never)]
+fn least_of_vectors<const LANES: usize>(costs: &[[u32; 2]]) -> u16 {
+    let mut least = U16x4([u32::MAX; 2]);
+    for &costs in costs {
+        least = least.min(U16x4(costs));
+    }
+    least.least()
+}
+
 impl Isa for Dsp {
     const LANES: usize = 4;
     const BATCH: usize = 1;
@@ -747,13 +757,9 @@ impl Blocks<u16> for Dsp {
         (least as u16).min((least >> 16) as u16)
     }
 
-    #[inline(never)]
+    #[inline(always)]
     fn least(self, costs: &[[u32; 2]]) -> u16 {
-        let mut least = U16x4([u32::MAX; 2]);
-        for &costs in costs {
-            least = least.min(U16x4(costs));
-        }
-        least.least()
+        least_of_vectors::<{ Dsp::LANES }>(costs)
     }
 }
 

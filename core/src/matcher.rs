@@ -174,6 +174,8 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
     ///
     /// # Errors
     /// That of the source, or the length of `out` is wrong. Nothing is lost: the same call can be made again.
+    // In firmware, which has one matcher, so that the compiler knows its parameters.
+    #[cfg_attr(target_arch = "arm", inline(always))]
     pub fn next_line<S: ScanlineSource>(
         &mut self,
         source: &mut S,
@@ -203,6 +205,7 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
 
 impl<I: Isa> Matcher<'_, I> {
     /// Computes the next line, in `V` views and with block sums in lanes of type `L`.
+    #[cfg_attr(target_arch = "arm", inline(always))]
     fn compute<S: ScanlineSource, L: Lane, const V: usize>(
         &mut self,
         source: &mut S,

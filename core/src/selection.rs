@@ -18,10 +18,8 @@ pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     pub rule: Rule,
     /// The index of each lane of a vector.
     indices: I::Costs,
-    /// Zero in the lanes of the last vector that belong to a disparity, and the greatest cost in those that are too many.
-    excess: I::Costs,
-    /// Whether there are any.
-    exceeds: bool,
+    /// If the last vector has lanes too many: zero in those that belong to a disparity, and the greatest cost in the others.
+    pub excess: Option<I::Costs>,
     /// Disparities that have one on both sides.
     inner: usize,
 }
@@ -39,21 +37,15 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
                 *lane = L::MAX;
             }
         }
-        let exceeds = !params.num_disparities().is_multiple_of(I::LANES);
-        Selection { isa, params, rule, indices, excess, exceeds, inner: params.num_disparities().saturating_sub(2) }
-    }
-
-    /// What the costs in the last vector are at least, if it has lanes too many.
-    #[inline(always)]
-    pub fn excess(&self) -> Option<I::Costs> {
-        self.exceeds.then_some(self.excess)
+        let excess = (!params.num_disparities().is_multiple_of(I::LANES)).then_some(excess);
+        Selection { isa, params, rule, indices, excess, inner: params.num_disparities().saturating_sub(2) }
     }
 
     /// Fuses the costs of a pixel whose views are all available at all disparities, and returns the least.
     #[inline(always)]
     pub fn fuse<const V: usize>(&self, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
         let least = self.isa.fuse(self.rule, blocks, fused);
-        if self.exceeds { self.least(fused) } else { least }
+        if self.excess.is_some() { self.least(fused) } else { least }
     }
 
     /// Whether masks do for the rule: a hidden cost is that of no view, but for the heuristic rule where there is but one.
@@ -75,7 +67,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         fused: &mut [I::Costs],
     ) -> L {
         // Masks hide lanes that are too many in every view.
-        let masked = if self.exceeds { u8::MAX } else { masked };
+        let masked = if self.excess.is_some() { u8::MAX } else { masked };
         self.isa.fuse_masked(self.rule, masked, blocks, masks, fused)
     }
 
@@ -108,9 +100,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     /// The least of a pixel's fused costs, in which lanes too many do not count.
     #[inline(always)]
     fn least(&self, fused: &mut [I::Costs]) -> L {
-        if let Some(last) = fused.last_mut().filter(|_| self.exceeds) {
-            self.isa.load_block(last).max(self.isa.load_block(&self.excess)).store(last);
-        }
+        kernel::hide_excess(self.isa, &self.excess, fused);
         self.isa.least(fused)
     }
 
@@ -141,15 +131,9 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             Err(_) => pixels.iter_mut().zip(refined).for_each(|(pixel, refined)| *pixel = refined),
         }
         if unclear != [false; BATCH] {
-            for (((pixel, _), i), (&at, &index)) in pixels
-                .iter_mut()
-                .zip(unclear)
-                .zip(0..)
-                .zip(winners.costs.iter().zip(&winners.indices))
-                .filter(|(((_, unclear), _), _)| *unclear)
-            {
-                let exact = exact(i);
-                *pixel = if at == L::MAX { exact.disparity() } else { exact.refined(index as usize) };
+            for ((i, pixel), _) in pixels.iter_mut().enumerate().zip(unclear).filter(|(_, unclear)| *unclear) {
+                let (exact, saturated) = (exact(i), winners.costs[i] == L::MAX);
+                *pixel = if saturated { exact.disparity() } else { exact.refined(winners.indices[i] as usize) };
             }
         }
     }

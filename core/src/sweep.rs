@@ -77,13 +77,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let Sweep { isa, params, region, v, mut steps, bias, blocks, masks, available, fused, out } = self;
         let vectors = blocks.len();
         let Some(fused) = fused.get_mut(..vectors) else { return };
-        for costs in blocks.as_flattened_mut() {
-            isa.splat(L::default()).store(costs);
-        }
-        // The first block's columns but the last.
-        for _ in 0..2 * params.radius() {
-            isa.slide(&mut steps, blocks);
-        }
+        first_block(isa, params.radius(), &mut steps, blocks);
         let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
         let uniform = uniform_columns(params);
         let start = region.columns().start;
@@ -110,13 +104,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
     fn by_batch(self) {
         let Sweep { isa, params, region, v, mut steps, bias, blocks, fused, mut out, .. } = self;
         let vectors = blocks.len();
-        for costs in blocks.as_flattened_mut() {
-            isa.splat(L::default()).store(costs);
-        }
-        // The first block's columns but the last.
-        for _ in 0..2 * params.radius() {
-            isa.slide(&mut steps, blocks);
-        }
+        first_block(isa, params.radius(), &mut steps, blocks);
         let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
         let uniform = uniform_columns(params);
         let of_uniform = Availability::new(params, uniform.start, v);
@@ -130,8 +118,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
             let batch = if complete && inside { I::BATCH.min(Winners::<L>::MAX).min(uniform.end - u).min(out.len()) } else { 1 };
             let Some((pixels, others)) = mem::take(&mut out).split_at_mut_checked(batch) else { return };
             if batch > 1 {
-                let excess = selection.excess();
-                let batch = Batch { rule: selection.rule, pixels: batch, blocks, fused, excess };
+                let batch = Batch { rule: selection.rule, pixels: batch, blocks, fused, excess: selection.excess };
                 isa.batch(batch, &mut steps, &mut winners);
                 selection.disparities(&winners, pixels, |i| Exact {
                     params,
@@ -155,6 +142,22 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
             u += batch;
             out = others;
         }
+    }
+}
+
+/// Lets the first block's columns enter, but the last.
+#[inline(always)]
+fn first_block<L: Lane, I: Blocks<L>, const V: usize>(
+    isa: I,
+    radius: usize,
+    steps: &mut Steps<'_, I, V>,
+    blocks: &mut [[I::Costs; V]],
+) {
+    for costs in blocks.as_flattened_mut() {
+        isa.splat(L::default()).store(costs);
+    }
+    for _ in 0..2 * radius {
+        isa.slide(steps, blocks);
     }
 }
 

@@ -51,11 +51,6 @@ impl Isa for Avx2 {
     }
 
     #[inline(always)]
-    fn samples(samples: &[u8]) -> &[[u8; 32]] {
-        samples.as_chunks().0
-    }
-
-    #[inline(always)]
     fn load_column(self, sums: &[u16; 32]) -> U16x32 {
         unsafe { U16x32([_mm256_loadu_si256(sums.as_ptr().cast()), _mm256_loadu_si256(sums[16..].as_ptr().cast())]) }
     }

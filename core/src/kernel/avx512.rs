@@ -51,11 +51,6 @@ impl Isa for Avx512 {
     }
 
     #[inline(always)]
-    fn samples(samples: &[u8]) -> &[[u8; 64]] {
-        samples.as_chunks().0
-    }
-
-    #[inline(always)]
     fn load_column(self, sums: &[u16; 64]) -> U16x64 {
         unsafe { U16x64([_mm512_loadu_si512(sums.as_ptr().cast()), _mm512_loadu_si512(sums[32..].as_ptr().cast())]) }
     }

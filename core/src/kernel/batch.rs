@@ -4,9 +4,9 @@
 //! those of several at once, if nothing else is in its way.
 #![allow(unsafe_code)]
 
-use super::{Block, Blocks, Lane, Rule, Steps, lane};
 #[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
-use super::{Change, Column, fuse, steps::Place};
+use super::{Block, Change, Column, fuse, steps::Place};
+use super::{Blocks, Lane, Rule, Steps, hide_excess, lane};
 
 /// A batch of pixels and their sums.
 #[derive(Debug)]
@@ -69,9 +69,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, L, I, V> {
         let Winners { costs, indices, before, after } = winners;
         // Three loops instead of one: what a processor looks at ahead are then several pixels, and not all that one waits for.
         for (fused, cost) in self.fused.chunks_exact_mut(vectors.max(1)).take(self.pixels).zip(&mut *costs) {
-            if let (Some(excess), Some(last)) = (&self.excess, fused.last_mut()) {
-                isa.load_block(last).max(isa.load_block(excess)).store(last);
-            }
+            hide_excess(isa, &self.excess, fused);
             *cost = isa.least(fused);
         }
         let pixels = self.fused.chunks_exact(vectors.max(1)).take(self.pixels);

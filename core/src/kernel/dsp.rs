@@ -597,11 +597,6 @@ impl Isa for Dsp {
     }
 
     #[inline(always)]
-    fn samples(samples: &[u8]) -> &[[u8; 4]] {
-        samples.as_chunks().0
-    }
-
-    #[inline(always)]
     fn load_column(self, sums: &[u32; 2]) -> U16x4 {
         U16x4(*sums)
     }
@@ -715,7 +710,7 @@ impl Blocks<u16> for Dsp {
     #[inline(never)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> u16 {
         if V != 4 || rule == Rule::Sum || blocks.len() != fused.len() || blocks.is_empty() {
-            return self.fuse_others(rule, blocks, fused);
+            return fuse_generic(self, rule, blocks, fused);
         }
         let blocks = blocks.as_ptr().cast();
         let least = unsafe {
@@ -752,7 +747,7 @@ impl Blocks<u16> for Dsp {
             Rule::Heuristic if fits && V == 4 => unsafe {
                 heuristic_of_unmasked(blocks.as_ptr().cast(), masks.as_ptr().cast(), fused)
             },
-            _ => return self.fuse_others_masked(rule, blocks, masks, fused),
+            _ => return fuse_masked_generic(self, rule, blocks, masks, fused),
         };
         (least as u16).min((least >> 16) as u16)
     }
@@ -815,26 +810,6 @@ impl U16x4 {
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(u32, u32) -> u32) -> Self {
         U16x4([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
-    }
-}
-
-impl Dsp {
-    /// By the other rules. A function of its own, so that the common ones need fewer registers.
-    #[inline(never)]
-    fn fuse_others<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> u16 {
-        fuse_generic(self, rule, blocks, fused)
-    }
-
-    /// As [`fuse_others`](Dsp::fuse_others), of what masks leave.
-    #[inline(never)]
-    fn fuse_others_masked<const V: usize>(
-        self,
-        rule: Rule,
-        blocks: &[[[u32; 2]; V]],
-        masks: &[[[u32; 2]; V]],
-        fused: &mut [[u32; 2]],
-    ) -> u16 {
-        fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 }
 

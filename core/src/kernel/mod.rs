@@ -64,8 +64,6 @@ pub trait Isa: Copy + Debug {
         work.run();
     }
 
-    /// The samples in whole vectors.
-    fn samples(samples: &[u8]) -> &[Self::Samples];
     /// Column sums from memory.
     fn load_column(self, sums: &Self::Sums) -> Self::Column;
     /// The absolute differences between a sample of the centre and the samples of a view.
@@ -286,8 +284,18 @@ pub(crate) fn lane<I: Isa>(index: usize) -> usize {
     index / I::LANES * I::LANES + I::lane(index % I::LANES)
 }
 
-/// Fuses the costs of blocks, vector by vector, and returns the least.
+/// Takes the lanes that are too many out of a pixel's fused costs, if there are any: `excess` is the least that costs in the last vector may be.
 #[inline(always)]
+pub(crate) fn hide_excess<L: Lane, I: Blocks<L>>(isa: I, excess: &Option<I::Costs>, fused: &mut [I::Costs]) {
+    if let (Some(excess), Some(last)) = (excess, fused.last_mut()) {
+        isa.load_block(last).max(isa.load_block(excess)).store(last);
+    }
+}
+
+/// Fuses the costs of blocks, vector by vector, and returns the least. On Arm a function of its own, so that the loops for the common rules, which are
+/// in assembly there, need fewer registers.
+#[cfg_attr(target_arch = "arm", inline(never))]
+#[cfg_attr(not(target_arch = "arm"), inline(always))]
 fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
     isa: I,
     rule: Rule,
@@ -308,7 +316,8 @@ fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
 }
 
 /// As [`fuse_generic`], of what masks leave.
-#[inline(always)]
+#[cfg_attr(target_arch = "arm", inline(never))]
+#[cfg_attr(not(target_arch = "arm"), inline(always))]
 fn fuse_masked_generic<L: Lane, I: Blocks<L>, const V: usize>(
     isa: I,
     rule: Rule,

@@ -31,11 +31,6 @@ impl Isa for Mve {
     type Column = [u16; 8];
 
     #[inline(always)]
-    fn samples(samples: &[u8]) -> &[[u8; 8]] {
-        samples.as_chunks().0
-    }
-
-    #[inline(always)]
     fn load_column(self, sums: &[u16; 8]) -> [u16; 8] {
         *sums
     }
@@ -129,7 +124,7 @@ impl Blocks<u16> for Mve {
         match (rule, V) {
             (Rule::Min, _) => unsafe { least_of::<V, 0>(first, first, fused) },
             (Rule::Heuristic, 3 | 4) => unsafe { heuristic_of::<V, 0>(first, first, fused) },
-            _ => self.fuse_others(rule, blocks, fused),
+            _ => fuse_generic(self, rule, blocks, fused),
         }
     }
 
@@ -157,7 +152,7 @@ impl Blocks<u16> for Mve {
             (Rule::Heuristic, 3 | 4, 4) => unsafe { heuristic_of::<V, 4>(first, mask, fused) },
             (Rule::Heuristic, 3 | 4, 8) => unsafe { heuristic_of::<V, 8>(first, mask, fused) },
             (Rule::Heuristic, 3 | 4, _) => unsafe { heuristic_of::<V, 15>(first, mask, fused) },
-            _ => self.fuse_others_masked(rule, blocks, masks, fused),
+            _ => fuse_masked_generic(self, rule, blocks, masks, fused),
         }
     }
 
@@ -171,26 +166,6 @@ impl Blocks<u16> for Mve {
             }
         }
         least as u16
-    }
-}
-
-impl Mve {
-    /// By the other rules. A function of its own, so that the common ones need fewer registers.
-    #[inline(never)]
-    fn fuse_others<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> u16 {
-        fuse_generic(self, rule, blocks, fused)
-    }
-
-    /// As [`fuse_others`](Mve::fuse_others), of what masks leave.
-    #[inline(never)]
-    fn fuse_others_masked<const V: usize>(
-        self,
-        rule: Rule,
-        blocks: &[[[u16; 8]; V]],
-        masks: &[[[u16; 8]; V]],
-        fused: &mut [[u16; 8]],
-    ) -> u16 {
-        fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 }
 

@@ -28,11 +28,6 @@ impl Isa for Neon {
     type Column = U16x16;
 
     #[inline(always)]
-    fn samples(samples: &[u8]) -> &[[u8; 16]] {
-        samples.as_chunks().0
-    }
-
-    #[inline(always)]
     fn load_column(self, sums: &[u16; 16]) -> U16x16 {
         unsafe { U16x16([vld1q_u16(sums.as_ptr()), vld1q_u16(sums[8..].as_ptr())]) }
     }

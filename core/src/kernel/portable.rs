@@ -16,11 +16,6 @@ impl<const N: usize> Isa for Portable<N> {
     type Column = [u16; N];
 
     #[inline(always)]
-    fn samples(samples: &[u8]) -> &[[u8; N]] {
-        samples.as_chunks().0
-    }
-
-    #[inline(always)]
     fn load_column(self, sums: &[u16; N]) -> [u16; N] {
         *sums
     }

@@ -152,7 +152,6 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
     }
 
     /// Moves the tracks on from the place that was [entered](Steps::enter).
-    #[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
     #[inline(always)]
     pub(super) fn leave(&mut self) {
         for track in &mut self.tracks {
@@ -168,14 +167,13 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
         let vectors = self.vectors;
         let Place { center, column, left, .. } = self.enter()?;
         let mut views = [Change { entering: &[][..], leaving: &[][..] }; V];
-        for (view, track) in views.iter_mut().zip(&mut self.tracks) {
+        for (view, track) in views.iter_mut().zip(&self.tracks) {
             // SAFETY: for all columns, it has been checked that these samples are there. Bytes may be anywhere, and be anything.
             let vectors = |samples: *const u8| unsafe { slice::from_raw_parts(samples.cast(), vectors) };
             let Change { entering, leaving } = track.samples;
             *view = Change { entering: vectors(entering), leaving: vectors(leaving) };
-            let next = |samples: *const u8| samples.wrapping_offset(track.step);
-            track.samples = Change { entering: next(entering), leaving: next(leaving) };
         }
+        self.leave();
         // SAFETY: for all columns, it has been checked that these sums are there. Blocks have at least one column, so that what they leave
         // is another one; `self` is lent as long as they are.
         let (column, left) =

@@ -1,6 +1,6 @@
 //! Lines by column.
 
-use super::Samples;
+use super::{Samples, replicate};
 
 /// A stack of samples for each column, for matches in the same column. Newer lines are pushed at the edge, at one end; when
 /// it reaches the stack's border, what is still needed moves to the other.
@@ -29,16 +29,9 @@ pub(super) struct Columns<'m> {
 impl Columns<'_> {
     /// Pushes the next virtual line: the samples of `line`.
     pub fn push(&mut self, line: &[u8]) {
-        let (Some(&first), Some(&last)) = (line.first(), line.last()) else { return };
         let newest = self.advance();
         let samples = self.samples.get_mut(newest..).unwrap_or_default();
-        let mut newest = samples.iter_mut().step_by(self.stack.max(1));
-        let outside = self.left.min(0).unsigned_abs() as usize;
-        newest.by_ref().take(outside).for_each(|sample| *sample = first);
-        let inside = line.get(self.left.max(0) as usize..).unwrap_or_default();
-        // Not by `zip` alone, which would take one that it does not fill.
-        newest.by_ref().take(inside.len()).zip(inside).for_each(|(sample, &inside)| *sample = inside);
-        newest.for_each(|sample| *sample = last);
+        replicate(samples.iter_mut().step_by(self.stack.max(1)), line, self.left);
     }
 
     /// Pushes the next virtual line, which repeats the one before.

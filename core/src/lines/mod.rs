@@ -193,3 +193,14 @@ impl Samples<'_> {
         (covered(self.start) && covered(last)).then(|| self.samples.as_ptr().wrapping_add(self.start))
     }
 }
+
+/// Fills `held` with the samples of `line` from the coordinate `left` on, which may be outside it.
+#[inline(always)]
+fn replicate<'h>(mut held: impl Iterator<Item = &'h mut u8>, line: &[u8], left: i32) {
+    let (Some(&first), Some(&last)) = (line.first(), line.last()) else { return };
+    held.by_ref().take(left.min(0).unsigned_abs() as usize).for_each(|sample| *sample = first);
+    let inside = line.get(left.max(0) as usize..).unwrap_or_default();
+    // Not by `zip` alone, which would take one that it does not fill.
+    held.by_ref().take(inside.len()).zip(inside).for_each(|(sample, &inside)| *sample = inside);
+    held.for_each(|sample| *sample = last);
+}

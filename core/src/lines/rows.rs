@@ -1,6 +1,6 @@
 //! Lines as they come, or mirrored.
 
-use super::Samples;
+use super::{Samples, replicate};
 
 /// A ring of lines, for matches in the same line.
 #[derive(Debug)]
@@ -39,15 +39,4 @@ impl Rows<'_> {
         let (offset, step) = if self.mirrored { (self.span - 1, -1) } else { (0, 1) };
         Samples { samples: self.samples, start: self.start(v) + offset, step, depth: self.depth }
     }
-}
-
-/// Fills `held` with the samples of `line` from the coordinate `left` on, which may be outside it.
-#[inline(always)]
-fn replicate<'h>(mut held: impl Iterator<Item = &'h mut u8>, line: &[u8], left: i32) {
-    let (Some(&first), Some(&last)) = (line.first(), line.last()) else { return };
-    held.by_ref().take(left.min(0).unsigned_abs() as usize).for_each(|sample| *sample = first);
-    let inside = line.get(left.max(0) as usize..).unwrap_or_default();
-    // Not by `zip` alone, which would take one that it does not fill.
-    held.by_ref().take(inside.len()).zip(inside).for_each(|(sample, &inside)| *sample = inside);
-    held.for_each(|sample| *sample = last);
 }

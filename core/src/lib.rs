@@ -16,6 +16,7 @@
 //! | [`kernel`] | the inner loops, once, over the vectors of any instruction set |
 //! | [`Matcher`] | pulls lines and gives disparity lines |
 //! | [`Disparity`], [`Triangulation`], [`Depth`] | what comes out |
+//! | [`capture`] | how the frames are taken: the camera is moved, settles, captures |
 //!
 //! The crate does not allocate, panic or recurse, and has no unsafe code but in the modules of vector instructions.
 //!
@@ -24,6 +25,7 @@
 #![no_std]
 
 mod availability;
+pub mod capture;
 mod depth;
 mod disparity;
 mod error;

@@ -1,0 +1,91 @@
+//! Active perception: moving the camera and taking the frames.
+//!
+//! | item | what it is |
+//! | --- | --- |
+//! | [`Position`] | where the camera is |
+//! | [`Plan`] | the frames of a capture, and where each is taken |
+//! | [`Stage`], [`Camera`] | what moves the camera, and the camera: to be implemented for hardware |
+//! | [`Policy`] | how long to wait, how often to try again |
+//! | [`Sequence`] | moves, settles, captures, checks, and goes on to the next |
+//!
+//! The same sequence runs on a host and on a microcontroller: it is a state machine that is polled with the time, waits for nothing, and
+//! leaves it to the caller what to do in between.
+//!
+//! ```
+//! use core::{convert::Infallible, time::Duration};
+//! use multiscopic_core::Views;
+//! use multiscopic_core::capture::{Camera, Plan, Policy, Position, Progress, Sequence, Stage};
+//!
+//! /// A stage that is where it is sent at once.
+//! struct Teleport(Option<Position>);
+//!
+//! impl Stage for Teleport {
+//!     type Error = Infallible;
+//!
+//!     fn move_to(&mut self, position: Position) -> Result<(), Infallible> {
+//!         self.0 = Some(position);
+//!         Ok(())
+//!     }
+//!
+//!     fn has_arrived(&mut self) -> Result<bool, Infallible> {
+//!         Ok(true)
+//!     }
+//!
+//!     fn position(&mut self) -> Result<Option<Position>, Infallible> {
+//!         Ok(self.0)
+//!     }
+//!
+//!     fn stop(&mut self) -> Result<(), Infallible> {
+//!         Ok(())
+//!     }
+//! }
+//!
+//! /// A camera that counts its frames.
+//! struct Counter(usize);
+//!
+//! impl Camera for Counter {
+//!     type Error = Infallible;
+//!
+//!     fn begin(&mut self) -> Result<(), Infallible> {
+//!         Ok(())
+//!     }
+//!
+//!     fn start(&mut self, _: usize) -> Result<(), Infallible> {
+//!         self.0 += 1;
+//!         Ok(())
+//!     }
+//!
+//!     fn is_complete(&mut self) -> Result<bool, Infallible> {
+//!         Ok(true)
+//!     }
+//!
+//!     fn end(&mut self) -> Result<(), Infallible> {
+//!         Ok(())
+//!     }
+//! }
+//!
+//! let plan = Plan::cross(Views::ALL, 20_000);
+//! let policy = Policy { settle: Duration::from_millis(300), ..Policy::default() };
+//! let (mut stage, mut camera) = (Teleport(None), Counter(0));
+//! let mut sequence = Sequence::new(plan.positions(), policy);
+//! let mut now = Duration::ZERO;
+//! while sequence.poll(now, &mut stage, &mut camera).unwrap() != Progress::Done {
+//!     now += Duration::from_millis(10); // of a clock
+//! }
+//! assert_eq!((camera.0, stage.0), (5, Some(Position::CENTER)));
+//! assert!(now > Duration::from_millis(5 * 300));
+//! ```
+
+mod camera;
+mod plan;
+mod policy;
+mod position;
+mod sequence;
+mod stage;
+
+pub use camera::Camera;
+pub use plan::Plan;
+pub use policy::Policy;
+pub use position::Position;
+pub use sequence::{CaptureError, Progress, Sequence};
+pub use stage::Stage;

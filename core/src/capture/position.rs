@@ -1,0 +1,41 @@
+//! Where the camera is.
+
+use crate::{Frame, View};
+
+/// A place of the camera in its image plane, seen along its view, from the centre.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Position {
+    /// To the right, in micrometres.
+    pub x_um: i32,
+    /// Down, in micrometres.
+    pub y_um: i32,
+}
+
+impl Position {
+    /// The place of the reference frame.
+    pub const CENTER: Position = Position { x_um: 0, y_um: 0 };
+
+    /// Where a frame is taken, with a baseline in micrometres.
+    pub const fn of(frame: Frame, baseline_um: u32) -> Position {
+        let baseline_um = if baseline_um > i32::MAX as u32 { i32::MAX } else { baseline_um as i32 };
+        match frame {
+            Frame::Center => Position::CENTER,
+            Frame::View(View::Left) => Position { x_um: -baseline_um, y_um: 0 },
+            Frame::View(View::Right) => Position { x_um: baseline_um, y_um: 0 },
+            Frame::View(View::Top) => Position { x_um: 0, y_um: -baseline_um },
+            Frame::View(View::Bottom) => Position { x_um: 0, y_um: baseline_um },
+        }
+    }
+
+    /// The greater of the distances along both axes, in micrometres.
+    pub const fn distance_um(self, other: Position) -> u32 {
+        let (x, y) = (self.x_um.abs_diff(other.x_um), self.y_um.abs_diff(other.y_um));
+        if x > y { x } else { y }
+    }
+
+    /// So many micrometres to the left and up of it.
+    pub const fn before(self, distance_um: u32) -> Position {
+        Position { x_um: self.x_um.saturating_sub_unsigned(distance_um), y_um: self.y_um.saturating_sub_unsigned(distance_um) }
+    }
+}

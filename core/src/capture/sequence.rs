@@ -121,11 +121,8 @@ impl<'p, S, C> Sequence<'p, S, C> {
             }
             State::Settle if now < self.until => Ok(Progress::Settling(index)),
             State::Settle => match self.miss(stage)? {
-                Some(miss) => {
-                    self.retry(miss)?;
-                    self.approach(now, stage).map(|_| Progress::Retrying(index))
-                }
-                None => self.start(now, camera).map(|_| Progress::Capturing(index)),
+                Some(miss) => self.approach_again(miss, now, stage),
+                None => self.start(now, camera),
             },
             State::Capture => match camera.is_complete() {
                 Err(error) => self.start_again(CaptureError::Camera { index, error }, now, camera),
@@ -135,10 +132,7 @@ impl<'p, S, C> Sequence<'p, S, C> {
                 Ok(false) => Ok(Progress::Capturing(index)),
                 // The frame is of use only if the stage stood still meanwhile.
                 Ok(true) => match self.miss(stage)? {
-                    Some(miss) => {
-                        self.retry(miss)?;
-                        self.approach(now, stage).map(|_| Progress::Retrying(index))
-                    }
+                    Some(miss) => self.approach_again(miss, now, stage),
                     None => {
                         self.state = State::Next;
                         Ok(Progress::Captured(index))
@@ -209,20 +203,23 @@ impl<'p, S, C> Sequence<'p, S, C> {
     }
 
     /// Counts one more try, if there may be one.
-    fn retry(&mut self, error: CaptureError<S, C>) -> Result<(), CaptureError<S, C>> {
+    fn retry(&mut self, error: CaptureError<S, C>) -> Result<Progress, CaptureError<S, C>> {
         if self.retries >= self.policy.retries {
             return Err(error);
         }
         self.retries += 1;
-        Ok(())
+        Ok(Progress::Retrying(self.index))
     }
 
-    fn start<B: Camera<Error = C>>(&mut self, now: Duration, camera: &mut B) -> Result<(), CaptureError<S, C>> {
-        (self.state, self.until) = (State::Capture, now + self.policy.frame_timeout);
+    fn start<B: Camera<Error = C>>(&mut self, now: Duration, camera: &mut B) -> Result<Progress, CaptureError<S, C>> {
         let index = self.index;
-        let started = camera.start(index).map_err(|error| CaptureError::Camera { index, error });
-        // Tried again at the next polls, like a frame that does not come.
-        started.or_else(|error| self.retry(error).map(|()| self.state = State::Settle))
+        if let Err(error) = camera.start(index) {
+            // The next poll tries again.
+            self.state = State::Settle;
+            return self.retry(CaptureError::Camera { index, error });
+        }
+        (self.state, self.until) = (State::Capture, now + self.policy.frame_timeout);
+        Ok(Progress::Capturing(index))
     }
 
     fn start_again<B: Camera<Error = C>>(
@@ -231,8 +228,18 @@ impl<'p, S, C> Sequence<'p, S, C> {
         now: Duration,
         camera: &mut B,
     ) -> Result<Progress, CaptureError<S, C>> {
-        self.retry(error)?;
-        self.start(now, camera).map(|()| Progress::Retrying(self.index))
+        let retrying = self.retry(error)?;
+        self.start(now, camera).map(|_| retrying)
+    }
+
+    fn approach_again<A: Stage<Error = S>>(
+        &mut self,
+        error: CaptureError<S, C>,
+        now: Duration,
+        stage: &mut A,
+    ) -> Result<Progress, CaptureError<S, C>> {
+        let retrying = self.retry(error)?;
+        self.approach(now, stage).map(|_| retrying)
     }
 
     /// Starts towards the centre, after the last frame or an error.

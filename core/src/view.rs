@@ -42,6 +42,16 @@ impl View {
         }
     }
 
+    /// Its name, in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            View::Left => "left",
+            View::Right => "right",
+            View::Top => "top",
+            View::Bottom => "bottom",
+        }
+    }
+
     /// Where the view is available to a pixel: the disparities, as indices of `count` from `least` on, at which its match stays inside
     /// the image. `coordinate` and `size` are those of the pixel and the image in the direction of the view.
     ///
@@ -130,4 +140,14 @@ pub enum Frame {
     Center,
     /// A neighbour.
     View(View),
+}
+
+impl Frame {
+    /// Its name, in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Frame::Center => "center",
+            Frame::View(view) => view.name(),
+        }
+    }
 }

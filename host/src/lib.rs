@@ -1,5 +1,6 @@
 //! Accurate depth from one camera moved on purpose, on the host: files, matching with threads, evaluation and pictures.
 
+pub mod alignment;
 pub mod budget;
 pub mod cost;
 pub mod dataset;
@@ -30,6 +31,7 @@ pub mod simd;
 pub mod simulation;
 pub mod turbo;
 
+pub use alignment::Alignment;
 pub use dataset::Dataset;
 pub use disparity_map::DisparityMap;
 pub use error::{Error, Result};

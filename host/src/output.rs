@@ -30,6 +30,31 @@ pub fn write(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()
     written.map_err(|source| Error::Write { path: path.into(), source })
 }
 
+/// Makes the folder `path` with what `contents` writes into the folder it is given.
+///
+/// That is a temporary one beside `path`, which takes its name only when it is complete: an interrupted command leaves no folder that looks
+/// so. A folder that is already there is kept, unless it is empty.
+///
+/// # Errors
+/// [`Error::Usage`] if there is something at `path`, else what `contents` returns, or [`Error::Write`] for what the system says.
+pub fn folder<T>(path: &Path, contents: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
+    let failed = |source| Error::Write { path: path.into(), source };
+    let refused =
+        || Error::Usage(format!("{} is there already, and is not replaced: give another folder, or remove it", path.display()));
+    match fs::read_dir(path).map(|mut entries| entries.next().is_none()) {
+        Ok(false) => return Err(refused()),
+        Err(error) if error.kind() == io::ErrorKind::NotADirectory => return Err(refused()),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(failed(error)),
+        Ok(true) | Err(_) => {}
+    }
+    let temporary = temporary(0o777).tempdir_in(directory_of(path)).map_err(failed)?;
+    let written = contents(temporary.path())?;
+    fs::rename(temporary.path(), path).map_err(failed)?;
+    // It has another name now; there is nothing to remove.
+    let _ = temporary.keep();
+    Ok(written)
+}
+
 /// Checks, before the work whose results they take, that `outputs` can be written: each may be made or replaced, and none is
 /// given twice or also one of `inputs`.
 ///
@@ -107,21 +132,27 @@ fn replace(
     Ok(())
 }
 
-fn temporary_file_beside(target: &Path) -> io::Result<NamedTempFile> {
-    let directory = match target.parent() {
-        Some(parent) if parent != Path::new("") => parent.to_path_buf(),
-        _ => PathBuf::from("."),
-    };
+fn directory_of(target: &Path) -> &Path {
+    target.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
+}
+
+/// What makes temporary files and folders with the `mode` that any program asks for; the system takes the user's umask off.
+#[cfg_attr(not(unix), expect(unused_variables, reason = "there are no modes"))]
+fn temporary(mode: u32) -> Builder<'static, 'static> {
     let mut builder = Builder::new();
     builder.prefix(".multiscopic-");
     #[cfg(unix)]
     {
-        // What any program asks for; the system takes the user's umask off.
         use std::os::unix::fs::PermissionsExt;
-        builder.permissions(Permissions::from_mode(0o666));
+        builder.permissions(Permissions::from_mode(mode));
     }
+    builder
+}
+
+fn temporary_file_beside(target: &Path) -> io::Result<NamedTempFile> {
+    let directory = directory_of(target);
     // The system's message would name the temporary file, which says nothing to the user.
-    builder.tempfile_in(&directory).map_err(|error| {
+    temporary(0o666).tempfile_in(directory).map_err(|error| {
         let message = format!("no file can be made in directory {}: {}", directory.display(), error.kind());
         io::Error::new(error.kind(), message)
     })
@@ -152,6 +183,28 @@ mod tests {
             assert_eq!(fs::read_to_string(&path).unwrap(), text);
         }
         assert_eq!(names(dir.path()), ["a"]);
+    }
+
+    #[test]
+    fn a_folder_is_there_as_a_whole_or_not_at_all() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("rig");
+        let one_file = |folder: &Path| write(&folder.join("a"), |w| w.write_all(b"a"));
+        let broken = folder(&path, |folder| {
+            one_file(folder)?;
+            assert!(!path.exists());
+            Err::<(), _>(Error::Usage("the camera is gone".into()))
+        });
+        assert!(broken.unwrap_err().to_string().contains("camera"));
+        assert_eq!(names(dir.path()), [""; 0]);
+        folder(&path, one_file).unwrap();
+        assert_eq!((names(dir.path()), names(&path)), (vec!["rig".into()], vec!["a".into()]));
+        // What is there is not replaced, unless it is nothing.
+        assert!(folder(&path, one_file).unwrap_err().to_string().contains("is there already"));
+        assert!(folder(&path.join("a"), one_file).unwrap_err().to_string().contains("is there already"));
+        fs::remove_file(path.join("a")).unwrap();
+        folder(&path, one_file).unwrap();
+        assert!(matches!(folder(&dir.path().join("none/rig"), one_file), Err(Error::Write { .. })));
     }
 
     #[test]

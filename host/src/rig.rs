@@ -62,6 +62,19 @@ pub struct Images {
 }
 
 impl Images {
+    /// The names of the files that a capture of the centre and of `views` writes: `center.png`, `left.png` and so on.
+    pub fn of_capture(views: Views) -> Images {
+        let file = |frame: Frame| PathBuf::from(format!("{}.png", frame.name()));
+        let neighbor = |view| views.contains(view).then(|| file(Frame::View(view)));
+        Images {
+            center: file(Frame::Center),
+            left: neighbor(View::Left),
+            right: neighbor(View::Right),
+            top: neighbor(View::Top),
+            bottom: neighbor(View::Bottom),
+        }
+    }
+
     /// The file of a frame, as the rig names it.
     pub fn get(&self, frame: Frame) -> Option<&Path> {
         match frame {

@@ -6,6 +6,7 @@ pub mod command;
 pub mod data;
 pub mod golden;
 pub mod images;
+pub mod misaligned;
 pub mod random;
 pub mod reference;
 pub mod source;

@@ -10,6 +10,7 @@ use multiscopic_tests::{
     case::{matched, params},
     command::Run,
     data::{self, Dataset},
+    misaligned,
     random::Random,
     reference::{
         Fusion::{self, Heuristic, Mean, Min},
@@ -194,6 +195,10 @@ fn part(root: &Path, dataset: Dataset, scene: &str, left: usize, top: usize) -> 
     Ok(())
 }
 
+/// Scenes in whose images at a quarter of their size shifts and brightness are found, with a number of disparities.
+const ALIGNED: [(Dataset, &str, usize); 3] =
+    [(Dataset::Middlebury2005Full, "Art", 60), (Dataset::Middlebury2005Full, "Dolls", 60), (Dataset::Hci4d, "cotton", 16)];
+
 fn main() {
     let arguments = Arguments::from_args();
     let root = data::root();
@@ -211,6 +216,13 @@ fn main() {
     for (dataset, scene, left, top) in PARTS {
         let run = move |root: &Path| part(root, dataset, scene, left, top).map_err(|error| error.to_string().into());
         test(format!("bit_exact::{}", dataset.name()), Box::new(run));
+    }
+    for (dataset, scene, num_disparities) in ALIGNED {
+        let run = move |root: &Path| {
+            misaligned::assert_recovers(&dataset.read(root, scene).images, num_disparities, &misaligned::RANGE);
+            Ok(())
+        };
+        test(format!("alignment::{scene}"), Box::new(run));
     }
     libtest_mimic::run(&arguments, trials).exit();
 }

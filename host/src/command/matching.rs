@@ -8,7 +8,7 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    DisparityMap, Error, Frames, Result, Rig, depth, output,
+    Alignment, DisparityMap, Error, Frames, Result, Rig, depth, output,
     ply::{self, Encoding},
 };
 use multiscopic_core::Params;
@@ -35,6 +35,10 @@ pub struct Match {
 
     #[command(flatten)]
     search: SearchOptions,
+
+    /// First take shifts across the baseline and differences of brightness out of the views, as `multiscopic align` finds them
+    #[arg(long, help_heading = "Matching")]
+    align: bool,
 
     #[command(flatten)]
     outputs: Outputs,
@@ -73,7 +77,7 @@ impl Match {
             let message = "there is no image to match, give --center and its neighbours, or RIG_DIR, a folder with a rig.toml";
             return Err(Error::Usage(message.into()));
         };
-        let (frames, center) = Frames::load(&images)?;
+        let (mut frames, center) = Frames::load(&images)?;
         let center = self.outputs.ply.is_some().then_some(center);
         let params = self.search.params(frames.size(), frames.views(), self.fusion, SearchOptions::RANGE)?;
         let geometry = self.geometry.geometry(rig.as_ref().map(Rig::geometry), &frames);
@@ -82,6 +86,9 @@ impl Match {
         let inputs: Vec<&Path> = images.paths().chain(rig_file.as_deref()).collect();
         output::check(&self.outputs.paths(), &inputs)?;
         let engine = self.engine.engine()?;
+        if self.align {
+            frames = Alignment::estimate(&frames, &params, &engine)?.compensate(&frames);
+        }
 
         let bar = terminal::progress(params.height() as u64, "lines");
         let start = Instant::now();

@@ -1,5 +1,6 @@
 //! The commands, a module each: options, what they do, what they print.
 
+pub mod align;
 pub mod bench;
 pub mod budget;
 pub mod demo;

@@ -15,7 +15,7 @@ use multiscopic::{
     scene::{Camera, Scene, capture},
     simulation::{self, Simulation},
 };
-use multiscopic_core::{Frame, Fusion, Params, Region, View, Views};
+use multiscopic_core::{Fusion, Params, Region, View, Views};
 use multiscopic_edge::{Profile, profile};
 use serde::Serialize;
 
@@ -98,7 +98,7 @@ impl Simulate {
         output::check(&outputs, &images.paths().chain(rig_file.as_deref()).collect::<Vec<_>>())?;
         if let Some(view) = params.views().iter().find(|&view| !images.views().contains(view)) {
             let message =
-                format!("profile {} matches with {}, the {} one is missing", profile.name, names(params.views()), name(view));
+                format!("profile {} matches with {}, the {} one is missing", profile.name, names(params.views()), view.name());
             return Err(Error::Usage(message));
         }
         let (frames, _) = Frames::load(&images)?;
@@ -114,17 +114,8 @@ impl Simulate {
     }
 }
 
-fn name(view: View) -> &'static str {
-    match view {
-        View::Left => "left",
-        View::Right => "right",
-        View::Top => "top",
-        View::Bottom => "bottom",
-    }
-}
-
 fn names(views: Views) -> String {
-    views.iter().map(name).collect::<Vec<_>>().join(", ")
+    views.iter().map(View::name).collect::<Vec<_>>().join(", ")
 }
 
 /// What `simulate` reports, under the names of `cargo xtask edge`.
@@ -152,10 +143,6 @@ impl<'a> Report<'a> {
         let ram = Ram::new(params, profile.tile_width(), processor);
         let instructions = processor.instructions(params, profile.tile_width());
         let instructions = instructions.round();
-        let frame = |frame: Frame| match frame {
-            Frame::Center => "center",
-            Frame::View(view) => name(view),
-        };
         Report {
             profile: profile.name,
             core: processor.name(),
@@ -170,7 +157,7 @@ impl<'a> Report<'a> {
             instructions_per_de: instructions / params.evaluations() as f64,
             lines_latency: params.latency_lines(),
             tile_passes: simulation.passes,
-            lines_read: simulation.lines_read.iter().map(|&(of, lines)| (frame(of), lines)).collect(),
+            lines_read: simulation.lines_read.iter().map(|&(of, lines)| (of.name(), lines)).collect(),
             packet_bytes: simulation.packets.len(),
         }
     }

@@ -1,0 +1,93 @@
+//! `multiscopic align`: how far views are from where they should be.
+
+use std::{path::PathBuf, process::ExitCode};
+
+use clap::Args;
+use multiscopic::{Alignment, Error, Frames, Result, Rig, alignment::Residual, image_file, output, rig::Images};
+use multiscopic_core::Frame;
+use serde::Serialize;
+
+use super::{
+    options::{EngineOptions, SearchOptions},
+    source::SourceOptions,
+    terminal,
+};
+
+/// Says how far each view is shifted across its baseline, how long its baseline is and how bright it is, beside the others
+///
+/// A shift is how far down a left or right view lies, and how far to the right a top or bottom view. Shifts and brightness can be taken out:
+/// into a new folder with -o, or on the way with `multiscopic match --align`.
+#[derive(Clone, Debug, Args)]
+pub struct Align {
+    #[command(flatten)]
+    source: SourceOptions,
+
+    #[command(flatten)]
+    search: SearchOptions,
+
+    /// Folder for the capture with shifts and brightness put right
+    #[arg(short, long, value_name = "NEW_RIG_DIR")]
+    output: Option<PathBuf>,
+
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+
+    #[command(flatten)]
+    engine: EngineOptions,
+}
+
+/// What is off in a view, by its name.
+#[derive(Debug, Serialize)]
+struct Line {
+    view: &'static str,
+    #[serde(flatten)]
+    residual: Residual,
+}
+
+impl Align {
+    /// Runs the command.
+    pub fn run(&self) -> Result<ExitCode> {
+        let Some((images, rig)) = self.source.capture()? else {
+            let message = "there is nothing to align, give RIG_DIR, a folder with a rig.toml, or --center and its neighbours";
+            return Err(Error::Usage(message.into()));
+        };
+        if self.output.is_some() && rig.is_none() {
+            let message = "-o makes a folder with a rig.toml, of which only a folder with one knows enough: give RIG_DIR";
+            return Err(Error::Usage(message.into()));
+        }
+        let (frames, _) = Frames::load(&images)?;
+        let params = self.search.params(frames.size(), frames.views(), None, SearchOptions::RANGE)?;
+        let alignment = Alignment::estimate(&frames, &params, &self.engine.engine()?)?;
+        let lines: Vec<Line> =
+            frames.views().iter().filter_map(|view| Some(Line { view: view.name(), residual: alignment.of(view)? })).collect();
+        terminal::print(&match self.json {
+            true => serde_json::to_string(&lines).expect("numbers and strings") + "\n",
+            false => table(&lines),
+        })?;
+        if let (Some(folder), Some(rig)) = (&self.output, rig) {
+            let images = Images::of_capture(frames.views());
+            let compensated = alignment.compensate(&frames);
+            output::folder(folder, |folder| {
+                let files = images.within(folder);
+                for frame in [Frame::Center].into_iter().chain(frames.views().iter().map(Frame::View)) {
+                    if let (Some(path), Some(image)) = (files.get(frame), compensated.get(frame)) {
+                        image_file::write_png(path, image)?;
+                    }
+                }
+                Rig { images: images.clone(), ..rig }.save(folder)
+            })?;
+            terminal::say(&format!("wrote {}", folder.display()));
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+fn table(lines: &[Line]) -> String {
+    let mut table = String::from("view    across px  baseline  at the nearest px  brightness  blocks\n");
+    for Line { view, residual } in lines {
+        let Residual { across_px, baseline_scale, baseline_px, gain, blocks } = residual;
+        table += &format!("{view:<8}{across_px:>+9.2}{baseline_scale:>10.4}{baseline_px:>+19.2}{gain:>12.4}{blocks:>8}\n");
+    }
+    table
+}

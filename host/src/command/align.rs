@@ -61,10 +61,6 @@ impl Align {
         let alignment = Alignment::estimate(&frames, &params, &self.engine.engine()?)?;
         let lines: Vec<Line> =
             frames.views().iter().filter_map(|view| Some(Line { view: view.name(), residual: alignment.of(view)? })).collect();
-        terminal::print(&match self.json {
-            true => serde_json::to_string(&lines).expect("numbers and strings") + "\n",
-            false => table(&lines),
-        })?;
         if let (Some(folder), Some(rig)) = (&self.output, rig) {
             let images = Images::of_capture(frames.views());
             let compensated = alignment.compensate(&frames);
@@ -79,6 +75,10 @@ impl Align {
             })?;
             terminal::say(&format!("wrote {}", folder.display()));
         }
+        terminal::print(&match self.json {
+            true => serde_json::to_string(&lines).expect("numbers and strings") + "\n",
+            false => table(&lines),
+        })?;
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -28,6 +28,7 @@ pub mod rig;
 pub mod scene;
 pub mod simd;
 pub mod simulation;
+pub mod stage;
 pub mod turbo;
 
 pub use dataset::Dataset;

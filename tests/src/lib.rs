@@ -1,5 +1,6 @@
 //! What the tests share.
 
+pub mod arm;
 pub mod ascii;
 pub mod case;
 pub mod command;

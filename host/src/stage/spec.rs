@@ -126,7 +126,7 @@ mod tests {
             ("ur10:host:0", "a port is a number"),
             ("ur10:host:65536", "a port is a number"),
             ("ur10:host:30002,", "a port is a number"),
-            ("ur10:::1", "a port is a number"),
+            ("ur10:fe80::1", "a port is a number"),
             ("ur10:[::1", "a bracket is not closed"),
             ("ur10:[::1]30002", "a port comes after a colon"),
             ("gcode", "the serial port is missing"),

@@ -112,22 +112,40 @@ impl Feedback {
         self.read(&lock(&self.latest.0))
     }
 
+    /// The next state that comes.
+    ///
+    /// # Errors
+    /// The connection broke, or brought nonsense, or nothing for too long.
+    pub fn next(&self) -> Result<State, StageError> {
+        let count = lock(&self.latest.0).state.count;
+        self.wait(self.silence, |state| state.count > count)
+    }
+
     /// The state as soon as the tool stands still, or as it is after `limit`.
     ///
     /// # Errors
     /// The connection broke, or brought nonsense, or nothing for too long.
     pub fn wait_until_still(&self, since: u64, limit: Duration) -> Result<State, StageError> {
+        self.wait(limit, |state| state.is_still(since))
+    }
+
+    fn wait(&self, limit: Duration, is_right: impl Fn(&State) -> bool) -> Result<State, StageError> {
         let (latest, changed) = &*self.latest;
-        let is_open = |latest: &mut Latest| latest.end.is_none() && !latest.state.is_still(since);
-        let (latest, _) = changed.wait_timeout_while(lock(latest), limit, is_open).unwrap_or_else(PoisonError::into_inner);
+        let waits = |latest: &mut Latest| latest.end.is_none() && !is_right(&latest.state);
+        let (latest, _) = changed.wait_timeout_while(lock(latest), limit, waits).unwrap_or_else(PoisonError::into_inner);
         self.read(&latest)
+    }
+
+    /// Whether it is not broken.
+    pub fn is_open(&self) -> bool {
+        lock(&self.latest.0).end.is_none()
     }
 
     fn read(&self, latest: &Latest) -> Result<State, StageError> {
         match &latest.end {
             Some(End::Broken(kind)) => Err(disconnected(&self.name, (*kind).into())),
             Some(End::Nonsense(found)) => Err(nonsense(&self.name, found.clone())),
-            None if latest.at.elapsed() > self.silence => {
+            None if latest.at.elapsed() >= self.silence => {
                 Err(StageError::Silent { from: self.name.clone(), after: self.silence })
             }
             None => Ok(latest.state),

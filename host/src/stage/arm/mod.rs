@@ -112,7 +112,8 @@ impl Stage for Arm {
             self.feedback = open_feedback(&self.address, &self.hosts, &self.limits)?;
         }
         self.reopen_script()?;
-        let state = ready(self.feedback.state()?)?;
+        // Nothing is ordered on what was true before.
+        let state = ready(self.feedback.next()?)?;
         // From here on it may move, even if the line seems not to be sent.
         let nearest = self.distance(&state, position);
         self.order = Some(Order { target: position, since: state.count, nearest, nearer_at: Instant::now(), is_done: false });
@@ -145,9 +146,12 @@ impl Stage for Arm {
     /// Tells the arm to stop, and waits at most a second until it stands still.
     fn stop(&mut self) -> Result<(), StageError> {
         self.reopen_script()?;
-        let since = self.feedback.state().map_or(0, |state| state.count);
         self.script.send(&script::stop())?;
         self.order = None;
+        if !self.feedback.is_open() {
+            self.feedback = open_feedback(&self.address, &self.hosts, &self.limits)?;
+        }
+        let since = self.feedback.next()?.count;
         match self.feedback.wait_until_still(since, STOP_LIMIT)?.is_still(since) {
             true => Ok(()),
             false => Err(StageError::StillMoving { after: STOP_LIMIT }),

@@ -22,6 +22,8 @@ pub const RECIPE: [(&str, &str); 6] = [
 ];
 
 const HEADER_BYTES: usize = 3;
+/// More than any package has, and less than the first two letters of a text.
+const MAX_BYTES: usize = 8192;
 const SAMPLE_BYTES: usize = 8 + 2 * 6 * 8 + 3 * 4;
 
 /// What a package is.
@@ -90,8 +92,8 @@ pub struct Package<'b> {
 pub fn split(bytes: &[u8]) -> Result<Option<Package<'_>>, String> {
     let Some((header, rest)) = bytes.split_first_chunk::<HEADER_BYTES>() else { return Ok(None) };
     let length = usize::from(u16::from_be_bytes([header[0], header[1]]));
-    match length.checked_sub(HEADER_BYTES) {
-        None => Err(format!("a package of {length} bytes")),
+    match length.checked_sub(HEADER_BYTES).filter(|_| length <= MAX_BYTES) {
+        None => Err(format!("`{}`, a package of {length} bytes", bytes[..bytes.len().min(32)].escape_ascii())),
         Some(payload) => Ok(rest.get(..payload).map(|payload| Package { kind: header[2], payload, length })),
     }
 }
@@ -181,6 +183,8 @@ mod tests {
             assert_eq!(split(&bytes[..cut]), Ok(None));
         }
         assert!(split(&[0, 2, b'V']).is_err());
+        let refusal = split(b"HTTP/1.1 400 Bad Request\r\n").unwrap_err();
+        assert_eq!(refusal, r"`HTTP/1.1 400 Bad Request\r\n`, a package of 18516 bytes");
         assert_eq!(types(), "DOUBLE,VECTOR6D,VECTOR6D,INT32,INT32,UINT32");
     }
 }

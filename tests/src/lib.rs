@@ -7,6 +7,8 @@ pub mod command;
 pub mod data;
 pub mod golden;
 pub mod images;
+#[cfg(unix)]
+pub mod machine;
 pub mod random;
 pub mod reference;
 pub mod source;

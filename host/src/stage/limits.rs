@@ -9,7 +9,7 @@ use super::StageError;
 /// How far and how fast a stage may go, and how long it is waited for.
 ///
 /// The defaults are slow on purpose.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// How far from where it was opened it may go, in micrometres, 1 to 1 000 000: 100 000. A longer move is refused before anything moves.
     pub reach_um: u32,

@@ -36,7 +36,7 @@ impl Manual<io::Stderr> {
         static ANSWERS: OnceLock<Answers> = OnceLock::new();
         let answers = ANSWERS.get_or_init(|| Answers::of(io::stdin(), io::stdin().is_terminal())).clone();
         limits.check()?;
-        Ok(Manual { answers, prompts: io::stderr(), limits: limits.clone(), place: None, target: None })
+        Ok(Manual { answers, prompts: io::stderr(), limits: *limits, place: None, target: None })
     }
 }
 
@@ -47,7 +47,7 @@ impl<W: Write> Manual<W> {
     /// The limits are out of range.
     pub fn new(answers: impl Read + Send + 'static, prompts: W, limits: &Limits) -> Result<Self, StageError> {
         limits.check()?;
-        Ok(Manual { answers: Answers::of(answers, false), prompts, limits: limits.clone(), place: None, target: None })
+        Ok(Manual { answers: Answers::of(answers, false), prompts, limits: *limits, place: None, target: None })
     }
 }
 

@@ -3,7 +3,7 @@
 //! It shares no code with what drives it: its packages, its script and its poses are written from the documentation a second time, and a
 //! client that others wrote must understand it.
 
-mod motion;
+pub mod motion;
 pub mod pose;
 mod rtde;
 mod script;

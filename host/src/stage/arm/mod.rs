@@ -76,7 +76,7 @@ impl Arm {
         let feedback = open_feedback(address, &hosts, limits)?;
         let start = ready(feedback.state()?)?.sample.pose;
         let script = open_script(address, &hosts, limits)?;
-        Ok(Arm { address: address.clone(), hosts, limits: limits.clone(), start, feedback, script, order: None })
+        Ok(Arm { address: address.clone(), hosts, limits: *limits, start, feedback, script, order: None })
     }
 
     /// Where its tool was when it was opened, in the frame of its base.

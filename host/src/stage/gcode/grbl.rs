@@ -60,7 +60,7 @@ struct Report {
 impl<P: Read + Write> Grbl<P> {
     /// Takes over a machine that has said that it is Grbl.
     pub(super) fn open(lines: Lines<P>, limits: &Limits) -> Result<Self, StageError> {
-        let mut grbl = Grbl { lines, limits: limits.clone(), unit_mm: 1.0, offset: None, start: None, order: None };
+        let mut grbl = Grbl { lines, limits: *limits, unit_mm: 1.0, offset: None, start: None, order: None };
         // It can be set to report inches.
         if grbl.command("$$")?.iter().any(|line| line.starts_with("$13=1")) {
             grbl.unit_mm = 25.4;

@@ -45,7 +45,7 @@ enum Motion {
 impl<P: Read + Write> Marlin<P> {
     /// Takes over a machine that has said that it is Marlin.
     pub(super) fn open(lines: Lines<P>, limits: &Limits) -> Result<Self, StageError> {
-        let limits = limits.clone();
+        let limits = *limits;
         let mut marlin = Marlin { lines, limits, unanswered: 0, start: None, place: [0.0; 2], motion: Motion::None };
         // Also waits for what it may have been doing.
         marlin.command("M400")?;
@@ -166,18 +166,17 @@ impl<P: Read + Write> Stage for Marlin<P> {
                 self.motion = Motion::Done;
                 Ok(true)
             }
-            // A machine that is slower than it was told to be may need as long again.
-            Motion::Ending { asked, duration, .. } if now - asked > duration + self.limits.stall_timeout => {
-                Err(StageError::Late { by: self.lines.name(), after: now - asked })
+            Motion::Ending { asked, heard, duration } => {
+                let heard = if is_heard { now } else { heard };
+                self.motion = Motion::Ending { asked, heard, duration };
+                let (by, Limits { silence_timeout, stall_timeout, .. }) = (self.lines.name(), self.limits);
+                // A machine that is slower than it was told to be may need as long again.
+                match (now - heard > duration + silence_timeout, now - asked > duration + stall_timeout) {
+                    (true, _) => Err(StageError::Silent { from: by, after: now - heard }),
+                    (_, true) => Err(StageError::Late { by, after: now - asked }),
+                    _ => Ok(false),
+                }
             }
-            Motion::Ending { asked, duration, .. } if is_heard => {
-                self.motion = Motion::Ending { asked, heard: now, duration };
-                Ok(false)
-            }
-            Motion::Ending { heard, duration, .. } if now - heard > duration + self.limits.silence_timeout => {
-                Err(StageError::Silent { from: self.lines.name(), after: now - heard })
-            }
-            Motion::Ending { .. } => Ok(false),
         }
     }
 

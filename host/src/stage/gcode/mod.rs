@@ -60,7 +60,9 @@ pub fn connect<P: Read + Write + Send + 'static>(port: P, name: &str, limits: &L
         for question in ["\n?", "M115"] {
             lines.send(question)?;
             let until = deadline.min(Instant::now() + ANSWER);
-            while let Some(line) = lines.next(until)? {
+            // It may never stop talking.
+            while Instant::now() < until {
+                let Some(line) = lines.next(until)? else { break };
                 if grbl::is_banner(&line) || line.starts_with('<') {
                     lines.settle()?;
                     return Grbl::open(lines, limits).map(AnyStage::new);

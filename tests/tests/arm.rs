@@ -2,6 +2,8 @@
 
 use std::{
     f64::consts::PI,
+    io::{self, Read, Write},
+    net::TcpListener,
     sync::Arc,
     thread,
     time::{Duration, Instant},
@@ -12,9 +14,12 @@ use multiscopic_core::{
     Views,
     capture::{Camera, CaptureError, Plan, Policy, Position, Progress, Sequence, Stage},
 };
-use multiscopic_tests::arm::{
-    Fault, Heard, SimulatedArm,
-    pose::{Pose, angle, distance},
+use multiscopic_tests::{
+    arm::{
+        Fault, Heard, SimulatedArm,
+        pose::{Pose, angle, distance},
+    },
+    random::Random,
 };
 
 /// A tool that looks down.
@@ -347,6 +352,41 @@ fn an_arm_that_is_not_ready() {
     // Reduced speed is no reason to stay.
     arm.set_modes(7, 2);
     go(&mut open(&arm).unwrap(), at(1000, 0)).unwrap();
+}
+
+/// Answers whoever connects as an arm does, then sends `noise`.
+fn noisy(noise: Vec<u8>) -> StageSpec {
+    let port = TcpListener::bind("127.0.0.1:0").unwrap();
+    let spec = format!("ur10:127.0.0.1:{0},{0}", port.local_addr().unwrap().port());
+    thread::spawn(move || -> io::Result<()> {
+        let (mut stream, _) = port.accept()?;
+        // One package asks for a version, one for a recipe, one to start.
+        for answer in
+            [b"\0\x04V\x01".to_vec(), b"\0\x2fO\x01DOUBLE,VECTOR6D,VECTOR6D,INT32,INT32,UINT32".to_vec(), b"\0\x04S\x01".to_vec()]
+        {
+            let mut question = [0; 256];
+            let _ = stream.read(&mut question)?;
+            stream.write_all(&answer)?;
+        }
+        stream.write_all(&noise)
+    });
+    spec.parse().unwrap()
+}
+
+#[test]
+fn noise() {
+    let mut random = Random(5);
+    for i in 0..200 {
+        let mut noise: Vec<u8> = (0..random.below(600)).map(|_| random.byte()).collect();
+        // Half of it in packages of the right kind, some of them of the right length.
+        if i % 2 == 0 {
+            let length = if i % 4 == 0 { 4 + 116 } else { 3 + random.below(200) };
+            noise.resize(length.max(4), 0xff);
+            noise[..4].copy_from_slice(&[0, length as u8, b'U', 1]);
+        }
+        let error = soon(|| stage::open(&noisy(noise), &limits())).map(drop).unwrap_err();
+        assert!(matches!(error, StageError::Protocol { .. } | StageError::Disconnected { .. }), "{error}");
+    }
 }
 
 /// A camera that notes where the arm is while it takes a frame.

@@ -60,7 +60,7 @@ pub enum StageError {
         advice: &'static str,
     },
     /// A stage that should speak said nothing.
-    #[error("{from} said nothing for {} s", after.as_secs_f32())]
+    #[error("{from} said nothing for {:.1} s", after.as_secs_f32())]
     Silent {
         /// What should have spoken.
         from: String,
@@ -89,13 +89,13 @@ pub enum StageError {
         advice: &'static str,
     },
     /// The stage does nothing about what it was told.
-    #[error("the arm ignored an order for {} s: set it to remote control", after.as_secs_f32())]
+    #[error("the arm ignored an order for {:.1} s: set it to remote control", after.as_secs_f32())]
     Ignored {
         /// How long.
         after: Duration,
     },
     /// The stage comes no nearer to where it was sent.
-    #[error("the stage is {distance_um} um from where it was sent and came no nearer for {} s: is it blocked, paused, or its speed at 0?", after.as_secs_f32())]
+    #[error("the stage is {distance_um} um from where it was sent and came no nearer for {:.1} s: is it blocked, paused, or its speed at 0?", after.as_secs_f32())]
     Stalled {
         /// How far it has to go, in micrometres.
         distance_um: u32,
@@ -103,7 +103,7 @@ pub enum StageError {
         after: Duration,
     },
     /// The stage is busy long after it should have ended a move.
-    #[error("{by} is busy {} s after the move should have ended: is it blocked or paused?", after.as_secs_f32())]
+    #[error("{by} is busy {:.1} s after the move should have ended: is it blocked or paused?", after.as_secs_f32())]
     Late {
         /// The machine.
         by: String,
@@ -111,7 +111,7 @@ pub enum StageError {
         after: Duration,
     },
     /// The stage still moves after it was told to stop.
-    #[error("the stage still moves {} s after it was told to stop: use its emergency stop", after.as_secs_f32())]
+    #[error("the stage still moves {:.1} s after it was told to stop: use its emergency stop", after.as_secs_f32())]
     StillMoving {
         /// How long.
         after: Duration,

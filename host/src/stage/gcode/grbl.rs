@@ -20,7 +20,7 @@ const SOFT_RESET: u8 = 0x18;
 
 /// Whether Grbl says that it has started.
 pub fn is_banner(line: &str) -> bool {
-    line.get(..4).is_some_and(|start| start.eq_ignore_ascii_case("grbl")) && line.contains("['$'")
+    line.get(..4).is_some_and(|start| start.eq_ignore_ascii_case("grbl")) && line.contains("'$'")
 }
 
 /// A machine with Grbl.
@@ -268,4 +268,43 @@ fn describe_alarm(code: &str) -> String {
         _ => "see its manual",
     };
     format!("alarm {code}, {meaning}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Cursor;
+
+    fn grbl() -> Grbl<Cursor<Vec<u8>>> {
+        let limits = Limits::default();
+        let lines = Lines::new(Cursor::new(Vec::new()), "port", limits.silence_timeout);
+        Grbl { lines, limits, unit_mm: 1.0, offset: None, start: None, order: None }
+    }
+
+    #[test]
+    fn reports() {
+        let mut grbl = grbl();
+        let place = |grbl: &mut Grbl<_>, report: &str| grbl.read(report).map(|report| report.place);
+        assert_eq!(place(&mut grbl, "Idle|MPos:1.000,-2.500,0.000|FS:0,0"), Some([1.0, -2.5]));
+        // Work coordinates need their offset, which stays known.
+        assert_eq!(place(&mut grbl, "Idle|WPos:1.000,2.000,0.000|FS:0,0"), None);
+        assert_eq!(place(&mut grbl, "Hold:0|WPos:1.000,2.000,0.000|WCO:10.000,20.000,0.000"), Some([11.0, 22.0]));
+        assert_eq!(place(&mut grbl, "Run|WPos:2.000,2.000,0.000|Ov:100,100,100"), Some([12.0, 22.0]));
+        grbl.unit_mm = 25.4;
+        assert_eq!(place(&mut grbl, "Idle|MPos:1.000,0.500,0.000"), Some([25.4, 12.7]));
+        for report in ["", "Idle", "Idle|MPos:", "Idle|MPos:1", "Idle|MPos:1,x", "Idle|MPos:nan,0", "Idle|MPos:1e9,0", "|:|,:"] {
+            assert_eq!(place(&mut grbl, report), None, "{report}");
+        }
+    }
+
+    #[test]
+    fn banners() {
+        let banners = [
+            "Grbl 1.1h ['$' for help]",
+            "GrblHAL 1.1f ['$' or '$HELP' for help]",
+            "Grbl 3.7 [FluidNC v3.7.8 (wifi) '$' for help]",
+        ];
+        assert_eq!(banners.map(is_banner), [true; 3]);
+        assert_eq!(["grb", "[VER:1.1h.20190825:]", "éé", "ok"].map(is_banner), [false; 4]);
+    }
 }

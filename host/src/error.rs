@@ -7,6 +7,8 @@ use std::{
 
 use multiscopic_core::ParamsError;
 
+use crate::stage::StageError;
+
 /// An error of the host: bad input, bad usage, or a file that could not be read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -40,6 +42,9 @@ pub enum Error {
     /// The parameters are out of range.
     #[error(transparent)]
     Params(#[from] ParamsError),
+    /// The stage does not move.
+    #[error(transparent)]
+    Stage(#[from] StageError),
     /// The command line asks for something that cannot be.
     #[error("{0}")]
     Usage(String),

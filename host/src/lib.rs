@@ -29,6 +29,7 @@ pub mod rig;
 pub mod scene;
 pub mod simd;
 pub mod simulation;
+pub mod stage;
 pub mod turbo;
 
 pub use alignment::Alignment;

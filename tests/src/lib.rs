@@ -1,5 +1,6 @@
 //! What the tests share.
 
+pub mod arm;
 pub mod ascii;
 pub mod case;
 pub mod command;
@@ -7,6 +8,8 @@ pub mod data;
 pub mod golden;
 pub mod images;
 pub mod misaligned;
+#[cfg(unix)]
+pub mod machine;
 pub mod random;
 pub mod reference;
 pub mod source;

@@ -1,0 +1,119 @@
+//! Poses as the arm counts them, by quaternions.
+
+use std::ops::Mul;
+
+/// A pose: three metres, and a rotation vector in radians.
+pub type Pose = [f64; 6];
+
+/// URScript's `pose_trans`: where `to` is that is given in the frame of `from`.
+pub fn pose_trans(from: Pose, to: Pose) -> Pose {
+    let turn = Quaternion::of(from);
+    let moved = turn.turn([to[0], to[1], to[2]]);
+    let rotation = (turn * Quaternion::of(to)).rotation();
+    [from[0] + moved[0], from[1] + moved[1], from[2] + moved[2], rotation[0], rotation[1], rotation[2]]
+}
+
+/// The pose at a share of the way from one to another: straight, and turning evenly.
+pub fn between(from: Pose, to: Pose, share: f64) -> Pose {
+    let start = Quaternion::of(from);
+    let whole = (start.inverse() * Quaternion::of(to)).rotation();
+    let turned = match whole == [0.0; 3] {
+        // As it was said, which another rotation vector may say too.
+        true => [from[3], from[4], from[5]],
+        false => (start * Quaternion::turning(whole.map(|angle| angle * share))).rotation(),
+    };
+    let place = |i: usize| from[i] + (to[i] - from[i]) * share;
+    [place(0), place(1), place(2), turned[0], turned[1], turned[2]]
+}
+
+/// How far two poses are apart, in metres.
+pub fn distance(a: Pose, b: Pose) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1]).hypot(a[2] - b[2])
+}
+
+/// The angle between two poses, in radians.
+pub fn angle(a: Pose, b: Pose) -> f64 {
+    let [x, y, z] = (Quaternion::of(a).inverse() * Quaternion::of(b)).rotation();
+    x.hypot(y).hypot(z)
+}
+
+#[derive(Clone, Copy)]
+struct Quaternion {
+    real: f64,
+    imaginary: [f64; 3],
+}
+
+impl Quaternion {
+    fn of(pose: Pose) -> Quaternion {
+        Quaternion::turning([pose[3], pose[4], pose[5]])
+    }
+
+    fn turning(rotation: [f64; 3]) -> Quaternion {
+        let angle = rotation[0].hypot(rotation[1]).hypot(rotation[2]);
+        let share = if angle < 1e-12 { 0.5 } else { (angle / 2.0).sin() / angle };
+        Quaternion { real: (angle / 2.0).cos(), imaginary: rotation.map(|component| component * share) }
+    }
+
+    fn rotation(self) -> [f64; 3] {
+        let sine = self.imaginary[0].hypot(self.imaginary[1]).hypot(self.imaginary[2]);
+        if sine < 1e-12 {
+            return [0.0; 3];
+        }
+        let angle = 2.0 * sine.atan2(self.real);
+        self.imaginary.map(|component| component / sine * angle)
+    }
+
+    fn inverse(self) -> Quaternion {
+        Quaternion { real: self.real, imaginary: self.imaginary.map(|component| -component) }
+    }
+
+    fn turn(self, vector: [f64; 3]) -> [f64; 3] {
+        (self * Quaternion { real: 0.0, imaginary: vector } * self.inverse()).imaginary
+    }
+}
+
+impl Mul for Quaternion {
+    type Output = Quaternion;
+
+    fn mul(self, other: Quaternion) -> Quaternion {
+        let (w, [x, y, z]) = (self.real, self.imaginary);
+        let (v, [a, b, c]) = (other.real, other.imaginary);
+        Quaternion {
+            real: w * v - x * a - y * b - z * c,
+            imaginary: [w * a + x * v + y * c - z * b, w * b - x * c + y * v + z * a, w * c + x * b - y * a + z * v],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_2, PI};
+
+    #[track_caller]
+    fn assert_near(found: Pose, expected: Pose) {
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?} instead of {expected:?}");
+    }
+
+    #[test]
+    fn poses_by_hand() {
+        let offset = [0.1, 0.2, 0.0, 0.0, 0.0, 0.0];
+        assert_near(pose_trans([1.0, 2.0, 3.0, 0.0, 0.0, 0.0], offset), [1.1, 2.2, 3.0, 0.0, 0.0, 0.0]);
+        // A tool that looks down has its y the other way round.
+        assert_near(pose_trans([1.0, 2.0, 3.0, PI, 0.0, 0.0], offset), [1.1, 1.8, 3.0, PI, 0.0, 0.0]);
+        // About z by a quarter turn: x becomes y, y becomes -x.
+        assert_near(pose_trans([1.0, 2.0, 3.0, 0.0, 0.0, FRAC_PI_2], offset), [0.8, 2.1, 3.0, 0.0, 0.0, FRAC_PI_2]);
+        // A third of a turn about (1, 1, 1): x becomes y, y becomes z.
+        let third = 2.0 * PI / 3.0 / 3f64.sqrt();
+        assert_near(pose_trans([0.0, 0.0, 0.0, third, third, third], offset), [0.0, 0.1, 0.2, third, third, third]);
+        // Turns add up.
+        assert_near(pose_trans([0.0, 0.0, 0.0, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 0.0, 0.0, 0.2]), [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]);
+    }
+
+    #[test]
+    fn halfway() {
+        let (from, to) = ([0.0, 0.0, 0.0, 0.0, 0.2, 0.0], [0.2, 0.0, -0.4, 0.0, 0.4, 0.0]);
+        assert_near(between(from, to, 0.5), [0.1, 0.0, -0.2, 0.0, 0.3, 0.0]);
+        assert!((angle(from, to) - 0.2).abs() < 1e-12);
+    }
+}

@@ -40,6 +40,10 @@ pub enum Error {
     /// The parameters are out of range.
     #[error(transparent)]
     Params(#[from] ParamsError),
+    /// A camera does not do what it should.
+    #[cfg(all(target_os = "linux", feature = "v4l2"))]
+    #[error(transparent)]
+    Camera(#[from] crate::camera::Error),
     /// The command line asks for something that cannot be.
     #[error("{0}")]
     Usage(String),

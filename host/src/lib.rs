@@ -1,6 +1,8 @@
 //! Accurate depth from one camera moved on purpose, on the host: files, matching with threads, evaluation and pictures.
 
 pub mod budget;
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
+pub mod camera;
 pub mod cost;
 pub mod dataset;
 pub mod depth;

@@ -6,9 +6,15 @@ pub mod command;
 pub mod data;
 pub mod golden;
 pub mod images;
+#[cfg(target_os = "linux")]
+pub mod loopback;
+#[cfg(target_os = "linux")]
+pub mod luma;
 pub mod random;
 pub mod reference;
 pub mod source;
+#[cfg(target_os = "linux")]
+pub mod vivid;
 
 /// The README's code compiles.
 #[cfg(doctest)]

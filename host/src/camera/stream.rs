@@ -20,6 +20,9 @@ use super::{Fault, driver, error};
 /// Buffers asked for. All but the one that is read are the driver's, some of which want three before they start.
 const BUFFERS: u32 = 5;
 
+/// The most frames that wait to be read: drivers may have buffers of their own.
+const MOST_WAITING: usize = 32;
+
 /// The longest time without a look at whether the capture is cancelled.
 const SLICE: Duration = Duration::from_millis(100);
 
@@ -52,30 +55,27 @@ pub(super) enum Nothing {
 pub(super) struct Stream {
     /// `None` while it is dropped.
     inner: Option<mmap::Stream<'static>>,
-    /// The driver's buffers.
-    buffers: usize,
 }
 
 impl Stream {
     /// Starts the camera.
     pub(super) fn start(device: &Device) -> Result<Stream, Fault> {
         let inner = mmap::Stream::with_buffers(device, Type::VideoCapture, BUFFERS).map_err(Fault::of("get its buffers"))?;
-        let mut stream = Stream { inner: Some(inner), buffers: 0 };
+        let mut stream = Stream { inner: Some(inner) };
         let inner = stream.inner();
         // It has its own time-out, for when a frame that was there is gone.
         inner.set_timeout(SLICE);
         // The first buffer is queued when the first frame is taken, as if a frame in it had just been read.
-        let mut buffers = 0;
+        let mut queued = 0;
         for index in 1..BUFFERS {
             match CaptureStream::queue(inner, index as usize) {
-                Ok(()) => buffers += 1,
+                Ok(()) => queued += 1,
                 // The driver gave fewer.
-                Err(error) if buffers >= 2 && error.kind() == io::ErrorKind::InvalidInput => break,
+                Err(error) if queued >= 2 && error.kind() == io::ErrorKind::InvalidInput => break,
                 Err(error) => return Err(Fault::of("queue a buffer")(error)),
             }
         }
         inner.start().map_err(Fault::of("start the stream"))?;
-        stream.buffers = buffers;
         Ok(stream)
     }
 
@@ -86,7 +86,7 @@ impl Stream {
     /// Drops the frames that wait to be read.
     pub(super) fn drain(&mut self) -> Result<(), Fault> {
         // A camera that is faster than this must not keep it busy for ever.
-        for _ in 0..self.buffers {
+        for _ in 0..MOST_WAITING {
             if !self.is_ready(Duration::ZERO)? {
                 break;
             }

@@ -26,7 +26,8 @@ pub fn run_tests() -> Result<()> {
     machine.add_folder(&layout::root().join("tests/golden"))?;
     let (tests, program) = (tests.display(), program.display());
     // One after the other: they set what the devices do.
-    machine.run(&format!("cd /tmp && MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{program}' '{tests}' --test-threads 1"))
+    machine
+        .run(&format!("cd /tmp && MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{program}' '{tests}' --test-threads 1 --color never"))
 }
 
 /// Why there can be no virtual machine here, if so.
@@ -48,7 +49,7 @@ fn missing() -> Option<String> {
 /// Builds with cargo, in release, and says where the executable `name` is.
 fn built(arguments: &[&str], name: &str) -> Result<PathBuf> {
     let mut cargo = command("cargo", arguments);
-    let messages = read(cargo.args(["--quiet", "--release", "--message-format", "json"]))?;
+    let messages = read(cargo.args(["--quiet", "--release", "--message-format", "json-render-diagnostics"]))?;
     let executable = |message: &str| {
         let message: serde_json::Value = serde_json::from_str(message).ok()?;
         let is_it = message["target"]["name"] == name;

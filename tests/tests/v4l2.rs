@@ -111,7 +111,6 @@ mod machine {
             Err(error) => error,
         };
         let took = start.elapsed();
-        println!("    after {:.2} s: {error}", took.as_secs_f64());
         let message = error.to_string();
         let is_clear = message.starts_with(&format!("{device}: ")) && !message.contains('\n');
         match is_expected(&error.fault) && is_clear && took < SHORT + GRACE {
@@ -219,7 +218,6 @@ mod machine {
             Ok(camera) => Err(Box::<dyn Error>::from(format!("{camera} opens"))),
             Err(error) => {
                 let message = error.to_string();
-                println!("    {message}");
                 match message.starts_with(&format!("{device}: ")) && words.iter().all(|word| message.contains(word)) {
                     true => Ok(()),
                     false => Err(message.into()),
@@ -311,7 +309,6 @@ mod machine {
             (camera.frame(LONG, &is_cancelled), start.elapsed())
         });
         vivid::inject(device, vivid::Fault::Dropped(0))?;
-        println!("    after {took:?}");
         match cancelled {
             Err(error) if matches!(error.fault, Fault::Cancelled) && took < GRACE => recovers(&mut camera),
             other => Err(format!("after {took:?}: {other:?}").into()),
@@ -372,7 +369,6 @@ mod machine {
                 same(&frame(&mut camera)?, &expected(&fed)?)?;
             }
         }
-        println!("    {}", formats.join(", "));
         match formats.contains(&"GREY") && formats.contains(&"YUYV") && formats.len() >= 4 {
             true => Ok(()),
             false => Err(format!("{formats:?}").into()),

@@ -35,8 +35,7 @@ impl Machine {
     pub fn new() -> Result<Machine> {
         let kernel = Kernel::install()?;
         let mut files = Archive::default();
-        let init = layout::root().join("tests/v4l2/init.sh");
-        files.file(Path::new("init"), 0o755, &fs::read(&init).with_context(|| format!("cannot read {}", init.display()))?);
+        files.copy(&layout::root().join("tests/v4l2/init.sh"), Path::new("init"))?;
         Ok(Machine { kernel, files })
     }
 
@@ -58,7 +57,7 @@ impl Machine {
 
     /// Runs `script` by a shell, and prints what it says. Its exit code must be 0.
     pub fn run(mut self, script: &str) -> Result<()> {
-        self.files.file(Path::new("tests.sh"), 0o644, script.as_bytes());
+        self.files.file(Path::new("tests.sh"), script.as_bytes());
         let folder = layout::target().join("v4l2");
         let (archive, words) = (folder.join("machine.cpio"), folder.join("words.txt"));
         fs::create_dir_all(&folder)?;

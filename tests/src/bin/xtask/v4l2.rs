@@ -9,7 +9,7 @@ use crate::{
     kernel::{self, Kernel},
     layout,
     machine::Machine,
-    tool::{self, Tool},
+    tool,
 };
 
 /// Runs the tests, in release. Where there can be no virtual machine, they are named as ignored.
@@ -38,12 +38,12 @@ fn missing() -> Option<String> {
     if debian::can_install() {
         return None;
     }
-    let absent = [&tool::QEMU_X86].into_iter().chain(&kernel::TOOLS).filter(|tool| tool.find().is_none()).map(Tool::package);
-    let absent: Vec<_> = absent.collect();
-    if !absent.is_empty() {
-        return Some(format!("run `sudo apt-get install {}` first", absent.join(" ")));
+    let refused = [&tool::QEMU_X86].into_iter().chain(&kernel::TOOLS).find_map(|tool| tool.install().err());
+    match Kernel::current() {
+        _ if refused.is_some() => refused.map(|refusal| format!("{refusal:#}")),
+        None => Some("no list of packages; run `sudo apt-get update` first".into()),
+        Some(_) => None,
     }
-    Kernel::current().is_none().then(|| "run `sudo apt-get update` first".into())
 }
 
 /// Builds with cargo, in release, and says where the executable `name` is.

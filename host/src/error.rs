@@ -45,6 +45,10 @@ pub enum Error {
     /// The stage does not move.
     #[error(transparent)]
     Stage(#[from] StageError),
+    /// A camera does not do what it should.
+    #[cfg(all(target_os = "linux", feature = "v4l2"))]
+    #[error(transparent)]
+    Camera(#[from] crate::camera::Error),
     /// The command line asks for something that cannot be.
     #[error("{0}")]
     Usage(String),

@@ -2,6 +2,8 @@
 
 pub mod alignment;
 pub mod budget;
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
+pub mod camera;
 pub mod cost;
 pub mod dataset;
 pub mod depth;

@@ -25,6 +25,7 @@ enum Command {
     Budget(command::budget::Budget),
     Simulate(command::simulate::Simulate),
     Listen(command::listen::Listen),
+    Devices(command::devices::Devices),
 }
 
 fn main() -> ExitCode {
@@ -46,6 +47,7 @@ fn main() -> ExitCode {
         Command::Budget(command) => command.run(),
         Command::Simulate(command) => command.run(),
         Command::Listen(command) => command.run(),
+        Command::Devices(command) => command.run(),
     };
     done.unwrap_or_else(|error| {
         terminal::say(&error.to_string());

@@ -28,7 +28,7 @@ impl Picture {
         Picture::decode(path, &input::read(path)?)
     }
 
-    fn decode(path: &Path, bytes: &[u8]) -> Result<Picture> {
+    pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<Picture> {
         if pfm::is_pfm(bytes) {
             return from_float(path, &pfm::decode(path, bytes)?);
         }
@@ -74,7 +74,7 @@ impl Picture {
 }
 
 /// The grey of a colour. The weights are those of ITU-R BT.601 in 256ths; they sum to 256, so that a grey colour stays what it is.
-fn gray_of([r, g, b]: [u8; 3]) -> u8 {
+pub(crate) fn gray_of([r, g, b]: [u8; 3]) -> u8 {
     ((77 * u32::from(r) + 150 * u32::from(g) + 29 * u32::from(b) + 128) >> 8) as u8
 }
 

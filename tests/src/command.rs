@@ -8,10 +8,13 @@ use std::{
     sync::OnceLock,
 };
 
-/// The `multiscopic` binary, built once in the profile of this test.
+/// The `multiscopic` binary: `$MULTISCOPIC_BINARY`, otherwise built once in the profile of this test.
 pub fn binary() -> &'static Path {
     static BINARY: OnceLock<PathBuf> = OnceLock::new();
     BINARY.get_or_init(|| {
+        if let Some(path) = env::var_os("MULTISCOPIC_BINARY") {
+            return path.into();
+        }
         // target/PROFILE/deps/TEST
         let test = env::current_exe().expect("the path of this test");
         let profile = test.ancestors().nth(2).and_then(Path::file_name).and_then(OsStr::to_str).expect("the profile's folder");

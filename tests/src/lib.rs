@@ -10,9 +10,15 @@ pub mod images;
 pub mod misaligned;
 #[cfg(unix)]
 pub mod machine;
+#[cfg(target_os = "linux")]
+pub mod loopback;
+#[cfg(target_os = "linux")]
+pub mod luma;
 pub mod random;
 pub mod reference;
 pub mod source;
+#[cfg(target_os = "linux")]
+pub mod vivid;
 
 /// The README's code compiles.
 #[cfg(doctest)]

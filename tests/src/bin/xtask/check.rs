@@ -8,6 +8,7 @@ use crate::{
     command::{command, run},
     edge, faults, kernels, setup,
     toolchain::Toolchain,
+    v4l2,
 };
 
 /// Every test.
@@ -15,6 +16,7 @@ pub fn test() -> Result<()> {
     let toolchain = step("setup", setup::run)?;
     step("tests in debug", || run(&mut cargo(&["test", "--workspace"])))?;
     step("tests in release", || run(&mut cargo(&["test", "--workspace", "--release"])))?;
+    step("cameras in a virtual machine", v4l2::run_tests)?;
     step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
     step("the kernels in the emulator", || kernels::run(&toolchain))?;
     step("the firmware in the emulator", || edge::run(&toolchain, &edge::Selection::default()))?;

@@ -18,15 +18,25 @@ const COMPILER: [&str; 3] = ["rustc-web", "rust-web-src", "rust-web-clippy"];
 const RUSTC: &str = "/usr/bin/rustc";
 const MANIFEST: &str = "[package]\nname = \"seed\"\nversion = \"0.0.0\"\nedition = \"2024\"\n[workspace]\n";
 
+/// Whether this is Debian or one of its children.
+pub fn is_here() -> bool {
+    Path::new("/etc/debian_version").is_file()
+}
+
 /// Whether packages can be installed: this is Debian or one of its children, and we are root.
 pub fn can_install() -> bool {
     let root = || read(&mut command("id", ["-u"])).is_ok_and(|id| id == "0");
-    Path::new("/etc/debian_version").is_file() && root()
+    is_here() && root()
+}
+
+/// Makes the lists of packages current.
+pub fn update() -> Result<()> {
+    run(&mut apt_get(&["update"]))
 }
 
 /// Installs `packages`, and removes none.
 pub fn install(packages: &[&str]) -> Result<()> {
-    run(&mut apt_get(&["update"]))?;
+    update()?;
     run(apt_get(&["install", "-y", "--no-install-recommends", "--no-remove"]).args(packages))
 }
 
@@ -34,7 +44,11 @@ pub fn install(packages: &[&str]) -> Result<()> {
 /// other packages.
 pub fn unpack(package: &str, folder: &Path) -> Result<()> {
     let plan = read(&mut apt_get(&["install", "--simulate", "--no-install-recommends", package]))?;
-    let wanted = plan.lines().filter_map(|line| line.strip_prefix("Inst ")?.split(' ').next());
+    extract(plan.lines().filter_map(|line| line.strip_prefix("Inst ")?.split(' ').next()), folder)
+}
+
+/// Unpacks `packages`, and nothing that they need, into `folder`. That takes no root.
+pub fn extract<'a>(packages: impl IntoIterator<Item = &'a str>, folder: &Path) -> Result<()> {
     let (archives, files) = (folder.with_extension("archives"), folder.with_extension("partial"));
     for partial in [&archives, &files] {
         if partial.exists() {
@@ -42,11 +56,14 @@ pub fn unpack(package: &str, folder: &Path) -> Result<()> {
         }
         fs::create_dir_all(partial)?;
     }
-    run(apt_get(&["download"]).args(wanted).current_dir(&archives))?;
+    run(apt_get(&["download"]).args(packages).current_dir(&archives))?;
     for archive in fs::read_dir(&archives)? {
         read(command("dpkg-deb", ["--extract"]).arg(archive?.path()).arg(&files))?;
     }
     fs::remove_dir_all(&archives)?;
+    if folder.exists() {
+        fs::remove_dir_all(folder)?;
+    }
     fs::rename(&files, folder).with_context(|| format!("cannot make {}", folder.display()))
 }
 

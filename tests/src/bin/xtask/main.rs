@@ -1,5 +1,6 @@
 //! `cargo xtask`: one command for what a developer and the continuous integration do. Needs nothing but Rust.
 
+mod archive;
 mod board;
 mod calibration;
 mod check;
@@ -12,14 +13,17 @@ mod faults;
 mod firmware;
 mod footprint;
 mod image_set;
+mod kernel;
 mod kernels;
 mod layout;
 mod least_squares;
 mod log;
+mod machine;
 mod received;
 mod setup;
 mod tool;
 mod toolchain;
+mod v4l2;
 mod workers;
 
 use clap::{Parser, Subcommand};
@@ -37,7 +41,7 @@ struct Cli {
 enum Task {
     /// Install what the firmware needs: the Arm target and the emulator
     Setup,
-    /// Run every test: on this machine in debug and release, then the firmware in the emulator
+    /// Run every test: on this machine in debug and release, with cameras in a virtual machine, then the firmware in the emulator
     Test,
     /// Check formatting, lints and documentation, then run every test
     Ci,
@@ -45,6 +49,8 @@ enum Task {
     Edge(edge::Selection),
     /// Run the firmware where it must fail: too large, out of stack, without its frames
     Faults,
+    /// Run the tests with cameras, in a virtual machine with real drivers
+    V4l2,
     /// Compare the processors' kernels with their portable twins, in the emulator
     Kernels,
     /// Link the matcher alone, which fails if there is any way from it into a panic
@@ -66,6 +72,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Setup => setup::run().map(drop),
         Task::Test => check::test(),
         Task::Ci => check::ci(),
+        Task::V4l2 => v4l2::run_tests(),
         Task::Kernels => kernels::run(&setup::run()?),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),

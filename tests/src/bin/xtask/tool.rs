@@ -1,4 +1,4 @@
-//! Programs that the tests of the firmware run.
+//! Programs that the tests run.
 
 use anyhow::{Result, bail};
 use std::{
@@ -21,10 +21,20 @@ pub struct Tool {
 pub const QEMU: Tool =
     Tool { program: "qemu-system-arm", debian: "qemu-system-arm", fedora: "qemu-system-arm", homebrew: "qemu" };
 
-/// A C compiler, for the emulator's plugin.
+/// The emulator of a machine with cameras.
+pub const QEMU_X86: Tool =
+    Tool { program: "qemu-system-x86_64", debian: "qemu-system-x86", fedora: "qemu-system-x86-core", homebrew: "qemu" };
+
+/// A C compiler, for the emulator's plugin and the kernel's module.
 pub const CC: Tool = Tool { program: "cc", debian: "gcc", fedora: "gcc", homebrew: "gcc" };
 
-/// Every program that is needed.
+/// What runs the compiler, for the kernel's module.
+pub const MAKE: Tool = Tool { program: "make", debian: "make", fedora: "make", homebrew: "make" };
+
+/// What unpacks the kernel.
+pub const XZ: Tool = Tool { program: "xz", debian: "xz-utils", fedora: "xz", homebrew: "xz" };
+
+/// Every program that the firmware's tests need.
 pub const ALL: [Tool; 2] = [QEMU, CC];
 
 impl Tool {
@@ -33,11 +43,16 @@ impl Tool {
         if let Some(program) = self.find() {
             return Ok(program);
         }
+        let unpack = |reason: &dyn fmt::Display| {
+            eprintln!("setup: {reason}; {} goes into {} instead", self.debian, self.folder().display());
+            debian::unpack(self.debian, &self.folder())
+        };
         if debian::can_install() {
-            debian::install(&[self.debian]).or_else(|refusal| {
-                eprintln!("setup: {refusal:#}; {} goes into {} instead", self.debian, self.folder().display());
-                debian::unpack(self.debian, &self.folder())
-            })?;
+            debian::install(&[self.debian]).or_else(|refusal| unpack(&format!("{refusal:#}")))?;
+        } else if debian::is_here()
+            && let Err(refusal) = unpack(&"only root may install")
+        {
+            eprintln!("setup: {refusal:#}");
         }
         match self.find() {
             Some(program) => Ok(program),

@@ -1,0 +1,74 @@
+//! `multiscopic devices`: the cameras that there are.
+
+use std::process::ExitCode;
+
+use clap::Args;
+use multiscopic::Result;
+
+/// Lists the cameras, with their formats and sizes
+///
+/// Cameras are the capture devices of Linux (V4L2), also those that cannot be used, with the reason.
+#[derive(Clone, Debug, Args)]
+pub struct Devices {
+    /// Print a JSON list of {"device","card","driver","bus","problem","formats"} instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
+impl Devices {
+    /// Runs the command.
+    pub fn run(&self) -> Result<ExitCode> {
+        use super::terminal;
+        use multiscopic::{Error, camera};
+
+        let cameras = camera::list().map_err(|source| Error::Read { path: "/dev".into(), source })?;
+        if self.json {
+            let json = serde_json::to_string(&cameras).expect("names and numbers");
+            terminal::print(&format!("{json}\n"))?;
+        } else if cameras.is_empty() {
+            terminal::say("there are no cameras: no /dev/videoN takes pictures; plug one in, or load its driver");
+        } else {
+            terminal::print(&cameras.iter().map(text).collect::<String>())?;
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+#[cfg(not(all(target_os = "linux", feature = "v4l2")))]
+impl Devices {
+    /// Runs the command.
+    pub fn run(&self) -> Result<ExitCode> {
+        let message = "this program was built without cameras: build it on Linux, with the feature v4l2";
+        Err(multiscopic::Error::Usage(message.into()))
+    }
+}
+
+/// A camera in lines of text.
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
+fn text(camera: &multiscopic::camera::Listing) -> String {
+    use multiscopic::camera::Sizes;
+
+    let mut lines = match camera.card.as_str() {
+        "" => format!("{}\n", camera.device.display()),
+        card => format!("{}: {card} ({}, {})\n", camera.device.display(), camera.driver, camera.bus),
+    };
+    if let Some(problem) = &camera.problem {
+        lines += &format!("    cannot be used: {problem}\n");
+    }
+    for offer in camera.formats.iter().filter(|offer| offer.is_supported) {
+        let sizes = offer.sizes.iter().map(|sizes| match sizes {
+            Sizes::One([width, height]) => format!("{width}x{height}"),
+            Sizes::Range { min, max, step } => {
+                format!("{}x{} to {}x{} in steps of {}x{}", min[0], min[1], max[0], max[1], step[0], step[1])
+            }
+        });
+        let sizes = sizes.collect::<Vec<_>>().join(", ");
+        lines += &format!("    {:<4} ({}): {sizes}\n", offer.format, offer.description);
+    }
+    let others: Vec<&str> = camera.formats.iter().filter(|offer| !offer.is_supported).map(|offer| &*offer.format).collect();
+    if !others.is_empty() {
+        lines += &format!("    not supported: {}\n", others.join(", "));
+    }
+    lines
+}

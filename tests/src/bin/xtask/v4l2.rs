@@ -1,0 +1,59 @@
+//! Runs the tests with cameras in a virtual machine that has some.
+
+use anyhow::{Context, Result};
+use std::{env::consts::ARCH, path::PathBuf};
+
+use crate::{
+    command::{command, read, run},
+    debian,
+    kernel::{self, Kernel},
+    layout,
+    machine::Machine,
+    tool,
+};
+
+/// Runs the tests, in release. Where there can be no virtual machine, they are named as ignored.
+pub fn run_tests() -> Result<()> {
+    if let Some(reason) = missing() {
+        println!("v4l2: no virtual machine: {reason}");
+        return run(&mut command("cargo", ["test", "--release", "--package", "multiscopic-tests", "--test", "v4l2"]));
+    }
+    let mut machine = Machine::new()?;
+    let tests = built(&["test", "--no-run", "--package", "multiscopic-tests", "--test", "v4l2"], "v4l2")?;
+    let program = built(&["build", "--package", "multiscopic", "--bin", "multiscopic"], "multiscopic")?;
+    machine.add_program(&tests)?;
+    machine.add_program(&program)?;
+    machine.add_folder(&layout::root().join("tests/golden"))?;
+    let (tests, program) = (tests.display(), program.display());
+    // One after the other: they set what the devices do.
+    machine
+        .run(&format!("cd /tmp && MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{program}' '{tests}' --test-threads 1 --color never"))
+}
+
+/// Why there can be no virtual machine here, if so.
+fn missing() -> Option<String> {
+    if ARCH != "x86_64" || !debian::is_here() {
+        return Some("its kernel is Debian's for x86_64, and this is another system".into());
+    }
+    if debian::can_install() {
+        return None;
+    }
+    let refused = [&tool::QEMU_X86].into_iter().chain(&kernel::TOOLS).find_map(|tool| tool.install().err());
+    match Kernel::current() {
+        _ if refused.is_some() => refused.map(|refusal| format!("{refusal:#}")),
+        None => Some("no list of packages; run `sudo apt-get update` first".into()),
+        Some(_) => None,
+    }
+}
+
+/// Builds with cargo, in release, and says where the executable `name` is.
+fn built(arguments: &[&str], name: &str) -> Result<PathBuf> {
+    let mut cargo = command("cargo", arguments);
+    let messages = read(cargo.args(["--quiet", "--release", "--message-format", "json-render-diagnostics"]))?;
+    let executable = |message: &str| {
+        let message: serde_json::Value = serde_json::from_str(message).ok()?;
+        let is_it = message["target"]["name"] == name;
+        message["executable"].as_str().filter(|_| is_it).map(PathBuf::from)
+    };
+    messages.lines().find_map(executable).with_context(|| format!("cargo built no executable {name}"))
+}

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use multiscopic_core::ParamsError;
+use multiscopic_core::{Frame, ParamsError};
 
 use crate::stage::StageError;
 
@@ -49,6 +49,14 @@ pub enum Error {
     #[cfg(all(target_os = "linux", feature = "v4l2"))]
     #[error(transparent)]
     Camera(#[from] crate::camera::Error),
+    /// A capture failed. Nothing moves any more.
+    #[error("{}{source}", frame.map_or(String::new(), |frame| format!("{} frame: ", frame.name())))]
+    Capture {
+        /// The frame with which it did, if it was with one.
+        frame: Option<Frame>,
+        /// Why.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// The command line asks for something that cannot be.
     #[error("{0}")]
     Usage(String),

@@ -4,6 +4,7 @@ pub mod alignment;
 pub mod budget;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub mod camera;
+pub mod capture;
 pub mod cost;
 pub mod dataset;
 pub mod depth;
@@ -29,6 +30,7 @@ pub mod reception;
 pub mod report;
 pub mod rig;
 pub mod scene;
+pub mod shutter;
 pub mod simd;
 pub mod simulation;
 pub mod stage;

@@ -38,21 +38,33 @@ pub fn write(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()
 /// # Errors
 /// [`Error::Usage`] if there is something at `path`, else what `contents` returns, or [`Error::Write`] for what the system says.
 pub fn folder<T>(path: &Path, contents: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
+    check_folder(path)?;
     let failed = |source| Error::Write { path: path.into(), source };
-    let refused =
-        || Error::Usage(format!("{} is there already, and is not replaced: give another folder, or remove it", path.display()));
-    match fs::read_dir(path).map(|mut entries| entries.next().is_none()) {
-        Ok(false) => return Err(refused()),
-        Err(error) if error.kind() == io::ErrorKind::NotADirectory => return Err(refused()),
-        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(failed(error)),
-        Ok(true) | Err(_) => {}
-    }
     let temporary = temporary(0o777).tempdir_in(directory_of(path)).map_err(failed)?;
     let written = contents(temporary.path())?;
     fs::rename(temporary.path(), path).map_err(failed)?;
     // It has another name now; there is nothing to remove.
     let _ = temporary.keep();
     Ok(written)
+}
+
+/// Checks, before the work whose results it takes, that [`folder()`] can make the folder `path`.
+///
+/// # Errors
+/// [`Error::Usage`] if there is something at `path`, and [`Error::Write`] for what the system says.
+pub fn check_folder(path: &Path) -> Result<()> {
+    let failed = |source| Error::Write { path: path.into(), source };
+    let is_free = match fs::read_dir(path) {
+        Ok(mut entries) => entries.next().is_none(),
+        Err(error) if error.kind() == io::ErrorKind::NotADirectory => false,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => true,
+        Err(error) => return Err(failed(error)),
+    };
+    if !is_free {
+        let there = path.display();
+        return Err(Error::Usage(format!("{there} is there already, and is not replaced: give another folder, or remove it")));
+    }
+    temporary_file_beside(path).map(drop).map_err(failed)
 }
 
 /// Checks, before the work whose results they take, that `outputs` can be written: each may be made or replaced, and none is

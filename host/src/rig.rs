@@ -11,7 +11,7 @@ use crate::{Error, Geometry, Result, input, output};
 ///
 /// ```toml
 /// baseline_mm = 20.0              # from the centre to each neighbour
-/// focal_px = 1180.5
+/// focal_px = 1180.5              # may be left out: then there are disparities, but no depth
 /// principal_point = [319.5, 239.5]
 /// doffs = 0.0                     # may be left out
 ///
@@ -31,8 +31,8 @@ use crate::{Error, Geometry, Result, input, output};
 pub struct Rig {
     /// How far the camera was moved from the centre to each neighbour, in millimetres.
     pub baseline_mm: f64,
-    /// Focal length in pixels.
-    pub focal_px: f64,
+    /// Focal length in pixels, if it is known: depth takes it.
+    pub focal_px: Option<f64>,
     /// Where the optical axis meets the image, `[cx, cy]`; the centre of the first pixel is `[0, 0]`.
     pub principal_point: [f64; 2],
     /// The disparity of a point at infinity, negated.
@@ -154,10 +154,10 @@ impl Rig {
         output::write(&path, |writer| writer.write_all(text.as_bytes()))
     }
 
-    /// What turns disparities into places.
-    pub fn geometry(&self) -> Geometry {
+    /// What turns disparities into places, if the focal length is known.
+    pub fn geometry(&self) -> Option<Geometry> {
         let Rig { focal_px, baseline_mm, principal_point, doffs, .. } = *self;
-        Geometry { focal_px, baseline_mm, principal_point, doffs }
+        Some(Geometry { focal_px: focal_px?, baseline_mm, principal_point, doffs })
     }
 
     fn check(&self, path: &Path) -> Result<()> {
@@ -165,7 +165,7 @@ impl Rig {
         let positive = |value: f64| value > 0.0 && value.is_finite();
         let numbers = [
             ("baseline_mm", self.baseline_mm, positive(self.baseline_mm), "a length above 0"),
-            ("focal_px", self.focal_px, positive(self.focal_px), "a length above 0"),
+            ("focal_px", self.focal_px.unwrap_or_default(), self.focal_px.is_none_or(positive), "a length above 0"),
             ("principal_point", cx, cx.is_finite(), "a finite number"),
             ("principal_point", cy, cy.is_finite(), "a finite number"),
             ("doffs", self.doffs, self.doffs.is_finite(), "a finite number"),
@@ -225,7 +225,8 @@ mod tests {
     fn loads_what_a_person_writes() {
         let rig = load(TEXT).unwrap();
         let geometry = Geometry { focal_px: 1180.5, baseline_mm: 20.0, principal_point: [319.5, 239.5], doffs: 0.0 };
-        assert_eq!(rig.geometry(), geometry);
+        assert_eq!(rig.geometry(), Some(geometry));
+        assert_eq!(load(&TEXT.replace("focal_px = 1180.5", "")).unwrap().geometry(), None);
         assert_eq!(rig.images.views(), Views::STEREO);
         assert_eq!(rig.capture.stage.as_deref(), Some("manual"));
         let images = rig.images.within(Path::new("rig"));
@@ -248,7 +249,7 @@ mod tests {
         };
         rig.save(dir.path()).unwrap();
         assert_eq!(Rig::load(dir.path()).unwrap(), rig);
-        rig.focal_px = 0.0;
+        rig.focal_px = Some(0.0);
         assert!(rig.save(dir.path()).unwrap_err().to_string().contains("found focal_px = 0, expected a length above 0"));
     }
 

@@ -7,13 +7,13 @@ pub mod command;
 pub mod data;
 pub mod golden;
 pub mod images;
-pub mod misaligned;
-#[cfg(unix)]
-pub mod machine;
 #[cfg(target_os = "linux")]
 pub mod loopback;
 #[cfg(target_os = "linux")]
 pub mod luma;
+#[cfg(unix)]
+pub mod machine;
+pub mod misaligned;
 pub mod random;
 pub mod reference;
 pub mod source;

@@ -398,7 +398,7 @@ fn a_captured_folder_that_is_not_right() {
     bench.arguments.truncate(2);
 
     for (line, other, words) in [
-        ("focal_px = 40.0", "", &["rig.toml", "focal_px"][..]),
+        ("baseline_mm", "length_mm", &["rig.toml", "length_mm"][..]),
         ("focal_px = 40.0", "focal_px = -40.0", &["rig.toml", "focal_px", "-40"]),
         ("focal_px = 40.0", "focal_px = 40.0\nzoom = 2", &["rig.toml", "zoom"]),
         ("top.png", "missing.png", &["missing.png"]),

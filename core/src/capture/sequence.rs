@@ -290,6 +290,8 @@ impl<'p, S, C> Sequence<'p, S, C> {
 }
 
 /// Why a capture failed, with a stage's error `S` and a camera's error `C`.
+///
+/// Its text does not name the frame: [`index`](CaptureError::index) does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -331,6 +333,16 @@ pub enum CaptureError<S, C> {
 }
 
 impl<S, C> CaptureError<S, C> {
+    /// With which position or frame it was, if it was with one.
+    pub fn index(&self) -> Option<usize> {
+        match *self {
+            CaptureError::Missed { index, .. }
+            | CaptureError::Camera { index, .. }
+            | CaptureError::FrameTimeout { index, .. } => Some(index),
+            _ => None,
+        }
+    }
+
     /// Whether the stage is to blame, so that it should not be moved any more.
     pub fn is_of_stage(&self) -> bool {
         matches!(self, CaptureError::Stage(_) | CaptureError::MoveTimeout { .. } | CaptureError::Missed { .. })
@@ -340,17 +352,15 @@ impl<S, C> CaptureError<S, C> {
 impl<S: fmt::Display, C: fmt::Display> fmt::Display for CaptureError<S, C> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            CaptureError::Stage(error) => write!(f, "stage: {error}"),
+            CaptureError::Stage(error) => write!(f, "{error}"),
             CaptureError::MoveTimeout { after } => write!(f, "the stage did not arrive within {} s", after.as_secs_f32()),
-            CaptureError::Missed { index, target, measured } => write!(
+            CaptureError::Missed { target, measured, .. } => write!(
                 f,
-                "the stage should be at ({}, {}) um for frame {index} and measures ({}, {}) um",
-                target.x_um, target.y_um, measured.x_um, measured.y_um
+                "the stage measures to be at ({}, {}) um, expected ({}, {}) um",
+                measured.x_um, measured.y_um, target.x_um, target.y_um
             ),
-            CaptureError::Camera { index, error } => write!(f, "camera, frame {index}: {error}"),
-            CaptureError::FrameTimeout { index, after } => {
-                write!(f, "the camera gave no frame {index} within {} s", after.as_secs_f32())
-            }
+            CaptureError::Camera { error, .. } => write!(f, "{error}"),
+            CaptureError::FrameTimeout { after, .. } => write!(f, "the camera gave no frame within {} s", after.as_secs_f32()),
             CaptureError::Aborted => f.write_str("the capture was aborted"),
             CaptureError::Ended => f.write_str("the capture has ended"),
         }

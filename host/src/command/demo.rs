@@ -225,7 +225,8 @@ impl Folder {
             unreachable!("there are several variants")
         };
         let center = Picture::Rgb(shot.center.clone());
-        ply::write(&self.path(CLOUD), best, &rig(camera, 0).geometry(), &center, Encoding::Binary)?;
+        let geometry = rig(camera, 0).geometry().expect("the focal length is the camera's");
+        ply::write(&self.path(CLOUD), best, &geometry, &center, Encoding::Binary)?;
         let panels = [&shot.center, &color(stereo), &color(best), &color(&truth)];
         write_png(&self.path(OVERVIEW), &montage::row(panels, OVERVIEW_PANEL))
     }
@@ -260,20 +261,13 @@ fn errors_png(name: &str) -> String {
 
 /// What is known about camera and stage.
 fn rig(camera: &Camera, seed: u64) -> Rig {
-    let file = |frame: Frame| FRAMES.iter().find(|(other, ..)| *other == frame).map(|(_, file, _)| PathBuf::from(file));
     let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
     Rig {
         baseline_mm: camera.baseline_mm,
-        focal_px: camera.focal_px,
+        focal_px: Some(camera.focal_px),
         principal_point: [middle(camera.width), middle(camera.height)],
         doffs: 0.0,
-        images: Images {
-            center: file(Frame::Center).unwrap_or_default(),
-            left: file(Frame::View(View::Left)),
-            right: file(Frame::View(View::Right)),
-            top: file(Frame::View(View::Top)),
-            bottom: file(Frame::View(View::Bottom)),
-        },
+        images: Images::of_capture(Views::ALL),
         capture: rig::Capture {
             camera: Some("ray tracer".into()),
             stage: Some("simulated".into()),

@@ -8,7 +8,7 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    Alignment, DisparityMap, Error, Frames, Result, Rig, depth, output,
+    Alignment, DisparityMap, Error, Frames, Result, depth, output,
     ply::{self, Encoding},
 };
 use multiscopic_core::Params;
@@ -80,7 +80,7 @@ impl Match {
         let (mut frames, center) = Frames::load(&images)?;
         let center = self.outputs.ply.is_some().then_some(center);
         let params = self.search.params(frames.size(), frames.views(), self.fusion, SearchOptions::RANGE)?;
-        let geometry = self.geometry.geometry(rig.as_ref().map(Rig::geometry), &frames);
+        let geometry = self.geometry.geometry(rig.as_ref(), &frames);
         self.outputs.check_geometry(geometry.is_some())?;
         let rig_file = self.source.rig_file();
         let inputs: Vec<&Path> = images.paths().chain(rig_file.as_deref()).collect();

@@ -3,6 +3,8 @@
 pub mod align;
 pub mod bench;
 pub mod budget;
+#[cfg_attr(not(all(target_os = "linux", feature = "v4l2")), path = "no_capture.rs")]
+pub mod capture;
 pub mod demo;
 pub mod devices;
 pub mod evaluate;

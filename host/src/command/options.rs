@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use multiscopic::{DisparityMap, Engine, Error, Frames, Geometry, Processor, Result, Simd};
+use multiscopic::{DisparityMap, Engine, Error, Frames, Geometry, Processor, Result, Rig, Simd};
 use multiscopic_core::{Fusion, Params, Views};
 
 /// How disparities are estimated, by the name of the method.
@@ -209,10 +209,10 @@ pub struct GeometryOptions {
 
 impl GeometryOptions {
     /// The geometry of frames like `frames`: what is given, else what the rig says. `None` if focal length or baseline is unknown.
-    pub fn geometry(&self, rig: Option<Geometry>, frames: &Frames) -> Option<Geometry> {
+    pub fn geometry(&self, rig: Option<&Rig>, frames: &Frames) -> Option<Geometry> {
         let middle = || [frames.width(), frames.height()].map(|side| (side as f64 - 1.0) / 2.0);
         Some(Geometry {
-            focal_px: self.focal_px.or(rig.map(|rig| rig.focal_px))?,
+            focal_px: self.focal_px.or(rig.and_then(|rig| rig.focal_px))?,
             baseline_mm: self.baseline_mm.or(rig.map(|rig| rig.baseline_mm))?,
             principal_point: self.principal_point.or(rig.map(|rig| rig.principal_point)).unwrap_or_else(middle),
             doffs: self.doffs.or(rig.map(|rig| rig.doffs)).unwrap_or_default(),
@@ -267,18 +267,29 @@ impl EngineOptions {
 mod tests {
     use super::*;
     use image::GrayImage;
+    use multiscopic::rig::{Capture, Images};
 
     #[test]
     fn what_is_given_comes_before_the_rig() {
         let frames = Frames::new(GrayImage::new(640, 480));
         let nothing = GeometryOptions { focal_px: None, baseline_mm: None, doffs: None, principal_point: None };
         assert_eq!(nothing.geometry(None, &frames), None);
-        let rig = Geometry { focal_px: 500.0, baseline_mm: 40.0, principal_point: [1.0, 2.0], doffs: 3.0 };
-        assert_eq!(nothing.geometry(Some(rig), &frames), Some(rig));
+        let rig = Rig {
+            focal_px: Some(500.0),
+            baseline_mm: 40.0,
+            principal_point: [1.0, 2.0],
+            doffs: 3.0,
+            images: Images::default(),
+            capture: Capture::default(),
+        };
+        assert_eq!(nothing.geometry(Some(&rig), &frames), rig.geometry());
 
         let given = GeometryOptions { focal_px: Some(700.0), baseline_mm: Some(20.0), ..nothing };
-        let expected = Geometry { focal_px: 700.0, baseline_mm: 20.0, ..rig };
-        assert_eq!(given.geometry(Some(rig), &frames), Some(expected));
+        let expected = Geometry { focal_px: 700.0, baseline_mm: 20.0, principal_point: [1.0, 2.0], doffs: 3.0 };
+        assert_eq!(given.geometry(Some(&rig), &frames), Some(expected));
+        let unknown = Rig { focal_px: None, ..rig };
+        assert_eq!(nothing.geometry(Some(&unknown), &frames), None);
+        assert_eq!(given.geometry(Some(&unknown), &frames), Some(expected));
         let middle = Geometry { principal_point: [319.5, 239.5], doffs: 0.0, ..expected };
         assert_eq!(given.geometry(None, &frames), Some(middle));
     }

@@ -23,6 +23,8 @@ pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
     };
     let damaged = |what: &dyn std::fmt::Display| {
         let name = format!("{format:?}").to_uppercase();
+        // Some of the decoders' messages have lines.
+        let what = what.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
         Error::format(path, format!("a damaged or truncated {name} image ({what})"), "a complete one: copy or capture it again")
     };
 

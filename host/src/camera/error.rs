@@ -110,7 +110,7 @@ pub enum Fault {
         found: String,
     },
     /// The system refused something else.
-    #[error("cannot {action}: {source}")]
+    #[error("cannot {action}: {source}; try again, and plug the device in anew if it stays")]
     System {
         /// What was to be done.
         action: &'static str,

@@ -56,16 +56,19 @@ fn text(camera: &multiscopic::camera::Listing) -> String {
     if let Some(problem) = &camera.problem {
         lines += &format!("    cannot be used: {problem}\n");
     }
-    for offer in &camera.formats {
+    for offer in camera.formats.iter().filter(|offer| offer.is_supported) {
         let sizes = offer.sizes.iter().map(|sizes| match sizes {
             Sizes::One([width, height]) => format!("{width}x{height}"),
             Sizes::Range { min, max, step } => {
                 format!("{}x{} to {}x{} in steps of {}x{}", min[0], min[1], max[0], max[1], step[0], step[1])
             }
         });
-        let note = if offer.is_supported { "" } else { "; not supported" };
         let sizes = sizes.collect::<Vec<_>>().join(", ");
-        lines += &format!("    {:<4} ({}{note}): {sizes}\n", offer.format, offer.description);
+        lines += &format!("    {:<4} ({}): {sizes}\n", offer.format, offer.description);
+    }
+    let others: Vec<&str> = camera.formats.iter().filter(|offer| !offer.is_supported).map(|offer| &*offer.format).collect();
+    if !others.is_empty() {
+        lines += &format!("    not supported: {}\n", others.join(", "));
     }
     lines
 }

@@ -35,8 +35,12 @@ impl Producer {
         let [width, height] = layout.size;
         let wanted = Format::new(width, height, FourCC::new(&layout.format.fourcc()));
         let given = Output::set_format(&output, &wanted)?;
-        if given.fourcc != wanted.fourcc || [given.width, given.height] != layout.size {
-            return Err(io::Error::other(format!("{} takes {given} instead of {layout}", device.display())));
+        let is_same = given.fourcc == wanted.fourcc && [given.width, given.height] == layout.size;
+        // The driver is wrong about the size of some formats.
+        if !is_same || (given.size as usize) < frame.len() {
+            let found = format!("{}x{} {} in {} bytes", given.width, given.height, given.fourcc, given.size);
+            let message = format!("{} takes {found} instead of {layout} in {}", device.display(), frame.len());
+            return Err(io::Error::new(io::ErrorKind::Unsupported, message));
         }
         output.write_all(&frame)?;
         let frame = Arc::new(Mutex::new(frame));

@@ -5,7 +5,6 @@ export PATH=/bin HOME=/tmp
 mount -t proc proc /proc
 mount -t sysfs sys /sys
 mount -t devtmpfs dev /dev
-mount -t tmpfs tmp /tmp
 ip link set lo up
 while read -r module parameters; do
     insmod "/modules/$module" $parameters || echo "cannot load $module"

@@ -3,7 +3,6 @@
 use anyhow::{Context, Result};
 use std::{
     fs,
-    os::unix::{ffi::OsStrExt, fs::PermissionsExt},
     path::{Component, Path, PathBuf},
 };
 
@@ -32,19 +31,17 @@ impl Archive {
         }
     }
 
-    /// Adds a file with these permissions.
-    pub fn file(&mut self, path: &Path, permissions: u32, contents: &[u8]) {
+    /// Adds a file that may be run.
+    pub fn file(&mut self, path: &Path, contents: &[u8]) {
         if let Some(folder) = path.parent() {
             self.folder(folder);
         }
-        self.entry(path, FILE | permissions & 0o777, contents);
+        self.entry(path, FILE | 0o755, contents);
     }
 
     /// Adds a copy of the file `from`.
     pub fn copy(&mut self, from: &Path, to: &Path) -> Result<()> {
-        let read = || Ok::<_, std::io::Error>((fs::metadata(from)?.permissions().mode(), fs::read(from)?));
-        let (permissions, contents) = read().with_context(|| format!("cannot read {}", from.display()))?;
-        self.file(to, permissions, &contents);
+        self.file(to, &fs::read(from).with_context(|| format!("cannot read {}", from.display()))?);
         Ok(())
     }
 
@@ -55,15 +52,15 @@ impl Archive {
     }
 
     fn entry(&mut self, path: &Path, mode: u32, contents: &[u8]) {
-        let path: PathBuf = path.components().filter(is_name).collect();
-        let name = path.as_os_str().as_bytes();
+        let names: Vec<_> = path.components().filter(is_name).map(|name| name.as_os_str().to_string_lossy()).collect();
+        let name = names.join("/");
         self.entries += 1;
         // Number, mode, user, group, links, time, size, device of the file and of what it is (two numbers each), length of its name
         // with a zero at its end, and no checksum.
         let fields = [self.entries, mode, 0, 0, 1, 0, contents.len() as u32, 0, 0, 0, 0, name.len() as u32 + 1, 0];
         self.bytes.extend(b"070701");
         self.bytes.extend(fields.iter().flat_map(|field| format!("{field:08x}").into_bytes()));
-        self.bytes.extend(name);
+        self.bytes.extend(name.as_bytes());
         self.bytes.push(0);
         self.pad();
         self.bytes.extend(contents);
@@ -87,8 +84,8 @@ mod tests {
     #[test]
     fn entries_are_aligned_and_folders_come_first() {
         let mut archive = Archive::default();
-        archive.file(Path::new("/a/b/c"), 0o644, b"12345");
-        archive.file(Path::new("/a/b/d"), 0o755, b"");
+        archive.file(Path::new("/a/b/c"), b"12345");
+        archive.file(Path::new("/a/b/d"), b"");
         let bytes = archive.finish();
         let starts: Vec<usize> = (0..bytes.len() - 5).filter(|&i| &bytes[i..i + 6] == b"070701").collect();
         assert!(starts.iter().all(|start| start % 4 == 0) && bytes.len() % 4 == 0);
@@ -99,7 +96,7 @@ mod tests {
             })
             .collect();
         assert_eq!(names, ["a", "a/b", "a/b/c", "a/b/d", "TRAILER!!!"].map(|name| Some(name.to_owned())));
-        assert_eq!(&bytes[starts[2] + 14..][..8], b"000081a4");
+        assert_eq!(&bytes[starts[2] + 14..][..8], b"000081ed");
         assert_eq!(&bytes[starts[2] + 54..][..8], b"00000005");
     }
 }

@@ -129,7 +129,7 @@ fn system(files: &Path, version: &str, loopback: &Path) -> Result<Vec<u8>> {
     for (driver, parameters) in DRIVERS {
         modules.add(driver, parameters, &mut archive, &mut order, &mut loaded)?;
     }
-    archive.file(Path::new("modules/order"), 0o644, order.as_bytes());
+    archive.file(Path::new("modules/order"), order.as_bytes());
     ["dev", "proc", "sys", "tmp"].into_iter().for_each(|folder| archive.folder(Path::new(folder)));
     archive.copy(&files.join("bin/busybox"), Path::new("bin/busybox"))?;
     Ok(archive.finish())
@@ -159,7 +159,7 @@ impl Modules {
         for needed in needed(&contents).with_context(|| path.display().to_string())? {
             self.add(&needed, "", archive, order, loaded)?;
         }
-        archive.file(&Path::new("modules").join(format!("{name}.ko")), 0o644, &contents);
+        archive.file(&Path::new("modules").join(format!("{name}.ko")), &contents);
         *order += &format!("{name}.ko {parameters}\n");
         Ok(())
     }

@@ -43,11 +43,16 @@ impl Tool {
         if let Some(program) = self.find() {
             return Ok(program);
         }
+        let unpack = |reason: &dyn fmt::Display| {
+            eprintln!("setup: {reason}; {} goes into {} instead", self.debian, self.folder().display());
+            debian::unpack(self.debian, &self.folder())
+        };
         if debian::can_install() {
-            debian::install(&[self.debian]).or_else(|refusal| {
-                eprintln!("setup: {refusal:#}; {} goes into {} instead", self.debian, self.folder().display());
-                debian::unpack(self.debian, &self.folder())
-            })?;
+            debian::install(&[self.debian]).or_else(|refusal| unpack(&format!("{refusal:#}")))?;
+        } else if debian::is_here()
+            && let Err(refusal) = unpack(&"only root may install")
+        {
+            eprintln!("setup: {refusal:#}");
         }
         match self.find() {
             Some(program) => Ok(program),
@@ -59,11 +64,6 @@ impl Tool {
                 self.homebrew
             ),
         }
-    }
-
-    /// Debian's package that brings it.
-    pub fn package(&self) -> &'static str {
-        self.debian
     }
 
     /// The program if it is installed or unpacked.

@@ -9,7 +9,7 @@ use crate::{
     kernel::{self, Kernel},
     layout,
     machine::Machine,
-    tool::{self, Tool},
+    tool,
 };
 
 /// Runs the tests, in release. Where there can be no virtual machine, they are named as ignored.
@@ -26,7 +26,8 @@ pub fn run_tests() -> Result<()> {
     machine.add_folder(&layout::root().join("tests/golden"))?;
     let (tests, program) = (tests.display(), program.display());
     // One after the other: they set what the devices do.
-    machine.run(&format!("cd /tmp && MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{program}' '{tests}' --test-threads 1"))
+    machine
+        .run(&format!("cd /tmp && MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{program}' '{tests}' --test-threads 1 --color never"))
 }
 
 /// Why there can be no virtual machine here, if so.
@@ -37,18 +38,18 @@ fn missing() -> Option<String> {
     if debian::can_install() {
         return None;
     }
-    let absent = [&tool::QEMU_X86].into_iter().chain(&kernel::TOOLS).filter(|tool| tool.find().is_none()).map(Tool::package);
-    let absent: Vec<_> = absent.collect();
-    if !absent.is_empty() {
-        return Some(format!("run `sudo apt-get install {}` first", absent.join(" ")));
+    let refused = [&tool::QEMU_X86].into_iter().chain(&kernel::TOOLS).find_map(|tool| tool.install().err());
+    match Kernel::current() {
+        _ if refused.is_some() => refused.map(|refusal| format!("{refusal:#}")),
+        None => Some("no list of packages; run `sudo apt-get update` first".into()),
+        Some(_) => None,
     }
-    Kernel::current().is_none().then(|| "run `sudo apt-get update` first".into())
 }
 
 /// Builds with cargo, in release, and says where the executable `name` is.
 fn built(arguments: &[&str], name: &str) -> Result<PathBuf> {
     let mut cargo = command("cargo", arguments);
-    let messages = read(cargo.args(["--quiet", "--release", "--message-format", "json"]))?;
+    let messages = read(cargo.args(["--quiet", "--release", "--message-format", "json-render-diagnostics"]))?;
     let executable = |message: &str| {
         let message: serde_json::Value = serde_json::from_str(message).ok()?;
         let is_it = message["target"]["name"] == name;

@@ -655,3 +655,15 @@ fn outputs_that_cannot_be_written() {
         assert_eq!(bench.files(), ["folder"], "{option}: nothing is left behind");
     }
 }
+
+/// Whether there are cameras, the machine that runs this decides.
+#[cfg(target_os = "linux")]
+#[test]
+fn cameras_are_listed() {
+    let run = Run::new(["devices", "--json"]);
+    assert_eq!((run.code, &*run.stderr), (Some(0), ""), "{run:#?}");
+    let list: Vec<serde_json::Value> = serde_json::from_str(&run.stdout).unwrap();
+    let text = Run::new(["devices"]);
+    assert_eq!((text.code, text.stdout.is_empty()), (Some(0), list.is_empty()), "{text:#?}");
+    assert_eq!(text.stderr.contains("there are no cameras"), list.is_empty(), "{text:#?}");
+}

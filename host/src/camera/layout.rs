@@ -6,7 +6,7 @@ use image::GrayImage;
 
 use crate::{Picture, picture};
 
-use super::{Fault, PixelFormat};
+use super::{Fault, PixelFormat, jpeg};
 
 /// How a camera's frames lie in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,7 +84,7 @@ impl Layout {
     /// Decodes a JPEG image.
     fn decode(&self, frame: &[u8]) -> Result<GrayImage, Fault> {
         let wrong = |found: String| Fault::Jpeg { found, layout: *self };
-        let picture = Picture::decode(Path::new(""), frame).map_err(|error| match error {
+        let picture = Picture::decode(Path::new(""), &jpeg::with_tables(frame)).map_err(|error| match error {
             crate::Error::Format { found, .. } => wrong(found),
             error => wrong(error.to_string()),
         })?;

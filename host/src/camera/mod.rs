@@ -15,6 +15,7 @@ mod connection;
 mod driver;
 mod error;
 mod format;
+mod jpeg;
 mod layout;
 mod listing;
 mod lock;

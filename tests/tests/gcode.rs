@@ -13,8 +13,6 @@ use multiscopic_core::{
 };
 use multiscopic_tests::machine::{Fault, Firmware, SimulatedMachine};
 
-const ALL: [Firmware; 3] = [Firmware::Grbl, Firmware::GrblInches, Firmware::Marlin];
-
 /// Where machines begin, in millimetres.
 const START: [f64; 2] = [120.5, 80.25];
 
@@ -42,6 +40,16 @@ fn open(machine: &SimulatedMachine) -> Result<AnyStage, StageError> {
 
 fn at(x_um: i32, y_um: i32) -> Position {
     Position { x_um, y_um }
+}
+
+/// Runs a test with each firmware, all at once: most of their time is spent in waiting.
+fn each(test: impl Fn(Firmware) + Sync) {
+    thread::scope(|scope| {
+        for firmware in [Firmware::Grbl, Firmware::GrblInches, Firmware::Marlin] {
+            let test = &test;
+            thread::Builder::new().name(format!("{firmware:?}")).spawn_scoped(scope, move || test(firmware)).expect("a thread");
+        }
+    });
 }
 
 /// Waits until the stage has arrived, or fails.
@@ -91,7 +99,7 @@ fn is_stop(heard: &[String]) -> bool {
 
 #[test]
 fn moves() {
-    for firmware in ALL {
+    each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
         assert_eq!(stage.position().unwrap(), Some(Position::CENTER), "{firmware:?}");
@@ -113,31 +121,31 @@ fn moves() {
         // No zero was set, and nothing was relative.
         let heard = machine.heard();
         assert!(!heard.iter().any(|line| ["G92", "G54", "G10", "G91"].iter().any(|code| line.contains(code))), "{heard:?}");
-    }
+    });
 }
 
 #[test]
 fn nothing_moves_beyond_the_reach() {
-    for firmware in ALL {
+    each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
         machine.heard();
         assert!(matches!(stage.move_to(at(100_001, 0)), Err(StageError::OutOfReach { .. })));
         assert_eq!(machine.heard(), [""; 0]);
-    }
+    });
 }
 
 #[test]
 fn a_machine_that_boots() {
-    for firmware in ALL {
+    each(|firmware| {
         let machine = SimulatedMachine::start(firmware, START, Duration::from_millis(1200));
         go(&mut open(&machine).unwrap(), at(1000, 0)).unwrap();
-    }
+    });
 }
 
 #[test]
 fn a_stop_stops_and_keeps_the_place() {
-    for firmware in ALL {
+    each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
         set_out(&mut stage, &machine, at(60_000, 0));
@@ -160,12 +168,12 @@ fn a_stop_stops_and_keeps_the_place() {
         machine.heard();
         drop(stage);
         assert!(!machine.is_moving() && is_stop(&machine.heard()), "{firmware:?}");
-    }
+    });
 }
 
 #[test]
 fn a_limit_switch() {
-    for firmware in ALL {
+    each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
         machine.fail(Fault::LimitSwitch { after_mm: 3.0 });
@@ -178,7 +186,7 @@ fn a_limit_switch() {
         drop(stage);
         machine.restart();
         go(&mut open(&machine).unwrap(), at(1000, 0)).unwrap();
-    }
+    });
 }
 
 #[test]
@@ -194,7 +202,7 @@ fn a_locked_machine() {
 
 #[test]
 fn a_refused_line() {
-    for firmware in ALL {
+    each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
         machine.fail(Fault::Refusing);
@@ -204,12 +212,12 @@ fn a_refused_line() {
         machine.fail(Fault::None);
         go(&mut stage, at(1000, 0)).unwrap();
         assert_at(&machine, 121.5, 80.25);
-    }
+    });
 }
 
 #[test]
 fn a_machine_that_never_arrives() {
-    for firmware in ALL {
+    each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
         machine.fail(Fault::Stuck);
@@ -226,12 +234,12 @@ fn a_machine_that_never_arrives() {
         }
         go(&mut stage, at(1000, 0)).unwrap();
         assert_at(&machine, 121.5, 80.25);
-    }
+    });
 }
 
 #[test]
 fn silence() {
-    for firmware in ALL {
+    each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
         set_out(&mut stage, &machine, at(40_000, 0));
@@ -245,7 +253,7 @@ fn silence() {
         assert!(matches!(error, StageError::Silent { .. }), "{error}");
         machine.fail(Fault::None);
         go(&mut open(&machine).unwrap(), at(1000, 0)).unwrap();
-    }
+    });
 }
 
 #[test]
@@ -263,7 +271,7 @@ fn a_machine_that_does_not_stop() {
 
 #[test]
 fn a_restart_loses_the_place() {
-    for firmware in ALL {
+    each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
         set_out(&mut stage, &machine, at(40_000, 0));
@@ -277,12 +285,12 @@ fn a_restart_loses_the_place() {
         drop(stage);
         go(&mut open(&machine).unwrap(), at(1000, 0)).unwrap();
         assert_at(&machine, 1.0, 0.0);
-    }
+    });
 }
 
 #[test]
 fn a_pulled_plug() {
-    for firmware in ALL {
+    each(|firmware| {
         let mut machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
         set_out(&mut stage, &machine, at(40_000, 0));
@@ -292,7 +300,7 @@ fn a_pulled_plug() {
         assert!(matches!(soon(|| stage.stop()), Err(StageError::Disconnected { .. })));
         drop(stage);
         assert!(matches!(soon(|| open(&machine)), Err(StageError::Connect { .. } | StageError::Disconnected { .. })));
-    }
+    });
 }
 
 #[test]
@@ -338,7 +346,7 @@ impl Camera for Witness<'_> {
 
 #[test]
 fn a_sequence_with_backlash() {
-    for firmware in ALL {
+    each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
         let plan = Plan::cross(Views::HORIZONTAL, 15_000);
@@ -359,5 +367,5 @@ fn a_sequence_with_backlash() {
         }
         assert_eq!(camera.1.len(), 3);
         assert_at(&machine, 120.5, 80.25);
-    }
+    });
 }

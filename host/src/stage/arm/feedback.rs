@@ -117,8 +117,11 @@ impl Feedback {
     /// # Errors
     /// The connection broke, or brought nonsense, or nothing for too long.
     pub fn next(&self) -> Result<State, StageError> {
-        let count = lock(&self.latest.0).state.count;
-        self.wait(self.silence, |state| state.count > count)
+        let (count, since) = {
+            let latest = lock(&self.latest.0);
+            (latest.state.count, latest.at.elapsed())
+        };
+        self.wait(self.silence.saturating_sub(since), |state| state.count > count)
     }
 
     /// The state as soon as the tool stands still, or as it is after `limit`.

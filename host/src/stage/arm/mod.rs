@@ -41,8 +41,8 @@ const STOP_LIMIT: Duration = Duration::from_secs(1);
 /// It moves in the plane of the tool's x and y as they were when it was opened; its [`position`](Stage::position) is what the arm
 /// measures, in that plane. Broken connections are opened again by the next move, and the place where it was opened stays the centre.
 ///
-/// Each call returns within [`Limits::connect_timeout`] for each of two connections and [`Limits::silence_timeout`] for each line sent; most
-/// return at once. When it is dropped, a motion is stopped.
+/// Each call returns within [`Limits::connect_timeout`] for each connection that it must open again, and [`Limits::silence_timeout`] for each line
+/// that it sends; most return at once. When it is dropped, a motion is stopped.
 pub struct Arm {
     address: ArmAddress,
     hosts: Vec<IpAddr>,
@@ -101,6 +101,11 @@ impl Arm {
         }
         Ok(())
     }
+
+    fn send_stop(&mut self) -> Result<(), StageError> {
+        self.reopen_script()?;
+        self.script.send(&script::stop())
+    }
 }
 
 impl Stage for Arm {
@@ -145,13 +150,23 @@ impl Stage for Arm {
 
     /// Tells the arm to stop, and waits at most a second until it stands still.
     fn stop(&mut self) -> Result<(), StageError> {
-        self.reopen_script()?;
-        self.script.send(&script::stop())?;
+        // If one connection broke, so may have the other, which does not know yet. Otherwise the old one will do.
+        if !self.feedback.is_open()
+            && let Ok(script) = open_script(&self.address, &self.hosts, &self.limits)
+        {
+            self.script = script;
+        }
+        self.send_stop()?;
         self.order = None;
         if !self.feedback.is_open() {
             self.feedback = open_feedback(&self.address, &self.hosts, &self.limits)?;
         }
-        let since = self.feedback.next()?.count;
+        let next = self.feedback.next();
+        // What is sent over a broken connection is lost, which is known only afterwards.
+        if !self.script.is_open() {
+            self.send_stop()?;
+        }
+        let since = next?.count;
         match self.feedback.wait_until_still(since, STOP_LIMIT)?.is_still(since) {
             true => Ok(()),
             false => Err(StageError::StillMoving { after: STOP_LIMIT }),

@@ -1,7 +1,7 @@
 //! Machines that take G-code on a serial port: an XY slide, a mill, a printer, with Grbl 1.1 or Marlin.
 //!
 //! The machine's X points to the right of the image and its Y up, as seen along the camera's view, so a
-//! [`Position`](multiscopic_core::capture::Position)'s `y_um`, which points down, is the machine's Y negated. Directions are set in the firmware.
+//! [`Position`]'s `y_um`, which points down, is the machine's Y negated. Directions are set in the firmware.
 //!
 //! Moves are absolute, from where the machine was when it was opened, so an order given twice moves once. No zero is set: neither `G92` nor
 //! a work coordinate system changes, and whoever uses the machine next finds it as it was. Other modes (`G21`, `G90`) are set before each move.

@@ -96,7 +96,17 @@ mod machine {
         /// The command with its arguments, for a folder.
         fn command(&self, output: &Path, arguments: &[&str]) -> Command {
             let mut command = Command::new(command::binary());
-            command.args(["capture", "--camera", CAMERA, "--stage", &self.arm.spec(), "--baseline", BASELINE_MM, "--warm-up", "2"]);
+            command.args([
+                "capture",
+                "--camera",
+                CAMERA,
+                "--stage",
+                &self.arm.spec(),
+                "--baseline",
+                BASELINE_MM,
+                "--warm-up",
+                "2",
+            ]);
             command.args(["--speed", "100", "--acceleration", "1000", "--settle", "0.1"]).args(arguments).arg("-o").arg(output);
             command.stdout(Stdio::piped()).stderr(Stdio::piped());
             command
@@ -126,7 +136,8 @@ mod machine {
 
         /// A capture failed as it should, and nothing is left of it.
         fn failed(&self, ended: &Ended, words: &[&str]) -> Outcome {
-            let left: Vec<_> = fs::read_dir(self.folder.path())?.map(|entry| entry.map(|entry| entry.file_name())).collect::<Result<_, _>>()?;
+            let left: Vec<_> =
+                fs::read_dir(self.folder.path())?.map(|entry| entry.map(|entry| entry.file_name())).collect::<Result<_, _>>()?;
             let is_told = words.iter().all(|word| ended.stderr.contains(word));
             if ended.code != Some(2) || !is_told || !left.is_empty() || self.arm.is_moving() {
                 return Err(format!("{words:?}: {ended:?}; left: {left:?}; moves: {}", self.arm.is_moving()).into());
@@ -208,7 +219,12 @@ mod machine {
         let rig = Rig::new(images);
         rig.capture("rig")?;
         let folder = rig.path("rig");
-        let moves: Vec<Pose> = rig.arm.heard().into_iter().filter_map(|heard| if let Heard::Move(pose) = heard { Some(pose) } else { None }).collect();
+        let moves: Vec<Pose> = rig
+            .arm
+            .heard()
+            .into_iter()
+            .filter_map(|heard| if let Heard::Move(pose) = heard { Some(pose) } else { None })
+            .collect();
         let expected: Vec<Pose> = poses().into_iter().chain([poses()[0]]).collect();
         if moves.len() != expected.len() || moves.iter().zip(&expected).any(|(a, b)| distance(*a, *b) > 1e-6) {
             return Err(format!("the arm was sent to {moves:?} instead of {expected:?}").into());
@@ -226,7 +242,9 @@ mod machine {
         }
         let log = fs::read_to_string(folder.join("capture.log"))?;
         let toml = fs::read_to_string(folder.join("rig.toml"))?;
-        for (text, word) in [(&log, "has the bottom frame"), (&log, CAMERA), (&toml, "baseline_mm = 15"), (&toml, &rig.arm.spec())] {
+        for (text, word) in
+            [(&log, "has the bottom frame"), (&log, CAMERA), (&toml, "baseline_mm = 15"), (&toml, &rig.arm.spec())]
+        {
             if !text.contains(word) {
                 return Err(format!("{word} is not in {text}").into());
             }
@@ -236,8 +254,8 @@ mod machine {
         fs::create_dir(&fed)?;
         multiscopic_tests::misaligned::write(images, &fed);
         let disparities = |folder: &Path, name: &str| -> Result<Vec<u8>, Box<dyn Error>> {
-            let path = rig.path(name);
-            let [folder, out, raw] = [folder, &rig.path("out.pfm"), &path].map(|path| path.to_str().expect("a path in UTF-8"));
+            let (path, out) = (rig.path(name), rig.path("out.pfm"));
+            let [folder, out, raw] = [folder, &out, &path].map(|path| path.to_str().expect("a path in UTF-8"));
             Run::new(["match", folder, "-o", out, "--raw16", raw, "--num-disparities", "18", "--block-size", "9"]).assert_done();
             Ok(fs::read(path)?)
         };

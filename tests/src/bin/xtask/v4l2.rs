@@ -1,6 +1,7 @@
 //! Runs the tests with cameras in a virtual machine that has some.
 
 use anyhow::{Context, Result};
+use multiscopic_tests::data::{self, Dataset};
 use std::{env::consts::ARCH, path::PathBuf};
 
 use crate::{
@@ -12,22 +13,33 @@ use crate::{
     tool,
 };
 
+/// What is run there, one after the other.
+const TESTS: [&str; 2] = ["v4l2", "capture_command"];
+
 /// Runs the tests, in release. Where there can be no virtual machine, they are named as ignored.
 pub fn run_tests() -> Result<()> {
     if let Some(reason) = missing() {
         println!("v4l2: no virtual machine: {reason}");
-        return run(&mut command("cargo", ["test", "--release", "--package", "multiscopic-tests", "--test", "v4l2"]));
+        let tests = TESTS.iter().flat_map(|test| ["--test", test]);
+        return run(command("cargo", ["test", "--release", "--package", "multiscopic-tests"]).args(tests));
     }
     let mut machine = Machine::new()?;
-    let tests = built(&["test", "--no-run", "--package", "multiscopic-tests", "--test", "v4l2"], "v4l2")?;
+    let mut script = "cd /tmp; code=0".to_owned();
     let program = built(&["build", "--package", "multiscopic", "--bin", "multiscopic"], "multiscopic")?;
-    machine.add_program(&tests)?;
     machine.add_program(&program)?;
     machine.add_folder(&layout::root().join("tests/golden"))?;
-    let (tests, program) = (tests.display(), program.display());
-    // One after the other: they set what the devices do.
-    machine
-        .run(&format!("cd /tmp && MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{program}' '{tests}' --test-threads 1 --color never"))
+    let mut variables = format!("MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{}'", program.display());
+    if let Some(root) = data::root() {
+        machine.add_folder(&root.join(Dataset::Tsukuba.name()))?;
+        variables += &format!(" MULTISCOPIC_DATA='{}'", root.display());
+    }
+    for test in TESTS {
+        let test = built(&["test", "--no-run", "--package", "multiscopic-tests", "--test", test], test)?;
+        machine.add_program(&test)?;
+        // One after the other: they set what the devices do.
+        script += &format!("; {variables} '{}' --test-threads 1 --color never || code=1", test.display());
+    }
+    machine.run(&(script + "; exit $code"))
 }
 
 /// Why there can be no virtual machine here, if so.

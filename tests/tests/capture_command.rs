@@ -107,7 +107,12 @@ mod machine {
                 "--warm-up",
                 "2",
             ]);
-            command.args(["--speed", "100", "--acceleration", "1000", "--settle", "0.1"]).args(arguments).arg("-o").arg(output);
+            for [option, value] in [["--speed", "100"], ["--acceleration", "1000"], ["--settle", "0.1"]] {
+                if !arguments.contains(&option) {
+                    command.args([option, value]);
+                }
+            }
+            command.args(arguments).arg("-o").arg(output);
             command.stdout(Stdio::piped()).stderr(Stdio::piped());
             command
         }
@@ -415,7 +420,7 @@ mod machine {
             Ok(())
         };
         // Nobody listens there.
-        refused(&["--stage", "ur10:127.0.0.1:9,10"], &["127.0.0.1:10"])?;
+        refused(&["--stage", "ur10:127.0.0.1:9,10"], &["127.0.0.1, port 10"])?;
         refused(&["--stage", "ur10:no.such.host.invalid"], &["no.such.host.invalid"])?;
         refused(&["--stage", "gcode:/dev/none"], &["/dev/none"])?;
         refused(&["--stage", "crane"], &["crane", "kind is unknown"])?;

@@ -181,7 +181,7 @@ impl Capture {
         let policy = self.policy()?;
         let camera_timeout = policy.frame_timeout;
         // The camera knows best what is wrong when it is late.
-        let policy = Policy { frame_timeout: policy.frame_timeout + Duration::from_secs(1), ..policy };
+        let policy = Policy { frame_timeout: policy.frame_timeout + Duration::from_secs(3), ..policy };
         let limits = self.limits.limits()?;
         if !self.live {
             output::check_folder(&self.output)?;

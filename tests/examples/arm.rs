@@ -7,6 +7,9 @@ use std::{io, net::IpAddr, thread, time::Duration};
 use clap::Parser;
 use multiscopic_tests::arm::SimulatedArm;
 
+/// A tool that looks down.
+const POSE: [f64; 6] = [0.4, -0.2, 0.5, std::f64::consts::PI, 0.0, 0.0];
+
 /// Listens as an arm of Universal Robots does.
 #[derive(Parser)]
 struct Options {
@@ -23,7 +26,7 @@ struct Options {
     rtde_port: u16,
 
     /// Where its tool is: metres and radians
-    #[arg(long, num_args = 6, value_names = ["X", "Y", "Z", "RX", "RY", "RZ"], default_values_t = [0.4, -0.2, 0.5, std::f64::consts::PI, 0.0, 0.0], allow_negative_numbers = true)]
+    #[arg(long, num_args = 6, value_names = ["X", "Y", "Z", "RX", "RY", "RZ"], default_values_t = POSE, allow_negative_numbers = true)]
     pose: Vec<f64>,
 }
 

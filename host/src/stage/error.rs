@@ -95,7 +95,10 @@ pub enum StageError {
         after: Duration,
     },
     /// The stage comes no nearer to where it was sent.
-    #[error("the stage is {distance_um} um from where it was sent and came no nearer for {:.1} s: is it blocked, paused, or its speed at 0?", after.as_secs_f32())]
+    #[error(
+        "the stage is {distance_um} um from where it was sent and came no nearer for {:.1} s: is it blocked, paused, or its speed at 0?",
+        after.as_secs_f32()
+    )]
     Stalled {
         /// How far it has to go, in micrometres.
         distance_um: u32,

@@ -34,6 +34,8 @@ mod machine {
     use tempfile::TempDir;
 
     type Outcome = Result<(), Box<dyn Error>>;
+    /// Breaks the arm.
+    type Strike = fn(&SimulatedArm);
 
     const CAMERA: &str = "/dev/video10";
     const BASELINE_MM: &str = "15";
@@ -291,7 +293,7 @@ mod machine {
     }
 
     /// What is wrong with the arm ends the capture with a word about it, without a motion; mended, the next capture works.
-    fn arm_fault(strike: fn(&SimulatedArm), while_it_moves: bool, words: &[&str]) -> Outcome {
+    fn arm_fault(strike: Strike, while_it_moves: bool, words: &[&str]) -> Outcome {
         let rig = Rig::new(&golden::images());
         if !while_it_moves {
             strike(&rig.arm);
@@ -449,7 +451,7 @@ mod machine {
         test("real_capture", has_data, Box::new(real_capture));
         test("live_captures", true, Box::new(live_captures));
         test("refusals", true, Box::new(refusals));
-        let faults: [(&str, fn(&SimulatedArm), bool, &[&str]); 6] = [
+        let faults: [(&str, Strike, bool, &[&str]); 6] = [
             ("arm_never_arrives", |arm| arm.fail(Fault::Stuck), true, &[]),
             ("arm_ignores_orders", |arm| arm.fail(Fault::Ignoring), false, &[]),
             ("arm_stops_protectively", |arm| arm.fail(Fault::ProtectiveStop { after_m: 0.004 }), false, &["protective"]),

@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use image::{GrayImage, imageops};
 use multiscopic_core::{Frame, Rewind, ScanlineSource, View, Views};
 
-use crate::{Error, Picture, rig::Images};
+use crate::{Error, Picture, image_file::write_png, rig::Images};
 
 /// A centre frame and its neighbours, all of one size, in 8-bit grey.
 #[derive(Clone, Debug)]
@@ -51,6 +51,17 @@ impl Frames {
             frames = frames.with(view, image);
         }
         Ok((frames, center))
+    }
+
+    /// Writes the frames to the `files` as PNG images.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn save(&self, files: &Images) -> crate::Result<()> {
+        let frames = [Frame::Center].into_iter().chain(self.views().iter().map(Frame::View));
+        frames
+            .filter_map(|frame| Some((files.get(frame)?, self.get(frame)?)))
+            .try_for_each(|(path, image)| write_png(path, image))
     }
 
     /// The `width` x `height` pixels in the middle of the centre and of its neighbours `views`.
@@ -142,6 +153,10 @@ mod tests {
         assert_eq!(frames.get(Frame::Center).unwrap().as_raw(), &[77, 0]);
         assert_eq!(frames.get(Frame::View(View::Top)).unwrap().as_raw(), &[5, 6]);
         assert_eq!(color.color(0, 0), [255, 0, 0]);
+
+        let saved = Images::of_capture(frames.views()).within(dir.path());
+        frames.save(&saved).unwrap();
+        assert_eq!(Frames::load(&saved).unwrap().0.get(Frame::View(View::Top)), frames.get(Frame::View(View::Top)));
 
         files.left = Some(file("left.pgm", b"P5 1 2 255 \0\0"));
         let message = Frames::load(&files).unwrap_err().to_string();

@@ -3,8 +3,7 @@
 use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
-use multiscopic::{Alignment, Error, Frames, Result, Rig, alignment::Residual, image_file, output, rig::Images};
-use multiscopic_core::Frame;
+use multiscopic::{Alignment, Error, Frames, Result, Rig, alignment::Residual, output, rig::Images};
 use serde::Serialize;
 
 use super::{
@@ -65,12 +64,7 @@ impl Align {
             let images = Images::of_capture(frames.views());
             let compensated = alignment.compensate(&frames);
             output::folder(folder, |folder| {
-                let files = images.within(folder);
-                for frame in [Frame::Center].into_iter().chain(frames.views().iter().map(Frame::View)) {
-                    if let (Some(path), Some(image)) = (files.get(frame), compensated.get(frame)) {
-                        image_file::write_png(path, image)?;
-                    }
-                }
+                compensated.save(&images.within(folder))?;
                 Rig { images: images.clone(), ..rig }.save(folder)
             })?;
             terminal::say(&format!("wrote {}", folder.display()));

@@ -19,7 +19,7 @@ use multiscopic::{
     Error, Frames, Result, Rig,
     camera::{Camera, PixelFormat, Settings},
     capture::capture,
-    image_file, output, rig,
+    output, rig,
     rig::Images,
     shutter::Shutter,
     stage::{self, AnyStage, Limits, StageSpec},
@@ -293,12 +293,7 @@ impl Session<'_> {
         let frames = frames?;
         let rig = self.rig(&frames, &date);
         output::folder(folder, |folder| {
-            let files = rig.images.within(folder);
-            for &frame in self.plan.frames() {
-                if let (Some(path), Some(image)) = (files.get(frame), frames.get(frame)) {
-                    image_file::write_png(path, image)?;
-                }
-            }
+            frames.save(&rig.images.within(folder))?;
             output::write(&folder.join("capture.log"), |writer| writer.write_all(log.as_bytes()))?;
             rig.save(folder)
         })?;

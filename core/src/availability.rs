@@ -1,6 +1,6 @@
 //! Which views see the candidates of a pixel.
 
-use core::{iter, ops::Range};
+use core::{iter, mem, ops::Range};
 
 use crate::{Params, View};
 
@@ -29,7 +29,7 @@ impl<'a> Availability<'a> {
         let mut all = Availability { params, ranges: [const { 0..0 }; View::ALL.len()] };
         for (range, view) in all.ranges.iter_mut().zip(params.views().iter()) {
             let (coordinate, size) = if view.is_horizontal() { (u, params.width()) } else { (v, params.height()) };
-            *range = inside(view, coordinate, size, params);
+            *range = inside(view, coordinate, size, params.min_disparity(), params.num_disparities());
         }
         all
     }
@@ -38,7 +38,7 @@ impl<'a> Availability<'a> {
     #[inline(always)]
     pub fn in_column(mut self, u: usize) -> Availability<'a> {
         for (range, view) in self.ranges.iter_mut().zip(self.params.views().iter()).filter(|(_, view)| view.is_horizontal()) {
-            *range = inside(view, u, self.params.width(), self.params);
+            *range = inside(view, u, self.params.width(), self.params.min_disparity(), self.params.num_disparities());
         }
         self
     }
@@ -85,6 +85,90 @@ impl<'a> Availability<'a> {
     }
 }
 
+/// Where each view of a match is available to a pixel.
+///
+/// It goes along with the pixel, and says what changes: from one pixel to the next, no more than a disparity or two.
+#[derive(Clone, Debug)]
+pub(crate) struct Available {
+    /// The horizontal views, then the vertical ones: their order.
+    views: [Reach; View::ALL.len()],
+    horizontal: usize,
+    len: usize,
+    /// The views that are not available at all disparities, as bits.
+    incomplete: u8,
+    /// The number of disparities.
+    all: u16,
+}
+
+/// Where a view is available, and how that follows the pixel.
+#[derive(Clone, Debug)]
+struct Reach {
+    view: View,
+    /// The frame's size in its direction, and the smallest disparity.
+    size: usize,
+    least: i16,
+    range: Range<u16>,
+}
+
+impl Available {
+    /// Nowhere yet.
+    pub fn new(params: &Params) -> Available {
+        let mut views = params.views().iter();
+        let views = View::ALL.map(|view| {
+            let view = views.next().unwrap_or(view);
+            let size = if view.is_horizontal() { params.width() } else { params.height() };
+            Reach { view, size, least: params.min_disparity(), range: 0..0 }
+        });
+        let len = params.views().len();
+        let horizontal = params.views().iter().filter(|view| view.is_horizontal()).count();
+        Available { views, horizontal, len, incomplete: (1 << len) - 1, all: params.num_disparities() as u16 }
+    }
+
+    /// Goes to pixel `(u, v)`. `change` is told of every view and disparity that changes whether it is available.
+    #[inline(never)]
+    pub fn enter_line(&mut self, u: usize, v: usize, mut change: impl FnMut(usize, usize, bool)) {
+        for k in 0..self.len {
+            self.go(k, if k < self.horizontal { u } else { v }, &mut change);
+        }
+    }
+
+    /// Goes to the pixel at `u` in the same line.
+    #[inline(never)]
+    pub fn enter(&mut self, u: usize, mut change: impl FnMut(usize, usize, bool)) {
+        for k in 0..self.horizontal {
+            self.go(k, u, &mut change);
+        }
+    }
+
+    /// The views that are not available at all disparities, as bits.
+    pub fn incomplete(&self) -> u8 {
+        self.incomplete
+    }
+
+    /// Whether no disparity is available in one view alone.
+    pub fn has_pairs(&self) -> bool {
+        self.len >= self.incomplete.count_ones() as usize + 2
+    }
+
+    /// Goes to a coordinate in the `k`-th view.
+    #[inline(always)]
+    fn go(&mut self, k: usize, coordinate: usize, mut change: impl FnMut(usize, usize, bool)) {
+        let Some(reach) = self.views.get_mut(k) else { return };
+        let next = inside(reach.view, coordinate, reach.size, reach.least, self.all.into());
+        let before = mem::replace(&mut reach.range, next.clone());
+        if next == before {
+            return;
+        }
+        // What lies between both beginnings and between both ends is all that may change.
+        for (from, to) in [(before.start, next.start), (before.end, next.end)] {
+            for index in from.min(to)..from.max(to) {
+                change(k, index.into(), next.contains(&index));
+            }
+        }
+        self.incomplete = self.incomplete & !(1 << k) | u8::from(next != (0..self.all)) << k;
+    }
+}
+
 /// The columns in which every horizontal view is available at every disparity: all their pixels in a line have the same availability.
 pub(crate) fn uniform_columns(params: &Params) -> Range<usize> {
     let (least, most) = (i32::from(params.min_disparity()), i32::from(params.max_disparity()));
@@ -96,14 +180,14 @@ pub(crate) fn uniform_columns(params: &Params) -> Range<usize> {
     columns.start as usize..columns.end.max(columns.start) as usize
 }
 
-/// The disparities at which `coordinate`, moved by them, stays in `0..size`.
+/// The indices of the disparities, `count` from `least` on, at which `coordinate`, moved by them, stays in `0..size`.
 #[inline(always)]
-fn inside(view: View, coordinate: usize, size: usize, params: &Params) -> Range<u16> {
+fn inside(view: View, coordinate: usize, size: usize, least: i16, count: usize) -> Range<u16> {
     let (coordinate, size) = (coordinate as i32, size as i32);
     let (from, to) = match view.sign() {
         1 => (-coordinate, size - coordinate),
         _ => (coordinate - size + 1, coordinate + 1),
     };
-    let index = |d: i32| (d - i32::from(params.min_disparity())).max(0).min(params.num_disparities() as i32) as u16;
+    let index = |d: i32| (d - i32::from(least)).max(0).min(count as i32) as u16;
     index(from)..index(to)
 }

@@ -69,19 +69,24 @@ impl Disparity {
     /// Costs stay below 2^21 and `at` is not above the others, so that the shift is at most half a pixel.
     #[inline(always)]
     pub(crate) fn refine(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
-        const HALF: u32 = Disparity::STEPS as u32 / 2;
         let (fall, rise) = (before.wrapping_sub(at), after.wrapping_sub(at));
-        let denominator = 2 * fall.wrapping_add(rise).max(1);
-        let numerator = (fall.wrapping_sub(rise) as i32).wrapping_mul(Disparity::STEPS);
         // Rounding half up what is positive, and the mirror image of what is not, takes halves away from zero. The shift alone never
         // changes the sign of the sum, unless d is 0.
-        let mirrored = d < 0 || (d == 0 && numerator < 0);
-        let numerator = if mirrored { numerator.wrapping_neg() } else { numerator };
-        // Half a pixel more makes it positive, so that the division rounds down.
-        let dividend = (2 * numerator).wrapping_add_unsigned((2 * HALF + 1).wrapping_mul(denominator)) as u32;
-        let shift = dividend.checked_div(2 * denominator).unwrap_or_default() as i32 - HALF as i32;
-        let shift = if mirrored { -shift } else { shift };
-        Disparity::from_bits((i32::from(d) * Disparity::STEPS + shift) as i16)
+        let (whole, half) = (i32::from(d) * Disparity::STEPS, Disparity::STEPS / 2);
+        Disparity::from_bits(match d > 0 || (d == 0 && fall >= rise) {
+            true => whole - half + Disparity::steps(fall, rise),
+            false => whole + half - Disparity::steps(rise, fall),
+        } as i16)
+    }
+
+    /// How many steps after half a pixel before lies the vertex of a parabola that falls so much before and rises so much after, rounded
+    /// half up.
+    #[inline(always)]
+    fn steps(fall: u32, rise: u32) -> i32 {
+        let sum = fall.wrapping_add(rise);
+        // In twice the sum, 64 (1 / 2 + shift) + 1 / 2, where the shift is (fall - rise) / (2 sum). That is never negative.
+        let dividend = fall.wrapping_sub(rise).wrapping_mul(64).wrapping_add(sum.wrapping_mul(65));
+        dividend.checked_div(sum.wrapping_mul(2)).map_or(Disparity::STEPS / 2, |steps| steps as i32)
     }
 
     /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that has vectors: 64 bits hold every quotient of 32 bits so
@@ -173,6 +178,43 @@ mod tests {
                 let exact = (f64::from(d) + shift) * 64.0;
                 let found = Disparity::refine(d, 7 + fall, 7, 7 + rise).map(Disparity::to_bits);
                 assert_eq!(found.map(f64::from), Some(exact.round()), "{d}, {fall}, {rise}");
+            }
+        }
+    }
+
+    #[test]
+    fn batches_are_refined_as_pixels_are() {
+        let mut random = 1u64;
+        let mut below = |limit: u32| {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((random >> 32) % u64::from(limit)) as u32
+        };
+        for most in [3, 40, 700, 65_535, 12 * 21 * 21 * 255] {
+            for _ in 0..3000 {
+                let mut costs = Around { d: [0; BATCH], before: [0; BATCH], at: [0; BATCH], after: [0; BATCH] };
+                for i in 0..BATCH {
+                    costs.d[i] = [-511, -1, 0, 1, 60, 511][below(6) as usize];
+                    costs.at[i] = below(most);
+                    // Often at the ends of what is possible.
+                    costs.before[i] = [costs.at[i], costs.at[i] + below(most - costs.at[i]), most - 1][below(3) as usize];
+                    costs.after[i] = [costs.at[i], costs.at[i] + below(most - costs.at[i]), most - 1][below(3) as usize];
+                }
+                let one = |i: usize| Disparity::refine(costs.d[i], costs.before[i], costs.at[i], costs.after[i]);
+                assert_eq!(Disparity::refine_all(&costs), core::array::from_fn(one), "{costs:?}");
+            }
+        }
+    }
+
+    /// The quotient that is the least below a whole number is still rounded down.
+    #[test]
+    fn batches_are_rounded_as_pixels_are() {
+        let most: u32 = 12 * 21 * 21 * 255;
+        for sum in [most, most - 1, 2 * most - 1, 1_048_576, 65_535, 131_070] {
+            for fall in (0..200).chain(sum / 2 - 100..sum / 2 + 100).chain((sum - sum / 64).saturating_sub(100)..=sum).take(3000)
+            {
+                let Some(rise) = sum.checked_sub(fall).filter(|&rise| rise <= most) else { continue };
+                let costs = Around { d: [7; BATCH], before: [fall; BATCH], at: [0; BATCH], after: [rise; BATCH] };
+                assert_eq!(Disparity::refine_all(&costs)[0], Disparity::refine(7, fall, 0, rise), "{fall} {rise}");
             }
         }
     }

@@ -6,6 +6,7 @@ use bytemuck::Pod;
 
 use crate::{
     Disparity, Frame, MatchError, Memory, MemoryTooSmall, Params, Region, ScanlineSource,
+    availability::Available,
     kernel::{Blocks, Change, Isa, Lane, Portable},
     lines::{Frames, Lines},
     memory::Shape,
@@ -59,6 +60,8 @@ pub struct Matcher<'m, I = Portable<{ Params::LANES }>> {
     shape: Shape,
     frames: Frames<'m>,
     sums: Sums<'m>,
+    /// What `sums.masks` leaves.
+    available: Available,
     /// A line as it comes from the source.
     line: &'m mut [u8],
     /// The next disparity line.
@@ -75,6 +78,8 @@ struct Sums<'m> {
     columns: &'m mut [u32],
     /// Over the block.
     blocks: &'m mut [u32],
+    /// In the shape of `blocks`, the greatest cost where a view is not available, and zero elsewhere.
+    masks: &'m mut [u32],
     /// The fused costs of a pixel.
     fused: &'m mut [u32],
     /// What leaves where nothing has entered yet.
@@ -122,10 +127,12 @@ impl<'m, I: Isa> Matcher<'m, I> {
         };
         let columns = lend(sizes.column_sums)?;
         let blocks = lend(sizes.block_sums)?;
+        let masks = lend(sizes.masks)?;
         let fused = lend(sizes.fused)?;
         let zeros = lend(sizes.zeros)?;
         let line = lend(sizes.line)?;
         columns.fill(0);
+        masks.fill(u32::MAX);
         zeros.fill(0);
         let mut lines = |frame| {
             let samples = bytemuck::cast_slice_mut(lend(shape.frame_bytes(frame))?);
@@ -142,7 +149,8 @@ impl<'m, I: Isa> Matcher<'m, I> {
             region: *region,
             shape,
             frames: Frames { center, views },
-            sums: Sums { columns, blocks, fused, zeros },
+            sums: Sums { columns, blocks, masks, fused, zeros },
+            available: Available::new(params),
             line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
             next: region.rows().start,
             primed: region.rows().start as i32 - params.radius() as i32,
@@ -239,6 +247,8 @@ impl<I: Isa> Matcher<'_, I> {
             steps: sweep::steps(&self.frames, lines, columns, nothing, self.params.block_size()),
             bias,
             blocks: cast_mut(self.sums.blocks).get_mut(..vectors).unwrap_or_default(),
+            masks: cast_mut(self.sums.masks).get_mut(..vectors).unwrap_or_default(),
+            available: &mut self.available,
             fused: cast_mut(self.sums.fused),
         };
         sweep.run(v, out);

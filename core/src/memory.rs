@@ -11,10 +11,11 @@ use crate::{Frame, Params, View, kernel::Isa};
 /// | --- | --- |
 /// | `column_sums` | `2 X D` for each view |
 /// | `block_sums` | `2 D` for each view, `4 D` from a block of 17 |
+/// | `masks` | as `block_sums` |
 /// | `fused` | `2 D` for each pixel of a [batch](Isa::BATCH), `4 D` from a block of 17 |
 /// | `center` | `(2 rho + 2) X` |
 /// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each horizontal view |
-/// | `vertical` | `X (D + 2 rho + 8)` for each vertical view |
+/// | `vertical` | `X (D + 2 rho + 16)` for each vertical view |
 /// | `zeros` | `2 D` for each view |
 /// | `line` | the frame's width |
 ///
@@ -33,6 +34,8 @@ pub struct Memory {
     pub column_sums: usize,
     /// Sums of differences over the block, for each view and disparity.
     pub block_sums: usize,
+    /// What hides block sums in views that are not available.
+    pub masks: usize,
     /// Fused costs of one pixel.
     pub fused: usize,
     /// The centre's lines under the block.
@@ -56,6 +59,7 @@ impl Memory {
         Memory {
             column_sums: shape.align(2 * shape.span * views * shape.depth),
             block_sums: shape.align(shape.lane_bytes * views * shape.depth),
+            masks: shape.align(shape.lane_bytes * views * shape.depth),
             fused: shape.align(I::BATCH * shape.lane_bytes * shape.depth),
             center: shape.align(shape.ring_lines * shape.span),
             horizontal: (views - vertical_views) * shape.align(shape.ring_lines * shape.reach()),
@@ -67,7 +71,15 @@ impl Memory {
 
     /// All of it, in bytes.
     pub const fn bytes(&self) -> usize {
-        self.column_sums + self.block_sums + self.fused + self.center + self.horizontal + self.vertical + self.zeros + self.line
+        self.column_sums
+            + self.block_sums
+            + self.masks
+            + self.fused
+            + self.center
+            + self.horizontal
+            + self.vertical
+            + self.zeros
+            + self.line
     }
 
     /// All of it, as the length of the `[u32]` that the matcher is lent.
@@ -97,7 +109,7 @@ pub(crate) struct Shape {
 
 impl Shape {
     /// How many lines enter a column of a vertical view before its samples move, by one more: by whole words.
-    pub const SLACK: usize = 7;
+    pub const SLACK: usize = 15;
 
     pub const fn new<I: Isa>(params: &Params, columns: usize) -> Shape {
         let depth = params.num_disparities().next_multiple_of(I::LANES);
@@ -130,6 +142,10 @@ impl Shape {
     }
 
     const fn align(&self, bytes: usize) -> usize {
-        bytes.next_multiple_of(self.vector_bytes)
+        // Never 0, which the compiler does not see.
+        match bytes.checked_next_multiple_of(self.vector_bytes) {
+            Some(bytes) => bytes,
+            None => bytes,
+        }
     }
 }

@@ -2,9 +2,9 @@
 
 use crate::{
     Disparity, Params,
-    availability::Availability,
+    availability::{Availability, Available},
     disparity::Around,
-    kernel::{Block, Blocks, Isa, Lane, Rule, Winners},
+    kernel::{self, Block, Blocks, Isa, Lane, Rule, Winners},
 };
 
 const BATCH: usize = Winners::<()>::MAX;
@@ -22,6 +22,8 @@ pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     excess: I::Costs,
     /// Whether there are any.
     exceeds: bool,
+    /// Disparities that have one on both sides.
+    inner: usize,
 }
 
 impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
@@ -37,7 +39,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
                 *lane = L::MAX;
             }
         }
-        Selection { isa, params, rule, indices, excess, exceeds: !params.num_disparities().is_multiple_of(I::LANES) }
+        let exceeds = !params.num_disparities().is_multiple_of(I::LANES);
+        Selection { isa, params, rule, indices, excess, exceeds, inner: params.num_disparities().saturating_sub(2) }
     }
 
     /// What the costs in the last vector are at least, if it has lanes too many.
@@ -50,11 +53,35 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     #[inline(always)]
     pub fn fuse<const V: usize>(&self, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
         let least = self.isa.fuse(self.rule, blocks, fused);
-        if self.exceeds { self.least(fused) } else { least.least() }
+        if self.exceeds { self.least(fused) } else { least }
+    }
+
+    /// Whether masks do for the rule: a hidden cost is that of no view, but for the heuristic rule where there is but one.
+    pub fn masks(&self, available: &Available) -> bool {
+        match self.rule {
+            Rule::Min => true,
+            Rule::Sum => false,
+            Rule::Heuristic => available.has_pairs(),
+        }
+    }
+
+    /// Fuses the costs of a pixel that masks leave, in the `masked` views, and returns the least.
+    #[inline(always)]
+    pub fn fuse_masked<const V: usize>(
+        &self,
+        masked: u8,
+        blocks: &[[I::Costs; V]],
+        masks: &[[I::Costs; V]],
+        fused: &mut [I::Costs],
+    ) -> L {
+        // Masks hide lanes that are too many in every view.
+        let masked = if self.exceeds { u8::MAX } else { masked };
+        self.isa.fuse_masked(self.rule, masked, blocks, masks, fused)
     }
 
     /// Fuses the costs of a pixel segment by segment, and returns the least.
-    #[cfg_attr(not(debug_assertions), inline(always))]
+    #[cfg_attr(target_arch = "arm", inline(never))]
+    #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
     pub fn fuse_segments<const V: usize>(
         &self,
         availability: &Availability<'_>,
@@ -91,35 +118,15 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     ///
     /// Step by step for all pixels: each step takes long, but does not wait for that of another pixel.
     #[cfg_attr(not(debug_assertions), inline(always))]
-    pub fn disparities<'e>(
-        &self,
-        winners: &Winners<L>,
-        fused: &[I::Costs],
-        vectors: usize,
-        pixels: &mut [Option<Disparity>],
-        exact: impl Fn(usize) -> Exact<'e, I>,
-    ) where
+    pub fn disparities<'e>(&self, winners: &Winners<L>, pixels: &mut [Option<Disparity>], exact: impl Fn(usize) -> Exact<'e, I>)
+    where
         I: 'e,
     {
-        let Winners { costs, indices } = winners;
-        let fused = fused.chunks_exact(vectors.max(1)).take(pixels.len());
         let last = self.params.num_disparities() as u32 - 1;
-        let (mut lanes_before, mut lanes_after) = ([0; BATCH], [0; BATCH]);
-        for i in 0..BATCH {
-            lanes_before[i] = lane::<I>(indices[i].saturating_sub(1) as usize);
-            lanes_after[i] = lane::<I>(last.min(indices[i] + 1) as usize);
-        }
-        let (mut before, mut after) = ([L::MAX; BATCH], [L::MAX; BATCH]);
-        let neighbours = lanes_before.iter().zip(&lanes_after).zip(before.iter_mut().zip(&mut after));
-        for (((&lane_before, &lane_after), (before, after)), fused) in neighbours.zip(fused) {
-            let costs: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
-            *before = costs.get(lane_before).copied().unwrap_or(L::MAX);
-            *after = costs.get(lane_after).copied().unwrap_or(L::MAX);
-        }
         let mut around = Around { d: [0; BATCH], before: [0; BATCH], at: [0; BATCH], after: [0; BATCH] };
         let mut unclear = [false; BATCH];
         for i in 0..BATCH {
-            let (index, at, before, after) = (indices[i], costs[i], before[i], after[i]);
+            let (index, at, before, after) = (winners.indices[i], winners.costs[i], winners.before[i], winners.after[i]);
             // At the ends of the search the disparity is left as it is.
             let inner = (index != 0) & (index < last);
             unclear[i] = (at == L::MAX) | (inner & ((before == L::MAX) | (after == L::MAX)));
@@ -129,12 +136,17 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             around.after[i] = if inner { after } else { at }.widen();
         }
         let refined = Disparity::refine_all(&around);
-        for (pixel, refined) in pixels.iter_mut().zip(refined) {
-            *pixel = refined;
+        match <&mut [_; BATCH]>::try_from(&mut *pixels) {
+            Ok(pixels) => *pixels = refined,
+            Err(_) => pixels.iter_mut().zip(refined).for_each(|(pixel, refined)| *pixel = refined),
         }
         if unclear != [false; BATCH] {
-            for (((pixel, _), i), (&at, &index)) in
-                pixels.iter_mut().zip(unclear).zip(0..).zip(costs.iter().zip(indices)).filter(|(((_, unclear), _), _)| *unclear)
+            for (((pixel, _), i), (&at, &index)) in pixels
+                .iter_mut()
+                .zip(unclear)
+                .zip(0..)
+                .zip(winners.costs.iter().zip(&winners.indices))
+                .filter(|(((_, unclear), _), _)| *unclear)
             {
                 let exact = exact(i);
                 *pixel = if at == L::MAX { exact.disparity() } else { exact.refined(index as usize) };
@@ -153,23 +165,18 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
         let index = self.isa.position(fused, cost);
         let d = self.params.min_disparity() + index as i16;
-        if index == 0 || index + 1 >= self.params.num_disparities() {
+        let before = index.wrapping_sub(1);
+        if before >= self.inner {
             return Disparity::whole(d);
         }
         let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
-        match (lanes.get(lane::<I>(index - 1)), lanes.get(lane::<I>(index + 1))) {
-            (Some(&before), Some(&after)) if before != L::MAX && after != L::MAX => {
+        match (lanes.get(kernel::lane::<I>(before)), lanes.get(kernel::lane::<I>(index + 1))) {
+            (Some(&before), Some(&after)) if before.max(after) != L::MAX => {
                 Disparity::refine(d, before.widen(), cost.widen(), after.widen())
             }
             _ => exact().refined(index),
         }
     }
-}
-
-/// Where the lane of a disparity is among those of a pixel.
-#[inline(always)]
-fn lane<I: Isa>(index: usize) -> usize {
-    index / I::LANES * I::LANES + I::lane(index % I::LANES)
 }
 
 /// A vector's lanes.
@@ -236,7 +243,7 @@ impl<I: Isa> Exact<'_, I> {
         let columns = self.sums.chunks_exact((self.params.views().len() * self.vectors).max(1));
         columns.skip(self.u - self.start).take(self.params.block_size()).try_fold(0, |sum, column| {
             let sums: &[u16] = bytemuck::try_cast_slice(column.get(k * self.vectors..)?).ok()?;
-            Some(sum + u32::from(sums.get(lane::<I>(index))?.wrapping_sub(self.bias)))
+            Some(sum + u32::from(sums.get(kernel::lane::<I>(index))?.wrapping_sub(self.bias)))
         })
     }
 }

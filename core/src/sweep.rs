@@ -1,10 +1,10 @@
 //! A line's way through the sums: down the columns of the blocks, and along them.
 
-use core::{array, mem};
+use core::{array, mem, slice};
 
 use crate::{
     Disparity, Params, Region,
-    availability::{Availability, uniform_columns},
+    availability::{Availability, Available, uniform_columns},
     kernel::{Batch, Block, Blocks, Change, Isa, Lane, Rule, Steps, Winners},
     lines::{Frames, Lines},
     selection::{Exact, Selection},
@@ -36,6 +36,9 @@ pub(crate) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub bias: u16,
     /// The sums of a block.
     pub blocks: &'a mut [[I::Costs; V]],
+    /// What hides them where a view is not available.
+    pub masks: &'a mut [[I::Costs; V]],
+    pub available: &'a mut Available,
     /// The fused costs of a batch of pixels.
     pub fused: &'a mut [I::Costs],
 }
@@ -44,7 +47,47 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
     /// Moves the blocks down by a step and along line `v`, and writes its disparities.
     #[cfg_attr(not(debug_assertions), inline(always))]
     pub fn run(self, v: usize, out: &mut [Option<Disparity>]) {
-        let Sweep { isa, params, region, mut steps, bias, blocks, fused } = self;
+        if const { I::BATCH == 1 } { self.run_by_pixel(v, out) } else { self.run_by_batch(v, out) }
+    }
+
+    /// As [`run`](Sweep::run), pixel by pixel: a function of its own, since small processors have few registers.
+    #[inline(never)]
+    fn run_by_pixel(self, v: usize, out: &mut [Option<Disparity>]) {
+        let Sweep { isa, params, region, mut steps, bias, blocks, masks, available, fused } = self;
+        let vectors = blocks.len();
+        let Some(fused) = fused.get_mut(..vectors) else { return };
+        for costs in blocks.as_flattened_mut() {
+            isa.splat(L::default()).store(costs);
+        }
+        // The first block's columns but the last.
+        for _ in 0..2 * params.radius() {
+            isa.slide(&mut steps, blocks);
+        }
+        let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
+        let uniform = uniform_columns(params);
+        let start = region.columns().start;
+        available.enter_line(start, v, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
+        let (mut incomplete, mut masked) = (available.incomplete(), selection.masks(available));
+        for (pixel, u) in out.iter_mut().zip(start..) {
+            isa.slide(&mut steps, blocks);
+            // What is available is the same in all uniform columns.
+            if u <= uniform.start || u >= uniform.end {
+                available.enter(u, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
+                (incomplete, masked) = (available.incomplete(), selection.masks(available));
+            }
+            let least = match (incomplete, masked) {
+                (0, _) => selection.fuse(blocks, fused),
+                (_, true) => selection.fuse_masked(incomplete, blocks, masks, fused),
+                _ => selection.fuse_segments(&Availability::new(params, u, v), blocks, fused),
+            };
+            *pixel = selection.disparity(least, fused, || Exact { params, u, v, start, sums: steps.sums(), vectors, bias });
+        }
+    }
+
+    /// As [`run`](Sweep::run), in batches of pixels.
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn run_by_batch(self, v: usize, out: &mut [Option<Disparity>]) {
+        let Sweep { isa, params, region, mut steps, bias, blocks, fused, .. } = self;
         let vectors = blocks.len();
         for costs in blocks.as_flattened_mut() {
             isa.splat(L::default()).store(costs);
@@ -57,23 +100,19 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let uniform = uniform_columns(params);
         let of_uniform = Availability::new(params, uniform.start, v);
         let complete = of_uniform.is_complete();
-        let mut winners = Winners { costs: [L::MAX; Winners::<()>::MAX], indices: [0; Winners::<()>::MAX] };
+        let mut winners = Winners::new();
         let start = region.columns().start;
         let (mut u, mut out) = (region.columns().start, out);
         while !out.is_empty() {
             let inside = uniform.contains(&u);
             // Pixels whose views are all available come in batches, all others one by one.
-            let batch = if I::BATCH > 1 && complete && inside {
-                I::BATCH.min(Winners::<L>::MAX).min(uniform.end - u).min(out.len())
-            } else {
-                1
-            };
+            let batch = if complete && inside { I::BATCH.min(Winners::<L>::MAX).min(uniform.end - u).min(out.len()) } else { 1 };
             let Some((pixels, others)) = mem::take(&mut out).split_at_mut_checked(batch) else { return };
             if batch > 1 {
                 let excess = selection.excess();
                 let batch = Batch { rule: selection.rule, pixels: batch, blocks, fused, excess };
                 isa.batch(batch, &mut steps, &mut winners);
-                selection.disparities(&winners, fused, vectors, pixels, |i| Exact {
+                selection.disparities(&winners, pixels, |i| Exact {
                     params,
                     u: u + i,
                     v,
@@ -95,5 +134,15 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
             u += batch;
             out = others;
         }
+    }
+}
+
+/// Hides a disparity of the `k`-th view, or shows it.
+#[inline(always)]
+fn mask<L: Lane, I: Blocks<L>, const V: usize>(masks: &mut [[I::Costs; V]], k: usize, index: usize, shows: bool) {
+    let vector = masks.get_mut(index / I::LANES).and_then(|views| views.get_mut(k));
+    let lanes = vector.and_then(|vector| bytemuck::try_cast_slice_mut::<_, L>(slice::from_mut(vector)).ok());
+    if let Some(lane) = lanes.and_then(|lanes| lanes.get_mut(I::lane(index % I::LANES))) {
+        *lane = if shows { L::default() } else { L::MAX };
     }
 }

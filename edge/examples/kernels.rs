@@ -195,13 +195,24 @@ mod image {
         let rule = if rule == Rule::Heuristic && V < 3 { Rule::Sum } else { rule };
         let mut fused = [<K::Costs as bytemuck::Zeroable>::zeroed(); VECTORS];
         let mut fused_by_twin = [[L::default(); LANES]; VECTORS];
-        let least = kernel.fuse(rule, &blocks[..length], &mut fused[..length]).least();
-        let least_of_twin = twin.fuse(rule, &twins[..length], &mut fused_by_twin[..length]).least();
+        let least = kernel.fuse(rule, &blocks[..length], &mut fused[..length]);
+        let least_of_twin = twin.fuse(rule, &twins[..length], &mut fused_by_twin[..length]);
         same("fusing costs", fused.map(|costs| lanes(&costs)), fused_by_twin)?;
         same("the least of fused costs", least, least_of_twin)?;
         same("the least of costs", kernel.least(&fused[..length]), twin.least(&fused_by_twin[..length]))?;
         let position = kernel.position(&fused[..length], least);
         same("the position of the least", position, twin.position(&fused_by_twin[..length], least))?;
+        let masked = [random.number() as u8, 1 << (random.number() as usize % V)][trial % 2] % (1 << V);
+        let mut masks_of_twin = [[[L::default(); LANES]; V]; VECTORS];
+        for view in masks_of_twin.iter_mut().flat_map(|views| views.iter_mut().zip(0..)).filter(|(_, k)| masked >> k & 1 != 0) {
+            view.0.fill_with(|| narrow(if random.number() % 4 == 0 { u32::MAX } else { 0 }));
+        }
+        let masks = masks_of_twin.map(|views| views.map(|lanes| vector::<L, K::Costs>(&lanes)));
+        let least = kernel.fuse_masked(rule, masked, &blocks[..length], &masks[..length], &mut fused[..length]);
+        let least_of_twin =
+            twin.fuse_masked(rule, masked, &twins[..length], &masks_of_twin[..length], &mut fused_by_twin[..length]);
+        same("fusing masked costs", fused.map(|costs| lanes(&costs)), fused_by_twin)?;
+        same("the least of masked costs", least, least_of_twin)?;
         let available = random.number() as u8 % (1 << V);
         kernel.fuse_available(rule, available, &blocks[..length], &mut fused[..length]);
         twin.fuse_available(rule, available, &twins[..length], &mut fused_by_twin[..length]);

@@ -2,14 +2,19 @@
 //! a panic does not.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
+// Not from the crate, whose panic handler would come with it.
+#[cfg(target_os = "none")]
+#[path = "../src/kernel.rs"]
+mod kernel;
+
 #[cfg(target_os = "none")]
 mod image {
     #![expect(unsafe_code, reason = "the function that does not exist is foreign")]
 
+    use super::kernel::Kernel;
     use core::{convert::Infallible, hint::black_box, panic::PanicInfo};
     use cortex_m as _; // brings the critical section
     use multiscopic_core::{Frame, Fusion, Matcher, Params, Region, ScanlineSource, Views};
-    use multiscopic_edge::Kernel;
     use static_cell::ConstStaticCell;
 
     static MEMORY: ConstStaticCell<[u32; 10_000]> = ConstStaticCell::new([0; 10_000]);

@@ -39,7 +39,7 @@ impl Isa for Avx512 {
 
     #[inline(always)]
     fn lane(index: usize) -> usize {
-        index % 8 + index / 16 * 8 + index / 8 % 2 * 32
+        LANE[index % 64].into()
     }
 
     #[inline(always)]
@@ -73,6 +73,17 @@ impl Isa for Avx512 {
         }
     }
 }
+
+/// The lane of each disparity, as interleaving bytes leaves them.
+static LANE: [u8; 64] = {
+    let mut lanes = [0; 64];
+    let mut index = 0;
+    while index < 64 {
+        lanes[index] = (index % 8 + index / 16 * 8 + index / 8 % 2 * 32) as u8;
+        index += 1;
+    }
+    lanes
+};
 
 #[inline(always)]
 unsafe fn absolute_differences(center: u8, view: &[u8; 64]) -> __m512i {

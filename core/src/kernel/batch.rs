@@ -4,7 +4,7 @@
 //! those of several at once, if nothing else is in its way.
 #![allow(unsafe_code)]
 
-use super::{Block, Blocks, Lane, Rule, Steps};
+use super::{Block, Blocks, Lane, Rule, Steps, lane};
 #[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
 use super::{Change, Column, fuse, steps::Place};
 
@@ -30,6 +30,10 @@ pub struct Winners<L> {
     pub costs: [L; MAX],
     /// Their indices.
     pub indices: [u32; MAX],
+    /// The costs at the indices before, if there are such.
+    pub before: [L; MAX],
+    /// The costs at the indices after, if there are such.
+    pub after: [L; MAX],
 }
 
 /// The most pixels in a batch.
@@ -38,6 +42,13 @@ const MAX: usize = 32;
 impl<L> Winners<L> {
     /// The most pixels in a batch.
     pub const MAX: usize = MAX;
+}
+
+impl<L: Lane> Winners<L> {
+    /// None yet.
+    pub const fn new() -> Winners<L> {
+        Winners { costs: [L::MAX; MAX], indices: [0; MAX], before: [L::MAX; MAX], after: [L::MAX; MAX] }
+    }
 }
 
 impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, L, I, V> {
@@ -55,13 +66,22 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, L, I, V> {
     /// Finds the least costs.
     #[cfg_attr(not(debug_assertions), inline(always))]
     fn find(&mut self, isa: I, vectors: usize, winners: &mut Winners<L>) {
-        let pixels = self.fused.chunks_exact_mut(vectors.max(1)).take(self.pixels);
-        for ((fused, cost), index) in pixels.zip(&mut winners.costs).zip(&mut winners.indices) {
+        let Winners { costs, indices, before, after } = winners;
+        // Three loops instead of one: what a processor looks at ahead are then several pixels, and not all that one waits for.
+        for (fused, cost) in self.fused.chunks_exact_mut(vectors.max(1)).take(self.pixels).zip(&mut *costs) {
             if let (Some(excess), Some(last)) = (&self.excess, fused.last_mut()) {
                 isa.load_block(last).max(isa.load_block(excess)).store(last);
             }
             *cost = isa.least(fused);
-            *index = isa.position(fused, *cost) as u32;
+        }
+        let pixels = self.fused.chunks_exact(vectors.max(1)).take(self.pixels);
+        for ((fused, &mut cost), index) in pixels.clone().zip(costs).zip(&mut *indices) {
+            *index = isa.position(fused, cost) as u32;
+        }
+        for ((fused, &mut index), (before, after)) in pixels.zip(indices).zip(before.iter_mut().zip(after)) {
+            let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
+            let cost = |index: usize| lanes.get(lane::<I>(index)).copied().unwrap_or(L::MAX);
+            (*before, *after) = (cost((index as usize).wrapping_sub(1)), cost(index as usize + 1));
         }
     }
 }

@@ -9,7 +9,7 @@
 use core::arch::asm;
 
 use super::{
-    Block, Blocks, Change, Column, Isa, Rule, Steps, fuse_generic,
+    Block, Blocks, Change, Column, Isa, Rule, Steps, fuse_generic, fuse_masked_generic,
     steps::{Place, Track},
 };
 
@@ -106,10 +106,13 @@ fn differences(a: u32, b: u32) -> u32 {
     uqsub8(a, b) | uqsub8(b, a)
 }
 
-/// The lesser of words' halves, of which the first is the place for the result.
+/// The lesser of words' halves, to the place of the first if there is no other.
 macro_rules! min {
     ($a:literal, $b:literal) => {
         concat!("usub16 {t}, ", $a, ", ", $b, "\nsel ", $a, ", ", $b, ", ", $a, "\n")
+    };
+    ($a:literal, $b:literal, $to:literal) => {
+        concat!("usub16 ", $to, ", ", $a, ", ", $b, "\nsel ", $to, ", ", $b, ", ", $a, "\n")
     };
 }
 
@@ -150,91 +153,361 @@ unsafe fn least_of_all<const UNROLLED: usize>(blocks: *const [[u32; 2]; 4], fuse
     least
 }
 
-/// Fuses the costs of four of `V` views, some of them maybe the same, to the least.
+/// Fuses the costs of four views in two lanes by the heuristic rule, into the place of the first.
+macro_rules! heuristic {
+    ($a:literal, $b:literal, $c:literal, $d:literal) => {
+        concat!(
+            // The lesser and the greater of the first two are in t and a, those of the others in b and c.
+            "usub16 {t}, ",
+            $a,
+            ", ",
+            $b,
+            "\nsel {t}, ",
+            $b,
+            ", ",
+            $a,
+            "\nsel ",
+            $a,
+            ", ",
+            $a,
+            ", ",
+            $b,
+            "\n",
+            "usub16 ",
+            $b,
+            ", ",
+            $c,
+            ", ",
+            $d,
+            "\nsel ",
+            $b,
+            ", ",
+            $d,
+            ", ",
+            $c,
+            "\nsel ",
+            $c,
+            ", ",
+            $c,
+            ", ",
+            $d,
+            "\n",
+            // The least in d. Second and third are the greater of the lesser ones and the lesser of the greater ones: in b and a.
+            "usub16 ",
+            $d,
+            ", {t}, ",
+            $b,
+            "\nsel ",
+            $d,
+            ", ",
+            $b,
+            ", {t}\nsel ",
+            $b,
+            ", {t}, ",
+            $b,
+            "\n",
+            "usub16 {t}, ",
+            $a,
+            ", ",
+            $c,
+            "\nsel ",
+            $a,
+            ", ",
+            $c,
+            ", ",
+            $a,
+            "\n",
+            // In c and a.
+            "usub16 {t}, ",
+            $b,
+            ", ",
+            $a,
+            "\nsel ",
+            $c,
+            ", ",
+            $a,
+            ", ",
+            $b,
+            "\nsel ",
+            $a,
+            ", ",
+            $b,
+            ", ",
+            $a,
+            "\n",
+            // The sums of two in d and of three in b, three times the second in t.
+            "uqadd16 ",
+            $d,
+            ", ",
+            $d,
+            ", ",
+            $c,
+            "\nuqadd16 ",
+            $b,
+            ", ",
+            $d,
+            ", ",
+            $a,
+            "\n",
+            "uqadd16 {t}, ",
+            $c,
+            ", ",
+            $c,
+            "\nuqadd16 {t}, {t}, ",
+            $c,
+            "\n",
+            "uqadd16 ",
+            $c,
+            ", ",
+            $d,
+            ", ",
+            $d,
+            "\nuqadd16 ",
+            $d,
+            ", ",
+            $c,
+            ", ",
+            $d,
+            "\n",
+            "uqadd16 ",
+            $b,
+            ", ",
+            $b,
+            ", ",
+            $b,
+            "\n",
+            "usub16 {t}, {t}, ",
+            $a,
+            "\nsel ",
+            $a,
+            ", ",
+            $b,
+            ", ",
+            $d,
+            "\n"
+        )
+    };
+}
+
+/// Fuses the costs of four views by the heuristic rule, and returns the least of all.
 ///
 /// # Safety
-/// The views exist. There are as many blocks as fused costs, not 0.
+/// There are as many blocks as fused costs, not 0.
 #[inline(always)]
-unsafe fn least_of<const V: usize>(views: [usize; 4], blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) {
-    let [first, second, third, fourth] = views.map(|k| blocks.as_ptr().cast::<[u32; 2]>().wrapping_add(k));
+unsafe fn heuristic_of_all(blocks: *const [[u32; 2]; 4], fused: &mut [[u32; 2]]) -> u32 {
+    let mut least = u32::MAX;
     unsafe {
         asm!(
             "2:",
-            "ldrd {a}, {b}, [{first}], #{stride}",
-            "ldrd {c}, {d}, [{second}], #{stride}",
-            min!("{a}", "{c}"),
-            min!("{b}", "{d}"),
-            "ldrd {c}, {d}, [{third}], #{stride}",
-            min!("{a}", "{c}"),
-            min!("{b}", "{d}"),
-            "ldrd {c}, {d}, [{fourth}], #{stride}",
-            min!("{a}", "{c}"),
-            min!("{b}", "{d}"),
-            "strd {a}, {b}, [{fused}], #8",
+            "ldm {block}!, {{r0, r1, r2, r3, r4, r5, r8, r9}}",
+            heuristic!("r0", "r2", "r4", "r8"),
+            heuristic!("r1", "r3", "r5", "r9"),
+            "strd r0, r1, [{fused}], #8",
+            min!("{least}", "r0"),
+            min!("{least}", "r1"),
             "subs {n}, {n}, #1",
             "bne 2b",
             n = inout(reg) fused.len() => _,
-            first = inout(reg) first => _,
-            second = inout(reg) second => _,
-            third = inout(reg) third => _,
-            fourth = inout(reg) fourth => _,
+            block = inout(reg) blocks => _,
             fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            t = out(reg) _,
+            out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
+            options(nostack),
+        );
+    }
+    least
+}
+
+/// As [`heuristic_of_all`], of what masks leave.
+///
+/// # Safety
+/// There are as many blocks and masks as fused costs, not 0.
+#[inline(always)]
+unsafe fn heuristic_of_unmasked(blocks: *const [[u32; 2]; 4], masks: *const [[u32; 2]; 4], fused: &mut [[u32; 2]]) -> u32 {
+    let mut least = u32::MAX;
+    unsafe {
+        asm!(
+            "2:",
+            // Word by word, for want of registers.
+            ".irp next, 4, 28",
+            "ldr {a}, [{block}]",
+            "ldr {t}, [{mask}]",
+            "orr {a}, {a}, {t}",
+            "ldr {b}, [{block}, #8]",
+            "ldr {t}, [{mask}, #8]",
+            "orr {b}, {b}, {t}",
+            "ldr {c}, [{block}, #16]",
+            "ldr {t}, [{mask}, #16]",
+            "orr {c}, {c}, {t}",
+            "ldr {d}, [{block}, #24]",
+            "ldr {t}, [{mask}, #24]",
+            "orr {d}, {d}, {t}",
+            "add {block}, {block}, #\\next",
+            "add {mask}, {mask}, #\\next",
+            heuristic!("{a}", "{b}", "{c}", "{d}"),
+            "str {a}, [{fused}], #4",
+            min!("{least}", "{a}"),
+            ".endr",
+            "subs {n}, {n}, #1",
+            "bne 2b",
+            n = inout(reg) fused.len() => _,
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
             a = out(reg) _,
             b = out(reg) _,
             c = out(reg) _,
             d = out(reg) _,
             t = out(reg) _,
-            stride = const VECTOR * V,
             options(nostack),
         );
     }
+    least
 }
 
-/// The costs of block `j` in `N` of `V` views.
+/// Fuses the costs of `V` views that masks leave to the least, and returns the least of all.
 ///
 /// # Safety
-/// The views exist.
+/// There are as many blocks and masks as fused costs, not 0.
 #[inline(always)]
-unsafe fn costs<const N: usize, const V: usize>(views: [usize; 4], block: &[[u32; 2]; V]) -> [U16x4; N] {
-    core::array::from_fn(|i| U16x4(unsafe { *block.get_unchecked(views[i]) }))
-}
-
-/// Moves a column down, and the blocks on by it.
-///
-/// # Safety
-/// The place has as many vectors in a view as there are blocks: a multiple of `UNROLLED`, not 0.
-#[inline(always)]
-unsafe fn slide<const V: usize, const UNROLLED: usize>(place: Place<'_, Dsp, V>, blocks: &mut [[[u32; 2]; V]]) {
-    let Place { center, tracks, column, left, .. } = place;
-    let (entering, leaving) = (splat(center.entering), splat(center.leaving));
+unsafe fn least_of_unmasked<const V: usize>(
+    blocks: *const [[u32; 2]; V],
+    masks: *const [[u32; 2]; V],
+    fused: &mut [[u32; 2]],
+) -> u32 {
+    let mut least = u32::MAX;
     unsafe {
         asm!(
-            // On the stack: the vectors, the way back to the next view's first block, the tracks' end, and the frame pointer.
+            "2:",
+            "ldrd {a}, {b}, [{block}], #8",
+            "ldrd {c}, {d}, [{mask}], #8",
+            "orr {a}, {a}, {c}",
+            "orr {b}, {b}, {d}",
+            ".rept {others}",
+            "ldrd {c}, {d}, [{block}], #8",
+            "ldrd {e}, {t}, [{mask}], #8",
+            "orr {c}, {c}, {e}",
+            "orr {d}, {d}, {t}",
+            min!("{a}", "{c}"),
+            min!("{b}", "{d}"),
+            ".endr",
+            "strd {a}, {b}, [{fused}], #8",
+            min!("{least}", "{a}"),
+            min!("{least}", "{b}"),
+            "subs {n}, {n}, #1",
+            "bne 2b",
+            n = inout(reg) fused.len() => _,
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            a = out(reg) _,
+            b = out(reg) _,
+            c = out(reg) _,
+            d = out(reg) _,
+            e = out(reg) _,
+            t = out(reg) _,
+            others = const V - 1,
+            options(nostack),
+        );
+    }
+    least
+}
+
+/// As [`least_of_unmasked`], where only view `K` has masks.
+///
+/// # Safety
+/// There are as many blocks and masks as fused costs, not 0, and a view `K`.
+#[inline(always)]
+unsafe fn least_of_one_masked<const V: usize, const K: usize>(
+    blocks: *const [[u32; 2]; V],
+    masks: *const [[u32; 2]; V],
+    fused: &mut [[u32; 2]],
+) -> u32 {
+    let mut least = u32::MAX;
+    unsafe {
+        asm!(
+            "2:",
+            "ldrd {a}, {b}, [{mask}], #{stride}",
+            "ldrd {c}, {d}, [{block}, #{masked}]",
+            "orr {a}, {a}, {c}",
+            "orr {b}, {b}, {d}",
+            ".irp view, 0, 8, 16, 24",
+            ".if (\\view < {stride}) && (\\view != {masked})",
+            "ldrd {c}, {d}, [{block}, #\\view]",
+            min!("{a}", "{c}"),
+            min!("{b}", "{d}"),
+            ".endif",
+            ".endr",
+            "add {block}, {block}, #{stride}",
+            "strd {a}, {b}, [{fused}], #8",
+            min!("{least}", "{a}"),
+            min!("{least}", "{b}"),
+            "subs {n}, {n}, #1",
+            "bne 2b",
+            n = inout(reg) fused.len() => _,
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks.cast::<[u32; 2]>().wrapping_add(K) => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            a = out(reg) _,
+            b = out(reg) _,
+            c = out(reg) _,
+            d = out(reg) _,
+            t = out(reg) _,
+            masked = const K * VECTOR,
+            stride = const V * VECTOR,
+            options(nostack),
+        );
+    }
+    least
+}
+
+/// Moves a column down, and the blocks on by it: of `N` vectors in a view if that is not 0, and then without counting them.
+///
+/// # Safety
+/// The place has as many vectors in a view as there are blocks: `N`, or at least one.
+#[inline(always)]
+unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Dsp, V>, blocks: &mut [[[u32; 2]; V]]) {
+    let Place { center, tracks, column, left, .. } = place;
+    let (entering, leaving) = (splat(center.entering), splat(center.leaving));
+    let end = tracks.wrapping_add(V);
+    unsafe {
+        asm!(
+            // On the stack: the vectors, the tracks' end, the frame pointer, and the first block.
             "sub sp, sp, #16",
             "strd {n}, {x}, [sp]",
-            "strd {y}, r7, [sp, #8]",
+            "strd r7, {block}, [sp, #8]",
             "2:",
             "ldrd {entering}, {leaving}, [{tracks}]",
             "ldr {x}, [{tracks}, #8]",
             "add {y}, {entering}, {x}",
             "add {a}, {leaving}, {x}",
             "strd {y}, {a}, [{tracks}], #{track}",
-            "ldr {n}, [sp]",
-            "3:",
-            ".rept {unrolled}",
+            ".if {fixed}",
+            ".rept {fixed}",
             slide_vector!(),
             ".endr",
-            "subs {n}, {n}, #{unrolled}",
+            "sub {block}, {block}, #{back}",
+            ".else",
+            "ldr {n}, [sp]",
+            "3:",
+            slide_vector!(),
+            "subs {n}, {n}, #1",
             "bne 3b",
-            "ldrd {x}, {y}, [sp, #4]",
-            "sub {block}, {block}, {x}",
-            "cmp {tracks}, {y}",
+            "ldr {block}, [sp, #12]",
+            "add {block}, {block}, #{vector}",
+            "str {block}, [sp, #12]",
+            ".endif",
+            "ldr {x}, [sp, #4]",
+            "cmp {tracks}, {x}",
             "bne 2b",
-            "ldr r7, [sp, #12]",
+            "ldr r7, [sp, #8]",
             "add sp, sp, #16",
             n = inout(reg) blocks.len() => _,
-            x = inout(reg) (blocks.len() * V - 1) * VECTOR => _,
-            y = inout(reg) tracks.wrapping_add(V) => _,
+            x = inout(reg) end => _,
             tracks = inout(reg) tracks => _,
             column = inout(reg) column => _,
             left = inout(reg) left => _,
@@ -245,7 +518,11 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(place: Place<'_, Dsp, V>,
             entering = out(reg) _,
             leaving = out(reg) _,
             a = out(reg) _,
-            unrolled = const UNROLLED,
+            y = out(reg) _,
+            fixed = const N,
+            // To the next view's first block.
+            back = const (N * V).saturating_sub(1) * VECTOR,
+            vector = const VECTOR,
             stride = const VECTOR * V,
             track = const size_of::<Track>(),
         );
@@ -255,7 +532,7 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(place: Place<'_, Dsp, V>,
 /// Adds what enters to a column.
 ///
 /// # Safety
-/// The place has as many `vectors` in a view, not 0.
+/// The place has so many vectors in a view, not 0.
 #[inline(always)]
 unsafe fn prime<const V: usize>(place: Place<'_, Dsp, V>, vectors: usize) {
     let Place { center, tracks, column, .. } = place;
@@ -376,17 +653,37 @@ impl Blocks<u16> for Dsp {
 
     #[inline(always)]
     fn position(self, costs: &[[u32; 2]], cost: u16) -> usize {
-        // All ones in the halves that are greater.
-        let cost = u32::from(cost) * 0x1_0001;
-        let greater = |costs: u32| if_not_less(cost, costs, 0, !0);
-        for (j, &[a, b]) in costs.iter().enumerate() {
-            let (a, b) = (greater(a), greater(b));
-            if a & b != !0 {
-                let lanes = if (a & b) as u16 != 0xffff { [a as u16, 0] } else { [(a >> 16) as u16, 2] };
-                return 4 * j + usize::from(lanes[1]) + usize::from(lanes[0] != 0);
-            }
+        if costs.is_empty() {
+            return 0;
         }
-        4 * costs.len()
+        let (a, b, left): (u32, u32, usize);
+        unsafe {
+            asm!(
+                "2:",
+                "ldrd {a}, {b}, [{costs}], #8",
+                min!("{a}", "{b}", "{t}"),
+                // Whether one of the halves has it, since no cost is less.
+                "usub16 {t}, {cost}, {t}",
+                "sel {t}, {ones}, {zero}",
+                "cmp {t}, #0",
+                "bne 3f",
+                "subs {left}, {left}, #1",
+                "bne 2b",
+                "3:",
+                costs = inout(reg) costs.as_ptr() => _,
+                left = inout(reg) costs.len() => left,
+                cost = in(reg) u32::from(cost) * 0x1_0001,
+                ones = in(reg) u32::MAX,
+                zero = in(reg) 0,
+                a = out(reg) a,
+                b = out(reg) b,
+                t = out(reg) _,
+                options(readonly, nostack),
+            );
+        }
+        let lanes = [a as u16, b as u16, (a >> 16) as u16];
+        let lane = lanes.iter().position(|&lane| lane == cost).unwrap_or(3);
+        4 * (costs.len() - left) + lane
     }
 
     #[inline(never)]
@@ -397,56 +694,57 @@ impl Blocks<u16> for Dsp {
         let Some(place) = steps.enter() else { return };
         unsafe {
             match blocks.len() {
-                n if n % 8 == 0 => slide::<V, 8>(place, blocks),
-                n if n % 4 == 0 => slide::<V, 4>(place, blocks),
-                _ => slide::<V, 1>(place, blocks),
+                4 => slide::<V, 4>(place, blocks),
+                8 => slide::<V, 8>(place, blocks),
+                16 => slide::<V, 16>(place, blocks),
+                _ => slide::<V, 0>(place, blocks),
             }
         }
     }
 
     #[inline(never)]
-    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> U16x4 {
-        if V != 4 || rule != Rule::Min || blocks.len() != fused.len() || blocks.is_empty() {
-            return fuse_generic::<u16, _, V>(self, rule, blocks, fused);
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> u16 {
+        if V != 4 || rule == Rule::Sum || blocks.len() != fused.len() || blocks.is_empty() {
+            return self.fuse_others(rule, blocks, fused);
         }
         let blocks = blocks.as_ptr().cast();
         let least = unsafe {
             match fused.len() {
+                _ if rule == Rule::Heuristic => heuristic_of_all(blocks, fused),
                 n if n % 4 == 0 => least_of_all::<4>(blocks, fused),
                 _ => least_of_all::<1>(blocks, fused),
             }
         };
-        U16x4([least; 2])
+        (least as u16).min((least >> 16) as u16)
     }
 
     #[inline(never)]
-    fn fuse_available<const V: usize>(self, rule: Rule, available: u8, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) {
-        let (mut views, mut count) = ([0; 4], 0);
-        for k in (0..V).filter(|k| available >> k & 1 != 0) {
-            // The views that are not available are replaced by one that is.
-            views[count..].fill(k);
-            count += 1;
-        }
-        if blocks.len() != fused.len() || blocks.is_empty() {
-            return;
-        }
-        let each = blocks.iter().zip(&mut *fused);
-        match (rule, count) {
-            (_, 0) => fused.fill([u32::MAX; 2]),
-            (Rule::Min, _) => unsafe { least_of(views, blocks, fused) },
-            (Rule::Heuristic, 2) => each.for_each(|(block, fused)| {
-                let [a, b] = unsafe { costs::<2, V>(views, block) };
-                let sum = a.zip(b, uqadd16);
-                *fused = sum.zip(sum, uqadd16).zip(sum, uqadd16).0;
-            }),
-            (Rule::Heuristic, 3) => {
-                each.for_each(|(block, fused)| *fused = super::fuse(rule, unsafe { costs::<3, V>(views, block) }).0)
-            }
-            (Rule::Heuristic, 4) => {
-                each.for_each(|(block, fused)| *fused = super::fuse(rule, unsafe { costs::<4, V>(views, block) }).0)
-            }
-            _ => each.for_each(|(block, fused)| *fused = super::fuse_available::<u16, _, V>(self, rule, available, block).0),
-        }
+    fn fuse_masked<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        blocks: &[[[u32; 2]; V]],
+        masks: &[[[u32; 2]; V]],
+        fused: &mut [[u32; 2]],
+    ) -> u16 {
+        let fits = blocks.len() == fused.len() && masks.len() == fused.len() && !fused.is_empty();
+        let least = match rule {
+            Rule::Min if fits => unsafe {
+                let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
+                match masked {
+                    1 => least_of_one_masked::<V, 0>(blocks, masks, fused),
+                    2 if V > 1 => least_of_one_masked::<V, 1>(blocks, masks, fused),
+                    4 if V > 2 => least_of_one_masked::<V, 2>(blocks, masks, fused),
+                    8 if V > 3 => least_of_one_masked::<V, 3>(blocks, masks, fused),
+                    _ => least_of_unmasked(blocks, masks, fused),
+                }
+            },
+            Rule::Heuristic if fits && V == 4 => unsafe {
+                heuristic_of_unmasked(blocks.as_ptr().cast(), masks.as_ptr().cast(), fused)
+            },
+            _ => return self.fuse_others_masked(rule, blocks, masks, fused),
+        };
+        (least as u16).min((least >> 16) as u16)
     }
 
     #[inline(never)]
@@ -511,6 +809,26 @@ impl U16x4 {
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(u32, u32) -> u32) -> Self {
         U16x4([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
+    }
+}
+
+impl Dsp {
+    /// By the other rules. A function of its own, so that the common ones need fewer registers.
+    #[inline(never)]
+    fn fuse_others<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> u16 {
+        fuse_generic(self, rule, blocks, fused)
+    }
+
+    /// As [`fuse_others`](Dsp::fuse_others), of what masks leave.
+    #[inline(never)]
+    fn fuse_others_masked<const V: usize>(
+        self,
+        rule: Rule,
+        blocks: &[[[u32; 2]; V]],
+        masks: &[[[u32; 2]; V]],
+        fused: &mut [[u32; 2]],
+    ) -> u16 {
+        fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 }
 

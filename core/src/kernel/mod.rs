@@ -115,20 +115,25 @@ pub trait Blocks<L: Lane>: Isa {
         }
     }
 
-    /// Fuses the costs of blocks whose views are all available. The least lane of what it returns is the least of them.
+    /// Fuses the costs of blocks whose views are all available, and returns the least.
     #[inline(always)]
-    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) -> Self::Block {
-        let mut least = self.splat(L::MAX);
-        for (fused, block) in fused.iter_mut().zip(blocks) {
-            let mut costs = [least; V];
-            for k in 0..V {
-                costs[k] = self.load_block(&block[k]);
-            }
-            let costs = fuse(rule, costs);
-            costs.store(fused);
-            least = least.min(costs);
-        }
-        least
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) -> L {
+        fuse_generic(self, rule, blocks, fused)
+    }
+
+    /// Fuses the costs of blocks as if those under a mask of [`Lane::MAX`] were that; under a mask of zero they are as they are. Returns the
+    /// least. Only the `masked` views, whose bits are set, have a mask that is not zero.
+    #[inline(always)]
+    fn fuse_masked<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        blocks: &[[Self::Costs; V]],
+        masks: &[[Self::Costs; V]],
+        fused: &mut [Self::Costs],
+    ) -> L {
+        let _ = masked;
+        fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 
     /// Goes over a batch of pixels whose views are all available.
@@ -262,6 +267,55 @@ impl Rule {
             (Fusion::Heuristic, _) => Rule::Heuristic,
         }
     }
+}
+
+/// Where the lane of a disparity is among those of a pixel.
+#[inline(always)]
+pub(crate) fn lane<I: Isa>(index: usize) -> usize {
+    index / I::LANES * I::LANES + I::lane(index % I::LANES)
+}
+
+/// Fuses the costs of blocks, vector by vector, and returns the least.
+#[inline(always)]
+fn fuse_generic<L: Lane, I: Blocks<L>, const V: usize>(
+    isa: I,
+    rule: Rule,
+    blocks: &[[I::Costs; V]],
+    fused: &mut [I::Costs],
+) -> L {
+    let mut least = isa.splat(L::MAX);
+    for (fused, block) in fused.iter_mut().zip(blocks) {
+        let mut costs = [least; V];
+        for k in 0..V {
+            costs[k] = isa.load_block(&block[k]);
+        }
+        let costs = fuse(rule, costs);
+        costs.store(fused);
+        least = least.min(costs);
+    }
+    least.least()
+}
+
+/// As [`fuse_generic`], of what masks leave.
+#[inline(always)]
+fn fuse_masked_generic<L: Lane, I: Blocks<L>, const V: usize>(
+    isa: I,
+    rule: Rule,
+    blocks: &[[I::Costs; V]],
+    masks: &[[I::Costs; V]],
+    fused: &mut [I::Costs],
+) -> L {
+    let mut least = isa.splat(L::MAX);
+    for ((fused, block), mask) in fused.iter_mut().zip(blocks).zip(masks) {
+        let mut costs = [least; V];
+        for k in 0..V {
+            costs[k] = isa.load_block(&block[k]).max(isa.load_block(&mask[k]));
+        }
+        let costs = fuse(rule, costs);
+        costs.store(fused);
+        least = least.min(costs);
+    }
+    least.least()
 }
 
 /// Fuses the costs of views that are all available.

@@ -9,7 +9,7 @@
 use core::arch::asm;
 
 use super::{
-    Blocks, Change, Isa, Portable, Rule, Steps, fuse_generic,
+    Blocks, Change, Isa, Portable, Rule, Steps, fuse_generic, fuse_masked_generic,
     steps::{Place, Track},
 };
 
@@ -75,29 +75,34 @@ impl Blocks<u16> for Mve {
 
     #[inline(always)]
     fn position(self, costs: &[[u16; 8]], cost: u16) -> usize {
-        for (j, costs) in costs.iter().enumerate() {
-            let equal: u32;
-            unsafe {
-                asm!(
-                    "vmrs {before}, p0",
-                    "vldrh.u16 q0, [{costs}]",
-                    "vcmp.i16 eq, q0, {cost}",
-                    "vmrs {equal}, p0",
-                    "vmsr p0, {before}",
-                    costs = in(reg) costs,
-                    cost = in(reg) cost,
-                    before = out(reg) _,
-                    equal = out(reg) equal,
-                    out("q0") _,
-                    options(readonly, nostack),
-                );
-            }
-            // Two bits for each lane.
-            if equal != 0 {
-                return 8 * j + equal.trailing_zeros() as usize / 2;
-            }
+        if costs.is_empty() {
+            return 0;
         }
-        8 * costs.len()
+        let (equal, left): (u32, usize);
+        unsafe {
+            asm!(
+                "vmrs {before}, p0",
+                "2:",
+                "vldrh.u16 q0, [{costs}], #16",
+                "vcmp.i16 eq, q0, {cost}",
+                "vmrs {equal}, p0",
+                "cmp {equal}, #0",
+                "bne 3f",
+                "subs {left}, {left}, #1",
+                "bne 2b",
+                "3:",
+                "vmsr p0, {before}",
+                costs = inout(reg) costs.as_ptr() => _,
+                left = inout(reg) costs.len() => left,
+                cost = in(reg) u32::from(cost),
+                before = out(reg) _,
+                equal = out(reg) equal,
+                out("q0") _,
+                options(readonly, nostack),
+            );
+        }
+        // Two bits for each lane, and none without the cost.
+        8 * (costs.len() - left) + equal.trailing_zeros() as usize / 2
     }
 
     #[inline(never)]
@@ -108,51 +113,51 @@ impl Blocks<u16> for Mve {
         let Some(place) = steps.enter() else { return };
         unsafe {
             match blocks.len() {
-                n if n % 4 == 0 => slide::<V, 4>(place, blocks),
-                n if n % 2 == 0 => slide::<V, 2>(place, blocks),
-                _ => slide::<V, 1>(place, blocks),
+                2 => slide_unrolled::<V, 2>(place, blocks),
+                4 => slide_unrolled::<V, 4>(place, blocks),
+                _ => slide(place, blocks),
             }
         }
     }
 
     #[inline(never)]
-    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> [u16; 8] {
-        if blocks.len() != fused.len() || blocks.is_empty() {
-            return [u16::MAX; 8];
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> u16 {
+        if blocks.len() != fused.len() || fused.is_empty() {
+            return u16::MAX;
         }
-        let views = [0, 1, 2, 3].map(|k: usize| k.min(V - 1));
+        let first = blocks.as_ptr();
         match (rule, V) {
-            (Rule::Min, _) => [unsafe { least_of(views, blocks, fused) }; 8],
-            (Rule::Heuristic, 4) => [unsafe { heuristic_of::<4, V>(views, blocks, fused) }; 8],
-            (Rule::Heuristic, 3) => [unsafe { heuristic_of::<3, V>(views, blocks, fused) }; 8],
-            _ => fuse_generic::<u16, _, V>(self, rule, blocks, fused),
+            (Rule::Min, _) => unsafe { least_of::<V, 0>(first, first, fused) },
+            (Rule::Heuristic, 3 | 4) => unsafe { heuristic_of::<V, 0>(first, first, fused) },
+            _ => self.fuse_others(rule, blocks, fused),
         }
     }
 
     #[inline(never)]
-    fn fuse_available<const V: usize>(self, rule: Rule, available: u8, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) {
-        if blocks.len() != fused.len() || blocks.is_empty() {
-            return;
+    fn fuse_masked<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        blocks: &[[[u16; 8]; V]],
+        masks: &[[[u16; 8]; V]],
+        fused: &mut [[u16; 8]],
+    ) -> u16 {
+        if blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
+            return u16::MAX;
         }
-        let (mut views, mut count) = ([0; 4], 0);
-        for k in (0..V).filter(|k| available >> k & 1 != 0) {
-            // The views that are not available are replaced by one that is.
-            views[count..].fill(k);
-            count += 1;
-        }
-        unsafe {
-            match (rule, count) {
-                (_, 0) => fused.fill([u16::MAX; 8]),
-                (Rule::Min, _) => _ = least_of(views, blocks, fused),
-                (Rule::Heuristic, 2) => _ = heuristic_of::<2, V>(views, blocks, fused),
-                (Rule::Heuristic, 3) => _ = heuristic_of::<3, V>(views, blocks, fused),
-                (Rule::Heuristic, 4) => _ = heuristic_of::<4, V>(views, blocks, fused),
-                _ => {
-                    for (block, fused) in blocks.iter().zip(fused) {
-                        *fused = super::fuse_available::<u16, _, V>(self, rule, available, block);
-                    }
-                }
-            }
+        let (first, mask) = (blocks.as_ptr(), masks.as_ptr());
+        match (rule, V, masked) {
+            (Rule::Min, _, 1) => unsafe { least_of::<V, 1>(first, mask, fused) },
+            (Rule::Min, _, 2) => unsafe { least_of::<V, 2>(first, mask, fused) },
+            (Rule::Min, _, 4) => unsafe { least_of::<V, 4>(first, mask, fused) },
+            (Rule::Min, _, 8) => unsafe { least_of::<V, 8>(first, mask, fused) },
+            (Rule::Min, ..) => unsafe { least_of::<V, 15>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, 1) => unsafe { heuristic_of::<V, 1>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, 2) => unsafe { heuristic_of::<V, 2>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, 4) => unsafe { heuristic_of::<V, 4>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, 8) => unsafe { heuristic_of::<V, 8>(first, mask, fused) },
+            (Rule::Heuristic, 3 | 4, _) => unsafe { heuristic_of::<V, 15>(first, mask, fused) },
+            _ => self.fuse_others_masked(rule, blocks, masks, fused),
         }
     }
 
@@ -166,6 +171,26 @@ impl Blocks<u16> for Mve {
             }
         }
         least as u16
+    }
+}
+
+impl Mve {
+    /// By the other rules. A function of its own, so that the common ones need fewer registers.
+    #[inline(never)]
+    fn fuse_others<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> u16 {
+        fuse_generic(self, rule, blocks, fused)
+    }
+
+    /// As [`fuse_others`](Mve::fuse_others), of what masks leave.
+    #[inline(never)]
+    fn fuse_others_masked<const V: usize>(
+        self,
+        rule: Rule,
+        blocks: &[[[u16; 8]; V]],
+        masks: &[[[u16; 8]; V]],
+        fused: &mut [[u16; 8]],
+    ) -> u16 {
+        fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 }
 
@@ -192,7 +217,7 @@ impl Blocks<u32> for Mve {
 /// Adds what enters to a column.
 ///
 /// # Safety
-/// The place has as many `vectors` in a view, not 0.
+/// The place has so many vectors in a view, not 0.
 #[inline(always)]
 unsafe fn prime<const V: usize>(place: Place<'_, Mve, V>, vectors: usize) {
     let Place { center, tracks, column, .. } = place;
@@ -227,12 +252,68 @@ unsafe fn prime<const V: usize>(place: Place<'_, Mve, V>, vectors: usize) {
     }
 }
 
+/// Moves a column down, and the blocks on by it: of `N` vectors in a view, at most 16 in all, so that each has a place of its own in the
+/// code.
+///
+/// # Safety
+/// The place has as many vectors in a view as there are blocks: `N`.
+#[inline(always)]
+unsafe fn slide_unrolled<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
+    let Place { center, tracks, column, left, .. } = place;
+    unsafe {
+        asm!(
+            "vdup.16 q2, r2",
+            "vdup.16 q3, r3",
+            ".irp k, 0, 1, 2, 3",
+            ".if \\k < {views}",
+            "ldrd r2, r3, [{tracks}, #({track} * \\k)]",
+            "ldr {y}, [{tracks}, #({track} * \\k + 8)]",
+            "add {x}, r2, {y}",
+            "add {y}, r3, {y}",
+            "strd {x}, {y}, [{tracks}, #({track} * \\k)]",
+            ".irp j, 0, 1, 2, 3, 4, 5, 6, 7",
+            ".if \\j < {vectors}",
+            "vldrb.u16 q0, [r2, #(8 * \\j)]",
+            "vldrb.u16 q1, [r3, #(8 * \\j)]",
+            "vabd.u16 q0, q0, q2",
+            "vabd.u16 q1, q1, q3",
+            "vsub.i16 q0, q0, q1",
+            "vldrh.u16 q1, [{column}, #(16 * ({vectors} * \\k + \\j))]",
+            "vadd.i16 q0, q0, q1",
+            "vstrh.16 q0, [{column}, #(16 * ({vectors} * \\k + \\j))]",
+            "vldrh.u16 q1, [{left}, #(16 * ({vectors} * \\k + \\j))]",
+            "vsub.i16 q0, q0, q1",
+            "vldrh.u16 q1, [{block}, #(16 * ({views} * \\j + \\k))]",
+            "vadd.i16 q0, q0, q1",
+            "vstrh.16 q0, [{block}, #(16 * ({views} * \\j + \\k))]",
+            ".endif",
+            ".endr",
+            ".endif",
+            ".endr",
+            tracks = in(reg) tracks,
+            column = in(reg) column,
+            left = in(reg) left,
+            block = in(reg) blocks.as_mut_ptr(),
+            // Loads that widen take their addresses from low registers.
+            inout("r2") u32::from(center.entering) => _,
+            inout("r3") u32::from(center.leaving) => _,
+            x = out(reg) _,
+            y = out(reg) _,
+            out("q0") _, out("q1") _, out("q2") _, out("q3") _,
+            views = const V,
+            vectors = const N,
+            track = const size_of::<Track>(),
+            options(nostack),
+        );
+    }
+}
+
 /// Moves a column down, and the blocks on by it.
 ///
 /// # Safety
-/// The place has as many vectors in a view as there are blocks: a multiple of `UNROLLED`, not 0.
+/// The place has as many vectors in a view as there are blocks, at least one.
 #[inline(always)]
-unsafe fn slide<const V: usize, const UNROLLED: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
+unsafe fn slide<const V: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
     let Place { center, tracks, column, left, .. } = place;
     unsafe {
         asm!(
@@ -246,7 +327,6 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(place: Place<'_, Mve, V>,
             "strd {x}, {y}, [{tracks}], #{track}",
             "dls lr, {n}",
             "3:",
-            ".rept {unrolled}",
             "vldrb.u16 q0, [r2], #8",
             "vldrb.u16 q1, [r3], #8",
             "vabd.u16 q0, q0, q2",
@@ -260,12 +340,11 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(place: Place<'_, Mve, V>,
             "vldrh.u16 q1, [{block}]",
             "vadd.i16 q0, q0, q1",
             "vstrh.16 q0, [{block}], #{stride}",
-            ".endr",
             "le lr, 3b",
             "sub {block}, {block}, {back}",
             "cmp {tracks}, {end}",
             "bne 2b",
-            n = in(reg) blocks.len() / UNROLLED,
+            n = in(reg) blocks.len(),
             tracks = inout(reg) tracks => _,
             end = in(reg) tracks.wrapping_add(V),
             column = inout(reg) column => _,
@@ -278,7 +357,6 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(place: Place<'_, Mve, V>,
             x = out(reg) _,
             y = out(reg) _,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
-            unrolled = const UNROLLED,
             stride = const VECTOR * V,
             track = const size_of::<Track>(),
             options(nostack),
@@ -286,73 +364,85 @@ unsafe fn slide<const V: usize, const UNROLLED: usize>(place: Place<'_, Mve, V>,
     }
 }
 
-/// Fuses the costs of four of `V` views, some of them maybe the same, to the least, and returns the least of all.
+/// Loads the costs of the views, from the first on, into vectors from `q0` on; those that are masked with all bits set.
+macro_rules! load_views {
+    () => {
+        "
+        .irp q, 0, 1, 2, 3
+        .if \\q < {views}
+        vldrh.u16 q\\q, [{block}], #16
+        .if ({masked} >> \\q) & 1
+        vldrh.u16 q5, [{mask}, #16 * \\q]
+        vorr q\\q, q\\q, q5
+        .endif
+        .endif
+        .endr
+        .if {masked}
+        add {mask}, {mask}, #{stride}
+        .endif
+        "
+    };
+}
+
+/// Fuses the costs of `V` views to the least, less those that masks hide in the views whose bits are set in `MASKED`, and returns the least of all.
 ///
 /// # Safety
-/// The views exist. There are as many blocks as fused costs, not 0.
+/// There are as many blocks and masks as fused costs, not 0.
 #[inline(always)]
-unsafe fn least_of<const V: usize>(views: [usize; 4], blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> u16 {
-    let [first, second, third, fourth] = views.map(|k| blocks.as_ptr().cast::<[u16; 8]>().wrapping_add(k));
+unsafe fn least_of<const V: usize, const MASKED: u8>(
+    blocks: *const [[u16; 8]; V],
+    masks: *const [[u16; 8]; V],
+    fused: &mut [[u16; 8]],
+) -> u16 {
     let mut least = u32::from(u16::MAX);
     unsafe {
         asm!(
             "dls lr, {n}",
             "2:",
-            "vldrh.u16 q0, [{first}], #{stride}",
-            "vldrh.u16 q1, [{second}], #{stride}",
-            "vldrh.u16 q2, [{third}], #{stride}",
-            "vldrh.u16 q3, [{fourth}], #{stride}",
-            "vmin.u16 q0, q0, q1",
-            "vmin.u16 q2, q2, q3",
-            "vmin.u16 q0, q0, q2",
+            load_views!(),
+            ".irp q, 1, 2, 3",
+            ".if \\q < {views}",
+            "vmin.u16 q0, q0, q\\q",
+            ".endif",
+            ".endr",
             "vstrh.16 q0, [{fused}], #16",
             "vminv.u16 {least}, q0",
             "le lr, 2b",
             n = in(reg) fused.len(),
-            first = inout(reg) first => _,
-            second = inout(reg) second => _,
-            third = inout(reg) third => _,
-            fourth = inout(reg) fourth => _,
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
             fused = inout(reg) fused.as_mut_ptr() => _,
             least = inout(reg) least,
-            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
-            stride = const VECTOR * V,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q5") _,
+            views = const V,
+            masked = const MASKED,
+            stride = const V * VECTOR,
             options(nostack, preserves_flags),
         );
     }
     least as u16
 }
 
-/// Fuses the costs of the first `N` of four of `V` views, two at least, by the heuristic rule, and returns the least of all.
+/// Fuses the costs of `V` views, three or four, by the heuristic rule, less those that masks hide in the views whose bits are set in `MASKED`, and returns the
+/// least of all.
 ///
 /// # Safety
-/// The views exist. There are as many blocks as fused costs, not 0.
+/// There are as many blocks and masks as fused costs, not 0.
 #[inline(always)]
-unsafe fn heuristic_of<const N: usize, const V: usize>(
-    views: [usize; 4],
-    blocks: &[[[u16; 8]; V]],
+unsafe fn heuristic_of<const V: usize, const MASKED: u8>(
+    blocks: *const [[u16; 8]; V],
+    masks: *const [[u16; 8]; V],
     fused: &mut [[u16; 8]],
 ) -> u16 {
-    let [first, second, third, fourth] = views.map(|k| blocks.as_ptr().cast::<[u16; 8]>().wrapping_add(k));
     let mut least = u32::from(u16::MAX);
     unsafe {
         asm!(
             "vmrs {before}, p0",
             "dls lr, {n}",
             "2:",
-            "vldrh.u16 q0, [{first}], #{stride}",
-            "vldrh.u16 q1, [{second}], #{stride}",
-            // In place of a view that is not there, the greatest cost: see the rule for any vectors.
-            ".if {views} > 2",
-            "vldrh.u16 q2, [{third}], #{stride}",
-            ".else",
-            "vmov.i8 q2, #255",
-            ".endif",
-            ".if {views} > 3",
-            "vldrh.u16 q3, [{fourth}], #{stride}",
-            ".else",
+            // In place of a fourth view that is not there, the greatest cost.
             "vmov.i8 q3, #255",
-            ".endif",
+            load_views!(),
             "vmin.u16 q4, q0, q1",
             "vmax.u16 q0, q0, q1",
             "vmin.u16 q1, q2, q3",
@@ -378,16 +468,15 @@ unsafe fn heuristic_of<const N: usize, const V: usize>(
             "le lr, 2b",
             "vmsr p0, {before}",
             n = in(reg) fused.len(),
-            first = inout(reg) first => _,
-            second = inout(reg) second => _,
-            third = inout(reg) third => _,
-            fourth = inout(reg) fourth => _,
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
             fused = inout(reg) fused.as_mut_ptr() => _,
             least = inout(reg) least,
             before = out(reg) _,
-            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _,
-            views = const N,
-            stride = const VECTOR * V,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _,
+            views = const V,
+            masked = const MASKED,
+            stride = const V * VECTOR,
             options(nostack, preserves_flags),
         );
     }

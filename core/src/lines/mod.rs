@@ -121,13 +121,14 @@ impl<'m> Lines<'m> {
                 })
             }
         };
-        let next = if region.rows().start == 0 { 0 } else { first_virtual.clamp(0, last) };
+        // Here and below, no `clamp`: where the compiler does not see that the frame has a last line, that can panic.
+        let next = if region.rows().start == 0 { 0 } else { first_virtual.min(last).max(0) };
         Lines { store, last, next, lead }
     }
 
     /// The line of the frame to read next before the blocks can go down to line `v` of the centre, if one is missing.
     pub fn wanted(&self, v: i32) -> Option<usize> {
-        (self.next <= (v + self.lead).clamp(0, self.last)).then_some(self.next as usize)
+        (self.next <= (v + self.lead).min(self.last).max(0)).then_some(self.next as usize)
     }
 
     /// The first line of the frame that has not been read, if any.
@@ -145,7 +146,7 @@ impl<'m> Lines<'m> {
         match &mut self.store {
             Store::Rows(rows) => rows.put(self.next, line),
             Store::Columns(columns) => {
-                while columns.next <= v + self.lead && columns.next.clamp(0, self.last) == self.next {
+                while columns.next <= v + self.lead && columns.next.min(self.last).max(0) == self.next {
                     columns.push(line);
                 }
             }
@@ -165,7 +166,7 @@ impl<'m> Lines<'m> {
     /// The samples that line `v` of the centre is compared with; `v` may be virtual.
     pub fn at(&self, v: i32) -> Samples<'_> {
         match &self.store {
-            Store::Rows(rows) => rows.at(v.clamp(0, self.last)),
+            Store::Rows(rows) => rows.at(v.min(self.last).max(0)),
             Store::Columns(columns) => columns.at(v),
         }
     }

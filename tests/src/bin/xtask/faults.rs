@@ -26,6 +26,7 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
     for board in &board::ALL {
         stack_overflow(toolchain, board)?;
     }
+    no_panic(toolchain)?;
     bad_input(toolchain, &board::REFERENCE)
 }
 

@@ -161,8 +161,10 @@ impl Available {
         }
         // What lies between both beginnings and between both ends is all that may change.
         for (from, to) in [(before.start, next.start), (before.end, next.end)] {
-            for index in from.min(to)..from.max(to) {
+            let (mut index, end) = (from.min(to), from.max(to));
+            while index < end {
                 change(k, index.into(), next.contains(&index));
+                index += 1;
             }
         }
         self.incomplete = self.incomplete & !(1 << k) | u8::from(next != (0..self.all)) << k;

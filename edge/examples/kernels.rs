@@ -205,7 +205,7 @@ mod image {
         let masked = [random.number() as u8, 1 << (random.number() as usize % V)][trial % 2] % (1 << V);
         let mut masks_of_twin = [[[L::default(); LANES]; V]; VECTORS];
         for view in masks_of_twin.iter_mut().flat_map(|views| views.iter_mut().zip(0..)).filter(|(_, k)| masked >> k & 1 != 0) {
-            view.0.fill_with(|| narrow(if random.number() % 4 == 0 { u32::MAX } else { 0 }));
+            view.0.fill_with(|| narrow(if random.number().is_multiple_of(4) { u32::MAX } else { 0 }));
         }
         let masks = masks_of_twin.map(|views| views.map(|lanes| vector::<L, K::Costs>(&lanes)));
         let least = kernel.fuse_masked(rule, masked, &blocks[..length], &masks[..length], &mut fused[..length]);

@@ -122,17 +122,16 @@ pub trait Blocks<L: Lane>: Isa {
     }
 
     /// Fuses the costs of blocks as if those under a mask of [`Lane::MAX`] were that; under a mask of zero they are as they are. Returns the
-    /// least. Only the `masked` views, whose bits are set, have a mask that is not zero.
+    /// least. Only the views whose bits are set in `masked` have a mask that is not zero.
     #[inline(always)]
     fn fuse_masked<const V: usize>(
         self,
         rule: Rule,
-        masked: u8,
+        _masked: u8,
         blocks: &[[Self::Costs; V]],
         masks: &[[Self::Costs; V]],
         fused: &mut [Self::Costs],
     ) -> L {
-        let _ = masked;
         fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 

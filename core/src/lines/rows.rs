@@ -28,9 +28,9 @@ impl Rows<'_> {
     pub fn put(&mut self, v: i32, line: &[u8]) {
         let start = self.start(v);
         let Some(held) = self.samples.get_mut(start..start + self.reach) else { return };
-        replicate(held, line, self.left);
-        if self.mirrored {
-            held.reverse();
+        match self.mirrored {
+            true => replicate(held.iter_mut().rev(), line, self.left),
+            false => replicate(held.iter_mut(), line, self.left),
         }
     }
 
@@ -42,15 +42,12 @@ impl Rows<'_> {
 }
 
 /// Fills `held` with the samples of `line` from the coordinate `left` on, which may be outside it.
-fn replicate(held: &mut [u8], line: &[u8], left: i32) {
+#[inline(always)]
+fn replicate<'h>(mut held: impl Iterator<Item = &'h mut u8>, line: &[u8], left: i32) {
     let (Some(&first), Some(&last)) = (line.first(), line.last()) else { return };
-    let before = (left.min(0).unsigned_abs() as usize).min(held.len());
-    let (outside, held) = held.split_at_mut(before);
-    outside.fill(first);
-    let line = line.get(left.max(0) as usize..).unwrap_or_default();
-    let (inside, outside) = held.split_at_mut(line.len().min(held.len()));
-    for (held, &sample) in inside.iter_mut().zip(line) {
-        *held = sample;
-    }
-    outside.fill(last);
+    held.by_ref().take(left.min(0).unsigned_abs() as usize).for_each(|sample| *sample = first);
+    let inside = line.get(left.max(0) as usize..).unwrap_or_default();
+    // Not by `zip` alone, which would take one that it does not fill.
+    held.by_ref().take(inside.len()).zip(inside).for_each(|(sample, &inside)| *sample = inside);
+    held.for_each(|sample| *sample = last);
 }

@@ -17,7 +17,7 @@ pub fn test() -> Result<()> {
     step("tests in release", || run(&mut cargo(&["test", "--workspace", "--release"])))?;
     step("the core for Arm", || core_for_arm(&toolchain))?;
     step("the kernels in the emulator", || kernels::run(&toolchain))?;
-    step("the firmware in the emulator", || edge::run(&toolchain, &edge::Selection::quick()))?;
+    step("the firmware in the emulator", || edge::run(&toolchain, &edge::Selection::default()))?;
     step("the firmware's faults", || faults::run(&toolchain))?;
     println!("\nevery test passed");
     Ok(())

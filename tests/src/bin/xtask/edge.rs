@@ -42,24 +42,12 @@ pub struct Selection {
     /// Write the measurements to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Only the smallest profile on boards other than the reference board.
-    #[arg(skip)]
-    quick: bool,
 }
 
 impl Selection {
-    /// Every profile on the reference board, and the smallest on the others.
-    pub fn quick() -> Selection {
-        Selection { quick: true, ..Selection::default() }
-    }
-
     /// Whether a profile is to run on a board, which must have the RAM for it.
     fn has(&self, board: &Board, profile: &Profile) -> bool {
-        let quick = *board == board::REFERENCE || profile.name == profile::QQVGA.name;
-        wanted(&self.board, board.name)
-            && wanted(&self.profile, profile.name)
-            && (quick || !self.quick)
-            && profile.ram_budget <= board.ram
+        wanted(&self.board, board.name) && wanted(&self.profile, profile.name) && profile.ram_budget <= board.ram
     }
 }
 

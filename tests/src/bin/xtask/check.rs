@@ -4,9 +4,9 @@ use anyhow::{Context, Result};
 use std::{process::Command, time::Instant};
 
 use crate::{
-    board,
+    aarch64, board,
     command::{command, run},
-    edge, faults, kernels, setup,
+    edge, faults, instructions, kernels, setup,
     toolchain::Toolchain,
 };
 
@@ -15,6 +15,8 @@ pub fn test() -> Result<()> {
     let toolchain = step("setup", setup::run)?;
     step("tests in debug", || run(&mut cargo(&["test", "--workspace"])))?;
     step("tests in release", || run(&mut cargo(&["test", "--workspace", "--release"])))?;
+    step("the kernel of 64-bit Arm", aarch64::run_tests)?;
+    step("instructions", || instructions::Guard::COMPARE.run())?;
     step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
     step("the kernels in the emulator", || kernels::run(&toolchain))?;
     step("the firmware in the emulator", || edge::run(&toolchain, &edge::Selection::default()))?;

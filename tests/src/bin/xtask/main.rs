@@ -1,5 +1,6 @@
 //! `cargo xtask`: one command for what a developer and the continuous integration do. Needs nothing but Rust.
 
+mod aarch64;
 mod board;
 mod calibration;
 mod check;
@@ -12,6 +13,7 @@ mod faults;
 mod firmware;
 mod footprint;
 mod image_set;
+mod instructions;
 mod kernels;
 mod layout;
 mod least_squares;
@@ -47,6 +49,10 @@ enum Task {
     Faults,
     /// Compare the processors' kernels with their portable twins, in the emulator
     Kernels,
+    /// Test the kernel of 64-bit Arm, in the emulator where this machine is another
+    Aarch64,
+    /// Count the instructions of matching on this machine and compare them with the committed table
+    Instructions(instructions::Guard),
     /// Link the matcher alone, which fails if there is any way from it into a panic
     NoPanic,
 }
@@ -67,6 +73,8 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Test => check::test(),
         Task::Ci => check::ci(),
         Task::Kernels => kernels::run(&setup::run()?),
+        Task::Aarch64 => aarch64::run_tests(),
+        Task::Instructions(guard) => guard.run(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),
         Task::Edge(selection) => edge::run(&setup::run()?, &selection),

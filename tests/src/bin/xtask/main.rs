@@ -19,6 +19,7 @@ mod layout;
 mod least_squares;
 mod log;
 mod received;
+mod record;
 mod setup;
 mod tool;
 mod toolchain;
@@ -51,7 +52,7 @@ enum Task {
     Kernels,
     /// Test the kernel of 64-bit Arm, in the emulator where this machine is another
     Aarch64,
-    /// Count the instructions of matching on this machine and compare them with the committed table
+    /// Count the instructions of matching on this machine and compare them with the record
     Instructions(instructions::Guard),
     /// Link the matcher alone, which fails if there is any way from it into a panic
     NoPanic,

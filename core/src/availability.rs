@@ -2,7 +2,7 @@
 
 use core::{iter, mem, ops::Range};
 
-use crate::{Params, View};
+use crate::{Params, View, kernel::Rule};
 
 /// The disparities of a pixel at which each view is available: where the match lies inside the image.
 ///
@@ -29,7 +29,7 @@ impl<'a> Availability<'a> {
         let mut all = Availability { params, ranges: [const { 0..0 }; View::ALL.len()] };
         for (range, view) in all.ranges.iter_mut().zip(params.views().iter()) {
             let (coordinate, size) = if view.is_horizontal() { (u, params.width()) } else { (v, params.height()) };
-            *range = inside(view, coordinate, size, params.min_disparity(), params.num_disparities());
+            *range = view.available(coordinate, size, params.min_disparity(), params.num_disparities());
         }
         all
     }
@@ -38,7 +38,7 @@ impl<'a> Availability<'a> {
     #[inline(always)]
     pub fn in_column(mut self, u: usize) -> Availability<'a> {
         for (range, view) in self.ranges.iter_mut().zip(self.params.views().iter()).filter(|(_, view)| view.is_horizontal()) {
-            *range = inside(view, u, self.params.width(), self.params.min_disparity(), self.params.num_disparities());
+            *range = view.available(u, self.params.width(), self.params.min_disparity(), self.params.num_disparities());
         }
         self
     }
@@ -145,16 +145,16 @@ impl Available {
         self.incomplete
     }
 
-    /// Whether no disparity is available in one view alone.
-    pub fn has_pairs(&self) -> bool {
-        self.len >= self.incomplete.count_ones() as usize + 2
+    /// Whether views that are not available can be hidden from `rule` by their costs.
+    pub fn masks(&self, rule: Rule) -> bool {
+        rule.masks(self.len, self.incomplete.count_ones() as usize)
     }
 
     /// Goes to a coordinate in the `k`-th view.
     #[inline(always)]
     fn go(&mut self, k: usize, coordinate: usize, mut change: impl FnMut(usize, usize, bool)) {
         let Some(reach) = self.views.get_mut(k) else { return };
-        let next = inside(reach.view, coordinate, reach.size, reach.least, self.all.into());
+        let next = reach.view.available(coordinate, reach.size, reach.least, self.all.into());
         let before = mem::replace(&mut reach.range, next.clone());
         if next == before {
             return;
@@ -180,16 +180,4 @@ pub(crate) fn uniform_columns(params: &Params) -> Range<usize> {
         columns.start.max(nearest)..columns.end.min(width - furthest)
     });
     columns.start as usize..columns.end.max(columns.start) as usize
-}
-
-/// The indices of the disparities, `count` from `least` on, at which `coordinate`, moved by them, stays in `0..size`.
-#[inline(always)]
-fn inside(view: View, coordinate: usize, size: usize, least: i16, count: usize) -> Range<u16> {
-    let (coordinate, size) = (coordinate as i32, size as i32);
-    let (from, to) = match view.sign() {
-        1 => (-coordinate, size - coordinate),
-        _ => (coordinate - size + 1, coordinate + 1),
-    };
-    let index = |d: i32| (d - i32::from(least)).max(0).min(count as i32) as u16;
-    index(from)..index(to)
 }

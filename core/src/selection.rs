@@ -2,7 +2,7 @@
 
 use crate::{
     Disparity, Params,
-    availability::{Availability, Available},
+    availability::Availability,
     disparity::Around,
     kernel::{self, Block, Blocks, Isa, Lane, Rule, Winners},
 };
@@ -46,15 +46,6 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     pub fn fuse<const V: usize>(&self, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
         let least = self.isa.fuse(self.rule, blocks, fused);
         if self.excess.is_some() { self.least(fused) } else { least }
-    }
-
-    /// Whether masks do for the rule: a hidden cost is that of no view, but for the heuristic rule where there is but one.
-    pub fn masks(&self, available: &Available) -> bool {
-        match self.rule {
-            Rule::Min => true,
-            Rule::Sum => false,
-            Rule::Heuristic => available.has_pairs(),
-        }
     }
 
     /// Fuses the costs of a pixel that masks leave, in the `masked` views, and returns the least.

@@ -82,13 +82,13 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let uniform = uniform_columns(params);
         let start = region.columns().start;
         available.enter_line(start, v, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
-        let (mut incomplete, mut masked) = (available.incomplete(), selection.masks(available));
+        let (mut incomplete, mut masked) = (available.incomplete(), available.masks(selection.rule));
         for (pixel, u) in out.iter_mut().zip(start..) {
             isa.slide(&mut steps, blocks);
             // What is available is the same in all uniform columns.
             if u <= uniform.start || u >= uniform.end {
                 available.enter(u, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
-                (incomplete, masked) = (available.incomplete(), selection.masks(available));
+                (incomplete, masked) = (available.incomplete(), available.masks(selection.rule));
             }
             let least = match (incomplete, masked) {
                 (0, _) => selection.fuse(blocks, fused),

@@ -1,5 +1,7 @@
 //! Where the camera was when it took a frame.
 
+use core::ops::Range;
+
 /// A neighbouring position of the camera, one baseline away from the centre in the image plane.
 ///
 /// With `u` to the right and `v` down, the match of centre pixel `(u, v)` at disparity `d` is
@@ -40,6 +42,25 @@ impl View {
         }
     }
 
+    /// Where the view is available to a pixel: the disparities, as indices of `count` from `least` on, at which its match stays inside
+    /// the image. `coordinate` and `size` are those of the pixel and the image in the direction of the view.
+    ///
+    /// ```
+    /// use multiscopic_core::View;
+    /// // From column 2, matches move to the left: those at the disparities 0, 1 and 2 are inside.
+    /// assert_eq!(View::Right.available(2, 100, 0, 8), 0..3);
+    /// ```
+    #[inline(always)]
+    pub fn available(self, coordinate: usize, size: usize, least: i16, count: usize) -> Range<u16> {
+        let (coordinate, size) = (coordinate as i32, size as i32);
+        let (from, to) = match self.sign() {
+            1 => (-coordinate, size - coordinate),
+            _ => (coordinate - size + 1, coordinate + 1),
+        };
+        let index = |d: i32| (d - i32::from(least)).max(0).min(count as i32) as u16;
+        index(from)..index(to)
+    }
+
     const fn bit(self) -> u8 {
         1 << self as u8
     }
@@ -64,8 +85,10 @@ impl Views {
     pub const STEREO: Views = Views::NONE.with(View::Right);
     /// Left and right.
     pub const HORIZONTAL: Views = Views::STEREO.with(View::Left);
+    /// Left, right and top.
+    pub const THREE: Views = Views::HORIZONTAL.with(View::Top);
     /// All four neighbours.
-    pub const ALL: Views = Views::HORIZONTAL.with(View::Top).with(View::Bottom);
+    pub const ALL: Views = Views::THREE.with(View::Bottom);
 
     /// This set and `view`.
     pub const fn with(self, view: View) -> Views {

@@ -305,6 +305,7 @@ mod tests {
             size_of::<crate::workspace!(Kernel, profile::QQVGA)>(),
             size_of::<crate::workspace!(Kernel, profile::QVGA)>(),
             size_of::<crate::workspace!(Kernel, profile::QVGA_TILED)>(),
+            size_of::<crate::workspace!(Kernel, profile::VGA)>(),
             size_of::<crate::workspace!(Kernel, profile::VGA_TILED)>(),
         ];
         assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths::<Kernel>().bytes()));

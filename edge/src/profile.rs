@@ -21,11 +21,13 @@ pub const QQVGA: Profile = Profile::whole("qqvga", Shape { views: Views::HORIZON
 pub const QVGA: Profile = Profile::whole("qvga", Shape::new(320, 240, 32, 11), 144);
 /// The same in column tiles.
 pub const QVGA_TILED: Profile = Profile::tiled("qvga-tiled", Shape::new(320, 240, 32, 11), 48);
-/// A large frame and all its neighbours in column tiles.
+/// A large frame and all its neighbours.
+pub const VGA: Profile = Profile::whole("vga", Shape::new(640, 480, 64, 11), 480);
+/// The same in column tiles.
 pub const VGA_TILED: Profile = Profile::tiled("vga-tiled", Shape::new(640, 480, 64, 11), 96);
 
 /// Every profile.
-pub const ALL: [Profile; 4] = [QQVGA, QVGA, QVGA_TILED, VGA_TILED];
+pub const ALL: [Profile; 5] = [QQVGA, QVGA, QVGA_TILED, VGA, VGA_TILED];
 
 /// What tiles leave of the budget for everything that is not the matcher's memory: the stack, the line and its packet, the
 /// state of the runtime.
@@ -98,6 +100,7 @@ mod tests {
     #[test]
     fn tiles_are_as_few_as_the_budget_allows() {
         assert_eq!(QVGA.tile_width(), 320);
+        assert_eq!(VGA.tile_width(), 640);
         for tiled in [QVGA_TILED, VGA_TILED] {
             let width = usize::from(tiled.shape.width);
             let wider = Profile { tile_width: width.div_ceil(width.div_ceil(tiled.tile_width) - 1), ..tiled };

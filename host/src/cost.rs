@@ -8,7 +8,7 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use multiscopic_core::{Fusion, Params, Region, View};
+use multiscopic_core::{Params, Region, View, kernel::Rule};
 use serde::{Deserialize, Serialize};
 
 /// A unit of work and what is done in it.
@@ -100,8 +100,9 @@ pub struct Prices {
 }
 
 impl Prices {
-    /// The instructions of a match in column tiles with a kernel of so many lanes, lines not fetched but sent; `None` for three views, for which no prices were
-    /// fitted.
+    /// The instructions of a match in column tiles with a kernel of so many lanes, lines not fetched but sent.
+    ///
+    /// `None` if no prices were fitted for the kernel.
     pub fn instructions(&self, params: &Params, tile_width: usize, lanes: usize) -> Option<f64> {
         let Work { units, candidates, kernel } = Work::new(params, tile_width, lanes);
         let price = self.candidates.get(&kernel)?;
@@ -112,35 +113,13 @@ impl Prices {
 }
 
 /// What is done with the costs of the views.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Rule {
-    Min,
-    Sum,
-    Heuristic,
-}
-
-impl Rule {
-    fn new(params: &Params) -> Rule {
-        match (params.fusion(), params.views().len()) {
-            (Fusion::Min, _) => Rule::Min,
-            (Fusion::Mean, _) | (Fusion::Heuristic, ..=2) => Rule::Sum,
-            (Fusion::Heuristic, _) => Rule::Heuristic,
-        }
-    }
-
-    /// Whether views can be hidden where they do not see a disparity, if so many of them do not see all disparities.
-    fn masks(self, params: &Params, incomplete: usize) -> bool {
-        match self {
-            Rule::Min => true,
-            Rule::Sum => false,
-            Rule::Heuristic => params.views().len() >= incomplete + 2,
-        }
-    }
+fn rule(params: &Params) -> Rule {
+    Rule::new(params.fusion(), params.views().len())
 }
 
 /// The name of the loops that fuse costs: the number of views, the rule, and `wide` where block sums take 32 bits.
 pub fn kernel(params: &Params) -> String {
-    let rule = match Rule::new(params) {
+    let rule = match rule(params) {
         Rule::Min => "min",
         Rule::Sum => "mean",
         Rule::Heuristic => "heuristic",
@@ -199,17 +178,17 @@ struct Pixels {
 
 impl Pixels {
     fn new(params: &Params) -> Pixels {
-        let rule = Rule::new(params);
-        let all = i32::from(params.min_disparity())..i32::from(params.max_disparity()) + 1;
+        let rule = rule(params);
+        let all = 0..params.num_disparities() as u16;
         let mut pixels = Pixels::default();
         for (u, v) in (0..params.height()).flat_map(|v| (0..params.width()).map(move |u| (u, v))) {
             let ranges = || params.views().iter().map(|view| seen(params, view, u, v));
             match ranges().filter(|range| *range != all).count() {
                 0 => pixels.complete += 1,
-                incomplete if rule.masks(params, incomplete) => pixels.masked += 1,
+                incomplete if rule.masks(params.views().len(), incomplete) => pixels.masked += 1,
                 _ => {
                     pixels.segmented += 1;
-                    let mut cuts: Vec<i32> = ranges().flat_map(|range| [range.start, range.end]).collect();
+                    let mut cuts: Vec<u16> = ranges().flat_map(|range| [range.start, range.end]).collect();
                     cuts.extend([all.start, all.end]);
                     cuts.sort_unstable();
                     cuts.dedup();
@@ -221,19 +200,16 @@ impl Pixels {
     }
 }
 
-/// The disparities of the search at which a view sees a pixel.
-fn seen(params: &Params, view: View, u: usize, v: usize) -> Range<i32> {
+/// The disparities of the search, as indices, at which a view sees a pixel.
+fn seen(params: &Params, view: View, u: usize, v: usize) -> Range<u16> {
     let (at, size) = if view.is_horizontal() { (u, params.width()) } else { (v, params.height()) };
-    let (at, size) = (at as i32, size as i32);
-    let (start, end) = if view.sign() > 0 { (-at, size - at) } else { (at - size + 1, at + 1) };
-    let (least, past) = (i32::from(params.min_disparity()), i32::from(params.max_disparity()) + 1);
-    start.clamp(least, past)..end.clamp(least, past)
+    view.available(at, size, params.min_disparity(), params.num_disparities())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::Views;
+    use multiscopic_core::{Fusion, Views};
 
     fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> Params {
         Params::new(20, 17, views, fusion, min_disparity, num_disparities, block_size).unwrap()
@@ -269,10 +245,11 @@ mod tests {
                     runs => (border, segments) = (border + 1, segments + runs),
                 }
             }
-            let expected = Pixels { complete, masked: 0, segmented: border, segments };
+            let masked = Pixels { complete, masked: border, segmented: 0, segments: 0 };
+            // Whatever the fusion, one cost is the least.
+            let expected = if views.len() == 1 { masked } else { Pixels { complete, masked: 0, segmented: border, segments } };
             assert_eq!(Pixels::new(&mean), expected, "{mean:?}");
-            let min = Pixels::new(&params(views, Fusion::Min, min, num, 3));
-            assert_eq!(min, Pixels { complete, masked: border, segmented: 0, segments: 0 });
+            assert_eq!(Pixels::new(&params(views, Fusion::Min, min, num, 3)), masked);
         }
         let heuristic = Pixels::new(&params(Views::ALL, Fusion::Heuristic, 1, 12, 3));
         assert!(heuristic.masked > 0 && heuristic.segmented > 0, "{heuristic:?}");
@@ -291,7 +268,7 @@ mod tests {
     #[test]
     fn kernels_by_name() {
         let name = |views, fusion, block_size| kernel(&params(views, fusion, 1, 4, block_size));
-        assert_eq!(name(Views::STEREO, Fusion::Mean, 3), "1-mean");
+        assert_eq!(name(Views::STEREO, Fusion::Mean, 3), "1-min");
         assert_eq!(name(Views::HORIZONTAL, Fusion::Heuristic, 15), "2-mean");
         assert_eq!(name(Views::ALL, Fusion::Heuristic, 17), "4-heuristic-wide");
     }

@@ -70,14 +70,34 @@ impl Processor {
         }
     }
 
-    /// The instructions of a match in column tiles by the cost model, lines not fetched but sent; `None` for three views, for which
-    /// no prices were fitted.
-    pub fn instructions(self, params: &Params, tile_width: usize) -> Option<f64> {
-        self.measured().prices.instructions(params, tile_width, self.lanes())
+    /// The instructions of a match in column tiles by the cost model, lines not fetched but sent.
+    pub fn instructions(self, params: &Params, tile_width: usize) -> f64 {
+        let instructions = self.measured().prices.instructions(params, tile_width, self.lanes());
+        instructions.expect("prices are fitted for every kernel")
     }
 
     /// What was measured of its firmware.
     pub fn measured(self) -> &'static Measured {
         MEASURED.of(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use multiscopic_core::{Fusion, Views};
+
+    #[test]
+    fn every_match_has_a_price() {
+        for views in [Views::STEREO, Views::HORIZONTAL, Views::THREE, Views::ALL] {
+            for (fusion, block_size) in [Fusion::Min, Fusion::Mean, Fusion::Heuristic].into_iter().flat_map(|f| [(f, 3), (f, 21)])
+            {
+                let params = Params::new(40, 30, views, fusion, 1, 8, block_size).unwrap();
+                for processor in [Processor::CortexM4, Processor::CortexM7, Processor::CortexM55] {
+                    // A disparity line of 40 takes more than its packet of as many bytes.
+                    assert!(processor.instructions(&params, 40) > 40.0 * 30.0, "{processor:?} {params:?}");
+                }
+            }
+        }
     }
 }

@@ -44,9 +44,11 @@ pub fn simulate(profile: &Profile, fusion: Fusion, processor: Processor, frames:
     }
     match processor {
         Processor::CortexM4 | Processor::CortexM7 => {
-            run!(Narrow: profile::QQVGA, profile::QVGA, profile::QVGA_TILED, profile::VGA_TILED)
+            run!(Narrow: profile::QQVGA, profile::QVGA, profile::QVGA_TILED, profile::VGA, profile::VGA_TILED)
         }
-        Processor::CortexM55 => run!(Wide: profile::QQVGA, profile::QVGA, profile::QVGA_TILED, profile::VGA_TILED),
+        Processor::CortexM55 => {
+            run!(Wide: profile::QQVGA, profile::QVGA, profile::QVGA_TILED, profile::VGA, profile::VGA_TILED)
+        }
     }
 }
 

@@ -363,7 +363,7 @@ fn a_budget_refuses_bad_usage() {
     refused(&["--width", "320"], &["--height"]);
     refused(&["--profile", "svga"], &["svga", "qvga-tiled"]);
     refused(&["--profile", "qvga", "--block-size", "5"], &["--profile", "--block-size"]);
-    refused(&["--width", "64", "--height", "48", "--views", "3"], &["--views is 3"]);
+    refused(&["--width", "64", "--height", "48", "--views", "5"], &["--views is 5"]);
     refused(&["--width", "64", "--height", "48", "--block-size", "8"], &["block size is 8"]);
     refused(&["--width", "64", "--height", "48", "--tile-width", "65"], &["--tile-width is 65", "64"]);
     refused(&["--width", "64", "--height", "48", "--tile-width", "0"], &["--tile-width is 0"]);

@@ -276,6 +276,16 @@ impl Rule {
             (Fusion::Heuristic, _) => Rule::Heuristic,
         }
     }
+
+    /// Whether views can be hidden where they are not available, by the greatest cost, if `incomplete` of `views` views are not available at all
+    /// disparities. A hidden cost is that of no view, but for the heuristic rule where one view is left.
+    pub const fn masks(self, views: usize, incomplete: usize) -> bool {
+        match self {
+            Rule::Min => true,
+            Rule::Sum => false,
+            Rule::Heuristic => views >= incomplete + 2,
+        }
+    }
 }
 
 /// Where the lane of a disparity is among those of a pixel.

@@ -31,7 +31,7 @@ pub fn run(profile: &Profile, pipeline: Pipeline<'_>) -> ! {
 }
 
 /// Matches the frames of the board in the way that its arguments say, in any workspace that is large enough: width, height, number of
-/// views (1, 2 or 4), smallest disparity, number of disparities, block size, rule of fusion, and columns of a tile.
+/// views (1 to 4), smallest disparity, number of disparities, block size, rule of fusion, and columns of a tile.
 pub fn calibrate(pipeline: Pipeline<'_>) -> ! {
     end(|| {
         let (params, tile_width) = calibration().ok_or(Failure::Calibration)?;
@@ -91,6 +91,7 @@ fn calibration() -> Option<(Params, usize)> {
     let views = match words.next()? {
         "1" => Views::STEREO,
         "2" => Views::HORIZONTAL,
+        "3" => Views::THREE,
         "4" => Views::ALL,
         _ => return None,
     };
@@ -133,7 +134,7 @@ impl fmt::Display for Failure {
             Failure::Fusion => write!(f, "start it with one word: min, mean or heuristic"),
             Failure::Calibration => write!(
                 f,
-                "start it with: width, height, views (1, 2 or 4), smallest disparity, disparities, block size, fusion, columns of a tile"
+                "start it with: width, height, views (1 to 4), smallest disparity, disparities, block size, fusion, columns of a tile"
             ),
             Failure::File(path, error) => write!(f, "cannot open {}: {error}", name(path)),
             Failure::Size { path, found, expected } => {

@@ -24,7 +24,7 @@ pub struct Bench {
     height: u16,
 
     /// Neighbours: 1 (right), 2 (left and right) or 4
-    #[arg(long, value_name = "1|2|4", default_value_t = 2)]
+    #[arg(long, value_name = "1|2|3|4", default_value_t = 2)]
     views: usize,
 
     /// Runs, of which the fastest counts

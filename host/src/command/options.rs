@@ -96,8 +96,9 @@ pub fn views_of_count(count: usize) -> Result<Views> {
     match count {
         1 => Ok(Views::STEREO),
         2 => Ok(Views::HORIZONTAL),
+        3 => Ok(Views::THREE),
         4 => Ok(Views::ALL),
-        other => Err(Error::Usage(format!("--views is {other}, it must be 1, 2 or 4"))),
+        other => Err(Error::Usage(format!("--views is {other}, it must be from 1 to 4"))),
     }
 }
 

@@ -151,7 +151,7 @@ impl<'a> Report<'a> {
     fn new(profile: &Profile, params: &Params, processor: Processor, images: &'a str, simulation: &Simulation) -> Report<'a> {
         let ram = Ram::new(params, profile.tile_width(), processor);
         let instructions = processor.instructions(params, profile.tile_width());
-        let instructions = instructions.expect("there are prices for every profile").round();
+        let instructions = instructions.round();
         let frame = |frame: Frame| match frame {
             Frame::Center => "center",
             Frame::View(view) => name(view),

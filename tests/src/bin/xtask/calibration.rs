@@ -59,11 +59,13 @@ const SHAPES: [Shape; 12] = [
 ];
 
 /// Numbers of views, and the rules that fuse them in loops of their own.
-const VARIANTS: [(Views, Fusion); 7] = [
+const VARIANTS: [(Views, Fusion); 9] = [
     (Views::STEREO, Fusion::Min),
-    (Views::STEREO, Fusion::Mean),
     (Views::HORIZONTAL, Fusion::Min),
     (Views::HORIZONTAL, Fusion::Mean),
+    (Views::THREE, Fusion::Min),
+    (Views::THREE, Fusion::Mean),
+    (Views::THREE, Fusion::Heuristic),
     (Views::ALL, Fusion::Min),
     (Views::ALL, Fusion::Mean),
     (Views::ALL, Fusion::Heuristic),

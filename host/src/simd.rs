@@ -12,7 +12,7 @@ use multiscopic_core::kernel::Neon;
 use multiscopic_core::kernel::{Avx2, Avx512};
 use multiscopic_core::{
     Disparity, Matcher, Memory, Params, Region,
-    kernel::{Blocks, Isa, Portable},
+    kernel::{Blocks, Portable},
 };
 
 use crate::Frames;
@@ -33,6 +33,15 @@ enum Level {
     #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
     Neon,
     Baseline,
+}
+
+/// What can be done with any instruction set of the core.
+pub trait Task {
+    /// What comes of it.
+    type Output;
+
+    /// Does it with `isa`, which this processor has.
+    fn run<I: Blocks<u16> + Blocks<u32>>(self, isa: I) -> Self::Output;
 }
 
 impl Simd {
@@ -69,20 +78,27 @@ impl Simd {
 
     /// Disparities that are computed at a time.
     fn lanes(self) -> usize {
-        match self.0 {
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => Avx512::LANES,
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => Avx2::LANES,
-            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
-            Level::Neon => Neon::LANES,
-            Level::Baseline => Baseline::LANES,
-        }
+        self.run(Lanes)
     }
 
     /// The level of that name, if this processor has it.
     pub fn named(name: &str) -> Option<Simd> {
         Simd::available().into_iter().find(|simd| simd.to_string() == name)
+    }
+
+    /// Does `task` with the core's instruction set of this level.
+    pub fn run<T: Task>(self, task: T) -> T::Output {
+        match self.0 {
+            // SAFETY: a Simd is only made for what the processor has.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => task.run(unsafe { Avx512::new() }),
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => task.run(unsafe { Avx2::new() }),
+            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+            Level::Neon => task.run(Neon),
+            Level::Baseline => task.run(Baseline::default()),
+        }
     }
 
     /// Matches `region` of `frames` into `out`, which has its pixels line by line, and calls `line_done` after each line.
@@ -94,17 +110,7 @@ impl Simd {
         out: &mut [Option<Disparity>],
         line_done: &impl Fn(),
     ) {
-        match self.0 {
-            // SAFETY: a Simd is only made for what the processor has.
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => match_region(unsafe { Avx512::new() }, frames, params, region, out, line_done),
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => match_region(unsafe { Avx2::new() }, frames, params, region, out, line_done),
-            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
-            Level::Neon => match_region(Neon, frames, params, region, out, line_done),
-            Level::Baseline => match_region(Baseline::default(), frames, params, region, out, line_done),
-        }
+        self.run(Pass { frames, params, region, out, line_done });
     }
 }
 
@@ -122,23 +128,41 @@ impl fmt::Display for Simd {
     }
 }
 
-fn match_region<I: Blocks<u16> + Blocks<u32>>(
-    isa: I,
-    mut frames: &Frames,
-    params: &Params,
-    region: &Region,
-    out: &mut [Option<Disparity>],
-    line_done: &impl Fn(),
-) {
-    /// Bytes of the widest vector, to which the sums are aligned.
-    const ALIGNMENT: usize = 64;
-    let words = Memory::new::<I>(params, region.width()).words();
-    let mut memory = vec![0u32; words + ALIGNMENT / 4];
-    let start = memory.as_ptr().align_offset(ALIGNMENT);
-    let mut matcher =
-        Matcher::with_isa(isa, params, region, &mut memory[start..]).expect("the memory has the matcher's own size");
-    for line in out.chunks_exact_mut(region.width()) {
-        matcher.next_line(&mut frames, line).expect("lines in memory do not fail");
-        line_done();
+/// Tells how many disparities are computed at a time.
+struct Lanes;
+
+impl Task for Lanes {
+    type Output = usize;
+
+    fn run<I: Blocks<u16> + Blocks<u32>>(self, _isa: I) -> usize {
+        I::LANES
+    }
+}
+
+/// Matches a region.
+struct Pass<'a, F> {
+    frames: &'a Frames,
+    params: &'a Params,
+    region: &'a Region,
+    out: &'a mut [Option<Disparity>],
+    line_done: &'a F,
+}
+
+impl<F: Fn()> Task for Pass<'_, F> {
+    type Output = ();
+
+    fn run<I: Blocks<u16> + Blocks<u32>>(self, isa: I) {
+        /// Bytes of the widest vector, to which the sums are aligned.
+        const ALIGNMENT: usize = 64;
+        let Pass { mut frames, params, region, out, line_done } = self;
+        let words = Memory::new::<I>(params, region.width()).words();
+        let mut memory = vec![0u32; words + ALIGNMENT / 4];
+        let start = memory.as_ptr().align_offset(ALIGNMENT);
+        let mut matcher =
+            Matcher::with_isa(isa, params, region, &mut memory[start..]).expect("the memory has the matcher's own size");
+        for line in out.chunks_exact_mut(region.width()) {
+            matcher.next_line(&mut frames, line).expect("lines in memory do not fail");
+            line_done();
+        }
     }
 }

@@ -4,9 +4,9 @@ use anyhow::{Context, Result};
 use std::{process::Command, time::Instant};
 
 use crate::{
-    board,
+    aarch64, board,
     command::{command, run},
-    edge, faults, kernels, setup,
+    edge, faults, instructions, kernels, setup,
     toolchain::Toolchain,
     v4l2,
 };
@@ -16,6 +16,8 @@ pub fn test() -> Result<()> {
     let toolchain = step("setup", setup::run)?;
     step("tests in debug", || run(&mut cargo(&["test", "--workspace"])))?;
     step("tests in release", || run(&mut cargo(&["test", "--workspace", "--release"])))?;
+    step("the kernel of 64-bit Arm", aarch64::run_tests)?;
+    step("instructions", || instructions::Guard::COMPARE.run())?;
     step("cameras in a virtual machine", v4l2::run_tests)?;
     step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
     step("the kernels in the emulator", || kernels::run(&toolchain))?;

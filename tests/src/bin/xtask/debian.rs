@@ -40,10 +40,10 @@ pub fn install(packages: &[&str]) -> Result<()> {
     run(apt_get(&["install", "-y", "--no-install-recommends", "--no-remove"]).args(packages))
 }
 
-/// Unpacks `package`, and what it needs that is not installed, into `folder`: for where it cannot be installed beside the
-/// other packages.
-pub fn unpack(package: &str, folder: &Path) -> Result<()> {
-    let plan = read(&mut apt_get(&["install", "--simulate", "--no-install-recommends", package]))?;
+/// Unpacks `packages`, and what they need that is not installed, into `folder`: for where they cannot be installed beside the
+/// others.
+pub fn unpack(packages: &[&str], folder: &Path) -> Result<()> {
+    let plan = read(apt_get(&["install", "--simulate", "--no-install-recommends"]).args(packages))?;
     extract(plan.lines().filter_map(|line| line.strip_prefix("Inst ")?.split(' ').next()), folder)
 }
 
@@ -114,15 +114,19 @@ fn make_programs(folder: &Path) -> Result<()> {
     link(&active.join("lib/rustlib").join(&host).join(linker), &libraries.join(linker))
 }
 
-/// Compiles the core library for `target` into `folder`.
+/// Compiles the core library for `target` into `folder`, and the whole standard library where the target has a system.
 fn make_core(folder: &Path, target: &str) -> Result<()> {
     let seed = folder.join("seed");
     fs::create_dir_all(seed.join("src"))?;
     fs::write(seed.join("Cargo.toml"), MANIFEST)?;
     fs::write(seed.join("src/lib.rs"), "#![no_std]\n")?;
-    let build =
-        ["build", "--release", "-Zbuild-std=core,alloc", "-Zbuild-std-features=compiler-builtins-mem", "--target", target];
-    run(command("cargo", build)
+    // Bare metal has no functions to copy memory; a system has, and runs tests.
+    let library = match has_system(target) {
+        true => ["-Zbuild-std=std,test", "-Zbuild-std-features=panic-unwind"],
+        false => ["-Zbuild-std=core,alloc", "-Zbuild-std-features=compiler-builtins-mem"],
+    };
+    run(command("cargo", ["build", "--release", "--target", target])
+        .args(library)
         .current_dir(&seed)
         .env_remove("LD_LIBRARY_PATH")
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
@@ -137,17 +141,27 @@ fn make_core(folder: &Path, target: &str) -> Result<()> {
         fs::remove_dir_all(libraries)?;
     }
     fs::create_dir_all(libraries)?;
-    copy_libraries(&seed.join("target").join(target).join("release/deps"), libraries)?;
+    copy_libraries(&seed.join("target").join(target).join("release/deps"), libraries, has_system(target))?;
     fs::write(&marker, version()?)?;
     fs::remove_dir_all(seed)?;
     Ok(())
 }
 
-fn copy_libraries(from: &Path, to: &Path) -> Result<()> {
-    let wanted = ["libcore-", "liballoc-", "libcompiler_builtins-"];
+/// Whether `target` has an operating system.
+fn has_system(target: &str) -> bool {
+    target.contains("-linux-")
+}
+
+/// Copies the core library, or `all` but the seed.
+fn copy_libraries(from: &Path, to: &Path, all: bool) -> Result<()> {
+    let core = ["libcore-", "liballoc-", "libcompiler_builtins-"];
+    let wanted = |name: &str| match all {
+        true => !name.starts_with("libseed-"),
+        false => core.iter().any(|start| name.starts_with(start)),
+    };
     for entry in fs::read_dir(from)? {
         let (path, name) = entry.map(|entry| (entry.path(), entry.file_name().to_string_lossy().into_owned()))?;
-        if name.ends_with(".rlib") && wanted.iter().any(|start| name.starts_with(start)) {
+        if name.ends_with(".rlib") && wanted(&name) {
             fs::copy(path, to.join(name))?;
         }
     }

@@ -25,6 +25,7 @@ use crate::{
     footprint::Footprint,
     image_set::ImageSet,
     layout, received,
+    record::{self, Counts},
     toolchain::Toolchain,
     workers,
 };
@@ -47,6 +48,9 @@ pub struct Selection {
     /// Fit the cost model of `multiscopic budget` first, and write it and what else was measured to host/src/measured.toml
     #[arg(long, conflicts_with_all = ["profile", "fusion", "board"])]
     fit: bool,
+    /// Write the instructions per disparity evaluation to the record instead of comparing them with it
+    #[arg(long)]
+    update: bool,
     /// Write the measurements to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -117,7 +121,14 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
         let json = serde_json::to_string_pretty(&measurements)?;
         fs::write(path, json + "\n").with_context(|| format!("cannot write {}", path.display()))?;
     }
-    check(&runs, &measurements, &table)
+    check(&runs, &measurements, &table)?;
+    record::hold(&counts(&measurements), selection.update, "cargo xtask edge --update")
+}
+
+/// The counts of `measurements` under their names in the record. What images show changes them by less than its tolerance.
+fn counts(measurements: &[Measurement]) -> Counts {
+    let name = |m: &Measurement| format!("{}, {}, {}", m.board, m.profile, m.fusion);
+    measurements.iter().map(|m| (name(m), m.instructions_per_de)).collect()
 }
 
 /// A table with the prices of work, and nothing else yet.

@@ -1,5 +1,6 @@
 //! `cargo xtask`: one command for what a developer and the continuous integration do. Needs nothing but Rust.
 
+mod aarch64;
 mod archive;
 mod board;
 mod calibration;
@@ -13,6 +14,7 @@ mod faults;
 mod firmware;
 mod footprint;
 mod image_set;
+mod instructions;
 mod kernel;
 mod kernels;
 mod layout;
@@ -20,6 +22,7 @@ mod least_squares;
 mod log;
 mod machine;
 mod received;
+mod record;
 mod setup;
 mod tool;
 mod toolchain;
@@ -53,6 +56,10 @@ enum Task {
     V4l2,
     /// Compare the processors' kernels with their portable twins, in the emulator
     Kernels,
+    /// Test the kernel of 64-bit Arm, in the emulator where this machine is another
+    Aarch64,
+    /// Count the instructions of matching on this machine and compare them with the record
+    Instructions(instructions::Guard),
     /// Link the matcher alone, which fails if there is any way from it into a panic
     NoPanic,
 }
@@ -74,6 +81,8 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Ci => check::ci(),
         Task::V4l2 => v4l2::run_tests(),
         Task::Kernels => kernels::run(&setup::run()?),
+        Task::Aarch64 => aarch64::run_tests(),
+        Task::Instructions(guard) => guard.run(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),
         Task::Edge(selection) => edge::run(&setup::run()?, &selection),

@@ -12,27 +12,46 @@ use crate::{command::command, debian, layout};
 /// A program, and the packages that bring it.
 pub struct Tool {
     program: &'static str,
-    debian: &'static str,
-    fedora: &'static str,
-    homebrew: &'static str,
+    debian: &'static [&'static str],
+    fedora: Option<&'static str>,
+    homebrew: Option<&'static str>,
 }
 
 /// The emulator of the boards.
 pub const QEMU: Tool =
-    Tool { program: "qemu-system-arm", debian: "qemu-system-arm", fedora: "qemu-system-arm", homebrew: "qemu" };
+    Tool { program: "qemu-system-arm", debian: &["qemu-system-arm"], fedora: Some("qemu-system-arm"), homebrew: Some("qemu") };
 
 /// The emulator of a machine with cameras.
-pub const QEMU_X86: Tool =
-    Tool { program: "qemu-system-x86_64", debian: "qemu-system-x86", fedora: "qemu-system-x86-core", homebrew: "qemu" };
+pub const QEMU_X86: Tool = Tool {
+    program: "qemu-system-x86_64",
+    debian: &["qemu-system-x86"],
+    fedora: Some("qemu-system-x86-core"),
+    homebrew: Some("qemu"),
+};
 
 /// A C compiler, for the emulator's plugin and the kernel's module.
-pub const CC: Tool = Tool { program: "cc", debian: "gcc", fedora: "gcc", homebrew: "gcc" };
+pub const CC: Tool = Tool { program: "cc", debian: &["gcc"], fedora: Some("gcc"), homebrew: Some("gcc") };
 
 /// What runs the compiler, for the kernel's module.
-pub const MAKE: Tool = Tool { program: "make", debian: "make", fedora: "make", homebrew: "make" };
+pub const MAKE: Tool = Tool { program: "make", debian: &["make"], fedora: Some("make"), homebrew: Some("make") };
 
 /// What unpacks the kernel.
-pub const XZ: Tool = Tool { program: "xz", debian: "xz-utils", fedora: "xz", homebrew: "xz" };
+pub const XZ: Tool = Tool { program: "xz", debian: &["xz-utils"], fedora: Some("xz"), homebrew: Some("xz") };
+
+/// The linker for 64-bit Arm with Linux, and its C library.
+pub const AARCH64_CC: Tool = Tool {
+    program: "aarch64-linux-gnu-gcc",
+    debian: &["gcc-aarch64-linux-gnu", "libc6-dev-arm64-cross"],
+    fedora: None,
+    homebrew: None,
+};
+
+/// The emulator of 64-bit Arm's programs.
+pub const QEMU_AARCH64: Tool =
+    Tool { program: "qemu-aarch64", debian: &["qemu-user"], fedora: Some("qemu-user"), homebrew: None };
+
+/// Counts instructions.
+pub const VALGRIND: Tool = Tool { program: "valgrind", debian: &["valgrind"], fedora: Some("valgrind"), homebrew: None };
 
 /// Every program that the firmware's tests need.
 pub const ALL: [Tool; 2] = [QEMU, CC];
@@ -44,11 +63,11 @@ impl Tool {
             return Ok(program);
         }
         let unpack = |reason: &dyn fmt::Display| {
-            eprintln!("setup: {reason}; {} goes into {} instead", self.debian, self.folder().display());
+            eprintln!("setup: {reason}; {} goes into {} instead", self.debian.join(" "), self.folder().display());
             debian::unpack(self.debian, &self.folder())
         };
         if debian::can_install() {
-            debian::install(&[self.debian]).or_else(|refusal| unpack(&format!("{refusal:#}")))?;
+            debian::install(self.debian).or_else(|refusal| unpack(&format!("{refusal:#}")))?;
         } else if debian::is_here()
             && let Err(refusal) = unpack(&"only root may install")
         {
@@ -56,14 +75,20 @@ impl Tool {
         }
         match self.find() {
             Some(program) => Ok(program),
-            None => bail!(
-                "{} is missing; install it with one of\n  sudo apt-get install {}\n  sudo dnf install {}\n  brew install {}",
-                self.program,
-                self.debian,
-                self.fedora,
-                self.homebrew
-            ),
+            None => bail!("{} is missing; install it with one of{}", self.program, self.instructions()),
         }
+    }
+
+    /// What installs it, a command in each line.
+    fn instructions(&self) -> String {
+        let fedora = self.fedora.map(|package| format!("\n  sudo dnf install {package}"));
+        let homebrew = self.homebrew.map(|package| format!("\n  brew install {package}"));
+        format!(
+            "\n  sudo apt-get install {}{}{}",
+            self.debian.join(" "),
+            fedora.unwrap_or_default(),
+            homebrew.unwrap_or_default()
+        )
     }
 
     /// The program if it is installed or unpacked.
@@ -93,6 +118,11 @@ pub struct Program {
 }
 
 impl Program {
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// The program with `args`.
     pub fn command(&self, args: &[&str]) -> Result<Command> {
         let mut command = command(&self.path.to_string_lossy(), args);

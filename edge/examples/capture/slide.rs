@@ -15,6 +15,8 @@ const SETUP: u64 = 650;
 pub struct Slide {
     /// Nanoseconds since the start.
     pub now: u64,
+    /// How many times as long as it should every wait takes.
+    pub pace: u64,
     /// To the right and down.
     pub screws: [Screw; 2],
 }
@@ -28,7 +30,7 @@ pub struct Screw {
     pub ends: [i32; 2],
     /// The shortest time between steps that the motor follows, in nanoseconds.
     pub shortest: u64,
-    /// When each of the pulses came, by number.
+    /// How many pulses came.
     pub pulses: u32,
     /// When the last pulse came.
     pub pulsed: u64,
@@ -56,7 +58,7 @@ impl Slide {
     pub fn new(at: [i32; 2], ends: [i32; 2], shortest: u64) -> Slide {
         let screw =
             |at| Screw { at, ends, shortest, pulses: 0, pulsed: 0, fault: None, is_forward: false, directed: 0, is_high: false };
-        Slide { now: 0, screws: at.map(screw) }
+        Slide { now: 0, pace: 1, screws: at.map(screw) }
     }
 }
 
@@ -159,6 +161,7 @@ pub struct Clock<'s>(pub &'s RefCell<Slide>);
 
 impl DelayNs for Clock<'_> {
     fn delay_ns(&mut self, ns: u32) {
-        self.0.borrow_mut().now += u64::from(ns);
+        let mut slide = self.0.borrow_mut();
+        slide.now += slide.pace * u64::from(ns);
     }
 }

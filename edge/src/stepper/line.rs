@@ -41,11 +41,11 @@ impl Line {
         let interval = (self.left > 0).then(|| self.ramp.interval(self.left))?;
         self.left -= 1;
         let mut ways = [0; 2];
-        for axis in 0..2 {
+        for (axis, way) in ways.iter_mut().enumerate() {
             self.ahead[axis] += u64::from(self.counts[axis]);
             if self.ahead[axis] >= u64::from(self.most) {
                 self.ahead[axis] -= u64::from(self.most);
-                ways[axis] = self.ways[axis];
+                *way = self.ways[axis];
             }
         }
         Some((ways, interval))

@@ -68,12 +68,9 @@ impl Ramp {
             self.level += 1;
             let due = self.time(self.level);
             due - core::mem::replace(&mut self.due, due)
-        } else if self.level == 0 {
-            // A single step.
-            self.time(1)
         } else {
-            // As fast as it is.
-            (self.due / self.level).div_ceil(2)
+            // As fast as it is, or a single step from rest.
+            self.due.checked_div(self.level).map_or(self.time(1), |twice| twice.div_ceil(2))
         };
         interval.max(self.cruise)
     }

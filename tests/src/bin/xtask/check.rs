@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use std::{process::Command, time::Instant};
 
 use crate::{
-    board,
+    board, capture,
     command::{command, run},
     edge, faults, kernels, setup,
     toolchain::Toolchain,
@@ -18,6 +18,7 @@ pub fn test() -> Result<()> {
     step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
     step("the kernels in the emulator", || kernels::run(&toolchain))?;
     step("the firmware in the emulator", || edge::run(&toolchain, &edge::Selection::default()))?;
+    step("the firmware that captures", || capture::run(&toolchain))?;
     step("the firmware's faults", || faults::run(&toolchain))?;
     println!("\nevery test passed");
     Ok(())

@@ -2,6 +2,7 @@
 
 mod board;
 mod calibration;
+mod capture;
 mod check;
 mod command;
 mod counter;
@@ -43,6 +44,8 @@ enum Task {
     Ci,
     /// Build the firmware, run it in the emulator, compare it with this machine bit for bit, and measure it
     Edge(edge::Selection),
+    /// Run the firmware that moves a camera and captures, with everything that can go wrong
+    Capture,
     /// Run the firmware where it must fail: too large, out of stack, without its frames
     Faults,
     /// Compare the processors' kernels with their portable twins, in the emulator
@@ -68,6 +71,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Ci => check::ci(),
         Task::Kernels => kernels::run(&setup::run()?),
         Task::NoPanic => faults::no_panic(&setup::run()?),
+        Task::Capture => capture::run(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),
         Task::Edge(selection) => edge::run(&setup::run()?, &selection),
     }

@@ -10,6 +10,8 @@ use multiscopic_edge::stepper::Pins;
 /// What the drivers of the motors need, in nanoseconds: the length of a pulse, and of a direction before it.
 const PULSE: u64 = 1900;
 const SETUP: u64 = 650;
+/// How far behind its switch an end is, in steps: there the motor turns no more.
+const STOP: i32 = 800;
 
 /// A slide in a time of its own, which passes while it is waited for.
 pub struct Slide {
@@ -71,7 +73,7 @@ impl Screw {
             let jammed = matches!(&self.fault, Some(Fault::Jam(pulses)) if pulses.contains(&self.pulses));
             let follows = self.pulses == 0 || now - self.pulsed >= self.shortest;
             if follows && now - self.directed >= SETUP && !jammed {
-                self.at += self.way();
+                self.at = (self.at + self.way()).clamp(self.ends[0] - STOP, self.ends[1] + STOP);
             }
             self.pulses += 1;
             self.pulsed = now;

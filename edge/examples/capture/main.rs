@@ -251,6 +251,7 @@ mod image {
             let whole = Region::whole(&CAPTURE);
             let matcher = Matcher::with_isa(Kernel::default(), &CAPTURE, &whole, desk.memory);
             let (mut matcher, mut sender) = (matcher.map_err(Failure::Memory)?, Sender::new(&CAPTURE, desk.packet));
+            let mut early = 0;
             loop {
                 let progress = self.poll(sequence, fault)?;
                 let is_there = progress == Progress::Captured(LAST);
@@ -270,12 +271,14 @@ mod image {
                         Err(_) => break,
                     }
                     if !is_there {
+                        early += 1;
                         break;
                     }
                 }
                 if is_there {
                     let stack = cortex_m_stack::stack_size() as usize - cortex_m_stack::stack_painted() as usize;
                     output.write_all(sender.end(Some(stack)).map_err(Failure::Packet)?).map_err(Failure::Send)?;
+                    defmt::info!("{=usize} lines were sent while the last frame was read out", early);
                     return Ok(progress);
                 }
             }

@@ -45,7 +45,6 @@ pub struct Screw {
 
 /// What is wrong with an axis.
 #[derive(Clone)]
-#[allow(dead_code, reason = "not every program breaks everything")]
 pub enum Fault {
     /// The motor does not follow the pulses of these numbers.
     Jam(Range<u32>),

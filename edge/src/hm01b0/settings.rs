@@ -30,7 +30,8 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Frames of a size, as fast as a quarter of the master clock allows, half of a frame's time exposed, not amplified; the last one is streamed.
+    /// Frames of a size, as fast as a quarter of the master clock allows, exposed for half of a frame's time and not amplified. The last
+    /// one is streamed.
     pub const fn new(size: Size) -> Settings {
         Settings {
             size,

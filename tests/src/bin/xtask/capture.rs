@@ -24,10 +24,10 @@ const FAILED: i32 = 1;
 type Case = (&'static str, i32, &'static str);
 
 /// A capture as it should be.
-const WHOLE: Case = ("nothing 0 once", DONE, "captured, matched and sent");
+const WHOLE: Case = ("nothing 0 once", DONE, "118 lines were sent while the last frame was read out");
 
 /// Everything that can go wrong.
-const FAULTS: [Case; 29] = [
+const FAULTS: [Case; 30] = [
     ("pressed 0 once", FAILED, "homing: the switch at the low end of axis y stays pressed"),
     ("released 0 once", FAILED, "homing: the switch at the low end of axis x was not found"),
     ("jam 0 once", FAILED, "homing: the switch at the low end of axis x was not found"),
@@ -55,6 +55,7 @@ const FAULTS: [Case; 29] = [
     ("burst 4 once", DONE, "frame 4 is tried again"),
     ("burst 4 always", FAILED, "camera, frame 4: lines from 6 on came faster than they were taken"),
     ("abort-move 1 once", FAILED, "the capture was aborted"),
+    ("abort-settle 2 once", FAILED, "the capture was aborted"),
     ("abort-capture 4 once", FAILED, "the capture was aborted"),
     ("abort-return 0 once", FAILED, "the capture was aborted"),
 ];

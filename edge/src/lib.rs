@@ -7,6 +7,8 @@
 //! # Features
 //! - `semihosting` (default): the firmware of the profiles, whose files and log a debugger or an emulator lends, with its handlers of
 //!   panics and faults.
+//! - `stepper` (default): a stage that stepping motors move, over the pins of any HAL.
+//! - `hm01b0` (default): a camera with the sensor HM01B0, over any HAL's I2C bus.
 //! - `stm32f405`, `stm32h743`, `an547`: the board that it is linked for, at most one; without, the reference board of `memory.x`.
 #![no_std]
 
@@ -14,10 +16,14 @@ mod board;
 #[cfg(all(target_os = "none", feature = "semihosting"))]
 pub mod firmware;
 pub mod frame_file;
+#[cfg(feature = "hm01b0")]
+pub mod hm01b0;
 mod kernel;
 pub mod packet;
 mod pipeline;
 pub mod profile;
+#[cfg(feature = "stepper")]
+pub mod stepper;
 mod streams;
 
 pub use board::{Board, Phase};

@@ -26,6 +26,9 @@ pub const VGA: Profile = Profile::whole("vga", Shape::new(640, 480, 64, 11), 480
 /// The same in column tiles.
 pub const VGA_TILED: Profile = Profile::tiled("vga-tiled", Shape::new(640, 480, 64, 11), 96);
 
+/// What the example `capture` matches, of frames that it takes itself: a small frame and all its neighbours.
+pub const CAPTURE: Params = Shape::new(160, 120, 16, 7).params(Fusion::Heuristic);
+
 /// Every profile.
 pub const ALL: [Profile; 5] = [QQVGA, QVGA, QVGA_TILED, VGA, VGA_TILED];
 

@@ -14,7 +14,8 @@ use semihosting::{experimental::env, process};
 
 use crate::{Board, Pipeline, PipelineError, Profile, StreamsError, packet::BufferTooSmall};
 
-use host_file::HostError;
+pub use fault::fail;
+pub use host_file::{HostError, HostFile};
 use semihosted::Semihosted;
 
 defmt::timestamp!("{=u64:ms}", semihosted::elapsed().as_millis() as u64);

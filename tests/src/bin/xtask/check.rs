@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use std::{process::Command, time::Instant};
 
 use crate::{
-    aarch64, board,
+    aarch64, board, capture,
     command::{command, run},
     edge, faults, instructions, kernels, setup,
     toolchain::Toolchain,
@@ -22,6 +22,7 @@ pub fn test() -> Result<()> {
     step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
     step("the kernels in the emulator", || kernels::run(&toolchain))?;
     step("the firmware in the emulator", || edge::run(&toolchain, &edge::Selection::default()))?;
+    step("the firmware that captures", || capture::run(&toolchain))?;
     step("the firmware's faults", || faults::run(&toolchain))?;
     println!("\nevery test passed");
     Ok(())
@@ -48,10 +49,15 @@ fn step<T>(name: &str, run: impl FnOnce() -> Result<T>) -> Result<T> {
 
 fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
     // As firmware of one's own has them.
-    let packages = [["--package", "multiscopic-core", "--lib"], ["--package", "multiscopic-edge", "--lib"]];
-    board::targets().iter().flat_map(|target| packages.map(|package| (target, package))).try_for_each(|(target, package)| {
+    let libraries: [&[&str]; 3] = [
+        &["--package", "multiscopic-core"],
+        &["--package", "multiscopic-edge"],
+        &["--package", "multiscopic-edge", "--features", "stepper,hm01b0"],
+    ];
+    board::targets().iter().flat_map(|target| libraries.map(|library| (target, library))).try_for_each(|(target, library)| {
         let mut build = toolchain.cargo("rustc");
-        run(build.args(["--release", "--no-default-features"]).args(package).args(["--target", target, "--", "-Dwarnings"]))
+        build.args(["--release", "--no-default-features", "--lib"]).args(library);
+        run(build.args(["--target", target, "--", "-Dwarnings"]))
     })
 }
 

@@ -4,6 +4,7 @@ mod aarch64;
 mod archive;
 mod board;
 mod calibration;
+mod capture;
 mod check;
 mod command;
 mod counter;
@@ -50,6 +51,8 @@ enum Task {
     Ci,
     /// Build the firmware, run it in the emulator, compare it with this machine bit for bit, and measure it
     Edge(edge::Selection),
+    /// Run the firmware that moves a camera and captures, with everything that can go wrong
+    Capture,
     /// Run the firmware where it must fail: too large, out of stack, without its frames
     Faults,
     /// Run the tests with cameras, in a virtual machine with real drivers
@@ -84,6 +87,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Aarch64 => aarch64::run_tests(),
         Task::Instructions(guard) => guard.run(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
+        Task::Capture => capture::run(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),
         Task::Edge(selection) => edge::run(&setup::run()?, &selection),
     }

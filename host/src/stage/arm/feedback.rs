@@ -29,7 +29,6 @@ pub struct Feedback {
 /// The last that was heard.
 struct Latest {
     state: State,
-    at: Instant,
     /// Why nothing more comes.
     end: Option<End>,
 }
@@ -39,6 +38,8 @@ struct Latest {
 pub struct State {
     /// The state.
     pub sample: Sample,
+    /// When it came.
+    pub at: Instant,
     /// How many samples have come.
     pub count: u64,
     /// How many had come when the tool last moved.
@@ -57,7 +58,7 @@ impl State {
         let count = self.count + 1;
         let speeds = sample.speed.map(|[x, y, z]| x.hypot(y).hypot(z));
         let moved = if speeds.iter().zip(STILL).any(|(&speed, still)| speed > still) { count } else { self.moved };
-        State { sample, count, moved, played: if sample.is_playing { count } else { self.played } }
+        State { sample, at: Instant::now(), count, moved, played: if sample.is_playing { count } else { self.played } }
     }
 }
 
@@ -80,8 +81,8 @@ impl Feedback {
         let Packages { stream: mut incoming, mut bytes, .. } = packages;
         incoming.set_read_timeout(None).map_err(broken)?;
 
-        let state = State { sample, count: 0, moved: 0, played: 0 }.with(sample);
-        let latest = Arc::new((Mutex::new(Latest { state, at: Instant::now(), end: None }), Condvar::new()));
+        let state = State { sample, at: Instant::now(), count: 0, moved: 0, played: 0 }.with(sample);
+        let latest = Arc::new((Mutex::new(Latest { state, end: None }), Condvar::new()));
         let heard = latest.clone();
         let reader = thread::spawn(move || {
             let end = loop {
@@ -119,7 +120,7 @@ impl Feedback {
     pub fn next(&self) -> Result<State, StageError> {
         let (count, since) = {
             let latest = lock(&self.latest.0);
-            (latest.state.count, latest.at.elapsed())
+            (latest.state.count, latest.state.at.elapsed())
         };
         self.wait(self.silence.saturating_sub(since), |state| state.count > count)
     }
@@ -148,7 +149,7 @@ impl Feedback {
         match &latest.end {
             Some(End::Broken(kind)) => Err(disconnected(&self.name, (*kind).into())),
             Some(End::Nonsense(found)) => Err(nonsense(&self.name, found.clone())),
-            None if latest.at.elapsed() >= self.silence => {
+            None if latest.state.at.elapsed() >= self.silence => {
                 Err(StageError::Silent { from: self.name.clone(), after: self.silence })
             }
             None => Ok(latest.state),
@@ -169,7 +170,7 @@ impl Drop for Feedback {
 fn tell(kind: u8, payload: &[u8], recipe: u8, latest: &(Mutex<Latest>, Condvar)) -> Result<(), String> {
     let Some(state) = state_of(kind, payload, recipe)? else { return Ok(()) };
     let mut heard = lock(&latest.0);
-    (heard.state, heard.at) = (heard.state.with(state), Instant::now());
+    heard.state = heard.state.with(state);
     latest.1.notify_all();
     Ok(())
 }

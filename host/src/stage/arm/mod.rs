@@ -132,10 +132,11 @@ impl Stage for Arm {
         let (distance, angle) = (self.distance(&state, order.target), self.start.angle_to(&state.sample.pose));
         order.is_done = distance <= NEAR[0] && angle <= NEAR[1] && state.is_still(order.since);
         if distance < order.nearest - STEP {
-            (order.nearest, order.nearer_at) = (distance, Instant::now());
+            (order.nearest, order.nearer_at) = (distance, state.at);
         }
         self.order = Some(order);
-        let after = order.nearer_at.elapsed();
+        // What is not heard any more is silence, no stall.
+        let after = state.at.saturating_duration_since(order.nearer_at);
         match order.is_done || after <= self.limits.stall_timeout {
             true => Ok(order.is_done),
             false if state.played <= order.since => Err(StageError::Ignored { after }),

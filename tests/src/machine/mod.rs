@@ -227,7 +227,8 @@ fn run(mut port: TTYPort, machine: &Mutex<Machine>, mut control: Box<dyn Control
         match machine.fault {
             Fault::Silent => {}
             Fault::OtherProtocol => {
-                port.write_all(b"$GPGGA,092750.000,5321.6802,N,00630.3372,W,1,8,1.03,61.7,M,55.2,M,,*76\r\n")?
+                // Nobody needs to read it.
+                let _ = port.write(b"$GPGGA,092750.000,5321.6802,N,00630.3372,W,1,8,1.03,61.7,M,55.2,M,,*76\r\n");
             }
             _ => port.write_all(answer.as_bytes())?,
         }

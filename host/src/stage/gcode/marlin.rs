@@ -171,7 +171,7 @@ impl<P: Read + Write> Stage for Marlin<P> {
                 self.motion = Motion::Ending { asked, heard, duration };
                 let (by, Limits { silence_timeout, stall_timeout, .. }) = (self.lines.name(), self.limits);
                 // A machine that is slower than it was told to be may need as long again.
-                match (now - heard > duration + silence_timeout, now - asked > duration + stall_timeout) {
+                match (now - heard > duration + silence_timeout, heard - asked > duration + stall_timeout) {
                     (true, _) => Err(StageError::Silent { from: by, after: now - heard }),
                     (_, true) => Err(StageError::Late { by, after: now - asked }),
                     _ => Ok(false),

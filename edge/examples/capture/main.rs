@@ -302,7 +302,10 @@ mod image {
             match self {
                 Failure::Homing(error) => write!(f, "homing: {error}"),
                 Failure::HomingTimeout => write!(f, "homing took too long"),
-                Failure::Capture(error) => write!(f, "{error}"),
+                Failure::Capture(error) => {
+                    error.index().map_or(Ok(()), |index| write!(f, "frame {index}: "))?;
+                    write!(f, "{error}")
+                }
                 Failure::Lost { steps: [x, y] } => write!(f, "the motors lost {x} and {y} steps: the frames are of no use"),
                 Failure::Match(error) => write!(f, "{error}"),
                 Failure::Memory(error) => write!(f, "{error}"),

@@ -2,32 +2,69 @@
 
 use std::convert::Infallible;
 
-use image::{GrayImage, imageops};
+use image::{GrayImage, RgbImage, imageops};
 use multiscopic_core::{Frame, Rewind, ScanlineSource, View, Views};
 
 use crate::{Error, Picture, image_file::write_png, rig::Images};
 
-/// A centre frame and its neighbours, all of one size, in 8-bit grey.
+/// A centre frame and its neighbours, all of one size, in 8-bit grey; and their colours, for the methods that match them too.
 #[derive(Clone, Debug)]
 pub struct Frames {
     center: GrayImage,
     neighbors: [Option<GrayImage>; 4],
+    /// Of the centre and the neighbours, or of none.
+    colors: Option<Colors>,
+}
+
+/// The colours of a centre frame and its neighbours.
+#[derive(Clone, Debug)]
+struct Colors {
+    center: RgbImage,
+    neighbors: [Option<RgbImage>; 4],
 }
 
 impl Frames {
     /// The centre alone.
     pub fn new(center: GrayImage) -> Frames {
-        Frames { center, neighbors: [const { None }; 4] }
+        Frames { center, neighbors: [const { None }; 4], colors: None }
     }
 
-    /// These frames and a neighbour.
+    /// These frames and a neighbour, which is grey: so are all others then.
     ///
     /// # Panics
     /// If the neighbour's size is not that of the centre.
     pub fn with(mut self, view: View, image: GrayImage) -> Frames {
         assert_eq!(image.dimensions(), self.center.dimensions(), "the size of the {view:?} view");
         self.neighbors[view as usize] = Some(image);
+        self.colors = None;
         self
+    }
+
+    /// The centre alone, with its colours if it has some.
+    pub fn of_picture(center: Picture) -> Frames {
+        let gray = center.to_gray();
+        let colors = match center {
+            Picture::Gray(_) => None,
+            Picture::Rgb(center) => Some(Colors { center, neighbors: [const { None }; 4] }),
+        };
+        Frames { colors, ..Frames::new(gray) }
+    }
+
+    /// These frames and a neighbour; the colours stay if it has some.
+    ///
+    /// # Panics
+    /// If the neighbour's size is not that of the centre.
+    pub fn with_picture(mut self, view: View, picture: Picture) -> Frames {
+        let colors = self.colors.take();
+        let frames = self.with(view, picture.to_gray());
+        let colors = match (colors, picture) {
+            (Some(mut colors), Picture::Rgb(image)) => {
+                colors.neighbors[view as usize] = Some(image);
+                Some(colors)
+            }
+            _ => None,
+        };
+        Frames { colors, ..frames }
     }
 
     /// Reads the files of a capture, and gives the centre in its colours too.
@@ -36,10 +73,10 @@ impl Frames {
     /// If a file cannot be read or is no picture, or if a neighbour has another size than the centre.
     pub fn load(files: &Images) -> crate::Result<(Frames, Picture)> {
         let center = Picture::read(&files.center)?;
-        let mut frames = Frames::new(center.to_gray());
+        let mut frames = Frames::of_picture(center.clone());
         for view in files.views().iter() {
             let Some(path) = files.get(Frame::View(view)) else { continue };
-            let image = Picture::read(path)?.to_gray();
+            let image = Picture::read(path)?;
             if image.dimensions() != center.dimensions() {
                 let ((width, height), (w, h)) = (center.dimensions(), image.dimensions());
                 return Err(Error::format(
@@ -48,7 +85,7 @@ impl Frames {
                     format!("{width}x{height} as in {}: use frames of one capture", files.center.display()),
                 ));
             }
-            frames = frames.with(view, image);
+            frames = frames.with_picture(view, image);
         }
         Ok((frames, center))
     }
@@ -95,6 +132,15 @@ impl Frames {
     /// The neighbours that there are.
     pub fn views(&self) -> Views {
         View::ALL.into_iter().filter(|&view| self.neighbors[view as usize].is_some()).collect()
+    }
+
+    /// The colours of an image, if it is there and all images have colours.
+    pub fn color(&self, frame: Frame) -> Option<&RgbImage> {
+        let colors = self.colors.as_ref()?;
+        match frame {
+            Frame::Center => Some(&colors.center),
+            Frame::View(view) => colors.neighbors[view as usize].as_ref(),
+        }
     }
 
     /// An image, if it is there.
@@ -153,10 +199,22 @@ mod tests {
         assert_eq!(frames.get(Frame::Center).unwrap().as_raw(), &[77, 0]);
         assert_eq!(frames.get(Frame::View(View::Top)).unwrap().as_raw(), &[5, 6]);
         assert_eq!(color.color(0, 0), [255, 0, 0]);
+        assert_eq!(frames.color(Frame::Center), None, "one of them is grey");
 
         let saved = Images::of_capture(frames.views()).within(dir.path());
         frames.save(&saved).unwrap();
         assert_eq!(Frames::load(&saved).unwrap().0.get(Frame::View(View::Top)), frames.get(Frame::View(View::Top)));
+
+        let mut colored = Images { top: Some(file("top.ppm", b"P6 2 1 255 \0\xFF\0\0\0\xFF")), ..files.clone() };
+        let (frames, _) = Frames::load(&colored).unwrap();
+        let top = frames.color(Frame::View(View::Top)).unwrap();
+        assert_eq!(
+            (frames.get(Frame::View(View::Top)).unwrap().as_raw(), top.as_raw()),
+            (&vec![149, 29], &vec![0, 255, 0, 0, 0, 255])
+        );
+        assert_eq!(frames.color(Frame::Center).unwrap().as_raw(), &[255, 0, 0, 0, 0, 0]);
+        colored.left = files.top.clone();
+        assert!(Frames::load(&colored).unwrap().0.color(Frame::Center).is_none(), "the left is grey");
 
         files.left = Some(file("left.pgm", b"P5 1 2 255 \0\0"));
         let message = Frames::load(&files).unwrap_err().to_string();

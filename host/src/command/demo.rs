@@ -8,7 +8,7 @@ use std::{
 
 use clap::{Args, value_parser};
 use multiscopic::{
-    DisparityMap, Error, Picture, Result, Rig, error_map,
+    DisparityMap, Error, Method, Picture, Result, Rig, error_map,
     evaluation::{self, Record, Row},
     image_file::write_png,
     montage, output,
@@ -65,7 +65,7 @@ const VARIANTS: [Variant; 6] = [
 ];
 
 const fn variant(views: Views, fusion: FusionName) -> Variant {
-    Variant { method: MethodName::Bm, views, fusion }
+    Variant { name: MethodName::Bm, method: Method::BlockMatching, views, fusion }
 }
 
 /// The frames with their files and what they show.
@@ -107,7 +107,7 @@ impl Demo {
         bar.set_message("maps");
         let mut results = Vec::new();
         for (variant, params) in VARIANTS.iter().zip(&params) {
-            let (disparities, record) = variant.measure(&engine, &subject, params);
+            let (disparities, record) = variant.measure(&engine, &subject, params, &())?;
             results.push(Found { name: name(variant), disparities, record });
             bar.inc(1);
         }

@@ -21,7 +21,7 @@ use multiscopic::{
 use multiscopic_core::Fusion;
 
 use super::{
-    options::{EngineOptions, FusionName, MethodName, SearchOptions, views_of_count},
+    options::{EngineOptions, FusionName, MethodName, MethodOptions, SearchOptions, views_of_count},
     terminal,
     variant::{Subject, Variant},
 };
@@ -64,6 +64,9 @@ pub struct Evaluate {
 
     #[command(flatten)]
     search: SearchOptions,
+
+    #[command(flatten)]
+    options: MethodOptions,
 
     #[command(flatten)]
     engine: EngineOptions,
@@ -115,7 +118,7 @@ impl Evaluate {
             let subject = Subject { dataset: scene.dataset.name(), scene: &scene.name, frames: &frames, truth: &truth };
             for variant in &variants {
                 let params = self.search.params(frames.size(), variant.views, Some(variant.fusion), self.dataset.range())?;
-                let (disparities, record) = variant.measure(&engine, &subject, &params);
+                let (disparities, record) = variant.measure(&engine, &subject, &params, &())?;
                 if let Some(gallery) = &mut gallery {
                     gallery.add(&record.variant(), &disparities);
                 }
@@ -153,7 +156,7 @@ impl Evaluate {
         let mut counts = if self.views.is_empty() { vec![1, available.len()] } else { self.views.clone() };
         counts.sort_unstable();
         let mut variants = Vec::new();
-        for &method in &self.methods {
+        for &name in &self.methods {
             for &count in &counts {
                 let views = views_of_count(count)?;
                 if views.len() > available.len() {
@@ -169,7 +172,7 @@ impl Evaluate {
                     (fusions, _) => fusions.to_vec(),
                 };
                 for fusion in fusions {
-                    let variant = Variant { method, views, fusion };
+                    let variant = Variant { name, method: self.options.method(name)?, views, fusion };
                     if !variants.contains(&variant) {
                         variants.push(variant);
                     }

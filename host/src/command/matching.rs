@@ -14,9 +14,10 @@ use multiscopic::{
 use multiscopic_core::Params;
 
 use super::{
-    options::{EngineOptions, FusionName, GeometryOptions, MapFiles, MethodName, SearchOptions},
+    options::{EngineOptions, FusionName, GeometryOptions, MapFiles, MethodName, MethodOptions, SearchOptions},
     source::SourceOptions,
     terminal,
+    watch::Watch,
 };
 
 /// Estimates the disparity of every pixel of a centre image from its neighbours
@@ -35,6 +36,9 @@ pub struct Match {
 
     #[command(flatten)]
     search: SearchOptions,
+
+    #[command(flatten)]
+    options: MethodOptions,
 
     /// First take shifts across the baseline and differences of brightness out of the views, as `multiscopic align` finds them
     #[arg(long, help_heading = "Matching")]
@@ -90,11 +94,12 @@ impl Match {
             frames = Alignment::estimate(&frames, &params, &engine)?.compensate(&frames);
         }
 
-        let bar = terminal::progress(params.height() as u64, "lines");
+        let method = self.options.method(self.method)?;
+        let watch = Watch::new()?;
         let start = Instant::now();
-        let disparities = self.method.disparities(&engine, &frames, &params, || bar.inc(1));
+        let disparities = method.disparities(&engine, &frames, &params, &watch)?;
         let seconds = start.elapsed().as_secs_f64();
-        bar.finish_and_clear();
+        watch.finish();
 
         let outputs = &self.outputs;
         outputs.maps.write(&disparities)?;

@@ -15,3 +15,4 @@ pub mod simulate;
 pub mod source;
 pub mod terminal;
 pub mod variant;
+pub mod watch;

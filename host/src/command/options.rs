@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use multiscopic::{DisparityMap, Engine, Error, Frames, Geometry, Processor, Result, Rig, Simd};
+use multiscopic::{DisparityMap, Engine, Error, Frames, Geometry, Method, Processor, Result, Rig, Simd};
 use multiscopic_core::{Fusion, Params, Views};
 
 /// How disparities are estimated, by the name of the method.
@@ -18,12 +18,18 @@ impl MethodName {
     pub fn name(self) -> String {
         name_of(&self)
     }
+}
 
-    /// Matches `frames` with this method and calls `line_done` for every line, from any thread.
-    pub fn disparities(self, engine: &Engine, frames: &Frames, params: &Params, line_done: impl Fn() + Sync) -> DisparityMap {
-        match self {
-            MethodName::Bm => engine.disparities(frames, params, line_done),
-        }
+/// What the methods other than block matching take.
+#[derive(Clone, Debug, Default, Args)]
+pub struct MethodOptions {}
+
+impl MethodOptions {
+    /// A method with these options.
+    pub fn method(&self, name: MethodName) -> Result<Method> {
+        Ok(match name {
+            MethodName::Bm => Method::BlockMatching,
+        })
     }
 }
 

@@ -21,7 +21,11 @@ pub fn say(message: &str) {
 
 /// A bar on standard error for work of `length` steps, each a `step`; nothing is shown where that is no terminal.
 pub fn progress(length: u64, step: &str) -> ProgressBar {
+    ProgressBar::new(length).with_style(style(step))
+}
+
+/// How a bar looks whose steps are each a `step`.
+pub fn style(step: &str) -> ProgressStyle {
     let template = format!("{{bar:40}} {{pos}}/{{len}} {step}, {{eta}} left {{msg}}");
-    let style = ProgressStyle::with_template(&template).expect("the template is one");
-    ProgressBar::new(length).with_style(style)
+    ProgressStyle::with_template(&template).expect("the template is one")
 }

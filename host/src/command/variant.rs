@@ -2,16 +2,18 @@
 
 use std::time::Instant;
 
-use multiscopic::{DisparityMap, Engine, FloatImage, Frames, Metrics, evaluation::Record};
+use multiscopic::{DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Progress, Result, evaluation::Record};
 use multiscopic_core::{Params, Views};
 
 use super::options::{FusionName, MethodName};
 
 /// A method with the views it matches and how it fuses them.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Variant {
+    /// The method's name.
+    pub name: MethodName,
     /// How disparities are estimated.
-    pub method: MethodName,
+    pub method: Method,
     /// The neighbours.
     pub views: Views,
     /// How their costs are fused.
@@ -33,19 +35,25 @@ pub struct Subject<'a> {
 
 impl Variant {
     /// Matches `subject` with `params`, which are this variant's, and compares the result with the truth.
-    pub fn measure(&self, engine: &Engine, subject: &Subject, params: &Params) -> (DisparityMap, Record) {
+    pub fn measure(
+        &self,
+        engine: &Engine,
+        subject: &Subject,
+        params: &Params,
+        progress: &dyn Progress,
+    ) -> Result<(DisparityMap, Record)> {
         let start = Instant::now();
-        let disparities = self.method.disparities(engine, subject.frames, params, || ());
+        let disparities = self.method.disparities(engine, subject.frames, params, progress)?;
         let seconds = start.elapsed().as_secs_f64();
         let record = Record {
             dataset: subject.dataset.into(),
             scene: subject.scene.into(),
-            method: self.method.name(),
+            method: self.name.name(),
             views: self.views.len(),
             fusion: self.fusion.name(),
             metrics: Metrics::new(&disparities, subject.truth).expect("some of the truth is known"),
             seconds,
         };
-        (disparities, record)
+        Ok((disparities, record))
     }
 }

@@ -1,0 +1,36 @@
+//! How disparities are estimated.
+
+use multiscopic_core::Params;
+
+use crate::{DisparityMap, Engine, Frames, Progress, Result};
+
+/// A method and its parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Method {
+    /// Block matching by the core: the least sum of absolute differences.
+    BlockMatching,
+}
+
+impl Method {
+    /// Estimates the disparities of the centre of `frames` with the views of `params`.
+    ///
+    /// # Errors
+    /// If the method cannot be applied to these frames.
+    ///
+    /// # Panics
+    /// If `params` were made for frames of another size or with views that are not there.
+    pub fn disparities(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        params: &Params,
+        progress: &dyn Progress,
+    ) -> Result<DisparityMap> {
+        match self {
+            Method::BlockMatching => {
+                progress.begin(params.height() as u64, "lines");
+                Ok(engine.disparities(frames, params, || progress.advance(1)))
+            }
+        }
+    }
+}

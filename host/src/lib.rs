@@ -1,6 +1,7 @@
 //! Accurate depth from one camera moved on purpose, on the host: files, matching with threads, evaluation and pictures.
 
 pub mod alignment;
+pub mod birchfield_tomasi;
 pub mod budget;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub mod camera;
@@ -14,6 +15,7 @@ pub mod error_map;
 pub mod evaluation;
 pub mod frames;
 pub mod geometry;
+pub mod graph_cuts;
 pub mod image_file;
 mod input;
 pub mod matching;
@@ -44,6 +46,7 @@ pub use disparity_map::DisparityMap;
 pub use error::{Error, Result};
 pub use frames::Frames;
 pub use geometry::Geometry;
+pub use graph_cuts::GraphCuts;
 pub use matching::Engine;
 pub use method::Method;
 pub use metrics::Metrics;

@@ -1,0 +1,108 @@
+//! Graph cuts: the labelling of an image with disparities that minimises an energy.
+//!
+//! It is the method of Kolmogorov and Zabih (Computing visual correspondence with occlusions using graph cuts, 2001; Kolmogorov, Monasse and
+//! Tan, Kolmogorov and Zabih's graph cuts stereo matching algorithm, 2014), with the energies of the paper for one and for several views.
+
+mod energy;
+mod expansion;
+mod max_flow;
+
+pub use energy::{Energy, Label, OCCLUDED, Pair};
+pub use expansion::Labelling;
+pub use max_flow::{MaxFlow, Topology};
+
+use multiscopic_core::{Disparity, Params};
+
+use crate::{DisparityMap, Engine, Frames, Progress};
+
+/// What becomes of pixels that do not match.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Occlusion {
+    /// They are occluded, have no disparity and pay the cost of an occlusion; and no pixel of the view is the match of two. This is Kolmogorov
+    /// and Zabih's energy of two images.
+    ///
+    /// It needs one view. With several, two pixels of the centre may well have the same match in a view: one of them hides the other there, and
+    /// the other is seen in the opposite view, for which there are several.
+    Unique,
+    /// They pay no more than the cost of an occlusion for their disparity, which then comes from their neighbours. Matches need not be
+    /// unique.
+    Capped,
+}
+
+impl Occlusion {
+    /// The kind for a number of views.
+    pub fn default_for(views: usize) -> Occlusion {
+        if views == 1 { Occlusion::Unique } else { Occlusion::Capped }
+    }
+}
+
+/// What neighbours with different labels pay.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Smoothness {
+    /// In proportion to the step between their disparities, up to a limit; nothing if one of them is occluded (the paper).
+    Linear,
+    /// The same for every step, once for each disparity that one has and the other could have but has not (Kolmogorov and Zabih).
+    Potts,
+}
+
+/// The parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GraphCuts {
+    /// The cost of an occlusion in intensities, the paper's K; `None` if it is found from the images.
+    pub occlusion: Option<f64>,
+    /// What becomes of pixels that do not match; `None` if it depends on the number of views.
+    pub occlusions: Option<Occlusion>,
+    /// What neighbours with different labels pay.
+    pub smoothness: Smoothness,
+    /// The cost of a step between neighbours that look the same and that differ, in intensities: the paper's lambda 1 and 2. `None`: in
+    /// proportion to the cost of an occlusion.
+    pub lambda: Option<[f64; 2]>,
+    /// From which difference in intensity on neighbours differ: the paper's theta.
+    pub threshold: u8,
+    /// The step between neighbours above which they pay no more: the paper's d cut-off.
+    pub cutoff: u16,
+    /// Colours are matched where all frames have them.
+    pub color: bool,
+    /// At most so many times are all disparities tried.
+    pub sweeps: usize,
+    /// For the order in which disparities are tried.
+    pub seed: u64,
+}
+
+impl Default for GraphCuts {
+    /// The paper's.
+    fn default() -> GraphCuts {
+        GraphCuts {
+            occlusion: Some(10.0),
+            occlusions: None,
+            smoothness: Smoothness::Linear,
+            lambda: Some([9.0, 3.0]),
+            threshold: 8,
+            cutoff: 5,
+            color: true,
+            sweeps: 20,
+            seed: 0,
+        }
+    }
+}
+
+impl GraphCuts {
+    fn weights(&self, occlusion: f64) -> [f64; 2] {
+        self.lambda.unwrap_or([3.0 * occlusion / 5.0, occlusion / 5.0])
+    }
+
+    /// Estimates the disparities of the centre of `frames`.
+    ///
+    /// # Panics
+    /// If `search` was made for frames of another size or with views that are not there.
+    pub fn disparities(&self, engine: &Engine, frames: &Frames, search: &Params, progress: &dyn Progress) -> DisparityMap {
+        let energy = Energy::new(self, frames, search);
+        let start = engine.disparities(frames, search, || ());
+        let start = start.pixels().iter().map(|pixel| pixel.map_or(OCCLUDED, |d| d.to_fixed().round().to_num()));
+        let mut labelling = Labelling::new(&energy, start.collect());
+        let labels: Vec<Label> = (search.min_disparity()..=search.max_disparity()).collect();
+        labelling.minimize(&labels, self.sweeps, self.seed, progress);
+        let disparity = |label: &Label| Disparity::from_bits(label.checked_mul(Disparity::STEPS as i16)?);
+        DisparityMap::new(frames.width(), frames.height(), labelling.labels().iter().map(disparity).collect())
+    }
+}

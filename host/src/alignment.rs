@@ -84,24 +84,29 @@ impl Alignment {
 
     /// The frames with shifts and brightness put right. The lengths of the baselines stay as they are.
     pub fn compensate(&self, frames: &Frames) -> Frames {
-        let center = frames.get(Frame::Center).expect("there is always a centre").clone();
+        let center = image(frames, Frame::Center).clone();
         frames.views().iter().fold(Frames::new(center), |compensated, view| {
-            let image = frames.get(Frame::View(view)).expect("it is one of its views");
-            let image = match self.of(view) {
-                Some(residual) => put_right(image, view, &residual),
-                None => image.clone(),
+            let neighbor = image(frames, Frame::View(view));
+            let neighbor = match self.of(view) {
+                Some(Residual { across_px, gain, .. }) => put_right(neighbor, view, across_px, gain),
+                None => neighbor.clone(),
             };
-            compensated.with(view, image)
+            compensated.with(view, neighbor)
         })
     }
 }
 
-/// A view shifted back across its baseline, as bright as the centre.
-fn put_right(image: &GrayImage, view: View, residual: &Residual) -> GrayImage {
+/// A pair for columns and rows as a pair for along the baseline of a view and across it.
+fn along_and_across<T>([u, v]: [T; 2], view: View) -> [T; 2] {
+    if view.is_horizontal() { [u, v] } else { [v, u] }
+}
+
+/// A view shifted back by `across_px` across its baseline, its grey values divided by `gain`.
+fn put_right(image: &GrayImage, view: View, across_px: f64, gain: f64) -> GrayImage {
     let source = Plane::of(image, view);
     GrayImage::from_fn(image.width(), image.height(), |u, v| {
-        let (along, across) = if view.is_horizontal() { (u, v) } else { (v, u) };
-        let gray = source.at(f64::from(along), f64::from(across) + residual.across_px) / residual.gain;
+        let [along, across] = along_and_across([u, v], view).map(f64::from);
+        let gray = source.at(along, across + across_px) / gain;
         image::Luma([gray.round().clamp(0.0, 255.0) as u8])
     })
 }
@@ -118,7 +123,7 @@ struct Plane<'a> {
 impl Plane<'_> {
     fn of(image: &GrayImage, view: View) -> Plane<'_> {
         let (width, height) = (image.width() as usize, image.height() as usize);
-        let (strides, size) = if view.is_horizontal() { ([1, width], [width, height]) } else { ([width, 1], [height, width]) };
+        let [strides, size] = [[1, width], [width, height]].map(|pair| along_and_across(pair, view));
         Plane { pixels: image.as_raw(), strides, size }
     }
 
@@ -182,9 +187,8 @@ impl Track {
             let found: Vec<Option<Equations>> = corners
                 .par_iter()
                 .zip(&blocks)
-                .map(|(&[u, v], disparity)| {
-                    let corner = if view.is_horizontal() { [u, v] } else { [v, u] };
-                    equations(&planes, corner, f64::from(view.sign()) * (*disparity)?, across, gain)
+                .map(|(&corner, disparity)| {
+                    equations(&planes, along_and_across(corner, view), f64::from(view.sign()) * (*disparity)?, across, gain)
                 })
                 .collect();
             for equations in found.iter().flatten() {
@@ -241,7 +245,7 @@ fn corners([width, height]: [usize; 2]) -> impl Iterator<Item = [usize; 2]> {
 
 /// The shift across the baseline in whole pixels whose matches differ least, and these matches.
 fn whole_pixels(frames: &Frames, view: View, params: &Params, engine: &Engine, gain: f64) -> Result<(i32, DisparityMap)> {
-    let (center, neighbor) = (image(frames, Frame::Center), image(frames, Frame::View(view)));
+    let neighbor = image(frames, Frame::View(view));
     let [width, height] = frames.size();
     let alone = Params::new(
         width as u16,
@@ -252,10 +256,10 @@ fn whole_pixels(frames: &Frames, view: View, params: &Params, engine: &Engine, g
         params.num_disparities() as u16,
         params.block_size() as u8,
     )?;
+    let mut moved = Frames::new(image(frames, Frame::Center).clone());
     let mut best: Option<(f64, i32, DisparityMap)> = None;
     for shift in -MAX_SHIFT..=MAX_SHIFT {
-        let residual = Residual { across_px: shift.into(), baseline_scale: 1.0, baseline_px: 0.0, gain, blocks: 0 };
-        let moved = Frames::new(center.clone()).with(view, put_right(neighbor, view, &residual));
+        moved = moved.with(view, put_right(neighbor, view, shift.into(), gain));
         let disparities = engine.disparities(&moved, &alone, || ());
         let cost = difference(&moved, view, &disparities);
         if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
@@ -272,7 +276,7 @@ fn difference(frames: &Frames, view: View, disparities: &DisparityMap) -> f64 {
     let [width, height] = frames.size();
     let mut sum = 0.0;
     for (u, v) in (0..height).flat_map(|v| (0..width).map(move |u| (u, v))) {
-        let [along, across] = if view.is_horizontal() { [u, v] } else { [v, u] }.map(|at| at as isize);
+        let [along, across] = along_and_across([u, v], view).map(|at| at as isize);
         sum += disparities.get(u, v).map_or(MOST_DIFFERENCE, |disparity| {
             let moved = along + view.sign() as isize * disparity.to_fixed().round().to_num::<isize>();
             (planes[0].pixel(along, across) - planes[1].pixel(moved, across)).abs().min(MOST_DIFFERENCE)

@@ -62,9 +62,14 @@ pub struct Images {
 }
 
 impl Images {
-    /// The names of the files that a capture of the centre and of `views` writes: `center.png`, `left.png` and so on.
+    /// The name of the file that a capture writes a frame to: `center.png`, `left.png` and so on.
+    pub fn file_of(frame: Frame) -> String {
+        format!("{}.png", frame.name())
+    }
+
+    /// The names of the files that a capture of the centre and of `views` writes.
     pub fn of_capture(views: Views) -> Images {
-        let file = |frame: Frame| PathBuf::from(format!("{}.png", frame.name()));
+        let file = |frame| PathBuf::from(Images::file_of(frame));
         let neighbor = |view| views.contains(view).then(|| file(Frame::View(view)));
         Images {
             center: file(Frame::Center),

@@ -79,20 +79,23 @@ impl<T: Take + 'static> capture::Camera for Shutter<T> {
         let is_cancelled = Arc::new(AtomicBool::new(false));
         let (open, timeout, cancelled) = (self.open.clone(), self.timeout, is_cancelled.clone());
         let thread = thread::spawn(move || {
-            let (mut camera, problem) = match open() {
-                Ok(camera) => (Some(camera), None),
-                Err(error) => (None, Some(error)),
+            let mut camera = match open() {
+                Ok(camera) => camera,
+                Err(error) => {
+                    let _ = told.send(Err(error));
+                    return;
+                }
             };
-            let _ = told.send(problem);
-            while let (Some(camera), Ok(())) = (&mut camera, requested.recv()) {
+            let _ = told.send(Ok(()));
+            while requested.recv().is_ok() {
                 let _ = sender.send(camera.take(timeout, &cancelled));
             }
         });
-        let problem = opened.recv();
+        let opening = opened.recv();
         self.worker = Some(Worker { thread, requests, pictures, is_cancelled });
-        match problem {
-            Ok(None) => Ok(()),
-            Ok(Some(error)) => {
+        match opening {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(error)) => {
                 self.close();
                 Err(error)
             }

@@ -64,6 +64,24 @@ impl Images {
         });
         Images { width, height, center, views }
     }
+
+    /// Writes `center.pgm`, `left.pgm` and so on to a folder, and a `rig.toml`.
+    pub fn write_rig(&self, folder: &Path) {
+        let file = |name: &str, pixels: &[u8]| {
+            let header = format!("P5 {} {} 255\n", self.width, self.height);
+            fs::write(folder.join(format!("{name}.pgm")), [header.as_bytes(), pixels].concat()).expect("the folder is there");
+        };
+        file("center", &self.center);
+        let mut toml =
+            "baseline_mm = 20.0\nfocal_px = 500.0\nprincipal_point = [1.0, 2.0]\n[images]\ncenter = \"center.pgm\"\n".to_owned();
+        for (name, view) in ["left", "right", "top", "bottom"].into_iter().zip(&self.views) {
+            if let Some(pixels) = view {
+                file(name, pixels);
+                toml += &format!("{name} = \"{name}.pgm\"\n");
+            }
+        }
+        fs::write(folder.join("rig.toml"), toml).expect("the folder is there");
+    }
 }
 
 impl fmt::Debug for Images {

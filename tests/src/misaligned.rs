@@ -1,6 +1,6 @@
 //! Captures whose views are off by known amounts.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use crate::{command::Run, images::Images};
 
@@ -49,24 +49,6 @@ pub fn quarter(images: &Images, off: [Off; 4]) -> Images {
     Images { width, height, center: shrunk(&images.center, 0, 0, 1.0), views }
 }
 
-/// Writes the images as `center.pgm`, `left.pgm` and so on, and a `rig.toml`.
-pub fn write(images: &Images, folder: &Path) {
-    let file = |name: &str, pixels: &[u8]| {
-        let header = format!("P5 {} {} 255\n", images.width, images.height);
-        fs::write(folder.join(format!("{name}.pgm")), [header.as_bytes(), pixels].concat()).expect("the folder is there");
-    };
-    file("center", &images.center);
-    let mut toml =
-        "baseline_mm = 20.0\nfocal_px = 500.0\nprincipal_point = [1.0, 2.0]\n[images]\ncenter = \"center.pgm\"\n".to_owned();
-    for (name, view) in ["left", "right", "top", "bottom"].into_iter().zip(&images.views) {
-        if let Some(pixels) = view {
-            file(name, pixels);
-            toml += &format!("{name} = \"{name}.pgm\"\n");
-        }
-    }
-    fs::write(folder.join("rig.toml"), toml).expect("the folder is there");
-}
-
 /// What `multiscopic align` says is off in a view.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
@@ -96,7 +78,7 @@ pub fn align(folder: &Path, arguments: &[&str]) -> [Option<Found>; 4] {
 pub fn assert_recovers(images: &Images, num_disparities: usize, offs: &[[Off; 4]]) {
     let found = |off: [Off; 4]| {
         let folder = tempfile::tempdir().expect("a folder for a test");
-        write(&quarter(images, off), folder.path());
+        quarter(images, off).write_rig(folder.path());
         align(folder.path(), &["--num-disparities", &num_disparities.to_string()])
     };
     let before = found([Off::NONE; 4]);

@@ -8,7 +8,7 @@ use multiscopic_core::{Frame, View};
 use multiscopic_tests::{
     command::Run,
     images::{Images, read_pfm},
-    misaligned::{self, FACTOR, Off, align, assert_recovers, quarter, write},
+    misaligned::{self, FACTOR, Off, align, assert_recovers, quarter},
 };
 use std::{fs, sync::LazyLock};
 
@@ -33,7 +33,7 @@ fn shifts_brightness_and_baselines_are_found() {
     images.views[0] = scene(20.4).views[0].take();
     images.views[2] = scene(19.6).views[2].take();
     let folder = tempfile::tempdir().unwrap();
-    write(&quarter(&images, [Off::NONE; 4]), folder.path());
+    quarter(&images, [Off::NONE; 4]).write_rig(folder.path());
     for (found, expected) in align(folder.path(), &SEARCH).into_iter().zip([1.02, 1.0, 0.98, 1.0]) {
         let found = found.expect("all views are there");
         assert!((found.scale - expected).abs() < 0.005, "{found:?} instead of {expected}");
@@ -47,8 +47,8 @@ fn what_is_off_is_put_right() {
     let path = |name: &str| folder.path().join(name);
     fs::create_dir(path("off")).unwrap();
     fs::create_dir(path("right")).unwrap();
-    write(&quarter(&SCENE, misaligned::RANGE[0]), &path("off"));
-    write(&quarter(&SCENE, [Off::NONE; 4]), &path("right"));
+    quarter(&SCENE, misaligned::RANGE[0]).write_rig(&path("off"));
+    quarter(&SCENE, [Off::NONE; 4]).write_rig(&path("right"));
     let new = path("new");
     align(&path("off"), &[&SEARCH[..], &["-o", new.to_str().unwrap()]].concat());
     for found in align(&new, &SEARCH).into_iter().flatten() {
@@ -79,13 +79,13 @@ fn what_cannot_be_aligned_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let gray = || vec![90; 64 * 48];
     let plain = Images { width: 64, height: 48, center: gray(), views: [Some(gray()), None, None, None] };
-    write(&plain, folder.path());
+    plain.write_rig(folder.path());
     let rig = folder.path().to_str().unwrap();
     Run::new(["align", rig]).assert_refused(&["left", "0 textured blocks", "range of disparities"]);
     Run::new(["align"]).assert_refused(&["RIG_DIR", "--center"]);
     let files = ["center.pgm", "left.pgm"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
     Run::new(["align", "--center", &files[0], "--left", &files[1], "-o", "new"]).assert_refused(&["-o", "rig.toml"]);
     // A folder that is there is not touched.
-    write(&quarter(&SCENE, [Off::NONE; 4]), folder.path());
+    quarter(&SCENE, [Off::NONE; 4]).write_rig(folder.path());
     Run::new(["align", rig, "-o", rig]).assert_refused(&[rig, "is there already"]);
 }

@@ -259,7 +259,7 @@ mod machine {
 
         let fed = rig.path("fed");
         fs::create_dir(&fed)?;
-        multiscopic_tests::misaligned::write(images, &fed);
+        images.write_rig(&fed);
         let disparities = |folder: &Path, name: &str| -> Result<Vec<u8>, Box<dyn Error>> {
             let (path, out) = (rig.path(name), rig.path("out.pfm"));
             let [folder, out, raw] = [folder, &out, &path].map(|path| path.to_str().expect("a path in UTF-8"));

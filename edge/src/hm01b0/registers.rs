@@ -57,18 +57,19 @@ pub enum Mode {
 
 /// Writes a register.
 pub fn write<I: I2c>(bus: &mut I, register: Register, value: u8) -> Result<(), ErrorKind> {
-    let [high, low] = (register as u16).to_be_bytes();
-    bus.write(ADDRESS, &[high, low, value]).map_err(|error| error.kind())
+    write_at(bus, register as u16, value)
 }
 
 /// Writes a register of 16 bits.
 pub fn write_wide<I: I2c>(bus: &mut I, register: Register, value: u16) -> Result<(), ErrorKind> {
-    let address = register as u16;
-    for (address, value) in [address, address + 1].into_iter().zip(value.to_be_bytes()) {
-        let [high, low] = address.to_be_bytes();
-        bus.write(ADDRESS, &[high, low, value]).map_err(|error| error.kind())?;
-    }
-    Ok(())
+    let [high, low] = value.to_be_bytes();
+    write_at(bus, register as u16, high)?;
+    write_at(bus, register as u16 + 1, low)
+}
+
+fn write_at<I: I2c>(bus: &mut I, address: u16, value: u8) -> Result<(), ErrorKind> {
+    let [high, low] = address.to_be_bytes();
+    bus.write(ADDRESS, &[high, low, value]).map_err(|error| error.kind())
 }
 
 /// Reads a register.

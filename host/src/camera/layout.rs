@@ -27,9 +27,8 @@ impl Layout {
     pub fn to_gray(&self, frame: &[u8]) -> Result<GrayImage, Fault> {
         let word = |shift: u32| move |word: &[u8]| (u16::from_le_bytes([word[0], word[1]]) >> shift) as u8;
         match self.format {
-            PixelFormat::Grey | PixelFormat::Nv12 => self.convert(frame, |pixel: &[u8]| pixel[0]),
-            // Luma is the first of the two bytes.
-            PixelFormat::Yuyv => self.convert(frame, |pixel: &[u8]| pixel[0]),
+            // In YUYV, luma is the first of the two bytes.
+            PixelFormat::Grey | PixelFormat::Nv12 | PixelFormat::Yuyv => self.convert(frame, |pixel: &[u8]| pixel[0]),
             PixelFormat::Y10 => self.convert(frame, word(2)),
             PixelFormat::Y12 => self.convert(frame, word(4)),
             PixelFormat::Y16 => self.convert(frame, word(8)),

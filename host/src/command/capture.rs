@@ -278,8 +278,8 @@ struct Session<'a> {
 impl Session<'_> {
     /// Captures into a folder.
     fn run(&mut self, stage: &mut AnyStage, shutter: &mut Shutter<Camera>, folder: &Path) -> Result<()> {
-        let date = Zoned::now();
-        let mut log = format!("{}\ncamera: {}\nstage: {}\n", date.strftime("%F %T %:z"), self.description, self.capture.stage);
+        let date = Zoned::now().strftime("%F %T %:z").to_string();
+        let mut log = format!("{date}\ncamera: {}\nstage: {}\n", self.description, self.capture.stage);
         let bar = terminal::progress(self.plan.frames().len() as u64, "frames");
         let frames = capture(stage, shutter, &self.plan, self.policy, self.interrupts, |elapsed, progress| {
             let step = self.words(progress);
@@ -291,7 +291,7 @@ impl Session<'_> {
         });
         bar.finish_and_clear();
         let frames = frames?;
-        let rig = self.rig(&frames, &date);
+        let rig = self.rig(&frames, date);
         output::folder(folder, |folder| {
             frames.save(&rig.images.within(folder))?;
             output::write(&folder.join("capture.log"), |writer| writer.write_all(log.as_bytes()))?;
@@ -325,7 +325,7 @@ impl Session<'_> {
         }
     }
 
-    fn rig(&self, frames: &Frames, date: &Zoned) -> Rig {
+    fn rig(&self, frames: &Frames, date: String) -> Rig {
         Rig {
             baseline_mm: self.capture.baseline,
             focal_px: self.capture.focal_px,
@@ -335,7 +335,7 @@ impl Session<'_> {
             capture: rig::Capture {
                 camera: Some(self.description.clone()),
                 stage: Some(self.capture.stage.to_string()),
-                date: Some(date.strftime("%F %T %:z").to_string()),
+                date: Some(date),
                 ..rig::Capture::default()
             },
         }

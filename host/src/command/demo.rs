@@ -68,13 +68,13 @@ const fn variant(views: Views, fusion: FusionName) -> Variant {
     Variant { name: MethodName::Bm, method: Method::BlockMatching, views, fusion }
 }
 
-/// The frames with their files and what they show.
-const FRAMES: [(Frame, &str, &str); 5] = [
-    (Frame::Center, "center.png", "centre, the reference"),
-    (Frame::View(View::Left), "left.png", "left"),
-    (Frame::View(View::Right), "right.png", "right"),
-    (Frame::View(View::Top), "top.png", "top"),
-    (Frame::View(View::Bottom), "bottom.png", "bottom"),
+/// The frames and what they show.
+const FRAMES: [(Frame, &str); 5] = [
+    (Frame::Center, "centre, the reference"),
+    (Frame::View(View::Left), "left"),
+    (Frame::View(View::Right), "right"),
+    (Frame::View(View::Top), "top"),
+    (Frame::View(View::Bottom), "bottom"),
 ];
 const TRUTH_PFM: &str = "truth.pfm";
 const TRUTH_PNG: &str = "truth.png";
@@ -158,7 +158,7 @@ impl Demo {
                 params.min_disparity(),
                 params.max_disparity()
             ))
-            .gallery("The five views", FRAMES.map(|(_, file, shows)| Figure::linked(shows, file)))
+            .gallery("The five views", FRAMES.map(|(frame, shows)| Figure::linked(shows, Images::file_of(frame))))
             .paragraph(ABOUT)
             .gallery("Disparities", std::iter::once(truth()).chain(VARIANTS.iter().map(map)))
             .paragraph("Near is red, far is blue, none is black; the colours are the same in all maps.")
@@ -190,7 +190,7 @@ impl Folder {
         let folder = Folder(path.into());
         let maps = VARIANTS.iter().map(name).flat_map(|name| [map_pfm(&name), map_png(&name), errors_png(&name)]);
         let others = [Rig::FILE_NAME, TRUTH_PFM, TRUTH_PNG, CLOUD, OVERVIEW, PAGE];
-        let names = FRAMES.iter().map(|(_, file, _)| *file).chain(others).map(String::from).chain(maps);
+        let names = FRAMES.map(|(frame, _)| Images::file_of(frame)).into_iter().chain(others.map(String::from)).chain(maps);
         let paths: Vec<PathBuf> = names.map(|name| folder.path(&name)).collect();
         output::check(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[])?;
         Ok(folder)
@@ -202,8 +202,8 @@ impl Folder {
 
     /// Writes what a camera and its stage would leave, and the truth.
     fn write_capture(&self, shot: &Capture, camera: &Camera, seed: u64) -> Result<()> {
-        for (frame, file, _) in FRAMES {
-            write_png(&self.path(file), shot.frame(frame))?;
+        for (frame, _) in FRAMES {
+            write_png(&self.path(&Images::file_of(frame)), shot.frame(frame))?;
         }
         rig(camera, seed).save(&self.0)?;
         shot.truth.write_pfm(&self.path(TRUTH_PFM))

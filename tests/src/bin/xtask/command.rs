@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use std::{
+    path::PathBuf,
     process::{Child, Command, ExitStatus, Output, Stdio},
     thread,
     time::{Duration, Instant},
@@ -51,6 +52,18 @@ pub fn read(command: &mut Command) -> Result<String> {
     let Output { status, stdout, stderr } = command.output().with_context(|| format!("cannot start {}", name(command)))?;
     ensure!(status.success(), "{} failed ({status}): {}", name(command), String::from_utf8_lossy(&stderr));
     Ok(String::from_utf8(stdout)?.trim_end().to_owned())
+}
+
+/// Builds with cargo, in release, and says where the executable `name` is.
+pub fn built(arguments: &[&str], name: &str) -> Result<PathBuf> {
+    let mut cargo = command("cargo", arguments);
+    let messages = read(cargo.args(["--quiet", "--release", "--message-format", "json-render-diagnostics"]))?;
+    let executable = |message: &str| {
+        let message: serde_json::Value = serde_json::from_str(message).ok()?;
+        let is_it = message["target"]["name"] == name;
+        message["executable"].as_str().filter(|_| is_it).map(PathBuf::from)
+    };
+    messages.lines().find_map(executable).with_context(|| format!("cargo built no executable {name}"))
 }
 
 /// What `command` prints on its standard error as it fails, which it must.

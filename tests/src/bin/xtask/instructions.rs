@@ -6,7 +6,7 @@ use multiscopic::Simd;
 use std::{env, fs, path::Path};
 
 use crate::{
-    command::{command, read, run},
+    command::{built, read},
     layout,
     record::{self, Counts},
     tool::{self, Program},
@@ -41,7 +41,7 @@ impl Guard {
             return Ok(());
         }
         let valgrind = tool::VALGRIND.install()?;
-        run(&mut command("cargo", ["build", "--release", "--package", "multiscopic"]))?;
+        let binary = built(&["build", "--package", "multiscopic", "--bin", "multiscopic"], "multiscopic")?;
         let mut counts = Counts::new();
         for kernel in KERNELS {
             if Simd::named(kernel).is_none() {
@@ -50,7 +50,7 @@ impl Guard {
             }
             for (views, fusion) in MATCHES {
                 let name = format!("{kernel}, views {views}, {fusion}");
-                let counted = per_evaluation(&valgrind, kernel, views, fusion)?;
+                let counted = per_evaluation(&valgrind, &binary, kernel, views, fusion)?;
                 println!("instructions: {name}: {counted:.3} per disparity evaluation");
                 counts.insert(name, counted);
             }
@@ -60,19 +60,19 @@ impl Guard {
 }
 
 /// Counted as what two more runs of the match take, so that starting and making the frames are not in it.
-fn per_evaluation(valgrind: &Program, kernel: &str, views: u64, fusion: &str) -> Result<f64> {
-    let (less, more) = (count(valgrind, kernel, views, fusion, 1)?, count(valgrind, kernel, views, fusion, 3)?);
+fn per_evaluation(valgrind: &Program, binary: &Path, kernel: &str, views: u64, fusion: &str) -> Result<f64> {
+    let (less, more) = (count(valgrind, binary, kernel, views, fusion, 1)?, count(valgrind, binary, kernel, views, fusion, 3)?);
     let evaluations = WIDTH * HEIGHT * DISPARITIES * views;
     let difference = more.checked_sub(less).context("more runs took fewer instructions")?;
     Ok(difference as f64 / 2.0 / evaluations as f64)
 }
 
-fn count(valgrind: &Program, kernel: &str, views: u64, fusion: &str, repeat: u32) -> Result<u64> {
+fn count(valgrind: &Program, binary: &Path, kernel: &str, views: u64, fusion: &str, repeat: u32) -> Result<u64> {
     let folder = layout::target().join("instructions");
     fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let profile = folder.join("callgrind.out");
     let mut counting = valgrind.command(&["--quiet", "--tool=callgrind"])?;
-    counting.arg(format!("--callgrind-out-file={}", profile.display())).arg(layout::target().join("release/multiscopic"));
+    counting.arg(format!("--callgrind-out-file={}", profile.display())).arg(binary);
     counting.args(["bench", "--json", "--threads", "1", "--simd", kernel, "--fusion", fusion]);
     for (option, value) in [
         ("--width", WIDTH),

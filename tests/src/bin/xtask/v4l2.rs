@@ -1,11 +1,11 @@
 //! Runs the tests with cameras in a virtual machine that has some.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use multiscopic_tests::data::{self, Dataset};
-use std::{env::consts::ARCH, path::PathBuf};
+use std::env::consts::ARCH;
 
 use crate::{
-    command::{command, read, run},
+    command::{built, command, run},
     debian,
     kernel::{self, Kernel},
     layout,
@@ -56,16 +56,4 @@ fn missing() -> Option<String> {
         None => Some("no list of packages; run `sudo apt-get update` first".into()),
         Some(_) => None,
     }
-}
-
-/// Builds with cargo, in release, and says where the executable `name` is.
-fn built(arguments: &[&str], name: &str) -> Result<PathBuf> {
-    let mut cargo = command("cargo", arguments);
-    let messages = read(cargo.args(["--quiet", "--release", "--message-format", "json-render-diagnostics"]))?;
-    let executable = |message: &str| {
-        let message: serde_json::Value = serde_json::from_str(message).ok()?;
-        let is_it = message["target"]["name"] == name;
-        message["executable"].as_str().filter(|_| is_it).map(PathBuf::from)
-    };
-    messages.lines().find_map(executable).with_context(|| format!("cargo built no executable {name}"))
 }

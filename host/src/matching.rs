@@ -29,6 +29,11 @@ impl Engine {
         self.pool.current_num_threads()
     }
 
+    /// Runs work on its threads.
+    pub fn run<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
+        self.pool.install(work)
+    }
+
     /// The vector instructions it uses for a match.
     pub fn simd(&self, params: &Params) -> Simd {
         self.simd.unwrap_or_else(|| Simd::fastest(params.num_disparities()))

@@ -1,9 +1,11 @@
 //! What a labelling costs.
 
-use image::{GrayImage, RgbImage};
+use std::ops::{Range, RangeInclusive};
+
+use image::{GrayImage, Luma, Rgb, RgbImage};
 use multiscopic_core::{Frame, Fusion, Params, View};
 
-use super::{GraphCuts, Occlusion, Smoothness};
+use super::{GraphCuts, Occlusion, Smoothness, Tile};
 use crate::{Frames, birchfield_tomasi::Intervals};
 
 /// What is at a pixel: a disparity, or [`OCCLUDED`].
@@ -12,29 +14,52 @@ pub type Label = i16;
 /// The label of a pixel that is not matched.
 pub const OCCLUDED: Label = Label::MIN;
 
-/// A pair of neighbouring pixels: the first, and whether the second is below it or to its right.
+/// What two pixels pay in the states in which they keep their label, are occluded, or take the new one.
+pub type Table = [[i32; 3]; 3];
+
+/// A pixel of the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pixel {
+    /// Its column.
+    pub u: usize,
+    /// Its row.
+    pub v: usize,
+    /// Its place among all pixels, row by row.
+    pub index: usize,
+}
+
+impl Pixel {
+    /// The pixel with an index in an image of a width.
+    pub fn new(index: usize, width: usize) -> Pixel {
+        Pixel { u: index % width, v: index / width, index }
+    }
+}
+
+/// Two pixels side by side.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
-    /// The index of the first pixel.
-    pub first: usize,
-    /// The index of the second pixel.
-    pub second: usize,
+    /// The first, to the left or above.
+    pub first: Pixel,
+    /// The second.
+    pub second: Pixel,
+    /// Whether the second is below the first, and not to its right.
+    pub down: bool,
 }
 
 /// The energy of the labellings of an image (paper, section III-C and IV-C).
 ///
 /// Energies are whole numbers, [`scale`](Energy::scale) to an intensity.
 #[derive(Debug)]
-pub struct Energy<'a> {
+pub struct Energy {
     width: usize,
     height: usize,
+    /// The disparities that are searched.
+    range: RangeInclusive<Label>,
     fusion: Fusion,
-    center: Source<'a>,
-    views: Vec<(View, Source<'a>)>,
+    center: Source,
+    views: Vec<(View, Source)>,
     scale: i32,
-    /// For each pixel, whether it differs from the one to its right ([`RIGHT`]) and from the one below ([`BELOW`]) by the threshold.
-    contrasts: Vec<u8>,
-    threshold: i16,
+    threshold: u8,
     occlusion: i32,
     occlusions: Occlusion,
     smoothness: Smoothness,
@@ -46,36 +71,49 @@ pub struct Energy<'a> {
 const RIGHT: u8 = 1;
 const BELOW: u8 = 2;
 
-/// An image in the two forms that the energy reads.
+/// An image in the forms that the energy reads.
 #[derive(Debug)]
-struct Source<'a> {
-    samples: &'a [u8],
+struct Source {
     intervals: Intervals,
+    /// Grey, or red, green and blue; the rest is 0.
+    samples: Vec<[u8; 4]>,
+    /// For each pixel, whether it differs from the one to its right ([`RIGHT`]) and from the one below ([`BELOW`]) by the threshold.
+    contrasts: Vec<u8>,
 }
 
-impl<'a> Source<'a> {
-    fn new(gray: &'a GrayImage, color: Option<&'a RgbImage>) -> Source<'a> {
-        match color {
-            Some(color) => Source { samples: color.as_raw(), intervals: Intervals::of_rgb(color) },
-            None => Source { samples: gray.as_raw(), intervals: Intervals::of_gray(gray) },
-        }
+impl Source {
+    fn new(gray: &GrayImage, color: Option<&RgbImage>, threshold: u8) -> Source {
+        let (intervals, samples) = match color {
+            Some(color) => (Intervals::of_rgb(color), color.pixels().map(|&Rgb([r, g, b])| [r, g, b, 0]).collect()),
+            None => (Intervals::of_gray(gray), gray.pixels().map(|&Luma([luma])| [luma, 0, 0, 0]).collect()),
+        };
+        let mut source = Source { intervals, samples, contrasts: Vec::new() };
+        let (width, pixels) = (gray.width() as usize, source.samples.len());
+        let contrast = |i: usize| {
+            let right = (i + 1) % width != 0 && source.differ(i, i + 1, threshold);
+            let below = i + width < pixels && source.differ(i, i + width, threshold);
+            u8::from(right) * RIGHT + u8::from(below) * BELOW
+        };
+        source.contrasts = (0..pixels).map(contrast).collect();
+        source
     }
 
     /// Whether two pixels differ in some channel by `threshold` or more.
     #[inline(always)]
-    fn differ(&self, channels: usize, a: usize, b: usize, threshold: i16) -> bool {
-        let samples = |i: usize| &self.samples[i * channels..][..channels];
-        samples(a).iter().zip(samples(b)).any(|(&a, &b)| i16::from(a.abs_diff(b)) >= threshold)
+    fn differ(&self, a: usize, b: usize, threshold: u8) -> bool {
+        let (a, b) = (self.samples[a], self.samples[b]);
+        let differences: [u8; 4] = std::array::from_fn(|i| a[i].abs_diff(b[i]));
+        differences.into_iter().fold(0, u8::max) >= threshold
     }
 }
 
-impl<'a> Energy<'a> {
+impl Energy {
     /// Of labellings of the centre of `frames`, matched with the views of `search` by `method`.
-    pub fn new(method: &GraphCuts, frames: &'a Frames, search: &Params) -> Energy<'a> {
+    pub fn new(method: &GraphCuts, frames: &Frames, search: &Params) -> Energy {
         let colored = method.color && frames.color(Frame::Center).is_some();
         let source = |frame| {
             let gray = frames.get(frame).expect("the views of the parameters are there");
-            Source::new(gray, frames.color(frame).filter(|_| colored))
+            Source::new(gray, frames.color(frame).filter(|_| colored), method.threshold)
         };
         let center = source(Frame::Center);
         let channels = center.intervals.channels();
@@ -84,10 +122,10 @@ impl<'a> Energy<'a> {
         let mut energy = Energy {
             width: frames.width(),
             height: frames.height(),
+            range: search.min_disparity()..=search.max_disparity(),
             fusion: search.fusion(),
             views: search.views().iter().map(|view| (view, source(Frame::View(view)))).collect(),
-            contrasts: Vec::new(),
-            threshold: i16::from(method.threshold),
+            threshold: method.threshold,
             scale,
             occlusion: 0,
             occlusions: method.occlusions.unwrap_or(Occlusion::default_for(search.views().len())),
@@ -99,7 +137,6 @@ impl<'a> Energy<'a> {
         let occlusion = method.occlusion.unwrap_or_else(|| energy.automatic_occlusion(search));
         energy.occlusion = scaled(occlusion);
         energy.weights = method.weights(occlusion).map(scaled);
-        energy.contrasts = energy.contrasts();
         energy
     }
 
@@ -128,33 +165,21 @@ impl<'a> Energy<'a> {
         self.views[0].0
     }
 
-    fn contrasts(&self) -> Vec<u8> {
-        let channels = self.center.intervals.channels();
-        let differ = |i, j| self.center.differ(channels, i, j, self.threshold);
-        (0..self.width * self.height)
-            .map(|i| {
-                let right = (i + 1) % self.width != 0 && differ(i, i + 1);
-                let below = i + self.width < self.width * self.height && differ(i, i + self.width);
-                u8::from(right) * RIGHT + u8::from(below) * BELOW
-            })
-            .collect()
-    }
-
-    /// The costs of giving `d` to the pixels of row `v`; `None`'s stand-in, [`i32::MAX`], where no view sees the match. With capped
+    /// The costs of giving `d` to pixels in some columns of row `v`; `None`'s stand-in, [`i32::MAX`], where no view sees the match. With capped
     /// occlusions none is above the cost of an occlusion.
-    pub fn data(&self, v: usize, d: Label, costs: &mut [i32]) {
-        self.dissimilarities(v, d, costs);
+    pub fn data(&self, v: usize, columns: Range<usize>, d: Label, costs: &mut [i32]) {
+        self.dissimilarities(v, columns, d, costs);
         if self.occlusions == Occlusion::Capped {
             costs.iter_mut().for_each(|cost| *cost = (*cost).min(self.occlusion));
         }
     }
 
-    /// How much the pixels of row `v` differ from their matches at `d`, fused over the views that see them (paper, eq. 11).
-    fn dissimilarities(&self, v: usize, d: Label, costs: &mut [i32]) {
+    /// How much pixels in some columns of row `v` differ from their matches at `d`, fused over the views that see them (paper, eq. 11).
+    fn dissimilarities(&self, v: usize, columns: Range<usize>, d: Label, costs: &mut [i32]) {
         let mut rows = [const { Vec::new() }; View::ALL.len()];
         for ((view, source), row) in self.views.iter().zip(&mut rows) {
-            row.resize(self.width, 0);
-            self.center.intervals.row_costs(&source.intervals, *view, v, d, row);
+            row.resize(columns.len(), 0);
+            self.center.intervals.row_costs(&source.intervals, *view, v, columns.clone(), d, row);
         }
         let rows = &rows[..self.views.len()];
         if self.fusion == Fusion::Min {
@@ -177,33 +202,49 @@ impl<'a> Energy<'a> {
         }
     }
 
-    /// Where the match of a pixel lies in a view, if it is inside.
+    /// The index of the match of a pixel in a view, if it is inside.
     #[inline(always)]
-    pub fn matched(&self, view: View, pixel: usize, d: Label) -> Option<usize> {
+    pub fn matched(&self, view: View, pixel: Pixel, d: Label) -> Option<usize> {
         let shift = view.sign() as isize * isize::from(d);
-        if view.is_horizontal() {
-            let u = (pixel % self.width).checked_add_signed(shift)?;
-            (u < self.width).then_some(pixel.wrapping_add_signed(shift))
-        } else {
-            let moved = pixel.checked_add_signed(shift * self.width as isize)?;
-            (moved < self.width * self.height).then_some(moved)
+        match view.is_horizontal() {
+            true => (pixel.u.wrapping_add_signed(shift) < self.width).then(|| pixel.index.wrapping_add_signed(shift)),
+            false => (pixel.v.wrapping_add_signed(shift) < self.height)
+                .then(|| pixel.index.wrapping_add_signed(shift * self.width as isize)),
+        }
+    }
+
+    /// The pixels of the view that may be matches of the pixels of a tile.
+    pub fn matches(&self, tile: &Tile) -> Tile {
+        let along = |range: &Range<usize>, size: usize| {
+            let shifts = [self.range.start(), self.range.end()].map(|d| self.view().sign() as isize * *d as isize);
+            let at = |place: usize, shift: isize| (place as isize + shift).clamp(0, size as isize) as usize;
+            let (least, most) = (shifts[0].min(shifts[1]), shifts[0].max(shifts[1]));
+            at(range.start, least)..at(range.end, most)
+        };
+        match self.view().is_horizontal() {
+            true => Tile { columns: along(&tile.columns, self.width), rows: tile.rows.clone() },
+            false => Tile { columns: tile.columns.clone(), rows: along(&tile.rows, self.height) },
         }
     }
 
     /// What neighbours pay for a step, per pixel of it: less where they differ in the centre or in a view that sees both.
     #[inline(always)]
-    fn weight(&self, Pair { first, second }: Pair, d1: Label, d2: Label) -> i32 {
-        let side = if second == first + 1 { RIGHT } else { BELOW };
+    fn weight(&self, pair: Pair, d1: Label, d2: Label) -> i32 {
+        let side = if pair.down { BELOW } else { RIGHT };
         let [same, different] = self.weights;
-        if self.contrasts[first] & side != 0 {
+        if self.center.contrasts[pair.first.index] & side != 0 {
             return different;
         }
-        let channels = self.center.intervals.channels();
         for (view, source) in &self.views {
-            if let (Some(q1), Some(q2)) = (self.matched(*view, first, d1), self.matched(*view, second, d2))
-                && source.differ(channels, q1, q2, self.threshold)
-            {
-                return different;
+            if let (Some(q1), Some(q2)) = (self.matched(*view, pair.first, d1), self.matched(*view, pair.second, d2)) {
+                let differ = match d1 == d2 {
+                    // Side by side there too.
+                    true => source.contrasts[q1] & side != 0,
+                    false => source.differ(q1, q2, self.threshold),
+                };
+                if differ {
+                    return different;
+                }
             }
         }
         same
@@ -216,33 +257,57 @@ impl<'a> Energy<'a> {
             return 0;
         }
         match self.smoothness {
-            Smoothness::Linear if label1 == OCCLUDED || label2 == OCCLUDED => 0,
-            Smoothness::Linear => {
-                let step = (i32::from(label1) - i32::from(label2)).abs().min(self.cutoff);
-                step * self.weight(pair, label1, label2)
-            }
+            Smoothness::Linear => self.step(pair, label1, label2),
             Smoothness::Potts => self.broken(pair, label1) + self.broken(pair, label2),
         }
+    }
+
+    /// What is paid for a step between two disparities.
+    #[inline(always)]
+    fn step(&self, pair: Pair, label1: Label, label2: Label) -> i32 {
+        if label1 == label2 || label1 == OCCLUDED || label2 == OCCLUDED {
+            return 0;
+        }
+        let step = (i32::from(label1) - i32::from(label2)).abs().min(self.cutoff);
+        step * self.weight(pair, label1, label2)
     }
 
     /// What it costs that one of two neighbours has disparity `d` and the other has not, if both could (Kolmogorov and Zabih).
     #[inline(always)]
     fn broken(&self, pair: Pair, d: Label) -> i32 {
-        let possible = d != OCCLUDED
-            && self
-                .views
-                .iter()
-                .any(|(view, _)| self.matched(*view, pair.first, d).is_some() && self.matched(*view, pair.second, d).is_some());
+        let sees = |view| self.matched(view, pair.first, d).is_some() && self.matched(view, pair.second, d).is_some();
+        let possible = d != OCCLUDED && self.views.iter().any(|(view, _)| sees(*view));
         if possible { self.weight(pair, d, d) } else { 0 }
     }
 
+    /// What two neighbours with different labels pay if each keeps its label, is occluded, or takes `label`: [`smoothness`](Energy::smoothness)
+    /// for all nine cases.
+    #[inline(always)]
+    pub fn table(&self, pair: Pair, label1: Label, label2: Label, label: Label) -> Table {
+        match self.smoothness {
+            Smoothness::Linear => [
+                [self.step(pair, label1, label2), 0, self.step(pair, label1, label)],
+                [0; 3],
+                [self.step(pair, label, label2), 0, 0],
+            ],
+            Smoothness::Potts => {
+                let new = self.broken(pair, label);
+                let first = self.broken(pair, label1);
+                let second = if label1 == label2 { first } else { self.broken(pair, label2) };
+                let keep = if label1 == label2 { 0 } else { first + second };
+                [[keep, first, first + new], [second, 0, new], [new + second, new, 0]]
+            }
+        }
+    }
+
     /// The pairs of neighbours of the image.
-    pub fn pairs(&self) -> impl Iterator<Item = Pair> {
-        let (width, pixels) = (self.width, self.width * self.height);
-        (0..pixels).flat_map(move |first| {
-            let right = ((first + 1) % width != 0).then_some(Pair { first, second: first + 1 });
-            let below = (first + width < pixels).then_some(Pair { first, second: first + width });
-            right.into_iter().chain(below)
+    fn pairs(&self) -> impl Iterator<Item = Pair> {
+        let (width, height) = (self.width, self.height);
+        (0..width * height).flat_map(move |index| {
+            let first = Pixel::new(index, width);
+            let right = Pair { first, second: Pixel { u: first.u + 1, index: index + 1, ..first }, down: false };
+            let below = Pair { first, second: Pixel { v: first.v + 1, index: index + width, ..first }, down: true };
+            [right, below].into_iter().filter(move |pair| pair.second.u < width && pair.second.v < height)
         })
     }
 
@@ -261,7 +326,7 @@ impl<'a> Energy<'a> {
                     continue;
                 }
                 if label != known {
-                    self.data(v, label, &mut costs);
+                    self.data(v, 0..self.width, label, &mut costs);
                     known = label;
                 }
                 if costs[u] == i32::MAX {
@@ -269,7 +334,7 @@ impl<'a> Energy<'a> {
                 }
                 sum += i64::from(costs[u]);
                 if self.occlusions == Occlusion::Unique {
-                    let place = self.matched(self.view(), v * self.width + u, label)?;
+                    let place = self.matched(self.view(), Pixel { u, v, index: v * self.width + u }, label)?;
                     if std::mem::replace(&mut taken[place], true) {
                         return None;
                     }
@@ -277,7 +342,10 @@ impl<'a> Energy<'a> {
             }
         }
         Some(
-            sum + self.pairs().map(|pair| i64::from(self.smoothness(pair, labels[pair.first], labels[pair.second]))).sum::<i64>(),
+            sum + self
+                .pairs()
+                .map(|pair| i64::from(self.smoothness(pair, labels[pair.first.index], labels[pair.second.index])))
+                .sum::<i64>(),
         )
     }
 
@@ -290,7 +358,7 @@ impl<'a> Energy<'a> {
         let (mut sum, mut count) = (0.0, 0.0f64);
         for v in 0..self.height {
             for (d, row) in (search.min_disparity()..).zip(rows.chunks_exact_mut(self.width)) {
-                self.dissimilarities(v, d, row);
+                self.dissimilarities(v, 0..self.width, d, row);
             }
             for u in 0..self.width {
                 let mut costs: Vec<i32> =

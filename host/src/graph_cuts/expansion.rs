@@ -1,72 +1,97 @@
-//! Expansion moves: any pixels may take one disparity, and the best choice of them is a minimum cut.
+//! Expansion moves: any pixels of a tile may take one disparity, and the best choice of them is a minimum cut.
+
+use std::ops::Range;
 
 use super::{
     Occlusion,
-    energy::{Energy, Label, OCCLUDED, Pair},
+    energy::{Energy, Label, OCCLUDED, Pair, Pixel, Table},
     max_flow::{MaxFlow, Topology},
 };
-use crate::Progress;
 
-/// A labelling, whose energy falls.
-#[derive(Debug)]
-pub struct Labelling<'a> {
-    energy: &'a Energy<'a>,
-    labels: Vec<Label>,
-    /// What each pixel pays for its label.
-    data: Vec<i32>,
-    total: i64,
-    moves: Moves,
-    /// What each pixel would pay for the label that is tried.
-    proposed: Vec<i32>,
+/// Pixels that may change while all others stay: some columns of some rows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tile {
+    /// The columns.
+    pub columns: Range<usize>,
+    /// The rows.
+    pub rows: Range<usize>,
 }
 
-/// The graphs of the moves, which are kept for the next.
+impl Tile {
+    /// How many pixels it has.
+    pub fn len(&self) -> usize {
+        self.columns.len() * self.rows.len()
+    }
+
+    /// Whether it has no pixels.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The pixels of an image of a width, row by row.
+    pub fn pixels(&self, width: usize) -> impl Iterator<Item = Pixel> + use<> {
+        let columns = self.columns.clone();
+        self.rows.clone().flat_map(move |v| columns.clone().map(move |u| Pixel { u, v, index: v * width + u }))
+    }
+}
+
+/// The labels of the pixels of a tile, whose energy falls from move to move.
+#[derive(Debug)]
+pub struct Expansion<'a> {
+    energy: &'a Energy,
+    tile: Tile,
+    /// With those of the pixels around the tile; all that follows has the same places.
+    labels: Vec<Label>,
+    /// The labels after the move.
+    next: Vec<Label>,
+    /// Whether the label may change in the move.
+    free: Vec<bool>,
+    /// The pixels that changed in the last move.
+    changed: Vec<Pixel>,
+    /// What the pixels pay for their labels.
+    data: Vec<i32>,
+    /// What they would pay for the label that is tried.
+    proposed: Vec<i32>,
+    moves: Moves,
+    change: i64,
+}
+
+/// The graph of the moves.
 #[derive(Debug)]
 enum Moves {
     Capped(MaxFlow<Grid>),
-    Unique {
-        graph: MaxFlow<Layers>,
-        /// The pixel whose match is this pixel of the view.
-        holders: Vec<u32>,
-    },
+    Unique(MaxFlow<Layers>, Holders),
+}
+
+/// The pixels whose matches are pixels of the view.
+#[derive(Debug)]
+struct Holders {
+    /// The pixels of the view of which it is known.
+    area: Tile,
+    pixels: Vec<u32>,
 }
 
 /// A capacity that no flow fills.
-const UNBOUNDED: i32 = 1 << 29;
-const NOBODY: u32 = u32::MAX;
+const UNBOUNDED: i32 = 1 << 28;
+/// No pixel.
+pub const NOBODY: u32 = u32::MAX;
+/// The label of what lies outside the image.
+const OUTSIDE: Label = Label::MAX;
 
-/// Pixels with arcs to their four neighbours. There is an empty line above and below, and an empty column, so that every pixel has four.
+/// Pixels with arcs to their four neighbours, with those around the tile, so that every pixel of the tile has four.
 #[derive(Clone, Copy, Debug)]
 struct Grid {
-    stride: usize,
-    height: usize,
+    nodes: usize,
+    /// From a node to the heads of its arcs.
+    offsets: [isize; 4],
 }
 
 const TO_RIGHT: usize = 0;
 const TO_BELOW: usize = 2;
 
 impl Grid {
-    fn new([width, height]: [usize; 2]) -> Grid {
-        Grid { stride: width + 1, height }
-    }
-
-    fn cell(&self, pixel: usize) -> usize {
-        let width = self.stride - 1;
-        pixel + pixel / width + self.stride
-    }
-
-    fn cells(&self) -> usize {
-        (self.height + 2) * self.stride
-    }
-
-    #[inline(always)]
-    fn neighbor(&self, cell: usize, arc: usize) -> usize {
-        match arc {
-            TO_RIGHT => cell.wrapping_add(1),
-            1 => cell.wrapping_sub(1),
-            TO_BELOW => cell.wrapping_add(self.stride),
-            _ => cell.wrapping_sub(self.stride),
-        }
+    fn new(stride: usize, rows: usize) -> Grid {
+        Grid { nodes: stride * rows, offsets: [1, -1, stride as isize, -(stride as isize)] }
     }
 }
 
@@ -75,22 +100,31 @@ impl Topology for Grid {
     const REVERSE: &'static [usize] = &[1, 0, 3, 2];
 
     fn nodes(&self) -> usize {
-        self.cells()
+        self.nodes
     }
 
     #[inline(always)]
     fn head(&self, node: usize, arc: usize) -> usize {
-        self.neighbor(node, arc)
+        node.wrapping_add_signed(self.offsets[arc])
     }
 }
 
 /// Two nodes for every pixel: whether it loses the label it has, and whether it gets the new one. Each has arcs to the same nodes of the
-/// pixel's neighbours, to the other node of the pixel and those of its neighbours, and to one other node of the image.
+/// pixel's neighbours, to the other node of the pixel and those of its neighbours, and to one other node of the tile.
 #[derive(Clone, Debug)]
 struct Layers {
-    grid: Grid,
+    nodes: usize,
+    /// From a node to the heads of its first arcs; from the pixel's other node to those of the next.
+    offsets: [isize; TO_PARTNER],
     /// For each node, the one whose match is in the way; itself if there is none.
     partners: Vec<u32>,
+}
+
+impl Layers {
+    fn new(stride: usize, rows: usize) -> Layers {
+        let (nodes, down) = (2 * stride * rows, 2 * stride as isize);
+        Layers { nodes, offsets: [2, -2, down, -down, 0, 2, -2, down, -down], partners: (0..nodes as u32).collect() }
+    }
 }
 
 const LOSES: usize = 0;
@@ -104,253 +138,217 @@ impl Topology for Layers {
     const REVERSE: &'static [usize] = &[1, 0, 3, 2, 4, 6, 5, 8, 7, 9];
 
     fn nodes(&self) -> usize {
-        2 * self.grid.cells()
+        self.nodes
     }
 
     #[inline(always)]
     fn head(&self, node: usize, arc: usize) -> usize {
         match arc {
-            0..TO_TWIN => 2 * self.grid.neighbor(node / 2, arc) + node % 2,
-            TO_TWIN => node ^ 1,
-            ACROSS..TO_PARTNER => 2 * self.grid.neighbor(node / 2, arc - ACROSS) + (node % 2 ^ 1),
-            _ => self.partners[node] as usize,
+            TO_PARTNER => self.partners[node] as usize,
+            _ => (node ^ usize::from(arc >= TO_TWIN)).wrapping_add_signed(self.offsets[arc]),
         }
     }
 }
 
-impl<'a> Labelling<'a> {
-    /// The labelling that is nearest to `labels` and possible.
+impl<'a> Expansion<'a> {
+    /// Moves of the pixels of a tile of an image with `labels`. With unique matches, `holders` has for each pixel of the view the one whose
+    /// match it is, or [`NOBODY`].
     ///
     /// # Panics
-    /// If there is not a label for every pixel.
-    pub fn new(energy: &'a Energy<'a>, mut labels: Vec<Label>) -> Labelling<'a> {
+    /// If the tile is not of the image, or there are not as many labels and holders as pixels.
+    pub fn new(energy: &'a Energy, tile: Tile, labels: &[Label], holders: &[u32]) -> Expansion<'a> {
         let [width, height] = energy.size();
-        assert_eq!(labels.len(), width * height, "a label for every pixel");
-        let grid = Grid::new(energy.size());
-        let mut data = costs_of(energy, &labels);
+        let label = |x: usize, y: usize| {
+            let (u, v) = ((tile.columns.start + x).wrapping_sub(1), (tile.rows.start + y).wrapping_sub(1));
+            if u < width && v < height { labels[v * width + u] } else { OUTSIDE }
+        };
+        let (stride, rows) = (tile.columns.len() + 2, tile.rows.len() + 2);
+        let labels: Vec<Label> = (0..stride * rows).map(|place| label(place % stride, place / stride)).collect();
         let moves = match energy.occlusions() {
-            Occlusion::Capped => {
-                // Nothing is occluded: what has no disparity has the nearest one in its row that is there, or 0.
-                for row in labels.chunks_exact_mut(width) {
-                    let mut last = row.iter().copied().find(|label| *label != OCCLUDED).unwrap_or_default();
-                    for label in row {
-                        if *label == OCCLUDED {
-                            *label = last;
-                        }
-                        last = *label;
-                    }
-                }
-                data = costs_of(energy, &labels);
-                Moves::Capped(MaxFlow::new(grid))
-            }
+            Occlusion::Capped => Moves::Capped(MaxFlow::new(Grid::new(stride, rows))),
             Occlusion::Unique => {
-                let mut holders = vec![NOBODY; labels.len()];
-                for pixel in 0..labels.len() {
-                    let place =
-                        (labels[pixel] != OCCLUDED).then(|| energy.matched(energy.view(), pixel, labels[pixel])).flatten();
-                    let Some(place) = place else {
-                        labels[pixel] = OCCLUDED;
-                        continue;
-                    };
-                    // The better match stays.
-                    let other = holders[place] as usize;
-                    let loser = if holders[place] != NOBODY && data[other] <= data[pixel] { pixel } else { other };
-                    if loser != pixel {
-                        holders[place] = pixel as u32;
-                    }
-                    if loser != NOBODY as usize {
-                        labels[loser] = OCCLUDED;
-                    }
-                }
-                data = costs_of(energy, &labels);
-                let partners = (0..2 * grid.cells() as u32).collect();
-                Moves::Unique { graph: MaxFlow::new(Layers { grid, partners }), holders }
+                let area = energy.matches(&tile);
+                let pixels = area.pixels(width).map(|place| holders[place.index]).collect();
+                Moves::Unique(MaxFlow::new(Layers::new(stride, rows)), Holders { area, pixels })
             }
         };
-        let total = energy.of(&labels).expect("a possible labelling");
-        Labelling { energy, proposed: vec![0; labels.len()], labels, data, total, moves }
-    }
-
-    /// The labels, pixel by pixel.
-    pub fn labels(&self) -> &[Label] {
-        &self.labels
-    }
-
-    /// The energy.
-    pub fn total(&self) -> i64 {
-        self.total
-    }
-
-    /// Tries `labels` in an order that `seed` determines, again and again, until none of them lowers the energy or `sweeps` times.
-    pub fn minimize(&mut self, labels: &[Label], sweeps: usize, seed: u64, progress: &dyn Progress) {
-        let mut random = fastrand::Rng::with_seed(seed);
-        let mut order: Vec<Label> = labels.to_vec();
-        // How many labels were tried since the last that was of use: a label that was tried since then is of no use again.
-        let mut useless = 0;
-        for sweep in 1..=sweeps {
-            progress.begin(order.len() as u64, &format!("disparities of sweep {sweep}"));
-            random.shuffle(&mut order);
-            for &label in &order {
-                if useless >= order.len() || progress.is_interrupted() {
-                    return;
-                }
-                useless = if self.expand(label) { 0 } else { useless + 1 };
-                progress.say(&format!("energy {:.0}", self.total as f64 / f64::from(self.energy.scale())));
-                progress.advance(1);
-            }
+        let costs = vec![energy.occlusion(); labels.len()];
+        let mut expansion = Expansion {
+            energy,
+            tile,
+            next: labels.clone(),
+            free: vec![false; labels.len()],
+            changed: Vec::new(),
+            labels,
+            data: costs.clone(),
+            proposed: costs,
+            moves,
+            change: 0,
+        };
+        let mut known: Vec<Label> = expansion.pixels().map(|(_, label)| label).filter(|label| *label != OCCLUDED).collect();
+        known.sort_unstable();
+        known.dedup();
+        for label in known {
+            expansion.propose(label);
+            let costs = expansion.labels.iter().zip(&expansion.proposed).zip(&mut expansion.data);
+            costs.filter(|((known, _), _)| **known == label).for_each(|((_, cost), data)| *data = *cost);
         }
+        expansion
     }
 
-    /// Gives `label` to those pixels by which the energy falls most, and occludes those that are in their way; whether it falls.
-    pub fn expand(&mut self, label: Label) -> bool {
+    /// By how much the energy has changed.
+    pub fn change(&self) -> i64 {
+        self.change
+    }
+
+    /// The tile.
+    pub fn tile(&self) -> &Tile {
+        &self.tile
+    }
+
+    /// The pixels of the tile, as indices of the image, and their labels.
+    pub fn pixels(&self) -> impl Iterator<Item = (usize, Label)> {
         let [width, _] = self.energy.size();
-        for (v, row) in self.proposed.chunks_exact_mut(width).enumerate() {
-            self.energy.data(v, label, row);
-        }
-        let changes = match &mut self.moves {
-            Moves::Capped(graph) => capped(graph, self.energy, &self.labels, &self.data, &self.proposed, label),
-            Moves::Unique { graph, holders } => {
-                unique(graph, self.energy, &self.labels, &self.data, &self.proposed, holders, label)
-            }
-        };
-        if changes.is_empty() {
-            return false;
-        }
-        self.apply(&changes)
+        self.tile.pixels(width).zip(places(&self.tile)).map(|(pixel, place)| (pixel.index, self.labels[place]))
     }
 
-    /// Makes the changes if the energy falls by them.
-    fn apply(&mut self, changes: &[(u32, Label)]) -> bool {
-        let before = self.around(changes);
-        let old: Vec<(u32, Label, i32)> =
-            changes.iter().map(|&(pixel, _)| (pixel, self.labels[pixel as usize], self.data[pixel as usize])).collect();
-        for &(pixel, label) in changes {
-            let pixel = pixel as usize;
-            self.labels[pixel] = label;
-            self.data[pixel] = if label == OCCLUDED { self.energy.occlusion() } else { self.proposed[pixel] };
+    /// What the pixels would pay for a label.
+    #[inline(never)]
+    fn propose(&mut self, label: Label) {
+        let columns = self.tile.columns.clone();
+        for (v, row) in self.tile.rows.clone().zip(self.proposed.chunks_exact_mut(columns.len() + 2).skip(1)) {
+            self.energy.data(v, columns.clone(), label, &mut row[1..=columns.len()]);
         }
-        let change = self.around(changes) - before;
-        if change >= 0 {
+    }
+
+    /// Gives `label` to those pixels by which the energy falls most, of the columns and rows of the image that are `free` to change, and
+    /// occludes those that are in their way. The pixels that change; none if the energy does not fall.
+    pub fn expand(&mut self, label: Label, free: impl Fn(usize, usize) -> bool) -> &[Pixel] {
+        self.propose(label);
+        let [width, _] = self.energy.size();
+        for (pixel, place) in self.tile.pixels(width).zip(places(&self.tile)) {
+            self.free[place] = self.labels[place] != label && free(pixel.u, pixel.v);
+        }
+        let Expansion { energy, tile, labels, data, proposed, free, next, moves, .. } = self;
+        let problem = Problem { energy, tile, labels, data, proposed, free, label };
+        match moves {
+            Moves::Capped(graph) => {
+                problem.cut_capped(graph);
+                places(tile).filter(|&place| free[place] && graph.is_sink(place)).for_each(|place| next[place] = label);
+            }
+            Moves::Unique(graph, holders) => {
+                problem.cut_unique(graph, holders);
+                for place in places(tile).filter(|&place| free[place]) {
+                    if graph.is_sink(2 * place + GETS) {
+                        next[place] = label;
+                    } else if graph.is_sink(2 * place + LOSES) {
+                        next[place] = OCCLUDED;
+                    }
+                }
+            }
+        }
+        let change = problem.change_to(next);
+        self.changed.clear();
+        if change < 0 {
+            self.change += change;
+            self.take_next(label);
+        } else {
             // A cut of the same energy.
-            for (pixel, label, data) in old {
-                (self.labels[pixel as usize], self.data[pixel as usize]) = (label, data);
-            }
-            return false;
+            self.next.copy_from_slice(&self.labels);
         }
-        self.total += change;
-        if let Moves::Unique { holders, .. } = &mut self.moves {
-            let place = |pixel: u32, label| self.energy.matched(self.energy.view(), pixel as usize, label);
-            for &(pixel, label, _) in old.iter().filter(|(_, label, _)| *label != OCCLUDED) {
-                if let Some(place) = place(pixel, label) {
-                    holders[place] = NOBODY;
-                }
-            }
-            for &(pixel, label) in changes.iter().filter(|(_, label)| *label != OCCLUDED) {
-                if let Some(place) = place(pixel, label) {
-                    holders[place] = pixel;
-                }
-            }
-        }
-        true
+        &self.changed
     }
 
-    /// What is paid for and around the pixels that change.
-    fn around(&self, changes: &[(u32, Label)]) -> i64 {
+    /// Takes the next labels.
+    fn take_next(&mut self, label: Label) {
         let [width, _] = self.energy.size();
-        let pixels = self.labels.len();
-        let mut sum = 0;
-        let changed: std::collections::HashSet<u32> = changes.iter().map(|(pixel, _)| *pixel).collect();
-        let pay = |first: usize, second: usize| {
-            i64::from(self.energy.smoothness(Pair { first, second }, self.labels[first], self.labels[second]))
-        };
-        for &(pixel, _) in changes {
-            let p = pixel as usize;
-            sum += i64::from(self.data[p]);
-            if (p + 1) % width != 0 {
-                sum += pay(p, p + 1);
+        let places = || places(&self.tile).zip(self.tile.pixels(width));
+        let changed = || places().filter(|&(place, _)| self.next[place] != self.labels[place]);
+        self.changed.extend(changed().map(|(_, pixel)| pixel));
+        if let Moves::Unique(_, holders) = &mut self.moves {
+            for (place, pixel) in changed().filter(|&(place, _)| self.labels[place] != OCCLUDED) {
+                holders.set(self.energy, pixel, self.labels[place], NOBODY);
             }
-            if p + width < pixels {
-                sum += pay(p, p + width);
-            }
-            // A pair counts once.
-            if p % width != 0 && !changed.contains(&(pixel - 1)) {
-                sum += pay(p - 1, p);
-            }
-            if p >= width && !changed.contains(&(pixel - width as u32)) {
-                sum += pay(p - width, p);
+            for (_, pixel) in changed().filter(|&(place, _)| self.next[place] == label) {
+                holders.set(self.energy, pixel, label, pixel.index as u32);
             }
         }
-        sum
+        for (place, _) in places() {
+            if self.next[place] != self.labels[place] {
+                self.labels[place] = self.next[place];
+                self.data[place] = if self.next[place] == label { self.proposed[place] } else { self.energy.occlusion() };
+            }
+        }
     }
 }
 
-/// What every pixel pays for its label.
-fn costs_of(energy: &Energy, labels: &[Label]) -> Vec<i32> {
-    let [width, _] = energy.size();
-    let mut costs = vec![0; width];
-    let mut data = vec![energy.occlusion(); labels.len()];
-    for (v, (row, paid)) in labels.chunks_exact(width).zip(data.chunks_exact_mut(width)).enumerate() {
-        let mut sorted: Vec<(Label, usize)> = row.iter().copied().zip(0..).filter(|(label, _)| *label != OCCLUDED).collect();
-        sorted.sort_unstable();
-        for same in sorted.chunk_by(|(a, _), (b, _)| a == b) {
-            energy.data(v, same[0].0, &mut costs);
-            same.iter().for_each(|&(_, u)| paid[u] = costs[u]);
-        }
-    }
-    data
+/// Where the pixels of a tile are among the labels.
+fn places(tile: &Tile) -> impl Iterator<Item = usize> + use<> {
+    let (columns, rows) = (tile.columns.len(), tile.rows.len());
+    (1..=rows).flat_map(move |y| (1..=columns).map(move |x| y * (columns + 2) + x))
 }
 
-/// The changes of the best move where every pixel keeps its label (on the source's side) or takes `label`.
-fn capped(
-    graph: &mut MaxFlow<Grid>,
-    energy: &Energy,
-    labels: &[Label],
-    data: &[i32],
-    proposed: &[i32],
+impl Holders {
+    /// The pixel whose match at a label is that of `pixel`.
+    #[inline(always)]
+    fn get(&self, energy: &Energy, pixel: Pixel, label: Label) -> Option<u32> {
+        Some(self.pixels[self.index(energy, pixel, label)?])
+    }
+
+    fn set(&mut self, energy: &Energy, pixel: Pixel, label: Label, holder: u32) {
+        if let Some(index) = self.index(energy, pixel, label) {
+            self.pixels[index] = holder;
+        }
+    }
+
+    #[inline(always)]
+    fn index(&self, energy: &Energy, pixel: Pixel, label: Label) -> Option<usize> {
+        let [width, _] = energy.size();
+        let place = energy.matched(energy.view(), pixel, label)?;
+        let (u, v) = (place % width - self.area.columns.start, place / width - self.area.rows.start);
+        Some(v * self.area.columns.len() + u)
+    }
+}
+
+/// Two neighbours, of which at least one is free.
+#[derive(Clone, Copy, Debug)]
+struct Neighbors {
+    /// As pixels of the image.
+    pair: Pair,
+    /// As places among the labels.
+    first: usize,
+    second: usize,
+}
+
+/// A move: which of the free pixels take `label`. All slices have the places of [`Expansion::labels`].
+#[derive(Debug)]
+struct Problem<'a> {
+    energy: &'a Energy,
+    tile: &'a Tile,
+    labels: &'a [Label],
+    data: &'a [i32],
+    proposed: &'a [i32],
+    free: &'a [bool],
     label: Label,
-) -> Vec<(u32, Label)> {
-    graph.clear();
-    let grid = *graph.topology_mut();
-    for pixel in (0..labels.len()).filter(|&pixel| labels[pixel] != label) {
-        graph.add_terminal(grid.cell(pixel), proposed[pixel] - data[pixel]);
-    }
-    for pair in energy.pairs() {
-        let (f1, f2) = (labels[pair.first], labels[pair.second]);
-        let (first, second) = (grid.cell(pair.first), grid.cell(pair.second));
-        match (f1 == label, f2 == label) {
-            (true, true) => {}
-            (true, false) => graph.add_terminal(second, -energy.smoothness(pair, f1, f2)),
-            (false, true) => graph.add_terminal(first, -energy.smoothness(pair, f1, f2)),
-            (false, false) => {
-                let keep = energy.smoothness(pair, f1, f2);
-                let (there, back) = (energy.smoothness(pair, f1, label), energy.smoothness(pair, label, f2));
-                // Steps at which neighbours look the same and others at which they do not may break the triangle inequality: then a cut costs more
-                // than the move, so that the energy still falls with it.
-                let excess = (there + back - keep).max(0);
-                let there_excess = (there - keep / 2).clamp(0, excess);
-                let arc = if pair.second == pair.first + 1 { TO_RIGHT } else { TO_BELOW };
-                graph.add_arc(first, arc, there_excess, excess - there_excess);
-                // What is paid without the arcs: `keep` if both keep, `back - (excess - there_excess)` if the first takes ...
-                graph.add_terminal(first, back.max(keep - there) - (excess - there_excess) - keep);
-                graph.add_terminal(second, -(back.max(keep - there) - (excess - there_excess)));
-            }
-        }
-    }
-    graph.run();
-    let taken = (0..labels.len()).filter(|&pixel| labels[pixel] != label && graph.is_sink(grid.cell(pixel)));
-    taken.map(|pixel| (pixel as u32, label)).collect()
 }
 
-/// What two pixels pay, in the states in which they keep their label, are occluded, or take the new one.
-type Table = [[i32; 3]; 3];
+/// The arc between two neighbours.
+fn side(pair: Pair) -> usize {
+    if pair.down { TO_BELOW } else { TO_RIGHT }
+}
 
-/// Raises what is paid where one pixel keeps its label and the other does not, until it can be a cut.
+/// Raises what is paid where only one of two pixels keeps its label, until that can be cut.
+///
+/// A cut needs that the states of a pixel, in this order, go well with equal states of its neighbour. With linear steps they do not: that two
+/// pixels keep different labels is paid for, and that one of them is occluded is not. What a move pays is then above what the labels
+/// pay, but not if nothing moves: the energy falls with the cut.
 fn raise(mut paid: Table) -> Table {
     let missing = paid[0][0] + paid[1][1] - paid[0][1] - paid[1][0];
     if missing > 0 {
-        let room = paid[0][2] + paid[1][1] - paid[0][1] - paid[1][2];
-        let other_room = paid[2][0] + paid[1][1] - paid[1][0] - paid[2][1];
-        let first = (missing / 2).clamp((missing - other_room).min(room), room.max(missing - other_room)).clamp(0, missing);
+        // As much as can be without raising what is paid if one keeps its label and the other takes the new one.
+        let first_room = paid[0][2] + paid[1][1] - paid[0][1] - paid[1][2];
+        let second_room = paid[2][0] + paid[1][1] - paid[1][0] - paid[2][1];
+        let first = (missing / 2).min(first_room).max(missing - second_room).clamp(0, missing);
         paid[0][1] += first;
         paid[1][0] += missing - first;
     }
@@ -359,79 +357,148 @@ fn raise(mut paid: Table) -> Table {
     paid
 }
 
-/// The changes of the best move where every pixel keeps its label, is occluded, or takes `label`, and no match is taken twice.
-fn unique(
-    graph: &mut MaxFlow<Layers>,
-    energy: &Energy,
-    labels: &[Label],
-    data: &[i32],
-    proposed: &[i32],
-    holders: &[u32],
-    label: Label,
-) -> Vec<(u32, Label)> {
-    graph.clear();
-    let grid = graph.topology_mut().grid;
-    let node = |pixel: usize, which: usize| 2 * grid.cell(pixel) + which;
-    for (partner, id) in graph.topology_mut().partners.iter_mut().zip(0..) {
-        *partner = id;
+impl Problem<'_> {
+    /// The free pixels and their places.
+    fn pixels(&self) -> impl Iterator<Item = (Pixel, usize)> {
+        let pixels = self.tile.pixels(self.energy.size()[0]).zip(places(self.tile));
+        pixels.filter(|&(_, place)| self.free[place])
     }
-    let hidden = energy.occlusion();
-    for pixel in (0..labels.len()).filter(|&pixel| labels[pixel] != label) {
-        graph.add_terminal(node(pixel, LOSES), hidden - data[pixel]);
-        graph.add_arc(node(pixel, LOSES), TO_TWIN, UNBOUNDED, 0);
-        let Some(place) = energy.matched(energy.view(), pixel, label) else {
-            graph.add_terminal(node(pixel, GETS), UNBOUNDED);
-            continue;
-        };
-        graph.add_terminal(node(pixel, GETS), proposed[pixel] - hidden);
-        let holder = holders[place];
-        if holder != NOBODY && holder as usize != pixel {
-            let (loses, gets) = (node(holder as usize, LOSES), node(pixel, GETS));
-            let partners = &mut graph.topology_mut().partners;
-            (partners[loses], partners[gets]) = (gets as u32, loses as u32);
-            graph.add_arc(loses, TO_PARTNER, UNBOUNDED, 0);
-        }
-    }
-    for pair in energy.pairs() {
-        let states = |pixel: usize| [labels[pixel], OCCLUDED, label];
-        let (states1, states2) = (states(pair.first), states(pair.second));
-        match (states1[0] == label, states2[0] == label) {
-            (true, true) => {}
-            (true, false) => {
-                let paid = states2.map(|state| energy.smoothness(pair, label, state));
-                graph.add_terminal(node(pair.second, LOSES), paid[1] - paid[0]);
-                graph.add_terminal(node(pair.second, GETS), paid[2] - paid[1]);
-            }
-            (false, true) => {
-                let paid = states1.map(|state| energy.smoothness(pair, state, label));
-                graph.add_terminal(node(pair.first, LOSES), paid[1] - paid[0]);
-                graph.add_terminal(node(pair.first, GETS), paid[2] - paid[1]);
-            }
-            (false, false) => {
-                let paid = raise(states1.map(|state1| states2.map(|state2| energy.smoothness(pair, state1, state2))));
-                let side = if pair.second == pair.first + 1 { TO_RIGHT } else { TO_BELOW };
-                for state in [LOSES, GETS] {
-                    graph.add_terminal(node(pair.first, state), paid[state + 1][0] - paid[state][0]);
-                    graph.add_terminal(node(pair.second, state), paid[0][state + 1] - paid[0][state]);
+
+    /// Goes over all pairs of neighbours of which at least one is free.
+    #[inline(always)]
+    fn each_pair(&self, mut f: impl FnMut(Neighbors)) {
+        let ([width, _], stride) = (self.energy.size(), self.tile.columns.len() + 2);
+        for (pixel, place) in self.pixels() {
+            let right = Pixel { u: pixel.u + 1, index: pixel.index + 1, ..pixel };
+            let below = Pixel { v: pixel.v + 1, index: pixel.index + width, ..pixel };
+            for (second, second_place, down) in [(right, place + 1, false), (below, place + stride, true)] {
+                if self.labels[second_place] != OUTSIDE {
+                    f(Neighbors { pair: Pair { first: pixel, second, down }, first: place, second: second_place });
                 }
-                for (state1, state2) in [(LOSES, LOSES), (LOSES, GETS), (GETS, LOSES), (GETS, GETS)] {
-                    // What both pay less together than each alone: half of it each, and an arc for the other half.
-                    let saved =
-                        paid[state1][state2 + 1] + paid[state1 + 1][state2] - paid[state1][state2] - paid[state1 + 1][state2 + 1];
-                    let arc = if state1 == state2 { side } else { ACROSS + side };
-                    let half = saved / 2;
-                    graph.add_arc(node(pair.first, state1), arc, half, saved - half);
-                    graph.add_terminal(node(pair.first, state1), -(saved - half));
-                    graph.add_terminal(node(pair.second, state2), -half);
-                }
+            }
+            // What is free itself finds this pixel.
+            let is_first = |place: usize| !self.free[place] && self.labels[place] != OUTSIDE;
+            if is_first(place - 1) {
+                let first = Pixel { u: pixel.u - 1, index: pixel.index - 1, ..pixel };
+                f(Neighbors { pair: Pair { first, second: pixel, down: false }, first: place - 1, second: place });
+            }
+            if is_first(place - stride) {
+                let first = Pixel { v: pixel.v - 1, index: pixel.index - width, ..pixel };
+                f(Neighbors { pair: Pair { first, second: pixel, down: true }, first: place - stride, second: place });
             }
         }
     }
-    graph.run();
-    let changes = (0..labels.len()).filter(|&pixel| labels[pixel] != label).filter_map(|pixel| {
-        let taken = graph.is_sink(node(pixel, GETS));
-        let lost = graph.is_sink(node(pixel, LOSES)) && labels[pixel] != OCCLUDED;
-        (taken || lost).then_some((pixel as u32, if taken { label } else { OCCLUDED }))
-    });
-    changes.collect()
+
+    /// By how much the energy changes if the next labels are taken.
+    fn change_to(&self, next: &[Label]) -> i64 {
+        let paid = |place: usize| if next[place] == self.label { self.proposed[place] } else { self.energy.occlusion() };
+        let changed = |place: usize| next[place] != self.labels[place];
+        let places = self.pixels().map(|(_, place)| place).filter(|&place| changed(place));
+        let mut change: i64 = places.map(|place| i64::from(paid(place) - self.data[place])).sum();
+        self.each_pair(|Neighbors { pair, first, second }| {
+            if changed(first) || changed(second) {
+                let after = self.energy.smoothness(pair, next[first], next[second]);
+                change += i64::from(after - self.energy.smoothness(pair, self.labels[first], self.labels[second]));
+            }
+        });
+        change
+    }
+
+    /// Cuts a graph where every pixel keeps its label, on the source's side, or takes the new one.
+    fn cut_capped(&self, graph: &mut MaxFlow<Grid>) {
+        graph.clear();
+        let Problem { energy, labels, label, .. } = *self;
+        for (_, place) in self.pixels() {
+            graph.add_terminal(place, self.proposed[place] - self.data[place]);
+        }
+        self.each_pair(|Neighbors { pair, first, second }| {
+            let (f1, f2) = (labels[first], labels[second]);
+            let keep = energy.smoothness(pair, f1, f2);
+            match (self.free[first], self.free[second]) {
+                (true, false) => graph.add_terminal(first, energy.smoothness(pair, label, f2) - keep),
+                (false, true) => graph.add_terminal(second, energy.smoothness(pair, f1, label) - keep),
+                _ => {
+                    let second_takes = energy.smoothness(pair, f1, label);
+                    // Pairs that look the same at some disparities and not at others may break the triangle inequality. Then the cut pays more than
+                    // the move does, so that the energy still falls.
+                    let first_takes = energy.smoothness(pair, label, f2).max(keep - second_takes);
+                    let there = (second_takes - keep / 2).clamp(0, second_takes + first_takes - keep);
+                    let back = second_takes + first_takes - keep - there;
+                    graph.add_arc(first, side(pair), there, back);
+                    graph.add_terminal(first, first_takes - keep - back);
+                    graph.add_terminal(second, second_takes - keep - there);
+                }
+            }
+        });
+        graph.run();
+    }
+
+    /// Cuts a graph where every pixel keeps its label, is occluded, or takes the new one, and no match is taken twice.
+    fn cut_unique(&self, graph: &mut MaxFlow<Layers>, holders: &Holders) {
+        graph.clear();
+        graph.topology_mut().partners.iter_mut().zip(0..).for_each(|(partner, node)| *partner = node);
+        let Problem { energy, labels, label, .. } = *self;
+        let hidden = energy.occlusion();
+        for (pixel, place) in self.pixels() {
+            let (loses, gets) = (2 * place + LOSES, 2 * place + GETS);
+            graph.add_terminal(loses, hidden - self.data[place]);
+            graph.add_arc(loses, TO_TWIN, UNBOUNDED, 0);
+            match holders.get(energy, pixel, label).map(|holder| (holder, self.free_place(holder))) {
+                Some((NOBODY, _)) => graph.add_terminal(gets, self.proposed[place] - hidden),
+                Some((_, Some(holder))) => {
+                    let holder = 2 * holder + LOSES;
+                    let partners = &mut graph.topology_mut().partners;
+                    (partners[holder], partners[gets]) = (gets as u32, holder as u32);
+                    graph.add_arc(holder, TO_PARTNER, UNBOUNDED, 0);
+                    graph.add_terminal(gets, self.proposed[place] - hidden);
+                }
+                // There is no match, or it is that of a pixel which may not change.
+                _ => graph.add_terminal(gets, UNBOUNDED),
+            }
+        }
+        self.each_pair(|Neighbors { pair, first, second }| {
+            let (f1, f2) = (labels[first], labels[second]);
+            let mut alone = |place: usize, paid: [i32; 3]| {
+                graph.add_terminal(2 * place + LOSES, paid[1] - paid[0]);
+                graph.add_terminal(2 * place + GETS, paid[2] - paid[1]);
+            };
+            match (self.free[first], self.free[second]) {
+                (true, false) => alone(first, [f1, OCCLUDED, label].map(|state| energy.smoothness(pair, state, f2))),
+                (false, true) => alone(second, [f2, OCCLUDED, label].map(|state| energy.smoothness(pair, f1, state))),
+                _ => {
+                    let paid = raise(energy.table(pair, f1, f2, label));
+                    alone(first, paid.map(|row| row[0]));
+                    alone(second, paid[0]);
+                    for (state1, state2) in [(LOSES, LOSES), (LOSES, GETS), (GETS, LOSES), (GETS, GETS)] {
+                        // What the last step of both costs less than each alone. An arc is full where one takes it and the other does not; it is laid so
+                        // that little is left to flow from the source and to the sink.
+                        let saved = paid[state1][state2 + 1] + paid[state1 + 1][state2]
+                            - paid[state1][state2]
+                            - paid[state1 + 1][state2 + 1];
+                        if saved == 0 {
+                            continue;
+                        }
+                        let (arc, there) = match (state1, state2) {
+                            (LOSES, GETS) => (ACROSS + side(pair), saved),
+                            (GETS, LOSES) => (ACROSS + side(pair), 0),
+                            _ => (side(pair), saved / 2),
+                        };
+                        graph.add_arc(2 * first + state1, arc, there, saved - there);
+                        graph.add_terminal(2 * first + state1, there - saved);
+                        graph.add_terminal(2 * second + state2, -there);
+                    }
+                }
+            }
+        });
+        graph.run();
+    }
+
+    /// The place of a pixel of the image, if it is in the tile and free.
+    fn free_place(&self, index: u32) -> Option<usize> {
+        let [width, _] = self.energy.size();
+        let Pixel { u, v, .. } = Pixel::new(index as usize, width);
+        let inside = self.tile.columns.contains(&u) && self.tile.rows.contains(&v);
+        let place = || (v - self.tile.rows.start + 1) * (self.tile.columns.len() + 2) + u - self.tile.columns.start + 1;
+        inside.then(place).filter(|&place| self.free[place])
+    }
 }

@@ -1,8 +1,10 @@
-//! The maximum flow through a graph by Boykov and Kolmogorov, which is the minimum cut.
+//! The maximum flow through a graph, which is the minimum cut, after Boykov and Kolmogorov.
 //!
-//! Two trees of arcs that are not full grow from the source and from the sink. Where they meet, flow goes along the path; what that fills
-//! is cut off, and looks for another parent in its tree before it is free again. The trees are kept from path to path (Boykov and
-//! Kolmogorov, An Experimental Comparison of Min-Cut/Max-Flow Algorithms for Energy Minimization in Vision, 2004).
+//! A tree of arcs that are not full grows from the sink. Where it meets a node to which the source has more to give, flow goes along the
+//! path to the sink; what that fills is cut off, and looks for another parent in the tree before it is free again. The tree is kept from
+//! path to path (Boykov and Kolmogorov, An experimental comparison of min-cut/max-flow algorithms for energy minimization in vision, 2004).
+//! Theirs has a second tree, from the source: in expansion moves most nodes are next to the source, and few to the sink, so that it would
+//! go everywhere for little.
 //!
 //! The graph is a pattern that repeats from node to node, so that no arc stores where it leads: a [`Topology`] says it.
 
@@ -29,59 +31,49 @@ pub struct MaxFlow<T> {
     nodes: Vec<Node>,
     /// What can still flow, for each arc of each node.
     residuals: Vec<i32>,
-    /// Nodes whose arcs may let their tree grow, first in, first out: a list through `Node::next`.
-    active: Option<(u32, u32)>,
+    /// Nodes by which the tree may grow.
+    active: VecDeque<u32>,
     /// Nodes that lost their parent.
     orphans: VecDeque<u32>,
     time: u32,
-    flow: i64,
 }
 
-/// A node, in 20 bytes.
+/// A node, in 16 bytes.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     /// What can still flow from the source, or to the sink where it is negative.
     excess: i32,
     /// When `distance` was found.
     time: u32,
-    /// Arcs to the root of its tree, at most.
+    /// Arcs to the root, at most.
     distance: u32,
-    /// The next active node; itself for the last one, [`INACTIVE`] if it is not active.
-    next: u32,
-    tree: Tree,
-    /// The arc to its parent, or [`ROOT`] or [`ORPHAN`].
+    /// The arc to its parent, or [`ROOT`], [`ORPHAN`] or [`FREE`].
     parent: u8,
+    is_active: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Tree {
-    Free,
-    Source,
-    Sink,
-}
-
-const INACTIVE: u32 = u32::MAX;
-/// The parent is the source or the sink.
+/// The parent is the sink.
 const ROOT: u8 = u8::MAX;
-/// There is no parent (yet).
+/// It is in the tree, but has no parent any more.
 const ORPHAN: u8 = u8::MAX - 1;
+/// It is not in the tree.
+const FREE: u8 = u8::MAX - 2;
 
-const FREE: Node = Node { excess: 0, time: 0, distance: 0, next: INACTIVE, tree: Tree::Free, parent: ORPHAN };
+const UNTOUCHED: Node = Node { excess: 0, time: 0, distance: 0, parent: FREE, is_active: false };
 
 impl<T: Topology> MaxFlow<T> {
     /// A graph without capacities.
     pub fn new(topology: T) -> MaxFlow<T> {
         assert_eq!(T::DEGREE, T::REVERSE.len(), "an arc that leads back for every arc");
         let nodes = topology.nodes();
-        assert!(nodes < INACTIVE as usize, "a graph of {nodes} nodes");
+        assert!(u32::try_from(nodes).is_ok(), "a graph of {nodes} nodes");
         MaxFlow {
             topology,
-            nodes: vec![FREE; nodes],
+            nodes: vec![UNTOUCHED; nodes],
             residuals: vec![0; nodes * T::DEGREE],
-            active: None,
+            active: VecDeque::new(),
             orphans: VecDeque::new(),
             time: 0,
-            flow: 0,
         }
     }
 
@@ -91,11 +83,13 @@ impl<T: Topology> MaxFlow<T> {
     }
 
     /// All capacities are 0 again, and nothing flows.
+    #[inline(never)]
     pub fn clear(&mut self) {
-        self.nodes.fill(FREE);
+        self.nodes.fill(UNTOUCHED);
         self.residuals.fill(0);
-        (self.active, self.time, self.flow) = (None, 0, 0);
+        self.active.clear();
         self.orphans.clear();
+        self.time = 0;
     }
 
     /// The pattern of the arcs.
@@ -113,51 +107,39 @@ impl<T: Topology> MaxFlow<T> {
     /// Adds to what can flow along an arc of a node, and back.
     #[inline(always)]
     pub fn add_arc(&mut self, node: usize, arc: usize, there: i32, back: i32) {
-        let sister = self.sister(node, arc);
+        let head = self.topology.head(node, arc);
         self.residuals[node * T::DEGREE + arc] += there;
-        self.residuals[sister] += back;
+        self.residuals[head * T::DEGREE + T::REVERSE[arc]] += back;
     }
 
-    /// Whether a node is on the sink's side of the minimum cut that is nearest to the sink.
+    /// Whether a node is on the sink's side of the minimum cut, of which that side is as large as can be: from there more could flow to the
+    /// sink.
     pub fn is_sink(&self, node: usize) -> bool {
-        self.nodes[node].tree == Tree::Sink
-    }
-
-    #[inline(always)]
-    fn sister(&self, node: usize, arc: usize) -> usize {
-        self.topology.head(node, arc) * T::DEGREE + T::REVERSE[arc]
+        self.nodes[node].parent != FREE
     }
 
     /// Lets flow what can, and gives how much does.
+    #[inline(never)]
     pub fn run(&mut self) -> i64 {
-        self.push_to_neighbors();
+        let mut flow = self.push_to_neighbors();
         for i in 0..self.nodes.len() {
-            let node = &mut self.nodes[i];
-            node.tree = match node.excess {
-                0 => continue,
-                1.. => Tree::Source,
-                _ => Tree::Sink,
-            };
-            (node.parent, node.distance) = (ROOT, 1);
-            self.activate(i);
-        }
-        let mut current = None;
-        while let Some(node) = current.take().or_else(|| self.next_active()) {
-            if let Some((node_of_source, arc)) = self.grow(node) {
-                self.time += 1;
-                self.augment(node_of_source, arc);
-                self.adopt();
-                // It may have more to grow by.
-                if self.nodes[node].tree != Tree::Free && self.nodes[node].parent != ORPHAN {
-                    current = Some(node);
-                }
+            if self.nodes[i].excess < 0 {
+                (self.nodes[i].parent, self.nodes[i].distance) = (ROOT, 1);
+                self.activate(i);
             }
         }
-        self.flow
+        while let Some(node) = self.active.pop_front() {
+            let node = node as usize;
+            self.nodes[node].is_active = false;
+            flow += self.grow(node);
+        }
+        flow
     }
 
-    /// Lets flow what can from nodes to their neighbours, before any tree is there: most of what flows in images.
-    fn push_to_neighbors(&mut self) {
+    /// Lets flow what can from nodes to their neighbours, before there is a tree: most of what flows in images.
+    #[inline(never)]
+    fn push_to_neighbors(&mut self) -> i64 {
+        let mut flow = 0;
         for i in 0..self.nodes.len() {
             for arc in 0..T::DEGREE {
                 let excess = self.nodes[i].excess;
@@ -173,85 +155,74 @@ impl<T: Topology> MaxFlow<T> {
                 if pushed > 0 {
                     self.nodes[i].excess -= pushed;
                     self.nodes[j].excess += pushed;
-                    self.residuals[i * T::DEGREE + arc] -= pushed;
-                    self.residuals[j * T::DEGREE + T::REVERSE[arc]] += pushed;
-                    self.flow += i64::from(pushed);
+                    self.push(i, arc, pushed);
+                    flow += i64::from(pushed);
                 }
             }
         }
+        flow
+    }
+
+    /// Lets flow along an arc, and gives where it leads.
+    #[inline(always)]
+    fn push(&mut self, node: usize, arc: usize, flow: i32) -> usize {
+        let head = self.topology.head(node, arc);
+        self.residuals[node * T::DEGREE + arc] -= flow;
+        self.residuals[head * T::DEGREE + T::REVERSE[arc]] += flow;
+        head
     }
 
     #[inline(always)]
     fn activate(&mut self, node: usize) {
-        if self.nodes[node].next != INACTIVE {
-            return;
-        }
-        let id = node as u32;
-        self.nodes[node].next = id;
-        self.active = Some(match self.active {
-            None => (id, id),
-            Some((first, last)) => {
-                self.nodes[last as usize].next = id;
-                (first, id)
-            }
-        });
-    }
-
-    /// Takes the first active node that is in a tree.
-    #[inline(always)]
-    fn next_active(&mut self) -> Option<usize> {
-        loop {
-            let (first, last) = self.active?;
-            let node = &mut self.nodes[first as usize];
-            self.active = (first != last).then_some((node.next, last));
-            node.next = INACTIVE;
-            if node.parent != ORPHAN {
-                return Some(first as usize);
-            }
+        if !self.nodes[node].is_active {
+            self.nodes[node].is_active = true;
+            self.active.push_back(node as u32);
         }
     }
 
-    /// Grows the tree of a node by its neighbours, until it meets the other tree: at an arc from the source's to the sink's.
-    #[inline(always)]
-    fn grow(&mut self, i: usize) -> Option<(usize, usize)> {
-        let node = self.nodes[i];
+    /// Grows the tree from a node by its neighbours, and lets flow what the source has for them.
+    #[inline(never)]
+    fn grow(&mut self, i: usize) -> i64 {
+        let mut flow = 0;
         for arc in 0..T::DEGREE {
-            let sister = self.sister(i, arc);
-            let residual = match node.tree {
-                Tree::Source => self.residuals[i * T::DEGREE + arc],
-                _ => self.residuals[sister],
-            };
-            if residual == 0 {
-                continue;
+            let Node { time, distance, parent, .. } = self.nodes[i];
+            if parent == FREE {
+                break;
             }
             let j = self.topology.head(i, arc);
-            let other = &mut self.nodes[j];
             let back = T::REVERSE[arc];
-            if other.tree == Tree::Free {
-                (other.tree, other.parent, other.time, other.distance) = (node.tree, back as u8, node.time, node.distance + 1);
-                self.activate(j);
-            } else if other.tree != node.tree {
-                return Some(if node.tree == Tree::Source { (i, arc) } else { (j, back) });
-            } else if other.time <= node.time && other.distance > node.distance {
+            if self.residuals[j * T::DEGREE + back] == 0 {
+                continue;
+            }
+            let other = &mut self.nodes[j];
+            if other.parent == FREE {
+                (other.parent, other.time, other.distance) = (back as u8, time, distance + 1);
+                if other.excess <= 0 {
+                    self.activate(j);
+                    continue;
+                }
+                // It gives all that it can: the tree takes it in if there is more capacity than that.
+                while self.nodes[j].excess > 0 && self.nodes[j].parent != FREE {
+                    self.time += 1;
+                    flow += i64::from(self.augment(j));
+                    self.adopt();
+                }
+                if self.nodes[j].parent != FREE {
+                    self.activate(j);
+                }
+            } else if other.time <= time && other.distance > distance && other.parent < FREE {
                 // A shorter way to the root.
-                (other.parent, other.time, other.distance) = (back as u8, node.time, node.distance + 1);
+                (other.parent, other.time, other.distance) = (back as u8, time, distance + 1);
             }
         }
-        None
+        flow
     }
 
-    /// Lets flow what can along the path through an arc between the trees.
-    fn augment(&mut self, i: usize, arc: usize) {
-        let j = self.topology.head(i, arc);
-        let mut least = self.residuals[i * T::DEGREE + arc];
-        let mut node = i;
-        while self.nodes[node].parent != ROOT {
-            let parent = usize::from(self.nodes[node].parent);
-            least = least.min(self.residuals[self.sister(node, parent)]);
-            node = self.topology.head(node, parent);
-        }
-        least = least.min(self.nodes[node].excess);
-        node = j;
+    /// Lets flow what can from a node of the tree to its root.
+    #[inline(never)]
+    fn augment(&mut self, start: usize) -> i32 {
+        let mut least = self.nodes[start].excess;
+        let mut node = start;
         while self.nodes[node].parent != ROOT {
             let parent = usize::from(self.nodes[node].parent);
             least = least.min(self.residuals[node * T::DEGREE + parent]);
@@ -259,34 +230,12 @@ impl<T: Topology> MaxFlow<T> {
         }
         least = least.min(-self.nodes[node].excess);
 
-        self.residuals[i * T::DEGREE + arc] -= least;
-        self.residuals[j * T::DEGREE + T::REVERSE[arc]] += least;
-        node = i;
+        self.nodes[start].excess -= least;
+        node = start;
         while self.nodes[node].parent != ROOT {
             let parent = usize::from(self.nodes[node].parent);
-            let sister = self.sister(node, parent);
-            self.residuals[node * T::DEGREE + parent] += least;
-            self.residuals[sister] -= least;
-            let full = self.residuals[sister] == 0;
-            let above = self.topology.head(node, parent);
-            if full {
-                self.cut_off(node);
-            }
-            node = above;
-        }
-        self.nodes[node].excess -= least;
-        if self.nodes[node].excess == 0 {
-            self.cut_off(node);
-        }
-        node = j;
-        while self.nodes[node].parent != ROOT {
-            let parent = usize::from(self.nodes[node].parent);
-            let sister = self.sister(node, parent);
-            self.residuals[sister] += least;
-            self.residuals[node * T::DEGREE + parent] -= least;
-            let full = self.residuals[node * T::DEGREE + parent] == 0;
-            let above = self.topology.head(node, parent);
-            if full {
+            let above = self.push(node, parent, least);
+            if self.residuals[node * T::DEGREE + parent] == 0 {
                 self.cut_off(node);
             }
             node = above;
@@ -295,7 +244,7 @@ impl<T: Topology> MaxFlow<T> {
         if self.nodes[node].excess == 0 {
             self.cut_off(node);
         }
-        self.flow += i64::from(least);
+        least
     }
 
     #[inline(always)]
@@ -305,19 +254,16 @@ impl<T: Topology> MaxFlow<T> {
     }
 
     /// Finds parents for the orphans, or makes them free.
+    #[inline(never)]
     fn adopt(&mut self) {
         while let Some(orphan) = self.orphans.pop_front() {
             let i = orphan as usize;
-            let tree = self.nodes[i].tree;
             let mut best: Option<(u8, u32)> = None;
             for arc in 0..T::DEGREE {
-                if self.residual_to_child(tree, i, arc) == 0 {
+                if self.residuals[i * T::DEGREE + arc] == 0 {
                     continue;
                 }
                 let j = self.topology.head(i, arc);
-                if self.nodes[j].tree != tree || self.nodes[j].parent == ORPHAN {
-                    continue;
-                }
                 if let Some(distance) = self.distance_to_root(j)
                     && best.is_none_or(|(_, least)| distance < least)
                 {
@@ -329,51 +275,47 @@ impl<T: Topology> MaxFlow<T> {
                 (node.parent, node.time, node.distance) = (arc, self.time, distance + 1);
                 continue;
             }
+            self.nodes[i].parent = FREE;
             for arc in 0..T::DEGREE {
                 let j = self.topology.head(i, arc);
-                if self.nodes[j].tree != tree || self.nodes[j].parent == ORPHAN {
+                let parent = self.nodes[j].parent;
+                if parent == FREE {
                     continue;
                 }
-                if self.residual_to_child(tree, i, arc) != 0 {
+                // It may take this one in again.
+                if self.residuals[i * T::DEGREE + arc] != 0 {
                     self.activate(j);
                 }
-                let parent = self.nodes[j].parent;
-                if parent != ROOT && usize::from(parent) == T::REVERSE[arc] && self.topology.head(j, parent.into()) == i {
+                if parent < FREE && usize::from(parent) == T::REVERSE[arc] && self.topology.head(j, parent.into()) == i {
                     self.nodes[j].parent = ORPHAN;
                     self.orphans.push_back(j as u32);
                 }
             }
-            self.nodes[i].tree = Tree::Free;
         }
     }
 
-    /// What could flow through the arc if its head were the parent.
+    /// How many arcs a node is from the root; `None` if it is free or an orphan is above it. What is found is noted along the way.
     #[inline(always)]
-    fn residual_to_child(&self, tree: Tree, node: usize, arc: usize) -> i32 {
-        match tree {
-            Tree::Source => self.residuals[self.sister(node, arc)],
-            _ => self.residuals[node * T::DEGREE + arc],
-        }
-    }
-
-    /// How many arcs a node is from the root of its tree; `None` if an orphan is above it. What is found is noted along the way.
     fn distance_to_root(&mut self, start: usize) -> Option<u32> {
         let mut distance = 0;
         let mut node = start;
         loop {
             let Node { time, distance: known, parent, .. } = self.nodes[node];
-            if time == self.time {
-                distance += known;
-                break;
-            }
-            distance += 1;
             match parent {
-                ORPHAN => return None,
+                FREE | ORPHAN => return None,
+                _ if time == self.time => {
+                    distance += known;
+                    break;
+                }
                 ROOT => {
+                    distance += 1;
                     (self.nodes[node].time, self.nodes[node].distance) = (self.time, 1);
                     break;
                 }
-                _ => node = self.topology.head(node, parent.into()),
+                _ => {
+                    distance += 1;
+                    node = self.topology.head(node, parent.into());
+                }
             }
         }
         let (mut node, mut left) = (start, distance);

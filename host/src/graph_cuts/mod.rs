@@ -3,12 +3,15 @@
 //! It is the method of Kolmogorov and Zabih (Computing visual correspondence with occlusions using graph cuts, 2001; Kolmogorov, Monasse and
 //! Tan, Kolmogorov and Zabih's graph cuts stereo matching algorithm, 2014), with the energies of the paper for one and for several views.
 
+mod cells;
 mod energy;
 mod expansion;
+mod labelling;
 mod max_flow;
 
-pub use energy::{Energy, Label, OCCLUDED, Pair};
-pub use expansion::Labelling;
+pub use energy::{Energy, Label, OCCLUDED, Pair, Pixel};
+pub use expansion::{Expansion, Tile};
+pub use labelling::Labelling;
 pub use max_flow::{MaxFlow, Topology};
 
 use multiscopic_core::{Disparity, Params};
@@ -101,7 +104,7 @@ impl GraphCuts {
         let start = start.pixels().iter().map(|pixel| pixel.map_or(OCCLUDED, |d| d.to_fixed().round().to_num()));
         let mut labelling = Labelling::new(&energy, start.collect());
         let labels: Vec<Label> = (search.min_disparity()..=search.max_disparity()).collect();
-        labelling.minimize(&labels, self.sweeps, self.seed, progress);
+        engine.run(|| labelling.minimize(&labels, self.sweeps, self.seed, progress));
         let disparity = |label: &Label| Disparity::from_bits(label.checked_mul(Disparity::STEPS as i16)?);
         DisparityMap::new(frames.width(), frames.height(), labelling.labels().iter().map(disparity).collect())
     }

@@ -5,8 +5,6 @@
 //! other image as from that interval; of both directions the smaller distance counts (Birchfield and Tomasi, A pixel dissimilarity
 //! measure that is insensitive to image sampling, 1998).
 
-use std::ops::Range;
-
 use image::{GrayImage, RgbImage};
 use multiscopic_core::View;
 
@@ -53,15 +51,15 @@ impl Intervals {
         self.channels.len()
     }
 
-    /// The costs of the pixels of this image, the centre, in some columns of row `v`, with their matches in `other`, a view, at disparity
-    /// `d`: the sum over the channels, at most 1530, and [`NONE`](Intervals::NONE) where the match lies outside.
+    /// The costs of the pixels of row `v` of this image, the centre, with their matches in `other`, a view, at disparity `d`: the sum
+    /// over the channels, at most 1530, and [`NONE`](Intervals::NONE) where the match lies outside.
     ///
     /// # Panics
-    /// If the images differ in size or channels, the columns are not of the image, or `costs` has another length.
-    pub fn row_costs(&self, other: &Intervals, view: View, v: usize, columns: Range<usize>, d: i16, costs: &mut [i16]) {
+    /// If the images differ in size or channels, or `costs` is not a row.
+    pub fn row_costs(&self, other: &Intervals, view: View, v: usize, d: i16, costs: &mut [i16]) {
         let (width, height, shift) = (self.width, self.height, view.sign() as isize * isize::from(d));
         assert_eq!((other.width, other.height, other.channels.len()), (width, height, self.channels.len()), "images of one kind");
-        assert!(columns.end <= width && costs.len() == columns.len(), "{columns:?} of {width} columns and {} costs", costs.len());
+        assert_eq!(costs.len(), width, "a row of costs");
         let (row, shift) = match view.is_horizontal() {
             true => (v, shift),
             false => match v.checked_add_signed(shift).filter(|row| *row < height) {
@@ -70,14 +68,14 @@ impl Intervals {
             },
         };
         // The columns whose matches lie inside.
-        let inside = |column: isize| (column.clamp(columns.start as isize, columns.end as isize)) as usize;
+        let inside = |column: isize| column.clamp(0, width as isize) as usize;
         let (start, end) = (inside(-shift), inside(width as isize - shift));
-        costs[..start - columns.start].fill(Intervals::NONE);
-        costs[end.max(start) - columns.start..].fill(Intervals::NONE);
+        costs[..start].fill(Intervals::NONE);
+        costs[end.max(start)..].fill(Intervals::NONE);
         if start >= end {
             return;
         }
-        let costs = &mut costs[start - columns.start..end - columns.start];
+        let costs = &mut costs[start..end];
         costs.fill(0);
         let here = v * width + start..v * width + end;
         let there = row * width + start.wrapping_add_signed(shift)..row * width + end.wrapping_add_signed(shift);

@@ -1,11 +1,9 @@
 //! What a labelling costs.
 
-use std::ops::{Range, RangeInclusive};
-
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use multiscopic_core::{Frame, Fusion, Params, View};
 
-use super::{GraphCuts, Occlusion, Smoothness, Tile};
+use super::{GraphCuts, Occlusion, Smoothness};
 use crate::{Frames, birchfield_tomasi::Intervals};
 
 /// What is at a pixel: a disparity, or [`OCCLUDED`].
@@ -53,8 +51,6 @@ pub struct Pair {
 pub struct Energy {
     width: usize,
     height: usize,
-    /// The disparities that are searched.
-    range: RangeInclusive<Label>,
     fusion: Fusion,
     center: Source,
     views: Vec<(View, Source)>,
@@ -122,7 +118,6 @@ impl Energy {
         let mut energy = Energy {
             width: frames.width(),
             height: frames.height(),
-            range: search.min_disparity()..=search.max_disparity(),
             fusion: search.fusion(),
             views: search.views().iter().map(|view| (view, source(Frame::View(view)))).collect(),
             threshold: method.threshold,
@@ -165,21 +160,21 @@ impl Energy {
         self.views[0].0
     }
 
-    /// The costs of giving `d` to pixels in some columns of row `v`; `None`'s stand-in, [`i32::MAX`], where no view sees the match. With capped
+    /// The costs of giving `d` to the pixels of row `v`; `None`'s stand-in, [`i32::MAX`], where no view sees the match. With capped
     /// occlusions none is above the cost of an occlusion.
-    pub fn data(&self, v: usize, columns: Range<usize>, d: Label, costs: &mut [i32]) {
-        self.dissimilarities(v, columns, d, costs);
+    pub fn data(&self, v: usize, d: Label, costs: &mut [i32]) {
+        self.dissimilarities(v, d, costs);
         if self.occlusions == Occlusion::Capped {
             costs.iter_mut().for_each(|cost| *cost = (*cost).min(self.occlusion));
         }
     }
 
-    /// How much pixels in some columns of row `v` differ from their matches at `d`, fused over the views that see them (paper, eq. 11).
-    fn dissimilarities(&self, v: usize, columns: Range<usize>, d: Label, costs: &mut [i32]) {
+    /// How much the pixels of row `v` differ from their matches at `d`, fused over the views that see them (paper, eq. 11).
+    fn dissimilarities(&self, v: usize, d: Label, costs: &mut [i32]) {
         let mut rows = [const { Vec::new() }; View::ALL.len()];
         for ((view, source), row) in self.views.iter().zip(&mut rows) {
-            row.resize(columns.len(), 0);
-            self.center.intervals.row_costs(&source.intervals, *view, v, columns.clone(), d, row);
+            row.resize(self.width, 0);
+            self.center.intervals.row_costs(&source.intervals, *view, v, d, row);
         }
         let rows = &rows[..self.views.len()];
         if self.fusion == Fusion::Min {
@@ -210,20 +205,6 @@ impl Energy {
             true => (pixel.u.wrapping_add_signed(shift) < self.width).then(|| pixel.index.wrapping_add_signed(shift)),
             false => (pixel.v.wrapping_add_signed(shift) < self.height)
                 .then(|| pixel.index.wrapping_add_signed(shift * self.width as isize)),
-        }
-    }
-
-    /// The pixels of the view that may be matches of the pixels of a tile.
-    pub fn matches(&self, tile: &Tile) -> Tile {
-        let along = |range: &Range<usize>, size: usize| {
-            let shifts = [self.range.start(), self.range.end()].map(|d| self.view().sign() as isize * *d as isize);
-            let at = |place: usize, shift: isize| (place as isize + shift).clamp(0, size as isize) as usize;
-            let (least, most) = (shifts[0].min(shifts[1]), shifts[0].max(shifts[1]));
-            at(range.start, least)..at(range.end, most)
-        };
-        match self.view().is_horizontal() {
-            true => Tile { columns: along(&tile.columns, self.width), rows: tile.rows.clone() },
-            false => Tile { columns: tile.columns.clone(), rows: along(&tile.rows, self.height) },
         }
     }
 
@@ -326,7 +307,7 @@ impl Energy {
                     continue;
                 }
                 if label != known {
-                    self.data(v, 0..self.width, label, &mut costs);
+                    self.data(v, label, &mut costs);
                     known = label;
                 }
                 if costs[u] == i32::MAX {
@@ -358,7 +339,7 @@ impl Energy {
         let (mut sum, mut count) = (0.0, 0.0f64);
         for v in 0..self.height {
             for (d, row) in (search.min_disparity()..).zip(rows.chunks_exact_mut(self.width)) {
-                self.dissimilarities(v, 0..self.width, d, row);
+                self.dissimilarities(v, d, row);
             }
             for u in 0..self.width {
                 let mut costs: Vec<i32> =

@@ -1,84 +1,51 @@
-//! Expansion moves: any pixels of a tile may take one disparity, and the best choice of them is a minimum cut.
+//! Expansion moves: any pixels may take one disparity, and the best choice of them is a minimum cut.
 
-use std::ops::Range;
+use rayon::prelude::*;
 
 use super::{
     Occlusion,
+    cells::Cells,
     energy::{Energy, Label, OCCLUDED, Pair, Pixel, Table},
     max_flow::{MaxFlow, Topology},
 };
+use crate::Progress;
 
-/// Pixels that may change while all others stay: some columns of some rows.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Tile {
-    /// The columns.
-    pub columns: Range<usize>,
-    /// The rows.
-    pub rows: Range<usize>,
-}
-
-impl Tile {
-    /// How many pixels it has.
-    pub fn len(&self) -> usize {
-        self.columns.len() * self.rows.len()
-    }
-
-    /// Whether it has no pixels.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// The pixels of an image of a width, row by row.
-    pub fn pixels(&self, width: usize) -> impl Iterator<Item = Pixel> + use<> {
-        let columns = self.columns.clone();
-        self.rows.clone().flat_map(move |v| columns.clone().map(move |u| Pixel { u, v, index: v * width + u }))
-    }
-}
-
-/// The labels of the pixels of a tile, whose energy falls from move to move.
+/// The labels of the pixels of an image, whose energy falls from move to move.
 #[derive(Debug)]
-pub struct Expansion<'a> {
+pub struct Labelling<'a> {
     energy: &'a Energy,
-    tile: Tile,
-    /// With those of the pixels around the tile; all that follows has the same places.
+    /// With a frame of [`OUTSIDE`] around the image; all that follows has the same places.
     labels: Vec<Label>,
     /// The labels after the move.
     next: Vec<Label>,
     /// Whether the label may change in the move.
     free: Vec<bool>,
-    /// The pixels that changed in the last move.
-    changed: Vec<Pixel>,
     /// What the pixels pay for their labels.
     data: Vec<i32>,
     /// What they would pay for the label that is tried.
     proposed: Vec<i32>,
     moves: Moves,
-    change: i64,
+    total: i64,
+    /// The pixels that changed in the last move.
+    changed: Vec<Pixel>,
 }
 
 /// The graph of the moves.
 #[derive(Debug)]
 enum Moves {
     Capped(MaxFlow<Grid>),
-    Unique(MaxFlow<Layers>, Holders),
-}
-
-/// The pixels whose matches are pixels of the view.
-#[derive(Debug)]
-struct Holders {
-    /// The pixels of the view of which it is known.
-    area: Tile,
-    pixels: Vec<u32>,
+    /// And for each pixel of the view the one whose match it is, or [`NOBODY`].
+    Unique(MaxFlow<Layers>, Vec<u32>),
 }
 
 /// A capacity that no flow fills.
 const UNBOUNDED: i32 = 1 << 28;
 /// No pixel.
-pub const NOBODY: u32 = u32::MAX;
+const NOBODY: u32 = u32::MAX;
 /// The label of what lies outside the image.
 const OUTSIDE: Label = Label::MAX;
 
-/// Pixels with arcs to their four neighbours, with those around the tile, so that every pixel of the tile has four.
+/// Pixels with arcs to their four neighbours, with a frame around the image, so that every pixel of it has four.
 #[derive(Clone, Copy, Debug)]
 struct Grid {
     nodes: usize,
@@ -110,7 +77,7 @@ impl Topology for Grid {
 }
 
 /// Two nodes for every pixel: whether it loses the label it has, and whether it gets the new one. Each has arcs to the same nodes of the
-/// pixel's neighbours, to the other node of the pixel and those of its neighbours, and to one other node of the tile.
+/// pixel's neighbours, to the other node of the pixel and those of its neighbours, and to one other node of the image.
 #[derive(Clone, Debug)]
 struct Layers {
     nodes: usize,
@@ -150,95 +117,126 @@ impl Topology for Layers {
     }
 }
 
-impl<'a> Expansion<'a> {
-    /// Moves of the pixels of a tile of an image with `labels`. With unique matches, `holders` has for each pixel of the view the one whose
-    /// match it is, or [`NOBODY`].
+impl<'a> Labelling<'a> {
+    /// The labelling that is nearest to `labels`, pixel by pixel, and possible: what breaks a constraint becomes occluded, or gets a label from
+    /// its row.
     ///
     /// # Panics
-    /// If the tile is not of the image, or there are not as many labels and holders as pixels.
-    pub fn new(energy: &'a Energy, tile: Tile, labels: &[Label], holders: &[u32]) -> Expansion<'a> {
+    /// If there is not a label for every pixel.
+    pub fn new(energy: &'a Energy, mut labels: Vec<Label>) -> Labelling<'a> {
         let [width, height] = energy.size();
-        let label = |x: usize, y: usize| {
-            let (u, v) = ((tile.columns.start + x).wrapping_sub(1), (tile.rows.start + y).wrapping_sub(1));
-            if u < width && v < height { labels[v * width + u] } else { OUTSIDE }
-        };
-        let (stride, rows) = (tile.columns.len() + 2, tile.rows.len() + 2);
-        let labels: Vec<Label> = (0..stride * rows).map(|place| label(place % stride, place / stride)).collect();
+        assert_eq!(labels.len(), width * height, "a label for every pixel");
+        let (stride, rows) = (width + 2, height + 2);
         let moves = match energy.occlusions() {
-            Occlusion::Capped => Moves::Capped(MaxFlow::new(Grid::new(stride, rows))),
+            Occlusion::Capped => {
+                labels.chunks_exact_mut(width).for_each(fill);
+                Moves::Capped(MaxFlow::new(Grid::new(stride, rows)))
+            }
             Occlusion::Unique => {
-                let area = energy.matches(&tile);
-                let pixels = area.pixels(width).map(|place| holders[place.index]).collect();
-                Moves::Unique(MaxFlow::new(Layers::new(stride, rows)), Holders { area, pixels })
+                let mut holders = vec![NOBODY; labels.len()];
+                for (index, label) in labels.iter_mut().enumerate().filter(|(_, label)| **label != OCCLUDED) {
+                    match energy.matched(energy.view(), Pixel::new(index, width), *label) {
+                        // The first one stays.
+                        Some(place) if holders[place] == NOBODY => holders[place] = index as u32,
+                        _ => *label = OCCLUDED,
+                    }
+                }
+                Moves::Unique(MaxFlow::new(Layers::new(stride, rows)), holders)
             }
         };
-        let costs = vec![energy.occlusion(); labels.len()];
-        let mut expansion = Expansion {
+        let total = energy.of(&labels).expect("a possible labelling");
+        let mut framed = vec![OUTSIDE; stride * rows];
+        for (row, line) in labels.chunks_exact(width).zip(framed.chunks_exact_mut(stride).skip(1)) {
+            line[1..=width].copy_from_slice(row);
+        }
+        let costs = vec![energy.occlusion(); framed.len()];
+        let mut labelling = Labelling {
             energy,
-            tile,
-            next: labels.clone(),
-            free: vec![false; labels.len()],
-            changed: Vec::new(),
-            labels,
+            next: framed.clone(),
+            free: vec![false; framed.len()],
+            labels: framed,
             data: costs.clone(),
             proposed: costs,
             moves,
-            change: 0,
+            total,
+            changed: Vec::new(),
         };
-        let mut known: Vec<Label> = expansion.pixels().map(|(_, label)| label).filter(|label| *label != OCCLUDED).collect();
-        known.sort_unstable();
-        known.dedup();
-        for label in known {
-            expansion.propose(label);
-            let costs = expansion.labels.iter().zip(&expansion.proposed).zip(&mut expansion.data);
+        labels.sort_unstable();
+        labels.dedup();
+        for label in labels.into_iter().filter(|label| *label != OCCLUDED) {
+            labelling.propose(label);
+            let costs = labelling.labels.iter().zip(&labelling.proposed).zip(&mut labelling.data);
             costs.filter(|((known, _), _)| **known == label).for_each(|((_, cost), data)| *data = *cost);
         }
-        expansion
+        labelling
     }
 
-    /// By how much the energy has changed.
-    pub fn change(&self) -> i64 {
-        self.change
+    /// The labels, pixel by pixel.
+    pub fn labels(&self) -> impl Iterator<Item = Label> {
+        places(self.energy.size()).map(|(_, place)| self.labels[place])
     }
 
-    /// The tile.
-    pub fn tile(&self) -> &Tile {
-        &self.tile
+    /// The energy.
+    pub fn total(&self) -> i64 {
+        self.total
     }
 
-    /// The pixels of the tile, as indices of the image, and their labels.
-    pub fn pixels(&self) -> impl Iterator<Item = (usize, Label)> {
-        let [width, _] = self.energy.size();
-        self.tile.pixels(width).zip(places(&self.tile)).map(|(pixel, place)| (pixel.index, self.labels[place]))
+    /// Tries `labels` in an order that `seed` determines, again and again, until none of them lowers the energy or `sweeps` times. Where
+    /// nothing near has changed since a label was tried, it is not tried again.
+    pub fn minimize(&mut self, labels: &[Label], sweeps: usize, seed: u64, progress: &dyn Progress) {
+        let mut order: Vec<Label> = labels.to_vec();
+        fastrand::Rng::with_seed(seed).shuffle(&mut order);
+        let along = if self.energy.occlusions() == Occlusion::Unique { labels.len() } else { 0 };
+        let reach = if self.energy.view().is_horizontal() { [along + 1, 1] } else { [1, along + 1] };
+        let mut cells = Cells::new(self.energy.size(), order.len(), reach);
+        let mut time = 1;
+        for sweep in 1..=sweeps {
+            progress.begin(order.len() as u64, &format!("disparities of sweep {sweep}"));
+            let mut tried = false;
+            for (i, &label) in order.iter().enumerate() {
+                if progress.is_interrupted() {
+                    return;
+                }
+                if let Some(stale) = cells.take_stale(i, time) {
+                    tried = true;
+                    time += 1;
+                    for pixel in self.expand(label, |u, v| stale.contains(u, v)) {
+                        cells.change(*pixel, time);
+                    }
+                    progress.say(&format!("energy {:.0}", self.total as f64 / f64::from(self.energy.scale())));
+                }
+                progress.advance(1);
+            }
+            if !tried {
+                return;
+            }
+        }
     }
 
     /// What the pixels would pay for a label.
-    #[inline(never)]
     fn propose(&mut self, label: Label) {
-        let columns = self.tile.columns.clone();
-        for (v, row) in self.tile.rows.clone().zip(self.proposed.chunks_exact_mut(columns.len() + 2).skip(1)) {
-            self.energy.data(v, columns.clone(), label, &mut row[1..=columns.len()]);
-        }
+        let [width, _] = self.energy.size();
+        let rows = self.proposed.par_chunks_exact_mut(width + 2).skip(1).take(self.energy.size()[1]);
+        rows.enumerate().for_each(|(v, row)| self.energy.data(v, label, &mut row[1..=width]));
     }
 
     /// Gives `label` to those pixels by which the energy falls most, of the columns and rows of the image that are `free` to change, and
     /// occludes those that are in their way. The pixels that change; none if the energy does not fall.
     pub fn expand(&mut self, label: Label, free: impl Fn(usize, usize) -> bool) -> &[Pixel] {
         self.propose(label);
-        let [width, _] = self.energy.size();
-        for (pixel, place) in self.tile.pixels(width).zip(places(&self.tile)) {
+        for (pixel, place) in places(self.energy.size()) {
             self.free[place] = self.labels[place] != label && free(pixel.u, pixel.v);
         }
-        let Expansion { energy, tile, labels, data, proposed, free, next, moves, .. } = self;
-        let problem = Problem { energy, tile, labels, data, proposed, free, label };
+        let Labelling { energy, labels, data, proposed, free, next, moves, .. } = self;
+        let problem = Problem { energy, labels, data, proposed, free, label };
         match moves {
             Moves::Capped(graph) => {
                 problem.cut_capped(graph);
-                places(tile).filter(|&place| free[place] && graph.is_sink(place)).for_each(|place| next[place] = label);
+                problem.pixels().filter(|&(_, place)| graph.is_sink(place)).for_each(|(_, place)| next[place] = label);
             }
             Moves::Unique(graph, holders) => {
                 problem.cut_unique(graph, holders);
-                for place in places(tile).filter(|&place| free[place]) {
+                for (_, place) in problem.pixels() {
                     if graph.is_sink(2 * place + GETS) {
                         next[place] = label;
                     } else if graph.is_sink(2 * place + LOSES) {
@@ -250,7 +248,7 @@ impl<'a> Expansion<'a> {
         let change = problem.change_to(next);
         self.changed.clear();
         if change < 0 {
-            self.change += change;
+            self.total += change;
             self.take_next(label);
         } else {
             // A cut of the same energy.
@@ -261,52 +259,41 @@ impl<'a> Expansion<'a> {
 
     /// Takes the next labels.
     fn take_next(&mut self, label: Label) {
-        let [width, _] = self.energy.size();
-        let places = || places(&self.tile).zip(self.tile.pixels(width));
-        let changed = || places().filter(|&(place, _)| self.next[place] != self.labels[place]);
-        self.changed.extend(changed().map(|(_, pixel)| pixel));
-        if let Moves::Unique(_, holders) = &mut self.moves {
-            for (place, pixel) in changed().filter(|&(place, _)| self.labels[place] != OCCLUDED) {
-                holders.set(self.energy, pixel, self.labels[place], NOBODY);
+        let Labelling { energy, labels, next, changed, data, proposed, moves, .. } = self;
+        let different = || places(energy.size()).filter(|&(_, place)| next[place] != labels[place]);
+        changed.extend(different().map(|(pixel, _)| pixel));
+        if let Moves::Unique(_, holders) = moves {
+            let place_of = |pixel, label| energy.matched(energy.view(), pixel, label);
+            for (pixel, place) in different().filter(|&(_, place)| labels[place] != OCCLUDED) {
+                place_of(pixel, labels[place]).into_iter().for_each(|place| holders[place] = NOBODY);
             }
-            for (_, pixel) in changed().filter(|&(place, _)| self.next[place] == label) {
-                holders.set(self.energy, pixel, label, pixel.index as u32);
+            for (pixel, _) in different().filter(|&(_, place)| next[place] == label) {
+                place_of(pixel, label).into_iter().for_each(|place| holders[place] = pixel.index as u32);
             }
         }
-        for (place, _) in places() {
-            if self.next[place] != self.labels[place] {
-                self.labels[place] = self.next[place];
-                self.data[place] = if self.next[place] == label { self.proposed[place] } else { self.energy.occlusion() };
+        for (_, place) in places(energy.size()) {
+            if next[place] != labels[place] {
+                labels[place] = next[place];
+                data[place] = if next[place] == label { proposed[place] } else { energy.occlusion() };
             }
         }
     }
 }
 
-/// Where the pixels of a tile are among the labels.
-fn places(tile: &Tile) -> impl Iterator<Item = usize> + use<> {
-    let (columns, rows) = (tile.columns.len(), tile.rows.len());
-    (1..=rows).flat_map(move |y| (1..=columns).map(move |x| y * (columns + 2) + x))
+/// The pixels of an image of a size, and where they are among the labels.
+fn places([width, height]: [usize; 2]) -> impl Iterator<Item = (Pixel, usize)> {
+    let pixel = move |u: usize, v: usize| (Pixel { u, v, index: v * width + u }, (v + 1) * (width + 2) + u + 1);
+    (0..height).flat_map(move |v| (0..width).map(move |u| pixel(u, v)))
 }
 
-impl Holders {
-    /// The pixel whose match at a label is that of `pixel`.
-    #[inline(always)]
-    fn get(&self, energy: &Energy, pixel: Pixel, label: Label) -> Option<u32> {
-        Some(self.pixels[self.index(energy, pixel, label)?])
-    }
-
-    fn set(&mut self, energy: &Energy, pixel: Pixel, label: Label, holder: u32) {
-        if let Some(index) = self.index(energy, pixel, label) {
-            self.pixels[index] = holder;
+/// Gives the pixels of a row that have no disparity that of the pixel before; the first ones that of the first that has one, or 0.
+fn fill(row: &mut [Label]) {
+    let mut last = row.iter().copied().find(|label| *label != OCCLUDED).unwrap_or_default();
+    for label in row {
+        match *label {
+            OCCLUDED => *label = last,
+            known => last = known,
         }
-    }
-
-    #[inline(always)]
-    fn index(&self, energy: &Energy, pixel: Pixel, label: Label) -> Option<usize> {
-        let [width, _] = energy.size();
-        let place = energy.matched(energy.view(), pixel, label)?;
-        let (u, v) = (place % width - self.area.columns.start, place / width - self.area.rows.start);
-        Some(v * self.area.columns.len() + u)
     }
 }
 
@@ -320,11 +307,10 @@ struct Neighbors {
     second: usize,
 }
 
-/// A move: which of the free pixels take `label`. All slices have the places of [`Expansion::labels`].
+/// A move: which of the free pixels take `label`. All slices have the places of [`Labelling::labels`].
 #[derive(Debug)]
 struct Problem<'a> {
     energy: &'a Energy,
-    tile: &'a Tile,
     labels: &'a [Label],
     data: &'a [i32],
     proposed: &'a [i32],
@@ -360,14 +346,14 @@ fn raise(mut paid: Table) -> Table {
 impl Problem<'_> {
     /// The free pixels and their places.
     fn pixels(&self) -> impl Iterator<Item = (Pixel, usize)> {
-        let pixels = self.tile.pixels(self.energy.size()[0]).zip(places(self.tile));
-        pixels.filter(|&(_, place)| self.free[place])
+        places(self.energy.size()).filter(|&(_, place)| self.free[place])
     }
 
     /// Goes over all pairs of neighbours of which at least one is free.
     #[inline(always)]
     fn each_pair(&self, mut f: impl FnMut(Neighbors)) {
-        let ([width, _], stride) = (self.energy.size(), self.tile.columns.len() + 2);
+        let [width, _] = self.energy.size();
+        let stride = width + 2;
         for (pixel, place) in self.pixels() {
             let right = Pixel { u: pixel.u + 1, index: pixel.index + 1, ..pixel };
             let below = Pixel { v: pixel.v + 1, index: pixel.index + width, ..pixel };
@@ -434,7 +420,7 @@ impl Problem<'_> {
     }
 
     /// Cuts a graph where every pixel keeps its label, is occluded, or takes the new one, and no match is taken twice.
-    fn cut_unique(&self, graph: &mut MaxFlow<Layers>, holders: &Holders) {
+    fn cut_unique(&self, graph: &mut MaxFlow<Layers>, holders: &[u32]) {
         graph.clear();
         graph.topology_mut().partners.iter_mut().zip(0..).for_each(|(partner, node)| *partner = node);
         let Problem { energy, labels, label, .. } = *self;
@@ -443,7 +429,8 @@ impl Problem<'_> {
             let (loses, gets) = (2 * place + LOSES, 2 * place + GETS);
             graph.add_terminal(loses, hidden - self.data[place]);
             graph.add_arc(loses, TO_TWIN, UNBOUNDED, 0);
-            match holders.get(energy, pixel, label).map(|holder| (holder, self.free_place(holder))) {
+            let holder = energy.matched(energy.view(), pixel, label).map(|place| holders[place]);
+            match holder.map(|holder| (holder, self.free_place(holder))) {
                 Some((NOBODY, _)) => graph.add_terminal(gets, self.proposed[place] - hidden),
                 Some((_, Some(holder))) => {
                     let holder = 2 * holder + LOSES;
@@ -493,12 +480,11 @@ impl Problem<'_> {
         graph.run();
     }
 
-    /// The place of a pixel of the image, if it is in the tile and free.
+    /// The place of a pixel, if it is free.
     fn free_place(&self, index: u32) -> Option<usize> {
-        let [width, _] = self.energy.size();
+        let [width, height] = self.energy.size();
         let Pixel { u, v, .. } = Pixel::new(index as usize, width);
-        let inside = self.tile.columns.contains(&u) && self.tile.rows.contains(&v);
-        let place = || (v - self.tile.rows.start + 1) * (self.tile.columns.len() + 2) + u - self.tile.columns.start + 1;
-        inside.then(place).filter(|&place| self.free[place])
+        let place = (v + 1) * (width + 2) + u + 1;
+        (v < height && self.free[place]).then_some(place)
     }
 }

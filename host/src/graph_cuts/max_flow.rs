@@ -83,7 +83,6 @@ impl<T: Topology> MaxFlow<T> {
     }
 
     /// All capacities are 0 again, and nothing flows.
-    #[inline(never)]
     pub fn clear(&mut self) {
         self.nodes.fill(UNTOUCHED);
         self.residuals.fill(0);
@@ -119,7 +118,6 @@ impl<T: Topology> MaxFlow<T> {
     }
 
     /// Lets flow what can, and gives how much does.
-    #[inline(never)]
     pub fn run(&mut self) -> i64 {
         let mut flow = self.push_to_neighbors();
         for i in 0..self.nodes.len() {
@@ -137,7 +135,6 @@ impl<T: Topology> MaxFlow<T> {
     }
 
     /// Lets flow what can from nodes to their neighbours, before there is a tree: most of what flows in images.
-    #[inline(never)]
     fn push_to_neighbors(&mut self) -> i64 {
         let mut flow = 0;
         for i in 0..self.nodes.len() {
@@ -181,7 +178,6 @@ impl<T: Topology> MaxFlow<T> {
     }
 
     /// Grows the tree from a node by its neighbours, and lets flow what the source has for them.
-    #[inline(never)]
     fn grow(&mut self, i: usize) -> i64 {
         let mut flow = 0;
         for arc in 0..T::DEGREE {
@@ -219,7 +215,6 @@ impl<T: Topology> MaxFlow<T> {
     }
 
     /// Lets flow what can from a node of the tree to its root.
-    #[inline(never)]
     fn augment(&mut self, start: usize) -> i32 {
         let mut least = self.nodes[start].excess;
         let mut node = start;
@@ -254,7 +249,6 @@ impl<T: Topology> MaxFlow<T> {
     }
 
     /// Finds parents for the orphans, or makes them free.
-    #[inline(never)]
     fn adopt(&mut self) {
         while let Some(orphan) = self.orphans.pop_front() {
             let i = orphan as usize;

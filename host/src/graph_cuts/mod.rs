@@ -6,12 +6,10 @@
 mod cells;
 mod energy;
 mod expansion;
-mod labelling;
 mod max_flow;
 
 pub use energy::{Energy, Label, OCCLUDED, Pair, Pixel};
-pub use expansion::{Expansion, Tile};
-pub use labelling::Labelling;
+pub use expansion::Labelling;
 pub use max_flow::{MaxFlow, Topology};
 
 use multiscopic_core::{Disparity, Params};
@@ -105,7 +103,7 @@ impl GraphCuts {
         let mut labelling = Labelling::new(&energy, start.collect());
         let labels: Vec<Label> = (search.min_disparity()..=search.max_disparity()).collect();
         engine.run(|| labelling.minimize(&labels, self.sweeps, self.seed, progress));
-        let disparity = |label: &Label| Disparity::from_bits(label.checked_mul(Disparity::STEPS as i16)?);
-        DisparityMap::new(frames.width(), frames.height(), labelling.labels().iter().map(disparity).collect())
+        let disparity = |label: Label| Disparity::from_bits(label.checked_mul(Disparity::STEPS as i16)?);
+        DisparityMap::new(frames.width(), frames.height(), labelling.labels().map(disparity).collect())
     }
 }

@@ -29,6 +29,11 @@ impl Engine {
         self.pool.current_num_threads()
     }
 
+    /// The threads themselves.
+    pub(crate) fn pool(&self) -> &rayon::ThreadPool {
+        &self.pool
+    }
+
     /// The vector instructions it uses for a match.
     pub fn simd(&self, params: &Params) -> Simd {
         self.simd.unwrap_or_else(|| Simd::fastest(params.num_disparities()))

@@ -2,13 +2,15 @@
 
 use multiscopic_core::Params;
 
-use crate::{DisparityMap, Engine, Frames, Progress, Result};
+use crate::{DisparityMap, Engine, Frames, Progress, Result, SemiGlobal};
 
 /// A method and its parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Method {
     /// Block matching by the core: the least sum of absolute differences.
     BlockMatching,
+    /// Semi-global matching on costs of the census transform.
+    SemiGlobal(SemiGlobal),
 }
 
 impl Method {
@@ -31,6 +33,7 @@ impl Method {
                 progress.begin(params.height() as u64, "lines");
                 Ok(engine.disparities(frames, params, || progress.advance(1)))
             }
+            Method::SemiGlobal(sgm) => Ok(sgm.disparities(engine, frames, params, progress)),
         }
     }
 }

@@ -11,6 +11,8 @@ use multiscopic_core::{Fusion, Params, Views};
 pub enum MethodName {
     /// Block matching: the least sum of absolute differences
     Bm,
+    /// Semi-global matching: least costs along paths, by the census transform
+    Sgm,
 }
 
 impl MethodName {
@@ -29,6 +31,7 @@ impl MethodOptions {
     pub fn method(&self, name: MethodName) -> Result<Method> {
         Ok(match name {
             MethodName::Bm => Method::BlockMatching,
+            MethodName::Sgm => Method::SemiGlobal(Default::default()),
         })
     }
 }

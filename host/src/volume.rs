@@ -9,88 +9,26 @@ use crate::{DisparityMap, Raster};
 
 /// A matching cost.
 ///
-/// Costs of several views are fused by the core's rules: see [`Fusion`]. A cost that does not exist, because no view is available,
-/// is [`NONE`](Cost::NONE): it is above all others, is not fused, and is never selected.
+/// A cost that does not exist, because no view is available, is [`NONE`](Cost::NONE): it is above all others, and is never selected.
 pub trait Cost: Copy + PartialOrd + Debug + Send + Sync + 'static {
     /// The cost of a candidate that does not exist.
     const NONE: Self;
-
-    /// The cost fused of `V` views' costs, one to four.
-    fn fuse<const V: usize>(fusion: Fusion, costs: [Self; V]) -> Self;
 
     /// The vertex of the parabola through the costs at `d - 1`, `d` and `d + 1` pixels, of which that in the middle is not above the
     /// others, and all exist.
     fn refine(d: i16, costs: [Self; 3]) -> Option<Disparity>;
 }
 
-/// Whole costs are fused exactly, on the scale of the rule: [`Fusion::scale`]. A view's costs are at most 5461, so that twelve times a
-/// cost is still below [`NONE`](Cost::NONE).
 impl Cost for u16 {
     const NONE: u16 = u16::MAX;
-
-    #[inline(always)]
-    fn fuse<const V: usize>(fusion: Fusion, costs: [u16; V]) -> u16 {
-        if fusion == Fusion::Mean {
-            let (mut sum, mut count) = (0u16, 0u16);
-            for cost in costs {
-                let exists = cost != Self::NONE;
-                sum = sum.wrapping_add(if exists { cost } else { 0 });
-                count += u16::from(exists);
-            }
-            // 12 / count, without a division: there are no vectors of those.
-            let factor = if count == 4 { 3 } else { 4 };
-            let factor = if count == 2 { 6 } else { factor };
-            let factor = if count == 1 { 12 } else { factor };
-            return if count == 0 { Self::NONE } else { sum.wrapping_mul(factor) };
-        }
-        let sorted = sorted(costs);
-        if fusion == Fusion::Min {
-            return sorted[0];
-        }
-        let [c1, c2, c3] = least_three(sorted);
-        // What does not exist is above three times any cost. Where sums wrap, they are not used.
-        let three = c1.wrapping_add(c2).wrapping_add(c3).wrapping_mul(2);
-        let two = c1.wrapping_add(c2).wrapping_mul(3);
-        let several = if c3 > c2.wrapping_mul(3) { two } else { three };
-        let fused = if c2 == Self::NONE { c1.wrapping_mul(6) } else { several };
-        if c1 == Self::NONE { Self::NONE } else { fused }
-    }
 
     fn refine(d: i16, [before, at, after]: [u16; 3]) -> Option<Disparity> {
         Disparity::refine(d, before.into(), at.into(), after.into())
     }
 }
 
-/// Costs with fractions are fused by the same rules on the scale of a single view. They are not negative where the rule compares
-/// them (`heuristic`), and are never NaN.
 impl Cost for f32 {
     const NONE: f32 = f32::INFINITY;
-
-    #[inline(always)]
-    fn fuse<const V: usize>(fusion: Fusion, costs: [f32; V]) -> f32 {
-        if fusion == Fusion::Mean {
-            let (mut sum, mut count) = (0.0, 0.0);
-            for cost in costs {
-                let exists = cost != Self::NONE;
-                sum += if exists { cost } else { 0.0 };
-                count += if exists { 1.0 } else { 0.0 };
-            }
-            return if count == 0.0 { Self::NONE } else { sum / count };
-        }
-        let sorted = sorted(costs);
-        if fusion == Fusion::Min {
-            return sorted[0];
-        }
-        let [c1, c2, c3] = least_three(sorted);
-        let several = if c3 > 3.0 * c2 { (c1 + c2) / 2.0 } else { (c1 + c2 + c3) / 3.0 };
-        if c2 == Self::NONE {
-            c1
-        } else if c3 == Self::NONE {
-            (c1 + c2) / 2.0
-        } else {
-            several
-        }
-    }
 
     /// Computed in 64 bits and rounded to the nearest step, halves away from zero.
     fn refine(d: i16, costs: [f32; 3]) -> Option<Disparity> {
@@ -101,30 +39,14 @@ impl Cost for f32 {
     }
 }
 
-/// In ascending order, by exchange: without branches.
-#[inline(always)]
-fn sorted<C: PartialOrd + Copy, const V: usize>(mut costs: [C; V]) -> [C; V] {
-    for i in 0..V {
-        for j in i + 1..V {
-            let (a, b) = (costs[i], costs[j]);
-            (costs[i], costs[j]) = if b < a { (b, a) } else { (a, b) };
-        }
-    }
-    costs
-}
-
-/// The first three, of which some do not exist if there are fewer.
-#[inline(always)]
-fn least_three<C: Cost, const V: usize>(sorted: [C; V]) -> [C; 3] {
-    [0, 1, 2].map(|i| if i < V { sorted[i % V] } else { C::NONE })
-}
-
 /// Fuses the costs of one to four `views`, each as long as `fused`, into that.
+///
+/// The rules are the core's, see [`Fusion`], on the scale of a single view. Costs that do not exist are not fused; the others are finite,
+/// and not negative if the rule compares them (`heuristic`).
 ///
 /// # Panics
 /// If there is no view or more than four, or if lengths differ.
-#[inline(always)]
-pub fn fuse<C: Cost>(fusion: Fusion, views: &[&[C]], fused: &mut [C]) {
+pub fn fuse(fusion: Fusion, views: &[&[f32]], fused: &mut [f32]) {
     match *views {
         [a] => fuse_views(fusion, [a], fused),
         [a, b] => fuse_views(fusion, [a, b], fused),
@@ -134,19 +56,37 @@ pub fn fuse<C: Cost>(fusion: Fusion, views: &[&[C]], fused: &mut [C]) {
     }
 }
 
-#[inline(always)]
-fn fuse_views<C: Cost, const V: usize>(fusion: Fusion, views: [&[C]; V], fused: &mut [C]) {
-    let views = views.map(|view| &view[..fused.len()]);
-    let mut each = |fusion| {
-        for (i, fused) in fused.iter_mut().enumerate() {
-            *fused = C::fuse(fusion, views.map(|view| view[i]));
-        }
-    };
+fn fuse_views<const V: usize>(fusion: Fusion, views: [&[f32]; V], fused: &mut [f32]) {
+    for view in views {
+        assert_eq!(view.len(), fused.len(), "the costs of a view");
+    }
     // A loop for each rule, so that it has no branch.
+    let mut each =
+        |rule: fn([f32; V]) -> f32| fused.iter_mut().enumerate().for_each(|(i, fused)| *fused = rule(views.map(|view| view[i])));
     match fusion {
-        Fusion::Min => each(Fusion::Min),
-        Fusion::Mean => each(Fusion::Mean),
-        Fusion::Heuristic => each(Fusion::Heuristic),
+        Fusion::Min => each(|costs| costs.into_iter().fold(f32::NONE, f32::min)),
+        Fusion::Mean => each(mean),
+        Fusion::Heuristic => each(heuristic),
+    }
+}
+
+/// The mean of the costs that exist.
+fn mean<const V: usize>(costs: [f32; V]) -> f32 {
+    let exist = costs.iter().filter(|cost| **cost != f32::NONE);
+    let (sum, count) = exist.fold((0.0, 0.0), |(sum, count), cost| (sum + cost, count + 1.0));
+    if count == 0.0 { f32::NONE } else { sum / count }
+}
+
+/// The mean of the three least costs, or of the two least if the third is above three times the second, or does not exist.
+fn heuristic<const V: usize>(mut costs: [f32; V]) -> f32 {
+    costs.sort_unstable_by(f32::total_cmp);
+    let [c1, c2, c3] = std::array::from_fn(|i| costs.get(i).copied().unwrap_or(f32::NONE));
+    if c2 == f32::NONE {
+        c1
+    } else if c3 == f32::NONE || c3 > 3.0 * c2 {
+        (c1 + c2) / 2.0
+    } else {
+        (c1 + c2 + c3) / 3.0
     }
 }
 

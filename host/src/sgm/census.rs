@@ -4,12 +4,14 @@
 //! (Spangenberg, Langner and Rojas, "Weighted semi-global matching and center-symmetric census transform for robust driver
 //! assistance", 2013). The cost of a match is the number of bits that differ.
 
+use std::ops::Range;
+
 use image::GrayImage;
-use multiscopic_core::{Frame, Params, View};
+use multiscopic_core::{Frame, Fusion, Params, View};
 use rayon::prelude::*;
 
-use super::LANES;
-use crate::{Frames, volume};
+use super::vector::{LANES, Vector, Vectors};
+use crate::Frames;
 
 /// The window of the transform.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -152,9 +154,6 @@ pub(super) struct Costs<'a> {
     views: Vec<(View, Lines)>,
 }
 
-/// The cost of a match that lies outside its view.
-const OUTSIDE: u8 = u8::MAX;
-
 impl<'a> Costs<'a> {
     /// Describes the centre of `frames` and the views of `params`.
     pub fn new(frames: &Frames, params: &'a Params, census: Census) -> Costs<'a> {
@@ -170,71 +169,135 @@ impl<'a> Costs<'a> {
         }
     }
 
-    /// Puts the costs of row `v` into `row`, whose pixels are `lanes` apart. What does not exist is `u16::MAX`. `scratch` is any memory.
+    /// Puts the costs of row `v` into `row`, whose pixels are `lanes` apart. What does not exist is `u16::MAX`.
     #[inline(always)]
-    pub fn row(&self, v: usize, lanes: usize, scratch: &mut Vec<u8>, row: &mut [u16]) {
-        match self.center.bytes {
-            2 => self.row_of::<2>(v, lanes, scratch, row),
-            3 => self.row_of::<3>(v, lanes, scratch, row),
-            _ => self.row_of::<4>(v, lanes, scratch, row),
+    pub fn row<I: Vectors>(&self, isa: I, v: usize, lanes: usize, row: &mut [u16]) {
+        match (self.center.bytes, &self.views[..]) {
+            (2, views) => self.row_of::<I, 2, 4>(isa, views, v, lanes, row),
+            (3, views) => self.row_of::<I, 3, 4>(isa, views, v, lanes, row),
+            (_, [view]) => self.row_of::<I, 4, 1>(isa, std::slice::from_ref(view), v, lanes, row),
+            (_, views @ [_, _]) => self.row_of::<I, 4, 2>(isa, views, v, lanes, row),
+            (_, views) => self.row_of::<I, 4, 4>(isa, views, v, lanes, row),
         }
     }
 
+    /// As [`row`](Costs::row), for at most `V` views.
     #[inline(always)]
-    fn row_of<const BYTES: usize>(&self, v: usize, lanes: usize, scratch: &mut Vec<u8>, row: &mut [u16]) {
-        scratch.resize(4 * lanes, 0);
-        let center = self.center.line(v);
+    fn row_of<I: Vectors, const BYTES: usize, const V: usize>(
+        &self,
+        isa: I,
+        views: &[(View, Lines)],
+        v: usize,
+        lanes: usize,
+        row: &mut [u16],
+    ) {
+        let (center, count) = (self.center.line(v), self.params.num_disparities());
+        let none = isa.splat(u16::MAX);
         for (u, fused) in row.chunks_exact_mut(lanes).enumerate() {
-            let described = std::array::from_fn(|byte| center[byte * self.center.stride + u]);
-            for ((view, lines), costs) in self.views.iter().zip(scratch.chunks_exact_mut(lanes)) {
-                self.view::<BYTES>(*view, lines, [u, v], described, costs);
+            let mut described = [0; BYTES];
+            for (byte, described) in described.iter_mut().enumerate() {
+                *described = center[byte * self.center.stride + u];
             }
-            self.fuse(lanes, scratch, fused);
-            // The lanes too many.
-            fused[self.params.num_disparities()..].fill(u16::MAX);
+            let mut candidates: [Option<Candidates<BYTES>>; V] = [const { None }; V];
+            for (candidates, (view, lines)) in candidates.iter_mut().zip(views) {
+                *candidates = Some(Candidates::new(self.params, *view, lines, [u, v]));
+            }
+            for (block, fused) in fused.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+                let mut costs = [none; V];
+                for (costs, candidates) in costs.iter_mut().zip(candidates.iter().flatten()) {
+                    *costs = candidates.costs(isa, described, block, count);
+                }
+                fuse(isa, self.params.fusion(), costs).store(fused);
+            }
         }
     }
+}
 
-    /// The costs of a pixel in a view.
+/// What a pixel is compared with in a view.
+struct Candidates<'a, const BYTES: usize> {
+    /// The bytes of the descriptions, from that of the smallest disparity on.
+    bytes: [&'a [u8]; BYTES],
+    /// Where the view is available.
+    available: Range<u16>,
+}
+
+impl<'a, const BYTES: usize> Candidates<'a, BYTES> {
     #[inline(always)]
-    fn view<const BYTES: usize>(&self, view: View, lines: &Lines, [u, v]: [usize; 2], center: [u8; BYTES], costs: &mut [u8]) {
+    fn new(params: &Params, view: View, lines: &'a Lines, [u, v]: [usize; 2]) -> Candidates<'a, BYTES> {
         let (coordinate, line) = if view.is_horizontal() { (u, v) } else { (v, u) };
         let position = if view.sign() > 0 { coordinate } else { lines.length - 1 - coordinate };
-        let start = (position + lines.front).wrapping_add_signed(self.params.min_disparity().into());
+        let start = (position + lines.front).wrapping_add_signed(params.min_disparity().into());
         let line = lines.line(line);
-        let bytes: [&[u8]; BYTES] = std::array::from_fn(|byte| &line[byte * lines.stride + start..][..costs.len()]);
-        for (block, costs) in costs.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
-            let bytes = bytes.map(|byte| &byte.as_chunks::<LANES>().0[block]);
-            for i in 0..LANES {
-                let mut differing = 0;
-                for byte in 0..BYTES {
-                    differing += (bytes[byte][i] ^ center[byte]).count_ones() as u8;
-                }
-                costs[i] = differing;
-            }
+        let mut bytes = [line; BYTES];
+        for (byte, bytes) in bytes.iter_mut().enumerate() {
+            *bytes = &line[byte * lines.stride + start..];
         }
-        let count = self.params.num_disparities();
-        let available = view.available(coordinate, lines.length, self.params.min_disparity(), count);
-        let available = usize::from(available.start)..usize::from(available.end);
-        if available != (0..count) {
-            costs[..available.start].fill(OUTSIDE);
-            costs[available.end..].fill(OUTSIDE);
-        }
+        let available = view.available(coordinate, lines.length, params.min_disparity(), params.num_disparities());
+        Candidates { bytes, available }
     }
 
-    /// Fuses the views' costs of a pixel.
+    /// The costs of a block of disparities, of which there are `count` in all.
     #[inline(always)]
-    fn fuse(&self, lanes: usize, costs: &[u8], fused: &mut [u16]) {
-        let mut wide = [[0u16; LANES]; 4];
-        for (block, fused) in fused.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
-            let views = wide.iter_mut().zip(costs.chunks_exact(lanes)).take(self.views.len());
-            for (wide, costs) in views {
-                for (wide, &cost) in wide.iter_mut().zip(&costs.as_chunks::<LANES>().0[block]) {
-                    *wide = if cost == OUTSIDE { u16::MAX } else { cost.into() };
+    fn costs<I: Vectors>(&self, isa: I, center: [u8; BYTES], block: usize, count: usize) -> I::Vector {
+        let first = block * LANES;
+        let mut bytes = [&[0; LANES]; BYTES];
+        for (block, bytes) in bytes.iter_mut().zip(self.bytes) {
+            *block = bytes[first..].first_chunk().expect("lines are padded");
+        }
+        let costs = isa.differing(center, bytes);
+        let Range { start, end } = self.available;
+        if start == 0 && usize::from(end) == count && first + LANES <= count {
+            return costs;
+        }
+        let (none, indices) = (isa.splat(u16::MAX), isa.load(&INDICES));
+        let (start, end) = (isa.splat(start.saturating_sub(first as u16)), isa.splat(end.saturating_sub(first as u16)));
+        start.if_greater(indices, none, end.if_greater(indices, costs, none))
+    }
+}
+
+/// The number of each lane.
+static INDICES: [u16; LANES] = {
+    let mut indices = [0; LANES];
+    let mut i = 0;
+    while i < LANES {
+        indices[i] = i as u16;
+        i += 1;
+    }
+    indices
+};
+
+/// Fuses costs on the scale of the rule: see [`Fusion::fuse`]. What does not exist is `u16::MAX`, and no other cost reaches it.
+#[inline(always)]
+fn fuse<I: Vectors, const V: usize>(isa: I, fusion: Fusion, mut costs: [I::Vector; V]) -> I::Vector {
+    let twice = |cost: I::Vector| cost.add(cost);
+    let thrice = |cost: I::Vector| cost.add(cost).add(cost);
+    let none = isa.splat(u16::MAX);
+    match fusion {
+        Fusion::Min => costs.into_iter().fold(none, |least, cost| least.min(cost)),
+        Fusion::Mean => {
+            let (zero, one) = (isa.splat(0), isa.splat(1));
+            let (mut sum, mut count) = (zero, zero);
+            for cost in costs {
+                sum = sum.add(none.if_greater(cost, cost, zero));
+                count = count.add(none.if_greater(cost, one, zero));
+            }
+            let mean = count.if_greater(zero, twice(twice(thrice(sum))), none);
+            let mean = count.if_greater(one, twice(thrice(sum)), mean);
+            let mean = count.if_greater(isa.splat(2), twice(twice(sum)), mean);
+            count.if_greater(isa.splat(3), thrice(sum), mean)
+        }
+        Fusion::Heuristic => {
+            // In ascending order, by exchange.
+            for i in 0..V {
+                for j in i + 1..V {
+                    (costs[i], costs[j]) = (costs[i].min(costs[j]), costs[i].max(costs[j]));
                 }
             }
-            let [a, b, c, d] = &wide;
-            volume::fuse(self.params.fusion(), &[&a[..], b, c, d][..self.views.len()], fused);
+            let at = |i: usize| if i < V { costs[i % V] } else { none };
+            let (c1, c2, c3) = (at(0), at(1), at(2));
+            // What does not exist is above three times any cost.
+            let several = c3.if_greater(thrice(c2), thrice(c1.add(c2)), twice(c1.add(c2).add(c3)));
+            none.if_greater(c2, several, twice(thrice(c1)))
         }
     }
 }

@@ -9,16 +9,16 @@
 mod census;
 mod path;
 mod sweep;
+mod vector;
 
 pub use census::Census;
 use census::Costs;
 use multiscopic_core::{Frame, Params};
 use sweep::{Pass, Row, Sweep};
+use vector::LANES;
+pub use vector::Vectors;
 
 use crate::{DisparityMap, Engine, Error, Frames, Progress, Result, Volume};
-
-/// Costs that are computed at a time. Those of a pixel are rounded up to a multiple.
-const LANES: usize = 32;
 
 /// From where paths come.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! The recursion along a path.
 
-use super::LANES;
+use super::vector::{LANES, Vector, Vectors};
 
 /// The costs of paths up to pixels side by side: those of a pixel at each disparity, with a cost that none exceeds between pixels.
 #[derive(Clone, Debug)]
@@ -37,25 +37,30 @@ impl PathCosts {
     /// disparity, and `p2`; less the least of the path before, so that it stays small. What does not exist stays `u16::MAX`; where
     /// nothing exists the path begins anew.
     #[inline(always)]
-    pub fn extend(&mut self, u: usize, before: Path<'_>, costs: &[u16], [p1, p2]: [u16; 2], sums: &mut [u16]) {
-        let jump = before.least.saturating_add(p2);
-        let mut leasts = [u16::MAX; LANES];
-        let (nearer, same) = (&before.costs[..self.lanes], &before.costs[1..][..self.lanes]);
-        let further = &before.costs[2..][..self.lanes];
+    pub fn extend<I: Vectors>(
+        &mut self,
+        isa: I,
+        u: usize,
+        before: Path<'_>,
+        costs: &[u16],
+        [p1, p2]: [u16; 2],
+        sums: &mut [u16],
+    ) {
+        let (jump, p1, least_before) = (isa.splat(before.least.saturating_add(p2)), isa.splat(p1), isa.splat(before.least));
+        let mut least = isa.splat(u16::MAX);
         let after = &mut self.costs[u * (self.lanes + 1) + 1..][..self.lanes];
-        let befores = nearer.as_chunks::<LANES>().0.iter().zip(same.as_chunks::<LANES>().0).zip(further.as_chunks::<LANES>().0);
-        let afters = after.as_chunks_mut::<LANES>().0.iter_mut().zip(sums.as_chunks_mut::<LANES>().0);
-        for ((((nearer, same), further), costs), (after, sums)) in befores.zip(costs.as_chunks::<LANES>().0).zip(afters) {
-            for i in 0..LANES {
-                let step = nearer[i].min(further[i]).saturating_add(p1);
-                let path = same[i].min(step).min(jump).wrapping_sub(before.least);
-                let cost = costs[i].saturating_add(path);
-                after[i] = cost;
-                sums[i] = sums[i].saturating_add(cost);
-                leasts[i] = leasts[i].min(cost);
-            }
+        let afters = after.as_chunks_mut().0.iter_mut().zip(sums.as_chunks_mut().0);
+        let befores = before.costs.windows(LANES + 2).step_by(LANES);
+        for ((before, costs), (after, sums)) in befores.zip(costs.as_chunks().0).zip(afters) {
+            let load = |i: usize| isa.load(before[i..].first_chunk().expect("two more than lanes"));
+            let (nearer, same, further) = (load(0), load(1), load(2));
+            let step = nearer.min(further).add(p1);
+            let cost = isa.load(costs).add(same.min(step).min(jump).sub(least_before));
+            cost.store(after);
+            isa.load(sums).add(cost).store(sums);
+            least = least.min(cost);
         }
-        self.least[u] = leasts.into_iter().fold(u16::MAX, u16::min);
+        self.least[u] = least.least();
     }
 }
 

@@ -16,7 +16,11 @@ use multiscopic_core::{
     kernel::{Blocks, Work},
 };
 
-use super::{LANES, census::Costs, path::PathCosts};
+use super::{
+    census::Costs,
+    path::{Path, PathCosts},
+    vector::{LANES, Vector, Vectors},
+};
 use crate::{Progress, Simd, simd::Task, volume};
 
 /// Columns that are handed on at a time.
@@ -98,111 +102,149 @@ struct Thread<'a, 'b> {
 impl Task for Thread<'_, '_> {
     type Output = ();
 
-    fn run<I: Blocks<u16> + Blocks<u32>>(self, isa: I) {
-        isa.compiled(self);
+    fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, isa: I) {
+        isa.compiled(Compiled { thread: self, isa });
     }
 }
 
-impl Work for Thread<'_, '_> {
+/// A thread and its vectors.
+struct Compiled<'a, 'b, I> {
+    thread: Thread<'a, 'b>,
+    isa: I,
+}
+
+impl<I: Vectors> Work for Compiled<'_, '_, I> {
     #[inline(always)]
     fn run(self) {
-        let Sweep { params, costs, lanes, progress, .. } = *self.sweep;
+        let Compiled { thread, isa } = self;
+        let Sweep { params, costs, center, lanes, progress, .. } = *thread.sweep;
         let width = params.width();
-        let last_chunk = (width - 1) / COLUMNS;
-        let (mut bytes, mut fused, mut own) = (Vec::new(), vec![0; width * lanes], vec![0; width * lanes]);
+        let samples = |v: usize| &center.as_raw()[v * width..][..width];
+        let (mut fused, mut own) = (vec![0; width * lanes], vec![0; width * lanes]);
         let mut along = [(); 4].map(|_| PathCosts::new(1, lanes));
         let beginning = PathCosts::new(1, lanes);
         // Columns whose memory is used again.
         let mut free: Vec<Columns> = Vec::new();
-        let count = self.rows.len();
-        for (i, row) in self.rows.into_iter().enumerate() {
-            let (is_first, is_last) = (self.first && i == 0, self.last && i + 1 == count);
-            let sums = row.sums.unwrap_or_else(|| {
-                own.fill(0);
-                &mut own
-            });
-            costs.row(row.v, lanes, &mut bytes, &mut fused);
-            if self.pass.along_rows {
-                self.sweep.along_row(row.v, &fused, &mut along, sums);
+        let (count, last_columns) = (thread.rows.len(), (width - 1) / COLUMNS);
+        for (i, row) in thread.rows.into_iter().enumerate() {
+            let (is_first, is_last) = (thread.first && i == 0, thread.last && i + 1 == count);
+            let sums = match row.sums {
+                Some(sums) => sums,
+                None => {
+                    own.fill(0);
+                    &mut own[..]
+                }
+            };
+            costs.row(isa, row.v, lanes, &mut fused);
+            if thread.pass.along_rows {
+                thread.sweep.along_row(isa, samples(row.v), &fused, &mut along, sums);
             }
+            let v_above = match (is_first, thread.pass.upwards) {
+                (true, _) => row.v,
+                (false, true) => row.v + 1,
+                (false, false) => row.v - 1,
+            };
             let mut above: Vec<Columns> = Vec::new();
-            for chunk in 0..=last_chunk {
+            for index in 0..=last_columns {
                 // The paths that come in from the next columns need these too.
-                while !is_first && above.len() <= last_chunk.min(chunk + 1) {
-                    let Ok(columns) = self.receiver.recv() else { return };
+                while !is_first && above.len() <= last_columns.min(index + 1) {
+                    let Ok(columns) = thread.receiver.recv() else { return };
                     above.push(columns);
                 }
-                let new = || self.pass.slopes.iter().map(|_| PathCosts::new(COLUMNS, lanes)).collect();
+                let new = || thread.pass.slopes.iter().map(|_| PathCosts::new(COLUMNS, lanes)).collect();
                 let mut columns = free.pop().unwrap_or_else(new);
-                for u in chunk * COLUMNS..width.min((chunk + 1) * COLUMNS) {
-                    let (costs, sums) = (&fused[u * lanes..][..lanes], &mut sums[u * lanes..][..lanes]);
-                    for (k, (path, &slope)) in columns.iter_mut().zip(self.pass.slopes).enumerate() {
-                        let from = u.wrapping_add_signed(-slope);
-                        let (before, p2) = match is_first || from >= width {
-                            true => (beginning.at(0), 0),
-                            false => {
-                                let above_v = if self.pass.upwards { row.v + 1 } else { row.v - 1 };
-                                (above[from / COLUMNS][k].at(from % COLUMNS), self.sweep.p2([u, row.v], [from, above_v]))
-                            }
-                        };
-                        path.extend(u % COLUMNS, before, costs, [self.sweep.p1, p2], sums);
-                    }
+                let here = index * COLUMNS..width.min((index + 1) * COLUMNS);
+                let pixels = here.start * lanes..here.end * lanes;
+                let (costs, sums) = (&fused[pixels.clone()], &mut sums[pixels]);
+                for (k, (paths, &slope)) in columns.iter_mut().zip(thread.pass.slopes).enumerate() {
+                    let before = |u: usize| match u.wrapping_add_signed(-slope) {
+                        from if is_first || from >= width => (beginning.at(0), u),
+                        from => (above[from / COLUMNS][k].at(from % COLUMNS), from),
+                    };
+                    let steps = Steps { here: samples(row.v), before: samples(v_above), first: here.start };
+                    thread.sweep.down(isa, steps, before, costs, paths, sums);
                 }
                 if is_last {
                     free.push(columns);
-                } else if self.sender.send(columns).is_err() {
+                } else if thread.sender.send(columns).is_err() {
                     return;
                 }
             }
             free.append(&mut above);
             for (pixel, sums) in row.disparities.into_iter().flatten().zip(sums.chunks_exact(lanes)) {
-                *pixel = disparity(params, sums);
+                *pixel = disparity(isa, params, sums);
             }
             progress.advance(1);
         }
     }
 }
 
+/// The samples of two rows of the centre, between which paths go.
+#[derive(Clone, Copy)]
+struct Steps<'a> {
+    here: &'a [u8],
+    before: &'a [u8],
+    /// The first column that paths are extended to.
+    first: usize,
+}
+
 impl Sweep<'_> {
-    /// The paths along row `v`, from both its ends at once: each step waits for the one before, but not for those of the other path.
+    /// The paths along a row of `samples`, from both its ends at once: each step waits for the one before, but not for the other path's.
     #[inline(always)]
-    fn along_row(&self, v: usize, costs: &[u16], paths: &mut [PathCosts; 4], sums: &mut [u16]) {
+    fn along_row<I: Vectors>(&self, isa: I, samples: &[u8], costs: &[u16], paths: &mut [PathCosts; 4], sums: &mut [u16]) {
         let [mut forth, mut after_forth, mut back, mut after_back] = paths.each_mut();
         forth.clear();
         back.clear();
-        let last = self.params.width() - 1;
+        let last = samples.len() - 1;
         for u in 0..=last {
             let pixel = u * self.lanes..(u + 1) * self.lanes;
-            let p2 = self.p2([u, v], [u.saturating_sub(1), v]);
-            after_forth.extend(0, forth.at(0), &costs[pixel.clone()], [self.p1, p2], &mut sums[pixel]);
+            let penalties = self.penalties(samples[u], samples[u.saturating_sub(1)]);
+            after_forth.extend(isa, 0, forth.at(0), &costs[pixel.clone()], penalties, &mut sums[pixel]);
             mem::swap(&mut forth, &mut after_forth);
 
             let u = last - u;
             let pixel = u * self.lanes..(u + 1) * self.lanes;
-            let p2 = self.p2([u, v], [last.min(u + 1), v]);
-            after_back.extend(0, back.at(0), &costs[pixel.clone()], [self.p1, p2], &mut sums[pixel]);
+            let penalties = self.penalties(samples[u], samples[last.min(u + 1)]);
+            after_back.extend(isa, 0, back.at(0), &costs[pixel.clone()], penalties, &mut sums[pixel]);
             mem::swap(&mut back, &mut after_back);
         }
     }
 
-    /// The cost of a step of more than one disparity between two pixels.
+    /// The paths of a slope to some columns, from where `before` says.
     #[inline(always)]
-    fn p2(&self, a: [usize; 2], b: [usize; 2]) -> u16 {
-        let sample = |[u, v]: [usize; 2]| self.center.as_raw()[v * self.params.width() + u];
-        self.p2[usize::from(sample(a).abs_diff(sample(b)))]
+    fn down<'p, I: Vectors>(
+        &self,
+        isa: I,
+        steps: Steps<'_>,
+        before: impl Fn(usize) -> (Path<'p>, usize),
+        costs: &[u16],
+        paths: &mut PathCosts,
+        sums: &mut [u16],
+    ) {
+        for (i, (costs, sums)) in costs.chunks_exact(self.lanes).zip(sums.chunks_exact_mut(self.lanes)).enumerate() {
+            let u = steps.first + i;
+            let (path, from) = before(u);
+            paths.extend(isa, i, path, costs, self.penalties(steps.here[u], steps.before[from]), sums);
+        }
+    }
+
+    /// What steps cost between two samples: of one disparity, and of more.
+    #[inline(always)]
+    fn penalties(&self, a: u8, b: u8) -> [u16; 2] {
+        [self.p1, self.p2[usize::from(a.abs_diff(b))]]
     }
 }
 
 /// The disparity of a pixel by the sums of its paths: the same as [`volume::disparity`].
 #[inline(always)]
-fn disparity(params: &Params, sums: &[u16]) -> Option<Disparity> {
-    // Sums with the disparity below them, so that the least of all is the first of the least.
-    let mut leasts = [u32::MAX; LANES];
-    for (block, sums) in sums.as_chunks::<LANES>().0.iter().enumerate() {
-        for i in 0..LANES {
-            leasts[i] = leasts[i].min(u32::from(sums[i]) << 16 | (block * LANES + i) as u32);
-        }
+fn disparity<I: Vectors>(isa: I, params: &Params, sums: &[u16]) -> Option<Disparity> {
+    let blocks = || sums.as_chunks::<LANES>().0.iter().map(|sums| isa.load(sums));
+    let least = blocks().fold(isa.splat(u16::MAX), |least, sums| least.min(sums)).least();
+    if least == u16::MAX {
+        return None;
     }
-    let least = leasts.into_iter().fold(u32::MAX, u32::min);
-    (least >> 16 != u32::from(u16::MAX)).then(|| volume::disparity_at(params, sums, (least & 0xffff) as usize))?
+    let equal = isa.splat(least);
+    let lanes = blocks().map(|sums| sums.equal(equal)).enumerate().find(|(_, lanes)| *lanes != 0);
+    let (block, lanes) = lanes.expect("one is the least");
+    volume::disparity_at(params, sums, block * LANES + lanes.trailing_zeros() as usize)
 }

@@ -44,9 +44,9 @@ impl Paths {
 
     /// The passes that go along them.
     fn passes(self) -> Vec<Pass> {
-        let slopes: &[isize] = if self == Paths::Four { &[0] } else { &[1, 0, -1] };
-        let down = Pass { upwards: false, along_rows: true, slopes };
-        let up = Pass { upwards: true, along_rows: false, slopes };
+        let diagonals = self != Paths::Four;
+        let down = Pass { upwards: false, along_rows: true, diagonals };
+        let up = Pass { upwards: true, along_rows: false, diagonals };
         if self == Paths::Five { vec![down] } else { vec![down, up] }
     }
 }

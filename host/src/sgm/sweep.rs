@@ -6,6 +6,7 @@
 
 use std::{
     mem,
+    ops::Range,
     sync::mpsc::{self, Receiver, Sender},
     thread,
 };
@@ -18,13 +19,13 @@ use multiscopic_core::{
 
 use super::{
     census::Costs,
-    path::{Path, PathCosts},
+    path::{Aligned, PathCosts, Penalties, extend},
     vector::{LANES, Vector, Vectors},
 };
 use crate::{Progress, Simd, simd::Task, volume};
 
 /// Columns that are handed on at a time.
-const COLUMNS: usize = 64;
+const COLUMNS: usize = 32;
 
 /// What paths do in a pass.
 #[derive(Clone, Copy, Debug)]
@@ -33,8 +34,8 @@ pub(super) struct Pass {
     pub upwards: bool,
     /// Whether there are paths along the row, to both sides.
     pub along_rows: bool,
-    /// By how many columns the paths from row to row move with each row.
-    pub slopes: &'static [isize],
+    /// Whether paths from row to row are diagonal too.
+    pub diagonals: bool,
 }
 
 /// What all rows have in common.
@@ -120,7 +121,7 @@ impl<I: Vectors> Work for Compiled<'_, '_, I> {
         let Sweep { params, costs, center, lanes, progress, .. } = *thread.sweep;
         let width = params.width();
         let samples = |v: usize| &center.as_raw()[v * width..][..width];
-        let (mut fused, mut own) = (vec![0; width * lanes], vec![0; width * lanes]);
+        let (mut fused, mut own) = (Aligned::new(width * lanes), Aligned::new(width * lanes));
         let mut along = [(); 4].map(|_| PathCosts::new(1, lanes));
         let beginning = PathCosts::new(1, lanes);
         // Columns whose memory is used again.
@@ -131,13 +132,14 @@ impl<I: Vectors> Work for Compiled<'_, '_, I> {
             let sums = match row.sums {
                 Some(sums) => sums,
                 None => {
-                    own.fill(0);
-                    &mut own[..]
+                    own.get_mut().fill(0);
+                    own.get_mut()
                 }
             };
-            costs.row(isa, row.v, lanes, &mut fused);
+            costs.row(isa, row.v, lanes, &mut fused.get_mut()[..width * lanes]);
+            let fused = &fused.get()[..width * lanes];
             if thread.pass.along_rows {
-                thread.sweep.along_row(isa, samples(row.v), &fused, &mut along, sums);
+                thread.sweep.along_row(isa, samples(row.v), fused, &mut along, sums);
             }
             let v_above = match (is_first, thread.pass.upwards) {
                 (true, _) => row.v,
@@ -151,18 +153,16 @@ impl<I: Vectors> Work for Compiled<'_, '_, I> {
                     let Ok(columns) = thread.receiver.recv() else { return };
                     above.push(columns);
                 }
-                let new = || thread.pass.slopes.iter().map(|_| PathCosts::new(COLUMNS, lanes)).collect();
+                let slopes = if thread.pass.diagonals { 3 } else { 1 };
+                let new = || (0..slopes).map(|_| PathCosts::new(COLUMNS, lanes)).collect();
                 let mut columns = free.pop().unwrap_or_else(new);
                 let here = index * COLUMNS..width.min((index + 1) * COLUMNS);
-                let pixels = here.start * lanes..here.end * lanes;
-                let (costs, sums) = (&fused[pixels.clone()], &mut sums[pixels]);
-                for (k, (paths, &slope)) in columns.iter_mut().zip(thread.pass.slopes).enumerate() {
-                    let before = |u: usize| match u.wrapping_add_signed(-slope) {
-                        from if is_first || from >= width => (beginning.at(0), u),
-                        from => (above[from / COLUMNS][k].at(from % COLUMNS), from),
-                    };
-                    let steps = Steps { here: samples(row.v), before: samples(v_above), first: here.start };
-                    thread.sweep.down(isa, steps, before, costs, paths, sums);
+                let above = Above { columns: &above, beginning: &beginning, is_first };
+                let rows = [samples(row.v), samples(v_above)];
+                match &mut columns[..] {
+                    [path] => thread.sweep.down(isa, [path], [0], above, rows, here, fused, sums),
+                    [a, b, c] => thread.sweep.down(isa, [a, b, c], [1, 0, -1], above, rows, here, fused, sums),
+                    _ => unreachable!("one or three slopes"),
                 }
                 if is_last {
                     free.push(columns);
@@ -179,13 +179,14 @@ impl<I: Vectors> Work for Compiled<'_, '_, I> {
     }
 }
 
-/// The samples of two rows of the centre, between which paths go.
+/// The paths that come in from the row before.
 #[derive(Clone, Copy)]
-struct Steps<'a> {
-    here: &'a [u8],
-    before: &'a [u8],
-    /// The first column that paths are extended to.
-    first: usize,
+struct Above<'a> {
+    columns: &'a [Columns],
+    /// A path that has not begun.
+    beginning: &'a PathCosts,
+    /// Whether there is no row before.
+    is_first: bool,
 }
 
 impl Sweep<'_> {
@@ -198,40 +199,51 @@ impl Sweep<'_> {
         let last = samples.len() - 1;
         for u in 0..=last {
             let pixel = u * self.lanes..(u + 1) * self.lanes;
-            let penalties = self.penalties(samples[u], samples[u.saturating_sub(1)]);
-            after_forth.extend(isa, 0, forth.at(0), &costs[pixel.clone()], penalties, &mut sums[pixel]);
+            let before = [(forth.at(0), self.penalties(samples[u], samples[u.saturating_sub(1)]))];
+            extend(isa, &mut [after_forth], 0, before, &costs[pixel.clone()], &mut sums[pixel]);
             mem::swap(&mut forth, &mut after_forth);
 
             let u = last - u;
             let pixel = u * self.lanes..(u + 1) * self.lanes;
-            let penalties = self.penalties(samples[u], samples[last.min(u + 1)]);
-            after_back.extend(isa, 0, back.at(0), &costs[pixel.clone()], penalties, &mut sums[pixel]);
+            let before = [(back.at(0), self.penalties(samples[u], samples[last.min(u + 1)]))];
+            extend(isa, &mut [after_back], 0, before, &costs[pixel.clone()], &mut sums[pixel]);
             mem::swap(&mut back, &mut after_back);
         }
     }
 
-    /// The paths of a slope to some columns, from where `before` says.
+    /// The paths from the row before to the columns `here`. `rows` are the samples of this row and of the one before.
+    #[allow(clippy::too_many_arguments)]
     #[inline(always)]
-    fn down<'p, I: Vectors>(
+    fn down<I: Vectors, const N: usize>(
         &self,
         isa: I,
-        steps: Steps<'_>,
-        before: impl Fn(usize) -> (Path<'p>, usize),
+        mut paths: [&mut PathCosts; N],
+        slopes: [isize; N],
+        above: Above<'_>,
+        rows: [&[u8]; 2],
+        here: Range<usize>,
         costs: &[u16],
-        paths: &mut PathCosts,
         sums: &mut [u16],
     ) {
-        for (i, (costs, sums)) in costs.chunks_exact(self.lanes).zip(sums.chunks_exact_mut(self.lanes)).enumerate() {
-            let u = steps.first + i;
-            let (path, from) = before(u);
-            paths.extend(isa, i, path, costs, self.penalties(steps.here[u], steps.before[from]), sums);
+        let first = here.start;
+        for u in here {
+            let mut before = [(above.beginning.at(0), Penalties { p1: 0, p2: 0 }); N];
+            for (k, slope) in slopes.into_iter().enumerate() {
+                let from = u.wrapping_add_signed(-slope);
+                if !above.is_first && from < rows[1].len() {
+                    let path = above.columns[from / COLUMNS][k].at(from % COLUMNS);
+                    before[k] = (path, self.penalties(rows[0][u], rows[1][from]));
+                }
+            }
+            let pixel = u * self.lanes..(u + 1) * self.lanes;
+            extend(isa, &mut paths, u - first, before, &costs[pixel.clone()], &mut sums[pixel]);
         }
     }
 
-    /// What steps cost between two samples: of one disparity, and of more.
+    /// What steps cost between two samples.
     #[inline(always)]
-    fn penalties(&self, a: u8, b: u8) -> [u16; 2] {
-        [self.p1, self.p2[usize::from(a.abs_diff(b))]]
+    fn penalties(&self, a: u8, b: u8) -> Penalties {
+        Penalties { p1: self.p1, p2: self.p2[usize::from(a.abs_diff(b))] }
     }
 }
 

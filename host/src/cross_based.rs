@@ -63,12 +63,8 @@ impl Crosses {
         let rows: Vec<Vec<Arms>> = (0..height)
             .into_par_iter()
             .map(|v| {
-                let arms = |u| Arms {
-                    left: arm(u, v, -1, 0),
-                    right: arm(u, v, 1, 0),
-                    up: arm(u, v, 0, -1),
-                    down: arm(u, v, 0, 1),
-                };
+                let arms =
+                    |u| Arms { left: arm(u, v, -1, 0), right: arm(u, v, 1, 0), up: arm(u, v, 0, -1), down: arm(u, v, 0, 1) };
                 (0..width).map(arms).collect()
             })
             .collect();
@@ -179,11 +175,7 @@ impl<'a> CrossBased<'a> {
         let mut exists = false;
         for (view, crosses) in &self.views {
             let shift = view.sign() as isize * shift;
-            let (x, y) = if view.is_horizontal() {
-                (u.wrapping_add_signed(shift), v)
-            } else {
-                (u, v.wrapping_add_signed(shift))
-            };
+            let (x, y) = if view.is_horizontal() { (u.wrapping_add_signed(shift), v) } else { (u, v.wrapping_add_signed(shift)) };
             if x < crosses.0.width() && y < crosses.0.height() {
                 arms = arms.intersection(crosses.0.get(x, y));
                 exists = true;

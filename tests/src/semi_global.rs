@@ -64,7 +64,8 @@ impl SemiGlobal<'_> {
     fn sums(&self) -> Vec<Vec<Option<i64>>> {
         let pixels: Vec<(i32, i32)> = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect();
         let costs: Vec<Vec<Option<i64>>> = pixels.iter().map(|&(u, v)| self.costs(u, v)).collect();
-        let mut sums: Vec<Vec<Option<i64>>> = costs.iter().map(|costs| costs.iter().map(|cost| cost.map(|_| 0)).collect()).collect();
+        let mut sums: Vec<Vec<Option<i64>>> =
+            costs.iter().map(|costs| costs.iter().map(|cost| cost.map(|_| 0)).collect()).collect();
         for &(du, dv) in &self.paths {
             let mut paths = costs.clone();
             let mut order = pixels.clone();

@@ -14,6 +14,7 @@ pub mod edge_aware;
 pub mod error;
 pub mod error_map;
 pub mod evaluation;
+pub mod filter;
 pub mod frames;
 pub mod geometry;
 pub mod image_file;

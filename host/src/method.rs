@@ -2,15 +2,15 @@
 
 use multiscopic_core::Params;
 
-use crate::{DisparityMap, Engine, Frames, Progress, Result, SemiGlobal};
+use crate::{DisparityMap, Engine, Frames, Progress, Result, SemiGlobal, filter::Filters};
 
 /// A method and its parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Method {
     /// Block matching by the core: the least sum of absolute differences.
     BlockMatching,
-    /// Semi-global matching on costs of the census transform.
-    SemiGlobal(SemiGlobal),
+    /// Semi-global matching on costs of the census transform, and filters after it.
+    SemiGlobal(SemiGlobal, Filters),
 }
 
 impl Method {
@@ -33,7 +33,10 @@ impl Method {
                 progress.begin(params.height() as u64, "lines");
                 Ok(engine.disparities(frames, params, || progress.advance(1)))
             }
-            Method::SemiGlobal(sgm) => Ok(sgm.disparities(engine, frames, params, progress)),
+            Method::SemiGlobal(sgm, filters) => {
+                let map = sgm.disparities(engine, frames, params, progress);
+                Ok(engine.pool().install(|| filters.apply(map)))
+            }
         }
     }
 }

@@ -3,7 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use multiscopic::{DisparityMap, Engine, Error, Frames, Geometry, Method, Processor, Result, Rig, Simd};
+use multiscopic::{
+    DisparityMap, Engine, Error, Frames, Geometry, Method, Processor, Result, Rig, SemiGlobal, Simd,
+    filter::{Bilateral, Filters, Median},
+    sgm::{Census, Paths},
+};
 use multiscopic_core::{Fusion, Params, Views};
 
 /// How disparities are estimated, by the name of the method.
@@ -24,14 +28,106 @@ impl MethodName {
 
 /// What the methods other than block matching take.
 #[derive(Clone, Debug, Default, Args)]
-pub struct MethodOptions {}
+pub struct MethodOptions {
+    #[command(flatten)]
+    sgm: SgmOptions,
+
+    #[command(flatten)]
+    filters: FilterOptions,
+}
 
 impl MethodOptions {
     /// A method with these options.
     pub fn method(&self, name: MethodName) -> Result<Method> {
         Ok(match name {
             MethodName::Bm => Method::BlockMatching,
-            MethodName::Sgm => Method::SemiGlobal(Default::default()),
+            MethodName::Sgm => Method::SemiGlobal(self.sgm.sgm()?, self.filters.filters()?),
+        })
+    }
+}
+
+/// The window of the census transform, by its size.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum CensusName {
+    /// 5 x 5 pixels, 12 bits
+    #[value(name = "5x5")]
+    Window5x5,
+    /// 7 x 7 pixels, 24 bits
+    #[value(name = "7x7")]
+    Window7x7,
+    /// 9 x 7 pixels, 31 bits
+    #[default]
+    #[value(name = "9x7")]
+    Window9x7,
+}
+
+/// What semi-global matching takes.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Semi-global matching (--method sgm)")]
+struct SgmOptions {
+    /// Penalty for a change by one disparity from a pixel to the next, in bits of the census (OpenCV: P1)
+    /// [default: a quarter of the census' bits, 8]
+    #[arg(long, visible_alias = "P1", value_name = "N")]
+    p1: Option<u16>,
+
+    /// Penalty for any other change, at least P1 and at most 650 (OpenCV: P2) [default: 6 times P1, 48]
+    #[arg(long, visible_alias = "P2", value_name = "N")]
+    p2: Option<u16>,
+
+    /// Lower P2 where the brightness changes by more than this, in proportion, but not below P1 [default: never]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..))]
+    p2_edge: Option<u8>,
+
+    /// Paths: 4, 5 or 8 (OpenCV: mode MODE_HH4, MODE_SGBM or MODE_HH); with 4 and 8 memory for all costs is needed
+    #[arg(long, value_name = "4|5|8", default_value = "5", value_parser = paths)]
+    paths: Paths,
+
+    /// Window of the census transform
+    #[arg(long, value_name = "SIZE", value_enum, default_value = "9x7")]
+    census: CensusName,
+
+    /// Keep a disparity only if a view confirms it within so many pixels (OpenCV: disp12MaxDiff) [default: keep all]
+    #[arg(long, value_name = "N")]
+    disp12_max_diff: Option<u16>,
+}
+
+impl SgmOptions {
+    fn sgm(&self) -> Result<SemiGlobal> {
+        let census = match self.census {
+            CensusName::Window5x5 => Census::Window5x5,
+            CensusName::Window7x7 => Census::Window7x7,
+            CensusName::Window9x7 => Census::Window9x7,
+        };
+        let p1 = self.p1.unwrap_or(SemiGlobal::default_penalties(census)[0]);
+        let p2 = self.p2.unwrap_or(p1.saturating_mul(6).min(SemiGlobal::MAX_PENALTY));
+        SemiGlobal::new(census, self.paths, [p1, p2], self.p2_edge, self.disp12_max_diff)
+    }
+}
+
+fn paths(text: &str) -> Result<Paths> {
+    let all = [Paths::Four, Paths::Five, Paths::Eight];
+    let paths = all.into_iter().find(|paths| paths.count().to_string() == text);
+    paths.ok_or_else(|| Error::Usage("it must be 4, 5 or 8".into()))
+}
+
+/// The filters after selection.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Filters (not for --method bm)")]
+struct FilterOptions {
+    /// Median over a window of so many pixels, 3 or 5 [default: none]
+    #[arg(long, value_name = "3|5")]
+    median: Option<u8>,
+
+    /// Mean of what differs by less than THRESHOLD pixels of disparity, weighted by a Gaussian of SIGMA pixels [default: none]
+    #[arg(long, value_name = "SIGMA,THRESHOLD", value_parser = point)]
+    bilateral: Option<[f64; 2]>,
+}
+
+impl FilterOptions {
+    fn filters(&self) -> Result<Filters> {
+        Ok(Filters {
+            median: self.median.map(Median::new).transpose()?,
+            bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
         })
     }
 }

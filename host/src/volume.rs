@@ -22,6 +22,7 @@ pub trait Cost: Copy + PartialOrd + Debug + Send + Sync + 'static {
 impl Cost for u16 {
     const NONE: u16 = u16::MAX;
 
+    #[inline(always)]
     fn refine(d: i16, [before, at, after]: [u16; 3]) -> Option<Disparity> {
         Disparity::refine(d, before.into(), at.into(), after.into())
     }

@@ -27,17 +27,33 @@ impl PathCosts {
         self.least.fill(0);
     }
 
-    /// The costs of the path up to pixel `u`.
+    /// All of them, to look at.
     #[inline(always)]
-    pub fn at(&self, u: usize) -> Path<'_> {
-        let start = u * (self.lanes + LANES) + LANES - 1;
-        Path { costs: &self.costs.get()[start..][..self.lanes + 2], least: self.least[u] }
+    pub fn paths(&self) -> Paths<'_> {
+        Paths { lanes: self.lanes, costs: self.costs.get(), least: &self.least }
     }
 
     #[inline(always)]
     fn at_mut(&mut self, u: usize) -> (&mut [u16], &mut u16) {
         let start = (u + 1) * (self.lanes + LANES) - self.lanes;
         (&mut self.costs.get_mut()[start..][..self.lanes], &mut self.least[u])
+    }
+}
+
+/// The costs of paths up to pixels side by side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Paths<'a> {
+    lanes: usize,
+    costs: &'a [u16],
+    least: &'a [u16],
+}
+
+impl<'a> Paths<'a> {
+    /// The costs of the path up to pixel `u`.
+    #[inline(always)]
+    pub fn at(&self, u: usize) -> Path<'a> {
+        let start = u * (self.lanes + LANES) + LANES - 1;
+        Path { costs: &self.costs[start..][..self.lanes + 2], least: self.least[u] }
     }
 }
 

@@ -199,13 +199,13 @@ impl Sweep<'_> {
         let last = samples.len() - 1;
         for u in 0..=last {
             let pixel = u * self.lanes..(u + 1) * self.lanes;
-            let before = [(forth.at(0), self.penalties(samples[u], samples[u.saturating_sub(1)]))];
+            let before = [(forth.paths().at(0), self.penalties(samples[u], samples[u.saturating_sub(1)]))];
             extend(isa, &mut [after_forth], 0, before, &costs[pixel.clone()], &mut sums[pixel]);
             mem::swap(&mut forth, &mut after_forth);
 
             let u = last - u;
             let pixel = u * self.lanes..(u + 1) * self.lanes;
-            let before = [(back.at(0), self.penalties(samples[u], samples[last.min(u + 1)]))];
+            let before = [(back.paths().at(0), self.penalties(samples[u], samples[last.min(u + 1)]))];
             extend(isa, &mut [after_back], 0, before, &costs[pixel.clone()], &mut sums[pixel]);
             mem::swap(&mut back, &mut after_back);
         }
@@ -226,17 +226,30 @@ impl Sweep<'_> {
         sums: &mut [u16],
     ) {
         let first = here.start;
-        for u in here {
-            let mut before = [(above.beginning.at(0), Penalties { p1: 0, p2: 0 }); N];
-            for (k, slope) in slopes.into_iter().enumerate() {
-                let from = u.wrapping_add_signed(-slope);
-                if !above.is_first && from < rows[1].len() {
-                    let path = above.columns[from / COLUMNS][k].at(from % COLUMNS);
+        let beginning = (above.beginning.paths().at(0), Penalties { p1: 0, p2: 0 });
+        // Above these columns, where nearly all paths come from.
+        let mut straight = [above.beginning.paths(); N];
+        for (straight, paths) in straight.iter_mut().zip(above.columns.get(first / COLUMNS).into_iter().flatten()) {
+            *straight = paths.paths();
+        }
+        let (costs, sums) = (&costs[first * self.lanes..], &mut sums[first * self.lanes..]);
+        let pixels = here.clone().zip(costs.chunks_exact(self.lanes)).zip(sums.chunks_exact_mut(self.lanes));
+        for ((u, costs), sums) in pixels {
+            let mut before = [beginning; N];
+            if !above.is_first {
+                for (k, slope) in slopes.into_iter().enumerate() {
+                    let from = u.wrapping_add_signed(-slope);
+                    if from >= rows[1].len() {
+                        continue;
+                    }
+                    let path = match here.contains(&from) {
+                        true => straight[k].at(from - first),
+                        false => above.columns[from / COLUMNS][k].paths().at(from % COLUMNS),
+                    };
                     before[k] = (path, self.penalties(rows[0][u], rows[1][from]));
                 }
             }
-            let pixel = u * self.lanes..(u + 1) * self.lanes;
-            extend(isa, &mut paths, u - first, before, &costs[pixel.clone()], &mut sums[pixel]);
+            extend(isa, &mut paths, u - first, before, costs, sums);
         }
     }
 

@@ -62,6 +62,9 @@ pub struct SemiGlobal {
     left_right: Option<u16>,
 }
 
+// Twelve is the largest scale of a fusion, and a path costs at most a cost and P2.
+const _: () = assert!(8 * 12 * (SemiGlobal::MAX_PENALTY as u32 + Census::MAX_COST as u32) < u16::MAX as u32);
+
 impl Default for SemiGlobal {
     fn default() -> SemiGlobal {
         let census = Census::default();
@@ -73,8 +76,6 @@ impl Default for SemiGlobal {
 impl SemiGlobal {
     /// The greatest penalty: the sums of eight paths on the scale of any fusion stay below what 16 bits hold.
     pub const MAX_PENALTY: u16 = 650;
-
-    const _SUMS_FIT: () = assert!(8 * 12 * (SemiGlobal::MAX_PENALTY + Census::MAX_COST) as u32 <= u16::MAX as u32 - 1);
 
     /// P1 and P2 for a census: a quarter of its bits, and six times that.
     pub const fn default_penalties(census: Census) -> [u16; 2] {

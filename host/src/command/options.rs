@@ -74,9 +74,9 @@ struct SgmOptions {
     #[arg(long, visible_alias = "P2", value_name = "N")]
     p2: Option<u16>,
 
-    /// Lower P2 where the brightness changes by more than this, in proportion, but not below P1 [default: never]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..))]
-    p2_edge: Option<u8>,
+    /// Lower P2 where the brightness changes by more than this from a pixel to the next, in proportion, but not below P1; 255 never
+    #[arg(long, value_name = "N", default_value_t = SemiGlobal::DEFAULT_P2_EDGE)]
+    p2_edge: u8,
 
     /// Paths: 4, 5 or 8 (OpenCV: mode MODE_HH4, MODE_SGBM or MODE_HH); with 4 and 8 memory for all costs is needed
     #[arg(long, value_name = "4|5|8", default_value = "5", value_parser = paths)]
@@ -100,7 +100,7 @@ impl SgmOptions {
         };
         let p1 = self.p1.unwrap_or(SemiGlobal::default_penalties(census)[0]);
         let p2 = self.p2.unwrap_or(p1.saturating_mul(6).min(SemiGlobal::MAX_PENALTY));
-        SemiGlobal::new(census, self.paths, [p1, p2], self.p2_edge, self.disp12_max_diff)
+        SemiGlobal::new(census, self.paths, [p1, p2], Some(self.p2_edge), self.disp12_max_diff)
     }
 }
 

@@ -69,13 +69,16 @@ impl Default for SemiGlobal {
     fn default() -> SemiGlobal {
         let census = Census::default();
         let [p1, p2] = SemiGlobal::default_penalties(census);
-        SemiGlobal { census, paths: Paths::default(), p1, p2, p2_edge: None, left_right: None }
+        SemiGlobal { census, paths: Paths::default(), p1, p2, p2_edge: Some(SemiGlobal::DEFAULT_P2_EDGE), left_right: None }
     }
 }
 
 impl SemiGlobal {
     /// The greatest penalty: the sums of eight paths on the scale of any fusion stay below what 16 bits hold.
     pub const MAX_PENALTY: u16 = 650;
+
+    /// The change of brightness above which P2 is lowered, unless it is said otherwise.
+    pub const DEFAULT_P2_EDGE: u8 = 10;
 
     /// P1 and P2 for a census: a quarter of its bits, and six times that.
     pub const fn default_penalties(census: Census) -> [u16; 2] {

@@ -151,8 +151,8 @@ fn paths() {
         let difference = problem.compare(&found, |u, v, i| means[(v * problem.width + u) as usize * count + i]);
         greatest = f64::max(greatest, difference);
     }
-    println!("greatest difference of paths: {greatest:e}");
-    assert!(greatest <= 3e-6, "{greatest}");
+    // Measured: 6.9e-7.
+    assert!(greatest <= 1e-6, "{greatest}");
 }
 
 /// The recursion in `f64`, path by path.

@@ -66,9 +66,10 @@ impl Disparity {
     /// The vertex of the parabola through the fused costs `before`, `at` and `after` at `d - 1`, `d` and `d + 1` pixels, rounded to
     /// the nearest step, halves away from zero: `d + (a - b) / (2 a + 2 b - 4 c)`, and `d` itself where the denominator is 0.
     ///
-    /// Costs stay below 2^21 and `at` is not above the others, so that the shift is at most half a pixel.
+    /// Costs stay below 2^21 and `at` is not above the others, so that the shift is at most half a pixel; of other costs the result means
+    /// nothing.
     #[inline(always)]
-    pub(crate) fn refine(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
+    pub fn refine(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
         let (fall, rise) = (before.wrapping_sub(at), after.wrapping_sub(at));
         // Rounding half up what is positive, and the mirror image of what is not, takes halves away from zero. The shift alone never
         // changes the sign of the sum, unless d is 0.
@@ -114,8 +115,8 @@ impl Disparity {
         refined
     }
 
-    /// The disparity of exactly `d` pixels.
-    pub(crate) const fn whole(d: i16) -> Option<Disparity> {
+    /// The disparity of exactly `d` pixels, which are at most 511 either way.
+    pub const fn whole(d: i16) -> Option<Disparity> {
         Disparity::from_bits(d.wrapping_mul(Disparity::STEPS as i16))
     }
 }

@@ -30,11 +30,13 @@ impl View {
     pub const ALL: [View; 4] = [View::Left, View::Right, View::Top, View::Bottom];
 
     /// Whether the camera moved along the image's rows, so that matches lie in the same line.
+    #[inline(always)]
     pub const fn is_horizontal(self) -> bool {
         matches!(self, View::Left | View::Right)
     }
 
     /// `+1` where a match's coordinate grows with the disparity, `-1` where it falls.
+    #[inline(always)]
     pub const fn sign(self) -> i32 {
         match self {
             View::Left | View::Top => 1,

@@ -29,9 +29,9 @@ impl Engine {
         self.pool.current_num_threads()
     }
 
-    /// Runs work on its threads.
-    pub fn run<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
-        self.pool.install(work)
+    /// The threads themselves.
+    pub(crate) fn pool(&self) -> &rayon::ThreadPool {
+        &self.pool
     }
 
     /// The vector instructions it uses for a match.

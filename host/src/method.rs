@@ -2,15 +2,17 @@
 
 use multiscopic_core::Params;
 
-use crate::{DisparityMap, Engine, Frames, GraphCuts, Progress, Result};
+use crate::{DisparityMap, Engine, Frames, GraphCuts, Progress, Result, SemiGlobal, filter::Filters};
 
 /// A method and its parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Method {
     /// Block matching by the core: the least sum of absolute differences.
     BlockMatching,
-    /// Graph cuts: the minimum of an energy of the whole image.
-    GraphCuts(GraphCuts),
+    /// Graph cuts, the minimum of an energy of the whole image, and filters after them.
+    GraphCuts(GraphCuts, Filters),
+    /// Semi-global matching on costs of the census transform, and filters after it.
+    SemiGlobal(SemiGlobal, Filters),
 }
 
 impl Method {
@@ -33,7 +35,14 @@ impl Method {
                 progress.begin(params.height() as u64, "lines");
                 Ok(engine.disparities(frames, params, || progress.advance(1)))
             }
-            Method::GraphCuts(method) => Ok(method.disparities(engine, frames, params, progress)),
+            Method::GraphCuts(method, filters) => {
+                let map = method.disparities(engine, frames, params, progress);
+                Ok(engine.pool().install(|| filters.apply(map)))
+            }
+            Method::SemiGlobal(sgm, filters) => {
+                let map = sgm.disparities(engine, frames, params, progress);
+                Ok(engine.pool().install(|| filters.apply(map)))
+            }
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The core with the widest vectors that this processor has.
 //!
-//! This is the only module of the host
-//! with unsafe code: vouching for what the processor has, once that was detected.
+//! Unsafe here is only vouching for what the
+//! processor has, once that was detected.
 #![allow(unsafe_code)]
 
 use std::fmt;
@@ -15,7 +15,7 @@ use multiscopic_core::{
     kernel::{Blocks, Portable},
 };
 
-use crate::Frames;
+use crate::{Frames, sgm::Vectors};
 
 /// As many lanes as the compiler makes vectors of, on any processor.
 type Baseline = Portable<8>;
@@ -41,7 +41,7 @@ pub trait Task {
     type Output;
 
     /// Does it with `isa`, which this processor has.
-    fn run<I: Blocks<u16> + Blocks<u32>>(self, isa: I) -> Self::Output;
+    fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, isa: I) -> Self::Output;
 }
 
 impl Simd {
@@ -134,7 +134,7 @@ struct Lanes;
 impl Task for Lanes {
     type Output = usize;
 
-    fn run<I: Blocks<u16> + Blocks<u32>>(self, _isa: I) -> usize {
+    fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, _isa: I) -> usize {
         I::LANES
     }
 }
@@ -151,7 +151,7 @@ struct Pass<'a, F> {
 impl<F: Fn()> Task for Pass<'_, F> {
     type Output = ();
 
-    fn run<I: Blocks<u16> + Blocks<u32>>(self, isa: I) {
+    fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, isa: I) {
         /// Bytes of the widest vector, to which the sums are aligned.
         const ALIGNMENT: usize = 64;
         let Pass { mut frames, params, region, out, line_done } = self;

@@ -16,6 +16,7 @@ pub mod machine;
 pub mod misaligned;
 pub mod random;
 pub mod reference;
+pub mod semi_global;
 pub mod source;
 #[cfg(target_os = "linux")]
 pub mod vivid;

@@ -4,10 +4,11 @@ use std::{process::ExitCode, time::Instant};
 
 use clap::Args;
 use image::{GrayImage, Luma};
-use multiscopic::{Error, Frames, Result};
+use multiscopic::{Error, Frames, Method, Result};
 use multiscopic_core::{View, Views};
 
 use super::{
+    methods::{MethodName, MethodOptions},
     options::{EngineOptions, FusionName, SearchOptions, views_of_count},
     terminal,
 };
@@ -39,8 +40,15 @@ pub struct Bench {
     #[arg(long, value_enum)]
     fusion: Option<FusionName>,
 
+    /// Method
+    #[arg(long, value_enum, default_value = "bm", help_heading = "Matching")]
+    method: MethodName,
+
     #[command(flatten)]
     search: SearchOptions,
+
+    #[command(flatten)]
+    options: MethodOptions,
 
     #[command(flatten)]
     engine: EngineOptions,
@@ -49,6 +57,7 @@ pub struct Bench {
 /// What `bench` reports.
 #[derive(Debug, serde::Serialize)]
 struct Report {
+    method: String,
     width: usize,
     height: usize,
     num_disparities: usize,
@@ -71,14 +80,15 @@ impl Bench {
         let frames = made_frames(self.width.into(), self.height.into(), views);
         let params = self.search.params(frames.size(), views, self.fusion, (1, 64))?;
         let engine = self.engine.engine()?;
-        let seconds = (0..self.repeat)
-            .map(|_| {
-                let start = Instant::now();
-                std::hint::black_box(engine.disparities(&frames, &params, || ()));
-                start.elapsed().as_secs_f64()
-            })
-            .fold(f64::INFINITY, f64::min);
+        let method: Method = self.options.method(self.method)?;
+        let mut seconds = f64::INFINITY;
+        for _ in 0..self.repeat {
+            let start = Instant::now();
+            std::hint::black_box(method.disparities(&engine, &frames, &params, &())?);
+            seconds = seconds.min(start.elapsed().as_secs_f64());
+        }
         let report = Report {
+            method: self.method.name(),
             width: params.width(),
             height: params.height(),
             num_disparities: params.num_disparities(),
@@ -93,10 +103,10 @@ impl Bench {
         let line = if self.json {
             serde_json::to_string(&report).expect("numbers and strings")
         } else {
-            let Report { width, height, num_disparities, block_size, views, fusion, threads, kernel, seconds, gde_per_s } =
+            let Report { method, width, height, num_disparities, block_size, views, fusion, threads, kernel, seconds, gde_per_s } =
                 report;
             format!(
-                "{width}x{height}, {num_disparities} disparities, block {block_size}, views {views}, {fusion}, threads {threads}, kernel {kernel}: \
+                "{method}, {width}x{height}, {num_disparities} disparities, block {block_size}, views {views}, {fusion}, threads {threads}, kernel {kernel}: \
                  {:.1} ms, {gde_per_s:.3} GDE/s",
                 seconds * 1e3
             )

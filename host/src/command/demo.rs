@@ -20,7 +20,8 @@ use multiscopic::{
 use multiscopic_core::{Frame, Params, View, Views};
 
 use super::{
-    options::{EngineOptions, FusionName, MethodName, SearchOptions},
+    methods::MethodName,
+    options::{EngineOptions, FusionName, SearchOptions},
     terminal,
     variant::{Subject, Variant},
 };

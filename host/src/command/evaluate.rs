@@ -21,7 +21,8 @@ use multiscopic::{
 use multiscopic_core::Fusion;
 
 use super::{
-    options::{EngineOptions, FusionName, MethodName, MethodOptions, SearchOptions, views_of_count},
+    methods::{MethodName, MethodOptions},
+    options::{EngineOptions, FusionName, SearchOptions, views_of_count},
     terminal,
     variant::{Subject, Variant},
 };

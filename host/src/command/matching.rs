@@ -14,7 +14,8 @@ use multiscopic::{
 use multiscopic_core::Params;
 
 use super::{
-    options::{EngineOptions, FusionName, GeometryOptions, MapFiles, MethodName, MethodOptions, SearchOptions},
+    methods::{MethodName, MethodOptions},
+    options::{EngineOptions, FusionName, GeometryOptions, MapFiles, SearchOptions},
     source::SourceOptions,
     terminal,
     watch::Watch,

@@ -10,6 +10,7 @@ pub mod devices;
 pub mod evaluate;
 pub mod listen;
 pub mod matching;
+pub mod methods;
 pub mod options;
 pub mod simulate;
 pub mod source;

@@ -3,147 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use multiscopic::{
-    DisparityMap, Engine, Error, Frames, Geometry, GraphCuts, Method, Processor, Result, Rig, Simd,
-    graph_cuts::{Occlusion, Smoothness},
-};
+use multiscopic::{DisparityMap, Engine, Error, Frames, Geometry, Processor, Result, Rig, Simd};
 use multiscopic_core::{Fusion, Params, Views};
-
-/// How disparities are estimated, by the name of the method.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum MethodName {
-    /// Block matching: the least sum of absolute differences
-    Bm,
-    /// Graph cuts: the least energy of matching costs and steps between neighbours
-    Gc,
-}
-
-impl MethodName {
-    /// Its name.
-    pub fn name(self) -> String {
-        name_of(&self)
-    }
-}
-
-/// What the methods other than block matching take.
-#[derive(Clone, Debug, Default, Args)]
-pub struct MethodOptions {
-    #[command(flatten)]
-    graph_cuts: GraphCutsOptions,
-}
-
-/// What graph cuts take.
-#[derive(Clone, Debug, Default, Args)]
-#[command(next_help_heading = "Graph cuts (--method gc; costs are in intensities)")]
-pub struct GraphCutsOptions {
-    /// Cost of an occlusion (the paper's K: 10 for good images, 25 for those of a cheap camera; `auto` finds it from the images) [default:
-    /// 10]
-    #[arg(long, value_name = "K|auto", value_parser = occlusion)]
-    occlusion_cost: Option<OcclusionCost>,
-
-    /// What becomes of pixels that do not match [default: unique with one neighbour, capped with more]
-    #[arg(long, value_enum)]
-    occlusions: Option<OcclusionName>,
-
-    /// What neighbours with different disparities pay
-    #[arg(long, value_enum, default_value = "linear")]
-    smoothness: SmoothnessName,
-
-    /// Cost of a step of one pixel between neighbours that look the same [default: 9, or 3/5 of the cost of an occlusion that was found]
-    #[arg(long, value_name = "COST", value_parser = positive)]
-    lambda1: Option<f64>,
-
-    /// Cost of a step of one pixel between neighbours that differ [default: 3, or 1/5 of the cost of an occlusion that was found]
-    #[arg(long, value_name = "COST", value_parser = positive)]
-    lambda2: Option<f64>,
-
-    /// From which difference in intensity on neighbours differ (the paper's theta) [default: 8]
-    #[arg(long, value_name = "N")]
-    theta: Option<u8>,
-
-    /// The step above which neighbours pay no more (the paper's d cut-off) [default: 5]
-    #[arg(long, value_name = "N")]
-    cutoff: Option<u16>,
-
-    /// Match grey values, even where images have colours
-    #[arg(long)]
-    gray: bool,
-
-    /// Try all disparities at most so many times [default: 20]
-    #[arg(long, value_name = "N")]
-    sweeps: Option<usize>,
-
-    /// Seed of the order in which disparities are tried
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
-}
-
-/// The cost of an occlusion: `None` if it is found from the images.
-type OcclusionCost = Option<f64>;
-
-fn occlusion(text: &str) -> Result<OcclusionCost> {
-    match text {
-        "auto" => Ok(None),
-        number => positive(number).map(Some),
-    }
-}
-
-/// What becomes of pixels that do not match, by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum OcclusionName {
-    /// They have no disparity, and matches are unique: for one neighbour
-    Unique,
-    /// They pay no more than the cost of an occlusion, and have the disparity of their surroundings
-    Capped,
-}
-
-/// What neighbours with different disparities pay, by name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum SmoothnessName {
-    /// In proportion to the step, up to a limit (the paper)
-    #[default]
-    Linear,
-    /// The same for every step (Kolmogorov and Zabih)
-    Potts,
-}
-
-impl GraphCutsOptions {
-    fn method(&self) -> GraphCuts {
-        let default = GraphCuts::default();
-        let occlusion = self.occlusion_cost.unwrap_or(default.occlusion);
-        let lambda = match (self.lambda1, self.lambda2, occlusion) {
-            (None, None, None) => None,
-            _ => default.lambda.map(|[same, different]| [self.lambda1.unwrap_or(same), self.lambda2.unwrap_or(different)]),
-        };
-        GraphCuts {
-            occlusion,
-            occlusions: self.occlusions.map(|name| match name {
-                OcclusionName::Unique => Occlusion::Unique,
-                OcclusionName::Capped => Occlusion::Capped,
-            }),
-            smoothness: match self.smoothness {
-                SmoothnessName::Linear => Smoothness::Linear,
-                SmoothnessName::Potts => Smoothness::Potts,
-            },
-            lambda,
-            threshold: self.theta.unwrap_or(default.threshold),
-            cutoff: self.cutoff.unwrap_or(default.cutoff),
-            color: !self.gray,
-            sweeps: self.sweeps.unwrap_or(default.sweeps),
-            seed: self.seed,
-        }
-    }
-}
-
-impl MethodOptions {
-    /// A method with these options.
-    pub fn method(&self, name: MethodName) -> Result<Method> {
-        Ok(match name {
-            MethodName::Bm => Method::BlockMatching,
-            MethodName::Gc => Method::GraphCuts(self.graph_cuts.method()),
-        })
-    }
-}
 
 /// How costs are fused, by the name of the rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -205,7 +66,7 @@ impl From<ProcessorName> for Processor {
 }
 
 /// The name of a value on the command line.
-fn name_of(value: &impl ValueEnum) -> String {
+pub fn name_of(value: &impl ValueEnum) -> String {
     value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
 }
 
@@ -348,7 +209,8 @@ pub fn positive(text: &str) -> Result<f64> {
     finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| Error::Usage("it must be a number above 0".into()))
 }
 
-fn point(text: &str) -> Result<[f64; 2]> {
+/// Two numbers.
+pub fn point(text: &str) -> Result<[f64; 2]> {
     match text.split_once(',').map(|(cx, cy)| (finite(cx), finite(cy))) {
         Some((Ok(cx), Ok(cy))) => Ok([cx, cy]),
         _ => Err(Error::Usage("it must be two numbers, as 319.5,239.5".into())),

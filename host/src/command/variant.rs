@@ -5,7 +5,7 @@ use std::time::Instant;
 use multiscopic::{DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Progress, Result, evaluation::Record};
 use multiscopic_core::{Params, Views};
 
-use super::options::{FusionName, MethodName};
+use super::{methods::MethodName, options::FusionName};
 
 /// A method with the views it matches and how it fuses them.
 #[derive(Clone, Debug, PartialEq)]

@@ -55,8 +55,8 @@ impl Cells {
             around(cell / columns, reach[1], rows).flat_map(move |v| across.clone().map(move |u| v * columns + u))
         };
         let mut cells = vec![false; tried.len()];
-        for cell in 0..tried.len() {
-            if near(cell).any(|near| changed[near] > tried[cell]) {
+        for (cell, tried) in tried.iter().enumerate() {
+            if near(cell).any(|near| changed[near] > *tried) {
                 near(cell).for_each(|near| cells[near] = true);
             }
         }

@@ -86,7 +86,7 @@ impl Source {
         let mut source = Source { intervals, samples, contrasts: Vec::new() };
         let (width, pixels) = (gray.width() as usize, source.samples.len());
         let contrast = |i: usize| {
-            let right = (i + 1) % width != 0 && source.differ(i, i + 1, threshold);
+            let right = !(i + 1).is_multiple_of(width) && source.differ(i, i + 1, threshold);
             let below = i + width < pixels && source.differ(i, i + width, threshold);
             u8::from(right) * RIGHT + u8::from(below) * BELOW
         };

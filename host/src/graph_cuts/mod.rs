@@ -102,7 +102,7 @@ impl GraphCuts {
         let start = start.pixels().iter().map(|pixel| pixel.map_or(OCCLUDED, |d| d.to_fixed().round().to_num()));
         let mut labelling = Labelling::new(&energy, start.collect());
         let labels: Vec<Label> = (search.min_disparity()..=search.max_disparity()).collect();
-        engine.run(|| labelling.minimize(&labels, self.sweeps, self.seed, progress));
+        engine.pool().install(|| labelling.minimize(&labels, self.sweeps, self.seed, progress));
         let disparity = |label: Label| Disparity::from_bits(label.checked_mul(Disparity::STEPS as i16)?);
         DisparityMap::new(frames.width(), frames.height(), labelling.labels().map(disparity).collect())
     }

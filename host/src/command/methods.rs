@@ -1,0 +1,242 @@
+//! Methods and what they take.
+
+use clap::{Args, ValueEnum};
+use multiscopic::{
+    Error, GraphCuts, Method, Result, SemiGlobal,
+    filter::{Bilateral, Filters, Median},
+    graph_cuts::{Occlusion, Smoothness},
+    sgm::{Census, Paths},
+};
+
+use super::options::{name_of, point, positive};
+
+/// How disparities are estimated, by the name of the method.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MethodName {
+    /// Block matching: the least sum of absolute differences
+    Bm,
+    /// Graph cuts: the least energy of matching costs and steps between neighbours
+    Gc,
+    /// Semi-global matching: least costs along paths, by the census transform
+    Sgm,
+}
+
+impl MethodName {
+    /// Its name.
+    pub fn name(self) -> String {
+        name_of(&self)
+    }
+}
+
+/// What the methods other than block matching take.
+#[derive(Clone, Debug, Default, Args)]
+pub struct MethodOptions {
+    #[command(flatten)]
+    graph_cuts: GraphCutsOptions,
+
+    #[command(flatten)]
+    sgm: SgmOptions,
+
+    #[command(flatten)]
+    filters: FilterOptions,
+}
+
+impl MethodOptions {
+    /// A method with these options.
+    pub fn method(&self, name: MethodName) -> Result<Method> {
+        Ok(match name {
+            MethodName::Bm => Method::BlockMatching,
+            MethodName::Gc => Method::GraphCuts(self.graph_cuts.method(), self.filters.filters()?),
+            MethodName::Sgm => Method::SemiGlobal(self.sgm.sgm()?, self.filters.filters()?),
+        })
+    }
+}
+
+/// The window of the census transform, by its size.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum CensusName {
+    /// 5 x 5 pixels, 12 bits
+    #[value(name = "5x5")]
+    Window5x5,
+    /// 7 x 7 pixels, 24 bits
+    #[value(name = "7x7")]
+    Window7x7,
+    /// 9 x 7 pixels, 31 bits
+    #[default]
+    #[value(name = "9x7")]
+    Window9x7,
+}
+
+/// What semi-global matching takes.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Semi-global matching (--method sgm)")]
+struct SgmOptions {
+    /// Penalty for a change by one disparity from a pixel to the next, in bits of the census (OpenCV: P1)
+    /// [default: a quarter of the census' bits, 8]
+    #[arg(long, visible_alias = "P1", value_name = "N")]
+    p1: Option<u16>,
+
+    /// Penalty for any other change, at least P1 and at most 650 (OpenCV: P2) [default: 6 times P1, 48]
+    #[arg(long, visible_alias = "P2", value_name = "N")]
+    p2: Option<u16>,
+
+    /// Lower P2 where the brightness changes by more than this from a pixel to the next, in proportion, but not below P1; 255 never
+    #[arg(long, value_name = "N", default_value_t = SemiGlobal::DEFAULT_P2_EDGE)]
+    p2_edge: u8,
+
+    /// Paths: 4, 5 or 8 (OpenCV: mode MODE_HH4, MODE_SGBM or MODE_HH); with 4 and 8 memory for all costs is needed
+    #[arg(long, value_name = "4|5|8", default_value = "5", value_parser = paths)]
+    paths: Paths,
+
+    /// Window of the census transform
+    #[arg(long, value_name = "SIZE", value_enum, default_value = "9x7")]
+    census: CensusName,
+
+    /// Keep a disparity only if a view confirms it within so many pixels (OpenCV: disp12MaxDiff) [default: keep all]
+    #[arg(long, value_name = "N")]
+    disp12_max_diff: Option<u16>,
+}
+
+impl SgmOptions {
+    fn sgm(&self) -> Result<SemiGlobal> {
+        let census = match self.census {
+            CensusName::Window5x5 => Census::Window5x5,
+            CensusName::Window7x7 => Census::Window7x7,
+            CensusName::Window9x7 => Census::Window9x7,
+        };
+        let p1 = self.p1.unwrap_or(SemiGlobal::default_penalties(census)[0]);
+        let p2 = self.p2.unwrap_or(p1.saturating_mul(6).min(SemiGlobal::MAX_PENALTY));
+        SemiGlobal::new(census, self.paths, [p1, p2], Some(self.p2_edge), self.disp12_max_diff)
+    }
+}
+
+fn paths(text: &str) -> Result<Paths> {
+    let all = [Paths::Four, Paths::Five, Paths::Eight];
+    let paths = all.into_iter().find(|paths| paths.count().to_string() == text);
+    paths.ok_or_else(|| Error::Usage("it must be 4, 5 or 8".into()))
+}
+
+/// The filters after selection.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Filters (not for --method bm)")]
+struct FilterOptions {
+    /// Median over a window of so many pixels, 3 or 5 [default: none]
+    #[arg(long, value_name = "3|5")]
+    median: Option<u8>,
+
+    /// Mean of what differs by less than THRESHOLD pixels of disparity, weighted by a Gaussian of SIGMA pixels [default: none]
+    #[arg(long, value_name = "SIGMA,THRESHOLD", value_parser = point)]
+    bilateral: Option<[f64; 2]>,
+}
+
+impl FilterOptions {
+    fn filters(&self) -> Result<Filters> {
+        Ok(Filters {
+            median: self.median.map(Median::new).transpose()?,
+            bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
+        })
+    }
+}
+
+/// What graph cuts take.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Graph cuts (--method gc; costs are in intensities)")]
+struct GraphCutsOptions {
+    /// Cost of an occlusion (the paper's K: 10 for good images, 25 for those of a cheap camera; `auto` finds it from the images) [default:
+    /// 10]
+    #[arg(long, value_name = "K|auto", value_parser = occlusion)]
+    occlusion_cost: Option<OcclusionCost>,
+
+    /// What becomes of pixels that do not match [default: unique with one neighbour, capped with more]
+    #[arg(long, value_enum)]
+    occlusions: Option<OcclusionName>,
+
+    /// What neighbours with different disparities pay
+    #[arg(long, value_enum, default_value = "linear")]
+    smoothness: SmoothnessName,
+
+    /// Cost of a step of one pixel between neighbours that look the same [default: 9, or 3/5 of the cost of an occlusion that was found]
+    #[arg(long, value_name = "COST", value_parser = positive)]
+    lambda1: Option<f64>,
+
+    /// Cost of a step of one pixel between neighbours that differ [default: 3, or 1/5 of the cost of an occlusion that was found]
+    #[arg(long, value_name = "COST", value_parser = positive)]
+    lambda2: Option<f64>,
+
+    /// From which difference in intensity on neighbours differ (the paper's theta) [default: 8]
+    #[arg(long, value_name = "N")]
+    theta: Option<u8>,
+
+    /// The step above which neighbours pay no more (the paper's d cut-off) [default: 5]
+    #[arg(long, value_name = "N")]
+    cutoff: Option<u16>,
+
+    /// Match grey values, even where images have colours
+    #[arg(long)]
+    gray: bool,
+
+    /// Try all disparities at most so many times [default: 20]
+    #[arg(long, value_name = "N")]
+    sweeps: Option<usize>,
+
+    /// Seed of the order in which disparities are tried
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+}
+
+/// The cost of an occlusion: `None` if it is found from the images.
+type OcclusionCost = Option<f64>;
+
+fn occlusion(text: &str) -> Result<OcclusionCost> {
+    match text {
+        "auto" => Ok(None),
+        number => positive(number).map(Some),
+    }
+}
+
+/// What becomes of pixels that do not match, by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum OcclusionName {
+    /// They have no disparity, and matches are unique: for one neighbour
+    Unique,
+    /// They pay no more than the cost of an occlusion, and have the disparity of their surroundings
+    Capped,
+}
+
+/// What neighbours with different disparities pay, by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum SmoothnessName {
+    /// In proportion to the step, up to a limit (the paper)
+    #[default]
+    Linear,
+    /// The same for every step (Kolmogorov and Zabih)
+    Potts,
+}
+
+impl GraphCutsOptions {
+    fn method(&self) -> GraphCuts {
+        let default = GraphCuts::default();
+        let occlusion = self.occlusion_cost.unwrap_or(default.occlusion);
+        let lambda = match (self.lambda1, self.lambda2, occlusion) {
+            (None, None, None) => None,
+            _ => default.lambda.map(|[same, different]| [self.lambda1.unwrap_or(same), self.lambda2.unwrap_or(different)]),
+        };
+        GraphCuts {
+            occlusion,
+            occlusions: self.occlusions.map(|name| match name {
+                OcclusionName::Unique => Occlusion::Unique,
+                OcclusionName::Capped => Occlusion::Capped,
+            }),
+            smoothness: match self.smoothness {
+                SmoothnessName::Linear => Smoothness::Linear,
+                SmoothnessName::Potts => Smoothness::Potts,
+            },
+            lambda,
+            threshold: self.theta.unwrap_or(default.threshold),
+            cutoff: self.cutoff.unwrap_or(default.cutoff),
+            color: !self.gray,
+            sweeps: self.sweeps.unwrap_or(default.sweeps),
+            seed: self.seed,
+        }
+    }
+}

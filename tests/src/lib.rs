@@ -5,6 +5,7 @@ pub mod ascii;
 pub mod case;
 pub mod command;
 pub mod data;
+pub mod energy;
 pub mod golden;
 pub mod images;
 #[cfg(target_os = "linux")]

@@ -24,7 +24,7 @@ impl Topology for Ring {
 
     fn head(&self, node: usize, arc: usize) -> usize {
         let shift = [1, 3, 7][arc / 2];
-        (node + if arc % 2 == 0 { shift } else { self.0 - shift }) % self.0
+        (node + if arc.is_multiple_of(2) { shift } else { self.0 - shift }) % self.0
     }
 }
 

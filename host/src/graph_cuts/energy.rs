@@ -114,7 +114,7 @@ impl Energy {
         let center = source(Frame::Center);
         let channels = center.intervals.channels();
         let scale = Intervals::STEPS * channels as i32 * search.fusion().scale() as i32;
-        let scaled = |cost: f64| (cost * f64::from(scale)).round() as i32;
+        let scaled = |cost: f64| (cost.clamp(0.0, GraphCuts::MAX_COST) * f64::from(scale)).round() as i32;
         let mut energy = Energy {
             width: frames.width(),
             height: frames.height(),
@@ -126,7 +126,7 @@ impl Energy {
             occlusions: method.occlusions.unwrap_or(Occlusion::default_for(search.views().len())),
             smoothness: method.smoothness,
             weights: [0; 2],
-            cutoff: i32::from(method.cutoff),
+            cutoff: i32::from(method.cutoff.min(GraphCuts::MAX_STEP)),
             center,
         };
         let occlusion = method.occlusion.unwrap_or_else(|| energy.automatic_occlusion(search));

@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 
 use super::{
-    Occlusion,
+    GraphCuts, Occlusion,
     cells::Cells,
     energy::{Energy, Label, OCCLUDED, Pair, Pixel, Table},
     max_flow::{MaxFlow, Topology},
 };
-use crate::Progress;
+use crate::{Progress, birchfield_tomasi::Intervals};
 
 /// The labels of the pixels of an image, whose energy falls from move to move.
 #[derive(Debug)]
@@ -40,6 +40,13 @@ enum Moves {
 
 /// A capacity that no flow fills.
 const UNBOUNDED: i32 = 1 << 28;
+// What flows through a node is at most what it pays: for its label and for a step to each of four neighbours, twice. Two unbounded
+// capacities and that stay within 32 bits.
+const _: () = {
+    let scale = (Intervals::STEPS * 3 * 12) as i64;
+    let cost = GraphCuts::MAX_COST as i64 * scale;
+    assert!(2 * (cost + 4 * cost * GraphCuts::MAX_STEP as i64) < UNBOUNDED as i64);
+};
 /// No pixel.
 const NOBODY: u32 = u32::MAX;
 /// The label of what lies outside the image.

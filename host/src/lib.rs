@@ -17,6 +17,7 @@ pub mod geometry;
 pub mod image_file;
 mod input;
 pub mod matching;
+pub mod mccnn;
 pub mod measured;
 pub mod method;
 pub mod metrics;

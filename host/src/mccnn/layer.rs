@@ -1,0 +1,194 @@
+//! Layers of a network as products of matrices, with the widest vectors that the processor has.
+//!
+//! A product is computed in tiles of some positions and [`PANEL`] outputs, whose sums stay in registers from the first input to the last. The
+//! inputs of neighbouring positions overlap where the layer is a convolution, so that they are read where they are, and nothing is rearranged
+//! but the weights, once. Sums are fused multiplications and additions in the order of the inputs: the same bits with any vectors.
+
+use std::ops::Range;
+
+use pulp::{Arch, Simd, WithSimd};
+
+/// Outputs that are computed together: two of the widest vectors.
+pub(crate) const PANEL: usize = 32;
+
+/// The weights of one input to the outputs of a panel, which start where vectors are loaded fastest.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+struct Weights([f32; PANEL]);
+
+/// The weights and biases of a layer, in panels of [`PANEL`] outputs; those beyond the last output are 0.
+#[derive(Clone, Debug)]
+pub(crate) struct Layer {
+    inputs: usize,
+    outputs: usize,
+    biases: Vec<Weights>,
+    /// Panel by panel, and in it input by input.
+    weights: Vec<Weights>,
+}
+
+impl Layer {
+    /// The layer with these biases, one for each output, and the `weight` from an input to an output.
+    pub fn new(inputs: usize, biases: &[f32], weight: impl Fn(usize, usize) -> f32) -> Layer {
+        let mut layer = Layer { inputs, outputs: biases.len(), biases: Vec::new(), weights: Vec::new() };
+        for (panel, biases) in biases.chunks(PANEL).enumerate() {
+            let fill = |value: &dyn Fn(usize) -> f32| {
+                let mut line = Weights([0.0; PANEL]);
+                line.0[..biases.len()].iter_mut().enumerate().for_each(|(output, line)| *line = value(output));
+                line
+            };
+            layer.biases.push(fill(&|output| biases[output]));
+            layer.weights.extend((0..inputs).map(|input| fill(&|output| weight(input, panel * PANEL + output))));
+        }
+        layer
+    }
+
+    /// How many outputs it has.
+    pub fn outputs(&self) -> usize {
+        self.outputs
+    }
+
+    /// What the layer makes of `count` positions: at position `i`, output `n` is its bias and the sum of its weights times the inputs, which are
+    /// as many as there are from each of the `rows`, one after another, each from `i * STRIDE` on. The rows go as far as the last position's
+    /// inputs. `out` has the outputs of each position.
+    pub fn apply<const STRIDE: usize>(&self, rows: &[&[f32]], count: usize, activation: Activation, out: &mut [f32]) {
+        assert_eq!(out.len(), count * self.outputs, "the outputs of a layer");
+        let outputs = self.outputs;
+        self.products::<STRIDE>(
+            rows,
+            count,
+            |_| 0..self.biases.len(),
+            |position, first, sums| {
+                let out = &mut out[position * outputs..][first..outputs];
+                match activation {
+                    Activation::Linear => out.iter_mut().zip(sums).for_each(|(out, &sum)| *out = sum),
+                    Activation::Relu => out.iter_mut().zip(sums).for_each(|(out, &sum)| *out = sum.max(0.0)),
+                }
+            },
+        );
+    }
+
+    /// As [`apply`](Layer::apply), but only those `panels` are computed which some positions next to each other need, and `take` is called with
+    /// each position, the first output of a panel, and the outputs of that panel.
+    pub fn products<const STRIDE: usize>(
+        &self,
+        rows: &[&[f32]],
+        count: usize,
+        panels: impl Fn(Range<usize>) -> Range<usize>,
+        take: impl FnMut(usize, usize, &[f32; PANEL]),
+    ) {
+        Arch::new().dispatch(Products::<STRIDE, _, _> { layer: self, rows, count, panels, take });
+    }
+}
+
+/// What becomes of the sum of an output.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Activation {
+    /// Nothing.
+    Linear,
+    /// 0 where it is negative.
+    Relu,
+}
+
+/// A product to be computed with some vectors.
+struct Products<'a, const STRIDE: usize, P, T> {
+    layer: &'a Layer,
+    rows: &'a [&'a [f32]],
+    count: usize,
+    panels: P,
+    take: T,
+}
+
+impl<const STRIDE: usize, P, T> WithSimd for Products<'_, STRIDE, P, T>
+where
+    P: Fn(Range<usize>) -> Range<usize>,
+    T: FnMut(usize, usize, &[f32; PANEL]),
+{
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        // Sums, a position's inputs and weights fill the registers: 32 of AVX-512 and Neon, 16 of AVX2.
+        match S::F32_LANES {
+            16 => self.tiles::<S, 14, 2>(simd),
+            8 => self.tiles::<S, 6, 2>(simd),
+            _ => self.tiles::<S, 6, 4>(simd),
+        }
+    }
+}
+
+impl<const STRIDE: usize, P, T> Products<'_, STRIDE, P, T>
+where
+    P: Fn(Range<usize>) -> Range<usize>,
+    T: FnMut(usize, usize, &[f32; PANEL]),
+{
+    /// Goes over tiles of `POSITIONS` x [`PANEL`] sums, which are computed in parts of `VECTORS` vectors a position.
+    #[inline(always)]
+    fn tiles<S: Simd, const POSITIONS: usize, const VECTORS: usize>(self, simd: S) {
+        let Products { layer, rows, count, panels, mut take } = self;
+        let length = layer.inputs / rows.len();
+        let reach = (POSITIONS - 1) * STRIDE + length;
+        // A tile does not fit a shorter product.
+        let padded: Vec<Vec<f32>>;
+        let padded_rows: Vec<&[f32]>;
+        let rows = if count < POSITIONS {
+            padded = rows.iter().map(|row| row.iter().copied().chain(std::iter::repeat(0.0)).take(reach).collect()).collect();
+            padded_rows = padded.iter().map(Vec::as_slice).collect();
+            &padded_rows
+        } else {
+            rows
+        };
+        let mut sums = [[0.0; PANEL]; POSITIONS];
+        let mut done = 0;
+        while done < count {
+            // The last tile goes back over positions that are done, rather than beyond the end.
+            let first = done.min(count.saturating_sub(POSITIONS));
+            let end = count.min(first + POSITIONS);
+            for panel in panels(done..end) {
+                let weights = &layer.weights[panel * layer.inputs..][..layer.inputs];
+                tile::<S, STRIDE, POSITIONS, VECTORS>(
+                    simd,
+                    rows.iter().map(|row| &row[first * STRIDE..][..reach]),
+                    &layer.biases[panel],
+                    weights.chunks_exact(length),
+                    &mut sums,
+                );
+                for position in done..end {
+                    take(position, panel * PANEL, &sums[position - first]);
+                }
+            }
+            done = end;
+        }
+    }
+}
+
+/// The sums of a tile.
+#[inline(always)]
+fn tile<'a, S: Simd, const STRIDE: usize, const POSITIONS: usize, const VECTORS: usize>(
+    simd: S,
+    rows: impl Iterator<Item = &'a [f32]> + Clone,
+    biases: &Weights,
+    weights: impl Iterator<Item = &'a [Weights]> + Clone,
+    sums: &mut [[f32; PANEL]; POSITIONS],
+) {
+    let vectors = |weights: &Weights, part: usize| -> [S::f32s; VECTORS] {
+        let vectors = S::as_simd_f32s(&weights.0).0;
+        std::array::from_fn(|i| vectors[part * VECTORS + i])
+    };
+    for part in 0..PANEL / S::F32_LANES / VECTORS {
+        let mut accumulators = [vectors(biases, part); POSITIONS];
+        for (row, weights) in rows.clone().zip(weights.clone()) {
+            for (inputs, weights) in row.windows((POSITIONS - 1) * STRIDE + 1).zip(weights) {
+                let weights = vectors(weights, part);
+                for position in 0..POSITIONS {
+                    let input = simd.splat_f32s(inputs[position * STRIDE]);
+                    for i in 0..VECTORS {
+                        accumulators[position][i] = simd.mul_add_e_f32s(input, weights[i], accumulators[position][i]);
+                    }
+                }
+            }
+        }
+        for (sums, accumulators) in sums.iter_mut().zip(&accumulators) {
+            S::as_mut_simd_f32s(sums).0[part * VECTORS..][..VECTORS].copy_from_slice(accumulators);
+        }
+    }
+}

@@ -13,7 +13,7 @@ const MAGIC: &[u8] = b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19.
 const VERSION: &[u8] = b"\x80\x02M\xe9\x03.";
 
 /// The tensors of the state dictionary `model` in a file with the contents `bytes`, or what is wrong with it.
-pub(super) fn model(bytes: &[u8]) -> Result<BTreeMap<String, Tensor>, String> {
+pub fn model(bytes: &[u8]) -> Result<BTreeMap<String, Tensor>, String> {
     let bytes =
         bytes.strip_prefix(MAGIC).and_then(|bytes| bytes.strip_prefix(VERSION)).ok_or("no file of PyTorch's old format")?;
     let mut reader = Reader { bytes };

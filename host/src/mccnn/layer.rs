@@ -2,7 +2,7 @@
 //!
 //! A product is computed in tiles of some positions and [`PANEL`] outputs, whose sums stay in registers from the first input to the last. The
 //! inputs of neighbouring positions overlap where the layer is a convolution, so that they are read where they are, and nothing is rearranged
-//! but the weights, once. Sums are fused multiplications and additions in the order of the inputs: the same bits with any vectors.
+//! but the weights, once. Sums are fused multiplications and additions in the order of the inputs: the same bits with any vectors that have them (AVX2, AVX-512, Neon).
 
 use std::ops::Range;
 
@@ -40,11 +40,6 @@ impl Layer {
             layer.weights.extend((0..inputs).map(|input| fill(&|output| weight(input, panel * PANEL + output))));
         }
         layer
-    }
-
-    /// How many outputs it has.
-    pub fn outputs(&self) -> usize {
-        self.outputs
     }
 
     /// What the layer makes of `count` positions: at position `i`, output `n` is its bias and the sum of its weights times the inputs, which are
@@ -190,5 +185,85 @@ fn tile<'a, S: Simd, const STRIDE: usize, const POSITIONS: usize, const VECTORS:
         for (sums, accumulators) in sums.iter_mut().zip(&accumulators) {
             S::as_mut_simd_f32s(sums).0[part * VECTORS..][..VECTORS].copy_from_slice(accumulators);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A random number from -1 to 1.
+    fn random(seed: &mut u32) -> f32 {
+        *seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (*seed >> 8) as f32 / (1 << 23) as f32 - 1.0
+    }
+
+    /// What `simd` makes of the layer, for those panels that `panels` names.
+    fn outputs<const STRIDE: usize>(
+        simd: impl Simd,
+        layer: &Layer,
+        rows: &[&[f32]],
+        count: usize,
+        panels: impl Fn(Range<usize>) -> Range<usize>,
+    ) -> Vec<f32> {
+        let mut out = vec![f32::NAN; count * layer.outputs];
+        let take = |position: usize, first: usize, sums: &[f32; PANEL]| {
+            let out = &mut out[position * layer.outputs..][first..layer.outputs];
+            for (out, sum) in out.iter_mut().zip(sums) {
+                assert!(out.is_nan(), "position {position} comes once");
+                *out = *sum;
+            }
+        };
+        Simd::vectorize(simd, Products::<STRIDE, _, _> { layer, rows, count, panels, take });
+        out
+    }
+
+    /// Compares a random layer with direct sums in `f64`, and all vectors that there are with each other.
+    fn check<const STRIDE: usize>(rows: usize, length: usize, outputs: usize, count: usize, seed: &mut u32) {
+        let inputs = rows * length;
+        let mut values = |count: usize| -> Vec<f32> { (0..count).map(|_| random(seed)).collect() };
+        let (weights, biases) = (values(inputs * outputs), values(outputs));
+        let rows: Vec<Vec<f32>> = (0..rows).map(|_| values((count - 1) * STRIDE + length)).collect();
+        let rows: Vec<&[f32]> = rows.iter().map(Vec::as_slice).collect();
+        let layer = Layer::new(inputs, &biases, |input, output| weights[output * inputs + input]);
+
+        let mut widest = vec![0.0; count * outputs];
+        layer.apply::<STRIDE>(&rows, count, Activation::Linear, &mut widest);
+        let scalar = self::outputs::<STRIDE>(pulp::Scalar::new(), &layer, &rows, count, |_| 0..outputs.div_ceil(PANEL));
+        for (i, (&widest, &scalar)) in widest.iter().zip(&scalar).enumerate() {
+            let (position, output) = (i / outputs, i % outputs);
+            let seen = rows.iter().flat_map(|row| &row[position * STRIDE..][..length]);
+            let products = seen.zip(&weights[output * inputs..]).map(|(&x, &w)| f64::from(x) * f64::from(w));
+            let expected = f64::from(biases[output]) + products.sum::<f64>();
+            for found in [widest, scalar] {
+                let error = (f64::from(found) - expected).abs();
+                assert!(error < 1e-7 * (inputs as f64 + 1.0), "{found} instead of {expected} at {position}, {output}");
+            }
+        }
+
+        let mut relu = vec![f32::NAN; count * outputs];
+        layer.apply::<STRIDE>(&rows, count, Activation::Relu, &mut relu);
+        assert!(relu.iter().zip(&widest).all(|(&relu, &linear)| relu == linear.max(0.0)));
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = pulp::x86::V3::try_new() {
+            let last = outputs.div_ceil(PANEL) - 1;
+            let found = self::outputs::<STRIDE>(simd, &layer, &rows, count, |_| last..last + 1);
+            for (i, (found, widest)) in found.iter().zip(&widest).enumerate() {
+                assert!(if i % outputs < last * PANEL { found.is_nan() } else { found == widest }, "AVX2, {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn layers_of_any_size_are_direct_sums() {
+        let mut seed = 1;
+        for count in [1, 2, 5, 6, 7, 13, 14, 15, 28, 33] {
+            check::<1>(3, 3, 64, count, &mut seed);
+            check::<64>(1, 64, 31 + count, count, &mut seed);
+            check::<112>(1, 112, 384, count, &mut seed);
+        }
+        check::<64>(3, 192, 64, 17, &mut seed);
+        check::<112>(3, 336, 112, 9, &mut seed);
+        check::<384>(1, 384, 384, 15, &mut seed);
     }
 }

@@ -10,9 +10,9 @@
 //! - The cost of a match is the negative similarity of two patches. The fast network takes the cosine between their features, the accurate
 //!   one asks four more layers: [`Costs`].
 //!
-//! Arithmetic is in `f32`. Sums are fused and have a fixed order: costs are the same bits with any vectors and any number of threads.
+//! Arithmetic is in `f32`. Sums are fused and have a fixed order: features and costs are the same bits with AVX2, AVX-512 and Neon, and with any number of threads.
 
-mod checkpoint;
+pub mod checkpoint;
 mod costs;
 mod features;
 mod layer;
@@ -23,4 +23,4 @@ mod weights;
 pub use costs::Costs;
 pub use features::Features;
 pub use network::{Input, Network};
-pub use weights::{Architecture, Weights};
+pub use weights::{Architecture, Tensor, Weights};

@@ -174,10 +174,10 @@ fn tile<'a, S: Simd, const STRIDE: usize, const POSITIONS: usize, const VECTORS:
         for (row, weights) in rows.clone().zip(weights.clone()) {
             for (inputs, weights) in row.windows((POSITIONS - 1) * STRIDE + 1).zip(weights) {
                 let weights = vectors(weights, part);
-                for position in 0..POSITIONS {
+                for (position, accumulators) in accumulators.iter_mut().enumerate() {
                     let input = simd.splat_f32s(inputs[position * STRIDE]);
-                    for i in 0..VECTORS {
-                        accumulators[position][i] = simd.mul_add_e_f32s(input, weights[i], accumulators[position][i]);
+                    for (sum, weight) in accumulators.iter_mut().zip(weights) {
+                        *sum = simd.mul_add_e_f32s(input, weight, *sum);
                     }
                 }
             }

@@ -177,7 +177,7 @@ impl Pair<'_> {
             let [from, to] = [from, to].map(|place| place.clamp(0, count as i32) as usize);
             if from < to { from / PANEL..to.div_ceil(PANEL) } else { 0..0 }
         };
-        layer.products::<64>(&[center], center.len() / channels, panels, |pixel, first, products| {
+        layer.products::<1, 64>([center], center.len() / channels, panels, |pixel, first, products| {
             let out = &mut out[pixel * stride..][..depth as usize];
             let products = &products[..PANEL.min(count - first)];
             // The candidate of the first product; its neighbour's is the next or the one before.

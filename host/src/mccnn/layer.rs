@@ -2,9 +2,10 @@
 //!
 //! A product is computed in tiles of some positions and [`PANEL`] outputs, whose sums stay in registers from the first input to the last. The
 //! inputs of neighbouring positions overlap where the layer is a convolution, so that they are read where they are, and nothing is rearranged
-//! but the weights, once. Sums are fused multiplications and additions in the order of the inputs: the same bits with any vectors that have them (AVX2, AVX-512, Neon).
+//! but the weights, once. Sums are fused multiplications and additions in the order of the inputs: the same bits with any vectors that have
+//! them (AVX2, AVX-512, Neon).
 
-use std::ops::Range;
+use std::{array, iter, ops::Range};
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -42,13 +43,22 @@ impl Layer {
         layer
     }
 
-    /// What the layer makes of `count` positions: at position `i`, output `n` is its bias and the sum of its weights times the inputs, which are
-    /// as many as there are from each of the `rows`, one after another, each from `i * STRIDE` on. The rows go as far as the last position's
-    /// inputs. `out` has the outputs of each position.
-    pub fn apply<const STRIDE: usize>(&self, rows: &[&[f32]], count: usize, activation: Activation, out: &mut [f32]) {
+    /// What the layer makes of a line of `count` positions, as a convolution of `SIDE` x `SIDE` pixels of so many channels: at position `i`,
+    /// output `n` is its bias and the sum of its weights times the inputs, which are the pixels `i` to `i + SIDE` of one row after another. Of
+    /// a fully connected layer, `SIDE` is 1. `out` has the outputs of one position after another.
+    ///
+    /// # Panics
+    /// If the rows are shorter than that, or the layer has another number of inputs, or `out` has another length.
+    pub fn apply<const SIDE: usize, const CHANNELS: usize>(
+        &self,
+        rows: [&[f32]; SIDE],
+        count: usize,
+        activation: Activation,
+        out: &mut [f32],
+    ) {
         assert_eq!(out.len(), count * self.outputs, "the outputs of a layer");
         let outputs = self.outputs;
-        self.products::<STRIDE>(
+        self.products::<SIDE, CHANNELS>(
             rows,
             count,
             |_| 0..self.biases.len(),
@@ -64,14 +74,14 @@ impl Layer {
 
     /// As [`apply`](Layer::apply), but only those `panels` are computed which some positions next to each other need, and `take` is called with
     /// each position, the first output of a panel, and the outputs of that panel.
-    pub fn products<const STRIDE: usize>(
+    pub fn products<const SIDE: usize, const CHANNELS: usize>(
         &self,
-        rows: &[&[f32]],
+        rows: [&[f32]; SIDE],
         count: usize,
         panels: impl Fn(Range<usize>) -> Range<usize>,
         take: impl FnMut(usize, usize, &[f32; PANEL]),
     ) {
-        Arch::new().dispatch(Products::<STRIDE, _, _> { layer: self, rows, count, panels, take });
+        Arch::new().dispatch(Products::<SIDE, CHANNELS, _, _> { layer: self, rows, count, panels, take });
     }
 }
 
@@ -85,15 +95,15 @@ pub(crate) enum Activation {
 }
 
 /// A product to be computed with some vectors.
-struct Products<'a, const STRIDE: usize, P, T> {
+struct Products<'a, const SIDE: usize, const CHANNELS: usize, P, T> {
     layer: &'a Layer,
-    rows: &'a [&'a [f32]],
+    rows: [&'a [f32]; SIDE],
     count: usize,
     panels: P,
     take: T,
 }
 
-impl<const STRIDE: usize, P, T> WithSimd for Products<'_, STRIDE, P, T>
+impl<const SIDE: usize, const CHANNELS: usize, P, T> WithSimd for Products<'_, SIDE, CHANNELS, P, T>
 where
     P: Fn(Range<usize>) -> Range<usize>,
     T: FnMut(usize, usize, &[f32; PANEL]),
@@ -102,7 +112,7 @@ where
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        // Sums, a position's inputs and weights fill the registers: 32 of AVX-512 and Neon, 16 of AVX2.
+        // Sums, an input and its weights fill the registers: 32 of AVX-512 and Neon, 16 of AVX2.
         match S::F32_LANES {
             16 => self.tiles::<S, 14, 2>(simd),
             8 => self.tiles::<S, 6, 2>(simd),
@@ -111,24 +121,25 @@ where
     }
 }
 
-impl<const STRIDE: usize, P, T> Products<'_, STRIDE, P, T>
+impl<const SIDE: usize, const CHANNELS: usize, P, T> Products<'_, SIDE, CHANNELS, P, T>
 where
     P: Fn(Range<usize>) -> Range<usize>,
     T: FnMut(usize, usize, &[f32; PANEL]),
 {
+    /// Inputs of a position from a row.
+    const LENGTH: usize = SIDE * CHANNELS;
+
     /// Goes over tiles of `POSITIONS` x [`PANEL`] sums, which are computed in parts of `VECTORS` vectors a position.
     #[inline(always)]
     fn tiles<S: Simd, const POSITIONS: usize, const VECTORS: usize>(self, simd: S) {
         let Products { layer, rows, count, panels, mut take } = self;
-        let length = layer.inputs / rows.len();
-        let reach = (POSITIONS - 1) * STRIDE + length;
-        // A tile does not fit a shorter product.
-        let padded: Vec<Vec<f32>>;
-        let padded_rows: Vec<&[f32]>;
+        assert_eq!(layer.inputs, SIDE * Self::LENGTH, "the inputs of a layer");
+        let reach = (POSITIONS - 1) * CHANNELS + Self::LENGTH;
+        // A tile does not fit a shorter line.
+        let padded: [Vec<f32>; SIDE];
         let rows = if count < POSITIONS {
-            padded = rows.iter().map(|row| row.iter().copied().chain(std::iter::repeat(0.0)).take(reach).collect()).collect();
-            padded_rows = padded.iter().map(Vec::as_slice).collect();
-            &padded_rows
+            padded = rows.map(|row| row.iter().copied().chain(iter::repeat(0.0)).take(reach).collect());
+            array::from_fn(|i| padded[i].as_slice())
         } else {
             rows
         };
@@ -139,14 +150,9 @@ where
             let first = done.min(count.saturating_sub(POSITIONS));
             let end = count.min(first + POSITIONS);
             for panel in panels(done..end) {
+                let rows = rows.map(|row| &row[first * CHANNELS..][..reach]);
                 let weights = &layer.weights[panel * layer.inputs..][..layer.inputs];
-                tile::<S, STRIDE, POSITIONS, VECTORS>(
-                    simd,
-                    rows.iter().map(|row| &row[first * STRIDE..][..reach]),
-                    &layer.biases[panel],
-                    weights.chunks_exact(length),
-                    &mut sums,
-                );
+                Self::tile::<S, POSITIONS, VECTORS>(simd, rows, &layer.biases[panel], weights, &mut sums);
                 for position in done..end {
                     take(position, panel * PANEL, &sums[position - first]);
                 }
@@ -154,36 +160,37 @@ where
             done = end;
         }
     }
-}
 
-/// The sums of a tile.
-#[inline(always)]
-fn tile<'a, S: Simd, const STRIDE: usize, const POSITIONS: usize, const VECTORS: usize>(
-    simd: S,
-    rows: impl Iterator<Item = &'a [f32]> + Clone,
-    biases: &Weights,
-    weights: impl Iterator<Item = &'a [Weights]> + Clone,
-    sums: &mut [[f32; PANEL]; POSITIONS],
-) {
-    let vectors = |weights: &Weights, part: usize| -> [S::f32s; VECTORS] {
-        let vectors = S::as_simd_f32s(&weights.0).0;
-        std::array::from_fn(|i| vectors[part * VECTORS + i])
-    };
-    for part in 0..PANEL / S::F32_LANES / VECTORS {
-        let mut accumulators = [vectors(biases, part); POSITIONS];
-        for (row, weights) in rows.clone().zip(weights.clone()) {
-            for (inputs, weights) in row.windows((POSITIONS - 1) * STRIDE + 1).zip(weights) {
-                let weights = vectors(weights, part);
-                for (position, accumulators) in accumulators.iter_mut().enumerate() {
-                    let input = simd.splat_f32s(inputs[position * STRIDE]);
-                    for (sum, weight) in accumulators.iter_mut().zip(weights) {
-                        *sum = simd.mul_add_e_f32s(input, weight, *sum);
+    /// The sums of a tile.
+    #[inline(always)]
+    fn tile<S: Simd, const POSITIONS: usize, const VECTORS: usize>(
+        simd: S,
+        rows: [&[f32]; SIDE],
+        biases: &Weights,
+        weights: &[Weights],
+        sums: &mut [[f32; PANEL]; POSITIONS],
+    ) {
+        for part in 0..PANEL / S::F32_LANES / VECTORS {
+            let vectors = |weights: &Weights| -> [S::f32s; VECTORS] {
+                let vectors = S::as_simd_f32s(&weights.0).0;
+                array::from_fn(|i| vectors[part * VECTORS + i])
+            };
+            let mut accumulators = [vectors(biases); POSITIONS];
+            for (row, weights) in rows.iter().zip(weights.chunks_exact(Self::LENGTH)) {
+                // The numbers of iterations are constants, without which the compiler moves sums to memory and back.
+                for (inputs, weights) in row.windows((POSITIONS - 1) * CHANNELS + 1).zip(weights) {
+                    let weights = vectors(weights);
+                    for (position, accumulators) in accumulators.iter_mut().enumerate() {
+                        let input = simd.splat_f32s(inputs[position * CHANNELS]);
+                        for (sum, weight) in accumulators.iter_mut().zip(weights) {
+                            *sum = simd.mul_add_e_f32s(input, weight, *sum);
+                        }
                     }
                 }
             }
-        }
-        for (sums, accumulators) in sums.iter_mut().zip(&accumulators) {
-            S::as_mut_simd_f32s(sums).0[part * VECTORS..][..VECTORS].copy_from_slice(accumulators);
+            for (sums, accumulators) in sums.iter_mut().zip(&accumulators) {
+                S::as_mut_simd_f32s(sums).0[part * VECTORS..][..VECTORS].copy_from_slice(accumulators);
+            }
         }
     }
 }
@@ -199,10 +206,10 @@ mod tests {
     }
 
     /// What `simd` makes of the layer, for those panels that `panels` names.
-    fn outputs<const STRIDE: usize>(
+    fn outputs<const SIDE: usize, const CHANNELS: usize>(
         simd: impl Simd,
         layer: &Layer,
-        rows: &[&[f32]],
+        rows: [&[f32]; SIDE],
         count: usize,
         panels: impl Fn(Range<usize>) -> Range<usize>,
     ) -> Vec<f32> {
@@ -214,25 +221,25 @@ mod tests {
                 *out = *sum;
             }
         };
-        Simd::vectorize(simd, Products::<STRIDE, _, _> { layer, rows, count, panels, take });
+        Simd::vectorize(simd, Products::<SIDE, CHANNELS, _, _> { layer, rows, count, panels, take });
         out
     }
 
     /// Compares a random layer with direct sums in `f64`, and all vectors that there are with each other.
-    fn check<const STRIDE: usize>(rows: usize, length: usize, outputs: usize, count: usize, seed: &mut u32) {
-        let inputs = rows * length;
+    fn check<const SIDE: usize, const CHANNELS: usize>(outputs: usize, count: usize, seed: &mut u32) {
+        let inputs = SIDE * SIDE * CHANNELS;
         let mut values = |count: usize| -> Vec<f32> { (0..count).map(|_| random(seed)).collect() };
         let (weights, biases) = (values(inputs * outputs), values(outputs));
-        let rows: Vec<Vec<f32>> = (0..rows).map(|_| values((count - 1) * STRIDE + length)).collect();
-        let rows: Vec<&[f32]> = rows.iter().map(Vec::as_slice).collect();
+        let rows: [Vec<f32>; SIDE] = array::from_fn(|_| values((count - 1 + SIDE) * CHANNELS));
+        let rows: [&[f32]; SIDE] = array::from_fn(|i| rows[i].as_slice());
         let layer = Layer::new(inputs, &biases, |input, output| weights[output * inputs + input]);
 
         let mut widest = vec![0.0; count * outputs];
-        layer.apply::<STRIDE>(&rows, count, Activation::Linear, &mut widest);
-        let scalar = self::outputs::<STRIDE>(pulp::Scalar::new(), &layer, &rows, count, |_| 0..outputs.div_ceil(PANEL));
+        layer.apply::<SIDE, CHANNELS>(rows, count, Activation::Linear, &mut widest);
+        let scalar = self::outputs::<SIDE, CHANNELS>(pulp::Scalar::new(), &layer, rows, count, |_| 0..outputs.div_ceil(PANEL));
         for (i, (&widest, &scalar)) in widest.iter().zip(&scalar).enumerate() {
             let (position, output) = (i / outputs, i % outputs);
-            let seen = rows.iter().flat_map(|row| &row[position * STRIDE..][..length]);
+            let seen = rows.iter().flat_map(|row| &row[position * CHANNELS..][..SIDE * CHANNELS]);
             let products = seen.zip(&weights[output * inputs..]).map(|(&x, &w)| f64::from(x) * f64::from(w));
             let expected = f64::from(biases[output]) + products.sum::<f64>();
             for found in [widest, scalar] {
@@ -242,12 +249,12 @@ mod tests {
         }
 
         let mut relu = vec![f32::NAN; count * outputs];
-        layer.apply::<STRIDE>(&rows, count, Activation::Relu, &mut relu);
+        layer.apply::<SIDE, CHANNELS>(rows, count, Activation::Relu, &mut relu);
         assert!(relu.iter().zip(&widest).all(|(&relu, &linear)| relu == linear.max(0.0)));
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = pulp::x86::V3::try_new() {
             let last = outputs.div_ceil(PANEL) - 1;
-            let found = self::outputs::<STRIDE>(simd, &layer, &rows, count, |_| last..last + 1);
+            let found = self::outputs::<SIDE, CHANNELS>(simd, &layer, rows, count, |_| last..last + 1);
             for (i, (found, widest)) in found.iter().zip(&widest).enumerate() {
                 assert!(if i % outputs < last * PANEL { found.is_nan() } else { found == widest }, "AVX2, {i}");
             }
@@ -258,12 +265,12 @@ mod tests {
     fn layers_of_any_size_are_direct_sums() {
         let mut seed = 1;
         for count in [1, 2, 5, 6, 7, 13, 14, 15, 28, 33] {
-            check::<1>(3, 3, 64, count, &mut seed);
-            check::<64>(1, 64, 31 + count, count, &mut seed);
-            check::<112>(1, 112, 384, count, &mut seed);
+            check::<3, 1>(64, count, &mut seed);
+            check::<1, 64>(31 + count, count, &mut seed);
+            check::<1, 112>(384, count, &mut seed);
         }
-        check::<64>(3, 192, 64, 17, &mut seed);
-        check::<112>(3, 336, 112, 9, &mut seed);
-        check::<384>(1, 384, 384, 15, &mut seed);
+        check::<3, 64>(64, 17, &mut seed);
+        check::<3, 112>(112, 9, &mut seed);
+        check::<1, 384>(384, 15, &mut seed);
     }
 }

@@ -155,7 +155,12 @@ impl Network {
             Comparison::Cosine => self.features(input, rows),
             Comparison::Connected(connected) => self.describe(input, rows, HIDDEN, |features, out| {
                 let layer = if side == Side::Center { &connected.center } else { &connected.view };
-                layer.apply::<112>(&[&features], features.len() / 112, Activation::Linear, out);
+                layer.apply::<1, { Connected::CHANNELS }>(
+                    [&features],
+                    features.len() / Connected::CHANNELS,
+                    Activation::Linear,
+                    out,
+                );
             }),
         }
     }
@@ -190,8 +195,8 @@ impl Network {
         let (mut width, mut height) = (input.width + 2 * BORDER - 2, rows.len() + 2 * BORDER - 2);
         let mut values = vec![0.0; height * width * CHANNELS];
         for (y, out) in values.chunks_exact_mut(width * CHANNELS).enumerate() {
-            let inputs = array::from_fn::<_, 3, _>(|i| input.row(rows.start + y + i));
-            first.apply::<1>(&inputs, width, Activation::Relu, out);
+            let inputs = array::from_fn(|i| input.row(rows.start + y + i));
+            first.apply::<3, 1>(inputs, width, Activation::Relu, out);
         }
 
         let mut line = vec![0.0; width * CHANNELS];
@@ -202,8 +207,8 @@ impl Network {
             (width, height) = (width - 2, height - 2);
             let out = &mut line[..width * CHANNELS];
             for y in 0..height {
-                let inputs = array::from_fn::<_, 3, _>(|i| &values[(y + i) * before..][..before]);
-                layer.apply::<CHANNELS>(&inputs, width, activation, out);
+                let inputs = array::from_fn(|i| &values[(y + i) * before..][..before]);
+                layer.apply::<3, CHANNELS>(inputs, width, activation, out);
                 // Rows take the place of those that they were made of: further ones do not need these.
                 values[y * out.len()..][..out.len()].copy_from_slice(out);
             }
@@ -244,8 +249,8 @@ impl Connected {
     pub fn similarities(&self, pairs: &mut [f32], spare: &mut [f32], mut take: impl FnMut(usize, f32)) {
         let count = pairs.len() / HIDDEN;
         let [first, second] = &self.hidden;
-        first.apply::<HIDDEN>(&[pairs], count, Activation::Relu, spare);
-        second.apply::<HIDDEN>(&[spare], count, Activation::Relu, pairs);
+        first.apply::<1, HIDDEN>([pairs], count, Activation::Relu, spare);
+        second.apply::<1, HIDDEN>([spare], count, Activation::Relu, pairs);
         for (pair, values) in pairs.chunks_exact(HIDDEN).enumerate() {
             let score = dot(values, &self.weights) + self.bias;
             take(pair, 1.0 / (1.0 + (-score).exp()));

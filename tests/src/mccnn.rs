@@ -20,6 +20,11 @@ pub fn weights() -> Option<PathBuf> {
     folders.into_iter().flatten().find(is_complete)
 }
 
+/// A wheel of the Python package: `$MULTISCOPIC_MCCNN_WHEEL`.
+pub fn wheel() -> Option<PathBuf> {
+    env::var_os("MULTISCOPIC_MCCNN_WHEEL").map(PathBuf::from)
+}
+
 /// The file of a network, `fast` or `accurate`.
 pub fn file_name(network: &str) -> String {
     format!("mc_cnn_{network}_mb_weights.safetensors")

@@ -158,7 +158,7 @@ impl Weights {
                     return Err(format!("{name} of shape {:?} instead of {shape:?}", tensor.shape));
                 }
                 Some(tensor) if !tensor.values.iter().all(|value| value.is_finite()) => {
-                    return Err(format!("{name} with infinite values"));
+                    return Err(format!("{name} with values that are not finite"));
                 }
                 Some(_) => {}
             }

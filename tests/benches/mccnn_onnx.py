@@ -5,8 +5,8 @@
     multiscopic weights install && cargo build --release -p multiscopic-tests --example mccnn
     tests/benches/mccnn_onnx.py $(multiscopic weights path | head -1)
 
-Features of the fast network on noise, one thread, the best of some runs in each turn. What is printed is the best over all turns, the ratio, and
-10^9 multiplications with addition (MAC) in a second.
+Features of the fast network on noise, one thread, the best of some runs in each turn. What is printed is the best over all turns, the
+ratio, and 10^9 multiplications with addition (MAC) in a second.
 """
 
 import argparse

@@ -8,8 +8,8 @@ use std::{
 
 use crate::random::Random;
 
-/// The folder of the weights: `$MULTISCOPIC_WEIGHTS`, the cache of `multiscopic weights install`, then `../shared/weights` beside the
-/// repository; `None` if neither has them.
+/// The folder of the weights: `$MULTISCOPIC_WEIGHTS`, the cache of `multiscopic weights install`, then `../shared/weights` beside
+/// the repository; `None` if neither has them.
 pub fn weights() -> Option<PathBuf> {
     let given = env::var_os("MULTISCOPIC_WEIGHTS").map(PathBuf::from);
     let cache =

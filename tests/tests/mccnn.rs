@@ -1,7 +1,7 @@
 //! The networks MC-CNN against their definition, with random weights; and with the published weights against the Python package.
 //!
-//! Tests of the published weights are reported as ignored where these are not, see [`multiscopic_tests::mccnn::weights`]; so is that of their
-//! conversion where there is no [wheel](multiscopic_tests::mccnn::wheel).
+//! Tests of the published weights are reported as ignored where these are not, see [`multiscopic_tests::mccnn::weights`]; so is
+//! that of their conversion where there is no [wheel](multiscopic_tests::mccnn::wheel).
 
 use std::{
     collections::BTreeMap,
@@ -239,7 +239,8 @@ fn golden(name: &'static str, folder: &Path) -> Result<(), Failed> {
     if greatest < LIMIT { Ok(()) } else { Err(format!("costs differ by {greatest}").into()) }
 }
 
-/// A file as PyTorch writes it; and that one cut off or changed anywhere, which must not be taken for one, or at least do no harm.
+/// A file as PyTorch writes it; and that one cut off or changed anywhere, which must not be taken for one, or at least do no
+/// harm.
 fn checkpoints() -> Result<(), Failed> {
     let bytes = fs::read(golden_file("legacy.pt"))?;
     let expected = vectors()["legacy"].as_object().expect("tensors").clone();
@@ -253,6 +254,9 @@ fn checkpoints() -> Result<(), Failed> {
     for length in 0..bytes.len() {
         assert!(checkpoint::model(&bytes[..length]).is_err(), "the first {length} bytes");
     }
+    // A tuple in a tuple in a tuple, where the first pickle behind the version is.
+    let nested = [&bytes[..23], b")", &b"\x85".repeat(1 << 20), b"."].concat();
+    assert!(checkpoint::model(&nested).expect_err("it is refused").contains("operations"));
     let mut random = Random(14);
     for _ in 0..20_000 {
         let mut changed = bytes.clone();

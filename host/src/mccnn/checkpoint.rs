@@ -1,7 +1,7 @@
 //! Files of PyTorch in the format that it had before 1.6: pickles, and behind them the values of the tensors.
 //!
-//! A pickle is a program for a stack machine. This reads what state dictionaries need of it and nothing else: a pickle cannot name anything
-//! that is run, and what is not understood is an error.
+//! A pickle is a program for a stack machine. This reads what state dictionaries need of it and nothing else: a pickle cannot
+//! name anything that is run, and what is not understood is an error.
 
 use std::{collections::BTreeMap, rc::Rc};
 
@@ -11,6 +11,9 @@ use super::weights::Tensor;
 const MAGIC: &[u8] = b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19.";
 /// The pickle of the format's version, 1001.
 const VERSION: &[u8] = b"\x80\x02M\xe9\x03.";
+
+/// Operations of a pickle, at most: several times what a network's need, and so few that nothing can be nested too deeply.
+const MAX_OPERATIONS: usize = 8192;
 
 /// The tensors of the state dictionary `model` in a file with the contents `bytes`, or what is wrong with it.
 pub fn model(bytes: &[u8]) -> Result<BTreeMap<String, Tensor>, String> {
@@ -134,7 +137,7 @@ impl<'a> Reader<'a> {
             return Err("no pickle of protocol 2".into());
         }
         let mut machine = Machine::default();
-        loop {
+        for _ in 0..MAX_OPERATIONS {
             match self.byte()? {
                 // EMPTY_DICT, EMPTY_LIST, EMPTY_TUPLE
                 b'}' => machine.push(Value::Dictionary(Vec::new())),
@@ -216,6 +219,7 @@ impl<'a> Reader<'a> {
                 other => return Err(format!("operation {other:#04x}, which no state dictionary needs")),
             }
         }
+        Err(format!("a pickle of more than {MAX_OPERATIONS} operations"))
     }
 }
 

@@ -13,13 +13,15 @@ use super::{
 };
 use crate::Frames;
 
-/// Pairs of pixels that are compared at a time by fully connected layers: so many stay in the second-level cache with a layer's weights.
+/// Pairs of pixels that are compared at a time by fully connected layers: so many stay in the second-level cache with a layer's
+/// weights.
 const PAIRS: usize = 84;
 
-/// The costs of matching a centre image with its views, band by band of rows, so that memory for features is bounded by a band's height.
+/// The costs of matching a centre image with its views, band by band of rows, so that memory for features is bounded by a band's
+/// height.
 ///
-/// The cost of a match is the negative similarity of the patches around both pixels: from -1 (the same) to 1 by the fast network's cosine, and
-/// from -1 to 0 by the accurate network. It is +inf where the match lies outside the image.
+/// The cost of a match is the negative similarity of the patches around both pixels: from -1 (the same) to 1 by the fast
+/// network's cosine, and from -1 to 0 by the accurate network. It is +inf where the match lies outside the image.
 #[derive(Clone, Debug)]
 pub struct Costs<'a> {
     network: &'a Network,
@@ -68,8 +70,8 @@ impl<'a> Costs<'a> {
         (32 * threads).max(64)
     }
 
-    /// Computes the costs of the pixels of `rows` by the threads of the current pool. `out` has a slice for each view, in the order of
-    /// [`Params::views`]: in it, row by row and pixel by pixel, the costs from the least disparity on.
+    /// Computes the costs of the pixels of `rows` by the threads of the current pool. `out` has a slice for each view, in the
+    /// order of [`Params::views`]: in it, row by row and pixel by pixel, the costs from the least disparity on.
     ///
     /// Rows are best asked for from the top down, each once: what views above and below need again is kept.
     ///
@@ -135,7 +137,8 @@ struct Pair<'a> {
 }
 
 impl Pair<'_> {
-    /// The negative products of features, for the pixels of `rows`: lines of the image along which matches move, one after the other.
+    /// The negative products of features, for the pixels of `rows`: lines of the image along which matches move, one after the
+    /// other.
     fn cosines(&self, rows: Range<usize>, out: &mut [f32]) {
         let (width, depth) = (self.center.width(), self.num_disparities);
         if self.view.is_horizontal() {
@@ -153,8 +156,8 @@ impl Pair<'_> {
         }
     }
 
-    /// The costs along a line of pixels with features `center`, where `matched` are those of `count` pixels from `offset` on. The costs of a
-    /// pixel are `stride` after those of the one before.
+    /// The costs along a line of pixels with features `center`, where `matched` are those of `count` pixels from `offset` on. The
+    /// costs of a pixel are `stride` after those of the one before.
     fn line<'a>(
         &self,
         center: &[f32],

@@ -1,9 +1,9 @@
 //! Layers of a network as products of matrices, with the widest vectors that the processor has.
 //!
-//! A product is computed in tiles of some positions and [`PANEL`] outputs, whose sums stay in registers from the first input to the last. The
-//! inputs of neighbouring positions overlap where the layer is a convolution, so that they are read where they are, and nothing is rearranged
-//! but the weights, once. Sums are fused multiplications and additions in the order of the inputs: the same bits with any vectors that have
-//! them (AVX2, AVX-512, Neon).
+//! A product is computed in tiles of some positions and [`PANEL`] outputs, whose sums stay in registers from the first input to
+//! the last. The inputs of neighbouring positions overlap where the layer is a convolution, so that they are read where they are,
+//! and nothing is rearranged but the weights, once. Sums are fused multiplications and additions in the order of the inputs: the
+//! same bits with any vectors that have them (AVX2, AVX-512, Neon).
 
 use std::{array, iter, ops::Range};
 
@@ -43,9 +43,9 @@ impl Layer {
         layer
     }
 
-    /// What the layer makes of a line of `count` positions, as a convolution of `SIDE` x `SIDE` pixels of so many channels: at position `i`,
-    /// output `n` is its bias and the sum of its weights times the inputs, which are the pixels `i` to `i + SIDE` of one row after another. Of
-    /// a fully connected layer, `SIDE` is 1. `out` has the outputs of one position after another.
+    /// What the layer makes of a line of `count` positions, as a convolution of `SIDE` x `SIDE` pixels of so many channels: at
+    /// position `i`, output `n` is its bias and the sum of its weights times the inputs, which are the pixels `i` to `i + SIDE`
+    /// of one row after another. Of a fully connected layer, `SIDE` is 1. `out` has the outputs of one position after another.
     ///
     /// # Panics
     /// If the rows are shorter than that, or the layer has another number of inputs, or `out` has another length.
@@ -72,8 +72,8 @@ impl Layer {
         );
     }
 
-    /// As [`apply`](Layer::apply), but only those `panels` are computed which some positions next to each other need, and `take` is called with
-    /// each position, the first output of a panel, and the outputs of that panel.
+    /// As [`apply`](Layer::apply), but only those `panels` are computed which some positions next to each other need, and `take`
+    /// is called with each position, the first output of a panel, and the outputs of that panel.
     pub fn products<const SIDE: usize, const CHANNELS: usize>(
         &self,
         rows: [&[f32]; SIDE],

@@ -83,8 +83,8 @@ pub(super) enum Comparison {
     Connected(Box<Connected>),
 }
 
-/// The fully connected layers. The first sees the features of both pixels side by side, so its sums have a part of the one and a part of
-/// the other, and each part is computed once for a pixel, not for each pair.
+/// The fully connected layers. The first sees the features of both pixels side by side, so its sums have a part of the one and a
+/// part of the other, and each part is computed once for a pixel, not for each pair.
 #[derive(Clone, Debug)]
 pub(super) struct Connected {
     /// The part of the centre's pixel, without a bias.
@@ -148,8 +148,8 @@ impl Network {
         self.describe(input, rows, self.architecture.channels(), |features, out| out.copy_from_slice(&features))
     }
 
-    /// What of the features of `rows` enters the comparison of pixels of one side and of the other: the features of the fast network, and what
-    /// the first connected layer makes of those of the accurate one.
+    /// What of the features of `rows` enters the comparison of pixels of one side and of the other: the features of the fast
+    /// network, and what the first connected layer makes of those of the accurate one.
     pub(super) fn operands(&self, input: &Input, rows: Range<usize>, side: Side) -> Features {
         match &self.comparison {
             Comparison::Cosine => self.features(input, rows),

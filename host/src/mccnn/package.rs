@@ -1,6 +1,7 @@
 //! The published weights, from the Python package `mccnn` to files of this program.
 //!
-//! The package's wheel is a ZIP archive. Of it only two files are read, whose SHA-256 are known, and converted: nothing of it is run.
+//! The package's wheel is a ZIP archive. Of it only two files are read, whose SHA-256 are known, and converted: nothing of it is
+//! run.
 
 use std::{
     fs::{self, File},
@@ -21,8 +22,8 @@ pub const PACKAGE: &str = "mccnn==1.4.1";
 /// The ways to call pip that are tried, in order.
 const PIPS: [&[&str]; 3] = [&["python3", "-m", "pip"], &["pip"], &["python", "-m", "pip"]];
 
-/// What pip is asked for: one wheel, whatever Python and system pip itself runs on, and nothing that it depends on. All wheels have the
-/// same weights.
+/// What pip is asked for: one wheel, whatever Python and system pip itself runs on, and nothing that it depends on. All wheels
+/// have the same weights.
 const DOWNLOAD: [&str; 11] = [
     "download",
     "--quiet",
@@ -52,8 +53,8 @@ impl Architecture {
     }
 }
 
-/// Downloads the package by pip and installs the weights of both networks into `folder`, which is made if it is not there. Returns
-/// their files. What was there is replaced, each file whole or not at all.
+/// Downloads the package by pip and installs the weights of both networks into `folder`, which is made if it is not there.
+/// Returns their files. What was there is replaced, each file whole or not at all.
 ///
 /// # Errors
 /// If there is no pip, it fails, or as [`install_from`] does.

@@ -55,8 +55,8 @@ impl Architecture {
         format!("mc_cnn_{}_mb_weights", self.name())
     }
 
-    /// The names and shapes of its tensors: weights are `[outputs, inputs, 3, 3]` in convolutions and `[outputs, inputs]` in fully connected
-    /// layers.
+    /// The names and shapes of its tensors: weights are `[outputs, inputs, 3, 3]` in convolutions and `[outputs, inputs]` in
+    /// fully connected layers.
     pub(super) fn shapes(self) -> BTreeMap<String, Vec<usize>> {
         let channels = self.channels();
         let convolutions =
@@ -82,7 +82,8 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// The folder of the weights: `$MULTISCOPIC_WEIGHTS`, else `multiscopic` in the user's folder for caches (`$XDG_CACHE_HOME`, `~/.cache`).
+    /// The folder of the weights: `$MULTISCOPIC_WEIGHTS`, else `multiscopic` in the user's folder for caches (`$XDG_CACHE_HOME`,
+    /// `~/.cache`).
     ///
     /// # Errors
     /// If the user has no home.

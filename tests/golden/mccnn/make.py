@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Makes the golden vectors of the networks by the Python package that their weights are from, under PyTorch, on a part of the demo's scene.
+"""Makes the golden vectors of the networks by the Python package of their weights, under PyTorch, on a part of the demo's scene.
 
     pip install mccnn==1.4.1 torch numpy pillow
     multiscopic demo --width 160 --height 120 -o out/demo
     tests/golden/mccnn/make.py out/demo
 
-Beside this file it writes the images, `vectors.json`, and `legacy.pt`: a small file in PyTorch's old format, and what is in it. Images are
-extended by 5 pixels of their border once they are normalised, as this project does; all else is the package's own code.
+Beside this file it writes the images, `vectors.json`, and `legacy.pt`: a small file in PyTorch's old format, and what is in it. Images
+are extended by 5 pixels of their border once they are normalised, as this project does; all else is the package's own code.
 """
 
 import json
@@ -94,8 +94,10 @@ def main():
     optimizer.step()
     state = {"model": layers.state_dict(), "optimizer": optimizer.state_dict(), "epoch": 3}
     torch.save(state, HERE / "legacy.pt", _use_new_zipfile_serialization=False)
-    tensors = layers.state_dict().items()
-    vectors["legacy"] = {name: {"shape": list(tensor.shape), "values": [float(x) for x in tensor.ravel()]} for name, tensor in tensors}
+    vectors["legacy"] = {
+        name: {"shape": list(tensor.shape), "values": [float(x) for x in tensor.ravel()]}
+        for name, tensor in layers.state_dict().items()
+    }
 
     lines = ",\n".join(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in vectors.items())
     (HERE / "vectors.json").write_text("{\n" + lines + "\n}\n")

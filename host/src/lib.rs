@@ -22,6 +22,7 @@ pub mod graph_cuts;
 pub mod image_file;
 mod input;
 pub mod matching;
+pub mod mccnn;
 pub mod measured;
 pub mod method;
 pub mod metrics;

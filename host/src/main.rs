@@ -27,6 +27,7 @@ enum Command {
     Simulate(command::simulate::Simulate),
     Listen(command::listen::Listen),
     Devices(command::devices::Devices),
+    Weights(command::weights::WeightsCommand),
 }
 
 fn main() -> ExitCode {
@@ -50,6 +51,7 @@ fn main() -> ExitCode {
         Command::Simulate(command) => command.run(),
         Command::Listen(command) => command.run(),
         Command::Devices(command) => command.run(),
+        Command::Weights(command) => command.run(),
     };
     done.unwrap_or_else(|error| {
         terminal::say(&error.to_string());

@@ -52,7 +52,16 @@ pub struct Run {
 impl Run {
     /// Runs the command line to its end.
     pub fn new<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Run {
-        let output = Command::new(binary()).args(arguments).stdin(Stdio::null()).output().expect("the command line runs");
+        Run::with(arguments, [])
+    }
+
+    /// The same in an environment with these variables too.
+    pub fn with<A: AsRef<OsStr>>(
+        arguments: impl IntoIterator<Item = A>,
+        variables: impl IntoIterator<Item = (&'static str, PathBuf)>,
+    ) -> Run {
+        let mut command = Command::new(binary());
+        let output = command.args(arguments).envs(variables).stdin(Stdio::null()).output().expect("the command line runs");
         let text = |bytes| String::from_utf8(bytes).expect("the output is UTF-8");
         Run { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
     }

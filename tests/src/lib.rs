@@ -14,6 +14,7 @@ pub mod loopback;
 pub mod luma;
 #[cfg(unix)]
 pub mod machine;
+pub mod mccnn;
 pub mod misaligned;
 pub mod random;
 pub mod reference;

@@ -17,3 +17,4 @@ pub mod source;
 pub mod terminal;
 pub mod variant;
 pub mod watch;
+pub mod weights;

@@ -1,0 +1,93 @@
+//! How long the networks take on noise, as JSON: `cargo run --release -p multiscopic-tests --example mccnn -- --network fast`
+//!
+//! It needs the weights: `multiscopic weights install`. Times are the best of some runs.
+
+use std::{
+    hint::black_box,
+    time::{Duration, Instant},
+};
+
+use clap::Parser;
+use multiscopic::{
+    Frames, Result,
+    mccnn::{Architecture, Costs, Input, Network},
+};
+use multiscopic_core::{Fusion, Params, View, Views};
+use multiscopic_tests::random::Random;
+
+/// Times the networks
+#[derive(Parser)]
+struct Options {
+    /// fast or accurate
+    #[arg(long, default_value = "fast")]
+    network: String,
+
+    /// Pixels in a row
+    #[arg(long, default_value_t = 640)]
+    width: u16,
+
+    /// Rows
+    #[arg(long, default_value_t = 480)]
+    height: u16,
+
+    /// Also compute the costs of so many disparities, with features, for every view; 0 for features of one image alone
+    #[arg(long, default_value_t = 0)]
+    num_disparities: u16,
+
+    /// How many of the views right, left, bottom, top
+    #[arg(long, default_value_t = 2)]
+    views: usize,
+
+    /// Threads
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+
+    /// Runs
+    #[arg(long, default_value_t = 3)]
+    repeat: usize,
+}
+
+fn main() -> Result<()> {
+    let options = Options::parse();
+    let architecture = if options.network == "accurate" { Architecture::Accurate } else { Architecture::Fast };
+    let network = Network::load(architecture)?;
+    let mut random = Random(1);
+    let mut noise = || {
+        let pixels = (0..usize::from(options.width) * usize::from(options.height)).map(|_| random.byte()).collect();
+        image::GrayImage::from_raw(options.width.into(), options.height.into(), pixels).expect("the size of the image")
+    };
+    let views: Views = [View::Right, View::Left, View::Bottom, View::Top].into_iter().take(options.views).collect();
+    let frames = views.iter().fold(Frames::new(noise()), |frames, view| frames.with(view, noise()));
+
+    let run = || {
+        if options.num_disparities == 0 {
+            let input = Input::new(frames.get(multiscopic_core::Frame::Center).expect("the centre is there"));
+            black_box(network.features(&input, 0..options.height.into()));
+            return;
+        }
+        let params = Params::new(options.width, options.height, views, Fusion::Min, 1, options.num_disparities, 1);
+        let params = params.expect("the parameters are in range");
+        let mut costs = Costs::new(&network, &frames, &params);
+        let height = Costs::band_height(options.threads).min(params.height());
+        let row = params.width() * params.num_disparities();
+        let mut bands = vec![vec![0.0; height * row]; views.len()];
+        for start in (0..params.height()).step_by(height) {
+            let rows = start..params.height().min(start + height);
+            let mut out: Vec<&mut [f32]> = bands.iter_mut().map(|band| &mut band[..rows.len() * row]).collect();
+            costs.fill(rows, &mut out);
+            black_box(&out);
+        }
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build().expect("threads start");
+    let times = pool.install(|| {
+        (0..options.repeat)
+            .map(|_| {
+                let start = Instant::now();
+                run();
+                start.elapsed()
+            })
+            .min()
+    });
+    println!("{}", serde_json::json!({"seconds": times.map_or(0.0, |time: Duration| time.as_secs_f64())}));
+    Ok(())
+}

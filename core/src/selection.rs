@@ -128,8 +128,13 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
         if unclear != [false; BATCH] {
             for ((i, pixel), _) in pixels.iter_mut().enumerate().zip(unclear).filter(|(_, unclear)| *unclear) {
-                let index = (winners.costs[i] != L::MAX).then_some(winners.indices[i] as usize);
-                *pixel = self.unclear(index, || exact(i));
+                *pixel = match (self.rule, winners.costs[i] == L::MAX) {
+                    // A cost of one view does not saturate: there is no candidate.
+                    (Rule::Min, true) => None,
+                    (Rule::Min, false) => Disparity::whole(around.d[i]),
+                    (_, true) => exact(i).disparity(),
+                    (_, false) => exact(i).refined(winners.indices[i] as usize),
+                };
             }
         }
     }
@@ -146,7 +151,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         I: 'e,
     {
         if cost == L::MAX {
-            return self.unclear(None, exact);
+            return exact().disparity();
         }
         let index = self.isa.position(fused, cost);
         let d = self.params.min_disparity() + index as i16;
@@ -159,22 +164,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             (Some(&before), Some(&after)) if before.max(after) != L::MAX => {
                 Disparity::refine(d, before.widen(), cost.widen(), after.widen())
             }
-            _ => self.unclear(Some(index), exact),
-        }
-    }
-
-    /// The disparity of a pixel whose least cost is [`Lane::MAX`], or else one next to the least, at this index.
-    #[inline(always)]
-    fn unclear<'e, const V: usize>(&self, index: Option<usize>, exact: impl FnOnce() -> Exact<'e, L, I, V>) -> Option<Disparity>
-    where
-        I: 'e,
-    {
-        match (self.rule, index) {
-            // A cost of one view does not saturate: there is no candidate.
-            (Rule::Min, None) => None,
-            (Rule::Min, Some(index)) => Disparity::whole(self.params.min_disparity() + index as i16),
-            (_, None) => exact().disparity(),
-            (_, Some(index)) => exact().refined(index),
+            _ => exact().refined(index),
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::{Params, View, kernel::Rule};
 /// The disparities of a pixel at which each view is available: where the match lies inside the image.
 ///
 /// Disparities are indices, counted from the smallest.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Availability<'a> {
     params: &'a Params,
     /// For each view of the match, in their order.
@@ -34,13 +34,12 @@ impl<'a> Availability<'a> {
         all
     }
 
-    /// The same pixel in column `u`.
+    /// Goes to the pixel at `u` in the same line.
     #[inline(always)]
-    pub fn in_column(mut self, u: usize) -> Availability<'a> {
+    pub fn enter(&mut self, u: usize) {
         for (range, view) in self.ranges.iter_mut().zip(self.params.views().iter()).filter(|(_, view)| view.is_horizontal()) {
             *range = view.available(u, self.params.width(), self.params.min_disparity(), self.params.num_disparities());
         }
-        self
     }
 
     /// The disparities in runs that are available in the same views, in ascending order.
@@ -67,10 +66,16 @@ impl<'a> Availability<'a> {
         })
     }
 
-    /// Whether all views are available at all disparities.
-    pub fn is_complete(&self) -> bool {
+    /// The disparities at which each of `V` views is available.
+    pub fn ranges<const V: usize>(&self) -> impl Iterator<Item = &Range<u16>> {
+        self.ranges.iter().take(V)
+    }
+
+    /// The views that are not available at all disparities, as bits.
+    pub fn incomplete(&self) -> u8 {
         let all = 0..self.params.num_disparities() as u16;
-        self.ranges.iter().take(self.params.views().len()).all(|range| *range == all)
+        let views = self.ranges.iter().take(self.params.views().len()).zip(0..);
+        views.fold(0, |incomplete, (range, k)| incomplete | u8::from(*range != all) << k)
     }
 
     /// Whether no view is available at any disparity.

@@ -90,26 +90,26 @@ impl Disparity {
         dividend.checked_div(sum.wrapping_mul(2)).map_or(Disparity::STEPS / 2, |steps| steps as i32)
     }
 
-    /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that has vectors: 64 bits hold every quotient of 32 bits so
-    /// closely that none is rounded up to a whole number.
+    /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that has vectors.
     #[inline(always)]
     pub(crate) fn refine_all(costs: &Around) -> [Option<Disparity>; BATCH] {
-        const TWO_TO_52: f64 = 4_503_599_627_370_496.0;
-        const ALMOST_HALF: f64 = 0.5 - 1.0 / 33_554_432.0;
+        const TWO_TO_23: f32 = 8_388_608.0;
         let mut refined = [None; BATCH];
         for (i, refined) in refined.iter_mut().enumerate() {
             let (d, steps) = (i32::from(costs.d[i]), Disparity::STEPS);
             // Costs that mean nothing make disparities that mean nothing.
             let (fall, rise) =
                 (costs.before[i].wrapping_sub(costs.at[i]) as i32, costs.after[i].wrapping_sub(costs.at[i]) as i32);
-            let denominator = fall.wrapping_add(rise).max(1).wrapping_mul(2);
             let sign = if d < 0 || (d == 0 && fall < rise) { -1 } else { 1 };
-            let numerator = fall.wrapping_sub(rise).wrapping_mul(2 * steps * sign);
-            let dividend = numerator.wrapping_add(denominator.wrapping_mul(steps + 1));
-            let quotient = f64::from(dividend) / f64::from(denominator.wrapping_mul(2));
-            // Rounded down: 2^52 leaves no bits for a fraction, and a quotient that is not whole is further below the next whole number than the
-            // half lacks. A cast of floats would not be done in vectors.
-            let shift = (quotient - ALMOST_HALF + TWO_TO_52).to_bits() as i32 - steps / 2;
+            let sum = fall.wrapping_add(rise).max(1);
+            let divisor = sum.wrapping_mul(2);
+            let numerator = fall.wrapping_sub(rise).wrapping_mul(steps * sign);
+            let dividend = numerator.wrapping_add(sum.wrapping_mul(steps + 1));
+            // The quotient of floats is not half a step off; so that of whole numbers is the nearest to it, or one less. 2^23 leaves no bits for a
+            // fraction: a cast of floats would not be done in vectors.
+            let nearest = (dividend as f32 / divisor as f32 + TWO_TO_23).to_bits() as i32 - TWO_TO_23.to_bits() as i32;
+            let above = dividend.wrapping_sub(nearest.wrapping_mul(divisor)) < 0;
+            let shift = nearest - i32::from(above) - steps / 2;
             *refined = Disparity::from_bits(d.wrapping_mul(steps).wrapping_add(shift.wrapping_mul(sign)) as i16);
         }
         refined

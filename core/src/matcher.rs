@@ -236,14 +236,15 @@ impl<I: Isa> Matcher<'_, I> {
         if v + 1 == self.params.height() {
             self.frames.read_rest(source, &self.params, self.line)?;
         }
+        let (blocks, each) = cast_mut(self.sums.blocks).split_at_mut_checked(vectors).unwrap_or_default();
         let sweep = Sweep::<L, I, V> {
             isa: self.isa,
             params: &self.params,
             region: &self.region,
             v,
             steps: sweep::steps(&self.frames, lines, columns, nothing, self.params.block_size()),
-            bias,
-            blocks: cast_mut(self.sums.blocks).get_mut(..vectors).unwrap_or_default(),
+            blocks,
+            each,
             masks: cast_mut(self.sums.masks).get_mut(..vectors).unwrap_or_default(),
             available: &mut self.available,
             fused: cast_mut(self.sums.fused),

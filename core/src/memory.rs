@@ -1,6 +1,9 @@
 //! How much memory a match takes: the one formula behind the firmware's statics, the checks and the printed budgets.
 
-use crate::{Frame, Params, View, kernel::Isa};
+use crate::{
+    Frame, Params, View,
+    kernel::{Isa, Rule},
+};
 
 /// The matcher's memory by buffer, in bytes, for regions of up to a given number of columns.
 ///
@@ -10,9 +13,9 @@ use crate::{Frame, Params, View, kernel::Isa};
 /// | buffer | bytes |
 /// | --- | --- |
 /// | `column_sums` | `2 X D` for each view |
-/// | `block_sums` | `2 D` for each view, `4 D` from a block of 17 |
-/// | `masks` | as `block_sums` |
-/// | `fused` | `2 D` for each pixel of a [batch](Isa::BATCH), `4 D` from a block of 17 |
+/// | `block_sums` | `2 D` for each view, `4 D` from a block of 17; with batches of several pixels, by the mean and the heuristic rule, as much again for each |
+/// | `masks` | `2 D` for each view, `4 D` from a block of 17 |
+/// | `fused` | `2 D` for each pixel of a [batch](Isa::BATCH), `4 D` from a block of 17; for several, two vectors more |
 /// | `center` | `(2 rho + 2) X` |
 /// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each horizontal view |
 /// | `vertical` | `X (D + 2 rho + 16)` for each vertical view |
@@ -58,9 +61,9 @@ impl Memory {
         let vertical_views = params.views().contains(View::Top) as usize + params.views().contains(View::Bottom) as usize;
         Memory {
             column_sums: shape.align(2 * shape.span * views * shape.depth),
-            block_sums: shape.align(shape.lane_bytes * views * shape.depth),
+            block_sums: (1 + shape.kept_blocks) * shape.align(shape.lane_bytes * views * shape.depth),
             masks: shape.align(shape.lane_bytes * views * shape.depth),
-            fused: shape.align(I::BATCH * shape.lane_bytes * shape.depth),
+            fused: shape.align(shape.lane_bytes * (I::BATCH * shape.depth + if I::BATCH > 1 { 2 * I::LANES } else { 0 })),
             center: shape.align(shape.ring_lines * shape.span),
             horizontal: (views - vertical_views) * shape.align(shape.ring_lines * shape.reach()),
             vertical: vertical_views * shape.align(shape.span * shape.stack),
@@ -103,6 +106,8 @@ pub(crate) struct Shape {
     pub live: usize,
     /// Bytes of a block's sum.
     pub lane_bytes: usize,
+    /// Pixels of a batch whose sums are kept until their disparities are known: all, by rules that can leave the lanes.
+    pub kept_blocks: usize,
     /// Bytes of a vector of column sums, in whole words: what buffers are aligned to.
     vector_bytes: usize,
 }
@@ -123,6 +128,10 @@ impl Shape {
             stack: live + (depth - params.num_disparities()) + Shape::SLACK,
             live,
             lane_bytes: if params.max_block_sum() < u16::MAX as u32 { 2 } else { 4 },
+            kept_blocks: match Rule::new(params.fusion(), params.views().len()) {
+                Rule::Sum | Rule::Heuristic if I::BATCH > 1 => I::BATCH,
+                _ => 0,
+            },
             vector_bytes: (2 * I::LANES).next_multiple_of(4),
         }
     }

@@ -1,10 +1,12 @@
 //! From the block sums of a pixel to its disparity.
 
+use core::slice;
+
 use crate::{
     Disparity, Params,
     availability::Availability,
     disparity::Around,
-    kernel::{self, Block, Blocks, Isa, Lane, Rule, Winners},
+    kernel::{self, Block, Blocks, Lane, Rule, Winners},
 };
 
 const BATCH: usize = Winners::<()>::MAX;
@@ -17,7 +19,7 @@ pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     params: &'a Params,
     pub rule: Rule,
     /// The index of each lane of a vector.
-    indices: I::Costs,
+    pub indices: I::Costs,
     /// If the last vector has lanes too many: zero in those that belong to a disparity, and the greatest cost in the others.
     pub excess: Option<I::Costs>,
     /// Disparities that have one on both sides.
@@ -99,17 +101,20 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     ///
     /// Step by step for all pixels: each step takes long, but does not wait for that of another pixel.
     #[cfg_attr(not(debug_assertions), inline(always))]
-    pub fn disparities<'e>(&self, winners: &Winners<L>, pixels: &mut [Option<Disparity>], exact: impl Fn(usize) -> Exact<'e, I>)
-    where
+    pub fn disparities<'e, const V: usize>(
+        &self,
+        winners: &Winners<L>,
+        pixels: &mut [Option<Disparity>],
+        exact: impl Fn(usize) -> Exact<'e, L, I, V>,
+    ) where
         I: 'e,
     {
-        let last = self.params.num_disparities() as u32 - 1;
         let mut around = Around { d: [0; BATCH], before: [0; BATCH], at: [0; BATCH], after: [0; BATCH] };
         let mut unclear = [false; BATCH];
         for (i, unclear) in unclear.iter_mut().enumerate() {
             let (index, at, before, after) = (winners.indices[i], winners.costs[i], winners.before[i], winners.after[i]);
             // At the ends of the search the disparity is left as it is.
-            let inner = (index != 0) & (index < last);
+            let inner = index.wrapping_sub(1) < self.inner as u32;
             *unclear = (at == L::MAX) | (inner & ((before == L::MAX) | (after == L::MAX)));
             around.d[i] = self.params.min_disparity().wrapping_add(index as i16);
             around.before[i] = if inner { before } else { at }.widen();
@@ -123,15 +128,25 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
         if unclear != [false; BATCH] {
             for ((i, pixel), _) in pixels.iter_mut().enumerate().zip(unclear).filter(|(_, unclear)| *unclear) {
-                let (exact, saturated) = (exact(i), winners.costs[i] == L::MAX);
-                *pixel = if saturated { exact.disparity() } else { exact.refined(winners.indices[i] as usize) };
+                *pixel = match (self.rule, winners.costs[i] == L::MAX) {
+                    // A cost of one view does not saturate: there is no candidate.
+                    (Rule::Min, true) => None,
+                    (Rule::Min, false) => Disparity::whole(around.d[i]),
+                    (_, true) => exact(i).disparity(),
+                    (_, false) => exact(i).refined(winners.indices[i] as usize),
+                };
             }
         }
     }
 
     /// The disparity of a pixel by its least cost.
     #[cfg_attr(not(debug_assertions), inline(always))]
-    pub fn disparity<'e>(&self, cost: L, fused: &[I::Costs], exact: impl FnOnce() -> Exact<'e, I>) -> Option<Disparity>
+    pub fn disparity<'e, const V: usize>(
+        &self,
+        cost: L,
+        fused: &[I::Costs],
+        exact: impl FnOnce() -> Exact<'e, L, I, V>,
+    ) -> Option<Disparity>
     where
         I: 'e,
     {
@@ -156,26 +171,20 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
 
 /// A vector's lanes.
 fn lanes_mut<L: Lane, T: bytemuck::Pod>(vector: &mut T) -> &mut [L] {
-    bytemuck::try_cast_slice_mut(core::slice::from_mut(vector)).unwrap_or_default()
+    bytemuck::try_cast_slice_mut(slice::from_mut(vector)).unwrap_or_default()
 }
 
 /// The exact fused costs of a pixel, one by one: for where lanes have saturated, and next to disparities at which no view is available.
-pub(crate) struct Exact<'a, I: Isa> {
+pub(crate) struct Exact<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub params: &'a Params,
     /// The pixel.
     pub u: usize,
     pub v: usize,
-    /// The first pixel of its line.
-    pub start: usize,
-    /// The sums of the columns of the line, view by view, from the first under that pixel's block on.
-    pub sums: &'a [I::Sums],
-    /// Vectors in a column's view.
-    pub vectors: usize,
-    /// What every column sum has too much.
-    pub bias: u16,
+    /// The sums of its block.
+    pub blocks: &'a [[I::Costs; V]],
 }
 
-impl<I: Isa> Exact<'_, I> {
+impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
     /// The existing candidate of least fused cost, the smallest of several, refined between its neighbours.
     #[cold]
     pub fn disparity(&self) -> Option<Disparity> {
@@ -204,26 +213,14 @@ impl<I: Isa> Exact<'_, I> {
     /// The fused cost of a candidate, if it exists.
     fn cost(&self, availability: &Availability<'_>, index: usize) -> Option<u32> {
         let available = availability.views_at(index);
-        let mut costs = [0; 4];
+        let views = self.blocks.get(index / I::LANES)?;
+        let mut costs = [0; V];
         let mut count = 0;
-        for k in (0..self.params.views().len()).filter(|k| available >> k & 1 != 0) {
-            *costs.get_mut(count)? = self.block_sum(k, index)?;
+        for (_, sums) in views.iter().enumerate().filter(|(k, _)| available >> k & 1 != 0) {
+            let lanes: &[L] = bytemuck::try_cast_slice(slice::from_ref(sums)).ok()?;
+            *costs.get_mut(count)? = lanes.get(I::lane(index % I::LANES))?.widen();
             count += 1;
         }
         self.params.fusion().fuse(costs.get_mut(..count)?)
-    }
-
-    /// The block's sum in the `k`-th view.
-    fn block_sum(&self, k: usize, index: usize) -> Option<u32> {
-        let sums: &[u16] = bytemuck::try_cast_slice(self.sums).ok()?;
-        let view = self.vectors * I::LANES;
-        let column = self.params.views().len() * view;
-        let mut at = (self.u - self.start) * column + k * view + kernel::lane::<I>(index);
-        let mut sum = 0;
-        for _ in 0..self.params.block_size() {
-            sum += u32::from(sums.get(at)?.wrapping_sub(self.bias));
-            at += column;
-        }
-        Some(sum)
     }
 }

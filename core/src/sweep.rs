@@ -5,7 +5,7 @@ use core::{array, mem, slice};
 use crate::{
     Disparity, Params, Region,
     availability::{Availability, Available, uniform_columns},
-    kernel::{Batch, Block, Blocks, Change, Isa, Lane, Rule, Steps, Winners, Work},
+    kernel::{self, Batch, Block, Blocks, Change, Isa, Lane, Masks, Rule, Steps, Winners, Work},
     lines::{Frames, Lines},
     selection::{Exact, Selection},
 };
@@ -34,14 +34,14 @@ pub(crate) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub v: usize,
     /// The way along the columns.
     pub steps: Steps<'a, I, V>,
-    /// What every column sum has too much.
-    pub bias: u16,
     /// The sums of a block.
     pub blocks: &'a mut [[I::Costs; V]],
+    /// Those of the block of each pixel of a batch, if they are looked at again.
+    pub each: &'a mut [[I::Costs; V]],
     /// What hides them where a view is not available.
     pub masks: &'a mut [[I::Costs; V]],
     pub available: &'a mut Available,
-    /// The fused costs of a batch of pixels.
+    /// The fused costs of a batch of pixels, between two vectors if they are several.
     pub fused: &'a mut [I::Costs],
     /// The disparities of the line.
     pub out: &'a mut [Option<Disparity>],
@@ -74,7 +74,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
     /// Pixel by pixel: a function of its own, since small processors have few registers.
     #[inline(never)]
     fn by_pixel(self) {
-        let Sweep { isa, params, region, v, mut steps, bias, blocks, masks, available, fused, out } = self;
+        let Sweep { isa, params, region, v, mut steps, blocks, masks, available, fused, out, .. } = self;
         let vectors = blocks.len();
         let Some(fused) = fused.get_mut(..vectors) else { return };
         first_block(isa, params.radius(), &mut steps, blocks);
@@ -95,50 +95,60 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
                 (_, true) => selection.fuse_masked(incomplete, blocks, masks, fused),
                 _ => selection.fuse_segments(&Availability::new(params, u, v), blocks, fused),
             };
-            *pixel = selection.disparity(least, fused, || Exact { params, u, v, start, sums: steps.sums(), vectors, bias });
+            *pixel = selection.disparity(least, fused, || Exact { params, u, v, blocks });
         }
     }
 
     /// In batches of pixels.
     #[cfg_attr(not(debug_assertions), inline(always))]
     fn by_batch(self) {
-        let Sweep { isa, params, region, v, mut steps, bias, blocks, fused, mut out, .. } = self;
+        let Sweep { isa, params, region, v, mut steps, blocks, each, masks, fused: padded, mut out, .. } = self;
         let vectors = blocks.len();
         first_block(isa, params.radius(), &mut steps, blocks);
         let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
-        let uniform = uniform_columns(params);
-        let of_uniform = Availability::new(params, uniform.start, v);
-        let complete = of_uniform.is_complete();
-        let mut winners = Winners::default();
-        let start = region.columns().start;
-        let mut u = start;
+        let mut excess = selection.excess;
+        kernel::order(isa, excess.as_mut_slice());
+        let mut winners = Winners::NONE;
+        let mut u = region.columns().start;
+        let mut first = Availability::new(params, u, v);
         while !out.is_empty() {
-            let inside = uniform.contains(&u);
-            // Pixels whose views are all available come in batches, all others one by one.
-            let batch = if complete && inside { I::BATCH.min(Winners::<L>::MAX).min(uniform.end - u).min(out.len()) } else { 1 };
+            let batch = I::BATCH.min(out.len());
             let Some((pixels, others)) = mem::take(&mut out).split_at_mut_checked(batch) else { return };
-            if batch > 1 {
-                let batch = Batch { rule: selection.rule, pixels: batch, blocks, fused, excess: selection.excess };
-                isa.batch(batch, &mut steps, &mut winners);
-                selection.disparities(&winners, pixels, |i| Exact {
-                    params,
-                    u: u + i,
-                    v,
-                    start,
-                    sums: steps.sums(),
-                    vectors,
-                    bias,
+            let Some(padded) = padded.get_mut(..batch * vectors + 2) else { return };
+            let [_, fused @ .., _] = &mut *padded else { return };
+            // What is available at both ends is so between them, and if it is the same there it is so between them.
+            first.enter(u);
+            let mut last = first.clone();
+            last.enter(u + batch - 1);
+            let incomplete = first.incomplete() | last.incomplete();
+            if incomplete == 0 || selection.rule.masks(V, incomplete.count_ones() as usize) {
+                let masks = (incomplete != 0).then(|| Masks {
+                    lanes: masks,
+                    indices: selection.indices,
+                    availability: first.clone(),
+                    columns: u..u + batch,
+                    is_uniform: first == last,
                 });
-            } else if let [pixel] = pixels {
-                isa.slide(&mut steps, blocks);
-                let fused = fused.get_mut(..vectors).unwrap_or_default();
-                let least = match inside {
-                    true if complete => selection.fuse(blocks, fused),
-                    true => selection.fuse_segments(&of_uniform, blocks, fused),
-                    false => selection.fuse_segments(&of_uniform.clone().in_column(u), blocks, fused),
-                };
-                *pixel = selection.disparity(least, fused, || Exact { params, u, v, start, sums: steps.sums(), vectors, bias });
+                isa.batch(Batch { rule: selection.rule, blocks, masks, each, fused }, &mut steps);
+            } else {
+                for (i, fused) in fused.chunks_exact_mut(vectors.max(1)).enumerate() {
+                    isa.slide(&mut steps, blocks);
+                    first.enter(u + i);
+                    selection.fuse_segments(&first, blocks, fused);
+                    kernel::order(isa, fused);
+                    if let Some(each) = each.get_mut(i * vectors..(i + 1) * vectors) {
+                        each.copy_from_slice(blocks);
+                    }
+                }
             }
+            if excess.is_some() {
+                for fused in fused.chunks_exact_mut(vectors.max(1)) {
+                    kernel::hide_excess(isa, &excess, fused);
+                }
+            }
+            winners.find(isa, padded, vectors);
+            let of_pixel = |i: usize| each.get(i * vectors..).unwrap_or_default();
+            selection.disparities(&winners, pixels, |i| Exact { params, u: u + i, v, blocks: of_pixel(i) });
             u += batch;
             out = others;
         }

@@ -128,8 +128,8 @@ impl Blocks<u16> for Avx2 {
     }
 
     #[inline(always)]
-    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, Self, V>, winners: &mut Winners<u16>) {
-        batch.run_in_registers(self, steps, winners);
+    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, Self, V>) {
+        batch.run_in_registers(self, steps);
     }
 
     #[inline(always)]
@@ -153,10 +153,10 @@ fn position<T>(costs: &[T], mask: impl Fn(&T) -> u32) -> usize {
     first
 }
 
-/// The lanes that are all ones, as bits: packing puts them back into the order of the disparities.
+/// The lanes that are all ones, as bits. Packing works in halves, so that their middle quarters change places.
 #[inline(always)]
-unsafe fn mask(low: __m256i, high: __m256i) -> u32 {
-    unsafe { _mm256_movemask_epi8(_mm256_packs_epi16(low, high)) as u32 }
+unsafe fn mask(a: __m256i, b: __m256i) -> u32 {
+    unsafe { _mm256_movemask_epi8(_mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi16(a, b))) as u32 }
 }
 
 impl Block<u16> for U16x32 {
@@ -205,6 +205,12 @@ impl Block<u16> for U16x32 {
             _mm_cvtsi128_si32(_mm_minpos_epu16(half)) as u16
         }
     }
+
+    #[inline(always)]
+    fn ordered(self) -> Self {
+        let [low, high] = self.0;
+        unsafe { U16x32([_mm256_permute2x128_si256::<0x20>(low, high), _mm256_permute2x128_si256::<0x31>(low, high)]) }
+    }
 }
 
 impl U16x32 {
@@ -243,7 +249,6 @@ impl Blocks<u32> for Avx2 {
         position(costs, |costs| {
             let U32x32(costs) = Blocks::<u32>::load_block(self, costs);
             let equal = |i: usize| unsafe { _mm256_cmpeq_epi32(costs[i], cost) };
-            // Packing works in halves, so that their middle quarters change places.
             let pack = |a, b| unsafe { _mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi32(a, b)) };
             unsafe { mask(pack(equal(0), equal(1)), pack(equal(2), equal(3))) }
         })
@@ -299,6 +304,12 @@ impl Block<u32> for U32x32 {
             let quarter = _mm_min_epu32(half, _mm_shuffle_epi32::<0b01_00_11_10>(half));
             _mm_cvtsi128_si32(_mm_min_epu32(quarter, _mm_shuffle_epi32::<0b10_11_00_01>(quarter))) as u32
         }
+    }
+
+    #[inline(always)]
+    fn ordered(self) -> Self {
+        let [a, b, c, d] = self.0;
+        U32x32([a, c, b, d])
     }
 }
 

@@ -128,16 +128,17 @@ impl Blocks<u16> for Avx512 {
     }
 
     #[inline(always)]
-    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, Self, V>, winners: &mut Winners<u16>) {
-        batch.run_in_registers(self, steps, winners);
+    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, Self, V>) {
+        batch.run_in_registers(self, steps);
     }
 
     #[inline(always)]
     fn position(self, costs: &[[u16; 64]], cost: u16) -> usize {
         let cost = unsafe { _mm512_set1_epi16(cost as i16) };
         position(costs, |costs| {
-            let U16x64([low, high]) = self.load_column(costs);
-            unsafe { interleaved(_mm512_cmpeq_epu16_mask(low, cost), _mm512_cmpeq_epu16_mask(high, cost)) }
+            let U16x64(costs) = self.load_column(costs);
+            let mask = |i: usize| u64::from(unsafe { _mm512_cmpeq_epu16_mask(costs[i], cost) });
+            mask(0) | mask(1) << 32
         })
     }
 }
@@ -151,13 +152,6 @@ fn position<T>(costs: &[T], mask: impl Fn(&T) -> u64) -> usize {
         first = if mask != 0 { 64 * j + mask.trailing_zeros() as usize } else { first };
     }
     first
-}
-
-/// The bits of lanes in the order of the disparities.
-#[inline(always)]
-unsafe fn interleaved(low: u32, high: u32) -> u64 {
-    const LOW: u64 = 0x00ff_00ff_00ff_00ff;
-    unsafe { _pdep_u64(low.into(), LOW) | _pdep_u64(high.into(), !LOW) }
 }
 
 impl Block<u16> for U16x64 {
@@ -206,6 +200,15 @@ impl Block<u16> for U16x64 {
             _mm_cvtsi128_si32(_mm_minpos_epu16(quarter)) as u16
         }
     }
+
+    #[inline(always)]
+    fn ordered(self) -> Self {
+        let [low, high] = self.0;
+        let order = |quarters| unsafe { _mm512_permutex2var_epi64(low, quarters, high) };
+        unsafe {
+            U16x64([order(_mm512_setr_epi64(0, 1, 8, 9, 2, 3, 10, 11)), order(_mm512_setr_epi64(4, 5, 12, 13, 6, 7, 14, 15))])
+        }
+    }
 }
 
 impl U16x64 {
@@ -243,8 +246,8 @@ impl Blocks<u32> for Avx512 {
         let cost = unsafe { _mm512_set1_epi32(cost as i32) };
         position(costs, |costs| {
             let U32x64(costs) = Blocks::<u32>::load_block(self, costs);
-            let mask = |i: usize| u32::from(unsafe { _mm512_cmpeq_epu32_mask(costs[i], cost) });
-            unsafe { interleaved(mask(0) | mask(1) << 16, mask(2) | mask(3) << 16) }
+            let mask = |i: usize| u64::from(unsafe { _mm512_cmpeq_epu32_mask(costs[i], cost) });
+            mask(0) | mask(1) << 16 | mask(2) << 32 | mask(3) << 48
         })
     }
 }
@@ -292,6 +295,14 @@ impl Block<u32> for U32x64 {
     fn least(self) -> u32 {
         let [a, b, c, d] = self.0;
         unsafe { _mm512_reduce_min_epu32(_mm512_min_epu32(_mm512_min_epu32(a, b), _mm512_min_epu32(c, d))) }
+    }
+
+    #[inline(always)]
+    fn ordered(self) -> Self {
+        let [a, b, c, d] = self.0;
+        let first = |a, b| unsafe { _mm512_shuffle_i64x2::<0b01_00_01_00>(a, b) };
+        let second = |a, b| unsafe { _mm512_shuffle_i64x2::<0b11_10_11_10>(a, b) };
+        U32x64([first(a, c), second(a, c), first(b, d), second(b, d)])
     }
 }
 

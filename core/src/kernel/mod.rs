@@ -15,7 +15,10 @@ mod mve;
 #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
 mod neon;
 mod portable;
+#[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
+mod registers;
 mod steps;
+mod winners;
 
 use core::fmt::Debug;
 
@@ -25,7 +28,8 @@ use bytemuck::Pod;
 pub use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
-pub use batch::{Batch, Winners};
+pub(crate) use batch::order;
+pub use batch::{Batch, Masks};
 #[cfg(target_arch = "arm")]
 pub use dsp::Dsp;
 #[cfg(target_arch = "arm")]
@@ -34,6 +38,7 @@ pub use mve::Mve;
 pub use neon::Neon;
 pub use portable::Portable;
 pub use steps::Steps;
+pub use winners::Winners;
 
 use crate::Fusion;
 
@@ -43,8 +48,8 @@ use crate::Fusion;
 pub trait Isa: Copy + Debug {
     /// Disparities at a time, at least 1. The number of disparities is rounded up to a multiple.
     const LANES: usize;
-    /// Pixels whose costs are fused before their disparities are selected, at least 1: selecting takes long, but that of one pixel does not
-    /// wait for another's.
+    /// Pixels whose costs are fused before their disparities are selected, at least 1 and at most [`Winners::MAX`]: selecting takes long, but that of
+    /// one pixel does not wait for another's.
     const BATCH: usize;
     /// As many samples, in memory.
     type Samples: Pod;
@@ -107,7 +112,8 @@ pub trait Blocks<L: Lane>: Isa {
     fn load_block(self, costs: &Self::Costs) -> Self::Block;
     /// The same cost in every lane.
     fn splat(self, cost: L) -> Self::Block;
-    /// The index of the first disparity with this cost; any that is no disparity's if none has it.
+    /// The index of the first disparity with this cost; any that is no disparity's if none has it. Where pixels go in batches, the costs are in the
+    /// order of the disparities.
     fn position(self, costs: &[Self::Costs], cost: L) -> usize;
 
     /// Moves the next column down, and the blocks on by it.
@@ -145,10 +151,10 @@ pub trait Blocks<L: Lane>: Isa {
         fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 
-    /// Goes over a batch of pixels whose views are all available.
+    /// Goes over a batch of pixels.
     #[inline(always)]
-    fn batch<const V: usize>(self, batch: Batch<'_, L, Self, V>, steps: &mut Steps<'_, Self, V>, winners: &mut Winners<L>) {
-        batch.run(self, steps, winners);
+    fn batch<const V: usize>(self, batch: Batch<'_, L, Self, V>, steps: &mut Steps<'_, Self, V>) {
+        batch.run(self, steps);
     }
 
     /// Fuses the costs of blocks in the `available` views, whose bits are set, on one scale for every number of them. Where there are
@@ -203,6 +209,12 @@ pub trait Block<L>: Copy {
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self;
     /// The least of all lanes.
     fn least(self) -> L;
+
+    /// The lanes in the order of the disparities, where pixels go in batches.
+    #[inline(always)]
+    fn ordered(self) -> Self {
+        self
+    }
 }
 
 /// A block's sum: 16 bits where the largest block sum fits below [`Lane::MAX`], 32 bits otherwise.

@@ -100,7 +100,7 @@ impl Blocks<u16> for Mve {
         8 * (costs.len() - left) + equal.trailing_zeros() as usize / 2
     }
 
-    #[inline(never)]
+    #[inline(always)]
     fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u16; 8]; V]]) {
         if steps.vectors() != blocks.len() || blocks.is_empty() {
             return;
@@ -115,7 +115,7 @@ impl Blocks<u16> for Mve {
         }
     }
 
-    #[inline(never)]
+    #[inline(always)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> u16 {
         if blocks.len() != fused.len() || fused.is_empty() {
             return u16::MAX;
@@ -128,7 +128,7 @@ impl Blocks<u16> for Mve {
         }
     }
 
-    #[inline(never)]
+    #[inline(always)]
     fn fuse_masked<const V: usize>(
         self,
         rule: Rule,

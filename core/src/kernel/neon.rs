@@ -85,8 +85,8 @@ impl Blocks<u16> for Neon {
     }
 
     #[inline(always)]
-    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, Self, V>, winners: &mut Winners<u16>) {
-        batch.run_in_registers(self, steps, winners);
+    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, Self, V>) {
+        batch.run_in_registers(self, steps);
     }
 
     /// The least index among those of lanes that are equal, found without a branch.
@@ -170,8 +170,8 @@ impl Blocks<u32> for Neon {
     }
 
     #[inline(always)]
-    fn batch<const V: usize>(self, batch: Batch<'_, u32, Self, V>, steps: &mut Steps<'_, Self, V>, winners: &mut Winners<u32>) {
-        batch.run_in_registers(self, steps, winners);
+    fn batch<const V: usize>(self, batch: Batch<'_, u32, Self, V>, steps: &mut Steps<'_, Self, V>) {
+        batch.run_in_registers(self, steps);
     }
 
     /// The least index among those of lanes that are equal, found without a branch.

@@ -25,9 +25,6 @@ pub struct Steps<'a, I: Isa, const V: usize> {
     nothing: *const I::Sums,
     /// Vectors of a column in a view.
     vectors: usize,
-    /// The sums of all columns.
-    sums: *mut I::Sums,
-    len: usize,
     memory: PhantomData<(&'a [u8], &'a mut [I::Sums])>,
 }
 
@@ -60,10 +57,23 @@ pub(super) struct Step<'a, I: Isa, const V: usize> {
 pub(super) struct Place<'a, I: Isa, const V: usize> {
     pub center: Change<u8>,
     /// To be moved on.
+    #[cfg(target_arch = "arm")]
     pub tracks: *mut Track,
     pub column: *mut I::Sums,
     pub left: *const I::Sums,
     memory: PhantomData<&'a [[u8; V]]>,
+}
+
+/// The places of a few columns, from the first of them on.
+#[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stretch<'a, I: Isa, const V: usize> {
+    pub columns: usize,
+    pub center: Change<*const u8>,
+    pub tracks: [Track; V],
+    pub column: *mut I::Sums,
+    pub left: *const I::Sums,
+    memory: PhantomData<&'a mut [I::Sums]>,
 }
 
 impl Track {
@@ -104,7 +114,7 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
         let columns = sums.len().checked_div(nothing.len()).unwrap_or_default();
         let depth = nothing.len() / V.max(1) * I::LANES;
         let tracks = tracks(center, views, columns, depth);
-        let (len, column) = (sums.len(), sums.as_mut_ptr());
+        let column = sums.as_mut_ptr();
         Steps {
             tracks: tracks.map_or([Track::NONE; V], |(_, views)| views),
             center: tracks.map_or(Track::NONE, |(center, _)| center).samples,
@@ -114,8 +124,6 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
             leaving: columns.saturating_sub(block_size),
             nothing: nothing.as_ptr(),
             vectors: nothing.len() / V.max(1),
-            sums: column,
-            len,
             memory: PhantomData,
         }
     }
@@ -124,13 +132,6 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
     #[inline(always)]
     pub(super) fn vectors(&self) -> usize {
         self.vectors
-    }
-
-    /// The sums of all columns.
-    #[inline(always)]
-    pub(crate) fn sums(&self) -> &[I::Sums] {
-        // SAFETY: they are lent to this, and nobody changes them as long as this is.
-        unsafe { slice::from_raw_parts(self.sums, self.len) }
     }
 
     /// Goes to the next column.
@@ -148,7 +149,39 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
         // SAFETY: for all columns, it has been checked that these samples are there.
         let center = unsafe { Change { entering: *entering, leaving: *leaving } };
         self.center = Change { entering: entering.wrapping_add(1), leaving: leaving.wrapping_add(1) };
-        Some(Place { center, tracks: self.tracks.as_mut_ptr(), column, left, memory: PhantomData })
+        Some(Place {
+            center,
+            #[cfg(target_arch = "arm")]
+            tracks: self.tracks.as_mut_ptr(),
+            column,
+            left,
+            memory: PhantomData,
+        })
+    }
+
+    /// Goes over as many as `columns` next columns, of which the blocks leave one for each: or over a single one, for which they leave nothing.
+    #[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
+    #[inline(always)]
+    pub(super) fn stretch(&mut self, columns: usize) -> Option<Stretch<'_, I, V>> {
+        let leaves = self.columns <= self.leaving;
+        let columns = if leaves { columns.min(self.columns) } else { columns.min(1) };
+        let (center, tracks, column) = (self.center, self.tracks, self.column);
+        let left = if leaves { self.left } else { self.nothing };
+        self.columns = self.columns.checked_sub(columns)?;
+        let sums = columns * V * self.vectors;
+        self.column = column.wrapping_add(sums);
+        if leaves {
+            self.left = left.wrapping_add(sums);
+        }
+        let on = |samples: Change<*const u8>, step: isize| {
+            let next = |samples: *const u8| samples.wrapping_offset(columns as isize * step);
+            Change { entering: next(samples.entering), leaving: next(samples.leaving) }
+        };
+        self.center = on(center, 1);
+        for track in &mut self.tracks {
+            track.samples = on(track.samples, track.step);
+        }
+        (columns > 0).then_some(Stretch { columns, center, tracks, column, left, memory: PhantomData })
     }
 
     /// Moves the tracks on from the place that was [entered](Steps::enter).

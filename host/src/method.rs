@@ -36,7 +36,7 @@ impl Method {
                 Ok(engine.disparities(frames, params, || progress.advance(1)))
             }
             Method::GraphCuts(method, filters) => {
-                let map = method.disparities(engine, frames, params, progress);
+                let map = method.disparities(engine, frames, params, progress)?;
                 Ok(engine.pool().install(|| filters.apply(map)))
             }
             Method::SemiGlobal(sgm, filters) => {

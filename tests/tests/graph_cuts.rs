@@ -305,6 +305,10 @@ fn several_views_find_what_one_does_not() {
         let off = pixels.filter(|(i, d)| d.is_none_or(|d| (f32::from(d) - truth(*i)).abs() > 1.0));
         off.map(|(i, _)| i % 64).collect::<Vec<_>>()
     };
+    let search = Params::new(64, 56, Views::HORIZONTAL, Fusion::Min, 1, 9, 5).unwrap();
+    let unique = GraphCuts { occlusions: Some(Occlusion::Unique), ..GraphCuts::default() };
+    let message = unique.disparities(&engine, &frames, &search, &()).unwrap_err().to_string();
+    assert!(message.contains("unique in 2 views"), "{message}");
     // One view does not see the strip of four pixels beside the square, nor the border.
     let (stereo, multiscopic) = (wrong(Views::STEREO), wrong(Views::HORIZONTAL));
     assert!(stereo.len() >= 24 * 4, "{} pixels are wrong by one view", stereo.len());

@@ -22,7 +22,7 @@ pub use max_flow::{MaxFlow, Topology};
 
 use multiscopic_core::{Disparity, Params};
 
-use crate::{DisparityMap, Engine, Frames, Progress};
+use crate::{DisparityMap, Engine, Error, Frames, Progress, Result};
 
 /// What becomes of pixels that do not match.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,9 +107,23 @@ impl GraphCuts {
 
     /// Estimates the disparities of the centre of `frames`.
     ///
+    /// # Errors
+    /// [`Error::Usage`] if matches are to be unique in several views.
+    ///
     /// # Panics
     /// If `search` was made for frames of another size or with views that are not there.
-    pub fn disparities(&self, engine: &Engine, frames: &Frames, search: &Params, progress: &dyn Progress) -> DisparityMap {
+    pub fn disparities(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        search: &Params,
+        progress: &dyn Progress,
+    ) -> Result<DisparityMap> {
+        let views = search.views().len();
+        if self.occlusions == Some(Occlusion::Unique) && views > 1 {
+            let message = format!("matches cannot be unique in {views} views: use one neighbour, or capped occlusions");
+            return Err(Error::Usage(message));
+        }
         let energy = Energy::new(self, frames, search);
         let start = engine.disparities(frames, search, || ());
         let start = start.pixels().iter().map(|pixel| pixel.map_or(OCCLUDED, |d| d.to_fixed().round().to_num()));
@@ -117,6 +131,6 @@ impl GraphCuts {
         let labels: Vec<Label> = (search.min_disparity()..=search.max_disparity()).collect();
         engine.pool().install(|| labelling.minimize(&labels, self.sweeps, self.seed, progress));
         let disparity = |label: Label| Disparity::from_bits(label.checked_mul(Disparity::STEPS as i16)?);
-        DisparityMap::new(frames.width(), frames.height(), labelling.labels().map(disparity).collect())
+        Ok(DisparityMap::new(frames.width(), frames.height(), labelling.labels().map(disparity).collect()))
     }
 }

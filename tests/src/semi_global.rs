@@ -1,6 +1,6 @@
 //! Semi-global matching, said a second time: the recursion of the paper, pixel by pixel, in whole numbers that never saturate.
 
-use crate::reference::Fusion;
+use crate::reference::{Fusion, fixed};
 
 /// How pixels move along a path, and from where: `(du, dv)`.
 pub const PATHS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, 1), (1, 1), (-1, 1), (0, -1), (1, -1), (-1, -1)];
@@ -48,7 +48,8 @@ impl SemiGlobal<'_> {
         pixels
             .map(|(u, v)| {
                 let d = self.select(&sums[self.at(u, v)])?;
-                let nearest = d.round() as i32;
+                // Of the disparity as it is kept, in steps of 1/64 pixel.
+                let nearest = (f64::from(fixed(d)) / 64.0).round() as i32;
                 let Some(tolerance) = self.left_right else { return Some(d) };
                 let confirmed = (0..4).any(|view| {
                     let (x, y) = (u + SHIFTS[view].0 * nearest, v + SHIFTS[view].1 * nearest);

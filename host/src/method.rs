@@ -2,7 +2,7 @@
 
 use multiscopic_core::Params;
 
-use crate::{DisparityMap, Engine, Frames, GraphCuts, Progress, Result, SemiGlobal, filter::Filters};
+use crate::{DisparityMap, Engine, Frames, GraphCuts, Progress, Result, SemiGlobal, filter::Filters, mccnn::McCnn};
 
 /// A method and its parameters.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,6 +13,8 @@ pub enum Method {
     GraphCuts(GraphCuts, Filters),
     /// Semi-global matching on costs of the census transform, and filters after it.
     SemiGlobal(SemiGlobal, Filters),
+    /// Costs by a network, summed along paths, and filters after that.
+    McCnn(Box<McCnn>, Filters),
 }
 
 impl Method {
@@ -41,6 +43,10 @@ impl Method {
             }
             Method::SemiGlobal(sgm, filters) => {
                 let map = sgm.disparities(engine, frames, params, progress);
+                Ok(engine.pool().install(|| filters.apply(map)))
+            }
+            Method::McCnn(mccnn, filters) => {
+                let map = mccnn.disparities(engine, frames, params, progress);
                 Ok(engine.pool().install(|| filters.apply(map)))
             }
         }

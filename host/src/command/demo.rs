@@ -56,7 +56,7 @@ pub struct Demo {
 const WIDTH: u32 = 640;
 
 /// What is compared: stereo first, the default for four views last. The heuristic is the mean where there are two views.
-const VARIANTS: [Variant; 6] = [
+static VARIANTS: [Variant; 6] = [
     variant(Views::STEREO, FusionName::Min),
     variant(Views::HORIZONTAL, FusionName::Min),
     variant(Views::HORIZONTAL, FusionName::Mean),

@@ -3,8 +3,11 @@
 use clap::{Args, ValueEnum};
 use multiscopic::{
     Error, GraphCuts, Method, Result, SemiGlobal,
+    cross_based::Likeness,
+    edge_aware::Penalties,
     filter::{Bilateral, Filters, Median},
     graph_cuts::{Occlusion, Smoothness},
+    mccnn::{Architecture, McCnn, Network},
     sgm::{Census, Paths},
 };
 
@@ -19,6 +22,10 @@ pub enum MethodName {
     Gc,
     /// Semi-global matching: least costs along paths, by the census transform
     Sgm,
+    /// Least costs along paths, by the fast network of MC-CNN; its weights: `multiscopic weights install`
+    MccnnFast,
+    /// The same by the accurate network, which takes a hundred times as long
+    MccnnAccurate,
 }
 
 impl MethodName {
@@ -38,6 +45,9 @@ pub struct MethodOptions {
     sgm: SgmOptions,
 
     #[command(flatten)]
+    mccnn: McCnnOptions,
+
+    #[command(flatten)]
     filters: FilterOptions,
 }
 
@@ -47,8 +57,15 @@ impl MethodOptions {
         Ok(match name {
             MethodName::Bm => Method::BlockMatching,
             MethodName::Gc => Method::GraphCuts(self.graph_cuts.method(), self.filters.filters()?),
-            MethodName::Sgm => Method::SemiGlobal(self.sgm.sgm()?, self.filters.filters()?),
+            MethodName::Sgm => Method::SemiGlobal(self.sgm.sgm(self.filters.disp12_max_diff)?, self.filters.filters()?),
+            MethodName::MccnnFast => self.mccnn(Architecture::Fast)?,
+            MethodName::MccnnAccurate => self.mccnn(Architecture::Accurate)?,
         })
+    }
+
+    fn mccnn(&self, architecture: Architecture) -> Result<Method> {
+        let mccnn = McCnn { left_right: self.filters.disp12_max_diff, ..self.mccnn.mccnn(architecture)? };
+        Ok(Method::McCnn(Box::new(mccnn), self.filters.filters()?))
     }
 }
 
@@ -91,14 +108,10 @@ struct SgmOptions {
     /// Window of the census transform
     #[arg(long, value_name = "SIZE", value_enum, default_value = "9x7")]
     census: CensusName,
-
-    /// Keep a disparity only if a view confirms it within so many pixels (OpenCV: disp12MaxDiff) [default: keep all]
-    #[arg(long, value_name = "N")]
-    disp12_max_diff: Option<u16>,
 }
 
 impl SgmOptions {
-    fn sgm(&self) -> Result<SemiGlobal> {
+    fn sgm(&self, left_right: Option<u16>) -> Result<SemiGlobal> {
         let census = match self.census {
             CensusName::Window5x5 => Census::Window5x5,
             CensusName::Window7x7 => Census::Window7x7,
@@ -106,7 +119,75 @@ impl SgmOptions {
         };
         let p1 = self.p1.unwrap_or(SemiGlobal::default_penalties(census)[0]);
         let p2 = self.p2.unwrap_or(p1.saturating_mul(6).min(SemiGlobal::MAX_PENALTY));
-        SemiGlobal::new(census, self.paths, [p1, p2], Some(self.p2_edge), self.disp12_max_diff)
+        SemiGlobal::new(census, self.paths, [p1, p2], Some(self.p2_edge), left_right)
+    }
+}
+
+/// What matching by a network takes. The names are those of its authors.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "MC-CNN (--method mccnn-fast and mccnn-accurate; defaults as published for Middlebury)")]
+struct McCnnOptions {
+    /// Penalty for a change by one disparity from a pixel to the next (sgm_P1) [default: 2.3 fast, 1.3 accurate]
+    #[arg(long, value_name = "COST", value_parser = positive)]
+    sgm_p1: Option<f64>,
+
+    /// Penalty for any other change (sgm_P2) [default: 55.9 fast, 18.1 accurate]
+    #[arg(long, value_name = "COST", value_parser = positive)]
+    sgm_p2: Option<f64>,
+
+    /// Divide both penalties by this at an edge of one image (sgm_Q1) [default: 4 fast, 4.5 accurate]
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    sgm_q1: Option<f64>,
+
+    /// Divide both by this at an edge of both images (sgm_Q2) [default: 8 fast, 9 accurate]
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    sgm_q2: Option<f64>,
+
+    /// Divide the first by this too on paths up and down (sgm_V) [default: 1.5 fast, 2.75 accurate]
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    sgm_v: Option<f64>,
+
+    /// An edge is this difference from a pixel to the next, in standard deviations of the image (sgm_D) [default: 0.08 fast, 0.13 accurate]
+    #[arg(long, value_name = "N", value_parser = positive)]
+    sgm_d: Option<f64>,
+
+    /// Average costs over a cross of pixels that differ by less than this, in standard deviations of the image
+    #[arg(long, value_name = "N", default_value_t = Likeness::ACCURATE.intensity.into(), value_parser = positive)]
+    cbca_intensity: f64,
+
+    /// and that are less than so many pixels away
+    #[arg(long, value_name = "N", default_value_t = Likeness::ACCURATE.distance)]
+    cbca_distance: u16,
+
+    /// Average so often before the paths (cbca_num_iterations_1) [default: 0 fast, 2 accurate]
+    #[arg(long, value_name = "N")]
+    cbca_iterations_1: Option<usize>,
+
+    /// and so often after them (cbca_num_iterations_2) [default: 0]
+    #[arg(long, value_name = "N")]
+    cbca_iterations_2: Option<usize>,
+}
+
+impl McCnnOptions {
+    /// With the network's weights, if they are installed.
+    fn mccnn(&self, architecture: Architecture) -> Result<McCnn> {
+        let default = McCnn::new(Network::load(architecture)?);
+        let or = |given: Option<f64>, default: f32| given.map_or(default, |given| given as f32);
+        let Penalties { p1, p2, q1, q2, vertical, edge } = default.penalties;
+        let [before, after] = default.aggregations;
+        Ok(McCnn {
+            likeness: Likeness { intensity: self.cbca_intensity as f32, distance: self.cbca_distance },
+            aggregations: [self.cbca_iterations_1.unwrap_or(before), self.cbca_iterations_2.unwrap_or(after)],
+            penalties: Penalties {
+                p1: or(self.sgm_p1, p1),
+                p2: or(self.sgm_p2, p2),
+                q1: or(self.sgm_q1, q1),
+                q2: or(self.sgm_q2, q2),
+                vertical: or(self.sgm_v, vertical),
+                edge: or(self.sgm_d, edge),
+            },
+            ..default
+        })
     }
 }
 
@@ -120,6 +201,10 @@ fn paths(text: &str) -> Result<Paths> {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Filters (not for --method bm)")]
 struct FilterOptions {
+    /// Keep a disparity only if a view confirms it within so many pixels, not for gc (OpenCV: disp12MaxDiff) [default: keep all]
+    #[arg(long, value_name = "N")]
+    disp12_max_diff: Option<u16>,
+
     /// Median over a window of so many pixels, 3 or 5 [default: none]
     #[arg(long, value_name = "3|5")]
     median: Option<u8>,

@@ -13,12 +13,12 @@ use pulp::{Arch, Simd, WithSimd};
 pub(crate) const PANEL: usize = 32;
 
 /// The weights of one input to the outputs of a panel, which start where vectors are loaded fastest.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
 struct Weights([f32; PANEL]);
 
 /// The weights and biases of a layer, in panels of [`PANEL`] outputs; those beyond the last output are 0.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Layer {
     inputs: usize,
     outputs: usize,

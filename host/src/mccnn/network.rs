@@ -10,7 +10,7 @@ use super::{
     layer::{Activation, Layer},
     weights::HIDDEN,
 };
-use crate::Result;
+use crate::{Raster, Result};
 
 /// Pixels on each side of a pixel that its features depend on.
 const BORDER: usize = 5;
@@ -59,6 +59,12 @@ impl Input {
         self.height
     }
 
+    /// The image without its border.
+    pub fn to_raster(&self) -> Raster<f32> {
+        let rows = (BORDER..BORDER + self.height).flat_map(|y| &self.row(y)[BORDER..][..self.width]);
+        Raster::new(self.width, self.height, rows.copied().collect())
+    }
+
     /// A row of the extended image.
     fn row(&self, y: usize) -> &[f32] {
         let length = self.width + 2 * BORDER;
@@ -67,7 +73,7 @@ impl Input {
 }
 
 /// A network with its weights.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Network {
     architecture: Architecture,
     convolutions: [Layer; 5],
@@ -75,7 +81,7 @@ pub struct Network {
 }
 
 /// How features are compared.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) enum Comparison {
     /// By the cosine: they have length 1, so that it is their product.
     Cosine,
@@ -85,7 +91,7 @@ pub(super) enum Comparison {
 
 /// The fully connected layers. The first sees the features of both pixels side by side, so its sums have a part of the one and a
 /// part of the other, and each part is computed once for a pixel, not for each pair.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Connected {
     /// The part of the centre's pixel, without a bias.
     center: Layer,

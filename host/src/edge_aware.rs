@@ -33,8 +33,9 @@ impl Penalties {
 
 /// Paths from the left, right, top and bottom through the costs of a centre and its views.
 ///
-/// There is an edge of a view at a candidate if there is one in every view that is available to it, between its match and the match of
-/// the pixel before at the same disparity; also where that lies outside. With one view this is what Žbontar and LeCun do.
+/// There is an edge of the views at a candidate if there is one in any view that is available to it, between its match and the match of
+/// the pixel before at the same disparity; also where that lies outside. With one view this is what Žbontar and LeCun do. (To ask for an
+/// edge in every view keeps penalties high at thin things, which fewer views see in front of the same background.)
 #[derive(Debug)]
 pub struct EdgeAware<'a> {
     params: &'a Params,
@@ -118,15 +119,15 @@ impl<'a> EdgeAware<'a> {
         std::mem::swap(before, after);
     }
 
-    /// Whether all views that are available to a candidate have an edge there.
+    /// Whether any view that is available to a candidate has an edge there.
     #[inline]
     fn is_edge_of_views(&self, [u, v]: [usize; 2], index: usize, back: Back) -> bool {
         let d = isize::from(self.params.min_disparity()) + index as isize;
-        self.views.iter().all(|(view, image)| {
+        self.views.iter().any(|(view, image)| {
             let shift = view.sign() as isize * d;
             let (x, y) = (u as isize, v as isize);
             let place = if view.is_horizontal() { [x + shift, y] } else { [x, y + shift] };
-            !is_inside(image, place) || self.is_edge(image, place, back)
+            is_inside(image, place) && self.is_edge(image, place, back)
         })
     }
 

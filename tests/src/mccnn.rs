@@ -124,12 +124,17 @@ impl Reference {
         biases.iter().enumerate().map(output).collect()
     }
 
-    /// The cost of a match of pixels with these features, the centre's first.
+    /// The cost of a match of pixels with these features.
     pub fn cost(&self, center: &[f64], matched: &[f64]) -> f64 {
-        if self.name == "fast" {
-            return -center.iter().zip(matched).map(|(a, b)| a * b).sum::<f64>();
+        match self.name {
+            "fast" => -center.iter().zip(matched).map(|(a, b)| a * b).sum::<f64>(),
+            _ => -(self.similarity(center, matched) + self.similarity(matched, center)) / 2.0,
         }
-        let mut values = [center, matched].concat();
+    }
+
+    /// What the accurate network says of two pixels in this order.
+    fn similarity(&self, first: &[f64], second: &[f64]) -> f64 {
+        let mut values = [first, second].concat();
         for layer in ["fl_blocks.0", "fl_blocks.2", "fl_blocks.4", "fl_blocks.6"] {
             let (weights, biases) = (&self.tensors[&format!("{layer}.weight")].1, &self.tensors[&format!("{layer}.bias")].1);
             let sum = |(weights, &bias): (&[f32], &f32)| {
@@ -138,7 +143,7 @@ impl Reference {
             let sums = weights.chunks_exact(values.len()).zip(biases).map(sum);
             values = if layer == "fl_blocks.6" { sums.collect() } else { sums.map(|sum| sum.max(0.0)).collect() };
         }
-        -1.0 / (1.0 + (-values[0]).exp())
+        1.0 / (1.0 + (-values[0]).exp())
     }
 }
 

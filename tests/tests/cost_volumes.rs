@@ -181,9 +181,9 @@ fn mean_paths(problem: &Problem, penalties: Penalties) -> Vec<f64> {
                 false => f32::INFINITY,
             };
             for i in 0..count {
-                // The views have an edge if the least difference of those available is one.
+                // The views have an edge if the greatest difference of those available is one.
                 let of_views = problem.matches(u, v, i).into_iter().map(|(k, x, y)| difference(&problem.images[k], x, y));
-                let edges = [difference(&problem.center, u, v), of_views.fold(f32::INFINITY, f32::min)];
+                let edges = [difference(&problem.center, u, v), of_views.fold(0.0, f32::max)];
                 let divisor = match edges.map(|edge| edge >= penalties.edge) {
                     [false, false] => 1.0,
                     [true, true] => penalties.q2,

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{
     Features, Input, Network,
     layer::{Layer, PANEL},
-    network::{Comparison, Connected, Side},
+    network::{Comparison, Connected},
     weights::HIDDEN,
 };
 use crate::Frames;
@@ -36,7 +36,6 @@ pub struct Costs<'a> {
 /// An image, and what its pixels are compared by in some of its rows.
 #[derive(Clone, Debug)]
 struct Source {
-    side: Side,
     input: Input,
     operands: Features,
 }
@@ -48,11 +47,11 @@ impl<'a> Costs<'a> {
     /// If `params` were made for frames of another size or with views that are not there.
     pub fn new(network: &'a Network, frames: &Frames, params: &Params) -> Costs<'a> {
         assert_eq!(frames.size(), [params.width(), params.height()], "the size of the frames");
-        let source = |frame: Frame, side| {
+        let source = |frame: Frame| {
             let image = frames.get(frame).unwrap_or_else(|| panic!("there is no frame {frame:?}"));
             let input = Input::new(image);
-            let operands = network.operands(&input, 0..0, side);
-            Source { side, input, operands }
+            let operands = network.operands(&input, 0..0);
+            Source { input, operands }
         };
         Costs {
             network,
@@ -60,8 +59,8 @@ impl<'a> Costs<'a> {
             height: params.height(),
             min_disparity: params.min_disparity().into(),
             num_disparities: params.num_disparities(),
-            center: source(Frame::Center, Side::Center),
-            views: params.views().iter().map(|view| (view, source(Frame::View(view), Side::View))).collect(),
+            center: source(Frame::Center),
+            views: params.views().iter().map(|view| (view, source(Frame::View(view)))).collect(),
         }
     }
 
@@ -121,8 +120,8 @@ impl<'a> Costs<'a> {
 
 impl Source {
     fn advance(&mut self, network: &Network, rows: Range<usize>) {
-        let Source { side, input, operands } = self;
-        operands.advance(rows, |rows| network.operands(input, rows, *side));
+        let Source { input, operands } = self;
+        operands.advance(rows, |rows| network.operands(input, rows));
     }
 }
 
@@ -205,7 +204,10 @@ impl Pair<'_> {
         let mut places = Vec::with_capacity(PAIRS);
         let mut compare = |pairs: &mut Vec<f32>, places: &mut Vec<usize>| {
             let spare = &mut spare[..pairs.len()];
-            connected.similarities(pairs, spare, |pair, similarity| out[places[pair]] = -similarity);
+            connected.similarities(pairs, spare, |pair, similarity| {
+                let cost = &mut out[places[pair / 2]];
+                *cost = if pair % 2 == 0 { 0.0 } else { *cost } - similarity / 2.0;
+            });
             pairs.clear();
             places.clear();
         };
@@ -216,9 +218,12 @@ impl Pair<'_> {
                 let match_at = (at as i32 + self.view.sign() * (self.min_disparity + i32::from(candidate))) as usize;
                 let matched =
                     if self.view.is_horizontal() { self.matched.pixel(match_at, v) } else { self.matched.pixel(u, match_at) };
-                pairs.extend(center.iter().zip(matched).map(|(center, matched)| (center + matched).max(0.0)));
+                for [first, second] in [[center, matched], [matched, center]] {
+                    let both = first[..HIDDEN].iter().zip(&second[HIDDEN..]);
+                    pairs.extend(both.map(|(first, second)| (first + second).max(0.0)));
+                }
                 places.push(((v - first) * width + u) * depth + usize::from(candidate));
-                if places.len() == PAIRS {
+                if 2 * places.len() == PAIRS {
                     compare(&mut pairs, &mut places);
                 }
             }

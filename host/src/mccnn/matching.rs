@@ -84,7 +84,8 @@ impl McCnn {
             progress.advance(1);
         };
         let crosses = (before + after > 0).then(|| CrossBased::new(params, &center, &views, self.likeness));
-        let aggregate = |costs: &Volume<f32>, to: &mut Volume<f32>| crosses.iter().for_each(|crosses| crosses.aggregate(costs, to));
+        let aggregate =
+            |costs: &Volume<f32>, to: &mut Volume<f32>| crosses.iter().for_each(|crosses| crosses.aggregate(costs, to));
         (0..before).for_each(|_| pass(&aggregate));
         let paths = EdgeAware::new(params, self.penalties, &center, &views);
         pass(&|costs, means| paths.optimize(costs, means));

@@ -91,22 +91,18 @@ pub(super) enum Comparison {
 
 /// The fully connected layers. The first sees the features of both pixels side by side, so its sums have a part of the one and a
 /// part of the other, and each part is computed once for a pixel, not for each pair.
+///
+/// As published, the layers are not symmetric: what they like best lies 0.4 pixels to the left of the true match, whichever of both images
+/// that is in. So they are asked both ways round, and their answers averaged.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Connected {
-    /// The part of the centre's pixel, without a bias.
-    center: Layer,
-    /// The part of the view's pixel.
-    view: Layer,
+    /// The part of the pixel that is seen first, without a bias.
+    first: Layer,
+    /// The part of the other.
+    second: Layer,
     hidden: [Layer; 2],
     weights: Vec<f32>,
     bias: f32,
-}
-
-/// Whose pixels they are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Side {
-    Center,
-    View,
 }
 
 impl Network {
@@ -154,19 +150,21 @@ impl Network {
         self.describe(input, rows, self.architecture.channels(), |features, out| out.copy_from_slice(&features))
     }
 
-    /// What of the features of `rows` enters the comparison of pixels of one side and of the other: the features of the fast
-    /// network, and what the first connected layer makes of those of the accurate one.
-    pub(super) fn operands(&self, input: &Input, rows: Range<usize>, side: Side) -> Features {
+    /// What of the features of `rows` enters comparisons: the features of the fast network; what the first connected layer makes of those of
+    /// the accurate one where they are seen first, and where they are seen second.
+    pub(super) fn operands(&self, input: &Input, rows: Range<usize>) -> Features {
         match &self.comparison {
             Comparison::Cosine => self.features(input, rows),
-            Comparison::Connected(connected) => self.describe(input, rows, HIDDEN, |features, out| {
-                let layer = if side == Side::Center { &connected.center } else { &connected.view };
-                layer.apply::<1, { Connected::CHANNELS }>(
-                    [&features],
-                    features.len() / Connected::CHANNELS,
-                    Activation::Linear,
-                    out,
-                );
+            Comparison::Connected(connected) => self.describe(input, rows, 2 * HIDDEN, |features, out| {
+                let pixels = features.chunks(Connected::CHANNELS * input.width).zip(out.chunks_mut(2 * HIDDEN * input.width));
+                let mut sums = vec![0.0; HIDDEN * input.width];
+                for (features, out) in pixels {
+                    for (layer, start) in [(&connected.first, 0), (&connected.second, HIDDEN)] {
+                        layer.apply::<1, { Connected::CHANNELS }>([features], input.width, Activation::Linear, &mut sums);
+                        let both = out.chunks_exact_mut(2 * HIDDEN).zip(sums.chunks_exact(HIDDEN));
+                        both.for_each(|(out, sums)| out[start..][..HIDDEN].copy_from_slice(sums));
+                    }
+                }
             }),
         }
     }
@@ -243,8 +241,8 @@ impl Connected {
         };
         let (values, bias) = weights.layer("fl_blocks.6");
         Connected {
-            center: half(0),
-            view: half(Self::CHANNELS),
+            first: half(0),
+            second: half(Self::CHANNELS),
             hidden: ["fl_blocks.2", "fl_blocks.4"].map(hidden),
             weights: values.to_vec(),
             bias: bias[0],

@@ -6,7 +6,9 @@
     tests/golden/mccnn/make.py out/demo
 
 Beside this file it writes the images, `vectors.json`, and `legacy.pt`: a small file in PyTorch's old format, and what is in it. Images
-are extended by 5 pixels of their border once they are normalised, as this project does; all else is the package's own code.
+are extended by 5 pixels of their border once they are normalised, as this project does; all else is the package's own code. The
+accurate network is asked both ways round, as this project does, by the package's costs of the centre and the other image, and of the
+other image and the centre.
 """
 
 import json
@@ -69,8 +71,15 @@ def main():
         center, other = features[architecture]["center"], features[architecture][view]
         if architecture == "fast":
             return reach, compare.computes_cost_volume(center.numpy(), other.numpy(), -reach, reach)
-        sides = (center[None], other[None])
-        return reach, accurate.computes_cost_volume_mc_cnn_accurate(*sides, -reach, reach, accurate.compute_cost_mc_cnn_accurate)
+        ask = lambda *sides: np.asarray(  # noqa: E731
+            accurate.computes_cost_volume_mc_cnn_accurate(*sides, -reach, reach, accurate.compute_cost_mc_cnn_accurate)
+        )
+        there, back = ask(center[None], other[None]), ask(other[None], center[None])
+        mean = np.full_like(there, np.nan)
+        for shift in range(-reach, reach + 1):
+            columns = np.arange(max(0, -shift), min(WIDTH, WIDTH - shift))
+            mean[:, columns, reach + shift] = (there[:, columns, reach + shift] + back[:, columns + shift, reach - shift]) / 2
+        return reach, mean
 
     vectors = {"disparities": list(DISPARITIES)}
     for architecture in ("fast", "accurate"):

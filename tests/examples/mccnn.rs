@@ -68,7 +68,7 @@ fn main() -> Result<()> {
         let params = Params::new(options.width, options.height, views, Fusion::Min, 1, options.num_disparities, 1);
         let params = params.expect("the parameters are in range");
         let mut costs = Costs::new(&network, &frames, &params);
-        let height = Costs::band_height(options.threads).min(params.height());
+        let height = costs.band_height().min(params.height());
         let row = params.width() * params.num_disparities();
         let mut bands = vec![vec![0.0; height * row]; views.len()];
         for start in (0..params.height()).step_by(height) {

@@ -127,8 +127,8 @@ impl Reference {
     /// The cost of a match of pixels with these features.
     pub fn cost(&self, center: &[f64], matched: &[f64]) -> f64 {
         match self.name {
-            "fast" => -center.iter().zip(matched).map(|(a, b)| a * b).sum::<f64>(),
-            _ => -(self.similarity(center, matched) + self.similarity(matched, center)) / 2.0,
+            "fast" => 1.0 - center.iter().zip(matched).map(|(a, b)| a * b).sum::<f64>(),
+            _ => 1.0 - (self.similarity(center, matched) + self.similarity(matched, center)) / 2.0,
         }
     }
 

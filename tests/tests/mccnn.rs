@@ -12,8 +12,11 @@ use std::{
 use image::GrayImage;
 use libtest_mimic::{Arguments, Failed, Trial};
 use multiscopic::{
-    Frames,
-    mccnn::{Architecture, Costs, Input, Network, Tensor, Weights, checkpoint},
+    Engine, Frames, Volume,
+    cross_based::{CrossBased, Likeness},
+    edge_aware::EdgeAware,
+    mccnn::{Architecture, Costs, Input, McCnn, Network, Tensor, Weights, checkpoint},
+    volume::{Cost, fuse},
 };
 use multiscopic_core::{Frame, Fusion, Params, View, Views};
 use multiscopic_tests::{
@@ -37,6 +40,7 @@ fn main() {
         test("features_are_those_of_the_definition", features);
         test("costs_are_those_of_the_definition", costs);
         test("costs_are_the_same_in_bands_and_threads", bands);
+        test("disparities_are_those_of_the_stages", disparities);
     }
     trials.push(Trial::test("checkpoints_are_read_or_refused", checkpoints));
     trials.push(Trial::test("weights_are_read_or_refused", weights));
@@ -179,6 +183,48 @@ fn bands(name: &'static str) -> Result<(), Failed> {
     Ok(())
 }
 
+/// The stages one after the other, each of which is held to its definition by itself, on all rows at once.
+fn disparities(name: &'static str) -> Result<(), Failed> {
+    let mut random = Random(18);
+    let (_, network) = networks(name, &mut random);
+    let published = McCnn::new(network.clone());
+    assert_eq!(published.aggregations, if name == "fast" { [0, 0] } else { [2, 0] });
+    // More rows than a band has.
+    let frames = frames(4, if name == "fast" { 140 } else { 35 }, &mut random);
+    for (views, fusion) in [(Views::STEREO, Fusion::Min), (Views::HORIZONTAL, Fusion::Min), (Views::ALL, Fusion::Heuristic)] {
+        let likeness = Likeness { intensity: 0.8, distance: 4 };
+        let aggregations = [random.below(2), 1 + random.below(2)];
+        let left_right = [None, Some(0)][random.below(2)];
+        let mccnn = McCnn { likeness, aggregations, left_right, ..published.clone() };
+        let [width, height] = frames.size();
+        let params = Params::new(width as u16, height as u16, views, fusion, -1, 4, 1)?;
+
+        let of_views = computed(&network, &frames, &params, &[height]);
+        let mut costs = Volume::filled(width, height, 4, f32::NONE);
+        fuse(fusion, &of_views.iter().map(Vec::as_slice).collect::<Vec<_>>(), costs.costs_mut());
+        let image = |frame| Input::new(frames.get(frame).expect("the frame is there")).to_raster();
+        let (center, images) = (image(Frame::Center), views.iter().map(|view| image(Frame::View(view))).collect::<Vec<_>>());
+        let aggregate = |costs: Volume<f32>| {
+            let mut aggregated = costs.clone();
+            CrossBased::new(&params, &center, &images, likeness).aggregate(&costs, &mut aggregated);
+            aggregated
+        };
+        let costs = (0..aggregations[0]).fold(costs, |costs, _| aggregate(costs));
+        let mut means = costs.clone();
+        EdgeAware::new(&params, mccnn.penalties, &center, &images).optimize(&costs, &mut means);
+        let means = (0..aggregations[1]).fold(means, |means, _| aggregate(means));
+        let mut expected = means.disparities(&params);
+        if let Some(tolerance) = left_right {
+            means.check_left_right(&params, &mut expected, tolerance);
+        }
+        for threads in [1, 3] {
+            let found = mccnn.disparities(&Engine::new(None, threads)?, &frames, &params, &());
+            assert!(found == expected, "{views:?}, {fusion:?}, {threads} threads");
+        }
+    }
+    Ok(())
+}
+
 /// A file beside the golden vectors.
 fn golden_file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/mccnn").join(name)
@@ -232,7 +278,8 @@ fn golden(name: &'static str, folder: &Path) -> Result<(), Failed> {
         let mut found = vec![0.0; width * disparities.len()];
         Costs::new(&network, &frames, &params).fill(v..v + 1, &mut [&mut found]);
         for (&found, expected) in found[u * disparities.len()..].iter().zip(numbers(&expected["values"])) {
-            let found = f64::from(found);
+            // The package's costs are the negative similarities.
+            let found = f64::from(found) - 1.0;
             greatest = greatest.max(if found == expected { 0.0 } else { (found - expected).abs() });
         }
     }
@@ -322,6 +369,12 @@ fn command() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let nowhere = || [("MULTISCOPIC_WEIGHTS", folder.path().join("nowhere"))];
     Run::with(["weights", "path"], nowhere()).assert_refused(&["mccnn-fast", "nowhere", "run `multiscopic weights install`"]);
+    let golden = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("golden").join(name);
+    let out = folder.path().join("out.pfm");
+    let arguments = ["match", "--method", "mccnn-accurate", "--center"].map(PathBuf::from).into_iter();
+    let arguments = arguments.chain([golden("center.png"), "--left".into(), golden("left.png"), "-o".into(), out.clone()]);
+    Run::with(arguments, nowhere()).assert_refused(&["mccnn-accurate", "nowhere", "run `multiscopic weights install`"]);
+    assert!(!out.exists(), "nothing is matched");
     let wheel = folder.path().join("mccnn.whl");
     let from = |words: &[&str]| {
         let run = Run::with(["weights".as_ref(), "install".as_ref(), "--from".as_ref(), wheel.as_os_str()], nowhere());

@@ -20,8 +20,8 @@ const PAIRS: usize = 84;
 /// The costs of matching a centre image with its views, band by band of rows, so that memory for features is bounded by a band's
 /// height.
 ///
-/// The cost of a match is the negative similarity of the patches around both pixels: from -1 (the same) to 1 by the fast
-/// network's cosine, and from -1 to 0 by the accurate network. It is +inf where the match lies outside the image.
+/// The cost of a match is 1 minus the similarity of the patches around both pixels: from 0 (the same) to 2 by the fast network's
+/// cosine, and from 0 to 1 by the accurate network. It is +inf where the match lies outside the image.
 #[derive(Clone, Debug)]
 pub struct Costs<'a> {
     network: &'a Network,
@@ -64,9 +64,14 @@ impl<'a> Costs<'a> {
         }
     }
 
-    /// A good height of bands for a number of threads: all are busy, and little is computed twice at borders of bands.
-    pub fn band_height(threads: usize) -> usize {
-        (32 * threads).max(64)
+    /// A good height of bands for the threads of the current pool: all are busy, and little is computed twice at borders of bands. What
+    /// the accurate network keeps of a pixel is twelve times as much, and next to its comparisons borders take little time.
+    pub fn band_height(&self) -> usize {
+        let threads = rayon::current_num_threads();
+        match self.network.comparison() {
+            Comparison::Cosine => (32 * threads).max(64),
+            Comparison::Connected(_) => 8 * threads.max(2),
+        }
     }
 
     /// Computes the costs of the pixels of `rows` by the threads of the current pool. `out` has a slice for each view, in the
@@ -136,7 +141,7 @@ struct Pair<'a> {
 }
 
 impl Pair<'_> {
-    /// The negative products of features, for the pixels of `rows`: lines of the image along which matches move, one after the
+    /// 1 minus the products of features, for the pixels of `rows`: lines of the image along which matches move, one after the
     /// other.
     fn cosines(&self, rows: Range<usize>, out: &mut [f32]) {
         let (width, depth) = (self.center.width(), self.num_disparities);
@@ -187,16 +192,16 @@ impl Pair<'_> {
             if sign > 0 {
                 let skipped = (-candidate).max(0) as usize;
                 let out = out.iter_mut().skip(candidate.max(0) as usize);
-                out.zip(products.iter().skip(skipped)).for_each(|(out, product)| *out = -product);
+                out.zip(products.iter().skip(skipped)).for_each(|(out, product)| *out = 1.0 - product);
             } else {
                 let skipped = (candidate - depth + 1).max(0) as usize;
                 let end = (candidate + 1).clamp(0, depth) as usize;
-                out[..end].iter_mut().rev().zip(products.iter().skip(skipped)).for_each(|(out, product)| *out = -product);
+                out[..end].iter_mut().rev().zip(products.iter().skip(skipped)).for_each(|(out, product)| *out = 1.0 - product);
             }
         });
     }
 
-    /// The negative similarities by fully connected layers, for the pixels of `rows`.
+    /// 1 minus the similarities by fully connected layers, for the pixels of `rows`.
     fn similarities(&self, connected: &Connected, rows: Range<usize>, out: &mut [f32]) {
         let (width, depth, first) = (self.center.width(), self.num_disparities, rows.start);
         let mut pairs = Vec::with_capacity(PAIRS * HIDDEN);
@@ -206,7 +211,7 @@ impl Pair<'_> {
             let spare = &mut spare[..pairs.len()];
             connected.similarities(pairs, spare, |pair, similarity| {
                 let cost = &mut out[places[pair / 2]];
-                *cost = if pair % 2 == 0 { 0.0 } else { *cost } - similarity / 2.0;
+                *cost = if pair % 2 == 0 { 1.0 } else { *cost } - similarity / 2.0;
             });
             pairs.clear();
             places.clear();

@@ -54,8 +54,8 @@ impl McCnn {
         progress.begin(params.height() as u64, "lines");
         let mut fused = Volume::filled(params.width(), params.height(), params.num_disparities(), 0.0);
         let row = fused.row_len();
-        let height = Costs::band_height(rayon::current_num_threads());
         let mut costs = Costs::new(&self.network, frames, params);
+        let height = costs.band_height();
         let mut views = vec![vec![0.0; height * row]; params.views().len()];
         for (band, fused) in fused.costs_mut().chunks_mut(height * row).enumerate() {
             let rows = band * height..band * height + fused.len() / row;

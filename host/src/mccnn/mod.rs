@@ -8,7 +8,7 @@
 //!   block matching. (The package leaves out borders of 5 pixels; the paper's authors put zeros around each layer's input and
 //!   copy costs into the borders. Replication made the fewest mistakes there.)
 //! - Five convolutions of 3x3 pixels describe the patch of 11x11 around each pixel: [`Features`].
-//! - The cost of a match is the negative similarity of two patches. The fast network takes the cosine between their features, the
+//! - The cost of a match is 1 minus the similarity of two patches. The fast network takes the cosine between their features, the
 //!   accurate one asks four more layers: [`Costs`].
 //! - The costs of all views are fused, aggregated and summed along paths: [`McCnn`].
 //!

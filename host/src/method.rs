@@ -32,23 +32,15 @@ impl Method {
         params: &Params,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
-        match self {
+        let (map, filters) = match self {
             Method::BlockMatching => {
                 progress.begin(params.height() as u64, "lines");
-                Ok(engine.disparities(frames, params, || progress.advance(1)))
+                return Ok(engine.disparities(frames, params, || progress.advance(1)));
             }
-            Method::GraphCuts(method, filters) => {
-                let map = method.disparities(engine, frames, params, progress)?;
-                Ok(engine.pool().install(|| filters.apply(map)))
-            }
-            Method::SemiGlobal(sgm, filters) => {
-                let map = sgm.disparities(engine, frames, params, progress);
-                Ok(engine.pool().install(|| filters.apply(map)))
-            }
-            Method::McCnn(mccnn, filters) => {
-                let map = mccnn.disparities(engine, frames, params, progress);
-                Ok(engine.pool().install(|| filters.apply(map)))
-            }
-        }
+            Method::GraphCuts(cuts, filters) => (cuts.disparities(engine, frames, params, progress)?, filters),
+            Method::SemiGlobal(sgm, filters) => (sgm.disparities(engine, frames, params, progress), filters),
+            Method::McCnn(mccnn, filters) => (mccnn.disparities(engine, frames, params, progress), filters),
+        };
+        Ok(engine.pool().install(|| filters.apply(map)))
     }
 }

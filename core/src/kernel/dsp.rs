@@ -605,7 +605,7 @@ unsafe fn prime<const V: usize>(place: Place<'_, Dsp, V>, vectors: usize) {
     let Place { center, index, tracks, column, .. } = place;
     unsafe {
         asm!(
-            at_most!(300),
+            at_most!(400),
             ".rept {views}",
             "ldr {x}, [{tracks}, #8]",
             "ldr {entering}, [{tracks}], #{track}",

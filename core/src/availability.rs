@@ -150,9 +150,9 @@ impl Available {
         self.incomplete
     }
 
-    /// Whether views that are not available can be hidden from `rule` by their costs.
+    /// Whether views that are not available, if there are any, can be hidden from `rule` by their costs.
     pub fn masks(&self, rule: Rule) -> bool {
-        rule.masks(self.len, self.incomplete.count_ones() as usize)
+        self.incomplete == 0 || rule.masks(self.len, self.incomplete.count_ones() as usize)
     }
 
     /// Goes to a coordinate in the `k`-th view.

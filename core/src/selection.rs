@@ -6,7 +6,7 @@ use crate::{
     Disparity, Params,
     availability::Availability,
     disparity::Around,
-    kernel::{self, Block, Blocks, Lane, Rule, Winners},
+    kernel::{self, Block, Blocks, Lane, Rule, Steps, Winners},
 };
 
 const BATCH: usize = Winners::<()>::MAX;
@@ -43,25 +43,24 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         Selection { isa, params, rule, indices, excess, inner: params.num_disparities().saturating_sub(2) }
     }
 
-    /// Fuses the costs of a pixel whose views are all available at all disparities, and returns the least.
-    #[inline(always)]
-    pub fn fuse<const V: usize>(&self, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
-        let least = self.isa.fuse(self.rule, blocks, fused);
-        if self.excess.is_some() { self.least(fused) } else { least }
+    /// The views that masks hide where these are incomplete.
+    pub fn masked(&self, incomplete: u8) -> u8 {
+        // Masks hide lanes that are too many in every view.
+        if incomplete != 0 && self.excess.is_some() { u8::MAX } else { incomplete }
     }
 
-    /// Fuses the costs of a pixel that masks leave, in the `masked` views, and returns the least.
+    /// Goes to the next pixel and fuses its costs, those that masks leave in the `masked` views, and returns the least.
     #[inline(always)]
-    pub fn fuse_masked<const V: usize>(
+    pub fn slide_and_fuse<const V: usize>(
         &self,
         masked: u8,
-        blocks: &[[I::Costs; V]],
+        steps: &mut Steps<'_, I, V>,
+        blocks: &mut [[I::Costs; V]],
         masks: &[[I::Costs; V]],
         fused: &mut [I::Costs],
     ) -> L {
-        // Masks hide lanes that are too many in every view.
-        let masked = if self.excess.is_some() { u8::MAX } else { masked };
-        self.isa.fuse_masked(self.rule, masked, blocks, masks, fused)
+        let least = self.isa.slide_and_fuse(self.rule, masked, steps, blocks, masks, fused);
+        if masked == 0 && self.excess.is_some() { self.least(fused) } else { least }
     }
 
     /// Fuses the costs of a pixel segment by segment, and returns the least.

@@ -82,18 +82,21 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
         let uniform = uniform_columns(params);
         let start = region.columns().start;
         available.enter_line(start, v, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
-        let (mut incomplete, mut masked) = (available.incomplete(), available.masks(selection.rule));
+        // The views that masks hide, if they can.
+        let masked = |available: &Available| available.masks(selection.rule).then(|| selection.masked(available.incomplete()));
+        let mut hidden = masked(available);
         for (pixel, u) in out.iter_mut().zip(start..) {
-            isa.slide(&mut steps, blocks);
             // What is available is the same in all uniform columns.
             if u <= uniform.start || u >= uniform.end {
                 available.enter(u, |k, index, shows| mask::<L, I, V>(masks, k, index, shows));
-                (incomplete, masked) = (available.incomplete(), available.masks(selection.rule));
+                hidden = masked(available);
             }
-            let least = match (incomplete, masked) {
-                (0, _) => selection.fuse(blocks, fused),
-                (_, true) => selection.fuse_masked(incomplete, blocks, masks, fused),
-                _ => selection.fuse_segments(&Availability::new(params, u, v), blocks, fused),
+            let least = match hidden {
+                Some(hidden) => selection.slide_and_fuse(hidden, &mut steps, blocks, masks, fused),
+                None => {
+                    isa.slide(&mut steps, blocks);
+                    selection.fuse_segments(&Availability::new(params, u, v), blocks, fused)
+                }
             };
             *pixel = selection.disparity(least, fused, || Exact { params, u, v, blocks });
         }

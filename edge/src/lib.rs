@@ -27,7 +27,7 @@ pub mod stepper;
 mod streams;
 
 pub use board::{Board, Phase};
-pub use kernel::{Kernel, Narrow, Wide};
+pub use kernel::{Kernel, Wide};
 pub use pipeline::{Lengths, Pipeline, PipelineError, RunError, Workspace};
 pub use profile::Profile;
 pub use streams::{Streams, StreamsError};

@@ -70,7 +70,7 @@ pub fn widest_tile(params: &Params, processor: Processor, limit: usize) -> Optio
 mod tests {
     use super::*;
     use multiscopic_core::{Fusion, Memory};
-    use multiscopic_edge::{Narrow, Wide, profile};
+    use multiscopic_edge::{Wide, profile};
 
     #[test]
     fn the_buffers_are_all_of_it() {
@@ -79,10 +79,7 @@ mod tests {
             let ram = Ram::new(&params, profile.tile_width(), processor);
             assert_eq!(ram.buffers().iter().map(|buffer| buffer.1).sum::<usize>(), ram.bytes());
             let matcher = ram.buffers()[..9].iter().map(|buffer| buffer.1).sum::<usize>();
-            let (memory, lengths) = match processor {
-                Processor::CortexM55 => (Memory::new::<Wide>(&params, profile.tile_width()), profile.lengths::<Wide>()),
-                _ => (Memory::new::<Narrow>(&params, profile.tile_width()), profile.lengths::<Narrow>()),
-            };
+            let (memory, lengths) = (Memory::new::<Wide>(&params, profile.tile_width()), profile.lengths::<Wide>());
             assert_eq!((matcher, ram.workspace), (memory.bytes(), lengths));
             assert_eq!(ram.statics(), lengths.bytes() + processor.measured().statics);
             assert!(ram.bytes() <= profile.ram_budget, "{}", profile.name);

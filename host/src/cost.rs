@@ -117,15 +117,21 @@ fn rule(params: &Params) -> Rule {
     Rule::new(params.fusion(), params.views().len())
 }
 
-/// The name of the loops that fuse costs: the number of views, the rule, and `wide` where block sums take 32 bits.
-pub fn kernel(params: &Params) -> String {
+/// The name of the loops that fuse costs: the number of views, the rule, and `wide` where block sums take 32 bits. With so many lanes, the least of four
+/// views in four vectors is `unrolled`: kernels have a loop of its own for it.
+pub fn kernel(params: &Params, lanes: usize) -> String {
     let rule = match rule(params) {
         Rule::Min => "min",
         Rule::Sum => "mean",
         Rule::Heuristic => "heuristic",
     };
-    let width = if params.max_block_sum() < u32::from(u16::MAX) { "" } else { "-wide" };
-    format!("{}-{rule}{width}", params.views().len())
+    let views = params.views().len();
+    let suffix = match (rule, views, params.num_disparities().div_ceil(lanes)) {
+        _ if params.max_block_sum() >= u32::from(u16::MAX) => "-wide",
+        ("min", 4, 4) => "-unrolled",
+        _ => "",
+    };
+    format!("{views}-{rule}{suffix}")
 }
 
 impl Work {
@@ -158,7 +164,7 @@ impl Work {
                 masked: count(masked) * depth,
                 segmented: count(segmented) * depth,
             },
-            kernel: kernel(params),
+            kernel: kernel(params, lanes),
         }
     }
 }
@@ -267,10 +273,13 @@ mod tests {
 
     #[test]
     fn kernels_by_name() {
-        let name = |views, fusion, block_size| kernel(&params(views, fusion, 1, 4, block_size));
+        let name = |views, fusion, block_size| kernel(&params(views, fusion, 1, 4, block_size), 4);
         assert_eq!(name(Views::STEREO, Fusion::Mean, 3), "1-min");
         assert_eq!(name(Views::HORIZONTAL, Fusion::Heuristic, 15), "2-mean");
         assert_eq!(name(Views::ALL, Fusion::Heuristic, 17), "4-heuristic-wide");
+        assert_eq!(name(Views::ALL, Fusion::Min, 3), "4-min");
+        assert_eq!(kernel(&params(Views::ALL, Fusion::Min, 1, 4, 3), 1), "4-min-unrolled");
+        assert_eq!(kernel(&params(Views::ALL, Fusion::Min, 1, 4, 17), 1), "4-min-wide");
     }
 
     #[test]

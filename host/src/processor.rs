@@ -1,7 +1,7 @@
 //! The processors that budgets are made for.
 
 use multiscopic_core::{Params, kernel::Isa};
-use multiscopic_edge::{Lengths, Narrow, Wide};
+use multiscopic_edge::{Lengths, Wide};
 
 use crate::measured::{MEASURED, Measured};
 
@@ -56,18 +56,12 @@ impl Processor {
 
     /// The lanes of its kernel: the number of disparities is rounded up to a multiple.
     pub fn lanes(self) -> usize {
-        match self {
-            Processor::CortexM4 | Processor::CortexM7 => Narrow::LANES,
-            Processor::CortexM55 => Wide::LANES,
-        }
+        Wide::LANES
     }
 
     /// How long the parts of its workspace are.
     pub fn lengths(self, params: &Params, tile_width: usize) -> Lengths {
-        match self {
-            Processor::CortexM4 | Processor::CortexM7 => Lengths::new::<Narrow>(params, tile_width),
-            Processor::CortexM55 => Lengths::new::<Wide>(params, tile_width),
-        }
+        Lengths::new::<Wide>(params, tile_width)
     }
 
     /// The instructions of a match in column tiles by the cost model, lines not fetched but sent.

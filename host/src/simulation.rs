@@ -4,9 +4,9 @@ use std::{convert::Infallible, time::Duration};
 
 use embedded_io::{ErrorType, Read, Seek, SeekFrom};
 use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, View, kernel::Blocks};
-use multiscopic_edge::{Board, Narrow, Phase, Profile, Streams, StreamsError, Wide, Workspace, profile, workspace};
+use multiscopic_edge::{Board, Phase, Profile, Streams, StreamsError, Wide, Workspace, profile, workspace};
 
-use crate::{Frames, Processor};
+use crate::Frames;
 
 /// What the firmware of a profile does with some frames.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,34 +22,27 @@ pub struct Simulation {
     pub workspace: usize,
 }
 
-/// Runs the pipeline of `profile` on `frames`, in the memory that it has on `processor`, and calls `line_read` for every line of the centre that it reads.
+/// Runs the pipeline of `profile` on `frames`, in the memory that it has in firmware, and calls `line_read` for every line of the centre that it reads.
 ///
 /// # Panics
 /// If the frames are not as large as the profile's, or a view of it is missing.
-pub fn simulate(profile: &Profile, fusion: Fusion, processor: Processor, frames: &Frames, line_read: &dyn Fn()) -> Simulation {
+pub fn simulate(profile: &Profile, fusion: Fusion, frames: &Frames, line_read: &dyn Fn()) -> Simulation {
     let params = profile.params(fusion);
     assert_eq!(frames.size(), [params.width(), params.height()], "the size of the frames for {}", profile.name);
     let mut desk = Desk { frames, line_read };
     // The lengths of a workspace are part of its type.
     macro_rules! run {
-        ($kernel:ty: $($known:path),*) => {
+        ($($known:path),*) => {
             match profile.name {
                 $(name if name == $known.name => {
-                    let mut workspace = Box::<workspace!($kernel, $known)>::new(Workspace::new());
-                    run(<$kernel>::default(), &mut *workspace, &params, profile.tile_width(), &mut desk)
+                    let mut workspace = Box::<workspace!(Wide, $known)>::new(Workspace::new());
+                    run(Wide::default(), &mut *workspace, &params, profile.tile_width(), &mut desk)
                 })*
                 name => unreachable!("{name} is not a profile"),
             }
         };
     }
-    match processor {
-        Processor::CortexM4 | Processor::CortexM7 => {
-            run!(Narrow: profile::QQVGA, profile::QVGA, profile::QVGA_TILED, profile::VGA, profile::VGA_TILED)
-        }
-        Processor::CortexM55 => {
-            run!(Wide: profile::QQVGA, profile::QVGA, profile::QVGA_TILED, profile::VGA, profile::VGA_TILED)
-        }
-    }
+    run!(profile::QQVGA, profile::QVGA, profile::QVGA_TILED, profile::VGA, profile::VGA_TILED)
 }
 
 fn run<I: Blocks<u16> + Blocks<u32>, const WORDS: usize, const COLUMNS: usize, const PACKET: usize>(
@@ -182,8 +175,8 @@ mod tests {
         let profile = profile::QQVGA;
         let params = profile.params(Fusion::Min);
         let frames = capture(&Scene::demo(), &Camera::new(160, 120), 1).frames(params.views());
-        let simulation = simulate(&profile, Fusion::Min, Processor::CortexM4, &frames, &|| ());
-        assert_eq!(simulation.workspace, profile.lengths::<Narrow>().bytes());
+        let simulation = simulate(&profile, Fusion::Min, &frames, &|| ());
+        assert_eq!(simulation.workspace, profile.lengths::<Wide>().bytes());
         assert_eq!(simulation.passes, 1);
         let views = [View::Left, View::Right].map(Frame::View);
         assert_eq!(simulation.lines_read, [(Frame::Center, 120), (views[0], 120), (views[1], 120)]);
@@ -198,6 +191,6 @@ mod tests {
     #[should_panic = "the frame View(Left) is missing"]
     fn a_view_that_is_missing_is_named() {
         let frames = capture(&Scene::demo(), &Camera::new(160, 120), 1).frames(Views::STEREO);
-        simulate(&profile::QQVGA, Fusion::Min, Processor::CortexM4, &frames, &|| ());
+        simulate(&profile::QQVGA, Fusion::Min, &frames, &|| ());
     }
 }

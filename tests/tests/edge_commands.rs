@@ -9,7 +9,7 @@ use std::{
 
 use multiscopic_core::{Disparity, Fusion, Memory, Params, Region, Views};
 use multiscopic_edge::{
-    Narrow, Profile,
+    Profile, Wide,
     packet::{Sender, buffer_bytes},
     profile,
 };
@@ -229,7 +229,7 @@ fn assert_simulated_as_matched(profile: &Profile) {
         assert_eq!(lines.len(), 1 + params.views().len());
         assert!(lines.values().all(|read| *read == passes * params.height()), "{report:#}");
         let statics = report["ram_static"].as_u64().expect("bytes");
-        assert!(statics >= profile.lengths::<Narrow>().bytes() as u64, "{report:#}");
+        assert!(statics >= profile.lengths::<Wide>().bytes() as u64, "{report:#}");
         assert!(report["ram_total"].as_u64() > Some(statics), "{report:#}");
         assert!(report["ram_total"].as_u64() <= Some(profile.ram_budget as u64), "{report:#}");
     }
@@ -270,7 +270,7 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
     for profile in profile::ALL {
         let report = json(&budget(&["--profile", profile.name]), 0);
         let params = profile.params(Fusion::Min);
-        let memory = Memory::new::<Narrow>(&params, profile.tile_width());
+        let memory = Memory::new::<Wide>(&params, profile.tile_width());
         for (buffer, bytes) in [
             ("column_sums", memory.column_sums),
             ("block_sums", memory.block_sums),
@@ -290,7 +290,7 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
         assert_eq!(buffers.map(|bytes| bytes.as_u64().expect("bytes")).sum::<u64>(), bytes("ram_total"));
         assert_eq!(bytes("ram_static") + bytes("stack_max"), bytes("ram_total"));
         let runtime = report["ram"]["runtime"].as_u64().expect("bytes");
-        assert_eq!(bytes("ram_static"), profile.lengths::<Narrow>().bytes() as u64 + runtime, "{}", profile.name);
+        assert_eq!(bytes("ram_static"), profile.lengths::<Wide>().bytes() as u64 + runtime, "{}", profile.name);
     }
     let simulated = json(&Run::new(["simulate", "--json", "--profile", "qqvga", "--core", "cortex-m55"]), 0);
     let budgeted = json(&budget(&["--profile", "qqvga", "--core", "cortex-m55"]), 0);

@@ -1,7 +1,8 @@
 //! The operations in the packed instructions of Arm's DSP extension, as Cortex-M4, M7 and M33 have them.
 //!
 //! Bytes are compared four at a time, and what is wider is in words of two halves. A word of bytes becomes two words of halves by
-//! taking every other byte, so the lanes lie in memory as the disparities 0, 2, 1, 3.
+//! taking every other byte, so the lanes lie in memory as the disparities 0, 2, 1, 3. A vector is two of these groups, since an instruction loads or
+//! stores four words as it does two.
 //!
 //! An instruction is only assembled for a processor that has it, and works on registers alone.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
@@ -13,20 +14,20 @@ use super::{
     steps::{Place, Track},
 };
 
-/// The DSP extension: four lanes.
+/// The DSP extension: eight lanes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Dsp;
 
-/// Four lanes of 16 bits.
+/// Eight lanes of 16 bits.
 #[derive(Clone, Copy, Debug)]
-pub struct U16x4([u32; 2]);
+pub struct U16x8([u32; 4]);
 
-/// Four lanes of 32 bits.
+/// Eight lanes of 32 bits.
 #[derive(Clone, Copy, Debug)]
-pub struct U32x4([u32; 4]);
+pub struct U32x8([u32; 8]);
 
 /// Bytes of a vector of 16-bit lanes.
-const VECTOR: usize = size_of::<[u32; 2]>();
+const VECTOR: usize = size_of::<[u32; 4]>();
 
 /// A function of words that is one instruction: of this name, and with this operand's suffix.
 macro_rules! instruction {
@@ -64,33 +65,41 @@ fn if_not_less(a: u32, b: u32, then: u32, otherwise: u32) -> u32 {
     result
 }
 
-/// A vector of [`slide`]. The frame pointer is one of its registers, or they would not suffice.
+/// Half of a vector of [`slide`]: what enters and leaves sums in two registers.
+macro_rules! slide_half {
+    ($a:literal, $b:literal) => {
+        concat!(
+            "ldr r0, [r9], #4\nuqsub8 r1, r0, r2\nuqsub8 r0, r2, r0\norr r0, r0, r1\n",
+            concat!("uxtab16 ", $a, ", ", $a, ", r0\nuxtab16 ", $b, ", ", $b, ", r0, ror #8\n"),
+            // 255 - |a - b| is what neither of 255 - a + b, saturated, and b - a, saturated, takes away.
+            "ldr r0, [r10], #4\nuqadd8 r1, r8, r0\nuqsub8 r0, r0, r3\nbic r1, r1, r0\n",
+            concat!("uxtab16 ", $a, ", ", $a, ", r1\nuxtab16 ", $b, ", ", $b, ", r1, ror #8\n"),
+        )
+    };
+}
+
+/// A vector of [`slide`].
 macro_rules! slide_vector {
     () => {
-        // 255 - |a - b| is what neither of 255 - a + b, saturated, and b - a, saturated, takes away.
-        "
-        ldr {x}, [{entering}], #4
-        ldr {y}, [{leaving}], #4
-        uqsub8 {a}, {x}, {center}
-        uqsub8 {x}, {center}, {x}
-        orr {x}, {x}, {a}
-        ldrd {a}, r7, [{column}]
-        uxtab16 {a}, {a}, {x}
-        uxtab16 r7, r7, {x}, ror #8
-        uqadd8 {x}, {inverse}, {y}
-        uqsub8 {y}, {y}, {center_left}
-        bic {x}, {x}, {y}
-        uxtab16 {a}, {a}, {x}
-        uxtab16 r7, r7, {x}, ror #8
-        strd {a}, r7, [{column}], #8
-        ldrd {x}, {y}, [{left}], #8
-        usub16 {a}, {a}, {x}
-        usub16 r7, r7, {y}
-        ldrd {x}, {y}, [{block}]
-        uadd16 {a}, {a}, {x}
-        uadd16 r7, r7, {y}
-        strd {a}, r7, [{block}], #{stride}
-        "
+        concat!(
+            "ldm r11, {{r4, r5, r6, r7}}\n",
+            slide_half!("r4", "r5"),
+            slide_half!("r6", "r7"),
+            "stm r11!, {{r4, r5, r6, r7}}
+            ldm r12!, {{r0, r1, r2, r3}}
+            usub16 r4, r4, r0
+            usub16 r5, r5, r1
+            usub16 r6, r6, r2
+            usub16 r7, r7, r3
+            ldm lr, {{r0, r1, r2, r3}}
+            uadd16 r4, r4, r0
+            uadd16 r5, r5, r1
+            uadd16 r6, r6, r2
+            uadd16 r7, r7, r3
+            stm lr!, {{r4, r5, r6, r7}}
+            ldrd r2, r3, [sp]
+            "
+        )
     };
 }
 
@@ -98,6 +107,13 @@ macro_rules! slide_vector {
 #[inline(always)]
 fn splat(byte: u8) -> u32 {
     u32::from(byte) * 0x0101_0101
+}
+
+/// Samples four by four.
+#[inline(always)]
+fn words(samples: &[u8; 8]) -> [u32; 2] {
+    let [a, b, c, d, e, f, g, h] = *samples;
+    [u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h])]
 }
 
 /// The absolute differences of bytes: one of both differences saturates at 0.
@@ -114,6 +130,9 @@ macro_rules! min {
     ($a:literal, $b:literal, $to:literal) => {
         concat!("usub16 ", $to, ", ", $a, ", ", $b, "\nsel ", $to, ", ", $b, ", ", $a, "\n")
     };
+    ([$a:literal, $b:literal, $c:literal, $d:literal], [$e:literal, $f:literal, $g:literal, $h:literal]) => {
+        concat!(min!($a, $e), min!($b, $f), min!($c, $g), min!($d, $h))
+    };
 }
 
 /// Fuses the costs of four views to the least, and returns the least of all.
@@ -121,22 +140,24 @@ macro_rules! min {
 /// # Safety
 /// There are as many blocks as fused costs: a multiple of `UNROLLED`, not 0.
 #[inline(always)]
-unsafe fn least_of_all<const UNROLLED: usize>(blocks: *const [[u32; 2]; 4], fused: &mut [[u32; 2]]) -> u32 {
+unsafe fn least_of_all<const UNROLLED: usize>(blocks: *const [[u32; 4]; 4], fused: &mut [[u32; 4]]) -> u32 {
     let mut least = u32::MAX;
     unsafe {
         asm!(
+            at_most!(600),
             "2:",
             ".rept {unrolled}",
             "ldm {block}!, {{r0, r1, r2, r3, r4, r5, r8, r9}}",
-            min!("r0", "r2"),
-            min!("r1", "r3"),
-            min!("r0", "r4"),
-            min!("r1", "r5"),
-            min!("r0", "r8"),
-            min!("r1", "r9"),
-            "strd r0, r1, [{fused}], #8",
+            min!(["r0", "r1", "r2", "r3"], ["r4", "r5", "r8", "r9"]),
+            "ldm {block}!, {{r4, r5, r8, r9}}",
+            min!(["r0", "r1", "r2", "r3"], ["r4", "r5", "r8", "r9"]),
+            "ldm {block}!, {{r4, r5, r8, r9}}",
+            min!(["r0", "r1", "r2", "r3"], ["r4", "r5", "r8", "r9"]),
+            "stm {fused}!, {{r0, r1, r2, r3}}",
             min!("{least}", "r0"),
             min!("{least}", "r1"),
+            min!("{least}", "r2"),
+            min!("{least}", "r3"),
             ".endr",
             "subs {n}, {n}, #{unrolled}",
             "bne 2b",
@@ -294,17 +315,23 @@ macro_rules! heuristic {
 /// # Safety
 /// There are as many blocks as fused costs, not 0.
 #[inline(always)]
-unsafe fn heuristic_of_all(blocks: *const [[u32; 2]; 4], fused: &mut [[u32; 2]]) -> u32 {
+unsafe fn heuristic_of_all(blocks: *const [[u32; 4]; 4], fused: &mut [[u32; 4]]) -> u32 {
     let mut least = u32::MAX;
     unsafe {
         asm!(
+            at_most!(600),
             "2:",
-            "ldm {block}!, {{r0, r1, r2, r3, r4, r5, r8, r9}}",
+            ".irp next, 8, 56",
+            "ldrd r2, r3, [{block}, #16]",
+            "ldrd r4, r5, [{block}, #32]",
+            "ldrd r8, r9, [{block}, #48]",
+            "ldrd r0, r1, [{block}], #\\next",
             heuristic!("r0", "r2", "r4", "r8"),
             heuristic!("r1", "r3", "r5", "r9"),
             "strd r0, r1, [{fused}], #8",
             min!("{least}", "r0"),
             min!("{least}", "r1"),
+            ".endr",
             "subs {n}, {n}, #1",
             "bne 2b",
             n = inout(reg) fused.len() => _,
@@ -324,27 +351,26 @@ unsafe fn heuristic_of_all(blocks: *const [[u32; 2]; 4], fused: &mut [[u32; 2]])
 /// # Safety
 /// There are as many blocks and masks as fused costs, not 0.
 #[inline(always)]
-unsafe fn heuristic_of_unmasked(blocks: *const [[u32; 2]; 4], masks: *const [[u32; 2]; 4], fused: &mut [[u32; 2]]) -> u32 {
+unsafe fn heuristic_of_unmasked(blocks: *const [[u32; 4]; 4], masks: *const [[u32; 4]; 4], fused: &mut [[u32; 4]]) -> u32 {
     let mut least = u32::MAX;
     unsafe {
         asm!(
+            at_most!(800),
             "2:",
             // Word by word, for want of registers.
-            ".irp next, 4, 28",
-            "ldr {a}, [{block}]",
-            "ldr {t}, [{mask}]",
-            "orr {a}, {a}, {t}",
-            "ldr {b}, [{block}, #8]",
-            "ldr {t}, [{mask}, #8]",
-            "orr {b}, {b}, {t}",
-            "ldr {c}, [{block}, #16]",
+            ".irp next, 4, 4, 4, 52",
+            "ldr {b}, [{block}, #16]",
             "ldr {t}, [{mask}, #16]",
+            "orr {b}, {b}, {t}",
+            "ldr {c}, [{block}, #32]",
+            "ldr {t}, [{mask}, #32]",
             "orr {c}, {c}, {t}",
-            "ldr {d}, [{block}, #24]",
-            "ldr {t}, [{mask}, #24]",
+            "ldr {d}, [{block}, #48]",
+            "ldr {t}, [{mask}, #48]",
             "orr {d}, {d}, {t}",
-            "add {block}, {block}, #\\next",
-            "add {mask}, {mask}, #\\next",
+            "ldr {a}, [{block}], #\\next",
+            "ldr {t}, [{mask}], #\\next",
+            "orr {a}, {a}, {t}",
             heuristic!("{a}", "{b}", "{c}", "{d}"),
             "str {a}, [{fused}], #4",
             min!("{least}", "{a}"),
@@ -373,29 +399,36 @@ unsafe fn heuristic_of_unmasked(blocks: *const [[u32; 2]; 4], masks: *const [[u3
 /// There are as many blocks and masks as fused costs, not 0.
 #[inline(always)]
 unsafe fn least_of_unmasked<const V: usize>(
-    blocks: *const [[u32; 2]; V],
-    masks: *const [[u32; 2]; V],
-    fused: &mut [[u32; 2]],
+    blocks: *const [[u32; 4]; V],
+    masks: *const [[u32; 4]; V],
+    fused: &mut [[u32; 4]],
 ) -> u32 {
     let mut least = u32::MAX;
     unsafe {
         asm!(
+            at_most!(400),
             "2:",
-            "ldrd {a}, {b}, [{block}], #8",
-            "ldrd {c}, {d}, [{mask}], #8",
+            ".irp half, 0, 8",
+            "ldrd {a}, {b}, [{block}, #\\half]",
+            "ldrd {c}, {d}, [{mask}, #\\half]",
             "orr {a}, {a}, {c}",
             "orr {b}, {b}, {d}",
-            ".rept {others}",
-            "ldrd {c}, {d}, [{block}], #8",
-            "ldrd {e}, {t}, [{mask}], #8",
+            ".irp view, 16, 32, 48",
+            ".if \\view < {stride}",
+            "ldrd {c}, {d}, [{block}, #(\\view + \\half)]",
+            "ldrd {e}, {t}, [{mask}, #(\\view + \\half)]",
             "orr {c}, {c}, {e}",
             "orr {d}, {d}, {t}",
             min!("{a}", "{c}"),
             min!("{b}", "{d}"),
+            ".endif",
             ".endr",
             "strd {a}, {b}, [{fused}], #8",
             min!("{least}", "{a}"),
             min!("{least}", "{b}"),
+            ".endr",
+            "add {block}, {block}, #{stride}",
+            "add {mask}, {mask}, #{stride}",
             "subs {n}, {n}, #1",
             "bne 2b",
             n = inout(reg) fused.len() => _,
@@ -409,56 +442,69 @@ unsafe fn least_of_unmasked<const V: usize>(
             d = out(reg) _,
             e = out(reg) _,
             t = out(reg) _,
-            others = const V - 1,
+            stride = const V * VECTOR,
             options(nostack),
         );
     }
     least
 }
 
+/// Masks the costs of a view, word by word.
+macro_rules! mask {
+    ($a:literal, $b:literal, $c:literal, $d:literal) => {
+        concat!(
+            concat!("ldr {t}, [{mask}], #4\norr ", $a, ", ", $a, ", {t}\n"),
+            concat!("ldr {t}, [{mask}], #4\norr ", $b, ", ", $b, ", {t}\n"),
+            concat!("ldr {t}, [{mask}], #4\norr ", $c, ", ", $c, ", {t}\n"),
+            concat!("ldr {t}, [{mask}], #{next}\norr ", $d, ", ", $d, ", {t}"),
+        )
+    };
+}
+
 /// As [`least_of_unmasked`], where only view `K` has masks.
 ///
 /// # Safety
-/// There are as many blocks and masks as fused costs, not 0, and a view `K`.
+/// There are four blocks, masks and fused costs, and a view `K`.
 #[inline(always)]
 unsafe fn least_of_one_masked<const V: usize, const K: usize>(
-    blocks: *const [[u32; 2]; V],
-    masks: *const [[u32; 2]; V],
-    fused: &mut [[u32; 2]],
+    blocks: *const [[u32; 4]; V],
+    masks: *const [[u32; 4]; V],
+    fused: &mut [[u32; 4]],
 ) -> u32 {
     let mut least = u32::MAX;
     unsafe {
         asm!(
-            "2:",
-            "ldrd {a}, {b}, [{mask}], #{stride}",
-            "ldrd {c}, {d}, [{block}, #{masked}]",
-            "orr {a}, {a}, {c}",
-            "orr {b}, {b}, {d}",
-            ".irp view, 0, 8, 16, 24",
-            ".if (\\view < {stride}) && (\\view != {masked})",
-            "ldrd {c}, {d}, [{block}, #\\view]",
-            min!("{a}", "{c}"),
-            min!("{b}", "{d}"),
+            at_most!(800),
+            ".rept 4",
+            "ldm {block}!, {{r0, r1, r2, r3}}",
+            ".if !{masked}",
+            mask!("r0", "r1", "r2", "r3"),
+            ".endif",
+            ".irp view, 1, 2, 3",
+            ".if \\view < {views}",
+            "ldm {block}!, {{r4, r5, r8, r9}}",
+            ".if \\view == {masked}",
+            mask!("r4", "r5", "r8", "r9"),
+            ".endif",
+            min!(["r0", "r1", "r2", "r3"], ["r4", "r5", "r8", "r9"]),
             ".endif",
             ".endr",
-            "add {block}, {block}, #{stride}",
-            "strd {a}, {b}, [{fused}], #8",
-            min!("{least}", "{a}"),
-            min!("{least}", "{b}"),
-            "subs {n}, {n}, #1",
-            "bne 2b",
-            n = inout(reg) fused.len() => _,
+            "stm {fused}!, {{r0, r1, r2, r3}}",
+            min!("{least}", "r0"),
+            min!("{least}", "r1"),
+            min!("{least}", "r2"),
+            min!("{least}", "r3"),
+            ".endr",
             block = inout(reg) blocks => _,
-            mask = inout(reg) masks.cast::<[u32; 2]>().wrapping_add(K) => _,
+            mask = inout(reg) masks.cast::<[u32; 4]>().wrapping_add(K) => _,
             fused = inout(reg) fused.as_mut_ptr() => _,
             least = inout(reg) least,
-            a = out(reg) _,
-            b = out(reg) _,
-            c = out(reg) _,
-            d = out(reg) _,
             t = out(reg) _,
-            masked = const K * VECTOR,
-            stride = const V * VECTOR,
+            out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
+            views = const V,
+            masked = const K,
+            // To the next vector's masks of the view.
+            next = const V * VECTOR - 12,
             options(nostack),
         );
     }
@@ -470,63 +516,84 @@ unsafe fn least_of_one_masked<const V: usize, const K: usize>(
 /// # Safety
 /// The place has as many vectors in a view as there are blocks: `N`, or at least one.
 #[inline(always)]
-unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Dsp, V>, blocks: &mut [[[u32; 2]; V]]) {
-    let Place { center, tracks, column, left, .. } = place;
+unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Dsp, V>, blocks: &mut [[[u32; 4]; V]]) {
+    let Place { center, index, tracks, column, left, .. } = place;
     let (entering, leaving) = (splat(center.entering), splat(center.leaving));
-    let end = tracks.wrapping_add(V);
     unsafe {
         asm!(
-            // On the stack: the vectors, the tracks' end, the frame pointer, and the first block.
+            at_most!(5400),
+            // All registers are taken. On the stack: the centre's samples, whose place is taken for a while in each vector; what is not the compiler's to
+            // give; the tracks and the column.
+            "push {{r2, r3, r6, r7, r9, r10}}",
+            // If vectors are counted, before these: the samples, the bytes of a view's vectors, and the view's first block.
+            ".if !{fixed}",
             "sub sp, sp, #16",
-            "strd {n}, {x}, [sp]",
-            "strd r7, {block}, [sp, #8]",
-            "2:",
-            "ldrd {entering}, {leaving}, [{tracks}]",
-            "ldr {x}, [{tracks}, #8]",
-            "add {y}, {entering}, {x}",
-            "add {a}, {leaving}, {x}",
-            "strd {y}, {a}, [{tracks}], #{track}",
+            "strd r2, r3, [sp]",
+            "strd r0, lr, [sp, #8]",
+            ".endif",
+            ".rept {views}",
+            "ldrd r0, r1, [sp, #{tracks}]",
+            "ldm r0!, {{r4, r5, r6}}",
+            "str r0, [sp, #{tracks}]",
+            "mla r9, r6, r1, r4",
+            "mla r10, r6, r1, r5",
             ".if {fixed}",
-            ".rept {fixed}",
+            ".rept {fixed} - 1",
             slide_vector!(),
+            "add lr, lr, #{others}",
             ".endr",
-            "sub {block}, {block}, #{back}",
+            slide_vector!(),
+            "sub lr, lr, #{back}",
             ".else",
-            "ldr {n}, [sp]",
+            "ldr r0, [sp, #8]",
+            "add r0, r0, r12",
+            "str r0, [sp, #16]",
             "3:",
             slide_vector!(),
-            "subs {n}, {n}, #1",
+            "add lr, lr, #{others}",
+            "ldr r0, [sp, #16]",
+            "cmp r12, r0",
             "bne 3b",
-            "ldr {block}, [sp, #12]",
-            "add {block}, {block}, #{vector}",
-            "str {block}, [sp, #12]",
+            "ldr lr, [sp, #12]",
+            "add lr, lr, #{vector}",
+            "str lr, [sp, #12]",
             ".endif",
-            "ldr {x}, [sp, #4]",
-            "cmp {tracks}, {x}",
-            "bne 2b",
-            "ldr r7, [sp, #8]",
+            ".endr",
+            ".if !{fixed}",
             "add sp, sp, #16",
-            n = inout(reg) blocks.len() => _,
-            x = inout(reg) end => _,
-            tracks = inout(reg) tracks => _,
-            column = inout(reg) column => _,
-            left = inout(reg) left => _,
-            block = inout(reg) blocks.as_mut_ptr() => _,
-            center = in(reg) entering,
-            center_left = in(reg) leaving,
-            inverse = in(reg) !leaving,
-            entering = out(reg) _,
-            leaving = out(reg) _,
-            a = out(reg) _,
-            y = out(reg) _,
+            ".endif",
+            "pop {{r2, r3, r6, r7, r9, r10}}",
+            inout("r0") blocks.len() * VECTOR => _,
+            out("r1") _,
+            inout("r2") entering => _,
+            inout("r3") leaving => _,
+            out("r4") _,
+            out("r5") _,
+            in("r8") !leaving,
+            inout("r9") tracks => _,
+            inout("r10") index => _,
+            inout("r11") column => _,
+            inout("r12") left => _,
+            inout("lr") blocks.as_mut_ptr() => _,
+            views = const V,
             fixed = const N,
             // To the next view's first block.
-            back = const (N * V).saturating_sub(1) * VECTOR,
+            back = const N.saturating_sub(1) * V * VECTOR,
+            others = const VECTOR * (V - 1),
             vector = const VECTOR,
-            stride = const VECTOR * V,
-            track = const size_of::<Track>(),
+            tracks = const if N == 0 { 32 } else { 16 },
         );
     }
+}
+
+/// Half of a vector of [`prime`].
+macro_rules! prime_half {
+    ($a:literal, $b:literal) => {
+        concat!(
+            "ldr {x}, [{entering}], #4\nuqsub8 {y}, {x}, {center}\nuqsub8 {x}, {center}, {x}\norr {x}, {x}, {y}\n",
+            concat!("uxtab16 ", $a, ", ", $a, ", {x}\nuxtab16 ", $b, ", ", $b, ", {x}, ror #8"),
+        )
+    };
 }
 
 /// Adds what enters to a column.
@@ -535,39 +602,38 @@ unsafe fn slide<const V: usize, const N: usize>(place: Place<'_, Dsp, V>, blocks
 /// The place has so many vectors in a view, not 0.
 #[inline(always)]
 unsafe fn prime<const V: usize>(place: Place<'_, Dsp, V>, vectors: usize) {
-    let Place { center, tracks, column, .. } = place;
+    let Place { center, index, tracks, column, .. } = place;
     unsafe {
         asm!(
-            "2:",
-            "ldr {entering}, [{tracks}]",
+            at_most!(400),
+            ".rept {views}",
             "ldr {x}, [{tracks}, #8]",
-            "add {x}, {x}, {entering}",
-            "str {x}, [{tracks}], #{track}",
+            "ldr {entering}, [{tracks}], #{track}",
+            "mla {entering}, {x}, {index}, {entering}",
             "mov {n}, {vectors}",
             "3:",
-            "ldr {x}, [{entering}], #4",
-            "uqsub8 {a}, {x}, {center}",
-            "uqsub8 {x}, {center}, {x}",
-            "orr {x}, {x}, {a}",
-            "ldrd {a}, {b}, [{column}]",
-            "uxtab16 {a}, {a}, {x}",
-            "uxtab16 {b}, {b}, {x}, ror #8",
-            "strd {a}, {b}, [{column}], #8",
+            "ldm {column}, {{r0, r1, r2, r3}}",
+            prime_half!("r0", "r1"),
+            prime_half!("r2", "r3"),
+            "stm {column}!, {{r0, r1, r2, r3}}",
             "subs {n}, {n}, #1",
             "bne 3b",
-            "cmp {tracks}, {end}",
-            "bne 2b",
+            ".endr",
             vectors = in(reg) vectors,
+            index = in(reg) index,
             tracks = inout(reg) tracks => _,
-            end = in(reg) tracks.wrapping_add(V),
             column = inout(reg) column => _,
             center = in(reg) splat(center.entering),
             entering = out(reg) _,
             n = out(reg) _,
-            a = out(reg) _,
-            b = out(reg) _,
             x = out(reg) _,
+            y = out(reg) _,
+            out("r0") _,
+            out("r1") _,
+            out("r2") _,
+            out("r3") _,
             track = const size_of::<Track>(),
+            views = const V,
             options(nostack),
         );
     }
@@ -575,20 +641,20 @@ unsafe fn prime<const V: usize>(place: Place<'_, Dsp, V>, vectors: usize) {
 
 /// [`Blocks::least`]. Generic, so that it is only compiled for processors that use it: this module is there for all of Arm's.
 #[inline(never)]
-fn least_of_vectors<const LANES: usize>(costs: &[[u32; 2]]) -> u16 {
-    let mut least = U16x4([u32::MAX; 2]);
+fn least_of_vectors<const LANES: usize>(costs: &[[u32; 4]]) -> u16 {
+    let mut least = U16x8([u32::MAX; 4]);
     for &costs in costs {
-        least = least.min(U16x4(costs));
+        least = least.min(U16x8(costs));
     }
     least.least()
 }
 
 impl Isa for Dsp {
-    const LANES: usize = 4;
+    const LANES: usize = 8;
     const BATCH: usize = 1;
-    type Samples = [u8; 4];
-    type Sums = [u32; 2];
-    type Column = U16x4;
+    type Samples = [u8; 8];
+    type Sums = [u32; 4];
+    type Column = U16x8;
 
     #[inline(always)]
     fn lane(index: usize) -> usize {
@@ -597,22 +663,22 @@ impl Isa for Dsp {
     }
 
     #[inline(always)]
-    fn load_column(self, sums: &[u32; 2]) -> U16x4 {
-        U16x4(*sums)
+    fn load_column(self, sums: &[u32; 4]) -> U16x8 {
+        U16x8(*sums)
     }
 
     #[inline(always)]
-    fn differences(self, center: u8, view: &[u8; 4]) -> U16x4 {
-        let differences = differences(splat(center), u32::from_le_bytes(*view));
-        U16x4([uxtab16(0, differences), uxtab16_high(0, differences)])
+    fn differences(self, center: u8, view: &[u8; 8]) -> U16x8 {
+        let [x, y] = words(view).map(|samples| differences(splat(center), samples));
+        U16x8([uxtab16(0, x), uxtab16_high(0, x), uxtab16(0, y), uxtab16_high(0, y)])
     }
 
     #[inline(always)]
-    fn advance(self, sums: U16x4, center: Change<u8>, view: Change<&[u8; 4]>) -> U16x4 {
-        let entering = differences(splat(center.entering), u32::from_le_bytes(*view.entering));
-        let kept = !differences(splat(center.leaving), u32::from_le_bytes(*view.leaving));
-        let [a, b] = sums.0;
-        U16x4([uxtab16(uxtab16(a, entering), kept), uxtab16_high(uxtab16_high(b, entering), kept)])
+    fn advance(self, sums: U16x8, center: Change<u8>, view: Change<&[u8; 8]>) -> U16x8 {
+        let entering = self.differences(center.entering, view.entering);
+        let [x, y] = words(view.leaving).map(|samples| !differences(splat(center.leaving), samples));
+        let kept = U16x8([uxtab16(0, x), uxtab16_high(0, x), uxtab16(0, y), uxtab16_high(0, y)]);
+        Column::add(Column::add(sums, entering), kept)
     }
 
     fn bias(lines: u32) -> u16 {
@@ -628,11 +694,11 @@ impl Isa for Dsp {
     }
 }
 
-impl Column for U16x4 {
-    type Sums = [u32; 2];
+impl Column for U16x8 {
+    type Sums = [u32; 4];
 
     #[inline(always)]
-    fn store(self, sums: &mut [u32; 2]) {
+    fn store(self, sums: &mut [u32; 4]) {
         *sums = self.0;
     }
 
@@ -643,34 +709,41 @@ impl Column for U16x4 {
 }
 
 impl Blocks<u16> for Dsp {
-    type Costs = [u32; 2];
-    type Block = U16x4;
+    type Costs = [u32; 4];
+    type Block = U16x8;
 
     #[inline(always)]
-    fn load_block(self, costs: &[u32; 2]) -> U16x4 {
-        U16x4(*costs)
+    fn load_block(self, costs: &[u32; 4]) -> U16x8 {
+        U16x8(*costs)
     }
 
     #[inline(always)]
-    fn splat(self, cost: u16) -> U16x4 {
-        U16x4([u32::from(cost) * 0x1_0001; 2])
+    fn splat(self, cost: u16) -> U16x8 {
+        U16x8([u32::from(cost) * 0x1_0001; 4])
     }
 
     #[inline(always)]
-    fn position(self, costs: &[[u32; 2]], cost: u16) -> usize {
+    fn position(self, costs: &[[u32; 4]], cost: u16) -> usize {
         if costs.is_empty() {
             return 0;
         }
-        let (a, b, left): (u32, u32, usize);
+        let (found, left): (u32, usize);
         unsafe {
             asm!(
                 "2:",
-                "ldrd {a}, {b}, [{costs}], #8",
-                min!("{a}", "{b}", "{t}"),
-                // Whether one of the halves has it, since no cost is less.
-                "usub16 {t}, {cost}, {t}",
-                "sel {t}, {ones}, {zero}",
-                "cmp {t}, #0",
+                "ldm {costs}!, {{r0, r1, r2, r3}}",
+                // A bit for each half that has it, since no cost is less.
+                "usub16 r0, {cost}, r0",
+                "sel r0, {ones}, {zero}",
+                "usub16 r1, {cost}, r1",
+                "sel r1, {ones}, {zero}",
+                "usub16 r2, {cost}, r2",
+                "sel r2, {ones}, {zero}",
+                "usub16 r3, {cost}, r3",
+                "sel r3, {ones}, {zero}",
+                "orr r0, r0, r1, lsl #1",
+                "orr r2, r2, r3, lsl #1",
+                "orrs r0, r0, r2, lsl #4",
                 "bne 3f",
                 "subs {left}, {left}, #1",
                 "bne 2b",
@@ -678,37 +751,72 @@ impl Blocks<u16> for Dsp {
                 costs = inout(reg) costs.as_ptr() => _,
                 left = inout(reg) costs.len() => left,
                 cost = in(reg) u32::from(cost) * 0x1_0001,
-                ones = in(reg) u32::MAX,
+                ones = in(reg) 0x1_0001,
                 zero = in(reg) 0,
-                a = out(reg) a,
-                b = out(reg) b,
-                t = out(reg) _,
+                out("r0") found,
+                out("r1") _,
+                out("r2") _,
+                out("r3") _,
                 options(readonly, nostack),
             );
         }
-        let lanes = [a as u16, b as u16, (a >> 16) as u16];
-        let lane = lanes.iter().position(|&lane| lane == cost).unwrap_or(3);
-        4 * (costs.len() - left) + lane
+        // In the order of the disparities; none without the cost.
+        let lanes = found | found >> 14;
+        8 * (costs.len() - left) + lanes.trailing_zeros() as usize
     }
 
     #[inline(never)]
-    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u32; 2]; V]]) {
+    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u32; 4]; V]]) {
         if steps.vectors() != blocks.len() || blocks.is_empty() {
             return;
         }
         let Some(place) = steps.enter() else { return };
         unsafe {
             match blocks.len() {
+                2 => slide::<V, 2>(place, blocks),
                 4 => slide::<V, 4>(place, blocks),
                 8 => slide::<V, 8>(place, blocks),
-                16 => slide::<V, 16>(place, blocks),
                 _ => slide::<V, 0>(place, blocks),
             }
         }
     }
 
+    #[inline(always)]
+    fn slide_and_fuse<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        steps: &mut Steps<'_, Self, V>,
+        blocks: &mut [[[u32; 4]; V]],
+        masks: &[[[u32; 4]; V]],
+        fused: &mut [[u32; 4]],
+    ) -> u16 {
+        let four = (blocks.len() == 4) & (masks.len() == 4) & (fused.len() == 4) & (steps.vectors() == 4);
+        if V == 4 && rule == Rule::Min && four {
+            let Some(place) = steps.enter() else { return u16::MAX };
+            let least = unsafe {
+                slide::<V, 4>(place, blocks);
+                let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
+                match masked {
+                    0 => least_of_all::<4>(blocks.cast(), fused),
+                    1 => least_of_one_masked::<V, 0>(blocks, masks, fused),
+                    2 => least_of_one_masked::<V, 1>(blocks, masks, fused),
+                    4 => least_of_one_masked::<V, 2>(blocks, masks, fused),
+                    8 => least_of_one_masked::<V, 3>(blocks, masks, fused),
+                    _ => least_of_unmasked(blocks, masks, fused),
+                }
+            };
+            return (least as u16).min((least >> 16) as u16);
+        }
+        Blocks::<u16>::slide(self, steps, blocks);
+        match masked {
+            0 => self.fuse(rule, blocks, fused),
+            _ => self.fuse_masked(rule, masked, blocks, masks, fused),
+        }
+    }
+
     #[inline(never)]
-    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 2]; V]], fused: &mut [[u32; 2]]) -> u16 {
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 4]; V]], fused: &mut [[u32; 4]]) -> u16 {
         if V != 4 || rule == Rule::Sum || blocks.len() != fused.len() || blocks.is_empty() {
             return fuse_generic(self, rule, blocks, fused);
         }
@@ -728,19 +836,19 @@ impl Blocks<u16> for Dsp {
         self,
         rule: Rule,
         masked: u8,
-        blocks: &[[[u32; 2]; V]],
-        masks: &[[[u32; 2]; V]],
-        fused: &mut [[u32; 2]],
+        blocks: &[[[u32; 4]; V]],
+        masks: &[[[u32; 4]; V]],
+        fused: &mut [[u32; 4]],
     ) -> u16 {
         let fits = blocks.len() == fused.len() && masks.len() == fused.len() && !fused.is_empty();
         let least = match rule {
             Rule::Min if fits => unsafe {
                 let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
-                match masked {
-                    1 => least_of_one_masked::<V, 0>(blocks, masks, fused),
-                    2 if V > 1 => least_of_one_masked::<V, 1>(blocks, masks, fused),
-                    4 if V > 2 => least_of_one_masked::<V, 2>(blocks, masks, fused),
-                    8 if V > 3 => least_of_one_masked::<V, 3>(blocks, masks, fused),
+                match (masked, fused.len()) {
+                    (1, 4) => least_of_one_masked::<V, 0>(blocks, masks, fused),
+                    (2, 4) if V > 1 => least_of_one_masked::<V, 1>(blocks, masks, fused),
+                    (4, 4) if V > 2 => least_of_one_masked::<V, 2>(blocks, masks, fused),
+                    (8, 4) if V > 3 => least_of_one_masked::<V, 3>(blocks, masks, fused),
                     _ => least_of_unmasked(blocks, masks, fused),
                 }
             },
@@ -753,22 +861,22 @@ impl Blocks<u16> for Dsp {
     }
 
     #[inline(always)]
-    fn least(self, costs: &[[u32; 2]]) -> u16 {
+    fn least(self, costs: &[[u32; 4]]) -> u16 {
         least_of_vectors::<{ Dsp::LANES }>(costs)
     }
 }
 
-impl Block<u16> for U16x4 {
-    type Costs = [u32; 2];
-    type Column = U16x4;
+impl Block<u16> for U16x8 {
+    type Costs = [u32; 4];
+    type Column = U16x8;
 
     #[inline(always)]
-    fn store(self, costs: &mut [u32; 2]) {
+    fn store(self, costs: &mut [u32; 4]) {
         *costs = self.0;
     }
 
     #[inline(always)]
-    fn slide(self, entering: U16x4, leaving: U16x4) -> Self {
+    fn slide(self, entering: U16x8, leaving: U16x8) -> Self {
         Column::add(self, entering).sub(leaving)
     }
 
@@ -789,19 +897,20 @@ impl Block<u16> for U16x4 {
 
     #[inline(always)]
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
-        let choose = |half: usize| if_not_less(other.0[half], self.0[half], otherwise.0[half], then.0[half]);
-        U16x4([choose(0), choose(1)])
+        let choose = |word: usize| if_not_less(other.0[word], self.0[word], otherwise.0[word], then.0[word]);
+        U16x8([choose(0), choose(1), choose(2), choose(3)])
     }
 
     #[inline(always)]
     fn least(self) -> u16 {
-        let [a, b] = self.0;
+        let [a, b, c, d] = self.0;
+        let (a, b) = (if_not_less(a, b, b, a), if_not_less(c, d, d, c));
         let least = if_not_less(a, b, b, a);
         (least as u16).min((least >> 16) as u16)
     }
 }
 
-impl U16x4 {
+impl U16x8 {
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
         self.zip(other, usub16)
@@ -809,44 +918,47 @@ impl U16x4 {
 
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(u32, u32) -> u32) -> Self {
-        U16x4([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
+        let word = |word: usize| f(self.0[word], other.0[word]);
+        U16x8([word(0), word(1), word(2), word(3)])
     }
 }
 
 impl Blocks<u32> for Dsp {
-    type Costs = [u32; 4];
-    type Block = U32x4;
+    type Costs = [u32; 8];
+    type Block = U32x8;
 
     #[inline(always)]
-    fn load_block(self, costs: &[u32; 4]) -> U32x4 {
-        U32x4(*costs)
+    fn load_block(self, costs: &[u32; 8]) -> U32x8 {
+        U32x8(*costs)
     }
 
     #[inline(always)]
-    fn splat(self, cost: u32) -> U32x4 {
-        U32x4([cost; 4])
+    fn splat(self, cost: u32) -> U32x8 {
+        U32x8([cost; 8])
     }
 
     #[inline(always)]
-    fn position(self, costs: &[[u32; 4]], cost: u32) -> usize {
-        let lanes = costs.iter().flat_map(|&[a, c, b, d]| [a, b, c, d]);
-        lanes.enumerate().find(|&(_, lane)| lane == cost).map_or(4 * costs.len(), |(index, _)| index)
+    fn position(self, costs: &[[u32; 8]], cost: u32) -> usize {
+        let lanes = costs.iter().flat_map(|&[a, c, b, d, e, g, f, h]| [a, b, c, d, e, f, g, h]);
+        lanes.enumerate().find(|&(_, lane)| lane == cost).map_or(8 * costs.len(), |(index, _)| index)
     }
 }
 
-impl Block<u32> for U32x4 {
-    type Costs = [u32; 4];
-    type Column = U16x4;
+impl Block<u32> for U32x8 {
+    type Costs = [u32; 8];
+    type Column = U16x8;
 
     #[inline(always)]
-    fn store(self, costs: &mut [u32; 4]) {
+    fn store(self, costs: &mut [u32; 8]) {
         *costs = self.0;
     }
 
     #[inline(always)]
-    fn slide(self, entering: U16x4, leaving: U16x4) -> Self {
-        let [a, b] = entering.sub(leaving).0;
-        self.zip(U32x4([a as i16 as u32, (a as i32 >> 16) as u32, b as i16 as u32, (b as i32 >> 16) as u32]), u32::wrapping_add)
+    fn slide(self, entering: U16x8, leaving: U16x8) -> Self {
+        let growth = entering.sub(leaving).0;
+        let [low, high] = [growth.map(|word| word as i16 as u32), growth.map(|word| (word as i32 >> 16) as u32)];
+        let lanes = [low[0], high[0], low[1], high[1], low[2], high[2], low[3], high[3]];
+        self.zip(U32x8(lanes), u32::wrapping_add)
     }
 
     #[inline(always)]
@@ -867,20 +979,19 @@ impl Block<u32> for U32x4 {
     #[inline(always)]
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
         let choose = |lane: usize| if self.0[lane] > other.0[lane] { then.0[lane] } else { otherwise.0[lane] };
-        U32x4([choose(0), choose(1), choose(2), choose(3)])
+        U32x8([0, 1, 2, 3, 4, 5, 6, 7].map(choose))
     }
 
     #[inline(always)]
     fn least(self) -> u32 {
-        let [a, b, c, d] = self.0;
-        a.min(b).min(c.min(d))
+        self.0.into_iter().fold(u32::MAX, u32::min)
     }
 }
 
-impl U32x4 {
+impl U32x8 {
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(u32, u32) -> u32) -> Self {
         let lane = |lane: usize| f(self.0[lane], other.0[lane]);
-        U32x4([lane(0), lane(1), lane(2), lane(3)])
+        U32x8([0, 1, 2, 3, 4, 5, 6, 7].map(lane))
     }
 }

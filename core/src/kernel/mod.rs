@@ -3,6 +3,9 @@
 //! An instruction set is a type that implements [`Isa`] and [`Blocks`] with the few operations that the loops are made of. [`Portable`] does so in plain Rust
 //! and is the definition of what they mean.
 
+#[cfg(target_arch = "arm")]
+#[macro_use]
+mod assembly;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
@@ -149,6 +152,25 @@ pub trait Blocks<L: Lane>: Isa {
         fused: &mut [Self::Costs],
     ) -> L {
         fuse_masked_generic(self, rule, blocks, masks, fused)
+    }
+
+    /// Moves the next column down, and the blocks on by it, and fuses their costs: as if those under a mask of [`Lane::MAX`] were that. Returns the
+    /// least. Only the views whose bits are set in `masked` have a mask that is not zero.
+    #[inline(always)]
+    fn slide_and_fuse<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        steps: &mut Steps<'_, Self, V>,
+        blocks: &mut [[Self::Costs; V]],
+        masks: &[[Self::Costs; V]],
+        fused: &mut [Self::Costs],
+    ) -> L {
+        self.slide(steps, blocks);
+        match masked {
+            0 => self.fuse(rule, blocks, fused),
+            _ => self.fuse_masked(rule, masked, blocks, masks, fused),
+        }
     }
 
     /// Goes over a batch of pixels.

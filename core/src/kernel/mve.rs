@@ -8,10 +8,7 @@
 
 use core::arch::asm;
 
-use super::{
-    Blocks, Change, Isa, Portable, Rule, Steps, fuse_generic, fuse_masked_generic,
-    steps::{Place, Track},
-};
+use super::{Blocks, Change, Isa, Portable, Rule, Steps, fuse_generic, fuse_masked_generic, steps::Place};
 
 /// MVE: eight lanes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -100,18 +97,39 @@ impl Blocks<u16> for Mve {
         8 * (costs.len() - left) + equal.trailing_zeros() as usize / 2
     }
 
-    #[inline(always)]
+    #[inline(never)]
     fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u16; 8]; V]]) {
-        if steps.vectors() != blocks.len() || blocks.is_empty() {
-            return;
+        slide_along(steps, blocks);
+    }
+
+    #[inline(always)]
+    fn slide_and_fuse<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        steps: &mut Steps<'_, Self, V>,
+        blocks: &mut [[[u16; 8]; V]],
+        masks: &[[[u16; 8]; V]],
+        fused: &mut [[u16; 8]],
+    ) -> u16 {
+        let four = (blocks.len() == 4) & (masks.len() == 4) & (fused.len() == 4) & (steps.vectors() == 4);
+        if V == 4 && rule == Rule::Min && four {
+            let Some(place) = steps.enter() else { return u16::MAX };
+            return unsafe {
+                match masked {
+                    0 => slide_to_least::<V, 0>(place, blocks, masks, fused),
+                    1 => slide_to_least::<V, 1>(place, blocks, masks, fused),
+                    2 => slide_to_least::<V, 2>(place, blocks, masks, fused),
+                    4 => slide_to_least::<V, 4>(place, blocks, masks, fused),
+                    8 => slide_to_least::<V, 8>(place, blocks, masks, fused),
+                    _ => slide_to_least::<V, 15>(place, blocks, masks, fused),
+                }
+            };
         }
-        let Some(place) = steps.enter() else { return };
-        unsafe {
-            match blocks.len() {
-                2 => slide_unrolled::<V, 2>(place, blocks),
-                4 => slide_unrolled::<V, 4>(place, blocks),
-                _ => slide(place, blocks),
-            }
+        slide_along(steps, blocks);
+        match masked {
+            0 => self.fuse(rule, blocks, fused),
+            _ => self.fuse_masked(rule, masked, blocks, masks, fused),
         }
     }
 
@@ -189,21 +207,35 @@ impl Blocks<u32> for Mve {
     }
 }
 
+/// Moves the next column down, and the blocks on by it.
+#[inline(always)]
+fn slide_along<const V: usize>(steps: &mut Steps<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
+    if steps.vectors() != blocks.len() || blocks.is_empty() {
+        return;
+    }
+    let Some(place) = steps.enter() else { return };
+    unsafe {
+        match blocks.len() {
+            2 => slide_unrolled::<V, 2>(place, blocks),
+            4 => slide_unrolled::<V, 4>(place, blocks),
+            _ => slide(place, blocks),
+        }
+    }
+}
+
 /// Adds what enters to a column.
 ///
 /// # Safety
 /// The place has so many vectors in a view, not 0.
 #[inline(always)]
 unsafe fn prime<const V: usize>(place: Place<'_, Mve, V>, vectors: usize) {
-    let Place { center, tracks, column, .. } = place;
+    let Place { center, index, tracks, column, .. } = place;
     unsafe {
         asm!(
             "vdup.16 q1, r2",
             "2:",
-            "ldr r2, [{tracks}]",
-            "ldr {x}, [{tracks}, #8]",
-            "add {x}, {x}, r2",
-            "str {x}, [{tracks}], #{track}",
+            "ldm {tracks}!, {{r2, r3, r4}}",
+            "mla r2, r4, {index}, r2",
             "dls lr, {n}",
             "3:",
             "vldrb.u16 q0, [r2], #8",
@@ -218,10 +250,9 @@ unsafe fn prime<const V: usize>(place: Place<'_, Mve, V>, vectors: usize) {
             tracks = inout(reg) tracks => _,
             end = in(reg) tracks.wrapping_add(V),
             column = inout(reg) column => _,
+            index = in(reg) index,
             inout("r2") u32::from(center.entering) => _,
-            x = out(reg) _,
-            out("lr") _, out("q0") _, out("q1") _, out("q2") _,
-            track = const size_of::<Track>(),
+            out("r3") _, out("r4") _, out("lr") _, out("q0") _, out("q1") _, out("q2") _,
             options(nostack),
         );
     }
@@ -234,18 +265,17 @@ unsafe fn prime<const V: usize>(place: Place<'_, Mve, V>, vectors: usize) {
 /// The place has as many vectors in a view as there are blocks: `N`.
 #[inline(always)]
 unsafe fn slide_unrolled<const V: usize, const N: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
-    let Place { center, tracks, column, left, .. } = place;
+    let Place { center, index, tracks, column, left, .. } = place;
     unsafe {
         asm!(
+            at_most!(1200),
             "vdup.16 q2, r2",
             "vdup.16 q3, r3",
             ".irp k, 0, 1, 2, 3",
             ".if \\k < {views}",
-            "ldrd r2, r3, [{tracks}, #({track} * \\k)]",
-            "ldr {y}, [{tracks}, #({track} * \\k + 8)]",
-            "add {x}, r2, {y}",
-            "add {y}, r3, {y}",
-            "strd {x}, {y}, [{tracks}, #({track} * \\k)]",
+            "ldm {tracks}!, {{r2, r3, r4}}",
+            "mla r2, r4, {index}, r2",
+            "mla r3, r4, {index}, r3",
             ".irp j, 0, 1, 2, 3, 4, 5, 6, 7",
             ".if \\j < {vectors}",
             "vldrb.u16 q0, [r2, #(8 * \\j)]",
@@ -265,22 +295,114 @@ unsafe fn slide_unrolled<const V: usize, const N: usize>(place: Place<'_, Mve, V
             ".endr",
             ".endif",
             ".endr",
-            tracks = in(reg) tracks,
+            index = in(reg) index,
+            tracks = inout(reg) tracks => _,
             column = in(reg) column,
             left = in(reg) left,
             block = in(reg) blocks.as_mut_ptr(),
             // Loads that widen take their addresses from low registers.
             inout("r2") u32::from(center.entering) => _,
             inout("r3") u32::from(center.leaving) => _,
-            x = out(reg) _,
-            y = out(reg) _,
-            out("q0") _, out("q1") _, out("q2") _, out("q3") _,
+            out("r4") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
             views = const V,
             vectors = const N,
-            track = const size_of::<Track>(),
             options(nostack),
         );
     }
+}
+
+/// Sets all bits of a vector of costs that are masked: of vector `j` of view `k`.
+macro_rules! mask_view {
+    ($costs:literal) => {
+        concat!(
+            ".if ({masked} >> \\k) & 1\n",
+            "vldrh.u16 q1, [{mask}, #(16 * ({views} * \\j + \\k))]\n",
+            "vorr ",
+            $costs,
+            ", ",
+            $costs,
+            ", q1\n.endif"
+        )
+    };
+}
+
+/// Moves a column down, and the blocks on by it, and fuses their costs to the least, less those that masks hide in the views whose bits are set in
+/// `MASKED`. Returns the least of all.
+///
+/// # Safety
+/// The place has four vectors in a view, and there are four blocks, masks and fused costs.
+#[inline(always)]
+unsafe fn slide_to_least<const V: usize, const MASKED: u8>(
+    place: Place<'_, Mve, V>,
+    blocks: &mut [[[u16; 8]; V]],
+    masks: &[[[u16; 8]; V]],
+    fused: &mut [[u16; 8]],
+) -> u16 {
+    let Place { center, index, tracks, column, left, .. } = place;
+    let mut least = u32::from(u16::MAX);
+    unsafe {
+        asm!(
+            at_most!(1200),
+            "vdup.16 q2, r2",
+            "vdup.16 q3, r3",
+            ".irp k, 0, 1, 2, 3",
+            ".if \\k < {views}",
+            "ldm {tracks}!, {{r2, r3, r4}}",
+            "mla r2, r4, {index}, r2",
+            "mla r3, r4, {index}, r3",
+            // The fused costs are in q4 to q7.
+            ".irp j, 0, 1, 2, 3",
+            "vldrb.u16 q0, [r2, #(8 * \\j)]",
+            "vldrb.u16 q1, [r3, #(8 * \\j)]",
+            "vabd.u16 q0, q0, q2",
+            "vabd.u16 q1, q1, q3",
+            "vsub.i16 q0, q0, q1",
+            "vldrh.u16 q1, [{column}, #(16 * (4 * \\k + \\j))]",
+            "vadd.i16 q0, q0, q1",
+            "vstrh.16 q0, [{column}, #(16 * (4 * \\k + \\j))]",
+            "vldrh.u16 q1, [{left}, #(16 * (4 * \\k + \\j))]",
+            "vsub.i16 q0, q0, q1",
+            "vldrh.u16 q1, [{block}, #(16 * ({views} * \\j + \\k))]",
+            ".irp to, 4, 5, 6, 7",
+            ".if \\to == \\j + 4",
+            ".if \\k",
+            "vadd.i16 q0, q0, q1",
+            "vstrh.16 q0, [{block}, #(16 * ({views} * \\j + \\k))]",
+            mask_view!("q0"),
+            "vmin.u16 q\\to, q\\to, q0",
+            ".else",
+            "vadd.i16 q\\to, q0, q1",
+            "vstrh.16 q\\to, [{block}, #(16 * ({views} * \\j + \\k))]",
+            mask_view!("q\\to"),
+            ".endif",
+            ".endif",
+            ".endr",
+            ".endr",
+            ".endif",
+            ".endr",
+            ".irp from, 4, 5, 6, 7",
+            "vstrh.16 q\\from, [{fused}, #(16 * (\\from - 4))]",
+            "vminv.u16 {least}, q\\from",
+            ".endr",
+            index = in(reg) index,
+            tracks = inout(reg) tracks => _,
+            column = in(reg) column,
+            left = in(reg) left,
+            block = in(reg) blocks.as_mut_ptr(),
+            mask = in(reg) masks.as_ptr(),
+            fused = in(reg) fused.as_mut_ptr(),
+            least = inout(reg) least,
+            // Loads that widen take their addresses from low registers.
+            inout("r2") u32::from(center.entering) => _,
+            inout("r3") u32::from(center.leaving) => _,
+            out("r4") _,
+            out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _, out("q6") _, out("q7") _,
+            views = const V,
+            masked = const MASKED,
+            options(nostack),
+        );
+    }
+    least as u16
 }
 
 /// Moves a column down, and the blocks on by it.
@@ -289,17 +411,15 @@ unsafe fn slide_unrolled<const V: usize, const N: usize>(place: Place<'_, Mve, V
 /// The place has as many vectors in a view as there are blocks, at least one.
 #[inline(always)]
 unsafe fn slide<const V: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
-    let Place { center, tracks, column, left, .. } = place;
+    let Place { center, index, tracks, column, left, .. } = place;
     unsafe {
         asm!(
             "vdup.16 q2, r2",
             "vdup.16 q3, r3",
             "2:",
-            "ldrd r2, r3, [{tracks}]",
-            "ldr {y}, [{tracks}, #8]",
-            "add {x}, r2, {y}",
-            "add {y}, r3, {y}",
-            "strd {x}, {y}, [{tracks}], #{track}",
+            "ldm {tracks}!, {{r2, r3, r4}}",
+            "mla r2, r4, {index}, r2",
+            "mla r3, r4, {index}, r3",
             "dls lr, {n}",
             "3:",
             "vldrb.u16 q0, [r2], #8",
@@ -320,6 +440,7 @@ unsafe fn slide<const V: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8
             "cmp {tracks}, {end}",
             "bne 2b",
             n = in(reg) blocks.len(),
+            index = in(reg) index,
             tracks = inout(reg) tracks => _,
             end = in(reg) tracks.wrapping_add(V),
             column = inout(reg) column => _,
@@ -329,11 +450,8 @@ unsafe fn slide<const V: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8
             // Loads that widen take their addresses from low registers.
             inout("r2") u32::from(center.entering) => _,
             inout("r3") u32::from(center.leaving) => _,
-            x = out(reg) _,
-            y = out(reg) _,
-            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
+            out("r4") _, out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
             stride = const VECTOR * V,
-            track = const size_of::<Track>(),
             options(nostack),
         );
     }
@@ -372,6 +490,7 @@ unsafe fn least_of<const V: usize, const MASKED: u8>(
     let mut least = u32::from(u16::MAX);
     unsafe {
         asm!(
+            at_most!(64),
             "dls lr, {n}",
             "2:",
             load_views!(),
@@ -412,6 +531,7 @@ unsafe fn heuristic_of<const V: usize, const MASKED: u8>(
     let mut least = u32::from(u16::MAX);
     unsafe {
         asm!(
+            at_most!(64),
             "vmrs {before}, p0",
             "dls lr, {n}",
             "2:",

@@ -9,29 +9,32 @@ use super::{Change, Isa};
 use crate::lines::Samples;
 
 /// The way along a line, with samples of `V` views.
+///
+/// All that changes is the number of the next column: where its samples and sums are follows from it.
 #[derive(Debug)]
 pub struct Steps<'a, I: Isa, const V: usize> {
     tracks: [Track; V],
-    /// Where the centre's next samples are.
-    center: Change<*const u8>,
-    /// The sums of the next column, view by view.
-    column: *mut I::Sums,
-    /// Those of the column that the blocks leave then.
-    left: *const I::Sums,
-    /// How many columns there are still.
+    /// The next column.
+    next: usize,
     columns: usize,
-    /// Until there are only so many, the blocks leave nothing.
-    leaving: usize,
-    nothing: *const I::Sums,
+    /// Where the centre's samples of the first column are.
+    center: Change<*const u8>,
+    /// The sums of the first column, view by view.
+    sums: *mut I::Sums,
     /// Vectors of a column in a view.
     vectors: usize,
+    /// The columns of a block.
+    block_size: usize,
+    /// What blocks leave before they are full.
+    nothing: *const I::Sums,
     memory: PhantomData<(&'a [u8], &'a mut [I::Sums])>,
 }
 
-/// Where a view's next samples are.
+/// Where a view's samples are.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(super) struct Track {
+    /// Those of the first column.
     pub samples: Change<*const u8>,
     /// From one column's to the next's.
     pub step: isize,
@@ -56,9 +59,12 @@ pub(super) struct Step<'a, I: Isa, const V: usize> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place<'a, I: Isa, const V: usize> {
     pub center: Change<u8>,
-    /// To be moved on.
+    /// Which column it is.
     #[cfg(target_arch = "arm")]
-    pub tracks: *mut Track,
+    pub index: usize,
+    /// From the first column on.
+    #[cfg(target_arch = "arm")]
+    pub tracks: *const Track,
     pub column: *mut I::Sums,
     pub left: *const I::Sums,
     memory: PhantomData<&'a [[u8; V]]>,
@@ -78,6 +84,19 @@ pub(super) struct Stretch<'a, I: Isa, const V: usize> {
 
 impl Track {
     const NONE: Track = Track { samples: Change { entering: [].as_ptr(), leaving: [].as_ptr() }, step: 0 };
+
+    /// The samples of a column.
+    #[inline(always)]
+    fn at(self, index: usize) -> Change<*const u8> {
+        self.samples.at(index as isize * self.step)
+    }
+}
+
+impl Change<*const u8> {
+    #[inline(always)]
+    fn at(self, offset: isize) -> Change<*const u8> {
+        Change { entering: self.entering.wrapping_offset(offset), leaving: self.leaving.wrapping_offset(offset) }
+    }
 }
 
 /// The tracks of the centre and of the views, if all their samples in `columns` columns are there, and `depth` in a view's.
@@ -114,16 +133,15 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
         let columns = sums.len().checked_div(nothing.len()).unwrap_or_default();
         let depth = nothing.len() / V.max(1) * I::LANES;
         let tracks = tracks(center, views, columns, depth);
-        let column = sums.as_mut_ptr();
         Steps {
             tracks: tracks.map_or([Track::NONE; V], |(_, views)| views),
-            center: tracks.map_or(Track::NONE, |(center, _)| center).samples,
-            column,
-            left: column,
+            next: 0,
             columns: if tracks.is_some() { columns } else { 0 },
-            leaving: columns.saturating_sub(block_size),
-            nothing: nothing.as_ptr(),
+            center: tracks.map_or(Track::NONE, |(center, _)| center).samples,
+            sums: sums.as_mut_ptr(),
             vectors: nothing.len() / V.max(1),
+            block_size,
+            nothing: nothing.as_ptr(),
             memory: PhantomData,
         }
     }
@@ -134,25 +152,33 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
         self.vectors
     }
 
+    /// The sums of a column, and those of the column that the blocks leave for it.
+    #[inline(always)]
+    fn sums(&self, index: usize) -> (*mut I::Sums, *const I::Sums) {
+        let sums = V * self.vectors;
+        let column = self.sums.wrapping_add(index * sums);
+        let left = if index < self.block_size { self.nothing } else { column.wrapping_sub(self.block_size * sums) };
+        (column, left)
+    }
+
     /// Goes to the next column.
     #[inline(always)]
     pub(super) fn enter(&mut self) -> Option<Place<'_, I, V>> {
-        let sums = V * self.vectors;
-        let (column, mut left) = (self.column, self.nothing);
-        if self.columns <= self.leaving {
-            left = self.left;
-            self.left = left.wrapping_add(sums);
+        let index = self.next;
+        if index >= self.columns {
+            return None;
         }
-        self.columns = self.columns.checked_sub(1)?;
-        self.column = column.wrapping_add(sums);
+        self.next = index + 1;
+        let (column, left) = self.sums(index);
         let Change { entering, leaving } = self.center;
         // SAFETY: for all columns, it has been checked that these samples are there.
-        let center = unsafe { Change { entering: *entering, leaving: *leaving } };
-        self.center = Change { entering: entering.wrapping_add(1), leaving: leaving.wrapping_add(1) };
+        let center = unsafe { Change { entering: *entering.add(index), leaving: *leaving.add(index) } };
         Some(Place {
             center,
             #[cfg(target_arch = "arm")]
-            tracks: self.tracks.as_mut_ptr(),
+            index,
+            #[cfg(target_arch = "arm")]
+            tracks: self.tracks.as_ptr(),
             column,
             left,
             memory: PhantomData,
@@ -163,50 +189,28 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
     #[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
     #[inline(always)]
     pub(super) fn stretch(&mut self, columns: usize) -> Option<Stretch<'_, I, V>> {
-        let leaves = self.columns <= self.leaving;
-        let columns = if leaves { columns.min(self.columns) } else { columns.min(1) };
-        let (center, tracks, column) = (self.center, self.tracks, self.column);
-        let left = if leaves { self.left } else { self.nothing };
-        self.columns = self.columns.checked_sub(columns)?;
-        let sums = columns * V * self.vectors;
-        self.column = column.wrapping_add(sums);
-        if leaves {
-            self.left = left.wrapping_add(sums);
-        }
-        let on = |samples: Change<*const u8>, step: isize| {
-            let next = |samples: *const u8| samples.wrapping_offset(columns as isize * step);
-            Change { entering: next(samples.entering), leaving: next(samples.leaving) }
-        };
-        self.center = on(center, 1);
-        for track in &mut self.tracks {
-            track.samples = on(track.samples, track.step);
-        }
+        let index = self.next;
+        let most = if index < self.block_size { 1 } else { columns };
+        let columns = most.min(columns).min(self.columns - index);
+        self.next = index + columns;
+        let (column, left) = self.sums(index);
+        let tracks = self.tracks.map(|track| Track { samples: track.at(index), step: track.step });
+        let center = self.center.at(index as isize);
         (columns > 0).then_some(Stretch { columns, center, tracks, column, left, memory: PhantomData })
-    }
-
-    /// Moves the tracks on from the place that was [entered](Steps::enter).
-    #[inline(always)]
-    pub(super) fn leave(&mut self) {
-        for track in &mut self.tracks {
-            let Change { entering, leaving } = track.samples;
-            let next = |samples: *const u8| samples.wrapping_offset(track.step);
-            track.samples = Change { entering: next(entering), leaving: next(leaving) };
-        }
     }
 
     /// Goes to the next column.
     #[inline(always)]
     pub(super) fn next(&mut self) -> Option<Step<'_, I, V>> {
-        let vectors = self.vectors;
+        let (vectors, index) = (self.vectors, self.next);
         let Place { center, column, left, .. } = self.enter()?;
         let mut views = [Change { entering: &[][..], leaving: &[][..] }; V];
         for (view, track) in views.iter_mut().zip(&self.tracks) {
             // SAFETY: for all columns, it has been checked that these samples are there. Bytes may be anywhere, and be anything.
             let vectors = |samples: *const u8| unsafe { slice::from_raw_parts(samples.cast(), vectors) };
-            let Change { entering, leaving } = track.samples;
+            let Change { entering, leaving } = track.at(index);
             *view = Change { entering: vectors(entering), leaving: vectors(leaving) };
         }
-        self.leave();
         // SAFETY: for all columns, it has been checked that these sums are there. Blocks have at least one column, so that what they leave
         // is another one; `self` is lent as long as they are.
         let (column, left) =

@@ -68,7 +68,7 @@ impl Simulate {
 
         let passes = Region::tiles(&params, profile.tile_width()).count();
         let bar = terminal::progress((passes * params.height()) as u64, "lines");
-        let simulation = simulation::simulate(&profile, fusion, self.core.into(), &frames, &|| bar.inc(1));
+        let simulation = simulation::simulate(&profile, fusion, &frames, &|| bar.inc(1));
         bar.finish_and_clear();
         if let Some(path) = &self.packets {
             output::write(path, |writer| writer.write_all(&simulation.packets))?;

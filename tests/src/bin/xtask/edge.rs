@@ -188,7 +188,7 @@ impl Run {
         let images = ImageSet::tsukuba(&params).unwrap_or_else(|| ImageSet::demo(&params));
         images.write(&folder)?;
         let (bytes, received) = self.received(&folder, counter)?;
-        let simulation = simulate(&self.profile, self.fusion, self.board.processor, &images.frames()?, &|| ());
+        let simulation = simulate(&self.profile, self.fusion, &images.frames()?, &|| ());
         received::same_lines(&bytes, &simulation.packets)?;
         received::same(&received.disparities, &images.disparities(&params)?)?;
         let stack_max = received.stack.context("the firmware did not measure its stack")?;

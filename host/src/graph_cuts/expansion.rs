@@ -1,10 +1,12 @@
 //! Expansion moves: any pixels may take one disparity, and the best choice of them is a minimum cut.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::{
-    GraphCuts, Occlusion,
-    cells::Cells,
+    GraphCuts, Occlusion, Smoothness,
+    cells::{Cells, Region},
     energy::{Energy, Label, OCCLUDED, Pair, Pixel, Table},
     max_flow::{MaxFlow, Topology},
 };
@@ -20,22 +22,48 @@ pub struct Labelling<'a> {
     next: Vec<Label>,
     /// Whether the label may change in the move.
     free: Vec<bool>,
+    /// Where that is so, from the top to the bottom.
+    runs: Vec<Run>,
     /// What the pixels pay for their labels.
     data: Vec<i32>,
     /// What they would pay for the label that is tried.
     proposed: Vec<i32>,
     moves: Moves,
     total: i64,
-    /// The pixels that changed in the last move.
-    changed: Vec<Pixel>,
+    /// What changed in the last move.
+    changed: Vec<Change>,
+}
+
+/// Pixels side by side.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    /// The column of the first.
+    u: usize,
+    /// Their row.
+    v: usize,
+    /// The place of the first among the labels.
+    place: usize,
+    /// How many they are.
+    len: usize,
+}
+
+/// A pixel that took another label.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Change {
+    /// The pixel.
+    pub pixel: Pixel,
+    /// Its label before.
+    pub before: Label,
 }
 
 /// The graph of the moves.
 #[derive(Debug)]
 enum Moves {
     Capped(MaxFlow<Grid>),
-    /// And for each pixel of the view the one whose match it is, or [`NOBODY`].
-    Unique(MaxFlow<Layers>, Vec<u32>),
+    /// With linear steps, and for each pixel of the view the one whose match it is, or [`NOBODY`].
+    Unique(MaxFlow<Layers<true>>, Vec<u32>),
+    /// The same with steps that all cost the same.
+    UniquePotts(MaxFlow<Layers<false>>, Vec<u32>),
 }
 
 /// A capacity that no flow fills.
@@ -84,32 +112,33 @@ impl Topology for Grid {
 }
 
 /// Two nodes for every pixel: whether it loses the label it has, and whether it gets the new one. Each has arcs to the same nodes of the
-/// pixel's neighbours, to the other node of the pixel and those of its neighbours, and to one other node of the image.
+/// pixel's neighbours, to the other node of the pixel, to one other node of the image and, if the energy needs them (`ACROSS`), to the other
+/// nodes of its neighbours.
 #[derive(Clone, Debug)]
-struct Layers {
+struct Layers<const ACROSS: bool> {
     nodes: usize,
-    /// From a node to the heads of its first arcs; from the pixel's other node to those of the next.
-    offsets: [isize; TO_PARTNER],
+    /// From a node to the nodes of its kind of the neighbours.
+    offsets: [isize; 4],
     /// For each node, the one whose match is in the way; itself if there is none.
     partners: Vec<u32>,
 }
 
-impl Layers {
-    fn new(stride: usize, rows: usize) -> Layers {
+impl<const ACROSS: bool> Layers<ACROSS> {
+    fn new(stride: usize, rows: usize) -> Layers<ACROSS> {
         let (nodes, down) = (2 * stride * rows, 2 * stride as isize);
-        Layers { nodes, offsets: [2, -2, down, -down, 0, 2, -2, down, -down], partners: (0..nodes as u32).collect() }
+        Layers { nodes, offsets: [2, -2, down, -down], partners: (0..nodes as u32).collect() }
     }
 }
 
 const LOSES: usize = 0;
 const GETS: usize = 1;
 const TO_TWIN: usize = 4;
-const ACROSS: usize = 5;
-const TO_PARTNER: usize = 9;
+const TO_PARTNER: usize = 5;
+const TO_ACROSS: usize = 6;
 
-impl Topology for Layers {
-    const DEGREE: usize = 10;
-    const REVERSE: &'static [usize] = &[1, 0, 3, 2, 4, 6, 5, 8, 7, 9];
+impl<const ACROSS: bool> Topology for Layers<ACROSS> {
+    const DEGREE: usize = if ACROSS { 10 } else { 6 };
+    const REVERSE: &'static [usize] = if ACROSS { &[1, 0, 3, 2, 4, 5, 7, 6, 9, 8] } else { &[1, 0, 3, 2, 4, 5] };
 
     fn nodes(&self) -> usize {
         self.nodes
@@ -118,8 +147,10 @@ impl Topology for Layers {
     #[inline(always)]
     fn head(&self, node: usize, arc: usize) -> usize {
         match arc {
+            ..TO_TWIN => node.wrapping_add_signed(self.offsets[arc]),
+            TO_TWIN => node ^ 1,
             TO_PARTNER => self.partners[node] as usize,
-            _ => (node ^ usize::from(arc >= TO_TWIN)).wrapping_add_signed(self.offsets[arc]),
+            _ => (node ^ 1).wrapping_add_signed(self.offsets[arc - TO_ACROSS]),
         }
     }
 }
@@ -148,7 +179,10 @@ impl<'a> Labelling<'a> {
                         _ => *label = OCCLUDED,
                     }
                 }
-                Moves::Unique(MaxFlow::new(Layers::new(stride, rows)), holders)
+                match energy.steps() {
+                    Smoothness::Linear => Moves::Unique(MaxFlow::new(Layers::new(stride, rows)), holders),
+                    Smoothness::Potts => Moves::UniquePotts(MaxFlow::new(Layers::new(stride, rows)), holders),
+                }
             }
         };
         let total = energy.of(&labels).expect("a possible labelling");
@@ -161,6 +195,7 @@ impl<'a> Labelling<'a> {
             energy,
             next: framed.clone(),
             free: vec![false; framed.len()],
+            runs: Vec::new(),
             labels: framed,
             data: costs.clone(),
             proposed: costs,
@@ -178,6 +213,20 @@ impl<'a> Labelling<'a> {
         labelling
     }
 
+    /// Bytes for each pixel.
+    pub const fn pixel_bytes(occlusions: Occlusion, smoothness: Smoothness) -> usize {
+        // Labels twice, whether it is free, its costs twice, and twice a queue in the worst case.
+        let own = 2 * size_of::<Label>() + size_of::<bool>() + 2 * size_of::<i32>();
+        let queues = 2 * size_of::<u32>();
+        // Each node has a partner, and each pixel of the view a holder.
+        let matches = 3 * size_of::<u32>();
+        own + match (occlusions, smoothness) {
+            (Occlusion::Capped, _) => MaxFlow::<Grid>::node_bytes() + queues,
+            (Occlusion::Unique, Smoothness::Linear) => 2 * (MaxFlow::<Layers<true>>::node_bytes() + queues) + matches,
+            (Occlusion::Unique, Smoothness::Potts) => 2 * (MaxFlow::<Layers<false>>::node_bytes() + queues) + matches,
+        }
+    }
+
     /// The labels, pixel by pixel.
     pub fn labels(&self) -> impl Iterator<Item = Label> {
         places(self.energy.size()).map(|(_, place)| self.labels[place])
@@ -189,14 +238,11 @@ impl<'a> Labelling<'a> {
     }
 
     /// Tries `labels` in an order that `seed` determines, again and again, until none of them lowers the energy or `sweeps` times. Where
-    /// nothing near has changed since a label was tried, it is not tried again.
+    /// nothing has changed that its use depends on since a label was tried, it is not tried again.
     pub fn minimize(&mut self, labels: &[Label], sweeps: usize, seed: u64, progress: &dyn Progress) {
         let mut order: Vec<Label> = labels.to_vec();
         fastrand::Rng::with_seed(seed).shuffle(&mut order);
-        let along = if self.energy.occlusions() == Occlusion::Unique { labels.len() } else { 0 };
-        let reach = if self.energy.view().is_horizontal() { [along + 1, 1] } else { [1, along + 1] };
-        let mut cells = Cells::new(self.energy.size(), order.len(), reach);
-        let mut time = 1;
+        let mut cells = Cells::new(self.energy.size(), order.len());
         for sweep in 1..=sweeps {
             progress.begin(order.len() as u64, &format!("disparities of sweep {sweep}"));
             let mut tried = false;
@@ -204,18 +250,56 @@ impl<'a> Labelling<'a> {
                 if progress.is_interrupted() {
                     return;
                 }
-                if let Some(stale) = cells.take_stale(i, time) {
+                if let Some(stale) = cells.take(i) {
                     tried = true;
-                    time += 1;
-                    for pixel in self.expand(label, |u, v| stale.contains(u, v)) {
-                        cells.change(*pixel, time);
-                    }
+                    let free = self.around(&stale, label);
+                    self.expand(label, |u, v| free.contains(u, v));
+                    self.mark_changes(&mut cells, &order);
                     progress.say(&format!("energy {:.0}", self.total as f64 / f64::from(self.energy.scale())));
                 }
                 progress.advance(1);
             }
             if !tried {
                 return;
+            }
+        }
+    }
+
+    /// What may have to change so that pixels of `region` can take a label: what is around them, and what is in their way.
+    fn around(&self, region: &Region, label: Label) -> Region {
+        let mut free = region.grown();
+        if let Moves::Unique(_, holders) | Moves::UniquePotts(_, holders) = &self.moves {
+            let [width, _] = self.energy.size();
+            for (pixel, _) in places(self.energy.size()).filter(|(pixel, _)| region.contains(pixel.u, pixel.v)) {
+                let holder = self.energy.matched(self.energy.view(), pixel, label).map_or(NOBODY, |place| holders[place]);
+                if holder != NOBODY {
+                    let Pixel { u, v, .. } = Pixel::new(holder as usize, width);
+                    free.add(u, v);
+                }
+            }
+        }
+        free
+    }
+
+    /// Marks where labels, by their places in `order`, are worth a trial after the last move: at the pixels that changed and their neighbours, and
+    /// where a match of theirs is in the way, or was.
+    fn mark_changes(&self, cells: &mut Cells, order: &[Label]) {
+        let [width, height] = self.energy.size();
+        let unique = self.energy.occlusions() == Occlusion::Unique;
+        let view = self.energy.view();
+        for &Change { pixel, before } in &self.changed {
+            let Pixel { u, v, .. } = pixel;
+            let near = [(u, v), (u.wrapping_sub(1), v), (u + 1, v), (u, v.wrapping_sub(1)), (u, v + 1)];
+            let near = near.into_iter().filter(|(u, v)| *u < width && *v < height);
+            let near = near.map(|(u, v)| (Pixel { u, v, index: v * width + u }, self.labels[(v + 1) * (width + 2) + u + 1]));
+            for (pixel, known) in near.chain([(pixel, before)]) {
+                (0..order.len()).for_each(|i| cells.mark(i, pixel));
+                if let Some(place) = self.energy.matched(view, pixel, known).filter(|_| unique && known != OCCLUDED) {
+                    for (i, label) in order.iter().enumerate() {
+                        let origin = self.energy.matched(view, Pixel::new(place, width), -label);
+                        origin.into_iter().for_each(|origin| cells.mark(i, Pixel::new(origin, width)));
+                    }
+                }
             }
         }
     }
@@ -228,29 +312,16 @@ impl<'a> Labelling<'a> {
     }
 
     /// Gives `label` to those pixels by which the energy falls most, of the columns and rows of the image that are `free` to change, and
-    /// occludes those that are in their way. The pixels that change; none if the energy does not fall.
-    pub fn expand(&mut self, label: Label, free: impl Fn(usize, usize) -> bool) -> &[Pixel] {
+    /// occludes those that are in their way. What changes; nothing if the energy does not fall.
+    pub fn expand(&mut self, label: Label, free: impl Fn(usize, usize) -> bool) -> &[Change] {
         self.propose(label);
-        for (pixel, place) in places(self.energy.size()) {
-            self.free[place] = self.labels[place] != label && free(pixel.u, pixel.v);
-        }
-        let Labelling { energy, labels, data, proposed, free, next, moves, .. } = self;
-        let problem = Problem { energy, labels, data, proposed, free, label };
+        self.find_runs(label, free);
+        let Labelling { energy, labels, data, proposed, free, runs, next, moves, .. } = self;
+        let problem = Problem { energy, labels, data, proposed, free, runs, label };
         match moves {
-            Moves::Capped(graph) => {
-                problem.cut_capped(graph);
-                problem.pixels().filter(|&(_, place)| graph.is_sink(place)).for_each(|(_, place)| next[place] = label);
-            }
-            Moves::Unique(graph, holders) => {
-                problem.cut_unique(graph, holders);
-                for (_, place) in problem.pixels() {
-                    if graph.is_sink(2 * place + GETS) {
-                        next[place] = label;
-                    } else if graph.is_sink(2 * place + LOSES) {
-                        next[place] = OCCLUDED;
-                    }
-                }
-            }
+            Moves::Capped(graph) => problem.cut_capped(graph, next),
+            Moves::Unique(graph, holders) => problem.cut_unique(graph, holders, next),
+            Moves::UniquePotts(graph, holders) => problem.cut_unique(graph, holders, next),
         }
         let change = problem.change_to(next);
         self.changed.clear();
@@ -259,30 +330,56 @@ impl<'a> Labelling<'a> {
             self.take_next(label);
         } else {
             // A cut of the same energy.
-            self.next.copy_from_slice(&self.labels);
+            for &Run { place, len, .. } in &self.runs {
+                self.next[place..place + len].copy_from_slice(&self.labels[place..place + len]);
+            }
+        }
+        for &Run { place, len, .. } in &self.runs {
+            self.free[place..place + len].fill(false);
         }
         &self.changed
     }
 
-    /// Takes the next labels.
-    fn take_next(&mut self, label: Label) {
-        let Labelling { energy, labels, next, changed, data, proposed, moves, .. } = self;
-        let different = || places(energy.size()).filter(|&(_, place)| next[place] != labels[place]);
-        changed.extend(different().map(|(pixel, _)| pixel));
-        if let Moves::Unique(_, holders) = moves {
-            let place_of = |pixel, label| energy.matched(energy.view(), pixel, label);
-            for (pixel, place) in different().filter(|&(_, place)| labels[place] != OCCLUDED) {
-                place_of(pixel, labels[place]).into_iter().for_each(|place| holders[place] = NOBODY);
-            }
-            for (pixel, _) in different().filter(|&(_, place)| next[place] == label) {
-                place_of(pixel, label).into_iter().for_each(|place| holders[place] = pixel.index as u32);
+    /// Notes which pixels may change to a label.
+    fn find_runs(&mut self, label: Label, free: impl Fn(usize, usize) -> bool) {
+        let [width, height] = self.energy.size();
+        self.runs.clear();
+        for v in 0..height {
+            let row = (v + 1) * (width + 2) + 1;
+            let mut start = 0;
+            for u in 0..=width {
+                if u == width || self.labels[row + u] == label || !free(u, v) {
+                    if start < u {
+                        self.free[row + start..row + u].fill(true);
+                        self.runs.push(Run { u: start, v, place: row + start, len: u - start });
+                    }
+                    start = u + 1;
+                }
             }
         }
-        for (_, place) in places(energy.size()) {
-            if next[place] != labels[place] {
-                labels[place] = next[place];
-                data[place] = if next[place] == label { proposed[place] } else { energy.occlusion() };
+    }
+
+    /// Takes the next labels.
+    fn take_next(&mut self, label: Label) {
+        let Labelling { energy, labels, next, changed, data, proposed, runs, moves, .. } = self;
+        let place_of = |pixel: Pixel| (pixel.v + 1) * (energy.size()[0] + 2) + pixel.u + 1;
+        for &Run { u, v, place, len } in runs.iter() {
+            let pixel = |i: usize| Pixel { u: u + i, v, index: v * energy.size()[0] + u + i };
+            let different = (0..len).filter(|i| next[place + i] != labels[place + i]);
+            changed.extend(different.map(|i| Change { pixel: pixel(i), before: labels[place + i] }));
+        }
+        if let Moves::Unique(_, holders) | Moves::UniquePotts(_, holders) = moves {
+            let match_of = |pixel, label| energy.matched(energy.view(), pixel, label);
+            for &Change { pixel, before } in changed.iter().filter(|change| change.before != OCCLUDED) {
+                match_of(pixel, before).into_iter().for_each(|place| holders[place] = NOBODY);
             }
+            for &Change { pixel, .. } in changed.iter().filter(|change| next[place_of(change.pixel)] == label) {
+                match_of(pixel, label).into_iter().for_each(|place| holders[place] = pixel.index as u32);
+            }
+        }
+        for place in changed.iter().map(|change| place_of(change.pixel)) {
+            labels[place] = next[place];
+            data[place] = if next[place] == label { proposed[place] } else { energy.occlusion() };
         }
     }
 }
@@ -322,6 +419,7 @@ struct Problem<'a> {
     data: &'a [i32],
     proposed: &'a [i32],
     free: &'a [bool],
+    runs: &'a [Run],
     label: Label,
 }
 
@@ -353,7 +451,15 @@ fn raise(mut paid: Table) -> Table {
 impl Problem<'_> {
     /// The free pixels and their places.
     fn pixels(&self) -> impl Iterator<Item = (Pixel, usize)> {
-        places(self.energy.size()).filter(|&(_, place)| self.free[place])
+        let [width, _] = self.energy.size();
+        self.runs.iter().flat_map(move |&Run { u, v, place, len }| {
+            (0..len).map(move |i| (Pixel { u: u + i, v, index: v * width + u + i }, place + i))
+        })
+    }
+
+    /// The nodes of the free pixels, of which each has so many.
+    fn nodes(&self, each: usize) -> impl Iterator<Item = Range<usize>> + Clone {
+        self.runs.iter().map(move |run| each * run.place..each * (run.place + run.len))
     }
 
     /// Goes over all pairs of neighbours of which at least one is free.
@@ -397,9 +503,8 @@ impl Problem<'_> {
         change
     }
 
-    /// Cuts a graph where every pixel keeps its label, on the source's side, or takes the new one.
-    fn cut_capped(&self, graph: &mut MaxFlow<Grid>) {
-        graph.clear();
+    /// Cuts a graph where every pixel keeps its label, on the source's side, or takes the new one, and writes the labels that change.
+    fn cut_capped(&self, graph: &mut MaxFlow<Grid>, next: &mut [Label]) {
         let Problem { energy, labels, label, .. } = *self;
         for (_, place) in self.pixels() {
             graph.add_terminal(place, self.proposed[place] - self.data[place]);
@@ -423,13 +528,14 @@ impl Problem<'_> {
                 }
             }
         });
-        graph.run();
+        graph.run(self.nodes(1));
+        self.pixels().filter(|&(_, place)| graph.is_sink(place)).for_each(|(_, place)| next[place] = label);
+        self.nodes(1).for_each(|nodes| graph.clear(nodes));
     }
 
-    /// Cuts a graph where every pixel keeps its label, is occluded, or takes the new one, and no match is taken twice.
-    fn cut_unique(&self, graph: &mut MaxFlow<Layers>, holders: &[u32]) {
-        graph.clear();
-        graph.topology_mut().partners.iter_mut().zip(0..).for_each(|(partner, node)| *partner = node);
+    /// Cuts a graph where every pixel keeps its label, is occluded, or takes the new one, and no match is taken twice; and writes the labels
+    /// that change.
+    fn cut_unique<const ACROSS: bool>(&self, graph: &mut MaxFlow<Layers<ACROSS>>, holders: &[u32], next: &mut [Label]) {
         let Problem { energy, labels, label, .. } = *self;
         let hidden = energy.occlusion();
         for (pixel, place) in self.pixels() {
@@ -469,12 +575,12 @@ impl Problem<'_> {
                         let saved = paid[state1][state2 + 1] + paid[state1 + 1][state2]
                             - paid[state1][state2]
                             - paid[state1 + 1][state2 + 1];
-                        if saved == 0 {
+                        if saved == 0 || (state1 != state2 && !ACROSS) {
                             continue;
                         }
                         let (arc, there) = match (state1, state2) {
-                            (LOSES, GETS) => (ACROSS + side(pair), saved),
-                            (GETS, LOSES) => (ACROSS + side(pair), 0),
+                            (LOSES, GETS) => (TO_ACROSS + side(pair), saved),
+                            (GETS, LOSES) => (TO_ACROSS + side(pair), 0),
                             _ => (side(pair), saved / 2),
                         };
                         graph.add_arc(2 * first + state1, arc, there, saved - there);
@@ -484,7 +590,21 @@ impl Problem<'_> {
                 }
             }
         });
-        graph.run();
+        graph.run(self.nodes(2));
+        for (_, place) in self.pixels() {
+            if graph.is_sink(2 * place + GETS) {
+                next[place] = label;
+            } else if graph.is_sink(2 * place + LOSES) {
+                next[place] = OCCLUDED;
+            }
+        }
+        for nodes in self.nodes(2) {
+            graph.topology_mut().partners[nodes.clone()]
+                .iter_mut()
+                .zip(nodes.start as u32..)
+                .for_each(|(partner, node)| *partner = node);
+            graph.clear(nodes);
+        }
     }
 
     /// The place of a pixel, if it is free.

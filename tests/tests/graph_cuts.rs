@@ -278,6 +278,46 @@ fn it_ends_where_no_move_is_of_use() {
 }
 
 #[test]
+fn bands_do_not_depend_on_threads() {
+    // So high that it is cut in two.
+    let mut random = Random(8);
+    let [width, height] = [24, 530];
+    for (views, occlusions) in [(Views::STEREO, Occlusion::Unique), (Views::THREE, Occlusion::Capped)] {
+        let texture: Vec<u8> = (0..60 * 600).map(|_| random.byte()).collect();
+        // Slanted: the disparity goes up with the row.
+        let image = |du: i32, dv: i32| {
+            GrayImage::from_fn(width, height, |u, v| {
+                let d = v as i32 / 100;
+                Luma([texture[((v as i32 - d * dv + 20) * 60 + u as i32 - d * du + 10) as usize]])
+            })
+        };
+        let frames = Frames::new(image(0, 0)).with(View::Left, image(1, 0)).with(View::Right, image(-1, 0));
+        let frames = frames.with(View::Top, image(0, 1));
+        let search = Params::new(width as u16, height as u16, views, Fusion::Min, 0, 7, 5).unwrap();
+        let method = GraphCuts { occlusions: Some(occlusions), ..GraphCuts::default() };
+        let energy = Energy::new(&method, &frames, &search);
+        let start: Vec<Label> = (0..width * height).map(|_| random.below(7) as Label).collect();
+        let labels: Vec<Label> = (0..7).collect();
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut labelling = Labelling::new(&energy, start.clone());
+            pool.install(|| labelling.minimize(&labels, 100, 7, &()));
+            labelling
+        };
+        let (alone, mut together) = (run(1), run(4));
+        assert!(alone.labels().eq(together.labels()), "{views:?}: by other threads");
+        assert_eq!(alone.total(), together.total());
+        let found: Vec<Label> = together.labels().collect();
+        assert_eq!(energy.of(&found), Some(together.total()));
+        for &label in &labels {
+            let before = together.total();
+            together.expand(label, |_, _| true);
+            assert!(before - together.total() <= before / 1000, "{views:?}: {label} is of use: {before} to {}", together.total());
+        }
+    }
+}
+
+#[test]
 fn disparities_between_labels_are_vertices_of_parabolas() {
     let mut random = Random(7);
     let engine = Engine::new(None, 2).unwrap();

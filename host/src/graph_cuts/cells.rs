@@ -1,5 +1,7 @@
 //! Where which disparity is worth a trial.
 
+use std::ops::Range;
+
 use super::energy::Pixel;
 
 /// The image in squares of [`Cells::SIDE`] pixels, with whether each disparity is worth a trial there.
@@ -42,6 +44,25 @@ impl Region {
             around(cell / columns, rows).any(|row| around(cell % columns, columns).any(|column| cells[row * columns + column]))
         };
         Region { columns, rows, cells: (0..cells.len()).map(near).collect() }
+    }
+}
+
+impl Region {
+    /// Bands of rows, from the top to the bottom, that it lies in: each at most a cell higher than `most`, two of them together higher than
+    /// that, and with at least a row between them. Where there is none that it is not in, one of its own is left out.
+    pub fn bands(&self, height: usize, most: usize) -> Vec<Range<usize>> {
+        let mut bands: Vec<Range<usize>> = Vec::new();
+        for (row, _) in self.cells.chunks_exact(self.columns).enumerate().filter(|(_, cells)| cells.contains(&true)) {
+            let rows = row * Cells::SIDE..((row + 1) * Cells::SIDE).min(height);
+            match bands.last_mut() {
+                Some(last) if rows.start - last.start < most => last.end = rows.end,
+                last => {
+                    last.into_iter().filter(|last| last.end == rows.start).for_each(|last| last.end -= 1);
+                    bands.push(rows);
+                }
+            }
+        }
+        bands
     }
 }
 

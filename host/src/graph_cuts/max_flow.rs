@@ -1,10 +1,11 @@
-//! The maximum flow through a graph, which is the minimum cut, after Boykov and Kolmogorov.
+//! The maximum flow through a graph, which is the minimum cut, by incremental breadth-first search.
 //!
-//! A tree of arcs that are not full grows from the sink. Where it meets a node to which the source has more to give, flow goes along the
-//! path to the sink; what that fills is cut off, and looks for another parent in the tree before it is free again. The tree is kept from
-//! path to path (Boykov and Kolmogorov, An experimental comparison of min-cut/max-flow algorithms for energy minimization in vision, 2004).
-//! Theirs has a second tree, from the source: in expansion moves most nodes are next to the source, and few to the sink, so that it would
-//! go everywhere for little.
+//! A tree of arcs that are not full grows from the sink, level by level. Where it meets a node to which the source has more to give, flow goes
+//! along the path to the sink; what that fills is cut off, and looks for another parent as near to the root before it goes up or is free
+//! again (Goldberg, Hed, Kaplan, Tarjan and Werneck, Maximum flows by incremental breadth-first search, 2011). The tree is kept from path to
+//! path, as by Boykov and Kolmogorov (An experimental comparison of min-cut/max-flow algorithms for energy minimization in vision, 2004), but no
+//! orphan has to walk to the root. Theirs have a second tree, from the source: in expansion moves most nodes are next to the source, and few to
+//! the sink, so that it would go everywhere for little.
 //!
 //! The graph is a pattern that repeats from node to node, so that no arc stores where it leads: a [`Topology`] says it.
 
@@ -81,6 +82,11 @@ impl<T: Topology> MaxFlow<T> {
     /// Bytes for every node.
     pub const fn node_bytes() -> usize {
         size_of::<Node>() + T::DEGREE * size_of::<i32>()
+    }
+
+    /// How many nodes there are.
+    pub fn nodes(&self) -> usize {
+        self.nodes.len()
     }
 
     /// The capacities of some nodes and of their arcs are 0 again, and nothing flows.

@@ -19,7 +19,7 @@ mod max_flow;
 mod sub_pixel;
 
 pub use energy::{Energy, Label, OCCLUDED, Pair, Pixel};
-pub use expansion::Labelling;
+pub use expansion::{Change, Labelling};
 pub use max_flow::{MaxFlow, Topology};
 
 use multiscopic_core::Params;
@@ -116,7 +116,8 @@ impl GraphCuts {
     /// The most times by which images are enlarged.
     pub const MAX_UPSAMPLE: u8 = 4;
 
-    /// Bytes that it takes for an image of so many pixels, about, beside the image and its views: they are enlarged, too.
+    /// Bytes that it takes for an image of so many pixels, about, beside the image and its views: they are enlarged, too. Images of 512 rows and
+    /// more are cut in bands, whose graphs may take some more.
     pub fn bytes(&self, pixels: usize, views: usize, colored: bool) -> usize {
         let channels = if colored && self.color { 3 } else { 1 };
         // The enlarged image itself, in its colours and in grey.

@@ -55,7 +55,7 @@ pub fn params(search: &Params, times: u8) -> Result<Params> {
     if least < i32::from(Disparity::MIN_SEARCH) || most > i32::from(Disparity::MAX_SEARCH) {
         return Err(too_large(format!("disparities {least}..={most}, and 511 is the most, either way")));
     }
-    let block = (search.block_size() * usize::from(times) | 1).min(Params::MAX_BLOCK_SIZE.into());
+    let block = ((search.block_size() * usize::from(times)) | 1).min(Params::MAX_BLOCK_SIZE.into());
     let (least, count) = (least as i16, (most - least + 1) as u16);
     Ok(Params::new(side(width)?, side(height)?, search.views(), search.fusion(), least, count, block as u8)?)
 }

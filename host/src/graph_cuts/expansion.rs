@@ -319,10 +319,9 @@ impl<'a> Labelling<'a> {
     /// The rows of a region that can change each by themselves. Matches that are unique along columns tie all rows.
     fn bands(&self, region: &Region) -> Vec<Range<usize>> {
         let [_, height] = self.energy.size();
-        match self.energy.occlusions() {
-            Occlusion::Unique if !self.energy.view().is_horizontal() => vec![0..height],
-            _ => region.bands(height, height.div_ceil((height / BAND_ROWS).max(1))),
-        }
+        let tied = self.energy.occlusions() == Occlusion::Unique && !self.energy.view().is_horizontal();
+        let parts = if tied { 1 } else { (height / BAND_ROWS).max(1) };
+        region.bands(height, height.div_ceil(parts))
     }
 
     /// Marks the rows between bands, where a label was not tried, and those next to them.

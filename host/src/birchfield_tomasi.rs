@@ -72,13 +72,47 @@ impl Intervals {
         let (start, end) = (inside(-shift), inside(width as isize - shift));
         costs[..start].fill(Intervals::NONE);
         costs[end.max(start)..].fill(Intervals::NONE);
-        if start >= end {
-            return;
+        if start < end {
+            self.span_costs(other, v * width + start, row * width + start.wrapping_add_signed(shift), &mut costs[start..end]);
         }
-        let costs = &mut costs[start..end];
+    }
+
+    /// The costs of row `v`, from `margin` columns before the image to as many after it, where the image and `other` are extended beyond
+    /// their borders by replication; the row may lie outside too.
+    ///
+    /// # Panics
+    /// If the images differ in size or channels, or `costs` is not a row and its margins.
+    pub fn extended_row_costs(&self, other: &Intervals, view: View, v: isize, d: i16, margin: usize, costs: &mut [i16]) {
+        let (width, height, shift) = (self.width as isize, self.height as isize, view.sign() as isize * isize::from(d));
+        assert_eq!(
+            (other.width, other.height, other.channels.len()),
+            (self.width, self.height, self.channels.len()),
+            "images of one kind"
+        );
+        assert_eq!(costs.len(), self.width + 2 * margin, "a row of costs");
+        let (across, along) = if view.is_horizontal() { (shift, 0) } else { (0, shift) };
+        let inside = |place: isize, size: isize| place.clamp(0, size - 1);
+        let [here, there] = [v, v + along].map(|v| inside(v, height) * width);
+        // Pixels that lie inside as their matches do, and what is left of them and right.
+        let first = |column: isize| (column + margin as isize).clamp(0, costs.len() as isize) as usize;
+        let (start, end) = (first(0.max(-across)), first(width.min(width - across)));
+        let end = end.max(start);
+        for i in (0..start).chain(end..costs.len()) {
+            let u = i as isize - margin as isize;
+            let (p, q) = (here + inside(u, width), there + inside(u + across, width));
+            self.span_costs(other, p as usize, q as usize, &mut costs[i..=i]);
+        }
+        if start < end {
+            let u = start as isize - margin as isize;
+            self.span_costs(other, (here + u) as usize, (there + u + across) as usize, &mut costs[start..end]);
+        }
+    }
+
+    /// The costs of pixels side by side, by their places among all: from `here` on with those of `other` from `there` on.
+    #[inline(always)]
+    fn span_costs(&self, other: &Intervals, here: usize, there: usize, costs: &mut [i16]) {
         costs.fill(0);
-        let here = v * width + start..v * width + end;
-        let there = row * width + start.wrapping_add_signed(shift)..row * width + end.wrapping_add_signed(shift);
+        let (here, there) = (here..here + costs.len(), there..there + costs.len());
         for (a, b) in self.channels.iter().zip(&other.channels) {
             let center = a.value[here.clone()].iter().zip(&a.least[here.clone()]).zip(&a.greatest[here.clone()]);
             let view = b.value[there.clone()].iter().zip(&b.least[there.clone()]).zip(&b.greatest[there.clone()]);

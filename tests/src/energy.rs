@@ -64,6 +64,34 @@ impl Energy {
         Some(sum)
     }
 
+    /// The disparity of a pixel with label `d` between those of a range: at the vertex of the parabola through the fused costs of windows of
+    /// 7 x 7 pixels before, at and after it, if the one in the middle is not above the others and all exist.
+    pub fn refined(&self, p: Place, d: i32, range: std::ops::RangeInclusive<i32>) -> f64 {
+        if !range.contains(&(d - 1)) || !range.contains(&(d + 1)) {
+            return f64::from(d);
+        }
+        match [d - 1, d, d + 1].map(|d| self.window_cost(p, d)) {
+            [Some(before), Some(at), Some(after)] if at <= before && at <= after && before + after > 2.0 * at => {
+                f64::from(d) + (before - after) / (2.0 * before + 2.0 * after - 4.0 * at)
+            }
+            _ => f64::from(d),
+        }
+    }
+
+    /// The sum of the dissimilarities of the pixels around `p`, of images that go on beyond their borders, in 1/72 of an intensity.
+    fn window_cost(&self, p: Place, d: i32) -> Option<f64> {
+        let cost = |view: usize| {
+            let (image, _) = (self.views[view].as_ref()?, self.matched(view, p, d)?);
+            let around = (-3..=3).flat_map(|dv| (-3..=3).map(move |du| (p.0 + du, p.1 + dv)));
+            let clamp = |(u, v): Place| (u.clamp(0, image.width() as i32 - 1), v.clamp(0, image.height() as i32 - 1));
+            let matched = |(u, v): Place| (u + SHIFTS[view].0 * d, v + SHIFTS[view].1 * d);
+            let costs = around.map(|q| 6.0 * dissimilarity(&self.center, clamp(q), image, clamp(matched(q))));
+            // They are whole.
+            Some(costs.map(f64::round).sum())
+        };
+        super::reference::fuse(self.fusion, (0..4).filter_map(cost).collect())
+    }
+
     fn smoothness(&self, p: Place, q: Place, label1: Option<i32>, label2: Option<i32>) -> f64 {
         if label1 == label2 {
             return 0.0;

@@ -42,7 +42,7 @@ fn the_flow_is_that_of_another_algorithm_and_of_its_cut() {
         let mut arcs = Vec::new();
         // Again in the same memory.
         for _ in 0..2 {
-            flow.clear();
+            flow.clear(0..ring.0);
             graph.clear_edges();
             arcs.clear();
             for i in 0..ring.0 {
@@ -64,7 +64,7 @@ fn the_flow_is_that_of_another_algorithm_and_of_its_cut() {
                 }
             }
         }
-        let value = flow.run();
+        let value = flow.run(std::iter::once(0..ring.0));
         assert_eq!(value as u64, ford_fulkerson(&graph, source, sink).0, "case {case}: {ring:?}");
         let on_sinks_side = |node: petgraph::graph::NodeIndex| node == sink || (node != source && flow.is_sink(node.index()));
         let cut = arcs.iter().filter(|(from, to, _)| !on_sinks_side(*from) && on_sinks_side(*to));
@@ -275,6 +275,107 @@ fn it_ends_where_no_move_is_of_use() {
             assert!(labelling.expand(label, |_, _| true).is_empty(), "case {case}: {label} is of use");
         }
     }
+}
+
+#[test]
+fn bands_do_not_depend_on_threads() {
+    // So high that it is cut in two.
+    let mut random = Random(8);
+    let [width, height] = [24, 530];
+    for (views, occlusions) in [(Views::STEREO, Occlusion::Unique), (Views::THREE, Occlusion::Capped)] {
+        let texture: Vec<u8> = (0..60 * 600).map(|_| random.byte()).collect();
+        // Slanted: the disparity goes up with the row.
+        let image = |du: i32, dv: i32| {
+            GrayImage::from_fn(width, height, |u, v| {
+                let d = v as i32 / 100;
+                Luma([texture[((v as i32 - d * dv + 20) * 60 + u as i32 - d * du + 10) as usize]])
+            })
+        };
+        let frames = Frames::new(image(0, 0)).with(View::Left, image(1, 0)).with(View::Right, image(-1, 0));
+        let frames = frames.with(View::Top, image(0, 1));
+        let search = Params::new(width as u16, height as u16, views, Fusion::Min, 0, 7, 5).unwrap();
+        let method = GraphCuts { occlusions: Some(occlusions), ..GraphCuts::default() };
+        let energy = Energy::new(&method, &frames, &search);
+        let start: Vec<Label> = (0..width * height).map(|_| random.below(7) as Label).collect();
+        let labels: Vec<Label> = (0..7).collect();
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut labelling = Labelling::new(&energy, start.clone());
+            pool.install(|| labelling.minimize(&labels, 100, 7, &()));
+            labelling
+        };
+        let (alone, mut together) = (run(1), run(4));
+        assert!(alone.labels().eq(together.labels()), "{views:?}: by other threads");
+        assert_eq!(alone.total(), together.total());
+        let found: Vec<Label> = together.labels().collect();
+        assert_eq!(energy.of(&found), Some(together.total()));
+        for &label in &labels {
+            let before = together.total();
+            together.expand(label, |_, _| true);
+            assert!(before - together.total() <= before / 1000, "{views:?}: {label} is of use: {before} to {}", together.total());
+        }
+    }
+}
+
+#[test]
+fn disparities_between_labels_are_vertices_of_parabolas() {
+    let mut random = Random(7);
+    let engine = Engine::new(None, 2).unwrap();
+    let (mut moved, mut whole) = (0, 0);
+    for case in 0..150 {
+        let made = Case::random(&mut random, if case % 10 == 0 { 45 } else { 14 });
+        let map = |refine: bool| {
+            let method = GraphCuts { refine, ..made.method.clone() };
+            method.disparities(&engine, &made.frames, &made.search, &()).unwrap()
+        };
+        let (refined, labels) = (map(true), map(false));
+        let range = i32::from(made.search.min_disparity())..=i32::from(made.search.max_disparity());
+        for (i, (found, label)) in refined.pixels().iter().zip(labels.pixels()).enumerate() {
+            let p = ((i % made.search.width()) as i32, (i / made.search.width()) as i32);
+            let label = label.map(|label| i32::from(label.to_bits()) / 64);
+            let expected = label.map(|label| reference::fixed(made.reference.refined(p, label, range.clone())));
+            assert_eq!(found.map(|d| d.to_bits()), expected, "case {case}: {p:?} {label:?} {:?}", made.search);
+            let is_whole = expected.is_none_or(|bits| bits % 64 == 0);
+            moved += usize::from(!is_whole);
+            whole += usize::from(is_whole);
+        }
+    }
+    assert!(moved > 1000 && whole > 1000, "{moved} moved, {whole} did not");
+}
+
+#[test]
+fn enlarged_images_give_parts_of_pixels() {
+    // A slope of 1/4 pixel of disparity every 12 columns, in a texture of slow waves.
+    let disparity = |u: f64| 2.0 + (u / 12.0).floor() / 4.0;
+    let wave = |u: f64, v: f64| 127.0 + 60.0 * (u * 0.9 + v * 0.3).sin() + 50.0 * (u * 0.37 - v * 0.8).cos();
+    // The view sees at u - d what is at u; d is that of the place where it is seen to first order.
+    let center = GrayImage::from_fn(72, 24, |u, v| Luma([wave(u.into(), v.into()) as u8]));
+    let right = GrayImage::from_fn(72, 24, |u, v| Luma([wave(f64::from(u) + disparity(f64::from(u) + 2.5), v.into()) as u8]));
+    let frames = Frames::new(center).with(View::Right, right);
+    let search = Params::new(72, 24, Views::STEREO, Fusion::Min, 1, 5, 7).unwrap();
+    let engine = Engine::new(None, 1).unwrap();
+    let map = |upsample: u8| {
+        let method = GraphCuts { upsample, refine: false, ..GraphCuts::default() };
+        method.disparities(&engine, &frames, &search, &())
+    };
+    let error = |upsample: u8| {
+        let map = map(upsample).unwrap();
+        assert_eq!((map.width(), map.height()), (72, 24));
+        let errors = map.pixels().iter().enumerate().filter_map(|(i, d)| {
+            let u = (i % 72) as f64;
+            Some((f64::from(f32::from((*d)?)) - disparity(u)).abs())
+        });
+        let errors: Vec<f64> = errors.collect();
+        assert!(errors.len() > 72 * 24 * 3 / 4, "{} pixels have a disparity", errors.len());
+        errors.iter().sum::<f64>() / errors.len() as f64
+    };
+    let (whole, finer) = (error(1), error(4));
+    assert!(finer < 0.6 * whole, "mean errors of {whole} in whole pixels and of {finer} in quarters");
+    assert!(map(5).unwrap_err().to_string().contains("from 1 to 4"));
+    let method = GraphCuts { upsample: 2, ..GraphCuts::default() };
+    // Four times the pixels, each with the larger image beside what it took before.
+    assert_eq!(method.bytes(100, 1, true), 400 * (method.bytes(1, 1, true) / 4));
+    assert!(method.bytes(100, 1, true) > 4 * GraphCuts::default().bytes(100, 1, true));
 }
 
 #[test]

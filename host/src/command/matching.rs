@@ -8,10 +8,10 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    Alignment, DisparityMap, Error, Frames, Result, depth, output,
+    Alignment, DisparityMap, Error, Frames, Method, Result, depth, output,
     ply::{self, Encoding},
 };
-use multiscopic_core::Params;
+use multiscopic_core::{Frame, Params};
 
 use super::{
     methods::{MethodName, MethodOptions},
@@ -96,6 +96,13 @@ impl Match {
         }
 
         let method = self.options.method(self.method)?;
+        if let Method::GraphCuts(cuts, _) = &method
+            && cuts.upsample > 1
+        {
+            let colored = frames.color(Frame::Center).is_some();
+            let megabytes = cuts.bytes(params.width() * params.height(), params.views().len(), colored).div_ceil(1_000_000);
+            terminal::say(&format!("matching images {} times as large takes about {megabytes} MB", cuts.upsample));
+        }
         let watch = Watch::new()?;
         let start = Instant::now();
         let disparities = method.disparities(&engine, &frames, &params, &watch)?;

@@ -267,6 +267,14 @@ struct GraphCutsOptions {
     /// Seed of the order in which disparities are tried
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
+
+    /// Whole disparities: do not move them between pixels by the costs around them
+    #[arg(long)]
+    no_refine: bool,
+
+    /// Match the images N times as large, from 1 to 4, for finer disparities (the paper: 4); it takes N * N times the memory
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=i64::from(GraphCuts::MAX_UPSAMPLE)))]
+    upsample: u8,
 }
 
 /// The cost of an occlusion: `None` if it is found from the images.
@@ -322,6 +330,8 @@ impl GraphCutsOptions {
             color: !self.gray,
             sweeps: self.sweeps.unwrap_or(default.sweeps),
             seed: self.seed,
+            refine: !self.no_refine,
+            upsample: self.upsample.max(1),
         }
     }
 }

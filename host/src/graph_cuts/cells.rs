@@ -1,71 +1,94 @@
-//! What has changed since which disparity was tried where.
+//! Where which disparity is worth a trial.
+
+use std::ops::Range;
 
 use super::energy::Pixel;
 
-/// The image in squares of [`Cells::SIDE`] pixels, each with the time of its last change, and for each disparity that of its last trial.
+/// The image in squares of [`Cells::SIDE`] pixels, with whether each disparity is worth a trial there.
 ///
-/// A disparity that was of no use is of no use again until something near changes.
+/// A disparity that was tried is worth no other trial until something changes that its use depends on.
 #[derive(Clone, Debug)]
 pub struct Cells {
     columns: usize,
     rows: usize,
-    /// How far, in columns and rows of cells, a change matters.
-    reach: [usize; 2],
-    /// When a pixel of a cell changed.
-    changed: Vec<u32>,
-    /// When a disparity was last tried in a cell; disparity by disparity.
-    tried: Vec<u32>,
+    /// Disparity by disparity.
+    stale: Vec<bool>,
 }
 
 /// Some cells.
 #[derive(Clone, Debug)]
-pub struct Stale {
+pub struct Region {
     columns: usize,
+    rows: usize,
     cells: Vec<bool>,
 }
 
-impl Stale {
+impl Region {
     /// Whether a pixel is in one of them.
     #[inline(always)]
     pub fn contains(&self, u: usize, v: usize) -> bool {
         self.cells[v / Cells::SIDE * self.columns + u / Cells::SIDE]
     }
+
+    /// Adds the cell of a pixel.
+    #[inline(always)]
+    pub fn add(&mut self, u: usize, v: usize) {
+        self.cells[v / Cells::SIDE * self.columns + u / Cells::SIDE] = true;
+    }
+
+    /// With the cells around each.
+    pub fn grown(&self) -> Region {
+        let Region { columns, rows, ref cells } = *self;
+        let around = |place: usize, size: usize| place.saturating_sub(1)..(place + 2).min(size);
+        let near = |cell: usize| {
+            around(cell / columns, rows).any(|row| around(cell % columns, columns).any(|column| cells[row * columns + column]))
+        };
+        Region { columns, rows, cells: (0..cells.len()).map(near).collect() }
+    }
+}
+
+impl Region {
+    /// Bands of rows, from the top to the bottom, that it lies in: each at most a cell higher than `most`, two of them together higher than
+    /// that, and with at least a row between them. Where there is none that it is not in, one of its own is left out.
+    pub fn bands(&self, height: usize, most: usize) -> Vec<Range<usize>> {
+        let mut bands: Vec<Range<usize>> = Vec::new();
+        for (row, _) in self.cells.chunks_exact(self.columns).enumerate().filter(|(_, cells)| cells.contains(&true)) {
+            let rows = row * Cells::SIDE..((row + 1) * Cells::SIDE).min(height);
+            match bands.last_mut() {
+                Some(last) if rows.start - last.start < most => last.end = rows.end,
+                last => {
+                    last.into_iter().filter(|last| last.end == rows.start).for_each(|last| last.end -= 1);
+                    bands.push(rows);
+                }
+            }
+        }
+        bands
+    }
 }
 
 impl Cells {
     /// Pixels along the side of a cell.
-    const SIDE: usize = 16;
+    const SIDE: usize = 8;
 
-    /// Those of an image of a size, all of which changed at time 1, for a number of disparities, none of which was tried. Changes matter to
-    /// what is up to `reach` columns and rows of pixels away.
-    pub fn new([width, height]: [usize; 2], disparities: usize, reach: [usize; 2]) -> Cells {
+    /// Those of an image of a size, everywhere worth a trial of each of a number of disparities.
+    pub fn new([width, height]: [usize; 2], disparities: usize) -> Cells {
         let (columns, rows) = (width.div_ceil(Cells::SIDE), height.div_ceil(Cells::SIDE));
-        let reach = reach.map(|pixels| pixels.div_ceil(Cells::SIDE));
-        Cells { columns, rows, reach, changed: vec![1; columns * rows], tried: vec![0; columns * rows * disparities] }
+        Cells { columns, rows, stale: vec![true; columns * rows * disparities] }
     }
 
-    /// The cells near to which something has changed since a disparity was tried there, with those near to them; at `time` it is tried in
-    /// all of them. `None` if there are none.
-    pub fn take_stale(&mut self, disparity: usize, time: u32) -> Option<Stale> {
-        let Cells { columns, rows, reach, ref changed, ref mut tried } = *self;
-        let tried = &mut tried[disparity * changed.len()..][..changed.len()];
-        let around = |place: usize, reach: usize, size: usize| place.saturating_sub(reach)..(place + reach + 1).min(size);
-        let near = |cell: usize| {
-            let across = around(cell % columns, reach[0], columns);
-            around(cell / columns, reach[1], rows).flat_map(move |v| across.clone().map(move |u| v * columns + u))
-        };
-        let mut cells = vec![false; tried.len()];
-        for (cell, tried) in tried.iter().enumerate() {
-            if near(cell).any(|near| changed[near] > *tried) {
-                near(cell).for_each(|near| cells[near] = true);
-            }
-        }
-        tried.iter_mut().zip(&cells).filter(|(_, stale)| **stale).for_each(|(tried, _)| *tried = time);
-        cells.contains(&true).then_some(Stale { columns, cells })
+    /// The cells in which a disparity is worth a trial; it is no more. `None` if there are none.
+    pub fn take(&mut self, disparity: usize) -> Option<Region> {
+        let Cells { columns, rows, ref mut stale } = *self;
+        let stale = &mut stale[disparity * columns * rows..][..columns * rows];
+        let cells = stale.to_vec();
+        stale.fill(false);
+        cells.contains(&true).then_some(Region { columns, rows, cells })
     }
 
-    /// A pixel changes.
-    pub fn change(&mut self, pixel: Pixel, time: u32) {
-        self.changed[pixel.v / Cells::SIDE * self.columns + pixel.u / Cells::SIDE] = time;
+    /// A disparity is worth a trial near a pixel.
+    #[inline(always)]
+    pub fn mark(&mut self, disparity: usize, pixel: Pixel) {
+        let cell = pixel.v / Cells::SIDE * self.columns + pixel.u / Cells::SIDE;
+        self.stale[disparity * self.columns * self.rows + cell] = true;
     }
 }

@@ -135,6 +135,11 @@ impl Energy {
         energy
     }
 
+    /// Bytes for each pixel of an image with so many channels.
+    pub const fn image_bytes(channels: usize) -> usize {
+        channels * 3 * size_of::<i16>() + size_of::<[u8; 4]>() + size_of::<u8>()
+    }
+
     /// How many units of energy are an intensity.
     pub fn scale(&self) -> i32 {
         self.scale
@@ -148,6 +153,26 @@ impl Energy {
     /// What becomes of pixels that do not match.
     pub fn occlusions(&self) -> Occlusion {
         self.occlusions
+    }
+
+    /// What neighbours with different labels pay.
+    pub fn steps(&self) -> Smoothness {
+        self.smoothness
+    }
+
+    /// How the costs of the views become one.
+    pub fn fusion(&self) -> Fusion {
+        self.fusion
+    }
+
+    /// The centre as it is matched.
+    pub fn center(&self) -> &Intervals {
+        &self.center.intervals
+    }
+
+    /// The views as they are matched.
+    pub fn views(&self) -> impl Iterator<Item = (View, &Intervals)> {
+        self.views.iter().map(|(view, source)| (*view, &source.intervals))
     }
 
     /// The size of the image.

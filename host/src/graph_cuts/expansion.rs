@@ -1,10 +1,12 @@
 //! Expansion moves: any pixels may take one disparity, and the best choice of them is a minimum cut.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::{
-    GraphCuts, Occlusion,
-    cells::Cells,
+    GraphCuts, Occlusion, Smoothness,
+    cells::{Cells, Region},
     energy::{Energy, Label, OCCLUDED, Pair, Pixel, Table},
     max_flow::{MaxFlow, Topology},
 };
@@ -24,19 +26,83 @@ pub struct Labelling<'a> {
     data: Vec<i32>,
     /// What they would pay for the label that is tried.
     proposed: Vec<i32>,
-    moves: Moves,
+    /// For each pixel of the view the one whose match it is, or [`NOBODY`]; empty with capped occlusions.
+    holders: Vec<u32>,
+    /// The parts of the move.
+    bands: Vec<Band>,
     total: i64,
-    /// The pixels that changed in the last move.
-    changed: Vec<Pixel>,
+    /// What changed in the last move.
+    changed: Vec<Change>,
 }
 
-/// The graph of the moves.
-#[derive(Debug)]
-enum Moves {
-    Capped(MaxFlow<Grid>),
-    /// And for each pixel of the view the one whose match it is, or [`NOBODY`].
-    Unique(MaxFlow<Layers>, Vec<u32>),
+/// Pixels side by side.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    /// The column of the first.
+    u: usize,
+    /// Their row.
+    v: usize,
+    /// The place of the first among the labels.
+    place: usize,
+    /// How many they are.
+    len: usize,
 }
+
+/// A pixel that took another label.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Change {
+    /// The pixel.
+    pub pixel: Pixel,
+    /// Its label before.
+    pub before: Label,
+}
+
+/// Rows of the image that change by themselves: none of the next to them may.
+#[derive(Debug)]
+struct Band {
+    /// Which they are.
+    rows: Range<usize>,
+    /// Their pixels that may change, from the top to the bottom.
+    runs: Vec<Run>,
+    graph: Graph,
+    /// By how much the energy changes.
+    change: i64,
+}
+
+/// The graph of the moves, of some rows of the image and one before and after them. It has no capacities between moves.
+#[derive(Debug)]
+enum Graph {
+    Capped(MaxFlow<Grid>),
+    /// With linear steps.
+    Unique(MaxFlow<Layers<true>>),
+    /// With steps that all cost the same.
+    UniquePotts(MaxFlow<Layers<false>>),
+}
+
+impl Graph {
+    fn new(energy: &Energy, rows: usize) -> Graph {
+        let (stride, rows) = (energy.size()[0] + 2, rows + 2);
+        match (energy.occlusions(), energy.steps()) {
+            (Occlusion::Capped, _) => Graph::Capped(MaxFlow::new(Grid::new(stride, rows))),
+            (Occlusion::Unique, Smoothness::Linear) => Graph::Unique(MaxFlow::new(Layers::new(stride, rows))),
+            (Occlusion::Unique, Smoothness::Potts) => Graph::UniquePotts(MaxFlow::new(Layers::new(stride, rows))),
+        }
+    }
+
+    /// The rows of an image of a width for which it has nodes.
+    fn rows(&self, width: usize) -> usize {
+        let nodes = match self {
+            Graph::Capped(graph) => graph.nodes(),
+            Graph::Unique(graph) => graph.nodes() / 2,
+            Graph::UniquePotts(graph) => graph.nodes() / 2,
+        };
+        nodes / (width + 2) - 2
+    }
+}
+
+/// A band is about as high at least, in rows, where a higher one is cut in bands: each cut costs some energy, and takes further moves. How many there
+/// are does not depend on the number of threads, nor does what they find.
+const BAND_ROWS: usize = 256;
 
 /// A capacity that no flow fills.
 const UNBOUNDED: i32 = 1 << 28;
@@ -84,32 +150,33 @@ impl Topology for Grid {
 }
 
 /// Two nodes for every pixel: whether it loses the label it has, and whether it gets the new one. Each has arcs to the same nodes of the
-/// pixel's neighbours, to the other node of the pixel and those of its neighbours, and to one other node of the image.
+/// pixel's neighbours, to the other node of the pixel, to one other node of the image and, if the energy needs them (`ACROSS`), to the other
+/// nodes of its neighbours.
 #[derive(Clone, Debug)]
-struct Layers {
+struct Layers<const ACROSS: bool> {
     nodes: usize,
-    /// From a node to the heads of its first arcs; from the pixel's other node to those of the next.
-    offsets: [isize; TO_PARTNER],
+    /// From a node to the nodes of its kind of the neighbours.
+    offsets: [isize; 4],
     /// For each node, the one whose match is in the way; itself if there is none.
     partners: Vec<u32>,
 }
 
-impl Layers {
-    fn new(stride: usize, rows: usize) -> Layers {
+impl<const ACROSS: bool> Layers<ACROSS> {
+    fn new(stride: usize, rows: usize) -> Layers<ACROSS> {
         let (nodes, down) = (2 * stride * rows, 2 * stride as isize);
-        Layers { nodes, offsets: [2, -2, down, -down, 0, 2, -2, down, -down], partners: (0..nodes as u32).collect() }
+        Layers { nodes, offsets: [2, -2, down, -down], partners: (0..nodes as u32).collect() }
     }
 }
 
 const LOSES: usize = 0;
 const GETS: usize = 1;
 const TO_TWIN: usize = 4;
-const ACROSS: usize = 5;
-const TO_PARTNER: usize = 9;
+const TO_PARTNER: usize = 5;
+const TO_ACROSS: usize = 6;
 
-impl Topology for Layers {
-    const DEGREE: usize = 10;
-    const REVERSE: &'static [usize] = &[1, 0, 3, 2, 4, 6, 5, 8, 7, 9];
+impl<const ACROSS: bool> Topology for Layers<ACROSS> {
+    const DEGREE: usize = if ACROSS { 10 } else { 6 };
+    const REVERSE: &'static [usize] = if ACROSS { &[1, 0, 3, 2, 4, 5, 7, 6, 9, 8] } else { &[1, 0, 3, 2, 4, 5] };
 
     fn nodes(&self) -> usize {
         self.nodes
@@ -118,8 +185,10 @@ impl Topology for Layers {
     #[inline(always)]
     fn head(&self, node: usize, arc: usize) -> usize {
         match arc {
+            ..TO_TWIN => node.wrapping_add_signed(self.offsets[arc]),
+            TO_TWIN => node ^ 1,
             TO_PARTNER => self.partners[node] as usize,
-            _ => (node ^ usize::from(arc >= TO_TWIN)).wrapping_add_signed(self.offsets[arc]),
+            _ => (node ^ 1).wrapping_add_signed(self.offsets[arc - TO_ACROSS]),
         }
     }
 }
@@ -134,13 +203,11 @@ impl<'a> Labelling<'a> {
         let [width, height] = energy.size();
         assert_eq!(labels.len(), width * height, "a label for every pixel");
         let (stride, rows) = (width + 2, height + 2);
-        let moves = match energy.occlusions() {
-            Occlusion::Capped => {
-                labels.chunks_exact_mut(width).for_each(fill);
-                Moves::Capped(MaxFlow::new(Grid::new(stride, rows)))
-            }
+        let mut holders = Vec::new();
+        match energy.occlusions() {
+            Occlusion::Capped => labels.chunks_exact_mut(width).for_each(fill),
             Occlusion::Unique => {
-                let mut holders = vec![NOBODY; labels.len()];
+                holders = vec![NOBODY; labels.len()];
                 for (index, label) in labels.iter_mut().enumerate().filter(|(_, label)| **label != OCCLUDED) {
                     match energy.matched(energy.view(), Pixel::new(index, width), *label) {
                         // The first one stays.
@@ -148,9 +215,8 @@ impl<'a> Labelling<'a> {
                         _ => *label = OCCLUDED,
                     }
                 }
-                Moves::Unique(MaxFlow::new(Layers::new(stride, rows)), holders)
             }
-        };
+        }
         let total = energy.of(&labels).expect("a possible labelling");
         let mut framed = vec![OUTSIDE; stride * rows];
         for (row, line) in labels.chunks_exact(width).zip(framed.chunks_exact_mut(stride).skip(1)) {
@@ -164,18 +230,33 @@ impl<'a> Labelling<'a> {
             labels: framed,
             data: costs.clone(),
             proposed: costs,
-            moves,
+            holders,
+            bands: Vec::new(),
             total,
             changed: Vec::new(),
         };
         labels.sort_unstable();
         labels.dedup();
         for label in labels.into_iter().filter(|label| *label != OCCLUDED) {
-            labelling.propose(label);
+            labelling.propose(label, 0..height);
             let costs = labelling.labels.iter().zip(&labelling.proposed).zip(&mut labelling.data);
             costs.filter(|((known, _), _)| **known == label).for_each(|((_, cost), data)| *data = *cost);
         }
         labelling
+    }
+
+    /// Bytes for each pixel.
+    pub const fn pixel_bytes(occlusions: Occlusion, smoothness: Smoothness) -> usize {
+        // Labels twice, whether it is free, its costs twice, and twice a queue in the worst case.
+        let own = 2 * size_of::<Label>() + size_of::<bool>() + 2 * size_of::<i32>();
+        let queues = 2 * size_of::<u32>();
+        // Each node has a partner, and each pixel of the view a holder.
+        let matches = 3 * size_of::<u32>();
+        own + match (occlusions, smoothness) {
+            (Occlusion::Capped, _) => MaxFlow::<Grid>::node_bytes() + queues,
+            (Occlusion::Unique, Smoothness::Linear) => 2 * (MaxFlow::<Layers<true>>::node_bytes() + queues) + matches,
+            (Occlusion::Unique, Smoothness::Potts) => 2 * (MaxFlow::<Layers<false>>::node_bytes() + queues) + matches,
+        }
     }
 
     /// The labels, pixel by pixel.
@@ -189,14 +270,11 @@ impl<'a> Labelling<'a> {
     }
 
     /// Tries `labels` in an order that `seed` determines, again and again, until none of them lowers the energy or `sweeps` times. Where
-    /// nothing near has changed since a label was tried, it is not tried again.
+    /// nothing has changed that its use depends on since a label was tried, it is not tried again.
     pub fn minimize(&mut self, labels: &[Label], sweeps: usize, seed: u64, progress: &dyn Progress) {
         let mut order: Vec<Label> = labels.to_vec();
         fastrand::Rng::with_seed(seed).shuffle(&mut order);
-        let along = if self.energy.occlusions() == Occlusion::Unique { labels.len() } else { 0 };
-        let reach = if self.energy.view().is_horizontal() { [along + 1, 1] } else { [1, along + 1] };
-        let mut cells = Cells::new(self.energy.size(), order.len(), reach);
-        let mut time = 1;
+        let mut cells = Cells::new(self.energy.size(), order.len());
         for sweep in 1..=sweeps {
             progress.begin(order.len() as u64, &format!("disparities of sweep {sweep}"));
             let mut tried = false;
@@ -204,12 +282,13 @@ impl<'a> Labelling<'a> {
                 if progress.is_interrupted() {
                     return;
                 }
-                if let Some(stale) = cells.take_stale(i, time) {
+                if let Some(stale) = cells.take(i) {
                     tried = true;
-                    time += 1;
-                    for pixel in self.expand(label, |u, v| stale.contains(u, v)) {
-                        cells.change(*pixel, time);
-                    }
+                    let free = self.around(&stale, label);
+                    let bands = self.bands(&free);
+                    self.expand_bands(label, &bands, |u, v| free.contains(u, v));
+                    self.mark_changes(&mut cells, &order);
+                    self.mark_borders(&mut cells, i, &free, &bands);
                     progress.say(&format!("energy {:.0}", self.total as f64 / f64::from(self.energy.scale())));
                 }
                 progress.advance(1);
@@ -220,69 +299,170 @@ impl<'a> Labelling<'a> {
         }
     }
 
-    /// What the pixels would pay for a label.
-    fn propose(&mut self, label: Label) {
-        let [width, _] = self.energy.size();
-        let rows = self.proposed.par_chunks_exact_mut(width + 2).skip(1).take(self.energy.size()[1]);
-        rows.enumerate().for_each(|(v, row)| self.energy.data(v, label, &mut row[1..=width]));
+    /// What may have to change so that pixels of `region` can take a label: what is around them, and what is in their way.
+    fn around(&self, region: &Region, label: Label) -> Region {
+        let mut free = region.grown();
+        if self.energy.occlusions() == Occlusion::Unique {
+            let [width, _] = self.energy.size();
+            for (pixel, _) in places(self.energy.size()).filter(|(pixel, _)| region.contains(pixel.u, pixel.v)) {
+                let place = self.energy.matched(self.energy.view(), pixel, label);
+                let holder = place.map_or(NOBODY, |place| self.holders[place]);
+                if holder != NOBODY {
+                    let Pixel { u, v, .. } = Pixel::new(holder as usize, width);
+                    free.add(u, v);
+                }
+            }
+        }
+        free
     }
 
-    /// Gives `label` to those pixels by which the energy falls most, of the columns and rows of the image that are `free` to change, and
-    /// occludes those that are in their way. The pixels that change; none if the energy does not fall.
-    pub fn expand(&mut self, label: Label, free: impl Fn(usize, usize) -> bool) -> &[Pixel] {
-        self.propose(label);
-        for (pixel, place) in places(self.energy.size()) {
-            self.free[place] = self.labels[place] != label && free(pixel.u, pixel.v);
-        }
-        let Labelling { energy, labels, data, proposed, free, next, moves, .. } = self;
-        let problem = Problem { energy, labels, data, proposed, free, label };
-        match moves {
-            Moves::Capped(graph) => {
-                problem.cut_capped(graph);
-                problem.pixels().filter(|&(_, place)| graph.is_sink(place)).for_each(|(_, place)| next[place] = label);
+    /// The rows of a region that can change each by themselves. Matches that are unique along columns tie all rows.
+    fn bands(&self, region: &Region) -> Vec<Range<usize>> {
+        let [_, height] = self.energy.size();
+        let tied = self.energy.occlusions() == Occlusion::Unique && !self.energy.view().is_horizontal();
+        let parts = if tied { 1 } else { (height / BAND_ROWS).max(1) };
+        region.bands(height, height.div_ceil(parts))
+    }
+
+    /// Marks the rows between bands, where a label was not tried, and those next to them.
+    fn mark_borders(&self, cells: &mut Cells, i: usize, region: &Region, bands: &[Range<usize>]) {
+        let [width, _] = self.energy.size();
+        for border in bands.windows(2).filter(|bands| bands[0].end + 1 == bands[1].start).map(|bands| bands[0].end) {
+            for v in [border, border + 1] {
+                let columns = (0..width).filter(|&u| region.contains(u, v));
+                columns.for_each(|u| cells.mark(i, Pixel { u, v, index: v * width + u }));
             }
-            Moves::Unique(graph, holders) => {
-                problem.cut_unique(graph, holders);
-                for (_, place) in problem.pixels() {
-                    if graph.is_sink(2 * place + GETS) {
-                        next[place] = label;
-                    } else if graph.is_sink(2 * place + LOSES) {
-                        next[place] = OCCLUDED;
+        }
+    }
+
+    /// Marks where labels, by their places in `order`, are worth a trial after the last move: at the pixels that changed and their neighbours, and
+    /// where a match of theirs is in the way, or was.
+    fn mark_changes(&self, cells: &mut Cells, order: &[Label]) {
+        let [width, height] = self.energy.size();
+        let unique = self.energy.occlusions() == Occlusion::Unique;
+        let view = self.energy.view();
+        for &Change { pixel, before } in &self.changed {
+            let Pixel { u, v, .. } = pixel;
+            let near = [(u, v), (u.wrapping_sub(1), v), (u + 1, v), (u, v.wrapping_sub(1)), (u, v + 1)];
+            let near = near.into_iter().filter(|(u, v)| *u < width && *v < height);
+            let near = near.map(|(u, v)| (Pixel { u, v, index: v * width + u }, self.labels[(v + 1) * (width + 2) + u + 1]));
+            for (pixel, known) in near.chain([(pixel, before)]) {
+                (0..order.len()).for_each(|i| cells.mark(i, pixel));
+                if let Some(place) = self.energy.matched(view, pixel, known).filter(|_| unique && known != OCCLUDED) {
+                    for (i, label) in order.iter().enumerate() {
+                        let origin = self.energy.matched(view, Pixel::new(place, width), -label);
+                        origin.into_iter().for_each(|origin| cells.mark(i, Pixel::new(origin, width)));
                     }
                 }
             }
         }
-        let change = problem.change_to(next);
-        self.changed.clear();
-        if change < 0 {
-            self.total += change;
-            self.take_next(label);
-        } else {
-            // A cut of the same energy.
-            self.next.copy_from_slice(&self.labels);
+    }
+
+    /// What the pixels of some rows would pay for a label.
+    fn propose(&mut self, label: Label, rows: Range<usize>) {
+        let [width, _] = self.energy.size();
+        let proposed = self.proposed.par_chunks_exact_mut(width + 2).skip(rows.start + 1).take(rows.len()).zip(rows);
+        proposed.for_each(|(row, v)| self.energy.data(v, label, &mut row[1..=width]));
+    }
+
+    /// Gives `label` to those pixels by which the energy falls most, of the columns and rows of the image that are `free` to change, and
+    /// occludes those that are in their way. What changes; nothing if the energy does not fall.
+    pub fn expand(&mut self, label: Label, free: impl Fn(usize, usize) -> bool) -> &[Change] {
+        let rows = 0..self.energy.size()[1];
+        self.expand_bands(label, &[rows], free)
+    }
+
+    /// The same in bands of rows, from the top to the bottom, each by itself: no pixel may change between two of them.
+    fn expand_bands(&mut self, label: Label, bands: &[Range<usize>], free: impl Fn(usize, usize) -> bool) -> &[Change] {
+        let stride = self.energy.size()[0] + 2;
+        for (i, rows) in bands.iter().enumerate() {
+            self.propose(label, rows.clone());
+            self.lay_band(i, rows.clone(), label, &free);
         }
+        let Labelling { energy, labels, data, proposed, free, next, holders, bands: all, .. } = self;
+        let moved = &mut all[..bands.len()];
+        // The next labels of each band.
+        let (mut rest, mut start) = (&mut next[..], 0);
+        let mut parts = Vec::with_capacity(moved.len());
+        for band in moved {
+            let [first, end] = [band.rows.start + 1, band.rows.end + 1].map(|row| row * stride);
+            let (part, after) = std::mem::take(&mut rest)[first - start..].split_at_mut(end - first);
+            (rest, start) = (after, end);
+            parts.push((band, part));
+        }
+        parts.into_par_iter().for_each(|(Band { rows, runs, graph, change }, next)| {
+            let problem =
+                Problem { energy, labels, data, proposed, free, holders, runs, first: (rows.start + 1) * stride, label };
+            match graph {
+                Graph::Capped(graph) => problem.cut_capped(graph, next),
+                Graph::Unique(graph) => problem.cut_unique(graph, next),
+                Graph::UniquePotts(graph) => problem.cut_unique(graph, next),
+            }
+            *change = problem.change_to(next);
+            if *change >= 0 {
+                // A cut of the same energy.
+                for &Run { place, len, .. } in runs.iter() {
+                    next[place - problem.first..][..len].copy_from_slice(&labels[place..place + len]);
+                }
+            }
+        });
+        self.take_next(label, bands.len());
         &self.changed
     }
 
-    /// Takes the next labels.
-    fn take_next(&mut self, label: Label) {
-        let Labelling { energy, labels, next, changed, data, proposed, moves, .. } = self;
-        let different = || places(energy.size()).filter(|&(_, place)| next[place] != labels[place]);
-        changed.extend(different().map(|(pixel, _)| pixel));
-        if let Moves::Unique(_, holders) = moves {
-            let place_of = |pixel, label| energy.matched(energy.view(), pixel, label);
-            for (pixel, place) in different().filter(|&(_, place)| labels[place] != OCCLUDED) {
-                place_of(pixel, labels[place]).into_iter().for_each(|place| holders[place] = NOBODY);
-            }
-            for (pixel, _) in different().filter(|&(_, place)| next[place] == label) {
-                place_of(pixel, label).into_iter().for_each(|place| holders[place] = pixel.index as u32);
+    /// Notes which pixels of some rows may change to a label, as the band with a number.
+    fn lay_band(&mut self, number: usize, rows: Range<usize>, label: Label, free: impl Fn(usize, usize) -> bool) {
+        let [width, _] = self.energy.size();
+        let new = |rows: Range<usize>| Band { graph: Graph::new(self.energy, rows.len()), rows, runs: Vec::new(), change: 0 };
+        match self.bands.get_mut(number) {
+            Some(band) if band.graph.rows(width) >= rows.len() => band.rows = rows.clone(),
+            Some(band) => *band = new(rows.clone()),
+            None => self.bands.push(new(rows.clone())),
+        }
+        let runs = &mut self.bands[number].runs;
+        runs.clear();
+        for v in rows {
+            let row = (v + 1) * (width + 2) + 1;
+            let mut start = 0;
+            for u in 0..=width {
+                if u == width || self.labels[row + u] == label || !free(u, v) {
+                    if start < u {
+                        self.free[row + start..row + u].fill(true);
+                        runs.push(Run { u: start, v, place: row + start, len: u - start });
+                    }
+                    start = u + 1;
+                }
             }
         }
-        for (_, place) in places(energy.size()) {
-            if next[place] != labels[place] {
-                labels[place] = next[place];
-                data[place] = if next[place] == label { proposed[place] } else { energy.occlusion() };
+    }
+
+    /// Takes the next labels of so many bands, and ends the move.
+    fn take_next(&mut self, label: Label, count: usize) {
+        let Labelling { energy, labels, next, free, changed, data, proposed, holders, bands, total, .. } = self;
+        let [width, _] = energy.size();
+        let place_of = |pixel: Pixel| (pixel.v + 1) * (width + 2) + pixel.u + 1;
+        changed.clear();
+        for band in &bands[..count] {
+            *total += band.change.min(0);
+            for &Run { u, v, place, len } in &band.runs {
+                free[place..place + len].fill(false);
+                let different = (0..len).filter(|i| next[place + i] != labels[place + i]);
+                let pixel = |i: usize| Pixel { u: u + i, v, index: v * width + u + i };
+                changed.extend(different.map(|i| Change { pixel: pixel(i), before: labels[place + i] }));
             }
+        }
+        if energy.occlusions() == Occlusion::Unique {
+            let match_of = |pixel, label| energy.matched(energy.view(), pixel, label);
+            for &Change { pixel, before } in changed.iter().filter(|change| change.before != OCCLUDED) {
+                match_of(pixel, before).into_iter().for_each(|place| holders[place] = NOBODY);
+            }
+            for &Change { pixel, .. } in changed.iter().filter(|change| next[place_of(change.pixel)] == label) {
+                match_of(pixel, label).into_iter().for_each(|place| holders[place] = pixel.index as u32);
+            }
+        }
+        for place in changed.iter().map(|change| place_of(change.pixel)) {
+            labels[place] = next[place];
+            data[place] = if next[place] == label { proposed[place] } else { energy.occlusion() };
         }
     }
 }
@@ -314,7 +494,8 @@ struct Neighbors {
     second: usize,
 }
 
-/// A move: which of the free pixels take `label`. All slices have the places of [`Labelling::labels`].
+/// A move of a band: which of its free pixels take `label`. All slices have the places of [`Labelling::labels`], but the next labels those from
+/// `first` on.
 #[derive(Debug)]
 struct Problem<'a> {
     energy: &'a Energy,
@@ -322,6 +503,11 @@ struct Problem<'a> {
     data: &'a [i32],
     proposed: &'a [i32],
     free: &'a [bool],
+    /// See [`Labelling::holders`].
+    holders: &'a [u32],
+    runs: &'a [Run],
+    /// The first place of the band's rows.
+    first: usize,
     label: Label,
 }
 
@@ -353,7 +539,22 @@ fn raise(mut paid: Table) -> Table {
 impl Problem<'_> {
     /// The free pixels and their places.
     fn pixels(&self) -> impl Iterator<Item = (Pixel, usize)> {
-        places(self.energy.size()).filter(|&(_, place)| self.free[place])
+        let [width, _] = self.energy.size();
+        self.runs.iter().flat_map(move |&Run { u, v, place, len }| {
+            (0..len).map(move |i| (Pixel { u: u + i, v, index: v * width + u + i }, place + i))
+        })
+    }
+
+    /// The nodes of the free pixels, of which each has so many.
+    fn nodes(&self, each: usize) -> impl Iterator<Item = Range<usize>> + Clone {
+        self.runs.iter().map(move |run| each * self.node(run.place)..each * self.node(run.place + run.len))
+    }
+
+    /// The node of a place, which is its first if it has two: there is a row before those of the band.
+    #[inline(always)]
+    fn node(&self, place: usize) -> usize {
+        let [width, _] = self.energy.size();
+        place + width + 2 - self.first
     }
 
     /// Goes over all pairs of neighbours of which at least one is free.
@@ -384,32 +585,33 @@ impl Problem<'_> {
 
     /// By how much the energy changes if the next labels are taken.
     fn change_to(&self, next: &[Label]) -> i64 {
-        let paid = |place: usize| if next[place] == self.label { self.proposed[place] } else { self.energy.occlusion() };
-        let changed = |place: usize| next[place] != self.labels[place];
+        let after = |place: usize| if self.free[place] { next[place - self.first] } else { self.labels[place] };
+        let paid = |place: usize| if after(place) == self.label { self.proposed[place] } else { self.energy.occlusion() };
+        let changed = |place: usize| after(place) != self.labels[place];
         let places = self.pixels().map(|(_, place)| place).filter(|&place| changed(place));
         let mut change: i64 = places.map(|place| i64::from(paid(place) - self.data[place])).sum();
         self.each_pair(|Neighbors { pair, first, second }| {
             if changed(first) || changed(second) {
-                let after = self.energy.smoothness(pair, next[first], next[second]);
-                change += i64::from(after - self.energy.smoothness(pair, self.labels[first], self.labels[second]));
+                let paid = self.energy.smoothness(pair, after(first), after(second));
+                change += i64::from(paid - self.energy.smoothness(pair, self.labels[first], self.labels[second]));
             }
         });
         change
     }
 
-    /// Cuts a graph where every pixel keeps its label, on the source's side, or takes the new one.
-    fn cut_capped(&self, graph: &mut MaxFlow<Grid>) {
-        graph.clear();
+    /// Cuts a graph where every pixel keeps its label, on the source's side, or takes the new one, and writes the labels that change.
+    fn cut_capped(&self, graph: &mut MaxFlow<Grid>, next: &mut [Label]) {
         let Problem { energy, labels, label, .. } = *self;
         for (_, place) in self.pixels() {
-            graph.add_terminal(place, self.proposed[place] - self.data[place]);
+            graph.add_terminal(self.node(place), self.proposed[place] - self.data[place]);
         }
         self.each_pair(|Neighbors { pair, first, second }| {
             let (f1, f2) = (labels[first], labels[second]);
             let keep = energy.smoothness(pair, f1, f2);
+            let (node1, node2) = (self.node(first), self.node(second));
             match (self.free[first], self.free[second]) {
-                (true, false) => graph.add_terminal(first, energy.smoothness(pair, label, f2) - keep),
-                (false, true) => graph.add_terminal(second, energy.smoothness(pair, f1, label) - keep),
+                (true, false) => graph.add_terminal(node1, energy.smoothness(pair, label, f2) - keep),
+                (false, true) => graph.add_terminal(node2, energy.smoothness(pair, f1, label) - keep),
                 _ => {
                     let second_takes = energy.smoothness(pair, f1, label);
                     // Pairs that look the same at some disparities and not at others may break the triangle inequality. Then the cut pays more than
@@ -417,30 +619,33 @@ impl Problem<'_> {
                     let first_takes = energy.smoothness(pair, label, f2).max(keep - second_takes);
                     let there = (second_takes - keep / 2).clamp(0, second_takes + first_takes - keep);
                     let back = second_takes + first_takes - keep - there;
-                    graph.add_arc(first, side(pair), there, back);
-                    graph.add_terminal(first, first_takes - keep - back);
-                    graph.add_terminal(second, second_takes - keep - there);
+                    graph.add_arc(node1, side(pair), there, back);
+                    graph.add_terminal(node1, first_takes - keep - back);
+                    graph.add_terminal(node2, second_takes - keep - there);
                 }
             }
         });
-        graph.run();
+        graph.run(self.nodes(1));
+        self.pixels()
+            .filter(|&(_, place)| graph.is_sink(self.node(place)))
+            .for_each(|(_, place)| next[place - self.first] = label);
+        self.nodes(1).for_each(|nodes| graph.clear(nodes));
     }
 
-    /// Cuts a graph where every pixel keeps its label, is occluded, or takes the new one, and no match is taken twice.
-    fn cut_unique(&self, graph: &mut MaxFlow<Layers>, holders: &[u32]) {
-        graph.clear();
-        graph.topology_mut().partners.iter_mut().zip(0..).for_each(|(partner, node)| *partner = node);
+    /// Cuts a graph where every pixel keeps its label, is occluded, or takes the new one, and no match is taken twice; and writes the labels
+    /// that change.
+    fn cut_unique<const ACROSS: bool>(&self, graph: &mut MaxFlow<Layers<ACROSS>>, next: &mut [Label]) {
         let Problem { energy, labels, label, .. } = *self;
         let hidden = energy.occlusion();
         for (pixel, place) in self.pixels() {
-            let (loses, gets) = (2 * place + LOSES, 2 * place + GETS);
+            let (loses, gets) = (2 * self.node(place) + LOSES, 2 * self.node(place) + GETS);
             graph.add_terminal(loses, hidden - self.data[place]);
             graph.add_arc(loses, TO_TWIN, UNBOUNDED, 0);
-            let holder = energy.matched(energy.view(), pixel, label).map(|place| holders[place]);
+            let holder = energy.matched(energy.view(), pixel, label).map(|place| self.holders[place]);
             match holder.map(|holder| (holder, self.free_place(holder))) {
                 Some((NOBODY, _)) => graph.add_terminal(gets, self.proposed[place] - hidden),
                 Some((_, Some(holder))) => {
-                    let holder = 2 * holder + LOSES;
+                    let holder = 2 * self.node(holder) + LOSES;
                     let partners = &mut graph.topology_mut().partners;
                     (partners[holder], partners[gets]) = (gets as u32, holder as u32);
                     graph.add_arc(holder, TO_PARTNER, UNBOUNDED, 0);
@@ -453,8 +658,8 @@ impl Problem<'_> {
         self.each_pair(|Neighbors { pair, first, second }| {
             let (f1, f2) = (labels[first], labels[second]);
             let mut alone = |place: usize, paid: [i32; 3]| {
-                graph.add_terminal(2 * place + LOSES, paid[1] - paid[0]);
-                graph.add_terminal(2 * place + GETS, paid[2] - paid[1]);
+                graph.add_terminal(2 * self.node(place) + LOSES, paid[1] - paid[0]);
+                graph.add_terminal(2 * self.node(place) + GETS, paid[2] - paid[1]);
             };
             match (self.free[first], self.free[second]) {
                 (true, false) => alone(first, [f1, OCCLUDED, label].map(|state| energy.smoothness(pair, state, f2))),
@@ -463,28 +668,44 @@ impl Problem<'_> {
                     let paid = raise(energy.table(pair, f1, f2, label));
                     alone(first, paid.map(|row| row[0]));
                     alone(second, paid[0]);
+                    let (node1, node2) = (2 * self.node(first), 2 * self.node(second));
                     for (state1, state2) in [(LOSES, LOSES), (LOSES, GETS), (GETS, LOSES), (GETS, GETS)] {
                         // What the last step of both costs less than each alone. An arc is full where one takes it and the other does not; it is laid so
                         // that little is left to flow from the source and to the sink.
                         let saved = paid[state1][state2 + 1] + paid[state1 + 1][state2]
                             - paid[state1][state2]
                             - paid[state1 + 1][state2 + 1];
-                        if saved == 0 {
+                        if saved == 0 || (state1 != state2 && !ACROSS) {
                             continue;
                         }
                         let (arc, there) = match (state1, state2) {
-                            (LOSES, GETS) => (ACROSS + side(pair), saved),
-                            (GETS, LOSES) => (ACROSS + side(pair), 0),
+                            (LOSES, GETS) => (TO_ACROSS + side(pair), saved),
+                            (GETS, LOSES) => (TO_ACROSS + side(pair), 0),
                             _ => (side(pair), saved / 2),
                         };
-                        graph.add_arc(2 * first + state1, arc, there, saved - there);
-                        graph.add_terminal(2 * first + state1, there - saved);
-                        graph.add_terminal(2 * second + state2, -there);
+                        graph.add_arc(node1 + state1, arc, there, saved - there);
+                        graph.add_terminal(node1 + state1, there - saved);
+                        graph.add_terminal(node2 + state2, -there);
                     }
                 }
             }
         });
-        graph.run();
+        graph.run(self.nodes(2));
+        for (_, place) in self.pixels() {
+            let node = 2 * self.node(place);
+            if graph.is_sink(node + GETS) {
+                next[place - self.first] = label;
+            } else if graph.is_sink(node + LOSES) {
+                next[place - self.first] = OCCLUDED;
+            }
+        }
+        for nodes in self.nodes(2) {
+            graph.topology_mut().partners[nodes.clone()]
+                .iter_mut()
+                .zip(nodes.start as u32..)
+                .for_each(|(partner, node)| *partner = node);
+            graph.clear(nodes);
+        }
     }
 
     /// The place of a pixel, if it is free.

@@ -8,19 +8,21 @@
 //! seen in the opposite view. There every pixel has a disparity, and what no view sees pays [no more](Occlusion::Capped) than an
 //! occlusion.
 //!
-//! Costs of a disparity are computed when it is tried, so that the memory does not grow with the number of disparities: 45 bytes a pixel with
-//! capped occlusions and 137 with unique ones, and for each image 11 bytes a pixel in grey and 23 in colour.
+//! Costs of a disparity are computed when it is tried, so that the memory does not grow with the number of disparities: see
+//! [`GraphCuts::bytes`].
 
 mod cells;
 mod energy;
+mod enlarged;
 mod expansion;
 mod max_flow;
+mod sub_pixel;
 
 pub use energy::{Energy, Label, OCCLUDED, Pair, Pixel};
-pub use expansion::Labelling;
+pub use expansion::{Change, Labelling};
 pub use max_flow::{MaxFlow, Topology};
 
-use multiscopic_core::{Disparity, Params};
+use multiscopic_core::Params;
 
 use crate::{DisparityMap, Engine, Error, Frames, Progress, Result};
 
@@ -76,6 +78,10 @@ pub struct GraphCuts {
     pub sweeps: usize,
     /// For the order in which disparities are tried.
     pub seed: u64,
+    /// The disparities are moved between whole pixels by the costs of a window around them.
+    pub refine: bool,
+    /// The images are matched so many times as large, from 1 to [`MAX_UPSAMPLE`](GraphCuts::MAX_UPSAMPLE), so that disparities are finer.
+    pub upsample: u8,
 }
 
 impl Default for GraphCuts {
@@ -91,6 +97,8 @@ impl Default for GraphCuts {
             color: true,
             sweeps: 20,
             seed: 0,
+            refine: true,
+            upsample: 1,
         }
     }
 }
@@ -105,10 +113,24 @@ impl GraphCuts {
         self.lambda.unwrap_or([3.0 * occlusion / 5.0, occlusion / 5.0])
     }
 
+    /// The most times by which images are enlarged.
+    pub const MAX_UPSAMPLE: u8 = 4;
+
+    /// Bytes that it takes for an image of so many pixels, about, beside the image and its views: they are enlarged, too. Images of 512 rows and
+    /// more are cut in bands, whose graphs may take some more.
+    pub fn bytes(&self, pixels: usize, views: usize, colored: bool) -> usize {
+        let channels = if colored && self.color { 3 } else { 1 };
+        // The enlarged image itself, in its colours and in grey.
+        let copy = if self.upsample > 1 { 1 + if colored { 3 } else { 0 } } else { 0 };
+        let images = (1 + views) * (Energy::image_bytes(channels) + copy);
+        let occlusions = self.occlusions.unwrap_or(Occlusion::default_for(views));
+        pixels * usize::from(self.upsample).pow(2) * (images + Labelling::pixel_bytes(occlusions, self.smoothness))
+    }
+
     /// Estimates the disparities of the centre of `frames`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if matches are to be unique in several views.
+    /// [`Error::Usage`] if matches are to be unique in several views, or if images are to be enlarged more than they can be.
     ///
     /// # Panics
     /// If `search` was made for frames of another size or with views that are not there.
@@ -124,13 +146,34 @@ impl GraphCuts {
             let message = format!("matches cannot be unique in {views} views: use one neighbour, or capped occlusions");
             return Err(Error::Usage(message));
         }
+        match self.upsample {
+            1 => Ok(self.matched(engine, frames, search, progress)),
+            times @ 2..=GraphCuts::MAX_UPSAMPLE => {
+                let large = enlarged::params(search, times)?;
+                let map = self.matched(engine, &enlarged::frames(frames, search, times), &large, progress);
+                Ok(enlarged::reduced(&map, times))
+            }
+            times => {
+                let most = GraphCuts::MAX_UPSAMPLE;
+                Err(Error::Usage(format!("images cannot be enlarged {times} times: use a number from 1 to {most}")))
+            }
+        }
+    }
+
+    /// The disparities of frames as large as they are.
+    fn matched(&self, engine: &Engine, frames: &Frames, search: &Params, progress: &dyn Progress) -> DisparityMap {
         let energy = Energy::new(self, frames, search);
         let start = engine.disparities(frames, search, || ());
         let start = start.pixels().iter().map(|pixel| pixel.map_or(OCCLUDED, |d| d.to_fixed().round().to_num()));
         let mut labelling = Labelling::new(&energy, start.collect());
         let labels: Vec<Label> = (search.min_disparity()..=search.max_disparity()).collect();
         engine.pool().install(|| labelling.minimize(&labels, self.sweeps, self.seed, progress));
-        let disparity = |label: Label| Disparity::from_bits(label.checked_mul(Disparity::STEPS as i16)?);
-        Ok(DisparityMap::new(frames.width(), frames.height(), labelling.labels().map(disparity).collect()))
+        let labels: Vec<Label> = labelling.labels().collect();
+        let range = [search.min_disparity(), search.max_disparity()];
+        let disparities = match self.refine {
+            true => engine.pool().install(|| sub_pixel::disparities(&energy, &labels, range)),
+            false => labels.into_iter().map(sub_pixel::whole).collect(),
+        };
+        DisparityMap::new(frames.width(), frames.height(), disparities)
     }
 }

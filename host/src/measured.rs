@@ -72,7 +72,7 @@ mod tests {
         assert_eq!(toml::from_str::<Table>(&MEASURED.to_toml()).unwrap(), *MEASURED);
         for processor in Processor::ALL {
             let measured = MEASURED.of(processor);
-            assert!(measured.stack > 0 && measured.prices.candidates.len() == 18, "{}", processor.name());
+            assert!(measured.stack > 0 && measured.prices.candidates.len() == 19, "{}", processor.name());
         }
     }
 }

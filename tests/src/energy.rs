@@ -65,7 +65,7 @@ impl Energy {
     }
 
     /// The disparity of a pixel with label `d` between those of a range: at the vertex of the parabola through the fused costs of windows of
-    /// 7 x 7 pixels before, at and after it, if the one in the middle is not above the others and all exist.
+    /// 7 x 7 pixels before, at and after it, if all exist; half a pixel towards the least if that is not the one in the middle.
     pub fn refined(&self, p: Place, d: i32, range: std::ops::RangeInclusive<i32>) -> f64 {
         if !range.contains(&(d - 1)) || !range.contains(&(d + 1)) {
             return f64::from(d);
@@ -73,6 +73,16 @@ impl Energy {
         match [d - 1, d, d + 1].map(|d| self.window_cost(p, d)) {
             [Some(before), Some(at), Some(after)] if at <= before && at <= after && before + after > 2.0 * at => {
                 f64::from(d) + (before - after) / (2.0 * before + 2.0 * after - 4.0 * at)
+            }
+            [Some(before), Some(at), Some(after)] if at > before.min(after) => {
+                f64::from(d)
+                    + if before < after {
+                        -0.5
+                    } else if after < before {
+                        0.5
+                    } else {
+                        0.0
+                    }
             }
             _ => f64::from(d),
         }

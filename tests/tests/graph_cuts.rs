@@ -116,7 +116,7 @@ impl Case {
             occlusion: Some(occlusion),
             occlusions: Some(if unique { Occlusion::Unique } else { Occlusion::Capped }),
             smoothness: if potts { Smoothness::Potts } else { Smoothness::Linear },
-            lambda: Some([a + b, b]),
+            lambda: [Some(a + b), Some(b)],
             threshold: 1 + random.below(12) as u8,
             cutoff: 1 + random.below(4) as u16,
             color: true,
@@ -325,7 +325,7 @@ fn disparities_between_labels_are_vertices_of_parabolas() {
     for case in 0..150 {
         let made = Case::random(&mut random, if case % 10 == 0 { 45 } else { 14 });
         let map = |refine: bool| {
-            let method = GraphCuts { refine, ..made.method.clone() };
+            let method = GraphCuts { refine, fill: false, ..made.method.clone() };
             method.disparities(&engine, &made.frames, &made.search, &()).unwrap()
         };
         let (refined, labels) = (map(true), map(false));
@@ -341,6 +341,35 @@ fn disparities_between_labels_are_vertices_of_parabolas() {
         }
     }
     assert!(moved > 1000 && whole > 1000, "{moved} moved, {whole} did not");
+}
+
+#[test]
+fn occluded_pixels_take_what_is_behind() {
+    let mut random = Random(9);
+    let engine = Engine::new(None, 1).unwrap();
+    let mut occluded = 0;
+    for case in 0..100 {
+        let views = [Views::STEREO, Views::NONE.with(View::Top)][case % 2];
+        let mut made = Case::new(&mut random, 14, views);
+        made.method.occlusions = Some(Occlusion::Unique);
+        // Most pixels are occluded at random images, if that costs little.
+        made.method.occlusion = Some((1 + random.below(30)) as f64);
+        let map =
+            |fill: bool| GraphCuts { fill, ..made.method.clone() }.disparities(&engine, &made.frames, &made.search, &()).unwrap();
+        let (filled, left) = (map(true), map(false));
+        let (du, dv) = if views == Views::STEREO { (1, 0) } else { (0, 1) };
+        for (u, v) in (0..left.height() as i32).flat_map(|v| (0..left.width() as i32).map(move |u| (u, v))) {
+            let nearest = |sign: i32| {
+                let places = (0..).map(|i| (u + sign * i * du, v + sign * i * dv));
+                let inside = |&(u, v): &(i32, i32)| u.min(v) >= 0 && u < left.width() as i32 && v < left.height() as i32;
+                places.take_while(inside).find_map(|(u, v)| left.get(u as usize, v as usize)).map(|d| d.to_bits())
+            };
+            let expected = [nearest(-1), nearest(1)].into_iter().flatten().min();
+            assert_eq!(filled.get(u as usize, v as usize).map(|d| d.to_bits()), expected, "case {case}: ({u}, {v})");
+            occluded += usize::from(left.get(u as usize, v as usize).is_none());
+        }
+    }
+    assert!(occluded > 1000, "{occluded} pixels are occluded");
 }
 
 #[test]
@@ -399,7 +428,7 @@ fn several_views_find_what_one_does_not() {
     let engine = Engine::new(None, 2).unwrap();
     let wrong = |views: Views| {
         let search = Params::new(64, 56, views, Fusion::Min, 1, 9, 5).unwrap();
-        let method = Method::GraphCuts(GraphCuts::default(), Filters::default());
+        let method = Method::GraphCuts(GraphCuts { fill: false, ..GraphCuts::default() }, Filters::default());
         let map = method.disparities(&engine, &frames, &search, &()).unwrap();
         let truth = |i: usize| if near((i % 64) as i32, (i / 64) as i32) { 6.0 } else { 2.0 };
         let pixels = map.pixels().iter().enumerate();

@@ -240,11 +240,12 @@ struct GraphCutsOptions {
     #[arg(long, value_enum, default_value = "linear")]
     smoothness: SmoothnessName,
 
-    /// Cost of a step of one pixel between neighbours that look the same [default: 9, or 3/5 of the cost of an occlusion that was found]
+    /// Cost of a step of one pixel between neighbours that look the same [default: unique: 9, or 3/5 of an occlusion's cost that was
+    /// found; capped: 3/10 of an occlusion's]
     #[arg(long, value_name = "COST", value_parser = positive)]
     lambda1: Option<f64>,
 
-    /// Cost of a step of one pixel between neighbours that differ [default: 3, or 1/5 of the cost of an occlusion that was found]
+    /// Cost of a step of one pixel between neighbours that differ [default: a third of that]
     #[arg(long, value_name = "COST", value_parser = positive)]
     lambda2: Option<f64>,
 
@@ -271,6 +272,10 @@ struct GraphCutsOptions {
     /// Whole disparities: do not move them between pixels by the costs around them
     #[arg(long)]
     no_refine: bool,
+
+    /// Leave occluded pixels without a disparity, instead of giving them that of what is behind, beside them
+    #[arg(long)]
+    keep_occluded: bool,
 
     /// Match the images N times as large, from 1 to 4, for finer disparities (the paper: 4); it takes N * N times the memory
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=i64::from(GraphCuts::MAX_UPSAMPLE)))]
@@ -310,10 +315,6 @@ impl GraphCutsOptions {
     fn method(&self) -> GraphCuts {
         let default = GraphCuts::default();
         let occlusion = self.occlusion_cost.unwrap_or(default.occlusion);
-        let lambda = match (self.lambda1, self.lambda2, occlusion) {
-            (None, None, None) => None,
-            _ => default.lambda.map(|[same, different]| [self.lambda1.unwrap_or(same), self.lambda2.unwrap_or(different)]),
-        };
         GraphCuts {
             occlusion,
             occlusions: self.occlusions.map(|name| match name {
@@ -324,13 +325,14 @@ impl GraphCutsOptions {
                 SmoothnessName::Linear => Smoothness::Linear,
                 SmoothnessName::Potts => Smoothness::Potts,
             },
-            lambda,
+            lambda: [self.lambda1, self.lambda2],
             threshold: self.theta.unwrap_or(default.threshold),
             cutoff: self.cutoff.unwrap_or(default.cutoff),
             color: !self.gray,
             sweeps: self.sweeps.unwrap_or(default.sweeps),
             seed: self.seed,
             refine: !self.no_refine,
+            fill: !self.keep_occluded,
             upsample: self.upsample.max(1),
         }
     }

@@ -131,7 +131,7 @@ impl Energy {
         };
         let occlusion = method.occlusion.unwrap_or_else(|| energy.automatic_occlusion(search));
         energy.occlusion = scaled(occlusion);
-        energy.weights = method.weights(occlusion).map(scaled);
+        energy.weights = method.weights(energy.occlusions, occlusion).map(scaled);
         energy
     }
 

@@ -4,6 +4,8 @@
 //! it is not any more, for some pixels of it are far enough from their matches. Windows of 7 x 7 pixels of these costs were the best on the data
 //! sets, before absolute differences in windows of any size up to 11 x 11.
 
+use std::cmp::Ordering;
+
 use multiscopic_core::{Disparity, Fusion, View};
 use rayon::prelude::*;
 
@@ -21,11 +23,12 @@ const NONE: u32 = u32::MAX;
 /// What [`Disparity::refine`] asks for.
 const _: () = assert!(SIDE * SIDE * 255 * 3 * Intervals::STEPS as usize * 12 < 1 << 21);
 
-/// The disparities of the pixels: their labels, each moved to the vertex of the parabola through the costs before, at and after it.
+/// The disparities of the pixels: their labels, each moved to the vertex of the parabola through the costs before, at and after it, by half
+/// a pixel at most: by that if a neighbour costs less, towards the one that costs least.
 ///
 /// The cost of a view is the sum over the window, in which the images are extended beyond their borders by replication; the view counts if
-/// it sees the match of the pixel itself. A label stays whole if one of its neighbours is not in `labels[0]..=labels[1]` or costs less, or
-/// if one of the three is seen by no view. Occluded pixels have no disparity.
+/// it sees the match of the pixel itself. A label stays whole if one of its neighbours is not in `labels[0]..=labels[1]`, or if one of the
+/// three is seen by no view. Occluded pixels have no disparity.
 pub fn disparities(energy: &Energy, labels: &[Label], range: [Label; 2]) -> Vec<Option<Disparity>> {
     let [width, _] = energy.size();
     let mut refined: Vec<Option<Disparity>> = labels.iter().map(|&label| whole(label)).collect();
@@ -62,11 +65,25 @@ fn refine_band(energy: &Energy, top: usize, labels: &[Label], [least, most]: [La
         let [before, at, after] = &costs;
         let around = before.iter().zip(at).zip(after);
         for (refined, (label, ((&before, &at), &after))) in refined.iter_mut().zip(labels.iter().zip(around)) {
-            if *label == d - 1 && before != NONE && after != NONE && at <= before.min(after) {
-                *refined = Disparity::refine(d - 1, before, at, after);
+            if *label == d - 1 && before != NONE && after != NONE {
+                *refined = between(d - 1, before, at, after);
             }
         }
     }
+}
+
+/// The disparity of a label with these costs before, at and after it.
+fn between(label: Label, before: u32, at: u32, after: u32) -> Option<Disparity> {
+    if at <= before.min(after) {
+        return Disparity::refine(label, before, at, after);
+    }
+    let half = Disparity::STEPS / 2;
+    let shift = match before.cmp(&after) {
+        Ordering::Less => -half,
+        Ordering::Equal => 0,
+        Ordering::Greater => half,
+    };
+    Disparity::from_bits((i32::from(label) * Disparity::STEPS + shift) as i16)
 }
 
 /// Sums over windows around the pixels of some rows.

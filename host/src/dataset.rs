@@ -53,6 +53,15 @@ impl Dataset {
         }
     }
 
+    /// The cost of an occlusion in graph cuts, in intensities: 10 for good photographs (the paper). It is found from the images where they are
+    /// rendered, without noise: what is wrong there costs less.
+    pub const fn occlusion_cost(self) -> Option<f64> {
+        match self {
+            Dataset::Middlebury2006Third | Dataset::Middlebury2005Full | Dataset::Tsukuba => Some(10.0),
+            Dataset::Hci4d => None,
+        }
+    }
+
     /// The range that holds its disparities: a minimum and a number.
     pub const fn range(self) -> (i16, u16) {
         match self {

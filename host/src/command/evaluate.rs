@@ -156,6 +156,7 @@ impl Evaluate {
         let available = self.dataset.views();
         let mut counts = if self.views.is_empty() { vec![1, available.len()] } else { self.views.clone() };
         counts.sort_unstable();
+        let options = self.options.clone().for_dataset(self.dataset);
         let mut variants = Vec::new();
         for &name in &self.methods {
             for &count in &counts {
@@ -173,7 +174,7 @@ impl Evaluate {
                     (fusions, _) => fusions.to_vec(),
                 };
                 for fusion in fusions {
-                    let variant = Variant { name, method: self.options.method(name)?, views, fusion };
+                    let variant = Variant { name, method: options.method(name)?, views, fusion };
                     if !variants.contains(&variant) {
                         variants.push(variant);
                     }

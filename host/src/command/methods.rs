@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use multiscopic::{
-    Error, GraphCuts, Method, Result, SemiGlobal,
+    Dataset, Error, GraphCuts, Method, Result, SemiGlobal,
     cross_based::Likeness,
     edge_aware::Penalties,
     filter::{Bilateral, Filters, Median},
@@ -52,6 +52,12 @@ pub struct MethodOptions {
 }
 
 impl MethodOptions {
+    /// These options, with the data set's defaults.
+    pub fn for_dataset(mut self, dataset: Dataset) -> MethodOptions {
+        self.graph_cuts.occlusion_cost.get_or_insert(dataset.occlusion_cost());
+        self
+    }
+
     /// A method with these options.
     pub fn method(&self, name: MethodName) -> Result<Method> {
         Ok(match name {
@@ -228,7 +234,7 @@ impl FilterOptions {
 #[command(next_help_heading = "Graph cuts (--method gc; costs are in intensities)")]
 struct GraphCutsOptions {
     /// Cost of an occlusion (the paper's K: 10 for good images, 25 for those of a cheap camera; `auto` finds it from the images) [default:
-    /// 10]
+    /// 10, or the data set's: auto for hci4d]
     #[arg(long, value_name = "K|auto", value_parser = occlusion)]
     occlusion_cost: Option<OcclusionCost>,
 
@@ -240,8 +246,8 @@ struct GraphCutsOptions {
     #[arg(long, value_enum, default_value = "linear")]
     smoothness: SmoothnessName,
 
-    /// Cost of a step of one pixel between neighbours that look the same [default: unique: 9, or 3/5 of an occlusion's cost that was
-    /// found; capped: 3/10 of an occlusion's]
+    /// Cost of a step of one pixel between neighbours that look the same [default: 3/5 of an occlusion's cost that was found; else
+    /// 9 if matches are unique, 3/10 of an occlusion's cost if capped]
     #[arg(long, value_name = "COST", value_parser = positive)]
     lambda1: Option<f64>,
 

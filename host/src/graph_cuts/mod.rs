@@ -115,14 +115,14 @@ impl GraphCuts {
 
     /// The cost of a step between neighbours that look the same and that differ.
     ///
-    /// Where matches are unique, it is 9 and 3 as in the paper; or, if the cost of an occlusion is found from the images, 3/5 and 1/5 of that
-    /// (Kolmogorov, Monasse and Tan). There, steps at occluded pixels are free, and with one view there are such at most edges of things. Where every
-    /// pixel has a disparity, each edge pays, so that a step costs 3/10 and 1/10 of an occlusion: what was best on the data sets, and near to what the
-    /// paper has where its images are enlarged four times, which gives a pixel's costs 16 times the weight and edges only 4 times.
+    /// If the cost of an occlusion is found from the images, it is 3/5 and 1/5 of that (Kolmogorov, Monasse and Tan). Otherwise, where matches are
+    /// unique, it is 9 and 3 as in the paper. There, steps at occluded pixels are free, and with one view there are such at most edges of things.
+    /// Where every pixel has a disparity, each edge pays, so that a step costs 3/10 and 1/10 of an occlusion: what was best on the data sets, and near
+    /// to what the paper has where its images are enlarged four times, which gives a pixel's costs 16 times the weight and edges only 4 times.
     pub fn default_lambda(&self, occlusions: Occlusion, occlusion: f64) -> [f64; 2] {
         match occlusions {
-            Occlusion::Unique if self.occlusion.is_some() => [9.0, 3.0],
-            Occlusion::Unique => [0.6 * occlusion, 0.2 * occlusion],
+            _ if self.occlusion.is_none() => [0.6 * occlusion, 0.2 * occlusion],
+            Occlusion::Unique => [9.0, 3.0],
             Occlusion::Capped => [0.3 * occlusion, 0.1 * occlusion],
         }
     }

@@ -978,7 +978,11 @@ impl Block<u32> for U32x8 {
 
     #[inline(always)]
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
-        let choose = |lane: usize| if self.0[lane] > other.0[lane] { then.0[lane] } else { otherwise.0[lane] };
+        let choose = |lane: usize| {
+            // Of eight: so no bound is checked, even where this is a loop.
+            let lane = lane % 8;
+            if self.0[lane] > other.0[lane] { then.0[lane] } else { otherwise.0[lane] }
+        };
         U32x8([0, 1, 2, 3, 4, 5, 6, 7].map(choose))
     }
 
@@ -991,7 +995,7 @@ impl Block<u32> for U32x8 {
 impl U32x8 {
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(u32, u32) -> u32) -> Self {
-        let lane = |lane: usize| f(self.0[lane], other.0[lane]);
+        let lane = |lane: usize| f(self.0[lane % 8], other.0[lane % 8]);
         U32x8([0, 1, 2, 3, 4, 5, 6, 7].map(lane))
     }
 }

@@ -58,7 +58,7 @@ impl Intervals {
     /// If the images differ in size or channels, or `costs` is not a row.
     pub fn row_costs(&self, other: &Intervals, view: View, v: usize, d: i16, costs: &mut [i16]) {
         let (width, height, shift) = (self.width, self.height, view.sign() as isize * isize::from(d));
-        assert_eq!((other.width, other.height, other.channels.len()), (width, height, self.channels.len()), "images of one kind");
+        self.assert_like(other);
         assert_eq!(costs.len(), width, "a row of costs");
         let (row, shift) = match view.is_horizontal() {
             true => (v, shift),
@@ -84,11 +84,7 @@ impl Intervals {
     /// If the images differ in size or channels, or `costs` is not a row and its margins.
     pub fn extended_row_costs(&self, other: &Intervals, view: View, v: isize, d: i16, margin: usize, costs: &mut [i16]) {
         let (width, height, shift) = (self.width as isize, self.height as isize, view.sign() as isize * isize::from(d));
-        assert_eq!(
-            (other.width, other.height, other.channels.len()),
-            (self.width, self.height, self.channels.len()),
-            "images of one kind"
-        );
+        self.assert_like(other);
         assert_eq!(costs.len(), self.width + 2 * margin, "a row of costs");
         let (across, along) = if view.is_horizontal() { (shift, 0) } else { (0, shift) };
         let inside = |place: isize, size: isize| place.clamp(0, size - 1);
@@ -106,6 +102,11 @@ impl Intervals {
             let u = start as isize - margin as isize;
             self.span_costs(other, (here + u) as usize, (there + u + across) as usize, &mut costs[start..end]);
         }
+    }
+
+    fn assert_like(&self, other: &Intervals) {
+        let [found, expected] = [other, self].map(|image| (image.width, image.height, image.channels.len()));
+        assert_eq!(found, expected, "images of one kind");
     }
 
     /// The costs of pixels side by side, by their places among all: from `here` on with those of `other` from `there` on.

@@ -135,6 +135,19 @@ macro_rules! min {
     };
 }
 
+/// Keeps the fused costs of a vector, and the least of all so far.
+macro_rules! keep {
+    () => {
+        concat!(
+            "stm {fused}!, {{r0, r1, r2, r3}}\n",
+            min!("{least}", "r0"),
+            min!("{least}", "r1"),
+            min!("{least}", "r2"),
+            min!("{least}", "r3"),
+        )
+    };
+}
+
 /// Fuses the costs of four views to the least, and returns the least of all.
 ///
 /// # Safety
@@ -153,11 +166,7 @@ unsafe fn least_of_all<const UNROLLED: usize>(blocks: *const [[u32; 4]; 4], fuse
             min!(["r0", "r1", "r2", "r3"], ["r4", "r5", "r8", "r9"]),
             "ldm {block}!, {{r4, r5, r8, r9}}",
             min!(["r0", "r1", "r2", "r3"], ["r4", "r5", "r8", "r9"]),
-            "stm {fused}!, {{r0, r1, r2, r3}}",
-            min!("{least}", "r0"),
-            min!("{least}", "r1"),
-            min!("{least}", "r2"),
-            min!("{least}", "r3"),
+            keep!(),
             ".endr",
             "subs {n}, {n}, #{unrolled}",
             "bne 2b",
@@ -489,11 +498,7 @@ unsafe fn least_of_one_masked<const V: usize, const K: usize>(
             min!(["r0", "r1", "r2", "r3"], ["r4", "r5", "r8", "r9"]),
             ".endif",
             ".endr",
-            "stm {fused}!, {{r0, r1, r2, r3}}",
-            min!("{least}", "r0"),
-            min!("{least}", "r1"),
-            min!("{least}", "r2"),
-            min!("{least}", "r3"),
+            keep!(),
             ".endr",
             block = inout(reg) blocks => _,
             mask = inout(reg) masks.cast::<[u32; 4]>().wrapping_add(K) => _,
@@ -809,10 +814,7 @@ impl Blocks<u16> for Dsp {
             return (least as u16).min((least >> 16) as u16);
         }
         Blocks::<u16>::slide(self, steps, blocks);
-        match masked {
-            0 => self.fuse(rule, blocks, fused),
-            _ => self.fuse_masked(rule, masked, blocks, masks, fused),
-        }
+        self.fuse_by_masks(rule, masked, blocks, masks, fused)
     }
 
     #[inline(never)]

@@ -154,6 +154,22 @@ pub trait Blocks<L: Lane>: Isa {
         fuse_masked_generic(self, rule, blocks, masks, fused)
     }
 
+    /// As [`fuse_masked`](Blocks::fuse_masked), also where no view has a mask.
+    #[inline(always)]
+    fn fuse_by_masks<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        blocks: &[[Self::Costs; V]],
+        masks: &[[Self::Costs; V]],
+        fused: &mut [Self::Costs],
+    ) -> L {
+        match masked {
+            0 => self.fuse(rule, blocks, fused),
+            _ => self.fuse_masked(rule, masked, blocks, masks, fused),
+        }
+    }
+
     /// Moves the next column down, and the blocks on by it, and fuses their costs: as if those under a mask of [`Lane::MAX`] were that. Returns the
     /// least. Only the views whose bits are set in `masked` have a mask that is not zero.
     #[inline(always)]
@@ -167,10 +183,7 @@ pub trait Blocks<L: Lane>: Isa {
         fused: &mut [Self::Costs],
     ) -> L {
         self.slide(steps, blocks);
-        match masked {
-            0 => self.fuse(rule, blocks, fused),
-            _ => self.fuse_masked(rule, masked, blocks, masks, fused),
-        }
+        self.fuse_by_masks(rule, masked, blocks, masks, fused)
     }
 
     /// Goes over a batch of pixels.

@@ -127,10 +127,7 @@ impl Blocks<u16> for Mve {
             };
         }
         slide_along(steps, blocks);
-        match masked {
-            0 => self.fuse(rule, blocks, fused),
-            _ => self.fuse_masked(rule, masked, blocks, masks, fused),
-        }
+        self.fuse_by_masks(rule, masked, blocks, masks, fused)
     }
 
     #[inline(always)]
@@ -207,6 +204,33 @@ impl Blocks<u32> for Mve {
     }
 }
 
+/// Where the next view's samples are that enter and that leave, into r2 and r3.
+macro_rules! track {
+    () => {
+        "ldm {tracks}!, {{r2, r3, r4}}
+        mla r2, r4, {index}, r2
+        mla r3, r4, {index}, r3"
+    };
+}
+
+/// Moves vector `j` of view `k` down in a column. By what that is more than in the column that is left is then in q0, and that vector of the
+/// block in q1.
+macro_rules! column_on {
+    () => {
+        "vldrb.u16 q0, [r2, #(8 * \\j)]
+        vldrb.u16 q1, [r3, #(8 * \\j)]
+        vabd.u16 q0, q0, q2
+        vabd.u16 q1, q1, q3
+        vsub.i16 q0, q0, q1
+        vldrh.u16 q1, [{column}, #(16 * ({vectors} * \\k + \\j))]
+        vadd.i16 q0, q0, q1
+        vstrh.16 q0, [{column}, #(16 * ({vectors} * \\k + \\j))]
+        vldrh.u16 q1, [{left}, #(16 * ({vectors} * \\k + \\j))]
+        vsub.i16 q0, q0, q1
+        vldrh.u16 q1, [{block}, #(16 * ({views} * \\j + \\k))]"
+    };
+}
+
 /// Moves the next column down, and the blocks on by it.
 #[inline(always)]
 fn slide_along<const V: usize>(steps: &mut Steps<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
@@ -273,22 +297,10 @@ unsafe fn slide_unrolled<const V: usize, const N: usize>(place: Place<'_, Mve, V
             "vdup.16 q3, r3",
             ".irp k, 0, 1, 2, 3",
             ".if \\k < {views}",
-            "ldm {tracks}!, {{r2, r3, r4}}",
-            "mla r2, r4, {index}, r2",
-            "mla r3, r4, {index}, r3",
+            track!(),
             ".irp j, 0, 1, 2, 3, 4, 5, 6, 7",
             ".if \\j < {vectors}",
-            "vldrb.u16 q0, [r2, #(8 * \\j)]",
-            "vldrb.u16 q1, [r3, #(8 * \\j)]",
-            "vabd.u16 q0, q0, q2",
-            "vabd.u16 q1, q1, q3",
-            "vsub.i16 q0, q0, q1",
-            "vldrh.u16 q1, [{column}, #(16 * ({vectors} * \\k + \\j))]",
-            "vadd.i16 q0, q0, q1",
-            "vstrh.16 q0, [{column}, #(16 * ({vectors} * \\k + \\j))]",
-            "vldrh.u16 q1, [{left}, #(16 * ({vectors} * \\k + \\j))]",
-            "vsub.i16 q0, q0, q1",
-            "vldrh.u16 q1, [{block}, #(16 * ({views} * \\j + \\k))]",
+            column_on!(),
             "vadd.i16 q0, q0, q1",
             "vstrh.16 q0, [{block}, #(16 * ({views} * \\j + \\k))]",
             ".endif",
@@ -347,22 +359,10 @@ unsafe fn slide_to_least<const V: usize, const MASKED: u8>(
             "vdup.16 q3, r3",
             ".irp k, 0, 1, 2, 3",
             ".if \\k < {views}",
-            "ldm {tracks}!, {{r2, r3, r4}}",
-            "mla r2, r4, {index}, r2",
-            "mla r3, r4, {index}, r3",
+            track!(),
             // The fused costs are in q4 to q7.
             ".irp j, 0, 1, 2, 3",
-            "vldrb.u16 q0, [r2, #(8 * \\j)]",
-            "vldrb.u16 q1, [r3, #(8 * \\j)]",
-            "vabd.u16 q0, q0, q2",
-            "vabd.u16 q1, q1, q3",
-            "vsub.i16 q0, q0, q1",
-            "vldrh.u16 q1, [{column}, #(16 * (4 * \\k + \\j))]",
-            "vadd.i16 q0, q0, q1",
-            "vstrh.16 q0, [{column}, #(16 * (4 * \\k + \\j))]",
-            "vldrh.u16 q1, [{left}, #(16 * (4 * \\k + \\j))]",
-            "vsub.i16 q0, q0, q1",
-            "vldrh.u16 q1, [{block}, #(16 * ({views} * \\j + \\k))]",
+            column_on!(),
             ".irp to, 4, 5, 6, 7",
             ".if \\to == \\j + 4",
             ".if \\k",
@@ -398,6 +398,7 @@ unsafe fn slide_to_least<const V: usize, const MASKED: u8>(
             out("r4") _,
             out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _, out("q6") _, out("q7") _,
             views = const V,
+            vectors = const 4,
             masked = const MASKED,
             options(nostack),
         );
@@ -417,9 +418,7 @@ unsafe fn slide<const V: usize>(place: Place<'_, Mve, V>, blocks: &mut [[[u16; 8
             "vdup.16 q2, r2",
             "vdup.16 q3, r3",
             "2:",
-            "ldm {tracks}!, {{r2, r3, r4}}",
-            "mla r2, r4, {index}, r2",
-            "mla r3, r4, {index}, r3",
+            track!(),
             "dls lr, {n}",
             "3:",
             "vldrb.u16 q0, [r2], #8",

@@ -36,7 +36,7 @@ impl MethodName {
 }
 
 /// What the methods other than block matching take.
-#[derive(Clone, Debug, Default, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct MethodOptions {
     #[command(flatten)]
     graph_cuts: GraphCutsOptions,
@@ -91,7 +91,7 @@ enum CensusName {
 }
 
 /// What semi-global matching takes.
-#[derive(Clone, Debug, Default, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Semi-global matching (--method sgm)")]
 struct SgmOptions {
     /// Penalty for a change by one disparity from a pixel to the next, in bits of the census (OpenCV: P1)
@@ -130,7 +130,7 @@ impl SgmOptions {
 }
 
 /// What matching by a network takes. The names are those of its authors.
-#[derive(Clone, Debug, Default, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "MC-CNN (--method mccnn-fast and mccnn-accurate; defaults as published for Middlebury)")]
 struct McCnnOptions {
     /// Penalty for a change by one disparity from a pixel to the next (sgm_P1) [default: 2.3 fast, 1.3 accurate]
@@ -204,7 +204,7 @@ fn paths(text: &str) -> Result<Paths> {
 }
 
 /// The filters after selection.
-#[derive(Clone, Debug, Default, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Filters (not for --method bm)")]
 struct FilterOptions {
     /// Keep a disparity only if a view confirms it within so many pixels, not for gc (OpenCV: disp12MaxDiff) [default: keep all]
@@ -230,7 +230,7 @@ impl FilterOptions {
 }
 
 /// What graph cuts take.
-#[derive(Clone, Debug, Default, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Graph cuts (--method gc; costs are in intensities)")]
 struct GraphCutsOptions {
     /// Cost of an occlusion (the paper's K: 10 for good images, 25 for those of a cheap camera; `auto` finds it from the images) [default:
@@ -339,7 +339,7 @@ impl GraphCutsOptions {
             seed: self.seed,
             refine: !self.no_refine,
             fill: !self.keep_occluded,
-            upsample: self.upsample.max(1),
+            upsample: self.upsample,
         }
     }
 }

@@ -45,9 +45,7 @@ impl Region {
         };
         Region { columns, rows, cells: (0..cells.len()).map(near).collect() }
     }
-}
 
-impl Region {
     /// Bands of rows, from the top to the bottom, that it lies in: each at most a cell higher than `most`, two of them together higher than
     /// that, and with at least a row between them. Where there is none that it is not in, one of its own is left out.
     pub fn bands(&self, height: usize, most: usize) -> Vec<Range<usize>> {

@@ -31,6 +31,12 @@ impl Pixel {
     pub fn new(index: usize, width: usize) -> Pixel {
         Pixel { u: index % width, v: index / width, index }
     }
+
+    /// The pixel in a column and a row of an image of a width.
+    #[inline(always)]
+    pub fn at(u: usize, v: usize, width: usize) -> Pixel {
+        Pixel { u, v, index: v * width + u }
+    }
 }
 
 /// Two pixels side by side.
@@ -340,7 +346,7 @@ impl Energy {
                 }
                 sum += i64::from(costs[u]);
                 if self.occlusions == Occlusion::Unique {
-                    let place = self.matched(self.view(), Pixel { u, v, index: v * self.width + u }, label)?;
+                    let place = self.matched(self.view(), Pixel::at(u, v, self.width), label)?;
                     if std::mem::replace(&mut taken[place], true) {
                         return None;
                     }

@@ -330,7 +330,7 @@ impl<'a> Labelling<'a> {
         for border in bands.windows(2).filter(|bands| bands[0].end + 1 == bands[1].start).map(|bands| bands[0].end) {
             for v in [border, border + 1] {
                 let columns = (0..width).filter(|&u| region.contains(u, v));
-                columns.for_each(|u| cells.mark(i, Pixel { u, v, index: v * width + u }));
+                columns.for_each(|u| cells.mark(i, Pixel::at(u, v, width)));
             }
         }
     }
@@ -345,7 +345,7 @@ impl<'a> Labelling<'a> {
             let Pixel { u, v, .. } = pixel;
             let near = [(u, v), (u.wrapping_sub(1), v), (u + 1, v), (u, v.wrapping_sub(1)), (u, v + 1)];
             let near = near.into_iter().filter(|(u, v)| *u < width && *v < height);
-            let near = near.map(|(u, v)| (Pixel { u, v, index: v * width + u }, self.labels[(v + 1) * (width + 2) + u + 1]));
+            let near = near.map(|(u, v)| (Pixel::at(u, v, width), self.labels[place_of(u, v, width)]));
             for (pixel, known) in near.chain([(pixel, before)]) {
                 (0..order.len()).for_each(|i| cells.mark(i, pixel));
                 if let Some(place) = self.energy.matched(view, pixel, known).filter(|_| unique && known != OCCLUDED) {
@@ -422,7 +422,7 @@ impl<'a> Labelling<'a> {
         let runs = &mut self.bands[number].runs;
         runs.clear();
         for v in rows {
-            let row = (v + 1) * (width + 2) + 1;
+            let row = place_of(0, v, width);
             let mut start = 0;
             for u in 0..=width {
                 if u == width || self.labels[row + u] == label || !free(u, v) {
@@ -440,14 +440,14 @@ impl<'a> Labelling<'a> {
     fn take_next(&mut self, label: Label, count: usize) {
         let Labelling { energy, labels, next, free, changed, data, proposed, holders, bands, total, .. } = self;
         let [width, _] = energy.size();
-        let place_of = |pixel: Pixel| (pixel.v + 1) * (width + 2) + pixel.u + 1;
+        let place_of = |pixel: Pixel| place_of(pixel.u, pixel.v, width);
         changed.clear();
         for band in &bands[..count] {
             *total += band.change.min(0);
             for &Run { u, v, place, len } in &band.runs {
                 free[place..place + len].fill(false);
                 let different = (0..len).filter(|i| next[place + i] != labels[place + i]);
-                let pixel = |i: usize| Pixel { u: u + i, v, index: v * width + u + i };
+                let pixel = |i: usize| Pixel::at(u + i, v, width);
                 changed.extend(different.map(|i| Change { pixel: pixel(i), before: labels[place + i] }));
             }
         }
@@ -467,9 +467,15 @@ impl<'a> Labelling<'a> {
     }
 }
 
+/// Where a pixel of an image of a width is among the labels.
+#[inline(always)]
+fn place_of(u: usize, v: usize, width: usize) -> usize {
+    (v + 1) * (width + 2) + u + 1
+}
+
 /// The pixels of an image of a size, and where they are among the labels.
 fn places([width, height]: [usize; 2]) -> impl Iterator<Item = (Pixel, usize)> {
-    let pixel = move |u: usize, v: usize| (Pixel { u, v, index: v * width + u }, (v + 1) * (width + 2) + u + 1);
+    let pixel = move |u: usize, v: usize| (Pixel::at(u, v, width), place_of(u, v, width));
     (0..height).flat_map(move |v| (0..width).map(move |u| pixel(u, v)))
 }
 
@@ -540,9 +546,7 @@ impl Problem<'_> {
     /// The free pixels and their places.
     fn pixels(&self) -> impl Iterator<Item = (Pixel, usize)> {
         let [width, _] = self.energy.size();
-        self.runs.iter().flat_map(move |&Run { u, v, place, len }| {
-            (0..len).map(move |i| (Pixel { u: u + i, v, index: v * width + u + i }, place + i))
-        })
+        self.runs.iter().flat_map(move |&Run { u, v, place, len }| (0..len).map(move |i| (Pixel::at(u + i, v, width), place + i)))
     }
 
     /// The nodes of the free pixels, of which each has so many.
@@ -712,7 +716,7 @@ impl Problem<'_> {
     fn free_place(&self, index: u32) -> Option<usize> {
         let [width, height] = self.energy.size();
         let Pixel { u, v, .. } = Pixel::new(index as usize, width);
-        let place = (v + 1) * (width + 2) + u + 1;
+        let place = place_of(u, v, width);
         (v < height && self.free[place]).then_some(place)
     }
 }

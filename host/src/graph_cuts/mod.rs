@@ -195,8 +195,8 @@ impl GraphCuts {
             false => labels.into_iter().map(sub_pixel::whole).collect(),
         };
         let map = DisparityMap::new(frames.width(), frames.height(), disparities);
-        match search.views().iter().next() {
-            Some(view) if self.fill => occluded::filled(&map, view.is_horizontal()),
+        match energy.occlusions() {
+            Occlusion::Unique if self.fill => occluded::filled(&map, energy.view().is_horizontal()),
             _ => map,
         }
     }

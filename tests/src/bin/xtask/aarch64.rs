@@ -10,9 +10,6 @@ const TARGET: &str = "aarch64-unknown-linux-gnu";
 /// Where the cross compiler has the target's libraries.
 const SYSROOT: &str = "/usr/aarch64-linux-gnu";
 
-/// What the tests spend their time in. To optimise the rest takes longer than it saves.
-const OPTIMISED: [&str; 3] = ["multiscopic-core", "multiscopic", "multiscopic-tests"];
-
 /// Compares every kernel that the host's engine has on the target with the float reference.
 pub fn run_tests() -> Result<()> {
     match (env::consts::ARCH, env::consts::OS) {
@@ -31,9 +28,6 @@ fn emulate() -> Result<()> {
     tests.env("CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER", linker.path());
     tests.env("CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER", format!("{emulator} -L {SYSROOT}"));
     tests.env("CARGO_PROFILE_DEV_DEBUG", "0");
-    for package in OPTIMISED {
-        tests.args(["--config", &format!("profile.dev.package.{package}.opt-level=1")]);
-    }
     tests.args(["--package", "multiscopic-tests", "--no-default-features", "--test", "engine", "--target", TARGET]);
     run(&mut tests).context("a kernel of 64-bit Arm is not the reference")?;
     println!("aarch64: every kernel equals the reference in the emulator");

@@ -5,7 +5,7 @@ use std::{process::Command, time::Instant};
 
 use crate::{
     aarch64, board, capture,
-    command::{command, run},
+    command::{built_program, command, run},
     edge, faults, instructions, kernels, setup,
     toolchain::Toolchain,
     v4l2,
@@ -14,8 +14,8 @@ use crate::{
 /// Every test.
 pub fn test() -> Result<()> {
     let toolchain = step("setup", setup::run)?;
-    step("tests in debug", || run(&mut cargo(&["test", "--workspace"])))?;
-    step("tests in release", || run(&mut cargo(&["test", "--workspace", "--release"])))?;
+    step("tests in debug", || test_workspace("dev"))?;
+    step("tests in release", || test_workspace("release"))?;
     step("the kernel of 64-bit Arm", aarch64::run_tests)?;
     step("instructions", || instructions::Guard::COMPARE.run())?;
     step("cameras in a virtual machine", v4l2::run_tests)?;
@@ -45,6 +45,11 @@ fn step<T>(name: &str, run: impl FnOnce() -> Result<T>) -> Result<T> {
     let done = run().with_context(|| format!("step failed: {name}"))?;
     println!("== {name}: passed in {:.0} s", start.elapsed().as_secs_f64());
     Ok(done)
+}
+
+fn test_workspace(profile: &str) -> Result<()> {
+    let program = built_program(profile)?;
+    run(cargo(&["test", "--workspace", "--profile", profile]).env("MULTISCOPIC_BINARY", program))
 }
 
 fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {

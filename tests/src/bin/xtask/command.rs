@@ -54,13 +54,26 @@ pub fn read(command: &mut Command) -> Result<String> {
     Ok(String::from_utf8(stdout)?.trim_end().to_owned())
 }
 
-/// Builds with cargo, in release, and says where the executable `name` is.
-pub fn built(arguments: &[&str], name: &str) -> Result<PathBuf> {
+/// Builds the command line in a profile with the features that the workspace's tests have, so that its libraries are built once for both,
+/// and says where it is.
+pub fn built_program(profile: &str) -> Result<PathBuf> {
+    built(&["build", "--workspace", "--tests", "--bin", "multiscopic", "--profile", profile], "multiscopic")
+}
+
+/// Builds a test of the workspace in release, and says where it is.
+pub fn built_test(name: &str) -> Result<PathBuf> {
+    built(&["test", "--no-run", "--workspace", "--profile", "release", "--test", name], name)
+}
+
+/// Builds with cargo, and says where the executable `name` is.
+fn built(arguments: &[&str], name: &str) -> Result<PathBuf> {
+    let is_test = arguments[0] == "test";
     let mut cargo = command("cargo", arguments);
-    let messages = read(cargo.args(["--quiet", "--release", "--message-format", "json-render-diagnostics"]))?;
+    let messages = read(cargo.args(["--quiet", "--message-format", "json-render-diagnostics"]))?;
     let executable = |message: &str| {
         let message: serde_json::Value = serde_json::from_str(message).ok()?;
-        let is_it = message["target"]["name"] == name;
+        // A program has tests of its own, under the same name.
+        let is_it = message["target"]["name"] == name && message["profile"]["test"] == is_test;
         message["executable"].as_str().filter(|_| is_it).map(PathBuf::from)
     };
     messages.lines().find_map(executable).with_context(|| format!("cargo built no executable {name}"))

@@ -6,7 +6,7 @@ use multiscopic::Simd;
 use std::{env, fs, path::Path};
 
 use crate::{
-    command::{built, read},
+    command::{built_program, read},
     layout,
     record::{self, Counts},
     tool::{self, Program},
@@ -41,7 +41,7 @@ impl Guard {
             return Ok(());
         }
         let valgrind = tool::VALGRIND.install()?;
-        let binary = built(&["build", "--package", "multiscopic", "--bin", "multiscopic"], "multiscopic")?;
+        let binary = built_program("release")?;
         let mut counts = Counts::new();
         for kernel in KERNELS {
             if Simd::named(kernel).is_none() {

@@ -5,7 +5,7 @@ use multiscopic_tests::data::{self, Dataset};
 use std::env::consts::ARCH;
 
 use crate::{
-    command::{built, command, run},
+    command::{built_program, built_test, command, run},
     debian,
     kernel::{self, Kernel},
     layout,
@@ -25,7 +25,7 @@ pub fn run_tests() -> Result<()> {
     }
     let mut machine = Machine::new()?;
     let mut script = "cd /tmp; code=0".to_owned();
-    let program = built(&["build", "--package", "multiscopic", "--bin", "multiscopic"], "multiscopic")?;
+    let program = built_program("release")?;
     machine.add_program(&program)?;
     machine.add_folder(&layout::root().join("tests/golden"))?;
     let mut variables = format!("MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{}'", program.display());
@@ -34,7 +34,7 @@ pub fn run_tests() -> Result<()> {
         variables += &format!(" MULTISCOPIC_DATA='{}'", root.display());
     }
     for test in TESTS {
-        let test = built(&["test", "--no-run", "--package", "multiscopic-tests", "--test", test], test)?;
+        let test = built_test(test)?;
         machine.add_program(&test)?;
         // One after the other: they set what the devices do.
         script += &format!("; {variables} '{}' --test-threads 1 --color never || code=1", test.display());

@@ -83,6 +83,18 @@ impl Cells {
         cells.contains(&true).then_some(Region { columns, rows, cells })
     }
 
+    /// None of them.
+    pub fn none(&self) -> Region {
+        let Cells { columns, rows, .. } = *self;
+        Region { columns, rows, cells: vec![false; columns * rows] }
+    }
+
+    /// A disparity is worth a trial in a region.
+    pub fn mark_region(&mut self, disparity: usize, region: &Region) {
+        let stale = &mut self.stale[disparity * self.columns * self.rows..];
+        stale.iter_mut().zip(&region.cells).for_each(|(stale, cell)| *stale |= cell);
+    }
+
     /// A disparity is worth a trial near a pixel.
     #[inline(always)]
     pub fn mark(&mut self, disparity: usize, pixel: Pixel) {

@@ -12,9 +12,6 @@ pub type Label = i16;
 /// The label of a pixel that is not matched.
 pub const OCCLUDED: Label = Label::MIN;
 
-/// What two pixels pay in the states in which they keep their label, are occluded, or take the new one.
-pub type Table = [[i32; 3]; 3];
-
 /// A pixel of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pixel {
@@ -70,8 +67,12 @@ pub struct Energy {
     cutoff: i32,
 }
 
-const RIGHT: u8 = 1;
-const BELOW: u8 = 2;
+/// Bits of two neighbours of whom one has a disparity: a view sees both with it, and they differ in the centre or there.
+const SEEN: u8 = 1;
+const DIFFERENT: u8 = 2;
+/// How far up these bits are for a pixel and the one to its right, and for a pixel and the one below: see [`Energy::sides`].
+const RIGHT: usize = 0;
+const BELOW: usize = 4;
 
 /// An image in the forms that the energy reads.
 #[derive(Debug)]
@@ -79,7 +80,7 @@ struct Source {
     intervals: Intervals,
     /// Grey, or red, green and blue; the rest is 0.
     samples: Vec<[u8; 4]>,
-    /// For each pixel, whether it differs from the one to its right ([`RIGHT`]) and from the one below ([`BELOW`]) by the threshold.
+    /// For each pixel, [`DIFFERENT`] if it differs from the one to its right ([`RIGHT`]) and from the one below ([`BELOW`]) by the threshold.
     contrasts: Vec<u8>,
 }
 
@@ -94,7 +95,7 @@ impl Source {
         let contrast = |i: usize| {
             let right = !(i + 1).is_multiple_of(width) && source.differ(i, i + 1, threshold);
             let below = i + width < pixels && source.differ(i, i + width, threshold);
-            u8::from(right) * RIGHT + u8::from(below) * BELOW
+            DIFFERENT * (u8::from(right) << RIGHT | u8::from(below) << BELOW)
         };
         source.contrasts = (0..pixels).map(contrast).collect();
         source
@@ -242,7 +243,7 @@ impl Energy {
     /// What neighbours pay for a step, per pixel of it: less where they differ in the centre or in a view that sees both.
     #[inline(always)]
     fn weight(&self, pair: Pair, d1: Label, d2: Label) -> i32 {
-        let side = if pair.down { BELOW } else { RIGHT };
+        let side = DIFFERENT << if pair.down { BELOW } else { RIGHT };
         let [same, different] = self.weights;
         if self.center.contrasts[pair.first.index] & side != 0 {
             return different;
@@ -292,24 +293,39 @@ impl Energy {
         if possible { self.weight(pair, d, d) } else { 0 }
     }
 
-    /// What two neighbours with different labels pay if each keeps its label, is occluded, or takes `label`: [`smoothness`](Energy::smoothness)
-    /// for all nine cases.
-    #[inline(always)]
-    pub fn table(&self, pair: Pair, label1: Label, label2: Label, label: Label) -> Table {
-        match self.smoothness {
-            Smoothness::Linear => [
-                [self.step(pair, label1, label2), 0, self.step(pair, label1, label)],
-                [0; 3],
-                [self.step(pair, label, label2), 0, 0],
-            ],
-            Smoothness::Potts => {
-                let new = self.broken(pair, label);
-                let first = self.broken(pair, label1);
-                let second = if label1 == label2 { first } else { self.broken(pair, label2) };
-                let keep = if label1 == label2 { 0 } else { first + second };
-                [[keep, first, first + new], [second, 0, new], [new + second, new, 0]]
+    /// What is paid if one of two neighbours has `d` and the other has not, by Potts: for each pixel of row `v` two bits for it and the pixel to
+    /// its right and, four bits further up, two for it and the one below. [`side_costs`](Energy::side_costs) has what they cost.
+    pub fn sides(&self, v: usize, d: Label, sides: &mut [u8]) {
+        let below = v + 1 < self.height;
+        sides.fill(0);
+        for (view, source) in &self.views {
+            let shift = view.sign() as isize * isize::from(d);
+            let (along, across) = if view.is_horizontal() { (shift, 0) } else { (0, shift) };
+            let inside = |v: usize| v.wrapping_add_signed(across) < self.height;
+            let columns = along.min(0).unsigned_abs()..self.width.saturating_sub(along.max(0) as usize);
+            if !inside(v) || columns.is_empty() {
+                continue;
             }
+            let first = v.wrapping_add_signed(across) * self.width + columns.start.wrapping_add_signed(along);
+            let seen = SEEN << RIGHT | if below && inside(v + 1) { SEEN << BELOW } else { 0 };
+            let contrasts = &source.contrasts[first..first + columns.len()];
+            let last = columns.end - 1;
+            let known = sides[last];
+            for (sides, contrasts) in sides[columns].iter_mut().zip(contrasts) {
+                *sides |= seen | contrasts & (seen * DIFFERENT);
+            }
+            // To its right is nothing, or no match.
+            let right = (SEEN | DIFFERENT) << RIGHT;
+            sides[last] = sides[last] & !right | known & right;
         }
+        let contrasts = &self.center.contrasts[v * self.width..][..self.width];
+        sides.iter_mut().zip(contrasts).for_each(|(sides, contrasts)| *sides |= contrasts);
+    }
+
+    /// What two bits of [`sides`](Energy::sides) cost.
+    pub fn side_costs(&self) -> [i32; 4] {
+        let [same, different] = self.weights;
+        [0, same, 0, different]
     }
 
     /// The pairs of neighbours of the image.

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::{
     GraphCuts, Occlusion, Smoothness,
     cells::{Cells, Region},
-    energy::{Energy, Label, OCCLUDED, Pair, Pixel, Table},
+    energy::{Energy, Label, OCCLUDED, Pair, Pixel},
     max_flow::{MaxFlow, Topology},
 };
 use crate::{Progress, birchfield_tomasi::Intervals};
@@ -26,6 +26,10 @@ pub struct Labelling<'a> {
     data: Vec<i32>,
     /// What they would pay for the label that is tried.
     proposed: Vec<i32>,
+    /// What pixels pay, by Potts, for each neighbour with another label: two bits for each arc of [`Grid`], see [`Energy::sides`].
+    sides: Vec<u8>,
+    /// [`Energy::sides`] of the label that is tried.
+    proposed_sides: Vec<u8>,
     /// For each pixel of the view the one whose match it is, or [`NOBODY`]; empty with capped occlusions.
     holders: Vec<u32>,
     /// The parts of the move.
@@ -223,6 +227,7 @@ impl<'a> Labelling<'a> {
             line[1..=width].copy_from_slice(row);
         }
         let costs = vec![energy.occlusion(); framed.len()];
+        let sides = vec![0; if energy.steps() == Smoothness::Potts { framed.len() } else { 0 }];
         let mut labelling = Labelling {
             energy,
             next: framed.clone(),
@@ -230,6 +235,8 @@ impl<'a> Labelling<'a> {
             labels: framed,
             data: costs.clone(),
             proposed: costs,
+            sides: sides.clone(),
+            proposed_sides: sides,
             holders,
             bands: Vec::new(),
             total,
@@ -239,16 +246,20 @@ impl<'a> Labelling<'a> {
         labels.dedup();
         for label in labels.into_iter().filter(|label| *label != OCCLUDED) {
             labelling.propose(label, 0..height);
-            let costs = labelling.labels.iter().zip(&labelling.proposed).zip(&mut labelling.data);
-            costs.filter(|((known, _), _)| **known == label).for_each(|((_, cost), data)| *data = *cost);
+            for (_, place) in places([width, height]) {
+                if labelling.labels[place] == label {
+                    labelling.take_proposed(place);
+                }
+            }
         }
         labelling
     }
 
     /// Bytes for each pixel.
     pub const fn pixel_bytes(occlusions: Occlusion, smoothness: Smoothness) -> usize {
-        // Labels twice, whether it is free, its costs twice, and twice a queue in the worst case.
-        let own = 2 * size_of::<Label>() + size_of::<bool>() + 2 * size_of::<i32>();
+        // Labels twice, whether it is free, its costs twice, its sides twice, and twice a queue in the worst case.
+        let sides = 2 * matches!(smoothness, Smoothness::Potts) as usize;
+        let own = 2 * size_of::<Label>() + size_of::<bool>() + 2 * size_of::<i32>() + sides;
         let queues = 2 * size_of::<u32>();
         // Each node has a partner, and each pixel of the view a holder.
         let matches = 3 * size_of::<u32>();
@@ -339,20 +350,27 @@ impl<'a> Labelling<'a> {
     /// where a match of theirs is in the way, or was.
     fn mark_changes(&self, cells: &mut Cells, order: &[Label]) {
         let [width, height] = self.energy.size();
-        let unique = self.energy.occlusions() == Occlusion::Unique;
         let view = self.energy.view();
+        let mut region = cells.none();
+        let mut matches = Vec::new();
         for &Change { pixel, before } in &self.changed {
             let Pixel { u, v, .. } = pixel;
             let near = [(u, v), (u.wrapping_sub(1), v), (u + 1, v), (u, v.wrapping_sub(1)), (u, v + 1)];
             let near = near.into_iter().filter(|(u, v)| *u < width && *v < height);
             let near = near.map(|(u, v)| (Pixel::at(u, v, width), self.labels[place_of(u, v, width)]));
             for (pixel, known) in near.chain([(pixel, before)]) {
-                (0..order.len()).for_each(|i| cells.mark(i, pixel));
-                if let Some(place) = self.energy.matched(view, pixel, known).filter(|_| unique && known != OCCLUDED) {
-                    for (i, label) in order.iter().enumerate() {
-                        let origin = self.energy.matched(view, Pixel::new(place, width), -label);
-                        origin.into_iter().for_each(|origin| cells.mark(i, Pixel::new(origin, width)));
-                    }
+                region.add(pixel.u, pixel.v);
+                matches.extend(self.energy.matched(view, pixel, known).filter(|_| known != OCCLUDED));
+            }
+        }
+        (0..order.len()).for_each(|i| cells.mark_region(i, &region));
+        if self.energy.occlusions() == Occlusion::Unique {
+            matches.sort_unstable();
+            matches.dedup();
+            for place in matches.into_iter().map(|place| Pixel::new(place, width)) {
+                for (i, label) in order.iter().enumerate() {
+                    let origin = self.energy.matched(view, place, -label);
+                    origin.into_iter().for_each(|origin| cells.mark(i, Pixel::new(origin, width)));
                 }
             }
         }
@@ -361,8 +379,23 @@ impl<'a> Labelling<'a> {
     /// What the pixels of some rows would pay for a label.
     fn propose(&mut self, label: Label, rows: Range<usize>) {
         let [width, _] = self.energy.size();
-        let proposed = self.proposed.par_chunks_exact_mut(width + 2).skip(rows.start + 1).take(rows.len()).zip(rows);
+        let proposed = self.proposed.par_chunks_exact_mut(width + 2).skip(rows.start + 1).take(rows.len()).zip(rows.clone());
         proposed.for_each(|(row, v)| self.energy.data(v, label, &mut row[1..=width]));
+        // The row before, too: what its pixels pay together with those below them.
+        let rows = rows.start.saturating_sub(1)..rows.end;
+        let sides = self.proposed_sides.par_chunks_exact_mut(width + 2).skip(rows.start + 1).take(rows.len()).zip(rows);
+        sides.for_each(|(row, v)| self.energy.sides(v, label, &mut row[1..=width]));
+    }
+
+    /// Notes what a pixel pays that takes the label that is tried.
+    fn take_proposed(&mut self, place: usize) {
+        self.data[place] = self.proposed[place];
+        if let Some(sides) = self.sides.get_mut(place) {
+            let stride = self.energy.size()[0] + 2;
+            let of = |place: usize, arc: usize| self.proposed_sides[place] >> (2 * arc) & 3;
+            let arcs = [(TO_RIGHT, place), (TO_RIGHT, place - 1), (TO_BELOW, place), (TO_BELOW, place - stride)];
+            *sides = (0..).zip(arcs).map(|(arc, (of_first, first))| of(first, of_first) << (2 * arc)).sum();
+        }
     }
 
     /// Gives `label` to those pixels by which the energy falls most, of the columns and rows of the image that are `free` to change, and
@@ -379,7 +412,7 @@ impl<'a> Labelling<'a> {
             self.propose(label, rows.clone());
             self.lay_band(i, rows.clone(), label, &free);
         }
-        let Labelling { energy, labels, data, proposed, free, next, holders, bands: all, .. } = self;
+        let Labelling { energy, labels, data, proposed, sides, proposed_sides, free, next, holders, bands: all, .. } = self;
         let moved = &mut all[..bands.len()];
         // The next labels of each band.
         let (mut rest, mut start) = (&mut next[..], 0);
@@ -391,8 +424,21 @@ impl<'a> Labelling<'a> {
             parts.push((band, part));
         }
         parts.into_par_iter().for_each(|(Band { rows, runs, graph, change }, next)| {
-            let problem =
-                Problem { energy, labels, data, proposed, free, holders, runs, first: (rows.start + 1) * stride, label };
+            let (first, side_costs) = ((rows.start + 1) * stride, energy.side_costs());
+            let problem = Problem {
+                energy,
+                labels,
+                data,
+                proposed,
+                sides,
+                proposed_sides,
+                side_costs,
+                free,
+                holders,
+                runs,
+                first,
+                label,
+            };
             match graph {
                 Graph::Capped(graph) => problem.cut_capped(graph, next),
                 Graph::Unique(graph) => problem.cut_unique(graph, next),
@@ -438,7 +484,7 @@ impl<'a> Labelling<'a> {
 
     /// Takes the next labels of so many bands, and ends the move.
     fn take_next(&mut self, label: Label, count: usize) {
-        let Labelling { energy, labels, next, free, changed, data, proposed, holders, bands, total, .. } = self;
+        let Labelling { energy, labels, next, free, changed, holders, bands, total, .. } = self;
         let [width, _] = energy.size();
         let place_of = |pixel: Pixel| place_of(pixel.u, pixel.v, width);
         changed.clear();
@@ -460,9 +506,21 @@ impl<'a> Labelling<'a> {
                 match_of(pixel, label).into_iter().for_each(|place| holders[place] = pixel.index as u32);
             }
         }
-        for place in changed.iter().map(|change| place_of(change.pixel)) {
-            labels[place] = next[place];
-            data[place] = if next[place] == label { proposed[place] } else { energy.occlusion() };
+        for i in 0..self.changed.len() {
+            let place = place_of(self.changed[i].pixel);
+            self.labels[place] = self.next[place];
+            match self.labels[place] {
+                OCCLUDED => self.hide(place),
+                _ => self.take_proposed(place),
+            }
+        }
+    }
+
+    /// Notes what a pixel pays that is occluded.
+    fn hide(&mut self, place: usize) {
+        self.data[place] = self.energy.occlusion();
+        if let Some(sides) = self.sides.get_mut(place) {
+            *sides = 0;
         }
     }
 }
@@ -500,6 +558,13 @@ struct Neighbors {
     second: usize,
 }
 
+impl Neighbors {
+    /// The arc from the first to the second; the next leads back.
+    fn arc(&self) -> usize {
+        if self.pair.down { TO_BELOW } else { TO_RIGHT }
+    }
+}
+
 /// A move of a band: which of its free pixels take `label`. All slices have the places of [`Labelling::labels`], but the next labels those from
 /// `first` on.
 #[derive(Debug)]
@@ -508,6 +573,10 @@ struct Problem<'a> {
     labels: &'a [Label],
     data: &'a [i32],
     proposed: &'a [i32],
+    sides: &'a [u8],
+    proposed_sides: &'a [u8],
+    /// See [`Energy::side_costs`].
+    side_costs: [i32; 4],
     free: &'a [bool],
     /// See [`Labelling::holders`].
     holders: &'a [u32],
@@ -517,10 +586,21 @@ struct Problem<'a> {
     label: Label,
 }
 
-/// The arc between two neighbours.
-fn side(pair: Pair) -> usize {
-    if pair.down { TO_BELOW } else { TO_RIGHT }
+/// What becomes of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// It keeps its label.
+    Keeps,
+    /// It is occluded.
+    Hidden,
+    /// It takes the label that is tried.
+    Takes,
 }
+
+use State::{Hidden, Keeps, Takes};
+
+/// What two pixels pay, by the states of the first and of the second.
+type Table = [[i32; 3]; 3];
 
 /// Raises what is paid where only one of two pixels keeps its label, until that can be cut.
 ///
@@ -545,8 +625,14 @@ fn raise(mut paid: Table) -> Table {
 impl Problem<'_> {
     /// The free pixels and their places.
     fn pixels(&self) -> impl Iterator<Item = (Pixel, usize)> {
+        self.runs.iter().flat_map(|run| self.run_pixels(run))
+    }
+
+    /// The pixels of some side by side and their places.
+    fn run_pixels(&self, run: &Run) -> impl Iterator<Item = (Pixel, usize)> {
         let [width, _] = self.energy.size();
-        self.runs.iter().flat_map(move |&Run { u, v, place, len }| (0..len).map(move |i| (Pixel::at(u + i, v, width), place + i)))
+        let Run { u, v, place, len } = *run;
+        (0..len).map(move |i| (Pixel::at(u + i, v, width), place + i))
     }
 
     /// The nodes of the free pixels, of which each has so many.
@@ -561,69 +647,137 @@ impl Problem<'_> {
         place + width + 2 - self.first
     }
 
+    /// A pixel with its neighbours to the right and below, to the left and above.
+    #[inline(always)]
+    fn neighbors(&self, pixel: Pixel, place: usize) -> [Neighbors; 4] {
+        let [width, _] = self.energy.size();
+        let stride = width + 2;
+        let Pixel { u, v, index } = pixel;
+        let after = |second, second_place, down| Neighbors { pair: Pair { first: pixel, second, down }, first: place, second: second_place };
+        let before = |first, first_place, down| Neighbors { pair: Pair { first, second: pixel, down }, first: first_place, second: place };
+        [
+            after(Pixel { u: u + 1, v, index: index + 1 }, place + 1, false),
+            after(Pixel { u, v: v + 1, index: index + width }, place + stride, true),
+            // In the first column and row they are outside.
+            before(Pixel { u: u.wrapping_sub(1), v, index: index.wrapping_sub(1) }, place - 1, false),
+            before(Pixel { u, v: v.wrapping_sub(1), index: index.wrapping_sub(width) }, place - stride, true),
+        ]
+    }
+
     /// Goes over all pairs of neighbours of which at least one is free.
     #[inline(always)]
     fn each_pair(&self, mut f: impl FnMut(Neighbors)) {
-        let [width, _] = self.energy.size();
-        let stride = width + 2;
-        for (pixel, place) in self.pixels() {
-            let right = Pixel { u: pixel.u + 1, index: pixel.index + 1, ..pixel };
-            let below = Pixel { v: pixel.v + 1, index: pixel.index + width, ..pixel };
-            for (second, second_place, down) in [(right, place + 1, false), (below, place + stride, true)] {
-                if self.labels[second_place] != OUTSIDE {
-                    f(Neighbors { pair: Pair { first: pixel, second, down }, first: place, second: second_place });
+        self.pixels().for_each(|(pixel, place)| {
+            let [right, below, left, above] = self.neighbors(pixel, place);
+            for pair in [right, below] {
+                if self.labels[pair.second] != OUTSIDE {
+                    f(pair);
                 }
             }
             // What is free itself finds this pixel.
-            let is_first = |place: usize| !self.free[place] && self.labels[place] != OUTSIDE;
-            if is_first(place - 1) {
-                let first = Pixel { u: pixel.u - 1, index: pixel.index - 1, ..pixel };
-                f(Neighbors { pair: Pair { first, second: pixel, down: false }, first: place - 1, second: place });
+            for pair in [left, above] {
+                if !self.free[pair.first] && self.labels[pair.first] != OUTSIDE {
+                    f(pair);
+                }
             }
-            if is_first(place - stride) {
-                let first = Pixel { v: pixel.v - 1, index: pixel.index - width, ..pixel };
-                f(Neighbors { pair: Pair { first, second: pixel, down: true }, first: place - stride, second: place });
-            }
+        });
+    }
+
+    /// The label of a pixel by its place.
+    #[inline(always)]
+    fn label(&self, place: usize, state: State) -> Label {
+        match state {
+            Keeps => self.labels[place],
+            Hidden => OCCLUDED,
+            Takes => self.label,
         }
+    }
+
+    /// What two neighbours pay: [`Energy::smoothness`].
+    #[inline(always)]
+    fn paid(&self, neighbors: Neighbors, state1: State, state2: State) -> i32 {
+        let Neighbors { pair, first, second } = neighbors;
+        let (label1, label2) = (self.label(first, state1), self.label(second, state2));
+        match self.energy.steps() {
+            _ if label1 == label2 => 0,
+            Smoothness::Linear => self.energy.smoothness(pair, label1, label2),
+            Smoothness::Potts => self.side(neighbors, first, state1) + self.side(neighbors, second, state2),
+        }
+    }
+
+    /// What one of two neighbours with different labels pays by Potts.
+    #[inline(always)]
+    fn side(&self, neighbors: Neighbors, place: usize, state: State) -> i32 {
+        let arc = neighbors.arc();
+        let side = match state {
+            Keeps => self.sides[place] >> (2 * (arc + usize::from(place == neighbors.second))),
+            Hidden => 0,
+            Takes => self.proposed_sides[neighbors.first] >> (2 * arc),
+        };
+        self.side_costs[usize::from(side & 3)]
+    }
+
+    /// What two neighbours pay in all their states, if each of them may take all.
+    #[inline(always)]
+    fn table(&self, neighbors: Neighbors) -> Table {
+        let row = |state1| [self.paid(neighbors, state1, Keeps), self.paid(neighbors, state1, Hidden), self.paid(neighbors, state1, Takes)];
+        [row(Keeps), row(Hidden), row(Takes)]
     }
 
     /// By how much the energy changes if the next labels are taken.
     fn change_to(&self, next: &[Label]) -> i64 {
-        let after = |place: usize| if self.free[place] { next[place - self.first] } else { self.labels[place] };
-        let paid = |place: usize| if after(place) == self.label { self.proposed[place] } else { self.energy.occlusion() };
-        let changed = |place: usize| after(place) != self.labels[place];
-        let places = self.pixels().map(|(_, place)| place).filter(|&place| changed(place));
-        let mut change: i64 = places.map(|place| i64::from(paid(place) - self.data[place])).sum();
-        self.each_pair(|Neighbors { pair, first, second }| {
-            if changed(first) || changed(second) {
-                let paid = self.energy.smoothness(pair, after(first), after(second));
-                change += i64::from(paid - self.energy.smoothness(pair, self.labels[first], self.labels[second]));
+        let state = |place: usize| match if self.free[place] { next[place - self.first] } else { self.labels[place] } {
+            after if after == self.labels[place] => Keeps,
+            OCCLUDED => Hidden,
+            _ => Takes,
+        };
+        let mut change = 0;
+        for run in self.runs {
+            let part = run.place - self.first..run.place - self.first + run.len;
+            if next[part] == self.labels[run.place..run.place + run.len] {
+                continue;
             }
-        });
+            for (pixel, place) in self.run_pixels(run) {
+                let paid = match state(place) {
+                    Keeps => continue,
+                    Hidden => self.energy.occlusion(),
+                    Takes => self.proposed[place],
+                };
+                change += i64::from(paid - self.data[place]);
+                for neighbors in self.neighbors(pixel, place) {
+                    let Neighbors { first, second, .. } = neighbors;
+                    // A pair that changes as a whole is met twice.
+                    let again = second == place && state(first) != Keeps;
+                    if !again && self.labels[first] != OUTSIDE && self.labels[second] != OUTSIDE {
+                        let paid = self.paid(neighbors, state(first), state(second));
+                        change += i64::from(paid - self.paid(neighbors, Keeps, Keeps));
+                    }
+                }
+            }
+        }
         change
     }
 
     /// Cuts a graph where every pixel keeps its label, on the source's side, or takes the new one, and writes the labels that change.
     fn cut_capped(&self, graph: &mut MaxFlow<Grid>, next: &mut [Label]) {
-        let Problem { energy, labels, label, .. } = *self;
         for (_, place) in self.pixels() {
             graph.add_terminal(self.node(place), self.proposed[place] - self.data[place]);
         }
-        self.each_pair(|Neighbors { pair, first, second }| {
-            let (f1, f2) = (labels[first], labels[second]);
-            let keep = energy.smoothness(pair, f1, f2);
+        self.each_pair(|neighbors| {
+            let Neighbors { first, second, .. } = neighbors;
+            let keep = self.paid(neighbors, Keeps, Keeps);
             let (node1, node2) = (self.node(first), self.node(second));
             match (self.free[first], self.free[second]) {
-                (true, false) => graph.add_terminal(node1, energy.smoothness(pair, label, f2) - keep),
-                (false, true) => graph.add_terminal(node2, energy.smoothness(pair, f1, label) - keep),
+                (true, false) => graph.add_terminal(node1, self.paid(neighbors, Takes, Keeps) - keep),
+                (false, true) => graph.add_terminal(node2, self.paid(neighbors, Keeps, Takes) - keep),
                 _ => {
-                    let second_takes = energy.smoothness(pair, f1, label);
+                    let second_takes = self.paid(neighbors, Keeps, Takes);
                     // Pairs that look the same at some disparities and not at others may break the triangle inequality. Then the cut pays more than
                     // the move does, so that the energy still falls.
-                    let first_takes = energy.smoothness(pair, label, f2).max(keep - second_takes);
+                    let first_takes = self.paid(neighbors, Takes, Keeps).max(keep - second_takes);
                     let there = (second_takes - keep / 2).clamp(0, second_takes + first_takes - keep);
                     let back = second_takes + first_takes - keep - there;
-                    graph.add_arc(node1, side(pair), there, back);
+                    graph.add_arc(node1, neighbors.arc(), there, back);
                     graph.add_terminal(node1, first_takes - keep - back);
                     graph.add_terminal(node2, second_takes - keep - there);
                 }
@@ -632,16 +786,16 @@ impl Problem<'_> {
         graph.run(self.nodes(1));
         self.pixels()
             .filter(|&(_, place)| graph.is_sink(self.node(place)))
-            .for_each(|(_, place)| next[place - self.first] = label);
+            .for_each(|(_, place)| next[place - self.first] = self.label);
         self.nodes(1).for_each(|nodes| graph.clear(nodes));
     }
 
     /// Cuts a graph where every pixel keeps its label, is occluded, or takes the new one, and no match is taken twice; and writes the labels
     /// that change.
     fn cut_unique<const ACROSS: bool>(&self, graph: &mut MaxFlow<Layers<ACROSS>>, next: &mut [Label]) {
-        let Problem { energy, labels, label, .. } = *self;
+        let Problem { energy, label, .. } = *self;
         let hidden = energy.occlusion();
-        for (pixel, place) in self.pixels() {
+        self.pixels().for_each(|(pixel, place)| {
             let (loses, gets) = (2 * self.node(place) + LOSES, 2 * self.node(place) + GETS);
             graph.add_terminal(loses, hidden - self.data[place]);
             graph.add_arc(loses, TO_TWIN, UNBOUNDED, 0);
@@ -658,51 +812,30 @@ impl Problem<'_> {
                 // There is no match, or it is that of a pixel which may not change.
                 _ => graph.add_terminal(gets, UNBOUNDED),
             }
-        }
-        self.each_pair(|Neighbors { pair, first, second }| {
-            let (f1, f2) = (labels[first], labels[second]);
+        });
+        self.each_pair(|neighbors| {
+            let Neighbors { first, second, .. } = neighbors;
             let mut alone = |place: usize, paid: [i32; 3]| {
                 graph.add_terminal(2 * self.node(place) + LOSES, paid[1] - paid[0]);
                 graph.add_terminal(2 * self.node(place) + GETS, paid[2] - paid[1]);
             };
+            let paid = |state1, state2| self.paid(neighbors, state1, state2);
             match (self.free[first], self.free[second]) {
-                (true, false) => alone(first, [f1, OCCLUDED, label].map(|state| energy.smoothness(pair, state, f2))),
-                (false, true) => alone(second, [f2, OCCLUDED, label].map(|state| energy.smoothness(pair, f1, state))),
-                _ => {
-                    let paid = raise(energy.table(pair, f1, f2, label));
-                    alone(first, paid.map(|row| row[0]));
-                    alone(second, paid[0]);
-                    let (node1, node2) = (2 * self.node(first), 2 * self.node(second));
-                    for (state1, state2) in [(LOSES, LOSES), (LOSES, GETS), (GETS, LOSES), (GETS, GETS)] {
-                        // What the last step of both costs less than each alone. An arc is full where one takes it and the other does not; it is laid so
-                        // that little is left to flow from the source and to the sink.
-                        let saved = paid[state1][state2 + 1] + paid[state1 + 1][state2]
-                            - paid[state1][state2]
-                            - paid[state1 + 1][state2 + 1];
-                        if saved == 0 || (state1 != state2 && !ACROSS) {
-                            continue;
-                        }
-                        let (arc, there) = match (state1, state2) {
-                            (LOSES, GETS) => (TO_ACROSS + side(pair), saved),
-                            (GETS, LOSES) => (TO_ACROSS + side(pair), 0),
-                            _ => (side(pair), saved / 2),
-                        };
-                        graph.add_arc(node1 + state1, arc, there, saved - there);
-                        graph.add_terminal(node1 + state1, there - saved);
-                        graph.add_terminal(node2 + state2, -there);
-                    }
-                }
+                (true, false) => alone(first, [paid(Keeps, Keeps), paid(Hidden, Keeps), paid(Takes, Keeps)]),
+                (false, true) => alone(second, [paid(Keeps, Keeps), paid(Keeps, Hidden), paid(Keeps, Takes)]),
+                _ if ACROSS => self.link(neighbors, graph),
+                _ => self.link_by_potts(neighbors, graph),
             }
         });
         graph.run(self.nodes(2));
-        for (_, place) in self.pixels() {
+        self.pixels().for_each(|(_, place)| {
             let node = 2 * self.node(place);
             if graph.is_sink(node + GETS) {
                 next[place - self.first] = label;
             } else if graph.is_sink(node + LOSES) {
                 next[place - self.first] = OCCLUDED;
             }
-        }
+        });
         for nodes in self.nodes(2) {
             graph.topology_mut().partners[nodes.clone()]
                 .iter_mut()
@@ -710,6 +843,50 @@ impl Problem<'_> {
                 .for_each(|(partner, node)| *partner = node);
             graph.clear(nodes);
         }
+    }
+
+    /// Lays the arcs between two free neighbours.
+    #[inline(always)]
+    fn link<const ACROSS: bool>(&self, neighbors: Neighbors, graph: &mut MaxFlow<Layers<ACROSS>>) {
+        let paid = raise(self.table(neighbors));
+        let (node1, node2) = (2 * self.node(neighbors.first), 2 * self.node(neighbors.second));
+        for state in [LOSES, GETS] {
+            graph.add_terminal(node1 + state, paid[state + 1][0] - paid[state][0]);
+            graph.add_terminal(node2 + state, paid[0][state + 1] - paid[0][state]);
+        }
+        for (state1, state2) in [(LOSES, LOSES), (LOSES, GETS), (GETS, LOSES), (GETS, GETS)] {
+            // What the last step of both costs less than each alone. An arc is full where one takes it and the other does not; it is laid so
+            // that little is left to flow from the source and to the sink.
+            let saved = paid[state1][state2 + 1] + paid[state1 + 1][state2] - paid[state1][state2] - paid[state1 + 1][state2 + 1];
+            if saved == 0 {
+                continue;
+            }
+            let (arc, there) = match (state1, state2) {
+                (LOSES, GETS) => (TO_ACROSS + neighbors.arc(), saved),
+                (GETS, LOSES) => (TO_ACROSS + neighbors.arc(), 0),
+                _ => (neighbors.arc(), saved / 2),
+            };
+            graph.add_arc(node1 + state1, arc, there, saved - there);
+            graph.add_terminal(node1 + state1, there - saved);
+            graph.add_terminal(node2 + state2, -there);
+        }
+    }
+
+    /// The same by Potts, where a pixel pays for itself: for the label that it keeps, unless its neighbour keeps the same, and for the label that it
+    /// takes, unless its neighbour takes it too.
+    #[inline(always)]
+    fn link_by_potts<const ACROSS: bool>(&self, neighbors: Neighbors, graph: &mut MaxFlow<Layers<ACROSS>>) {
+        let Neighbors { first, second, .. } = neighbors;
+        let (node1, node2) = (2 * self.node(first), 2 * self.node(second));
+        let kept = [self.side(neighbors, first, Keeps), self.side(neighbors, second, Keeps)];
+        if self.labels[first] == self.labels[second] {
+            graph.add_arc(node1 + LOSES, neighbors.arc(), kept[0], kept[1]);
+        } else {
+            graph.add_terminal(node1 + LOSES, -kept[0]);
+            graph.add_terminal(node2 + LOSES, -kept[1]);
+        }
+        let taken = self.side(neighbors, first, Takes);
+        graph.add_arc(node1 + GETS, neighbors.arc(), taken, taken);
     }
 
     /// The place of a pixel, if it is free.

@@ -64,7 +64,8 @@ fn the_flow_is_that_of_another_algorithm_and_of_its_cut() {
                 }
             }
         }
-        let value = flow.run(std::iter::once(0..ring.0));
+        let some = random.below(ring.0 + 1);
+        let value = flow.push_to_neighbors(0..some) + flow.run(std::iter::once(0..ring.0));
         assert_eq!(value as u64, ford_fulkerson(&graph, source, sink).0, "case {case}: {ring:?}");
         let on_sinks_side = |node: petgraph::graph::NodeIndex| node == sink || (node != source && flow.is_sink(node.index()));
         let cut = arcs.iter().filter(|(from, to, _)| !on_sinks_side(*from) && on_sinks_side(*to));

@@ -66,7 +66,7 @@ impl Region {
 
 impl Cells {
     /// Pixels along the side of a cell.
-    const SIDE: usize = 8;
+    const SIDE: usize = 4;
 
     /// Those of an image of a size, everywhere worth a trial of each of a number of disparities.
     pub fn new([width, height]: [usize; 2], disparities: usize) -> Cells {

@@ -30,7 +30,7 @@ pub struct Labelling<'a> {
     sides: Vec<u8>,
     /// [`Energy::sides`] of the label that is tried.
     proposed_sides: Vec<u8>,
-    /// For each pixel of the view the one whose match it is, or [`NOBODY`]; empty with capped occlusions.
+    /// For each pixel of the view the place of the one whose match it is, or [`NOBODY`]; empty with capped occlusions.
     holders: Vec<u32>,
     /// The parts of the move.
     bands: Vec<Band>,
@@ -212,10 +212,11 @@ impl<'a> Labelling<'a> {
             Occlusion::Capped => labels.chunks_exact_mut(width).for_each(fill),
             Occlusion::Unique => {
                 holders = vec![NOBODY; labels.len()];
-                for (index, label) in labels.iter_mut().enumerate().filter(|(_, label)| **label != OCCLUDED) {
-                    match energy.matched(energy.view(), Pixel::new(index, width), *label) {
+                let pixels = labels.iter_mut().zip(places([width, height]));
+                for (label, (pixel, place)) in pixels.filter(|(label, _)| **label != OCCLUDED) {
+                    match energy.matched(energy.view(), pixel, *label) {
                         // The first one stays.
-                        Some(place) if holders[place] == NOBODY => holders[place] = index as u32,
+                        Some(matched) if holders[matched] == NOBODY => holders[matched] = place as u32,
                         _ => *label = OCCLUDED,
                     }
                 }
@@ -316,11 +317,11 @@ impl<'a> Labelling<'a> {
         if self.energy.occlusions() == Occlusion::Unique {
             let [width, _] = self.energy.size();
             for (pixel, _) in places(self.energy.size()).filter(|(pixel, _)| region.contains(pixel.u, pixel.v)) {
-                let place = self.energy.matched(self.energy.view(), pixel, label);
-                let holder = place.map_or(NOBODY, |place| self.holders[place]);
+                let matched = self.energy.matched(self.energy.view(), pixel, label);
+                let holder = matched.map_or(NOBODY, |matched| self.holders[matched]);
                 if holder != NOBODY {
-                    let Pixel { u, v, .. } = Pixel::new(holder as usize, width);
-                    free.add(u, v);
+                    let (row, column) = (holder as usize / (width + 2), holder as usize % (width + 2));
+                    free.add(column - 1, row - 1);
                 }
             }
         }
@@ -425,20 +426,8 @@ impl<'a> Labelling<'a> {
         }
         parts.into_par_iter().for_each(|(Band { rows, runs, graph, change }, next)| {
             let (first, side_costs) = ((rows.start + 1) * stride, energy.side_costs());
-            let problem = Problem {
-                energy,
-                labels,
-                data,
-                proposed,
-                sides,
-                proposed_sides,
-                side_costs,
-                free,
-                holders,
-                runs,
-                first,
-                label,
-            };
+            let problem =
+                Problem { energy, labels, data, proposed, sides, proposed_sides, side_costs, free, holders, runs, first, label };
             match graph {
                 Graph::Capped(graph) => problem.cut_capped(graph, next),
                 Graph::Unique(graph) => problem.cut_unique(graph, next),
@@ -500,10 +489,10 @@ impl<'a> Labelling<'a> {
         if energy.occlusions() == Occlusion::Unique {
             let match_of = |pixel, label| energy.matched(energy.view(), pixel, label);
             for &Change { pixel, before } in changed.iter().filter(|change| change.before != OCCLUDED) {
-                match_of(pixel, before).into_iter().for_each(|place| holders[place] = NOBODY);
+                match_of(pixel, before).into_iter().for_each(|matched| holders[matched] = NOBODY);
             }
             for &Change { pixel, .. } in changed.iter().filter(|change| next[place_of(change.pixel)] == label) {
-                match_of(pixel, label).into_iter().for_each(|place| holders[place] = pixel.index as u32);
+                match_of(pixel, label).into_iter().for_each(|matched| holders[matched] = place_of(pixel) as u32);
             }
         }
         for i in 0..self.changed.len() {
@@ -623,21 +612,16 @@ fn raise(mut paid: Table) -> Table {
 }
 
 impl Problem<'_> {
-    /// The free pixels and their places.
-    fn pixels(&self) -> impl Iterator<Item = (Pixel, usize)> {
-        self.runs.iter().flat_map(|run| self.run_pixels(run))
-    }
-
-    /// The pixels of some side by side and their places.
-    fn run_pixels(&self, run: &Run) -> impl Iterator<Item = (Pixel, usize)> {
+    /// The pixels of a run and their places.
+    fn pixels(&self, run: &Run) -> impl Iterator<Item = (Pixel, usize)> {
         let [width, _] = self.energy.size();
         let Run { u, v, place, len } = *run;
         (0..len).map(move |i| (Pixel::at(u + i, v, width), place + i))
     }
 
-    /// The nodes of the free pixels, of which each has so many.
-    fn nodes(&self, each: usize) -> impl Iterator<Item = Range<usize>> + Clone {
-        self.runs.iter().map(move |run| each * self.node(run.place)..each * self.node(run.place + run.len))
+    /// The nodes of a run's pixels, of which each has so many.
+    fn nodes(&self, run: &Run, each: usize) -> Range<usize> {
+        each * self.node(run.place)..each * self.node(run.place + run.len)
     }
 
     /// The node of a place, which is its first if it has two: there is a row before those of the band.
@@ -653,8 +637,13 @@ impl Problem<'_> {
         let [width, _] = self.energy.size();
         let stride = width + 2;
         let Pixel { u, v, index } = pixel;
-        let after = |second, second_place, down| Neighbors { pair: Pair { first: pixel, second, down }, first: place, second: second_place };
-        let before = |first, first_place, down| Neighbors { pair: Pair { first, second: pixel, down }, first: first_place, second: place };
+        let after = |second, second_place, down| Neighbors {
+            pair: Pair { first: pixel, second, down },
+            first: place,
+            second: second_place,
+        };
+        let before =
+            |first, first_place, down| Neighbors { pair: Pair { first, second: pixel, down }, first: first_place, second: place };
         [
             after(Pixel { u: u + 1, v, index: index + 1 }, place + 1, false),
             after(Pixel { u, v: v + 1, index: index + width }, place + stride, true),
@@ -664,10 +653,10 @@ impl Problem<'_> {
         ]
     }
 
-    /// Goes over all pairs of neighbours of which at least one is free.
+    /// Goes over the pairs of neighbours of which at least one is free, those of a run after those of the runs before.
     #[inline(always)]
-    fn each_pair(&self, mut f: impl FnMut(Neighbors)) {
-        self.pixels().for_each(|(pixel, place)| {
+    fn each_pair(&self, run: &Run, mut f: impl FnMut(Neighbors)) {
+        for (pixel, place) in self.pixels(run) {
             let [right, below, left, above] = self.neighbors(pixel, place);
             for pair in [right, below] {
                 if self.labels[pair.second] != OUTSIDE {
@@ -680,7 +669,7 @@ impl Problem<'_> {
                     f(pair);
                 }
             }
-        });
+        }
     }
 
     /// The label of a pixel by its place.
@@ -720,7 +709,9 @@ impl Problem<'_> {
     /// What two neighbours pay in all their states, if each of them may take all.
     #[inline(always)]
     fn table(&self, neighbors: Neighbors) -> Table {
-        let row = |state1| [self.paid(neighbors, state1, Keeps), self.paid(neighbors, state1, Hidden), self.paid(neighbors, state1, Takes)];
+        let row = |state1| {
+            [self.paid(neighbors, state1, Keeps), self.paid(neighbors, state1, Hidden), self.paid(neighbors, state1, Takes)]
+        };
         [row(Keeps), row(Hidden), row(Takes)]
     }
 
@@ -737,7 +728,7 @@ impl Problem<'_> {
             if next[part] == self.labels[run.place..run.place + run.len] {
                 continue;
             }
-            for (pixel, place) in self.run_pixels(run) {
+            for (pixel, place) in self.pixels(run) {
                 let paid = match state(place) {
                     Keeps => continue,
                     Hidden => self.energy.occlusion(),
@@ -758,52 +749,98 @@ impl Problem<'_> {
         change
     }
 
+    /// Lets `lay` give a graph its capacities, run by run, and all flow that can, where a pixel has so many nodes.
+    fn cut<T: Topology>(&self, graph: &mut MaxFlow<T>, each: usize, mut lay: impl FnMut(&mut MaxFlow<T>, &Run)) {
+        let mut rest = self.runs;
+        for run in self.runs {
+            lay(graph, run);
+            // What a row pays is known after the next one.
+            while let Some((first, after)) = rest.split_first().filter(|(first, _)| first.v + 1 < run.v) {
+                graph.push_to_neighbors(self.nodes(first, each));
+                rest = after;
+            }
+        }
+        for run in rest {
+            graph.push_to_neighbors(self.nodes(run, each));
+        }
+        graph.run(self.runs.iter().map(|run| self.nodes(run, each)));
+    }
+
     /// Cuts a graph where every pixel keeps its label, on the source's side, or takes the new one, and writes the labels that change.
     fn cut_capped(&self, graph: &mut MaxFlow<Grid>, next: &mut [Label]) {
-        for (_, place) in self.pixels() {
-            graph.add_terminal(self.node(place), self.proposed[place] - self.data[place]);
-        }
-        self.each_pair(|neighbors| {
-            let Neighbors { first, second, .. } = neighbors;
-            let keep = self.paid(neighbors, Keeps, Keeps);
-            let (node1, node2) = (self.node(first), self.node(second));
-            match (self.free[first], self.free[second]) {
-                (true, false) => graph.add_terminal(node1, self.paid(neighbors, Takes, Keeps) - keep),
-                (false, true) => graph.add_terminal(node2, self.paid(neighbors, Keeps, Takes) - keep),
-                _ => {
-                    let second_takes = self.paid(neighbors, Keeps, Takes);
-                    // Pairs that look the same at some disparities and not at others may break the triangle inequality. Then the cut pays more than
-                    // the move does, so that the energy still falls.
-                    let first_takes = self.paid(neighbors, Takes, Keeps).max(keep - second_takes);
-                    let there = (second_takes - keep / 2).clamp(0, second_takes + first_takes - keep);
-                    let back = second_takes + first_takes - keep - there;
-                    graph.add_arc(node1, neighbors.arc(), there, back);
-                    graph.add_terminal(node1, first_takes - keep - back);
-                    graph.add_terminal(node2, second_takes - keep - there);
-                }
+        self.cut(graph, 1, |graph, run| {
+            for (_, place) in self.pixels(run) {
+                graph.add_terminal(self.node(place), self.proposed[place] - self.data[place]);
             }
+            self.each_pair(run, |neighbors| self.link_capped(neighbors, graph));
         });
-        graph.run(self.nodes(1));
-        self.pixels()
-            .filter(|&(_, place)| graph.is_sink(self.node(place)))
-            .for_each(|(_, place)| next[place - self.first] = self.label);
-        self.nodes(1).for_each(|nodes| graph.clear(nodes));
+        for run in self.runs {
+            for (_, place) in self.pixels(run).filter(|&(_, place)| graph.is_sink(self.node(place))) {
+                next[place - self.first] = self.label;
+            }
+            graph.clear(self.nodes(run, 1));
+        }
+    }
+
+    /// Lays the arcs between two neighbours of which at least one is free, where none is occluded.
+    #[inline(always)]
+    fn link_capped(&self, neighbors: Neighbors, graph: &mut MaxFlow<Grid>) {
+        let Neighbors { first, second, .. } = neighbors;
+        let keep = self.paid(neighbors, Keeps, Keeps);
+        let (node1, node2) = (self.node(first), self.node(second));
+        match (self.free[first], self.free[second]) {
+            (true, false) => graph.add_terminal(node1, self.paid(neighbors, Takes, Keeps) - keep),
+            (false, true) => graph.add_terminal(node2, self.paid(neighbors, Keeps, Takes) - keep),
+            _ => {
+                let second_takes = self.paid(neighbors, Keeps, Takes);
+                // Pairs that look the same at some disparities and not at others may break the triangle inequality. Then the cut pays more than
+                // the move does, so that the energy still falls.
+                let first_takes = self.paid(neighbors, Takes, Keeps).max(keep - second_takes);
+                let there = (second_takes - keep / 2).clamp(0, second_takes + first_takes - keep);
+                let back = second_takes + first_takes - keep - there;
+                graph.add_arc(node1, neighbors.arc(), there, back);
+                graph.add_terminal(node1, first_takes - keep - back);
+                graph.add_terminal(node2, second_takes - keep - there);
+            }
+        }
     }
 
     /// Cuts a graph where every pixel keeps its label, is occluded, or takes the new one, and no match is taken twice; and writes the labels
     /// that change.
     fn cut_unique<const ACROSS: bool>(&self, graph: &mut MaxFlow<Layers<ACROSS>>, next: &mut [Label]) {
+        self.cut(graph, 2, |graph, run| {
+            self.lay_matches(run, graph);
+            self.each_pair(run, |neighbors| self.link_unique(neighbors, graph));
+        });
+        for run in self.runs {
+            for (_, place) in self.pixels(run) {
+                let node = 2 * self.node(place);
+                if graph.is_sink(node + GETS) {
+                    next[place - self.first] = self.label;
+                } else if graph.is_sink(node + LOSES) {
+                    next[place - self.first] = OCCLUDED;
+                }
+            }
+            let nodes = self.nodes(run, 2);
+            let partners = graph.topology_mut().partners[nodes.clone()].iter_mut();
+            partners.zip(nodes.start as u32..).for_each(|(partner, node)| *partner = node);
+            graph.clear(nodes);
+        }
+    }
+
+    /// Gives the nodes of a run what its pixels pay for their labels, and ties those together that may not take the same match.
+    #[inline(always)]
+    fn lay_matches<const ACROSS: bool>(&self, run: &Run, graph: &mut MaxFlow<Layers<ACROSS>>) {
         let Problem { energy, label, .. } = *self;
         let hidden = energy.occlusion();
-        self.pixels().for_each(|(pixel, place)| {
+        for (pixel, place) in self.pixels(run) {
             let (loses, gets) = (2 * self.node(place) + LOSES, 2 * self.node(place) + GETS);
             graph.add_terminal(loses, hidden - self.data[place]);
             graph.add_arc(loses, TO_TWIN, UNBOUNDED, 0);
-            let holder = energy.matched(energy.view(), pixel, label).map(|place| self.holders[place]);
-            match holder.map(|holder| (holder, self.free_place(holder))) {
-                Some((NOBODY, _)) => graph.add_terminal(gets, self.proposed[place] - hidden),
-                Some((_, Some(holder))) => {
-                    let holder = 2 * self.node(holder) + LOSES;
+            match energy.matched(energy.view(), pixel, label).map(|matched| self.holders[matched]) {
+                Some(NOBODY) => graph.add_terminal(gets, self.proposed[place] - hidden),
+                Some(holder) if self.free[holder as usize] => {
+                    let holder = 2 * self.node(holder as usize) + LOSES;
                     let partners = &mut graph.topology_mut().partners;
                     (partners[holder], partners[gets]) = (gets as u32, holder as u32);
                     graph.add_arc(holder, TO_PARTNER, UNBOUNDED, 0);
@@ -812,36 +849,23 @@ impl Problem<'_> {
                 // There is no match, or it is that of a pixel which may not change.
                 _ => graph.add_terminal(gets, UNBOUNDED),
             }
-        });
-        self.each_pair(|neighbors| {
-            let Neighbors { first, second, .. } = neighbors;
-            let mut alone = |place: usize, paid: [i32; 3]| {
-                graph.add_terminal(2 * self.node(place) + LOSES, paid[1] - paid[0]);
-                graph.add_terminal(2 * self.node(place) + GETS, paid[2] - paid[1]);
-            };
-            let paid = |state1, state2| self.paid(neighbors, state1, state2);
-            match (self.free[first], self.free[second]) {
-                (true, false) => alone(first, [paid(Keeps, Keeps), paid(Hidden, Keeps), paid(Takes, Keeps)]),
-                (false, true) => alone(second, [paid(Keeps, Keeps), paid(Keeps, Hidden), paid(Keeps, Takes)]),
-                _ if ACROSS => self.link(neighbors, graph),
-                _ => self.link_by_potts(neighbors, graph),
-            }
-        });
-        graph.run(self.nodes(2));
-        self.pixels().for_each(|(_, place)| {
-            let node = 2 * self.node(place);
-            if graph.is_sink(node + GETS) {
-                next[place - self.first] = label;
-            } else if graph.is_sink(node + LOSES) {
-                next[place - self.first] = OCCLUDED;
-            }
-        });
-        for nodes in self.nodes(2) {
-            graph.topology_mut().partners[nodes.clone()]
-                .iter_mut()
-                .zip(nodes.start as u32..)
-                .for_each(|(partner, node)| *partner = node);
-            graph.clear(nodes);
+        }
+    }
+
+    /// Lays the arcs between two neighbours of which at least one is free, where each may be occluded.
+    #[inline(always)]
+    fn link_unique<const ACROSS: bool>(&self, neighbors: Neighbors, graph: &mut MaxFlow<Layers<ACROSS>>) {
+        let Neighbors { first, second, .. } = neighbors;
+        let mut alone = |place: usize, paid: [i32; 3]| {
+            graph.add_terminal(2 * self.node(place) + LOSES, paid[1] - paid[0]);
+            graph.add_terminal(2 * self.node(place) + GETS, paid[2] - paid[1]);
+        };
+        let paid = |state1, state2| self.paid(neighbors, state1, state2);
+        match (self.free[first], self.free[second]) {
+            (true, false) => alone(first, [paid(Keeps, Keeps), paid(Hidden, Keeps), paid(Takes, Keeps)]),
+            (false, true) => alone(second, [paid(Keeps, Keeps), paid(Keeps, Hidden), paid(Keeps, Takes)]),
+            _ if ACROSS => self.link(neighbors, graph),
+            _ => self.link_by_potts(neighbors, graph),
         }
     }
 
@@ -887,13 +911,5 @@ impl Problem<'_> {
         }
         let taken = self.side(neighbors, first, Takes);
         graph.add_arc(node1 + GETS, neighbors.arc(), taken, taken);
-    }
-
-    /// The place of a pixel, if it is free.
-    fn free_place(&self, index: u32) -> Option<usize> {
-        let [width, height] = self.energy.size();
-        let Pixel { u, v, .. } = Pixel::new(index as usize, width);
-        let place = place_of(u, v, width);
-        (v < height && self.free[place]).then_some(place)
     }
 }

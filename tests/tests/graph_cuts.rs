@@ -445,3 +445,12 @@ fn several_views_find_what_one_does_not() {
     assert!(stereo.len() >= 24 * 4, "{} pixels are wrong by one view", stereo.len());
     assert!(2 * multiscopic.len() <= stereo.len(), "{} pixels are wrong by two views", multiscopic.len());
 }
+
+/// As the README has it: graphs, costs and labels, and of each image the samples and three intervals a channel.
+#[test]
+fn memory_is_what_the_readme_says() {
+    let linear = GraphCuts::default();
+    let potts = GraphCuts { smoothness: Smoothness::Potts, ..GraphCuts::default() };
+    assert_eq!(potts.bytes(1, 1, true), 161);
+    assert_eq!([1, 2, 4].map(|views| linear.bytes(1, views, true)), [191, 118, 164]);
+}

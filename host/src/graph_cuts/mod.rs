@@ -17,7 +17,9 @@ mod enlarged;
 mod expansion;
 mod max_flow;
 mod occluded;
+mod problem;
 mod sub_pixel;
+mod topology;
 
 pub use energy::{Energy, Label, OCCLUDED, Pair, Pixel};
 pub use expansion::{Change, Labelling};

@@ -5,6 +5,8 @@
 //! other image as from that interval; of both directions the smaller distance counts (Birchfield and Tomasi, A pixel dissimilarity
 //! measure that is insensitive to image sampling, 1998).
 
+use std::ops::Range;
+
 use image::{GrayImage, RgbImage};
 use multiscopic_core::View;
 
@@ -23,6 +25,17 @@ struct Channel {
     value: Vec<i16>,
     least: Vec<i16>,
     greatest: Vec<i16>,
+}
+
+/// The columns of row `v` of an image of a size whose matches at disparity `d` lie inside, and the index of the first of these matches; `None`
+/// if there are no such columns.
+pub fn matches_inside([width, height]: [usize; 2], view: View, v: usize, d: i16) -> Option<(Range<usize>, usize)> {
+    let shift = view.sign() as isize * isize::from(d);
+    let (along, across) = if view.is_horizontal() { (shift, 0) } else { (0, shift) };
+    let row = v.checked_add_signed(across).filter(|row| *row < height)?;
+    let inside = |column: isize| column.clamp(0, width as isize) as usize;
+    let columns = inside(-along)..inside(width as isize - along);
+    (!columns.is_empty()).then(|| (columns.clone(), row * width + columns.start.wrapping_add_signed(along)))
 }
 
 impl Intervals {
@@ -57,24 +70,14 @@ impl Intervals {
     /// # Panics
     /// If the images differ in size or channels, or `costs` is not a row.
     pub fn row_costs(&self, other: &Intervals, view: View, v: usize, d: i16, costs: &mut [i16]) {
-        let (width, height, shift) = (self.width, self.height, view.sign() as isize * isize::from(d));
         self.assert_like(other);
-        assert_eq!(costs.len(), width, "a row of costs");
-        let (row, shift) = match view.is_horizontal() {
-            true => (v, shift),
-            false => match v.checked_add_signed(shift).filter(|row| *row < height) {
-                Some(row) => (row, 0),
-                None => return costs.fill(Intervals::NONE),
-            },
+        assert_eq!(costs.len(), self.width, "a row of costs");
+        let Some((columns, first)) = matches_inside([self.width, self.height], view, v, d) else {
+            return costs.fill(Intervals::NONE);
         };
-        // The columns whose matches lie inside.
-        let inside = |column: isize| column.clamp(0, width as isize) as usize;
-        let (start, end) = (inside(-shift), inside(width as isize - shift));
-        costs[..start].fill(Intervals::NONE);
-        costs[end.max(start)..].fill(Intervals::NONE);
-        if start < end {
-            self.span_costs(other, v * width + start, row * width + start.wrapping_add_signed(shift), &mut costs[start..end]);
-        }
+        costs[..columns.start].fill(Intervals::NONE);
+        costs[columns.end..].fill(Intervals::NONE);
+        self.span_costs(other, v * self.width + columns.start, first, &mut costs[columns]);
     }
 
     /// The costs of row `v`, from `margin` columns before the image to as many after it, where the image and `other` are extended beyond

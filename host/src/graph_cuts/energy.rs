@@ -4,7 +4,10 @@ use image::{GrayImage, Luma, Rgb, RgbImage};
 use multiscopic_core::{Frame, Fusion, Params, View};
 
 use super::{GraphCuts, Occlusion, Smoothness};
-use crate::{Frames, birchfield_tomasi::Intervals};
+use crate::{
+    Frames,
+    birchfield_tomasi::{Intervals, matches_inside},
+};
 
 /// What is at a pixel: a disparity, or [`OCCLUDED`].
 pub type Label = i16;
@@ -296,18 +299,11 @@ impl Energy {
     /// What is paid if one of two neighbours has `d` and the other has not, by Potts: for each pixel of row `v` two bits for it and the pixel to
     /// its right and, four bits further up, two for it and the one below. [`side_costs`](Energy::side_costs) has what they cost.
     pub fn sides(&self, v: usize, d: Label, sides: &mut [u8]) {
-        let below = v + 1 < self.height;
         sides.fill(0);
         for (view, source) in &self.views {
-            let shift = view.sign() as isize * isize::from(d);
-            let (along, across) = if view.is_horizontal() { (shift, 0) } else { (0, shift) };
-            let inside = |v: usize| v.wrapping_add_signed(across) < self.height;
-            let columns = along.min(0).unsigned_abs()..self.width.saturating_sub(along.max(0) as usize);
-            if !inside(v) || columns.is_empty() {
-                continue;
-            }
-            let first = v.wrapping_add_signed(across) * self.width + columns.start.wrapping_add_signed(along);
-            let seen = SEEN << RIGHT | if below && inside(v + 1) { SEEN << BELOW } else { 0 };
+            let Some((columns, first)) = matches_inside(self.size(), *view, v, d) else { continue };
+            let below = v.max(first / self.width) + 1 < self.height;
+            let seen = if below { (SEEN << RIGHT) | (SEEN << BELOW) } else { SEEN << RIGHT };
             let contrasts = &source.contrasts[first..first + columns.len()];
             let last = columns.end - 1;
             let known = sides[last];

@@ -252,6 +252,7 @@ impl<'a> Labelling<'a> {
     fn mark_changes(&self, cells: &mut Cells, order: &[Label]) {
         let [width, height] = self.energy.size();
         let view = self.energy.view();
+        let unique = self.energy.occlusions() == Occlusion::Unique;
         let mut region = cells.none();
         let mut matches = Vec::new();
         for &Change { pixel, before } in &self.changed {
@@ -261,18 +262,18 @@ impl<'a> Labelling<'a> {
             let near = near.map(|(u, v)| (Pixel::at(u, v, width), self.labels[place_of(u, v, width)]));
             for (pixel, known) in near.chain([(pixel, before)]) {
                 region.add(pixel.u, pixel.v);
-                matches.extend(self.energy.matched(view, pixel, known).filter(|_| known != OCCLUDED));
+                if unique && known != OCCLUDED {
+                    matches.extend(self.energy.matched(view, pixel, known));
+                }
             }
         }
         (0..order.len()).for_each(|i| cells.mark_region(i, &region));
-        if self.energy.occlusions() == Occlusion::Unique {
-            matches.sort_unstable();
-            matches.dedup();
-            for place in matches.into_iter().map(|place| Pixel::new(place, width)) {
-                for (i, label) in order.iter().enumerate() {
-                    let origin = self.energy.matched(view, place, -label);
-                    origin.into_iter().for_each(|origin| cells.mark(i, Pixel::new(origin, width)));
-                }
+        matches.sort_unstable();
+        matches.dedup();
+        for place in matches.into_iter().map(|place| Pixel::new(place, width)) {
+            for (i, label) in order.iter().enumerate() {
+                let origin = self.energy.matched(view, place, -label);
+                origin.into_iter().for_each(|origin| cells.mark(i, Pixel::new(origin, width)));
             }
         }
     }

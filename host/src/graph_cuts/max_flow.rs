@@ -146,8 +146,9 @@ impl<T: Topology> MaxFlow<T> {
         flow
     }
 
-    /// Lets flow what can from nodes to their neighbours, as [`run`](MaxFlow::run) would, and gives how much does: most of what flows in images. It
-    /// is faster while the nodes are at hand, when most that has to do with them and their neighbours has its capacities.
+    /// Lets flow what can from nodes to their neighbours, and gives how much does: in images most of what flows, which [`run`](MaxFlow::run) then need
+    /// not find. It may be called as soon as what these nodes and their neighbours have to do with each other has its capacities, while
+    /// they are at hand.
     pub fn push_to_neighbors(&mut self, nodes: Range<usize>) -> i64 {
         let mut flow = 0;
         for i in nodes {

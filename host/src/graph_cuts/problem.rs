@@ -225,10 +225,11 @@ impl Problem<'_> {
 
     /// By how much the energy changes if the next labels are taken.
     pub fn change_to(&self, next: &[Label]) -> i64 {
-        let state = |place: usize| match if self.free[place] { next[place - self.first] } else { self.labels[place] } {
-            after if after == self.labels[place] => Keeps,
-            OCCLUDED => Hidden,
-            _ => Takes,
+        let state = |place: usize| match self.free[place].then(|| next[place - self.first]) {
+            Some(after) if after == self.labels[place] => Keeps,
+            Some(OCCLUDED) => Hidden,
+            Some(_) => Takes,
+            None => Keeps,
         };
         let mut change = 0;
         for run in self.runs {

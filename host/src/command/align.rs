@@ -3,7 +3,11 @@
 use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
-use multiscopic::{Alignment, Error, Frames, Result, Rig, alignment::Residual, output, rig::Images};
+use multiscopic::{
+    Alignment, Error, Frames, Result, Rig,
+    alignment::Residual,
+    files::{Images, output},
+};
 use serde::Serialize;
 
 use super::{

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, fmt, process::ExitCode};
 use clap::Args;
 use multiscopic::{
     Error, Processor, Result,
-    budget::{Buffer, Ram, widest_tile},
+    target::{Buffer, Ram, budget::widest_tile},
 };
 use multiscopic_core::{Fusion, Params, Region};
 use multiscopic_edge::{Profile, profile};

@@ -17,12 +17,13 @@ use clap::Args;
 use jiff::Zoned;
 use multiscopic::{
     Error, Frames, Result, Rig,
-    camera::{Camera, PixelFormat, Settings},
-    capture::capture,
-    output, rig,
-    rig::Images,
-    shutter::Shutter,
-    stage::{self, AnyStage, Limits, StageSpec},
+    capture::{
+        Shutter,
+        camera::{Camera, PixelFormat, Settings},
+        session::capture,
+        stage::{self, AnyStage, Limits, StageSpec},
+    },
+    files::{Images, Provenance, output},
 };
 use multiscopic_core::{
     Frame,
@@ -332,11 +333,11 @@ impl Session<'_> {
             principal_point: frames.size().map(|side| (side as f64 - 1.0) / 2.0),
             doffs: 0.0,
             images: Images::of_capture(frames.views()),
-            capture: rig::Capture {
+            capture: Provenance {
                 camera: Some(self.description.clone()),
                 stage: Some(self.capture.stage.to_string()),
                 date: Some(date),
-                ..rig::Capture::default()
+                ..Provenance::default()
             },
         }
     }

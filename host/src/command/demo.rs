@@ -8,14 +8,16 @@ use std::{
 
 use clap::{Args, value_parser};
 use multiscopic::{
-    DisparityMap, Error, Method, Picture, Result, Rig, error_map,
-    evaluation::{self, Record, Row},
-    image_file::write_png,
-    montage, output,
-    ply::{self, Encoding},
-    report::{Figure, Report},
-    rig::{self, Images},
-    scene::{Camera, Capture, Scene, capture},
+    DisparityMap, Error, Method, Picture, Result, Rig,
+    evaluation::{Record, Row, record},
+    files::{
+        Images, Provenance,
+        codec::write_png,
+        output,
+        ply::{self, Encoding},
+    },
+    report::{Figure, Report, error_map, montage},
+    scene::{Camera, Scene, Shot, capture},
 };
 use multiscopic_core::{Frame, Params, View, Views};
 
@@ -114,14 +116,14 @@ impl Demo {
         }
         bar.set_message("files");
         let records: Vec<Record> = results.iter().map(|found| found.record.clone()).collect();
-        let rows = evaluation::rows(&records);
+        let rows = record::rows(&records);
         folder.write_capture(&shot, &camera, self.seed)?;
         folder.write_results(&shot, &camera, &results)?;
         let html = self.page(&params[0], &records, &rows).to_html();
         output::write(&folder.path(PAGE), |writer| writer.write_all(html.as_bytes()))?;
         bar.finish_and_clear();
 
-        terminal::print(&evaluation::text(&rows))?;
+        terminal::print(&record::text(&rows))?;
         terminal::say(&format!("look at {}", folder.path(PAGE).display()));
         Ok(ExitCode::SUCCESS)
     }
@@ -202,7 +204,7 @@ impl Folder {
     }
 
     /// Writes what a camera and its stage would leave, and the truth.
-    fn write_capture(&self, shot: &Capture, camera: &Camera, seed: u64) -> Result<()> {
+    fn write_capture(&self, shot: &Shot, camera: &Camera, seed: u64) -> Result<()> {
         for (frame, _) in FRAMES {
             write_png(&self.path(&Images::file_of(frame)), shot.frame(frame))?;
         }
@@ -211,7 +213,7 @@ impl Folder {
     }
 
     /// Writes all maps and the pictures of them.
-    fn write_results(&self, shot: &Capture, camera: &Camera, results: &[Found]) -> Result<()> {
+    fn write_results(&self, shot: &Shot, camera: &Camera, results: &[Found]) -> Result<()> {
         let truth = DisparityMap::from_float(&shot.truth);
         let range = truth.range();
         let color = |map: &DisparityMap| map.to_color(range.clone());
@@ -269,12 +271,12 @@ fn rig(camera: &Camera, seed: u64) -> Rig {
         principal_point: [middle(camera.width), middle(camera.height)],
         doffs: 0.0,
         images: Images::of_capture(Views::ALL),
-        capture: rig::Capture {
+        capture: Provenance {
             camera: Some("ray tracer".into()),
             stage: Some("simulated".into()),
             repeatability_mm: Some(camera.repeatability_mm),
             notes: Some(format!("the scene of multiscopic demo, seed {seed}")),
-            ..rig::Capture::default()
+            ..Provenance::default()
         },
     }
 }

@@ -12,11 +12,9 @@ use clap::{
 };
 use multiscopic::{
     Dataset, DisparityMap, Error, FloatImage, Picture, Result,
-    dataset::Scene,
-    error_map,
-    evaluation::{self, Row},
-    output,
-    report::{Figure, Report},
+    evaluation::{Row, Scene, record},
+    files::output,
+    report::{Figure, Report, error_map},
 };
 use multiscopic_core::Fusion;
 
@@ -130,7 +128,7 @@ impl Evaluate {
         }
         bar.finish_and_clear();
 
-        let rows = evaluation::rows(&records);
+        let rows = record::rows(&records);
         if let Some(path) = &self.json {
             let json = serde_json::to_string_pretty(&records).expect("numbers and strings");
             output::write(path, |writer| writeln!(writer, "{json}"))?;
@@ -139,7 +137,7 @@ impl Evaluate {
             let html = self.page(&rows, galleries).to_html();
             output::write(path, |writer| writer.write_all(html.as_bytes()))?;
         }
-        terminal::print(&evaluation::text(&rows))?;
+        terminal::print(&record::text(&rows))?;
         Ok(ExitCode::SUCCESS)
     }
 

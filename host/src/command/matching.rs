@@ -8,8 +8,12 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    Alignment, DisparityMap, Error, Frames, Method, Result, depth, output,
-    ply::{self, Encoding},
+    Alignment, DisparityMap, Error, Frames, Method, Result,
+    files::{
+        output,
+        ply::{self, Encoding},
+    },
+    images::depth,
 };
 use multiscopic_core::{Frame, Params};
 

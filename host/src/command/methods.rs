@@ -3,12 +3,16 @@
 use clap::{Args, ValueEnum};
 use multiscopic::{
     Dataset, Error, GraphCuts, Method, Result, SemiGlobal,
-    cross_based::Likeness,
-    edge_aware::Penalties,
-    filter::{Bilateral, Filters, Median},
-    graph_cuts::{Occlusion, Smoothness},
-    mccnn::{Architecture, McCnn, Network},
-    sgm::{Census, Paths},
+    stereo::{
+        aggregation::cross_based::Likeness,
+        cost::mccnn::{Architecture, McCnn, Network},
+        optimization::{
+            edge_aware::Penalties,
+            graph_cuts::{Occlusion, Smoothness},
+            sgm::{Census, Paths},
+        },
+        refinement::filter::{Bilateral, Filters, Median},
+    },
 };
 
 use super::options::{name_of, point, positive};

@@ -247,7 +247,7 @@ impl EngineOptions {
 mod tests {
     use super::*;
     use image::GrayImage;
-    use multiscopic::rig::{Capture, Images};
+    use multiscopic::files::{Images, Provenance};
 
     #[test]
     fn what_is_given_comes_before_the_rig() {
@@ -260,7 +260,7 @@ mod tests {
             principal_point: [1.0, 2.0],
             doffs: 3.0,
             images: Images::default(),
-            capture: Capture::default(),
+            capture: Provenance::default(),
         };
         assert_eq!(nothing.geometry(Some(&rig), &frames), rig.geometry());
 

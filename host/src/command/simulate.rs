@@ -10,10 +10,12 @@ use std::{
 use clap::Args;
 use multiscopic::{
     Error, Frames, Processor, Result,
-    budget::Ram,
-    output, reception,
+    files::output,
     scene::{Camera, Scene, capture},
-    simulation::{self, Simulation},
+    target::{
+        Ram, reception,
+        simulation::{self, Simulation},
+    },
 };
 use multiscopic_core::{Fusion, Params, Region, View, Views};
 use multiscopic_edge::{Profile, profile};

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use multiscopic::{Error, Result, Rig, rig::Images};
+use multiscopic::{Error, Result, Rig, files::Images};
 
 /// The files of a capture: a folder with all of them, or each by itself.
 #[derive(Clone, Debug, Args)]

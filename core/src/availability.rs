@@ -178,11 +178,10 @@ impl Available {
 
 /// The columns in which every horizontal view is available at every disparity: all their pixels in a line have the same availability.
 pub(crate) fn uniform_columns(params: &Params) -> Range<usize> {
-    let (least, most) = (i32::from(params.min_disparity()), i32::from(params.max_disparity()));
     let width = params.width() as i32;
     let columns = params.views().iter().filter(|view| view.is_horizontal()).fold(0..width, |columns, view| {
-        let (nearest, furthest) = if view.sign() > 0 { (-least, most) } else { (most, -least) };
-        columns.start.max(nearest)..columns.end.min(width - furthest)
+        let ((nearest, _), (furthest, _)) = (view.shift(params.min_disparity()), view.shift(params.max_disparity()));
+        columns.start.max(-nearest.min(furthest))..columns.end.min(width - nearest.max(furthest))
     });
     columns.start as usize..columns.end.max(columns.start) as usize
 }

@@ -10,7 +10,7 @@
 //! | item | what it is |
 //! | --- | --- |
 //! | [`View`], [`Views`], [`Frame`] | where the camera was |
-//! | [`Fusion`], [`Params`], [`Region`] | what is matched, and how |
+//! | [`Fusion`], [`Search`], [`Params`], [`Region`] | what is matched, and how |
 //! | [`Memory`] | how many bytes that takes: the caller lends them |
 //! | [`ScanlineSource`], [`Rewind`] | where lines come from: memory, flash, a file, a sensor |
 //! | [`kernel`] | the inner loops, once, over the vectors of any instruction set |
@@ -37,6 +37,7 @@ mod memory;
 mod params;
 mod region;
 mod scanline;
+mod search;
 mod selection;
 mod sweep;
 mod view;
@@ -46,10 +47,11 @@ pub use fixed;
 pub use depth::{Depth, Triangulation};
 pub use disparity::Disparity;
 pub use error::{MatchError, MemoryTooSmall};
-pub use fusion::Fusion;
+pub use fusion::{Fusion, MatchingCost};
 pub use matcher::Matcher;
 pub use memory::Memory;
-pub use params::{Params, ParamsError};
+pub use params::Params;
 pub use region::{Region, RegionError};
 pub use scanline::{Rewind, ScanlineSource};
+pub use search::{ParamsError, Search};
 pub use view::{Frame, View, Views};

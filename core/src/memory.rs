@@ -145,8 +145,8 @@ impl Shape {
     pub const fn frame_bytes(&self, frame: Frame) -> usize {
         self.align(match frame {
             Frame::Center => self.ring_lines * self.span,
-            Frame::View(View::Left | View::Right) => self.ring_lines * self.reach(),
-            Frame::View(View::Top | View::Bottom) => self.span * self.stack,
+            Frame::View(view) if view.is_horizontal() => self.ring_lines * self.reach(),
+            Frame::View(_) => self.span * self.stack,
         })
     }
 

@@ -3,7 +3,7 @@
 use core::slice;
 
 use crate::{
-    Disparity, Params,
+    Disparity, MatchingCost, Params,
     availability::Availability,
     disparity::Around,
     kernel::{self, Block, Blocks, Lane, Rule, Steps, Winners},
@@ -213,13 +213,11 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
     fn cost(&self, availability: &Availability<'_>, index: usize) -> Option<u32> {
         let available = availability.views_at(index);
         let views = self.blocks.get(index / I::LANES)?;
-        let mut costs = [0; V];
-        let mut count = 0;
-        for (_, sums) in views.iter().enumerate().filter(|(k, _)| available >> k & 1 != 0) {
+        let mut costs = [u32::NONE; V];
+        for (_, (cost, sums)) in costs.iter_mut().zip(views).enumerate().filter(|(k, _)| available >> k & 1 != 0) {
             let lanes: &[L] = bytemuck::try_cast_slice(slice::from_ref(sums)).ok()?;
-            *costs.get_mut(count)? = lanes.get(I::lane(index % I::LANES))?.widen();
-            count += 1;
+            *cost = lanes.get(I::lane(index % I::LANES))?.widen();
         }
-        self.params.fusion().fuse(costs.get_mut(..count)?)
+        Some(self.params.fusion().fuse(costs)).filter(|cost| cost.exists())
     }
 }

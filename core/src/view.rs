@@ -29,19 +29,47 @@ impl View {
     /// Every view, in the order in which the matcher holds them.
     pub const ALL: [View; 4] = [View::Left, View::Right, View::Top, View::Bottom];
 
+    /// How far the match of a pixel lies from that pixel at a disparity of `d` pixels: `(du, dv)`.
+    ///
+    /// This is the one definition of the table above.
+    #[inline(always)]
+    pub const fn shift(self, d: i16) -> (i32, i32) {
+        let d = d as i32;
+        match self {
+            View::Left => (d, 0),
+            View::Right => (-d, 0),
+            View::Top => (0, d),
+            View::Bottom => (0, -d),
+        }
+    }
+
+    /// The match of pixel `(u, v)` at a disparity of `d` pixels, or `None` if it lies outside a frame of `(width, height)` pixels.
+    ///
+    /// ```
+    /// use multiscopic_core::View;
+    /// assert_eq!(View::Right.match_of((5, 7), 3, (10, 10)), Some((2, 7)));
+    /// assert_eq!(View::Right.match_of((5, 7), 6, (10, 10)), None);
+    /// ```
+    #[inline(always)]
+    pub const fn match_of(self, (u, v): (usize, usize), d: i16, (width, height): (usize, usize)) -> Option<(usize, usize)> {
+        let (du, dv) = self.shift(d);
+        match (u.checked_add_signed(du as isize), v.checked_add_signed(dv as isize)) {
+            (Some(u), Some(v)) if u < width && v < height => Some((u, v)),
+            _ => None,
+        }
+    }
+
     /// Whether the camera moved along the image's rows, so that matches lie in the same line.
     #[inline(always)]
     pub const fn is_horizontal(self) -> bool {
-        matches!(self, View::Left | View::Right)
+        self.shift(1).1 == 0
     }
 
     /// `+1` where a match's coordinate grows with the disparity, `-1` where it falls.
     #[inline(always)]
     pub const fn sign(self) -> i32 {
-        match self {
-            View::Left | View::Top => 1,
-            View::Right | View::Bottom => -1,
-        }
+        let (du, dv) = self.shift(1);
+        du + dv
     }
 
     /// Its name, in lower case.
@@ -54,8 +82,8 @@ impl View {
         }
     }
 
-    /// Where the view is available to a pixel: the disparities, as indices of `count` from `least` on, at which its match stays inside
-    /// the image. `coordinate` and `size` are those of the pixel and the image in the direction of the view.
+    /// The disparities at which the match of a pixel lies inside the image, as indices into the `count` disparities from `least` on.
+    /// `coordinate` and `size` are those of the pixel and the image in the direction of the view.
     ///
     /// ```
     /// use multiscopic_core::View;

@@ -40,10 +40,9 @@ impl Cost for f32 {
     }
 }
 
-/// Fuses the costs of one to four `views`, each as long as `fused`, into that.
+/// Fuses the costs of one to four `views`, each as long as `fused`, by [`Fusion::fuse`].
 ///
-/// The rules are the core's, see [`Fusion`], on the scale of a single view. Costs that do not exist are not fused; the others are finite,
-/// and not negative if the rule compares them (`heuristic`).
+/// Costs that exist are finite, and not negative if the rule compares them (`heuristic`).
 ///
 /// # Panics
 /// If there is no view or more than four, or if lengths differ.
@@ -62,32 +61,15 @@ fn fuse_views<const V: usize>(fusion: Fusion, views: [&[f32]; V], fused: &mut [f
         assert_eq!(view.len(), fused.len(), "the costs of a view");
     }
     // A loop for each rule, so that it has no branch.
-    let mut each =
-        |rule: fn([f32; V]) -> f32| fused.iter_mut().enumerate().for_each(|(i, fused)| *fused = rule(views.map(|view| view[i])));
-    match fusion {
-        Fusion::Min => each(|costs| costs.into_iter().fold(f32::NONE, f32::min)),
-        Fusion::Mean => each(mean),
-        Fusion::Heuristic => each(heuristic),
+    macro_rules! fuse_by {
+        ($rule:expr) => {
+            fused.iter_mut().enumerate().for_each(|(i, fused)| *fused = $rule.fuse(views.map(|view| view[i])))
+        };
     }
-}
-
-/// The mean of the costs that exist.
-fn mean<const V: usize>(costs: [f32; V]) -> f32 {
-    let exist = costs.iter().filter(|cost| **cost != f32::NONE);
-    let (sum, count) = exist.fold((0.0, 0.0), |(sum, count), cost| (sum + cost, count + 1.0));
-    if count == 0.0 { f32::NONE } else { sum / count }
-}
-
-/// The mean of the three least costs, or of the two least if the third is above three times the second, or does not exist.
-fn heuristic<const V: usize>(mut costs: [f32; V]) -> f32 {
-    costs.sort_unstable_by(f32::total_cmp);
-    let [c1, c2, c3] = std::array::from_fn(|i| costs.get(i).copied().unwrap_or(f32::NONE));
-    if c2 == f32::NONE {
-        c1
-    } else if c3 == f32::NONE || c3 > 3.0 * c2 {
-        (c1 + c2) / 2.0
-    } else {
-        (c1 + c2 + c3) / 3.0
+    match fusion {
+        Fusion::Min => fuse_by!(Fusion::Min),
+        Fusion::Mean => fuse_by!(Fusion::Mean),
+        Fusion::Heuristic => fuse_by!(Fusion::Heuristic),
     }
 }
 

@@ -1,7 +1,7 @@
 //! What a labelling costs.
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
-use multiscopic_core::{Frame, Fusion, Params, View};
+use multiscopic_core::{Frame, Fusion, MatchingCost, Params, View};
 
 use super::{GraphCuts, Occlusion, Smoothness};
 use crate::{
@@ -222,13 +222,11 @@ impl Energy {
             return;
         }
         for (u, fused) in costs.iter_mut().enumerate() {
-            let mut seen = [0; View::ALL.len()];
-            let mut count = 0;
-            for row in rows.iter().filter(|row| row[u] != Intervals::NONE) {
-                seen[count] = row[u] as u32;
-                count += 1;
+            let mut seen = [u32::NONE; View::ALL.len()];
+            for (seen, row) in seen.iter_mut().zip(rows).filter(|(_, row)| row[u] != Intervals::NONE) {
+                *seen = row[u] as u32;
             }
-            *fused = self.fusion.fuse(&mut seen[..count]).map_or(i32::MAX, |cost| cost as i32);
+            *fused = i32::try_from(self.fusion.fuse(seen)).unwrap_or(i32::MAX);
         }
     }
 

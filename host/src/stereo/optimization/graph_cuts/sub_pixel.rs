@@ -136,13 +136,9 @@ impl Window {
             return;
         }
         for (i, fused) in fused.iter_mut().enumerate() {
-            let mut exist = [0; View::ALL.len()];
-            let mut count = 0;
-            for sums in sums.iter().filter(|sums| sums[i] != NONE) {
-                exist[count] = sums[i];
-                count += 1;
-            }
-            *fused = energy.fusion().fuse(&mut exist[..count]).unwrap_or(NONE);
+            let mut costs = [NONE; View::ALL.len()];
+            costs.iter_mut().zip(sums.iter()).for_each(|(cost, sums)| *cost = sums[i]);
+            *fused = energy.fusion().fuse(costs);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The networks MC-CNN against their definition, with random weights; and with the published weights against the Python package.
 //!
-//! Tests of the published weights are reported as ignored where these are not, see [`multiscopic_tests::mccnn::weights`]; so is
-//! that of their conversion where there is no [wheel](multiscopic_tests::mccnn::wheel).
+//! Tests of the published weights are reported as ignored where these are not, see [`multiscopic_tests::samples::weight_files::weights`]; so is
+//! that of their conversion where there is no [wheel](multiscopic_tests::samples::weight_files::wheel).
 
 use std::{
     collections::BTreeMap,
@@ -25,10 +25,10 @@ use multiscopic::{
 };
 use multiscopic_core::{Frame, Fusion, Params, View, Views};
 use multiscopic_tests::{
-    command::Run,
-    images::read_grey,
-    mccnn::{self, Reference},
+    program::Run,
     random::Random,
+    reference::networks::{self, Reference},
+    samples::{images::read_grey, weight_files},
 };
 use serde_json::Value;
 
@@ -51,14 +51,14 @@ fn main() {
     trials.push(Trial::test("weights_are_read_or_refused", weights));
     trials.push(Trial::test("the_command_says_how_to_install", command));
 
-    let folder = mccnn::weights();
+    let folder = weight_files::weights();
     for name in ["fast", "accurate"] {
         let folder = folder.clone();
         let absent = folder.is_none();
         let run = move || golden(name, &folder.ok_or("the weights are not installed")?);
         trials.push(Trial::test(format!("golden::{name}"), run).with_ignored_flag(absent));
     }
-    let (wheel, absent) = (mccnn::wheel(), mccnn::wheel().is_none() || folder.is_none());
+    let (wheel, absent) = (weight_files::wheel(), weight_files::wheel().is_none() || folder.is_none());
     let run = move || install(&wheel.ok_or("no wheel is given")?, &folder.ok_or("the weights are not installed")?);
     trials.push(Trial::test("the_package_is_converted", run).with_ignored_flag(absent));
     libtest_mimic::run(&arguments, trials).exit();
@@ -399,7 +399,7 @@ fn command() -> Result<(), Failed> {
     Run::with(["weights", "path"], here()).assert_refused(&["mccnn-accurate"]);
     Reference::random("accurate", &mut Random(17)).write(folder.path());
     let run = Run::with(["weights", "path"], here());
-    let expected = ["fast", "accurate"].map(|name| format!("{}\n", folder.path().join(mccnn::file_name(name)).display()));
+    let expected = ["fast", "accurate"].map(|name| format!("{}\n", folder.path().join(networks::file_name(name)).display()));
     assert_eq!((run.code, run.stdout), (Some(0), expected.concat()));
     Ok(())
 }
@@ -414,7 +414,7 @@ fn install(wheel: &Path, expected: &Path) -> Result<(), Failed> {
     );
     assert_eq!(run.code, Some(0), "{run:#?}");
     for name in ["fast", "accurate"] {
-        let file = mccnn::file_name(name);
+        let file = networks::file_name(name);
         assert!(fs::read(into.join(&file))? == fs::read(expected.join(&file))?, "{file}");
     }
     Ok(())

@@ -1,37 +1,19 @@
 //! `cargo xtask`: one command for what a developer and the continuous integration do. Needs nothing but Rust.
 
-mod aarch64;
-mod archive;
 mod board;
-mod calibration;
-mod capture;
-mod check;
-mod command;
-mod counter;
-mod debian;
-mod edge;
-mod emulator;
-mod faults;
+mod checks;
 mod firmware;
-mod footprint;
-mod image_set;
-mod instructions;
-mod kernel;
-mod kernels;
-mod layout;
-mod least_squares;
-mod log;
 mod machine;
-mod received;
 mod record;
-mod setup;
-mod tool;
-mod toolchain;
-mod v4l2;
-mod workers;
+mod system;
+mod tools;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
+
+use checks::{aarch64, instructions, steps, v4l2};
+use firmware::{capturing, faults, kernel_twins, profiles};
+use tools::setup;
 
 /// Runs the project's tests, checks and firmware.
 #[derive(Parser)]
@@ -50,7 +32,7 @@ enum Task {
     /// Check formatting, lints and documentation, then run every test
     Ci,
     /// Build the firmware, run it in the emulator, compare it with this machine bit for bit, and measure it
-    Edge(edge::Selection),
+    Edge(profiles::Selection),
     /// Run the firmware that moves a camera and captures, with everything that can go wrong
     Capture,
     /// Run the firmware where it must fail: too large, out of stack, without its frames
@@ -80,15 +62,15 @@ fn main() -> ExitCode {
 fn run(task: Task) -> anyhow::Result<()> {
     match task {
         Task::Setup => setup::run().map(drop),
-        Task::Test => check::test(),
-        Task::Ci => check::ci(),
+        Task::Test => steps::test(),
+        Task::Ci => steps::ci(),
         Task::V4l2 => v4l2::run_tests(),
-        Task::Kernels => kernels::run(&setup::run()?),
+        Task::Kernels => kernel_twins::run(&setup::run()?),
         Task::Aarch64 => aarch64::run_tests(),
         Task::Instructions(guard) => guard.run(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
-        Task::Capture => capture::run(&setup::run()?),
+        Task::Capture => capturing::run(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),
-        Task::Edge(selection) => edge::run(&setup::run()?, &selection),
+        Task::Edge(selection) => profiles::run(&setup::run()?, &selection),
     }
 }

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, ensure};
 use std::{collections::BTreeMap, fs};
 
-use crate::layout;
+use crate::system::layout;
 
 /// Where it is.
 const PATH: &str = "tests/benches/instructions.json";

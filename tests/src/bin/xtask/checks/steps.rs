@@ -1,0 +1,81 @@
+//! The tests and the checks, step by step.
+
+use anyhow::{Context, Result};
+use std::{process::Command, time::Instant};
+
+use crate::{
+    board::emulated_board,
+    checks::{aarch64, instructions, v4l2},
+    firmware::{capturing, faults, kernel_twins, profiles},
+    system::process::{built_program, command, run},
+    tools::{setup, toolchain::Toolchain},
+};
+
+/// Every test.
+pub fn test() -> Result<()> {
+    let toolchain = step("setup", setup::run)?;
+    step("tests in debug", || test_workspace("dev"))?;
+    step("tests in release", || test_workspace("release"))?;
+    step("the kernel of 64-bit Arm", aarch64::run_tests)?;
+    step("instructions", || instructions::Guard::COMPARE.run())?;
+    step("cameras in a virtual machine", v4l2::run_tests)?;
+    step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
+    step("the kernels in the emulator", || kernel_twins::run(&toolchain))?;
+    step("the firmware in the emulator", || profiles::run(&toolchain, &profiles::Selection::default()))?;
+    step("the firmware that captures", || capturing::run(&toolchain))?;
+    step("the firmware's faults", || faults::run(&toolchain))?;
+    println!("\nevery test passed");
+    Ok(())
+}
+
+/// Formatting, lints, documentation, and every test.
+pub fn ci() -> Result<()> {
+    let toolchain = step("setup", setup::run)?;
+    step("formatting", || run(&mut cargo(&["fmt", "--all", "--check"])))?;
+    step("lints", || run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--", "-Dwarnings"])))?;
+    step("lints for Arm", || lints_for_arm(&toolchain))?;
+    step("documentation", || run(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")))?;
+    test()
+}
+
+/// Runs a step, and names it if it fails.
+fn step<T>(name: &str, run: impl FnOnce() -> Result<T>) -> Result<T> {
+    println!("\n== {name}");
+    let start = Instant::now();
+    let done = run().with_context(|| format!("step failed: {name}"))?;
+    println!("== {name}: passed in {:.0} s", start.elapsed().as_secs_f64());
+    Ok(done)
+}
+
+fn test_workspace(profile: &str) -> Result<()> {
+    let program = built_program(profile)?;
+    run(cargo(&["test", "--workspace", "--profile", profile]).env("MULTISCOPIC_BINARY", program))
+}
+
+fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
+    // As firmware of one's own has them.
+    let libraries: [&[&str]; 3] = [
+        &["--package", "multiscopic-core"],
+        &["--package", "multiscopic-edge"],
+        &["--package", "multiscopic-edge", "--features", "stepper,hm01b0"],
+    ];
+    emulated_board::targets().iter().flat_map(|target| libraries.map(|library| (target, library))).try_for_each(
+        |(target, library)| {
+            let mut build = toolchain.cargo("rustc");
+            build.args(["--release", "--no-default-features", "--lib"]).args(library);
+            run(build.args(["--target", target, "--", "-Dwarnings"]))
+        },
+    )
+}
+
+fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
+    emulated_board::targets().iter().try_for_each(|target| {
+        let mut clippy = toolchain.cargo("clippy");
+        let packages = ["--package", "multiscopic-core", "--package", "multiscopic-edge"];
+        run(clippy.args(packages).args(["--target", target, "--lib", "--bins", "--examples", "--", "-Dwarnings"]))
+    })
+}
+
+fn cargo(args: &[&str]) -> Command {
+    command("cargo", args)
+}

@@ -1,0 +1,5 @@
+//! The host's other methods against their definitions.
+
+mod cost_volumes;
+mod graph_cuts;
+mod sgm;

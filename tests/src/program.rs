@@ -40,7 +40,7 @@ pub fn binary() -> &'static Path {
 
 /// What a run of the command line did.
 #[derive(Debug)]
-pub struct Run {
+pub struct Invocation {
     /// Its exit code; `None` if a signal ended it.
     pub code: Option<i32>,
     /// What it wrote to standard output.
@@ -49,21 +49,21 @@ pub struct Run {
     pub stderr: String,
 }
 
-impl Run {
+impl Invocation {
     /// Runs the command line to its end.
-    pub fn new<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Run {
-        Run::with(arguments, [])
+    pub fn new<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Invocation {
+        Invocation::with(arguments, [])
     }
 
     /// The same in an environment with these variables too.
     pub fn with<A: AsRef<OsStr>>(
         arguments: impl IntoIterator<Item = A>,
         variables: impl IntoIterator<Item = (&'static str, PathBuf)>,
-    ) -> Run {
+    ) -> Invocation {
         let mut command = Command::new(binary());
         let output = command.args(arguments).envs(variables).stdin(Stdio::null()).output().expect("the command line runs");
         let text = |bytes| String::from_utf8(bytes).expect("the output is UTF-8");
-        Run { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+        Invocation { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
     }
 
     /// Panics unless it did what it was asked to, and printed nothing to standard output.

@@ -25,7 +25,7 @@ use multiscopic::{
 };
 use multiscopic_core::{Frame, Fusion, Params, View, Views};
 use multiscopic_tests::{
-    program::Run,
+    program::Invocation,
     random::Random,
     reference::networks::{self, Reference},
     samples::{images::read_grey, weight_files},
@@ -373,16 +373,20 @@ fn weights() -> Result<(), Failed> {
 fn command() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let nowhere = || [("MULTISCOPIC_WEIGHTS", folder.path().join("nowhere"))];
-    Run::with(["weights", "path"], nowhere()).assert_refused(&["mccnn-fast", "nowhere", "run `multiscopic weights install`"]);
+    Invocation::with(["weights", "path"], nowhere()).assert_refused(&[
+        "mccnn-fast",
+        "nowhere",
+        "run `multiscopic weights install`",
+    ]);
     let golden = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("golden").join(name);
     let out = folder.path().join("out.pfm");
     let arguments = ["match", "--method", "mccnn-accurate", "--center"].map(PathBuf::from).into_iter();
     let arguments = arguments.chain([golden("center.png"), "--left".into(), golden("left.png"), "-o".into(), out.clone()]);
-    Run::with(arguments, nowhere()).assert_refused(&["mccnn-accurate", "nowhere", "run `multiscopic weights install`"]);
+    Invocation::with(arguments, nowhere()).assert_refused(&["mccnn-accurate", "nowhere", "run `multiscopic weights install`"]);
     assert!(!out.exists(), "nothing is matched");
     let wheel = folder.path().join("mccnn.whl");
     let from = |words: &[&str]| {
-        let run = Run::with(["weights".as_ref(), "install".as_ref(), "--from".as_ref(), wheel.as_os_str()], nowhere());
+        let run = Invocation::with(["weights".as_ref(), "install".as_ref(), "--from".as_ref(), wheel.as_os_str()], nowhere());
         run.assert_refused(words);
         assert!(!folder.path().join("nowhere").exists(), "nothing is made");
     };
@@ -396,9 +400,9 @@ fn command() -> Result<(), Failed> {
     let reference = Reference::random("fast", &mut Random(16));
     reference.write(folder.path());
     let here = || [("MULTISCOPIC_WEIGHTS", folder.path().to_owned())];
-    Run::with(["weights", "path"], here()).assert_refused(&["mccnn-accurate"]);
+    Invocation::with(["weights", "path"], here()).assert_refused(&["mccnn-accurate"]);
     Reference::random("accurate", &mut Random(17)).write(folder.path());
-    let run = Run::with(["weights", "path"], here());
+    let run = Invocation::with(["weights", "path"], here());
     let expected = ["fast", "accurate"].map(|name| format!("{}\n", folder.path().join(networks::file_name(name)).display()));
     assert_eq!((run.code, run.stdout), (Some(0), expected.concat()));
     Ok(())
@@ -408,7 +412,7 @@ fn command() -> Result<(), Failed> {
 fn install(wheel: &Path, expected: &Path) -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let into = folder.path().join("made");
-    let run = Run::with(
+    let run = Invocation::with(
         ["weights".as_ref(), "install".as_ref(), "--from".as_ref(), wheel.as_os_str()],
         [("MULTISCOPIC_WEIGHTS", into.clone())],
     );

@@ -7,7 +7,7 @@ use std::{error::Error, path::Path};
 use libtest_mimic::{Arguments, Failed, Trial};
 use multiscopic_core::{Region, kernel::Portable};
 use multiscopic_tests::{
-    program::Run,
+    program::Invocation,
     random::Random,
     reference::{
         Fusion::{self, Heuristic, Mean, Min},
@@ -117,7 +117,7 @@ fn evaluate(root: &Path, dataset: Dataset, arguments: &[&str]) -> Result<Vec<Row
     let paths = [folder.to_str().ok_or("a path in UTF-8")?, json.to_str().ok_or("a path in UTF-8")?];
     let mut all = vec!["evaluate", paths[0], "--dataset", dataset.name(), "--json", paths[1]];
     all.extend(arguments);
-    let run = Run::with(&all, weight_files::weights().map(|folder| ("MULTISCOPIC_WEIGHTS", folder)));
+    let run = Invocation::with(&all, weight_files::weights().map(|folder| ("MULTISCOPIC_WEIGHTS", folder)));
     if run.code != Some(0) {
         return Err(format!("{all:?}: {run:#?}").into());
     }

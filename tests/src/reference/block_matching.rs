@@ -17,7 +17,7 @@ pub enum Fusion {
     Heuristic,
 }
 
-/// Images and how to match them.
+/// ViewSet and how to match them.
 #[derive(Clone, Copy, Debug)]
 pub struct Match<'a> {
     /// Pixels in a line.

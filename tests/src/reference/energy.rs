@@ -2,7 +2,7 @@
 
 use image::{Rgb, RgbImage};
 
-/// Images and what labellings of the centre cost. Costs are in intensities.
+/// ViewSet and what labellings of the centre cost. Costs are in intensities.
 #[derive(Clone, Debug)]
 pub struct Energy {
     /// The reference image. One that is grey has three equal channels.

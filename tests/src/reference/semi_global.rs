@@ -8,7 +8,7 @@ pub const PATHS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, 1), (1, 1), (-1, 1), (0
 /// Where the match of a pixel lies per pixel of disparity: left, right, top, bottom.
 const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
-/// Images and how to match them.
+/// ViewSet and how to match them.
 #[derive(Clone, Debug)]
 pub struct SemiGlobal<'a> {
     /// Pixels in a line.

@@ -11,12 +11,12 @@ use proptest::{
 use crate::{
     random::Random,
     reference::{Fusion, raw16},
-    samples::{images::Images, strict_source::StrictSource},
+    samples::{images::ViewSet, strict_source::StrictSource},
 };
 
 /// What images look like.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Texture {
+pub enum Appearance {
     /// Every pixel of every image by itself.
     Noise,
     /// The same with so few grey values, from black to white, that many costs are equal.
@@ -51,14 +51,14 @@ pub struct Case {
     /// The side of the block.
     pub block_size: i32,
     /// What the images look like.
-    pub texture: Texture,
+    pub texture: Appearance,
     /// The seed of the images.
     pub seed: u64,
 }
 
 impl Case {
     /// The images.
-    pub fn images(&self) -> Images {
+    pub fn images(&self) -> ViewSet {
         let mut random = Random(self.seed);
         let (width, height) = (self.width, self.height);
         let mut fill = |pixel: &mut dyn FnMut(&mut Random, i32, i32) -> u8| -> Vec<u8> {
@@ -66,12 +66,12 @@ impl Case {
         };
         let levels = |count: u8| move |random: &mut Random| (255 * random.below(count.into()) / (usize::from(count) - 1)) as u8;
         let (center, views): (Vec<u8>, [Vec<u8>; 4]) = match self.texture {
-            Texture::Noise => (fill(&mut |r, _, _| r.byte()), [(); 4].map(|()| fill(&mut |r, _, _| r.byte()))),
-            Texture::Levels(count) => {
+            Appearance::Noise => (fill(&mut |r, _, _| r.byte()), [(); 4].map(|()| fill(&mut |r, _, _| r.byte()))),
+            Appearance::Levels(count) => {
                 let level = levels(count);
                 (fill(&mut |r, _, _| level(r)), [(); 4].map(|()| fill(&mut |r, _, _| level(r))))
             }
-            Texture::Shifted => {
+            Appearance::Shifted => {
                 let center = fill(&mut |r, _, _| r.byte());
                 let d = self.min_disparity + (self.seed % self.num_disparities as u64) as i32;
                 let views = [(-d, 0), (d, 0), (0, -d), (0, d)].map(|(du, dv)| {
@@ -83,7 +83,7 @@ impl Case {
                 });
                 (center, views)
             }
-            Texture::Smooth => {
+            Appearance::Smooth => {
                 let mut ramp = || {
                     let (mut across, mut down, mut offset) = (0, 0, 0);
                     fill(&mut |r, x, y| {
@@ -95,7 +95,7 @@ impl Case {
                 };
                 (ramp(), [(); 4].map(|()| ramp()))
             }
-            Texture::Periodic(period) => {
+            Appearance::Periodic(period) => {
                 let (period, shear) = (i32::from(period), (self.seed % 4) as i32);
                 let mut pattern = || {
                     let mut phase = 0;
@@ -108,7 +108,7 @@ impl Case {
                 };
                 (pattern(), [(); 4].map(|()| pattern()))
             }
-            Texture::Brink => {
+            Appearance::Brink => {
                 let costs = [1, 2, 3, 4, 6][(self.seed % 5) as usize];
                 let grey = 65536 / (costs * self.block_size.pow(2));
                 let mut stripes = || {
@@ -120,7 +120,7 @@ impl Case {
                 };
                 (vec![0; width * height], [(); 4].map(|()| stripes()))
             }
-            Texture::Opposite => {
+            Appearance::Opposite => {
                 let (dark, rare) = (self.seed & 1 == 0, self.seed >> 1 & 7);
                 let white = |center: bool| u8::from(center == dark).wrapping_sub(1);
                 let mut extreme = |center: bool| fill(&mut |r, _, _| white(center != (rare > 0 && r.below(64) < rare as usize)));
@@ -128,7 +128,7 @@ impl Case {
             }
         };
         let mut keep = self.views.into_iter();
-        Images { width, height, center, views: views.map(|view| keep.next().and_then(|keep| keep.then_some(view))) }
+        ViewSet { width, height, center, views: views.map(|view| keep.next().and_then(|keep| keep.then_some(view))) }
     }
 
     /// The core's parameters.
@@ -137,7 +137,7 @@ impl Case {
     }
 
     /// What the float reference finds, as 16-bit images encode it.
-    pub fn reference(&self, images: &Images) -> Vec<u16> {
+    pub fn reference(&self, images: &ViewSet) -> Vec<u16> {
         let reference = images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size);
         reference.disparities().into_iter().map(raw16).collect()
     }
@@ -184,7 +184,7 @@ pub fn params(
 
 /// What the core finds in a region, as 16-bit images encode it. The source is strict, and the memory is exactly as much as is
 /// needed and holds random words at first.
-pub fn matched<I>(isa: I, params: &Params, region: &Region, images: &Images, random: &mut Random) -> Vec<u16>
+pub fn matched<I>(isa: I, params: &Params, region: &Region, images: &ViewSet, random: &mut Random) -> Vec<u16>
 where
     I: Blocks<u16> + Blocks<u32>,
 {
@@ -234,13 +234,13 @@ pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
     let fusion = prop_oneof![Just(Fusion::Min), Just(Fusion::Mean), Just(Fusion::Heuristic)];
     let views = (1..16_u8).prop_map(|views| [0, 1, 2, 3].map(|i| views >> i & 1 != 0));
     let texture = prop_oneof![
-        2 => Just(Texture::Noise),
-        3 => (2..=4_u8).prop_map(Texture::Levels),
-        3 => Just(Texture::Shifted),
-        2 => Just(Texture::Smooth),
-        1 => (2..=6_u8).prop_map(Texture::Periodic),
-        2 => Just(Texture::Opposite),
-        3 => Just(Texture::Brink),
+        2 => Just(Appearance::Noise),
+        3 => (2..=4_u8).prop_map(Appearance::Levels),
+        3 => Just(Appearance::Shifted),
+        2 => Just(Appearance::Smooth),
+        1 => (2..=6_u8).prop_map(Appearance::Periodic),
+        2 => Just(Appearance::Opposite),
+        3 => Just(Appearance::Brink),
     ];
     let case = (sizes, views, fusion, search, block_size, texture, any::<u64>()).prop_map(
         |((width, height), views, fusion, (min_disparity, num_disparities), block_size, texture, seed)| Case {

@@ -1,6 +1,6 @@
 //! Disparities drawn in ASCII: `0` to `9`, `a` to `i` for -1 to -9, and `.` for an invalid pixel.
 
-use crate::{random::Random, samples::images::Images};
+use crate::{random::Random, samples::images::ViewSet};
 
 /// The lines of a drawing, without the indentation and the empty lines around it.
 fn lines(drawing: &str) -> Vec<&str> {
@@ -18,10 +18,10 @@ pub fn draw(width: usize, disparities: &[Option<f64>]) -> String {
     disparities.chunks(width).map(|line| line.iter().map(letter).collect::<String>()).collect::<Vec<_>>().join("\n")
 }
 
-/// Images of a drawn scene without invalid pixels: a random texture in the centre, seen from all four views.
+/// ViewSet of a drawn scene without invalid pixels: a random texture in the centre, seen from all four views.
 ///
 /// In each view what is near hides what is far, and what the centre does not see is noise.
-pub fn synthesise(drawing: &str, seed: u64) -> Images {
+pub fn synthesise(drawing: &str, seed: u64) -> ViewSet {
     let lines = lines(drawing);
     let (width, height) = (lines[0].len(), lines.len());
     let mut random = Random(seed);
@@ -43,7 +43,7 @@ pub fn synthesise(drawing: &str, seed: u64) -> Images {
         }
         Some(view)
     });
-    Images { width, height, center, views }
+    ViewSet { width, height, center, views }
 }
 
 fn disparity(letter: u8) -> i32 {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::{
     reference::Fusion::{self, Heuristic, Mean, Min},
-    samples::images::Images,
+    samples::images::ViewSet,
 };
 
 /// Pixels in a line of a golden image.
@@ -62,7 +62,7 @@ pub fn paths() -> [PathBuf; 5] {
 }
 
 /// The golden views.
-pub fn images() -> Images {
+pub fn images() -> ViewSet {
     let [center, left, right, top, bottom] = paths();
-    Images::read(&center, [&left, &right, &top, &bottom].map(|path| Some(path.as_path())))
+    ViewSet::read(&center, [&left, &right, &top, &bottom].map(|path| Some(path.as_path())))
 }

@@ -6,7 +6,7 @@ use crate::reference::{Fusion, Match};
 
 /// A centre image and the neighbours that there are.
 #[derive(Clone, PartialEq, Eq)]
-pub struct Images {
+pub struct ViewSet {
     /// Pixels in a line.
     pub width: usize,
     /// Lines.
@@ -17,7 +17,7 @@ pub struct Images {
     pub views: [Option<Vec<u8>>; 4],
 }
 
-impl Images {
+impl ViewSet {
     /// These images in the reference's terms.
     pub fn reference(&self, fusion: Fusion, min_disparity: i32, num_disparities: i32, block_size: i32) -> Match<'_> {
         Match {
@@ -33,16 +33,16 @@ impl Images {
     }
 
     /// The rectangle of `width` x `height` pixels at `(left, top)`.
-    pub fn crop(&self, left: usize, top: usize, width: usize, height: usize) -> Images {
+    pub fn crop(&self, left: usize, top: usize, width: usize, height: usize) -> ViewSet {
         let cut = |image: &Vec<u8>| {
             let lines = image.chunks_exact(self.width).skip(top).take(height);
             lines.flat_map(|line| &line[left..left + width]).copied().collect()
         };
-        Images { width, height, center: cut(&self.center), views: self.views.each_ref().map(|view| view.as_ref().map(cut)) }
+        ViewSet { width, height, center: cut(&self.center), views: self.views.each_ref().map(|view| view.as_ref().map(cut)) }
     }
 
     /// These images without the neighbours that `keep` (left, right, top, bottom) leaves out.
-    pub fn only(&self, keep: [bool; 4]) -> Images {
+    pub fn only(&self, keep: [bool; 4]) -> ViewSet {
         let mut images = self.clone();
         for (view, keep) in images.views.iter_mut().zip(keep) {
             if !keep {
@@ -53,7 +53,7 @@ impl Images {
     }
 
     /// Reads the centre image and the neighbours from files of one size.
-    pub fn read(center: &Path, views: [Option<&Path>; 4]) -> Images {
+    pub fn read(center: &Path, views: [Option<&Path>; 4]) -> ViewSet {
         let (width, height, center) = read_grey(center);
         let views = views.map(|path| {
             path.map(|path| {
@@ -62,7 +62,7 @@ impl Images {
                 pixels
             })
         });
-        Images { width, height, center, views }
+        ViewSet { width, height, center, views }
     }
 
     /// Writes `center.pgm`, `left.pgm` and so on to a folder, and a `rig.toml`.
@@ -84,7 +84,7 @@ impl Images {
     }
 }
 
-impl fmt::Debug for Images {
+impl fmt::Debug for ViewSet {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}x{} with {:?}", self.width, self.height, self.views.each_ref().map(Option::is_some))
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::{program::Run, samples::images::Images};
+use crate::{program::Invocation, samples::images::ViewSet};
 
 /// Pixels of the large images to one of the small.
 pub const FACTOR: usize = 4;
@@ -29,7 +29,7 @@ impl Off {
 
 /// The images at a quarter of their size, each view with something off. Pixels are the means of squares, so a shift takes no
 /// interpolation.
-pub fn quarter(images: &Images, off: [Off; 4]) -> Images {
+pub fn quarter(images: &ViewSet, off: [Off; 4]) -> ViewSet {
     let [width, height] = [images.width, images.height].map(|side| (side - 2 * MARGIN) / FACTOR);
     let shrunk = |pixels: &[u8], down: i32, right: i32, gain: f64| -> Vec<u8> {
         let mean = |u: usize, v: usize| {
@@ -46,7 +46,7 @@ pub fn quarter(images: &Images, off: [Off; 4]) -> Images {
         let [down, right] = if k < 2 { [across_quarters, 0] } else { [0, across_quarters] };
         images.views[k].as_ref().map(|view| shrunk(view, down, right, gain))
     });
-    Images { width, height, center: shrunk(&images.center, 0, 0, 1.0), views }
+    ViewSet { width, height, center: shrunk(&images.center, 0, 0, 1.0), views }
 }
 
 /// What `multiscopic align` says is off in a view.
@@ -63,7 +63,7 @@ pub struct Found {
 /// Runs `multiscopic align` on a folder; what it finds, by view.
 pub fn align(folder: &Path, arguments: &[&str]) -> [Option<Found>; 4] {
     let folder = folder.to_str().expect("a path in UTF-8");
-    let run = Run::new([&["align", folder, "--json"], arguments].concat());
+    let run = Invocation::new([&["align", folder, "--json"], arguments].concat());
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let lines: Vec<serde_json::Value> = serde_json::from_str(&run.stdout).expect("JSON");
     ["left", "right", "top", "bottom"].map(|name| {
@@ -75,7 +75,7 @@ pub fn align(folder: &Path, arguments: &[&str]) -> [Option<Found>; 4] {
 
 /// Panics unless `align` finds in a quarter of `images` what was put in, beside what was off before: shifts within 0.1 pixels and
 /// brightness within 1 %.
-pub fn assert_recovers(images: &Images, num_disparities: usize, offs: &[[Off; 4]]) {
+pub fn assert_recovers(images: &ViewSet, num_disparities: usize, offs: &[[Off; 4]]) {
     let found = |off: [Off; 4]| {
         let folder = tempfile::tempdir().expect("a folder for a test");
         quarter(images, off).write_rig(folder.path());

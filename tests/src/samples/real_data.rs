@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::samples::images::{Images, read_grey, read_pfm};
+use crate::samples::images::{ViewSet, read_grey, read_pfm};
 
 /// The folder of the data: `$MULTISCOPIC_DATA`, then `../shared/data` beside the repository; `None` if neither exists.
 pub fn root() -> Option<PathBuf> {
@@ -13,11 +13,11 @@ pub fn root() -> Option<PathBuf> {
     env::var_os("MULTISCOPIC_DATA").map(PathBuf::from).into_iter().chain([beside]).find(|path| path.is_dir())
 }
 
-/// Images and the true disparities, `None` where they are not known.
+/// ViewSet and the true disparities, `None` where they are not known.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// The images.
-    pub images: Images,
+    pub images: ViewSet,
     /// The true disparity of every pixel of the centre image.
     pub truth: Vec<Option<f64>>,
 }
@@ -58,13 +58,13 @@ impl Dataset {
             Dataset::Tsukuba => {
                 let at = |row: u8, col: u8| folder.join(format!("scene1.row{row}.col{col}.ppm"));
                 let views = [at(3, 2), at(3, 4), at(2, 3), at(4, 3)];
-                let images = Images::read(&at(3, 3), views.each_ref().map(|path| Some(path.as_path())));
+                let images = ViewSet::read(&at(3, 3), views.each_ref().map(|path| Some(path.as_path())));
                 Scene { images, truth: read_truth(&folder.join("truedisp.row3.col3.pgm"), 16.0) }
             }
             Dataset::Hci4d => {
                 let folder = folder.join(scene);
                 let views = [36, 44, 4, 76].map(|n| folder.join(format!("input_Cam{n:03}.png")));
-                let images = Images::read(&folder.join("input_Cam040.png"), views.each_ref().map(|path| Some(path.as_path())));
+                let images = ViewSet::read(&folder.join("input_Cam040.png"), views.each_ref().map(|path| Some(path.as_path())));
                 let truth = read_pfm(&folder.join("gt_disp_lowres.pfm")).2;
                 Scene { images, truth: truth.into_iter().map(|step| Some(4.0 * f64::from(step))).collect() }
             }
@@ -74,7 +74,7 @@ impl Dataset {
 
 fn middlebury(folder: &Path, greys_per_pixel: f64) -> Scene {
     let at = |name: &str| folder.join(name);
-    let images = Images::read(&at("view1.png"), [Some(&at("view0.png")), Some(&at("view2.png")), None, None]);
+    let images = ViewSet::read(&at("view1.png"), [Some(&at("view0.png")), Some(&at("view2.png")), None, None]);
     Scene { images, truth: read_truth(&at("disp1.png"), greys_per_pixel) }
 }
 

@@ -2,17 +2,17 @@
 
 use multiscopic_core::{Frame, Params, Region, ScanlineSource, View};
 
-use crate::samples::images::Images;
+use crate::samples::images::ViewSet;
 
-/// The frames: the centre and its neighbours in the order of [`Images::views`].
+/// The frames: the centre and its neighbours in the order of [`ViewSet::views`].
 pub const FRAMES: [Frame; 5] =
     [Frame::Center, Frame::View(View::Left), Frame::View(View::Right), Frame::View(View::Top), Frame::View(View::Bottom)];
 
-/// Images as a source that panics unless the lines of each frame are asked for once, in ascending order, and never further ahead
+/// ViewSet as a source that panics unless the lines of each frame are asked for once, in ascending order, and never further ahead
 /// than [`Params::lead`] allows.
 #[derive(Debug)]
 pub struct StrictSource<'a> {
-    images: &'a Images,
+    images: &'a ViewSet,
     params: Params,
     region: Region,
     /// How many disparity lines are out.
@@ -23,7 +23,7 @@ pub struct StrictSource<'a> {
 
 impl<'a> StrictSource<'a> {
     /// A source for one pass over `region`.
-    pub fn new(images: &'a Images, params: &Params, region: &Region) -> StrictSource<'a> {
+    pub fn new(images: &'a ViewSet, params: &Params, region: &Region) -> StrictSource<'a> {
         StrictSource { images, params: *params, region: *region, done: 0, next: [None; 5] }
     }
 

@@ -18,10 +18,10 @@ use std::{
 use image::GrayImage;
 use libtest_mimic::Trial;
 use multiscopic_tests::{
-    program::{self, Run},
+    program::{self, Invocation},
     samples::{
         golden,
-        images::Images,
+        images::ViewSet,
         real_data::{self, Dataset},
     },
     simulated::{
@@ -62,7 +62,7 @@ struct Rig {
 }
 
 impl Rig {
-    fn new(images: &Images) -> Rig {
+    fn new(images: &ViewSet) -> Rig {
         let arm = Arc::new(SimulatedArm::start(START));
         let (is_on, is_over) = (Arc::new(AtomicBool::new(true)), Arc::new(AtomicBool::new(false)));
         let views = images.views.clone().map(|view| view.expect("all views"));
@@ -211,7 +211,7 @@ impl Drop for Capture {
 }
 
 /// Five frames, each from its place, and the disparities of the files they were fed from.
-fn captures_and_matches(images: &Images) -> Outcome {
+fn captures_and_matches(images: &ViewSet) -> Outcome {
     let rig = Rig::new(images);
     rig.capture("rig")?;
     let folder = rig.path("rig");
@@ -223,7 +223,7 @@ fn captures_and_matches(images: &Images) -> Outcome {
     }
     let names = ["center", "left", "right", "top", "bottom"];
     let files = names.map(|name| folder.join(format!("{name}.png")));
-    let captured = Images::read(&files[0], [1, 2, 3, 4].map(|i| Some(files[i].as_path())));
+    let captured = ViewSet::read(&files[0], [1, 2, 3, 4].map(|i| Some(files[i].as_path())));
     for (name, (found, fed)) in names[1..].iter().zip(captured.views.iter().zip(&images.views)) {
         if found != fed {
             return Err(format!("the {name} frame is not what the camera saw there").into());
@@ -246,7 +246,8 @@ fn captures_and_matches(images: &Images) -> Outcome {
     let disparities = |folder: &Path, name: &str| -> Result<Vec<u8>, Box<dyn Error>> {
         let (path, out) = (rig.path(name), rig.path("out.pfm"));
         let [folder, out, raw] = [folder, &out, &path].map(|path| path.to_str().expect("a path in UTF-8"));
-        Run::new(["match", folder, "-o", out, "--raw16", raw, "--num-disparities", "18", "--block-size", "9"]).assert_done();
+        Invocation::new(["match", folder, "-o", out, "--raw16", raw, "--num-disparities", "18", "--block-size", "9"])
+            .assert_done();
         Ok(fs::read(path)?)
     };
     if disparities(&folder, "captured.png")? != disparities(&fed, "fed.png")? {
@@ -398,7 +399,7 @@ fn refusals() -> Outcome {
         all.push(output.to_str().ok_or("a path in UTF-8")?);
         all.extend(arguments);
         let start = Instant::now();
-        Run::new(&all).assert_refused(words);
+        Invocation::new(&all).assert_refused(words);
         if start.elapsed() > Duration::from_secs(15) || output.exists() {
             return Err(format!("{arguments:?} took {:?}", start.elapsed()).into());
         }

@@ -6,25 +6,25 @@ use multiscopic::{
 };
 use multiscopic_core::{Frame, View};
 use multiscopic_tests::{
-    program::Run,
+    program::Invocation,
     samples::{
-        images::{Images, read_pfm},
+        images::{ViewSet, read_pfm},
         misaligned::{self, FACTOR, Off, align, assert_recovers, quarter},
     },
 };
 use std::{fs, sync::LazyLock};
 
 /// The demo's scene, four times as large as it is aligned, with a baseline in millimetres.
-fn scene(baseline_mm: f64) -> Images {
+fn scene(baseline_mm: f64) -> ViewSet {
     let (width, height) = (160 * FACTOR + 32, 120 * FACTOR + 32);
     let camera = Camera { baseline_mm, ..Camera::new(width as u32, height as u32).ideal() };
     let shot = capture(&Scene::demo(), &camera, 1);
     let gray = |frame| Picture::Rgb(shot.frame(frame).clone()).to_gray().into_raw();
-    Images { width, height, center: gray(Frame::Center), views: View::ALL.map(|view| Some(gray(Frame::View(view)))) }
+    ViewSet { width, height, center: gray(Frame::Center), views: View::ALL.map(|view| Some(gray(Frame::View(view)))) }
 }
 
 /// With the same baseline for all views.
-static SCENE: LazyLock<Images> = LazyLock::new(|| scene(20.0));
+static SCENE: LazyLock<ViewSet> = LazyLock::new(|| scene(20.0));
 
 const SEARCH: [&str; 2] = ["--num-disparities", "18"];
 
@@ -59,7 +59,7 @@ fn what_is_off_is_put_right() {
     // Disparities are again those of a capture with nothing off; without, they are far from it.
     let disparities = |rig: &str, arguments: &[&str]| {
         let (rig, out) = (path(rig), path("out.pfm"));
-        let run = Run::new(
+        let run = Invocation::new(
             [&["match", rig.to_str().unwrap(), "-o", out.to_str().unwrap(), "--num-disparities", "24"], arguments].concat(),
         );
         run.assert_done();
@@ -80,14 +80,14 @@ fn what_is_off_is_put_right() {
 fn what_cannot_be_aligned_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let gray = || vec![90; 64 * 48];
-    let plain = Images { width: 64, height: 48, center: gray(), views: [Some(gray()), None, None, None] };
+    let plain = ViewSet { width: 64, height: 48, center: gray(), views: [Some(gray()), None, None, None] };
     plain.write_rig(folder.path());
     let rig = folder.path().to_str().unwrap();
-    Run::new(["align", rig]).assert_refused(&["left", "0 textured blocks", "range of disparities"]);
-    Run::new(["align"]).assert_refused(&["RIG_DIR", "--center"]);
+    Invocation::new(["align", rig]).assert_refused(&["left", "0 textured blocks", "range of disparities"]);
+    Invocation::new(["align"]).assert_refused(&["RIG_DIR", "--center"]);
     let files = ["center.pgm", "left.pgm"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
-    Run::new(["align", "--center", &files[0], "--left", &files[1], "-o", "new"]).assert_refused(&["-o", "rig.toml"]);
+    Invocation::new(["align", "--center", &files[0], "--left", &files[1], "-o", "new"]).assert_refused(&["-o", "rig.toml"]);
     // A folder that is there is not touched.
     quarter(&SCENE, [Off::NONE; 4]).write_rig(folder.path());
-    Run::new(["align", rig, "-o", rig]).assert_refused(&[rig, "is there already"]);
+    Invocation::new(["align", rig, "-o", rig]).assert_refused(&[rig, "is there already"]);
 }

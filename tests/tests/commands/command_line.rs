@@ -6,7 +6,7 @@ use std::{
 };
 
 use multiscopic_tests::{
-    program::Run,
+    program::Invocation,
     reference::{Fusion, raw16},
     samples::{
         golden::{self, GOLDEN, Golden},
@@ -114,8 +114,8 @@ impl Bench {
         path
     }
 
-    fn run(&self) -> Run {
-        Run::new(&self.arguments)
+    fn run(&self) -> Invocation {
+        Invocation::new(&self.arguments)
     }
 
     /// The names of the files in the folder, sorted.
@@ -160,7 +160,7 @@ fn name(fusion: Fusion) -> &'static str {
 
 #[test]
 fn without_arguments_it_helps() {
-    let run = Run::new::<&str>([]);
+    let run = Invocation::new::<&str>([]);
     let help = format!("{}{}", run.stdout, run.stderr);
     for command in ["match", "evaluate", "demo", "bench", "budget", "simulate", "listen"] {
         assert!(help.contains(command), "the help names `{command}`: {run:#?}");
@@ -170,7 +170,7 @@ fn without_arguments_it_helps() {
 
 #[test]
 fn help_names_the_spellings_of_opencv_and_ros() {
-    let run = Run::new(["match", "--help"]);
+    let run = Invocation::new(["match", "--help"]);
     assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""), "{run:#?}");
     let words = ["minDisparity", "numDisparities", "blockSize", "disparity_range", "correlation_window_size", "--raw16", "--ply"];
     for word in words {
@@ -438,7 +438,7 @@ fn the_demo_leaves_what_it_says() {
     let dir = tempfile::tempdir().expect("a folder for the test");
     let demo = dir.path().join("made/demo");
     let output = demo.to_str().expect("UTF-8");
-    let run = Run::new(["demo", "--width", "96", "--height", "64", "-o", output]);
+    let run = Invocation::new(["demo", "--width", "96", "--height", "64", "-o", output]);
     assert_eq!(run.code, Some(0), "{run:#?}");
     assert!(run.stderr.contains("index.html"), "{run:#?}");
     assert_eq!(run.stderr.lines().count(), 1, "no progress where there is no terminal: {run:#?}");
@@ -483,7 +483,7 @@ fn the_demo_leaves_what_it_says() {
     let again = dir.path().join("again.pfm");
     let cloud = dir.path().join("cloud.ply");
     let [again_path, cloud_path] = [&again, &cloud].map(|path| path.to_str().expect("UTF-8"));
-    Run::new(["match", output, "--num-disparities", "9", "-o", again_path, "--ply", cloud_path]).assert_done();
+    Invocation::new(["match", output, "--num-disparities", "9", "-o", again_path, "--ply", cloud_path]).assert_done();
     assert!(fs::read(&again).expect("a map") == fs::read(demo.join("4-views-heuristic.pfm")).expect("a map"));
     assert_eq!(read_ply(&cloud), read_ply(&demo.join("cloud.ply")));
 }
@@ -495,13 +495,13 @@ fn a_demo_that_cannot_be() {
     fs::write(&file, "what was there").expect("a file");
     let [in_the_way, below] = [file.clone(), file.join("demo")].map(|path| path.to_str().expect("UTF-8").to_owned());
     for output in [&in_the_way, &below] {
-        Run::new(["demo", "-o", output]).assert_refused(&[output]);
+        Invocation::new(["demo", "-o", output]).assert_refused(&[output]);
     }
     assert_eq!(fs::read_to_string(file).expect("the file"), "what was there");
 
     let output = dir.path().join("demo").to_str().expect("UTF-8").to_owned();
     for (option, value) in [("--width", "0"), ("--height", "100000"), ("--block-size", "4"), ("--seed", "x")] {
-        Run::new(["demo", "-o", &output, option, value]).assert_refused(&[value]);
+        Invocation::new(["demo", "-o", &output, option, value]).assert_refused(&[value]);
     }
     assert!(!Path::new(&output).exists(), "nothing is made for a demo that cannot be");
 }
@@ -636,7 +636,7 @@ fn unknown_options_and_commands() {
     let mut bench = Bench::stereo();
     bench.arguments.push("--blocksize".into());
     bench.refused(&["--blocksize"]);
-    Run::new(["macth"]).assert_refused(&["macth"]);
+    Invocation::new(["macth"]).assert_refused(&["macth"]);
 }
 
 #[test]
@@ -662,10 +662,10 @@ fn outputs_that_cannot_be_written() {
 #[cfg(target_os = "linux")]
 #[test]
 fn cameras_are_listed() {
-    let run = Run::new(["devices", "--json"]);
+    let run = Invocation::new(["devices", "--json"]);
     assert_eq!((run.code, &*run.stderr), (Some(0), ""), "{run:#?}");
     let list: Vec<serde_json::Value> = serde_json::from_str(&run.stdout).unwrap();
-    let text = Run::new(["devices"]);
+    let text = Invocation::new(["devices"]);
     assert_eq!((text.code, text.stdout.is_empty()), (Some(0), list.is_empty()), "{text:#?}");
     assert_eq!(text.stderr.contains("there are no cameras"), list.is_empty(), "{text:#?}");
 }

@@ -14,7 +14,7 @@ use multiscopic_edge::{
     profile,
 };
 use multiscopic_tests::{
-    program::{self, Run},
+    program::{self, Invocation},
     samples::{
         golden,
         images::{read_pfm, read_raw16},
@@ -61,12 +61,12 @@ fn samples(lost: &[usize]) -> Vec<u16> {
 }
 
 /// Has `bytes` listened to in `dir`: what that did, and where its pictures are.
-fn listened(dir: &Path, bytes: &[u8]) -> (Run, [PathBuf; 3]) {
+fn listened(dir: &Path, bytes: &[u8]) -> (Invocation, [PathBuf; 3]) {
     let stream = dir.join("stream");
     fs::write(&stream, bytes).expect("a stream for the test");
     let outputs = ["out.pfm", "out.png", "out.raw16.png"].map(|name| dir.join(name));
     let [pfm, png, raw16] = outputs.each_ref().map(|path| path.to_str().expect("UTF-8"));
-    let run = Run::new(["listen", stream.to_str().expect("UTF-8"), "-o", pfm, "--png", png, "--raw16", raw16]);
+    let run = Invocation::new(["listen", stream.to_str().expect("UTF-8"), "-o", pfm, "--png", png, "--raw16", raw16]);
     (run, outputs)
 }
 
@@ -169,18 +169,18 @@ fn what_is_no_stream_is_refused() {
         run.assert_refused(words);
         assert!(outputs.iter().all(|path| !path.exists()), "nothing is written");
     }
-    let run = Run::new(["listen", "no/such/device", "-o", "out.pfm"]);
+    let run = Invocation::new(["listen", "no/such/device", "-o", "out.pfm"]);
     run.assert_refused(&["cannot read no/such/device"]);
     let dir = folder();
     let (stream, nowhere) = (dir.path().join("stream"), dir.path().join("none/out.pfm"));
     fs::write(&stream, packets().concat()).expect("a stream for the test");
-    Run::new([Path::new("listen"), &stream, Path::new("-o"), &nowhere]).assert_refused(&["cannot write", "none"]);
-    Run::new([Path::new("listen"), &stream, Path::new("-o"), &stream]).assert_refused(&["would replace the input"]);
+    Invocation::new([Path::new("listen"), &stream, Path::new("-o"), &nowhere]).assert_refused(&["cannot write", "none"]);
+    Invocation::new([Path::new("listen"), &stream, Path::new("-o"), &stream]).assert_refused(&["would replace the input"]);
 }
 
 /// The JSON that a command prints, which is all that it prints.
 #[track_caller]
-fn json(run: &Run, code: i32) -> serde_json::Value {
+fn json(run: &Invocation, code: i32) -> serde_json::Value {
     assert_eq!(run.code, Some(code), "{run:#?}");
     serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {run:#?}"))
 }
@@ -193,7 +193,7 @@ fn assert_simulated_as_matched(profile: &Profile) {
     let size = [("--width", params.width() + 7), ("--height", params.height() + 4)];
     let size = size.map(|(option, side)| [option.to_owned(), side.to_string()]).concat();
     let demo = ["demo".to_owned(), "-o".into(), path("demo"), "--num-disparities".into(), "1".into()];
-    assert_eq!(Run::new(demo.into_iter().chain(size)).code, Some(0));
+    assert_eq!(Invocation::new(demo.into_iter().chain(size)).code, Some(0));
     let mut views = Vec::new();
     for view in ["center", "left", "right", "top", "bottom"] {
         let (w, h, pixels) = multiscopic_tests::samples::images::read_grey(Path::new(&path(&format!("demo/{view}.png"))));
@@ -212,14 +212,14 @@ fn assert_simulated_as_matched(profile: &Profile) {
         matched.extend(views.iter().cloned().chain(common.clone()).chain([path("matched.pfm")]));
         matched.extend(["--num-disparities".into(), params.num_disparities().to_string()]);
         matched.extend(["--block-size".into(), params.block_size().to_string()]);
-        Run::new(&matched).assert_done();
+        Invocation::new(&matched).assert_done();
         let mut simulated = ["simulate", "--json", "--profile", profile.name].map(str::to_owned).to_vec();
         simulated.extend(common.into_iter().chain([path("simulated.pfm"), "--packets".into(), path("packets")]));
         simulated.push(path("demo"));
-        let report = json(&Run::new(&simulated), 0);
+        let report = json(&Invocation::new(&simulated), 0);
         let expected = read_pfm(Path::new(&path("matched.pfm")));
         assert_eq!(read_pfm(Path::new(&path("simulated.pfm"))), expected, "{} with {fusion}", profile.name);
-        Run::new(["listen", &path("packets"), "-o", &path("listened.pfm")]).assert_done();
+        Invocation::new(["listen", &path("packets"), "-o", &path("listened.pfm")]).assert_done();
         assert_eq!(read_pfm(Path::new(&path("listened.pfm"))), expected, "{} with {fusion}", profile.name);
 
         assert_eq!(report["packet_bytes"], fs::metadata(path("packets")).expect("packets").len());
@@ -252,19 +252,19 @@ fn every_other_profile_is_simulated() {
 
 #[test]
 fn a_simulation_refuses_what_does_not_fit() {
-    Run::new(["simulate", "--profile", "svga"]).assert_refused(&["svga", "qqvga", "vga-tiled"]);
-    Run::new(["simulate"]).assert_refused(&["--profile"]);
+    Invocation::new(["simulate", "--profile", "svga"]).assert_refused(&["svga", "qqvga", "vga-tiled"]);
+    Invocation::new(["simulate"]).assert_refused(&["--profile"]);
     let [center, left, right, ..] = golden::paths().map(|path| path.to_str().expect("UTF-8").to_owned());
     let small = ["simulate", "--profile", "qqvga", "--center", &center, "--left", &left, "--right", &right];
-    Run::new(small).assert_refused(&["center.png: found 48x32 pixels", "at least 160x120"]);
-    Run::new(&small[..7]).assert_refused(&["profile qqvga matches with left, right, the right one is missing"]);
-    Run::new(&small[..5]).assert_refused(&["--left", "--top"]);
-    Run::new(["simulate", "--profile", "qqvga", "-o", "none/out.pfm"]).assert_refused(&["cannot write none/out.pfm"]);
+    Invocation::new(small).assert_refused(&["center.png: found 48x32 pixels", "at least 160x120"]);
+    Invocation::new(&small[..7]).assert_refused(&["profile qqvga matches with left, right, the right one is missing"]);
+    Invocation::new(&small[..5]).assert_refused(&["--left", "--top"]);
+    Invocation::new(["simulate", "--profile", "qqvga", "-o", "none/out.pfm"]).assert_refused(&["cannot write none/out.pfm"]);
 }
 
 /// What `budget` says with some options, and its words.
-fn budget(options: &[&str]) -> Run {
-    Run::new(["budget", "--json"].iter().chain(options))
+fn budget(options: &[&str]) -> Invocation {
+    Invocation::new(["budget", "--json"].iter().chain(options))
 }
 
 #[test]
@@ -294,7 +294,7 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
         let runtime = report["ram"]["runtime"].as_u64().expect("bytes");
         assert_eq!(bytes("ram_static"), profile.lengths::<Wide>().bytes() as u64 + runtime, "{}", profile.name);
     }
-    let simulated = json(&Run::new(["simulate", "--json", "--profile", "qqvga", "--core", "cortex-m55"]), 0);
+    let simulated = json(&Invocation::new(["simulate", "--json", "--profile", "qqvga", "--core", "cortex-m55"]), 0);
     let budgeted = json(&budget(&["--profile", "qqvga", "--core", "cortex-m55"]), 0);
     for name in
         ["ram_static", "stack_max", "ram_total", "de", "instructions", "instructions_per_de", "lines_latency", "tile_passes"]
@@ -332,7 +332,7 @@ fn time_is_instructions_by_cycles_by_clock() {
     for (core, clock, cycles) in [("cortex-m4", 64.0, 1.4), ("cortex-m7", 480.0, 0.8), ("cortex-m55", 32.0, 1.5)] {
         let report = json(&budget(&["--profile", "qvga", "--core", core]), 0);
         assert_eq!((&report["clock_mhz"], &report["cycles_per_instruction"]), (&clock.into(), &cycles.into()), "{core}");
-        let text = Run::new(["budget", "--profile", "qvga", "--core", core]);
+        let text = Invocation::new(["budget", "--profile", "qvga", "--core", core]);
         assert!(text.stdout.contains(&format!("at {clock} MHz, if an instruction takes {cycles} cycles")), "{text:#?}");
     }
 }

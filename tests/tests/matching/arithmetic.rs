@@ -6,7 +6,7 @@ use multiscopic_tests::{
     reference::{self, fixed},
     samples::{
         case::{matched, params, property},
-        images::Images,
+        images::ViewSet,
     },
 };
 use proptest::prelude::*;
@@ -43,7 +43,7 @@ fn refined(first: i32, costs: [u8; 3]) -> Option<Disparity> {
     for (d, cost) in (first..).zip(costs) {
         right[(u - d) as usize] = cost;
     }
-    let images = Images { width, height: 1, center: vec![0; width], views: [None, Some(right), None, None] };
+    let images = ViewSet { width, height: 1, center: vec![0; width], views: [None, Some(right), None, None] };
     let params = params(width, 1, [false, true, false, false], reference::Fusion::Min, first, 3, 1);
     let pixel = Region::new(&params, u as usize..u as usize + 1, 0..1).expect("a pixel of the frame");
     Disparity::from_raw16(matched(Portable::<4>, &params, &pixel, &images, &mut Random(0))[0])

@@ -12,7 +12,7 @@ use multiscopic_tests::{
     samples::{
         case::{matched, params},
         golden::{self, GOLDEN, Golden},
-        images::{Images, read_raw16},
+        images::{ViewSet, read_raw16},
     },
 };
 
@@ -78,14 +78,14 @@ fn update() {
     });
 }
 
-fn reference(golden: &Golden, images: &Images) -> Vec<u16> {
+fn reference(golden: &Golden, images: &ViewSet) -> Vec<u16> {
     let images = images.only(golden.views);
     let reference = images.reference(golden.fusion, golden.min_disparity, golden.num_disparities, golden.block_size);
     reference.disparities().into_iter().map(raw16).collect()
 }
 
 /// Compares with the golden image and says where the first difference is.
-fn check(what: &str, found: impl Fn(&Golden, &Images) -> Vec<u16>) {
+fn check(what: &str, found: impl Fn(&Golden, &ViewSet) -> Vec<u16>) {
     update();
     let images = golden::images();
     for golden in GOLDEN {

@@ -9,7 +9,7 @@ use multiscopic_tests::{
     random::Random,
     reference::Fusion,
     samples::{
-        case::{Case, Texture, cases, cut, matched, property},
+        case::{Appearance, Case, cases, cut, matched, property},
         strict_source::{FRAMES, StrictSource},
     },
 };
@@ -22,7 +22,7 @@ const CASE: Case = Case {
     min_disparity: 1,
     num_disparities: 6,
     block_size: 5,
-    texture: Texture::Shifted,
+    texture: Appearance::Shifted,
     seed: 5,
 };
 

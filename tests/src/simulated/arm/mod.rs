@@ -3,6 +3,8 @@
 //! It shares no code with what drives it: its packages, its script and its poses are written from the documentation a second time, and a
 //! client that others wrote must understand it.
 
+mod fault;
+mod order;
 mod rtde;
 mod script;
 mod script_port;
@@ -20,41 +22,8 @@ use std::{
 use crate::simulated::pose::Pose;
 use world::World;
 
-/// What is wrong with the arm.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Fault {
-    /// Nothing.
-    #[default]
-    None,
-    /// It stops protectively in each move after so many metres.
-    ProtectiveStop {
-        /// How many.
-        after_m: f64,
-    },
-    /// Its speed is scaled to 0.
-    Stuck,
-    /// It hears orders, and does nothing.
-    Ignoring,
-    /// It is in local control, and closes the connections that orders come over.
-    LocalControl,
-    /// It says nothing over RTDE.
-    Silent,
-    /// Its pose is no number.
-    Nonsense,
-    /// It is no arm: both ports greet in another protocol.
-    OtherProtocol,
-}
-
-/// What the arm was told.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Heard {
-    /// To move to a pose.
-    Move(Pose),
-    /// To stop.
-    Stop,
-    /// Something that is no script that it knows.
-    Nonsense(String),
-}
+pub use fault::Fault;
+pub use order::Heard;
 
 /// An arm, until it is dropped.
 pub struct SimulatedArm {

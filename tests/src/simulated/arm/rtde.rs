@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Fault, variables, world::World};
+use super::{fault::Fault, variables, world::World};
 
 /// Version of the controller: major, minor, bug-fix, build.
 const CONTROLLER: [u32; 4] = [3, 15, 8, 106_339];

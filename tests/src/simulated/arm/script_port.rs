@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Fault, world::World};
+use super::{fault::Fault, world::World};
 
 /// How often the state is sent.
 const PERIOD: Duration = Duration::from_millis(100);

@@ -6,7 +6,7 @@ use std::{
     time::Instant,
 };
 
-use super::{Fault, Heard, script::Command};
+use super::{fault::Fault, order::Heard, script::Command};
 use crate::simulated::{motion::Motion, pose::Pose};
 
 /// `safety_mode`: all is well.

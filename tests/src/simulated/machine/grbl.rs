@@ -1,6 +1,10 @@
 //! The part of Grbl 1.1 that moves a machine, after its documentation.
 
-use super::{Control, Fault, Machine, value, words};
+use super::{
+    fault::Fault,
+    mechanics::{ACCELERATION, Control, Machine},
+    words::{value, words},
+};
 
 /// From machine to work coordinates, in millimetres: G54 was set to something.
 const OFFSET: [f64; 2] = [-100.0, 40.0];
@@ -97,7 +101,7 @@ impl Control for Grbl {
                 if machine.fault != Fault::Unstoppable && !machine.is_locked {
                     self.is_held = true;
                     if let Some(motion) = &mut machine.motion {
-                        motion.stop(super::ACCELERATION * 1e-3);
+                        motion.stop(ACCELERATION * 1e-3);
                     }
                 }
                 String::new()

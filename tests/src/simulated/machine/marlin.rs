@@ -5,7 +5,11 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Control, Fault, Machine, value, words};
+use super::{
+    fault::Fault,
+    mechanics::{Control, Machine},
+    words::{value, words},
+};
 
 /// How often it says that it is busy, which is more often than Marlin does.
 const BUSY: Duration = Duration::from_millis(200);

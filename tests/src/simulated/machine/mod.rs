@@ -1,7 +1,12 @@
 //! Simulated machines that take G-code, at the end of a pseudo-terminal, with faults on demand.
 
+mod fault;
 mod grbl;
 mod marlin;
+mod mechanics;
+mod words;
+
+pub use fault::Fault;
 
 use std::{
     io::{self, ErrorKind, Read, Write},
@@ -12,12 +17,9 @@ use std::{
 
 use serialport::{SerialPort, TTYPort};
 
-use crate::simulated::motion::Motion;
 use grbl::Grbl;
 use marlin::Marlin;
-
-/// How fast it speeds up, in millimetres per second squared.
-const ACCELERATION: f64 = 2000.0;
+use mechanics::{Control, Machine};
 
 /// What runs on the machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,29 +30,6 @@ pub enum Firmware {
     GrblInches,
     /// Marlin 2, without an emergency parser.
     Marlin,
-}
-
-/// What is wrong with the machine.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Fault {
-    /// Nothing.
-    #[default]
-    None,
-    /// It hits a limit switch in each move after so many millimetres.
-    LimitSwitch {
-        /// How many.
-        after_mm: f64,
-    },
-    /// It does not move, and says that it does.
-    Stuck,
-    /// It says nothing.
-    Silent,
-    /// It refuses every move.
-    Refusing,
-    /// It does not stop when it is told to.
-    Unstoppable,
-    /// It is something else, which sends lines of its own.
-    OtherProtocol,
 }
 
 /// A machine, until it is dropped.
@@ -151,53 +130,6 @@ fn lock(machine: &Mutex<Machine>) -> MutexGuard<'_, Machine> {
     machine
 }
 
-/// The mechanics, and what the firmware knows of them.
-struct Machine {
-    /// In millimetres.
-    place: [f64; 2],
-    motion: Option<Motion>,
-    fault: Fault,
-    heard: Vec<String>,
-    /// When it starts, if it has not.
-    restart: Option<Instant>,
-    is_locked: bool,
-    is_unplugged: bool,
-}
-
-impl Machine {
-    fn advance(&mut self) {
-        let Some(motion) = &mut self.motion else { return };
-        motion.advance(if self.fault == Fault::Stuck { 0.0 } else { 1.0 });
-        if matches!(self.fault, Fault::LimitSwitch { after_mm } if motion.gone() * 1e3 >= after_mm) {
-            motion.halt();
-            self.is_locked = true;
-        }
-        let [x, y, ..] = motion.pose();
-        self.place = [x * 1e3, y * 1e3];
-        if motion.has_ended() {
-            self.motion = None;
-        }
-    }
-
-    /// Starts a move, in millimetres and per second.
-    fn go(&mut self, target: [f64; 2], speed: f64) {
-        let pose = |place: [f64; 2]| [place[0] * 1e-3, place[1] * 1e-3, 0.0, 0.0, 0.0, 0.0];
-        self.motion = Some(Motion::new(pose(self.place), pose(target), speed * 1e-3, ACCELERATION * 1e-3));
-    }
-}
-
-/// A firmware.
-trait Control: Send {
-    /// What it says when it starts.
-    fn start(&mut self) -> &'static str;
-
-    /// Takes a byte, and says something.
-    fn take(&mut self, byte: u8, machine: &mut Machine) -> String;
-
-    /// Says something by itself.
-    fn say(&mut self, machine: &mut Machine) -> String;
-}
-
 fn run(mut port: TTYPort, machine: &Mutex<Machine>, mut control: Box<dyn Control>) -> io::Result<()> {
     loop {
         let mut chunk = [0; 64];
@@ -233,21 +165,4 @@ fn run(mut port: TTYPort, machine: &Mutex<Machine>, mut control: Box<dyn Control
             _ => port.write_all(answer.as_bytes())?,
         }
     }
-}
-
-/// The words of a line of G-code: letters with numbers. `None` if it is none.
-fn words(line: &str) -> Option<Vec<(char, f64)>> {
-    let ends = line.char_indices().skip(1).filter(|(_, c)| c.is_ascii_uppercase()).map(|(i, _)| i).chain([line.len()]);
-    let mut begin = 0;
-    let words = ends.map(|end| {
-        let word = &line[std::mem::replace(&mut begin, end)..end];
-        let letter = word.chars().next().filter(char::is_ascii_uppercase)?;
-        let number: f64 = word[1..].trim().parse().ok()?;
-        Some((letter, number))
-    });
-    words.collect()
-}
-
-fn value(words: &[(char, f64)], letter: char) -> Option<f64> {
-    words.iter().find(|(found, _)| *found == letter).map(|(_, number)| *number)
 }

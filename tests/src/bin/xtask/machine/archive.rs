@@ -1,42 +1,45 @@
-//! Archives that Linux unpacks as its first file system: cpio in its format newc.
+//! Archives that Linux unpacks as its first file system.
 
 use anyhow::{Context, Result};
+use cpio::{
+    NewcBuilder,
+    newc::{self, ModeFileType},
+};
 use std::{
+    collections::BTreeMap,
     fs,
-    path::{Component, Path, PathBuf},
+    io::Write,
+    path::{Component, Path},
 };
 
-/// The kinds of entries in a file's mode.
-const FOLDER: u32 = 0o040_000;
-const FILE: u32 = 0o100_000;
+/// Whoever is there may read and run everything.
+const PERMISSIONS: u32 = 0o755;
 
-/// An archive that is made.
+/// Files and folders by their path without a leading slash. In this order a folder comes before what it contains.
 #[derive(Default)]
 pub struct Archive {
-    bytes: Vec<u8>,
-    folders: Vec<PathBuf>,
-    entries: u32,
+    entries: BTreeMap<String, Entry>,
+}
+
+enum Entry {
+    Folder,
+    File(Vec<u8>),
 }
 
 impl Archive {
     /// Adds an empty folder, and those that it lies in.
     pub fn folder(&mut self, path: &Path) {
-        let mut parents: Vec<&Path> = path.ancestors().filter(|path| path.components().any(|part| is_name(&part))).collect();
-        parents.reverse();
-        for path in parents {
-            if !self.folders.iter().any(|folder| folder == path) {
-                self.folders.push(path.into());
-                self.entry(path, FOLDER | 0o755, &[]);
-            }
+        for folder in path.ancestors().map(name).filter(|name| !name.is_empty()) {
+            self.entries.entry(folder).or_insert(Entry::Folder);
         }
     }
 
-    /// Adds a file that may be run.
+    /// Adds an executable file, and the folders that it lies in.
     pub fn file(&mut self, path: &Path, contents: &[u8]) {
         if let Some(folder) = path.parent() {
             self.folder(folder);
         }
-        self.entry(path, FILE | 0o755, contents);
+        self.entries.insert(name(path), Entry::File(contents.into()));
     }
 
     /// Adds a copy of the file `from`.
@@ -45,58 +48,58 @@ impl Archive {
         Ok(())
     }
 
-    /// The bytes of the archive.
-    pub fn finish(mut self) -> Vec<u8> {
-        self.entry(Path::new("TRAILER!!!"), 0, &[]);
-        self.bytes
-    }
-
-    fn entry(&mut self, path: &Path, mode: u32, contents: &[u8]) {
-        let names: Vec<_> = path.components().filter(is_name).map(|name| name.as_os_str().to_string_lossy()).collect();
-        let name = names.join("/");
-        self.entries += 1;
-        // Number, mode, user, group, links, time, size, device of the file and of what it is (two numbers each), length of its name
-        // with a zero at its end, and no checksum.
-        let fields = [self.entries, mode, 0, 0, 1, 0, contents.len() as u32, 0, 0, 0, 0, name.len() as u32 + 1, 0];
-        self.bytes.extend(b"070701");
-        self.bytes.extend(fields.iter().flat_map(|field| format!("{field:08x}").into_bytes()));
-        self.bytes.extend(name.as_bytes());
-        self.bytes.push(0);
-        self.pad();
-        self.bytes.extend(contents);
-        self.pad();
-    }
-
-    fn pad(&mut self) {
-        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+    /// The archive in cpio's format newc.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        for (index, (name, entry)) in self.entries.iter().enumerate() {
+            let (kind, contents) = match entry {
+                Entry::Folder => (ModeFileType::Directory, [].as_slice()),
+                Entry::File(contents) => (ModeFileType::Regular, contents.as_slice()),
+            };
+            // Linux takes entries with the same number for links to one file.
+            let header = NewcBuilder::new(name).ino(index as u32 + 1).mode(PERMISSIONS).set_mode_file_type(kind).nlink(1);
+            let mut writer = header.write(&mut bytes, contents.len() as u32);
+            writer.write_all(contents)?;
+            writer.finish()?;
+        }
+        newc::trailer(&mut bytes)?;
+        Ok(bytes)
     }
 }
 
-/// Whether a part of a path is a name, as opposed to its root.
-fn is_name(component: &Component) -> bool {
-    matches!(component, Component::Normal(_))
+/// A path in an archive: its names, without the root.
+fn name(path: &Path) -> String {
+    let names = path.components().filter(|component| matches!(component, Component::Normal(_)));
+    names.map(|name| name.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use cpio::NewcReader;
+    use std::io::Read;
 
     #[test]
-    fn entries_are_aligned_and_folders_come_first() {
+    fn folders_come_before_what_they_contain() {
         let mut archive = Archive::default();
-        archive.file(Path::new("/a/b/c"), b"12345");
         archive.file(Path::new("/a/b/d"), b"");
-        let bytes = archive.finish();
-        let starts: Vec<usize> = (0..bytes.len() - 5).filter(|&i| &bytes[i..i + 6] == b"070701").collect();
-        assert!(starts.iter().all(|start| start % 4 == 0) && bytes.len() % 4 == 0);
-        let names: Vec<_> = starts
-            .iter()
-            .map(|start| {
-                bytes[start + 110..].split(|&byte| byte == 0).next().map(|name| String::from_utf8_lossy(name).into_owned())
-            })
-            .collect();
-        assert_eq!(names, ["a", "a/b", "a/b/c", "a/b/d", "TRAILER!!!"].map(|name| Some(name.to_owned())));
-        assert_eq!(&bytes[starts[2] + 14..][..8], b"000081ed");
-        assert_eq!(&bytes[starts[2] + 54..][..8], b"00000005");
+        archive.file(Path::new("/a/b/c"), b"12345");
+        let mut bytes: &[u8] = &archive.to_bytes().unwrap();
+        let mut entries = Vec::new();
+        loop {
+            let mut reader = NewcReader::new(&mut bytes).unwrap();
+            if reader.entry().is_trailer() {
+                break;
+            }
+            let mut contents = String::new();
+            reader.read_to_string(&mut contents).unwrap();
+            entries.push((reader.entry().name().to_owned(), reader.entry().mode(), contents));
+            reader.finish().unwrap();
+        }
+        let entry = |name: &str, mode, contents: &str| (name.to_owned(), mode, contents.to_owned());
+        let (folder, file) = (0o040_755, 0o100_755);
+        let expected =
+            [entry("a", folder, ""), entry("a/b", folder, ""), entry("a/b/c", file, "12345"), entry("a/b/d", file, "")];
+        assert_eq!(entries, expected);
     }
 }

@@ -11,7 +11,7 @@ use std::{
 use crate::{
     machine::archive::Archive,
     system::{
-        layout,
+        folders,
         process::{command, read},
     },
     tools::{
@@ -34,7 +34,7 @@ const IMAGE: &str = "kernel";
 const SYSTEM: &str = "system.cpio";
 
 /// The files that a machine starts with.
-pub struct Kernel {
+pub struct Linux {
     /// The kernel itself.
     pub image: PathBuf,
     /// The archive with busybox and the drivers, and the script that loads them.
@@ -43,21 +43,21 @@ pub struct Kernel {
     pub version: String,
 }
 
-impl Kernel {
+impl Linux {
     /// The kernel, made from the current one in Debian's packages if there is none yet.
-    pub fn install() -> Result<Kernel> {
-        let folder = layout::target().join("tools/linux");
+    pub fn install() -> Result<Linux> {
+        let folder = folders::target().join("tools/linux");
         let marker = folder.join("version");
         if !marker.is_file() {
             if debian::can_install() {
                 debian::update()?;
             }
-            let version = Kernel::current().context("no package linux-image-amd64 is known; run `apt-get update` as root")?;
+            let version = Linux::current().context("no package linux-image-amd64 is known; run `apt-get update` as root")?;
             make(&folder, &version).with_context(|| format!("cannot make {}", folder.display()))?;
             fs::write(&marker, version)?;
         }
         let version = fs::read_to_string(&marker)?;
-        Ok(Kernel { image: folder.join(IMAGE), system: folder.join(SYSTEM), version })
+        Ok(Linux { image: folder.join(IMAGE), system: folder.join(SYSTEM), version })
     }
 
     /// The version of the current kernel in the lists of packages.
@@ -137,7 +137,7 @@ fn system(files: &Path, version: &str, loopback: &Path) -> Result<Vec<u8>> {
     archive.file(Path::new("modules/order"), order.as_bytes());
     ["dev", "proc", "sys", "tmp"].into_iter().for_each(|folder| archive.folder(Path::new(folder)));
     archive.copy(&files.join("bin/busybox"), Path::new("bin/busybox"))?;
-    Ok(archive.finish())
+    archive.to_bytes()
 }
 
 /// The kernel's modules.

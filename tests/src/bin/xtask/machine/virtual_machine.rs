@@ -8,9 +8,9 @@ use std::{
 };
 
 use crate::{
-    machine::{archive::Archive, linux::Kernel},
+    machine::{archive::Archive, linux::Linux},
     system::{
-        layout,
+        folders,
         process::{command, exit_code_within, read},
     },
     tools::tool,
@@ -28,16 +28,16 @@ const EXIT_CODE: &str = "guest: exit code ";
 
 /// A machine that is put together.
 pub struct Machine {
-    kernel: Kernel,
+    kernel: Linux,
     files: Archive,
 }
 
 impl Machine {
     /// A machine with the drivers and a shell, and nothing else yet.
     pub fn new() -> Result<Machine> {
-        let kernel = Kernel::install()?;
+        let kernel = Linux::install()?;
         let mut files = Archive::default();
-        files.copy(&layout::root().join("tests/v4l2/init.sh"), Path::new("init"))?;
+        files.copy(&folders::root().join("tests/v4l2/init.sh"), Path::new("init"))?;
         Ok(Machine { kernel, files })
     }
 
@@ -60,12 +60,12 @@ impl Machine {
     /// Runs `script` by a shell, and prints what it says. Its exit code must be 0.
     pub fn run(mut self, script: &str) -> Result<()> {
         self.files.file(Path::new("tests.sh"), script.as_bytes());
-        let folder = layout::target().join("v4l2");
+        let folder = folders::target().join("v4l2");
         let (archive, words) = (folder.join("machine.cpio"), folder.join("words.txt"));
         fs::create_dir_all(&folder)?;
         // Linux unpacks one archive after the other.
         let mut system = fs::read(&self.kernel.system)?;
-        system.extend(self.files.finish());
+        system.extend(self.files.to_bytes()?);
         fs::write(&archive, system)?;
 
         // Emulated everywhere, so that it is the same everywhere.

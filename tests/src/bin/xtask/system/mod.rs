@@ -1,5 +1,5 @@
 //! Programs and folders.
 
-pub mod layout;
+pub mod folders;
 pub mod process;
 pub mod workers;

@@ -8,12 +8,12 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::system::layout;
+use crate::system::folders;
 
 /// A command that runs in the workspace's top folder.
 pub fn command<S: AsRef<str>>(program: &str, args: impl IntoIterator<Item = S>) -> Command {
     let mut command = Command::new(program);
-    command.args(args.into_iter().map(|arg| arg.as_ref().to_owned())).current_dir(layout::root());
+    command.args(args.into_iter().map(|arg| arg.as_ref().to_owned())).current_dir(folders::root());
     command
 }
 

@@ -8,7 +8,7 @@ use std::{
 };
 
 use crate::{
-    system::{layout, process::command},
+    system::{folders, process::command},
     tools::debian,
 };
 
@@ -61,7 +61,7 @@ pub const ALL: [Tool; 2] = [QEMU, CC];
 
 impl Tool {
     /// The program, installed first if it is not there.
-    pub fn install(&self) -> Result<Program> {
+    pub fn install(&self) -> Result<InstalledProgram> {
         if let Some(program) = self.find() {
             return Ok(program);
         }
@@ -95,32 +95,32 @@ impl Tool {
     }
 
     /// The program if it is installed or unpacked.
-    pub fn find(&self) -> Option<Program> {
+    pub fn find(&self) -> Option<InstalledProgram> {
         let installed = env::var_os("PATH").and_then(|path| {
             let file = format!("{}{}", self.program, env::consts::EXE_SUFFIX);
             env::split_paths(&path).map(|folder| folder.join(&file)).find(|path| path.is_file())
         });
         let unpacked = || Some(self.folder().join("usr/bin").join(self.program)).filter(|path| path.is_file());
         match installed {
-            Some(path) => Some(Program { path, libraries: Vec::new() }),
-            None => unpacked().map(|path| Program { path, libraries: debian::libraries(&self.folder()) }),
+            Some(path) => Some(InstalledProgram { path, libraries: Vec::new() }),
+            None => unpacked().map(|path| InstalledProgram { path, libraries: debian::libraries(&self.folder()) }),
         }
     }
 
     /// Where the program is unpacked if it cannot be installed.
     fn folder(&self) -> PathBuf {
-        layout::target().join("tools").join(self.program)
+        folders::target().join("tools").join(self.program)
     }
 }
 
 /// A program that is there.
-pub struct Program {
+pub struct InstalledProgram {
     path: PathBuf,
     /// The folders of its libraries, where they are not the system's.
     libraries: Vec<PathBuf>,
 }
 
-impl Program {
+impl InstalledProgram {
     /// Where it is.
     pub fn path(&self) -> &Path {
         &self.path
@@ -136,7 +136,7 @@ impl Program {
     }
 }
 
-impl fmt::Display for Program {
+impl fmt::Display for InstalledProgram {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", Path::display(&self.path))
     }

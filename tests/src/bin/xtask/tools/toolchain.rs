@@ -10,7 +10,7 @@ use std::{
 
 use crate::{
     system::{
-        layout,
+        folders,
         process::{command, read, run_within},
     },
     tools::debian,
@@ -34,7 +34,7 @@ impl Toolchain {
         if Toolchain::Active.has(targets)? {
             return Ok(Toolchain::Active);
         }
-        let own = layout::target().join("edge-toolchain");
+        let own = folders::target().join("edge-toolchain");
         if debian::is_toolchain(&own, targets)? {
             return Ok(Toolchain::Own(own));
         }
@@ -54,7 +54,7 @@ impl Toolchain {
     /// The cargo command `verb` with this compiler for the firmware.
     pub fn cargo(&self, verb: &str) -> Command {
         let mut cargo = command("cargo", [verb, "--target-dir"]);
-        cargo.arg(layout::edge_target());
+        cargo.arg(folders::edge_target());
         // What the user sets for the host's processor is not meant for the board's.
         cargo.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS").env_remove("CARGO_BUILD_TARGET");
         if let Toolchain::Own(folder) = self {

@@ -9,14 +9,14 @@ use std::{
 };
 
 use crate::{
-    board::{
+    emulation::{
         build::{self, Program},
         counter::{Counter, Instructions},
-        emulated_board::Board,
+        emulated_board::EmulatedBoard,
         emulator,
     },
-    firmware::{image_set::ImageSet, least_squares},
-    system::{layout, workers},
+    firmware_checks::{image_set::ImageSet, least_squares},
+    system::{folders, workers},
     tools::toolchain::Toolchain,
 };
 
@@ -80,7 +80,7 @@ struct Run<'a> {
 }
 
 /// What the firmware of `board` takes for each unit of work.
-pub fn prices(toolchain: &Toolchain, board: &Board, counter: &Counter) -> Result<Prices> {
+pub fn prices(toolchain: &Toolchain, board: &EmulatedBoard, counter: &Counter) -> Result<Prices> {
     let image = build::build(toolchain, board, &[Program::Example("calibrate")])?.pop().context("one program gives one image")?;
     let images = SHAPES.each_ref().map(Shape::images);
     let runs = runs(&images)?;
@@ -125,16 +125,16 @@ fn runs(images: &[ImageSet]) -> Result<Vec<Run<'_>>> {
 }
 
 impl Run<'_> {
-    fn name(&self, board: &Board) -> String {
+    fn name(&self, board: &EmulatedBoard) -> String {
         let p = &self.params;
         let (width, height, views, d) = (p.width(), p.height(), p.views().len(), p.num_disparities());
         format!("{}-{width}x{height}-{views}-{}-{}-{d}-{}", board.name, p.fusion().name(), p.min_disparity(), p.block_size())
     }
 
     /// The instructions that it takes.
-    fn count(&self, board: &Board, image: &Path, counter: &Counter) -> Result<Instructions> {
+    fn count(&self, board: &EmulatedBoard, image: &Path, counter: &Counter) -> Result<Instructions> {
         let params = &self.params;
-        let folder: PathBuf = layout::edge_target().join("runs/calibration").join(self.name(board));
+        let folder: PathBuf = folders::edge_target().join("runs/calibration").join(self.name(board));
         self.images.write(&folder)?;
         let numbers = [params.width(), params.height(), params.views().len()].map(|number| number.to_string());
         let search = [params.min_disparity().to_string(), params.num_disparities().to_string(), params.block_size().to_string()];

@@ -9,7 +9,7 @@ use std::{
 
 use crate::{
     system::{
-        layout,
+        folders,
         process::{read, run},
     },
     tools::tool,
@@ -41,15 +41,15 @@ pub struct Instructions {
 impl Counter {
     /// Compiles the plugin.
     pub fn build() -> Result<Counter> {
-        let library = layout::edge_target().join("libcount.so");
+        let library = folders::edge_target().join("libcount.so");
         let emulator = read(&mut tool::QEMU.install()?.command(&["--version"])?)?;
         let version = format!("-DQEMU_PLUGIN_VERSION={}", interface(&emulator)?);
         let mut cc = tool::CC.install()?.command(&["-O2", "-Wall", "-shared", "-fPIC", &version])?;
         if env::consts::OS == "macos" {
             cc.arg("-Wl,-undefined,dynamic_lookup");
         }
-        fs::create_dir_all(layout::edge_target())?;
-        run(cc.arg(layout::root().join("tests/emulator/count.c")).arg("-o").arg(&library))?;
+        fs::create_dir_all(folders::edge_target())?;
+        run(cc.arg(folders::root().join("tests/emulator/count.c")).arg("-o").arg(&library))?;
         let emulator = emulator.lines().next().unwrap_or_default().to_owned();
         Ok(Counter { library, emulator })
     }

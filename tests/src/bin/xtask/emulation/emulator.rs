@@ -8,7 +8,7 @@ use std::{
 };
 
 use crate::{
-    board::{emulated_board::Board, log},
+    emulation::{emulated_board::EmulatedBoard, log},
     system::process::exit_code_within,
     tools::tool,
 };
@@ -18,7 +18,7 @@ const LIMIT: Duration = Duration::from_secs(300);
 
 /// How a run ended.
 #[derive(Debug)]
-pub struct End {
+pub struct Exit {
     /// The exit code of the firmware.
     pub code: i32,
     /// What it said: its log, and what it said in plain text.
@@ -26,7 +26,7 @@ pub struct End {
 }
 
 /// Runs `image` on `board`, started with the words `args`. Its files are those in `folder`; `plugin` watches, if there is one.
-pub fn run(board: &Board, image: &Path, args: &[&str], folder: &Path, plugin: Option<&str>) -> Result<End> {
+pub fn run(board: &EmulatedBoard, image: &Path, args: &[&str], folder: &Path, plugin: Option<&str>) -> Result<Exit> {
     let emulator = tool::QEMU.install()?;
     let (log, words) = (folder.join("log.defmt"), folder.join("words.txt"));
     let create = |path: &Path| File::create(path).with_context(|| format!("cannot make {}", path.display()));
@@ -40,5 +40,5 @@ pub fn run(board: &Board, image: &Path, args: &[&str], folder: &Path, plugin: Op
     let code = exit_code_within(&mut emulator, LIMIT).with_context(|| format!("the firmware on {}", board.name))?;
     let mut lines = log::decode(image, &fs::read(&log)?)?;
     lines.extend(String::from_utf8_lossy(&fs::read(&words)?).lines().map(str::to_owned));
-    Ok(End { code, words: lines.join("\n") })
+    Ok(Exit { code, words: lines.join("\n") })
 }

@@ -8,10 +8,10 @@ use std::{env, fs, path::Path};
 use crate::{
     record::{self, Counts},
     system::{
-        layout,
+        folders,
         process::{built_program, read},
     },
-    tools::tool::{self, Program},
+    tools::tool::{self, InstalledProgram},
 };
 
 const WIDTH: u64 = 640;
@@ -62,15 +62,15 @@ impl Guard {
 }
 
 /// Counted as what two more runs of the match take, so that starting and making the frames are not in it.
-fn per_evaluation(valgrind: &Program, binary: &Path, kernel: &str, views: u64, fusion: &str) -> Result<f64> {
+fn per_evaluation(valgrind: &InstalledProgram, binary: &Path, kernel: &str, views: u64, fusion: &str) -> Result<f64> {
     let (less, more) = (count(valgrind, binary, kernel, views, fusion, 1)?, count(valgrind, binary, kernel, views, fusion, 3)?);
     let evaluations = WIDTH * HEIGHT * DISPARITIES * views;
     let difference = more.checked_sub(less).context("more runs took fewer instructions")?;
     Ok(difference as f64 / 2.0 / evaluations as f64)
 }
 
-fn count(valgrind: &Program, binary: &Path, kernel: &str, views: u64, fusion: &str, repeat: u32) -> Result<u64> {
-    let folder = layout::target().join("instructions");
+fn count(valgrind: &InstalledProgram, binary: &Path, kernel: &str, views: u64, fusion: &str, repeat: u32) -> Result<u64> {
+    let folder = folders::target().join("instructions");
     fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let profile = folder.join("callgrind.out");
     let mut counting = valgrind.command(&["--quiet", "--tool=callgrind"])?;

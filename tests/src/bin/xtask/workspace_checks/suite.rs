@@ -1,15 +1,65 @@
-//! The tests and the checks, step by step.
+//! The checks and the tests, step by step.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow, ensure};
 use std::{process::Command, time::Instant};
 
+use super::{aarch64, instructions, v4l2};
 use crate::{
-    board::emulated_board,
-    checks::{aarch64, instructions, v4l2},
-    firmware::{capturing, faults, kernel_twins, profiles},
-    system::process::{built_program, command, run},
-    tools::{setup, toolchain::Toolchain},
+    emulation::{emulated_board, setup},
+    firmware_checks::{capturing, faults, kernel_twins, profiles},
+    system::{
+        folders,
+        process::{built_program, command, run},
+    },
+    tools::toolchain::Toolchain,
 };
+
+/// The tests of `check`: the units, the and that the matcher and the other methods equal their references.
+const QUICK: [&str; 14] = [
+    "--package",
+    "multiscopic-core",
+    "--package",
+    "multiscopic",
+    "--package",
+    "multiscopic-edge",
+    "--package",
+    "multiscopic-tests",
+    "--lib",
+    "--bin=xtask",
+    "--test=architecture",
+    "--test=matching",
+    "--test=methods",
+    "--quiet",
+];
+
+/// What a developer runs after each change.
+pub fn check() -> Result<()> {
+    step("formatting", formatting)?;
+    step("architecture", architecture)?;
+    step("lints", lints)?;
+    step("unit and bit-exactness tests", || run(cargo(&["test"]).args(QUICK)))?;
+    println!("\nevery check passed; `cargo xtask test` runs every test");
+    Ok(())
+}
+
+/// Prints what breaks the workspace's architecture, and fails if anything does.
+pub fn architecture() -> Result<()> {
+    let violations = multiscopic_tests::architecture::check(folders::root()).map_err(|error| anyhow!("{error}"))?;
+    violations.iter().for_each(|violation| eprintln!("{violation}"));
+    ensure!(violations.is_empty(), "the architecture is broken in {} places", violations.len());
+    println!("architecture: every rule holds");
+    Ok(())
+}
+
+/// What must hold before anything runs.
+pub fn lint() -> Result<()> {
+    let toolchain = step("setup", setup::run)?;
+    step("formatting", formatting)?;
+    step("architecture", architecture)?;
+    step("lints", lints)?;
+    step("lints for Arm", || lints_for_arm(&toolchain))?;
+    step("documentation", || run(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")))
+}
 
 /// Every test.
 pub fn test() -> Result<()> {
@@ -28,16 +78,6 @@ pub fn test() -> Result<()> {
     Ok(())
 }
 
-/// Formatting, lints, documentation, and every test.
-pub fn ci() -> Result<()> {
-    let toolchain = step("setup", setup::run)?;
-    step("formatting", || run(&mut cargo(&["fmt", "--all", "--check"])))?;
-    step("lints", || run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--", "-Dwarnings"])))?;
-    step("lints for Arm", || lints_for_arm(&toolchain))?;
-    step("documentation", || run(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")))?;
-    test()
-}
-
 /// Runs a step, and names it if it fails.
 fn step<T>(name: &str, run: impl FnOnce() -> Result<T>) -> Result<T> {
     println!("\n== {name}");
@@ -45,6 +85,14 @@ fn step<T>(name: &str, run: impl FnOnce() -> Result<T>) -> Result<T> {
     let done = run().with_context(|| format!("step failed: {name}"))?;
     println!("== {name}: passed in {:.0} s", start.elapsed().as_secs_f64());
     Ok(done)
+}
+
+fn formatting() -> Result<()> {
+    run(&mut cargo(&["fmt", "--all", "--check"]))
+}
+
+fn lints() -> Result<()> {
+    run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--", "-Dwarnings"]))
 }
 
 fn test_workspace(profile: &str) -> Result<()> {

@@ -12,17 +12,17 @@ use std::{
 };
 
 use crate::{
-    board::{
+    emulation::{
         build::{self, Program},
         counter::{Counter, Instructions},
-        emulated_board::{self, Board},
+        emulated_board::{self, EmulatedBoard},
         emulator,
         footprint::Footprint,
     },
-    firmware::{calibration, image_set::ImageSet, received},
+    firmware_checks::{calibration, image_set::ImageSet, received},
     record::{self, Counts},
     system::{
-        layout,
+        folders,
         process::{command, read},
         workers,
     },
@@ -57,7 +57,7 @@ pub struct Selection {
 
 impl Selection {
     /// Whether a profile is to run on a board, which must have the RAM for it.
-    fn has(&self, board: &Board, profile: &Profile) -> bool {
+    fn has(&self, board: &EmulatedBoard, profile: &Profile) -> bool {
         wanted(&self.board, board.name) && wanted(&self.profile, profile.name) && profile.ram_budget <= board.ram
     }
 }
@@ -91,7 +91,7 @@ struct Measurement {
 
 /// An image and how it is run.
 struct Run {
-    board: &'static Board,
+    board: &'static EmulatedBoard,
     profile: Profile,
     fusion: Fusion,
     image: PathBuf,
@@ -110,7 +110,7 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     })?;
     if selection.fit {
         note_ram(&mut table, &runs, &measurements);
-        fs::write(layout::root().join("host/src/target/measured.toml"), table.to_toml())?;
+        fs::write(folders::root().join("host/src/target/measured.toml"), table.to_toml())?;
     }
     for (run, measurement) in runs.iter().zip(&mut measurements) {
         measurement.predict(run, &table)?;
@@ -183,7 +183,7 @@ impl Run {
     /// Runs the image. What it sends must be what this machine computes.
     fn measure(&self, counter: &Counter) -> Result<Measurement> {
         let params = self.profile.params(self.fusion);
-        let folder = layout::edge_target().join("runs").join(self.board.name).join(self.profile.name).join(self.fusion.name());
+        let folder = folders::edge_target().join("runs").join(self.board.name).join(self.profile.name).join(self.fusion.name());
         let images = ImageSet::tsukuba(&params).unwrap_or_else(|| ImageSet::demo(&params));
         images.write(&folder)?;
         let (bytes, received) = self.received(&folder, counter)?;

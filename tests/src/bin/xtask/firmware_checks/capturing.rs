@@ -6,13 +6,13 @@ use multiscopic_edge::{frame_file, profile::CAPTURE};
 use std::{fs, path::Path};
 
 use crate::{
-    board::{
+    emulation::{
         build::{self, Program},
-        emulated_board::{self, Board},
+        emulated_board::{self, EmulatedBoard},
         emulator,
     },
-    firmware::{image_set::ImageSet, received},
-    system::{layout, workers},
+    firmware_checks::{image_set::ImageSet, received},
+    system::{folders, workers},
     tools::toolchain::Toolchain,
 };
 
@@ -63,7 +63,7 @@ const FAULTS: [Case; 30] = [
 
 /// A run of the firmware.
 struct Run<'a> {
-    board: &'static Board,
+    board: &'static EmulatedBoard,
     image: &'a Path,
     case: Case,
 }
@@ -96,7 +96,7 @@ impl Run<'_> {
     /// Runs it, and says what it said. The stage must have stopped, and the capture after it must have worked.
     fn check(&self, set: &ImageSet, expected: &[Option<Disparity>]) -> Result<String> {
         let (words, code, said) = self.case;
-        let folder = layout::edge_target().join("runs/capture").join(self.board.name).join(words.replace(' ', "-"));
+        let folder = folders::edge_target().join("runs/capture").join(self.board.name).join(words.replace(' ', "-"));
         if folder.exists() {
             fs::remove_dir_all(&folder)?;
         }

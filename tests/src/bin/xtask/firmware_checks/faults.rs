@@ -9,13 +9,13 @@ use std::{
 };
 
 use crate::{
-    board::{
+    emulation::{
         build::{self, Program},
-        emulated_board::{self, Board},
+        emulated_board::{self, EmulatedBoard},
         emulator,
     },
-    firmware::image_set::ImageSet,
-    system::{layout, process},
+    firmware_checks::image_set::ImageSet,
+    system::{folders, process},
     tools::toolchain::Toolchain,
 };
 
@@ -68,14 +68,14 @@ pub fn no_panic(toolchain: &Toolchain) -> Result<()> {
 }
 
 /// A stack that overflows ends in a fault that is named, not in the statics.
-fn stack_overflow(toolchain: &Toolchain, board: &Board) -> Result<()> {
+fn stack_overflow(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
     let images = build::build(toolchain, board, &[Program::Example("stack_overflow")])?;
     let folder = folder("stack_overflow")?;
     images.iter().try_for_each(|image| ends(board, image, "", &folder, OVERFLOWED, "stack overflow: the stack has 8192 bytes"))
 }
 
 /// Frames that are missing or have another size, and an unknown word.
-fn bad_input(toolchain: &Toolchain, board: &Board) -> Result<()> {
+fn bad_input(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
     let profile = profile::QQVGA;
     let images = build::build(toolchain, board, &[Program::Profile(profile.name)])?;
     let image = images.first().context("one program gives one image")?;
@@ -100,7 +100,7 @@ fn bad_input(toolchain: &Toolchain, board: &Board) -> Result<()> {
 }
 
 /// Runs `image`, which must end with `code` and say `words` among others.
-fn ends(board: &Board, image: &Path, arg: &str, folder: &Path, code: i32, words: &str) -> Result<()> {
+fn ends(board: &EmulatedBoard, image: &Path, arg: &str, folder: &Path, code: i32, words: &str) -> Result<()> {
     let end = emulator::run(board, image, &[arg], folder, None)?;
     let found = format!("exit code {} and said:\n{}", end.code, end.words);
     ensure!(
@@ -113,7 +113,7 @@ fn ends(board: &Board, image: &Path, arg: &str, folder: &Path, code: i32, words:
 
 /// An empty folder to run in.
 fn folder(name: &str) -> Result<PathBuf> {
-    let folder = layout::edge_target().join("runs").join(name);
+    let folder = folders::edge_target().join("runs").join(name);
     if folder.exists() {
         fs::remove_dir_all(&folder)?;
     }

@@ -2,5 +2,5 @@
 
 pub mod aarch64;
 pub mod instructions;
-pub mod steps;
+pub mod suite;
 pub mod v4l2;

@@ -6,3 +6,4 @@ pub mod emulated_board;
 pub mod emulator;
 pub mod footprint;
 pub mod log;
+pub mod setup;

@@ -4,7 +4,7 @@ use multiscopic::Processor;
 
 /// A board as the linker and the emulator know it.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Board {
+pub struct EmulatedBoard {
     /// How the reports name it.
     pub name: &'static str,
     /// Its processor.
@@ -24,7 +24,7 @@ pub struct Board {
 }
 
 /// The reference board: a Cortex-M4F with the memory that `memory.x` gives it.
-pub const REFERENCE: Board = Board {
+pub const REFERENCE: EmulatedBoard = EmulatedBoard {
     name: "nrf52840",
     core: "Cortex-M4F",
     processor: Processor::CortexM4,
@@ -36,7 +36,7 @@ pub const REFERENCE: Board = Board {
 };
 
 /// The board with vectors.
-pub const VECTORS: Board = Board {
+pub const VECTORS: EmulatedBoard = EmulatedBoard {
     name: "an547",
     core: "Cortex-M55",
     processor: Processor::CortexM55,
@@ -48,10 +48,10 @@ pub const VECTORS: Board = Board {
 };
 
 /// Every board.
-pub const ALL: [Board; 4] = [
+pub const ALL: [EmulatedBoard; 4] = [
     REFERENCE,
-    Board { name: "stm32f405", feature: Some("stm32f405"), machine: "netduinoplus2", ram: 128 * 1024, ..REFERENCE },
-    Board {
+    EmulatedBoard { name: "stm32f405", feature: Some("stm32f405"), machine: "netduinoplus2", ram: 128 * 1024, ..REFERENCE },
+    EmulatedBoard {
         name: "stm32h743",
         core: "Cortex-M7",
         processor: Processor::CortexM7,

@@ -6,11 +6,11 @@ use std::env::consts::ARCH;
 
 use crate::{
     machine::{
-        linux::{self, Kernel},
+        linux::{self, Linux},
         virtual_machine::Machine,
     },
     system::{
-        layout,
+        folders,
         process::{built_program, built_test, command, run},
     },
     tools::{debian, tool},
@@ -28,7 +28,7 @@ pub fn run_tests() -> Result<()> {
     let mut machine = Machine::new()?;
     let program = built_program("release")?;
     machine.add_program(&program)?;
-    machine.add_folder(&layout::root().join("tests/golden"))?;
+    machine.add_folder(&folders::root().join("tests/golden"))?;
     let mut variables = format!("MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{}'", program.display());
     if let Some(root) = real_data::root() {
         machine.add_folder(&root.join(Dataset::Tsukuba.name()))?;
@@ -49,7 +49,7 @@ fn missing() -> Option<String> {
         return None;
     }
     let refused = [&tool::QEMU_X86].into_iter().chain(&linux::TOOLS).find_map(|tool| tool.install().err());
-    match Kernel::current() {
+    match Linux::current() {
         _ if refused.is_some() => refused.map(|refusal| format!("{refusal:#}")),
         None => Some("no list of packages; run `sudo apt-get update` first".into()),
         Some(_) => None,

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 
 use crate::{
-    board::emulated_board,
+    emulation::emulated_board,
     tools::{tool, toolchain::Toolchain},
 };
 

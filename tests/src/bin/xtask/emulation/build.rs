@@ -8,8 +8,8 @@ use std::{
 };
 
 use crate::{
-    board::emulated_board::Board,
-    system::{layout, process::run},
+    emulation::emulated_board::EmulatedBoard,
+    system::{folders, process::run},
     tools::toolchain::Toolchain,
 };
 
@@ -23,7 +23,7 @@ pub enum Program {
 }
 
 /// The command that builds `programs` for `board`.
-pub fn command(toolchain: &Toolchain, board: &Board, programs: &[Program]) -> Command {
+pub fn command(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program]) -> Command {
     let mut cargo = toolchain.cargo("build");
     cargo.args(["--profile", "firmware", "--package", "multiscopic-edge", "--target", board.target]);
     cargo.env("RUSTFLAGS", board.rustflags);
@@ -36,11 +36,11 @@ pub fn command(toolchain: &Toolchain, board: &Board, programs: &[Program]) -> Co
 }
 
 /// Builds `programs` for `board`, and says where they are.
-pub fn build(toolchain: &Toolchain, board: &Board, programs: &[Program]) -> Result<Vec<PathBuf>> {
+pub fn build(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program]) -> Result<Vec<PathBuf>> {
     run(&mut command(toolchain, board, programs))?;
-    let built = layout::edge_target().join(board.target).join("firmware");
+    let built = folders::edge_target().join(board.target).join("firmware");
     // The next board's images take the same places.
-    let kept = layout::edge_target().join("images").join(board.name);
+    let kept = folders::edge_target().join("images").join(board.name);
     fs::create_dir_all(&kept)?;
     programs.iter().map(|program| keep(&built, &kept, *program)).collect()
 }

@@ -9,7 +9,7 @@ use multiscopic::{
 use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, View, Views};
 use multiscopic_edge::frame_file;
 use multiscopic_tests::samples::{
-    images::Images,
+    images::ViewSet,
     real_data::{self, Dataset},
     strict_source::StrictSource,
 };
@@ -19,7 +19,7 @@ use std::{fs, path::Path};
 pub struct ImageSet {
     /// How reports name it.
     pub name: &'static str,
-    images: Images,
+    images: ViewSet,
 }
 
 impl ImageSet {
@@ -29,7 +29,7 @@ impl ImageSet {
         let shot = capture(&Scene::demo(), &Camera::new(width as u32, height as u32), 1);
         let gray = |frame| Picture::Rgb(shot.frame(frame).clone()).to_gray().into_raw();
         let views = View::ALL.map(|view| params.views().contains(view).then(|| gray(Frame::View(view))));
-        ImageSet { name: "demo", images: Images { width, height, center: gray(Frame::Center), views } }
+        ImageSet { name: "demo", images: ViewSet { width, height, center: gray(Frame::Center), views } }
     }
 
     /// The `[width, height]` pixels in the middle of the same scene in frames of `size`, with all neighbours.
@@ -38,7 +38,7 @@ impl ImageSet {
             capture(&Scene::demo(), &Camera::new(w as u32, h as u32), 1).frames(Views::ALL).middle([width, height], Views::ALL);
         let gray = |frame| frames.get(frame).map(|image| image.as_raw().clone());
         let views = View::ALL.map(|view| gray(Frame::View(view)));
-        ImageSet { name: "demo", images: Images { width, height, center: gray(Frame::Center).unwrap_or_default(), views } }
+        ImageSet { name: "demo", images: ViewSet { width, height, center: gray(Frame::Center).unwrap_or_default(), views } }
     }
 
     /// The middle of the Tsukuba head and lamp, if this machine has it and it is large enough.
@@ -63,7 +63,7 @@ impl ImageSet {
 
     /// The frames in the host's terms.
     pub fn frames(&self) -> Result<Frames> {
-        let Images { width, height, center, views } = &self.images;
+        let ViewSet { width, height, center, views } = &self.images;
         let image = |pixels: &Vec<u8>| {
             let image = GrayImage::from_raw(*width as u32, *height as u32, pixels.clone());
             image.context("there are as many pixels as width and height say")

@@ -4,11 +4,11 @@ use anyhow::{Context, Result, ensure};
 use std::fs;
 
 use crate::{
-    board::{
+    emulation::{
         build::{self, Program},
         emulated_board, emulator,
     },
-    system::layout,
+    system::folders,
     tools::toolchain::Toolchain,
 };
 
@@ -18,7 +18,7 @@ const BOARDS: [&str; 3] = [emulated_board::REFERENCE.name, "stm32h743", "an547"]
 /// Runs the comparison on a board of each processor.
 pub fn run(toolchain: &Toolchain) -> Result<()> {
     for board in emulated_board::ALL.iter().filter(|board| BOARDS.contains(&board.name)) {
-        let folder = layout::edge_target().join("runs").join("kernels").join(board.name);
+        let folder = folders::edge_target().join("runs").join("kernels").join(board.name);
         fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
         for image in build::build(toolchain, board, &[Program::Example("kernels")])? {
             let end = emulator::run(board, &image, &[""], &folder, None)?;

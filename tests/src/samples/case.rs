@@ -11,7 +11,7 @@ use proptest::{
 use crate::{
     random::Random,
     reference::{Fusion, raw16},
-    samples::{images::ViewSet, strict_source::StrictSource},
+    samples::{strict_source::StrictSource, view_set::ViewSet},
 };
 
 /// What images look like.

@@ -1,6 +1,6 @@
 //! Disparities drawn in ASCII: `0` to `9`, `a` to `i` for -1 to -9, and `.` for an invalid pixel.
 
-use crate::{random::Random, samples::images::ViewSet};
+use crate::{random::Random, samples::view_set::ViewSet};
 
 /// The lines of a drawing, without the indentation and the empty lines around it.
 fn lines(drawing: &str) -> Vec<&str> {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::{
     reference::Fusion::{self, Heuristic, Mean, Min},
-    samples::images::ViewSet,
+    samples::view_set::ViewSet,
 };
 
 /// Pixels in a line of a golden image.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::{program::Invocation, samples::images::ViewSet};
+use crate::{program::Invocation, samples::view_set::ViewSet};
 
 /// Pixels of the large images to one of the small.
 pub const FACTOR: usize = 4;

@@ -3,8 +3,9 @@
 pub mod case;
 pub mod drawing;
 pub mod golden;
-pub mod images;
+
 pub mod misaligned;
 pub mod real_data;
 pub mod strict_source;
+pub mod view_set;
 pub mod weight_files;

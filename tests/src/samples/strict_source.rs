@@ -2,7 +2,7 @@
 
 use multiscopic_core::{Frame, Params, Region, ScanlineSource, View};
 
-use crate::samples::images::ViewSet;
+use crate::samples::view_set::ViewSet;
 
 /// The frames: the centre and its neighbours in the order of [`ViewSet::views`].
 pub const FRAMES: [Frame; 5] =

@@ -4,16 +4,16 @@
 //! | --- | --- |
 //! | `system` | other programs, threads, and where things are |
 //! | `tools` | the programs that checks run, and how they are installed |
-//! | `record` | the recorded counts of instructions |
+//! | `counts` | the recorded counts of instructions |
 //! | `machine` | the virtual machine with cameras |
 //! | `emulation` | emulated boards: firmware is built for them, run and measured |
 //! | `firmware_checks` | what the firmware must do on the boards |
 //! | `workspace_checks` | what the whole workspace must do, step by step |
 
+mod counts;
 mod emulation;
 mod firmware_checks;
 mod machine;
-mod record;
 mod system;
 mod tools;
 mod workspace_checks;
@@ -23,7 +23,7 @@ use std::process::ExitCode;
 
 use emulation::setup;
 use firmware_checks::{capturing, faults, kernel_twins, profiles};
-use workspace_checks::{aarch64, instructions, suite, v4l2};
+use workspace_checks::{aarch64, host_instructions, suite, v4l2};
 
 /// Runs the project's tests, checks and firmware.
 #[derive(Parser)]
@@ -58,7 +58,7 @@ enum Task {
     /// Print what breaks the workspace's architecture: imports up the rooms, circles of files, crowded folders, shared names
     Architecture,
     /// Count the instructions of matching on this machine and compare them with the record
-    Instructions(instructions::Guard),
+    Instructions(host_instructions::Guard),
     /// Link the matcher alone, which fails if there is any way from it into a panic
     NoPanic,
 }

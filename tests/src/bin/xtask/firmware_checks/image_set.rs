@@ -9,9 +9,9 @@ use multiscopic::{
 use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, View, Views};
 use multiscopic_edge::frame_file;
 use multiscopic_tests::samples::{
-    images::ViewSet,
     real_data::{self, Dataset},
     strict_source::StrictSource,
+    view_set::ViewSet,
 };
 use std::{fs, path::Path};
 

@@ -12,6 +12,7 @@ use std::{
 };
 
 use crate::{
+    counts::{self, Counts},
     emulation::{
         build::{self, Program},
         counter::{Counter, Instructions},
@@ -20,7 +21,6 @@ use crate::{
         footprint::Footprint,
     },
     firmware_checks::{calibration, image_set::ImageSet, received},
-    record::{self, Counts},
     system::{
         folders,
         process::{command, read},
@@ -121,7 +121,7 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
         fs::write(path, json + "\n").with_context(|| format!("cannot write {}", path.display()))?;
     }
     check(&runs, &measurements, &table)?;
-    record::hold(&counts(&measurements), selection.update, "cargo xtask edge --update")
+    counts::hold(&counts(&measurements), selection.update, "cargo xtask edge --update")
 }
 
 /// The counts of `measurements` under their names in the record. What images show changes them by less than its tolerance.

@@ -6,7 +6,7 @@ use multiscopic::Simd;
 use std::{env, fs, path::Path};
 
 use crate::{
-    record::{self, Counts},
+    counts::{self, Counts},
     system::{
         folders,
         process::{built_program, read},
@@ -57,7 +57,7 @@ impl Guard {
                 counts.insert(name, counted);
             }
         }
-        record::hold(&counts, self.update, "cargo xtask instructions --update")
+        counts::hold(&counts, self.update, "cargo xtask instructions --update")
     }
 }
 

@@ -1,4 +1,4 @@
-//! What the tests match: golden images, random cases, drawings, and real images where there are any.
+//! Images for the tests: golden, random, drawn, misaligned, and real where they are available.
 
 pub mod case;
 pub mod drawing;

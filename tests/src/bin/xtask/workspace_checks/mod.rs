@@ -1,4 +1,4 @@
-//! The checks of the whole workspace, step by step.
+//! Checks of the whole workspace, and the suites that combine all checks.
 
 pub mod aarch64;
 pub mod host_instructions;

@@ -1,4 +1,4 @@
-//! The checks and the tests, step by step.
+//! The suites of checks: what `check`, `lint` and `test` run.
 
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{process::Command, time::Instant};
@@ -14,7 +14,7 @@ use crate::{
     tools::toolchain::Toolchain,
 };
 
-/// The tests of `check`: the units, the and that the matcher and the other methods equal their references.
+/// The tests of `check`: units, architecture, and the comparisons of all methods with their references.
 const QUICK: [&str; 14] = [
     "--package",
     "multiscopic-core",
@@ -32,7 +32,7 @@ const QUICK: [&str; 14] = [
     "--quiet",
 ];
 
-/// What a developer runs after each change.
+/// The checks for every change.
 pub fn check() -> Result<()> {
     step("formatting", formatting)?;
     step("architecture", architecture)?;
@@ -42,7 +42,7 @@ pub fn check() -> Result<()> {
     Ok(())
 }
 
-/// Prints what breaks the workspace's architecture, and fails if anything does.
+/// Prints every violation of the architecture; fails if there is one.
 pub fn architecture() -> Result<()> {
     let violations = multiscopic_tests::architecture::check(folders::root()).map_err(|error| anyhow!("{error}"))?;
     violations.iter().for_each(|violation| eprintln!("{violation}"));
@@ -51,7 +51,7 @@ pub fn architecture() -> Result<()> {
     Ok(())
 }
 
-/// What must hold before anything runs.
+/// The static checks.
 pub fn lint() -> Result<()> {
     let toolchain = step("setup", setup::run)?;
     step("formatting", formatting)?;
@@ -78,7 +78,7 @@ pub fn test() -> Result<()> {
     Ok(())
 }
 
-/// Runs a step, and names it if it fails.
+/// Runs a named step and reports its time.
 fn step<T>(name: &str, run: impl FnOnce() -> Result<T>) -> Result<T> {
     println!("\n== {name}");
     let start = Instant::now();
@@ -101,7 +101,7 @@ fn test_workspace(profile: &str) -> Result<()> {
 }
 
 fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
-    // As firmware of one's own has them.
+    // As a user's firmware depends on them.
     let libraries: [&[&str]; 3] = [
         &["--package", "multiscopic-core"],
         &["--package", "multiscopic-edge"],

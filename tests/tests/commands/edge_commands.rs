@@ -1,4 +1,4 @@
-//! The commands around the firmware as their users meet them: `listen`, `simulate` and `budget`.
+//! The commands around the firmware as users run them: `listen`, `simulate` and `budget`.
 
 use std::{
     fs,
@@ -33,12 +33,12 @@ const PARAMS: Params = match Params::new(7, 5, Views::HORIZONTAL, Fusion::Min, 1
 };
 const TILE: usize = 4;
 
-/// The disparity of a pixel as a 16-bit sample: each has its own, and some are invalid.
+/// The 16-bit sample of a pixel. All valid ones differ, and some are invalid.
 fn sample(u: usize, v: usize) -> u16 {
     if (u + v) % 6 == 5 { 0 } else { 32768 + 64 * v as u16 + u as u16 }
 }
 
-/// The packets of the frame: those of its lines, and the one of its end.
+/// The packets of the frame: its lines, then its end.
 fn packets() -> Vec<Vec<u8>> {
     let mut buffer = vec![0; buffer_bytes(TILE)];
     let mut sender = Sender::new(&PARAMS, &mut buffer);
@@ -53,14 +53,14 @@ fn packets() -> Vec<Vec<u8>> {
     packets
 }
 
-/// The samples of the frame, without those of the packets `lost`.
+/// The samples of the frame without those of the `lost` packets.
 fn samples(lost: &[usize]) -> Vec<u16> {
     let packet = |u: usize, v: usize| u / TILE * PARAMS.height() + v;
     let pixels = (0..PARAMS.height()).flat_map(|v| (0..PARAMS.width()).map(move |u| (u, v)));
     pixels.map(|(u, v)| if lost.contains(&packet(u, v)) { 0 } else { sample(u, v) }).collect()
 }
 
-/// Has `bytes` listened to in `dir`: what that did, and where its pictures are.
+/// Runs `listen` on `bytes` in `dir`, and returns the run and the paths of its pictures.
 fn listened(dir: &Path, bytes: &[u8]) -> (Invocation, [PathBuf; 3]) {
     let stream = dir.join("stream");
     fs::write(&stream, bytes).expect("a stream for the test");
@@ -70,7 +70,7 @@ fn listened(dir: &Path, bytes: &[u8]) -> (Invocation, [PathBuf; 3]) {
     (run, outputs)
 }
 
-/// Listens to `bytes`, of which the packets `lost` cannot be had: exit code 1, all `words`, and a picture of the rest.
+/// Runs `listen` on `bytes` without the `lost` packets. It must end with exit code 1, name all `words`, and write the rest.
 #[track_caller]
 fn assert_lost(bytes: &[u8], lost: &[usize], words: &[&str]) {
     let dir = folder();
@@ -101,7 +101,7 @@ fn packets_come_through_standard_input() {
     let mut listen = Command::new(program::binary());
     listen.args(["listen", "-", "-o"]).arg(&pfm).stdin(Stdio::piped()).stderr(Stdio::null());
     let mut listen = listen.spawn().expect("the command line runs");
-    // The pipe stays open: the end packet is what ends it.
+    // The pipe stays open. The end packet ends the run.
     let mut pipe = listen.stdin.take().expect("a pipe");
     pipe.write_all(&packets().concat()).expect("it reads");
     assert_eq!(listen.wait().expect("it ends").code(), Some(0));
@@ -136,14 +136,14 @@ fn a_flipped_bit_is_noticed_anywhere() {
 }
 
 #[test]
-fn a_stream_that_breaks_off() {
+fn a_truncated_stream_is_reported() {
     let whole = packets().concat();
     let bytes: usize = packets()[..7].iter().map(Vec::len).sum();
     assert_lost(&whole[..bytes + 3], &[7, 8, 9], &["after line 1 (packet 6): a damaged packet", "the end of the frame is lost"]);
 }
 
 #[test]
-fn foreign_packets_are_named_and_passed_over() {
+fn foreign_packets_are_named_and_skipped() {
     let other = Params::new(9, 2, Views::HORIZONTAL, Fusion::Min, 1, 8, 3).expect("they are in range");
     let mut buffer = vec![0; buffer_bytes(9)];
     let line =
@@ -158,7 +158,7 @@ fn foreign_packets_are_named_and_passed_over() {
 }
 
 #[test]
-fn what_is_no_stream_is_refused() {
+fn other_data_is_refused() {
     for (bytes, words) in [
         (&b"not a stream of packets"[..], &["stream: found 23 bytes without a packet of disparities", "expected the packets"]),
         (b"", &["stream: found nothing", "expected the packets"]),
@@ -178,14 +178,14 @@ fn what_is_no_stream_is_refused() {
     Invocation::new([Path::new("listen"), &stream, Path::new("-o"), &stream]).assert_refused(&["would replace the input"]);
 }
 
-/// The JSON that a command prints, which is all that it prints.
+/// The JSON that a command prints, without anything else.
 #[track_caller]
 fn json(run: &Invocation, code: i32) -> serde_json::Value {
     assert_eq!(run.code, Some(code), "{run:#?}");
     serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {run:#?}"))
 }
 
-/// The middle of frames of `multiscopic demo` that are larger than the profile's: what is simulated is what `match` makes of it.
+/// `simulate` equals `match` on the centre of the demo's frames, which are larger than the profile's.
 fn assert_simulated_as_matched(profile: &Profile) {
     let dir = folder();
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
@@ -262,7 +262,7 @@ fn a_simulation_refuses_what_does_not_fit() {
     Invocation::new(["simulate", "--profile", "qqvga", "-o", "none/out.pfm"]).assert_refused(&["cannot write none/out.pfm"]);
 }
 
-/// What `budget` says with some options, and its words.
+/// Runs `budget` with options.
 fn budget(options: &[&str]) -> Invocation {
     Invocation::new(["budget", "--json"].iter().chain(options))
 }
@@ -304,7 +304,7 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
 }
 
 #[test]
-fn a_budget_of_any_match() {
+fn any_match_has_a_budget() {
     let given = "--width 320 --height 240 --num-disparities 32 --core cortex-m7 --tile-width 80 --fusion min";
     let mut own = json(&budget(&given.split(' ').collect::<Vec<_>>()), 0);
     let tile = profile::QVGA_TILED.tile_width().to_string();
@@ -338,7 +338,7 @@ fn time_is_instructions_by_cycles_by_clock() {
 }
 
 #[test]
-fn a_budget_that_is_not_met_fails_by_name() {
+fn an_exceeded_budget_fails_by_name() {
     let report = json(&budget(&["--profile", "qvga"]), 0);
     let total = report["ram_total"].as_u64().expect("bytes");
     let fps = report["fps"].as_f64().expect("a number");

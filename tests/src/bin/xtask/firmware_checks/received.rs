@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_frame() {
+    fn a_whole_frame_is_received() {
         let received = whole(&sent(None, b""), Path::new("packets"), &PARAMS).unwrap();
         assert_eq!(received.stack, Some(77));
         let mut expected = [Disparity::from_bits(128); 6];
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn anything_less_or_more_is_refused() {
+    fn incomplete_frames_and_excess_bytes_are_refused() {
         assert_eq!(error(&sent(Some(1), b""), &PARAMS), "line 1 (packet 1) is lost");
         assert!(error(&sent(Some(2), b""), &PARAMS).starts_with("the end of the frame is lost"));
         assert_eq!(error(&sent(None, b"more"), &PARAMS), "4 bytes came after the frame's end");

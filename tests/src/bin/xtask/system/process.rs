@@ -36,14 +36,14 @@ pub fn run_within(command: &mut Command, limit: Duration) -> Result<()> {
 /// Runs `command` and kills it after `limit`; returns its exit code.
 pub fn exit_code_within(command: &mut Command, limit: Duration) -> Result<i32> {
     let status = status_within(command, limit)?;
-    status.code().with_context(|| format!("{} was ended ({status})", name(command)))
+    status.code().with_context(|| format!("{} was killed by a signal ({status})", name(command)))
 }
 
 fn status_within(command: &mut Command, limit: Duration) -> Result<ExitStatus> {
     let mut child = command.stdin(Stdio::null()).spawn().with_context(|| format!("cannot start {}", name(command)))?;
     match wait(&mut child, limit)? {
         Some(status) => Ok(status),
-        None => bail!("{} was not done after {} s", name(command), limit.as_secs()),
+        None => bail!("{} was killed after {} s", name(command), limit.as_secs()),
     }
 }
 

@@ -10,12 +10,9 @@ use std::fmt;
 use multiscopic_core::kernel::Neon;
 #[cfg(target_arch = "x86_64")]
 use multiscopic_core::kernel::{Avx2, Avx512};
-use multiscopic_core::{
-    Disparity, Matcher, Memory, Params, Region,
-    kernel::{Blocks, Portable},
-};
+use multiscopic_core::kernel::{Blocks, Portable};
 
-use crate::{images::Frames, stereo::optimization::sgm::Vectors};
+use super::vector::Vectors;
 
 /// As many lanes as the compiler makes vectors of, on any processor.
 type Baseline = Portable<8>;
@@ -100,18 +97,6 @@ impl Simd {
             Level::Baseline => task.run(Baseline::default()),
         }
     }
-
-    /// Matches `region` of `frames` into `out`, which has its pixels line by line, and calls `line_done` after each line.
-    pub(crate) fn match_region(
-        self,
-        frames: &Frames,
-        params: &Params,
-        region: &Region,
-        out: &mut [Option<Disparity>],
-        line_done: &impl Fn(),
-    ) {
-        self.run(Pass { frames, params, region, out, line_done });
-    }
 }
 
 impl fmt::Display for Simd {
@@ -136,33 +121,5 @@ impl Task for Lanes {
 
     fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, _isa: I) -> usize {
         I::LANES
-    }
-}
-
-/// Matches a region.
-struct Pass<'a, F> {
-    frames: &'a Frames,
-    params: &'a Params,
-    region: &'a Region,
-    out: &'a mut [Option<Disparity>],
-    line_done: &'a F,
-}
-
-impl<F: Fn()> Task for Pass<'_, F> {
-    type Output = ();
-
-    fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, isa: I) {
-        /// Bytes of the widest vector, to which the sums are aligned.
-        const ALIGNMENT: usize = 64;
-        let Pass { mut frames, params, region, out, line_done } = self;
-        let words = Memory::new::<I>(params, region.width()).words();
-        let mut memory = vec![0u32; words + ALIGNMENT / 4];
-        let start = memory.as_ptr().align_offset(ALIGNMENT);
-        let mut matcher =
-            Matcher::with_isa(isa, params, region, &mut memory[start..]).expect("the memory has the matcher's own size");
-        for line in out.chunks_exact_mut(region.width()) {
-            matcher.next_line(&mut frames, line).expect("lines in memory do not fail");
-            line_done();
-        }
     }
 }

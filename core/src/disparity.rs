@@ -1,9 +1,8 @@
 //! Disparity in fixed point.
 
 use core::{fmt, num::NonZeroU16};
-use fixed::types::I10F6;
 
-use crate::kernel::Winners;
+use fixed::types::I10F6;
 
 /// A disparity: signed pixels in steps of 1/64, from -511 63/64 to 511 63/64.
 ///
@@ -92,9 +91,9 @@ impl Disparity {
 
     /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that has vectors.
     #[inline(always)]
-    pub(crate) fn refine_all(costs: &Around) -> [Option<Disparity>; BATCH] {
+    pub(crate) fn refine_all<const N: usize>(costs: &Around<N>) -> [Option<Disparity>; N] {
         const TWO_TO_23: f32 = 8_388_608.0;
-        let mut refined = [None; BATCH];
+        let mut refined = [None; N];
         for (i, refined) in refined.iter_mut().enumerate() {
             let (d, steps) = (i32::from(costs.d[i]), Disparity::STEPS);
             // Costs that mean nothing make disparities that mean nothing.
@@ -153,15 +152,13 @@ impl defmt::Format for Disparity {
     }
 }
 
-const BATCH: usize = Winners::<()>::MAX;
-
-/// The disparities of a batch of pixels, and the costs before, at and after them.
+/// The disparities of a batch of `N` pixels, and the fused costs before, at and after them.
 #[derive(Debug)]
-pub(crate) struct Around {
-    pub d: [i16; BATCH],
-    pub before: [u32; BATCH],
-    pub at: [u32; BATCH],
-    pub after: [u32; BATCH],
+pub(crate) struct Around<const N: usize> {
+    pub d: [i16; N],
+    pub before: [u32; N],
+    pub at: [u32; N],
+    pub after: [u32; N],
 }
 
 #[cfg(test)]
@@ -169,6 +166,8 @@ mod tests {
     extern crate std;
 
     use super::*;
+
+    const BATCH: usize = 32;
 
     #[test]
     fn refinement_rounds_halves_away_from_zero() {

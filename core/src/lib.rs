@@ -28,27 +28,22 @@ mod availability;
 pub mod capture;
 mod depth;
 mod disparity;
-mod error;
 mod fusion;
 pub mod kernel;
-mod lines;
 mod matcher;
 mod memory;
 mod params;
 mod region;
 mod scanline;
 mod search;
-mod selection;
-mod sweep;
 mod view;
 
 pub use fixed;
 
 pub use depth::{Depth, Triangulation};
 pub use disparity::Disparity;
-pub use error::{MatchError, MemoryTooSmall};
 pub use fusion::{Fusion, MatchingCost};
-pub use matcher::Matcher;
+pub use matcher::{MatchError, Matcher, MemoryTooSmall};
 pub use memory::Memory;
 pub use params::Params;
 pub use region::{Region, RegionError};

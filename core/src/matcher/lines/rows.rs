@@ -1,6 +1,7 @@
 //! Lines as they come, or mirrored.
 
-use super::{Samples, replicate};
+use super::replication::replicate;
+use crate::kernel::Samples;
 
 /// A ring of lines, for matches in the same line.
 #[derive(Debug)]
@@ -37,6 +38,6 @@ impl Rows<'_> {
     /// The samples that line `v` is compared with.
     pub fn at(&self, v: i32) -> Samples<'_> {
         let (offset, step) = if self.mirrored { (self.span - 1, -1) } else { (0, 1) };
-        Samples { samples: self.samples, start: self.start(v) + offset, step, depth: self.depth }
+        Samples { memory: self.samples, start: self.start(v) + offset, step, depth: self.depth }
     }
 }

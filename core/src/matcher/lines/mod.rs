@@ -5,11 +5,13 @@
 //! there: below 0 they repeat the first line, past the end the last.
 
 mod columns;
+mod replication;
 mod rows;
 
 use core::iter;
 
-use crate::{Frame, MatchError, Params, Region, ScanlineSource, View, memory::Shape};
+use super::error::MatchError;
+use crate::{Frame, Params, Region, ScanlineSource, View, kernel::Samples, memory::Shape};
 use columns::Columns;
 use rows::Rows;
 
@@ -170,37 +172,4 @@ impl<'m> Lines<'m> {
             Store::Columns(columns) => columns.at(v),
         }
     }
-}
-
-/// The samples of a line at all disparities, column by column.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Samples<'a> {
-    samples: &'a [u8],
-    /// Where the first column's begin.
-    start: usize,
-    /// How much further the next column's begin.
-    pub step: isize,
-    /// How many a column has, at ascending disparities.
-    pub depth: usize,
-}
-
-impl Samples<'_> {
-    /// Where the first column's begin, if those of `columns` columns are there.
-    pub fn first(&self, columns: usize) -> Option<*const u8> {
-        let last = self.step.checked_mul(columns.checked_sub(1)? as isize)?;
-        let last = self.start.checked_add_signed(last)?;
-        let covered = |start: usize| start.checked_add(self.depth).is_some_and(|end| end <= self.samples.len());
-        (covered(self.start) && covered(last)).then(|| self.samples.as_ptr().wrapping_add(self.start))
-    }
-}
-
-/// Fills `held` with the samples of `line` from the coordinate `left` on, which may be outside it.
-#[inline(always)]
-fn replicate<'h>(mut held: impl Iterator<Item = &'h mut u8>, line: &[u8], left: i32) {
-    let (Some(&first), Some(&last)) = (line.first(), line.last()) else { return };
-    held.by_ref().take(left.min(0).unsigned_abs() as usize).for_each(|sample| *sample = first);
-    let inside = line.get(left.max(0) as usize..).unwrap_or_default();
-    // Not by `zip` alone, which would take one that it does not fill.
-    held.by_ref().take(inside.len()).zip(inside).for_each(|(sample, &inside)| *sample = inside);
-    held.for_each(|sample| *sample = last);
 }

@@ -1,6 +1,7 @@
 //! Lines by column.
 
-use super::{Samples, replicate};
+use super::replication::replicate;
+use crate::kernel::Samples;
 
 /// A stack of samples for each column, for matches in the same column. Newer lines are pushed at the edge, at one end; when
 /// it reaches the stack's border, what is still needed moves to the other.
@@ -72,7 +73,7 @@ impl Columns<'_> {
         // How many lines ago the match at the smallest disparity was pushed.
         let age = (self.next - 1 - (v + self.nearest)) as usize;
         let start = if self.mirrored { self.edge + age } else { (self.edge - 1).wrapping_sub(age) };
-        Samples { samples: self.samples, start, step: self.stack as isize, depth: self.depth }
+        Samples { memory: self.samples, start, step: self.stack as isize, depth: self.depth }
     }
 }
 

@@ -1,17 +1,30 @@
-//! The matcher: scanlines in, disparity lines out.
+//! The matcher: scanlines in, disparity lines out. Each room knows only those above it:
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | `error` | what can keep a match from going on |
+//! | `lines` | the lines of all frames under the blocks |
+//! | `selection` | from the block sums of a pixel to its disparity |
+//! | `sweep` | the way along a disparity line |
 
-use core::mem;
+mod error;
+mod lines;
+mod selection;
+mod sweep;
+
+use core::{marker::PhantomData, mem};
 
 use bytemuck::Pod;
 
 use crate::{
-    Disparity, Frame, MatchError, Memory, MemoryTooSmall, Params, Region, ScanlineSource,
-    availability::Available,
+    Disparity, Frame, Memory, Params, Region, ScanlineSource,
+    availability::Availability,
     kernel::{Blocks, Change, Isa, Lane, Portable},
-    lines::{Frames, Lines},
     memory::Shape,
-    sweep::{self, Priming, Sweep},
 };
+pub use error::{MatchError, MemoryTooSmall};
+use lines::{Frames, Lines};
+use sweep::{Priming, Sweep};
 
 /// A pass over a region of a frame, one disparity line at a time.
 ///
@@ -60,8 +73,8 @@ pub struct Matcher<'m, I = Portable<{ Params::LANES }>> {
     shape: Shape,
     frames: Frames<'m>,
     sums: Sums<'m>,
-    /// What `sums.masks` leaves.
-    available: Available,
+    /// What `sums.masks` hides.
+    availability: Availability,
     /// A line as it comes from the source.
     line: &'m mut [u8],
     /// The next disparity line.
@@ -104,7 +117,7 @@ impl<'m> Matcher<'m> {
     /// # Errors
     /// [`MemoryTooSmall`].
     pub fn new(params: &Params, memory: &'m mut [u32]) -> Result<Matcher<'m>, MemoryTooSmall> {
-        Matcher::with_isa(Portable, params, &Region::whole(params), memory)
+        Matcher::with_isa(Portable::default(), params, &Region::whole(params), memory)
     }
 }
 
@@ -121,8 +134,8 @@ impl<'m, I: Isa> Matcher<'m, I> {
         let too_small = MemoryTooSmall { needed: sizes.words(), given: memory.len() };
         let mut rest = memory.get_mut(..sizes.words()).ok_or(too_small)?;
         let mut lend = |bytes: usize| {
-            let (lent, left) = mem::take(&mut rest).split_at_mut_checked(bytes.div_ceil(4)).ok_or(too_small)?;
-            rest = left;
+            let (lent, unlent) = mem::take(&mut rest).split_at_mut_checked(bytes.div_ceil(4)).ok_or(too_small)?;
+            rest = unlent;
             Ok(lent)
         };
         let columns = lend(sizes.column_sums)?;
@@ -150,7 +163,7 @@ impl<'m, I: Isa> Matcher<'m, I> {
             shape,
             frames: Frames { center, views },
             sums: Sums { columns, blocks, masks, fused, zeros },
-            available: Available::new(params),
+            availability: Availability::new(params),
             line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
             next: region.rows().start,
             primed: region.rows().start as i32 - params.radius() as i32,
@@ -218,7 +231,7 @@ impl<I: Isa> Matcher<'_, I> {
         let columns = cast_mut::<_, I::Sums>(self.sums.columns).get_mut(..self.shape.span * V * vectors).unwrap_or_default();
         let bias = I::bias((v + 1 - self.region.rows().start) as u32);
         cast_mut::<_, u16>(self.sums.zeros).fill(bias);
-        let nothing = &*cast_mut::<_, I::Sums>(self.sums.zeros).get_mut(..V * vectors).unwrap_or_default();
+        let empty_column = &*cast_mut::<_, I::Sums>(self.sums.zeros).get_mut(..V * vectors).unwrap_or_default();
         // The lowest line of the blocks enters. At the region's top all their lines do, and then nothing is left to move.
         let entering = v as i32 + self.params.radius() as i32;
         let mut lines = Change { entering, leaving: entering - self.params.block_size() as i32 };
@@ -227,8 +240,8 @@ impl<I: Isa> Matcher<'_, I> {
             while self.primed <= entering {
                 self.frames.read_ahead(source, &self.params, self.line, self.primed)?;
                 let line = Change { entering: self.primed, leaving: self.primed };
-                let steps = sweep::steps::<I, V>(&self.frames, line, columns, nothing, self.params.block_size());
-                self.isa.compiled(Priming { isa: self.isa, steps, columns: self.shape.span });
+                let steps = sweep::steps::<I, V>(&self.frames, line, columns, empty_column, self.params.block_size());
+                self.isa.compiled(Priming { isa: self.isa, steps, columns: self.shape.span, lane: PhantomData });
                 self.primed += 1;
             }
         }
@@ -236,17 +249,17 @@ impl<I: Isa> Matcher<'_, I> {
         if v + 1 == self.params.height() {
             self.frames.read_rest(source, &self.params, self.line)?;
         }
-        let (blocks, each) = cast_mut(self.sums.blocks).split_at_mut_checked(vectors).unwrap_or_default();
+        let (blocks, kept) = cast_mut(self.sums.blocks).split_at_mut_checked(vectors).unwrap_or_default();
         let sweep = Sweep::<L, I, V> {
             isa: self.isa,
             params: &self.params,
             region: &self.region,
             v,
-            steps: sweep::steps(&self.frames, lines, columns, nothing, self.params.block_size()),
+            steps: sweep::steps(&self.frames, lines, columns, empty_column, self.params.block_size()),
             blocks,
-            each,
+            kept,
             masks: cast_mut(self.sums.masks).get_mut(..vectors).unwrap_or_default(),
-            available: &mut self.available,
+            availability: &mut self.availability,
             fused: cast_mut(self.sums.fused),
             out,
         };

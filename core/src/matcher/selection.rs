@@ -6,12 +6,10 @@ use crate::{
     Disparity, MatchingCost, Params,
     availability::Availability,
     disparity::Around,
-    kernel::{self, Block, Blocks, Lane, Rule, Steps, Winners},
+    kernel::{Block, Blocks, Isa, Lane, MAX_BATCH, Masks, Rule, Steps, Winners},
 };
 
-const BATCH: usize = Winners::<()>::MAX;
-
-/// The choice of a disparity by fused costs in lanes.
+/// Winner-takes-all by fused costs in lanes.
 ///
 /// A lane that holds [`Lane::MAX`] has saturated, or belongs to no candidate.
 pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
@@ -19,62 +17,64 @@ pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     params: &'a Params,
     pub rule: Rule,
     /// The index of each lane of a vector.
-    pub indices: I::Costs,
-    /// If the last vector has lanes too many: zero in those that belong to a disparity, and the greatest cost in the others.
-    pub excess: Option<I::Costs>,
-    /// Disparities that have one on both sides.
+    indices: I::Costs,
+    /// If the last vector has lanes past the last disparity: [`Lane::MAX`] in those lanes, and zero elsewhere.
+    padding: Option<I::Costs>,
+    /// Disparities with a neighbour on both sides.
     inner: usize,
 }
 
 impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     pub fn new(isa: I, params: &'a Params, rule: Rule) -> Selection<'a, L, I> {
         let mut indices = <I::Costs as bytemuck::Zeroable>::zeroed();
-        let mut excess = indices;
+        let mut padding = indices;
         for index in 0..I::LANES {
             if let Some(lane) = lanes_mut::<L, _>(&mut indices).get_mut(I::lane(index)) {
                 *lane = L::from_index(index);
             }
-            let is_excess = index > (params.num_disparities() - 1) % I::LANES;
-            if let Some(lane) = lanes_mut::<L, _>(&mut excess).get_mut(I::lane(index)).filter(|_| is_excess) {
+            let is_padding = index > (params.num_disparities() - 1) % I::LANES;
+            if let Some(lane) = lanes_mut::<L, _>(&mut padding).get_mut(I::lane(index)).filter(|_| is_padding) {
                 *lane = L::MAX;
             }
         }
-        let excess = (!params.num_disparities().is_multiple_of(I::LANES)).then_some(excess);
-        Selection { isa, params, rule, indices, excess, inner: params.num_disparities().saturating_sub(2) }
+        let padding = (!params.num_disparities().is_multiple_of(I::LANES)).then_some(padding);
+        Selection { isa, params, rule, indices, padding, inner: params.num_disparities().saturating_sub(2) }
     }
 
-    /// The views that masks hide where these are incomplete.
-    pub fn masked(&self, incomplete: u8) -> u8 {
-        // Masks hide lanes that are too many in every view.
-        if incomplete != 0 && self.excess.is_some() { u8::MAX } else { incomplete }
+    /// The masks of vectors in which all lanes are still masked.
+    pub fn masks<'m, const V: usize>(
+        &self,
+        vectors: &'m mut [[I::Costs; V]],
+        availability: &'m mut Availability,
+    ) -> Masks<'m, L, I, V> {
+        Masks { vectors, availability, padded: self.padding.is_some() }
     }
 
-    /// Goes to the next pixel and fuses its costs, those that masks leave in the `masked` views, and returns the least.
+    /// Slides the block to the next pixel, fuses its sums, and returns the least fused cost. `masked` is that of `masks`, which are
+    /// at this pixel.
     #[inline(always)]
     pub fn slide_and_fuse<const V: usize>(
         &self,
-        masked: u8,
+        masked: Option<u8>,
+        masks: &Masks<'_, L, I, V>,
         steps: &mut Steps<'_, I, V>,
         blocks: &mut [[I::Costs; V]],
-        masks: &[[I::Costs; V]],
         fused: &mut [I::Costs],
     ) -> L {
-        let least = self.isa.slide_and_fuse(self.rule, masked, steps, blocks, masks, fused);
-        if masked == 0 && self.excess.is_some() { self.least(fused) } else { least }
+        let Some(masked) = masked else {
+            self.isa.slide(steps, blocks);
+            return self.fuse_segments(masks.availability, blocks, fused);
+        };
+        let least = self.isa.slide_and_fuse(self.rule, masked, steps, blocks, masks.vectors, fused);
+        if masked == 0 && self.padding.is_some() { self.least(fused) } else { least }
     }
 
-    /// Fuses the costs of a pixel segment by segment, and returns the least.
+    /// Fuses the sums of a block segment by segment, where masks cannot hide views, and returns the least fused cost.
     #[cfg_attr(target_arch = "arm", inline(never))]
     #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
-    pub fn fuse_segments<const V: usize>(
-        &self,
-        availability: &Availability<'_>,
-        blocks: &[[I::Costs; V]],
-        fused: &mut [I::Costs],
-    ) -> L {
+    fn fuse_segments<const V: usize>(&self, availability: &Availability, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
         for segment in availability.segments() {
-            // Each segment is followed by the next, so that lanes past its end do not matter; of its first vector the lanes before its start
-            // are kept.
+            // The next segment overwrites the lanes past the end of this one, so only those before its start have to be kept.
             let (first, end) = (segment.start / I::LANES, segment.end.div_ceil(I::LANES));
             let (Some(blocks), Some(fused)) = (blocks.get(first..end), fused.get_mut(first..end)) else { continue };
             let before = fused.first().copied();
@@ -89,11 +89,29 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         self.least(fused)
     }
 
-    /// The least of a pixel's fused costs, in which lanes too many do not count.
+    /// The least of a pixel's fused costs, once padding is hidden.
     #[inline(always)]
     fn least(&self, fused: &mut [I::Costs]) -> L {
-        kernel::hide_excess(self.isa, &self.excess, fused);
+        self.hide_padding(fused);
         self.isa.least(fused)
+    }
+
+    /// Raises the lanes past the last disparity to [`Lane::MAX`], if there are any.
+    #[inline(always)]
+    fn hide_padding(&self, fused: &mut [I::Costs]) {
+        if let (Some(padding), Some(last)) = (&self.padding, fused.last_mut()) {
+            self.isa.load_block(last).max(self.isa.load_block(padding)).store(last);
+        }
+    }
+
+    /// [`hide_padding`](Selection::hide_padding) for pixels whose costs, `vectors` for each, are in the order of the disparities.
+    #[inline(always)]
+    pub fn hide_ordered_padding(&self, fused: &mut [I::Costs], vectors: usize) {
+        let Some(mut padding) = self.padding else { return };
+        self.isa.order(slice::from_mut(&mut padding));
+        for last in fused.chunks_exact_mut(vectors.max(1)).filter_map(<[_]>::last_mut) {
+            self.isa.load_block(last).max(self.isa.load_block(&padding)).store(last);
+        }
     }
 
     /// The disparities of a batch of pixels, refined between neighbours; those by [`Exact`] costs where lanes do not tell.
@@ -108,8 +126,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     ) where
         I: 'e,
     {
-        let mut around = Around { d: [0; BATCH], before: [0; BATCH], at: [0; BATCH], after: [0; BATCH] };
-        let mut unclear = [false; BATCH];
+        let mut around = Around { d: [0; MAX_BATCH], before: [0; MAX_BATCH], at: [0; MAX_BATCH], after: [0; MAX_BATCH] };
+        let mut unclear = [false; MAX_BATCH];
         for (i, unclear) in unclear.iter_mut().enumerate() {
             let (index, at, before, after) = (winners.indices[i], winners.costs[i], winners.before[i], winners.after[i]);
             // At the ends of the search the disparity is left as it is.
@@ -121,11 +139,11 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             around.after[i] = if inner { after } else { at }.widen();
         }
         let refined = Disparity::refine_all(&around);
-        match <&mut [_; BATCH]>::try_from(&mut *pixels) {
+        match <&mut [_; MAX_BATCH]>::try_from(&mut *pixels) {
             Ok(pixels) => *pixels = refined,
             Err(_) => pixels.iter_mut().zip(refined).for_each(|(pixel, refined)| *pixel = refined),
         }
-        if unclear != [false; BATCH] {
+        if unclear != [false; MAX_BATCH] {
             for ((i, pixel), _) in pixels.iter_mut().enumerate().zip(unclear).filter(|(_, unclear)| *unclear) {
                 *pixel = match (self.rule, winners.costs[i] == L::MAX) {
                     // A cost of one view does not saturate: there is no candidate.
@@ -159,7 +177,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             return Disparity::whole(d);
         }
         let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
-        match (lanes.get(kernel::lane::<I>(before)), lanes.get(kernel::lane::<I>(index + 1))) {
+        match (lanes.get(lane::<I>(before)), lanes.get(lane::<I>(index + 1))) {
             (Some(&before), Some(&after)) if before.max(after) != L::MAX => {
                 Disparity::refine(d, before.widen(), cost.widen(), after.widen())
             }
@@ -168,12 +186,19 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     }
 }
 
-/// A vector's lanes.
+/// Where the lane of a disparity is among those of a pixel.
+#[inline(always)]
+fn lane<I: Isa>(index: usize) -> usize {
+    index / I::LANES * I::LANES + I::lane(index % I::LANES)
+}
+
+/// The lanes of a vector.
 fn lanes_mut<L: Lane, T: bytemuck::Pod>(vector: &mut T) -> &mut [L] {
     bytemuck::try_cast_slice_mut(slice::from_mut(vector)).unwrap_or_default()
 }
 
-/// The exact fused costs of a pixel, one by one: for where lanes have saturated, and next to disparities at which no view is available.
+/// The exact fused costs of a pixel in 32 bits, one by one: where lanes have saturated, and next to disparities at which no view is
+/// available.
 pub(crate) struct Exact<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub params: &'a Params,
     /// The pixel.
@@ -187,7 +212,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
     /// The existing candidate of least fused cost, the smallest of several, refined between its neighbours.
     #[cold]
     pub fn disparity(&self) -> Option<Disparity> {
-        let availability = Availability::new(self.params, self.u, self.v);
+        let availability = self.availability();
         if availability.is_empty() {
             return None;
         }
@@ -200,7 +225,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
     /// The disparity at `index`, refined if both neighbours exist.
     #[cold]
     pub fn refined(&self, index: usize) -> Option<Disparity> {
-        let availability = Availability::new(self.params, self.u, self.v);
+        let availability = self.availability();
         let cost = |index| self.cost(&availability, index);
         let d = self.params.min_disparity() + index as i16;
         match (cost(index.wrapping_sub(1)), cost(index), cost(index + 1)) {
@@ -209,8 +234,14 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
         }
     }
 
+    fn availability(&self) -> Availability {
+        let mut availability = Availability::new(self.params);
+        availability.enter_line(self.u, self.v, |_, _, _| {});
+        availability
+    }
+
     /// The fused cost of a candidate, if it exists.
-    fn cost(&self, availability: &Availability<'_>, index: usize) -> Option<u32> {
+    fn cost(&self, availability: &Availability, index: usize) -> Option<u32> {
         let available = availability.views_at(index);
         let views = self.blocks.get(index / I::LANES)?;
         let mut costs = [u32::NONE; V];

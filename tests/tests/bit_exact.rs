@@ -33,7 +33,7 @@ fn equals_the_reference(case: &Case) {
         let start = random.below(length);
         start..start + 1 + random.below(length - start)
     };
-    match random.below(8) {
+    match random.below(11) {
         0 => parts(&mut Region::tiles(&params, at_most_four(case.width, random)), random),
         1 => parts(&mut Region::bands(&params, at_most_four(case.height, random)), random),
         2 => {
@@ -44,7 +44,10 @@ fn equals_the_reference(case: &Case) {
         4 => check(matched(Portable::<3, 1>, &params, &whole, &images, random), &whole, "3 lanes"),
         5 => check(matched(Portable::<8, 1>, &params, &whole, &images, random), &whole, "8 lanes"),
         6 => check(matched(Portable::<16, 1>, &params, &whole, &images, random), &whole, "16 lanes"),
-        _ => check(matched(Portable::<32, 1>, &params, &whole, &images, random), &whole, "32 lanes"),
+        7 => check(matched(Portable::<32, 1>, &params, &whole, &images, random), &whole, "32 lanes"),
+        8 => check(matched(Portable::<4, 32>, &params, &whole, &images, random), &whole, "4 lanes, batches of 32"),
+        9 => check(matched(Portable::<16, 5>, &params, &whole, &images, random), &whole, "16 lanes, batches of 5"),
+        _ => check(matched(Portable::<32, 32>, &params, &whole, &images, random), &whole, "32 lanes, batches of 32"),
     }
 }
 

@@ -1,15 +1,16 @@
-//! From the block sums of a pixel to its disparity.
+//! Winner-takes-all, and sub-pixel refinement.
 
 use core::slice;
 
+use super::exact::Exact;
 use crate::{
-    Disparity, MatchingCost, Params,
+    Disparity, Params,
     availability::Availability,
     disparity::Around,
     kernel::{Block, Blocks, Isa, Lane, MAX_BATCH, Masks, Rule, Steps, Winners},
 };
 
-/// Winner-takes-all by fused costs in lanes.
+/// Selects disparities by their fused costs in lanes.
 ///
 /// A lane that holds [`Lane::MAX`] has saturated, or belongs to no candidate.
 pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
@@ -41,7 +42,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         Selection { isa, params, rule, indices, padding, inner: params.num_disparities().saturating_sub(2) }
     }
 
-    /// The masks of vectors in which all lanes are still masked.
+    /// Masks over `vectors`, in which all lanes are masked as yet, of a pixel that sees no view as yet.
     pub fn masks<'m, const V: usize>(
         &self,
         vectors: &'m mut [[I::Costs; V]],
@@ -50,8 +51,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         Masks { vectors, availability, padded: self.padding.is_some() }
     }
 
-    /// Slides the block to the next pixel, fuses its sums, and returns the least fused cost. `masked` is that of `masks`, which are
-    /// at this pixel.
+    /// Slides the block to the next pixel, fuses its sums, and returns the least fused cost. `masks` are at this pixel, and
+    /// `masked` are the views that they hide.
     #[inline(always)]
     pub fn slide_and_fuse<const V: usize>(
         &self,
@@ -69,27 +70,27 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         if masked == 0 && self.padding.is_some() { self.least(fused) } else { least }
     }
 
-    /// Fuses the sums of a block segment by segment, where masks cannot hide views, and returns the least fused cost.
+    /// Fuses the sums of a block segment by segment, since masks cannot hide views here, and returns the least fused cost.
     #[cfg_attr(target_arch = "arm", inline(never))]
     #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
     fn fuse_segments<const V: usize>(&self, availability: &Availability, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
         for segment in availability.segments() {
-            // The next segment overwrites the lanes past the end of this one, so only those before its start have to be kept.
+            // The next segment overwrites the lanes past the end of this one. Only the lanes before its start have to be kept.
             let (first, end) = (segment.start / I::LANES, segment.end.div_ceil(I::LANES));
             let (Some(blocks), Some(fused)) = (blocks.get(first..end), fused.get_mut(first..end)) else { continue };
             let before = fused.first().copied();
             self.isa.fuse_available(self.rule, segment.views, blocks, fused);
-            let kept = segment.start - first * I::LANES;
-            if let (Some(before), Some(costs)) = (before.filter(|_| kept > 0), fused.first_mut()) {
+            let lanes_before = segment.start - first * I::LANES;
+            if let (Some(before), Some(costs)) = (before.filter(|_| lanes_before > 0), fused.first_mut()) {
                 let (before, after) = (self.isa.load_block(&before), self.isa.load_block(costs));
-                let kept = self.isa.splat(L::from_index(kept));
-                kept.if_greater(self.isa.load_block(&self.indices), before, after).store(costs);
+                let start = self.isa.splat(L::from_index(lanes_before));
+                start.if_greater(self.isa.load_block(&self.indices), before, after).store(costs);
             }
         }
         self.least(fused)
     }
 
-    /// The least of a pixel's fused costs, once padding is hidden.
+    /// Hides the padding of a pixel's fused costs, and returns the least of them.
     #[inline(always)]
     fn least(&self, fused: &mut [I::Costs]) -> L {
         self.hide_padding(fused);
@@ -109,14 +110,16 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     pub fn hide_ordered_padding(&self, fused: &mut [I::Costs], vectors: usize) {
         let Some(mut padding) = self.padding else { return };
         self.isa.order(slice::from_mut(&mut padding));
-        for last in fused.chunks_exact_mut(vectors.max(1)).filter_map(<[_]>::last_mut) {
-            self.isa.load_block(last).max(self.isa.load_block(&padding)).store(last);
+        for costs in fused.chunks_exact_mut(vectors.max(1)) {
+            if let Some(last) = costs.last_mut() {
+                self.isa.load_block(last).max(self.isa.load_block(&padding)).store(last);
+            }
         }
     }
 
-    /// The disparities of a batch of pixels, refined between neighbours; those by [`Exact`] costs where lanes do not tell.
+    /// The disparities of a batch of pixels, refined if both neighbours exist; by `exact` costs where lanes do not suffice.
     ///
-    /// Step by step for all pixels: each step takes long, but does not wait for that of another pixel.
+    /// Every step is taken for all pixels before the next, so that the steps of different pixels overlap.
     #[cfg_attr(not(debug_assertions), inline(always))]
     pub fn disparities<'e, const V: usize>(
         &self,
@@ -130,7 +133,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         let mut unclear = [false; MAX_BATCH];
         for (i, unclear) in unclear.iter_mut().enumerate() {
             let (index, at, before, after) = (winners.indices[i], winners.costs[i], winners.before[i], winners.after[i]);
-            // At the ends of the search the disparity is left as it is.
+            // The disparities at the ends of the search are not refined.
             let inner = index.wrapping_sub(1) < self.inner as u32;
             *unclear = (at == L::MAX) | (inner & ((before == L::MAX) | (after == L::MAX)));
             around.d[i] = self.params.min_disparity().wrapping_add(index as i16);
@@ -146,7 +149,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         if unclear != [false; MAX_BATCH] {
             for ((i, pixel), _) in pixels.iter_mut().enumerate().zip(unclear).filter(|(_, unclear)| *unclear) {
                 *pixel = match (self.rule, winners.costs[i] == L::MAX) {
-                    // A cost of one view does not saturate: there is no candidate.
+                    // The cost of a single view does not saturate, so there is no candidate.
                     (Rule::Min, true) => None,
                     (Rule::Min, false) => Disparity::whole(around.d[i]),
                     (_, true) => exact(i).disparity(),
@@ -156,7 +159,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
     }
 
-    /// The disparity of a pixel by its least cost.
+    /// The disparity of a pixel, given its least fused cost, refined if both neighbours exist; by `exact` costs where lanes do not suffice.
     #[cfg_attr(not(debug_assertions), inline(always))]
     pub fn disparity<'e, const V: usize>(
         &self,
@@ -186,7 +189,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     }
 }
 
-/// Where the lane of a disparity is among those of a pixel.
+/// The lane of the disparity at `index` among those of a pixel.
 #[inline(always)]
 fn lane<I: Isa>(index: usize) -> usize {
     index / I::LANES * I::LANES + I::lane(index % I::LANES)
@@ -195,60 +198,4 @@ fn lane<I: Isa>(index: usize) -> usize {
 /// The lanes of a vector.
 fn lanes_mut<L: Lane, T: bytemuck::Pod>(vector: &mut T) -> &mut [L] {
     bytemuck::try_cast_slice_mut(slice::from_mut(vector)).unwrap_or_default()
-}
-
-/// The exact fused costs of a pixel in 32 bits, one by one: where lanes have saturated, and next to disparities at which no view is
-/// available.
-pub(crate) struct Exact<'a, L: Lane, I: Blocks<L>, const V: usize> {
-    pub params: &'a Params,
-    /// The pixel.
-    pub u: usize,
-    pub v: usize,
-    /// The sums of its block.
-    pub blocks: &'a [[I::Costs; V]],
-}
-
-impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
-    /// The existing candidate of least fused cost, the smallest of several, refined between its neighbours.
-    #[cold]
-    pub fn disparity(&self) -> Option<Disparity> {
-        let availability = self.availability();
-        if availability.is_empty() {
-            return None;
-        }
-        let all = 0..self.params.num_disparities();
-        let costs = all.filter_map(|index| Some((self.cost(&availability, index)?, index)));
-        let (_, index) = costs.min_by_key(|&(cost, _)| cost)?;
-        self.refined(index)
-    }
-
-    /// The disparity at `index`, refined if both neighbours exist.
-    #[cold]
-    pub fn refined(&self, index: usize) -> Option<Disparity> {
-        let availability = self.availability();
-        let cost = |index| self.cost(&availability, index);
-        let d = self.params.min_disparity() + index as i16;
-        match (cost(index.wrapping_sub(1)), cost(index), cost(index + 1)) {
-            (Some(before), Some(at), Some(after)) => Disparity::refine(d, before, at, after),
-            _ => Disparity::whole(d),
-        }
-    }
-
-    fn availability(&self) -> Availability {
-        let mut availability = Availability::new(self.params);
-        availability.enter_line(self.u, self.v, |_, _, _| {});
-        availability
-    }
-
-    /// The fused cost of a candidate, if it exists.
-    fn cost(&self, availability: &Availability, index: usize) -> Option<u32> {
-        let available = availability.views_at(index);
-        let views = self.blocks.get(index / I::LANES)?;
-        let mut costs = [u32::NONE; V];
-        for (_, (cost, sums)) in costs.iter_mut().zip(views).enumerate().filter(|(k, _)| available >> k & 1 != 0) {
-            let lanes: &[L] = bytemuck::try_cast_slice(slice::from_ref(sums)).ok()?;
-            *cost = lanes.get(I::lane(index % I::LANES))?.widen();
-        }
-        Some(self.params.fusion().fuse(costs)).filter(|cost| cost.exists())
-    }
 }

@@ -1,10 +1,11 @@
-//! The way along a disparity line: the column sums move down by a line, the blocks slide over them, and each pixel's disparity is selected.
+//! The sweep along a disparity line: column sums move down by a line, blocks slide over them, and winners are selected.
 
 use core::{array, marker::PhantomData};
 
 use super::{
+    exact::Exact,
     lines::{Frames, Lines},
-    selection::{Exact, Selection},
+    selection::Selection,
 };
 use crate::{
     Disparity, Params, Region,
@@ -12,7 +13,7 @@ use crate::{
     kernel::{Batch, Block, Blocks, Change, Isa, Lane, Masks, Rule, Steps, Winners, Work},
 };
 
-/// The steps along a line, the centre's lines `lines` entering and leaving the blocks. Lines may be virtual.
+/// The steps along a disparity line, at which `lines` of the centre, which may be virtual, enter and leave the blocks.
 #[inline(always)]
 pub(super) fn steps<'a, I: Isa, const V: usize>(
     frames: &'a Frames<'_>,
@@ -54,9 +55,9 @@ pub(super) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub steps: Steps<'a, I, V>,
     /// The sums of a block.
     pub blocks: &'a mut [[I::Costs; V]],
-    /// The sums of the block of each pixel of a batch, if its rule may ask for them again.
+    /// The block sums of each pixel of a batch, kept for exact costs if the rule may need them.
     pub kept: &'a mut [[I::Costs; V]],
-    /// The masks of a block.
+    /// The masks over a block.
     pub masks: &'a mut [[I::Costs; V]],
     /// What `masks` hides.
     pub availability: &'a mut Availability,
@@ -73,9 +74,8 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Work for Sweep<'_, L, I, V> {
     }
 }
 
-// Both drivers go over the same steps, masks and fused costs. They differ in how a winner is selected: a microcontroller gets the least cost
-// from the loop that fuses, and one loop for both would cost it more than a tenth; an out-of-order processor hides the latency of
-// selection only if it selects for a batch at once.
+// Both drivers share steps, masks and fusion, and differ in selection. A microcontroller selects the winner while the least cost is in a
+// register, where the fusing loop left it. An out-of-order processor hides the latency of selection, but only across a batch.
 impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
     /// Pixel by pixel. A function of its own, since small processors have few registers.
     #[inline(never)]

@@ -49,7 +49,7 @@ impl Isa for Neon {
     #[inline(always)]
     fn advance(self, sums: U16x16, center: Change<u8>, view: Change<&[u8; 16]>) -> U16x16 {
         unsafe {
-            // One instruction takes the differences, widens and adds them. None subtracts them.
+            // One instruction takes absolute differences, widens and adds them. There is none that subtracts them.
             let (center_entering, entering) = (vdupq_n_u8(center.entering), vld1q_u8(view.entering.as_ptr()));
             let low = vabal_u8(sums.0[0], vget_low_u8(center_entering), vget_low_u8(entering));
             let high = vabal_high_u8(sums.0[1], center_entering, entering);
@@ -91,7 +91,7 @@ impl Blocks<u16> for Neon {
         U16x16([unsafe { vdupq_n_u16(cost) }; 2])
     }
 
-    /// The least index among those of lanes that are equal, found without a branch.
+    /// The least of the indices whose lanes are equal, found without a branch.
     #[inline(always)]
     fn position(self, costs: &[[u16; 16]], cost: u16) -> usize {
         unsafe {
@@ -172,7 +172,7 @@ impl Blocks<u32> for Neon {
         U32x16([unsafe { vdupq_n_u32(cost) }; 4])
     }
 
-    /// The least index among those of lanes that are equal, found without a branch.
+    /// The least of the indices whose lanes are equal, found without a branch.
     #[inline(always)]
     fn position(self, costs: &[[u32; 16]], cost: u32) -> usize {
         unsafe {

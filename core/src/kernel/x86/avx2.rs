@@ -142,7 +142,7 @@ fn position<T>(costs: &[T], mask: impl Fn(&T) -> u32) -> usize {
     first
 }
 
-/// The lanes that are all ones, as bits. Packing works in halves, so that their middle quarters change places.
+/// A bit for each lane, set if the lane is all ones. Packing works within halves, so the middle quarters have to be swapped.
 #[inline(always)]
 unsafe fn mask(a: __m256i, b: __m256i) -> u32 {
     unsafe { _mm256_movemask_epi8(_mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi16(a, b))) as u32 }

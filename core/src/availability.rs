@@ -6,8 +6,9 @@ use crate::{Params, View};
 
 /// The disparities at which each view is available to a pixel: where the match lies inside the frame.
 ///
-/// It follows the pixel along a line and reports every change. From one pixel to the next, each view gains or loses at most one
-/// disparity at either end of the search. Disparities are indices, counted from the smallest.
+/// It follows the pixel along a line and reports every change. From one pixel to the next, each view gains or
+/// loses at most one disparity at either end of the search. Disparities are indices, counted from the
+/// smallest.
 #[derive(Clone, Debug)]
 pub(crate) struct Availability {
     /// The views of the match, in their order: horizontal ones first.
@@ -72,7 +73,8 @@ impl Availability {
         }
     }
 
-    /// Goes to pixel `(u, v)`. Calls `change(k, index, available)` for every view and disparity whose availability changes.
+    /// Goes to pixel `(u, v)`. Calls `change(k, index, available)` for every view and disparity whose
+    /// availability changes.
     #[inline(never)]
     pub fn enter_line(&mut self, u: usize, v: usize, mut change: impl FnMut(usize, usize, bool)) {
         for k in 0..self.len {
@@ -81,7 +83,8 @@ impl Availability {
         self.expect_changes_after(u);
     }
 
-    /// Goes to the pixel at `u`, to the right in the same line, and returns whether anything may have changed: `change` has been called for it.
+    /// Goes to the pixel at `u`, to the right in the same line, and returns whether anything may have
+    /// changed: `change` has been called for it.
     #[inline(always)]
     pub fn enter(&mut self, u: usize, change: impl FnMut(usize, usize, bool)) -> bool {
         let changes = u >= self.constant_until;

@@ -17,8 +17,8 @@ impl Depth {
         self.0
     }
 
-    /// This depth in millimetres, rounded to nearest, or `None` from 65.5 m on. This is the pixel of a 16-bit depth image (ROS REP 118), in which
-    /// 0 is unknown.
+    /// This depth in millimetres, rounded to nearest, or `None` from 65.5 m on. This is the pixel of a 16-bit
+    /// depth image (ROS REP 118), in which 0 is unknown.
     pub const fn millimetres(self) -> Option<u16> {
         let millimetres = self.0.saturating_add(500) / 1000;
         if millimetres > u16::MAX as u32 { None } else { Some(millimetres as u16) }
@@ -46,7 +46,8 @@ pub struct Triangulation {
     pub focal_px: U16F16,
     /// The baseline, from the centre to each neighbour, in micrometres.
     pub baseline_um: u32,
-    /// The offset that makes disparities 0 at infinity, in pixels: the distance between the principal points (Middlebury).
+    /// The offset that makes disparities 0 at infinity, in pixels: the distance between the principal points
+    /// (Middlebury).
     pub doffs_px: I16F16,
 }
 

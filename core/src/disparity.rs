@@ -62,16 +62,17 @@ impl Disparity {
         }
     }
 
-    /// The vertex of the parabola through the fused costs `a`, `c` and `b` (`before`, `at` and `after`) at `d - 1`, `d` and `d + 1` pixels:
-    /// `d + (a - b) / (2 a + 2 b - 4 c)`, or `d` where the denominator is 0, rounded to the nearest step, halves away from zero.
+    /// The vertex of the parabola through the fused costs `a`, `c` and `b` (`before`, `at` and `after`) at
+    /// `d - 1`, `d` and `d + 1` pixels: `d + (a - b) / (2 a + 2 b - 4 c)`, or `d` where the denominator is 0,
+    /// rounded to the nearest step, halves away from zero.
     ///
-    /// Costs must be below 2^21, and `at` not above the others, so that the shift is at most half a pixel. The result is arbitrary
-    /// otherwise.
+    /// Costs must be below 2^21, and `at` not above the others, so that the shift is at most half a pixel.
+    /// The result is arbitrary otherwise.
     #[inline(always)]
     pub fn refine(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
         let (fall, rise) = (before.wrapping_sub(at), after.wrapping_sub(at));
-        // Rounding positive values half up, and mirroring the others, rounds halves away from zero. The sign is that of d, since the shift is at
-        // most half a pixel, or that of the shift where d is 0.
+        // Rounding positive values half up, and mirroring the others, rounds halves away from zero. The sign
+        // is that of d, since the shift is at most half a pixel, or that of the shift where d is 0.
         let (whole, half) = (i32::from(d) * Disparity::STEPS, Disparity::STEPS / 2);
         Disparity::from_bits(match d > 0 || (d == 0 && fall >= rise) {
             true => whole - half + Disparity::steps(fall, rise),
@@ -79,12 +80,13 @@ impl Disparity {
         } as i16)
     }
 
-    /// The distance in steps from `d - 1/2` to the vertex of a parabola that falls by `fall` to `d` and rises by `rise` after it, rounded half up.
+    /// The distance in steps from `d - 1/2` to the vertex of a parabola that falls by `fall` to `d` and rises
+    /// by `rise` after it, rounded half up.
     #[inline(always)]
     fn steps(fall: u32, rise: u32) -> i32 {
         let sum = fall.wrapping_add(rise);
-        // The floor of 64 (1/2 + shift) + 1/2, which is never negative. The shift is (fall - rise) / (2 sum); dividend and divisor are times
-        // 2 sum.
+        // The floor of 64 (1/2 + shift) + 1/2, which is never negative. The shift is (fall - rise) / (2 sum);
+        // dividend and divisor are times 2 sum.
         let dividend = fall.wrapping_sub(rise).wrapping_mul(64).wrapping_add(sum.wrapping_mul(65));
         dividend.checked_div(sum.wrapping_mul(2)).map_or(Disparity::STEPS / 2, |steps| steps as i32)
     }
@@ -104,8 +106,8 @@ impl Disparity {
             let divisor = sum.wrapping_mul(2);
             let numerator = fall.wrapping_sub(rise).wrapping_mul(steps * sign);
             let dividend = numerator.wrapping_add(sum.wrapping_mul(steps + 1));
-            // The float quotient is less than half a step off, so the integer quotient is the nearest integer or one less. Adding 2^23 rounds to
-            // an integer; a cast from float would not vectorise.
+            // The float quotient is less than half a step off, so the integer quotient is the nearest integer
+            // or one less. Adding 2^23 rounds to an integer; a cast from float would not vectorise.
             let nearest = (dividend as f32 / divisor as f32 + TWO_TO_23).to_bits() as i32 - TWO_TO_23.to_bits() as i32;
             let above = dividend.wrapping_sub(nearest.wrapping_mul(divisor)) < 0;
             let shift = nearest - i32::from(above) - steps / 2;

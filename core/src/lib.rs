@@ -1,9 +1,11 @@
-//! Multiscopic block matching for microcontrollers and hosts: scanlines in, disparity lines out, in fixed point and bounded memory.
+//! Multiscopic block matching for microcontrollers and hosts: scanlines in, disparity lines out, in fixed
+//! point and bounded memory.
 //!
-//! One camera is moved in its image plane and takes a centre image and up to four neighbours, one baseline away to the left, right, top
-//! and bottom. A point has the same disparity to each of them, so the matching costs of the pairs are fused into one. The method is
-//! that of *Active Perception with A Monocular Camera for Multiscopic Vision* (Yuan, Fan, Wang, Chen). The documentation of
-//! [`View`], [`Fusion`], [`Search`], [`Params`] and [`Disparity`] defines the result, bit for bit.
+//! One camera is moved in its image plane and takes a centre image and up to four neighbours, one baseline
+//! away to the left, right, top and bottom. A point has the same disparity to each of them, so the matching
+//! costs of the pairs are fused into one. The method is that of *Active Perception with A Monocular Camera
+//! for Multiscopic Vision* (Yuan, Fan, Wang, Chen). The documentation of [`View`], [`Fusion`], [`Search`],
+//! [`Params`] and [`Disparity`] defines the result, bit for bit.
 //!
 //! Data flows down this list, and each room knows only those above it:
 //!
@@ -23,7 +25,8 @@
 //! | `matcher` | [`Matcher`]: pulls lines, and computes disparity lines |
 //! | [`capture`] | how the frames are taken: the camera moves, settles and captures |
 //!
-//! The crate does not allocate, panic or recurse. Unsafe code is confined to modules of [`kernel`], each of which states why it is sound.
+//! The crate does not allocate, panic or recurse. Unsafe code is confined to modules of [`kernel`], each of
+//! which states why it is sound.
 //!
 //! # Features
 //! `defmt`: parameters, results and errors implement `defmt::Format`.

@@ -7,8 +7,8 @@ use crate::{
 
 /// The memory of a matcher by buffer, in bytes, for regions of up to a given number of columns.
 ///
-/// `X` is `columns + 2 rho`, and `D` the number of disparities rounded up to the lanes of the instruction set. Each buffer is rounded up to
-/// whole vectors.
+/// `X` is `columns + 2 rho`, and `D` the number of disparities rounded up to the lanes of the instruction
+/// set. Each buffer is rounded up to whole vectors.
 ///
 /// | buffer | bytes |
 /// | --- | --- |
@@ -22,7 +22,8 @@ use crate::{
 /// | `zeros` | `2 D` for each view |
 /// | `line` | the frame's width |
 ///
-/// For comparison, OpenCV's StereoBM takes `(height + block + 2) D (block + 1)` bytes of scratch for its single view.
+/// For comparison, OpenCV's StereoBM takes `(height + block + 2) D (block + 1)` bytes of scratch for its
+/// single view.
 ///
 /// ```
 /// use multiscopic_core::{Fusion, Memory, Params, Views, kernel::Portable};
@@ -94,7 +95,8 @@ impl Memory {
 /// The sizes that determine the buffers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shape {
-    /// Columns under the blocks of a disparity line: those of the region, and the block's radius on both sides.
+    /// Columns under the blocks of a disparity line: those of the region, and the block's radius on both
+    /// sides.
     pub span: usize,
     /// Disparities, rounded up to whole vectors.
     pub depth: usize,
@@ -113,7 +115,8 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
-    /// Free samples in a stack: lines that enter between two moves of its samples, less one. A move is by whole words.
+    /// Free samples in a stack: lines that enter between two moves of its samples, less one. A move is by
+    /// whole words.
     pub const SLACK: usize = 15;
 
     pub const fn new<I: Isa>(params: &Params, columns: usize) -> Shape {

@@ -6,8 +6,8 @@ use crate::Params;
 
 /// A rectangle of the centre frame whose disparities one pass of the matcher computes, not empty.
 ///
-/// One pass can compute the whole frame. Column tiles bound the memory by their width; bands of lines divide the work between threads.
-/// Either way, every pixel gets the same bits as in one pass.
+/// One pass can compute the whole frame. Column tiles bound the memory by their width; bands of lines divide
+/// the work between threads. Either way, every pixel gets the same bits as in one pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Region {
@@ -69,7 +69,8 @@ impl Region {
     }
 }
 
-/// Pieces of `size`, at least 1, that cover `0..length`. The last one may be shorter. `length` is a side of a frame.
+/// Pieces of `size`, at least 1, that cover `0..length`. The last one may be shorter. `length` is a side of a
+/// frame.
 fn pieces(length: usize, size: usize) -> impl Iterator<Item = (u16, u16)> {
     let size = size.max(1);
     (0..length).step_by(size).map(move |start| (start as u16, length.min(start.saturating_add(size)) as u16))

@@ -5,12 +5,14 @@ use crate::Frame;
 /// A source of scanlines, such as memory, flash, a file, a decompressor, a UART or a sensor.
 ///
 /// The matcher reads every line of each frame once, in ascending order, and never further ahead than
-/// [`Params::lead`](crate::Params::lead) states, so a source need not be able to go back. Lines of different frames interleave.
+/// [`Params::lead`](crate::Params::lead) states, so a source need not be able to go back. Lines of different
+/// frames interleave.
 pub trait ScanlineSource {
     /// Why a line could not be read.
     type Error;
 
-    /// Fills `line`, whose length is the width of the frame, with the 8-bit grey pixels of line `v` of `frame`.
+    /// Fills `line`, whose length is the width of the frame, with the 8-bit grey pixels of line `v` of
+    /// `frame`.
     ///
     /// # Errors
     /// The source's own. The matcher returns it, and reads the same line when it is called again.
@@ -19,7 +21,8 @@ pub trait ScanlineSource {
 
 /// A source that can be read more than once, as matching in column tiles or in bands of lines requires.
 ///
-/// Each pass over a [`Region`](crate::Region) reads in ascending order, beginning with the first line that the region needs.
+/// Each pass over a [`Region`](crate::Region) reads in ascending order, beginning with the first line that
+/// the region needs.
 pub trait Rewind: ScanlineSource {
     /// Goes back, so that the next lines read may be earlier ones.
     ///

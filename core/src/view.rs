@@ -43,7 +43,8 @@ impl View {
         }
     }
 
-    /// The match of pixel `(u, v)` at a disparity of `d` pixels, or `None` if it lies outside a frame of `(width, height)` pixels.
+    /// The match of pixel `(u, v)` at a disparity of `d` pixels, or `None` if it lies outside a frame of
+    /// `(width, height)` pixels.
     ///
     /// ```
     /// use multiscopic_core::View;
@@ -82,8 +83,9 @@ impl View {
         }
     }
 
-    /// The disparities at which the match of a pixel lies inside the image, as indices into the `count` disparities from `least` on.
-    /// `coordinate` and `size` are those of the pixel and the image in the direction of the view.
+    /// The disparities at which the match of a pixel lies inside the image, as indices into the `count`
+    /// disparities from `least` on. `coordinate` and `size` are those of the pixel and the image in the
+    /// direction of the view.
     ///
     /// ```
     /// use multiscopic_core::View;

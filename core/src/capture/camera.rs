@@ -2,8 +2,8 @@
 
 /// A camera that takes one frame at a time.
 ///
-/// The implementation decides where frames go: into memory, into a file, or line by line to whoever reads them as they arrive. No call
-/// waits for a frame. Each returns within a bounded time.
+/// The implementation decides where frames go: into memory, into a file, or line by line to whoever reads
+/// them as they arrive. No call waits for a frame. Each returns within a bounded time.
 pub trait Camera {
     /// Why there is no frame.
     type Error;
@@ -14,8 +14,8 @@ pub trait Camera {
     /// The camera does not take the settings.
     fn begin(&mut self) -> Result<(), Self::Error>;
 
-    /// Starts to take the frame with this index in the sequence, in place of any frame under way. Nothing exposed before the call may be
-    /// part of the frame.
+    /// Starts to take the frame with this index in the sequence, in place of any frame under way. Nothing
+    /// exposed before the call may be part of the frame.
     ///
     /// # Errors
     /// The camera cannot start.
@@ -27,8 +27,8 @@ pub trait Camera {
     /// The frame is damaged or unusable, or the camera does not answer.
     fn is_complete(&mut self) -> Result<bool, Self::Error>;
 
-    /// Drops any frame under way and releases the settings that [`begin`](Camera::begin) held. Called once after each sequence, however it
-    /// ended.
+    /// Drops any frame under way and releases the settings that [`begin`](Camera::begin) held. Called once
+    /// after each sequence, however it ended.
     ///
     /// # Errors
     /// The camera does not answer.

@@ -10,8 +10,8 @@
 //! | `error` | [`CaptureError`]: why captures fail |
 //! | `sequence` | [`Sequence`]: moves, settles, captures, checks, and goes on to the next position |
 //!
-//! The same sequence runs on a host and on a microcontroller. It is a state machine that is polled with the time and never waits, so
-//! the caller is free to do other work in between.
+//! The same sequence runs on a host and on a microcontroller. It is a state machine that is polled with the
+//! time and never waits, so the caller is free to do other work in between.
 //!
 //! ```
 //! use core::{convert::Infallible, time::Duration};

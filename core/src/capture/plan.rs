@@ -7,7 +7,8 @@ const MAX_FRAMES: usize = 1 + View::ALL.len();
 
 /// The frames of a capture in the order in which they are taken, the centre first, and their positions.
 ///
-/// Other arrangements need no plan: a [`Sequence`](super::Sequence) takes any positions, such as an array of three by three.
+/// Other arrangements need no plan: a [`Sequence`](super::Sequence) takes any positions, such as an array of
+/// three by three.
 ///
 /// ```
 /// use multiscopic_core::{Frame, View, Views, capture::{Plan, Policy, Position, Sequence}};

@@ -2,7 +2,8 @@
 
 use core::time::Duration;
 
-/// How long a [`Sequence`](super::Sequence) waits, how often it retries, and what it tolerates. The defaults are in brackets.
+/// How long a [`Sequence`](super::Sequence) waits, how often it retries, and what it tolerates. The defaults
+/// are in brackets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Policy {
@@ -12,12 +13,13 @@ pub struct Policy {
     pub move_timeout: Duration,
     /// The time-out of a frame (5 s).
     pub frame_timeout: Duration,
-    /// Retries at each position, after an error or time-out of the camera or a position that the stage missed (2).
+    /// Retries at each position, after an error or time-out of the camera or a position that the stage missed
+    /// (2).
     pub retries: u8,
     /// The largest error of the measured position along each axis, in micrometres (100).
     pub tolerance_um: u32,
-    /// The distance to the left of and above a position from which it is approached, in micrometres, so that the backlash of screws and
-    /// gears is always taken up from the same side (0: directly).
+    /// The distance to the left of and above a position from which it is approached, in micrometres, so that
+    /// the backlash of screws and gears is always taken up from the same side (0: directly).
     pub backlash_um: u32,
     /// Whether the stage returns to the centre at the end, and after an error that is not its own (true).
     pub return_to_center: bool,

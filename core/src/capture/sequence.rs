@@ -4,13 +4,16 @@ use core::{mem, time::Duration};
 
 use super::{camera::Camera, error::CaptureError, policy::Policy, position::Position, stage::Stage};
 
-/// A capture: moves to each position, lets vibrations settle, captures, checks the position, and goes on to the next.
+/// A capture: moves to each position, lets vibrations settle, captures, checks the position, and goes on to
+/// the next.
 ///
-/// However it ends, the camera is released and the stage stands still. After the last frame, and after an error that is not the
-/// stage's own, it is back at the centre; after an error of the stage it is where it stopped.
+/// However it ends, the camera is released and the stage stands still. After the last frame, and after an
+/// error that is not the stage's own, it is back at the centre; after an error of the stage it is where it
+/// stopped.
 ///
-/// A frame can be used while it is being read out: [`Progress::Capturing`] names it, and the stage does not move until the
-/// camera reports the frame complete. So the last view can be matched line by line as it arrives.
+/// A frame can be used while it is being read out: [`Progress::Capturing`] names it, and the stage does not
+/// move until the camera reports the frame complete. So the last view can be matched line by line as it
+/// arrives.
 #[derive(Debug)]
 pub struct Sequence<'p, S, C> {
     positions: &'p [Position],
@@ -61,7 +64,8 @@ enum State {
 }
 
 impl<'p, S, C> Sequence<'p, S, C> {
-    /// A sequence over `positions` that has not begun. The camera identifies a frame by its index in `positions`.
+    /// A sequence over `positions` that has not begun. The camera identifies a frame by its index in
+    /// `positions`.
     pub fn new(positions: &'p [Position], policy: Policy) -> Self {
         Sequence {
             positions,

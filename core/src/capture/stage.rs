@@ -15,7 +15,8 @@ pub trait Stage {
     /// The stage does not take the order, or the position is out of its reach.
     fn move_to(&mut self, position: Position) -> Result<(), Self::Error>;
 
-    /// Whether the stage stands still where it was last sent. Called repeatedly; each call may do a part of the motion.
+    /// Whether the stage stands still where it was last sent. Called repeatedly; each call may do a part of
+    /// the motion.
     ///
     /// # Errors
     /// The stage stopped somewhere else, or does not answer.

@@ -65,7 +65,8 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
             let Some((of_columns, rest)) = mem::take(&mut fused).split_at_mut_checked(columns) else { return };
             fused = rest;
             for (i, fused) in of_columns.iter_mut().enumerate() {
-                // SAFETY: the stretch has samples of the centre for `columns` columns, and `i` is one of them.
+                // SAFETY: the stretch has samples of the centre for `columns` columns, and `i` is one of
+                // them.
                 let center = unsafe { Change { entering: *center.entering.add(i), leaving: *center.leaving.add(i) } };
                 if MASKED && let Some((following, u)) = &mut self.masks {
                     following.enter(*u + pixel);
@@ -82,8 +83,9 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
                         let samples = |first: *const u8| {
                             first.wrapping_offset(i as isize * track.step).cast::<I::Samples>().wrapping_add(j)
                         };
-                        // SAFETY: each column of the stretch has samples and sums of `V` views in `J` vectors. Samples are bytes, by
-                        // `assert_layout`. The leaving column is another one than the entering column.
+                        // SAFETY: each column of the stretch has samples and sums of `V` views in `J`
+                        // vectors. Samples are bytes, by `assert_layout`. The leaving column is another one
+                        // than the entering column.
                         let (view, column, leaving_column) = unsafe {
                             let view =
                                 Change { entering: &*samples(track.samples.entering), leaving: &*samples(track.samples.leaving) };

@@ -24,8 +24,8 @@ pub trait Blocks<L: Lane>: Isa {
     fn load_block(self, costs: &Self::Costs) -> Self::Block;
     /// The same cost in every lane.
     fn splat(self, cost: L) -> Self::Block;
-    /// The index of the first disparity with a cost, and one past all disparities if there is none. If pixels go in batches, the
-    /// costs are in the order of the disparities.
+    /// The index of the first disparity with a cost, and one past all disparities if there is none. If pixels
+    /// go in batches, the costs are in the order of the disparities.
     fn position(self, costs: &[Self::Costs], cost: L) -> usize;
 
     /// Adds the line that enters to the sums of the next column.
@@ -63,8 +63,9 @@ pub trait Blocks<L: Lane>: Isa {
         fuse_loop(self, rule, blocks, fused)
     }
 
-    /// Fuses block sums, each raised to [`Lane::MAX`] where its mask is that; elsewhere the mask is zero. Returns the least fused
-    /// cost. Only the views whose bits are set in `masked` have a mask that is not zero.
+    /// Fuses block sums, each raised to [`Lane::MAX`] where its mask is that; elsewhere the mask is zero.
+    /// Returns the least fused cost. Only the views whose bits are set in `masked` have a mask that is not
+    /// zero.
     #[inline(always)]
     fn fuse_masked<const V: usize>(
         self,
@@ -95,7 +96,8 @@ pub trait Blocks<L: Lane>: Isa {
         self.fuse_masked(rule, masked, blocks, masks, fused)
     }
 
-    /// Fuses the block sums of the `available` views, a bit for each, on one scale whatever their number; [`Lane::MAX`] if there is none.
+    /// Fuses the block sums of the `available` views, a bit for each, on one scale whatever their number;
+    /// [`Lane::MAX`] if there is none.
     #[inline(always)]
     fn fuse_available<const V: usize>(self, rule: Rule, available: u8, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) {
         for (fused, block) in fused.iter_mut().zip(blocks) {

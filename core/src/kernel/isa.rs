@@ -22,7 +22,8 @@ pub trait Isa: sealed::Sealed + Copy + Debug {
     const LANES: usize;
     /// Pixels whose costs are fused before their disparities are selected, from 1 to [`MAX_BATCH`].
     ///
-    /// Selecting has a long latency, but pixels do not wait for each other: an out-of-order processor overlaps those of a batch.
+    /// Selecting has a long latency, but pixels do not wait for each other: an out-of-order processor
+    /// overlaps those of a batch.
     const BATCH: usize;
     /// A vector of samples in memory, a byte each.
     type Samples: Pod;
@@ -46,13 +47,14 @@ pub trait Isa: sealed::Sealed + Copy + Debug {
     fn load_column(self, sums: &Self::Sums) -> Self::Column;
     /// The absolute differences between a sample of the centre and the samples of a view.
     fn differences(self, center: u8, view: &Self::Samples) -> Self::Column;
-    /// Moves column sums down by a line: adds the differences of the line that enters and subtracts those of the one that leaves. Wraps.
+    /// Moves column sums down by a line: adds the differences of the line that enters and subtracts those of
+    /// the one that leaves. Wraps.
     ///
     /// It may add [`bias(1)`](Isa::bias) as well.
     fn advance(self, sums: Self::Column, center: Change<u8>, view: Change<&Self::Samples>) -> Self::Column;
 
-    /// The excess in every column sum after it has moved down by a number of lines. Block sums are free of it: what a column adds on
-    /// entering, it takes away on leaving.
+    /// The excess in every column sum after it has moved down by a number of lines. Block sums are free of
+    /// it: what a column adds on entering, it takes away on leaving.
     fn bias(_lines: u32) -> u16 {
         0
     }

@@ -5,8 +5,8 @@ use core::slice;
 use super::{blocks::Blocks, rule::Rule, vector::Lane};
 use crate::availability::Availability;
 
-/// Masks for the block sums of a pixel: [`Lane::MAX`] where a view is not available, and in lanes past the last disparity; zero
-/// elsewhere.
+/// Masks for the block sums of a pixel: [`Lane::MAX`] where a view is not available, and in lanes past the
+/// last disparity; zero elsewhere.
 ///
 /// They follow the pixel lane by lane: at a border, few of them change from one pixel to the next.
 #[derive(Debug)]
@@ -24,14 +24,15 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Masks<'_, L, I, V> {
         self.availability.enter_line(u, v, |k, index, available| set::<L, I, V>(self.vectors, k, index, available));
     }
 
-    /// Goes to the pixel at `u`, to the right in the same line, and returns whether anything may have changed.
+    /// Goes to the pixel at `u`, to the right in the same line, and returns whether anything may have
+    /// changed.
     #[inline(always)]
     pub fn enter(&mut self, u: usize) -> bool {
         self.availability.enter(u, |k, index, available| set::<L, I, V>(self.vectors, k, index, available))
     }
 
-    /// The views whose masks are not zero, as bits, or `None` if masks cannot hide views from `rule` here. If no view has to be
-    /// hidden there are none: lanes past the last disparity are then left to the caller.
+    /// The views whose masks are not zero, as bits, or `None` if masks cannot hide views from `rule` here. If
+    /// no view has to be hidden there are none: lanes past the last disparity are then left to the caller.
     #[inline(always)]
     pub fn masked(&self, rule: Rule) -> Option<u8> {
         let incomplete = self.availability.incomplete();

@@ -1,7 +1,9 @@
-//! The inner loops of the matcher, along the disparities: one definition over the vectors of any instruction set.
+//! The inner loops of the matcher, along the disparities: one definition over the vectors of any instruction
+//! set.
 //!
-//! An instruction set is a type that implements [`Isa`] and [`Blocks`] with the few operations that the loops consist of. [`Portable`]
-//! does so in plain Rust, and defines what the operations mean. Each room knows only those above it:
+//! An instruction set is a type that implements [`Isa`] and [`Blocks`] with the few operations that the loops
+//! consist of. [`Portable`] does so in plain Rust, and defines what the operations mean. Each room knows only
+//! those above it:
 //!
 //! | room | what it is |
 //! | --- | --- |

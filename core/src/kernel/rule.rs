@@ -5,8 +5,9 @@ use crate::Fusion;
 
 /// How the costs of the views are fused in lanes.
 ///
-/// This states [`Fusion::fuse`] for vectors. Costs are on a scale that keeps them small where all views are available: a factor
-/// common to all candidates of a pixel changes neither which one is least nor where the parabola through its neighbours has its vertex.
+/// This states [`Fusion::fuse`] for vectors. Costs are on a scale that keeps them small where all views are
+/// available: a factor common to all candidates of a pixel changes neither which one is least nor where the
+/// parabola through its neighbours has its vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
     /// The least cost.
@@ -27,8 +28,8 @@ impl Rule {
         }
     }
 
-    /// Whether masks can hide views where they are not available, by the cost [`Lane::MAX`], if `incomplete` of `views` views
-    /// are not available at all disparities.
+    /// Whether masks can hide views where they are not available, by the cost [`Lane::MAX`], if `incomplete`
+    /// of `views` views are not available at all disparities.
     ///
     /// A sum has no such cost. The heuristic rule ignores it, unless it is left with a single view.
     pub const fn masks(self, views: usize, incomplete: usize) -> bool {
@@ -66,8 +67,9 @@ impl Rule {
         }
     }
 
-    /// Fuses the costs of the `available` views, a bit for each, on one scale whatever their number. An unavailable view has the
-    /// cost [`Rule::neutral`]. `maximum` is [`Lane::MAX`] in every lane: the cost if no view is available.
+    /// Fuses the costs of the `available` views, a bit for each, on one scale whatever their number. An
+    /// unavailable view has the cost [`Rule::neutral`]. `maximum` is [`Lane::MAX`] in every lane: the cost if
+    /// no view is available.
     #[inline(always)]
     pub(super) fn fuse_available<L: Lane, B: Block<L>, const V: usize>(self, available: u8, costs: [B; V], maximum: B) -> B {
         match (self, available.count_ones()) {
@@ -98,8 +100,9 @@ impl Rule {
 
 /// Six times the mean of `c1 <= c2 <= c3`, or of the first two if `c3 > 3 c2`.
 ///
-/// Saturation in 16 bits changes nothing but the result: where `3 c2` saturates, no `c3` is greater either way. Nor does a third cost of
-/// [`Lane::MAX`] that stands for an unavailable view: where it is not greater than `3 c2`, the cost of the first two has saturated too.
+/// Saturation in 16 bits changes nothing but the result: where `3 c2` saturates, no `c3` is greater either
+/// way. Nor does a third cost of [`Lane::MAX`] that stands for an unavailable view: where it is not greater
+/// than `3 c2`, the cost of the first two has saturated too.
 #[inline(always)]
 fn heuristic<L, B: Block<L>>(c1: B, c2: B, c3: B) -> B {
     let two = c1.add(c2);

@@ -1,7 +1,7 @@
 //! The samples of a line.
 
-/// The samples that a line of the centre is compared with at all disparities, column by column. A column's are contiguous, at
-/// ascending disparities.
+/// The samples that a line of the centre is compared with at all disparities, column by column. A column's
+/// are contiguous, at ascending disparities.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Samples<'a> {
     /// The memory that holds them.

@@ -1,6 +1,8 @@
-//! Steps along a line of the centre, column by column: the samples that enter and leave the blocks, and the column sums they change.
+//! Steps along a line of the centre, column by column: the samples that enter and leave the blocks, and the
+//! column sums they change.
 //!
-//! The bounds are checked once for a line. From then on, a step to the next column is a few additions to addresses.
+//! The bounds are checked once for a line. From then on, a step to the next column is a few additions to
+//! addresses.
 #![allow(unsafe_code)]
 
 use core::{marker::PhantomData, slice};
@@ -101,7 +103,8 @@ impl Change<*const u8> {
     }
 }
 
-/// The tracks of the centre and of the views, if all samples of `columns` columns are there, `depth` of them in a view's column.
+/// The tracks of the centre and of the views, if all samples of `columns` columns are there, `depth` of them
+/// in a view's column.
 fn tracks<const V: usize>(
     center: Change<Samples<'_>>,
     views: [Change<Samples<'_>>; V],
@@ -124,8 +127,8 @@ fn tracks<const V: usize>(
 impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
     /// Steps along the columns of `sums`, each as long as `empty_column`: the vectors of all views.
     ///
-    /// Blocks have `block_size` columns, at least one. Before they are full, `empty_column` leaves them. There are no steps
-    /// if any sample is missing.
+    /// Blocks have `block_size` columns, at least one. Before they are full, `empty_column` leaves them.
+    /// There are no steps if any sample is missing.
     pub(crate) fn new(
         center: Change<Samples<'a>>,
         views: [Change<Samples<'a>>; V],
@@ -175,7 +178,8 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
         self.next = index + 1;
         let (entering, leaving) = self.sums(index);
         let center = self.center;
-        // SAFETY: `tracks` has checked that the centre has samples for all columns, and `index` is one of them.
+        // SAFETY: `tracks` has checked that the centre has samples for all columns, and `index` is one of
+        // them.
         let center = unsafe { Change { entering: *center.entering.add(index), leaving: *center.leaving.add(index) } };
         Some(RawStep {
             center,
@@ -189,7 +193,8 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
         })
     }
 
-    /// Takes up to `columns` steps at which full blocks lose a column each, or a single one at which the empty column leaves.
+    /// Takes up to `columns` steps at which full blocks lose a column each, or a single one at which the
+    /// empty column leaves.
     #[inline(always)]
     pub(super) fn stretch(&mut self, columns: usize) -> Option<Stretch<'_, I, V>> {
         let index = self.next;
@@ -209,14 +214,15 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
         let RawStep { center, entering, leaving, .. } = self.next_raw()?;
         let mut views = [Change { entering: &[][..], leaving: &[][..] }; V];
         for (view, track) in views.iter_mut().zip(&self.tracks) {
-            // SAFETY: `tracks` has checked that each column has the samples of so many vectors. `Samples` are plain bytes of
-            // alignment 1, by `assert_layout`.
+            // SAFETY: `tracks` has checked that each column has the samples of so many vectors. `Samples` are
+            // plain bytes of alignment 1, by `assert_layout`.
             let vectors = |samples: *const u8| unsafe { slice::from_raw_parts(samples.cast(), vectors) };
             let Change { entering, leaving } = track.at(index);
             *view = Change { entering: vectors(entering), leaving: vectors(leaving) };
         }
-        // SAFETY: the sums hold so many vectors for each column, and so does the empty column. The leaving column is another one
-        // than the entering column, since blocks have at least one column. Both are borrowed from `self`.
+        // SAFETY: the sums hold so many vectors for each column, and so does the empty column. The leaving
+        // column is another one than the entering column, since blocks have at least one column. Both are
+        // borrowed from `self`.
         let (entering, leaving) =
             unsafe { (slice::from_raw_parts_mut(entering, V * vectors), slice::from_raw_parts(leaving, V * vectors)) };
         Some(Step { center, views, entering, leaving, vectors })

@@ -2,9 +2,11 @@
 
 use bytemuck::Pod;
 
-/// The integer in a lane of block sums and costs: 16 bits where the largest block sum fits below [`Lane::MAX`], 32 bits otherwise.
+/// The integer in a lane of block sums and costs: 16 bits where the largest block sum fits below
+/// [`Lane::MAX`], 32 bits otherwise.
 pub trait Lane: Copy + Ord + Default + Pod {
-    /// The cost at which 16-bit lanes saturate, and the cost of a candidate that is not available. No cost of a single view reaches it.
+    /// The cost at which 16-bit lanes saturate, and the cost of a candidate that is not available. No cost of
+    /// a single view reaches it.
     const MAX: Self;
     /// The cost in 32 bits.
     fn widen(self) -> u32;
@@ -40,7 +42,8 @@ impl Lane for u32 {
     }
 }
 
-/// A vector of column sums in 16-bit lanes: sums of absolute differences down a column of the block, each at most 21 x 255.
+/// A vector of column sums in 16-bit lanes: sums of absolute differences down a column of the block, each at
+/// most 21 x 255.
 pub trait Column: Copy {
     /// The vector in memory.
     type Sums: Pod;
@@ -60,8 +63,8 @@ pub trait Block<L>: Copy {
 
     /// Stores the costs.
     fn store(self, costs: &mut Self::Costs);
-    /// Slides the block by a column: adds the column that enters and subtracts the one that leaves. Their difference fits 16
-    /// bits with a sign.
+    /// Slides the block by a column: adds the column that enters and subtracts the one that leaves. Their
+    /// difference fits 16 bits with a sign.
     fn slide(self, entering: Self::Column, leaving: Self::Column) -> Self;
     /// Lane by lane. 16-bit lanes saturate; 32-bit lanes never reach their limit.
     fn add(self, other: Self) -> Self;

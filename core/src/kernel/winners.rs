@@ -1,7 +1,7 @@
 //! Winner-takes-all over a batch: the least fused cost of each pixel.
 //!
-//! Finding it has a long latency, but no pixel waits for another: an out-of-order processor overlaps several, given nothing
-//! else to do in between.
+//! Finding it has a long latency, but no pixel waits for another: an out-of-order processor overlaps several,
+//! given nothing else to do in between.
 #![allow(unsafe_code)]
 
 use super::{
@@ -28,8 +28,8 @@ impl<L: Lane> Winners<L> {
     pub const NONE: Winners<L> =
         Winners { indices: [0; MAX_BATCH], costs: [L::MAX; MAX_BATCH], before: [L::MAX; MAX_BATCH], after: [L::MAX; MAX_BATCH] };
 
-    /// Finds the winners of a batch: `padded` has the fused costs of its pixels, `vectors` for each, in the order of the disparities, between
-    /// two vectors of padding.
+    /// Finds the winners of a batch: `padded` has the fused costs of its pixels, `vectors` for each, in the
+    /// order of the disparities, between two vectors of padding.
     #[cfg_attr(not(debug_assertions), inline(always))]
     pub fn find<I: Blocks<L>>(&mut self, isa: I, padded: &[I::Costs], vectors: usize) {
         // The usual numbers of vectors as constants.
@@ -54,8 +54,9 @@ impl<L: Lane> Winners<L> {
         for (i, fused) in pixels.enumerate() {
             let index = isa.position(fused, self.costs[i]).min(vectors * I::LANES);
             self.indices[i] = index as u32;
-            // SAFETY: the pixel's lanes begin at a vector after the first, and another vector follows them, so there is a lane before
-            // `index`. At most three of the four lanes lie in the vector that follows, which has four or more.
+            // SAFETY: the pixel's lanes begin at a vector after the first, and another vector follows them,
+            // so there is a lane before `index`. At most three of the four lanes lie in the vector that
+            // follows, which has four or more.
             let around = unsafe { lanes.add((1 + i * vectors) * I::LANES + index - 1).cast::<[L; 4]>().read_unaligned() };
             [self.before[i], _, self.after[i], _] = around;
         }

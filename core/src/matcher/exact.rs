@@ -8,8 +8,8 @@ use crate::{
     kernel::{Blocks, Lane},
 };
 
-/// The fused costs of a pixel in 32 bits, one by one. They are needed where lanes have saturated, and next to disparities at which no
-/// view is available.
+/// The fused costs of a pixel in 32 bits, one by one. They are needed where lanes have saturated, and next to
+/// disparities at which no view is available.
 pub(crate) struct Exact<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub params: &'a Params,
     /// The pixel's column.
@@ -21,7 +21,8 @@ pub(crate) struct Exact<'a, L: Lane, I: Blocks<L>, const V: usize> {
 }
 
 impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
-    /// The disparity of the existing candidate of least fused cost, the smallest if several tie, refined if both neighbours exist.
+    /// The disparity of the existing candidate of least fused cost, the smallest if several tie, refined if
+    /// both neighbours exist.
     #[cold]
     pub fn disparity(&self) -> Option<Disparity> {
         let availability = self.availability();

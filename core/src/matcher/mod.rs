@@ -30,9 +30,9 @@ use sweep::{Priming, Sweep};
 
 /// A pass over a region of a frame, one disparity line at a time.
 ///
-/// It keeps running sums of absolute differences. From one line to the next, the sums of every column gain the line that enters the block and
-/// lose the one that leaves; along the line, the sums of the block gain a column and lose a column. The caller lends the memory
-/// for these sums and for the lines under the blocks.
+/// It keeps running sums of absolute differences. From one line to the next, the sums of every column gain
+/// the line that enters the block and lose the one that leaves; along the line, the sums of the block gain a
+/// column and lose a column. The caller lends the memory for these sums and for the lines under the blocks.
 ///
 /// ```
 /// use multiscopic_core::{Frame, Fusion, Matcher, Memory, Params, ScanlineSource, Views};
@@ -85,8 +85,8 @@ pub struct Matcher<'m, I = Portable<{ Params::LANES }>> {
     primed: i32,
 }
 
-/// The running sums and the costs fused from them, in vectors. Column sums are ordered by column, view and disparity; block sums by
-/// vector and view.
+/// The running sums and the costs fused from them, in vectors. Column sums are ordered by column, view and
+/// disparity; block sums by vector and view.
 #[derive(Debug)]
 struct Sums<'m> {
     /// Sums down each column of the span, over the height of the block.
@@ -126,7 +126,8 @@ impl<'m> Matcher<'m> {
 impl<'m, I: Isa> Matcher<'m, I> {
     /// A pass over `region` with an instruction set.
     ///
-    /// `memory` has at least the [`words`](Memory::words) that [`Memory::new`] states for the region's width, with any content.
+    /// `memory` has at least the [`words`](Memory::words) that [`Memory::new`] states for the region's width,
+    /// with any content.
     ///
     /// # Errors
     /// [`MemoryTooSmall`].
@@ -184,11 +185,12 @@ impl<'m, I: Isa> Matcher<'m, I> {
 }
 
 impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
-    /// Computes the next disparity line of the region into `out`, a pixel for each of its columns, and returns the line's index in the
-    /// frame, or `None` after the last.
+    /// Computes the next disparity line of the region into `out`, a pixel for each of its columns, and
+    /// returns the line's index in the frame, or `None` after the last.
     ///
     /// # Errors
-    /// [`MatchError`]: the source failed, or `out` has the wrong length. No line is lost, and the call can be repeated.
+    /// [`MatchError`]: the source failed, or `out` has the wrong length. No line is lost, and the call can be
+    /// repeated.
     // Inlined in firmware, which has a single matcher, so that the compiler knows its parameters.
     #[cfg_attr(target_arch = "arm", inline(always))]
     pub fn next_line<S: ScanlineSource>(
@@ -234,8 +236,8 @@ impl<I: Isa> Matcher<'_, I> {
         let bias = I::bias((v + 1 - self.region.rows().start) as u32);
         cast_mut::<_, u16>(self.sums.zeros).fill(bias);
         let empty_column = &*cast_mut::<_, I::Sums>(self.sums.zeros).get_mut(..V * vectors).unwrap_or_default();
-        // The lowest line of the blocks enters. At the top of the region all their lines enter beforehand, and the sweep's own step changes
-        // nothing: the same line enters and leaves.
+        // The lowest line of the blocks enters. At the top of the region all their lines enter beforehand,
+        // and the sweep's own step changes nothing: the same line enters and leaves.
         let entering = v as i32 + self.params.radius() as i32;
         let mut lines = Change { entering, leaving: entering - self.params.block_size() as i32 };
         if v == self.region.rows().start {

@@ -19,7 +19,8 @@ pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     pub rule: Rule,
     /// The index of each lane of a vector.
     indices: I::Costs,
-    /// If the last vector has lanes past the last disparity: [`Lane::MAX`] in those lanes, and zero elsewhere.
+    /// If the last vector has lanes past the last disparity: [`Lane::MAX`] in those lanes, and zero
+    /// elsewhere.
     padding: Option<I::Costs>,
     /// Disparities with a neighbour on both sides.
     inner: usize,
@@ -51,8 +52,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         Masks { vectors, availability, padded: self.padding.is_some() }
     }
 
-    /// Slides the block to the next pixel, fuses its sums, and returns the least fused cost. `masks` are at this pixel, and
-    /// `masked` are the views that they hide.
+    /// Slides the block to the next pixel, fuses its sums, and returns the least fused cost. `masks` are at
+    /// this pixel, and `masked` are the views that they hide.
     #[inline(always)]
     pub fn slide_and_fuse<const V: usize>(
         &self,
@@ -70,12 +71,14 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         if masked == 0 && self.padding.is_some() { self.least(fused) } else { least }
     }
 
-    /// Fuses the sums of a block segment by segment, since masks cannot hide views here, and returns the least fused cost.
+    /// Fuses the sums of a block segment by segment, since masks cannot hide views here, and returns the
+    /// least fused cost.
     #[cfg_attr(target_arch = "arm", inline(never))]
     #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
     fn fuse_segments<const V: usize>(&self, availability: &Availability, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
         for segment in availability.segments() {
-            // The next segment overwrites the lanes past the end of this one. Only the lanes before its start have to be kept.
+            // The next segment overwrites the lanes past the end of this one. Only the lanes before its start
+            // have to be kept.
             let (first, end) = (segment.start / I::LANES, segment.end.div_ceil(I::LANES));
             let (Some(blocks), Some(fused)) = (blocks.get(first..end), fused.get_mut(first..end)) else { continue };
             let before = fused.first().copied();
@@ -105,7 +108,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
     }
 
-    /// [`hide_padding`](Selection::hide_padding) for pixels whose costs, `vectors` for each, are in the order of the disparities.
+    /// [`hide_padding`](Selection::hide_padding) for pixels whose costs, `vectors` for each, are in the order
+    /// of the disparities.
     #[inline(always)]
     pub fn hide_ordered_padding(&self, fused: &mut [I::Costs], vectors: usize) {
         let Some(mut padding) = self.padding else { return };
@@ -117,7 +121,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
     }
 
-    /// The disparities of a batch of pixels, refined if both neighbours exist; by `exact` costs where lanes do not suffice.
+    /// The disparities of a batch of pixels, refined if both neighbours exist; by `exact` costs where lanes
+    /// do not suffice.
     ///
     /// Every step is taken for all pixels before the next, so that the steps of different pixels overlap.
     #[cfg_attr(not(debug_assertions), inline(always))]
@@ -159,7 +164,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
     }
 
-    /// The disparity of a pixel, given its least fused cost, refined if both neighbours exist; by `exact` costs where lanes do not suffice.
+    /// The disparity of a pixel, given its least fused cost, refined if both neighbours exist; by `exact`
+    /// costs where lanes do not suffice.
     #[cfg_attr(not(debug_assertions), inline(always))]
     pub fn disparity<'e, const V: usize>(
         &self,

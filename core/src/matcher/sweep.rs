@@ -1,4 +1,5 @@
-//! The sweep along a disparity line: column sums move down by a line, blocks slide over them, and winners are selected.
+//! The sweep along a disparity line: column sums move down by a line, blocks slide over them, and winners are
+//! selected.
 
 use core::{array, marker::PhantomData};
 
@@ -13,7 +14,8 @@ use crate::{
     kernel::{Batch, Block, Blocks, Change, Isa, Lane, Masks, Rule, Steps, Winners, Work},
 };
 
-/// The steps along a disparity line, at which `lines` of the centre, which may be virtual, enter and leave the blocks.
+/// The steps along a disparity line, at which `lines` of the centre, which may be virtual, enter and leave
+/// the blocks.
 #[inline(always)]
 pub(super) fn steps<'a, I: Isa, const V: usize>(
     frames: &'a Frames<'_>,
@@ -74,8 +76,9 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Work for Sweep<'_, L, I, V> {
     }
 }
 
-// Both drivers share steps, masks and fusion, and differ in selection. A microcontroller selects the winner while the least cost is in a
-// register, where the fusing loop left it. An out-of-order processor hides the latency of selection, but only across a batch.
+// Both drivers share steps, masks and fusion, and differ in selection. A microcontroller selects the winner
+// while the least cost is in a register, where the fusing loop left it. An out-of-order processor hides the
+// latency of selection, but only across a batch.
 impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V> {
     /// Pixel by pixel. A function of its own, since small processors have few registers.
     #[inline(never)]

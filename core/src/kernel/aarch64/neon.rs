@@ -1,7 +1,8 @@
 //! NEON.
 //!
-//! SAFETY contract of every unsafe block in this module: its instructions exist, since the module is only compiled where every processor
-//! of the target has NEON. Every load and store goes through a slice that holds the whole register.
+//! SAFETY contract of every unsafe block in this module: its instructions exist, since the module is only
+//! compiled where every processor of the target has NEON. Every load and store goes through a slice that
+//! holds the whole register.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
 use core::{arch::aarch64::*, array};
@@ -49,7 +50,8 @@ impl Isa for Neon {
     #[inline(always)]
     fn advance(self, sums: U16x16, center: Change<u8>, view: Change<&[u8; 16]>) -> U16x16 {
         unsafe {
-            // One instruction takes absolute differences, widens and adds them. There is none that subtracts them.
+            // One instruction takes absolute differences, widens and adds them. There is none that subtracts
+            // them.
             let (center_entering, entering) = (vdupq_n_u8(center.entering), vld1q_u8(view.entering.as_ptr()));
             let low = vabal_u8(sums.0[0], vget_low_u8(center_entering), vget_low_u8(entering));
             let high = vabal_high_u8(sums.0[1], center_entering, entering);

@@ -4,13 +4,15 @@ use core::mem::offset_of;
 
 use crate::kernel::{isa::Change, steps::Track};
 
-/// `asm!` for code that directives repeat: its length in bytes at most, the template, and after a semicolon the operands.
+/// `asm!` for code that directives repeat: its length in bytes at most, the template, and after a semicolon
+/// the operands.
 ///
-/// The compiler has to know how long the code is. It counts a line as one instruction, a line with `.space` as so many bytes, and
-/// knows no other directives. Where code is longer than it believes, constants and entries of jump tables end up out of the
-/// reach of instructions on the other side, and their addresses are cut off without an error. So the length is stated in a `.space` that is
-/// never assembled, and the assembler checks it: "invalid number of bytes" says that the code is longer. The difference is skipped
-/// in a section that the linker excludes.
+/// The compiler has to know how long the code is. It counts a line as one instruction, a line with `.space`
+/// as so many bytes, and knows no other directives. Where code is longer than it believes, constants and
+/// entries of jump tables end up out of the reach of instructions on the other side, and their addresses are
+/// cut off without an error. So the length is stated in a `.space` that is never assembled, and the assembler
+/// checks it: "invalid number of bytes" says that the code is longer. The difference is skipped in a section
+/// that the linker excludes.
 macro_rules! asm_up_to {
     ($bytes:literal bytes, $($template:expr),+; $($operands:tt)*) => {
         core::arch::asm!(

@@ -1,8 +1,9 @@
 //! AVX2.
 //!
-//! SAFETY contract of every unsafe block in this module: its instructions exist, since all of them work on a vector or are reached from
-//! a token; only a token makes a vector, and only [`Avx2::new`], which is unsafe, makes a token. Every load and store goes through a
-//! reference to an array that holds the whole vector, and needs no alignment.
+//! SAFETY contract of every unsafe block in this module: its instructions exist, since all of them work on a
+//! vector or are reached from a token; only a token makes a vector, and only [`Avx2::new`], which is unsafe,
+//! makes a token. Every load and store goes through a reference to an array that holds the whole vector, and
+//! needs no alignment.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
 use core::arch::x86_64::*;
@@ -18,8 +19,8 @@ token! {
     Avx2: "avx2", "bmi1", "lzcnt", "popcnt"
 }
 
-/// 32 lanes of 16 bits, in the order in which unpacking bytes leaves them: the lower eight of every sixteen disparities in the first
-/// register, the upper eight in the second.
+/// 32 lanes of 16 bits, in the order in which unpacking bytes leaves them: the lower eight of every sixteen
+/// disparities in the first register, the upper eight in the second.
 #[derive(Clone, Copy, Debug)]
 pub struct U16x32([__m256i; 2]);
 
@@ -142,7 +143,8 @@ fn position<T>(costs: &[T], mask: impl Fn(&T) -> u32) -> usize {
     first
 }
 
-/// A bit for each lane, set if the lane is all ones. Packing works within halves, so the middle quarters have to be swapped.
+/// A bit for each lane, set if the lane is all ones. Packing works within halves, so the middle quarters have
+/// to be swapped.
 #[inline(always)]
 unsafe fn mask(a: __m256i, b: __m256i) -> u32 {
     unsafe { _mm256_movemask_epi8(_mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi16(a, b))) as u32 }

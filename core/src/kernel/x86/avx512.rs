@@ -1,8 +1,9 @@
 //! AVX-512.
 //!
-//! SAFETY contract of every unsafe block in this module: its instructions exist, since all of them work on a vector or are reached from
-//! a token; only a token makes a vector, and only [`Avx512::new`], which is unsafe, makes a token. Every load and store goes through a
-//! reference to an array that holds the whole vector, and needs no alignment.
+//! SAFETY contract of every unsafe block in this module: its instructions exist, since all of them work on a
+//! vector or are reached from a token; only a token makes a vector, and only [`Avx512::new`], which is
+//! unsafe, makes a token. Every load and store goes through a reference to an array that holds the whole
+//! vector, and needs no alignment.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
 use core::arch::x86_64::*;
@@ -18,8 +19,8 @@ token! {
     Avx512: "avx512f", "avx512bw", "avx512vl", "avx512dq", "bmi1", "bmi2", "lzcnt", "popcnt"
 }
 
-/// 64 lanes of 16 bits, in the order in which unpacking bytes leaves them: the lower eight of every sixteen disparities in the first
-/// register, the upper eight in the second.
+/// 64 lanes of 16 bits, in the order in which unpacking bytes leaves them: the lower eight of every sixteen
+/// disparities in the first register, the upper eight in the second.
 #[derive(Clone, Copy, Debug)]
 pub struct U16x64([__m512i; 2]);
 

@@ -1,7 +1,8 @@
 //! The vector instructions of x86-64.
 
-/// Defines a token from the one list of its processor features, which are those that [`Isa::compiled`](super::Isa::compiled) enables,
-/// that its constructor demands, and that its constant names.
+/// Defines a token from the one list of its processor features, which are those that
+/// [`Isa::compiled`](super::Isa::compiled) enables, that its constructor demands, and that its constant
+/// names.
 macro_rules! token {
     ($(#[$doc:meta])* $token:ident: $($feature:literal),+) => {
         $(#[$doc])*

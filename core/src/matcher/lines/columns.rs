@@ -5,8 +5,8 @@ use crate::kernel::Samples;
 
 /// A stack of samples for each column, for matches in the same column.
 ///
-/// Each line pushes a sample on every stack. When the edge reaches one end of the stack, the samples still needed move to the
-/// other end.
+/// Each line pushes a sample on every stack. When the edge reaches one end of the stack, the samples still
+/// needed move to the other end.
 #[derive(Debug)]
 pub(super) struct Columns<'m> {
     pub samples: &'m mut [u8],
@@ -52,8 +52,8 @@ impl Columns<'_> {
 
     /// Goes to the next virtual line, and returns the index of its sample in each stack.
     fn advance(&mut self) -> usize {
-        // All stacks move at once. The samples that thereby cross into a neighbouring stack are no longer needed, and they land where
-        // nothing is needed yet.
+        // All stacks move at once. The samples that thereby cross into a neighbouring stack are no longer
+        // needed, and they land where nothing is needed yet.
         let moved = self.usable - self.keep;
         match (self.mirrored, self.edge) {
             (false, edge) if edge == self.usable => {

@@ -1,8 +1,8 @@
 //! The lines of all frames under the blocks of a disparity line.
 //!
-//! They are stored so that a column's samples at ascending disparities are contiguous: a horizontal view by line, mirrored if matches
-//! move to the left; a vertical view by column. Frames are extended beyond their borders by replication: *virtual* lines below 0
-//! repeat the first line, those past the end the last.
+//! They are stored so that a column's samples at ascending disparities are contiguous: a horizontal view by
+//! line, mirrored if matches move to the left; a vertical view by column. Frames are extended beyond their
+//! borders by replication: *virtual* lines below 0 repeat the first line, those past the end the last.
 //!
 //! | room | what it is |
 //! | --- | --- |
@@ -30,7 +30,8 @@ pub(crate) struct Frames<'m> {
 }
 
 impl<'m> Frames<'m> {
-    /// Reads the lines that blocks need to reach down to line `v` of the centre. `line` is a buffer for a line.
+    /// Reads the lines that blocks need to reach down to line `v` of the centre. `line` is a buffer for a
+    /// line.
     pub fn read_ahead<S: ScanlineSource>(
         &mut self,
         source: &mut S,
@@ -109,7 +110,8 @@ impl<'m> Lines<'m> {
         let store = match frame {
             Frame::Center => rows(samples, 1, false, 0),
             Frame::View(View::Left) => rows(samples, shape.depth, false, min_disparity),
-            // A mirrored line ends with the leftmost sample: the first column's match at the largest disparity.
+            // A mirrored line ends with the leftmost sample: the first column's match at the largest
+            // disparity.
             Frame::View(View::Right) => rows(samples, shape.depth, true, 1 - min_disparity - shape.depth as i32),
             Frame::View(view) => {
                 let sign = view.sign();
@@ -129,12 +131,14 @@ impl<'m> Lines<'m> {
                 })
             }
         };
-        // Not `clamp`, here and below: it panics if the frame is empty, and the compiler cannot see that it is not.
+        // Not `clamp`, here and below: it panics if the frame is empty, and the compiler cannot see that it
+        // is not.
         let next = if region.rows().start == 0 { 0 } else { first_virtual.min(last).max(0) };
         Lines { store, last, next, lead }
     }
 
-    /// The next line of the frame to read before blocks can reach down to line `v` of the centre, or `None` if no line is missing.
+    /// The next line of the frame to read before blocks can reach down to line `v` of the centre, or `None`
+    /// if no line is missing.
     pub fn wanted(&self, v: i32) -> Option<usize> {
         (self.next <= (v + self.lead).min(self.last).max(0)).then_some(self.next as usize)
     }

@@ -1,6 +1,7 @@
 //! Replication beyond the borders of a line.
 
-/// Fills `stored` with the samples of `line` from the coordinate `left` on. Beyond the line, its first and last samples are repeated.
+/// Fills `stored` with the samples of `line` from the coordinate `left` on. Beyond the line, its first and
+/// last samples are repeated.
 #[inline(always)]
 pub(super) fn replicate<'h>(mut stored: impl Iterator<Item = &'h mut u8>, line: &[u8], left: i32) {
     let (Some(&first), Some(&last)) = (line.first(), line.last()) else { return };

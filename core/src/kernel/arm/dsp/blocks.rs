@@ -58,7 +58,8 @@ impl Blocks<u16> for Dsp {
             return 0;
         }
         let (found, vectors_left): (u32, usize);
-        // SAFETY: reads one vector after the other, at least one, at most all. Every register that changes is an output.
+        // SAFETY: reads one vector after the other, at least one, at most all. Every register that changes is
+        // an output.
         unsafe {
             asm!(
                 "2:",
@@ -155,7 +156,8 @@ impl Blocks<u16> for Dsp {
             return fuse_loop(self, rule, blocks, fused);
         }
         let blocks = blocks.as_ptr().cast();
-        // SAFETY: there are four views, and as many blocks as fused costs, not 0: a multiple of what is unrolled.
+        // SAFETY: there are four views, and as many blocks as fused costs, not 0: a multiple of what is
+        // unrolled.
         lesser_half(unsafe {
             match fused.len() {
                 _ if rule == Rule::Heuristic => fuse::heuristic_of_four(blocks, fused),
@@ -198,7 +200,8 @@ fn fuse_masked<const V: usize>(
 ) -> u16 {
     let fits = blocks.len() == fused.len() && masks.len() == fused.len() && !fused.is_empty();
     let least = match rule {
-        // SAFETY: there are as many blocks and masks as fused costs, not 0, and four where one view is masked, which is one of them.
+        // SAFETY: there are as many blocks and masks as fused costs, not 0, and four where one view is
+        // masked, which is one of them.
         Rule::Min if fits => unsafe {
             let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
             match (masked, fused.len()) {
@@ -218,7 +221,8 @@ fn fuse_masked<const V: usize>(
     lesser_half(least)
 }
 
-/// [`Blocks::least`]. Generic, so that only a processor that uses it compiles it: this module is built for all of Arm's.
+/// [`Blocks::least`]. Generic, so that only a processor that uses it compiles it: this module is built for
+/// all of Arm's.
 #[inline(never)]
 fn least<const LANES: usize>(costs: &[Costs]) -> u16 {
     let mut least = U16x8([u32::MAX; 4]);

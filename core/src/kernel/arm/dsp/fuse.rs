@@ -1,6 +1,7 @@
 //! Fused costs in the DSP extension, with the least of all.
 //!
-//! Every function takes the block sums of a pixel, `V` views in each vector, and returns the least fused cost in each half of a word.
+//! Every function takes the block sums of a pixel, `V` views in each vector, and returns the least fused cost
+//! in each half of a word.
 #![allow(unsafe_code)]
 
 use super::isa::VECTOR;
@@ -45,7 +46,8 @@ macro_rules! heuristic {
             usub16 $b, $c, $d;
             sel $b, $d, $c;
             sel $c, $c, $d;
-            // The least of all in d. The second and the third lie between the greater minimum, b, and the lesser maximum, a.
+            // The least of all in d. The second and the third lie between the greater minimum, b, and the
+            // lesser maximum, a.
             usub16 $d, "{t}", $b;
             sel $d, $b, "{t}";
             sel $b, "{t}", $b;
@@ -164,7 +166,8 @@ pub(super) unsafe fn heuristic_of_four(blocks: *const [Costs; 4], fused: &mut [C
 #[inline(always)]
 pub(super) unsafe fn heuristic_of_four_masked(blocks: *const [Costs; 4], masks: *const [Costs; 4], fused: &mut [Costs]) -> u32 {
     let mut least = u32::MAX;
-    // SAFETY: reads as many blocks and masks as it writes fused costs. Every register that changes is an output.
+    // SAFETY: reads as many blocks and masks as it writes fused costs. Every register that changes is an
+    // output.
     unsafe {
         asm_up_to!(800 bytes,
             "2:",
@@ -211,7 +214,8 @@ pub(super) unsafe fn heuristic_of_four_masked(blocks: *const [Costs; 4], masks: 
 #[inline(always)]
 pub(super) unsafe fn min_masked<const V: usize>(blocks: *const [Costs; V], masks: *const [Costs; V], fused: &mut [Costs]) -> u32 {
     let mut least = u32::MAX;
-    // SAFETY: reads as many blocks and masks as it writes fused costs. Every register that changes is an output.
+    // SAFETY: reads as many blocks and masks as it writes fused costs. Every register that changes is an
+    // output.
     unsafe {
         asm_up_to!(400 bytes,
             "2:",
@@ -267,7 +271,8 @@ pub(super) unsafe fn min_with_one_masked<const V: usize, const K: usize>(
     fused: &mut [Costs],
 ) -> u32 {
     let mut least = u32::MAX;
-    // SAFETY: reads four blocks and masks and writes four fused costs. Every register that changes is an output.
+    // SAFETY: reads four blocks and masks and writes four fused costs. Every register that changes is an
+    // output.
     unsafe {
         asm_up_to!(800 bytes,
             ".rept 4",

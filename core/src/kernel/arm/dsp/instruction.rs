@@ -1,7 +1,7 @@
 //! Single instructions as functions of words.
 //!
-//! SAFETY contract of every unsafe block in this module: an instruction is only assembled for a processor that has it, and these
-//! work on registers alone.
+//! SAFETY contract of every unsafe block in this module: an instruction is only assembled for a processor
+//! that has it, and these work on registers alone.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
 use core::arch::asm;
@@ -31,7 +31,8 @@ instruction!(uqadd16);
 instruction!(uxtab16);
 instruction!(uxtab16_high, "uxtab16", ", ror #8");
 
-/// `then` in the halves where `a >= b`, and `otherwise` elsewhere. Two instructions in one block, since flags connect them.
+/// `then` in the halves where `a >= b`, and `otherwise` elsewhere. Two instructions in one block, since flags
+/// connect them.
 #[inline(always)]
 pub(super) fn if_not_less(a: u32, b: u32, then: u32, otherwise: u32) -> u32 {
     let result;

@@ -1,7 +1,8 @@
 //! The packed instructions of Arm's DSP extension, as Cortex-M4, M7 and M33 have them.
 //!
-//! Four bytes, or two lanes of 16 bits, fit in a word. A word of bytes becomes two words of lanes by taking every other byte, so that lanes
-//! lie in memory as the disparities 0, 2, 1, 3. A vector is two such groups: one instruction loads or stores its four words.
+//! Four bytes, or two lanes of 16 bits, fit in a word. A word of bytes becomes two words of lanes by taking
+//! every other byte, so that lanes lie in memory as the disparities 0, 2, 1, 3. A vector is two such groups:
+//! one instruction loads or stores its four words.
 //!
 //! | room | what it is |
 //! | --- | --- |

@@ -53,9 +53,11 @@ macro_rules! slide_vector {
     };
 }
 
-/// Moves a column down by a line and slides the blocks by it. `N` is the number of vectors in a view, unrolled, or 0 for a loop.
+/// Moves a column down by a line and slides the blocks by it. `N` is the number of vectors in a view,
+/// unrolled, or 0 for a loop.
 ///
-/// The differences that leave are subtracted by adding 255 less each: that is the [bias](crate::kernel::Isa::bias).
+/// The differences that leave are subtracted by adding 255 less each: that is the
+/// [bias](crate::kernel::Isa::bias).
 ///
 /// # Safety
 /// The step has as many vectors in a view as there are blocks: `N`, or at least one if `N` is 0.
@@ -63,14 +65,15 @@ macro_rules! slide_vector {
 pub(super) unsafe fn slide<const V: usize, const N: usize>(step: RawStep<'_, Dsp, V>, blocks: &mut [[[u32; 4]; V]]) {
     let RawStep { center, index, tracks, entering, leaving, .. } = step;
     let (center_entering, center_leaving) = (splat(center.entering), splat(center.leaving));
-    // SAFETY: the step has samples and sums of `V` views in as many vectors as there are blocks. Every register that changes is an
-    // output or restored from the stack.
+    // SAFETY: the step has samples and sums of `V` views in as many vectors as there are blocks. Every
+    // register that changes is an output or restored from the stack.
     unsafe {
         asm_up_to!(5400 bytes,
-            // The code takes all registers. The stack holds the centre's samples, whose registers each vector borrows; r6 and r7, which are
-            // reserved for the compiler; the tracks and the column's index.
+            // The code takes all registers. The stack holds the centre's samples, whose registers each vector
+            // borrows; r6 and r7, which are reserved for the compiler; the tracks and the column's index.
             "push {{r2, r3, r6, r7, r9, r10}}",
-            // A loop over vectors also needs the centre's samples, the bytes of a view's vectors, and the view's first block.
+            // A loop over vectors also needs the centre's samples, the bytes of a view's vectors, and the
+            // view's first block.
             ".if !{unrolled}",
             "sub sp, sp, #16",
             "strd r2, r3, [sp]",
@@ -152,7 +155,8 @@ macro_rules! prime_half {
 #[inline(always)]
 pub(super) unsafe fn prime<const V: usize>(step: RawStep<'_, Dsp, V>, vectors: usize) {
     let RawStep { center, index, tracks, entering, .. } = step;
-    // SAFETY: the step has samples and sums of `V` views in so many vectors. Every register that changes is an output.
+    // SAFETY: the step has samples and sums of `V` views in so many vectors. Every register that changes is
+    // an output.
     unsafe {
         asm_up_to!(400 bytes,
             ".rept {views}",

@@ -60,8 +60,8 @@ impl Blocks<u16> for Mve {
             return 0;
         }
         let (equal, vectors_left): (u32, usize);
-        // SAFETY: reads one vector after the other, at least one, at most all. Every register that changes is an output; the predicate, of
-        // which the compiler is not told, is restored.
+        // SAFETY: reads one vector after the other, at least one, at most all. Every register that changes is
+        // an output; the predicate, of which the compiler is not told, is restored.
         unsafe {
             asm!(
                 "vmrs {before}, p0",

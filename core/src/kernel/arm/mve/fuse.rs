@@ -34,8 +34,8 @@ pub(super) unsafe fn min<const V: usize, const MASKED: u8>(
     fused: &mut [[u16; 8]],
 ) -> u16 {
     let mut least = u32::from(u16::MAX);
-    // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that changes is an output; the
-    // predicate, of which the compiler is not told, is restored.
+    // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
+    // changes is an output; the predicate, of which the compiler is not told, is restored.
     unsafe {
         asm_up_to!(64 bytes,
             "dls lr, {n}",
@@ -64,7 +64,8 @@ pub(super) unsafe fn min<const V: usize, const MASKED: u8>(
     least as u16
 }
 
-/// The heuristic rule over three or four views, those whose bits are set in `MASKED` being masked. Returns the least fused cost.
+/// The heuristic rule over three or four views, those whose bits are set in `MASKED` being masked. Returns
+/// the least fused cost.
 ///
 /// # Safety
 /// There are as many blocks as fused costs, not 0, and as many masks unless `MASKED` is 0.
@@ -75,8 +76,8 @@ pub(super) unsafe fn heuristic<const V: usize, const MASKED: u8>(
     fused: &mut [[u16; 8]],
 ) -> u16 {
     let mut least = u32::from(u16::MAX);
-    // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that changes is an output; the
-    // predicate, of which the compiler is not told, is restored.
+    // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
+    // changes is an output; the predicate, of which the compiler is not told, is restored.
     unsafe {
         asm_up_to!(64 bytes,
             "vmrs {before}, p0",

@@ -1,6 +1,7 @@
 //! The vector instructions of Arm's MVE (Helium), as Cortex-M55 and M85 have them.
 //!
-//! Rust has no types for these vectors, so whole loops are written in assembly; single operations are the portable ones.
+//! Rust has no types for these vectors, so whole loops are written in assembly; single operations are the
+//! portable ones.
 //!
 //! | room | what it is |
 //! | --- | --- |

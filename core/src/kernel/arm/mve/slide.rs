@@ -6,7 +6,8 @@ use core::arch::asm;
 use super::isa::{Mve, VECTOR};
 use crate::kernel::steps::RawStep;
 
-/// Loads the addresses of the next view's samples at the column: in r2 those that enter, in r3 those that leave.
+/// Loads the addresses of the next view's samples at the column: in r2 those that enter, in r3 those that
+/// leave.
 macro_rules! track {
     () => {
         "ldm {tracks}!, {{r2, r3, r4}}
@@ -15,7 +16,8 @@ macro_rules! track {
     };
 }
 
-/// Moves vector `j` of view `k` of the entering column down. Leaves its difference to the leaving column in q0, and the block's vector in q1.
+/// Moves vector `j` of view `k` of the entering column down. Leaves its difference to the leaving column in
+/// q0, and the block's vector in q1.
 macro_rules! advance_column {
     () => {
         "vldrb.u16 q0, [r2, #(8 * \\j)]
@@ -39,7 +41,8 @@ macro_rules! advance_column {
 #[inline(always)]
 pub(super) unsafe fn prime<const V: usize>(step: RawStep<'_, Mve, V>, vectors: usize) {
     let RawStep { center, index, tracks, entering, .. } = step;
-    // SAFETY: the step has samples and sums of `V` views in that many vectors. Every register that changes is an output.
+    // SAFETY: the step has samples and sums of `V` views in that many vectors. Every register that changes is
+    // an output.
     unsafe {
         asm!(
             "vdup.16 q1, r2",
@@ -75,7 +78,8 @@ pub(super) unsafe fn prime<const V: usize>(step: RawStep<'_, Mve, V>, vectors: u
 #[inline(always)]
 pub(super) unsafe fn slide_unrolled<const V: usize, const N: usize>(step: RawStep<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
     let RawStep { center, index, tracks, entering, leaving, .. } = step;
-    // SAFETY: the step has samples and sums of `V` views in that many vectors. Every register that changes is an output.
+    // SAFETY: the step has samples and sums of `V` views in that many vectors. Every register that changes is
+    // an output.
     unsafe {
         asm_up_to!(1200 bytes,
             "vdup.16 q2, r2",
@@ -120,8 +124,8 @@ macro_rules! mask_view {
     };
 }
 
-/// Moves a column down by a line, slides the blocks by it, and fuses their sums to the minimum, those of the views whose bits are set in `MASKED`
-/// being masked. Returns the least fused cost.
+/// Moves a column down by a line, slides the blocks by it, and fuses their sums to the minimum, those of the
+/// views whose bits are set in `MASKED` being masked. Returns the least fused cost.
 ///
 /// # Safety
 /// The step has four vectors in a view, and there are four blocks, masks and fused costs.
@@ -134,7 +138,8 @@ pub(super) unsafe fn slide_to_min<const V: usize, const MASKED: u8>(
 ) -> u16 {
     let RawStep { center, index, tracks, entering, leaving, .. } = step;
     let mut least = u32::from(u16::MAX);
-    // SAFETY: the step has samples and sums of `V` views in that many vectors. Every register that changes is an output.
+    // SAFETY: the step has samples and sums of `V` views in that many vectors. Every register that changes is
+    // an output.
     unsafe {
         asm_up_to!(1200 bytes,
             "vdup.16 q2, r2",
@@ -195,7 +200,8 @@ pub(super) unsafe fn slide_to_min<const V: usize, const MASKED: u8>(
 #[inline(always)]
 pub(super) unsafe fn slide<const V: usize>(step: RawStep<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
     let RawStep { center, index, tracks, entering, leaving, .. } = step;
-    // SAFETY: the step has samples and sums of `V` views in that many vectors. Every register that changes is an output.
+    // SAFETY: the step has samples and sums of `V` views in that many vectors. Every register that changes is
+    // an output.
     unsafe {
         asm!(
             "vdup.16 q2, r2",

@@ -10,7 +10,7 @@ use std::{
 use clap::Parser;
 use multiscopic::{
     Frames, Result,
-    mccnn::{Architecture, Costs, Input, Network},
+    stereo::cost::mccnn::{Architecture, Costs, Input, Network},
 };
 use multiscopic_core::{Fusion, Params, View, Views};
 use multiscopic_tests::random::Random;

@@ -2,9 +2,11 @@
 
 use multiscopic::{
     Raster, Volume,
-    cross_based::{CrossBased, Likeness},
-    edge_aware::{EdgeAware, Penalties},
-    volume::{Cost, fuse},
+    stereo::{
+        aggregation::cross_based::{CrossBased, Likeness},
+        cost::{Cost, volume::fuse},
+        optimization::edge_aware::{EdgeAware, Penalties},
+    },
 };
 use multiscopic_core::{Disparity, Fusion, Params, Views};
 use multiscopic_tests::random::Random;

@@ -3,8 +3,10 @@
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use multiscopic::{
     Engine, Frames, GraphCuts, Method, Picture,
-    filter::Filters,
-    graph_cuts::{Energy, Label, Labelling, MaxFlow, OCCLUDED, Occlusion, Smoothness, Topology},
+    stereo::{
+        optimization::graph_cuts::{Energy, Label, Labelling, MaxFlow, OCCLUDED, Occlusion, Smoothness, Topology},
+        refinement::filter::Filters,
+    },
 };
 use multiscopic_core::{Fusion, Params, View, Views};
 use multiscopic_tests::{energy, random::Random, reference};

@@ -13,10 +13,15 @@ use image::GrayImage;
 use libtest_mimic::{Arguments, Failed, Trial};
 use multiscopic::{
     Engine, Frames, Volume,
-    cross_based::{CrossBased, Likeness},
-    edge_aware::EdgeAware,
-    mccnn::{Architecture, Costs, Input, McCnn, Network, Tensor, Weights, checkpoint},
-    volume::{Cost, fuse},
+    stereo::{
+        aggregation::cross_based::{CrossBased, Likeness},
+        cost::{
+            Cost,
+            mccnn::{Architecture, Costs, Input, McCnn, Network, Tensor, Weights, checkpoint},
+            volume::fuse,
+        },
+        optimization::edge_aware::EdgeAware,
+    },
 };
 use multiscopic_core::{Frame, Fusion, Params, View, Views};
 use multiscopic_tests::{

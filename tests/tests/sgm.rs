@@ -4,7 +4,7 @@
 use image::GrayImage;
 use multiscopic::{
     Engine, Frames, SemiGlobal, Simd,
-    sgm::{Census, Paths},
+    stereo::optimization::sgm::{Census, Paths},
 };
 use multiscopic_core::{Disparity, View};
 use multiscopic_tests::{

@@ -12,17 +12,15 @@ use clap::{
 };
 use multiscopic::{
     Dataset, DisparityMap, Error, FloatImage, Picture, Result,
-    dataset::Scene,
-    error_map,
-    evaluation::{self, Row},
-    output,
-    report::{Figure, Report},
+    evaluation::{Row, Scene, record},
+    files::output,
+    report::{Figure, Report, error_map},
 };
 use multiscopic_core::Fusion;
 
 use super::{
     methods::{MethodName, MethodOptions},
-    options::{EngineOptions, FusionName, SearchOptions, views_of_count},
+    options::{EngineOptions, SearchOptions, named, views_of_count},
     terminal,
     variant::{Subject, Variant},
 };
@@ -60,8 +58,8 @@ pub struct Evaluate {
     methods: Vec<MethodName>,
 
     /// Fusions of the views' costs [default: min with one or two neighbours, heuristic with more]
-    #[arg(long, value_enum, value_delimiter = ',', help_heading = "Matching")]
-    fusion: Vec<FusionName>,
+    #[arg(long, value_parser = named::<Fusion>(), value_delimiter = ',', help_heading = "Matching")]
+    fusion: Vec<Fusion>,
 
     #[command(flatten)]
     search: SearchOptions,
@@ -130,7 +128,7 @@ impl Evaluate {
         }
         bar.finish_and_clear();
 
-        let rows = evaluation::rows(&records);
+        let rows = record::rows(&records);
         if let Some(path) = &self.json {
             let json = serde_json::to_string_pretty(&records).expect("numbers and strings");
             output::write(path, |writer| writeln!(writer, "{json}"))?;
@@ -139,7 +137,7 @@ impl Evaluate {
             let html = self.page(&rows, galleries).to_html();
             output::write(path, |writer| writer.write_all(html.as_bytes()))?;
         }
-        terminal::print(&evaluation::text(&rows))?;
+        terminal::print(&record::text(&rows))?;
         Ok(ExitCode::SUCCESS)
     }
 
@@ -168,7 +166,7 @@ impl Evaluate {
                     )));
                 }
                 let fusions = match (&self.fusion[..], count) {
-                    ([], _) => vec![Fusion::default_for(count).into()],
+                    ([], _) => vec![Fusion::default_for(count)],
                     // One cost is the same by every rule.
                     ([first, ..], 1) => vec![*first],
                     (fusions, _) => fusions.to_vec(),

@@ -3,15 +3,19 @@
 use clap::{Args, ValueEnum};
 use multiscopic::{
     Dataset, Error, GraphCuts, Method, Result, SemiGlobal,
-    cross_based::Likeness,
-    edge_aware::Penalties,
-    filter::{Bilateral, Filters, Median},
-    graph_cuts::{Occlusion, Smoothness},
-    mccnn::{Architecture, McCnn, Network},
-    sgm::{Census, Paths},
+    stereo::{
+        aggregation::cross_based::Likeness,
+        cost::mccnn::{Architecture, McCnn, Network},
+        optimization::{
+            edge_aware::Penalties,
+            graph_cuts::{Occlusion, Smoothness},
+            sgm::{Census, Paths},
+        },
+        refinement::filter::{Bilateral, Filters, Median},
+    },
 };
 
-use super::options::{name_of, point, positive};
+use super::options::value::{point, positive};
 
 /// How disparities are estimated, by the name of the method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -31,7 +35,7 @@ pub enum MethodName {
 impl MethodName {
     /// Its name.
     pub fn name(self) -> String {
-        name_of(&self)
+        self.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
     }
 }
 

@@ -17,6 +17,20 @@ use super::vector::Vectors;
 /// As many lanes as the compiler makes vectors of, on any processor.
 type Baseline = Portable<8>;
 
+/// Whether this processor has a feature that a kernel needs.
+#[cfg(target_arch = "x86_64")]
+fn is_detected(feature: &str) -> bool {
+    macro_rules! detect {
+        ($($name:tt)+) => {
+            match feature {
+                $($name => is_x86_feature_detected!($name),)+
+                _ => unreachable!("a kernel needs {feature}, which is not detected here"),
+            }
+        };
+    }
+    detect!("avx2" "avx512f" "avx512bw" "avx512dq" "avx512vl" "bmi1" "bmi2" "lzcnt" "popcnt")
+}
+
 /// A set of vector instructions, which this processor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Simd(Level);
@@ -50,14 +64,10 @@ impl Simd {
         let mut levels = Vec::new();
         #[cfg(target_arch = "x86_64")]
         {
-            if is_x86_feature_detected!("avx512bw")
-                && is_x86_feature_detected!("avx512vl")
-                && is_x86_feature_detected!("avx512dq")
-                && is_x86_feature_detected!("bmi2")
-            {
+            if Avx512::FEATURES.iter().copied().all(is_detected) {
                 levels.push(Simd(Level::Avx512));
             }
-            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi2") {
+            if Avx2::FEATURES.iter().copied().all(is_detected) {
                 levels.push(Simd(Level::Avx2));
             }
         }
@@ -86,7 +96,7 @@ impl Simd {
     /// Does `task` with the core's instruction set of this level.
     pub fn run<T: Task>(self, task: T) -> T::Output {
         match self.0 {
-            // SAFETY: a Simd is only made for what the processor has.
+            // SAFETY: `available` has detected every feature that the kernel names.
             #[cfg(target_arch = "x86_64")]
             Level::Avx512 => task.run(unsafe { Avx512::new() }),
             // SAFETY: as above.

@@ -48,7 +48,7 @@ pub trait Vector: Copy {
 }
 
 /// The definition: what all other vectors do too.
-impl<const N: usize> Vectors for Portable<N> {
+impl<const N: usize, const B: usize> Vectors for Portable<N, B> {
     type Vector = [u16; LANES];
 
     #[inline(always)]
@@ -121,17 +121,17 @@ impl Vectors for multiscopic_core::kernel::Neon {
 
     #[inline(always)]
     fn splat(self, value: u16) -> [u16; LANES] {
-        Portable::<8>.splat(value)
+        Portable::<8, 1>.splat(value)
     }
 
     #[inline(always)]
     fn load(self, values: &[u16; LANES]) -> [u16; LANES] {
-        Portable::<8>.load(values)
+        Portable::<8, 1>.load(values)
     }
 
     #[inline(always)]
     fn differing<const BYTES: usize>(self, one: [u8; BYTES], others: [&[u8; LANES]; BYTES]) -> [u16; LANES] {
-        Portable::<8>.differing(one, others)
+        Portable::<8, 1>.differing(one, others)
     }
 }
 

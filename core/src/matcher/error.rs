@@ -1,14 +1,14 @@
-//! What can keep a match from going on.
+//! Errors of the matcher.
 
 use core::{error, fmt};
 
-/// The memory that the matcher was lent is too small.
+/// The memory lent to the matcher is too small.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MemoryTooSmall {
-    /// Words needed.
+    /// Words of 32 bits needed.
     pub needed: usize,
-    /// Words given.
+    /// Words of 32 bits given.
     pub given: usize,
 }
 
@@ -25,9 +25,9 @@ impl error::Error for MemoryTooSmall {}
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum MatchError<E> {
-    /// The source has failed.
+    /// The source failed.
     Source(E),
-    /// The line to be written has the wrong length.
+    /// The slice for the disparity line has the wrong length.
     OutputLength {
         /// Pixels needed: the region's width.
         needed: usize,

@@ -1,40 +1,44 @@
-//! Lines by column.
+//! Vertical views, by column.
 
-use super::{Samples, replicate};
+use super::replication::replicate;
+use crate::kernel::Samples;
 
-/// A stack of samples for each column, for matches in the same column. Newer lines are pushed at the edge, at one end; when
-/// it reaches the stack's border, what is still needed moves to the other.
+/// A stack of samples for each column, for matches in the same column.
+///
+/// Each line pushes a sample on every stack. When the edge reaches one end of the stack, the samples still
+/// needed move to the other end.
 #[derive(Debug)]
 pub(super) struct Columns<'m> {
     pub samples: &'m mut [u8],
-    /// Samples in a column, with the rounding of the disparities.
+    /// Bytes of a stack, including those by which disparities are rounded up to whole vectors.
     pub stack: usize,
-    /// Samples in a column without it.
+    /// Samples that a stack can hold.
     pub usable: usize,
-    /// How many samples are still needed when one is pushed.
+    /// Samples of a stack that are still needed when a line is pushed.
     pub keep: usize,
+    /// Samples that a column is compared with.
     pub depth: usize,
-    /// Whether newer lines go below older ones: a match's coordinate falls with the disparity.
+    /// Whether stacks grow towards their beginning, since matches move up with the disparity.
     pub mirrored: bool,
     /// The first virtual column.
     pub left: i32,
-    /// How far below a line the match at the smallest disparity lies.
+    /// How far below a line of the centre the match at the smallest disparity lies.
     pub nearest: i32,
     /// The next virtual line to be pushed.
     pub next: i32,
-    /// Past the newest sample, or the newest sample if mirrored.
+    /// One past the newest sample, or the newest sample itself if mirrored.
     pub edge: usize,
 }
 
 impl Columns<'_> {
-    /// Pushes the next virtual line: the samples of `line`.
+    /// Pushes the next virtual line, with the samples of `line`.
     pub fn push(&mut self, line: &[u8]) {
         let newest = self.advance();
         let samples = self.samples.get_mut(newest..).unwrap_or_default();
         replicate(samples.iter_mut().step_by(self.stack.max(1)), line, self.left);
     }
 
-    /// Pushes the next virtual line, which repeats the one before.
+    /// Pushes the next virtual line, which repeats the previous one.
     pub fn repeat(&mut self) {
         let newest = self.advance();
         let previous = if self.mirrored { newest + 1 } else { newest.wrapping_sub(1) };
@@ -46,10 +50,10 @@ impl Columns<'_> {
         }
     }
 
-    /// Goes on to the next virtual line, and returns where in each stack its sample goes.
+    /// Goes to the next virtual line, and returns the index of its sample in each stack.
     fn advance(&mut self) -> usize {
-        // Stacks are of the same length, so they are moved all at once. What leaves a stack is no longer needed, and what is at the end
-        // that it enters is not needed yet.
+        // All stacks move at once. The samples that thereby cross into a neighbouring stack are no longer
+        // needed, and they land where nothing is needed yet.
         let moved = self.usable - self.keep;
         match (self.mirrored, self.edge) {
             (false, edge) if edge == self.usable => {
@@ -67,16 +71,16 @@ impl Columns<'_> {
         if self.mirrored { self.edge } else { self.edge - 1 }
     }
 
-    /// The samples that line `v`, which may be virtual, is compared with.
+    /// The samples that line `v` of the centre, which may be virtual, is compared with.
     pub fn at(&self, v: i32) -> Samples<'_> {
-        // How many lines ago the match at the smallest disparity was pushed.
+        // The lines pushed since the one of the match at the smallest disparity.
         let age = (self.next - 1 - (v + self.nearest)) as usize;
         let start = if self.mirrored { self.edge + age } else { (self.edge - 1).wrapping_sub(age) };
-        Samples { samples: self.samples, start, step: self.stack as isize, depth: self.depth }
+        Samples { memory: self.samples, start, step: self.stack as isize, depth: self.depth }
     }
 }
 
-/// Moves as many samples as stay within, as the method of slices does, but never panics.
+/// `slice::copy_within` for as many samples as stay inside. It never panics.
 fn copy_within(samples: &mut [u8], from: usize, to: usize) {
     if let Some(end) = samples.len().checked_sub(to).filter(|&end| from <= end) {
         samples.copy_within(from..end, to);

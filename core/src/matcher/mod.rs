@@ -1,28 +1,43 @@
-//! The matcher: scanlines in, disparity lines out.
+//! The matcher: scanlines in, disparity lines out. Each room knows only those above it:
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | `error` | errors of the matcher |
+//! | `lines` | the lines of all frames under the blocks |
+//! | `exact` | exact fused costs, for the pixels whose lanes do not suffice |
+//! | `selection` | winner-takes-all, and sub-pixel refinement |
+//! | `sweep` | the sweep along a disparity line |
 
-use core::mem;
+mod error;
+mod exact;
+mod lines;
+mod selection;
+mod sweep;
+
+use core::{marker::PhantomData, mem};
 
 use bytemuck::Pod;
 
 use crate::{
-    Disparity, Frame, MatchError, Memory, MemoryTooSmall, Params, Region, ScanlineSource,
-    availability::Available,
+    Disparity, Frame, Memory, Params, Region, ScanlineSource,
+    availability::Availability,
     kernel::{Blocks, Change, Isa, Lane, Portable},
-    lines::{Frames, Lines},
     memory::Shape,
-    sweep::{self, Priming, Sweep},
 };
+pub use error::{MatchError, MemoryTooSmall};
+use lines::{Frames, Lines};
+use sweep::{Priming, Sweep};
 
 /// A pass over a region of a frame, one disparity line at a time.
 ///
-/// It slides a window down the lines: a column's sums of differences lose the line that leaves the block and gain the one that enters;
-/// along a line, the block's sums lose a column and gain a column. Its memory is lent by the caller and holds the lines under
-/// the blocks and these sums, nothing else.
+/// It keeps running sums of absolute differences. From one line to the next, the sums of every column gain
+/// the line that enters the block and lose the one that leaves; along the line, the sums of the block gain a
+/// column and lose a column. The caller lends the memory for these sums and for the lines under the blocks.
 ///
 /// ```
 /// use multiscopic_core::{Frame, Fusion, Matcher, Memory, Params, ScanlineSource, Views};
 ///
-/// /// A ramp that moves by three pixels to each side.
+/// /// A ramp, seen three pixels further to each side.
 /// struct Ramp;
 ///
 /// impl ScanlineSource for Ramp {
@@ -60,37 +75,37 @@ pub struct Matcher<'m, I = Portable<{ Params::LANES }>> {
     shape: Shape,
     frames: Frames<'m>,
     sums: Sums<'m>,
-    /// What `sums.masks` leaves.
-    available: Available,
-    /// A line as it comes from the source.
+    /// The availability that `sums.masks` stand for.
+    availability: Availability,
+    /// A buffer for a line from the source.
     line: &'m mut [u8],
     /// The next disparity line.
     next: usize,
-    /// The next line of the centre to enter the blocks of the region's first line; above the frame it is virtual.
+    /// The next line of the centre to enter the blocks of the region's first line; virtual above the frame.
     primed: i32,
 }
 
-/// The running sums, and what they are turned into. All are in vectors, those of the same disparities in different views next to each
-/// other.
+/// The running sums and the costs fused from them, in vectors. Column sums are ordered by column, view and
+/// disparity; block sums by vector and view.
 #[derive(Debug)]
 struct Sums<'m> {
-    /// Over a column of the block: for each column of the span.
+    /// Sums down each column of the span, over the height of the block.
     columns: &'m mut [u32],
-    /// Over the block.
+    /// Sums over the block, followed by those kept for a batch.
     blocks: &'m mut [u32],
-    /// In the shape of `blocks`, the greatest cost where a view is not available, and zero elsewhere.
+    /// Masks over a block.
     masks: &'m mut [u32],
-    /// The fused costs of a pixel.
+    /// The fused costs of a batch of pixels.
     fused: &'m mut [u32],
-    /// What leaves where nothing has entered yet.
+    /// The empty column, which leaves a block that is not full yet.
     zeros: &'m mut [u32],
 }
 
 impl Params {
-    /// The lanes of the kernel that [`Matcher::new`] takes.
+    /// The lanes of the kernel that [`Matcher::new`] uses.
     pub const LANES: usize = 4;
 
-    /// The length of the memory that [`Matcher::new`] is lent: see [`Memory`].
+    /// The words of memory that [`Matcher::new`] needs: see [`Memory`].
     pub const fn memory_words(&self) -> usize {
         Memory::new::<Portable<{ Params::LANES }>>(self, self.width()).words()
     }
@@ -99,19 +114,20 @@ impl Params {
 impl<'m> Matcher<'m> {
     /// A pass over the whole frame with portable instructions.
     ///
-    /// `memory` has at least [`Params::memory_words`] words; what they hold does not matter.
+    /// `memory` has at least [`Params::memory_words`] words, with any content.
     ///
     /// # Errors
     /// [`MemoryTooSmall`].
     pub fn new(params: &Params, memory: &'m mut [u32]) -> Result<Matcher<'m>, MemoryTooSmall> {
-        Matcher::with_isa(Portable, params, &Region::whole(params), memory)
+        Matcher::with_isa(Portable::default(), params, &Region::whole(params), memory)
     }
 }
 
 impl<'m, I: Isa> Matcher<'m, I> {
     /// A pass over `region` with an instruction set.
     ///
-    /// `memory` has as many words as [`Memory`] says for the region's width and its lanes; what they hold does not matter.
+    /// `memory` has at least the [`words`](Memory::words) that [`Memory::new`] states for the region's width,
+    /// with any content.
     ///
     /// # Errors
     /// [`MemoryTooSmall`].
@@ -121,8 +137,8 @@ impl<'m, I: Isa> Matcher<'m, I> {
         let too_small = MemoryTooSmall { needed: sizes.words(), given: memory.len() };
         let mut rest = memory.get_mut(..sizes.words()).ok_or(too_small)?;
         let mut lend = |bytes: usize| {
-            let (lent, left) = mem::take(&mut rest).split_at_mut_checked(bytes.div_ceil(4)).ok_or(too_small)?;
-            rest = left;
+            let (lent, unlent) = mem::take(&mut rest).split_at_mut_checked(bytes.div_ceil(4)).ok_or(too_small)?;
+            rest = unlent;
             Ok(lent)
         };
         let columns = lend(sizes.column_sums)?;
@@ -150,31 +166,32 @@ impl<'m, I: Isa> Matcher<'m, I> {
             shape,
             frames: Frames { center, views },
             sums: Sums { columns, blocks, masks, fused, zeros },
-            available: Available::new(params),
+            availability: Availability::new(params),
             line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
             next: region.rows().start,
             primed: region.rows().start as i32 - params.radius() as i32,
         })
     }
 
-    /// What is matched and how.
+    /// The parameters of the match.
     pub fn params(&self) -> &Params {
         &self.params
     }
 
-    /// The part of the frame that this pass computes.
+    /// The region that this pass computes.
     pub fn region(&self) -> &Region {
         &self.region
     }
 }
 
 impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
-    /// Computes the next disparity line of the region into `out`, which has a pixel for each of its columns, and returns
-    /// the line's number in the frame; `None` after the last.
+    /// Computes the next disparity line of the region into `out`, a pixel for each of its columns, and
+    /// returns the line's index in the frame, or `None` after the last.
     ///
     /// # Errors
-    /// That of the source, or the length of `out` is wrong. Nothing is lost: the same call can be made again.
-    // In firmware, which has one matcher, so that the compiler knows its parameters.
+    /// [`MatchError`]: the source failed, or `out` has the wrong length. No line is lost, and the call can be
+    /// repeated.
+    // Inlined in firmware, which has a single matcher, so that the compiler knows its parameters.
     #[cfg_attr(target_arch = "arm", inline(always))]
     pub fn next_line<S: ScanlineSource>(
         &mut self,
@@ -218,8 +235,9 @@ impl<I: Isa> Matcher<'_, I> {
         let columns = cast_mut::<_, I::Sums>(self.sums.columns).get_mut(..self.shape.span * V * vectors).unwrap_or_default();
         let bias = I::bias((v + 1 - self.region.rows().start) as u32);
         cast_mut::<_, u16>(self.sums.zeros).fill(bias);
-        let nothing = &*cast_mut::<_, I::Sums>(self.sums.zeros).get_mut(..V * vectors).unwrap_or_default();
-        // The lowest line of the blocks enters. At the region's top all their lines do, and then nothing is left to move.
+        let empty_column = &*cast_mut::<_, I::Sums>(self.sums.zeros).get_mut(..V * vectors).unwrap_or_default();
+        // The lowest line of the blocks enters. At the top of the region all their lines enter beforehand,
+        // and the sweep's own step changes nothing: the same line enters and leaves.
         let entering = v as i32 + self.params.radius() as i32;
         let mut lines = Change { entering, leaving: entering - self.params.block_size() as i32 };
         if v == self.region.rows().start {
@@ -227,8 +245,8 @@ impl<I: Isa> Matcher<'_, I> {
             while self.primed <= entering {
                 self.frames.read_ahead(source, &self.params, self.line, self.primed)?;
                 let line = Change { entering: self.primed, leaving: self.primed };
-                let steps = sweep::steps::<I, V>(&self.frames, line, columns, nothing, self.params.block_size());
-                self.isa.compiled(Priming { isa: self.isa, steps, columns: self.shape.span });
+                let steps = sweep::steps::<I, V>(&self.frames, line, columns, empty_column, self.params.block_size());
+                self.isa.compiled(Priming { isa: self.isa, steps, columns: self.shape.span, lane: PhantomData });
                 self.primed += 1;
             }
         }
@@ -236,17 +254,17 @@ impl<I: Isa> Matcher<'_, I> {
         if v + 1 == self.params.height() {
             self.frames.read_rest(source, &self.params, self.line)?;
         }
-        let (blocks, each) = cast_mut(self.sums.blocks).split_at_mut_checked(vectors).unwrap_or_default();
+        let (blocks, kept) = cast_mut(self.sums.blocks).split_at_mut_checked(vectors).unwrap_or_default();
         let sweep = Sweep::<L, I, V> {
             isa: self.isa,
             params: &self.params,
             region: &self.region,
             v,
-            steps: sweep::steps(&self.frames, lines, columns, nothing, self.params.block_size()),
+            steps: sweep::steps(&self.frames, lines, columns, empty_column, self.params.block_size()),
             blocks,
-            each,
+            kept,
             masks: cast_mut(self.sums.masks).get_mut(..vectors).unwrap_or_default(),
-            available: &mut self.available,
+            availability: &mut self.availability,
             fused: cast_mut(self.sums.fused),
             out,
         };
@@ -255,7 +273,7 @@ impl<I: Isa> Matcher<'_, I> {
     }
 }
 
-/// Memory as whole elements of another type, of no greater alignment; what is left over at the end was lent to round up.
+/// Memory as whole elements of another type. Bytes left over at the end are not used.
 fn cast_mut<T: Pod, U: Pod>(memory: &mut [T]) -> &mut [U] {
     let bytes: &mut [u8] = bytemuck::cast_slice_mut(memory);
     let whole = bytes.len() / size_of::<U>() * size_of::<U>();

@@ -1,28 +1,37 @@
-//! The lines of a frame that the blocks of the current disparity line lie on.
+//! The lines of all frames under the blocks of a disparity line.
 //!
-//! They are held so that one column's samples at ascending disparities are contiguous: a horizontal view's lines as they come, or
-//! mirrored; a vertical view's by column. A frame goes on beyond its borders by replication, and its *virtual* lines count on
-//! there: below 0 they repeat the first line, past the end the last.
+//! They are stored so that a column's samples at ascending disparities are contiguous: a horizontal view by
+//! line, mirrored if matches move to the left; a vertical view by column. Frames are extended beyond their
+//! borders by replication: *virtual* lines below 0 repeat the first line, those past the end the last.
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | `replication` | extends a line beyond its borders |
+//! | `rows` | a ring of lines |
+//! | `columns` | a stack of samples for each column |
 
 mod columns;
+mod replication;
 mod rows;
 
 use core::iter;
 
-use crate::{Frame, MatchError, Params, Region, ScanlineSource, View, memory::Shape};
+use super::error::MatchError;
+use crate::{Frame, Params, Region, ScanlineSource, View, kernel::Samples, memory::Shape};
 use columns::Columns;
 use rows::Rows;
 
-/// The held lines of all frames of a match.
+/// The stored lines of all frames of a match.
 #[derive(Debug)]
 pub(crate) struct Frames<'m> {
     pub center: Lines<'m>,
-    /// As many as the match has views, in their order.
+    /// One for each view of the match, in their order.
     pub views: [Option<Lines<'m>>; 4],
 }
 
 impl<'m> Frames<'m> {
-    /// Reads what the blocks need to go down to line `v` of the centre, through `line`, a buffer.
+    /// Reads the lines that blocks need to reach down to line `v` of the centre. `line` is a buffer for a
+    /// line.
     pub fn read_ahead<S: ScanlineSource>(
         &mut self,
         source: &mut S,
@@ -30,7 +39,7 @@ impl<'m> Frames<'m> {
         line: &mut [u8],
         v: i32,
     ) -> Result<(), MatchError<S::Error>> {
-        for (frame, lines) in self.each(params) {
+        for (frame, lines) in self.frames(params) {
             while let Some(row) = lines.wanted(v) {
                 source.read_line(frame, row, line).map_err(MatchError::Source)?;
                 lines.take(v, line);
@@ -40,14 +49,14 @@ impl<'m> Frames<'m> {
         Ok(())
     }
 
-    /// Reads what no block needs, so that every line of every frame has been asked for once.
+    /// Reads the lines that no block needs, so that every line of every frame is read once.
     pub fn read_rest<S: ScanlineSource>(
         &mut self,
         source: &mut S,
         params: &Params,
         line: &mut [u8],
     ) -> Result<(), MatchError<S::Error>> {
-        for (frame, lines) in self.each(params) {
+        for (frame, lines) in self.frames(params) {
             while let Some(row) = lines.unread() {
                 source.read_line(frame, row, line).map_err(MatchError::Source)?;
                 lines.skip();
@@ -56,14 +65,14 @@ impl<'m> Frames<'m> {
         Ok(())
     }
 
-    /// The frames with their names, the centre first.
-    fn each(&mut self, params: &Params) -> impl Iterator<Item = (Frame, &mut Lines<'m>)> {
+    /// The frames and their lines, the centre first.
+    fn frames(&mut self, params: &Params) -> impl Iterator<Item = (Frame, &mut Lines<'m>)> {
         let views = params.views().iter().map(Frame::View).zip(self.views.iter_mut().flatten());
         iter::once((Frame::Center, &mut self.center)).chain(views)
     }
 }
 
-/// The held lines of one frame.
+/// The stored lines of one frame.
 #[derive(Debug)]
 pub(crate) struct Lines<'m> {
     store: Store<'m>,
@@ -82,7 +91,7 @@ enum Store<'m> {
 }
 
 impl<'m> Lines<'m> {
-    /// No lines yet of `frame`, to be held in `samples`: as many as [`Shape::frame_bytes`] says.
+    /// No lines of `frame` yet. `samples`, of [`Shape::frame_bytes`] bytes, will store them.
     pub fn new(frame: Frame, params: &Params, region: &Region, shape: Shape, samples: &'m mut [u8]) -> Lines<'m> {
         let radius = params.radius() as i32;
         let last = params.height() as i32 - 1;
@@ -101,7 +110,8 @@ impl<'m> Lines<'m> {
         let store = match frame {
             Frame::Center => rows(samples, 1, false, 0),
             Frame::View(View::Left) => rows(samples, shape.depth, false, min_disparity),
-            // The last column at the largest disparity is a mirrored line's last sample, and the leftmost one in the frame.
+            // A mirrored line ends with the leftmost sample: the first column's match at the largest
+            // disparity.
             Frame::View(View::Right) => rows(samples, shape.depth, true, 1 - min_disparity - shape.depth as i32),
             Frame::View(view) => {
                 let sign = view.sign();
@@ -121,27 +131,29 @@ impl<'m> Lines<'m> {
                 })
             }
         };
-        // Here and below, no `clamp`: where the compiler does not see that the frame has a last line, that can panic.
+        // Not `clamp`, here and below: it panics if the frame is empty, and the compiler cannot see that it
+        // is not.
         let next = if region.rows().start == 0 { 0 } else { first_virtual.min(last).max(0) };
         Lines { store, last, next, lead }
     }
 
-    /// The line of the frame to read next before the blocks can go down to line `v` of the centre, if one is missing.
+    /// The next line of the frame to read before blocks can reach down to line `v` of the centre, or `None`
+    /// if no line is missing.
     pub fn wanted(&self, v: i32) -> Option<usize> {
         (self.next <= (v + self.lead).min(self.last).max(0)).then_some(self.next as usize)
     }
 
-    /// The first line of the frame that has not been read, if any.
+    /// The first line of the frame that has not been read, or `None` after the last.
     pub fn unread(&self) -> Option<usize> {
         (self.next <= self.last).then_some(self.next as usize)
     }
 
-    /// Passes over the line that was [`unread`](Lines::unread).
+    /// Skips the line that was [`unread`](Lines::unread).
     pub fn skip(&mut self) {
         self.next += 1;
     }
 
-    /// Takes the line that was [`wanted`](Lines::wanted) for line `v` of the centre.
+    /// Stores the line that was [`wanted`](Lines::wanted) for line `v` of the centre.
     pub fn take(&mut self, v: i32, line: &[u8]) {
         match &mut self.store {
             Store::Rows(rows) => rows.put(self.next, line),
@@ -154,7 +166,7 @@ impl<'m> Lines<'m> {
         self.next += 1;
     }
 
-    /// Goes on beyond the frame's first or last line, as far as line `v` of the centre needs.
+    /// Extends the frame beyond its first or last line, as far as line `v` of the centre needs.
     pub fn extend(&mut self, v: i32) {
         if let Store::Columns(columns) = &mut self.store {
             while columns.next <= v + self.lead {
@@ -163,44 +175,11 @@ impl<'m> Lines<'m> {
         }
     }
 
-    /// The samples that line `v` of the centre is compared with; `v` may be virtual.
+    /// The samples that line `v` of the centre, which may be virtual, is compared with.
     pub fn at(&self, v: i32) -> Samples<'_> {
         match &self.store {
             Store::Rows(rows) => rows.at(v.min(self.last).max(0)),
             Store::Columns(columns) => columns.at(v),
         }
     }
-}
-
-/// The samples of a line at all disparities, column by column.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Samples<'a> {
-    samples: &'a [u8],
-    /// Where the first column's begin.
-    start: usize,
-    /// How much further the next column's begin.
-    pub step: isize,
-    /// How many a column has, at ascending disparities.
-    pub depth: usize,
-}
-
-impl Samples<'_> {
-    /// Where the first column's begin, if those of `columns` columns are there.
-    pub fn first(&self, columns: usize) -> Option<*const u8> {
-        let last = self.step.checked_mul(columns.checked_sub(1)? as isize)?;
-        let last = self.start.checked_add_signed(last)?;
-        let covered = |start: usize| start.checked_add(self.depth).is_some_and(|end| end <= self.samples.len());
-        (covered(self.start) && covered(last)).then(|| self.samples.as_ptr().wrapping_add(self.start))
-    }
-}
-
-/// Fills `held` with the samples of `line` from the coordinate `left` on, which may be outside it.
-#[inline(always)]
-fn replicate<'h>(mut held: impl Iterator<Item = &'h mut u8>, line: &[u8], left: i32) {
-    let (Some(&first), Some(&last)) = (line.first(), line.last()) else { return };
-    held.by_ref().take(left.min(0).unsigned_abs() as usize).for_each(|sample| *sample = first);
-    let inside = line.get(left.max(0) as usize..).unwrap_or_default();
-    // Not by `zip` alone, which would take one that it does not fill.
-    held.by_ref().take(inside.len()).zip(inside).for_each(|(sample, &inside)| *sample = inside);
-    held.for_each(|sample| *sample = last);
 }

@@ -1,28 +1,35 @@
-//! The operations in NEON.
+//! NEON.
 //!
-//! This module is only there where every processor of the target has NEON: so the instructions exist. Memory is only reached through
-//! arrays as large as the vector.
+//! SAFETY contract of every unsafe block in this module: its instructions exist, since the module is only
+//! compiled where every processor of the target has NEON. Every load and store goes through a slice that
+//! holds the whole register.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
 use core::{arch::aarch64::*, array};
 
-use super::{Batch, Block, Blocks, Change, Column, Isa, Steps, Winners};
+use crate::kernel::{
+    blocks::Blocks,
+    isa::{Change, Isa, MAX_BATCH, sealed::Sealed},
+    vector::{Block, Column},
+};
 
 /// NEON: 16 lanes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Neon;
 
-/// Sixteen lanes of 16 bits.
+/// 16 lanes of 16 bits.
 #[derive(Clone, Copy, Debug)]
 pub struct U16x16([uint16x8_t; 2]);
 
-/// Sixteen lanes of 32 bits.
+/// 16 lanes of 32 bits.
 #[derive(Clone, Copy, Debug)]
 pub struct U32x16([uint32x4_t; 4]);
 
+impl Sealed for Neon {}
+
 impl Isa for Neon {
     const LANES: usize = 16;
-    const BATCH: usize = Winners::<()>::MAX;
+    const BATCH: usize = MAX_BATCH;
     type Samples = [u8; 16];
     type Sums = [u16; 16];
     type Column = U16x16;
@@ -43,7 +50,8 @@ impl Isa for Neon {
     #[inline(always)]
     fn advance(self, sums: U16x16, center: Change<u8>, view: Change<&[u8; 16]>) -> U16x16 {
         unsafe {
-            // One instruction takes the differences, widens and adds them. None subtracts them.
+            // One instruction takes absolute differences, widens and adds them. There is none that subtracts
+            // them.
             let (center_entering, entering) = (vdupq_n_u8(center.entering), vld1q_u8(view.entering.as_ptr()));
             let low = vabal_u8(sums.0[0], vget_low_u8(center_entering), vget_low_u8(entering));
             let high = vabal_high_u8(sums.0[1], center_entering, entering);
@@ -71,6 +79,7 @@ impl Column for U16x16 {
 }
 
 impl Blocks<u16> for Neon {
+    const IN_REGISTERS: bool = true;
     type Costs = [u16; 16];
     type Block = U16x16;
 
@@ -84,12 +93,7 @@ impl Blocks<u16> for Neon {
         U16x16([unsafe { vdupq_n_u16(cost) }; 2])
     }
 
-    #[inline(always)]
-    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, Self, V>) {
-        batch.run_in_registers(self, steps);
-    }
-
-    /// The least index among those of lanes that are equal, found without a branch.
+    /// The least of the indices whose lanes are equal, found without a branch.
     #[inline(always)]
     fn position(self, costs: &[[u16; 16]], cost: u16) -> usize {
         unsafe {
@@ -156,6 +160,7 @@ impl U16x16 {
 }
 
 impl Blocks<u32> for Neon {
+    const IN_REGISTERS: bool = true;
     type Costs = [u32; 16];
     type Block = U32x16;
 
@@ -169,12 +174,7 @@ impl Blocks<u32> for Neon {
         U32x16([unsafe { vdupq_n_u32(cost) }; 4])
     }
 
-    #[inline(always)]
-    fn batch<const V: usize>(self, batch: Batch<'_, u32, Self, V>, steps: &mut Steps<'_, Self, V>) {
-        batch.run_in_registers(self, steps);
-    }
-
-    /// The least index among those of lanes that are equal, found without a branch.
+    /// The least of the indices whose lanes are equal, found without a branch.
     #[inline(always)]
     fn position(self, costs: &[[u32; 16]], cost: u32) -> usize {
         unsafe {

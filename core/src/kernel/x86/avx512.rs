@@ -1,38 +1,36 @@
-//! The operations in AVX-512.
+//! AVX-512.
 //!
-//! A vector is only made by a token, and a token only by who vouches for the processor: so the instructions exist. Memory is only
-//! reached through arrays as large as the vector.
+//! SAFETY contract of every unsafe block in this module: its instructions exist, since all of them work on a
+//! vector or are reached from a token; only a token makes a vector, and only [`Avx512::new`], which is
+//! unsafe, makes a token. Every load and store goes through a reference to an array that holds the whole
+//! vector, and needs no alignment.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
 use core::arch::x86_64::*;
 
-use super::{Batch, Block, Blocks, Change, Column, Isa, Steps, Winners, Work};
+use crate::kernel::{
+    blocks::Blocks,
+    isa::{Change, Isa, MAX_BATCH, Work, sealed::Sealed},
+    vector::{Block, Column},
+};
 
-/// AVX-512 with its extensions BW, DQ and VL, and BMI2: 64 lanes.
-#[derive(Clone, Copy, Debug)]
-pub struct Avx512(());
+token! {
+    /// AVX-512 with its extensions BW, DQ and VL: 64 lanes.
+    Avx512: "avx512f", "avx512bw", "avx512vl", "avx512dq", "bmi1", "bmi2", "lzcnt", "popcnt"
+}
 
-/// Sixty-four lanes of 16 bits, as interleaving bytes leaves them: the lower eight of each sixteen disparities, then the upper eight.
+/// 64 lanes of 16 bits, in the order in which unpacking bytes leaves them: the lower eight of every sixteen
+/// disparities in the first register, the upper eight in the second.
 #[derive(Clone, Copy, Debug)]
 pub struct U16x64([__m512i; 2]);
 
-/// Sixty-four lanes of 32 bits in the same order.
+/// 64 lanes of 32 bits in the same order.
 #[derive(Clone, Copy, Debug)]
 pub struct U32x64([__m512i; 4]);
 
-impl Avx512 {
-    /// The token.
-    ///
-    /// # Safety
-    /// The processor has AVX-512F, BW, DQ and VL, and BMI2.
-    pub const unsafe fn new() -> Avx512 {
-        Avx512(())
-    }
-}
-
 impl Isa for Avx512 {
     const LANES: usize = 64;
-    const BATCH: usize = Winners::<()>::MAX;
+    const BATCH: usize = MAX_BATCH;
     type Samples = [u8; 64];
     type Sums = [u16; 64];
     type Column = U16x64;
@@ -43,11 +41,7 @@ impl Isa for Avx512 {
     }
 
     fn compiled<W: Work>(self, work: W) {
-        #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,bmi1,bmi2,lzcnt,popcnt")]
-        fn compiled<W: Work>(work: W) {
-            work.run();
-        }
-        unsafe { compiled(work) }
+        self.run(work);
     }
 
     #[inline(always)]
@@ -77,7 +71,7 @@ impl Isa for Avx512 {
     }
 }
 
-/// The lane of each disparity, as interleaving bytes leaves them.
+/// The lane of each disparity.
 static LANE: [u8; 64] = {
     let mut lanes = [0; 64];
     let mut index = 0;
@@ -114,6 +108,7 @@ impl Column for U16x64 {
 }
 
 impl Blocks<u16> for Avx512 {
+    const IN_REGISTERS: bool = true;
     type Costs = [u16; 64];
     type Block = U16x64;
 
@@ -125,11 +120,6 @@ impl Blocks<u16> for Avx512 {
     #[inline(always)]
     fn splat(self, cost: u16) -> U16x64 {
         U16x64([unsafe { _mm512_set1_epi16(cost as i16) }; 2])
-    }
-
-    #[inline(always)]
-    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, Self, V>) {
-        batch.run_in_registers(self, steps);
     }
 
     #[inline(always)]

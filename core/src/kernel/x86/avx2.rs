@@ -1,38 +1,36 @@
-//! The operations in AVX2.
+//! AVX2.
 //!
-//! A vector is only made by a token, and a token only by who vouches for the processor: so the instructions exist. Memory is only
-//! reached through arrays as large as the vector.
+//! SAFETY contract of every unsafe block in this module: its instructions exist, since all of them work on a
+//! vector or are reached from a token; only a token makes a vector, and only [`Avx2::new`], which is unsafe,
+//! makes a token. Every load and store goes through a reference to an array that holds the whole vector, and
+//! needs no alignment.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
 use core::arch::x86_64::*;
 
-use super::{Batch, Block, Blocks, Change, Column, Isa, Steps, Winners, Work};
+use crate::kernel::{
+    blocks::Blocks,
+    isa::{Change, Isa, MAX_BATCH, Work, sealed::Sealed},
+    vector::{Block, Column},
+};
 
-/// AVX2: 32 lanes.
-#[derive(Clone, Copy, Debug)]
-pub struct Avx2(());
+token! {
+    /// AVX2: 32 lanes.
+    Avx2: "avx2", "bmi1", "lzcnt", "popcnt"
+}
 
-/// Thirty-two lanes of 16 bits, as interleaving bytes leaves them: the lower eight of each sixteen disparities, then the upper eight.
+/// 32 lanes of 16 bits, in the order in which unpacking bytes leaves them: the lower eight of every sixteen
+/// disparities in the first register, the upper eight in the second.
 #[derive(Clone, Copy, Debug)]
 pub struct U16x32([__m256i; 2]);
 
-/// Thirty-two lanes of 32 bits in the same order.
+/// 32 lanes of 32 bits in the same order.
 #[derive(Clone, Copy, Debug)]
 pub struct U32x32([__m256i; 4]);
 
-impl Avx2 {
-    /// The token.
-    ///
-    /// # Safety
-    /// The processor has AVX2.
-    pub const unsafe fn new() -> Avx2 {
-        Avx2(())
-    }
-}
-
 impl Isa for Avx2 {
     const LANES: usize = 32;
-    const BATCH: usize = Winners::<()>::MAX;
+    const BATCH: usize = MAX_BATCH;
     type Samples = [u8; 32];
     type Sums = [u16; 32];
     type Column = U16x32;
@@ -43,11 +41,7 @@ impl Isa for Avx2 {
     }
 
     fn compiled<W: Work>(self, work: W) {
-        #[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
-        fn compiled<W: Work>(work: W) {
-            work.run();
-        }
-        unsafe { compiled(work) }
+        self.run(work);
     }
 
     #[inline(always)]
@@ -77,7 +71,7 @@ impl Isa for Avx2 {
     }
 }
 
-/// The lane of each disparity, as interleaving bytes leaves them.
+/// The lane of each disparity.
 static LANE: [u8; 32] = {
     let mut lanes = [0; 32];
     let mut index = 0;
@@ -114,6 +108,7 @@ impl Column for U16x32 {
 }
 
 impl Blocks<u16> for Avx2 {
+    const IN_REGISTERS: bool = true;
     type Costs = [u16; 32];
     type Block = U16x32;
 
@@ -125,11 +120,6 @@ impl Blocks<u16> for Avx2 {
     #[inline(always)]
     fn splat(self, cost: u16) -> U16x32 {
         U16x32([unsafe { _mm256_set1_epi16(cost as i16) }; 2])
-    }
-
-    #[inline(always)]
-    fn batch<const V: usize>(self, batch: Batch<'_, u16, Self, V>, steps: &mut Steps<'_, Self, V>) {
-        batch.run_in_registers(self, steps);
     }
 
     #[inline(always)]
@@ -153,7 +143,8 @@ fn position<T>(costs: &[T], mask: impl Fn(&T) -> u32) -> usize {
     first
 }
 
-/// The lanes that are all ones, as bits. Packing works in halves, so that their middle quarters change places.
+/// A bit for each lane, set if the lane is all ones. Packing works within halves, so the middle quarters have
+/// to be swapped.
 #[inline(always)]
 unsafe fn mask(a: __m256i, b: __m256i) -> u32 {
     unsafe { _mm256_movemask_epi8(_mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi16(a, b))) as u32 }

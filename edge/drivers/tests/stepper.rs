@@ -18,7 +18,7 @@ use embedded_hal_mock::eh1::{
 };
 use multiscopic_core::capture::{Position, Stage};
 use multiscopic_drivers::stepper::{Axis, AxisEnd, AxisError, AxisId, Fixed, Pins, Stepper, StepperError};
-use slide::{Clock, Fault, Pin, Slide, pins};
+use slide::{Clock, Pin, ScrewFault, Slide, pins};
 use std::{cell::RefCell, io::ErrorKind as IoError};
 
 /// 1.6 steps per micrometre; the switches are a little beyond 30 mm.
@@ -212,7 +212,7 @@ fn a_switch_stops_a_move_at_once_and_the_place_is_forgotten() {
         stage.move_to(Position::CENTER).unwrap();
         arrive(&mut stage, &slide).unwrap();
         let from = slide.borrow().screws[axis].pulses + 5000;
-        slide.borrow_mut().screws[axis].fault = Some(Fault::Pressed(end, from));
+        slide.borrow_mut().screws[axis].fault = Some(ScrewFault::Pressed(end, from));
         stage.move_to(position(um[0], um[1])).unwrap();
         let direction = [AxisId::X, AxisId::Y][axis];
         let expected = StepperError::Limit { axis: direction, end: [AxisEnd::Low, AxisEnd::High][end] };
@@ -231,9 +231,9 @@ fn a_switch_stops_a_move_at_once_and_the_place_is_forgotten() {
 #[test]
 fn switches_that_fail_end_the_homing() {
     let cases = [
-        (Fault::Released, StepperError::SwitchNotFound { axis: AxisId::Y }),
-        (Fault::Pressed(0, 0), StepperError::SwitchStuck { axis: AxisId::Y }),
-        (Fault::Jam(0..u32::MAX), StepperError::SwitchNotFound { axis: AxisId::Y }),
+        (ScrewFault::Released, StepperError::SwitchNotFound { axis: AxisId::Y }),
+        (ScrewFault::Pressed(0, 0), StepperError::SwitchStuck { axis: AxisId::Y }),
+        (ScrewFault::Jam(0..u32::MAX), StepperError::SwitchNotFound { axis: AxisId::Y }),
     ];
     for (fault, error) in cases {
         let slide = slide();
@@ -251,7 +251,7 @@ fn homing_says_how_many_steps_were_lost() {
     let slide = slide();
     let mut stage = homed(&slide);
     let from = slide.borrow().screws[0].pulses + 1000;
-    slide.borrow_mut().screws[0].fault = Some(Fault::Jam(from..from + 250));
+    slide.borrow_mut().screws[0].fault = Some(ScrewFault::Jam(from..from + 250));
     stage.move_to(Position::CENTER).unwrap();
     arrive(&mut stage, &slide).unwrap();
     assert_eq!((at(&slide), stage.position()), ([-250, 0], Ok(Some(Position::CENTER))), "steps are counted, not measured");

@@ -1,4 +1,4 @@
-//! A slide with two screws and their motors, as the pins of a microcontroller see it.
+//! A simulated slide: two screws and their motors, as seen from the pins of a microcontroller.
 
 use core::{cell::RefCell, convert::Infallible, ops::Range};
 use embedded_hal::{
@@ -7,77 +7,89 @@ use embedded_hal::{
 };
 use multiscopic_drivers::stepper::Pins;
 
-/// What the drivers of the motors need, in nanoseconds: the length of a pulse, and of a direction before it.
-const PULSE: u64 = 1900;
-const SETUP: u64 = 650;
-/// How far behind its switch an end is, in steps: there the motor turns no more.
-const STOP: i32 = 800;
+/// The shortest pulse that a motor driver notices, in nanoseconds.
+const MIN_PULSE_NS: u64 = 1900;
+/// How long the direction must be stable before a pulse, in nanoseconds.
+const DIRECTION_SETUP_NS: u64 = 650;
+/// The distance from a switch to the mechanical stop behind it, in steps.
+const STOP_DISTANCE: i32 = 800;
 
-/// A slide in a time of its own, which passes while it is waited for.
+/// A slide with a clock of its own, which advances when the program waits.
 pub struct Slide {
     /// Nanoseconds since the start.
     pub now: u64,
-    /// How many times as long as it should every wait takes.
-    pub pace: u64,
-    /// To the right and down.
+    /// Every wait takes this many times as long as requested.
+    pub slowdown: u64,
+    /// The screws to the right and down.
     pub screws: [Screw; 2],
 }
 
-/// An axis.
+/// A screw, its motor and its switches.
 #[derive(Clone)]
 pub struct Screw {
-    /// Where the camera is, in steps from the centre.
+    /// The position of the camera in steps from the centre.
     pub at: i32,
-    /// From where the switch at the low end is pressed, and that at the high end.
+    /// The positions from which the low and the high switch are pressed.
     pub ends: [i32; 2],
-    /// The shortest time between steps that the motor follows, in nanoseconds.
-    pub shortest: u64,
-    /// How many pulses came.
+    /// The shortest interval between steps that the motor follows, in nanoseconds.
+    pub min_interval: u64,
+    /// The number of pulses so far.
     pub pulses: u32,
-    /// When the last pulse came.
+    /// The time of the last pulse.
     pub pulsed: u64,
-    /// What is wrong.
-    pub fault: Option<Fault>,
+    /// The injected fault.
+    pub fault: Option<ScrewFault>,
     is_forward: bool,
+    /// The time when the direction was set.
     directed: u64,
-    is_high: bool,
+    is_step_high: bool,
 }
 
-/// What is wrong with an axis.
+/// A fault of a screw.
 #[derive(Clone)]
-pub enum Fault {
+pub enum ScrewFault {
     /// The motor does not follow the pulses of these numbers.
     Jam(Range<u32>),
-    /// The switch at the low end or the high end is pressed, from the pulse of a number on.
+    /// The switch at an end (0 is low, 1 is high) is pressed from this pulse on.
     Pressed(usize, u32),
     /// The switch at the low end is never pressed.
     Released,
 }
 
 impl Slide {
-    /// A slide whose camera is so many steps from the centre, along each axis.
-    pub fn new(at: [i32; 2], ends: [i32; 2], shortest: u64) -> Slide {
-        let screw =
-            |at| Screw { at, ends, shortest, pulses: 0, pulsed: 0, fault: None, is_forward: false, directed: 0, is_high: false };
-        Slide { now: 0, pace: 1, screws: at.map(screw) }
+    /// A slide whose camera is `at` steps from the centre along each axis.
+    pub fn new(at: [i32; 2], ends: [i32; 2], min_interval: u64) -> Slide {
+        let screw = |at| Screw {
+            at,
+            ends,
+            min_interval,
+            pulses: 0,
+            pulsed: 0,
+            fault: None,
+            is_forward: false,
+            directed: 0,
+            is_step_high: false,
+        };
+        Slide { now: 0, slowdown: 1, screws: at.map(screw) }
     }
 }
 
 impl Screw {
-    fn set_step(&mut self, now: u64, high: bool) {
-        if !high && self.is_high && now - self.pulsed < PULSE {
-            self.at -= self.way(); // too short to be seen
+    fn set_step(&mut self, now: u64, is_high: bool) {
+        if !is_high && self.is_step_high && now - self.pulsed < MIN_PULSE_NS {
+            // The pulse was too short: takes its step back.
+            self.at -= self.way();
         }
-        if high && !self.is_high {
-            let jammed = matches!(&self.fault, Some(Fault::Jam(pulses)) if pulses.contains(&self.pulses));
-            let follows = self.pulses == 0 || now - self.pulsed >= self.shortest;
-            if follows && now - self.directed >= SETUP && !jammed {
-                self.at = (self.at + self.way()).clamp(self.ends[0] - STOP, self.ends[1] + STOP);
+        if is_high && !self.is_step_high {
+            let is_jammed = matches!(&self.fault, Some(ScrewFault::Jam(pulses)) if pulses.contains(&self.pulses));
+            let is_slow_enough = self.pulses == 0 || now - self.pulsed >= self.min_interval;
+            if is_slow_enough && now - self.directed >= DIRECTION_SETUP_NS && !is_jammed {
+                self.at = (self.at + self.way()).clamp(self.ends[0] - STOP_DISTANCE, self.ends[1] + STOP_DISTANCE);
             }
             self.pulses += 1;
             self.pulsed = now;
         }
-        self.is_high = high;
+        self.is_step_high = is_high;
     }
 
     fn way(&self) -> i32 {
@@ -86,8 +98,8 @@ impl Screw {
 
     fn is_pressed(&self, end: usize) -> bool {
         match self.fault {
-            Some(Fault::Pressed(stuck, from)) if stuck == end && self.pulses >= from => true,
-            Some(Fault::Released) if end == 0 => false,
+            Some(ScrewFault::Pressed(stuck, from)) if stuck == end && self.pulses >= from => true,
+            Some(ScrewFault::Released) if end == 0 => false,
             _ if end == 0 => self.at <= self.ends[0],
             _ => self.at >= self.ends[1],
         }
@@ -97,15 +109,15 @@ impl Screw {
 /// What a pin is connected to.
 #[derive(Clone, Copy)]
 pub enum Role {
-    /// The step input of a motor's driver.
+    /// The step input of the motor driver.
     Step,
-    /// The direction input: high is forward.
-    Dir,
-    /// The switch at an end: high is pressed.
+    /// The direction input of the motor driver: high is forward.
+    Direction,
+    /// The switch at an end (0 is low, 1 is high): high is pressed.
     Switch(usize),
 }
 
-/// A pin.
+/// A pin of the microcontroller.
 #[derive(Clone, Copy)]
 pub struct Pin<'s> {
     slide: &'s RefCell<Slide>,
@@ -116,7 +128,7 @@ pub struct Pin<'s> {
 /// The pins of an axis.
 pub fn pins(slide: &RefCell<Slide>, axis: usize) -> Pins<Pin<'_>, Pin<'_>, Pin<'_>, Pin<'_>> {
     let pin = |role| Pin { slide, axis, role };
-    Pins { step: pin(Role::Step), dir: pin(Role::Dir), low: pin(Role::Switch(0)), high: pin(Role::Switch(1)) }
+    Pins { step: pin(Role::Step), dir: pin(Role::Direction), low: pin(Role::Switch(0)), high: pin(Role::Switch(1)) }
 }
 
 impl ErrorType for Pin<'_> {
@@ -134,11 +146,11 @@ impl OutputPin for Pin<'_> {
 
     fn set_state(&mut self, state: PinState) -> Result<(), Infallible> {
         let mut slide = self.slide.borrow_mut();
-        let (now, high) = (slide.now, state == PinState::High);
+        let (now, is_high) = (slide.now, state == PinState::High);
         let screw = &mut slide.screws[self.axis];
         match self.role {
-            Role::Step => screw.set_step(now, high),
-            Role::Dir => (screw.is_forward, screw.directed) = (high, now),
+            Role::Step => screw.set_step(now, is_high),
+            Role::Direction => (screw.is_forward, screw.directed) = (is_high, now),
             Role::Switch(_) => {}
         }
         Ok(())
@@ -152,17 +164,17 @@ impl InputPin for Pin<'_> {
     }
 
     fn is_low(&mut self) -> Result<bool, Infallible> {
-        self.is_high().map(|high| !high)
+        self.is_high().map(|is_high| !is_high)
     }
 }
 
-/// The time of the slide passes.
+/// A delay that advances the slide's clock.
 #[derive(Clone, Copy)]
 pub struct Clock<'s>(pub &'s RefCell<Slide>);
 
 impl DelayNs for Clock<'_> {
     fn delay_ns(&mut self, ns: u32) {
         let mut slide = self.0.borrow_mut();
-        slide.now += slide.pace * u64::from(ns);
+        slide.now += slide.slowdown * u64::from(ns);
     }
 }

@@ -1,12 +1,12 @@
-//! What is made to go wrong, as the words say that the firmware is started with.
+//! The fault that is injected into a capture, as the command line names it.
 
 use multiscopic_core::capture::Progress;
 
-use super::slide;
+use super::slide::ScrewFault;
 
 /// What goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum FaultKind {
     /// Nothing.
     Nothing,
     /// The switch at the high end of x is pressed on the way to the first frame.
@@ -23,113 +23,113 @@ pub enum Kind {
     Slow,
     /// The baseline is longer than the slide.
     Beyond,
-    /// Somebody moves the slide while a frame is taken.
+    /// Somebody bumps the slide while a frame is taken.
     Bumped,
-    /// The sensor is another one.
+    /// The sensor is another model.
     Model,
-    /// The sensor does not answer as it is started.
+    /// The sensor does not respond when it is started.
     NotStarted,
-    /// The sensor does not answer as it is released.
+    /// The sensor does not respond when it is released.
     Unreleased,
-    /// The frame never comes.
+    /// The frame never arrives.
     Silent,
-    /// The frame ends in its middle.
+    /// The frame ends half-way.
     Torn,
     /// A line of the frame is too short.
     Short,
-    /// Lines come faster than they are matched or stored.
+    /// Lines arrive faster than they are matched or stored.
     Burst,
-    /// It is aborted as soon as it does something.
-    Abort(Does),
+    /// The capture is aborted when it reaches a stage.
+    Abort(CaptureStage),
 }
 
-/// What a capture does.
+/// A stage of a capture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Does {
-    /// It moves to a frame.
+pub enum CaptureStage {
+    /// The camera moves to the place of a frame.
     Move,
     /// Vibrations fade.
     Settle,
-    /// It takes a frame.
+    /// A frame is taken.
     Capture,
-    /// It goes back.
+    /// The camera returns to the centre.
     Return,
 }
 
 /// What goes wrong, and when.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Fault {
+pub struct Injection {
     /// What goes wrong.
-    pub kind: Kind,
-    /// With which frame.
+    pub kind: FaultKind,
+    /// The index of the frame that it affects.
     pub frame: usize,
-    /// Whether it goes on.
-    pub lasts: bool,
+    /// Whether it affects every attempt at the frame, not the first alone.
+    pub is_permanent: bool,
 }
 
-impl Fault {
+impl Injection {
     /// Nothing goes wrong.
-    pub const NONE: Fault = Fault { kind: Kind::Nothing, frame: 0, lasts: false };
+    pub const NONE: Injection = Injection { kind: FaultKind::Nothing, frame: 0, is_permanent: false };
 
-    /// What these words say: the fault, the index of a frame, and `once` or `always`.
-    pub fn parse<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<Fault> {
+    /// Parses the words of the command line: the fault, the index of a frame, and `once` or `always`.
+    pub fn parse<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<Injection> {
         let kind = match words.next()? {
-            "nothing" => Kind::Nothing,
-            "limit" => Kind::Limit,
-            "pressed" => Kind::Pressed,
-            "released" => Kind::Released,
-            "jam" => Kind::Jam,
-            "lost" => Kind::Lost,
-            "slow" => Kind::Slow,
-            "beyond" => Kind::Beyond,
-            "bumped" => Kind::Bumped,
-            "model" => Kind::Model,
-            "not-started" => Kind::NotStarted,
-            "unreleased" => Kind::Unreleased,
-            "silent" => Kind::Silent,
-            "torn" => Kind::Torn,
-            "short" => Kind::Short,
-            "burst" => Kind::Burst,
-            "abort-move" => Kind::Abort(Does::Move),
-            "abort-settle" => Kind::Abort(Does::Settle),
-            "abort-capture" => Kind::Abort(Does::Capture),
-            "abort-return" => Kind::Abort(Does::Return),
+            "nothing" => FaultKind::Nothing,
+            "limit" => FaultKind::Limit,
+            "pressed" => FaultKind::Pressed,
+            "released" => FaultKind::Released,
+            "jam" => FaultKind::Jam,
+            "lost" => FaultKind::Lost,
+            "slow" => FaultKind::Slow,
+            "beyond" => FaultKind::Beyond,
+            "bumped" => FaultKind::Bumped,
+            "model" => FaultKind::Model,
+            "not-started" => FaultKind::NotStarted,
+            "unreleased" => FaultKind::Unreleased,
+            "silent" => FaultKind::Silent,
+            "torn" => FaultKind::Torn,
+            "short" => FaultKind::Short,
+            "burst" => FaultKind::Burst,
+            "abort-move" => FaultKind::Abort(CaptureStage::Move),
+            "abort-settle" => FaultKind::Abort(CaptureStage::Settle),
+            "abort-capture" => FaultKind::Abort(CaptureStage::Capture),
+            "abort-return" => FaultKind::Abort(CaptureStage::Return),
             _ => return None,
         };
         let frame = words.next()?.parse().ok()?;
-        let lasts = match words.next()? {
+        let is_permanent = match words.next()? {
             "once" => false,
             "always" => true,
             _ => return None,
         };
-        Some(Fault { kind, frame, lasts })
+        Some(Injection { kind, frame, is_permanent })
     }
 
-    /// Whether it hits a start of the sensor: that of a frame's index, for the first time or again.
-    pub fn hits(&self, kind: Kind, frame: usize, is_first: bool) -> bool {
-        self.kind == kind && self.frame == frame && (is_first || self.lasts)
+    /// Whether it is a fault of `kind` that affects this attempt at a frame.
+    pub fn affects(&self, kind: FaultKind, frame: usize, is_first_attempt: bool) -> bool {
+        self.kind == kind && self.frame == frame && (is_first_attempt || self.is_permanent)
     }
 
-    /// Whether a capture is aborted now.
+    /// Whether the capture is to be aborted now.
     pub fn aborts(&self, progress: Progress) -> bool {
-        let does = match progress {
-            Progress::Moving(index) => (Does::Move, index),
-            Progress::Settling(index) => (Does::Settle, index),
-            Progress::Capturing(index) => (Does::Capture, index),
-            Progress::Returning => (Does::Return, self.frame),
+        let reached = match progress {
+            Progress::Moving(index) => (CaptureStage::Move, index),
+            Progress::Settling(index) => (CaptureStage::Settle, index),
+            Progress::Capturing(index) => (CaptureStage::Capture, index),
+            Progress::Returning => (CaptureStage::Return, self.frame),
             _ => return false,
         };
-        matches!(self.kind, Kind::Abort(kind) if (kind, self.frame) == does)
+        matches!(self.kind, FaultKind::Abort(stage) if (stage, self.frame) == reached)
     }
 
-    /// What is wrong with an axis of the slide from the beginning, and what from its `homed`th pulse on.
-    pub fn of_axis(&self, axis: usize, homed: Option<u32>) -> Option<slide::Fault> {
-        match (self.kind, axis, homed) {
-            (Kind::Pressed, 1, _) => Some(slide::Fault::Pressed(0, 0)),
-            (Kind::Released, 0, _) => Some(slide::Fault::Released),
-            (Kind::Jam, 0, _) => Some(slide::Fault::Jam(0..u32::MAX)),
-            (Kind::Limit, 0, Some(pulses)) => Some(slide::Fault::Pressed(1, pulses + 5000)),
-            (Kind::Lost, 0, Some(pulses)) => Some(slide::Fault::Jam(pulses + 5000..pulses + 5400)),
+    /// The fault of a screw: from the beginning if the stage is not homed, otherwise from the next pulses after `homed_pulses` on.
+    pub fn of_screw(&self, axis: usize, homed_pulses: Option<u32>) -> Option<ScrewFault> {
+        match (self.kind, axis, homed_pulses) {
+            (FaultKind::Pressed, 1, _) => Some(ScrewFault::Pressed(0, 0)),
+            (FaultKind::Released, 0, _) => Some(ScrewFault::Released),
+            (FaultKind::Jam, 0, _) => Some(ScrewFault::Jam(0..u32::MAX)),
+            (FaultKind::Limit, 0, Some(pulses)) => Some(ScrewFault::Pressed(1, pulses + 5000)),
+            (FaultKind::Lost, 0, Some(pulses)) => Some(ScrewFault::Jam(pulses + 5000..pulses + 5400)),
             _ => None,
         }
     }

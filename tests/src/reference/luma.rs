@@ -1,12 +1,12 @@
 //! The grey in a camera's frame, a second time: pixel by pixel, from the definitions of the formats.
 
-use multiscopic::capture::camera::{Layout, PixelFormat};
+use multiscopic::capture::camera::{FrameLayout, PixelFormat};
 
 /// The grey of every pixel of an uncompressed frame, row by row.
 ///
 /// # Panics
 /// If the frame ends too early, or is compressed.
-pub fn gray(layout: &Layout, frame: &[u8]) -> Vec<u8> {
+pub fn gray(layout: &FrameLayout, frame: &[u8]) -> Vec<u8> {
     let [width, height] = layout.size.map(|side| side as usize);
     let bytes = match layout.format {
         PixelFormat::Grey | PixelFormat::Nv12 => 1,

@@ -120,7 +120,15 @@ fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
     emulated_board::targets().iter().try_for_each(|target| {
         let mut clippy = toolchain.cargo("clippy");
         let packages = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", "multiscopic-firmware"];
-        run(clippy.args(packages.map(|package| format!("--package={package}"))).args(["--target", target, "--lib", "--bins", "--examples", "--", "-Dwarnings"]))
+        run(clippy.args(packages.map(|package| format!("--package={package}"))).args([
+            "--target",
+            target,
+            "--lib",
+            "--bins",
+            "--examples",
+            "--",
+            "-Dwarnings",
+        ]))
     })
 }
 

@@ -1,35 +1,35 @@
-//! What stops an arm.
+//! What the safety functions of an arm report.
 
 use std::fmt;
 
-/// What the safety functions of an arm say, as RTDE's `safety_mode` numbers it.
+/// The safety mode of an arm of Universal Robots, numbered like `safety_mode` of RTDE.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SafetyMode {
-    /// It may move.
+    /// The arm may move.
     Normal,
-    /// It may move slowly.
+    /// The arm may move, but slowly.
     Reduced,
-    /// It met a force or an obstacle.
+    /// The arm met an obstacle, or an unexpected force.
     ProtectiveStop,
-    /// It is to be moved back into its limits.
+    /// The arm must be moved back within its safety limits.
     Recovery,
-    /// A safeguard, such as a light curtain, stopped it.
+    /// A safeguard, such as a light curtain, stopped the arm.
     SafeguardStop,
-    /// An emergency stop of the installation was pressed.
+    /// The emergency stop of the installation was pressed.
     SystemEmergencyStop,
-    /// Its own emergency stop was pressed.
+    /// The emergency stop of the arm was pressed.
     RobotEmergencyStop,
-    /// It went beyond a safety limit.
+    /// The arm exceeded a safety limit.
     Violation,
-    /// It is broken.
+    /// The safety system has a fault.
     Fault,
-    /// Something else that only newer arms know.
+    /// A mode that only newer controllers have.
     Other(i32),
 }
 
 impl SafetyMode {
-    /// Whether it may move.
+    /// Whether the arm may move.
     pub fn may_move(self) -> bool {
         matches!(self, SafetyMode::Normal | SafetyMode::Reduced)
     }

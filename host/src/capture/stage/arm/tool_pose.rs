@@ -1,31 +1,31 @@
-//! Where a tool is.
+//! The pose of an arm's tool.
 
-/// A pose as the arm gives it: a position in metres and a rotation vector, which is the axis times the angle in radians.
+/// Position and orientation of the tool, as the arm reports them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
-    /// In metres.
+pub struct ToolPose {
+    /// Position in metres.
     pub position: [f64; 3],
-    /// Axis times angle, in radians.
+    /// Rotation vector: the axis times the angle in radians.
     pub rotation: [f64; 3],
 }
 
-impl Pose {
+impl ToolPose {
     /// The position of `other` in this pose's frame, in metres.
-    pub fn offset_of(&self, other: &Pose) -> [f64; 3] {
+    pub fn offset_of(&self, other: &ToolPose) -> [f64; 3] {
         let [x, y, z] = self.position;
         let [other_x, other_y, other_z] = other.position;
         rotate([other_x - x, other_y - y, other_z - z], self.rotation.map(|component| -component))
     }
 
-    /// How far `other` is turned against it, in radians from 0 to pi.
-    pub fn angle_to(&self, other: &Pose) -> f64 {
+    /// The angle between both orientations, in radians from 0 to pi.
+    pub fn angle_to(&self, other: &ToolPose) -> f64 {
         const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let trace: f64 = AXES.map(|axis| dot(rotate(axis, self.rotation), rotate(axis, other.rotation))).iter().sum();
         ((trace - 1.0) / 2.0).clamp(-1.0, 1.0).acos()
     }
 }
 
-/// Turns `vector` about a rotation vector, by Rodrigues' formula.
+/// Rotates `vector` by a rotation vector, after Rodrigues' formula.
 fn rotate(vector: [f64; 3], rotation: [f64; 3]) -> [f64; 3] {
     let angle = dot(rotation, rotation).sqrt();
     if angle == 0.0 {
@@ -55,24 +55,24 @@ mod tests {
     }
 
     #[test]
-    fn a_quarter_turn_about_each_axis() {
-        let from = |rotation| Pose { position: [1.0, 2.0, 3.0], rotation };
-        let to = Pose { position: [1.1, 2.2, 3.3], rotation: [0.0; 3] };
+    fn offsets_after_quarter_turns_about_each_axis() {
+        let from = |rotation| ToolPose { position: [1.0, 2.0, 3.0], rotation };
+        let to = ToolPose { position: [1.1, 2.2, 3.3], rotation: [0.0; 3] };
         assert!(is_near(from([0.0; 3]).offset_of(&to), [0.1, 0.2, 0.3]));
         assert!(is_near(from([FRAC_PI_2, 0.0, 0.0]).offset_of(&to), [0.1, 0.3, -0.2]));
         assert!(is_near(from([0.0, FRAC_PI_2, 0.0]).offset_of(&to), [-0.3, 0.2, 0.1]));
         assert!(is_near(from([0.0, 0.0, FRAC_PI_2]).offset_of(&to), [0.2, -0.1, 0.3]));
-        // The usual pose of a tool that looks down.
+        // The usual orientation of a tool that looks down.
         assert!(is_near(from([PI, 0.0, 0.0]).offset_of(&to), [0.1, -0.2, -0.3]));
     }
 
     #[test]
-    fn angles() {
-        let turned = |rotation| Pose { position: [0.0; 3], rotation };
-        let angle = |a, b| turned(a).angle_to(&turned(b));
+    fn angles_between_orientations() {
+        let pose = |rotation| ToolPose { position: [0.0; 3], rotation };
+        let angle = |a, b| pose(a).angle_to(&pose(b));
         assert_eq!(angle([0.0; 3], [0.0; 3]), 0.0);
         assert!((angle([0.0, 0.3, 0.0], [0.0, -0.2, 0.0]) - 0.5).abs() < 1e-12);
-        // The same rotation, said twice.
+        // Two vectors of the same rotation.
         assert!(angle([PI, 0.0, 0.0], [-PI, 0.0, 0.0]) < 1e-7);
     }
 }

@@ -1,4 +1,4 @@
-//! A camera that takes a picture while others go on: in a thread of its own.
+//! A blocking camera in a thread of its own, so that a capture can poll it.
 
 use std::{
     panic,
@@ -12,117 +12,111 @@ use std::{
 };
 
 use image::GrayImage;
-use multiscopic_core::capture;
+use multiscopic_core::capture::Camera;
 
-/// What takes pictures, one after the other.
-pub trait Take: Sized {
+/// A camera whose calls block until the picture is there.
+pub trait BlockingCamera: Sized {
     /// Why there is no picture.
     type Error: Send + 'static;
 
-    /// Takes a picture of which nothing was exposed before, within `timeout`, and gives up soon after `is_cancelled`.
+    /// Takes a picture. Nothing in it was exposed before the call.
+    ///
+    /// Returns within `timeout`, and soon after `is_cancelled` is set.
     ///
     /// # Errors
-    /// There is no picture; the next may come out well.
+    /// The picture could not be taken. The next call may succeed.
     fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage, Self::Error>;
 }
 
-#[cfg(all(target_os = "linux", feature = "v4l2"))]
-impl Take for crate::capture::camera::Camera {
-    type Error = crate::capture::camera::CameraError;
+type OpenCamera<C> = Arc<dyn Fn() -> Result<C, <C as BlockingCamera>::Error> + Send + Sync>;
 
-    fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage, Self::Error> {
-        self.frame(timeout, is_cancelled)
-    }
-}
-
-/// Opens a camera.
-type Open<T> = Arc<dyn Fn() -> Result<T, <T as Take>::Error> + Send + Sync>;
-
-/// The camera of a [capture](multiscopic_core::capture::Sequence), which is open from the beginning of each sequence to its end.
-pub struct Shutter<T: Take> {
-    open: Open<T>,
+/// Runs a [`BlockingCamera`] in a thread, for a [`Sequence`](multiscopic_core::capture::Sequence) to poll.
+///
+/// The camera is opened when a sequence begins and closed when it ends.
+pub struct ThreadedCamera<C: BlockingCamera> {
+    open: OpenCamera<C>,
     timeout: Duration,
-    worker: Option<Worker<T::Error>>,
-    /// The frame that is being taken.
+    worker: Option<Worker<C::Error>>,
+    /// Index of the frame being taken.
     index: Option<usize>,
     images: Vec<Option<GrayImage>>,
 }
 
 struct Worker<E> {
     thread: JoinHandle<()>,
-    /// Each asks for a picture.
+    /// One message for each picture to take.
     requests: Sender<()>,
     pictures: Receiver<Result<GrayImage, E>>,
     is_cancelled: Arc<AtomicBool>,
 }
 
-impl<T: Take + 'static> Shutter<T> {
-    /// The camera that `open` opens, with a time-out for each picture.
-    pub fn new(open: impl Fn() -> Result<T, T::Error> + Send + Sync + 'static, timeout: Duration) -> Shutter<T> {
-        Shutter { open: Arc::new(open), timeout, worker: None, index: None, images: Vec::new() }
+impl<C: BlockingCamera + 'static> ThreadedCamera<C> {
+    /// Uses the camera that `open` opens. Each picture may take as long as `timeout`.
+    pub fn new(open: impl Fn() -> Result<C, C::Error> + Send + Sync + 'static, timeout: Duration) -> ThreadedCamera<C> {
+        ThreadedCamera { open: Arc::new(open), timeout, worker: None, index: None, images: Vec::new() }
     }
 
-    /// Takes the frame with an index out of those that were taken since the sequence began.
+    /// Removes and returns the frame with this index. `None` if the current sequence has not taken it, or it was removed before.
     pub fn take_image(&mut self, index: usize) -> Option<GrayImage> {
         self.images.get_mut(index)?.take()
     }
 }
 
-impl<T: Take + 'static> capture::Camera for Shutter<T> {
-    type Error = T::Error;
+impl<C: BlockingCamera + 'static> Camera for ThreadedCamera<C> {
+    type Error = C::Error;
 
-    fn begin(&mut self) -> Result<(), T::Error> {
+    fn begin(&mut self) -> Result<(), C::Error> {
         self.images.clear();
         let (requests, requested) = mpsc::channel();
-        let (sender, pictures) = mpsc::channel();
-        let (told, opened) = mpsc::channel();
+        let (picture_sender, pictures) = mpsc::channel();
+        let (opened_sender, opened) = mpsc::channel();
         let is_cancelled = Arc::new(AtomicBool::new(false));
         let (open, timeout, cancelled) = (self.open.clone(), self.timeout, is_cancelled.clone());
         let thread = thread::spawn(move || {
             let mut camera = match open() {
                 Ok(camera) => camera,
                 Err(error) => {
-                    let _ = told.send(Err(error));
+                    let _ = opened_sender.send(Err(error));
                     return;
                 }
             };
-            let _ = told.send(Ok(()));
+            let _ = opened_sender.send(Ok(()));
             while requested.recv().is_ok() {
-                let _ = sender.send(camera.take(timeout, &cancelled));
+                let _ = picture_sender.send(camera.take(timeout, &cancelled));
             }
         });
-        let opening = opened.recv();
+        let opened = opened.recv();
         self.worker = Some(Worker { thread, requests, pictures, is_cancelled });
-        match opening {
+        match opened {
             Ok(Ok(())) => Ok(()),
             Ok(Err(error)) => {
                 self.close();
                 Err(error)
             }
-            Err(_) => self.gone(),
+            Err(_) => self.propagate_panic(),
         }
     }
 
-    fn start(&mut self, index: usize) -> Result<(), T::Error> {
-        let Some(worker) = &self.worker else { return self.gone() };
+    fn start(&mut self, index: usize) -> Result<(), C::Error> {
+        let Some(worker) = &self.worker else { return self.propagate_panic() };
         if self.index.take().is_some() {
             worker.is_cancelled.store(true, Ordering::Relaxed);
-            // What comes is too late, be it a picture or an error.
+            // The pending picture is too late, whether it succeeded or not.
             let _ = worker.pictures.recv();
         }
         worker.is_cancelled.store(false, Ordering::Relaxed);
         if worker.requests.send(()).is_err() {
-            return self.gone();
+            return self.propagate_panic();
         }
         self.index = Some(index);
         Ok(())
     }
 
-    fn is_complete(&mut self) -> Result<bool, T::Error> {
+    fn is_complete(&mut self) -> Result<bool, C::Error> {
         let (Some(worker), Some(index)) = (&self.worker, self.index) else { return Ok(false) };
         match worker.pictures.try_recv() {
             Err(TryRecvError::Empty) => Ok(false),
-            Err(TryRecvError::Disconnected) => self.gone(),
+            Err(TryRecvError::Disconnected) => self.propagate_panic(),
             Ok(picture) => {
                 self.index = None;
                 let image = picture?;
@@ -133,35 +127,35 @@ impl<T: Take + 'static> capture::Camera for Shutter<T> {
         }
     }
 
-    fn end(&mut self) -> Result<(), T::Error> {
+    fn end(&mut self) -> Result<(), C::Error> {
         self.close();
         Ok(())
     }
 }
 
-impl<T: Take> Shutter<T> {
+impl<C: BlockingCamera> ThreadedCamera<C> {
     /// Waits until the camera is closed.
     fn close(&mut self) {
         self.index = None;
         if let Some(Worker { thread, requests, is_cancelled, .. }) = self.worker.take() {
             is_cancelled.store(true, Ordering::Relaxed);
             drop(requests);
-            if let Err(panicked) = thread.join()
+            if let Err(payload) = thread.join()
                 && !thread::panicking()
             {
-                panic::resume_unwind(panicked);
+                panic::resume_unwind(payload);
             }
         }
     }
 
-    /// The thread ended by itself, which it does by panicking only.
-    fn gone<A>(&mut self) -> A {
+    /// Resumes the worker's panic: without one, the worker lives from `begin` to `end`.
+    fn propagate_panic<T>(&mut self) -> T {
         self.close();
-        unreachable!("a camera is used between the beginning of a sequence and its end")
+        unreachable!("a camera is only used between the beginning and the end of a sequence")
     }
 }
 
-impl<T: Take> Drop for Shutter<T> {
+impl<C: BlockingCamera> Drop for ThreadedCamera<C> {
     fn drop(&mut self) {
         self.close();
     }

@@ -1,33 +1,33 @@
-//! Lines over a serial port.
+//! A serial port, line by line.
 
 use std::{
     io::{self, Read, Write},
     time::{Duration, Instant},
 };
 
-use crate::capture::stage::StageError;
+use crate::capture::stage::error::StageError;
 
 /// Longer than any line of either firmware.
-const MAX_BYTES: usize = 1024;
+const MAX_LINE_BYTES: usize = 1024;
 
-/// How long nothing must come after a machine said what it is, so that it has said all: longer than a USB adapter gathers bytes.
+/// A pause of this length means that no more lines are pending. USB adapters gather bytes for less.
 const QUIET: Duration = Duration::from_millis(100);
 
-/// A serial port, by the line.
-pub struct Lines<P> {
+/// Sends and receives lines over a serial port.
+pub struct LinePort<P> {
     port: P,
     name: String,
-    silence: Duration,
+    silence_timeout: Duration,
     bytes: Vec<u8>,
 }
 
-impl<P: Read + Write> Lines<P> {
-    /// The port that messages call `name`, which may be silent for as long as `silence` when it should speak.
-    pub fn new(port: P, name: &str, silence: Duration) -> Lines<P> {
-        Lines { port, name: name.into(), silence, bytes: Vec::new() }
+impl<P: Read + Write> LinePort<P> {
+    /// Uses `port`, which messages call `name`. An expected line may take as long as `silence_timeout`.
+    pub fn new(port: P, name: &str, silence_timeout: Duration) -> LinePort<P> {
+        LinePort { port, name: name.into(), silence_timeout, bytes: Vec::new() }
     }
 
-    /// What messages call it.
+    /// What messages call the port.
     pub fn name(&self) -> String {
         self.name.clone()
     }
@@ -37,13 +37,13 @@ impl<P: Read + Write> Lines<P> {
         self.send_bytes(format!("{line}\n").as_bytes())
     }
 
-    /// Sends bytes that are no line.
+    /// Sends bytes that are not a line.
     pub fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), StageError> {
-        // Without flushing, which waits as long as the port likes.
-        self.port.write_all(bytes).map_err(|source| self.broken(source))
+        // Not flushed: flushing may block without limit.
+        self.port.write_all(bytes).map_err(|source| self.disconnected(source))
     }
 
-    /// The next line that is not empty, if it comes before `deadline`; one that is there is given even then.
+    /// The next line that is not empty. `None` if there is none until `deadline`; a line that is already there is returned even after it.
     pub fn next(&mut self, deadline: Instant) -> Result<Option<String>, StageError> {
         loop {
             while let Some(end) = self.bytes.iter().position(|byte| *byte == b'\n') {
@@ -53,16 +53,16 @@ impl<P: Read + Write> Lines<P> {
                     return Ok(Some(line.trim().to_owned()));
                 }
             }
-            if self.bytes.len() > MAX_BYTES {
+            if self.bytes.len() > MAX_LINE_BYTES {
                 return Err(StageError::Protocol {
                     from: self.name(),
                     found: format!("{} bytes without an end of line", self.bytes.len()),
-                    expected: "lines: is the symbol rate right?".into(),
+                    expected: "lines; is the baud rate right?".into(),
                 });
             }
             let mut chunk = [0; 256];
             match self.port.read(&mut chunk) {
-                Ok(0) => return Err(self.broken(io::ErrorKind::UnexpectedEof.into())),
+                Ok(0) => return Err(self.disconnected(io::ErrorKind::UnexpectedEof.into())),
                 Ok(length) => self.bytes.extend_from_slice(&chunk[..length]),
                 Err(error) if matches!(error.kind(), io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock) => {
                     if Instant::now() >= deadline {
@@ -70,25 +70,25 @@ impl<P: Read + Write> Lines<P> {
                     }
                 }
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(source) => return Err(self.broken(source)),
+                Err(source) => return Err(self.disconnected(source)),
             }
         }
     }
 
-    /// The next line, which must come before `deadline`.
+    /// The next line that is not empty, which must arrive before `deadline`.
     pub fn expect(&mut self, deadline: Instant) -> Result<String, StageError> {
         let next = if Instant::now() < deadline { self.next(deadline)? } else { None };
-        next.ok_or_else(|| StageError::Silent { from: self.name(), after: self.silence })
+        next.ok_or_else(|| StageError::Silent { from: self.name(), after: self.silence_timeout })
     }
 
-    /// Drops lines until no more come, but not for ever.
-    pub fn settle(&mut self) -> Result<(), StageError> {
-        let deadline = Instant::now() + self.silence;
+    /// Discards lines until no more arrive, for at most the silence time-out.
+    pub fn discard_pending(&mut self) -> Result<(), StageError> {
+        let deadline = Instant::now() + self.silence_timeout;
         while Instant::now() < deadline && self.next(Instant::now() + QUIET)?.is_some() {}
         Ok(())
     }
 
-    fn broken(&self, source: io::Error) -> StageError {
+    fn disconnected(&self, source: io::Error) -> StageError {
         StageError::Disconnected { from: self.name(), source, advice: "check its cable and power" }
     }
 }
@@ -98,7 +98,7 @@ mod tests {
     use super::*;
     use std::collections::VecDeque;
 
-    /// What comes by and by; `None` for a while without anything.
+    /// Chunks to be read; `None` for a read that times out.
     struct Port(VecDeque<Option<&'static [u8]>>);
 
     impl Read for Port {
@@ -124,24 +124,24 @@ mod tests {
         }
     }
 
-    fn lines(pieces: impl IntoIterator<Item = Option<&'static [u8]>>) -> Lines<Port> {
-        Lines::new(Port(pieces.into_iter().collect()), "port", Duration::ZERO)
+    fn line_port(chunks: impl IntoIterator<Item = Option<&'static [u8]>>) -> LinePort<Port> {
+        LinePort::new(Port(chunks.into_iter().collect()), "port", Duration::ZERO)
     }
 
     #[test]
-    fn lines_come_in_pieces() {
-        let mut lines = lines([Some(&b"\r\no"[..]), None, Some(b"k\r\nerr"), Some(b"or:9\n\xff"), None]);
+    fn lines_are_assembled_from_chunks() {
+        let mut port = line_port([Some(&b"\r\no"[..]), None, Some(b"k\r\nerr"), Some(b"or:9\n\xff"), None]);
         let now = Instant::now();
-        assert_eq!(lines.next(now).unwrap(), None);
-        assert_eq!(lines.next(now).unwrap().as_deref(), Some("ok"));
-        assert_eq!(lines.next(now).unwrap().as_deref(), Some("error:9"));
-        assert_eq!(lines.next(now).unwrap(), None);
-        assert!(matches!(lines.next(now), Err(StageError::Disconnected { .. })));
+        assert_eq!(port.next(now).unwrap(), None);
+        assert_eq!(port.next(now).unwrap().as_deref(), Some("ok"));
+        assert_eq!(port.next(now).unwrap().as_deref(), Some("error:9"));
+        assert_eq!(port.next(now).unwrap(), None);
+        assert!(matches!(port.next(now), Err(StageError::Disconnected { .. })));
     }
 
     #[test]
-    fn noise_has_an_end() {
-        let mut lines = lines([Some(&[0xff; 256][..]); 5]);
-        assert!(matches!(lines.next(Instant::now()), Err(StageError::Protocol { .. })));
+    fn noise_without_lines_is_refused() {
+        let mut port = line_port([Some(&[0xff; 256][..]); 5]);
+        assert!(matches!(port.next(Instant::now()), Err(StageError::Protocol { .. })));
     }
 }

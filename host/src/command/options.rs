@@ -247,7 +247,7 @@ impl EngineOptions {
 mod tests {
     use super::*;
     use image::GrayImage;
-    use multiscopic::files::{Images, Provenance};
+    use multiscopic::files::{FrameFiles, Provenance};
 
     #[test]
     fn what_is_given_comes_before_the_rig() {
@@ -259,7 +259,7 @@ mod tests {
             baseline_mm: 40.0,
             principal_point: [1.0, 2.0],
             doffs: 3.0,
-            images: Images::default(),
+            images: FrameFiles::default(),
             capture: Provenance::default(),
         };
         assert_eq!(nothing.geometry(Some(&rig), &frames), rig.geometry());

@@ -11,8 +11,7 @@ use multiscopic::{
 use serde::Serialize;
 
 use super::{
-    options::{EngineOptions, SearchOptions},
-    source::SourceOptions,
+    options::{EngineOptions, SearchOptions, SourceOptions},
     terminal,
 };
 

@@ -5,11 +5,11 @@ use std::{process::ExitCode, time::Instant};
 use clap::Args;
 use image::{GrayImage, Luma};
 use multiscopic::{Error, Frames, Method, Result};
-use multiscopic_core::{View, Views};
+use multiscopic_core::{Fusion, View, Views};
 
 use super::{
     methods::{MethodName, MethodOptions},
-    options::{EngineOptions, FusionName, SearchOptions, views_of_count},
+    options::{EngineOptions, SearchOptions, named, views_of_count},
     terminal,
 };
 
@@ -37,8 +37,8 @@ pub struct Bench {
     json: bool,
 
     /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
-    #[arg(long, value_enum)]
-    fusion: Option<FusionName>,
+    #[arg(long, value_parser = named::<Fusion>())]
+    fusion: Option<Fusion>,
 
     /// Method
     #[arg(long, value_enum, default_value = "bm", help_heading = "Matching")]
@@ -63,7 +63,7 @@ struct Report {
     num_disparities: usize,
     block_size: usize,
     views: usize,
-    fusion: String,
+    fusion: &'static str,
     threads: usize,
     kernel: String,
     seconds: f64,
@@ -94,7 +94,7 @@ impl Bench {
             num_disparities: params.num_disparities(),
             block_size: params.block_size(),
             views: params.views().len(),
-            fusion: FusionName::from(params.fusion()).name(),
+            fusion: params.fusion().name(),
             threads: engine.threads(),
             kernel: engine.simd(&params).to_string(),
             seconds,

@@ -20,7 +20,7 @@ use multiscopic_core::Fusion;
 
 use super::{
     methods::{MethodName, MethodOptions},
-    options::{EngineOptions, FusionName, SearchOptions, views_of_count},
+    options::{EngineOptions, SearchOptions, named, views_of_count},
     terminal,
     variant::{Subject, Variant},
 };
@@ -58,8 +58,8 @@ pub struct Evaluate {
     methods: Vec<MethodName>,
 
     /// Fusions of the views' costs [default: min with one or two neighbours, heuristic with more]
-    #[arg(long, value_enum, value_delimiter = ',', help_heading = "Matching")]
-    fusion: Vec<FusionName>,
+    #[arg(long, value_parser = named::<Fusion>(), value_delimiter = ',', help_heading = "Matching")]
+    fusion: Vec<Fusion>,
 
     #[command(flatten)]
     search: SearchOptions,
@@ -166,7 +166,7 @@ impl Evaluate {
                     )));
                 }
                 let fusions = match (&self.fusion[..], count) {
-                    ([], _) => vec![Fusion::default_for(count).into()],
+                    ([], _) => vec![Fusion::default_for(count)],
                     // One cost is the same by every rule.
                     ([first, ..], 1) => vec![*first],
                     (fusions, _) => fusions.to_vec(),

@@ -15,7 +15,7 @@ use multiscopic::{
     },
 };
 
-use super::options::{name_of, point, positive};
+use super::options::value::{point, positive};
 
 /// How disparities are estimated, by the name of the method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -35,7 +35,7 @@ pub enum MethodName {
 impl MethodName {
     /// Its name.
     pub fn name(self) -> String {
-        name_of(&self)
+        self.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
     }
 }
 

@@ -3,9 +3,9 @@
 use std::time::Instant;
 
 use multiscopic::{DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Progress, Result, evaluation::Record};
-use multiscopic_core::{Params, Views};
+use multiscopic_core::{Fusion, Params, Views};
 
-use super::{methods::MethodName, options::FusionName};
+use super::methods::MethodName;
 
 /// A method with the views it matches and how it fuses them.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,7 +17,7 @@ pub struct Variant {
     /// The neighbours.
     pub views: Views,
     /// How their costs are fused.
-    pub fusion: FusionName,
+    pub fusion: Fusion,
 }
 
 /// Frames whose disparities are known.
@@ -50,7 +50,7 @@ impl Variant {
             scene: subject.scene.into(),
             method: self.name.name(),
             views: self.views.len(),
-            fusion: self.fusion.name(),
+            fusion: self.fusion.name().into(),
             metrics: Metrics::new(&disparities, subject.truth).expect("some of the truth is known"),
             seconds,
         };

@@ -30,8 +30,8 @@ use multiscopic_core::{
     capture::{Plan, Policy, Progress},
 };
 
-use super::{
-    options::{positive, views_of_count},
+use crate::command::{
+    options::{value::positive, views_of_count},
     terminal,
 };
 

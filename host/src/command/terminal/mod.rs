@@ -1,9 +1,12 @@
 //! What a person at the terminal sees.
 
+mod watch;
+
 use std::io::{self, ErrorKind, Write};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use multiscopic::{Error, Result};
+pub use watch::Watch;
 
 /// Writes to standard output. A reader that has had enough (`| head`) is no error.
 pub fn print(text: &str) -> Result<()> {

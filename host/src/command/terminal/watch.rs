@@ -11,8 +11,6 @@ use std::{
 use indicatif::ProgressBar;
 use multiscopic::{Error, Progress, Result};
 
-use super::terminal;
-
 /// A bar on standard error, and Ctrl-C: it ends work that asks for interrupts with what that has so far. The second Ctrl-C ends the
 /// program, as does the first where nobody asks.
 #[derive(Debug)]
@@ -43,7 +41,7 @@ impl Watch {
             }
         })
         .map_err(|error| Error::Usage(format!("Ctrl-C cannot be watched: {error}")))?;
-        let bar = terminal::progress(0, "");
+        let bar = super::progress(0, "");
         Ok(Watch { bar, interrupts })
     }
 
@@ -57,7 +55,7 @@ impl Progress for Watch {
     fn begin(&self, steps: u64, name: &str) {
         self.bar.reset();
         self.bar.set_length(steps);
-        self.bar.set_style(terminal::style(name));
+        self.bar.set_style(super::style(name));
     }
 
     fn advance(&self, steps: u64) {

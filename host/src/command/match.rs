@@ -14,14 +14,12 @@ use multiscopic::{
         ply::{self, Encoding},
     },
 };
-use multiscopic_core::{Frame, Params};
+use multiscopic_core::{Frame, Fusion, Params};
 
 use super::{
     methods::{MethodName, MethodOptions},
-    options::{EngineOptions, FusionName, GeometryOptions, MapFiles, SearchOptions},
-    source::SourceOptions,
-    terminal,
-    watch::Watch,
+    options::{EngineOptions, GeometryOptions, MapFiles, SearchOptions, SourceOptions, named},
+    terminal::{self, Watch},
 };
 
 /// Estimates the disparity of every pixel of a centre image from its neighbours
@@ -35,8 +33,8 @@ pub struct Match {
     method: MethodName,
 
     /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
-    #[arg(long, value_enum, help_heading = "Matching")]
-    fusion: Option<FusionName>,
+    #[arg(long, value_parser = named::<Fusion>(), help_heading = "Matching")]
+    fusion: Option<Fusion>,
 
     #[command(flatten)]
     search: SearchOptions,
@@ -156,7 +154,7 @@ fn summary(params: &Params, disparities: &DisparityMap, seconds: f64) -> String 
         "{}x{}, {views}, {}, {}..={}, block {}: {:.1} % valid, {:.0} ms",
         params.width(),
         params.height(),
-        FusionName::from(params.fusion()).name(),
+        params.fusion().name(),
         params.min_disparity(),
         params.max_disparity(),
         params.block_size(),

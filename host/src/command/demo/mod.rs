@@ -19,11 +19,11 @@ use multiscopic::{
     report::{Figure, Report, error_map, montage},
     scene::{Camera, Scene, Shot, capture},
 };
-use multiscopic_core::{Frame, Params, View, Views};
+use multiscopic_core::{Frame, Fusion, Params, View, Views};
 
 use super::{
     methods::MethodName,
-    options::{EngineOptions, FusionName, SearchOptions},
+    options::{EngineOptions, SearchOptions},
     terminal,
     variant::{Subject, Variant},
 };
@@ -59,15 +59,15 @@ const WIDTH: u32 = 640;
 
 /// What is compared: stereo first, the default for four views last. The heuristic is the mean where there are two views.
 static VARIANTS: [Variant; 6] = [
-    variant(Views::STEREO, FusionName::Min),
-    variant(Views::HORIZONTAL, FusionName::Min),
-    variant(Views::HORIZONTAL, FusionName::Mean),
-    variant(Views::ALL, FusionName::Min),
-    variant(Views::ALL, FusionName::Mean),
-    variant(Views::ALL, FusionName::Heuristic),
+    variant(Views::STEREO, Fusion::Min),
+    variant(Views::HORIZONTAL, Fusion::Min),
+    variant(Views::HORIZONTAL, Fusion::Mean),
+    variant(Views::ALL, Fusion::Min),
+    variant(Views::ALL, Fusion::Mean),
+    variant(Views::ALL, Fusion::Heuristic),
 ];
 
-const fn variant(views: Views, fusion: FusionName) -> Variant {
+const fn variant(views: Views, fusion: Fusion) -> Variant {
     Variant { name: MethodName::Bm, method: Method::BlockMatching, views, fusion }
 }
 

@@ -12,7 +12,7 @@ use multiscopic_edge::{Profile, profile};
 use serde::Serialize;
 
 use super::{
-    options::{FusionName, ProcessorName, SearchOptions, views_of_count},
+    options::{SearchOptions, named, value::positive, views_of_count},
     terminal,
 };
 
@@ -46,8 +46,8 @@ pub struct Budget {
     tile_width: Option<usize>,
 
     /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
-    #[arg(long, value_enum)]
-    fusion: Option<FusionName>,
+    #[arg(long, value_parser = named::<Fusion>())]
+    fusion: Option<Fusion>,
 
     #[command(flatten)]
     search: SearchOptions,
@@ -68,15 +68,15 @@ const OWN: [&str; 7] = ["width", "height", "views", "tile_width", "min_disparity
 #[command(next_help_heading = "Target")]
 struct Target {
     /// Processor
-    #[arg(long, value_enum, default_value = "cortex-m4")]
-    core: ProcessorName,
+    #[arg(long, value_parser = named::<Processor>(), default_value = "cortex-m4")]
+    core: Processor,
 
     /// Clock in MHz [default: 64, 480 or 32, those of nRF52840, STM32H743 and Arm's AN547]
-    #[arg(long, value_name = "MHZ", value_parser = super::options::positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MHZ", value_parser = positive, allow_negative_numbers = true)]
     clock: Option<f64>,
 
     /// Cycles per instruction on average [default: 1.4, 0.8 or 1.5, assumed for memory without wait states]
-    #[arg(long, value_name = "X", value_parser = super::options::positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
     cpi: Option<f64>,
 
     /// RAM that there is, as 144KiB or in bytes: exit code 1 if the match takes more
@@ -84,7 +84,7 @@ struct Target {
     ram: Option<usize>,
 
     /// Frames per second that are wanted: exit code 1 if there are fewer
-    #[arg(long, value_name = "N", value_parser = super::options::positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = positive, allow_negative_numbers = true)]
     fps: Option<f64>,
 }
 
@@ -96,7 +96,7 @@ impl Budget {
             Some(profile) => (self.params_of(&profile), profile.tile_width()),
             None => self.params()?,
         };
-        let processor = self.target.core.into();
+        let processor = self.target.core;
         let ram = Ram::new(&params, tile_width, processor);
         let report = Report::new(&self.target, &params, tile_width, &ram);
         terminal::print(&match self.json {
@@ -110,7 +110,7 @@ impl Budget {
 
     fn params_of(&self, profile: &Profile) -> Params {
         let views = profile.params(Fusion::Min).views().len();
-        profile.params(self.fusion.map_or(Fusion::default_for(views), Fusion::from))
+        profile.params(self.fusion.unwrap_or(Fusion::default_for(views)))
     }
 
     /// The parameters of a match that is none of a profile, and the width of its tiles.
@@ -130,7 +130,7 @@ impl Budget {
     fn failures(&self, report: &Report, params: &Params) -> Vec<String> {
         let mut failures = Vec::new();
         if let Some(limit) = self.target.ram.filter(|limit| report.ram_total > *limit) {
-            let fitting = match widest_tile(params, self.target.core.into(), limit) {
+            let fitting = match widest_tile(params, self.target.core, limit) {
                 Some(width) if width < report.tile_width => format!("; column tiles would fit: --tile-width {width}"),
                 _ => String::new(),
             };
@@ -178,7 +178,7 @@ struct Report {
 
 impl Report {
     fn new(target: &Target, params: &Params, tile_width: usize, ram: &Ram) -> Report {
-        let processor: Processor = target.core.into();
+        let processor = target.core;
         let clock_mhz = target.clock.unwrap_or(processor.clock_mhz());
         let cycles_per_instruction = target.cpi.unwrap_or(processor.cycles_per_instruction());
         let instructions = processor.instructions(params, tile_width);

@@ -83,8 +83,8 @@ impl Availability {
         self.expect_changes_after(u);
     }
 
-    /// Goes to the pixel at `u`, to the right in the same line, and returns whether anything may have
-    /// changed: `change` has been called for it.
+    /// Goes to the pixel at `u`, further to the right in the same line. Calls `change` as
+    /// [`enter_line`](Availability::enter_line) does, and returns whether there may have been a change.
     #[inline(always)]
     pub fn enter(&mut self, u: usize, change: impl FnMut(usize, usize, bool)) -> bool {
         let changes = u >= self.constant_until;

@@ -35,7 +35,7 @@ pub(super) unsafe fn min<const V: usize, const MASKED: u8>(
 ) -> u16 {
     let mut least = u32::from(u16::MAX);
     // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
-    // changes is an output; the predicate, of which the compiler is not told, is restored.
+    // changes is an output.
     unsafe {
         asm_up_to!(100 bytes,
             "dls lr, {n}",

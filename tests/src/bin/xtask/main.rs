@@ -22,6 +22,7 @@ mod layout;
 mod least_squares;
 mod log;
 mod machine;
+mod package;
 mod received;
 mod record;
 mod setup;
@@ -63,6 +64,8 @@ enum Task {
     Aarch64,
     /// Count the instructions of matching on this machine and compare them with the record
     Instructions(instructions::Guard),
+    /// Package the published crates, and build each from its package
+    Package,
     /// Link the matcher alone, which fails if there is any way from it into a panic
     NoPanic,
 }
@@ -86,6 +89,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Kernels => kernels::run(&setup::run()?),
         Task::Aarch64 => aarch64::run_tests(),
         Task::Instructions(guard) => guard.run(),
+        Task::Package => package::check(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Capture => capture::run(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),

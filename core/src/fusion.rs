@@ -1,18 +1,22 @@
 //! How the matching costs of several views become one.
 
-/// The rule that fuses the costs `c1 <= c2 <= ...` of the views in which a candidate is available.
+use core::mem;
+
+/// The rule that fuses the matching costs `c1 <= c2 <= ...` of the views in which a candidate is available.
 ///
-/// Fused costs are exact integers on a common [`scale`](Fusion::scale), so that candidates seen in different numbers of views
-/// compare without rounding.
+/// [`fuse`](Fusion::fuse) defines the rules for single costs. The [`kernel`](crate::kernel) states the same
+/// rules for vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fusion {
-    /// The least cost, `c1` (paper, eq. 8): sharp at occlusions, since one view that sees the point is enough.
+    /// The least cost, `c1` (paper, eq. 8). Sharp at occlusions, since one view that sees the point is
+    /// enough.
     Min,
-    /// The mean of all costs (paper, eq. 7): quiet, but blurred by the views that do not see the point.
+    /// The mean of all costs (paper, eq. 7). Suppresses noise, but blurs where some views do not see the
+    /// point.
     Mean,
-    /// The paper's heuristic rule (eq. 9): the mean of the three least costs, or of the two least if `c3 > 3 c2`. With two
-    /// views their mean, with one view its cost.
+    /// The paper's heuristic rule (eq. 9): the mean of the three least costs, or of the two least if
+    /// `c3 > 3 c2`. With two views it is their mean, with one view that view's cost.
     Heuristic,
 }
 
@@ -20,7 +24,7 @@ impl Fusion {
     /// Every rule.
     pub const ALL: [Fusion; 3] = [Fusion::Min, Fusion::Mean, Fusion::Heuristic];
 
-    /// Its name on command lines and in reports.
+    /// The rule's name on command lines and in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Fusion::Min => "min",
@@ -29,12 +33,15 @@ impl Fusion {
         }
     }
 
-    /// The rule the paper uses with this number of views: the minimum for up to two, the heuristic rule for more.
+    /// The rule the paper uses for a number of views: the minimum for up to two, the heuristic rule for more.
     pub const fn default_for(views: usize) -> Fusion {
         if views <= 2 { Fusion::Min } else { Fusion::Heuristic }
     }
 
-    /// What a cost of one view is multiplied by to be on this rule's scale: 1, 12 or 6.
+    /// The factor from the cost of one view to this rule's integer scale: 1, 12 or 6.
+    ///
+    /// On that scale every mean is a whole number, so candidates seen in different numbers of views compare
+    /// exactly.
     pub const fn scale(self) -> u32 {
         match self {
             Fusion::Min => 1,
@@ -43,33 +50,132 @@ impl Fusion {
         }
     }
 
-    /// The fused cost on this rule's [`scale`](Fusion::scale), or `None` if no view is available.
+    /// Fuses the costs of one to four views, [`NONE`](MatchingCost::NONE) where a view is not available, in
+    /// any order.
     ///
-    /// `costs` holds at most four costs, each at most 21 x 21 x 255, so that no sum leaves 32 bits. Their order does not matter
-    /// and is not kept.
-    pub fn fuse(self, costs: &mut [u32]) -> Option<u32> {
-        sort(costs);
-        Some(match (self, &*costs) {
-            (_, []) => return None,
-            (Fusion::Min, &[c1, ..]) => c1,
-            (Fusion::Mean, all) => all.iter().sum::<u32>() * (12 / all.len() as u32),
-            (Fusion::Heuristic, &[c1]) => 6 * c1,
-            (Fusion::Heuristic, &[c1, c2]) => 3 * (c1 + c2),
-            (Fusion::Heuristic, &[c1, c2, c3, ..]) if c3 > 3 * c2 => 3 * (c1 + c2),
-            (Fusion::Heuristic, &[c1, c2, c3, ..]) => 2 * (c1 + c2 + c3),
-        })
+    /// The result is `NONE` if no view is available. Integers come out on this rule's
+    /// [`scale`](Fusion::scale); each must be at most 21 x 21 x 255, the largest block sum, so that no sum
+    /// leaves 32 bits. Floats stay on the scale of one view.
+    #[inline]
+    pub fn fuse<C: MatchingCost, const V: usize>(self, costs: [C; V]) -> C {
+        match self {
+            Fusion::Min => least(costs),
+            Fusion::Mean => mean(costs),
+            Fusion::Heuristic => heuristic(costs),
+        }
     }
 }
 
-/// Sorts by exchange: for four costs, the standard library's sort is large.
-fn sort(costs: &mut [u32]) {
-    let mut rest = costs;
-    while let [first, others @ ..] = rest {
-        for other in &mut *others {
-            if other < first {
-                core::mem::swap(first, other);
+/// A matching cost of one candidate, as [`Fusion`] needs it.
+///
+/// `u32` costs are fused exactly, on the rule's scale. `f32` costs are fused on the scale of one view.
+pub trait MatchingCost: Copy + PartialOrd {
+    /// The cost of a candidate that is not available. It compares above all others.
+    const NONE: Self;
+    /// A cost of zero.
+    const ZERO: Self;
+
+    /// Whether the candidate is available.
+    #[inline]
+    fn exists(self) -> bool {
+        self != Self::NONE
+    }
+
+    /// The sum of two costs that exist.
+    fn plus(self, other: Self) -> Self;
+
+    /// Three times a cost that exists.
+    fn tripled(self) -> Self;
+
+    /// The mean of `count` costs with this sum, times `scale` if costs are integers. `count` divides `scale`.
+    fn mean(self, count: u32, scale: u32) -> Self;
+}
+
+impl MatchingCost for u32 {
+    const NONE: u32 = u32::MAX;
+    const ZERO: u32 = 0;
+
+    #[inline]
+    fn plus(self, other: u32) -> u32 {
+        self.wrapping_add(other)
+    }
+
+    #[inline]
+    fn tripled(self) -> u32 {
+        self.wrapping_mul(3)
+    }
+
+    #[inline]
+    fn mean(self, count: u32, scale: u32) -> u32 {
+        self.wrapping_mul(scale / count.max(1))
+    }
+}
+
+impl MatchingCost for f32 {
+    const NONE: f32 = f32::INFINITY;
+    const ZERO: f32 = 0.0;
+
+    #[inline]
+    fn plus(self, other: f32) -> f32 {
+        self + other
+    }
+
+    #[inline]
+    fn tripled(self) -> f32 {
+        3.0 * self
+    }
+
+    #[inline]
+    fn mean(self, count: u32, _scale: u32) -> f32 {
+        self / count as f32
+    }
+}
+
+/// Paper, eq. 8.
+#[inline]
+fn least<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
+    costs.into_iter().fold(C::NONE, |least, cost| if cost < least { cost } else { least })
+}
+
+/// Paper, eq. 7. Adds in the order of the views.
+#[inline]
+fn mean<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
+    let (mut sum, mut count) = (C::ZERO, 0);
+    for cost in costs {
+        if cost.exists() {
+            sum = sum.plus(cost);
+            count += 1;
+        }
+    }
+    if count == 0 { C::NONE } else { sum.mean(count, Fusion::Mean.scale()) }
+}
+
+/// Paper, eq. 9.
+#[inline]
+fn heuristic<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
+    let [c1, c2, c3] = three_least(costs);
+    let mean = |sum: C, count| sum.mean(count, Fusion::Heuristic.scale());
+    if !c1.exists() {
+        C::NONE
+    } else if !c2.exists() {
+        mean(c1, 1)
+    } else if !c3.exists() || c3 > c2.tripled() {
+        mean(c1.plus(c2), 2)
+    } else {
+        mean(c1.plus(c2).plus(c3), 3)
+    }
+}
+
+/// The three least costs in ascending order, by insertion: the standard library's sort is large.
+#[inline]
+fn three_least<C: MatchingCost, const V: usize>(costs: [C; V]) -> [C; 3] {
+    let mut least = [C::NONE; 3];
+    for mut cost in costs {
+        for sorted in &mut least {
+            if cost < *sorted {
+                mem::swap(&mut cost, sorted);
             }
         }
-        rest = others;
     }
+    least
 }

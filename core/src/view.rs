@@ -1,4 +1,4 @@
-//! Where the camera was when it took a frame.
+//! Views: where the camera was, and where matches lie.
 
 use core::ops::Range;
 
@@ -26,25 +26,54 @@ pub enum View {
 }
 
 impl View {
-    /// Every view, in the order in which the matcher holds them.
+    /// Every view, in the order of the matcher.
     pub const ALL: [View; 4] = [View::Left, View::Right, View::Top, View::Bottom];
+
+    /// How far the match of a pixel lies from that pixel at a disparity of `d` pixels: `(du, dv)`.
+    ///
+    /// This is the one definition of the table above.
+    #[inline(always)]
+    pub const fn shift(self, d: i16) -> (i32, i32) {
+        let d = d as i32;
+        match self {
+            View::Left => (d, 0),
+            View::Right => (-d, 0),
+            View::Top => (0, d),
+            View::Bottom => (0, -d),
+        }
+    }
+
+    /// The match of pixel `(u, v)` at a disparity of `d` pixels, or `None` if it lies outside a frame of
+    /// `(width, height)` pixels.
+    ///
+    /// ```
+    /// use multiscopic_core::View;
+    /// assert_eq!(View::Right.match_of((5, 7), 3, (10, 10)), Some((2, 7)));
+    /// assert_eq!(View::Right.match_of((5, 7), 6, (10, 10)), None);
+    /// ```
+    #[inline(always)]
+    pub const fn match_of(self, (u, v): (usize, usize), d: i16, (width, height): (usize, usize)) -> Option<(usize, usize)> {
+        let (du, dv) = self.shift(d);
+        match (u.checked_add_signed(du as isize), v.checked_add_signed(dv as isize)) {
+            (Some(u), Some(v)) if u < width && v < height => Some((u, v)),
+            _ => None,
+        }
+    }
 
     /// Whether the camera moved along the image's rows, so that matches lie in the same line.
     #[inline(always)]
     pub const fn is_horizontal(self) -> bool {
-        matches!(self, View::Left | View::Right)
+        self.shift(1).1 == 0
     }
 
     /// `+1` where a match's coordinate grows with the disparity, `-1` where it falls.
     #[inline(always)]
     pub const fn sign(self) -> i32 {
-        match self {
-            View::Left | View::Top => 1,
-            View::Right | View::Bottom => -1,
-        }
+        let (du, dv) = self.shift(1);
+        du + dv
     }
 
-    /// Its name, in lower case.
+    /// The view's name, in lower case.
     pub const fn name(self) -> &'static str {
         match self {
             View::Left => "left",
@@ -54,8 +83,9 @@ impl View {
         }
     }
 
-    /// Where the view is available to a pixel: the disparities, as indices of `count` from `least` on, at which its match stays inside
-    /// the image. `coordinate` and `size` are those of the pixel and the image in the direction of the view.
+    /// The disparities at which the match of a pixel lies inside the image, as indices into the `count`
+    /// disparities from `least` on. `coordinate` and `size` are those of the pixel and the image in the
+    /// direction of the view.
     ///
     /// ```
     /// use multiscopic_core::View;
@@ -91,7 +121,7 @@ impl View {
 pub struct Views(u8);
 
 impl Views {
-    /// No neighbour: nothing to match with.
+    /// No view.
     pub const NONE: Views = Views(0);
     /// The classic stereo pair: centre and right.
     pub const STEREO: Views = Views::NONE.with(View::Right);
@@ -102,7 +132,7 @@ impl Views {
     /// All four neighbours.
     pub const ALL: Views = Views::THREE.with(View::Bottom);
 
-    /// This set and `view`.
+    /// This set with `view` added.
     pub const fn with(self, view: View) -> Views {
         Views(self.0 | view.bit())
     }
@@ -112,7 +142,7 @@ impl Views {
         self.0 & view.bit() != 0
     }
 
-    /// How many views are in the set, 0 to 4.
+    /// The number of views in the set, 0 to 4.
     pub const fn len(self) -> usize {
         self.0.count_ones() as usize
     }
@@ -134,18 +164,18 @@ impl FromIterator<View> for Views {
     }
 }
 
-/// One of the images of a capture: the reference in the centre or one of its neighbours.
+/// One of the frames of a capture: the reference in the centre or a neighbouring view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Frame {
-    /// The reference, for whose pixels disparities are estimated.
+    /// The reference, for whose pixels disparities are computed.
     Center,
-    /// A neighbour.
+    /// A neighbouring view.
     View(View),
 }
 
 impl Frame {
-    /// Its name, in lower case.
+    /// The frame's name, in lower case.
     pub const fn name(self) -> &'static str {
         match self {
             Frame::Center => "center",

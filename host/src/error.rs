@@ -7,8 +7,6 @@ use std::{
 
 use multiscopic_core::{Frame, ParamsError};
 
-use crate::stage::StageError;
-
 /// An error of the host: bad input, bad usage, or a file that could not be read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -42,13 +40,9 @@ pub enum Error {
     /// The parameters are out of range.
     #[error(transparent)]
     Params(#[from] ParamsError),
-    /// The stage does not move.
+    /// A stage or a camera failed: see [`StageError`](crate::capture::stage::StageError) and the camera's error, which are the source.
     #[error(transparent)]
-    Stage(#[from] StageError),
-    /// A camera does not do what it should.
-    #[cfg(all(target_os = "linux", feature = "v4l2"))]
-    #[error(transparent)]
-    Camera(#[from] crate::camera::Error),
+    Device(Box<dyn std::error::Error + Send + Sync>),
     /// A capture failed. Nothing moves any more.
     #[error("{}{source}", frame.map_or(String::new(), |frame| format!("{} frame: ", frame.name())))]
     Capture {

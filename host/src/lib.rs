@@ -1,67 +1,37 @@
-//! Accurate depth from one camera moved on purpose, on the host: files, matching with threads, evaluation and pictures.
+//! Accurate depth from one camera that is moved on purpose: capture, matching, evaluation, and budgets for microcontrollers.
+//!
+//! The rooms of this crate, in the order in which data flows through them. A room knows those above it, and none below:
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | [`error`], [`progress`] | what every room reports: errors that name the file, and how far long work has come |
+//! | [`images`] | rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth |
+//! | [`files`] | reading and writing them: PNG, JPEG, PNM, PFM, PLY, `rig.toml`; whole files or none |
+//! | [`scene`] | ray-traced scenes with known depth |
+//! | [`capture`] | cameras, stages, and the session in which one moves the other |
+//! | [`stereo`] | matching: cost, aggregation, optimization, refinement, and the engine that runs the core on all cores |
+//! | [`alignment`] | how far the views are from where they should be, estimated and taken out |
+//! | [`evaluation`] | data sets with ground truth, error metrics, and the tables made of them |
+//! | [`report`] | HTML pages, error maps and montages |
+//! | [`target`] | microcontrollers: memory and time budgets, the firmware's pipeline simulated, its packets received |
 
 pub mod alignment;
-pub mod birchfield_tomasi;
-pub mod budget;
-#[cfg(all(target_os = "linux", feature = "v4l2"))]
-pub mod camera;
 pub mod capture;
-pub mod cost;
-pub mod cross_based;
-pub mod dataset;
-pub mod depth;
-pub mod disparity_map;
-pub mod edge_aware;
 pub mod error;
-pub mod error_map;
 pub mod evaluation;
-pub mod filter;
-pub mod frames;
-pub mod geometry;
-pub mod graph_cuts;
-pub mod image_file;
-mod input;
-pub mod matching;
-pub mod mccnn;
-pub mod measured;
-pub mod method;
-pub mod metrics;
-pub mod montage;
-pub mod output;
-pub mod pfm;
-pub mod picture;
-pub mod ply;
-pub mod processor;
+pub mod files;
+pub mod images;
 pub mod progress;
-pub mod raster;
-pub mod reception;
 pub mod report;
-pub mod rig;
 pub mod scene;
-pub mod sgm;
-pub mod shutter;
-pub mod simd;
-pub mod simulation;
-pub mod stage;
-pub mod turbo;
-pub mod volume;
+pub mod stereo;
+pub mod target;
 
 pub use alignment::Alignment;
-pub use dataset::Dataset;
-pub use disparity_map::DisparityMap;
 pub use error::{Error, Result};
-pub use frames::Frames;
-pub use geometry::Geometry;
-pub use graph_cuts::GraphCuts;
-pub use matching::Engine;
-pub use method::Method;
-pub use metrics::Metrics;
-pub use pfm::FloatImage;
-pub use picture::Picture;
-pub use processor::Processor;
+pub use evaluation::{Dataset, Metrics};
+pub use files::Rig;
+pub use images::{DisparityMap, FloatImage, Frames, Geometry, Picture, Raster};
 pub use progress::Progress;
-pub use raster::Raster;
-pub use rig::Rig;
-pub use sgm::SemiGlobal;
-pub use simd::Simd;
-pub use volume::Volume;
+pub use stereo::{Engine, Method, Simd, Volume, optimization::graph_cuts::GraphCuts, optimization::sgm::SemiGlobal};
+pub use target::Processor;

@@ -8,7 +8,7 @@ use divan::{Bencher, counter::ItemsCount};
 use multiscopic::{
     Engine, Frames, Simd,
     scene::{Camera, Scene, capture},
-    simd::Task,
+    stereo::Task,
 };
 use multiscopic_core::{
     Fusion, Params, Views,

@@ -12,7 +12,7 @@ use std::{
 };
 
 use image::GrayImage;
-use multiscopic::camera::{Layout, PixelFormat};
+use multiscopic::capture::camera::{Layout, PixelFormat};
 use v4l::{Device, Format, FourCC, video::Output};
 
 /// The time between two frames.

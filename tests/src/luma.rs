@@ -1,6 +1,6 @@
 //! The grey in a camera's frame, a second time: pixel by pixel, from the definitions of the formats.
 
-use multiscopic::camera::{Layout, PixelFormat};
+use multiscopic::capture::camera::{Layout, PixelFormat};
 
 /// The grey of every pixel of an uncompressed frame, row by row.
 ///

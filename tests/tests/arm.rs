@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use multiscopic::stage::{self, AnyStage, Limits, SafetyMode, StageError, StageSpec};
+use multiscopic::capture::stage::{self, AnyStage, Limits, SafetyMode, StageError, StageSpec};
 use multiscopic_core::{
     Views,
     capture::{Camera, CaptureError, Plan, Policy, Position, Progress, Sequence, Stage},

@@ -4,7 +4,7 @@
 use image::{GrayImage, RgbImage, codecs::jpeg::JpegEncoder};
 use multiscopic::{
     Picture,
-    camera::{Fault, Layout, PixelFormat},
+    capture::camera::{Fault, Layout, PixelFormat},
 };
 use multiscopic_tests::{luma, random::Random};
 use proptest::prelude::*;

@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use multiscopic::stage::{self, AnyStage, Limits, StageError, StageSpec};
+use multiscopic::capture::stage::{self, AnyStage, Limits, StageError, StageSpec};
 use multiscopic_core::{
     Views,
     capture::{Camera, CaptureError, Plan, Policy, Position, Progress, Sequence, Stage},

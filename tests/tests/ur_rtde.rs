@@ -13,7 +13,7 @@ use std::{
 };
 
 use libtest_mimic::{Arguments, Failed, Trial};
-use multiscopic::stage::{self, AnyStage, Limits, StageSpec};
+use multiscopic::capture::stage::{self, AnyStage, Limits, StageSpec};
 use multiscopic_core::capture::{Position, Stage};
 use multiscopic_tests::arm::{
     Fault, SimulatedArm,

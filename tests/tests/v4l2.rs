@@ -21,7 +21,7 @@ mod machine {
     use libtest_mimic::{Arguments, Trial};
     use multiscopic::{
         Picture,
-        camera::{Camera, Fault, Layout, PixelFormat, Settings},
+        capture::camera::{Camera, Fault, Layout, PixelFormat, Settings},
     };
     use multiscopic_tests::{
         command, golden,
@@ -76,11 +76,11 @@ mod machine {
         Settings { format: Some(PixelFormat::Grey), size: Some([320, 180]), warm_up: 1, lock: false, ..Settings::default() }
     }
 
-    fn open(device: &str, settings: &Settings) -> Result<Camera, multiscopic::camera::Error> {
+    fn open(device: &str, settings: &Settings) -> Result<Camera, multiscopic::capture::camera::CameraError> {
         Camera::open(Path::new(device), settings)
     }
 
-    fn frame(camera: &mut Camera) -> Result<GrayImage, multiscopic::camera::Error> {
+    fn frame(camera: &mut Camera) -> Result<GrayImage, multiscopic::capture::camera::CameraError> {
         camera.frame(LONG, &AtomicBool::new(false))
     }
 

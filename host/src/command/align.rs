@@ -3,12 +3,15 @@
 use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
-use multiscopic::{Alignment, Error, Frames, Result, Rig, alignment::Residual, output, rig::Images};
+use multiscopic::{
+    Alignment, Error, Frames, Result, Rig,
+    alignment::Residual,
+    files::{Images, output},
+};
 use serde::Serialize;
 
 use super::{
-    options::{EngineOptions, SearchOptions},
-    source::SourceOptions,
+    options::{EngineOptions, SearchOptions, SourceOptions},
     terminal,
 };
 

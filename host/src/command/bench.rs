@@ -5,11 +5,11 @@ use std::{process::ExitCode, time::Instant};
 use clap::Args;
 use image::{GrayImage, Luma};
 use multiscopic::{Error, Frames, Method, Result};
-use multiscopic_core::{View, Views};
+use multiscopic_core::{Fusion, View, Views};
 
 use super::{
     methods::{MethodName, MethodOptions},
-    options::{EngineOptions, FusionName, SearchOptions, views_of_count},
+    options::{EngineOptions, SearchOptions, named, views_of_count},
     terminal,
 };
 
@@ -37,8 +37,8 @@ pub struct Bench {
     json: bool,
 
     /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
-    #[arg(long, value_enum)]
-    fusion: Option<FusionName>,
+    #[arg(long, value_parser = named::<Fusion>())]
+    fusion: Option<Fusion>,
 
     /// Method
     #[arg(long, value_enum, default_value = "bm", help_heading = "Matching")]
@@ -63,7 +63,7 @@ struct Report {
     num_disparities: usize,
     block_size: usize,
     views: usize,
-    fusion: String,
+    fusion: &'static str,
     threads: usize,
     kernel: String,
     seconds: f64,
@@ -80,11 +80,11 @@ impl Bench {
         let frames = made_frames(self.width.into(), self.height.into(), views);
         let params = self.search.params(frames.size(), views, self.fusion, (1, 64))?;
         let engine = self.engine.engine()?;
-        let method: Method = self.options.method(self.method)?;
+        let method: Method = self.options.method(self.method, self.search.block_size())?;
         let mut seconds = f64::INFINITY;
         for _ in 0..self.repeat {
             let start = Instant::now();
-            std::hint::black_box(method.disparities(&engine, &frames, &params, &())?);
+            std::hint::black_box(method.disparities(&engine, &frames, params.search(), &())?);
             seconds = seconds.min(start.elapsed().as_secs_f64());
         }
         let report = Report {
@@ -94,9 +94,9 @@ impl Bench {
             num_disparities: params.num_disparities(),
             block_size: params.block_size(),
             views: params.views().len(),
-            fusion: FusionName::from(params.fusion()).name(),
+            fusion: params.fusion().name(),
             threads: engine.threads(),
-            kernel: engine.simd(&params).to_string(),
+            kernel: engine.simd(params.search()).to_string(),
             seconds,
             gde_per_s: params.evaluations() as f64 / seconds / 1e9,
         };

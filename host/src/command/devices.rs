@@ -20,7 +20,7 @@ impl Devices {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         use super::terminal;
-        use multiscopic::{Error, camera};
+        use multiscopic::{Error, capture::camera};
 
         let cameras = camera::list().map_err(|source| Error::Read { path: "/dev".into(), source })?;
         if self.json {
@@ -46,8 +46,8 @@ impl Devices {
 
 /// A camera in lines of text.
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
-fn text(camera: &multiscopic::camera::Listing) -> String {
-    use multiscopic::camera::Sizes;
+fn text(camera: &multiscopic::capture::camera::Listing) -> String {
+    use multiscopic::capture::camera::Sizes;
 
     let mut lines = match camera.card.as_str() {
         "" => format!("{}\n", camera.device.display()),

@@ -12,17 +12,15 @@ use clap::{
 };
 use multiscopic::{
     Dataset, DisparityMap, Error, FloatImage, Picture, Result,
-    dataset::Scene,
-    error_map,
-    evaluation::{self, Row},
-    output,
-    report::{Figure, Report},
+    evaluation::{Row, Scene, record},
+    files::output,
+    report::{Figure, Report, error_map},
 };
 use multiscopic_core::Fusion;
 
 use super::{
     methods::{MethodName, MethodOptions},
-    options::{EngineOptions, FusionName, SearchOptions, views_of_count},
+    options::{EngineOptions, SearchOptions, named, views_of_count},
     terminal,
     variant::{Subject, Variant},
 };
@@ -60,8 +58,8 @@ pub struct Evaluate {
     methods: Vec<MethodName>,
 
     /// Fusions of the views' costs [default: min with one or two neighbours, heuristic with more]
-    #[arg(long, value_enum, value_delimiter = ',', help_heading = "Matching")]
-    fusion: Vec<FusionName>,
+    #[arg(long, value_parser = named::<Fusion>(), value_delimiter = ',', help_heading = "Matching")]
+    fusion: Vec<Fusion>,
 
     #[command(flatten)]
     search: SearchOptions,
@@ -103,6 +101,9 @@ impl Evaluate {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         let variants = self.variants()?;
+        let options = self.options.clone().for_dataset(self.dataset);
+        let method = |&name: &MethodName| Ok((name, options.method(name, self.search.block_size())?));
+        let methods = self.methods.iter().map(method).collect::<Result<Vec<_>>>()?;
         let scenes = self.chosen_scenes()?;
         let outputs: Vec<&Path> = self.json.iter().chain(&self.report).map(PathBuf::as_path).collect();
         let inputs: Vec<&Path> = scenes.iter().flat_map(|scene| scene.images.paths().chain([scene.truth.as_path()])).collect();
@@ -119,7 +120,8 @@ impl Evaluate {
             let subject = Subject { dataset: scene.dataset.name(), scene: &scene.name, frames: &frames, truth: &truth };
             for variant in &variants {
                 let params = self.search.params(frames.size(), variant.views, Some(variant.fusion), self.dataset.range())?;
-                let (disparities, record) = variant.measure(&engine, &subject, &params, &())?;
+                let (_, method) = methods.iter().find(|(name, _)| *name == variant.method).expect("every variant has its method");
+                let (disparities, record) = variant.measure(method, &engine, &subject, params.search())?;
                 if let Some(gallery) = &mut gallery {
                     gallery.add(&record.variant(), &disparities);
                 }
@@ -130,7 +132,7 @@ impl Evaluate {
         }
         bar.finish_and_clear();
 
-        let rows = evaluation::rows(&records);
+        let rows = record::rows(&records);
         if let Some(path) = &self.json {
             let json = serde_json::to_string_pretty(&records).expect("numbers and strings");
             output::write(path, |writer| writeln!(writer, "{json}"))?;
@@ -139,7 +141,7 @@ impl Evaluate {
             let html = self.page(&rows, galleries).to_html();
             output::write(path, |writer| writer.write_all(html.as_bytes()))?;
         }
-        terminal::print(&evaluation::text(&rows))?;
+        terminal::print(&record::text(&rows))?;
         Ok(ExitCode::SUCCESS)
     }
 
@@ -156,9 +158,8 @@ impl Evaluate {
         let available = self.dataset.views();
         let mut counts = if self.views.is_empty() { vec![1, available.len()] } else { self.views.clone() };
         counts.sort_unstable();
-        let options = self.options.clone().for_dataset(self.dataset);
         let mut variants = Vec::new();
-        for &name in &self.methods {
+        for &method in &self.methods {
             for &count in &counts {
                 let views = views_of_count(count)?;
                 if views.len() > available.len() {
@@ -168,13 +169,13 @@ impl Evaluate {
                     )));
                 }
                 let fusions = match (&self.fusion[..], count) {
-                    ([], _) => vec![Fusion::default_for(count).into()],
+                    ([], _) => vec![Fusion::default_for(count)],
                     // One cost is the same by every rule.
                     ([first, ..], 1) => vec![*first],
                     (fusions, _) => fusions.to_vec(),
                 };
                 for fusion in fusions {
-                    let variant = Variant { name, method: options.method(name)?, views, fusion };
+                    let variant = Variant { method, views, fusion };
                     if !variants.contains(&variant) {
                         variants.push(variant);
                     }

@@ -9,8 +9,9 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    Error, Result, output,
-    reception::{self, Notice, Received},
+    Error, Result,
+    files::output,
+    target::reception::{self, Notice, Received},
 };
 
 use super::{options::MapFiles, terminal};

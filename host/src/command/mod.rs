@@ -1,20 +1,17 @@
-//! The commands, a module each: options, what they do, what they print.
+//! The commands, a module each, and what they share: [`options`] and the [`terminal`].
 
 pub mod align;
 pub mod bench;
 pub mod budget;
-#[cfg_attr(not(all(target_os = "linux", feature = "v4l2")), path = "no_capture.rs")]
 pub mod capture;
 pub mod demo;
 pub mod devices;
 pub mod evaluate;
 pub mod listen;
-pub mod matching;
-pub mod methods;
-pub mod options;
+pub mod r#match;
+mod methods;
+mod options;
 pub mod simulate;
-pub mod source;
 pub mod terminal;
-pub mod variant;
-pub mod watch;
+mod variant;
 pub mod weights;

@@ -10,18 +10,19 @@ use std::{
 use clap::Args;
 use multiscopic::{
     Error, Frames, Processor, Result,
-    budget::Ram,
-    output, reception,
+    files::output,
     scene::{Camera, Scene, capture},
-    simulation::{self, Simulation},
+    target::{
+        Ram, reception,
+        simulation::{self, Simulation},
+    },
 };
 use multiscopic_core::{Fusion, Params, Region, View, Views};
 use multiscopic_edge::{Profile, profile};
 use serde::Serialize;
 
 use super::{
-    options::{FusionName, ProcessorName},
-    source::SourceOptions,
+    options::{SourceOptions, named},
     terminal,
 };
 
@@ -36,12 +37,12 @@ pub struct Simulate {
     profile: String,
 
     /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
-    #[arg(long, value_enum)]
-    fusion: Option<FusionName>,
+    #[arg(long, value_parser = named::<Fusion>())]
+    fusion: Option<Fusion>,
 
     /// Processor whose firmware is predicted
-    #[arg(long, value_enum, default_value = "cortex-m4")]
-    core: ProcessorName,
+    #[arg(long, value_parser = named::<Processor>(), default_value = "cortex-m4")]
+    core: Processor,
 
     /// Print one JSON object instead of a table
     #[arg(long)]
@@ -62,7 +63,7 @@ impl Simulate {
         let profile = profile::ALL.into_iter().find(|profile| profile.name == self.profile);
         let profile = profile.expect("the names are those of the profiles");
         let views = profile.params(Fusion::Min).views();
-        let fusion = self.fusion.map_or(Fusion::default_for(views.len()), Fusion::from);
+        let fusion = self.fusion.unwrap_or(Fusion::default_for(views.len()));
         let params = profile.params(fusion);
         let (frames, images) = self.frames(&profile, &params)?;
 
@@ -77,7 +78,7 @@ impl Simulate {
             let received = reception::receive(&simulation.packets[..], Path::new("the simulated packets"), |_| ())?;
             received.disparities.write_pfm(path)?;
         }
-        let report = Report::new(&profile, &params, self.core.into(), images, &simulation);
+        let report = Report::new(&profile, &params, self.core, images, &simulation);
         terminal::print(&match self.json {
             true => serde_json::to_string(&report).expect("numbers and strings") + "\n",
             false => report.to_string(),

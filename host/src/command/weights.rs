@@ -5,7 +5,7 @@ use std::{path::PathBuf, process::ExitCode};
 use clap::{Args, Subcommand};
 use multiscopic::{
     Result,
-    mccnn::{Architecture, Weights, package},
+    stereo::cost::mccnn::{Architecture, Weights, package},
 };
 
 use super::terminal;

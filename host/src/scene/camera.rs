@@ -6,7 +6,7 @@ use super::{
     trace::Tracer,
     vector::{Ray, Vec3},
 };
-use crate::{FloatImage, Frames, Picture};
+use crate::images::{FloatImage, Frames, Picture};
 use image::RgbImage;
 use multiscopic_core::{Frame, View, Views};
 use rayon::prelude::*;
@@ -134,7 +134,7 @@ fn tone(light: f64) -> f64 {
 
 /// What a capture gives: five frames and the truth.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Capture {
+pub struct Shot {
     /// The reference.
     pub center: RgbImage,
     /// The neighbours, in the order of [`View::ALL`].
@@ -144,7 +144,7 @@ pub struct Capture {
     pub truth: FloatImage,
 }
 
-impl Capture {
+impl Shot {
     /// One of the five images.
     pub fn frame(&self, frame: Frame) -> &RgbImage {
         match frame {
@@ -164,10 +164,10 @@ impl Capture {
 ///
 /// # Panics
 /// If the camera has no pixels.
-pub fn capture(scene: &Scene, camera: &Camera, seed: u64) -> Capture {
+pub fn capture(scene: &Scene, camera: &Camera, seed: u64) -> Shot {
     let tracer = Tracer::new(scene);
     assert!(camera.width > 0 && camera.height > 0, "a camera of {}x{} pixels", camera.width, camera.height);
-    Capture {
+    Shot {
         center: shoot(&tracer, camera, Frame::Center, seed),
         neighbors: View::ALL.map(|view| shoot(&tracer, camera, Frame::View(view), seed)),
         truth: true_disparity(&tracer, camera),
@@ -278,7 +278,7 @@ mod tests {
     }
 
     /// The median grey difference between the centre and its match in a view, with `shift` added to the true disparity.
-    fn residual(shot: &Capture, view: View, shift: f64) -> f64 {
+    fn residual(shot: &Shot, view: View, shift: f64) -> f64 {
         let width = shot.center.width() as usize;
         let mut differences: Vec<f64> = (0..shot.truth.pixels().len())
             .filter_map(|index| {

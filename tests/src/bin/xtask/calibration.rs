@@ -1,7 +1,7 @@
 //! Fits the cost model of `multiscopic budget` to what small matches take in the emulator.
 
 use anyhow::{Context, Result, ensure};
-use multiscopic::cost::{Candidates, Prices, Units, Work};
+use multiscopic::target::instructions::{Candidates, Prices, Units, Work};
 use multiscopic_core::{Fusion, Params, Views};
 use std::{
     collections::BTreeMap,

@@ -2,11 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use multiscopic::{
-    measured::{MEASURED, Measured, Table},
-    reception::Received,
-    simulation::simulate,
-};
+use multiscopic::target::{MEASURED, Measured, Table, reception::Received, simulation::simulate};
 use multiscopic_core::Fusion;
 use multiscopic_edge::{Profile, frame_file, profile};
 use serde::Serialize;
@@ -45,7 +41,7 @@ pub struct Selection {
     /// Only this board
     #[arg(long, value_parser = board::ALL.map(|board| board.name))]
     board: Option<String>,
-    /// Fit the cost model of `multiscopic budget` first, and write it and what else was measured to host/src/measured.toml
+    /// Fit the cost model of `multiscopic budget` first, and write it and what else was measured to host/src/target/measured.toml
     #[arg(long, conflicts_with_all = ["profile", "fusion", "board"])]
     fit: bool,
     /// Write the instructions per disparity evaluation to the record instead of comparing them with it
@@ -111,7 +107,7 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     })?;
     if selection.fit {
         note_ram(&mut table, &runs, &measurements);
-        fs::write(layout::root().join("host/src/measured.toml"), table.to_toml())?;
+        fs::write(layout::root().join("host/src/target/measured.toml"), table.to_toml())?;
     }
     for (run, measurement) in runs.iter().zip(&mut measurements) {
         measurement.predict(run, &table)?;

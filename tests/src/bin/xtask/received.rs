@@ -3,7 +3,7 @@
 use anyhow::{Result, ensure};
 use multiscopic::{
     DisparityMap,
-    reception::{self, Flaw, Notice, Received},
+    target::reception::{self, Flaw, Notice, Received},
 };
 use multiscopic_core::{Disparity, Params};
 use std::path::Path;

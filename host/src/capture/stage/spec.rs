@@ -1,0 +1,140 @@
+//! Which stage.
+
+use std::{fmt, str::FromStr};
+
+use super::{ArmAddress, StageError, gcode};
+
+/// Which stage, as `--stage` names it.
+///
+/// ```
+/// use multiscopic::capture::stage::{ArmAddress, StageSpec};
+/// let arm: StageSpec = "ur10:192.168.0.10".parse()?;
+/// assert_eq!(arm, StageSpec::Ur10(ArmAddress { host: "192.168.0.10".into(), script_port: 30002, rtde_port: 30004 }));
+/// assert_eq!("gcode:/dev/ttyUSB0".parse::<StageSpec>()?.to_string(), "gcode:/dev/ttyUSB0@115200");
+/// assert_eq!("manual".parse::<StageSpec>()?, StageSpec::Manual);
+/// # Ok::<(), multiscopic::capture::stage::StageError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum StageSpec {
+    /// `ur10:HOST[:PORT[,RTDE_PORT]]`: an arm of Universal Robots, of any size. `PORT` takes scripts (30002), `RTDE_PORT` tells where the arm is
+    /// (30004). An IPv6 address is put in brackets.
+    Ur10(ArmAddress),
+    /// `gcode:TTY[@BAUD]`: a machine with Grbl or Marlin on a serial port.
+    Gcode {
+        /// The port, as the system names it.
+        path: String,
+        /// Symbols per second: 115 200.
+        baud: u32,
+    },
+    /// `manual`: a person is asked to move the camera.
+    Manual,
+}
+
+impl FromStr for StageSpec {
+    type Err = StageError;
+
+    fn from_str(text: &str) -> Result<StageSpec, StageError> {
+        let parsed = match text.split_once(':') {
+            Some(("ur10", address)) => arm_address(address).map(StageSpec::Ur10),
+            Some(("gcode", port)) => serial_port(port),
+            None if text == "manual" => Ok(StageSpec::Manual),
+            None if text == "ur10" => Err("the arm's host is missing"),
+            None if text == "gcode" => Err("the serial port is missing"),
+            _ => Err("its kind is unknown"),
+        };
+        parsed.map_err(|problem| StageError::Spec { text: text.into(), problem })
+    }
+}
+
+impl fmt::Display for StageSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            StageSpec::Ur10(address) => write!(f, "ur10:{address}"),
+            StageSpec::Gcode { path, baud } => write!(f, "gcode:{path}@{baud}"),
+            StageSpec::Manual => f.write_str("manual"),
+        }
+    }
+}
+
+fn arm_address(text: &str) -> Result<ArmAddress, &'static str> {
+    let (host, ports) = match text.strip_prefix('[').map(|rest| rest.split_once(']').ok_or("a bracket is not closed")) {
+        Some(bracketed) => {
+            let (host, rest) = bracketed?;
+            (host, if rest.is_empty() { None } else { Some(rest.strip_prefix(':').ok_or("a port comes after a colon")?) })
+        }
+        None => text.split_once(':').map_or((text, None), |(host, ports)| (host, Some(ports))),
+    };
+    if host.is_empty() || host.contains(char::is_whitespace) {
+        return Err("the arm's host is missing");
+    }
+    let port = |text: &str| text.parse().ok().filter(|port| *port != 0).ok_or("a port is a number from 1 to 65535");
+    let (script, rtde) = match ports.map(|ports| ports.split_once(',').map_or((ports, None), |(one, two)| (one, Some(two)))) {
+        Some((script, rtde)) => (Some(script), rtde),
+        None => (None, None),
+    };
+    Ok(ArmAddress {
+        host: host.into(),
+        script_port: script.map_or(Ok(ArmAddress::SCRIPT_PORT), port)?,
+        rtde_port: rtde.map_or(Ok(ArmAddress::RTDE_PORT), port)?,
+    })
+}
+
+fn serial_port(text: &str) -> Result<StageSpec, &'static str> {
+    let (path, baud) = text.rsplit_once('@').map_or((text, None), |(path, baud)| (path, Some(baud)));
+    if path.is_empty() {
+        return Err("the serial port is missing");
+    }
+    let number = |text: &str| text.parse().ok().filter(|baud| *baud != 0).ok_or("BAUD is a number above 0");
+    Ok(StageSpec::Gcode { path: path.into(), baud: baud.map_or(Ok(gcode::BAUD), number)? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn arm(host: &str, script_port: u16, rtde_port: u16) -> StageSpec {
+        StageSpec::Ur10(ArmAddress { host: host.into(), script_port, rtde_port })
+    }
+
+    #[test]
+    fn names() {
+        for (text, expected, again) in [
+            ("ur10:arm.local", arm("arm.local", 30002, 30004), "ur10:arm.local:30002,30004"),
+            ("ur10:127.0.0.1:4001", arm("127.0.0.1", 4001, 30004), "ur10:127.0.0.1:4001,30004"),
+            ("ur10:127.0.0.1:4001,4002", arm("127.0.0.1", 4001, 4002), "ur10:127.0.0.1:4001,4002"),
+            ("ur10:[fe80::1]:4001,4002", arm("fe80::1", 4001, 4002), "ur10:[fe80::1]:4001,4002"),
+            ("ur10:[::1]", arm("::1", 30002, 30004), "ur10:[::1]:30002,30004"),
+            ("gcode:COM3@250000", StageSpec::Gcode { path: "COM3".into(), baud: 250_000 }, "gcode:COM3@250000"),
+            ("manual", StageSpec::Manual, "manual"),
+        ] {
+            let parsed: StageSpec = text.parse().unwrap();
+            assert_eq!((&parsed, parsed.to_string().as_str()), (&expected, again));
+            assert_eq!(again.parse::<StageSpec>().unwrap(), expected);
+        }
+    }
+
+    #[test]
+    fn what_names_no_stage() {
+        for (text, words) in [
+            ("", "its kind is unknown"),
+            ("ur5:host", "its kind is unknown"),
+            ("manual:", "its kind is unknown"),
+            ("ur10", "host is missing"),
+            ("ur10:", "host is missing"),
+            ("ur10::30002", "host is missing"),
+            ("ur10:host:", "a port is a number"),
+            ("ur10:host:0", "a port is a number"),
+            ("ur10:host:65536", "a port is a number"),
+            ("ur10:host:30002,", "a port is a number"),
+            ("ur10:fe80::1", "a port is a number"),
+            ("ur10:[::1", "a bracket is not closed"),
+            ("ur10:[::1]30002", "a port comes after a colon"),
+            ("gcode", "the serial port is missing"),
+            ("gcode:@9600", "the serial port is missing"),
+            ("gcode:/dev/ttyUSB0@fast", "BAUD is a number"),
+        ] {
+            let refusal = text.parse::<StageSpec>().unwrap_err().to_string();
+            assert!(refusal.contains(&format!("`{text}` is no stage: ")) && refusal.contains(words), "{refusal}");
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! `multiscopic match`: images in, disparities out.
+
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+    time::Instant,
+};
+
+use clap::Args;
+use multiscopic::stereo::{CostFunction, Optimizer};
+use multiscopic::{
+    Alignment, DisparityMap, Error, Frames, Result,
+    files::{
+        output,
+        ply::{self, Encoding},
+    },
+    images::depth,
+};
+use multiscopic_core::{Frame, Fusion, Params};
+
+use super::{
+    methods::{MethodName, MethodOptions},
+    options::{EngineOptions, GeometryOptions, MapFiles, SearchOptions, SourceOptions, named},
+    terminal::{self, Watch},
+};
+
+/// Estimates the disparity of every pixel of a centre image from its neighbours
+#[derive(Clone, Debug, Args)]
+pub struct Match {
+    #[command(flatten)]
+    source: SourceOptions,
+
+    /// Method
+    #[arg(long, value_enum, default_value = "bm", help_heading = "Matching")]
+    method: MethodName,
+
+    /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
+    #[arg(long, value_parser = named::<Fusion>(), help_heading = "Matching")]
+    fusion: Option<Fusion>,
+
+    #[command(flatten)]
+    search: SearchOptions,
+
+    #[command(flatten)]
+    options: MethodOptions,
+
+    /// First take shifts across the baseline and differences of brightness out of the views, as `multiscopic align` finds them
+    #[arg(long, help_heading = "Matching")]
+    align: bool,
+
+    #[command(flatten)]
+    outputs: Outputs,
+
+    #[command(flatten)]
+    geometry: GeometryOptions,
+
+    #[command(flatten)]
+    engine: EngineOptions,
+}
+
+/// The files that are written.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Output")]
+struct Outputs {
+    #[command(flatten)]
+    maps: MapFiles,
+
+    /// Depths in metres, +inf where there is none; needs the camera's focal length and baseline
+    #[arg(long, value_name = "OUT.pfm")]
+    depth: Option<PathBuf>,
+
+    /// Cloud of coloured points in metres; needs the camera's focal length and baseline
+    #[arg(long, value_name = "OUT.ply")]
+    ply: Option<PathBuf>,
+
+    /// Write the point cloud as text
+    #[arg(long, requires = "ply")]
+    ply_ascii: bool,
+}
+
+impl Match {
+    /// Runs the command.
+    pub fn run(&self) -> Result<ExitCode> {
+        let Some((images, rig)) = self.source.capture()? else {
+            let message = "there is no image to match, give --center and its neighbours, or RIG_DIR, a folder with a rig.toml";
+            return Err(Error::Usage(message.into()));
+        };
+        let (mut frames, center) = Frames::load(&images)?;
+        let center = self.outputs.ply.is_some().then_some(center);
+        let params = self.search.params(frames.size(), frames.views(), self.fusion, SearchOptions::RANGE)?;
+        let geometry = self.geometry.geometry(rig.as_ref(), &frames);
+        self.outputs.check_geometry(geometry.is_some())?;
+        let rig_file = self.source.rig_file();
+        let inputs: Vec<&Path> = images.paths().chain(rig_file.as_deref()).collect();
+        output::check(&self.outputs.paths(), &inputs)?;
+        let engine = self.engine.engine()?;
+        if self.align {
+            frames = Alignment::estimate(&frames, &params, &engine)?.compensate(&frames);
+        }
+
+        let method = self.options.method(self.method, self.search.block_size())?;
+        if let (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) = (&method.cost, &method.optimizer)
+            && cuts.upsample > 1
+        {
+            let colored = frames.color(Frame::Center).is_some();
+            let bytes = cuts.bytes(*cost, params.width() * params.height(), params.views().len(), colored);
+            let megabytes = bytes.div_ceil(1_000_000);
+            terminal::say(&format!("matching images {} times as large takes about {megabytes} MB", cuts.upsample));
+        }
+        let watch = Watch::new()?;
+        let start = Instant::now();
+        let disparities = method.disparities(&engine, &frames, params.search(), &watch)?;
+        let seconds = start.elapsed().as_secs_f64();
+        watch.finish();
+
+        let outputs = &self.outputs;
+        outputs.maps.write(&disparities)?;
+        if let (Some(path), Some(geometry)) = (&outputs.depth, &geometry) {
+            depth::depth_map(&disparities, geometry).write_pfm(path)?;
+        }
+        if let (Some(path), Some(geometry), Some(center)) = (&outputs.ply, &geometry, &center) {
+            let encoding = if outputs.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
+            ply::write(path, &disparities, geometry, center, encoding)?;
+        }
+        terminal::say(&summary(&params, &disparities, seconds));
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+impl Outputs {
+    fn paths(&self) -> Vec<&Path> {
+        let Outputs { maps, depth, ply, ply_ascii: _ } = self;
+        maps.paths().chain([depth, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
+    }
+
+    /// Refuses an output for which the geometry is not known.
+    fn check_geometry(&self, known: bool) -> Result<()> {
+        let needing = [("--depth", &self.depth), ("--ply", &self.ply)];
+        match needing.into_iter().find_map(|(option, path)| Some((option, path.as_ref()?))) {
+            Some((option, path)) if !known => Err(Error::Usage(format!(
+                "{option} {} needs the camera's focal length and baseline, give --focal-px and --baseline-mm, or a folder with a rig.toml",
+                path.display()
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// What was matched, how and with what result, in a line.
+fn summary(params: &Params, disparities: &DisparityMap, seconds: f64) -> String {
+    let valid = disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64;
+    let views = match params.views().len() {
+        1 => "1 view".into(),
+        views => format!("{views} views"),
+    };
+    format!(
+        "{}x{}, {views}, {}, {}..={}, block {}: {:.1} % valid, {:.0} ms",
+        params.width(),
+        params.height(),
+        params.fusion().name(),
+        params.min_disparity(),
+        params.max_disparity(),
+        params.block_size(),
+        100.0 * valid,
+        1e3 * seconds
+    )
+}

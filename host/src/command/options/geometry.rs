@@ -1,0 +1,73 @@
+//! The camera's geometry, for depth and point clouds.
+
+use clap::Args;
+use multiscopic::{Frames, Geometry, Rig};
+
+use super::value::{finite, point, positive};
+
+/// What turns disparities into places.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Camera (for --depth and --ply; a rig.toml has it, and what is given here comes first)")]
+pub struct GeometryOptions {
+    /// Focal length in pixels
+    #[arg(long, value_name = "PX", value_parser = positive, allow_negative_numbers = true)]
+    focal_px: Option<f64>,
+
+    /// How far the camera was moved from the centre to each neighbour, in millimetres
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
+    baseline_mm: Option<f64>,
+
+    /// The negated disparity of a point at infinity [default: 0]
+    #[arg(long, value_name = "PX", value_parser = finite, allow_negative_numbers = true)]
+    doffs: Option<f64>,
+
+    /// Where the optical axis meets the image, in pixels from the centre of the first one [default: the middle of the image]
+    #[arg(long, value_name = "CX,CY", value_parser = point, allow_negative_numbers = true)]
+    principal_point: Option<[f64; 2]>,
+}
+
+impl GeometryOptions {
+    /// The geometry of frames like `frames`: what is given, else what the rig says. `None` if focal length or baseline is unknown.
+    pub fn geometry(&self, rig: Option<&Rig>, frames: &Frames) -> Option<Geometry> {
+        let middle = || [frames.width(), frames.height()].map(|side| (side as f64 - 1.0) / 2.0);
+        Some(Geometry {
+            focal_px: self.focal_px.or(rig.and_then(|rig| rig.focal_px))?,
+            baseline_mm: self.baseline_mm.or(rig.map(|rig| rig.baseline_mm))?,
+            principal_point: self.principal_point.or(rig.map(|rig| rig.principal_point)).unwrap_or_else(middle),
+            doffs: self.doffs.or(rig.map(|rig| rig.doffs)).unwrap_or_default(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::GrayImage;
+    use multiscopic::files::{Images, Provenance};
+
+    use super::*;
+
+    #[test]
+    fn what_is_given_comes_before_the_rig() {
+        let frames = Frames::new(GrayImage::new(640, 480));
+        let nothing = GeometryOptions { focal_px: None, baseline_mm: None, doffs: None, principal_point: None };
+        assert_eq!(nothing.geometry(None, &frames), None);
+        let rig = Rig {
+            focal_px: Some(500.0),
+            baseline_mm: 40.0,
+            principal_point: [1.0, 2.0],
+            doffs: 3.0,
+            images: Images::default(),
+            capture: Provenance::default(),
+        };
+        assert_eq!(nothing.geometry(Some(&rig), &frames), rig.geometry());
+
+        let given = GeometryOptions { focal_px: Some(700.0), baseline_mm: Some(20.0), ..nothing };
+        let expected = Geometry { focal_px: 700.0, baseline_mm: 20.0, principal_point: [1.0, 2.0], doffs: 3.0 };
+        assert_eq!(given.geometry(Some(&rig), &frames), Some(expected));
+        let unknown = Rig { focal_px: None, ..rig };
+        assert_eq!(nothing.geometry(Some(&unknown), &frames), None);
+        assert_eq!(given.geometry(Some(&unknown), &frames), Some(expected));
+        let middle = Geometry { principal_point: [319.5, 239.5], doffs: 0.0, ..expected };
+        assert_eq!(given.geometry(None, &frames), Some(middle));
+    }
+}

@@ -1,0 +1,76 @@
+//! Values that are chosen by name on the command line.
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use multiscopic::Processor;
+use multiscopic_core::Fusion;
+
+/// A type with few values, each of which has a name on the command line.
+pub trait Named: Clone + Send + Sync + 'static {
+    /// Every value, in the order in which `--help` lists them.
+    const ALL: &'static [Self];
+
+    /// The name on the command line.
+    fn name(&self) -> &'static str;
+
+    /// What `--help` says about it.
+    fn about(&self) -> &'static str;
+}
+
+/// Parses the name of a value. `--help` and errors list all names.
+pub fn named<T: Named>() -> impl TypedValueParser<Value = T> {
+    let values = T::ALL.iter().map(|value| PossibleValue::new(value.name()).help(value.about()));
+    PossibleValuesParser::new(values).map(|name| {
+        let value = T::ALL.iter().find(|value| value.name() == name);
+        value.expect("the parser admits the listed names alone").clone()
+    })
+}
+
+impl Named for Fusion {
+    const ALL: &'static [Fusion] = &Fusion::ALL;
+
+    fn name(&self) -> &'static str {
+        Fusion::name(*self)
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            Fusion::Min => "The least cost of the views: sharp at occlusions",
+            Fusion::Mean => "The mean cost of the views: quiet",
+            Fusion::Heuristic => "The mean of the two or three least costs (the paper's rule for four views)",
+        }
+    }
+}
+
+impl Named for Processor {
+    const ALL: &'static [Processor] = &Processor::ALL;
+
+    fn name(&self) -> &'static str {
+        Processor::name(*self)
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            Processor::CortexM4 => "Armv7E-M with DSP instructions",
+            Processor::CortexM7 => "Armv7E-M with DSP instructions, two instructions at a time",
+            Processor::CortexM55 => "Armv8.1-M with vectors",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    fn names<T: Named>() -> Vec<&'static str> {
+        T::ALL.iter().map(Named::name).collect()
+    }
+
+    #[test]
+    fn no_two_values_of_a_type_share_a_name() {
+        for names in [names::<Fusion>(), names::<Processor>()] {
+            assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len(), "{names:?}");
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! Disparity maps in files: PFM, coloured PNG, and 16-bit PNG.
+
+use std::{ops::RangeInclusive, path::Path};
+
+use image::{DynamicImage, ImageBuffer, Luma};
+use multiscopic_core::Disparity;
+
+use crate::{
+    error::{Error, Result},
+    files::{codec, input},
+    images::{DisparityMap, Raster},
+};
+
+impl DisparityMap {
+    /// Writes a PFM file: pixels of disparity, +inf where there is none.
+    ///
+    /// # Errors
+    /// If the file cannot be written; what was there before is still there.
+    pub fn write_pfm(&self, path: &Path) -> Result<()> {
+        self.to_float().write_pfm(path)
+    }
+
+    /// Writes a PNG in the colours of [`to_color`](DisparityMap::to_color).
+    ///
+    /// # Errors
+    /// If the file cannot be written; what was there before is still there.
+    pub fn write_color_png(&self, path: &Path, range: Option<RangeInclusive<f32>>) -> Result<()> {
+        codec::write_png(path, &self.to_color(range))
+    }
+
+    /// Writes a 16-bit PNG: disparity times 64 plus 32768, and 0 where there is none. Nothing is lost.
+    ///
+    /// # Errors
+    /// If the file cannot be written; what was there before is still there.
+    pub fn write_raw16(&self, path: &Path) -> Result<()> {
+        let samples = self.pixels().iter().map(|&pixel| Disparity::to_raw16(pixel)).collect();
+        let (width, height) = (self.width() as u32, self.height() as u32);
+        let image = ImageBuffer::<Luma<u16>, _>::from_raw(width, height, samples).expect("a sample for every pixel");
+        codec::write_png(path, &image)
+    }
+
+    /// Reads what [`write_raw16`](DisparityMap::write_raw16) wrote.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is damaged or not an image of one channel of 16 bits.
+    pub fn read_raw16(path: &Path) -> Result<DisparityMap> {
+        match codec::decode(path, &input::read(path)?)? {
+            DynamicImage::ImageLuma16(image) => {
+                let (width, height) = (image.width() as usize, image.height() as usize);
+                Ok(Raster::new(width, height, image.into_raw()).map(|&raw| Disparity::from_raw16(raw)))
+            }
+            other => {
+                let found = format!("an image of {:?}", other.color());
+                Err(Error::format(path, found, "disparities in a grey image of 16 bits (L16)"))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::images::FloatImage;
+    use multiscopic_core::Disparity;
+
+    fn disparity(pixels: f32) -> Option<Disparity> {
+        Disparity::from_bits((pixels * 64.0) as i16)
+    }
+
+    fn map() -> DisparityMap {
+        DisparityMap::new(
+            3,
+            2,
+            vec![disparity(-2.5), None, disparity(60.0), disparity(0.0), disparity(511.984_4), disparity(-511.984_4)],
+        )
+    }
+
+    #[test]
+    fn raw16_loses_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("raw.png");
+        map().write_raw16(&path).unwrap();
+        assert_eq!(DisparityMap::read_raw16(&path).unwrap(), map());
+        let image = image::open(&path).unwrap().into_luma16();
+        assert_eq!(image.into_raw(), [32768 - 160, 0, 32768 + 3840, 32768, 65535, 1]);
+    }
+
+    #[test]
+    fn another_image_is_not_raw16() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("color.png");
+        map().write_color_png(&path, None).unwrap();
+        let message = DisparityMap::read_raw16(&path).unwrap_err().to_string();
+        assert!(message.contains("found an image of Rgb8, expected disparities"), "{message}");
+    }
+
+    #[test]
+    fn pfm_marks_what_is_invalid() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("d.pfm");
+        map().write_pfm(&path).unwrap();
+        let read = FloatImage::read_pfm(&path).unwrap();
+        assert_eq!(read.pixels()[..4], [-2.5, f32::INFINITY, 60.0, 0.0]);
+    }
+}

@@ -1,0 +1,59 @@
+//! Reading a file whole, within limits.
+
+use std::{fs::File, io::Read, path::Path};
+
+use crate::error::{Error, Result};
+
+/// The longest side of a picture in pixels, as in the core.
+pub(crate) const MAX_SIDE: u32 = u16::MAX as u32;
+/// The most bytes that a file or a decoded picture may have: far above any camera's, far below what stops a computer.
+pub(crate) const MAX_BYTES: u64 = 1 << 30;
+
+/// The contents of the file at `path`, at least one byte.
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
+    let failed = |source| Error::Read { path: path.into(), source };
+    let mut bytes = Vec::new();
+    File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(failed)?;
+    match bytes.len() as u64 {
+        0 => Err(Error::format(path, "an empty file", "data")),
+        n if n > MAX_BYTES => Err(Error::format(path, "more than 1 GiB", "at most 1 GiB")),
+        _ => Ok(bytes),
+    }
+}
+
+/// Refuses a picture in `path` that is empty or that memory should not be spent on, before any is.
+pub(crate) fn check_size(path: &Path, width: u32, height: u32, bytes: u64) -> Result<()> {
+    let side = 1..=MAX_SIDE;
+    if side.contains(&width) && side.contains(&height) && bytes <= MAX_BYTES {
+        return Ok(());
+    }
+    let expected = format!("1 to {MAX_SIDE} pixels on each side, and at most 1 GiB in all");
+    Err(Error::format(path, format!("a picture of {width}x{height} pixels"), expected))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_is_not_there_or_empty_is_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("c.png");
+        let message = read(&path).unwrap_err().to_string();
+        assert!(message.starts_with(&format!("cannot read {}: ", path.display())), "{message}");
+        std::fs::write(&path, "").unwrap();
+        assert_eq!(read(&path).unwrap_err().to_string(), format!("{}: found an empty file, expected data", path.display()));
+        assert!(matches!(read(dir.path()), Err(Error::Read { .. })));
+    }
+
+    #[test]
+    fn sizes() {
+        let path = Path::new("p");
+        assert!(check_size(path, 1, 65535, 65535).is_ok());
+        for (width, height) in [(0, 1), (1, 0), (65536, 1), (1, 65536), (65535, 65535)] {
+            let bytes = u64::from(width) * u64::from(height);
+            let message = check_size(path, width, height, bytes).unwrap_err().to_string();
+            assert!(message.contains(&format!("{width}x{height}")), "{message}");
+        }
+    }
+}

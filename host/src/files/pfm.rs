@@ -1,0 +1,132 @@
+//! PFM files: pictures of floating-point numbers, as the Middlebury benchmark writes disparities.
+
+use std::{path::Path, str::FromStr};
+
+use crate::{
+    error::{Error, Result},
+    files::{input, output},
+    images::FloatImage,
+};
+
+impl FloatImage {
+    /// Reads a PFM file of one channel, in either byte order.
+    ///
+    /// Only the sign of the scale counts, as in the Middlebury tools; the numbers are taken as they are.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is of another kind, truncated or longer than its header says, or too large.
+    pub fn read_pfm(path: &Path) -> Result<FloatImage> {
+        decode(path, &input::read(path)?)
+    }
+
+    /// Writes a PFM file: rows from the bottom, little-endian.
+    ///
+    /// # Errors
+    /// If the file cannot be written; what was there before is still there.
+    pub fn write_pfm(&self, path: &Path) -> Result<()> {
+        output::write(path, |writer| {
+            write!(writer, "Pf\n{} {}\n-1.0\n", self.width(), self.height())?;
+            self.rows().rev().flatten().try_for_each(|value| writer.write_all(&value.to_le_bytes()))
+        })
+    }
+}
+
+/// Whether a file with these contents is a PFM, be it grey or in colour.
+pub(crate) fn is_pfm(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"Pf") || bytes.starts_with(b"PF")
+}
+
+/// The picture in the contents of `path`.
+pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<FloatImage> {
+    let expected = "a PFM file of one channel: Pf, width, height and scale, then the pixels";
+    let mut rest = bytes;
+    match next_word(&mut rest) {
+        Some("Pf") => {}
+        Some("PF") => return Err(Error::format(path, "a PFM file in colour (PF)", expected)),
+        _ => return Err(Error::format(path, "no PFM file", expected)),
+    }
+    let width = next_number(path, &mut rest, "width")?;
+    let height = next_number(path, &mut rest, "height")?;
+    let scale: f32 = next_number(path, &mut rest, "scale")?;
+    if !scale.is_finite() || scale == 0.0 {
+        return Err(Error::format(path, format!("a PFM scale of {scale}"), "-1 (little-endian) or 1 (big-endian)"));
+    }
+    let bytes = 4u64.saturating_mul(u64::from(width) * u64::from(height));
+    input::check_size(path, width, height, bytes)?;
+    if rest.len() as u64 != bytes {
+        let found = format!("{} bytes of pixels", rest.len());
+        return Err(Error::format(path, found, format!("{bytes} for the {width}x{height} pixels of the header")));
+    }
+
+    let value = if scale > 0.0 { f32::from_be_bytes } else { f32::from_le_bytes };
+    let (width, height) = (width as usize, height as usize);
+    let rows_from_the_top = rest.chunks_exact(4 * width).rev();
+    let pixels = rows_from_the_top.flat_map(|row| row.as_chunks().0.iter().map(|&bytes| value(bytes))).collect();
+    Ok(FloatImage::new(width, height, pixels))
+}
+
+/// Takes the next word of the header from the front of `rest`, and the one white space (or CR LF) that ends it.
+fn next_word<'a>(rest: &mut &'a [u8]) -> Option<&'a str> {
+    let start = rest.trim_ascii_start();
+    let length = start.iter().position(u8::is_ascii_whitespace)?;
+    let (word, end) = start.split_at(length);
+    *rest = end.strip_prefix(b"\r\n").unwrap_or(&end[1..]);
+    str::from_utf8(word).ok()
+}
+
+fn next_number<T: FromStr>(path: &Path, rest: &mut &[u8], name: &str) -> Result<T> {
+    let word = next_word(rest).unwrap_or_default();
+    word.parse().map_err(|_| Error::format(path, format!("{word:?} as the {name} of a PFM file"), "a number"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decode(bytes: &[u8]) -> Result<FloatImage> {
+        super::decode(Path::new("d.pfm"), bytes)
+    }
+
+    fn message(bytes: &[u8]) -> String {
+        decode(bytes).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("d.pfm");
+        let image = FloatImage::new(3, 2, vec![1.5, -2.0, f32::INFINITY, 0.0, 1e30, 7.0]);
+        image.write_pfm(&path).unwrap();
+        assert_eq!(FloatImage::read_pfm(&path).unwrap(), image);
+        let bytes = std::fs::read(&path).unwrap();
+        assert!(bytes.starts_with(b"Pf\n3 2\n-1.0\n\0\0\0\0"), "the bottom row comes first");
+        assert_eq!(bytes.len(), 12 + 24);
+    }
+
+    #[test]
+    fn both_byte_orders_and_any_white_space() {
+        let pixels = [0.5f32, 3.0];
+        let (little, big) = (pixels.map(f32::to_le_bytes).concat(), pixels.map(f32::to_be_bytes).concat());
+        for header in ["Pf\n1 2\n-1\n", "Pf 1  2\t-0.003922 ", "Pf\r\n1 2\r\n-1.0\r\n", "Pf\n\n1\n2\n-1e3\n"] {
+            assert_eq!(decode(&[header.as_bytes(), &little].concat()).unwrap().pixels(), [3.0, 0.5], "{header:?}");
+        }
+        assert_eq!(decode(&[b"Pf\n1 2\n1\n", &big[..]].concat()).unwrap().pixels(), [3.0, 0.5]);
+        // The first pixel may look like white space.
+        assert_eq!(decode(b"Pf\n1 1\n-1\n\n\n\n\n").unwrap().pixels(), [f32::from_le_bytes([10; 4])]);
+    }
+
+    #[test]
+    fn says_what_is_wrong() {
+        assert!(message(b"PF\n1 1\n-1\n____________").starts_with("d.pfm: found a PFM file in colour"));
+        assert!(message(b"P5\n1 1\n255\n_").contains("no PFM file"));
+        assert!(message(b"Pf\n1 x\n-1\n____").contains("found \"x\" as the height of a PFM file"));
+        for scale in ["0", "nan", "inf", "", "-"] {
+            assert!(message(format!("Pf\n1 1\n{scale}\n").as_bytes()).contains("scale"));
+        }
+        for size in ["99999 99999", "4000000000 1", "4000000000 4000000000", "0 1", "65535 65535"] {
+            assert!(message(format!("Pf {size} -1\n").as_bytes()).contains("found a picture of "), "{size}");
+        }
+        assert!(message(b"Pf 2 1 -1\n_______").contains("found 7 bytes of pixels, expected 8"));
+        assert!(message(b"Pf 2 1 -1\n_________").contains("found 9 bytes"));
+    }
+}

@@ -1,0 +1,121 @@
+//! Point clouds in PLY files.
+
+use std::path::Path;
+
+use crate::{
+    error::{Error, Result},
+    files::output,
+    images::{DisparityMap, Geometry, Picture},
+};
+
+/// How the numbers of a PLY file are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Encoding {
+    /// Little-endian: small and quick to read.
+    #[default]
+    Binary,
+    /// Text.
+    Ascii,
+}
+
+/// Writes the point of every pixel that has a depth, in the colour that `center` has there.
+///
+/// Coordinates are metres: x to the right, y down, z away from the camera.
+///
+/// # Errors
+/// If `center` has another size than the disparities, or the file cannot be written; what was there before is still there.
+pub fn write(path: &Path, disparities: &DisparityMap, geometry: &Geometry, center: &Picture, encoding: Encoding) -> Result<()> {
+    let size = (disparities.width() as u32, disparities.height() as u32);
+    if center.dimensions() != size {
+        let ((width, height), (w, h)) = (size, center.dimensions());
+        return Err(Error::Usage(format!(
+            "the centre image has {w}x{h} pixels, the disparities {width}x{height}: use the image they are of"
+        )));
+    }
+    let points = || points(disparities, geometry, center);
+    output::write(path, |writer| {
+        let format = match encoding {
+            Encoding::Binary => "binary_little_endian",
+            Encoding::Ascii => "ascii",
+        };
+        writeln!(writer, "ply\nformat {format} 1.0\ncomment metres: x right, y down, z away from the camera")?;
+        writeln!(writer, "element vertex {}", points().count())?;
+        ["x", "y", "z"].iter().try_for_each(|axis| writeln!(writer, "property float {axis}"))?;
+        ["red", "green", "blue"].iter().try_for_each(|color| writeln!(writer, "property uchar {color}"))?;
+        writeln!(writer, "end_header")?;
+        for (place, color) in points() {
+            match encoding {
+                Encoding::Binary => {
+                    writer.write_all(place.map(f32::to_le_bytes).as_flattened())?;
+                    writer.write_all(&color)?;
+                }
+                Encoding::Ascii => {
+                    let ([x, y, z], [red, green, blue]) = (place, color);
+                    writeln!(writer, "{x} {y} {z} {red} {green} {blue}")?;
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Place and colour of every pixel that has a finite depth.
+fn points(disparities: &DisparityMap, geometry: &Geometry, center: &Picture) -> impl Iterator<Item = ([f32; 3], [u8; 3])> {
+    let pixels = disparities.rows().enumerate().flat_map(|(v, row)| row.iter().enumerate().map(move |(u, &pixel)| (u, v, pixel)));
+    pixels.filter_map(|(u, v, pixel)| {
+        let place = geometry.point(u, v, pixel?)?.map(|metres| metres as f32);
+        place.iter().all(|metres| metres.is_finite()).then(|| (place, center.color(u as u32, v as u32)))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{GrayImage, Rgb, RgbImage};
+    use multiscopic_core::Disparity;
+
+    const GEOMETRY: Geometry = Geometry { focal_px: 100.0, baseline_mm: 20.0, principal_point: [0.0; 2], doffs: 0.0 };
+
+    fn map() -> DisparityMap {
+        DisparityMap::new(2, 2, vec![None, Disparity::from_bits(64), Disparity::from_bits(128), Disparity::from_bits(-64)])
+    }
+
+    fn written(center: &Picture, encoding: Encoding) -> Vec<u8> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.ply");
+        write(&path, &map(), &GEOMETRY, center, encoding).unwrap();
+        std::fs::read(path).unwrap()
+    }
+
+    #[test]
+    fn text() {
+        let center = Picture::Rgb(RgbImage::from_fn(2, 2, |u, v| Rgb([u as u8, v as u8, 200])));
+        let header = "ply\nformat ascii 1.0\ncomment metres: x right, y down, z away from the camera\nelement vertex 2\nproperty float x\n\
+                      property float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
+        let expected = format!("{header}0.02 0 2 1 0 200\n0 0.01 1 0 1 200\n");
+        assert_eq!(String::from_utf8(written(&center, Encoding::Ascii)).unwrap(), expected);
+    }
+
+    #[test]
+    fn binary_holds_the_same() {
+        let center = Picture::Gray(GrayImage::from_raw(2, 2, vec![1, 2, 3, 4]).unwrap());
+        let bytes = written(&center, Encoding::default());
+        assert!(bytes.starts_with(b"ply\nformat binary_little_endian 1.0\n"));
+        let points = &bytes[bytes.len() - 30..];
+        let expected = [
+            &[0.02f32, 0.0, 2.0].map(f32::to_le_bytes).concat()[..],
+            &[2; 3],
+            &[0.0f32, 0.01, 1.0].map(f32::to_le_bytes).concat(),
+            &[3; 3],
+        ];
+        assert_eq!(points, expected.concat());
+        assert!(bytes[..bytes.len() - 30].ends_with(b"end_header\n"));
+    }
+
+    #[test]
+    fn the_picture_has_the_size_of_the_map() {
+        let center = Picture::Gray(GrayImage::new(3, 2));
+        let message = write(Path::new("a.ply"), &map(), &GEOMETRY, &center, Encoding::Binary).unwrap_err().to_string();
+        assert!(message.starts_with("the centre image has 3x2 pixels, the disparities 2x2"), "{message}");
+    }
+}

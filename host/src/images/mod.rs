@@ -1,0 +1,16 @@
+//! Images in memory: rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth.
+
+pub mod depth;
+mod disparity_map;
+mod frames;
+mod geometry;
+mod picture;
+mod raster;
+pub mod turbo;
+
+pub use disparity_map::DisparityMap;
+pub use frames::Frames;
+pub use geometry::Geometry;
+pub use picture::Picture;
+pub(crate) use picture::gray_of;
+pub use raster::{FloatImage, Raster};

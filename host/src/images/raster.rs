@@ -1,0 +1,120 @@
+//! Pixels of any type in rows.
+
+/// A picture of `width` x `height` pixels of type `T`, in rows from the top. It is never empty.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Raster<T> {
+    width: usize,
+    pixels: Vec<T>,
+}
+
+/// A raster of floating-point numbers: disparities in pixels or depths in metres, +inf where there is none.
+pub type FloatImage = Raster<f32>;
+
+impl<T> Raster<T> {
+    /// The picture whose rows, from the top, follow each other in `pixels`.
+    ///
+    /// # Panics
+    /// If a side is 0 or `pixels` has another length than `width * height`.
+    pub fn new(width: usize, height: usize, pixels: Vec<T>) -> Raster<T> {
+        assert!(width > 0 && height > 0, "a picture of {width}x{height} pixels");
+        assert_eq!(pixels.len(), width * height, "the pixels of a picture of {width}x{height}");
+        Raster { width, pixels }
+    }
+
+    /// Pixels in a row.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.pixels.len() / self.width
+    }
+
+    /// All pixels, row by row from the top.
+    pub fn pixels(&self) -> &[T] {
+        &self.pixels
+    }
+
+    /// All pixels, row by row from the top.
+    pub fn pixels_mut(&mut self) -> &mut [T] {
+        &mut self.pixels
+    }
+
+    /// All pixels, row by row from the top.
+    pub fn into_pixels(self) -> Vec<T> {
+        self.pixels
+    }
+
+    /// The rows from the top, each [`width`](Raster::width) long.
+    pub fn rows(&self) -> std::slice::ChunksExact<'_, T> {
+        self.pixels.chunks_exact(self.width)
+    }
+
+    /// The rows from the top, each [`width`](Raster::width) long.
+    pub fn rows_mut(&mut self) -> std::slice::ChunksExactMut<'_, T> {
+        self.pixels.chunks_exact_mut(self.width)
+    }
+
+    /// Row `v`.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    pub fn row(&self, v: usize) -> &[T] {
+        &self.pixels[v * self.width..][..self.width]
+    }
+
+    /// Row `v`.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    pub fn row_mut(&mut self, v: usize) -> &mut [T] {
+        &mut self.pixels[v * self.width..][..self.width]
+    }
+
+    /// Every pixel changed by `f`.
+    pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> Raster<U> {
+        Raster { width: self.width, pixels: self.pixels.iter().map(f).collect() }
+    }
+}
+
+impl<T: Copy> Raster<T> {
+    /// A picture of one value.
+    ///
+    /// # Panics
+    /// If a side is 0.
+    pub fn filled(width: usize, height: usize, pixel: T) -> Raster<T> {
+        Raster::new(width, height, vec![pixel; width * height])
+    }
+
+    /// The pixel in column `u` of row `v`.
+    ///
+    /// # Panics
+    /// If it lies outside.
+    pub fn get(&self, u: usize, v: usize) -> T {
+        self.row(v)[u]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_follow_each_other() {
+        let mut raster = Raster::new(3, 2, vec![1, 2, 3, 4, 5, 6]);
+        assert_eq!((raster.width(), raster.height()), (3, 2));
+        assert_eq!(raster.row(1), [4, 5, 6]);
+        assert_eq!(raster.get(2, 0), 3);
+        assert!(raster.rows().eq([[1, 2, 3], [4, 5, 6]]));
+        raster.row_mut(0)[1] = 7;
+        raster.rows_mut().for_each(|row| row.reverse());
+        assert_eq!(raster.map(|p| p * 2).into_pixels(), [6, 14, 2, 12, 10, 8]);
+    }
+
+    #[test]
+    #[should_panic = "a picture of 0x4 pixels"]
+    fn is_never_empty() {
+        Raster::filled(0, 4, 0);
+    }
+}

@@ -1,0 +1,280 @@
+//! The networks.
+
+use std::{array, ops::Range};
+
+use image::GrayImage;
+use rayon::prelude::*;
+
+use super::{
+    Architecture, Features, Weights,
+    layer::{Activation, Layer},
+    weights::HIDDEN,
+};
+use crate::{error::Result, images::Raster};
+
+/// Pixels on each side of a pixel that its features depend on.
+const BORDER: usize = 5;
+/// Rows whose features are computed at a time: every time, up to 8 more rows are, and kept in memory.
+const BAND: usize = 64;
+
+/// An image as the networks see it: of mean 0 and standard deviation 1, and extended by 5 pixels that repeat its border.
+#[derive(Clone, Debug)]
+pub struct Input {
+    width: usize,
+    height: usize,
+    /// With the border.
+    pixels: Vec<f32>,
+}
+
+impl Input {
+    /// The image. If it is of one grey, its pixels are 0.
+    pub fn new(image: &GrayImage) -> Input {
+        let [width, height] = [image.width(), image.height()].map(|side| side as usize);
+        let count = (width * height) as f64;
+        let [sum, squares] = image.as_raw().iter().fold([0u64; 2], |[sum, squares], &grey| {
+            let grey = u64::from(grey);
+            [sum + grey, squares + grey * grey]
+        });
+        let mean = sum as f64 / count;
+        let deviation = (squares as f64 / count - mean * mean).max(0.0).sqrt();
+        let scale = if deviation > 0.0 { 1.0 / deviation } else { 1.0 };
+        let normalized: [f32; 256] = array::from_fn(|grey| ((grey as f64 - mean) * scale) as f32);
+
+        let inside = |coordinate: usize, size: usize| coordinate.saturating_sub(BORDER).min(size - 1);
+        let row = |y: usize| &image.as_raw()[inside(y, height) * width..][..width];
+        let pixels = (0..height + 2 * BORDER)
+            .flat_map(|y| (0..width + 2 * BORDER).map(move |x| row(y)[inside(x, width)]))
+            .map(|grey| normalized[usize::from(grey)])
+            .collect();
+        Input { width, height, pixels }
+    }
+
+    /// Pixels in a row of the image.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows of the image.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// The image without its border.
+    pub fn to_raster(&self) -> Raster<f32> {
+        let rows = (BORDER..BORDER + self.height).flat_map(|y| &self.row(y)[BORDER..][..self.width]);
+        Raster::new(self.width, self.height, rows.copied().collect())
+    }
+
+    /// A row of the extended image.
+    fn row(&self, y: usize) -> &[f32] {
+        let length = self.width + 2 * BORDER;
+        &self.pixels[y * length..][..length]
+    }
+}
+
+/// A network with its weights.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Network {
+    architecture: Architecture,
+    convolutions: [Layer; 5],
+    comparison: Comparison,
+}
+
+/// How features are compared.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Comparison {
+    /// By the cosine: they have length 1, so that it is their product.
+    Cosine,
+    /// By fully connected layers.
+    Connected(Box<Connected>),
+}
+
+/// The fully connected layers. The first sees the features of both pixels side by side, so its sums have a part of the one and a
+/// part of the other, and each part is computed once for a pixel, not for each pair.
+///
+/// As published, the layers are not symmetric: what they like best lies 0.4 pixels to the left of the true match, whichever of both images
+/// that is in. So they are asked both ways round, and their answers averaged.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Connected {
+    /// The part of the pixel that is seen first, without a bias.
+    first: Layer,
+    /// The part of the other.
+    second: Layer,
+    hidden: [Layer; 2],
+    weights: Vec<f32>,
+    bias: f32,
+}
+
+impl Network {
+    /// The network with installed weights.
+    ///
+    /// # Errors
+    /// If the weights are not installed, or their file is damaged.
+    pub fn load(architecture: Architecture) -> Result<Network> {
+        Weights::load(architecture).map(|weights| Network::new(&weights))
+    }
+
+    /// The network with these weights.
+    pub fn new(weights: &Weights) -> Network {
+        let architecture = weights.architecture();
+        let convolution = |i: usize| {
+            let channels = if i == 0 { 1 } else { architecture.channels() };
+            let (values, biases) = weights.layer(&format!("conv_blocks.{}", 2 * i));
+            // In the file, a channel's 9 pixels are side by side; in an image, a pixel's channels.
+            Layer::new(9 * channels, biases, |input, output| {
+                let (pixel, channel) = (input / channels, input % channels);
+                values[(output * channels + channel) * 9 + pixel]
+            })
+        };
+        let comparison = match architecture {
+            Architecture::Fast => Comparison::Cosine,
+            Architecture::Accurate => Comparison::Connected(Box::new(Connected::new(weights))),
+        };
+        Network { architecture, convolutions: array::from_fn(convolution), comparison }
+    }
+
+    /// Which network it is.
+    pub fn architecture(&self) -> Architecture {
+        self.architecture
+    }
+
+    pub(super) fn comparison(&self) -> &Comparison {
+        &self.comparison
+    }
+
+    /// The features of `rows` of an image, computed by the threads of the current pool. Those of the fast network have length 1.
+    ///
+    /// # Panics
+    /// If the image does not have these rows.
+    pub fn features(&self, input: &Input, rows: Range<usize>) -> Features {
+        self.describe(input, rows, self.architecture.channels(), |features, out| out.copy_from_slice(&features))
+    }
+
+    /// What of the features of `rows` enters comparisons: the features of the fast network; what the first connected layer makes of those of
+    /// the accurate one where they are seen first, and where they are seen second.
+    pub(super) fn operands(&self, input: &Input, rows: Range<usize>) -> Features {
+        match &self.comparison {
+            Comparison::Cosine => self.features(input, rows),
+            Comparison::Connected(connected) => self.describe(input, rows, 2 * HIDDEN, |features, out| {
+                let pixels = features.chunks(Connected::CHANNELS * input.width).zip(out.chunks_mut(2 * HIDDEN * input.width));
+                let mut sums = vec![0.0; HIDDEN * input.width];
+                for (features, out) in pixels {
+                    for (layer, start) in [(&connected.first, 0), (&connected.second, HIDDEN)] {
+                        layer.apply::<1, { Connected::CHANNELS }>([features], input.width, Activation::Linear, &mut sums);
+                        let both = out.chunks_exact_mut(2 * HIDDEN).zip(sums.chunks_exact(HIDDEN));
+                        both.for_each(|(out, sums)| out[start..][..HIDDEN].copy_from_slice(sums));
+                    }
+                }
+            }),
+        }
+    }
+
+    /// Computes the features of `rows` in bands, of which `finish` makes `channels` values for each pixel.
+    fn describe(
+        &self,
+        input: &Input,
+        rows: Range<usize>,
+        channels: usize,
+        finish: impl Fn(Vec<f32>, &mut [f32]) + Sync,
+    ) -> Features {
+        assert!(rows.end <= input.height, "{rows:?} of {} rows", input.height);
+        let band = rows.len().div_ceil(rayon::current_num_threads()).clamp(1, BAND);
+        let mut values = vec![0.0; rows.len() * input.width * channels];
+        values.par_chunks_mut(band * input.width * channels).enumerate().for_each(|(i, out)| {
+            let start = rows.start + i * band;
+            let band = start..rows.end.min(start + band);
+            let features = match self.architecture {
+                Architecture::Fast => self.convolve::<64>(input, band),
+                Architecture::Accurate => self.convolve::<112>(input, band),
+            };
+            finish(features, out);
+        });
+        Features::new(input.width, channels, rows, values)
+    }
+
+    /// The features of `rows`, pixel by pixel.
+    fn convolve<const CHANNELS: usize>(&self, input: &Input, rows: Range<usize>) -> Vec<f32> {
+        let [first, deeper @ ..] = &self.convolutions;
+        // Each convolution takes a pixel off each border.
+        let (mut width, mut height) = (input.width + 2 * BORDER - 2, rows.len() + 2 * BORDER - 2);
+        let mut values = vec![0.0; height * width * CHANNELS];
+        for (y, out) in values.chunks_exact_mut(width * CHANNELS).enumerate() {
+            let inputs = array::from_fn(|i| input.row(rows.start + y + i));
+            first.apply::<3, 1>(inputs, width, Activation::Relu, out);
+        }
+
+        let mut line = vec![0.0; width * CHANNELS];
+        for (i, layer) in deeper.iter().enumerate() {
+            let last = i + 1 == deeper.len() && self.architecture == Architecture::Fast;
+            let activation = if last { Activation::Linear } else { Activation::Relu };
+            let before = width * CHANNELS;
+            (width, height) = (width - 2, height - 2);
+            let out = &mut line[..width * CHANNELS];
+            for y in 0..height {
+                let inputs = array::from_fn(|i| &values[(y + i) * before..][..before]);
+                layer.apply::<3, CHANNELS>(inputs, width, activation, out);
+                // Rows take the place of those that they were made of: further ones do not need these.
+                values[y * out.len()..][..out.len()].copy_from_slice(out);
+            }
+        }
+        values.truncate(height * width * CHANNELS);
+        if self.architecture == Architecture::Fast {
+            values.chunks_exact_mut(CHANNELS).for_each(normalize);
+        }
+        values
+    }
+}
+
+impl Connected {
+    /// Inputs of the first layer from each of both pixels.
+    const CHANNELS: usize = 112;
+
+    fn new(weights: &Weights) -> Connected {
+        let half = |first: usize| {
+            let (values, biases) = weights.layer("fl_blocks.0");
+            let biases = if first == 0 { &[0.0; HIDDEN] } else { biases };
+            Layer::new(Self::CHANNELS, biases, |input, output| values[output * 2 * Self::CHANNELS + first + input])
+        };
+        let hidden = |name: &str| {
+            let (values, biases) = weights.layer(name);
+            Layer::new(HIDDEN, biases, |input, output| values[output * HIDDEN + input])
+        };
+        let (values, bias) = weights.layer("fl_blocks.6");
+        Connected {
+            first: half(0),
+            second: half(Self::CHANNELS),
+            hidden: ["fl_blocks.2", "fl_blocks.4"].map(hidden),
+            weights: values.to_vec(),
+            bias: bias[0],
+        }
+    }
+
+    /// The similarity of pairs, from 0 to 1. `pairs` has [`HIDDEN`] outputs of the first layer for each, and is used up.
+    pub fn similarities(&self, pairs: &mut [f32], spare: &mut [f32], mut take: impl FnMut(usize, f32)) {
+        let count = pairs.len() / HIDDEN;
+        let [first, second] = &self.hidden;
+        first.apply::<1, HIDDEN>([pairs], count, Activation::Relu, spare);
+        second.apply::<1, HIDDEN>([spare], count, Activation::Relu, pairs);
+        for (pair, values) in pairs.chunks_exact(HIDDEN).enumerate() {
+            let score = dot(values, &self.weights) + self.bias;
+            take(pair, 1.0 / (1.0 + (-score).exp()));
+        }
+    }
+}
+
+/// The sum of products, in 16 sums side by side, whose order is the same on every machine.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0f32; 16];
+    for (a, b) in a.as_chunks::<16>().0.iter().zip(b.as_chunks::<16>().0) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
+        }
+    }
+    sums.iter().sum()
+}
+
+/// Makes a vector's length 1, unless it has none.
+fn normalize(vector: &mut [f32]) {
+    let length = dot(vector, vector).sqrt().max(1e-12);
+    vector.iter_mut().for_each(|value| *value /= length);
+}

@@ -1,0 +1,11 @@
+//! Refinement: checks and filters of the selected disparities.
+
+mod bilateral;
+mod left_right;
+mod median;
+mod steps;
+mod window;
+
+pub use bilateral::Bilateral;
+pub use median::Median;
+pub use steps::Refinement;

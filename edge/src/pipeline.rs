@@ -162,8 +162,7 @@ mod tests {
         fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Infallible> {
             let (du, dv) = match frame {
                 Frame::Center => (0, 0),
-                Frame::View(view) if view.is_horizontal() => (2 * view.sign(), 0),
-                Frame::View(view) => (0, 2 * view.sign()),
+                Frame::View(view) => view.shift(2),
             };
             for (pixel, u) in line.iter_mut().zip(0..) {
                 *pixel = (20 + 3 * (u - du) + 5 * (v as i32 - dv)) as u8;

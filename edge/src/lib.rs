@@ -1,13 +1,14 @@
 //! Multiscopic matching on a microcontroller: scanlines in, packets of disparities out.
 //!
-//! The crate is portable. Firmware implements [`Board`] for its hardware and lends the [`Pipeline`] its memory; a host simulates the same
-//! pipeline, byte for byte, and decodes the packets. Data flows down this table, and no room uses one below it:
+//! The crate is portable. Firmware implements [`Board`] for its hardware and lends the [`Pipeline`] its
+//! memory; a host simulates the same pipeline, byte for byte, and decodes the packets. Data flows down this
+//! table, and no room uses one below it:
 //!
 //! | room | what it is |
 //! | --- | --- |
 //! | `board` | what the pipeline asks of a board |
 //! | `streams` | scanlines from byte streams |
-//! | [`frame_file`] | the names of the files that frames and packets are exchanged in |
+//! | [`frame_file`] | the names of the files of frames and packets |
 //! | [`packet`] | the packets that carry disparities to a host |
 //! | `workspace` | the pipeline's memory, sized at compile time |
 //! | [`profile`] | ready-made match sizes and their RAM budgets |

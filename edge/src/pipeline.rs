@@ -28,10 +28,12 @@ impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WO
 }
 
 impl<'w> Pipeline<'w> {
-    /// Matches the frames of `source` in tiles of `tile_width` columns and writes each disparity line to `output` as soon as it is known.
-    /// Returns the sender, for the packet that ends the frame.
+    /// Matches the frames of `source` in tiles of `tile_width` columns and sends the disparities.
     ///
-    /// Every kernel gives the same disparities, and kernels with the same number of lanes need the same memory.
+    /// Each line is written to `output` as soon as it is known. The sender is returned for the packet that ends
+    /// the frame.
+    ///
+    /// Every kernel gives the same disparities, and kernels with as many lanes need the same memory.
     ///
     /// # Errors
     /// Those of the source, the matcher and the output, and a workspace that is too small.

@@ -186,7 +186,8 @@ fn send(sender: &mut LineSender<'_, '_>, frame: u8, number: usize, columns: usiz
 
 type Error = Hm01b0Error<NoRoom>;
 
-/// A camera that was started with the frame of an index, as it is given to `then` with the other end of its lines.
+/// A camera that was started with the frame of an index, as it is given to `then` with the other end of its
+/// lines.
 fn with_camera(index: usize, then: impl FnOnce(&mut dyn Both, &mut LineSender<'_, '_>)) {
     with_starts(index, 1, then);
 }

@@ -1,7 +1,8 @@
 //! Firmware that matches.
 //!
-//! Each profile of `multiscopic-edge` is a binary of its name. A debugger or an emulator lends it files for frames and packets, a clock and
-//! a log, through semihosting. The firmware runs on Arm alone; on other processors this library is empty.
+//! Each profile of `multiscopic-edge` is a binary of its name. A debugger or an emulator lends it files for
+//! frames and packets, a clock and a log, through semihosting. The firmware runs on Arm alone; on other
+//! processors this library is empty.
 //!
 //! | room | what it is |
 //! | --- | --- |
@@ -15,7 +16,8 @@
 //! | `program` | the main functions |
 //!
 //! # Features
-//! `stm32f405`, `stm32h743`, `an547`: the board that the firmware is linked for, at most one. Without: the reference board of `memory.x`.
+//! `stm32f405`, `stm32h743`, `an547`: the board that the firmware is linked for, at most one. Without: the
+//! reference board of `memory.x`.
 #![no_std]
 
 #[cfg(target_os = "none")]

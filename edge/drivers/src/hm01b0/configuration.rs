@@ -23,15 +23,16 @@ pub struct Configuration {
     pub gain: Gain,
     /// The divider of the sensor's master clock.
     pub clock: ClockDivider,
-    /// The line time in cycles of the divided clock, raised to [`Size::least_line_clocks`]. Longer lines give the program more time to match a
-    /// frame during readout.
+    /// The line time in cycles of the divided clock, raised to [`Size::least_line_clocks`]. Longer lines give
+    /// the program more time to match a frame during readout.
     pub line_clocks: u16,
     /// Whether the last frame of a plan is read by the line during readout instead of being stored.
     pub stream_last: bool,
 }
 
 impl Configuration {
-    /// The fastest readout at a quarter of the master clock, half a frame of exposure, no gain, the last frame streamed.
+    /// The fastest readout at a quarter of the master clock. Half a frame of exposure, no gain, the last frame
+    /// streamed.
     pub const fn new(size: Size) -> Configuration {
         Configuration {
             size,

@@ -1,8 +1,9 @@
 //! A camera with the sensor HM01B0 of Himax, a low-power sensor of 324x244 grey pixels.
 //!
-//! The sensor is configured over I2C and sends its pixels over a parallel bus of 8 bits. An interrupt, or a DMA transfer that it starts, puts
-//! the lines into a [`LineQueue`]. The camera takes them from there and writes them to a [`FrameStore`]. The last frame of a plan need not be
-//! stored: the matcher can take its lines during readout.
+//! The sensor is configured over I2C and sends its pixels over a parallel bus of 8 bits. An interrupt, or a
+//! DMA transfer that it starts, puts the lines into a [`LineQueue`]. The camera takes them from there and
+//! writes them to a [`FrameStore`]. The last frame of a plan need not be stored: the matcher can take its
+//! lines during readout.
 //!
 //! ```
 //! use core::time::Duration;
@@ -75,13 +76,16 @@ const RESET_POLLS: usize = 20;
 
 /// The camera: registers on the I2C bus `I`, a delay `T`, lines from the bus `B`, frames in the store `S`.
 ///
-/// It is a [`ScanlineSource`] of the frames of its plan: those in the store, and the last one during readout if it is
-/// [streamed](Configuration::stream_last). A streamed line that has not arrived yet is the error [`Waiting`](Hm01b0Error::Waiting); request
-/// it again, as the next call of [`Matcher::next_line`](multiscopic_core::Matcher::next_line) does. A streamed frame is complete once all its
-/// lines were read. Lines must not arrive faster than they are read: [`Configuration::line_clocks`] slows the sensor down.
+/// It is a [`ScanlineSource`] of the frames of its plan: those in the store, and the last one during readout
+/// if it is [streamed](Configuration::stream_last). A streamed line that has not arrived yet is the error
+/// [`Waiting`](Hm01b0Error::Waiting); request it again, as the next call of
+/// [`Matcher::next_line`](multiscopic_core::Matcher::next_line) does. A streamed frame is complete once all
+/// its lines were read. Lines must not arrive faster than they are read: [`Configuration::line_clocks`] slows
+/// the sensor down.
 ///
 /// If a frame is damaged or lines are lost, [`is_complete`](Camera::is_complete) fails, and a
-/// [`Sequence`](multiscopic_core::capture::Sequence) takes the frame again. The camera has no time-outs of its own: the sequence has.
+/// [`Sequence`](multiscopic_core::capture::Sequence) takes the frame again. The camera has no time-outs of
+/// its own: the sequence has.
 #[derive(Debug)]
 pub struct Hm01b0<I, T, B, S> {
     i2c: I,

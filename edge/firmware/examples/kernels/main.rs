@@ -1,4 +1,4 @@
-//! Compares the processor's kernel with its portable twin, on the processor: operation by operation, and in whole matches.
+//! Compares the processor's kernel with its portable twin: operation by operation, and in whole matches.
 //!
 //! Exits with 0, or prints the first difference and exits with 1.
 #![cfg_attr(target_os = "none", no_std, no_main)]

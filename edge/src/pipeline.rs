@@ -30,8 +30,8 @@ impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WO
 impl<'w> Pipeline<'w> {
     /// Matches the frames of `source` in tiles of `tile_width` columns and sends the disparities.
     ///
-    /// Each line is written to `output` as soon as it is known. The sender is returned for the packet that ends
-    /// the frame.
+    /// Each line is written to `output` as soon as it is known. The sender is returned for the packet that
+    /// ends the frame.
     ///
     /// Every kernel gives the same disparities, and kernels with as many lanes need the same memory.
     ///

@@ -32,7 +32,8 @@ pub const CAPTURE: Params = MatchSize::new(160, 120, 16, 7).params(Fusion::Heuri
 /// Every profile.
 pub const ALL: [Profile; 5] = [QQVGA, QVGA, QVGA_TILED, VGA, VGA_TILED];
 
-/// Bytes of a tiled profile's budget for the stack, the disparity line, its packet, and the runtime's statics.
+/// Bytes of a tiled profile's budget for the stack, the disparity line, its packet, and the runtime's
+/// statics.
 const RESERVE: usize = 6 * 1024;
 
 impl Profile {

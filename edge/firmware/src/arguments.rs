@@ -24,8 +24,8 @@ pub fn fusion() -> Result<Fusion, FirmwareError> {
 
 /// The parameters and the tile width of a calibration.
 ///
-/// The arguments are width, height, number of views (1 to 4), smallest disparity, number of disparities, block
-/// size, fusion, and columns of a tile.
+/// The arguments are width, height, number of views (1 to 4), smallest disparity, number of disparities,
+/// block size, fusion, and columns of a tile.
 ///
 /// Not inlined, like [`fusion`].
 #[inline(never)]

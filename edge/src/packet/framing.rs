@@ -8,7 +8,8 @@ pub(super) const fn max_encoded_bytes(bytes: usize) -> usize {
     bytes + bytes.div_ceil(MAX_RUN) + 2
 }
 
-/// Encodes `bytes` and the final zero into `encoded`. Returns the length, or nothing if `encoded` is too short.
+/// Encodes `bytes` and the final zero into `encoded`. Returns the length, or nothing if `encoded` is too
+/// short.
 ///
 /// The crate `cobs`, which decodes the packets, encodes byte by byte. Zeros are rare in disparities, so this
 /// copies the runs between them, which saves a seventh of the instructions that sending a line takes on a

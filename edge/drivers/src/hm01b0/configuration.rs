@@ -31,8 +31,8 @@ pub struct Configuration {
 }
 
 impl Configuration {
-    /// The fastest readout at a quarter of the master clock. Half a frame of exposure, no gain, the last frame
-    /// streamed.
+    /// The fastest readout at a quarter of the master clock. Half a frame of exposure, no gain, the last
+    /// frame streamed.
     pub const fn new(size: Size) -> Configuration {
         Configuration {
             size,

@@ -54,15 +54,17 @@ use multiscopic_core::capture::{Position, Stage};
 use homing::{Homing, HomingAction};
 use straight_line::StraightLine;
 
-/// The time that a call of [`has_arrived`](Stage::has_arrived) spends on a motion, or a step if that is longer.
+/// The time that a call of [`has_arrived`](Stage::has_arrived) spends on a motion, or a step if that is
+/// longer.
 const SLICE_NS: u32 = 10_000_000;
 
 const AXES: [AxisId; 2] = [AxisId::X, AxisId::Y];
 
 /// A stage with stepping motors.
 ///
-/// Each call of [`has_arrived`](Stage::has_arrived) makes the steps of about 10 ms. The motors stand still between two calls, so make the next one at once: any time in between lengthens a
-/// step. This does not matter at speeds from which the motors can stop at once.
+/// Each call of [`has_arrived`](Stage::has_arrived) makes the steps of about 10 ms. The motors stand still
+/// between two calls, so make the next one at once: any time in between lengthens a step. This does not
+/// matter at speeds from which the motors can stop at once.
 ///
 /// [Home](Stepper::home) the stage before it moves, and again after every error but
 /// [`Beyond`](StepperError::Beyond): a motor that was stopped at once, or was blocked, may have lost steps.
@@ -110,8 +112,8 @@ impl<X: Drive, Y: Drive, T: DelayNs> Stepper<X, Y, T> {
 
     /// Starts to look for the switches at the low ends, first along x, then along y.
     ///
-    /// Each axis moves towards its switch until it is pressed, then slowly back until it is released. Like any
-    /// motion, this goes on in [`has_arrived`](Stage::has_arrived).
+    /// Each axis moves towards its switch until it is pressed, then slowly back until it is released. Like
+    /// any motion, this goes on in [`has_arrived`](Stage::has_arrived).
     ///
     /// # Errors
     /// Those of the pins.

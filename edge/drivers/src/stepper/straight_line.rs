@@ -21,8 +21,8 @@ pub(super) struct StraightLine {
 }
 
 impl StraightLine {
-    /// The line between two positions in steps, or nothing if they are the same. It respects the limits of both
-    /// axes.
+    /// The line between two positions in steps, or nothing if they are the same. It respects the limits of
+    /// both axes.
     pub fn new(axes: &[Axis; 2], from: [i32; 2], to: [i32; 2]) -> Option<StraightLine> {
         let counts = [from[0].abs_diff(to[0]), from[1].abs_diff(to[1])];
         let ways = [(to[0] > from[0]) as i32 - (to[0] < from[0]) as i32, (to[1] > from[1]) as i32 - (to[1] < from[1]) as i32];

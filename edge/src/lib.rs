@@ -10,21 +10,21 @@
 //! | `streams` | scanlines from byte streams |
 //! | [`frame_file`] | the names of the files of frames and packets |
 //! | [`packet`] | the packets that carry disparities to a host |
-//! | `workspace` | the pipeline's memory, sized at compile time |
+//! | `buffers` | the memory of the pipeline, sized at compile time |
 //! | [`profile`] | ready-made match sizes and their RAM budgets |
 //! | `pipeline` | matches the frames of a board and sends the disparities |
 #![no_std]
 
 mod board;
+mod buffers;
 pub mod frame_file;
 pub mod packet;
 mod pipeline;
 pub mod profile;
 mod streams;
-mod workspace;
 
 pub use board::{Board, Phase};
+pub use buffers::{Lengths, Wide, Workspace};
 pub use pipeline::{Pipeline, PipelineError, RunError};
 pub use profile::Profile;
 pub use streams::{Streams, StreamsError};
-pub use workspace::{Lengths, Wide, Workspace};

@@ -8,8 +8,8 @@ use multiscopic_core::{
 
 use crate::{
     board::{Board, Phase},
+    buffers::Workspace,
     packet::{BufferTooSmall, Sender},
-    workspace::Workspace,
 };
 
 /// Matches frames and sends the disparities, in the memory of a [`Workspace`].
@@ -137,8 +137,8 @@ mod tests {
 
     use super::*;
     use crate::{
+        buffers::{Lengths, Wide},
         packet::{Content, Packet},
-        workspace::{Lengths, Wide},
     };
     use core::{convert::Infallible, time::Duration};
     use embedded_io::SliceWriteError;

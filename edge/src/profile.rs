@@ -2,7 +2,7 @@
 
 use multiscopic_core::{Fusion, Params, Views, kernel::Isa};
 
-use crate::workspace::{Lengths, Wide};
+use crate::buffers::{Lengths, Wide};
 
 /// A named match size and the RAM that it may take.
 #[derive(Clone, Copy, Debug)]

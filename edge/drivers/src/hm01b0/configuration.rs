@@ -2,7 +2,7 @@
 
 use embedded_hal::i2c::{ErrorKind, I2c};
 
-use super::registers::{self, Mode, Register};
+use super::sensor_registers::{self, Mode, Register};
 
 /// How frames are taken. It stays fixed for a whole sequence, so that all its frames are exposed alike.
 ///
@@ -64,7 +64,7 @@ impl Configuration {
             (Register::FrameCount, 1),
         ];
         for (register, value) in bytes {
-            registers::write(i2c, register, value)?;
+            sensor_registers::write(i2c, register, value)?;
         }
         let words = [
             (Register::LineLength, self.line_clocks.max(self.size.least_line_clocks())),
@@ -72,9 +72,9 @@ impl Configuration {
             (Register::Integration, exposure),
         ];
         for (register, value) in words {
-            registers::write_wide(i2c, register, value)?;
+            sensor_registers::write_wide(i2c, register, value)?;
         }
-        registers::write(i2c, Register::GroupHold, 1)
+        sensor_registers::write(i2c, Register::GroupHold, 1)
     }
 }
 

@@ -54,7 +54,7 @@ mod frame_store;
 mod line_queue;
 mod pixel_bus;
 mod readout;
-mod registers;
+mod sensor_registers;
 
 pub use configuration::{ClockDivider, Configuration, Gain, Size};
 pub use error::Hm01b0Error;
@@ -69,7 +69,7 @@ use multiscopic_core::{
 };
 
 use readout::{Readout, SensorOutput};
-use registers::{Mode, Register};
+use sensor_registers::{Mode, Register};
 
 /// How often the sensor is asked whether its reset is complete, a millisecond apart.
 const RESET_POLLS: usize = 20;
@@ -114,17 +114,17 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Hm01b0<I, T, B, S> {
     }
 
     fn identify(&mut self) -> Result<(), Hm01b0Error<S::Error>> {
-        match registers::read_wide(&mut self.i2c, Register::Model)? {
-            registers::MODEL => Ok(()),
+        match sensor_registers::read_wide(&mut self.i2c, Register::Model)? {
+            sensor_registers::MODEL => Ok(()),
             found => Err(Hm01b0Error::Model { found }),
         }
     }
 
     fn reset(&mut self) -> Result<(), Hm01b0Error<S::Error>> {
-        registers::write(&mut self.i2c, Register::SoftwareReset, 1)?;
+        sensor_registers::write(&mut self.i2c, Register::SoftwareReset, 1)?;
         for _ in 0..RESET_POLLS {
             self.delay.delay_ms(1);
-            if registers::read(&mut self.i2c, Register::ModeSelect)? == Mode::Standby as u8 {
+            if sensor_registers::read(&mut self.i2c, Register::ModeSelect)? == Mode::Standby as u8 {
                 return Ok(());
             }
         }
@@ -132,7 +132,7 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Hm01b0<I, T, B, S> {
     }
 
     fn set_mode(&mut self, mode: Mode) -> Result<(), Hm01b0Error<S::Error>> {
-        Ok(registers::write(&mut self.i2c, Register::ModeSelect, mode as u8)?)
+        Ok(sensor_registers::write(&mut self.i2c, Register::ModeSelect, mode as u8)?)
     }
 
     /// Stores the lines that have arrived. Returns whether the frame is complete.
@@ -215,7 +215,7 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Camera for Hm01b0<I, T, B, 
         self.readout = None;
         self.bus.restart();
         self.set_mode(Mode::Standby)?;
-        Ok(registers::write(&mut self.i2c, Register::AutoExposure, 1)?)
+        Ok(sensor_registers::write(&mut self.i2c, Register::AutoExposure, 1)?)
     }
 }
 

@@ -6,7 +6,7 @@ use std::{process::Command, time::Instant};
 use crate::{
     aarch64, board, capture,
     command::{built_program, command, run},
-    edge, faults, instructions, kernels, package, setup,
+    edge, faults, instructions, kernels, packaging, setup,
     toolchain::Toolchain,
     v4l2,
 };
@@ -35,7 +35,7 @@ pub fn ci() -> Result<()> {
     step("lints", || run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--", "-Dwarnings"])))?;
     step("lints for Arm", || lints_for_arm(&toolchain))?;
     step("documentation", || run(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")))?;
-    step("packages", package::check)?;
+    step("packages", packaging::check)?;
     test()
 }
 

@@ -22,7 +22,7 @@ mod layout;
 mod least_squares;
 mod log;
 mod machine;
-mod package;
+mod packaging;
 mod received;
 mod record;
 mod setup;
@@ -89,7 +89,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Kernels => kernels::run(&setup::run()?),
         Task::Aarch64 => aarch64::run_tests(),
         Task::Instructions(guard) => guard.run(),
-        Task::Package => package::check(),
+        Task::Package => packaging::check(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Capture => capture::run(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),

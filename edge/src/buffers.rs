@@ -1,4 +1,4 @@
-//! The pipeline's memory, sized at compile time.
+//! The memory of the pipeline, sized at compile time.
 
 use multiscopic_core::{
     Disparity, Memory, Params,

@@ -12,8 +12,8 @@ use multiscopic::{
     DisparityMap, Error, Method, Picture, Result, Rig,
     evaluation::{Record, Row, record},
     files::{
-        Images, Provenance,
-        codec::write_png,
+        FrameFiles, Provenance,
+        image_codec::write_png,
         output,
         ply::{self, Encoding},
     },
@@ -164,7 +164,7 @@ impl Demo {
                 params.min_disparity(),
                 params.max_disparity()
             ))
-            .gallery("The five views", FRAMES.map(|(frame, shows)| Figure::linked(shows, Images::file_of(frame))))
+            .gallery("The five views", FRAMES.map(|(frame, shows)| Figure::linked(shows, FrameFiles::name_of(frame))))
             .paragraph(ABOUT)
             .gallery("Disparities", std::iter::once(truth()).chain(VARIANTS.iter().map(map)))
             .paragraph("Near is red, far is blue, none is black; the colours are the same in all maps.")
@@ -196,7 +196,7 @@ impl Folder {
         let folder = Folder(path.into());
         let maps = VARIANTS.iter().map(name).flat_map(|name| [map_pfm(&name), map_png(&name), errors_png(&name)]);
         let others = [Rig::FILE_NAME, TRUTH_PFM, TRUTH_PNG, CLOUD, OVERVIEW, PAGE];
-        let names = FRAMES.map(|(frame, _)| Images::file_of(frame)).into_iter().chain(others.map(String::from)).chain(maps);
+        let names = FRAMES.map(|(frame, _)| FrameFiles::name_of(frame)).into_iter().chain(others.map(String::from)).chain(maps);
         let paths: Vec<PathBuf> = names.map(|name| folder.path(&name)).collect();
         output::check(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[])?;
         Ok(folder)
@@ -209,7 +209,7 @@ impl Folder {
     /// Writes what a camera and its stage would leave, and the truth.
     fn write_capture(&self, shot: &Shot, camera: &Camera, seed: u64) -> Result<()> {
         for (frame, _) in FRAMES {
-            write_png(&self.path(&Images::file_of(frame)), shot.frame(frame))?;
+            write_png(&self.path(&FrameFiles::name_of(frame)), shot.frame(frame))?;
         }
         rig(camera, seed).save(&self.0)?;
         shot.truth.write_pfm(&self.path(TRUTH_PFM))
@@ -273,7 +273,7 @@ fn rig(camera: &Camera, seed: u64) -> Rig {
         focal_px: Some(camera.focal_px),
         principal_point: [middle(camera.width), middle(camera.height)],
         doffs: 0.0,
-        images: Images::of_capture(Views::ALL),
+        images: FrameFiles::of_capture(Views::ALL),
         capture: Provenance {
             camera: Some("ray tracer".into()),
             stage: Some("simulated".into()),

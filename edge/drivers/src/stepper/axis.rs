@@ -39,7 +39,7 @@ pub struct Axis {
     pub min_um: i32,
     /// The greatest position in micrometres.
     pub max_um: i32,
-    /// The hysteresis of the low switch: it is released at most so many micrometres from where it is pressed.
+    /// The most micrometres between where the low switch is pressed and where it is released.
     pub release_um: u32,
     /// The greatest speed in micrometres/s.
     pub speed_um_per_s: u32,

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{process::Command, time::Instant};
 
-use super::{aarch64, instructions, v4l2};
+use super::{aarch64, instructions, packaging, v4l2};
 use crate::{
     emulation::{emulated_board, setup},
     firmware_checks::{capturing, faults, kernel_twins, profiles},
@@ -65,6 +65,7 @@ pub fn lint() -> Result<()> {
 pub fn test() -> Result<()> {
     let toolchain = step("setup", setup::run)?;
     step("tests in debug", || test_workspace("dev"))?;
+    step("the published packages", packaging::check)?;
     step("tests in release", || test_workspace("release"))?;
     step("the kernel of 64-bit Arm", aarch64::run_tests)?;
     step("instructions", || instructions::Guard::COMPARE.run())?;

@@ -8,8 +8,8 @@ use multiscopic_core::{Frame, View};
 use multiscopic_tests::{
     program::Invocation,
     samples::{
-        images::{ViewSet, read_pfm},
         misaligned::{self, FACTOR, Off, align, assert_recovers, quarter},
+        view_set::{ViewSet, read_pfm},
     },
 };
 use std::{fs, sync::LazyLock};

@@ -163,7 +163,7 @@ impl Seek for Stored<'_> {
 mod tests {
     use super::*;
     use crate::{
-        scene::{Camera, Scene, capture},
+        scene::{PinholeCamera, Scene, render},
         target::reception::{Notice, receive},
     };
     use multiscopic_core::Views;
@@ -174,7 +174,7 @@ mod tests {
     fn the_pipeline_runs_in_its_workspace() {
         let profile = profile::QQVGA;
         let params = profile.params(Fusion::Min);
-        let frames = capture(&Scene::demo(), &Camera::new(160, 120), 1).frames(params.views());
+        let frames = render(&Scene::demo(), &PinholeCamera::new(160, 120), 1).frames(params.views());
         let simulation = simulate(&profile, Fusion::Min, &frames, &|| ());
         assert_eq!(simulation.workspace, profile.lengths::<Wide>().bytes());
         assert_eq!(simulation.passes, 1);
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     #[should_panic = "the frame View(Left) is missing"]
     fn a_view_that_is_missing_is_named() {
-        let frames = capture(&Scene::demo(), &Camera::new(160, 120), 1).frames(Views::STEREO);
+        let frames = render(&Scene::demo(), &PinholeCamera::new(160, 120), 1).frames(Views::STEREO);
         simulate(&profile::QQVGA, Fusion::Min, &frames, &|| ());
     }
 }

@@ -7,6 +7,7 @@ use std::{
 };
 
 use clap::{Args, value_parser};
+use multiscopic::stereo::{CostFunction, Optimizer};
 use multiscopic::{
     DisparityMap, Error, Method, Picture, Result, Rig,
     evaluation::{Record, Row, record},
@@ -68,7 +69,7 @@ static VARIANTS: [Variant; 6] = [
 ];
 
 const fn variant(views: Views, fusion: Fusion) -> Variant {
-    Variant { name: MethodName::Bm, method: Method::BlockMatching, views, fusion }
+    Variant { method: MethodName::Bm, views, fusion }
 }
 
 /// The frames and what they show.
@@ -109,8 +110,10 @@ impl Demo {
         let subject = Subject { dataset: "demo", scene: "demo", frames: &frames, truth: &shot.truth };
         bar.set_message("maps");
         let mut results = Vec::new();
+        let cost = CostFunction::Sad { block_size: self.search.block_size() };
+        let method = Method::new(cost, None, Optimizer::WinnerTakesAll);
         for (variant, params) in VARIANTS.iter().zip(&params) {
-            let (disparities, record) = variant.measure(&engine, &subject, params, &())?;
+            let (disparities, record) = variant.measure(&method, &engine, &subject, params.search())?;
             results.push(Found { name: name(variant), disparities, record });
             bar.inc(1);
         }

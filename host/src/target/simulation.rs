@@ -179,13 +179,13 @@ const fn frame_index(frame: Frame) -> usize {
 mod tests {
     use super::*;
     use crate::{
-        scene::{Camera, Scene, capture},
+        scene::{PinholeCamera, Scene, render},
         target::reception::{Notice, receive},
     };
     use std::path::Path;
 
     fn demo_frames(width: u32, views: Views) -> Frames {
-        capture(&Scene::demo(), &Camera::new(width, 120), 1).frames(views)
+        render(&Scene::demo(), &PinholeCamera::new(width, 120), 1).frames(views)
     }
 
     /// The workspace's tests in `tests/` run every profile, and compare it with `multiscopic match`.

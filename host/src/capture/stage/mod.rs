@@ -10,7 +10,8 @@
 //! | [`ManualStage`] | a person who is prompted |
 //! | [`StageError`] | what went wrong, and what to do |
 //!
-//! A stage's [centre](multiscopic_core::capture::Position::CENTER) is where it is when it is opened. All positions are relative to it.
+//! A stage's [centre](multiscopic_core::capture::Position::CENTER) is where it is when it is opened. All
+//! positions are relative to it.
 
 mod any_stage;
 pub mod arm;

@@ -21,8 +21,8 @@ pub struct Prices {
 }
 
 impl Prices {
-    /// The instructions of a match in column tiles of `tile_width` columns, with a kernel of `lanes` lanes. Sending is included, fetching lines
-    /// is not.
+    /// The instructions of a match in column tiles of `tile_width` columns, with a kernel of `lanes` lanes.
+    /// Sending is included, fetching lines is not.
     ///
     /// `None` if there are no prices for the kernel.
     pub fn instructions(&self, params: &Params, tile_width: usize, lanes: usize) -> Option<f64> {

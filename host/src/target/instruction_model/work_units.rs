@@ -42,8 +42,8 @@ units! {
     sent: "Pixels in packets.",
 }
 
-/// How many candidates each loop processes; or the price of one, in instructions. A candidate is a disparity of a column or pixel; their
-/// number is rounded up to whole vectors.
+/// How many candidates each loop processes; or the price of one, in instructions. A candidate is a disparity
+/// of a column or pixel; their number is rounded up to whole vectors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CandidateUnits {

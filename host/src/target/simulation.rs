@@ -91,7 +91,7 @@ fn run<I: Blocks<u16> + Blocks<u32>, const WORDS: usize, const COLUMNS: usize, c
     board: &mut SimulatedBoard<'_>,
 ) -> Result<Simulation, SimulationError> {
     let (mut source, mut packets) = (board.frames(params)?, board.output()?);
-    let run = workspace.pipeline().run_with::<SimulatedBoard<'_>, I>(kernel, params, tile_width, &mut source, &mut packets);
+    let run = workspace.pipeline().run::<SimulatedBoard<'_>, I>(kernel, params, tile_width, &mut source, &mut packets);
     let mut sender = run.unwrap_or_else(|error| panic!("the workspace fits the profile and memory can be read: {error}"));
     packets.extend_from_slice(sender.end(None).expect("the end is shorter than a line"));
     let frames = [Frame::Center].into_iter().chain(params.views().iter().map(Frame::View));

@@ -22,7 +22,7 @@ use multiscopic::{
         camera::{CameraSettings, PixelFormat, V4l2Camera},
         stage::{self, AnyStage, Limits, StageSpec},
     },
-    files::{Images, Provenance, output},
+    files::{FrameFiles, Provenance, output},
 };
 use multiscopic_core::{
     Frame,
@@ -292,7 +292,7 @@ impl Session<'_> {
         bar.finish_and_clear();
         let frames = frames?;
         let rig = self.rig(&frames, date);
-        output::folder(folder, |folder| {
+        output::write_folder(folder, |folder| {
             frames.save(&rig.images.within(folder))?;
             output::write(&folder.join("capture.log"), |writer| writer.write_all(log.as_bytes()))?;
             rig.save(folder)
@@ -331,7 +331,7 @@ impl Session<'_> {
             focal_px: self.capture.focal_px,
             principal_point: frames.size().map(|side| (side as f64 - 1.0) / 2.0),
             doffs: 0.0,
-            images: Images::of_capture(frames.views()),
+            images: FrameFiles::of_capture(frames.views()),
             capture: Provenance {
                 camera: Some(self.description.clone()),
                 stage: Some(self.capture.stage.to_string()),

@@ -14,20 +14,20 @@
 //! positions are relative to it.
 
 mod any_stage;
-pub mod arm;
 mod error;
 pub mod gcode;
 mod limits;
 mod manual;
+pub mod robot_arm;
 mod safety_mode;
 mod spec;
 mod stall_timer;
 
 pub use any_stage::AnyStage;
-pub use arm::{Arm, ArmAddress};
 pub use error::StageError;
 pub use limits::Limits;
 pub use manual::ManualStage;
+pub use robot_arm::{Arm, ArmAddress};
 pub use safety_mode::SafetyMode;
 pub use spec::StageSpec;
 

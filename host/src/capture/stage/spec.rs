@@ -2,7 +2,7 @@
 
 use std::{fmt, str::FromStr};
 
-use super::{arm::address::ArmAddress, error::StageError, gcode::detection::BAUD};
+use super::{error::StageError, gcode::detection::BAUD, robot_arm::address::ArmAddress};
 
 /// A stage, as `--stage` names it.
 ///

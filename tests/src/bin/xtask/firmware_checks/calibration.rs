@@ -154,7 +154,7 @@ fn fit(runs: &[Run<'_>], counted: &[Instructions], lanes: usize) -> Prices {
     kernels.dedup();
     let of_sending = |name: &&str| ["packet", "sent"].contains(name);
     let units = |work: &Workload, sending: bool| -> Vec<f64> {
-        let numbers = WorkUnits::NAMES.iter().zip(work.units.to_vec());
+        let numbers = WorkUnits::NAMES.iter().zip(work.units.to_array());
         numbers.map(|(name, count)| if of_sending(name) == sending { count } else { 0.0 }).collect()
     };
     let matching = works.iter().map(|work| {
@@ -167,13 +167,13 @@ fn fit(runs: &[Run<'_>], counted: &[Instructions], lanes: usize) -> Prices {
     let sending: Vec<Vec<f64>> = works.iter().map(|work| units(work, true)).collect();
     let sending = least_squares::prices(&sending, &measured(counted, |instructions| instructions.sending));
     let (matching, candidates) = found.split_at(WorkUnits::NAMES.len());
-    let both: Vec<f64> = matching.iter().zip(&sending).map(|(matching, sending)| rounded(matching + sending)).collect();
+    let units = WorkUnits::from_array(std::array::from_fn(|i| rounded(matching[i] + sending[i])));
     let candidates: BTreeMap<String, CandidateUnits> = kernels
         .iter()
         .zip(candidates.as_chunks().0)
         .map(|(kernel, prices)| ((*kernel).to_owned(), CandidateUnits::from_array(prices.map(rounded))))
         .collect();
-    Prices { units: WorkUnits::from_slice(&both), candidates }
+    Prices { units, candidates }
 }
 
 fn measured(counted: &[Instructions], part: impl Fn(&Instructions) -> u64) -> Vec<f64> {

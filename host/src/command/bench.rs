@@ -80,11 +80,11 @@ impl Bench {
         let frames = made_frames(self.width.into(), self.height.into(), views);
         let params = self.search.params(frames.size(), views, self.fusion, (1, 64))?;
         let engine = self.engine.engine()?;
-        let method: Method = self.options.method(self.method)?;
+        let method: Method = self.options.method(self.method, self.search.block_size())?;
         let mut seconds = f64::INFINITY;
         for _ in 0..self.repeat {
             let start = Instant::now();
-            std::hint::black_box(method.disparities(&engine, &frames, &params, &())?);
+            std::hint::black_box(method.disparities(&engine, &frames, params.search(), &())?);
             seconds = seconds.min(start.elapsed().as_secs_f64());
         }
         let report = Report {
@@ -96,7 +96,7 @@ impl Bench {
             views: params.views().len(),
             fusion: params.fusion().name(),
             threads: engine.threads(),
-            kernel: engine.simd(&params).to_string(),
+            kernel: engine.simd(params.search()).to_string(),
             seconds,
             gde_per_s: params.evaluations() as f64 / seconds / 1e9,
         };

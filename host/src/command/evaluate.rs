@@ -101,6 +101,9 @@ impl Evaluate {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         let variants = self.variants()?;
+        let options = self.options.clone().for_dataset(self.dataset);
+        let method = |&name: &MethodName| Ok((name, options.method(name, self.search.block_size())?));
+        let methods = self.methods.iter().map(method).collect::<Result<Vec<_>>>()?;
         let scenes = self.chosen_scenes()?;
         let outputs: Vec<&Path> = self.json.iter().chain(&self.report).map(PathBuf::as_path).collect();
         let inputs: Vec<&Path> = scenes.iter().flat_map(|scene| scene.images.paths().chain([scene.truth.as_path()])).collect();
@@ -117,7 +120,8 @@ impl Evaluate {
             let subject = Subject { dataset: scene.dataset.name(), scene: &scene.name, frames: &frames, truth: &truth };
             for variant in &variants {
                 let params = self.search.params(frames.size(), variant.views, Some(variant.fusion), self.dataset.range())?;
-                let (disparities, record) = variant.measure(&engine, &subject, &params, &())?;
+                let (_, method) = methods.iter().find(|(name, _)| *name == variant.method).expect("every variant has its method");
+                let (disparities, record) = variant.measure(method, &engine, &subject, params.search())?;
                 if let Some(gallery) = &mut gallery {
                     gallery.add(&record.variant(), &disparities);
                 }
@@ -154,9 +158,8 @@ impl Evaluate {
         let available = self.dataset.views();
         let mut counts = if self.views.is_empty() { vec![1, available.len()] } else { self.views.clone() };
         counts.sort_unstable();
-        let options = self.options.clone().for_dataset(self.dataset);
         let mut variants = Vec::new();
-        for &name in &self.methods {
+        for &method in &self.methods {
             for &count in &counts {
                 let views = views_of_count(count)?;
                 if views.len() > available.len() {
@@ -172,7 +175,7 @@ impl Evaluate {
                     (fusions, _) => fusions.to_vec(),
                 };
                 for fusion in fusions {
-                    let variant = Variant { name, method: options.method(name)?, views, fusion };
+                    let variant = Variant { method, views, fusion };
                     if !variants.contains(&variant) {
                         variants.push(variant);
                     }

@@ -7,13 +7,13 @@ use std::{
 };
 
 use clap::Args;
+use multiscopic::stereo::{CostFunction, Optimizer};
 use multiscopic::{
-    Alignment, DisparityMap, Error, Frames, Method, Result,
+    Alignment, DisparityMap, Error, Frames, Result,
     files::{
         output,
         ply::{self, Encoding},
     },
-    images::depth,
 };
 use multiscopic_core::{Frame, Fusion, Params};
 
@@ -97,24 +97,25 @@ impl Match {
             frames = Alignment::estimate(&frames, &params, &engine)?.compensate(&frames);
         }
 
-        let method = self.options.method(self.method)?;
-        if let Method::GraphCuts(cuts, _) = &method
+        let method = self.options.method(self.method, self.search.block_size())?;
+        if let (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) = (&method.cost, &method.optimizer)
             && cuts.upsample > 1
         {
             let colored = frames.color(Frame::Center).is_some();
-            let megabytes = cuts.bytes(params.width() * params.height(), params.views().len(), colored).div_ceil(1_000_000);
+            let bytes = cuts.bytes(*cost, params.width() * params.height(), params.views().len(), colored);
+            let megabytes = bytes.div_ceil(1_000_000);
             terminal::say(&format!("matching images {} times as large takes about {megabytes} MB", cuts.upsample));
         }
         let watch = Watch::new()?;
         let start = Instant::now();
-        let disparities = method.disparities(&engine, &frames, &params, &watch)?;
+        let disparities = method.disparities(&engine, &frames, params.search(), &watch)?;
         let seconds = start.elapsed().as_secs_f64();
         watch.finish();
 
         let outputs = &self.outputs;
         outputs.maps.write(&disparities)?;
         if let (Some(path), Some(geometry)) = (&outputs.depth, &geometry) {
-            depth::depth_map(&disparities, geometry).write_pfm(path)?;
+            disparities.to_depth(geometry).write_pfm(path)?;
         }
         if let (Some(path), Some(geometry), Some(center)) = (&outputs.ply, &geometry, &center) {
             let encoding = if outputs.ply_ascii { Encoding::Ascii } else { Encoding::Binary };

@@ -4,18 +4,25 @@ use clap::{Args, ValueEnum};
 use multiscopic::{
     Dataset, Error, GraphCuts, Method, Result, SemiGlobal,
     stereo::{
-        aggregation::cross_based::Likeness,
-        cost::mccnn::{Architecture, McCnn, Network},
+        CostFunction, Optimizer,
+        aggregation::{Aggregation, SupportRegion},
+        cost::{
+            BirchfieldTomasi, Census,
+            mccnn::{Architecture, Network},
+        },
         optimization::{
             edge_aware::Penalties,
             graph_cuts::{Occlusion, Smoothness},
-            sgm::{Census, Paths},
+            sgm::Paths,
         },
-        refinement::filter::{Bilateral, Filters, Median},
+        refinement::{Bilateral, Median, Refinement},
     },
 };
 
-use super::options::value::{point, positive};
+use super::options::{
+    Named, named,
+    value::{point, positive},
+};
 
 /// How disparities are estimated, by the name of the method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -62,36 +69,30 @@ impl MethodOptions {
         self
     }
 
-    /// A method with these options.
-    pub fn method(&self, name: MethodName) -> Result<Method> {
+    /// A method with these options, and the block size of block matching: of the method itself, or of what graph cuts start from.
+    pub fn method(&self, name: MethodName, block_size: u8) -> Result<Method> {
+        let (sgm, gc, mccnn) = (&self.sgm, &self.graph_cuts, &self.mccnn);
+        let filters = || self.filters.refinement();
+        let network = |architecture| -> Result<Method> {
+            let optimizer = Optimizer::EdgeAware(mccnn.penalties(architecture));
+            Ok(Method::new(mccnn.cost(architecture)?, Some(mccnn.aggregation(architecture)), optimizer)
+                .with_refinement(filters()?))
+        };
         Ok(match name {
-            MethodName::Bm => Method::BlockMatching,
-            MethodName::Gc => Method::GraphCuts(self.graph_cuts.method(), self.filters.filters()?),
-            MethodName::Sgm => Method::SemiGlobal(self.sgm.sgm(self.filters.disp12_max_diff)?, self.filters.filters()?),
-            MethodName::MccnnFast => self.mccnn(Architecture::Fast)?,
-            MethodName::MccnnAccurate => self.mccnn(Architecture::Accurate)?,
+            MethodName::Bm => Method::new(CostFunction::Sad { block_size }, None, Optimizer::WinnerTakesAll),
+            MethodName::Sgm => {
+                Method::new(CostFunction::Census(sgm.census), None, Optimizer::SemiGlobal(sgm.sgm()?)).with_refinement(filters()?)
+            }
+            MethodName::Gc => Method::new(
+                CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: !gc.gray }),
+                None,
+                Optimizer::GraphCuts(gc.graph_cuts(block_size)),
+            )
+            .with_refinement(filters()?),
+            MethodName::MccnnFast => network(Architecture::Fast)?,
+            MethodName::MccnnAccurate => network(Architecture::Accurate)?,
         })
     }
-
-    fn mccnn(&self, architecture: Architecture) -> Result<Method> {
-        let mccnn = McCnn { left_right: self.filters.disp12_max_diff, ..self.mccnn.mccnn(architecture)? };
-        Ok(Method::McCnn(Box::new(mccnn), self.filters.filters()?))
-    }
-}
-
-/// The window of the census transform, by its size.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum CensusName {
-    /// 5 x 5 pixels, 12 bits
-    #[value(name = "5x5")]
-    Window5x5,
-    /// 7 x 7 pixels, 24 bits
-    #[value(name = "7x7")]
-    Window7x7,
-    /// 9 x 7 pixels, 31 bits
-    #[default]
-    #[value(name = "9x7")]
-    Window9x7,
 }
 
 /// What semi-global matching takes.
@@ -116,20 +117,15 @@ struct SgmOptions {
     paths: Paths,
 
     /// Window of the census transform
-    #[arg(long, value_name = "SIZE", value_enum, default_value = "9x7")]
-    census: CensusName,
+    #[arg(long, value_name = "SIZE", value_parser = named::<Census>(), default_value = "9x7")]
+    census: Census,
 }
 
 impl SgmOptions {
-    fn sgm(&self, left_right: Option<u16>) -> Result<SemiGlobal> {
-        let census = match self.census {
-            CensusName::Window5x5 => Census::Window5x5,
-            CensusName::Window7x7 => Census::Window7x7,
-            CensusName::Window9x7 => Census::Window9x7,
-        };
-        let p1 = self.p1.unwrap_or(SemiGlobal::default_penalties(census)[0]);
+    fn sgm(&self) -> Result<SemiGlobal> {
+        let p1 = self.p1.unwrap_or(self.census.default_penalties()[0]);
         let p2 = self.p2.unwrap_or(p1.saturating_mul(6).min(SemiGlobal::MAX_PENALTY));
-        SemiGlobal::new(census, self.paths, [p1, p2], Some(self.p2_edge), left_right)
+        SemiGlobal::new(self.paths, [p1, p2], Some(self.p2_edge))
     }
 }
 
@@ -162,11 +158,11 @@ struct McCnnOptions {
     sgm_d: Option<f64>,
 
     /// Average costs over a cross of pixels that differ by less than this, in standard deviations of the image
-    #[arg(long, value_name = "N", default_value_t = Likeness::ACCURATE.intensity.into(), value_parser = positive)]
+    #[arg(long, value_name = "N", default_value_t = SupportRegion::ACCURATE.intensity.into(), value_parser = positive)]
     cbca_intensity: f64,
 
     /// and that are less than so many pixels away
-    #[arg(long, value_name = "N", default_value_t = Likeness::ACCURATE.distance)]
+    #[arg(long, value_name = "N", default_value_t = SupportRegion::ACCURATE.distance)]
     cbca_distance: u16,
 
     /// Average so often before the paths (cbca_num_iterations_1) [default: 0 fast, 2 accurate]
@@ -179,25 +175,33 @@ struct McCnnOptions {
 }
 
 impl McCnnOptions {
-    /// With the network's weights, if they are installed.
-    fn mccnn(&self, architecture: Architecture) -> Result<McCnn> {
-        let default = McCnn::new(Network::load(architecture)?);
+    /// A network with its weights, if they are installed.
+    fn cost(&self, architecture: Architecture) -> Result<CostFunction> {
+        Ok(CostFunction::McCnn(Box::new(Network::load(architecture)?)))
+    }
+
+    fn aggregation(&self, architecture: Architecture) -> Aggregation {
+        let [before, after] = architecture.iterations();
+        Aggregation {
+            region: SupportRegion { intensity: self.cbca_intensity as f32, distance: self.cbca_distance },
+            iterations: [self.cbca_iterations_1.unwrap_or(before), self.cbca_iterations_2.unwrap_or(after)],
+        }
+    }
+
+    fn penalties(&self, architecture: Architecture) -> Penalties {
+        let Penalties { p1, p2, q1, q2, vertical, edge } = match architecture {
+            Architecture::Fast => Penalties::FAST,
+            Architecture::Accurate => Penalties::ACCURATE,
+        };
         let or = |given: Option<f64>, default: f32| given.map_or(default, |given| given as f32);
-        let Penalties { p1, p2, q1, q2, vertical, edge } = default.penalties;
-        let [before, after] = default.aggregations;
-        Ok(McCnn {
-            likeness: Likeness { intensity: self.cbca_intensity as f32, distance: self.cbca_distance },
-            aggregations: [self.cbca_iterations_1.unwrap_or(before), self.cbca_iterations_2.unwrap_or(after)],
-            penalties: Penalties {
-                p1: or(self.sgm_p1, p1),
-                p2: or(self.sgm_p2, p2),
-                q1: or(self.sgm_q1, q1),
-                q2: or(self.sgm_q2, q2),
-                vertical: or(self.sgm_v, vertical),
-                edge: or(self.sgm_d, edge),
-            },
-            ..default
-        })
+        Penalties {
+            p1: or(self.sgm_p1, p1),
+            p2: or(self.sgm_p2, p2),
+            q1: or(self.sgm_q1, q1),
+            q2: or(self.sgm_q2, q2),
+            vertical: or(self.sgm_v, vertical),
+            edge: or(self.sgm_d, edge),
+        }
     }
 }
 
@@ -225,8 +229,9 @@ struct FilterOptions {
 }
 
 impl FilterOptions {
-    fn filters(&self) -> Result<Filters> {
-        Ok(Filters {
+    fn refinement(&self) -> Result<Refinement> {
+        Ok(Refinement {
+            left_right: self.disp12_max_diff,
             median: self.median.map(Median::new).transpose()?,
             bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
         })
@@ -243,12 +248,12 @@ struct GraphCutsOptions {
     occlusion_cost: Option<OcclusionCost>,
 
     /// What becomes of pixels that do not match [default: unique with one neighbour, capped with more]
-    #[arg(long, value_enum)]
-    occlusions: Option<OcclusionName>,
+    #[arg(long, value_parser = named::<Occlusion>())]
+    occlusions: Option<Occlusion>,
 
     /// What neighbours with different disparities pay
-    #[arg(long, value_enum, default_value = "linear")]
-    smoothness: SmoothnessName,
+    #[arg(long, value_parser = named::<Smoothness>(), default_value = "linear")]
+    smoothness: Smoothness,
 
     /// Cost of a step of one pixel between neighbours that look the same [default: 3/5 of an occlusion's cost that was found; else
     /// 9 if matches are unique, 3/10 of an occlusion's cost if capped]
@@ -302,48 +307,68 @@ fn occlusion(text: &str) -> Result<OcclusionCost> {
     }
 }
 
-/// What becomes of pixels that do not match, by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum OcclusionName {
-    /// They have no disparity, and matches are unique: for one neighbour
-    Unique,
-    /// They pay no more than the cost of an occlusion, and have the disparity of their surroundings
-    Capped,
-}
-
-/// What neighbours with different disparities pay, by name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum SmoothnessName {
-    /// In proportion to the step, up to a limit (the paper)
-    #[default]
-    Linear,
-    /// The same for every step (Kolmogorov and Zabih)
-    Potts,
-}
-
 impl GraphCutsOptions {
-    fn method(&self) -> GraphCuts {
+    fn graph_cuts(&self, start_block_size: u8) -> GraphCuts {
         let default = GraphCuts::default();
-        let occlusion = self.occlusion_cost.unwrap_or(default.occlusion);
         GraphCuts {
-            occlusion,
-            occlusions: self.occlusions.map(|name| match name {
-                OcclusionName::Unique => Occlusion::Unique,
-                OcclusionName::Capped => Occlusion::Capped,
-            }),
-            smoothness: match self.smoothness {
-                SmoothnessName::Linear => Smoothness::Linear,
-                SmoothnessName::Potts => Smoothness::Potts,
-            },
+            occlusion: self.occlusion_cost.unwrap_or(default.occlusion),
+            occlusions: self.occlusions,
+            smoothness: self.smoothness,
             lambda: [self.lambda1, self.lambda2],
             threshold: self.theta.unwrap_or(default.threshold),
             cutoff: self.cutoff.unwrap_or(default.cutoff),
-            color: !self.gray,
+            start_block_size,
             sweeps: self.sweeps.unwrap_or(default.sweeps),
             seed: self.seed,
             refine: !self.no_refine,
             fill: !self.keep_occluded,
             upsample: self.upsample,
+        }
+    }
+}
+
+impl Named for Census {
+    const ALL: &'static [Census] = &Census::ALL;
+
+    fn name(&self) -> &'static str {
+        Census::name(*self)
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            Census::Window5x5 => "5 x 5 pixels, 12 bits",
+            Census::Window7x7 => "7 x 7 pixels, 24 bits",
+            Census::Window9x7 => "9 x 7 pixels, 31 bits",
+        }
+    }
+}
+
+impl Named for Occlusion {
+    const ALL: &'static [Occlusion] = &Occlusion::ALL;
+
+    fn name(&self) -> &'static str {
+        Occlusion::name(*self)
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            Occlusion::Unique => "They have no disparity, and matches are unique: for one neighbour",
+            Occlusion::Capped => "They pay no more than the cost of an occlusion, and have the disparity of their surroundings",
+        }
+    }
+}
+
+impl Named for Smoothness {
+    const ALL: &'static [Smoothness] = &Smoothness::ALL;
+
+    fn name(&self) -> &'static str {
+        Smoothness::name(*self)
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            Smoothness::Linear => "In proportion to the step, up to a limit (the paper)",
+            Smoothness::Potts => "The same for every step (Kolmogorov and Zabih)",
         }
     }
 }

@@ -11,7 +11,7 @@ use clap::Args;
 use multiscopic::{
     Error, Frames, Processor, Result,
     files::output,
-    scene::{Camera, Scene, capture},
+    scene::{PinholeCamera, Scene, render},
     target::{
         Ram, reception,
         simulation::{self, Simulation},
@@ -69,7 +69,7 @@ impl Simulate {
 
         let passes = Region::tiles(&params, profile.tile_width()).count();
         let bar = terminal::progress((passes * params.height()) as u64, "lines");
-        let simulation = simulation::simulate(&profile, fusion, &frames, &|| bar.inc(1));
+        let simulation = simulation::simulate(&profile, fusion, &frames, &|| bar.inc(1))?;
         bar.finish_and_clear();
         if let Some(path) = &self.packets {
             output::write(path, |writer| writer.write_all(&simulation.packets))?;
@@ -92,8 +92,8 @@ impl Simulate {
         let [width, height] = [params.width(), params.height()];
         let Some((images, _)) = self.source.capture()? else {
             output::check(&outputs, &[])?;
-            let camera = Camera::new(width as u32, height as u32);
-            return Ok((capture(&Scene::demo(), &camera, 1).frames(params.views()), "demo"));
+            let camera = PinholeCamera::new(width as u32, height as u32);
+            return Ok((render(&Scene::demo(), &camera, 1).frames(params.views()), "demo"));
         };
         let rig_file = self.source.rig_file();
         output::check(&outputs, &images.paths().chain(rig_file.as_deref()).collect::<Vec<_>>())?;
@@ -149,9 +149,9 @@ impl<'a> Report<'a> {
             core: processor.name(),
             fusion: params.fusion().name(),
             images,
-            ram_static: simulation.workspace + ram.statics,
+            ram_static: simulation.workspace + ram.other_statics,
             stack_max: ram.stack,
-            ram_total: simulation.workspace + ram.statics + ram.stack,
+            ram_total: simulation.workspace + ram.other_statics + ram.stack,
             ram_budget: profile.ram_budget,
             de: params.evaluations(),
             instructions,

@@ -1,12 +1,12 @@
 //! The grey values of a camera frame, pixel by pixel, straight from the definitions of the pixel formats.
 
-use multiscopic::capture::camera::{Layout, PixelFormat};
+use multiscopic::capture::camera::{FrameLayout, PixelFormat};
 
 /// The grey value of each pixel of an uncompressed frame, row by row.
 ///
 /// # Panics
 /// If the frame is too short or compressed.
-pub fn gray(layout: &Layout, frame: &[u8]) -> Vec<u8> {
+pub fn gray(layout: &FrameLayout, frame: &[u8]) -> Vec<u8> {
     let [width, height] = layout.size.map(|side| side as usize);
     let bytes = match layout.format {
         PixelFormat::Grey | PixelFormat::Nv12 => 1,

@@ -12,7 +12,7 @@ use std::{
 };
 
 use image::GrayImage;
-use multiscopic::capture::camera::{Layout, PixelFormat};
+use multiscopic::capture::camera::{FrameLayout, PixelFormat};
 use v4l::{Device, Format, FourCC, video::Output};
 
 /// The time between two frames.
@@ -30,7 +30,7 @@ impl Producer {
     ///
     /// # Errors
     /// If the device does not accept the format or the frame.
-    pub fn start(device: &Path, layout: Layout, frame: Vec<u8>) -> io::Result<Producer> {
+    pub fn start(device: &Path, layout: FrameLayout, frame: Vec<u8>) -> io::Result<Producer> {
         let mut output = Device::with_path(device)?;
         let [width, height] = layout.size;
         let wanted = Format::new(width, height, FourCC::new(&layout.format.fourcc()));
@@ -63,7 +63,7 @@ impl Producer {
     /// # Errors
     /// If the device does not accept the format or the frame.
     pub fn gray(device: &Path, image: &GrayImage) -> io::Result<Producer> {
-        let layout = Layout { format: PixelFormat::Grey, size: image.dimensions().into(), stride: 0 };
+        let layout = FrameLayout { format: PixelFormat::Grey, size: image.dimensions().into(), stride: 0 };
         Producer::start(device, layout, image.as_raw().clone())
     }
 

@@ -17,7 +17,7 @@ use image::{GrayImage, Luma, codecs::jpeg::JpegEncoder};
 use libtest_mimic::Trial;
 use multiscopic::{
     Picture,
-    capture::camera::{Camera, Fault, Layout, PixelFormat, Settings},
+    capture::camera::{CameraFault, CameraSettings, FrameLayout, PixelFormat, V4l2Camera},
 };
 use multiscopic_tests::{
     program,
@@ -71,15 +71,21 @@ fn bars_are_known() -> Outcome {
 }
 
 /// Settings for quick, small captures.
-fn quick() -> Settings {
-    Settings { format: Some(PixelFormat::Grey), size: Some([320, 180]), warm_up: 1, lock: false, ..Settings::default() }
+fn quick() -> CameraSettings {
+    CameraSettings {
+        format: Some(PixelFormat::Grey),
+        size: Some([320, 180]),
+        warm_up: 1,
+        lock: false,
+        ..CameraSettings::default()
+    }
 }
 
-fn open(device: &str, settings: &Settings) -> Result<Camera, multiscopic::capture::camera::CameraError> {
-    Camera::open(Path::new(device), settings)
+fn open(device: &str, settings: &CameraSettings) -> Result<V4l2Camera, multiscopic::capture::camera::CameraError> {
+    V4l2Camera::open(Path::new(device), settings)
 }
 
-fn frame(camera: &mut Camera) -> Result<GrayImage, multiscopic::capture::camera::CameraError> {
+fn frame(camera: &mut V4l2Camera) -> Result<GrayImage, multiscopic::capture::camera::CameraError> {
     camera.frame(LONG, &AtomicBool::new(false))
 }
 
@@ -103,7 +109,7 @@ fn same(found: &GrayImage, expected: &GrayImage) -> Outcome {
 }
 
 /// Captures. This must fail in time, with a fault that `is_expected` accepts and a one-line message that names the device.
-fn fails(camera: &mut Camera, device: &str, is_expected: impl Fn(&Fault) -> bool) -> Outcome {
+fn fails(camera: &mut V4l2Camera, device: &str, is_expected: impl Fn(&CameraFault) -> bool) -> Outcome {
     let start = Instant::now();
     let error = match camera.frame(SHORT, &AtomicBool::new(false)) {
         Ok(_) => return Err("there is a picture".into()),
@@ -119,7 +125,7 @@ fn fails(camera: &mut Camera, device: &str, is_expected: impl Fn(&Fault) -> bool
 }
 
 /// Checks that the next two captures work.
-fn recovers(camera: &mut Camera) -> Outcome {
+fn recovers(camera: &mut V4l2Camera) -> Outcome {
     for _ in 0..2 {
         same(&frame(camera)?, &bars([320, 180], &FULL))?;
     }
@@ -129,7 +135,7 @@ fn recovers(camera: &mut Camera) -> Outcome {
 fn format(format: PixelFormat, grays: &[u8; 8]) -> Outcome {
     vivid::show(Path::new(VIVID[0]), Pattern::Bars)?;
     for size in [[640, 480], [320, 180]] {
-        let mut camera = open(VIVID[0], &Settings { format: Some(format), size: Some(size), ..quick() })?;
+        let mut camera = open(VIVID[0], &CameraSettings { format: Some(format), size: Some(size), ..quick() })?;
         same(&frame(&mut camera)?, &bars(size, grays))?;
     }
     Ok(())
@@ -138,8 +144,8 @@ fn format(format: PixelFormat, grays: &[u8; 8]) -> Outcome {
 /// By default, the best format and the camera's current size are used.
 fn defaults() -> Outcome {
     vivid::show(Path::new(VIVID[0]), Pattern::Bars)?;
-    drop(open(VIVID[0], &Settings { format: Some(PixelFormat::Yuyv), ..quick() })?);
-    let mut camera = open(VIVID[0], &Settings { average: NonZeroU16::MIN.saturating_add(4), ..Settings::default() })?;
+    drop(open(VIVID[0], &CameraSettings { format: Some(PixelFormat::Yuyv), ..quick() })?);
+    let mut camera = open(VIVID[0], &CameraSettings { average: NonZeroU16::MIN.saturating_add(4), ..CameraSettings::default() })?;
     let layout = camera.layout();
     if (layout.format, layout.size) != (PixelFormat::Grey, [320, 180]) {
         return Err(format!("{camera}").into());
@@ -181,7 +187,7 @@ fn locks_and_unlocks() -> Outcome {
         value => Err(Box::<dyn Error>::from(format!("{what}: {value:?} instead of {expected:?}"))),
     };
     for gain in [None, Some(77)] {
-        let mut camera = open(VIVID[0], &Settings { lock: true, gain, ..quick() })?;
+        let mut camera = open(VIVID[0], &CameraSettings { lock: true, gain, ..quick() })?;
         expect("opened", AUTOGAIN, Value::Boolean(true))?;
         for _ in 0..2 {
             frame(&mut camera)?;
@@ -196,24 +202,24 @@ fn locks_and_unlocks() -> Outcome {
     // Settings of the user are restored.
     put(AUTOGAIN, Value::Boolean(false))?;
     put(GAIN, Value::Integer(50))?;
-    let mut camera = open(VIVID[0], &Settings { lock: true, gain: Some(60), ..quick() })?;
+    let mut camera = open(VIVID[0], &CameraSettings { lock: true, gain: Some(60), ..quick() })?;
     frame(&mut camera)?;
     expect("set", GAIN, Value::Integer(60))?;
     drop(camera);
     expect("closed", GAIN, Value::Integer(50))?;
     put(AUTOGAIN, Value::Boolean(true))?;
 
-    let mut camera = open(VIVID[0], &Settings { exposure: Some(100), ..quick() })?;
-    fails(&mut camera, VIVID[0], |fault| matches!(fault, Fault::NoControl { control: "exposure" }))?;
-    let mut camera = open(VIVID[0], &Settings { gain: Some(1000), ..quick() })?;
-    fails(&mut camera, VIVID[0], |fault| matches!(fault, Fault::Control { control: "gain", .. }))?;
+    let mut camera = open(VIVID[0], &CameraSettings { exposure: Some(100), ..quick() })?;
+    fails(&mut camera, VIVID[0], |fault| matches!(fault, CameraFault::NoControl { control: "exposure" }))?;
+    let mut camera = open(VIVID[0], &CameraSettings { gain: Some(1000), ..quick() })?;
+    fails(&mut camera, VIVID[0], |fault| matches!(fault, CameraFault::Control { control: "gain", .. }))?;
     drop(camera);
     expect("closed after an error", AUTOGAIN, Value::Boolean(true))
 }
 
 /// What cannot be opened is refused, with a helpful message.
 fn refusals() -> Outcome {
-    let refused = |device: &str, settings: &Settings, words: &[&str]| match open(device, settings) {
+    let refused = |device: &str, settings: &CameraSettings, words: &[&str]| match open(device, settings) {
         Ok(camera) => Err(Box::<dyn Error>::from(format!("{camera} opens"))),
         Err(error) => {
             let message = error.to_string();
@@ -223,7 +229,7 @@ fn refusals() -> Outcome {
             }
         }
     };
-    let sized = |width, height| Settings { size: Some([width, height]), ..quick() };
+    let sized = |width, height| CameraSettings { size: Some([width, height]), ..quick() };
     refused("/dev/video99", &quick(), &["no such device", "multiscopic devices"])?;
     refused("/dev/null", &quick(), &["found no V4L2 device, expected a camera"])?;
     refused("/dev", &quick(), &["cannot open it"])?;
@@ -232,12 +238,12 @@ fn refusals() -> Outcome {
     refused(VIVID[0], &sized(333, 200), &["found 320x180 GREY, expected 333x200 GREY"])?;
     refused(VIVID[0], &sized(0, 200), &["a size of 0x200", "1 to 65535"])?;
     refused(VIVID[0], &sized(100_000, 100_000), &["a size of 100000x100000", "1 to 65535"])?;
-    let compressed = Settings { format: Some(PixelFormat::Mjpg), ..quick() };
+    let compressed = CameraSettings { format: Some(PixelFormat::Mjpg), ..quick() };
     refused(VIVID[0], &compressed, &["found 320x180 ", "expected 320x180 MJPG", "multiscopic devices"])
 }
 
 /// A fault that occurs once, before the camera starts or while it runs.
-fn strikes_once(fault: vivid::Fault, while_it_runs: bool, is_expected: fn(&Fault) -> bool) -> Outcome {
+fn strikes_once(fault: vivid::Fault, while_it_runs: bool, is_expected: fn(&CameraFault) -> bool) -> Outcome {
     let device = Path::new(VIVID[0]);
     vivid::show(device, Pattern::Bars)?;
     let mut camera = open(VIVID[0], &quick())?;
@@ -269,7 +275,8 @@ fn damaged_frames() -> Outcome {
                 thread::sleep(Duration::from_millis(2));
             }
         });
-        let failed = fails(&mut camera, VIVID[0], |fault| matches!(fault, Fault::Damaged)).map_err(|error| error.to_string());
+        let failed =
+            fails(&mut camera, VIVID[0], |fault| matches!(fault, CameraFault::Damaged)).map_err(|error| error.to_string());
         is_over.store(true, Ordering::Relaxed);
         failed
     });
@@ -285,7 +292,7 @@ fn no_frames() -> Outcome {
     for _ in 0..2 {
         vivid::inject(device, vivid::Fault::Dropped(100))?;
         for _ in 0..2 {
-            fails(&mut camera, VIVID[0], |fault| matches!(fault, Fault::NoFrame { frames: 0, .. }))?;
+            fails(&mut camera, VIVID[0], |fault| matches!(fault, CameraFault::NoFrame { frames: 0, .. }))?;
         }
         vivid::inject(device, vivid::Fault::Dropped(0))?;
         recovers(&mut camera)?;
@@ -309,7 +316,7 @@ fn cancelling() -> Outcome {
     });
     vivid::inject(device, vivid::Fault::Dropped(0))?;
     match cancelled {
-        Err(error) if matches!(error.fault, Fault::Cancelled) && took < GRACE => recovers(&mut camera),
+        Err(error) if matches!(error.fault, CameraFault::Cancelled) && took < GRACE => recovers(&mut camera),
         other => Err(format!("after {took:?}: {other:?}").into()),
     }
 }
@@ -320,9 +327,9 @@ fn second_opener() -> Outcome {
     let mut first = open(VIVID[0], &quick())?;
     let mut second = open(VIVID[0], &quick())?;
     frame(&mut first)?;
-    fails(&mut second, VIVID[0], |fault| matches!(fault, Fault::Busy))?;
-    match open(VIVID[0], &Settings { size: Some([640, 480]), ..quick() }) {
-        Err(error) if matches!(error.fault, Fault::Busy) => {}
+    fails(&mut second, VIVID[0], |fault| matches!(fault, CameraFault::Busy))?;
+    match open(VIVID[0], &CameraSettings { size: Some([640, 480]), ..quick() }) {
+        Err(error) if matches!(error.fault, CameraFault::Busy) => {}
         other => return Err(format!("{:?}", other.map(|camera| camera.to_string())).into()),
     }
     recovers(&mut first)?;
@@ -331,7 +338,7 @@ fn second_opener() -> Outcome {
 }
 
 /// A random frame of this layout.
-fn random_frame(layout: &Layout, seed: u64) -> Vec<u8> {
+fn random_frame(layout: &FrameLayout, seed: u64) -> Vec<u8> {
     let pixels = layout.size[0] * layout.size[1];
     let bytes = match layout.format {
         PixelFormat::Grey => pixels,
@@ -347,7 +354,7 @@ fn random_frame(layout: &Layout, seed: u64) -> Vec<u8> {
 fn loopback_formats() -> Outcome {
     let mut formats = Vec::new();
     for (i, format) in PixelFormat::ALL.into_iter().enumerate().filter(|(_, format)| *format != PixelFormat::Mjpg) {
-        let layout = Layout { format, size: [64, 48], stride: 0 };
+        let layout = FrameLayout { format, size: [64, 48], stride: 0 };
         let device = LOOPBACK[i % LOOPBACK.len()];
         let fed = random_frame(&layout, 1);
         let producer = match Producer::start(Path::new(device), layout, fed.clone()) {
@@ -357,7 +364,7 @@ fn loopback_formats() -> Outcome {
             Err(error) => return Err(error.into()),
         };
         formats.push(format.name());
-        let mut camera = open(device, &Settings { format: Some(format), size: None, ..quick() })?;
+        let mut camera = open(device, &CameraSettings { format: Some(format), size: None, ..quick() })?;
         let expected = |frame: &[u8]| GrayImage::from_raw(64, 48, luma::gray(&layout, frame)).ok_or("64x48 pixels");
         same(&frame(&mut camera)?, &expected(&fed)?)?;
         for seed in 2..5 {
@@ -376,7 +383,7 @@ fn loopback_formats() -> Outcome {
 
 /// Whole JPEG frames are decoded; damaged ones are errors.
 fn loopback_jpeg() -> Outcome {
-    let (device, layout) = (LOOPBACK[0], Layout { format: PixelFormat::Mjpg, size: [64, 48], stride: 0 });
+    let (device, layout) = (LOOPBACK[0], FrameLayout { format: PixelFormat::Mjpg, size: [64, 48], stride: 0 });
     let image = GrayImage::from_fn(64, 48, |u, v| Luma([(3 * u + v) as u8]));
     let mut bytes = Vec::new();
     JpegEncoder::new(&mut bytes).encode_image(&image)?;
@@ -385,11 +392,11 @@ fn loopback_jpeg() -> Outcome {
     let expected = Picture::read(file)?.to_gray();
 
     let producer = Producer::start(Path::new(device), layout, bytes.clone())?;
-    let mut camera = open(device, &Settings { format: None, size: None, ..quick() })?;
+    let mut camera = open(device, &CameraSettings { format: None, size: None, ..quick() })?;
     same(&frame(&mut camera)?, &expected)?;
     producer.show(bytes[..bytes.len() / 2].to_vec());
     thread::sleep(Duration::from_millis(100));
-    fails(&mut camera, device, |fault| matches!(fault, Fault::Jpeg { .. }))?;
+    fails(&mut camera, device, |fault| matches!(fault, CameraFault::Jpeg { .. }))?;
     producer.show(bytes);
     thread::sleep(Duration::from_millis(100));
     same(&frame(&mut camera)?, &expected)
@@ -399,11 +406,11 @@ fn loopback_jpeg() -> Outcome {
 fn loopback_short_frames() -> Outcome {
     let image = GrayImage::from_fn(64, 48, |u, v| Luma([(u * v) as u8]));
     let producer = Producer::gray(Path::new(LOOPBACK[1]), &image)?;
-    let mut camera = open(LOOPBACK[1], &Settings { size: None, ..quick() })?;
+    let mut camera = open(LOOPBACK[1], &CameraSettings { size: None, ..quick() })?;
     same(&frame(&mut camera)?, &image)?;
     producer.show(image.as_raw()[..1000].to_vec());
     thread::sleep(Duration::from_millis(100));
-    fails(&mut camera, LOOPBACK[1], |fault| matches!(fault, Fault::Truncated { found: 1000, expected: 3072, .. }))?;
+    fails(&mut camera, LOOPBACK[1], |fault| matches!(fault, CameraFault::Truncated { found: 1000, expected: 3072, .. }))?;
     producer.show(image.as_raw().clone());
     thread::sleep(Duration::from_millis(100));
     same(&frame(&mut camera)?, &image)
@@ -413,7 +420,7 @@ fn loopback_short_frames() -> Outcome {
 fn loopback_producer_ends() -> Outcome {
     let image = GrayImage::from_fn(64, 48, |u, v| Luma([(u ^ v) as u8]));
     let producer = Producer::gray(Path::new(LOOPBACK[2]), &image)?;
-    let mut camera = open(LOOPBACK[2], &Settings { size: None, ..quick() })?;
+    let mut camera = open(LOOPBACK[2], &CameraSettings { size: None, ..quick() })?;
     same(&frame(&mut camera)?, &image)?;
     drop(producer);
     fails(&mut camera, LOOPBACK[2], |_| true)?;
@@ -427,7 +434,7 @@ fn five_cameras() -> Outcome {
         golden::paths().iter().map(|file| Ok(Picture::read(file)?.to_gray())).collect::<multiscopic::Result<Vec<_>>>()?;
     let producers = LOOPBACK.iter().zip(&images).map(|(device, image)| Producer::gray(Path::new(device), image));
     let _producers = producers.collect::<Result<Vec<_>, _>>()?;
-    let settings = Settings { size: None, average: NonZeroU16::MIN.saturating_add(2), ..quick() };
+    let settings = CameraSettings { size: None, average: NonZeroU16::MIN.saturating_add(2), ..quick() };
     for (device, image) in LOOPBACK.into_iter().zip(&images) {
         same(&frame(&mut open(device, &settings)?)?, image)?;
     }
@@ -519,15 +526,15 @@ pub fn trials(has_cameras: bool) -> Vec<Trial> {
     test("lists_devices", Box::new(lists_devices));
     test("fault::no_frames", Box::new(no_frames));
     test("fault::damaged_frames", Box::new(damaged_frames));
-    let is_refused: fn(&Fault) -> bool = |fault| matches!(fault, Fault::System { .. });
+    let is_refused: fn(&CameraFault) -> bool = |fault| matches!(fault, CameraFault::System { .. });
     for (name, fault, while_it_runs, is_expected) in [
         ("fault::buffers", vivid::Fault::Buffers, false, is_refused),
         ("fault::queue", vivid::Fault::Queue, false, is_refused),
         ("fault::queue_while_it_runs", vivid::Fault::Queue, true, is_refused),
         ("fault::start", vivid::Fault::Start, false, is_refused),
         ("fault::fatal", vivid::Fault::Fatal, true, is_refused),
-        ("fault::disconnected", vivid::Fault::Disconnected, true, |fault| matches!(fault, Fault::Disconnected)),
-        ("fault::disconnected_at_first", vivid::Fault::Disconnected, false, |fault| matches!(fault, Fault::Disconnected)),
+        ("fault::disconnected", vivid::Fault::Disconnected, true, |fault| matches!(fault, CameraFault::Disconnected)),
+        ("fault::disconnected_at_first", vivid::Fault::Disconnected, false, |fault| matches!(fault, CameraFault::Disconnected)),
     ] {
         test(name, Box::new(move || strikes_once(fault, while_it_runs, is_expected)));
     }

@@ -3,7 +3,7 @@
 use image::{GrayImage, RgbImage, codecs::jpeg::JpegEncoder};
 use multiscopic::{
     Picture,
-    capture::camera::{Fault, Layout, PixelFormat},
+    capture::camera::{CameraFault, FrameLayout, PixelFormat},
 };
 use multiscopic_tests::{random::Random, reference::luma};
 use proptest::prelude::*;
@@ -28,7 +28,7 @@ fn frames() -> impl Strategy<Value = (PixelFormat, [u32; 2], u32, Vec<u8>)> {
 proptest! {
     #[test]
     fn grey_equals_the_definition((format, size, stride, frame) in frames()) {
-        let layout = Layout { format, size, stride };
+        let layout = FrameLayout { format, size, stride };
         let image = layout.to_gray(&frame).unwrap();
         prop_assert_eq!(<[u32; 2]>::from(image.dimensions()), size);
         prop_assert_eq!(image.into_raw(), luma::gray(&layout, &frame));
@@ -36,14 +36,14 @@ proptest! {
 
     #[test]
     fn every_truncation_is_an_error((format, size, stride, frame) in frames()) {
-        let layout = Layout { format, size, stride };
-        let Err(Fault::Truncated { found: 0, expected, .. }) = layout.to_gray(&[]) else { panic!("nothing is no frame") };
+        let layout = FrameLayout { format, size, stride };
+        let Err(CameraFault::Truncated { found: 0, expected, .. }) = layout.to_gray(&[]) else { panic!("nothing is no frame") };
         let expected = expected as usize;
         let whole = layout.to_gray(&frame[..expected]).unwrap();
         prop_assert_eq!(whole.into_raw(), luma::gray(&layout, &frame));
         for length in 0..expected {
             let is_named = matches!(layout.to_gray(&frame[..length]),
-                Err(Fault::Truncated { found, expected: e, .. }) if (found, e) == (length as u64, expected as u64));
+                Err(CameraFault::Truncated { found, expected: e, .. }) if (found, e) == (length as u64, expected as u64));
             prop_assert!(is_named, "{} of {} bytes", length, expected);
         }
     }
@@ -56,20 +56,20 @@ fn sixteen_bit_samples_lose_their_low_bits() {
         (PixelFormat::Y12, [0x0FFF, 0x0800, 0x000F], [255, 128, 0]),
         (PixelFormat::Y16, [0xFFFF, 0x8000, 0x00FF], [255, 128, 0]),
     ] {
-        let layout = Layout { format, size: [3, 1], stride: 6 };
+        let layout = FrameLayout { format, size: [3, 1], stride: 6 };
         assert_eq!(layout.to_gray(&words.map(u16::to_le_bytes).concat()).unwrap().as_raw(), &gray);
     }
 }
 
 /// A frame of a JPEG camera, and the image it must decode to.
-fn jpeg() -> (Layout, Vec<u8>, GrayImage) {
+fn jpeg() -> (FrameLayout, Vec<u8>, GrayImage) {
     let scene = RgbImage::from_fn(23, 9, |u, v| image::Rgb([(u * 11) as u8, (v * 28) as u8, (u * v) as u8]));
     let mut bytes = Vec::new();
     JpegEncoder::new(&mut bytes).encode_image(&scene).unwrap();
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(file.path(), &bytes).unwrap();
     let gray = Picture::read(file.path()).unwrap().to_gray();
-    (Layout { format: PixelFormat::Mjpg, size: [23, 9], stride: 0 }, bytes, gray)
+    (FrameLayout { format: PixelFormat::Mjpg, size: [23, 9], stride: 0 }, bytes, gray)
 }
 
 #[test]
@@ -102,9 +102,9 @@ fn a_jpeg_frame_needs_no_huffman_tables() {
 fn a_frame_that_is_not_jpeg_is_an_error() {
     let (layout, bytes, _) = jpeg();
     for length in 0..bytes.len() {
-        assert!(matches!(layout.to_gray(&bytes[..length]), Err(Fault::Jpeg { .. })), "{length} of {} bytes", bytes.len());
+        assert!(matches!(layout.to_gray(&bytes[..length]), Err(CameraFault::Jpeg { .. })), "{length} of {} bytes", bytes.len());
     }
-    let other = Layout { size: [9, 23], ..layout };
+    let other = FrameLayout { size: [9, 23], ..layout };
     let message = other.to_gray(&bytes).unwrap_err().to_string();
     assert!(message.starts_with("found an image of 23x9, expected a complete JPEG image of 9x23 MJPG"), "{message}");
 }

@@ -2,4 +2,5 @@
 
 mod cost_volumes;
 mod graph_cuts;
+mod pairs;
 mod sgm;

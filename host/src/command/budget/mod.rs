@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, fmt, process::ExitCode};
 use clap::Args;
 use multiscopic::{
     Error, Processor, Result,
-    target::{Buffer, Ram, budget::widest_tile},
+    target::{Buffer, Ram, ram::widest_tile},
 };
 use multiscopic_core::{Fusion, Params, Region};
 use multiscopic_edge::{Profile, profile};
@@ -194,7 +194,7 @@ impl Report {
             block_size: params.block_size(),
             tile_width,
             core: processor.name(),
-            ram: ram.buffers().iter().map(|&(name, bytes, _)| (name, bytes)).collect(),
+            ram: ram.buffers().iter().map(|buffer| (buffer.name, buffer.bytes)).collect(),
             ram_static: ram.statics(),
             stack_max: ram.stack,
             ram_total: ram.bytes(),
@@ -220,8 +220,8 @@ impl fmt::Display for Report {
             f,
             "{width}x{height}, views {views}, {fusion}, disparities {min_disparity}..={last}, block {block_size}, {tile_width} columns at a time"
         )?;
-        for (name, bytes, what) in &self.buffers {
-            writeln!(f, "{bytes:>12}  {name:<12}  {what}")?;
+        for Buffer { name, bytes, contents } in &self.buffers {
+            writeln!(f, "{bytes:>12}  {name:<12}  {contents}")?;
         }
         writeln!(
             f,

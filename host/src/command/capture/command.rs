@@ -18,12 +18,11 @@ use jiff::Zoned;
 use multiscopic::{
     Error, Frames, Result, Rig,
     capture::{
-        Shutter,
-        camera::{Camera, PixelFormat, Settings},
-        session::capture,
+        ThreadedCamera, acquire_frames,
+        camera::{CameraSettings, PixelFormat, V4l2Camera},
         stage::{self, AnyStage, Limits, StageSpec},
     },
-    files::{Images, Provenance, output},
+    files::{FrameFiles, Provenance, output},
 };
 use multiscopic_core::{
     Frame,
@@ -103,7 +102,7 @@ struct SettingsOptions {
     average: NonZeroU16,
 
     /// Frames that are dropped when the camera starts, and again when it is locked
-    #[arg(long, value_name = "N", default_value_t = Settings::default().warm_up)]
+    #[arg(long, value_name = "N", default_value_t = CameraSettings::default().warm_up)]
     warm_up: u16,
 
     /// Leave exposure, gain, focus and white balance to the camera, for every frame anew
@@ -195,13 +194,13 @@ impl Capture {
         .map_err(|error| Error::Usage(format!("Ctrl-C cannot be watched, and the stage would not be stopped: {error}")))?;
 
         // Once by itself, so that what is wrong with the camera is known before anything moves.
-        let description = Camera::open(&self.camera, &self.settings.settings())?.to_string();
+        let description = V4l2Camera::open(&self.camera, &self.settings.settings())?.to_string();
         let mut stage = stage::open(&self.stage, &limits)?;
         let (path, settings) = (self.camera.clone(), self.settings.settings());
-        let mut shutter = Shutter::new(move || Camera::open(&path, &settings), camera_timeout);
+        let mut camera = ThreadedCamera::new(move || V4l2Camera::open(&path, &settings), camera_timeout);
         let mut session = Session { capture: self, plan, policy, description, interrupts: &interrupts };
         if !self.live {
-            session.run(&mut stage, &mut shutter, &self.output)?;
+            session.run(&mut stage, &mut camera, &self.output)?;
             return Ok(ExitCode::SUCCESS);
         }
         fs::create_dir_all(&self.output).map_err(|source| Error::Write { path: self.output.clone(), source })?;
@@ -211,7 +210,7 @@ impl Capture {
             let Some(folder) = folders.next() else {
                 return Err(Error::Usage(format!("{} is full, give another folder", self.output.display())));
             };
-            session.run(&mut stage, &mut shutter, &folder)?;
+            session.run(&mut stage, &mut camera, &folder)?;
             left -= 1;
         }
         Ok(ExitCode::SUCCESS)
@@ -240,8 +239,8 @@ impl Capture {
 }
 
 impl SettingsOptions {
-    fn settings(&self) -> Settings {
-        Settings {
+    fn settings(&self) -> CameraSettings {
+        CameraSettings {
             format: self.format,
             size: self.size,
             warm_up: self.warm_up,
@@ -278,11 +277,11 @@ struct Session<'a> {
 
 impl Session<'_> {
     /// Captures into a folder.
-    fn run(&mut self, stage: &mut AnyStage, shutter: &mut Shutter<Camera>, folder: &Path) -> Result<()> {
+    fn run(&mut self, stage: &mut AnyStage, camera: &mut ThreadedCamera<V4l2Camera>, folder: &Path) -> Result<()> {
         let date = Zoned::now().strftime("%F %T %:z").to_string();
         let mut log = format!("{date}\ncamera: {}\nstage: {}\n", self.description, self.capture.stage);
         let bar = terminal::progress(self.plan.frames().len() as u64, "frames");
-        let frames = capture(stage, shutter, &self.plan, self.policy, self.interrupts, |elapsed, progress| {
+        let frames = acquire_frames(stage, camera, &self.plan, self.policy, self.interrupts, |elapsed, progress| {
             let step = self.words(progress);
             let _ = writeln!(log, "{:9.3} s  {step}", elapsed.as_secs_f64());
             bar.set_message(step);
@@ -293,7 +292,7 @@ impl Session<'_> {
         bar.finish_and_clear();
         let frames = frames?;
         let rig = self.rig(&frames, date);
-        output::folder(folder, |folder| {
+        output::write_folder(folder, |folder| {
             frames.save(&rig.images.within(folder))?;
             output::write(&folder.join("capture.log"), |writer| writer.write_all(log.as_bytes()))?;
             rig.save(folder)
@@ -332,7 +331,7 @@ impl Session<'_> {
             focal_px: self.capture.focal_px,
             principal_point: frames.size().map(|side| (side as f64 - 1.0) / 2.0),
             doffs: 0.0,
-            images: Images::of_capture(frames.views()),
+            images: FrameFiles::of_capture(frames.views()),
             capture: Provenance {
                 camera: Some(self.description.clone()),
                 stage: Some(self.capture.stage.to_string()),

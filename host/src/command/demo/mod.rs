@@ -7,17 +7,18 @@ use std::{
 };
 
 use clap::{Args, value_parser};
+use multiscopic::stereo::{CostFunction, Optimizer};
 use multiscopic::{
     DisparityMap, Error, Method, Picture, Result, Rig,
     evaluation::{Record, Row, record},
     files::{
-        Images, Provenance,
-        codec::write_png,
+        FrameFiles, Provenance,
+        image_codec::write_png,
         output,
         ply::{self, Encoding},
     },
     report::{Figure, Report, error_map, montage},
-    scene::{Camera, Scene, Shot, capture},
+    scene::{PinholeCamera, Scene, Shot, render},
 };
 use multiscopic_core::{Frame, Fusion, Params, View, Views};
 
@@ -68,7 +69,7 @@ static VARIANTS: [Variant; 6] = [
 ];
 
 const fn variant(views: Views, fusion: Fusion) -> Variant {
-    Variant { name: MethodName::Bm, method: Method::BlockMatching, views, fusion }
+    Variant { method: MethodName::Bm, views, fusion }
 }
 
 /// The frames and what they show.
@@ -102,15 +103,17 @@ impl Demo {
 
         let bar = terminal::progress(1 + VARIANTS.len() as u64, "steps");
         bar.set_message("five views");
-        let camera = Camera::new(self.width, self.height);
-        let shot = capture(&Scene::demo(), &camera, self.seed);
+        let camera = PinholeCamera::new(self.width, self.height);
+        let shot = render(&Scene::demo(), &camera, self.seed);
         bar.inc(1);
         let frames = shot.frames(Views::ALL);
         let subject = Subject { dataset: "demo", scene: "demo", frames: &frames, truth: &shot.truth };
         bar.set_message("maps");
         let mut results = Vec::new();
+        let cost = CostFunction::Sad { block_size: self.search.block_size() };
+        let method = Method::new(cost, None, Optimizer::WinnerTakesAll);
         for (variant, params) in VARIANTS.iter().zip(&params) {
-            let (disparities, record) = variant.measure(&engine, &subject, params, &())?;
+            let (disparities, record) = variant.measure(&method, &engine, &subject, params.search())?;
             results.push(Found { name: name(variant), disparities, record });
             bar.inc(1);
         }
@@ -161,7 +164,7 @@ impl Demo {
                 params.min_disparity(),
                 params.max_disparity()
             ))
-            .gallery("The five views", FRAMES.map(|(frame, shows)| Figure::linked(shows, Images::file_of(frame))))
+            .gallery("The five views", FRAMES.map(|(frame, shows)| Figure::linked(shows, FrameFiles::name_of(frame))))
             .paragraph(ABOUT)
             .gallery("Disparities", std::iter::once(truth()).chain(VARIANTS.iter().map(map)))
             .paragraph("Near is red, far is blue, none is black; the colours are the same in all maps.")
@@ -193,7 +196,7 @@ impl Folder {
         let folder = Folder(path.into());
         let maps = VARIANTS.iter().map(name).flat_map(|name| [map_pfm(&name), map_png(&name), errors_png(&name)]);
         let others = [Rig::FILE_NAME, TRUTH_PFM, TRUTH_PNG, CLOUD, OVERVIEW, PAGE];
-        let names = FRAMES.map(|(frame, _)| Images::file_of(frame)).into_iter().chain(others.map(String::from)).chain(maps);
+        let names = FRAMES.map(|(frame, _)| FrameFiles::name_of(frame)).into_iter().chain(others.map(String::from)).chain(maps);
         let paths: Vec<PathBuf> = names.map(|name| folder.path(&name)).collect();
         output::check(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[])?;
         Ok(folder)
@@ -204,16 +207,16 @@ impl Folder {
     }
 
     /// Writes what a camera and its stage would leave, and the truth.
-    fn write_capture(&self, shot: &Shot, camera: &Camera, seed: u64) -> Result<()> {
+    fn write_capture(&self, shot: &Shot, camera: &PinholeCamera, seed: u64) -> Result<()> {
         for (frame, _) in FRAMES {
-            write_png(&self.path(&Images::file_of(frame)), shot.frame(frame))?;
+            write_png(&self.path(&FrameFiles::name_of(frame)), shot.frame(frame))?;
         }
         rig(camera, seed).save(&self.0)?;
         shot.truth.write_pfm(&self.path(TRUTH_PFM))
     }
 
     /// Writes all maps and the pictures of them.
-    fn write_results(&self, shot: &Shot, camera: &Camera, results: &[Found]) -> Result<()> {
+    fn write_results(&self, shot: &Shot, camera: &PinholeCamera, results: &[Found]) -> Result<()> {
         let truth = DisparityMap::from_float(&shot.truth);
         let range = truth.range();
         let color = |map: &DisparityMap| map.to_color(range.clone());
@@ -263,14 +266,14 @@ fn errors_png(name: &str) -> String {
 }
 
 /// What is known about camera and stage.
-fn rig(camera: &Camera, seed: u64) -> Rig {
+fn rig(camera: &PinholeCamera, seed: u64) -> Rig {
     let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
     Rig {
         baseline_mm: camera.baseline_mm,
         focal_px: Some(camera.focal_px),
         principal_point: [middle(camera.width), middle(camera.height)],
         doffs: 0.0,
-        images: Images::of_capture(Views::ALL),
+        images: FrameFiles::of_capture(Views::ALL),
         capture: Provenance {
             camera: Some("ray tracer".into()),
             stage: Some("simulated".into()),

@@ -11,6 +11,6 @@ pub mod value;
 pub use engine::EngineOptions;
 pub use geometry::GeometryOptions;
 pub use map_files::MapFiles;
-pub use named::named;
+pub use named::{Named, named};
 pub use search::{SearchOptions, views_of_count};
 pub use source::SourceOptions;

@@ -39,6 +39,11 @@ impl SearchOptions {
     /// The paper's block size.
     const BLOCK_SIZE: u8 = 11;
 
+    /// The side of the block in pixels.
+    pub fn block_size(&self) -> u8 {
+        self.block_size.unwrap_or(Self::BLOCK_SIZE)
+    }
+
     /// The parameters for matching frames of `width` x `height` in `views`; where no range is given, `range` is searched: a minimum
     /// and a number.
     pub fn params(&self, [width, height]: [usize; 2], views: Views, fusion: Option<Fusion>, range: (i16, u16)) -> Result<Params> {
@@ -52,7 +57,7 @@ impl SearchOptions {
             fusion.unwrap_or(Fusion::default_for(views.len())),
             self.min_disparity.unwrap_or(range.0),
             self.num_disparities.unwrap_or(range.1),
-            self.block_size.unwrap_or(Self::BLOCK_SIZE),
+            self.block_size(),
         )?)
     }
 }

@@ -23,7 +23,7 @@ use std::process::ExitCode;
 
 use emulation::setup;
 use firmware_checks::{capturing, faults, kernel_twins, profiles};
-use workspace_checks::{aarch64, host_instructions, suite, v4l2};
+use workspace_checks::{aarch64, host_instructions, packaging, suite, v4l2};
 
 /// Runs the project's checks, tests and firmware.
 #[derive(Parser)]
@@ -59,6 +59,8 @@ enum Task {
     Architecture,
     /// Count the instructions of matching on this machine, and compare them with the record
     Instructions(host_instructions::Guard),
+    /// Package the published crates, and build each from its package
+    Package,
     /// Link the matcher alone, which fails if any path leads to a panic
     NoPanic,
 }
@@ -84,6 +86,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Kernels => kernel_twins::run(&setup::run()?),
         Task::Aarch64 => aarch64::run_tests(),
         Task::Instructions(guard) => guard.run(),
+        Task::Package => packaging::check(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Capture => capturing::run(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),

@@ -1,7 +1,7 @@
 //! Fits the cost model of `multiscopic budget` to instruction counts of small matches in the emulator.
 
 use anyhow::{Context, Result, ensure};
-use multiscopic::target::instructions::{Candidates, Prices, Units, Work};
+use multiscopic::target::instruction_model::{CandidateUnits, Prices, WorkUnits, Workload};
 use multiscopic_core::{Fusion, Params, Views};
 use std::{
     collections::BTreeMap,
@@ -148,13 +148,13 @@ impl Run<'_> {
 
 /// The prices that fit the counts best. Matching and sending are counted and fitted separately.
 fn fit(runs: &[Run<'_>], counted: &[Instructions], lanes: usize) -> Prices {
-    let works: Vec<Work> = runs.iter().map(|run| Work::new(&run.params, run.tile_width, lanes)).collect();
+    let works: Vec<Workload> = runs.iter().map(|run| Workload::new(&run.params, run.tile_width, lanes)).collect();
     let mut kernels: Vec<&str> = works.iter().map(|work| work.kernel.as_str()).collect();
     kernels.sort_unstable();
     kernels.dedup();
     let of_sending = |name: &&str| ["packet", "sent"].contains(name);
-    let units = |work: &Work, sending: bool| -> Vec<f64> {
-        let numbers = Units::NAMES.iter().zip(work.units.to_vec());
+    let units = |work: &Workload, sending: bool| -> Vec<f64> {
+        let numbers = WorkUnits::NAMES.iter().zip(work.units.to_array());
         numbers.map(|(name, count)| if of_sending(name) == sending { count } else { 0.0 }).collect()
     };
     let matching = works.iter().map(|work| {
@@ -166,14 +166,14 @@ fn fit(runs: &[Run<'_>], counted: &[Instructions], lanes: usize) -> Prices {
     let found = least_squares::prices(&matching.collect::<Vec<_>>(), &measured(counted, |instructions| instructions.matching));
     let sending: Vec<Vec<f64>> = works.iter().map(|work| units(work, true)).collect();
     let sending = least_squares::prices(&sending, &measured(counted, |instructions| instructions.sending));
-    let (matching, candidates) = found.split_at(Units::NAMES.len());
-    let both: Vec<f64> = matching.iter().zip(&sending).map(|(matching, sending)| rounded(matching + sending)).collect();
-    let candidates: BTreeMap<String, Candidates> = kernels
+    let (matching, candidates) = found.split_at(WorkUnits::NAMES.len());
+    let units = WorkUnits::from_array(std::array::from_fn(|i| rounded(matching[i] + sending[i])));
+    let candidates: BTreeMap<String, CandidateUnits> = kernels
         .iter()
         .zip(candidates.as_chunks().0)
-        .map(|(kernel, prices)| ((*kernel).to_owned(), Candidates::from_array(prices.map(rounded))))
+        .map(|(kernel, prices)| ((*kernel).to_owned(), CandidateUnits::from_array(prices.map(rounded))))
         .collect();
-    Prices { units: Units::from_slice(&both), candidates }
+    Prices { units, candidates }
 }
 
 fn measured(counted: &[Instructions], part: impl Fn(&Instructions) -> u64) -> Vec<f64> {

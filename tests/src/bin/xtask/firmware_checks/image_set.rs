@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use image::GrayImage;
 use multiscopic::{
     Frames, Picture,
-    scene::{Camera, Scene, capture},
+    scene::{PinholeCamera, Scene, render},
 };
 use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, View, Views};
 use multiscopic_edge::frame_file;
@@ -26,7 +26,7 @@ impl ImageSet {
     /// The synthetic scene of `multiscopic demo`, which is the same on every machine.
     pub fn demo(params: &Params) -> ImageSet {
         let (width, height) = (params.width(), params.height());
-        let shot = capture(&Scene::demo(), &Camera::new(width as u32, height as u32), 1);
+        let shot = render(&Scene::demo(), &PinholeCamera::new(width as u32, height as u32), 1);
         let gray = |frame| Picture::Rgb(shot.frame(frame).clone()).to_gray().into_raw();
         let views = View::ALL.map(|view| params.views().contains(view).then(|| gray(Frame::View(view))));
         ImageSet { name: "demo", images: ViewSet { width, height, center: gray(Frame::Center), views } }
@@ -34,8 +34,9 @@ impl ImageSet {
 
     /// The central `[width, height]` pixels of the demo's scene rendered at `[w, h]` pixels, with all views.
     pub fn demo_middle([w, h]: [usize; 2], [width, height]: [usize; 2]) -> ImageSet {
-        let frames =
-            capture(&Scene::demo(), &Camera::new(w as u32, h as u32), 1).frames(Views::ALL).middle([width, height], Views::ALL);
+        let frames = render(&Scene::demo(), &PinholeCamera::new(w as u32, h as u32), 1)
+            .frames(Views::ALL)
+            .middle([width, height], Views::ALL);
         let gray = |frame| frames.get(frame).map(|image| image.as_raw().clone());
         let views = View::ALL.map(|view| gray(Frame::View(view)));
         ImageSet { name: "demo", images: ViewSet { width, height, center: gray(Frame::Center).unwrap_or_default(), views } }

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use multiscopic::target::{MEASURED, Measured, Table, reception::Received, simulation::simulate};
+use multiscopic::target::{FirmwareCostTable, FirmwareCosts, MEASURED, reception::ReceivedFrame, simulation::simulate};
 use multiscopic_core::Fusion;
 use multiscopic_edge::{Profile, frame_file, profile};
 use serde::Serialize;
@@ -131,12 +131,12 @@ fn counts(measurements: &[Measurement]) -> Counts {
 }
 
 /// A table with fitted prices and without RAM.
-fn fitted(toolchain: &Toolchain, counter: &Counter) -> Result<Table> {
-    let of = |board| -> Result<Measured> {
-        Ok(Measured { prices: calibration::prices(toolchain, board, counter)?, ..Measured::default() })
+fn fitted(toolchain: &Toolchain, counter: &Counter) -> Result<FirmwareCostTable> {
+    let of = |board| -> Result<FirmwareCosts> {
+        Ok(FirmwareCosts { prices: calibration::prices(toolchain, board, counter)?, ..FirmwareCosts::default() })
     };
     let compiler = read(&mut command("rustc", ["--version"]))?;
-    Ok(Table {
+    Ok(FirmwareCostTable {
         date: read(&mut command("date", ["-u", "+%Y-%m-%d"]))?,
         machine: format!("{}, {compiler}", counter.emulator()),
         armv7e_m: of(&emulated_board::REFERENCE)?,
@@ -145,7 +145,7 @@ fn fitted(toolchain: &Toolchain, counter: &Counter) -> Result<Table> {
 }
 
 /// Adds the measured RAM to the table.
-fn note_ram(table: &mut Table, runs: &[Run], measurements: &[Measurement]) {
+fn note_ram(table: &mut FirmwareCostTable, runs: &[Run], measurements: &[Measurement]) {
     for (run, measurement) in runs.iter().zip(measurements) {
         let noted = table.of_mut(run.board.processor);
         noted.statics = noted.statics.max(measurement.ram_static - run.workspace_bytes());
@@ -187,7 +187,7 @@ impl Run {
         let images = ImageSet::tsukuba(&params).unwrap_or_else(|| ImageSet::demo(&params));
         images.write(&folder)?;
         let (bytes, received) = self.received(&folder, counter)?;
-        let simulation = simulate(&self.profile, self.fusion, &images.frames()?, &|| ());
+        let simulation = simulate(&self.profile, self.fusion, &images.frames()?, &|| ())?;
         received::same_lines(&bytes, &simulation.packets)?;
         received::same(&received.disparities, &images.disparities(&params)?)?;
         let stack_max = received.stack.context("the firmware did not measure its stack")?;
@@ -215,7 +215,7 @@ impl Run {
     }
 
     /// Runs the image in `folder`, and returns its packets as bytes and as a received frame.
-    fn received(&self, folder: &Path, counter: &Counter) -> Result<(Vec<u8>, Received)> {
+    fn received(&self, folder: &Path, counter: &Counter) -> Result<(Vec<u8>, ReceivedFrame)> {
         let packets = folder.join(frame_file::PACKETS.to_str()?);
         if packets.exists() {
             fs::remove_file(&packets)?;
@@ -232,7 +232,7 @@ impl Run {
 
 impl Measurement {
     /// Adds the prediction of the cost model.
-    fn predict(&mut self, run: &Run, table: &Table) -> Result<()> {
+    fn predict(&mut self, run: &Run, table: &FirmwareCostTable) -> Result<()> {
         let prices = &table.of(run.board.processor).prices;
         let (params, lanes) = (run.profile.params(run.fusion), run.board.processor.lanes());
         let predicted = prices.instructions(&params, run.profile.tile_width(), lanes);
@@ -290,7 +290,7 @@ fn print(measurements: &[Measurement]) {
 }
 
 /// Fails if a run exceeded its profile's RAM budget, or if the model behind `multiscopic budget` is off.
-fn check(runs: &[Run], measurements: &[Measurement], table: &Table) -> Result<()> {
+fn check(runs: &[Run], measurements: &[Measurement], table: &FirmwareCostTable) -> Result<()> {
     let mut wrong = 0;
     let mut fail = |run: &Run, what: String| {
         wrong += 1;

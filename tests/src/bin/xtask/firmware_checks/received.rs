@@ -3,14 +3,14 @@
 use anyhow::{Result, ensure};
 use multiscopic::{
     DisparityMap,
-    target::reception::{self, Flaw, Notice, Received},
+    target::reception::{self, Flaw, Notice, ReceivedFrame},
 };
 use multiscopic_core::{Disparity, Params};
 use std::path::Path;
 
 /// The frame in `bytes`, which were read from `path`. Fails unless every pixel comes exactly once, undamaged, and nothing
 /// else follows.
-pub fn whole(mut bytes: &[u8], path: &Path, params: &Params) -> Result<Received> {
+pub fn whole(mut bytes: &[u8], path: &Path, params: &Params) -> Result<ReceivedFrame> {
     let mut flaws: Vec<Flaw> = Vec::new();
     let received = reception::receive(&mut bytes, path, |notice| match notice {
         Notice::Flaw(flaw) => flaws.push(flaw),

@@ -2,5 +2,6 @@
 
 pub mod aarch64;
 pub mod host_instructions;
+pub mod packaging;
 pub mod suite;
 pub mod v4l2;

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{process::Command, time::Instant};
 
-use super::{aarch64, host_instructions, v4l2};
+use super::{aarch64, host_instructions, packaging, v4l2};
 use crate::{
     emulation::{emulated_board, setup},
     firmware_checks::{capturing, faults, kernel_twins, profiles},
@@ -59,6 +59,7 @@ pub fn lint() -> Result<()> {
 pub fn test() -> Result<()> {
     let toolchain = step("setup", setup::run)?;
     step("tests in debug", || test_workspace("dev"))?;
+    step("the published packages", packaging::check)?;
     step("tests in release", || test_workspace("release"))?;
     step("the kernel of 64-bit Arm", aarch64::run_tests)?;
     step("instructions", || host_instructions::Guard::COMPARE.run())?;
@@ -99,7 +100,7 @@ fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
     let libraries: [&[&str]; 3] = [
         &["--package", "multiscopic-core"],
         &["--package", "multiscopic-edge"],
-        &["--package", "multiscopic-edge", "--features", "stepper,hm01b0"],
+        &["--package", "multiscopic-drivers", "--features", "stepper,hm01b0"],
     ];
     emulated_board::targets().iter().flat_map(|target| libraries.map(|library| (target, library))).try_for_each(
         |(target, library)| {
@@ -113,8 +114,16 @@ fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
 fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
     emulated_board::targets().iter().try_for_each(|target| {
         let mut clippy = toolchain.cargo("clippy");
-        let packages = ["--package", "multiscopic-core", "--package", "multiscopic-edge"];
-        run(clippy.args(packages).args(["--target", target, "--lib", "--bins", "--examples", "--", "-Dwarnings"]))
+        let packages = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", "multiscopic-firmware"];
+        run(clippy.args(packages.map(|package| format!("--package={package}"))).args([
+            "--target",
+            target,
+            "--lib",
+            "--bins",
+            "--examples",
+            "--",
+            "-Dwarnings",
+        ]))
     })
 }
 

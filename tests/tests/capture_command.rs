@@ -250,7 +250,7 @@ mod machine {
         let log = fs::read_to_string(folder.join("capture.log"))?;
         let toml = fs::read_to_string(folder.join("rig.toml"))?;
         for (text, word) in
-            [(&log, "has the bottom frame"), (&log, CAMERA), (&toml, "baseline_mm = 15"), (&toml, &rig.arm.spec())]
+            [(&log, "captured the bottom frame"), (&log, CAMERA), (&toml, "baseline_mm = 15"), (&toml, &rig.arm.spec())]
         {
             if !text.contains(word) {
                 return Err(format!("{word} is not in {text}").into());

@@ -1,4 +1,4 @@
-//! `multiscopic bench`: how fast this machine is.
+//! `multiscopic bench`: the speed of matching on this machine.
 
 use std::{process::ExitCode, time::Instant};
 
@@ -13,7 +13,7 @@ use super::{
     terminal,
 };
 
-/// Measures how fast this machine matches, on made frames
+/// Measures the speed of matching on this machine, with synthetic frames
 #[derive(Debug, Args)]
 pub struct Bench {
     /// Frame width in pixels
@@ -28,7 +28,7 @@ pub struct Bench {
     #[arg(long, value_name = "1|2|3|4", default_value_t = 2)]
     views: usize,
 
-    /// Runs, of which the fastest counts
+    /// Number of runs; the fastest counts
     #[arg(long, value_name = "N", default_value_t = 5)]
     repeat: usize,
 
@@ -36,7 +36,7 @@ pub struct Bench {
     #[arg(long)]
     json: bool,
 
-    /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
+    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with more]
     #[arg(long, value_parser = named::<Fusion>())]
     fusion: Option<Fusion>,
 
@@ -54,7 +54,7 @@ pub struct Bench {
     engine: EngineOptions,
 }
 
-/// What `bench` reports.
+/// The measurement; `--json` prints these fields.
 #[derive(Debug, serde::Serialize)]
 struct Report {
     method: String,
@@ -77,7 +77,7 @@ impl Bench {
         if self.width == 0 || self.height == 0 || self.repeat == 0 {
             return Err(Error::Usage("--width, --height and --repeat must be at least 1".into()));
         }
-        let frames = made_frames(self.width.into(), self.height.into(), views);
+        let frames = noise_frames(self.width.into(), self.height.into(), views);
         let params = self.search.params(frames.size(), views, self.fusion, (1, 64))?;
         let engine = self.engine.engine()?;
         let method: Method = self.options.method(self.method)?;
@@ -116,8 +116,8 @@ impl Bench {
     }
 }
 
-/// Frames of noise on a plane at a disparity of 20: the time does not depend on what they show.
-fn made_frames(width: u32, height: u32, views: Views) -> Frames {
+/// Frames of a noisy plane at disparity 20. The time does not depend on the content.
+fn noise_frames(width: u32, height: u32, views: Views) -> Frames {
     let noise = |u: i32, v: i32| {
         let mut hash = (u as u32).wrapping_mul(0x9E37_79B1) ^ (v as u32).wrapping_mul(0x85EB_CA77);
         hash = (hash ^ hash >> 15).wrapping_mul(0x2C1B_3C6D);

@@ -1,4 +1,4 @@
-//! What a person at the terminal sees.
+//! Standard output, standard error, and progress bars.
 
 mod watch;
 
@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use multiscopic::{Error, Result};
 pub use watch::Watch;
 
-/// Writes to standard output. A reader that has had enough (`| head`) is no error.
+/// Writes to standard output. It is not an error if the reader has closed it, as `| head` does.
 pub fn print(text: &str) -> Result<()> {
     let mut stdout = io::stdout().lock();
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
@@ -17,18 +17,18 @@ pub fn print(text: &str) -> Result<()> {
     }
 }
 
-/// Writes a message to standard error, which may be closed.
+/// Writes a message to standard error, and ignores failure.
 pub fn say(message: &str) {
     let _ = writeln!(io::stderr(), "multiscopic: {message}");
 }
 
-/// A bar on standard error for work of `length` steps, each a `step`; nothing is shown where that is no terminal.
-pub fn progress(length: u64, step: &str) -> ProgressBar {
-    ProgressBar::new(length).with_style(style(step))
+/// A progress bar on standard error for `length` `steps` (a plural noun). It is hidden unless standard error is a terminal.
+pub fn progress(length: u64, steps: &str) -> ProgressBar {
+    ProgressBar::new(length).with_style(style(steps))
 }
 
-/// How a bar looks whose steps are each a `step`.
-pub fn style(step: &str) -> ProgressStyle {
-    let template = format!("{{bar:40}} {{pos}}/{{len}} {step}, {{eta}} left {{msg}}");
-    ProgressStyle::with_template(&template).expect("the template is one")
+/// The style of a bar that counts `steps`.
+pub fn style(steps: &str) -> ProgressStyle {
+    let template = format!("{{bar:40}} {{pos}}/{{len}} {steps}, {{eta}} left {{msg}}");
+    ProgressStyle::with_template(&template).expect("the template is valid")
 }

@@ -17,8 +17,8 @@ use super::{
 
 /// Estimates each view's shift across its baseline, relative baseline length and relative brightness
 ///
-/// The shift is downwards for the left and right views, and to the right for the top and bottom views. Shift and brightness can be
-/// corrected: in a new folder with -o, or just before matching with `multiscopic match --align`.
+/// The shift is downwards for the left and right views, and to the right for the top and bottom views. Shift and
+/// brightness can be corrected: in a new folder with -o, or just before matching with `multiscopic match --align`.
 #[derive(Clone, Debug, Args)]
 pub struct Align {
     #[command(flatten)]

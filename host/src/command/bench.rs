@@ -1,6 +1,6 @@
 //! `multiscopic bench`: the speed of matching on this machine.
 
-use std::{process::ExitCode, time::Instant};
+use std::{fmt, process::ExitCode, time::Instant};
 
 use clap::Args;
 use image::{GrayImage, Luma};
@@ -100,19 +100,17 @@ impl Bench {
             seconds,
             gde_per_s: params.evaluations() as f64 / seconds / 1e9,
         };
-        let line = if self.json {
-            serde_json::to_string(&report).expect("numbers and strings")
-        } else {
-            let Report { method, width, height, num_disparities, block_size, views, fusion, threads, kernel, seconds, gde_per_s } =
-                report;
-            format!(
-                "{method}, {width}x{height}, {num_disparities} disparities, block {block_size}, views {views}, {fusion}, threads {threads}, kernel {kernel}: \
-                 {:.1} ms, {gde_per_s:.3} GDE/s",
-                seconds * 1e3
-            )
-        };
-        terminal::print(&format!("{line}\n"))?;
+        terminal::print_report(&report, self.json)?;
         Ok(ExitCode::SUCCESS)
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Report { method, width, height, num_disparities, block_size, views, fusion, threads, kernel, .. } = self;
+        write!(f, "{method}, {width}x{height}, {num_disparities} disparities, block {block_size}, views {views}, {fusion}, ")?;
+        let (milliseconds, gde_per_s) = (1e3 * self.seconds, self.gde_per_s);
+        writeln!(f, "threads {threads}, kernel {kernel}: {milliseconds:.1} ms, {gde_per_s:.3} GDE/s")
     }
 }
 

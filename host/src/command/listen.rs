@@ -22,8 +22,8 @@ use super::{options::MapFiles, terminal};
 ///
 ///     stty -F /dev/ttyACM0 raw 115200
 ///
-/// Exit codes: 0 if everything arrived; 1 if packets are lost or damaged (their pixels are invalid, the rest is written); 2 if the input
-/// cannot be read or contains no packets.
+/// Exit codes: 0 if everything arrived; 1 if packets are lost or damaged (their pixels are invalid, the rest
+/// is written); 2 if the input cannot be read or contains no packets.
 #[derive(Clone, Debug, Args)]
 #[command(verbatim_doc_comment)]
 pub struct Listen {

@@ -136,7 +136,8 @@ impl Outputs {
         let outputs = [("--depth", &self.depth), ("--ply", &self.ply)];
         match outputs.into_iter().find_map(|(option, path)| Some((option, path.as_ref()?))) {
             Some((option, path)) if !known => Err(Error::Usage(format!(
-                "{option} {} needs the focal length and the baseline: give --focal-px and --baseline-mm, or a folder with a rig.toml",
+                "{option} {} needs the focal length and the baseline: give --focal-px and --baseline-mm, or a folder with \
+                 a rig.toml",
                 path.display()
             ))),
             _ => Ok(()),

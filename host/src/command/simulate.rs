@@ -79,10 +79,7 @@ impl Simulate {
             received.disparities.write_pfm(path)?;
         }
         let report = Report::new(&profile, &params, self.core, images, &simulation);
-        terminal::print(&match self.json {
-            true => serde_json::to_string(&report).expect("numbers and strings") + "\n",
-            false => report.to_string(),
-        })?;
+        terminal::print_report(&report, self.json)?;
         Ok(ExitCode::SUCCESS)
     }
 
@@ -165,7 +162,7 @@ impl<'a> Report<'a> {
 
 impl fmt::Display for Report<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{} with {} on the frames {}, as on a {}", self.profile, self.fusion, self.images, self.core)?;
+        writeln!(f, "profile {}, fusion {}, frames {}, processor {}", self.profile, self.fusion, self.images, self.core)?;
         let Report { ram_static, stack_max, ram_total, ram_budget, .. } = self;
         writeln!(f, "RAM      {ram_total} of {ram_budget} bytes: {ram_static} statics, {stack_max} stack")?;
         let Report { de, instructions, instructions_per_de, .. } = self;
@@ -174,7 +171,7 @@ impl fmt::Display for Report<'_> {
             "work     {de} DE (pixel x disparity x view), {instructions} instructions: {instructions_per_de:.2} per DE, predicted"
         )?;
         let lines: Vec<String> = self.lines_read.iter().map(|(frame, lines)| format!("{frame} {lines}")).collect();
-        writeln!(f, "lines    {} read ahead; read in {} passes: {}", self.lines_latency, self.tile_passes, lines.join(", "))?;
+        writeln!(f, "lines    {} read ahead, {} passes; lines read: {}", self.lines_latency, self.tile_passes, lines.join(", "))?;
         writeln!(f, "packets  {} bytes", self.packet_bytes)
     }
 }

@@ -12,8 +12,9 @@ use super::terminal;
 
 /// Installs the weights of the MC-CNN networks, or prints where they are
 ///
-/// The weights, trained on Middlebury, come from the Python package mccnn (CNES, Apache-2.0). They are stored in $MULTISCOPIC_WEIGHTS if
-/// set, else in the user's cache folder ($XDG_CACHE_HOME/multiscopic or ~/.cache/multiscopic).
+/// The weights, trained on Middlebury, come from the Python package mccnn (CNES, Apache-2.0). They are stored in
+/// $MULTISCOPIC_WEIGHTS if set, else in the user's cache folder ($XDG_CACHE_HOME/multiscopic or
+/// ~/.cache/multiscopic).
 #[derive(Clone, Debug, Args)]
 pub struct WeightsCommand {
     #[command(subcommand)]

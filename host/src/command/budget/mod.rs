@@ -20,10 +20,12 @@ use super::{
 
 /// Predicts what matching takes on a microcontroller: RAM by buffer, instructions, time
 ///
-/// Buffer sizes are exact: the firmware allocates exactly these statics. The other statics and the maximum stack depth were measured.
+/// Buffer sizes are exact: the firmware allocates exactly these statics. The other statics and the maximum stack
+/// depth were measured.
 ///
-/// Instructions come from a cost model fitted to measurements, within 10 % of the firmware in each profile. They include sending packets,
-/// but not fetching lines. With --fusion mean and blocks of 13 or 15, high-contrast images take up to a third more.
+/// Instructions come from a cost model fitted to measurements, within 10 % of the firmware in each profile. They
+/// include sending packets, but not fetching lines. With --fusion mean and blocks of 13 or 15, high-contrast images
+/// take up to a third more.
 ///
 /// Time depends on the average cycles per instruction, which are assumed: pass --cpi if you have measured them.
 ///
@@ -31,7 +33,8 @@ use super::{
 #[derive(Clone, Debug, Args)]
 pub struct Budget {
     /// Firmware profile
-    #[arg(long, value_name = "NAME", value_parser = profile::ALL.map(|profile| profile.name), conflicts_with_all = SET_BY_PROFILE)]
+    #[arg(long, value_name = "NAME", conflicts_with_all = SET_BY_PROFILE,
+        value_parser = profile::ALL.map(|profile| profile.name))]
     profile: Option<String>,
 
     /// Frame width in pixels
@@ -104,10 +107,7 @@ impl Budget {
         let processor = self.target.core;
         let ram = Ram::new(&params, tile_width, processor);
         let report = Report::new(&self.target, &params, tile_width, &ram);
-        terminal::print(&match self.json {
-            true => serde_json::to_string(&report).expect("numbers and strings") + "\n",
-            false => report.to_string(),
-        })?;
+        terminal::print_report(&report, self.json)?;
         let failures = self.failures(&report, &params);
         failures.iter().for_each(|failure| terminal::say(failure));
         Ok(ExitCode::from(if failures.is_empty() { 0 } else { 1 }))

@@ -82,7 +82,8 @@ impl fmt::Display for Report {
         let last = i32::from(*min_disparity) + *num_disparities as i32 - 1;
         writeln!(
             f,
-            "{width}x{height}, views {views}, {fusion}, disparities {min_disparity}..={last}, block {block_size}, column tiles of {tile_width}"
+            "{width}x{height}, views {views}, {fusion}, disparities {min_disparity}..={last}, block {block_size}, \
+             column tiles of {tile_width}"
         )?;
         for (name, bytes, contents) in &self.buffers {
             writeln!(f, "{bytes:>12}  {name:<12}  {contents}")?;

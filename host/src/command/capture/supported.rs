@@ -35,8 +35,8 @@ const CAMERA_FIRST: Duration = Duration::from_secs(3);
 
 /// Captures the frames of a rig: a stage moves a camera to the centre and to its neighbours
 ///
-/// The folder appears once all frames are taken. When the command ends, for whatever reason, the stage stands still. Ctrl-C returns it to
-/// the centre; a second Ctrl-C stops it where it is.
+/// The folder appears once all frames are taken. When the command ends, for whatever reason, the stage stands still.
+/// Ctrl-C returns it to the centre; a second Ctrl-C stops it where it is.
 #[derive(Clone, Debug, Args)]
 pub struct Capture {
     /// Camera, as listed by `multiscopic devices`

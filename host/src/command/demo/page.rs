@@ -20,6 +20,9 @@ const ABOUT_THE_SCENE: &str = "The views are ray-traced: a still life on a brush
                                is noisy, and the stage misses its positions by up to 0.1 mm. The truth is exact: the depth at \
                                which the ray through the middle of each pixel meets a surface.";
 
+const REPRODUCE: &str = "The first command makes this page and its files. The second matches the captured folder, as it would a \
+                         real one.";
+
 /// What the page reports.
 pub struct Page<'a> {
     /// The command that made the results.
@@ -47,8 +50,8 @@ impl Page<'_> {
             .heading("Errors")
             .table(Row::HEADS, self.rows.iter().map(Row::cells))
             .paragraph(&format!(
-                "Disparities from {} to {}, blocks of {block_size} x {block_size}. RMS and AvgErr are in pixels, with the change from \
-                 stereo in brackets; the other columns are percentages of pixels.",
+                "Disparities from {} to {}, blocks of {block_size} x {block_size}. RMS and AvgErr are in pixels, with the \
+                 change from stereo in brackets; the other columns are percentages of pixels.",
                 params.min_disparity(),
                 params.max_disparity()
             ))
@@ -59,7 +62,7 @@ impl Page<'_> {
             .gallery("Error maps", VARIANTS.iter().map(errors))
             .paragraph(&format!("Difference from the truth: {}.", error_map::LEGEND))
             .heading("Reproduce this")
-            .paragraph("The first command makes this page and its files. The second matches the captured folder, as it would a real one.")
+            .paragraph(REPRODUCE)
             .code(&self.commands())
             .to_html()
     }
@@ -72,8 +75,9 @@ impl Page<'_> {
             format!("an RMS error of {rms:.2} px, with {bad:.1} % of the pixels off by more than one")
         };
         format!(
-            "A camera takes a picture, moves one baseline to the left, to the right, up and down, and takes another each time. Matched \
-             with one neighbour, as in stereo, the centre gives disparities with {}. Matched with all {} at once, it gives {}.",
+            "A camera takes a picture, moves one baseline to the left, to the right, up and down, and takes another each \
+             time. Matched with one neighbour, as in stereo, the centre gives disparities with {}. Matched with all {} at \
+             once, it gives {}.",
             accuracy(stereo),
             best.views,
             accuracy(best)

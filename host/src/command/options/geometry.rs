@@ -21,7 +21,8 @@ pub struct GeometryOptions {
     #[arg(long, value_name = "PX", value_parser = finite, allow_negative_numbers = true)]
     doffs: Option<f64>,
 
-    /// Point where the optical axis meets the image, in pixels from the centre of the top left pixel [default: the middle of the image]
+    /// Point where the optical axis meets the image, in pixels from the centre of the top left pixel [default: the
+    /// middle of the image]
     #[arg(long, value_name = "CX,CY", value_parser = point, allow_negative_numbers = true)]
     principal_point: Option<[f64; 2]>,
 }

@@ -39,8 +39,8 @@ impl SearchOptions {
     /// The paper's block size.
     const DEFAULT_BLOCK_SIZE: u8 = 11;
 
-    /// The parameters for matching frames of `width` x `height` with `views`. `default_range` is the smallest disparity and the number of
-    /// disparities that apply unless options override them.
+    /// The parameters for matching frames of `width` x `height` with `views`. `default_range` is the smallest
+    /// disparity and the number of disparities that apply unless options override them.
     pub fn params(
         &self,
         [width, height]: [usize; 2],

@@ -2,10 +2,14 @@
 
 mod watch;
 
-use std::io::{self, ErrorKind, Write};
+use std::{
+    fmt::Display,
+    io::{self, ErrorKind, Write},
+};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use multiscopic::{Error, Result};
+use serde::Serialize;
 pub use watch::Watch;
 
 /// Writes to standard output. It is not an error if the reader has closed it, as `| head` does.
@@ -15,6 +19,15 @@ pub fn print(text: &str) -> Result<()> {
         Err(source) if source.kind() != ErrorKind::BrokenPipe => Err(Error::Write { path: "standard output".into(), source }),
         _ => Ok(()),
     }
+}
+
+/// Writes a report to standard output: as one line of JSON, or as text.
+pub fn print_report(report: &(impl Display + Serialize), json: bool) -> Result<()> {
+    let text = match json {
+        true => serde_json::to_string(report).expect("a report is numbers and strings") + "\n",
+        false => report.to_string(),
+    };
+    print(&text)
 }
 
 /// Writes a message to standard error, and ignores failure.

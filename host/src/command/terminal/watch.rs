@@ -13,8 +13,8 @@ use multiscopic::{Error, Progress, Result};
 
 /// A progress bar and a handler for Ctrl-C.
 ///
-/// Work that polls [`is_interrupted`](Progress::is_interrupted) ends early with the result it has so far. A second Ctrl-C ends the program;
-/// so does the first if the work does not poll.
+/// Work that polls [`is_interrupted`](Progress::is_interrupted) ends early with the result it has so far. A second
+/// Ctrl-C ends the program; so does the first if the work does not poll.
 #[derive(Debug)]
 pub struct Watch {
     bar: ProgressBar,

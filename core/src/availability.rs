@@ -1,17 +1,38 @@
-//! Which views see the candidates of a pixel.
+//! Which views see the candidates of a pixel: the one treatment of the frame's borders.
 
 use core::{iter, mem, ops::Range};
 
-use crate::{Params, View, kernel::Rule};
+use crate::{Params, View};
 
-/// The disparities of a pixel at which each view is available: where the match lies inside the image.
+/// The disparities at which each view is available to a pixel: where the match lies inside the frame.
 ///
-/// Disparities are indices, counted from the smallest.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Availability<'a> {
-    params: &'a Params,
-    /// For each view of the match, in their order.
-    ranges: [Range<u16>; View::ALL.len()],
+/// It follows the pixel along a line and reports every change. From one pixel to the next, each view gains or
+/// loses at most one disparity at either end of the search. Disparities are indices, counted from the
+/// smallest.
+#[derive(Clone, Debug)]
+pub(crate) struct Availability {
+    /// The views of the match, in their order: horizontal ones first.
+    views: [Reach; View::ALL.len()],
+    horizontal: usize,
+    len: usize,
+    /// The number of disparities.
+    depth: u16,
+    /// The views that are not available at all disparities, as bits.
+    incomplete: u8,
+    /// The columns in which every horizontal view is available at all disparities.
+    complete_columns: Range<usize>,
+    /// Until this column of the line, nothing changes.
+    constant_until: usize,
+}
+
+/// The disparities at which a view is available.
+#[derive(Clone, Debug)]
+struct Reach {
+    view: View,
+    /// The frame's size in the direction of the view.
+    size: usize,
+    min_disparity: i16,
+    range: Range<u16>,
 }
 
 /// A run of disparities that are available in the same views.
@@ -23,23 +44,116 @@ pub(crate) struct Segment {
     pub views: u8,
 }
 
-impl<'a> Availability<'a> {
-    /// That of the pixel `(u, v)`.
-    pub fn new(params: &'a Params, u: usize, v: usize) -> Availability<'a> {
-        let mut all = Availability { params, ranges: [const { 0..0 }; View::ALL.len()] };
-        for (range, view) in all.ranges.iter_mut().zip(params.views().iter()) {
-            let (coordinate, size) = if view.is_horizontal() { (u, params.width()) } else { (v, params.height()) };
-            *range = view.available(coordinate, size, params.min_disparity(), params.num_disparities());
+impl Reach {
+    /// The disparities at which a pixel at this coordinate sees the view.
+    #[inline(always)]
+    fn at(&self, coordinate: usize, depth: u16) -> Range<u16> {
+        self.view.available(coordinate, self.size, self.min_disparity, depth.into())
+    }
+}
+
+impl Availability {
+    /// That of no pixel yet: no view is available.
+    pub fn new(params: &Params) -> Availability {
+        let mut views = params.views().iter();
+        let views = View::ALL.map(|view| {
+            let view = views.next().unwrap_or(view);
+            let size = if view.is_horizontal() { params.width() } else { params.height() };
+            Reach { view, size, min_disparity: params.min_disparity(), range: 0..0 }
+        });
+        let len = params.views().len();
+        Availability {
+            views,
+            horizontal: params.views().iter().filter(|view| view.is_horizontal()).count(),
+            len,
+            depth: params.num_disparities() as u16,
+            incomplete: (1 << len) - 1,
+            complete_columns: complete_columns(params),
+            constant_until: 0,
         }
-        all
     }
 
-    /// Goes to the pixel at `u` in the same line.
-    #[inline(always)]
-    pub fn enter(&mut self, u: usize) {
-        for (range, view) in self.ranges.iter_mut().zip(self.params.views().iter()).filter(|(_, view)| view.is_horizontal()) {
-            *range = view.available(u, self.params.width(), self.params.min_disparity(), self.params.num_disparities());
+    /// Goes to pixel `(u, v)`. Calls `change(k, index, available)` for every view and disparity whose
+    /// availability changes.
+    #[inline(never)]
+    pub fn enter_line(&mut self, u: usize, v: usize, mut change: impl FnMut(usize, usize, bool)) {
+        for k in 0..self.len {
+            self.follow(k, if k < self.horizontal { u } else { v }, &mut change);
         }
+        self.expect_changes_after(u);
+    }
+
+    /// Goes to the pixel at `u`, to the right in the same line, and returns whether anything may have
+    /// changed: `change` has been called for it.
+    #[inline(always)]
+    pub fn enter(&mut self, u: usize, change: impl FnMut(usize, usize, bool)) -> bool {
+        let changes = u >= self.constant_until;
+        if changes {
+            self.enter_column(u, change);
+        }
+        changes
+    }
+
+    #[inline(never)]
+    fn enter_column(&mut self, u: usize, mut change: impl FnMut(usize, usize, bool)) {
+        for k in 0..self.horizontal {
+            self.follow(k, u, &mut change);
+        }
+        self.expect_changes_after(u);
+    }
+
+    #[inline(always)]
+    fn expect_changes_after(&mut self, u: usize) {
+        self.constant_until = if self.complete_columns.contains(&u) { self.complete_columns.end } else { 0 };
+    }
+
+    /// Goes to a coordinate in the direction of the `k`-th view.
+    #[inline(always)]
+    fn follow(&mut self, k: usize, coordinate: usize, mut change: impl FnMut(usize, usize, bool)) {
+        let Some(reach) = self.views.get_mut(k) else { return };
+        let range = reach.at(coordinate, self.depth);
+        let before = mem::replace(&mut reach.range, range.clone());
+        if range == before {
+            return;
+        }
+        // Only between the two starts and between the two ends can anything change.
+        for (from, to) in [(before.start, range.start), (before.end, range.end)] {
+            let (mut index, end) = (from.min(to), from.max(to));
+            while index < end {
+                change(k, index.into(), range.contains(&index));
+                index += 1;
+            }
+        }
+        self.incomplete = self.incomplete & !(1 << k) | u8::from(range != (0..self.depth)) << k;
+    }
+
+    /// The views that are not available at all disparities, as bits.
+    pub fn incomplete(&self) -> u8 {
+        self.incomplete
+    }
+
+    /// The views that are not available at all disparities in all of these columns of the line, as bits.
+    #[inline(always)]
+    pub fn incomplete_in(&self, columns: Range<usize>) -> u8 {
+        let vertical = self.incomplete >> self.horizontal << self.horizontal;
+        // What is available at both ends is available in between.
+        let ends = [columns.start, columns.end.saturating_sub(1)];
+        let horizontal = self.views.iter().take(self.horizontal).zip(0..);
+        horizontal.fold(vertical, |incomplete, (reach, k)| {
+            let complete = ends.map(|u| reach.at(u, self.depth) == (0..self.depth)) == [true; 2];
+            incomplete | u8::from(!complete) << k
+        })
+    }
+
+    /// Whether no view is available at any disparity.
+    pub fn is_empty(&self) -> bool {
+        self.views.iter().all(|reach| reach.range.is_empty())
+    }
+
+    /// The views that are available at a disparity, as bits; none outside the search.
+    pub fn views_at(&self, index: usize) -> u8 {
+        let ranges = self.views.iter().map(|reach| reach.range.start.into()..reach.range.end.into());
+        ranges.zip(0..).fold(0, |views, (range, k): (Range<usize>, u8)| views | u8::from(range.contains(&index)) << k)
     }
 
     /// The disparities in runs that are available in the same views, in ascending order.
@@ -47,13 +161,13 @@ impl<'a> Availability<'a> {
     pub fn segments(&self) -> impl Iterator<Item = Segment> {
         let mut start = 0;
         iter::from_fn(move || {
-            let mut end = self.params.num_disparities() as u16;
+            let mut end = self.depth;
             if start >= end {
                 return None;
             }
             let first = start;
             let mut views = 0;
-            for (range, k) in self.ranges.iter().zip(0..) {
+            for (Reach { range, .. }, k) in self.views.iter().zip(0..) {
                 if first < range.start {
                     end = end.min(range.start);
                 } else if first < range.end {
@@ -65,119 +179,10 @@ impl<'a> Availability<'a> {
             Some(Segment { start: first.into(), end: end.into(), views })
         })
     }
-
-    /// The disparities at which each of `V` views is available.
-    pub fn ranges<const V: usize>(&self) -> impl Iterator<Item = &Range<u16>> {
-        self.ranges.iter().take(V)
-    }
-
-    /// The views that are not available at all disparities, as bits.
-    pub fn incomplete(&self) -> u8 {
-        let all = 0..self.params.num_disparities() as u16;
-        let views = self.ranges.iter().take(self.params.views().len()).zip(0..);
-        views.fold(0, |incomplete, (range, k)| incomplete | u8::from(*range != all) << k)
-    }
-
-    /// Whether no view is available at any disparity.
-    pub fn is_empty(&self) -> bool {
-        self.ranges.iter().all(Range::is_empty)
-    }
-
-    /// The views that are available at a disparity, as bits; none outside the search.
-    pub fn views_at(&self, index: usize) -> u8 {
-        let ranges = self.ranges.iter().map(|range| range.start.into()..range.end.into());
-        ranges.zip(0..).fold(0, |views, (range, k): (Range<usize>, u8)| views | u8::from(range.contains(&index)) << k)
-    }
 }
 
-/// Where each view of a match is available to a pixel.
-///
-/// It goes along with the pixel, and says what changes: from one pixel to the next, no more than a disparity or two.
-#[derive(Clone, Debug)]
-pub(crate) struct Available {
-    /// The horizontal views, then the vertical ones: their order.
-    views: [Reach; View::ALL.len()],
-    horizontal: usize,
-    len: usize,
-    /// The views that are not available at all disparities, as bits.
-    incomplete: u8,
-    /// The number of disparities.
-    all: u16,
-}
-
-/// Where a view is available, and how that follows the pixel.
-#[derive(Clone, Debug)]
-struct Reach {
-    view: View,
-    /// The frame's size in its direction, and the smallest disparity.
-    size: usize,
-    least: i16,
-    range: Range<u16>,
-}
-
-impl Available {
-    /// Nowhere yet.
-    pub fn new(params: &Params) -> Available {
-        let mut views = params.views().iter();
-        let views = View::ALL.map(|view| {
-            let view = views.next().unwrap_or(view);
-            let size = if view.is_horizontal() { params.width() } else { params.height() };
-            Reach { view, size, least: params.min_disparity(), range: 0..0 }
-        });
-        let len = params.views().len();
-        let horizontal = params.views().iter().filter(|view| view.is_horizontal()).count();
-        Available { views, horizontal, len, incomplete: (1 << len) - 1, all: params.num_disparities() as u16 }
-    }
-
-    /// Goes to pixel `(u, v)`. `change` is told of every view and disparity that changes whether it is available.
-    #[inline(never)]
-    pub fn enter_line(&mut self, u: usize, v: usize, mut change: impl FnMut(usize, usize, bool)) {
-        for k in 0..self.len {
-            self.go(k, if k < self.horizontal { u } else { v }, &mut change);
-        }
-    }
-
-    /// Goes to the pixel at `u` in the same line.
-    #[inline(never)]
-    pub fn enter(&mut self, u: usize, mut change: impl FnMut(usize, usize, bool)) {
-        for k in 0..self.horizontal {
-            self.go(k, u, &mut change);
-        }
-    }
-
-    /// The views that are not available at all disparities, as bits.
-    pub fn incomplete(&self) -> u8 {
-        self.incomplete
-    }
-
-    /// Whether views that are not available, if there are any, can be hidden from `rule` by their costs.
-    pub fn masks(&self, rule: Rule) -> bool {
-        self.incomplete == 0 || rule.masks(self.len, self.incomplete.count_ones() as usize)
-    }
-
-    /// Goes to a coordinate in the `k`-th view.
-    #[inline(always)]
-    fn go(&mut self, k: usize, coordinate: usize, mut change: impl FnMut(usize, usize, bool)) {
-        let Some(reach) = self.views.get_mut(k) else { return };
-        let next = reach.view.available(coordinate, reach.size, reach.least, self.all.into());
-        let before = mem::replace(&mut reach.range, next.clone());
-        if next == before {
-            return;
-        }
-        // What lies between both beginnings and between both ends is all that may change.
-        for (from, to) in [(before.start, next.start), (before.end, next.end)] {
-            let (mut index, end) = (from.min(to), from.max(to));
-            while index < end {
-                change(k, index.into(), next.contains(&index));
-                index += 1;
-            }
-        }
-        self.incomplete = self.incomplete & !(1 << k) | u8::from(next != (0..self.all)) << k;
-    }
-}
-
-/// The columns in which every horizontal view is available at every disparity: all their pixels in a line have the same availability.
-pub(crate) fn uniform_columns(params: &Params) -> Range<usize> {
+/// The columns in which every horizontal view is available at all disparities.
+fn complete_columns(params: &Params) -> Range<usize> {
     let width = params.width() as i32;
     let columns = params.views().iter().filter(|view| view.is_horizontal()).fold(0..width, |columns, view| {
         let ((nearest, _), (furthest, _)) = (view.shift(params.min_disparity()), view.shift(params.max_disparity()));

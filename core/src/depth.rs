@@ -17,7 +17,8 @@ impl Depth {
         self.0
     }
 
-    /// This depth in millimetres, rounded to nearest, or `None` from 65.5 m on: the 16-bit depth images of ROS (REP 118), where 0 is unknown.
+    /// This depth in millimetres, rounded to nearest, or `None` from 65.5 m on. This is the pixel of a 16-bit
+    /// depth image (ROS REP 118), in which 0 is unknown.
     pub const fn millimetres(self) -> Option<u16> {
         let millimetres = self.0.saturating_add(500) / 1000;
         if millimetres > u16::MAX as u32 { None } else { Some(millimetres as u16) }
@@ -30,7 +31,7 @@ impl fmt::Display for Depth {
     }
 }
 
-/// What turns a disparity into a depth: the camera's focal length and how far it was moved.
+/// The geometry that turns disparities into depths: the camera's focal length and the baseline.
 ///
 /// ```
 /// use multiscopic_core::{Disparity, Triangulation, fixed::types::{I10F6, I16F16, U16F16}};
@@ -43,20 +44,21 @@ impl fmt::Display for Depth {
 pub struct Triangulation {
     /// The focal length in pixels, in steps of 2^-16.
     pub focal_px: U16F16,
-    /// How far the camera was moved from the centre to each neighbour, in micrometres.
+    /// The baseline, from the centre to each neighbour, in micrometres.
     pub baseline_um: u32,
-    /// What is added to a disparity so that it is 0 at infinity, in pixels: the horizontal distance of the principal points (Middlebury).
+    /// The offset that makes disparities 0 at infinity, in pixels: the distance between the principal points
+    /// (Middlebury).
     pub doffs_px: I16F16,
 }
 
 impl Triangulation {
     /// The depth `Z = focal * baseline / (d + doffs)`, rounded to the nearest micrometre, halves up.
     ///
-    /// `None` where `d + doffs <= 0`, at infinity or behind it, and beyond 4294 m.
+    /// `None` where `d + doffs <= 0`, at infinity or beyond, and for more than 4294 m.
     pub fn depth(&self, d: Disparity) -> Option<Depth> {
         let shift = (i64::from(d.to_bits()) << 10) + i64::from(self.doffs_px.to_bits());
         let shift = u64::try_from(shift).ok()?;
-        // 32 by 32 bits, and half of 33 more.
+        // Two factors of 32 bits and an addend of 31 bits: the sum fits 64 bits.
         let product = u64::from(self.focal_px.to_bits()) * u64::from(self.baseline_um);
         let micrometres = product.saturating_add(shift / 2).checked_div(shift)?;
         u32::try_from(micrometres).ok().map(Depth)

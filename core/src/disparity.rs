@@ -1,13 +1,12 @@
 //! Disparity in fixed point.
 
 use core::{fmt, num::NonZeroU16};
+
 use fixed::types::I10F6;
 
-use crate::kernel::Winners;
-
-/// A disparity: signed pixels in steps of 1/64, from -511 63/64 to 511 63/64.
+/// A disparity in pixels: signed fixed point in steps of 1/64, from -511 63/64 to 511 63/64.
 ///
-/// A pixel that has none is `None`: an [`Option<Disparity>`] takes the same two bytes.
+/// An invalid pixel is `None`; an [`Option<Disparity>`] takes two bytes as well.
 ///
 /// ```
 /// use multiscopic_core::{fixed::types::I10F6, Disparity};
@@ -20,14 +19,14 @@ use crate::kernel::Winners;
 pub struct Disparity(NonZeroU16);
 
 impl Disparity {
-    /// The smallest disparity that can be searched for, in pixels.
+    /// The smallest disparity of any search, in pixels.
     pub const MIN_SEARCH: i16 = -511;
-    /// The largest disparity that can be searched for, in pixels.
+    /// The largest disparity of any search, in pixels.
     pub const MAX_SEARCH: i16 = 511;
     /// Steps in a pixel.
     pub const STEPS: i32 = 64;
 
-    /// The disparity `bits / 64`. `None` for -512, which no search reaches.
+    /// The disparity `bits / 64`, or `None` for -512, which no search reaches.
     pub const fn from_bits(bits: i16) -> Option<Disparity> {
         Disparity::from_raw16(bits as u16 ^ 0x8000)
     }
@@ -37,7 +36,7 @@ impl Disparity {
         (self.0.get() ^ 0x8000) as i16
     }
 
-    /// The disparity with the value of `pixels`. `None` for -512, which no search reaches.
+    /// The disparity of `pixels`, or `None` for -512, which no search reaches.
     pub const fn from_fixed(pixels: I10F6) -> Option<Disparity> {
         Disparity::from_bits(pixels.to_bits())
     }
@@ -47,7 +46,7 @@ impl Disparity {
         I10F6::from_bits(self.to_bits())
     }
 
-    /// The disparity that a 16-bit image encodes as `64 d + 32768`; `None` for 0, which encodes an invalid pixel.
+    /// Decodes a pixel of a 16-bit image, `64 d + 32768`, or 0 for an invalid pixel.
     pub const fn from_raw16(raw: u16) -> Option<Disparity> {
         match NonZeroU16::new(raw) {
             Some(raw) => Some(Disparity(raw)),
@@ -55,7 +54,7 @@ impl Disparity {
         }
     }
 
-    /// The encoding of a pixel in 16-bit images and packets: `64 d + 32768`, and 0 for an invalid pixel.
+    /// Encodes a pixel for 16-bit images and packets: `64 d + 32768`, or 0 for an invalid pixel.
     pub const fn to_raw16(pixel: Option<Disparity>) -> u16 {
         match pixel {
             Some(Disparity(raw)) => raw.get(),
@@ -63,16 +62,17 @@ impl Disparity {
         }
     }
 
-    /// The vertex of the parabola through the fused costs `before`, `at` and `after` at `d - 1`, `d` and `d + 1` pixels, rounded to
-    /// the nearest step, halves away from zero: `d + (a - b) / (2 a + 2 b - 4 c)`, and `d` itself where the denominator is 0.
+    /// The vertex of the parabola through the fused costs `a`, `c` and `b` (`before`, `at` and `after`) at
+    /// `d - 1`, `d` and `d + 1` pixels: `d + (a - b) / (2 a + 2 b - 4 c)`, or `d` where the denominator is 0,
+    /// rounded to the nearest step, halves away from zero.
     ///
-    /// Costs stay below 2^21 and `at` is not above the others, so that the shift is at most half a pixel; of other costs the result means
-    /// nothing.
+    /// Costs must be below 2^21, and `at` not above the others, so that the shift is at most half a pixel.
+    /// The result is arbitrary otherwise.
     #[inline(always)]
     pub fn refine(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
         let (fall, rise) = (before.wrapping_sub(at), after.wrapping_sub(at));
-        // Rounding half up what is positive, and the mirror image of what is not, takes halves away from zero. The shift alone never
-        // changes the sign of the sum, unless d is 0.
+        // Rounding positive values half up, and mirroring the others, rounds halves away from zero. The sign
+        // is that of d, since the shift is at most half a pixel, or that of the shift where d is 0.
         let (whole, half) = (i32::from(d) * Disparity::STEPS, Disparity::STEPS / 2);
         Disparity::from_bits(match d > 0 || (d == 0 && fall >= rise) {
             true => whole - half + Disparity::steps(fall, rise),
@@ -80,24 +80,25 @@ impl Disparity {
         } as i16)
     }
 
-    /// How many steps after half a pixel before lies the vertex of a parabola that falls so much before and rises so much after, rounded
-    /// half up.
+    /// The distance in steps from `d - 1/2` to the vertex of a parabola that falls by `fall` to `d` and rises
+    /// by `rise` after it, rounded half up.
     #[inline(always)]
     fn steps(fall: u32, rise: u32) -> i32 {
         let sum = fall.wrapping_add(rise);
-        // In twice the sum, 64 (1 / 2 + shift) + 1 / 2, where the shift is (fall - rise) / (2 sum). That is never negative.
+        // The floor of 64 (1/2 + shift) + 1/2, which is never negative. The shift is (fall - rise) / (2 sum);
+        // dividend and divisor are times 2 sum.
         let dividend = fall.wrapping_sub(rise).wrapping_mul(64).wrapping_add(sum.wrapping_mul(65));
         dividend.checked_div(sum.wrapping_mul(2)).map_or(Disparity::STEPS / 2, |steps| steps as i32)
     }
 
-    /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that has vectors.
+    /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that vectorises.
     #[inline(always)]
-    pub(crate) fn refine_all(costs: &Around) -> [Option<Disparity>; BATCH] {
+    pub(crate) fn refine_all<const N: usize>(costs: &Around<N>) -> [Option<Disparity>; N] {
         const TWO_TO_23: f32 = 8_388_608.0;
-        let mut refined = [None; BATCH];
+        let mut refined = [None; N];
         for (i, refined) in refined.iter_mut().enumerate() {
             let (d, steps) = (i32::from(costs.d[i]), Disparity::STEPS);
-            // Costs that mean nothing make disparities that mean nothing.
+            // Arbitrary costs may wrap, and yield arbitrary disparities.
             let (fall, rise) =
                 (costs.before[i].wrapping_sub(costs.at[i]) as i32, costs.after[i].wrapping_sub(costs.at[i]) as i32);
             let sign = if d < 0 || (d == 0 && fall < rise) { -1 } else { 1 };
@@ -105,8 +106,8 @@ impl Disparity {
             let divisor = sum.wrapping_mul(2);
             let numerator = fall.wrapping_sub(rise).wrapping_mul(steps * sign);
             let dividend = numerator.wrapping_add(sum.wrapping_mul(steps + 1));
-            // The quotient of floats is not half a step off; so that of whole numbers is the nearest to it, or one less. 2^23 leaves no bits for a
-            // fraction: a cast of floats would not be done in vectors.
+            // The float quotient is less than half a step off, so the integer quotient is the nearest integer
+            // or one less. Adding 2^23 rounds to an integer; a cast from float would not vectorise.
             let nearest = (dividend as f32 / divisor as f32 + TWO_TO_23).to_bits() as i32 - TWO_TO_23.to_bits() as i32;
             let above = dividend.wrapping_sub(nearest.wrapping_mul(divisor)) < 0;
             let shift = nearest - i32::from(above) - steps / 2;
@@ -115,7 +116,7 @@ impl Disparity {
         refined
     }
 
-    /// The disparity of exactly `d` pixels, which are at most 511 either way.
+    /// The disparity of `d` whole pixels, from -511 to 511.
     pub const fn whole(d: i16) -> Option<Disparity> {
         Disparity::from_bits(d.wrapping_mul(Disparity::STEPS as i16))
     }
@@ -153,15 +154,13 @@ impl defmt::Format for Disparity {
     }
 }
 
-const BATCH: usize = Winners::<()>::MAX;
-
-/// The disparities of a batch of pixels, and the costs before, at and after them.
+/// The disparities of a batch of `N` pixels, and the fused costs before, at and after them.
 #[derive(Debug)]
-pub(crate) struct Around {
-    pub d: [i16; BATCH],
-    pub before: [u32; BATCH],
-    pub at: [u32; BATCH],
-    pub after: [u32; BATCH],
+pub(crate) struct Around<const N: usize> {
+    pub d: [i16; N],
+    pub before: [u32; N],
+    pub at: [u32; N],
+    pub after: [u32; N],
 }
 
 #[cfg(test)]
@@ -169,6 +168,8 @@ mod tests {
     extern crate std;
 
     use super::*;
+
+    const BATCH: usize = 32;
 
     #[test]
     fn refinement_rounds_halves_away_from_zero() {

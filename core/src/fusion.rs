@@ -4,16 +4,19 @@ use core::mem;
 
 /// The rule that fuses the matching costs `c1 <= c2 <= ...` of the views in which a candidate is available.
 ///
-/// [`fuse`](Fusion::fuse) defines the rules for single costs. The [`kernel`](crate::kernel) states the same rules for vectors.
+/// [`fuse`](Fusion::fuse) defines the rules for single costs. The [`kernel`](crate::kernel) states the same
+/// rules for vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fusion {
-    /// The least cost, `c1` (paper, eq. 8). Sharp at occlusions, since one view that sees the point is enough.
+    /// The least cost, `c1` (paper, eq. 8). Sharp at occlusions, since one view that sees the point is
+    /// enough.
     Min,
-    /// The mean of all costs (paper, eq. 7). Suppresses noise, but blurs where some views do not see the point.
+    /// The mean of all costs (paper, eq. 7). Suppresses noise, but blurs where some views do not see the
+    /// point.
     Mean,
-    /// The paper's heuristic rule (eq. 9): the mean of the three least costs, or of the two least if `c3 > 3 c2`. With two
-    /// views it is their mean, with one view that view's cost.
+    /// The paper's heuristic rule (eq. 9): the mean of the three least costs, or of the two least if
+    /// `c3 > 3 c2`. With two views it is their mean, with one view that view's cost.
     Heuristic,
 }
 
@@ -37,7 +40,8 @@ impl Fusion {
 
     /// The factor from the cost of one view to this rule's integer scale: 1, 12 or 6.
     ///
-    /// On that scale every mean is a whole number, so candidates seen in different numbers of views compare exactly.
+    /// On that scale every mean is a whole number, so candidates seen in different numbers of views compare
+    /// exactly.
     pub const fn scale(self) -> u32 {
         match self {
             Fusion::Min => 1,
@@ -46,10 +50,12 @@ impl Fusion {
         }
     }
 
-    /// Fuses the costs of one to four views, [`NONE`](MatchingCost::NONE) where a view is not available, in any order.
+    /// Fuses the costs of one to four views, [`NONE`](MatchingCost::NONE) where a view is not available, in
+    /// any order.
     ///
-    /// The result is `NONE` if no view is available. Integers come out on this rule's [`scale`](Fusion::scale); each must be
-    /// at most 21 x 21 x 255, the largest block sum, so that no sum leaves 32 bits. Floats stay on the scale of one view.
+    /// The result is `NONE` if no view is available. Integers come out on this rule's
+    /// [`scale`](Fusion::scale); each must be at most 21 x 21 x 255, the largest block sum, so that no sum
+    /// leaves 32 bits. Floats stay on the scale of one view.
     #[inline]
     pub fn fuse<C: MatchingCost, const V: usize>(self, costs: [C; V]) -> C {
         match self {

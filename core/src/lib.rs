@@ -1,24 +1,32 @@
-//! Multiscopic block matching for microcontrollers and hosts: scanlines in, disparity lines out, in fixed point and bounded memory.
+//! Multiscopic block matching for microcontrollers and hosts: scanlines in, disparity lines out, in fixed
+//! point and bounded memory.
 //!
-//! One camera is moved in its image plane and takes a centre image and up to four neighbours, one baseline away to the left, right, top
-//! and bottom. A point has the same disparity to each, so the pairs' matching costs are fused into one. The method is that of
-//! *Active Perception with A Monocular Camera for Multiscopic Vision* (Yuan, Fan, Wang, Chen); what exactly is computed is defined
-//! by the documentation of [`View`], [`Params`], [`Fusion`] and [`Disparity`], bit for bit.
+//! One camera is moved in its image plane and takes a centre image and up to four neighbours, one baseline
+//! away to the left, right, top and bottom. A point has the same disparity to each of them, so the matching
+//! costs of the pairs are fused into one. The method is that of *Active Perception with A Monocular Camera
+//! for Multiscopic Vision* (Yuan, Fan, Wang, Chen). The documentation of [`View`], [`Fusion`], [`Search`],
+//! [`Params`] and [`Disparity`] defines the result, bit for bit.
 //!
-//! Data flows down this list, and no item knows those below it:
+//! Data flows down this list, and each room knows only those above it:
 //!
-//! | item | what it is |
+//! | room | what it is |
 //! | --- | --- |
-//! | [`View`], [`Views`], [`Frame`] | where the camera was |
-//! | [`Fusion`], [`Search`], [`Params`], [`Region`] | what is matched, and how |
-//! | [`Memory`] | how many bytes that takes: the caller lends them |
-//! | [`ScanlineSource`], [`Rewind`] | where lines come from: memory, flash, a file, a sensor |
-//! | [`kernel`] | the inner loops, once, over the vectors of any instruction set |
-//! | [`Matcher`] | pulls lines and gives disparity lines |
-//! | [`Disparity`], [`Triangulation`], [`Depth`] | what comes out |
-//! | [`capture`] | how the frames are taken: the camera is moved, settles, captures |
+//! | `view` | [`View`], [`Views`], [`Frame`]: where the camera was, and where matches lie |
+//! | `fusion` | [`Fusion`]: how the matching costs of several views become one |
+//! | `disparity` | [`Disparity`]: fixed point, and sub-pixel refinement |
+//! | `depth` | [`Triangulation`], [`Depth`]: from disparity to distance |
+//! | `search` | [`Search`]: frames, views and search range, whatever the method |
+//! | `params` | [`Params`]: a search by block matching |
+//! | `region` | [`Region`]: the part of the frame that a pass computes |
+//! | `scanline` | [`ScanlineSource`], [`Rewind`]: where lines come from, such as memory, flash, a file or a sensor |
+//! | `availability` | the frame's borders: which views see a candidate |
+//! | [`kernel`] | the inner loops, for the vectors of each instruction set |
+//! | `memory` | [`Memory`]: the bytes of each buffer, which the caller lends |
+//! | `matcher` | [`Matcher`]: pulls lines, and computes disparity lines |
+//! | [`capture`] | how the frames are taken: the camera moves, settles and captures |
 //!
-//! The crate does not allocate, panic or recurse, and has no unsafe code but in the modules of vector instructions.
+//! The crate does not allocate, panic or recurse. Unsafe code is confined to modules of [`kernel`], each of
+//! which states why it is sound.
 //!
 //! # Features
 //! `defmt`: parameters, results and errors implement `defmt::Format`.
@@ -28,27 +36,22 @@ mod availability;
 pub mod capture;
 mod depth;
 mod disparity;
-mod error;
 mod fusion;
 pub mod kernel;
-mod lines;
 mod matcher;
 mod memory;
 mod params;
 mod region;
 mod scanline;
 mod search;
-mod selection;
-mod sweep;
 mod view;
 
 pub use fixed;
 
 pub use depth::{Depth, Triangulation};
 pub use disparity::Disparity;
-pub use error::{MatchError, MemoryTooSmall};
 pub use fusion::{Fusion, MatchingCost};
-pub use matcher::Matcher;
+pub use matcher::{MatchError, Matcher, MemoryTooSmall};
 pub use memory::Memory;
 pub use params::Params;
 pub use region::{Region, RegionError};

@@ -1,28 +1,29 @@
-//! How much memory a match takes: the one formula behind the firmware's statics, the checks and the printed budgets.
+//! The memory of a match: the one formula behind the firmware's statics, the checks and the printed budgets.
 
 use crate::{
     Frame, Params, View,
     kernel::{Isa, Rule},
 };
 
-/// The matcher's memory by buffer, in bytes, for regions of up to a given number of columns.
+/// The memory of a matcher by buffer, in bytes, for regions of up to a given number of columns.
 ///
-/// With `X = columns + 2 rho` and `D` the number of disparities rounded up to the lanes of the instruction set, and each buffer rounded up
-/// to whole vectors:
+/// `X` is `columns + 2 rho`, and `D` the number of disparities rounded up to the lanes of the instruction
+/// set. Each buffer is rounded up to whole vectors.
 ///
 /// | buffer | bytes |
 /// | --- | --- |
 /// | `column_sums` | `2 X D` for each view |
-/// | `block_sums` | `2 D` for each view, `4 D` from a block of 17; with batches of several pixels, by the mean and the heuristic rule, as much again for each |
-/// | `masks` | `2 D` for each view, `4 D` from a block of 17 |
-/// | `fused` | `2 D` for each pixel of a [batch](Isa::BATCH), `4 D` from a block of 17; for several, two vectors more |
+/// | `block_sums` | `2 D` for each view, `4 D` from a block size of 17; with batches, for the mean and the heuristic rule, as much again for each pixel of a batch |
+/// | `masks` | `2 D` for each view, `4 D` from a block size of 17 |
+/// | `fused` | `2 D` for each pixel of a [batch](Isa::BATCH), `4 D` from a block size of 17; two vectors more if a batch has several |
 /// | `center` | `(2 rho + 2) X` |
 /// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each horizontal view |
 /// | `vertical` | `X (D + 2 rho + 16)` for each vertical view |
 /// | `zeros` | `2 D` for each view |
 /// | `line` | the frame's width |
 ///
-/// OpenCV's StereoBM, for comparison, takes `(height + block + 2) D (block + 1)` bytes of scratch for its one view.
+/// For comparison, OpenCV's StereoBM takes `(height + block + 2) D (block + 1)` bytes of scratch for its
+/// single view.
 ///
 /// ```
 /// use multiscopic_core::{Fusion, Memory, Params, Views, kernel::Portable};
@@ -33,23 +34,23 @@ use crate::{
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Memory {
-    /// Sums of differences over the block's height, for each column, view and disparity.
+    /// Sums of absolute differences over the height of the block, for each column, view and disparity.
     pub column_sums: usize,
-    /// Sums of differences over the block, for each view and disparity.
+    /// Sums of absolute differences over the block, for each view and disparity.
     pub block_sums: usize,
-    /// What hides block sums in views that are not available.
+    /// Masks that hide block sums of views that are not available.
     pub masks: usize,
-    /// Fused costs of one pixel.
+    /// Fused costs of a batch of pixels, for each disparity.
     pub fused: usize,
-    /// The centre's lines under the block.
+    /// Lines of the centre under the block.
     pub center: usize,
-    /// The horizontal views' lines under the block.
+    /// Lines of the horizontal views under the block.
     pub horizontal: usize,
-    /// The vertical views' lines under the block and the search, by column.
+    /// Lines of the vertical views under the block and the search range, by column.
     pub vertical: usize,
-    /// What leaves before anything has entered.
+    /// The empty column, which leaves a block that is not full yet.
     pub zeros: usize,
-    /// A line as it comes from the source.
+    /// A buffer for a line from the source.
     pub line: usize,
 }
 
@@ -72,7 +73,7 @@ impl Memory {
         }
     }
 
-    /// All of it, in bytes.
+    /// The sum of all buffers, in bytes.
     pub const fn bytes(&self) -> usize {
         self.column_sums
             + self.block_sums
@@ -85,41 +86,42 @@ impl Memory {
             + self.line
     }
 
-    /// All of it, as the length of the `[u32]` that the matcher is lent.
+    /// The sum of all buffers in words: the length of the `[u32]` lent to the matcher.
     pub const fn words(&self) -> usize {
         self.bytes().div_ceil(4)
     }
 }
 
-/// The sizes that the buffers are made of.
+/// The sizes that determine the buffers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shape {
-    /// Columns under the blocks of one line: the region's and the block's radius on both sides.
+    /// Columns under the blocks of a disparity line: those of the region, and the block's radius on both
+    /// sides.
     pub span: usize,
     /// Disparities, rounded up to whole vectors.
     pub depth: usize,
-    /// Lines that a block covers from one line to the next: its own, and the one that leaves.
+    /// Lines stored for a block: its own, and the one that leaves.
     pub ring_lines: usize,
-    /// Samples that each column of a vertical view holds.
+    /// Bytes of the stack of each column of a vertical view.
     pub stack: usize,
-    /// Of these, the ones still needed when a line enters.
+    /// Samples of a stack that a block needs: from its first line that leaves to its last that enters.
     pub live: usize,
-    /// Bytes of a block's sum.
+    /// Bytes of a block sum.
     pub lane_bytes: usize,
-    /// Pixels of a batch whose sums are kept until their disparities are known: all, by rules that can leave the lanes.
+    /// Pixels of a batch whose block sums are kept for exact costs: all, if the rule can saturate.
     pub kept_blocks: usize,
-    /// Bytes of a vector of column sums, in whole words: what buffers are aligned to.
+    /// Bytes of a vector of column sums, in whole words: the unit of every buffer.
     vector_bytes: usize,
 }
 
 impl Shape {
-    /// How many lines enter a column of a vertical view before its samples move, by one more: by whole words.
+    /// Free samples in a stack: lines that enter between two moves of its samples, less one. A move is by
+    /// whole words.
     pub const SLACK: usize = 15;
 
     pub const fn new<I: Isa>(params: &Params, columns: usize) -> Shape {
         let depth = params.num_disparities().next_multiple_of(I::LANES);
         let ring_lines = params.block_size() + 1;
-        // From the first line that leaves to the last that enters, each with all its disparities.
         let live = params.num_disparities() + params.block_size();
         Shape {
             span: columns + 2 * params.radius(),
@@ -136,12 +138,12 @@ impl Shape {
         }
     }
 
-    /// Samples in a line of a horizontal view: every column's match at every disparity.
+    /// Samples in a line of a horizontal view: the matches of every column at all disparities.
     pub const fn reach(&self) -> usize {
         self.span + self.depth - 1
     }
 
-    /// Bytes of the lines of `frame`.
+    /// Bytes of the stored lines of `frame`.
     pub const fn frame_bytes(&self, frame: Frame) -> usize {
         self.align(match frame {
             Frame::Center => self.ring_lines * self.span,
@@ -151,7 +153,7 @@ impl Shape {
     }
 
     const fn align(&self, bytes: usize) -> usize {
-        // Never 0, which the compiler does not see.
+        // Not `next_multiple_of`, which panics for 0: the compiler cannot see that vectors are not empty.
         match bytes.checked_next_multiple_of(self.vector_bytes) {
             Some(bytes) => bytes,
             None => bytes,

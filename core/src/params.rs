@@ -2,7 +2,8 @@
 
 use crate::{Frame, Fusion, ParamsError, Search, Views};
 
-/// The parameters of block matching: a [`Search`] and the size of the block. Every value of this type is valid.
+/// The parameters of block matching: a [`Search`] and the size of the block. Every value of this type is
+/// valid.
 ///
 /// ```
 /// use multiscopic_core::{Fusion, Params, Views};
@@ -115,9 +116,10 @@ impl Params {
 
     /// How many lines of `frame` past its own a disparity line needs; negative if the frame lags behind.
     ///
-    /// Until disparity line `v` is out, no line of the frame after `max(0, v + lead)` has been read. With the last disparity line
-    /// the rest of the frame is read too. The centre and the horizontal views are read ahead by the block's radius, a top view
-    /// by the largest disparity more, a bottom view by the negated smallest disparity more.
+    /// Until disparity line `v` is out, no line of the frame after `max(0, v + lead)` has been read. With the
+    /// last disparity line the rest of the frame is read too. The centre and the horizontal views are read
+    /// ahead by the block's radius, a top view by the largest disparity more, a bottom view by the negated
+    /// smallest disparity more.
     pub const fn lead(&self, frame: Frame) -> i32 {
         let below = match frame {
             Frame::Center => 0,
@@ -129,8 +131,8 @@ impl Params {
         self.radius() as i32 + below
     }
 
-    /// The latency in lines: how many lines of the frame that is read furthest ahead are read before the first disparity line
-    /// is out.
+    /// The latency in lines: how many lines of the frame that is read furthest ahead are read before the
+    /// first disparity line is out.
     pub fn latency_lines(&self) -> usize {
         let lead = self.views().iter().map(Frame::View).fold(self.lead(Frame::Center), |most, frame| most.max(self.lead(frame)));
         (lead as usize + 1).min(self.height())

@@ -1,4 +1,4 @@
-//! Which part of the frame a pass computes.
+//! The part of the frame that a pass computes.
 
 use core::{error, fmt, ops::Range};
 
@@ -6,8 +6,8 @@ use crate::Params;
 
 /// A rectangle of the centre frame whose disparities one pass of the matcher computes, not empty.
 ///
-/// The whole frame takes one pass. Column tiles bound the memory by the tile's width, bands of lines give threads their
-/// share; either way every pixel gets the same bits as in one pass over the whole frame.
+/// One pass can compute the whole frame. Column tiles bound the memory by their width; bands of lines divide
+/// the work between threads. Either way, every pixel gets the same bits as in one pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Region {
@@ -36,46 +36,47 @@ impl Region {
         Ok(Region { left: columns.start as u16, right: columns.end as u16, top: rows.start as u16, bottom: rows.end as u16 })
     }
 
-    /// The frame in column tiles of `width` pixels, from left to right; the last one may be narrower.
+    /// Column tiles of `width` pixels that cover the frame, from left to right. The last one may be narrower.
     pub fn tiles(params: &Params, width: usize) -> impl Iterator<Item = Region> + use<> {
         let whole = Region::whole(params);
         pieces(params.width(), width).map(move |(left, right)| Region { left, right, ..whole })
     }
 
-    /// The frame in bands of `height` lines, from top to bottom; the last one may be lower.
+    /// Bands of `height` lines that cover the frame, from top to bottom. The last one may be lower.
     pub fn bands(params: &Params, height: usize) -> impl Iterator<Item = Region> + use<> {
         let whole = Region::whole(params);
         pieces(params.height(), height).map(move |(top, bottom)| Region { top, bottom, ..whole })
     }
 
-    /// The columns of the frame in this region.
+    /// Its columns in the frame.
     pub const fn columns(&self) -> Range<usize> {
         self.left as usize..self.right as usize
     }
 
-    /// The lines of the frame in this region.
+    /// Its lines in the frame.
     pub const fn rows(&self) -> Range<usize> {
         self.top as usize..self.bottom as usize
     }
 
-    /// Pixels in a disparity line of this region.
+    /// Pixels in a disparity line.
     pub const fn width(&self) -> usize {
         (self.right - self.left) as usize
     }
 
-    /// Disparity lines in this region.
+    /// Disparity lines.
     pub const fn height(&self) -> usize {
         (self.bottom - self.top) as usize
     }
 }
 
-/// `0..length` in pieces of `size`, at least 1, the last one maybe shorter. Lengths are those of frames.
+/// Pieces of `size`, at least 1, that cover `0..length`. The last one may be shorter. `length` is a side of a
+/// frame.
 fn pieces(length: usize, size: usize) -> impl Iterator<Item = (u16, u16)> {
     let size = size.max(1);
     (0..length).step_by(size).map(move |start| (start as u16, length.min(start.saturating_add(size)) as u16))
 }
 
-/// A region that is empty or leaves the frame.
+/// The columns or rows of a region are empty or leave the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RegionError {

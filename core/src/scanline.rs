@@ -1,27 +1,30 @@
-//! Where the matcher pulls its pixels from.
+//! The sources of pixels.
 
 use crate::Frame;
 
-/// A source of scanlines: memory, flash, a file, a decompressor, a UART, or a sensor.
+/// A source of scanlines, such as memory, flash, a file, a decompressor, a UART or a sensor.
 ///
-/// The matcher asks for the lines of each frame exactly once and in ascending order, never further ahead than
-/// [`Params::lead`](crate::Params::lead) says, so a source need not be able to go back. The frames' turns interleave.
+/// The matcher reads every line of each frame once, in ascending order, and never further ahead than
+/// [`Params::lead`](crate::Params::lead) states, so a source need not be able to go back. Lines of different
+/// frames interleave.
 pub trait ScanlineSource {
-    /// Why a line could not be had.
+    /// Why a line could not be read.
     type Error;
 
-    /// Fills `line`, which is as long as the frame is wide, with the 8-bit grey pixels of line `v` of `frame`.
+    /// Fills `line`, whose length is the width of the frame, with the 8-bit grey pixels of line `v` of
+    /// `frame`.
     ///
     /// # Errors
-    /// The source's own. The matcher hands the error on and asks for the same line again when it is called again.
+    /// The source's own. The matcher returns it, and reads the same line when it is called again.
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error>;
 }
 
-/// A source that can be read more than once: what matching in column tiles or in bands of lines needs.
+/// A source that can be read more than once, as matching in column tiles or in bands of lines requires.
 ///
-/// Each pass over a [`Region`](crate::Region) reads in ascending order, from the first line that the region needs.
+/// Each pass over a [`Region`](crate::Region) reads in ascending order, beginning with the first line that
+/// the region needs.
 pub trait Rewind: ScanlineSource {
-    /// Goes back, so that the next lines asked for may be earlier ones.
+    /// Goes back, so that the next lines read may be earlier ones.
     ///
     /// # Errors
     /// The source's own.

@@ -4,8 +4,8 @@ use core::{error, fmt};
 
 use crate::{Disparity, Fusion, Views};
 
-/// A search for disparities: the size of the frames, the views to match with, how their costs are fused, and the search range.
-/// Every value of this type is valid.
+/// A search for disparities: the size of the frames, the views to match with, how their costs are fused, and
+/// the search range. Every value of this type is valid.
 ///
 /// ```
 /// use multiscopic_core::{Fusion, Search, Views};
@@ -27,7 +27,8 @@ pub struct Search {
 impl Search {
     /// A search in frames of `width` x `height` pixels.
     ///
-    /// The disparities `d` with `min_disparity <= d < min_disparity + num_disparities` are searched, all within -511..=511.
+    /// The disparities `d` with `min_disparity <= d < min_disparity + num_disparities` are searched, all
+    /// within -511..=511.
     ///
     /// # Errors
     /// The first parameter that is out of its range, with its value.

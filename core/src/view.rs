@@ -1,4 +1,4 @@
-//! Where the camera was when it took a frame.
+//! Views: where the camera was, and where matches lie.
 
 use core::ops::Range;
 
@@ -26,7 +26,7 @@ pub enum View {
 }
 
 impl View {
-    /// Every view, in the order in which the matcher holds them.
+    /// Every view, in the order of the matcher.
     pub const ALL: [View; 4] = [View::Left, View::Right, View::Top, View::Bottom];
 
     /// How far the match of a pixel lies from that pixel at a disparity of `d` pixels: `(du, dv)`.
@@ -43,7 +43,8 @@ impl View {
         }
     }
 
-    /// The match of pixel `(u, v)` at a disparity of `d` pixels, or `None` if it lies outside a frame of `(width, height)` pixels.
+    /// The match of pixel `(u, v)` at a disparity of `d` pixels, or `None` if it lies outside a frame of
+    /// `(width, height)` pixels.
     ///
     /// ```
     /// use multiscopic_core::View;
@@ -72,7 +73,7 @@ impl View {
         du + dv
     }
 
-    /// Its name, in lower case.
+    /// The view's name, in lower case.
     pub const fn name(self) -> &'static str {
         match self {
             View::Left => "left",
@@ -82,8 +83,9 @@ impl View {
         }
     }
 
-    /// The disparities at which the match of a pixel lies inside the image, as indices into the `count` disparities from `least` on.
-    /// `coordinate` and `size` are those of the pixel and the image in the direction of the view.
+    /// The disparities at which the match of a pixel lies inside the image, as indices into the `count`
+    /// disparities from `least` on. `coordinate` and `size` are those of the pixel and the image in the
+    /// direction of the view.
     ///
     /// ```
     /// use multiscopic_core::View;
@@ -119,7 +121,7 @@ impl View {
 pub struct Views(u8);
 
 impl Views {
-    /// No neighbour: nothing to match with.
+    /// No view.
     pub const NONE: Views = Views(0);
     /// The classic stereo pair: centre and right.
     pub const STEREO: Views = Views::NONE.with(View::Right);
@@ -130,7 +132,7 @@ impl Views {
     /// All four neighbours.
     pub const ALL: Views = Views::THREE.with(View::Bottom);
 
-    /// This set and `view`.
+    /// This set with `view` added.
     pub const fn with(self, view: View) -> Views {
         Views(self.0 | view.bit())
     }
@@ -140,7 +142,7 @@ impl Views {
         self.0 & view.bit() != 0
     }
 
-    /// How many views are in the set, 0 to 4.
+    /// The number of views in the set, 0 to 4.
     pub const fn len(self) -> usize {
         self.0.count_ones() as usize
     }
@@ -162,18 +164,18 @@ impl FromIterator<View> for Views {
     }
 }
 
-/// One of the images of a capture: the reference in the centre or one of its neighbours.
+/// One of the frames of a capture: the reference in the centre or a neighbouring view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Frame {
-    /// The reference, for whose pixels disparities are estimated.
+    /// The reference, for whose pixels disparities are computed.
     Center,
-    /// A neighbour.
+    /// A neighbouring view.
     View(View),
 }
 
 impl Frame {
-    /// Its name, in lower case.
+    /// The frame's name, in lower case.
     pub const fn name(self) -> &'static str {
         match self {
             Frame::Center => "center",

@@ -1,18 +1,25 @@
-//! What the firmware asks of a board.
+//! What the pipeline asks of a board.
 
 use core::time::Duration;
 use embedded_io::Write;
 use multiscopic_core::{Params, Rewind};
 
-/// A board: the frames it holds, the way out for disparities, and a clock.
+/// A board: stored frames, an output for packets, and a clock.
 ///
-/// For a board of one's own, with frames in flash and a serial port:
+/// An example with frames in flash and a serial port:
 ///
 /// ```
 /// use core::{convert::Infallible, time::Duration};
 /// use embedded_io::Write;
 /// use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, Views};
-/// use multiscopic_edge::{Board, Kernel, Lengths, Phase, Workspace};
+/// use multiscopic_edge::{Board, Lengths, Phase, Workspace};
+///
+/// /// The kernel of the processor: `Dsp` for a Cortex-M4 or M7, `Mve` for a Cortex-M55.
+/// #[cfg(target_arch = "arm")]
+/// type Kernel = multiscopic_core::kernel::Dsp;
+/// /// Its portable twin, for tests on a host: the same memory, the same disparities.
+/// #[cfg(not(target_arch = "arm"))]
+/// type Kernel = multiscopic_edge::Wide;
 ///
 /// const PARAMS: Params = match Params::new(96, 64, Views::HORIZONTAL, Fusion::Min, 1, 16, 7) {
 ///     Ok(params) => params,
@@ -22,10 +29,10 @@ use multiscopic_core::{Params, Rewind};
 /// const TILE: usize = PARAMS.width();
 /// const LENGTHS: Lengths = Lengths::new::<Kernel>(&PARAMS, TILE);
 /// type Memory = Workspace<{ LENGTHS.matcher.words() }, { LENGTHS.columns }, { LENGTHS.packet }>;
-/// // The build fails where it does not fit.
+/// // Fails the build if the workspace is too large.
 /// const _: () = assert!(size_of::<Memory>() < 20 * 1024, "use narrower tiles: TILE");
 ///
-/// /// Frames in flash, or anything else that has lines.
+/// /// Frames in flash, or in anything else that can be read by the line.
 /// struct Flash {
 ///     frames: [&'static [u8]; 3],
 /// }
@@ -49,18 +56,18 @@ use multiscopic_core::{Params, Rewind};
 ///     }
 /// }
 ///
-/// /// `Serial` is the serial port of a HAL: anything that `embedded_io` can write to.
-/// struct Mine<Serial> {
+/// /// `Serial` is a serial port of any HAL that implements `embedded_io::Write`.
+/// struct MyBoard<Serial> {
 ///     serial: Option<Serial>,
 /// }
 ///
-/// impl<Serial: Write> Board for Mine<Serial> {
+/// impl<Serial: Write> Board for MyBoard<Serial> {
 ///     type Frames = Flash;
 ///     type Output = Serial;
 ///     type Error = &'static str;
 ///
 ///     fn frames(&mut self, _: &Params) -> Result<Flash, &'static str> {
-///         // Here: include_bytes!, a camera's buffers, external memory.
+///         // In firmware: include_bytes!, a camera's buffers, external memory.
 ///         Ok(Flash { frames: [&[7; 96 * 64]; 3] })
 ///     }
 ///
@@ -69,62 +76,63 @@ use multiscopic_core::{Params, Rewind};
 ///     }
 ///
 ///     fn elapsed(&self) -> Duration {
-///         Duration::ZERO // of a timer
+///         Duration::ZERO // In firmware: a timer.
 ///     }
 ///
 ///     fn enter(_: Phase) {}
 /// }
 ///
-/// fn send_disparities<Serial: Write>(board: &mut Mine<Serial>, memory: &mut Memory) -> Result<(), &'static str> {
+/// fn send_disparities<Serial: Write>(board: &mut MyBoard<Serial>, memory: &mut Memory) -> Result<(), &'static str> {
 ///     let (mut frames, mut serial) = (board.frames(&PARAMS)?, board.output()?);
-///     let run = memory.pipeline().run::<Mine<Serial>>(&PARAMS, TILE, &mut frames, &mut serial);
+///     let pipeline = memory.pipeline();
+///     let run = pipeline.run::<MyBoard<Serial>, _>(Kernel::default(), &PARAMS, TILE, &mut frames, &mut serial);
 ///     let mut sender = run.map_err(|_| "a line was not matched or sent")?;
-///     let end = sender.end(None).map_err(|_| "the packet is too small")?;
-///     serial.write_all(end).map_err(|_| "the end was not sent")
+///     let end = sender.end(None).map_err(|_| "the packet buffer is too small")?;
+///     serial.write_all(end).map_err(|_| "the last packet was not sent")
 /// }
 /// # let mut sent = [0; 20_000];
 /// # let mut memory = Box::new(Memory::new());
-/// # send_disparities(&mut Mine { serial: Some(&mut sent[..]) }, &mut memory).unwrap();
+/// # send_disparities(&mut MyBoard { serial: Some(&mut sent[..]) }, &mut memory).unwrap();
 /// # assert!(sent.split(|&byte| byte == 0).filter(|packet| !packet.is_empty()).count() == 65);
 /// ```
 ///
-/// In firmware the workspace is a static, as `static_cell::ConstStaticCell` makes it. `multiscopic listen` shows on a host what comes
-/// out of the port.
+/// In firmware the workspace is a static, for example a `static_cell::ConstStaticCell`. On the host, `multiscopic listen` shows what the
+/// port sends.
 pub trait Board {
-    /// The stored frames. They are read by the line and in order, again for each column tile.
+    /// The stored frames. Lines are read in ascending order, once for each column tile.
     type Frames: Rewind;
-    /// Where packets go.
+    /// Where packets are written.
     type Output: Write;
-    /// Why the board cannot serve.
+    /// Why the frames or the output are not available.
     type Error;
 
-    /// The frames to match.
+    /// Opens the frames to match.
     ///
     /// # Errors
-    /// A frame is missing or has another size than `params` say.
+    /// A frame is missing, or its size differs from that of `params`.
     fn frames(&mut self, params: &Params) -> Result<Self::Frames, Self::Error>;
 
-    /// The way out.
+    /// Opens the output.
     ///
     /// # Errors
-    /// There is none.
+    /// The output is not available.
     fn output(&mut self) -> Result<Self::Output, Self::Error>;
 
     /// The time since the start.
     fn elapsed(&self) -> Duration;
 
-    /// Marks that the work goes over to another phase: a place for a pin that a scope watches, or for counting.
+    /// Called when the work enters another phase. A board may set a pin for an oscilloscope here, or count cycles.
     fn enter(phase: Phase);
 }
 
-/// What the firmware is busy with.
+/// What the pipeline is busy with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Anything else.
+    /// Nothing: before, between and after the passes over the frames.
     Idle,
     /// Matching.
     Matching,
-    /// Fetching a line from the store.
+    /// Reading a scanline.
     Fetching,
     /// Encoding and sending a disparity line.
     Sending,

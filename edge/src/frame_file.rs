@@ -1,12 +1,12 @@
-//! The files that the firmware reads and writes where a debugger or an emulator gives it files.
+//! The names of the files that frames and packets are exchanged in, where a debugger or an emulator gives the firmware files.
 
 use core::ffi::CStr;
 use multiscopic_core::{Frame, View};
 
-/// The packets of disparities: see [`packet`](crate::packet).
+/// The file that the firmware writes its [packets](crate::packet) to.
 pub const PACKETS: &CStr = c"disparity.packets";
 
-/// The pixels of `frame`: lines from top to bottom, a pixel in one byte, 8-bit grey.
+/// The file with the pixels of `frame`: 8-bit grey, one byte a pixel, lines from top to bottom, no header.
 pub const fn name(frame: Frame) -> &'static CStr {
     match frame {
         Frame::Center => c"center.gray",

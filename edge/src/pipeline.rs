@@ -1,67 +1,18 @@
-//! From scanlines to packets.
+//! Matches the frames of a board and sends the disparities.
 
 use core::{error, fmt, marker::PhantomData};
-use embedded_io::Write;
+use embedded_io::{ErrorType, Write};
 use multiscopic_core::{
-    Disparity, Frame, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, Rewind, ScanlineSource,
-    kernel::{Blocks, Isa},
+    Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, Rewind, ScanlineSource, kernel::Blocks,
 };
 
 use crate::{
-    Board, Kernel, Phase,
-    packet::{self, BufferTooSmall, Sender},
+    board::{Board, Phase},
+    packet::{BufferTooSmall, Sender},
+    workspace::Workspace,
 };
 
-/// How long the parts of a [`Workspace`] are for a match in column tiles of some width.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Lengths {
-    /// The matcher's memory by buffer.
-    pub matcher: Memory,
-    /// Disparities of a line.
-    pub columns: usize,
-    /// Bytes of the buffer that packets are encoded in.
-    pub packet: usize,
-}
-
-impl Lengths {
-    /// Those for tiles of `tile_width` columns, all of them if the frame is matched in one pass, and for a kernel: [`Kernel`] in
-    /// firmware.
-    pub const fn new<I: Isa>(params: &Params, tile_width: usize) -> Lengths {
-        Lengths { matcher: Memory::new::<I>(params, tile_width), columns: tile_width, packet: packet::buffer_bytes(tile_width) }
-    }
-
-    /// The size of such a workspace, in bytes.
-    pub const fn bytes(&self) -> usize {
-        (4 * self.matcher.words() + self.line_bytes() + self.packet).next_multiple_of(align_of::<u32>())
-    }
-
-    /// Bytes of a line of disparities.
-    pub const fn line_bytes(&self) -> usize {
-        self.columns * size_of::<Option<Disparity>>()
-    }
-}
-
-/// The memory of a pipeline. Its [`Lengths`] follow from the profile: [`workspace!`](crate::workspace) is the type with them.
-pub struct Workspace<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> {
-    matcher: [u32; WORDS],
-    line: [Option<Disparity>; COLUMNS],
-    packet: [u8; PACKET],
-}
-
-impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WORDS, COLUMNS, PACKET> {
-    /// An empty workspace.
-    #[expect(clippy::new_without_default, reason = "a static is initialised with it")]
-    pub const fn new() -> Self {
-        Workspace { matcher: [0; WORDS], line: [None; COLUMNS], packet: [0; PACKET] }
-    }
-
-    /// The pipeline that works in it.
-    pub fn pipeline(&mut self) -> Pipeline<'_> {
-        Pipeline { matcher: &mut self.matcher, line: &mut self.line, packet: &mut self.packet }
-    }
-}
-
-/// Matches frames and sends the disparities, in memory of its own.
+/// Matches frames and sends the disparities, in the memory of a [`Workspace`].
 #[derive(Debug)]
 pub struct Pipeline<'w> {
     matcher: &'w mut [u32],
@@ -69,27 +20,22 @@ pub struct Pipeline<'w> {
     packet: &'w mut [u8],
 }
 
-impl<'w> Pipeline<'w> {
-    /// Matches the frames of `source` in column tiles and sends each disparity line to `output` as soon as it is there. The
-    /// sender comes back for the packet that ends the frame.
-    ///
-    /// # Errors
-    /// Those of the source, the matcher and the output.
-    pub fn run<B: Board>(
-        self,
-        params: &Params,
-        tile_width: usize,
-        source: &mut B::Frames,
-        output: &mut B::Output,
-    ) -> Result<Sender<'w>, RunError<B>> {
-        self.run_with::<B, Kernel>(Kernel::default(), params, tile_width, source, output)
+impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WORDS, COLUMNS, PACKET> {
+    /// The pipeline that works in this memory.
+    pub fn pipeline(&mut self) -> Pipeline<'_> {
+        Pipeline { matcher: &mut self.matcher, line: &mut self.line, packet: &mut self.packet }
     }
+}
 
-    /// The same with a kernel of choice: with as many lanes, it takes the memory of another processor's.
+impl<'w> Pipeline<'w> {
+    /// Matches the frames of `source` in tiles of `tile_width` columns and writes each disparity line to `output` as soon as it is known.
+    /// Returns the sender, for the packet that ends the frame.
+    ///
+    /// Every kernel gives the same disparities, and kernels with the same number of lanes need the same memory.
     ///
     /// # Errors
-    /// Those of the source, the matcher and the output.
-    pub fn run_with<B: Board, I: Blocks<u16> + Blocks<u32>>(
+    /// Those of the source, the matcher and the output, and a workspace that is too small.
+    pub fn run<B: Board, I: Blocks<u16> + Blocks<u32>>(
         self,
         kernel: I,
         params: &Params,
@@ -119,7 +65,7 @@ impl<'w> Pipeline<'w> {
     }
 }
 
-/// A board's frames, whose fetching is marked.
+/// A board's frames. Reading them is a phase of its own.
 struct Fetching<'a, B: Board> {
     source: &'a mut B::Frames,
     board: PhantomData<B>,
@@ -136,45 +82,44 @@ impl<B: Board> ScanlineSource for Fetching<'_, B> {
 
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
         B::enter(Phase::Fetching);
-        let done = self.source.read_line(frame, v, line);
+        let result = self.source.read_line(frame, v, line);
         B::enter(Phase::Matching);
-        done
+        result
     }
 }
 
-/// Why a pipeline on board `B` ended before its last line.
-pub type RunError<B> =
-    PipelineError<<<B as Board>::Frames as ScanlineSource>::Error, <<B as Board>::Output as embedded_io::ErrorType>::Error>;
+/// Why a pipeline on the board `B` stopped before its last line.
+pub type RunError<B> = PipelineError<<<B as Board>::Frames as ScanlineSource>::Error, <<B as Board>::Output as ErrorType>::Error>;
 
-/// Why a pipeline ended before its last line.
+/// Why a pipeline stopped before its last line. `S` is the error of the frames, `W` that of the output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PipelineError<S, W> {
-    /// The workspace is for narrower tiles.
+    /// The line of the workspace is shorter than the tile.
     Line {
-        /// Pixels of the tile.
+        /// Columns of the tile.
         needed: usize,
-        /// Pixels of the workspace's line.
+        /// Columns of the workspace's line.
         given: usize,
     },
-    /// The workspace is for other parameters.
+    /// The matcher's memory in the workspace is too small.
     Memory(MemoryTooSmall),
     /// The frames cannot be read again.
     Rewind(S),
     /// A line could not be matched.
     Match(MatchError<S>),
-    /// A line does not fit into its packet.
+    /// The packet buffer of the workspace is too small.
     Packet(BufferTooSmall),
-    /// A line could not be sent.
+    /// A packet could not be written.
     Write(W),
 }
 
 impl<S: fmt::Display, W: fmt::Display> fmt::Display for PipelineError<S, W> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            PipelineError::Line { needed, given } => write!(f, "a tile has {needed} columns, the workspace {given}"),
+            PipelineError::Line { needed, given } => write!(f, "a tile has {needed} columns, the line of the workspace {given}"),
             PipelineError::Memory(error) => write!(f, "{error}"),
-            PipelineError::Rewind(error) => write!(f, "cannot go back to the first line: {error}"),
+            PipelineError::Rewind(error) => write!(f, "cannot rewind to the first line: {error}"),
             PipelineError::Match(error) => write!(f, "{error}"),
             PipelineError::Packet(error) => write!(f, "{error}"),
             PipelineError::Write(error) => write!(f, "cannot send a disparity line: {error}"),
@@ -191,10 +136,10 @@ mod tests {
     use super::*;
     use crate::{
         packet::{Content, Packet},
-        profile,
+        workspace::{Lengths, Wide},
     };
     use core::{convert::Infallible, time::Duration};
-    use embedded_io::{ErrorType, SliceWriteError};
+    use embedded_io::SliceWriteError;
     use multiscopic_core::{Fusion, Views};
     use std::{vec, vec::Vec};
 
@@ -202,16 +147,16 @@ mod tests {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
-    const WORDS: usize = Lengths::new::<Kernel>(&PARAMS, PARAMS.width()).matcher.words();
-    const PACKET: usize = Lengths::new::<Kernel>(&PARAMS, PARAMS.width()).packet;
+    const WORDS: usize = Lengths::new::<Wide>(&PARAMS, PARAMS.width()).matcher.words();
+    const PACKET: usize = Lengths::new::<Wide>(&PARAMS, PARAMS.width()).packet;
 
-    /// A slope two pixels away from the infinite, which counts how often it is read.
+    /// A slanted ramp of grey at a disparity of 2, which counts how often it is rewound.
     #[derive(Default)]
-    struct Slope {
+    struct Ramp {
         rewinds: usize,
     }
 
-    impl ScanlineSource for Slope {
+    impl ScanlineSource for Ramp {
         type Error = Infallible;
 
         fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Infallible> {
@@ -227,17 +172,17 @@ mod tests {
         }
     }
 
-    impl Rewind for Slope {
+    impl Rewind for Ramp {
         fn rewind(&mut self) -> Result<(), Infallible> {
             self.rewinds += 1;
             Ok(())
         }
     }
 
-    /// A way out for so many bytes.
+    /// An output that takes at most `capacity` bytes.
     struct Output {
         sent: Vec<u8>,
-        room: usize,
+        capacity: usize,
     }
 
     impl ErrorType for Output {
@@ -246,7 +191,7 @@ mod tests {
 
     impl Write for Output {
         fn write(&mut self, bytes: &[u8]) -> Result<usize, SliceWriteError> {
-            if self.sent.len() + bytes.len() > self.room {
+            if self.sent.len() + bytes.len() > self.capacity {
                 return Err(SliceWriteError::Full);
             }
             self.sent.extend_from_slice(bytes);
@@ -258,19 +203,19 @@ mod tests {
         }
     }
 
-    struct Desk;
+    struct TestBoard;
 
-    impl Board for Desk {
-        type Frames = Slope;
+    impl Board for TestBoard {
+        type Frames = Ramp;
         type Output = Output;
         type Error = Infallible;
 
-        fn frames(&mut self, _: &Params) -> Result<Slope, Infallible> {
-            Ok(Slope::default())
+        fn frames(&mut self, _: &Params) -> Result<Ramp, Infallible> {
+            Ok(Ramp::default())
         }
 
         fn output(&mut self) -> Result<Output, Infallible> {
-            Ok(Output { sent: Vec::new(), room: usize::MAX })
+            Ok(Output { sent: Vec::new(), capacity: usize::MAX })
         }
 
         fn elapsed(&self) -> Duration {
@@ -280,12 +225,12 @@ mod tests {
         fn enter(_: Phase) {}
     }
 
-    /// The pixels that a pipeline sends, and how often it goes back.
-    fn matched(tile_width: usize) -> (Vec<Option<Option<Disparity>>>, usize) {
-        let Ok(mut source) = Desk.frames(&PARAMS);
-        let Ok(mut output) = Desk.output();
+    /// The pixels that a pipeline sends, and the number of rewinds.
+    fn sent_pixels(tile_width: usize) -> (Vec<Option<Option<Disparity>>>, usize) {
+        let Ok(mut source) = TestBoard.frames(&PARAMS);
+        let Ok(mut output) = TestBoard.output();
         let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
-        workspace.pipeline().run::<Desk>(&PARAMS, tile_width, &mut source, &mut output).unwrap();
+        workspace.pipeline().run::<TestBoard, _>(Wide::default(), &PARAMS, tile_width, &mut source, &mut output).unwrap();
         let mut pixels = vec![None; PARAMS.width() * PARAMS.height()];
         assert_eq!(output.sent.pop(), Some(0));
         for bytes in output.sent.split_mut(|&byte| byte == 0) {
@@ -300,39 +245,27 @@ mod tests {
     }
 
     #[test]
-    fn the_lengths_are_those_of_the_statics() {
-        let sizes = [
-            size_of::<crate::workspace!(Kernel, profile::QQVGA)>(),
-            size_of::<crate::workspace!(Kernel, profile::QVGA)>(),
-            size_of::<crate::workspace!(Kernel, profile::QVGA_TILED)>(),
-            size_of::<crate::workspace!(Kernel, profile::VGA)>(),
-            size_of::<crate::workspace!(Kernel, profile::VGA_TILED)>(),
-        ];
-        assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths::<Kernel>().bytes()));
-        assert_eq!(size_of::<Workspace<WORDS, 24, PACKET>>(), Lengths::new::<Kernel>(&PARAMS, 24).bytes());
-    }
-
-    #[test]
-    fn every_line_is_sent() {
-        let (pixels, rewinds) = matched(PARAMS.width());
+    fn every_pixel_is_sent_once() {
+        let (pixels, rewinds) = sent_pixels(PARAMS.width());
         assert!(pixels.iter().all(Option::is_some));
         assert_eq!(pixels[10 * PARAMS.width() + 12], Some(Disparity::from_bits(128)));
         assert_eq!(rewinds, 0);
     }
 
     #[test]
-    fn tiles_are_the_same_frame() {
-        let (whole, _) = matched(PARAMS.width());
+    fn tiles_give_the_same_frame() {
+        let (whole, _) = sent_pixels(PARAMS.width());
         for (tile_width, passes) in [(12, 2), (7, 4), (1, 24)] {
-            assert_eq!(matched(tile_width), (whole.clone(), passes - 1), "tiles of {tile_width} columns");
+            assert_eq!(sent_pixels(tile_width), (whole.clone(), passes - 1), "tiles of {tile_width} columns");
         }
     }
 
     #[test]
-    fn an_output_that_is_full_ends_it() {
+    fn a_full_output_stops_the_pipeline() {
         let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
-        let mut output = Output { sent: Vec::new(), room: 150 };
-        let end = workspace.pipeline().run::<Desk>(&PARAMS, PARAMS.width(), &mut Slope::default(), &mut output);
+        let mut output = Output { sent: Vec::new(), capacity: 150 };
+        let end =
+            workspace.pipeline().run::<TestBoard, _>(Wide::default(), &PARAMS, PARAMS.width(), &mut Ramp::default(), &mut output);
         assert_eq!(end.err(), Some(PipelineError::Write(SliceWriteError::Full)));
     }
 }

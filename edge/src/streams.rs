@@ -1,29 +1,29 @@
-//! Scanlines from streams: files, and what cannot go back, such as UARTs and sensors.
+//! Scanlines from byte streams: files, and what cannot be rewound, such as UARTs.
 
 use core::{error, fmt};
 use embedded_io::{Read, ReadExactError, Seek};
 use multiscopic_core::{Frame, Rewind, ScanlineSource, View, Views};
 
-/// One stream per frame, which brings the frame's lines from top to bottom.
+/// A stream for each frame, which gives the frame's lines from top to bottom, one byte a pixel.
 pub struct Streams<R> {
-    center: Stream<R>,
-    views: [Option<Stream<R>>; View::ALL.len()],
+    center: FrameStream<R>,
+    views: [Option<FrameStream<R>>; View::ALL.len()],
 }
 
 impl<R: Read> Streams<R> {
     /// Opens a stream for the centre and for each of `views`.
     ///
     /// # Errors
-    /// The first that `open` returns.
+    /// The first error that `open` returns.
     pub fn open<E>(views: Views, mut open: impl FnMut(Frame) -> Result<R, E>) -> Result<Streams<R>, E> {
-        let mut streams = Streams { center: Stream::new(open(Frame::Center)?), views: [const { None }; View::ALL.len()] };
+        let mut streams = Streams { center: FrameStream::new(open(Frame::Center)?), views: [const { None }; View::ALL.len()] };
         for view in views.iter() {
-            streams.views[view as usize] = Some(Stream::new(open(Frame::View(view))?));
+            streams.views[view as usize] = Some(FrameStream::new(open(Frame::View(view))?));
         }
         Ok(streams)
     }
 
-    fn of(&mut self, frame: Frame) -> Option<&mut Stream<R>> {
+    fn get_mut(&mut self, frame: Frame) -> Option<&mut FrameStream<R>> {
         match frame {
             Frame::Center => Some(&mut self.center),
             Frame::View(view) => self.views[view as usize].as_mut(),
@@ -35,9 +35,9 @@ impl<R: Read> ScanlineSource for Streams<R> {
     type Error = StreamsError<R::Error>;
 
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
-        let stream = self.of(frame).ok_or(StreamsError::NoStream { frame })?;
+        let stream = self.get_mut(frame).ok_or(StreamsError::NoStream { frame })?;
         if v != stream.next {
-            return Err(StreamsError::OutOfOrder { frame, next: stream.next, asked: v });
+            return Err(StreamsError::OutOfOrder { frame, next: stream.next, requested: v });
         }
         stream.reader.read_exact(line).map_err(|error| match error {
             ReadExactError::UnexpectedEof => StreamsError::Ended { frame, line: v },
@@ -48,7 +48,7 @@ impl<R: Read> ScanlineSource for Streams<R> {
     }
 }
 
-/// Streams that can go back, for matching in column tiles.
+/// For matching in column tiles, which reads every frame once for each tile.
 impl<R: Read + Seek> Rewind for Streams<R> {
     fn rewind(&mut self) -> Result<(), Self::Error> {
         let views = View::ALL.map(Frame::View).into_iter().zip(self.views.iter_mut().map(Option::as_mut));
@@ -61,37 +61,37 @@ impl<R: Read + Seek> Rewind for Streams<R> {
     }
 }
 
-/// A stream and the line it brings next.
-struct Stream<R> {
+/// The stream of a frame, and the number of its next line.
+struct FrameStream<R> {
     reader: R,
     next: usize,
 }
 
-impl<R> Stream<R> {
-    const fn new(reader: R) -> Stream<R> {
-        Stream { reader, next: 0 }
+impl<R> FrameStream<R> {
+    const fn new(reader: R) -> FrameStream<R> {
+        FrameStream { reader, next: 0 }
     }
 }
 
-/// Why a line did not come.
+/// Why a line cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StreamsError<E> {
-    /// The frame is not one of those that were opened.
+    /// The frame was not opened.
     NoStream {
         /// The frame.
         frame: Frame,
     },
-    /// A line was asked for that is not the next one.
+    /// The requested line is not the next one.
     OutOfOrder {
         /// The frame.
         frame: Frame,
-        /// The line that the stream brings next.
+        /// The next line of the stream.
         next: usize,
-        /// The line that was asked for.
-        asked: usize,
+        /// The requested line.
+        requested: usize,
     },
-    /// The stream ended before the line did.
+    /// The stream ended within the line.
     Ended {
         /// The frame.
         frame: Frame,
@@ -104,14 +104,14 @@ pub enum StreamsError<E> {
         frame: Frame,
         /// The line.
         line: usize,
-        /// What the stream says.
+        /// The stream's error.
         error: E,
     },
-    /// The stream does not go back.
+    /// The stream cannot be rewound.
     Rewind {
         /// The frame.
         frame: Frame,
-        /// What the stream says.
+        /// The stream's error.
         error: E,
     },
 }
@@ -119,13 +119,13 @@ pub enum StreamsError<E> {
 impl<E: fmt::Display> fmt::Display for StreamsError<E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            StreamsError::NoStream { frame } => write!(f, "there is no stream of frame {frame:?}"),
-            StreamsError::OutOfOrder { frame, next, asked } => {
-                write!(f, "line {asked} of frame {frame:?} was asked for, but line {next} comes next")
+            StreamsError::NoStream { frame } => write!(f, "frame {frame:?} has no stream"),
+            StreamsError::OutOfOrder { frame, next, requested } => {
+                write!(f, "line {requested} of frame {frame:?} was requested, but line {next} is next")
             }
             StreamsError::Ended { frame, line } => write!(f, "frame {frame:?} ended in line {line}"),
             StreamsError::Read { frame, line, error } => write!(f, "cannot read line {line} of frame {frame:?}: {error}"),
-            StreamsError::Rewind { frame, error } => write!(f, "cannot go back to the first line of frame {frame:?}: {error}"),
+            StreamsError::Rewind { frame, error } => write!(f, "cannot rewind frame {frame:?}: {error}"),
         }
     }
 }
@@ -145,14 +145,14 @@ mod tests {
 
     const LEFT: Frame = Frame::View(View::Left);
 
-    /// Two lines of three pixels of the centre, one of the left view.
+    /// Lines of three pixels: two of the centre, one of the left view.
     fn streams() -> Streams<&'static [u8]> {
         let pixels = |frame| if frame == Frame::Center { &[1, 2, 3, 4, 5, 6][..] } else { &[7, 8, 9][..] };
         Streams::open(Views::NONE.with(View::Left), |frame| Ok::<_, ()>(pixels(frame))).unwrap()
     }
 
     #[test]
-    fn lines_of_frames_interleave() {
+    fn reads_of_several_frames_interleave() {
         let (mut streams, mut line) = (streams(), [0; 3]);
         for (frame, v, pixels) in [(Frame::Center, 0, [1, 2, 3]), (LEFT, 0, [7, 8, 9]), (Frame::Center, 1, [4, 5, 6])] {
             streams.read_line(frame, v, &mut line).unwrap();
@@ -161,13 +161,13 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_is_not_next_is_refused() {
+    fn a_line_out_of_order_is_refused() {
         let error = streams().read_line(LEFT, 1, &mut [0; 3]);
-        assert_eq!(error, Err(StreamsError::OutOfOrder { frame: LEFT, next: 0, asked: 1 }));
+        assert_eq!(error, Err(StreamsError::OutOfOrder { frame: LEFT, next: 0, requested: 1 }));
     }
 
     #[test]
-    fn an_end_and_a_missing_stream_have_names() {
+    fn a_short_stream_and_a_missing_one_have_errors_of_their_own() {
         assert_eq!(streams().read_line(LEFT, 0, &mut [0; 4]), Err(StreamsError::Ended { frame: LEFT, line: 0 }));
         let top = Frame::View(View::Top);
         assert_eq!(streams().read_line(top, 0, &mut [0; 3]), Err(StreamsError::NoStream { frame: top }));

@@ -12,7 +12,7 @@ use multiscopic::{
     Frames, Result,
     stereo::cost::mccnn::{Architecture, Costs, Input, Network},
 };
-use multiscopic_core::{Fusion, Params, View, Views};
+use multiscopic_core::{Fusion, Search, View, Views};
 use multiscopic_tests::random::Random;
 
 /// Times the networks
@@ -65,14 +65,14 @@ fn main() -> Result<()> {
             black_box(network.features(&input, 0..options.height.into()));
             return;
         }
-        let params = Params::new(options.width, options.height, views, Fusion::Min, 1, options.num_disparities, 1);
-        let params = params.expect("the parameters are in range");
-        let mut costs = Costs::new(&network, &frames, &params);
-        let height = costs.band_height().min(params.height());
-        let row = params.width() * params.num_disparities();
+        let search = Search::new(options.width, options.height, views, Fusion::Min, 1, options.num_disparities);
+        let search = search.expect("the parameters are in range");
+        let mut costs = Costs::new(&network, &frames, &search);
+        let height = costs.band_height().min(search.height());
+        let row = search.width() * search.num_disparities();
         let mut bands = vec![vec![0.0; height * row]; views.len()];
-        for start in (0..params.height()).step_by(height) {
-            let rows = start..params.height().min(start + height);
+        for start in (0..search.height()).step_by(height) {
+            let rows = start..search.height().min(start + height);
             let mut out: Vec<&mut [f32]> = bands.iter_mut().map(|band| &mut band[..rows.len() * row]).collect();
             costs.fill(rows, &mut out);
             black_box(&out);

@@ -139,7 +139,8 @@ impl Energy {
         inside.then_some((u, v))
     }
 
-    fn data(&self, p: Place, d: i32) -> Option<f64> {
+    /// The fused dissimilarity of pixel `p` and its matches at `d`, in intensities; `None` if no view sees it.
+    pub fn data(&self, p: Place, d: i32) -> Option<f64> {
         let cost = |view: usize| Some(dissimilarity(&self.center, p, self.views[view].as_ref()?, self.matched(view, p, d)?));
         let costs: Vec<f64> = (0..4).filter_map(cost).collect();
         let scale = match self.fusion {

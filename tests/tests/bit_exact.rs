@@ -22,10 +22,10 @@ fn equals_the_reference(case: &Case) {
         assert_eq!(found.len(), expected.len(), "{what}: pixels");
     };
 
-    check(matched(Portable::<4>, &params, &whole, &images, random), &whole, "4 lanes");
+    check(matched(Portable::<4, 1>, &params, &whole, &images, random), &whole, "4 lanes");
     let parts = |regions: &mut dyn Iterator<Item = Region>, random: &mut Random| {
         for region in regions {
-            check(matched(Portable::<4>, &params, &region, &images, random), &region, &format!("{region:?}"));
+            check(matched(Portable::<4, 1>, &params, &region, &images, random), &region, &format!("{region:?}"));
         }
     };
     let at_most_four = |length: usize, random: &mut Random| length.div_ceil(4) + random.below(length);
@@ -33,18 +33,21 @@ fn equals_the_reference(case: &Case) {
         let start = random.below(length);
         start..start + 1 + random.below(length - start)
     };
-    match random.below(8) {
+    match random.below(11) {
         0 => parts(&mut Region::tiles(&params, at_most_four(case.width, random)), random),
         1 => parts(&mut Region::bands(&params, at_most_four(case.height, random)), random),
         2 => {
             let any = Region::new(&params, part(case.width, random), part(case.height, random));
             parts(&mut any.into_iter(), random);
         }
-        3 => check(matched(Portable::<1>, &params, &whole, &images, random), &whole, "1 lane"),
-        4 => check(matched(Portable::<3>, &params, &whole, &images, random), &whole, "3 lanes"),
-        5 => check(matched(Portable::<8>, &params, &whole, &images, random), &whole, "8 lanes"),
-        6 => check(matched(Portable::<16>, &params, &whole, &images, random), &whole, "16 lanes"),
-        _ => check(matched(Portable::<32>, &params, &whole, &images, random), &whole, "32 lanes"),
+        3 => check(matched(Portable::<1, 1>, &params, &whole, &images, random), &whole, "1 lane"),
+        4 => check(matched(Portable::<3, 1>, &params, &whole, &images, random), &whole, "3 lanes"),
+        5 => check(matched(Portable::<8, 1>, &params, &whole, &images, random), &whole, "8 lanes"),
+        6 => check(matched(Portable::<16, 1>, &params, &whole, &images, random), &whole, "16 lanes"),
+        7 => check(matched(Portable::<32, 1>, &params, &whole, &images, random), &whole, "32 lanes"),
+        8 => check(matched(Portable::<4, 32>, &params, &whole, &images, random), &whole, "4 lanes, batches of 32"),
+        9 => check(matched(Portable::<16, 5>, &params, &whole, &images, random), &whole, "16 lanes, batches of 5"),
+        _ => check(matched(Portable::<32, 32>, &params, &whole, &images, random), &whole, "32 lanes, batches of 32"),
     }
 }
 

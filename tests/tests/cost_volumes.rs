@@ -3,12 +3,12 @@
 use multiscopic::{
     Raster, Volume,
     stereo::{
-        aggregation::cross_based::{CrossBased, Likeness},
+        aggregation::{CrossBased, SupportRegion},
         cost::{Cost, volume::fuse},
         optimization::edge_aware::{EdgeAware, Penalties},
     },
 };
-use multiscopic_core::{Disparity, Fusion, Params, Views};
+use multiscopic_core::{Disparity, Fusion, Search, Views};
 use multiscopic_tests::random::Random;
 
 /// Where the match of a pixel lies per pixel of disparity: left, right, top, bottom.
@@ -16,7 +16,7 @@ const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
 /// A random problem: images, and costs where views are available.
 struct Problem {
-    params: Params,
+    search: Search,
     width: i32,
     height: i32,
     /// Which views there are, of all four, and their images.
@@ -34,7 +34,7 @@ impl Problem {
         let views: Vec<usize> = (0..4).filter(|view| bits >> view & 1 != 0).collect();
         let set: Views =
             multiscopic_core::View::ALL.into_iter().enumerate().filter(|(i, _)| views.contains(i)).map(|(_, v)| v).collect();
-        let params = Params::new(width as u16, height as u16, set, Fusion::Min, min, count, 1).unwrap();
+        let search = Search::new(width as u16, height as u16, set, Fusion::Min, min, count).unwrap();
         // Few levels, so that crosses have arms; a little noise, so that no difference equals a threshold.
         let mut image = || {
             let pixels = (0..width * height).map(|_| random.below(3) as f32 + 0.01 * random.below(10) as f32).collect();
@@ -43,7 +43,7 @@ impl Problem {
         let center = image();
         let images: Vec<_> = views.iter().map(|_| image()).collect();
         let costs = Volume::filled(width, height, count.into(), 0.0);
-        let mut problem = Problem { params, width: width as i32, height: height as i32, views, center, images, costs };
+        let mut problem = Problem { search, width: width as i32, height: height as i32, views, center, images, costs };
         for v in 0..height {
             for u in 0..width {
                 for i in 0..usize::from(count) {
@@ -62,13 +62,13 @@ impl Problem {
 
     /// The matches that lie inside, with the image of their view.
     fn matches(&self, u: i32, v: i32, index: usize) -> Vec<(usize, i32, i32)> {
-        let d = i32::from(self.params.min_disparity()) + index as i32;
+        let d = i32::from(self.search.min_disparity()) + index as i32;
         let all = self.views.iter().enumerate().map(|(k, &view)| (k, u + SHIFTS[view].0 * d, v + SHIFTS[view].1 * d));
         all.filter(|&(_, x, y)| self.is_inside(x, y)).collect()
     }
 
     fn candidates(&self) -> impl Iterator<Item = (i32, i32, usize)> {
-        let (width, height, count) = (self.width, self.height, self.params.num_disparities());
+        let (width, height, count) = (self.width, self.height, self.search.num_disparities());
         (0..height).flat_map(move |v| (0..width).flat_map(move |u| (0..count).map(move |i| (u, v, i))))
     }
 
@@ -84,7 +84,7 @@ impl Problem {
 }
 
 /// Pixels from `(u, v)` on in one direction that belong to its cross.
-fn arm(problem: &Problem, image: &Raster<f32>, (u, v): (i32, i32), (du, dv): (i32, i32), likeness: Likeness) -> i32 {
+fn arm(problem: &Problem, image: &Raster<f32>, (u, v): (i32, i32), (du, dv): (i32, i32), region: SupportRegion) -> i32 {
     let mut length = 0;
     loop {
         let (x, y) = (u + (length + 1) * du, v + (length + 1) * dv);
@@ -92,7 +92,7 @@ fn arm(problem: &Problem, image: &Raster<f32>, (u, v): (i32, i32), (du, dv): (i3
             return length;
         }
         let difference = (image.get(u as usize, v as usize) - image.get(x as usize, y as usize)).abs();
-        let like = difference < likeness.intensity && length + 1 < i32::from(likeness.distance);
+        let like = difference < region.intensity && length + 1 < i32::from(region.distance);
         if length > 0 && !like {
             return length;
         }
@@ -106,13 +106,13 @@ fn aggregation() {
     let mut greatest = 0.0;
     for _ in 0..60 {
         let problem = Problem::new(&mut random);
-        let likeness = Likeness { intensity: [0.05, 0.5, 1.5][random.below(3)], distance: random.below(7) as u16 };
+        let region = SupportRegion { intensity: [0.05, 0.5, 1.5][random.below(3)], distance: random.below(7) as u16 };
         let mut found = problem.costs.clone();
-        CrossBased::new(&problem.params, &problem.center, &problem.images, likeness).aggregate(&problem.costs, &mut found);
+        CrossBased::new(&problem.search, &problem.center, &problem.images, region).aggregate(&problem.costs, &mut found);
         let shortest = |u, v, i, direction| {
             let of_views = problem.matches(u, v, i).into_iter();
-            let of_views = of_views.map(|(k, x, y)| arm(&problem, &problem.images[k], (x, y), direction, likeness));
-            of_views.chain([arm(&problem, &problem.center, (u, v), direction, likeness)]).min().unwrap()
+            let of_views = of_views.map(|(k, x, y)| arm(&problem, &problem.images[k], (x, y), direction, region));
+            of_views.chain([arm(&problem, &problem.center, (u, v), direction, region)]).min().unwrap()
         };
         let expected = |u: i32, v: i32, i: usize| {
             if problem.matches(u, v, i).is_empty() {
@@ -147,9 +147,9 @@ fn paths() {
         let problem = Problem::new(&mut random);
         let penalties = [Penalties::FAST, Penalties::ACCURATE, Penalties { edge: 0.5, ..Penalties::FAST }][turn % 3];
         let mut found = problem.costs.clone();
-        EdgeAware::new(&problem.params, penalties, &problem.center, &problem.images).optimize(&problem.costs, &mut found);
+        EdgeAware::new(&problem.search, penalties, &problem.center, &problem.images).optimize(&problem.costs, &mut found);
         let means = mean_paths(&problem, penalties);
-        let count = problem.params.num_disparities();
+        let count = problem.search.num_disparities();
         let difference = problem.compare(&found, |u, v, i| means[(v * problem.width + u) as usize * count + i]);
         greatest = f64::max(greatest, difference);
     }
@@ -159,7 +159,7 @@ fn paths() {
 
 /// The recursion in `f64`, path by path.
 fn mean_paths(problem: &Problem, penalties: Penalties) -> Vec<f64> {
-    let count = problem.params.num_disparities();
+    let count = problem.search.num_disparities();
     let at = |u: i32, v: i32| (v * problem.width + u) as usize * count;
     let sample = |image: &Raster<f32>, u: i32, v: i32| image.get(u as usize, v as usize);
     let mut means = vec![0.0; problem.costs.costs().len()];
@@ -244,7 +244,7 @@ fn selection() {
     let mut random = Random(4);
     for _ in 0..2000 {
         let (min, count) = (random.below(30) as i16 - 15, 1 + random.below(9));
-        let params = Params::new(1, 1, Views::STEREO, Fusion::Min, min, count as u16, 1).unwrap();
+        let search = Search::new(1, 1, Views::STEREO, Fusion::Min, min, count as u16).unwrap();
         let costs: Vec<Option<u16>> = (0..count).map(|_| (random.below(4) > 0).then(|| random.below(6) as u16 * 7)).collect();
         let mut whole = Volume::filled(1, 1, count, u16::NONE);
         let mut float = Volume::filled(1, 1, count, f32::NONE);
@@ -252,8 +252,8 @@ fn selection() {
             whole.costs_mut()[i] = cost.unwrap_or(u16::NONE);
             float.costs_mut()[i] = cost.map_or(f32::NONE, f32::from);
         }
-        let found = float.disparities(&params).get(0, 0);
-        assert_eq!(found, whole.disparities(&params).get(0, 0), "{costs:?}");
+        let found = float.disparities(&search).get(0, 0);
+        assert_eq!(found, whole.disparities(&search).get(0, 0), "{costs:?}");
         let least = costs.iter().flatten().min();
         let first = costs.iter().position(|cost| cost.is_some() && cost.as_ref() == least);
         let expected = first.map(|first| i32::from(min) + first as i32);

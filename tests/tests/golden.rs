@@ -111,7 +111,7 @@ fn the_core_makes_the_golden_images() {
         let images = images.only(golden.views);
         let Golden { views, fusion, min_disparity, num_disparities, block_size, .. } = *golden;
         let params = params(images.width, images.height, views, fusion, min_disparity, num_disparities, block_size);
-        matched(Portable::<4>, &params, &Region::whole(&params), &images, &mut Random(3))
+        matched(Portable::<4, 1>, &params, &Region::whole(&params), &images, &mut Random(3))
     });
 }
 

@@ -4,13 +4,17 @@ use image::{GrayImage, Luma, Rgb, RgbImage};
 use multiscopic::{
     Engine, Frames, GraphCuts, Method, Picture,
     stereo::{
+        CostFunction, Optimizer,
+        cost::BirchfieldTomasi,
         optimization::graph_cuts::{Energy, Label, Labelling, MaxFlow, OCCLUDED, Occlusion, Smoothness, Topology},
-        refinement::filter::Filters,
     },
 };
-use multiscopic_core::{Fusion, Params, View, Views};
+use multiscopic_core::{Fusion, Search, View, Views};
 use multiscopic_tests::{energy, random::Random, reference};
 use petgraph::{algo::ford_fulkerson, graph::DiGraph};
+
+/// Colours are matched where there are any.
+const COLOR: BirchfieldTomasi = BirchfieldTomasi { color: true };
 
 /// Nodes in a ring with arcs to those one, three and seven places on, and back.
 #[derive(Clone, Copy, Debug)]
@@ -79,7 +83,7 @@ fn the_flow_is_that_of_another_algorithm_and_of_its_cut() {
 struct Case {
     frames: Frames,
     method: GraphCuts,
-    search: Params,
+    search: Search,
     reference: energy::Energy,
 }
 
@@ -122,11 +126,11 @@ impl Case {
             lambda: [Some(a + b), Some(b)],
             threshold: 1 + random.below(12) as u8,
             cutoff: 1 + random.below(4) as u16,
-            color: true,
+            start_block_size: 1,
             ..GraphCuts::default()
         };
         let (least, count) = (random.below(5) as i16 - 3, 1 + random.below(6) as u16);
-        let search = Params::new(width as u16, height as u16, views, fusion, least, count, 1).unwrap();
+        let search = Search::new(width as u16, height as u16, views, fusion, least, count).unwrap();
         let reference = energy::Energy {
             center,
             views: images,
@@ -170,7 +174,7 @@ fn the_energy_is_the_formulas() {
     let mut possible = 0;
     for case in 0..400 {
         let made = Case::random(&mut random, 8);
-        let energy = Energy::new(&made.method, &made.frames, &made.search);
+        let energy = Energy::new(&made.method, COLOR, &made.frames, &made.search);
         for _ in 0..5 {
             let pixels = made.search.width() * made.search.height();
             let occluded = |random: &mut Random| made.reference.unique && random.below(3) > 0;
@@ -212,7 +216,7 @@ fn a_move_is_the_best_there_is() {
         made.method.threshold = if made.reference.potts { made.method.threshold } else { u8::MAX };
         made.reference.theta = made.method.threshold;
         let exact = made.reference.potts || !made.reference.unique;
-        let energy = Energy::new(&made.method, &made.frames, &made.search);
+        let energy = Energy::new(&made.method, COLOR, &made.frames, &made.search);
         let pixels = made.search.width() * made.search.height();
         let start = (0..pixels).map(|_| made.random_label(&mut random)).collect();
         let mut labelling = Labelling::new(&energy, start);
@@ -239,7 +243,7 @@ fn what_may_not_change_does_not() {
     let mut random = Random(4);
     for case in 0..100 {
         let made = Case::random(&mut random, 9);
-        let energy = Energy::new(&made.method, &made.frames, &made.search);
+        let energy = Energy::new(&made.method, COLOR, &made.frames, &made.search);
         let pixels = made.search.width() * made.search.height();
         let mut labelling = Labelling::new(&energy, (0..pixels).map(|_| made.random_label(&mut random)).collect());
         for label in made.labels() {
@@ -260,7 +264,7 @@ fn it_ends_where_no_move_is_of_use() {
     let mut random = Random(5);
     for case in 0..60 {
         let made = Case::random(&mut random, 14);
-        let energy = Energy::new(&made.method, &made.frames, &made.search);
+        let energy = Energy::new(&made.method, COLOR, &made.frames, &made.search);
         let pixels = made.search.width() * made.search.height();
         let start: Vec<Label> = (0..pixels).map(|_| made.random_label(&mut random)).collect();
         let labels: Vec<Label> = made.labels().collect();
@@ -296,9 +300,9 @@ fn bands_do_not_depend_on_threads() {
         };
         let frames = Frames::new(image(0, 0)).with(View::Left, image(1, 0)).with(View::Right, image(-1, 0));
         let frames = frames.with(View::Top, image(0, 1));
-        let search = Params::new(width as u16, height as u16, views, Fusion::Min, 0, 7, 5).unwrap();
+        let search = Search::new(width as u16, height as u16, views, Fusion::Min, 0, 7).unwrap();
         let method = GraphCuts { occlusions: Some(occlusions), ..GraphCuts::default() };
-        let energy = Energy::new(&method, &frames, &search);
+        let energy = Energy::new(&method, COLOR, &frames, &search);
         let start: Vec<Label> = (0..width * height).map(|_| random.below(7) as Label).collect();
         let labels: Vec<Label> = (0..7).collect();
         let run = |threads: usize| {
@@ -329,7 +333,7 @@ fn disparities_between_labels_are_vertices_of_parabolas() {
         let made = Case::random(&mut random, if case % 10 == 0 { 45 } else { 14 });
         let map = |refine: bool| {
             let method = GraphCuts { refine, fill: false, ..made.method.clone() };
-            method.disparities(&engine, &made.frames, &made.search, &()).unwrap()
+            method.disparities(COLOR, &engine, &made.frames, &made.search, &()).unwrap()
         };
         let (refined, labels) = (map(true), map(false));
         let range = i32::from(made.search.min_disparity())..=i32::from(made.search.max_disparity());
@@ -357,8 +361,9 @@ fn occluded_pixels_take_what_is_behind() {
         made.method.occlusions = Some(Occlusion::Unique);
         // Most pixels are occluded at random images, if that costs little.
         made.method.occlusion = Some((1 + random.below(30)) as f64);
-        let map =
-            |fill: bool| GraphCuts { fill, ..made.method.clone() }.disparities(&engine, &made.frames, &made.search, &()).unwrap();
+        let map = |fill: bool| {
+            GraphCuts { fill, ..made.method.clone() }.disparities(COLOR, &engine, &made.frames, &made.search, &()).unwrap()
+        };
         let (filled, left) = (map(true), map(false));
         let (du, dv) = if views == Views::STEREO { (1, 0) } else { (0, 1) };
         for (u, v) in (0..left.height() as i32).flat_map(|v| (0..left.width() as i32).map(move |u| (u, v))) {
@@ -384,11 +389,11 @@ fn enlarged_images_give_parts_of_pixels() {
     let center = GrayImage::from_fn(72, 24, |u, v| Luma([wave(u.into(), v.into()) as u8]));
     let right = GrayImage::from_fn(72, 24, |u, v| Luma([wave(f64::from(u) + disparity(f64::from(u) + 2.5), v.into()) as u8]));
     let frames = Frames::new(center).with(View::Right, right);
-    let search = Params::new(72, 24, Views::STEREO, Fusion::Min, 1, 5, 7).unwrap();
+    let search = Search::new(72, 24, Views::STEREO, Fusion::Min, 1, 5).unwrap();
     let engine = Engine::new(None, 1).unwrap();
     let map = |upsample: u8| {
-        let method = GraphCuts { upsample, refine: false, ..GraphCuts::default() };
-        method.disparities(&engine, &frames, &search, &())
+        let method = GraphCuts { upsample, refine: false, start_block_size: 7, ..GraphCuts::default() };
+        method.disparities(COLOR, &engine, &frames, &search, &())
     };
     let error = |upsample: u8| {
         let map = map(upsample).unwrap();
@@ -406,8 +411,8 @@ fn enlarged_images_give_parts_of_pixels() {
     assert!(map(5).unwrap_err().to_string().contains("from 1 to 4"));
     let method = GraphCuts { upsample: 2, ..GraphCuts::default() };
     // Four times the pixels, each with the larger image beside what it took before.
-    assert_eq!(method.bytes(100, 1, true), 400 * (method.bytes(1, 1, true) / 4));
-    assert!(method.bytes(100, 1, true) > 4 * GraphCuts::default().bytes(100, 1, true));
+    assert_eq!(method.bytes(COLOR, 100, 1, true), 400 * (method.bytes(COLOR, 1, 1, true) / 4));
+    assert!(method.bytes(COLOR, 100, 1, true) > 4 * GraphCuts::default().bytes(COLOR, 100, 1, true));
 }
 
 #[test]
@@ -430,17 +435,21 @@ fn several_views_find_what_one_does_not() {
     let frames = Frames::new(image(0)).with(View::Left, image(1)).with(View::Right, image(-1));
     let engine = Engine::new(None, 2).unwrap();
     let wrong = |views: Views| {
-        let search = Params::new(64, 56, views, Fusion::Min, 1, 9, 5).unwrap();
-        let method = Method::GraphCuts(GraphCuts { fill: false, ..GraphCuts::default() }, Filters::default());
+        let search = Search::new(64, 56, views, Fusion::Min, 1, 9).unwrap();
+        let method = Method::new(
+            CostFunction::BirchfieldTomasi(COLOR),
+            None,
+            Optimizer::GraphCuts(GraphCuts { fill: false, start_block_size: 5, ..GraphCuts::default() }),
+        );
         let map = method.disparities(&engine, &frames, &search, &()).unwrap();
         let truth = |i: usize| if near((i % 64) as i32, (i / 64) as i32) { 6.0 } else { 2.0 };
         let pixels = map.pixels().iter().enumerate();
         let off = pixels.filter(|(i, d)| d.is_none_or(|d| (f32::from(d) - truth(*i)).abs() > 1.0));
         off.map(|(i, _)| i % 64).collect::<Vec<_>>()
     };
-    let search = Params::new(64, 56, Views::HORIZONTAL, Fusion::Min, 1, 9, 5).unwrap();
+    let search = Search::new(64, 56, Views::HORIZONTAL, Fusion::Min, 1, 9).unwrap();
     let unique = GraphCuts { occlusions: Some(Occlusion::Unique), ..GraphCuts::default() };
-    let message = unique.disparities(&engine, &frames, &search, &()).unwrap_err().to_string();
+    let message = unique.disparities(COLOR, &engine, &frames, &search, &()).unwrap_err().to_string();
     assert!(message.contains("unique in 2 views"), "{message}");
     // One view does not see the strip of four pixels beside the square, nor the border.
     let (stereo, multiscopic) = (wrong(Views::STEREO), wrong(Views::HORIZONTAL));
@@ -453,6 +462,6 @@ fn several_views_find_what_one_does_not() {
 fn memory_is_what_the_readme_says() {
     let linear = GraphCuts::default();
     let potts = GraphCuts { smoothness: Smoothness::Potts, ..GraphCuts::default() };
-    assert_eq!(potts.bytes(1, 1, true), 161);
-    assert_eq!([1, 2, 4].map(|views| linear.bytes(1, views, true)), [191, 118, 164]);
+    assert_eq!(potts.bytes(COLOR, 1, 1, true), 161);
+    assert_eq!([1, 2, 4].map(|views| linear.bytes(COLOR, 1, views, true)), [191, 118, 164]);
 }

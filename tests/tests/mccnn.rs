@@ -12,18 +12,20 @@ use std::{
 use image::GrayImage;
 use libtest_mimic::{Arguments, Failed, Trial};
 use multiscopic::{
-    Engine, Frames, Volume,
+    Engine, Frames, Method, Volume,
     stereo::{
-        aggregation::cross_based::{CrossBased, Likeness},
+        CostFunction, Optimizer,
+        aggregation::{Aggregation, CrossBased, SupportRegion},
         cost::{
             Cost,
-            mccnn::{Architecture, Costs, Input, McCnn, Network, Tensor, Weights, checkpoint},
+            mccnn::{Architecture, Costs, Input, Network, Tensor, Weights, checkpoint},
             volume::fuse,
         },
-        optimization::edge_aware::EdgeAware,
+        optimization::edge_aware::{EdgeAware, Penalties},
+        refinement::Refinement,
     },
 };
-use multiscopic_core::{Frame, Fusion, Params, View, Views};
+use multiscopic_core::{Frame, Fusion, Search, View, Views};
 use multiscopic_tests::{
     command::Run,
     images::read_grey,
@@ -113,20 +115,20 @@ fn frames(width: usize, height: usize, random: &mut Random) -> Frames {
         .fold(Frames::new(noise(width, height, random)), |frames, view| frames.with(view, noise(width, height, random)))
 }
 
-fn params(frames: &Frames, views: Views, min_disparity: i16, num_disparities: u16) -> Params {
+fn search(frames: &Frames, views: Views, min_disparity: i16, num_disparities: u16) -> Search {
     let [width, height] = frames.size().map(|side| side as u16);
-    Params::new(width, height, views, Fusion::Min, min_disparity, num_disparities, 1).expect("the parameters are in range")
+    Search::new(width, height, views, Fusion::Min, min_disparity, num_disparities).expect("the parameters are in range")
 }
 
 /// The costs of all views, computed in bands of these heights, one after the other and again.
-fn computed(network: &Network, frames: &Frames, params: &Params, heights: &[usize]) -> Vec<Vec<f32>> {
-    let mut costs = Costs::new(network, frames, params);
-    let row = params.width() * params.num_disparities();
-    let mut all = vec![vec![f32::NAN; params.height() * row]; params.views().len()];
+fn computed(network: &Network, frames: &Frames, search: &Search, heights: &[usize]) -> Vec<Vec<f32>> {
+    let mut costs = Costs::new(network, frames, search);
+    let row = search.width() * search.num_disparities();
+    let mut all = vec![vec![f32::NAN; search.height() * row]; search.views().len()];
     let mut heights = heights.iter().cycle();
     let mut start = 0;
-    while start < params.height() {
-        let end = params.height().min(start + heights.next().expect("it goes on"));
+    while start < search.height() {
+        let end = search.height().min(start + heights.next().expect("it goes on"));
         let mut out: Vec<&mut [f32]> = all.iter_mut().map(|costs| &mut costs[start * row..end * row]).collect();
         costs.fill(start..end, &mut out);
         start = end;
@@ -141,10 +143,10 @@ fn costs(name: &'static str) -> Result<(), Failed> {
     let sizes = [(6, 5, -2, 4), (6, 5, 4, 20), (5, 6, -9, 4), (9, 8, -3, 5), (35, 2, 1, 34), (2, 35, -18, 34)];
     for &(width, height, min_disparity, num_disparities) in &sizes[..if name == "fast" { 6 } else { 3 }] {
         let frames = frames(width, height, &mut random);
-        let params = params(&frames, Views::ALL, min_disparity, num_disparities);
+        let search = search(&frames, Views::ALL, min_disparity, num_disparities);
         let image = |frame| reference.features(frames.get(frame).expect("the frame is there").as_raw(), width, height);
         let center = image(Frame::Center);
-        let found = computed(&network, &frames, &params, &[4, 1]);
+        let found = computed(&network, &frames, &search, &[4, 1]);
         for (view, found) in Views::ALL.iter().zip(found) {
             let matched = image(Frame::View(view));
             let mut found = found.into_iter();
@@ -175,10 +177,10 @@ fn bands(name: &'static str) -> Result<(), Failed> {
     let mut random = Random(13);
     let (_, network) = networks(name, &mut random);
     let frames = frames(6, 11, &mut random);
-    let params = params(&frames, Views::ALL, -1, 4);
+    let search = search(&frames, Views::ALL, -1, 4);
     let in_threads = |threads: usize, heights: &[usize]| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads start");
-        pool.install(|| computed(&network, &frames, &params, heights))
+        pool.install(|| computed(&network, &frames, &search, heights))
     };
     let expected = in_threads(1, &[11]);
     for (threads, heights) in [(1, [1, 2, 4]), (3, [5, 2, 9])] {
@@ -192,38 +194,43 @@ fn bands(name: &'static str) -> Result<(), Failed> {
 fn disparities(name: &'static str) -> Result<(), Failed> {
     let mut random = Random(18);
     let (_, network) = networks(name, &mut random);
-    let published = McCnn::new(network.clone());
-    assert_eq!(published.aggregations, if name == "fast" { [0, 0] } else { [2, 0] });
+    let penalties = if name == "fast" { Penalties::FAST } else { Penalties::ACCURATE };
     // More rows than a band has.
     let frames = frames(4, if name == "fast" { 140 } else { 35 }, &mut random);
     for (views, fusion) in [(Views::STEREO, Fusion::Min), (Views::HORIZONTAL, Fusion::Min), (Views::ALL, Fusion::Heuristic)] {
-        let likeness = Likeness { intensity: 0.8, distance: 4 };
+        let region = SupportRegion { intensity: 0.8, distance: 4 };
         let aggregations = [random.below(2), 1 + random.below(2)];
         let left_right = [None, Some(0)][random.below(2)];
-        let mccnn = McCnn { likeness, aggregations, left_right, ..published.clone() };
+        let aggregation = Aggregation { region, iterations: aggregations };
+        let cost = CostFunction::McCnn(Box::new(network.clone()));
+        let optimizer = [Optimizer::WinnerTakesAll, Optimizer::EdgeAware(penalties)][usize::from(random.below(3) > 0)].clone();
+        let method = Method::new(cost, Some(aggregation), optimizer.clone())
+            .with_refinement(Refinement { left_right, ..Refinement::NONE });
         let [width, height] = frames.size();
-        let params = Params::new(width as u16, height as u16, views, fusion, -1, 4, 1)?;
+        let search = Search::new(width as u16, height as u16, views, fusion, -1, 4)?;
 
-        let of_views = computed(&network, &frames, &params, &[height]);
+        let of_views = computed(&network, &frames, &search, &[height]);
         let mut costs = Volume::filled(width, height, 4, f32::NONE);
         fuse(fusion, &of_views.iter().map(Vec::as_slice).collect::<Vec<_>>(), costs.costs_mut());
         let image = |frame| Input::new(frames.get(frame).expect("the frame is there")).to_raster();
         let (center, images) = (image(Frame::Center), views.iter().map(|view| image(Frame::View(view))).collect::<Vec<_>>());
         let aggregate = |costs: Volume<f32>| {
             let mut aggregated = costs.clone();
-            CrossBased::new(&params, &center, &images, likeness).aggregate(&costs, &mut aggregated);
+            CrossBased::new(&search, &center, &images, region).aggregate(&costs, &mut aggregated);
             aggregated
         };
         let costs = (0..aggregations[0]).fold(costs, |costs, _| aggregate(costs));
         let mut means = costs.clone();
-        EdgeAware::new(&params, mccnn.penalties, &center, &images).optimize(&costs, &mut means);
+        if optimizer != Optimizer::WinnerTakesAll {
+            EdgeAware::new(&search, penalties, &center, &images).optimize(&costs, &mut means);
+        }
         let means = (0..aggregations[1]).fold(means, |means, _| aggregate(means));
-        let mut expected = means.disparities(&params);
+        let mut expected = means.disparities(&search);
         if let Some(tolerance) = left_right {
-            means.check_left_right(&params, &mut expected, tolerance);
+            means.check_left_right(&search, &mut expected, tolerance);
         }
         for threads in [1, 3] {
-            let found = mccnn.disparities(&Engine::new(None, threads)?, &frames, &params, &());
+            let found = method.disparities(&Engine::new(None, threads)?, &frames, &search, &())?;
             assert!(found == expected, "{views:?}, {fusion:?}, {threads} threads");
         }
     }
@@ -279,9 +286,9 @@ fn golden(name: &'static str, folder: &Path) -> Result<(), Failed> {
     for expected in vectors[name]["costs"].as_array().expect("costs") {
         let (u, v) = (number(&expected["u"]), number(&expected["v"]));
         let view = View::ALL.into_iter().find(|view| expected["view"] == view.name()).expect("a view");
-        let params = params(&frames, Views::NONE.with(view), disparities[0] as i16, disparities.len() as u16);
+        let search = search(&frames, Views::NONE.with(view), disparities[0] as i16, disparities.len() as u16);
         let mut found = vec![0.0; width * disparities.len()];
-        Costs::new(&network, &frames, &params).fill(v..v + 1, &mut [&mut found]);
+        Costs::new(&network, &frames, &search).fill(v..v + 1, &mut [&mut found]);
         for (&found, expected) in found[u * disparities.len()..].iter().zip(numbers(&expected["values"])) {
             // The package's costs are the negative similarities.
             let found = f64::from(found) - 1.0;

@@ -40,7 +40,7 @@ fn check(scene: &str, views: [bool; 4], fusion: Fusion, min_disparity: i32, num_
     assert_drawn("the float reference", expected, &draw(images.width, &reference));
 
     let params = params(images.width, images.height, views, fusion, min_disparity, num_disparities, 3);
-    let found = matched(Portable::<4>, &params, &Region::whole(&params), &images, &mut Random(7));
+    let found = matched(Portable::<4, 1>, &params, &Region::whole(&params), &images, &mut Random(7));
     let pixels = |raw| Disparity::from_raw16(raw).map(|d| f64::from(f32::from(d)));
     assert_drawn("the core", expected, &draw(images.width, &found.into_iter().map(pixels).collect::<Vec<_>>()));
 }

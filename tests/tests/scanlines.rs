@@ -144,13 +144,13 @@ fn one_word_less_than_needed_is_refused() {
         assert_eq!(size_of_val(&lent[..]), memory.bytes().next_multiple_of(4), "the formula, in bytes");
 
         let needed = lent.len();
-        assert!(Matcher::with_isa(Portable::<4>, &params, &tile, &mut lent).is_ok(), "exactly enough");
-        let refused = Matcher::with_isa(Portable::<4>, &params, &tile, &mut lent[1..]).map(drop);
+        assert!(Matcher::with_isa(Portable::<4, 1>, &params, &tile, &mut lent).is_ok(), "exactly enough");
+        let refused = Matcher::with_isa(Portable::<4, 1>, &params, &tile, &mut lent[1..]).map(drop);
         let error = refused.expect_err("one word less");
         assert_eq!(error, MemoryTooSmall { needed, given: needed - 1 });
         let message = error.to_string();
         assert!(message.contains(&needed.to_string()) && message.contains(&(needed - 1).to_string()), "{message}");
-        assert!(Matcher::with_isa(Portable::<4>, &params, &tile, &mut []).is_err(), "no memory at all");
+        assert!(Matcher::with_isa(Portable::<4, 1>, &params, &tile, &mut []).is_err(), "no memory at all");
     });
 }
 
@@ -182,7 +182,7 @@ fn every_tile_width_gives_the_same_bits() {
         assert!(words < least, "a narrower tile takes less memory");
         least = words;
         for tile in Region::tiles(&params, width) {
-            let found = matched(Portable::<4>, &params, &tile, &images, &mut Random(1));
+            let found = matched(Portable::<4, 1>, &params, &tile, &images, &mut Random(1));
             assert_eq!(found, cut(&expected, 23, &tile), "{tile:?}");
         }
     }

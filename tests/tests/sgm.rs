@@ -3,8 +3,8 @@
 
 use image::GrayImage;
 use multiscopic::{
-    Engine, Frames, SemiGlobal, Simd,
-    stereo::optimization::sgm::{Census, Paths},
+    Engine, Frames, Method, SemiGlobal, Simd,
+    stereo::{CostFunction, Optimizer, cost::Census, optimization::sgm::Paths, refinement::Refinement},
 };
 use multiscopic_core::{Disparity, View};
 use multiscopic_tests::{
@@ -44,7 +44,9 @@ fn equals_the_reference() {
         let p1 = random.below(usize::from(p2) + 1) as u16;
         let p2_edge = [None, Some(random.byte() / 8)][random.below(2)];
         let left_right = [None, Some(random.below(3) as u16)][random.below(2)];
-        let sgm = SemiGlobal::new(census, paths, [p1, p2], p2_edge, left_right).expect("these are in range");
+        let sgm = SemiGlobal::new(paths, [p1, p2], p2_edge).expect("these are in range");
+        let method = Method::new(CostFunction::Census(census), None, Optimizer::SemiGlobal(sgm))
+            .with_refinement(Refinement { left_right, ..Refinement::NONE });
 
         let reference = semi_global::SemiGlobal {
             width: case.width as i32,
@@ -64,18 +66,18 @@ fn equals_the_reference() {
         let expected: Vec<u16> = reference.disparities().into_iter().map(raw16).collect();
         for engine in engines.iter().skip(case.seed as usize % 3).step_by(3) {
             let params = case.params();
-            let map = sgm.disparities(engine, &frames, &params, &());
+            let map = method.disparities(engine, &frames, params.search(), &()).expect("the frames fit the search");
             let found: Vec<u16> = map.pixels().iter().map(|&pixel| Disparity::to_raw16(pixel)).collect();
             let different = (0..expected.len()).find(|&i| found[i] != expected[i]);
             let place = different.map(|i| (i % case.width, i / case.width, found[i], expected[i]));
-            assert_eq!(place, None, "{} on {} threads, {sgm:?}", engine.simd(&params), engine.threads());
+            assert_eq!(place, None, "{} on {} threads, {method:?}", engine.simd(params.search()), engine.threads());
         }
     });
 }
 
 #[test]
 fn penalties_out_of_range_are_refused() {
-    let new = |p1, p2| SemiGlobal::new(Census::default(), Paths::default(), [p1, p2], None, None);
+    let new = |p1, p2| SemiGlobal::new(Paths::default(), [p1, p2], None);
     assert!(new(8, 650).is_ok() && new(3, 3).is_ok());
     for (p1, p2) in [(9, 8), (8, 651)] {
         let message = new(p1, p2).unwrap_err().to_string();

@@ -1,36 +1,36 @@
-//! What takes the frames.
+//! The camera that takes the frames.
 
 /// A camera that takes one frame at a time.
 ///
-/// Where frames go is the implementation's business: into memory, into a file, or by the line to who asks for them as they are read out.
-/// No call waits for a frame. Each returns within a time that the implementation bounds.
+/// The implementation decides where frames go: into memory, into a file, or line by line to whoever reads
+/// them as they arrive. No call waits for a frame. Each returns within a bounded time.
 pub trait Camera {
     /// Why there is no frame.
     type Error;
 
-    /// Gets ready for a sequence: fixes exposure, gain and focus, so that frames can be compared.
+    /// Prepares for a sequence: holds exposure, gain and focus, so that frames can be compared.
     ///
     /// # Errors
-    /// The camera cannot be set.
+    /// The camera does not take the settings.
     fn begin(&mut self) -> Result<(), Self::Error>;
 
-    /// Starts to take the frame with an index in the sequence, instead of one that it may be taking. Nothing that was exposed before the call
-    /// may be part of the frame.
+    /// Starts to take the frame with this index in the sequence, in place of any frame under way. Nothing
+    /// exposed before the call may be part of the frame.
     ///
     /// # Errors
     /// The camera cannot start.
     fn start(&mut self, index: usize) -> Result<(), Self::Error>;
 
-    /// Whether the frame is there, as a whole. It is asked again and again, and may do a part of the work each time.
+    /// Whether the whole frame is there. Called repeatedly; each call may do a part of the work.
     ///
     /// # Errors
     /// The frame is damaged or unusable, or the camera does not answer.
     fn is_complete(&mut self) -> Result<bool, Self::Error>;
 
-    /// Gives up what it may be taking, and everything that [`begin`](Camera::begin) fixed. It is called once after each sequence, whatever
-    /// became of it.
+    /// Drops any frame under way and releases the settings that [`begin`](Camera::begin) held. Called once
+    /// after each sequence, however it ended.
     ///
     /// # Errors
-    /// The camera cannot be told.
+    /// The camera does not answer.
     fn end(&mut self) -> Result<(), Self::Error>;
 }

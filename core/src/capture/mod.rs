@@ -1,22 +1,24 @@
-//! Active perception: moving the camera and taking the frames.
+//! Active perception: moving the camera and taking the frames. Each room knows only those above it:
 //!
-//! | item | what it is |
+//! | room | what it is |
 //! | --- | --- |
-//! | [`Position`] | where the camera is |
-//! | [`Plan`] | the frames of a capture, and where each is taken |
-//! | [`Stage`], [`Camera`] | what moves the camera, and the camera: to be implemented for hardware |
-//! | [`Policy`] | how long to wait, how often to try again |
-//! | [`Sequence`] | moves, settles, captures, checks, and goes on to the next |
+//! | `position` | [`Position`]: where the camera is |
+//! | `plan` | [`Plan`]: the frames of a capture and their positions |
+//! | `stage` | [`Stage`], which moves the camera: implemented for hardware |
+//! | `camera` | [`Camera`], which takes the frames: implemented for hardware |
+//! | `policy` | [`Policy`]: waiting times, retries and tolerances |
+//! | `error` | [`CaptureError`]: why captures fail |
+//! | `sequence` | [`Sequence`]: moves, settles, captures, checks, and goes on to the next position |
 //!
-//! The same sequence runs on a host and on a microcontroller: it is a state machine that is polled with the time, waits for nothing, and
-//! leaves it to the caller what to do in between.
+//! The same sequence runs on a host and on a microcontroller. It is a state machine that is polled with the
+//! time and never waits, so the caller is free to do other work in between.
 //!
 //! ```
 //! use core::{convert::Infallible, time::Duration};
 //! use multiscopic_core::Views;
 //! use multiscopic_core::capture::{Camera, Plan, Policy, Position, Progress, Sequence, Stage};
 //!
-//! /// A stage that is where it is sent at once.
+//! /// A stage that arrives at once.
 //! struct Teleport(Option<Position>);
 //!
 //! impl Stage for Teleport {
@@ -70,13 +72,14 @@
 //! let mut sequence = Sequence::new(plan.positions(), policy);
 //! let mut now = Duration::ZERO;
 //! while sequence.poll(now, &mut stage, &mut camera).unwrap() != Progress::Done {
-//!     now += Duration::from_millis(10); // of a clock
+//!     now += Duration::from_millis(10); // a clock
 //! }
 //! assert_eq!((camera.0, stage.0), (5, Some(Position::CENTER)));
 //! assert!(now > Duration::from_millis(5 * 300));
 //! ```
 
 mod camera;
+mod error;
 mod plan;
 mod policy;
 mod position;
@@ -84,8 +87,9 @@ mod sequence;
 mod stage;
 
 pub use camera::Camera;
+pub use error::CaptureError;
 pub use plan::Plan;
 pub use policy::Policy;
 pub use position::Position;
-pub use sequence::{CaptureError, Progress, Sequence};
+pub use sequence::{Progress, Sequence};
 pub use stage::Stage;

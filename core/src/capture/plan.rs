@@ -1,14 +1,14 @@
-//! What is captured, and where.
+//! The frames of a capture and their positions.
 
+use super::position::Position;
 use crate::{Frame, View, Views};
 
-use super::Position;
+const MAX_FRAMES: usize = 1 + View::ALL.len();
 
-const MOST: usize = 1 + View::ALL.len();
-
-/// The frames of a capture in the order in which they are taken, the centre first, and where.
+/// The frames of a capture in the order in which they are taken, the centre first, and their positions.
 ///
-/// Other arrangements need no plan: a [`Sequence`](super::Sequence) takes any positions, such as those of an array of three by three.
+/// Other arrangements need no plan: a [`Sequence`](super::Sequence) takes any positions, such as an array of
+/// three by three.
 ///
 /// ```
 /// use multiscopic_core::{Frame, View, Views, capture::{Plan, Policy, Position, Sequence}};
@@ -22,15 +22,15 @@ const MOST: usize = 1 + View::ALL.len();
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
-    frames: [Frame; MOST],
-    positions: [Position; MOST],
+    frames: [Frame; MAX_FRAMES],
+    positions: [Position; MAX_FRAMES],
     len: usize,
 }
 
 impl Plan {
-    /// The centre and its neighbours, one baseline of so many micrometres away.
+    /// The centre and its neighbours, one baseline away. The baseline is in micrometres.
     pub fn cross(views: Views, baseline_um: u32) -> Plan {
-        let mut frames = [Frame::Center; MOST];
+        let mut frames = [Frame::Center; MAX_FRAMES];
         for (frame, view) in frames.iter_mut().skip(1).zip(views.iter()) {
             *frame = Frame::View(view);
         }
@@ -42,7 +42,7 @@ impl Plan {
         self.frames.get(..self.len).unwrap_or_default()
     }
 
-    /// Where each is taken.
+    /// The position of each frame.
     pub fn positions(&self) -> &[Position] {
         self.positions.get(..self.len).unwrap_or_default()
     }

@@ -1,25 +1,27 @@
-//! How patient a sequence is.
+//! Waiting times, retries and tolerances.
 
 use core::time::Duration;
 
-/// How long a [`Sequence`](super::Sequence) waits, and how often it tries again.
+/// How long a [`Sequence`](super::Sequence) waits, how often it retries, and what it tolerates. The defaults
+/// are in brackets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Policy {
-    /// How long vibrations take to fade after the stage has arrived: 200 ms.
+    /// The time for vibrations to fade after the stage has arrived (200 ms).
     pub settle: Duration,
-    /// How long a move may take: 30 s.
+    /// The time-out of a move (30 s).
     pub move_timeout: Duration,
-    /// How long a frame may take: 5 s.
+    /// The time-out of a frame (5 s).
     pub frame_timeout: Duration,
-    /// How often a frame is taken again, after an error of the camera or a time-out, and a place approached again that the stage missed: 2.
+    /// Retries at each position, after an error or time-out of the camera or a position that the stage missed
+    /// (2).
     pub retries: u8,
-    /// How far off the stage may measure to be, along each axis, in micrometres: 100.
+    /// The largest error of the measured position along each axis, in micrometres (100).
     pub tolerance_um: u32,
-    /// How far to the left of a position and above it each approach begins, in micrometres, so that the play of screws and gears is always taken up from the
-    /// same side; 0 for stages without play, and unless set.
+    /// The distance to the left of and above a position from which it is approached, in micrometres, so that
+    /// the backlash of screws and gears is always taken up from the same side (0: directly).
     pub backlash_um: u32,
-    /// Whether the stage goes back to the centre in the end, also after an error that is not its own: true.
+    /// Whether the stage returns to the centre at the end, and after an error that is not its own (true).
     pub return_to_center: bool,
 }
 

@@ -1,8 +1,8 @@
-//! Where the camera is.
+//! The position of the camera.
 
-use crate::{Frame, View};
+use crate::Frame;
 
-/// A place of the camera in its image plane, seen along its view, from the centre.
+/// A position of the camera in its image plane, relative to the centre, as seen from behind the camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Position {
@@ -13,18 +13,19 @@ pub struct Position {
 }
 
 impl Position {
-    /// The place of the reference frame.
+    /// The position of the reference frame.
     pub const CENTER: Position = Position { x_um: 0, y_um: 0 };
 
-    /// Where a frame is taken, with a baseline in micrometres.
+    /// The position of a frame, with the baseline in micrometres.
     pub const fn of(frame: Frame, baseline_um: u32) -> Position {
         let baseline_um = if baseline_um > i32::MAX as u32 { i32::MAX } else { baseline_um as i32 };
         match frame {
             Frame::Center => Position::CENTER,
-            Frame::View(View::Left) => Position { x_um: -baseline_um, y_um: 0 },
-            Frame::View(View::Right) => Position { x_um: baseline_um, y_um: 0 },
-            Frame::View(View::Top) => Position { x_um: 0, y_um: -baseline_um },
-            Frame::View(View::Bottom) => Position { x_um: 0, y_um: baseline_um },
+            Frame::View(view) => {
+                // A match moves against the camera.
+                let (du, dv) = view.shift(1);
+                Position { x_um: -du * baseline_um, y_um: -dv * baseline_um }
+            }
         }
     }
 
@@ -34,7 +35,7 @@ impl Position {
         if x > y { x } else { y }
     }
 
-    /// So many micrometres to the left and up of it.
+    /// The position `distance_um` micrometres to the left and `distance_um` up.
     pub const fn before(self, distance_um: u32) -> Position {
         Position { x_um: self.x_um.saturating_sub_unsigned(distance_um), y_um: self.y_um.saturating_sub_unsigned(distance_um) }
     }

@@ -1,49 +1,52 @@
-//! One capture, step by step.
+//! The state machine of a capture.
 
-use core::{error, fmt, mem, time::Duration};
+use core::{mem, time::Duration};
 
-use super::{Camera, Policy, Position, Stage};
+use super::{camera::Camera, error::CaptureError, policy::Policy, position::Position, stage::Stage};
 
-/// A capture: moves to each position, settles, captures, checks, and goes on to the next.
+/// A capture: moves to each position, lets vibrations settle, captures, checks the position, and goes on to
+/// the next.
 ///
-/// However it ends, the camera is released and the stage does not move any more. After the last frame, and after an error that is not the
-/// stage's own, it has gone back to the centre; after an error of the stage it is where it stopped.
+/// However it ends, the camera is released and the stage stands still. After the last frame, and after an
+/// error that is not the stage's own, it is back at the centre; after an error of the stage it is where it
+/// stopped.
 ///
-/// A frame can be used while it is still read out: [`Progress::Capturing`] says which, and the stage stays where it is until the camera says
-/// that the frame is complete. So the last view can be matched by the line as it comes, before the next poll.
+/// A frame can be used while it is being read out: [`Progress::Capturing`] names it, and the stage does not
+/// move until the camera reports the frame complete. So the last view can be matched line by line as it
+/// arrives.
 #[derive(Debug)]
 pub struct Sequence<'p, S, C> {
     positions: &'p [Position],
     policy: Policy,
     state: State,
-    /// The position that it is at, or going to.
+    /// The current position, or the one being approached.
     index: usize,
-    /// How often it tried again there.
+    /// Retries at this position so far.
     retries: u8,
-    /// When to give up waiting, or to go on.
+    /// When the current wait ends or times out.
     until: Duration,
-    /// Why it ends early.
+    /// The error to report once the stage has returned.
     failure: Option<CaptureError<S, C>>,
     aborted: bool,
 }
 
-/// What a sequence does, of the frame or position with an index.
+/// What a sequence is doing, with the index of the frame or position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Progress {
-    /// The stage moves.
+    /// The stage is moving.
     Moving(usize),
-    /// Vibrations fade.
+    /// Vibrations are fading.
     Settling(usize),
-    /// The camera takes the frame, or reads it out.
+    /// The camera is exposing the frame or reading it out.
     Capturing(usize),
-    /// The frame is there. Said once.
+    /// The frame is complete. Reported once.
     Captured(usize),
-    /// Something went wrong that is tried again. Said once each time.
+    /// A step failed and is tried again. Reported once for each retry.
     Retrying(usize),
-    /// The stage moves back to the centre.
+    /// The stage is moving back to the centre.
     Returning,
-    /// All frames are there, and nothing moves.
+    /// All frames are complete, and nothing moves.
     Done,
 }
 
@@ -61,7 +64,8 @@ enum State {
 }
 
 impl<'p, S, C> Sequence<'p, S, C> {
-    /// A sequence that has not begun. The camera knows a frame by its index in `positions`.
+    /// A sequence over `positions` that has not begun. The camera identifies a frame by its index in
+    /// `positions`.
     pub fn new(positions: &'p [Position], policy: Policy) -> Self {
         Sequence {
             positions,
@@ -75,12 +79,12 @@ impl<'p, S, C> Sequence<'p, S, C> {
         }
     }
 
-    /// Ends the sequence at the next poll with [`CaptureError::Aborted`], if it has not ended by then.
+    /// Makes the next poll end the sequence with [`CaptureError::Aborted`], unless it has already ended.
     pub fn abort(&mut self) {
         self.aborted = true;
     }
 
-    /// Takes the next step, at a time `now` that a clock has counted from any beginning.
+    /// Takes the next step. `now` is the time since any fixed moment; it must not go back.
     ///
     /// # Errors
     /// The capture failed, and has ended.
@@ -130,7 +134,7 @@ impl<'p, S, C> Sequence<'p, S, C> {
                     self.start_again(CaptureError::FrameTimeout { index, after: self.policy.frame_timeout }, now, camera)
                 }
                 Ok(false) => Ok(Progress::Capturing(index)),
-                // The frame is of use only if the stage stood still meanwhile.
+                // The frame is only useful if the stage stood still during the exposure.
                 Ok(true) => match self.miss(stage)? {
                     Some(miss) => self.approach_again(miss, now, stage),
                     None => {
@@ -154,7 +158,7 @@ impl<'p, S, C> Sequence<'p, S, C> {
         }
     }
 
-    /// Starts towards the position, by way of where the approach to it begins.
+    /// Starts towards the position, from the side that takes up backlash.
     fn approach<A: Stage<Error = S>>(&mut self, now: Duration, stage: &mut A) -> Result<Progress, CaptureError<S, C>> {
         match (self.policy.backlash_um, self.positions.get(self.index)) {
             (_, None) => {
@@ -194,7 +198,7 @@ impl<'p, S, C> Sequence<'p, S, C> {
         }
     }
 
-    /// How far off the stage is, if that is too far.
+    /// An error if the stage is further from its target than the policy tolerates.
     fn miss<A: Stage<Error = S>>(&self, stage: &mut A) -> Result<Option<CaptureError<S, C>>, CaptureError<S, C>> {
         let target = self.target();
         let measured = stage.position().map_err(CaptureError::Stage)?;
@@ -202,7 +206,7 @@ impl<'p, S, C> Sequence<'p, S, C> {
         Ok(missed.map(|measured| CaptureError::Missed { index: self.index, target, measured }))
     }
 
-    /// Counts one more try, if there may be one.
+    /// Counts a retry, or fails with `error` if none is left.
     fn retry(&mut self, error: CaptureError<S, C>) -> Result<Progress, CaptureError<S, C>> {
         if self.retries >= self.policy.retries {
             return Err(error);
@@ -256,7 +260,7 @@ impl<'p, S, C> Sequence<'p, S, C> {
         self.failure.take().map_or(Ok(Progress::Done), Err)
     }
 
-    /// Stops the motion, releases the camera, and goes back if the stage is not to blame.
+    /// Stops the motion, releases the camera, and returns to the centre unless the stage has failed.
     fn fail<A, B>(
         &mut self,
         error: CaptureError<S, C>,
@@ -269,7 +273,7 @@ impl<'p, S, C> Sequence<'p, S, C> {
         B: Camera<Error = C>,
     {
         if self.state != State::End {
-            // What went wrong first is what is told.
+            // Report the first error, not one that follows from it.
             let _ = camera.end();
         }
         if error.is_of_stage() || self.state == State::Begin {
@@ -283,88 +287,8 @@ impl<'p, S, C> Sequence<'p, S, C> {
     /// Stops the motion and ends with the first error.
     fn halt<A: Stage<Error = S>>(&mut self, error: CaptureError<S, C>, stage: &mut A) -> Result<Progress, CaptureError<S, C>> {
         self.state = State::Ended;
-        // A stage that cannot be told to stop has failed already.
+        // A stage that does not take the order to stop has already failed.
         let _ = stage.stop();
         Err(self.failure.take().unwrap_or(error))
     }
 }
-
-/// Why a capture failed, with a stage's error `S` and a camera's error `C`.
-///
-/// Its text does not name the frame: [`index`](CaptureError::index) does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum CaptureError<S, C> {
-    /// The stage failed.
-    Stage(S),
-    /// The stage did not arrive in time.
-    MoveTimeout {
-        /// How long it was given.
-        after: Duration,
-    },
-    /// The stage says that it has arrived, and measures to be elsewhere.
-    Missed {
-        /// Which position.
-        index: usize,
-        /// Where it should be.
-        target: Position,
-        /// Where it is.
-        measured: Position,
-    },
-    /// The camera failed.
-    Camera {
-        /// With which frame.
-        index: usize,
-        /// Why.
-        error: C,
-    },
-    /// The camera gave no frame in time.
-    FrameTimeout {
-        /// Which frame.
-        index: usize,
-        /// How long it was given.
-        after: Duration,
-    },
-    /// It was asked to end.
-    Aborted,
-    /// It has ended before.
-    Ended,
-}
-
-impl<S, C> CaptureError<S, C> {
-    /// With which position or frame it was, if it was with one.
-    pub fn index(&self) -> Option<usize> {
-        match *self {
-            CaptureError::Missed { index, .. }
-            | CaptureError::Camera { index, .. }
-            | CaptureError::FrameTimeout { index, .. } => Some(index),
-            _ => None,
-        }
-    }
-
-    /// Whether the stage is to blame, so that it should not be moved any more.
-    pub fn is_of_stage(&self) -> bool {
-        matches!(self, CaptureError::Stage(_) | CaptureError::MoveTimeout { .. } | CaptureError::Missed { .. })
-    }
-}
-
-impl<S: fmt::Display, C: fmt::Display> fmt::Display for CaptureError<S, C> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            CaptureError::Stage(error) => write!(f, "{error}"),
-            CaptureError::MoveTimeout { after } => write!(f, "the stage did not arrive within {} s", after.as_secs_f32()),
-            CaptureError::Missed { target, measured, .. } => write!(
-                f,
-                "the stage measures to be at ({}, {}) um, expected ({}, {}) um",
-                measured.x_um, measured.y_um, target.x_um, target.y_um
-            ),
-            CaptureError::Camera { error, .. } => write!(f, "{error}"),
-            CaptureError::FrameTimeout { after, .. } => write!(f, "the camera gave no frame within {} s", after.as_secs_f32()),
-            CaptureError::Aborted => f.write_str("the capture was aborted"),
-            CaptureError::Ended => f.write_str("the capture has ended"),
-        }
-    }
-}
-
-impl<S: error::Error, C: error::Error> error::Error for CaptureError<S, C> {}

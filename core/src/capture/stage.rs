@@ -1,35 +1,36 @@
-//! What moves the camera.
+//! The stage that moves the camera.
 
-use super::Position;
+use super::position::Position;
 
-/// A stage that moves the camera in its image plane: a robot arm, an XY slide.
+/// A stage that moves the camera in its image plane, such as a robot arm or an XY slide.
 ///
-/// No call waits for a motion to end. Each returns within a time that the implementation bounds, also when what it talks to is gone.
+/// No call waits for a motion to end. Each returns within a bounded time, even if the hardware is gone.
 pub trait Stage {
-    /// Why the stage cannot move, or tell where it is.
+    /// Why the stage cannot move or measure its position.
     type Error;
 
-    /// Starts to move straight to `position`, instead of where it is moving now.
+    /// Starts to move straight to `position`, in place of any motion under way.
     ///
     /// # Errors
-    /// The stage cannot take the order, or the position is beyond where it may go.
+    /// The stage does not take the order, or the position is out of its reach.
     fn move_to(&mut self, position: Position) -> Result<(), Self::Error>;
 
-    /// Whether the stage stands still where it was last sent. It is asked again and again, and may do a part of the motion each time.
+    /// Whether the stage stands still where it was last sent. Called repeatedly; each call may do a part of
+    /// the motion.
     ///
     /// # Errors
-    /// The stage stopped for another reason, or does not answer.
+    /// The stage stopped somewhere else, or does not answer.
     fn has_arrived(&mut self) -> Result<bool, Self::Error>;
 
-    /// Where the stage measures that it is; `None` if it cannot tell.
+    /// The measured position, or `None` if the stage cannot measure it.
     ///
     /// # Errors
     /// The stage does not answer.
     fn position(&mut self) -> Result<Option<Position>, Self::Error>;
 
-    /// Stops the motion, if there is one. It is called at any time, also after errors, and more than once.
+    /// Stops any motion. Called at any time, even after errors, and possibly more than once.
     ///
     /// # Errors
-    /// The stage cannot be told. It may still be moving.
+    /// The stage does not take the order, and may still be moving.
     fn stop(&mut self) -> Result<(), Self::Error>;
 }

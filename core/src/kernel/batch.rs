@@ -1,83 +1,134 @@
-//! A batch of pixels: along the sums, to their fused costs.
+//! A batch of pixels whose block sums stay in registers, for instruction sets that have enough of them.
+#![allow(unsafe_code)]
 
-use core::ops::Range;
+use core::mem;
 
-use super::{Block, Blocks, Lane, Rule, Steps};
-use crate::availability::Availability;
+use super::{
+    blocks::{Blocks, assert_costs},
+    isa::Change,
+    masks::Masks,
+    rule::Rule,
+    steps::{Steps, Stretch},
+    vector::{Block, Column, Lane},
+};
 
-/// Pixels next to each other in a line.
+/// Neighbouring pixels of a line.
 #[derive(Debug)]
-pub struct Batch<'a, L: Lane, I: Blocks<L>, const V: usize> {
-    /// How the views' costs become one.
+pub(crate) struct Batch<'a, 'm, L: Lane, I: Blocks<L>, const V: usize> {
     pub rule: Rule,
-    /// The sums of the block before these pixels, and after them.
+    /// The sums of the block of the pixel before, then of the last pixel.
     pub blocks: &'a mut [[I::Costs; V]],
-    /// What hides them where views are not available, if there are such pixels.
-    pub masks: Option<Masks<'a, L, I, V>>,
-    /// The sums of each pixel's block; none by the rule of the least cost, with which they are not looked at again.
-    pub each: &'a mut [[I::Costs; V]],
+    /// The sums of each pixel's block, kept unless the rule is [`Rule::Min`].
+    pub kept: &'a mut [[I::Costs; V]],
     /// The fused costs of each pixel, in the order of the disparities.
     pub fused: &'a mut [I::Costs],
+    /// The masks, if a view is not available at some pixel, and the column of the first pixel.
+    pub masks: Option<(&'a mut Masks<'m, L, I, V>, usize)>,
 }
 
-/// What hides the sums of a block where views are not available.
-#[derive(Debug)]
-pub struct Masks<'a, L: Lane, I: Blocks<L>, const V: usize> {
-    /// The greatest cost where a view is not available, and zero elsewhere.
-    pub lanes: &'a mut [[I::Costs; V]],
-    /// The index of each lane of a vector.
-    pub indices: I::Costs,
-    /// Where the views are available to the first pixel.
-    pub(crate) availability: Availability<'a>,
-    /// The columns of the pixels.
-    pub columns: Range<usize>,
-    /// Whether it is the same at all of them.
-    pub is_uniform: bool,
-}
+impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
+    /// Whether blocks of so many vectors in each view stay in registers.
+    pub const fn has_registers(vectors: usize) -> bool {
+        I::IN_REGISTERS && (vectors == 1 || vectors == 2)
+    }
 
-impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, L, I, V> {
-    /// Goes over the pixels one after the other.
+    /// Slides the block along the pixels and fuses its sums.
     #[cfg_attr(not(debug_assertions), inline(always))]
-    pub(super) fn run(self, isa: I, steps: &mut Steps<'_, I, V>) {
-        let Batch { rule, blocks, mut masks, each, fused } = self;
-        let mut each = each.chunks_exact_mut(blocks.len().max(1));
-        for (i, fused) in fused.chunks_exact_mut(blocks.len().max(1)).enumerate() {
-            isa.slide(steps, blocks);
-            match &mut masks {
-                Some(masks) => isa.fuse_masked(rule, u8::MAX, blocks, masks.of_pixel(isa, i), fused),
-                None => isa.fuse(rule, blocks, fused),
-            };
-            if let Some(each) = each.next() {
-                each.copy_from_slice(blocks);
-            }
-            order(isa, fused);
+    pub fn fuse(self, isa: I, steps: &mut Steps<'_, I, V>) {
+        match self.blocks.len() {
+            1 => self.fuse_vectors::<1>(isa, steps),
+            _ => self.fuse_vectors::<2>(isa, steps),
         }
     }
-}
 
-impl<L: Lane, I: Blocks<L>, const V: usize> Masks<'_, L, I, V> {
-    /// Those of the next pixel, the `i`-th, in vectors.
-    #[inline(always)]
-    pub(super) fn of_pixel(&mut self, isa: I, i: usize) -> &[[I::Costs; V]] {
-        if i == 0 || !self.is_uniform {
-            self.availability.enter(self.columns.start + i);
-            let (indices, shown, hidden) = (isa.load_block(&self.indices), isa.splat(L::default()), isa.splat(L::MAX));
-            for (k, range) in self.availability.ranges::<V>().enumerate() {
-                for (j, masks) in self.lanes.iter_mut().enumerate() {
-                    let from = |index: u16| isa.splat(L::from_index(usize::from(index).saturating_sub(j * I::LANES)));
-                    let before = from(range.start).if_greater(indices, hidden, shown);
-                    from(range.end).if_greater(indices, before, hidden).store(&mut masks[k]);
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn fuse_vectors<const J: usize>(self, isa: I, steps: &mut Steps<'_, I, V>) {
+        match (self.rule, self.masks.is_some()) {
+            (Rule::Sum, _) if V > 1 => self.fuse_by_rule::<J, false>(isa, Rule::Sum, steps),
+            (Rule::Heuristic, false) if V > 2 => self.fuse_by_rule::<J, false>(isa, Rule::Heuristic, steps),
+            (Rule::Heuristic, true) if V > 2 => self.fuse_by_rule::<J, true>(isa, Rule::Heuristic, steps),
+            (_, false) => self.fuse_by_rule::<J, false>(isa, Rule::Min, steps),
+            (_, true) => self.fuse_by_rule::<J, true>(isa, Rule::Min, steps),
+        }
+    }
+
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn fuse_by_rule<const J: usize, const MASKED: bool>(mut self, isa: I, rule: Rule, steps: &mut Steps<'_, I, V>) {
+        const { assert_costs::<L, I>() };
+        let Some(blocks) = self.blocks.first_chunk_mut::<J>().filter(|_| steps.vectors() == J) else { return };
+        let mut sums = [[isa.splat(L::default()); V]; J];
+        let mut masks = sums;
+        load(isa, blocks, &mut sums);
+        let (mut fused, mut kept) = (self.fused.as_chunks_mut::<J>().0, self.kept.as_chunks_mut::<J>().0);
+        let mut pixel = 0;
+        while let Some(Stretch { columns, center, tracks, entering, leaving, .. }) = steps.stretch(fused.len()) {
+            let Some((of_columns, rest)) = mem::take(&mut fused).split_at_mut_checked(columns) else { return };
+            fused = rest;
+            for (i, fused) in of_columns.iter_mut().enumerate() {
+                // SAFETY: the stretch has samples of the centre for `columns` columns, and `i` is one of
+                // them.
+                let center = unsafe { Change { entering: *center.entering.add(i), leaving: *center.leaving.add(i) } };
+                if MASKED && let Some((following, u)) = &mut self.masks {
+                    following.enter(*u + pixel);
+                    if let Some(vectors) = following.vectors.first_chunk() {
+                        load(isa, vectors, &mut masks);
+                    }
+                }
+                pixel += 1;
+                for (j, fused) in fused.iter_mut().enumerate() {
+                    let mut costs = [isa.splat(L::default()); V];
+                    for k in 0..V {
+                        let vector = (i * V + k) * J + j;
+                        let track = tracks[k];
+                        let samples = |first: *const u8| {
+                            first.wrapping_offset(i as isize * track.step).cast::<I::Samples>().wrapping_add(j)
+                        };
+                        // SAFETY: each column of the stretch has samples and sums of `V` views in `J`
+                        // vectors. Samples are bytes, by `assert_layout`. The leaving column is another one
+                        // than the entering column.
+                        let (view, column, leaving_column) = unsafe {
+                            let view =
+                                Change { entering: &*samples(track.samples.entering), leaving: &*samples(track.samples.leaving) };
+                            (view, &mut *entering.add(vector), &*leaving.add(vector))
+                        };
+                        let moved = isa.advance(isa.load_column(column), center, view);
+                        moved.store(column);
+                        sums[j][k] = sums[j][k].slide(moved, isa.load_column(leaving_column));
+                        costs[k] = sums[j][k];
+                        if MASKED {
+                            costs[k] = costs[k].max(masks[j][k]);
+                        }
+                    }
+                    rule.fuse(costs).ordered().store(fused);
+                }
+                if rule != Rule::Min
+                    && let Some((first, rest)) = mem::take(&mut kept).split_first_mut()
+                {
+                    store(sums, first);
+                    kept = rest;
                 }
             }
         }
-        self.lanes
+        store(sums, blocks);
     }
 }
 
-/// Puts costs from lanes into the order of the disparities.
+/// Loads costs. A loop, since a closure would not be compiled for the instruction set.
 #[inline(always)]
-pub(crate) fn order<L: Lane, I: Blocks<L>>(isa: I, fused: &mut [I::Costs]) {
-    for costs in fused {
-        isa.load_block(costs).ordered().store(costs);
+fn load<L: Lane, I: Blocks<L>, const V: usize, const J: usize>(
+    isa: I,
+    from: &[[I::Costs; V]; J],
+    costs: &mut [[I::Block; V]; J],
+) {
+    for (costs, from) in costs.as_flattened_mut().iter_mut().zip(from.as_flattened()) {
+        *costs = isa.load_block(from);
+    }
+}
+
+/// Stores block sums.
+#[inline(always)]
+fn store<L: Lane, B: Block<L>, const V: usize, const J: usize>(sums: [[B; V]; J], blocks: &mut [[B::Costs; V]; J]) {
+    for (blocks, sums) in blocks.as_flattened_mut().iter_mut().zip(sums.as_flattened()) {
+        sums.store(blocks);
     }
 }

@@ -1,16 +1,24 @@
-//! The operations in plain Rust, over arrays.
+//! Plain Rust over arrays: the definition of every operation.
 
 use core::array;
 
-use super::{Block, Blocks, Change, Column, Isa};
+use super::{
+    blocks::Blocks,
+    isa::{Change, Isa, sealed::Sealed},
+    vector::{Block, Column},
+};
 
-/// No instruction set in particular: arrays of `N` lanes.
+/// No instruction set in particular: arrays of `N` lanes, and batches of `B` pixels.
+///
+/// Every other instruction set is compared with the one that has as many lanes and batches as large.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Portable<const N: usize>;
+pub struct Portable<const N: usize, const B: usize = 1>;
 
-impl<const N: usize> Isa for Portable<N> {
+impl<const N: usize, const B: usize> Sealed for Portable<N, B> {}
+
+impl<const N: usize, const B: usize> Isa for Portable<N, B> {
     const LANES: usize = N;
-    const BATCH: usize = 1;
+    const BATCH: usize = B;
     type Samples = [u8; N];
     type Sums = [u16; N];
     type Column = [u16; N];
@@ -49,7 +57,8 @@ impl<const N: usize> Column for [u16; N] {
 
 macro_rules! blocks {
     ($lane:ty, $add:ident) => {
-        impl<const N: usize> Blocks<$lane> for Portable<N> {
+        impl<const N: usize, const B: usize> Blocks<$lane> for Portable<N, B> {
+            const IN_REGISTERS: bool = B > 1;
             type Costs = [$lane; N];
             type Block = [$lane; N];
 

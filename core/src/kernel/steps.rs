@@ -1,84 +1,88 @@
-//! Along a line of the centre, from column to column: the samples that enter and leave the blocks, and the sums that they change.
+//! Steps along a line of the centre, column by column: the samples that enter and leave the blocks, and the
+//! column sums they change.
 //!
-//! That all of them are there is checked once for a line. From then on, to go to the next column is to add to a few addresses.
+//! The bounds are checked once for a line. From then on, a step to the next column is a few additions to
+//! addresses.
 #![allow(unsafe_code)]
 
 use core::{marker::PhantomData, slice};
 
-use super::{Change, Isa};
-use crate::lines::Samples;
+use super::{
+    isa::{Change, Isa, assert_layout},
+    samples::Samples,
+};
 
-/// The way along a line, with samples of `V` views.
+/// The steps along a line, with samples of `V` views.
 ///
-/// All that changes is the number of the next column: where its samples and sums are follows from it.
+/// The only state is the index of the next column. Where its samples and sums are follows from it.
 #[derive(Debug)]
 pub struct Steps<'a, I: Isa, const V: usize> {
     tracks: [Track; V],
     /// The next column.
     next: usize,
     columns: usize,
-    /// Where the centre's samples of the first column are.
+    /// The centre's samples of the first column.
     center: Change<*const u8>,
     /// The sums of the first column, view by view.
     sums: *mut I::Sums,
     /// Vectors of a column in a view.
     vectors: usize,
-    /// The columns of a block.
+    /// Columns of a block.
     block_size: usize,
-    /// What blocks leave before they are full.
-    nothing: *const I::Sums,
+    /// The column that leaves a block that is not full yet.
+    empty_column: *const I::Sums,
     memory: PhantomData<(&'a [u8], &'a mut [I::Sums])>,
 }
 
-/// Where a view's samples are.
+/// Where the samples of a view are.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(super) struct Track {
-    /// Those of the first column.
+    /// The samples of the first column.
     pub samples: Change<*const u8>,
-    /// From one column's to the next's.
+    /// From a column to the next.
     pub step: isize,
 }
 
-/// A column of the block, and what it gains and loses.
+/// A step: the column that enters the block, and the one that leaves.
 #[derive(Debug)]
 pub(super) struct Step<'a, I: Isa, const V: usize> {
     /// The centre's samples.
     pub center: Change<u8>,
-    /// Each view's samples at every disparity.
+    /// The samples of each view at all disparities.
     pub views: [Change<&'a [I::Samples]>; V],
-    /// The sums, view by view.
-    pub column: &'a mut [I::Sums],
-    /// Those of the column that the blocks leave.
-    pub left: &'a [I::Sums],
+    /// The sums of the entering column, view by view.
+    pub entering: &'a mut [I::Sums],
+    /// The sums of the leaving column.
+    pub leaving: &'a [I::Sums],
     /// Vectors of a column in a view.
     pub vectors: usize,
 }
 
-/// As [`Step`], as addresses.
+/// A [`Step`] as addresses.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place<'a, I: Isa, const V: usize> {
+pub(super) struct RawStep<'a, I: Isa, const V: usize> {
     pub center: Change<u8>,
-    /// Which column it is.
+    /// The index of the column.
     #[cfg(target_arch = "arm")]
     pub index: usize,
-    /// From the first column on.
+    /// The first of `V` tracks.
     #[cfg(target_arch = "arm")]
     pub tracks: *const Track,
-    pub column: *mut I::Sums,
-    pub left: *const I::Sums,
+    pub entering: *mut I::Sums,
+    pub leaving: *const I::Sums,
     memory: PhantomData<&'a [[u8; V]]>,
 }
 
-/// The places of a few columns, from the first of them on.
-#[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
+/// Several steps as addresses, those of the first of them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stretch<'a, I: Isa, const V: usize> {
+    /// The number of steps.
     pub columns: usize,
     pub center: Change<*const u8>,
     pub tracks: [Track; V],
-    pub column: *mut I::Sums,
-    pub left: *const I::Sums,
+    pub entering: *mut I::Sums,
+    pub leaving: *const I::Sums,
     memory: PhantomData<&'a mut [I::Sums]>,
 }
 
@@ -99,7 +103,8 @@ impl Change<*const u8> {
     }
 }
 
-/// The tracks of the centre and of the views, if all their samples in `columns` columns are there, and `depth` in a view's.
+/// The tracks of the centre and of the views, if all samples of `columns` columns are there, `depth` of them
+/// in a view's column.
 fn tracks<const V: usize>(
     center: Change<Samples<'_>>,
     views: [Change<Samples<'_>>; V],
@@ -120,18 +125,20 @@ fn tracks<const V: usize>(
 }
 
 impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
-    /// Along columns with these samples and `sums`, of as many vectors in each view as `nothing` has in all. Blocks of `block_size` columns leave
-    /// them again, and `nothing` before. There are no columns if anything is missing.
+    /// Steps along the columns of `sums`, each as long as `empty_column`: the vectors of all views.
+    ///
+    /// Blocks have `block_size` columns, at least one. Before they are full, `empty_column` leaves them.
+    /// There are no steps if any sample is missing.
     pub(crate) fn new(
         center: Change<Samples<'a>>,
         views: [Change<Samples<'a>>; V],
         sums: &'a mut [I::Sums],
-        nothing: &'a [I::Sums],
+        empty_column: &'a [I::Sums],
         block_size: usize,
     ) -> Steps<'a, I, V> {
-        const { assert!(align_of::<I::Samples>() == 1 && size_of::<I::Samples>() == I::LANES, "samples are not bytes") };
-        let columns = sums.len().checked_div(nothing.len()).unwrap_or_default();
-        let depth = nothing.len() / V.max(1) * I::LANES;
+        const { assert_layout::<I>() };
+        let columns = sums.len().checked_div(empty_column.len()).unwrap_or_default();
+        let depth = empty_column.len() / V.max(1) * I::LANES;
         let tracks = tracks(center, views, columns, depth);
         Steps {
             tracks: tracks.map_or([Track::NONE; V], |(_, views)| views),
@@ -139,82 +146,85 @@ impl<'a, I: Isa, const V: usize> Steps<'a, I, V> {
             columns: if tracks.is_some() { columns } else { 0 },
             center: tracks.map_or(Track::NONE, |(center, _)| center).samples,
             sums: sums.as_mut_ptr(),
-            vectors: nothing.len() / V.max(1),
+            vectors: empty_column.len() / V.max(1),
             block_size,
-            nothing: nothing.as_ptr(),
+            empty_column: empty_column.as_ptr(),
             memory: PhantomData,
         }
     }
 
-    /// The vectors of a column in a view.
+    /// Vectors of a column in a view.
     #[inline(always)]
     pub(super) fn vectors(&self) -> usize {
         self.vectors
     }
 
-    /// The sums of a column, and those of the column that the blocks leave for it.
+    /// The sums of the column that enters at a step, and of the one that leaves.
     #[inline(always)]
     fn sums(&self, index: usize) -> (*mut I::Sums, *const I::Sums) {
         let sums = V * self.vectors;
-        let column = self.sums.wrapping_add(index * sums);
-        let left = if index < self.block_size { self.nothing } else { column.wrapping_sub(self.block_size * sums) };
-        (column, left)
+        let entering = self.sums.wrapping_add(index * sums);
+        let leaving = if index < self.block_size { self.empty_column } else { entering.wrapping_sub(self.block_size * sums) };
+        (entering, leaving)
     }
 
-    /// Goes to the next column.
+    /// Takes a step, as addresses.
     #[inline(always)]
-    pub(super) fn enter(&mut self) -> Option<Place<'_, I, V>> {
+    pub(super) fn next_raw(&mut self) -> Option<RawStep<'_, I, V>> {
         let index = self.next;
         if index >= self.columns {
             return None;
         }
         self.next = index + 1;
-        let (column, left) = self.sums(index);
-        let Change { entering, leaving } = self.center;
-        // SAFETY: for all columns, it has been checked that these samples are there.
-        let center = unsafe { Change { entering: *entering.add(index), leaving: *leaving.add(index) } };
-        Some(Place {
+        let (entering, leaving) = self.sums(index);
+        let center = self.center;
+        // SAFETY: `tracks` has checked that the centre has samples for all columns, and `index` is one of
+        // them.
+        let center = unsafe { Change { entering: *center.entering.add(index), leaving: *center.leaving.add(index) } };
+        Some(RawStep {
             center,
             #[cfg(target_arch = "arm")]
             index,
             #[cfg(target_arch = "arm")]
             tracks: self.tracks.as_ptr(),
-            column,
-            left,
+            entering,
+            leaving,
             memory: PhantomData,
         })
     }
 
-    /// Goes over as many as `columns` next columns, of which the blocks leave one for each: or over a single one, for which they leave nothing.
-    #[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon")))]
+    /// Takes up to `columns` steps at which full blocks lose a column each, or a single one at which the
+    /// empty column leaves.
     #[inline(always)]
     pub(super) fn stretch(&mut self, columns: usize) -> Option<Stretch<'_, I, V>> {
         let index = self.next;
         let most = if index < self.block_size { 1 } else { columns };
         let columns = most.min(columns).min(self.columns - index);
         self.next = index + columns;
-        let (column, left) = self.sums(index);
+        let (entering, leaving) = self.sums(index);
         let tracks = self.tracks.map(|track| Track { samples: track.at(index), step: track.step });
         let center = self.center.at(index as isize);
-        (columns > 0).then_some(Stretch { columns, center, tracks, column, left, memory: PhantomData })
+        (columns > 0).then_some(Stretch { columns, center, tracks, entering, leaving, memory: PhantomData })
     }
 
-    /// Goes to the next column.
+    /// Takes a step.
     #[inline(always)]
     pub(super) fn next(&mut self) -> Option<Step<'_, I, V>> {
         let (vectors, index) = (self.vectors, self.next);
-        let Place { center, column, left, .. } = self.enter()?;
+        let RawStep { center, entering, leaving, .. } = self.next_raw()?;
         let mut views = [Change { entering: &[][..], leaving: &[][..] }; V];
         for (view, track) in views.iter_mut().zip(&self.tracks) {
-            // SAFETY: for all columns, it has been checked that these samples are there. Bytes may be anywhere, and be anything.
+            // SAFETY: `tracks` has checked that each column has the samples of so many vectors. `Samples` are
+            // plain bytes of alignment 1, by `assert_layout`.
             let vectors = |samples: *const u8| unsafe { slice::from_raw_parts(samples.cast(), vectors) };
             let Change { entering, leaving } = track.at(index);
             *view = Change { entering: vectors(entering), leaving: vectors(leaving) };
         }
-        // SAFETY: for all columns, it has been checked that these sums are there. Blocks have at least one column, so that what they leave
-        // is another one; `self` is lent as long as they are.
-        let (column, left) =
-            unsafe { (slice::from_raw_parts_mut(column, V * vectors), slice::from_raw_parts(left, V * vectors)) };
-        Some(Step { center, views, column, left, vectors })
+        // SAFETY: the sums hold so many vectors for each column, and so does the empty column. The leaving
+        // column is another one than the entering column, since blocks have at least one column. Both are
+        // borrowed from `self`.
+        let (entering, leaving) =
+            unsafe { (slice::from_raw_parts_mut(entering, V * vectors), slice::from_raw_parts(leaving, V * vectors)) };
+        Some(Step { center, views, entering, leaving, vectors })
     }
 }

@@ -264,7 +264,7 @@ fn whole_pixels(frames: &Frames, view: View, params: &Params, engine: &Engine, g
     let mut best: Option<(f64, i32, DisparityMap)> = None;
     for shift in -MAX_SHIFT..=MAX_SHIFT {
         moved = moved.with(view, put_right(neighbor, view, shift.into(), gain));
-        let disparities = engine.disparities(&moved, &alone, || ());
+        let disparities = engine.disparities(&moved, &alone, || ())?;
         let cost = difference(&moved, view, &disparities);
         if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
             best = Some((cost, shift, disparities));

@@ -8,8 +8,7 @@ use multiscopic::{Error, Frames, Method, Result};
 use multiscopic_core::{Fusion, View, Views};
 
 use super::{
-    methods::{MethodName, MethodOptions},
-    options::{EngineOptions, SearchOptions, named, views_of_count},
+    options::{EngineOptions, MethodName, MethodOptions, Named, SearchOptions, named, views_of_count},
     terminal,
 };
 
@@ -41,7 +40,7 @@ pub struct Bench {
     fusion: Option<Fusion>,
 
     /// Method
-    #[arg(long, value_enum, default_value = "bm", help_heading = "Matching")]
+    #[arg(long, value_parser = named::<MethodName>(), default_value = "bm", help_heading = "Matching")]
     method: MethodName,
 
     #[command(flatten)]
@@ -57,7 +56,7 @@ pub struct Bench {
 /// The measurement; `--json` prints these fields.
 #[derive(Debug, serde::Serialize)]
 struct Report {
-    method: String,
+    method: &'static str,
     width: usize,
     height: usize,
     num_disparities: usize,
@@ -80,11 +79,11 @@ impl Bench {
         let frames = noise_frames(self.width.into(), self.height.into(), views);
         let params = self.search.params(frames.size(), views, self.fusion, (1, 64))?;
         let engine = self.engine.engine()?;
-        let method: Method = self.options.method(self.method)?;
+        let method: Method = self.options.method(self.method, self.search.block_size())?;
         let mut seconds = f64::INFINITY;
         for _ in 0..self.repeat {
             let start = Instant::now();
-            std::hint::black_box(method.disparities(&engine, &frames, &params, &())?);
+            std::hint::black_box(method.disparities(&engine, &frames, params.search(), &())?);
             seconds = seconds.min(start.elapsed().as_secs_f64());
         }
         let report = Report {
@@ -96,7 +95,7 @@ impl Bench {
             views: params.views().len(),
             fusion: params.fusion().name(),
             threads: engine.threads(),
-            kernel: engine.simd(&params).to_string(),
+            kernel: engine.simd(params.search()).to_string(),
             seconds,
             gde_per_s: params.evaluations() as f64 / seconds / 1e9,
         };

@@ -6,10 +6,7 @@ use std::{
     process::ExitCode,
 };
 
-use clap::{
-    Args,
-    builder::{PossibleValuesParser, TypedValueParser},
-};
+use clap::Args;
 use multiscopic::{
     Dataset, DisparityMap, Error, FloatImage, Picture, Result,
     evaluation::{Row, Scene, record},
@@ -19,8 +16,7 @@ use multiscopic::{
 use multiscopic_core::Fusion;
 
 use super::{
-    methods::{MethodName, MethodOptions},
-    options::{EngineOptions, SearchOptions, named, views_of_count},
+    options::{EngineOptions, MethodName, MethodOptions, SearchOptions, named, views_of_count},
     terminal,
     variant::{Subject, Variant},
 };
@@ -33,8 +29,7 @@ pub struct Evaluate {
     directory: PathBuf,
 
     /// Data set
-    #[arg(long, value_name = "NAME",
-        value_parser = PossibleValuesParser::new(Dataset::ALL.map(Dataset::name)).try_map(|name| name.parse::<Dataset>()))]
+    #[arg(long, value_name = "NAME", value_parser = named::<Dataset>())]
     dataset: Dataset,
 
     /// Scenes [default: all]
@@ -54,7 +49,7 @@ pub struct Evaluate {
     report: Option<PathBuf>,
 
     /// Methods
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "bm", help_heading = "Matching")]
+    #[arg(long, value_parser = named::<MethodName>(), value_delimiter = ',', default_value = "bm", help_heading = "Matching")]
     methods: Vec<MethodName>,
 
     /// Fusion rules for the views' costs [default: min with one or two neighbours, heuristic with more]
@@ -101,6 +96,9 @@ impl Evaluate {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         let variants = self.variants()?;
+        let options = self.options.clone().for_dataset(self.dataset);
+        let method = |&name: &MethodName| Ok((name, options.method(name, self.search.block_size())?));
+        let methods = self.methods.iter().map(method).collect::<Result<Vec<_>>>()?;
         let scenes = self.selected_scenes()?;
         let outputs: Vec<&Path> = self.json.iter().chain(&self.report).map(PathBuf::as_path).collect();
         let inputs: Vec<&Path> = scenes.iter().flat_map(|scene| scene.images.paths().chain([scene.truth.as_path()])).collect();
@@ -117,7 +115,9 @@ impl Evaluate {
             let subject = Subject { dataset: scene.dataset.name(), scene: &scene.name, frames: &frames, truth: &truth };
             for variant in &variants {
                 let params = self.search.params(frames.size(), variant.views, Some(variant.fusion), self.dataset.range())?;
-                let (disparities, record) = variant.measure(&engine, &subject, &params, &())?;
+                let (_, method) =
+                    methods.iter().find(|(name, _)| *name == variant.method).expect("every variant has a method of --methods");
+                let (disparities, record) = variant.measure(method, &engine, &subject, params.search())?;
                 if let Some(gallery) = &mut gallery {
                     gallery.add(&record.variant(), &disparities);
                 }
@@ -156,9 +156,8 @@ impl Evaluate {
         let available = self.dataset.views();
         let mut counts = if self.views.is_empty() { vec![1, available.len()] } else { self.views.clone() };
         counts.sort_unstable();
-        let options = self.options.clone().for_dataset(self.dataset);
         let mut variants = Vec::new();
-        for &name in &self.methods {
+        for &method in &self.methods {
             for &count in &counts {
                 let views = views_of_count(count)?;
                 if views.len() > available.len() {
@@ -174,7 +173,7 @@ impl Evaluate {
                     (fusions, _) => fusions.to_vec(),
                 };
                 for fusion in fusions {
-                    let variant = Variant { name, method: options.method(name)?, views, fusion };
+                    let variant = Variant { method, views, fusion };
                     if !variants.contains(&variant) {
                         variants.push(variant);
                     }

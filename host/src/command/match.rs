@@ -7,8 +7,9 @@ use std::{
 };
 
 use clap::Args;
+use multiscopic::stereo::{CostFunction, Optimizer};
 use multiscopic::{
-    Alignment, DisparityMap, Error, Frames, Method, Result,
+    Alignment, DisparityMap, Error, Frames, Result,
     files::{
         output,
         ply::{self, Encoding},
@@ -18,8 +19,7 @@ use multiscopic::{
 use multiscopic_core::{Frame, Fusion, Params};
 
 use super::{
-    methods::{MethodName, MethodOptions},
-    options::{EngineOptions, GeometryOptions, MapFiles, SearchOptions, SourceOptions, named},
+    options::{EngineOptions, GeometryOptions, MapFiles, MethodName, MethodOptions, SearchOptions, SourceOptions, named},
     terminal::{self, Watch},
 };
 
@@ -30,7 +30,7 @@ pub struct Match {
     source: SourceOptions,
 
     /// Method
-    #[arg(long, value_enum, default_value = "bm", help_heading = "Matching")]
+    #[arg(long, value_parser = named::<MethodName>(), default_value = "bm", help_heading = "Matching")]
     method: MethodName,
 
     /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with more]
@@ -97,17 +97,18 @@ impl Match {
             frames = Alignment::estimate(&frames, &params, &engine)?.compensate(&frames);
         }
 
-        let method = self.options.method(self.method)?;
-        if let Method::GraphCuts(cuts, _) = &method
+        let method = self.options.method(self.method, self.search.block_size())?;
+        if let (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) = (&method.cost, &method.optimizer)
             && cuts.upsample > 1
         {
             let colored = frames.color(Frame::Center).is_some();
-            let megabytes = cuts.bytes(params.width() * params.height(), params.views().len(), colored).div_ceil(1_000_000);
+            let bytes = cuts.bytes(*cost, params.width() * params.height(), params.views().len(), colored);
+            let megabytes = bytes.div_ceil(1_000_000);
             terminal::say(&format!("matching at {} times the size takes about {megabytes} MB of memory", cuts.upsample));
         }
         let watch = Watch::new()?;
         let start = Instant::now();
-        let disparities = method.disparities(&engine, &frames, &params, &watch)?;
+        let disparities = method.disparities(&engine, &frames, params.search(), &watch)?;
         let seconds = start.elapsed().as_secs_f64();
         watch.finish();
 

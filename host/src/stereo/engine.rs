@@ -1,15 +1,18 @@
-//! Matching with all of the host's speed: the core in bands of lines over threads.
+//! The machine that matches: threads and vector instructions, and the core's block matching on both.
 
-use multiscopic_core::{Params, Region};
+use multiscopic_core::{Disparity, Frame, Matcher, Memory, Params, Region, Search, View, kernel::Blocks};
 use rayon::prelude::*;
 
+use super::{
+    simd::{Simd, Task},
+    vector::Vectors,
+};
 use crate::{
     error::{Error, Result},
     images::{DisparityMap, Frames},
-    stereo::Simd,
 };
 
-/// The machine that matches: threads and their vectors.
+/// The machine that matches: a pool of threads and their vector instructions.
 #[derive(Debug)]
 pub struct Engine {
     simd: Option<Simd>,
@@ -17,18 +20,18 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// An engine with vectors, the [fastest](Simd::fastest) for each match if `None`, and a number of threads, 0 for as many as the
-    /// machine has cores.
+    /// An engine with a set of vector instructions, by default the [fastest](Simd::fastest) for each search, and a number of
+    /// threads, 0 for one per core.
     ///
     /// # Errors
-    /// The threads could not be started.
+    /// If the threads cannot be started.
     pub fn new(simd: Option<Simd>, threads: usize) -> Result<Engine> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let pool = pool.map_err(|error| Error::Usage(format!("cannot start {threads} threads: {error}")))?;
         Ok(Engine { simd, pool })
     }
 
-    /// How many threads it has.
+    /// The number of threads.
     pub fn threads(&self) -> usize {
         self.pool.current_num_threads()
     }
@@ -38,27 +41,73 @@ impl Engine {
         &self.pool
     }
 
-    /// The vector instructions it uses for a match.
-    pub fn simd(&self, params: &Params) -> Simd {
-        self.simd.unwrap_or_else(|| Simd::fastest(params.num_disparities()))
+    /// The vector instructions for a search.
+    pub fn simd(&self, search: &Search) -> Simd {
+        self.simd.unwrap_or_else(|| Simd::fastest(search.num_disparities()))
     }
 
-    /// Matches the centre of `frames` with the views of `params` and calls `line_done` for every line, from any thread.
+    /// Checks that `frames` have the size and the views of `search`.
     ///
-    /// # Panics
-    /// If `params` were made for frames of another size or with views that are not there.
-    pub fn disparities(&self, frames: &Frames, params: &Params, line_done: impl Fn() + Sync) -> DisparityMap {
-        assert_eq!((frames.width(), frames.height()), (params.width(), params.height()), "the size of the frames");
-        assert!(params.views().iter().all(|view| frames.views().contains(view)), "{:?} of {:?}", params.views(), frames.views());
+    /// # Errors
+    /// [`Error::Usage`] with what was found and what was expected.
+    pub fn check(&self, frames: &Frames, search: &Search) -> Result<()> {
+        let ([width, height], expected) = (frames.size(), [search.width(), search.height()]);
+        if [width, height] != expected {
+            let [w, h] = expected;
+            return Err(Error::Usage(format!("the frames have {width}x{height} pixels, the search is for {w}x{h}")));
+        }
+        match search.views().iter().find(|&view| frames.get(Frame::View(view)).is_none()) {
+            Some(view) => Err(Error::Usage(format!("the search is in the {} view, which is missing", View::name(view)))),
+            None => Ok(()),
+        }
+    }
+
+    /// Block matching by the core: the centre of `frames` with the views of `params`. Calls `line_done` after each line, from any
+    /// thread.
+    ///
+    /// # Errors
+    /// As [`check`](Engine::check).
+    pub fn disparities(&self, frames: &Frames, params: &Params, line_done: impl Fn() + Sync) -> Result<DisparityMap> {
+        self.check(frames, params.search())?;
         let mut map = DisparityMap::filled(params.width(), params.height(), None);
-        // Each band first goes over a block's height of lines for nothing, so there are as few as keep all threads busy.
+        // Each band primes its column sums with a block's height of lines. The fewer the bands, the less of that.
         let height = params.height().div_ceil(self.threads());
         let bands: Vec<Region> = Region::bands(params, height).collect();
-        let simd = self.simd(params);
+        let simd = self.simd(params.search());
         let pixels = map.pixels_mut().par_chunks_mut(height * params.width());
         self.pool.install(|| {
-            pixels.zip(bands).for_each(|(out, band)| simd.match_region(frames, params, &band, out, &line_done));
+            pixels.zip(bands).for_each(|(out, region)| {
+                simd.run(MatchRegion { frames, params, region: &region, out, line_done: &line_done });
+            });
         });
-        map
+        Ok(map)
+    }
+}
+
+/// Matches a region of `frames` into `out`, line by line.
+struct MatchRegion<'a, F> {
+    frames: &'a Frames,
+    params: &'a Params,
+    region: &'a Region,
+    out: &'a mut [Option<Disparity>],
+    line_done: &'a F,
+}
+
+impl<F: Fn()> Task for MatchRegion<'_, F> {
+    type Output = ();
+
+    fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, isa: I) {
+        /// Bytes of the widest vector. Sums are aligned to it.
+        const ALIGNMENT: usize = 64;
+        let MatchRegion { mut frames, params, region, out, line_done } = self;
+        let words = Memory::new::<I>(params, region.width()).words();
+        let mut memory = vec![0u32; words + ALIGNMENT / 4];
+        let start = memory.as_ptr().align_offset(ALIGNMENT);
+        let mut matcher =
+            Matcher::with_isa(isa, params, region, &mut memory[start..]).expect("the memory has the matcher's own size");
+        for line in out.chunks_exact_mut(region.width()) {
+            matcher.next_line(&mut frames, line).expect("lines in memory do not fail");
+            line_done();
+        }
     }
 }

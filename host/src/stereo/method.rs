@@ -1,56 +1,216 @@
-//! How disparities are estimated.
+//! Stereo methods as pipelines of four steps: matching cost, aggregation, optimization, refinement.
 
-use multiscopic_core::Params;
+use multiscopic_core::{Frame, Params, Search};
 
+use super::{
+    aggregation::{Aggregation, CrossBased},
+    cost::{
+        BirchfieldTomasi, Census, CostRows, Volume,
+        mccnn::{self, Network},
+    },
+    engine::Engine,
+    optimization::{
+        edge_aware::{EdgeAware, Penalties},
+        graph_cuts::GraphCuts,
+        sgm::SemiGlobal,
+        winner,
+    },
+    refinement::Refinement,
+};
 use crate::{
-    error::Result,
+    error::{Error, Result},
     images::{DisparityMap, Frames},
     progress::Progress,
-    stereo::{
-        Engine,
-        cost::mccnn::McCnn,
-        optimization::{graph_cuts::GraphCuts, sgm::SemiGlobal},
-        refinement::filter::Filters,
-    },
 };
 
-/// A method and its parameters.
+/// A stereo method: a choice for each of the four steps (Scharstein and Szeliski 2002). Costs are fused over the views before all
+/// other steps, so that these cost the same for any number of views.
+///
+/// | method | cost | aggregation | optimizer |
+/// | --- | --- | --- | --- |
+/// | `bm` | [`Sad`](CostFunction::Sad) | the block of the sum | [`WinnerTakesAll`](Optimizer::WinnerTakesAll) |
+/// | `sgm` | [`Census`](CostFunction::Census) | none | [`SemiGlobal`](Optimizer::SemiGlobal) |
+/// | `gc` | [`BirchfieldTomasi`](CostFunction::BirchfieldTomasi) | none | [`GraphCuts`](Optimizer::GraphCuts) |
+/// | `mccnn-fast` | [`McCnn`](CostFunction::McCnn) | none | [`EdgeAware`](Optimizer::EdgeAware) |
+/// | `mccnn-accurate` | [`McCnn`](CostFunction::McCnn) | [`Aggregation`] | [`EdgeAware`](Optimizer::EdgeAware) |
+///
+/// Other pairs work too: the census and Birchfield-Tomasi costs with winner-takes-all and semi-global matching, and those of
+/// MC-CNN with winner-takes-all, with or without aggregation.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Method {
-    /// Block matching by the core: the least sum of absolute differences.
-    BlockMatching,
-    /// Graph cuts, the minimum of an energy of the whole image, and filters after them.
-    GraphCuts(GraphCuts, Filters),
-    /// Semi-global matching on costs of the census transform, and filters after it.
-    SemiGlobal(SemiGlobal, Filters),
-    /// Costs by a network, summed along paths, and filters after that.
-    McCnn(Box<McCnn>, Filters),
+pub struct Method {
+    /// How much a pixel differs from its match.
+    pub cost: CostFunction,
+    /// How costs are averaged over a support region.
+    pub aggregation: Option<Aggregation>,
+    /// How disparities are selected by the costs.
+    pub optimizer: Optimizer,
+    /// What is done to the selected disparities.
+    pub refinement: Refinement,
+}
+
+/// The first step: the matching cost.
+#[derive(Clone, Debug, PartialEq)]
+pub enum CostFunction {
+    /// The sum of absolute differences over a block, by the core.
+    Sad {
+        /// The side of the block in pixels: see [`Params`].
+        block_size: u8,
+    },
+    /// The Hamming distance of census transforms.
+    Census(Census),
+    /// The dissimilarity of Birchfield and Tomasi.
+    BirchfieldTomasi(BirchfieldTomasi),
+    /// The dissimilarity of patches by a network of MC-CNN.
+    McCnn(Box<Network>),
+}
+
+/// The third step: the optimizer.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Optimizer {
+    /// The least cost of each pixel.
+    WinnerTakesAll,
+    /// Semi-global matching in whole numbers.
+    SemiGlobal(SemiGlobal),
+    /// Semi-global matching of real-valued costs, with penalties lowered at edges.
+    EdgeAware(Penalties),
+    /// The labelling of least energy.
+    GraphCuts(GraphCuts),
 }
 
 impl Method {
-    /// Estimates the disparities of the centre of `frames` with the views of `params`.
+    /// A method without refinement.
+    pub fn new(cost: CostFunction, aggregation: Option<Aggregation>, optimizer: Optimizer) -> Method {
+        Method { cost, aggregation, optimizer, refinement: Refinement::NONE }
+    }
+
+    /// The same method with a refinement.
+    pub fn with_refinement(self, refinement: Refinement) -> Method {
+        Method { refinement, ..self }
+    }
+
+    /// Estimates the disparities of the centre of `frames`.
     ///
     /// # Errors
-    /// If the method cannot be applied to these frames.
-    ///
-    /// # Panics
-    /// If `params` were made for frames of another size or with views that are not there.
+    /// If `search` asks for frames of another size or for views that are missing, if a step's parameters do not fit the search, or
+    /// if the steps do not go together.
     pub fn disparities(
         &self,
         engine: &Engine,
         frames: &Frames,
-        params: &Params,
+        search: &Search,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
-        let (map, filters) = match self {
-            Method::BlockMatching => {
-                progress.begin(params.height() as u64, "lines");
-                return Ok(engine.disparities(frames, params, || progress.advance(1)));
+        engine.check(frames, search)?;
+        let map = match (&self.cost, &self.optimizer) {
+            (CostFunction::Sad { block_size }, Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
+                progress.begin(search.height() as u64, "lines");
+                let params = Params::block_matching(*search, *block_size)?;
+                engine.disparities(frames, &params, || progress.advance(1))?
             }
-            Method::GraphCuts(cuts, filters) => (cuts.disparities(engine, frames, params, progress)?, filters),
-            Method::SemiGlobal(sgm, filters) => (sgm.disparities(engine, frames, params, progress), filters),
-            Method::McCnn(mccnn, filters) => (mccnn.disparities(engine, frames, params, progress), filters),
+            (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) if self.aggregation.is_none() => {
+                cuts.disparities(*cost, engine, frames, search, progress)?
+            }
+            (CostFunction::Census(census), _) => {
+                let rows = engine.pool().install(|| census.rows(frames, search));
+                self.optimize_rows(&rows, engine, frames, progress)?
+            }
+            (CostFunction::BirchfieldTomasi(cost), _) => {
+                self.optimize_rows(&cost.rows(frames, search), engine, frames, progress)?
+            }
+            (CostFunction::McCnn(network), _) => engine.pool().install(|| {
+                let costs = mccnn::fused_costs(network, frames, search, progress);
+                self.optimize_volume(costs, frames, search, progress)
+            })?,
+            _ => return Err(self.mismatch()),
         };
-        Ok(engine.pool().install(|| filters.apply(map)))
+        Ok(engine.pool().install(|| self.refinement.filter(map)))
+    }
+
+    /// Selects disparities by integer costs, which come row by row.
+    fn optimize_rows(
+        &self,
+        rows: &impl CostRows<Cost = u16>,
+        engine: &Engine,
+        frames: &Frames,
+        progress: &dyn Progress,
+    ) -> Result<DisparityMap> {
+        let center = frames.get(Frame::Center).expect("every set of frames has a centre");
+        match &self.optimizer {
+            _ if self.aggregation.is_some() => Err(self.mismatch()),
+            Optimizer::WinnerTakesAll if self.refinement.needs_costs() => {
+                let costs = winner::collect(rows, engine, progress);
+                let mut map = costs.disparities(rows.search());
+                self.refinement.check(rows.search(), &costs, &mut map);
+                Ok(map)
+            }
+            Optimizer::WinnerTakesAll => Ok(winner::disparities(rows, engine, progress)),
+            Optimizer::SemiGlobal(sgm) => {
+                let (mut map, sums) = sgm.optimize(rows, center, engine, self.refinement.needs_costs(), progress)?;
+                if let Some(sums) = sums {
+                    self.refinement.check(rows.search(), &sums, &mut map);
+                }
+                Ok(map)
+            }
+            _ => Err(self.mismatch()),
+        }
+    }
+
+    /// Selects disparities by real-valued costs, on the threads of the current pool.
+    fn optimize_volume(
+        &self,
+        mut costs: Volume<f32>,
+        frames: &Frames,
+        search: &Search,
+        progress: &dyn Progress,
+    ) -> Result<DisparityMap> {
+        let penalties = match &self.optimizer {
+            Optimizer::WinnerTakesAll => None,
+            Optimizer::EdgeAware(penalties) => Some(*penalties),
+            _ => return Err(self.mismatch()),
+        };
+        let image = |frame| mccnn::Input::new(frames.get(frame).expect("the frames were checked")).to_raster();
+        let center = image(Frame::Center);
+        let views: Vec<_> = search.views().iter().map(|view| image(Frame::View(view))).collect();
+        let [before, after] = self.aggregation.map_or([0, 0], |aggregation| aggregation.iterations);
+        progress.begin((before + usize::from(penalties.is_some()) + after) as u64, "passes");
+        let mut spare = None;
+        let mut pass = |run: &dyn Fn(&Volume<f32>, &mut Volume<f32>)| {
+            let result = spare.get_or_insert_with(|| costs.clone());
+            run(&costs, result);
+            std::mem::swap(&mut costs, result);
+            progress.advance(1);
+        };
+        let aggregation = self.aggregation.filter(|_| before + after > 0);
+        let crosses = aggregation.map(|aggregation| CrossBased::new(search, &center, &views, aggregation.region));
+        let aggregate = |costs: &Volume<f32>, aggregated: &mut Volume<f32>| {
+            crosses.iter().for_each(|crosses| crosses.aggregate(costs, aggregated));
+        };
+        (0..before).for_each(|_| pass(&aggregate));
+        if let Some(penalties) = penalties {
+            let paths = EdgeAware::new(search, penalties, &center, &views);
+            pass(&|costs, means| paths.optimize(costs, means));
+        }
+        (0..after).for_each(|_| pass(&aggregate));
+        let mut map = costs.disparities(search);
+        self.refinement.check(search, &costs, &mut map);
+        Ok(map)
+    }
+
+    /// The error of steps that do not go together.
+    fn mismatch(&self) -> Error {
+        let cost = match &self.cost {
+            CostFunction::Sad { .. } => "SAD",
+            CostFunction::Census(_) => "census",
+            CostFunction::BirchfieldTomasi(_) => "Birchfield-Tomasi",
+            CostFunction::McCnn(_) => "MC-CNN",
+        };
+        let optimizer = match &self.optimizer {
+            Optimizer::WinnerTakesAll => "winner-takes-all",
+            Optimizer::SemiGlobal(_) => "semi-global matching",
+            Optimizer::EdgeAware(_) => "edge-aware paths",
+            Optimizer::GraphCuts(_) => "graph cuts",
+        };
+        let aggregation = if self.aggregation.is_some() { ", cross-based aggregation" } else { "" };
+        Error::Usage(format!("these steps do not go together: the {cost} cost{aggregation} and {optimizer}"))
     }
 }

@@ -1,4 +1,14 @@
 //! Stereo matching in its four steps (Scharstein and Szeliski 2002): matching cost, aggregation, optimization, refinement.
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | [`vector`], [`Simd`] | vector instructions, detected on this processor |
+//! | [`Engine`] | threads and vectors; block matching by the core, which is all four steps in one |
+//! | [`cost`] | how much a pixel differs from its match, fused over the views |
+//! | [`aggregation`] | costs averaged over a support region |
+//! | [`optimization`] | from costs to disparities |
+//! | [`refinement`] | checks and filters of the disparities |
+//! | [`Method`] | a choice for each of the four steps |
 
 pub mod aggregation;
 pub mod cost;
@@ -7,8 +17,9 @@ mod method;
 pub mod optimization;
 pub mod refinement;
 mod simd;
+pub mod vector;
 
 pub use cost::Volume;
 pub use engine::Engine;
-pub use method::Method;
+pub use method::{CostFunction, Method, Optimizer};
 pub use simd::{Simd, Task};

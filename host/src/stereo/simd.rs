@@ -10,15 +10,26 @@ use std::fmt;
 use multiscopic_core::kernel::Neon;
 #[cfg(target_arch = "x86_64")]
 use multiscopic_core::kernel::{Avx2, Avx512};
-use multiscopic_core::{
-    Disparity, Matcher, Memory, Params, Region,
-    kernel::{Blocks, Portable},
-};
+use multiscopic_core::kernel::{Blocks, Portable};
 
-use crate::{images::Frames, stereo::optimization::sgm::Vectors};
+use super::vector::Vectors;
 
 /// As many lanes as the compiler makes vectors of, on any processor.
 type Baseline = Portable<8>;
+
+/// Whether this processor has a feature that a kernel needs.
+#[cfg(target_arch = "x86_64")]
+fn is_detected(feature: &str) -> bool {
+    macro_rules! detect {
+        ($($name:tt)+) => {
+            match feature {
+                $($name => is_x86_feature_detected!($name),)+
+                _ => unreachable!("a kernel needs {feature}, which is not detected here"),
+            }
+        };
+    }
+    detect!("avx2" "avx512f" "avx512bw" "avx512dq" "avx512vl" "bmi1" "bmi2" "lzcnt" "popcnt")
+}
 
 /// A set of vector instructions, which this processor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,14 +64,10 @@ impl Simd {
         let mut levels = Vec::new();
         #[cfg(target_arch = "x86_64")]
         {
-            if is_x86_feature_detected!("avx512bw")
-                && is_x86_feature_detected!("avx512vl")
-                && is_x86_feature_detected!("avx512dq")
-                && is_x86_feature_detected!("bmi2")
-            {
+            if Avx512::FEATURES.iter().copied().all(is_detected) {
                 levels.push(Simd(Level::Avx512));
             }
-            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi2") {
+            if Avx2::FEATURES.iter().copied().all(is_detected) {
                 levels.push(Simd(Level::Avx2));
             }
         }
@@ -89,7 +96,7 @@ impl Simd {
     /// Does `task` with the core's instruction set of this level.
     pub fn run<T: Task>(self, task: T) -> T::Output {
         match self.0 {
-            // SAFETY: a Simd is only made for what the processor has.
+            // SAFETY: `available` has detected every feature that the kernel names.
             #[cfg(target_arch = "x86_64")]
             Level::Avx512 => task.run(unsafe { Avx512::new() }),
             // SAFETY: as above.
@@ -99,18 +106,6 @@ impl Simd {
             Level::Neon => task.run(Neon),
             Level::Baseline => task.run(Baseline::default()),
         }
-    }
-
-    /// Matches `region` of `frames` into `out`, which has its pixels line by line, and calls `line_done` after each line.
-    pub(crate) fn match_region(
-        self,
-        frames: &Frames,
-        params: &Params,
-        region: &Region,
-        out: &mut [Option<Disparity>],
-        line_done: &impl Fn(),
-    ) {
-        self.run(Pass { frames, params, region, out, line_done });
     }
 }
 
@@ -136,33 +131,5 @@ impl Task for Lanes {
 
     fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, _isa: I) -> usize {
         I::LANES
-    }
-}
-
-/// Matches a region.
-struct Pass<'a, F> {
-    frames: &'a Frames,
-    params: &'a Params,
-    region: &'a Region,
-    out: &'a mut [Option<Disparity>],
-    line_done: &'a F,
-}
-
-impl<F: Fn()> Task for Pass<'_, F> {
-    type Output = ();
-
-    fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, isa: I) {
-        /// Bytes of the widest vector, to which the sums are aligned.
-        const ALIGNMENT: usize = 64;
-        let Pass { mut frames, params, region, out, line_done } = self;
-        let words = Memory::new::<I>(params, region.width()).words();
-        let mut memory = vec![0u32; words + ALIGNMENT / 4];
-        let start = memory.as_ptr().align_offset(ALIGNMENT);
-        let mut matcher =
-            Matcher::with_isa(isa, params, region, &mut memory[start..]).expect("the memory has the matcher's own size");
-        for line in out.chunks_exact_mut(region.width()) {
-            matcher.next_line(&mut frames, line).expect("lines in memory do not fail");
-            line_done();
-        }
     }
 }

@@ -53,7 +53,7 @@ fn run<I: Blocks<u16> + Blocks<u32>, const WORDS: usize, const COLUMNS: usize, c
     desk: &mut Desk<'_>,
 ) -> Simulation {
     let (Ok(mut source), Ok(mut packets)) = (desk.frames(params), desk.output());
-    let run = workspace.pipeline().run_with::<Desk<'_>, I>(kernel, params, tile_width, &mut source, &mut packets);
+    let run = workspace.pipeline().run::<Desk<'_>, I>(kernel, params, tile_width, &mut source, &mut packets);
     let mut sender = run.unwrap_or_else(|error| panic!("the workspace is the profile's and memory can be read: {error}"));
     packets.extend_from_slice(sender.end(None).expect("an end takes less room than a line"));
     let frames = [Frame::Center].into_iter().chain(params.views().iter().map(Frame::View));

@@ -8,9 +8,10 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::{Args, value_parser};
 use multiscopic::{
-    DisparityMap, Result,
+    DisparityMap, Method, Result,
     evaluation::{Record, record},
     scene::{Camera, Scene, capture},
+    stereo::{CostFunction, Optimizer},
 };
 use multiscopic_core::{Params, Views};
 
@@ -73,9 +74,11 @@ impl Demo {
         let frames = shot.frames(Views::ALL);
         let subject = Subject { dataset: "demo", scene: "demo", frames: &frames, truth: &shot.truth };
         bar.set_message("matching");
+        let cost = CostFunction::Sad { block_size: self.search.block_size() };
+        let method = Method::new(cost, None, Optimizer::WinnerTakesAll);
         let mut outcomes = Vec::new();
         for (variant, params) in VARIANTS.iter().zip(&params) {
-            let (disparities, record) = variant.measure(&engine, &subject, params, &())?;
+            let (disparities, record) = variant.measure(&method, &engine, &subject, params.search())?;
             outcomes.push(Outcome { stem: variants::stem(variant), disparities, record });
             bar.inc(1);
         }

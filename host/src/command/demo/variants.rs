@@ -1,9 +1,8 @@
 //! What the demo compares, and what it calls it.
 
-use multiscopic::Method;
 use multiscopic_core::{Fusion, Views};
 
-use crate::command::{methods::MethodName, variant::Variant};
+use crate::command::{options::MethodName, variant::Variant};
 
 /// Stereo first, the default for four views last. The heuristic rule is left out for two views, where it equals the mean.
 pub static VARIANTS: [Variant; 6] = [
@@ -16,7 +15,7 @@ pub static VARIANTS: [Variant; 6] = [
 ];
 
 const fn variant(views: Views, fusion: Fusion) -> Variant {
-    Variant { name: MethodName::Bm, method: Method::BlockMatching, views, fusion }
+    Variant { method: MethodName::Bm, views, fusion }
 }
 
 /// The stem of a variant's files.

@@ -3,6 +3,7 @@
 mod engine;
 mod geometry;
 mod map_files;
+mod method;
 mod named;
 mod search;
 mod source;
@@ -11,6 +12,7 @@ pub mod value;
 pub use engine::EngineOptions;
 pub use geometry::GeometryOptions;
 pub use map_files::MapFiles;
-pub use named::named;
+pub use method::{MethodName, MethodOptions};
+pub use named::{Named, named};
 pub use search::{SearchOptions, views_of_count};
 pub use source::SourceOptions;

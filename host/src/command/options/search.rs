@@ -39,6 +39,11 @@ impl SearchOptions {
     /// The paper's block size.
     const DEFAULT_BLOCK_SIZE: u8 = 11;
 
+    /// The side of the block in pixels.
+    pub fn block_size(&self) -> u8 {
+        self.block_size.unwrap_or(Self::DEFAULT_BLOCK_SIZE)
+    }
+
     /// The parameters for matching frames of `width` x `height` with `views`. `default_range` is the smallest
     /// disparity and the number of disparities that apply unless options override them.
     pub fn params(
@@ -58,7 +63,7 @@ impl SearchOptions {
             fusion.unwrap_or(Fusion::default_for(views.len())),
             self.min_disparity.unwrap_or(default_range.0),
             self.num_disparities.unwrap_or(default_range.1),
-            self.block_size.unwrap_or(Self::DEFAULT_BLOCK_SIZE),
+            self.block_size(),
         )?)
     }
 }

@@ -1,9 +1,9 @@
-//! Cross-based cost aggregation: costs are averaged over pixels around that look alike.
+//! Cross-based cost aggregation: costs are averaged over a support region of similar pixels.
 //!
 //! K. Zhang, J. Lu and G. Lafruit, "Cross-based local stereo matching using orthogonal integral images", 2009, as J. Žbontar and Y. LeCun,
 //! "Stereo matching by training a convolutional neural network to compare image patches", 2016, use it (section 4.1).
 
-use multiscopic_core::{Params, View};
+use multiscopic_core::{Search, View};
 use rayon::prelude::*;
 
 use crate::{
@@ -11,21 +11,30 @@ use crate::{
     stereo::cost::{Cost, Volume},
 };
 
-/// When a pixel belongs to the cross of another.
+/// The support region of a pixel: a cross of similar pixels, whose vertical arm carries the horizontal arms of its pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Likeness {
-    /// The difference in brightness stays below this (`cbca_intensity`). Next neighbours always belong.
+pub struct SupportRegion {
+    /// An arm ends where the brightness differs from the pixel's by this or more (`cbca_intensity`). Next neighbours always belong.
     pub intensity: f32,
-    /// The distance in pixels stays below this (`cbca_distance`); with 0 or 1 only next neighbours belong.
+    /// An arm stays shorter than this, in pixels (`cbca_distance`). With 0 or 1 it holds the next neighbour alone.
     pub distance: u16,
 }
 
-impl Likeness {
+impl SupportRegion {
     /// The published values of the accurate network on Middlebury, for images of mean 0 and standard deviation 1.
-    pub const ACCURATE: Likeness = Likeness { intensity: 0.02, distance: 14 };
+    pub const ACCURATE: SupportRegion = SupportRegion { intensity: 0.02, distance: 14 };
 }
 
-/// How many pixels a cross reaches to each side.
+/// Cross-based aggregation as a step of a method.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aggregation {
+    /// The support region.
+    pub region: SupportRegion,
+    /// How often costs are aggregated before the optimization, and after it (`cbca_num_iterations_1` and `_2`).
+    pub iterations: [usize; 2],
+}
+
+/// The arms of a cross in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Arms {
     left: u16,
@@ -50,7 +59,7 @@ impl Arms {
 struct Crosses(Raster<Arms>);
 
 impl Crosses {
-    fn new(image: &Raster<f32>, likeness: Likeness) -> Crosses {
+    fn new(image: &Raster<f32>, region: SupportRegion) -> Crosses {
         let (width, height) = (image.width() as isize, image.height() as isize);
         let arm = |u: isize, v: isize, du: isize, dv: isize| {
             let sample = |step: isize| {
@@ -58,10 +67,10 @@ impl Crosses {
                 ((0..width).contains(&u) && (0..height).contains(&v)).then(|| image.get(u as usize, v as usize))
             };
             let center = image.get(u as usize, v as usize);
-            let belongs = |step: isize, other: f32| {
-                step == 1 || ((center - other).abs() < likeness.intensity && step < likeness.distance as isize)
+            let belongs = |step: isize, sample: f32| {
+                step == 1 || ((center - sample).abs() < region.intensity && step < region.distance as isize)
             };
-            (1..).take_while(|&step| sample(step).is_some_and(|other| belongs(step, other))).count() as u16
+            (1..).take_while(|&step| sample(step).is_some_and(|sample| belongs(step, sample))).count() as u16
         };
         let rows: Vec<Vec<Arms>> = (0..height)
             .into_par_iter()
@@ -77,34 +86,34 @@ impl Crosses {
 
 /// Cross-based aggregation for a centre and its views.
 ///
-/// The support of a candidate is the cross of the centre's pixel, with the cross of each pixel of its vertical arm along the row; and
-/// each arm is the shortest of the centre's and of those at the matches in all views that are available to the pixel there. With one
-/// view this is what Žbontar and LeCun do.
+/// The arms of a candidate are the shortest of the pixel's in the centre and of its match's in every view that sees it. Its support
+/// region is the horizontal arms of all pixels on its vertical arm. With one view this is what Žbontar and LeCun do.
 #[derive(Debug)]
 pub struct CrossBased<'a> {
-    params: &'a Params,
+    search: &'a Search,
     center: Crosses,
     views: Vec<(View, Crosses)>,
 }
 
 impl<'a> CrossBased<'a> {
-    /// The crosses of `center` and of the `views` of `params`, in their order. All have the size of `params`; they are of any scale, which is
-    /// that of `likeness`.
-    pub fn new(params: &'a Params, center: &Raster<f32>, views: &[Raster<f32>], likeness: Likeness) -> CrossBased<'a> {
-        let views = params.views().iter().zip(views).map(|(view, image)| (view, Crosses::new(image, likeness))).collect();
-        CrossBased { params, center: Crosses::new(center, likeness), views }
+    /// The crosses of `center` and of `views`, which follow the order of the views of `search`. All images have the size of
+    /// `search`; their brightness has the scale of `region`.
+    pub fn new(search: &'a Search, center: &Raster<f32>, views: &[Raster<f32>], region: SupportRegion) -> CrossBased<'a> {
+        let views = search.views().iter().zip(views).map(|(view, image)| (view, Crosses::new(image, region))).collect();
+        CrossBased { search, center: Crosses::new(center, region), views }
     }
 
-    /// Puts the mean of `costs` over the support of each candidate into `aggregated`. What does not exist, does not afterwards.
+    /// Writes the mean of `costs` over the support region of each candidate to `aggregated`. Candidates that do not exist stay so,
+    /// and do not count.
     ///
-    /// Bands of rows are done in parallel. Each thread keeps sums for as many rows as two arms have, 16 bytes for each cost.
+    /// Bands of rows run in parallel. Each thread keeps running sums for the rows of two arms, 16 bytes for each cost.
     ///
     /// # Panics
-    /// If the volumes have another size than the parameters.
+    /// If a volume has another size than the search.
     pub fn aggregate(&self, costs: &Volume<f32>, aggregated: &mut Volume<f32>) {
-        /// Rows of a band. It goes over an arm's length more on both sides.
+        /// Rows of a band. Each band also sums an arm's length of rows above and below it.
         const BAND: usize = 128;
-        let size = [self.params.width(), self.params.height(), self.params.num_disparities()];
+        let size = [self.search.width(), self.search.height(), self.search.num_disparities()];
         assert_eq!([costs.width(), costs.height(), costs.num_disparities()], size, "the size of the costs");
         assert_eq!([aggregated.width(), aggregated.height(), aggregated.num_disparities()], size, "the size of the result");
         let row = costs.row_len();
@@ -121,7 +130,7 @@ impl<'a> CrossBased<'a> {
             usize::from(rows.map(arm).max().unwrap_or_default())
         };
         let (up, down) = (longest(|arms| arms.up), longest(|arms| arms.down));
-        // Sums down the columns, of so many rows that no arm is longer: before the first row, and after each.
+        // A ring of running sums down the columns: one before the first row, and one after each row that an arm may reach.
         let kept = up + down + 2;
         let mut sums = vec![Sum::default(); kept * row];
         let start = first.saturating_sub(up);
@@ -147,10 +156,10 @@ impl<'a> CrossBased<'a> {
         }
     }
 
-    /// Adds the sums along the arms of row `v` to those of the rows before.
+    /// Extends the running sums down the columns by row `v`: sums along the horizontal arms.
     fn sum_row(&self, costs: &Volume<f32>, v: usize, along: &mut [Sum], sums: &mut [Sum], kept: usize) {
         let (row, count) = (costs.row_len(), costs.num_disparities());
-        // From the left: at each pixel the sums of those before.
+        // Running sums along the row, exclusive of the pixel itself.
         for (i, &cost) in costs.row(v).iter().enumerate() {
             along[i + count] = along[i].plus(cost);
         }
@@ -163,9 +172,8 @@ impl<'a> CrossBased<'a> {
                     let right = i + (usize::from(arms.right) + 1) * count;
                     along[right].minus(along[i - usize::from(arms.left) * count])
                 });
-                let Sum { sum: more, count: and } = sum;
-                let Sum { sum, count } = sums[before + i];
-                sums[after + i] = Sum { sum: sum + more, count: count + and };
+                let above = sums[before + i];
+                sums[after + i] = Sum { sum: above.sum + sum.sum, count: above.count + sum.count };
             }
         }
     }
@@ -173,13 +181,11 @@ impl<'a> CrossBased<'a> {
     /// The arms of a candidate, if it exists.
     #[inline]
     fn arms(&self, u: usize, v: usize, index: usize) -> Option<Arms> {
-        let shift = isize::from(self.params.min_disparity()) + index as isize;
+        let d = self.search.min_disparity() + index as i16;
         let mut arms = self.center.0.get(u, v);
         let mut exists = false;
         for (view, crosses) in &self.views {
-            let shift = view.sign() as isize * shift;
-            let (x, y) = if view.is_horizontal() { (u.wrapping_add_signed(shift), v) } else { (u, v.wrapping_add_signed(shift)) };
-            if x < crosses.0.width() && y < crosses.0.height() {
+            if let Some((x, y)) = view.match_of((u, v), d, (crosses.0.width(), crosses.0.height())) {
                 arms = arms.intersection(crosses.0.get(x, y));
                 exists = true;
             }
@@ -188,7 +194,7 @@ impl<'a> CrossBased<'a> {
     }
 }
 
-/// A sum of costs, and of how many. In 64 bits, since it is the difference of two sums that counts.
+/// A sum of costs and their number, in 64 bits: differences of large sums must keep their precision.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sum {
     sum: f64,
@@ -196,7 +202,7 @@ struct Sum {
 }
 
 impl Sum {
-    /// With one more cost, if it exists.
+    /// The sum with one more cost, if that exists.
     fn plus(self, cost: f32) -> Sum {
         if cost == f32::NONE { self } else { Sum { sum: self.sum + f64::from(cost), count: self.count + 1.0 } }
     }

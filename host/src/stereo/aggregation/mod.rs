@@ -1,3 +1,7 @@
-//! Aggregation: costs are summed over the support region of a pixel.
+//! Aggregation: costs are averaged over a support region around each pixel.
+//!
+//! The block of [`Sad`](super::CostFunction::Sad) costs is aggregation too; the core sums it together with the cost.
 
-pub mod cross_based;
+mod cross_based;
+
+pub use cross_based::{Aggregation, CrossBased, SupportRegion};

@@ -1,14 +1,89 @@
-//! The dissimilarity of pixels by Birchfield and Tomasi, which sampling does not sway.
+//! The pixel dissimilarity of Birchfield and Tomasi, which is insensitive to image sampling.
 //!
-//! It is the improved form of Kolmogorov and Zabih that the paper uses (eq. 3 and 4): an image takes at a pixel every value between the
-//! least and the greatest of the pixel itself and the points half way to its four neighbours. A value is as far from a pixel of the
-//! other image as from that interval; of both directions the smaller distance counts (Birchfield and Tomasi, A pixel dissimilarity
-//! measure that is insensitive to image sampling, 1998).
-
-use std::ops::Range;
+//! This is the variant of Kolmogorov and Zabih that the paper uses (eq. 3 and 4). At a pixel, an image takes every value between the
+//! least and the greatest of the pixel itself and the points half way to its four neighbours. The cost of a match is the distance
+//! from a pixel's value to the interval of its match, or the other way round, whichever is less (Birchfield and Tomasi, "A pixel
+//! dissimilarity measure that is insensitive to image sampling", 1998). Channels of colour are summed.
 
 use image::{GrayImage, RgbImage};
-use multiscopic_core::View;
+use multiscopic_core::{Frame, Search, View};
+
+use super::{
+    matches::RowMatches,
+    rows::{Cost, CostRows},
+};
+use crate::{images::Frames, stereo::vector::Vectors};
+
+/// The matching cost, and what it is computed of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BirchfieldTomasi {
+    /// Whether colours are matched, where all frames have them, instead of grey values.
+    pub color: bool,
+}
+
+impl BirchfieldTomasi {
+    /// Whether the colours of `frames` are matched.
+    pub fn matches_color(self, frames: &Frames) -> bool {
+        self.color && frames.color(Frame::Center).is_some()
+    }
+
+    /// The intervals of a frame of `frames`.
+    ///
+    /// # Panics
+    /// If the frame is missing.
+    pub fn intervals(self, frames: &Frames, frame: Frame) -> Intervals {
+        match frames.color(frame).filter(|_| self.color) {
+            Some(color) => Intervals::of_rgb(color),
+            None => Intervals::of_gray(frames.get(frame).expect("the search's views are there")),
+        }
+    }
+
+    /// The fused costs of `frames`, in halves of an intensity.
+    ///
+    /// # Panics
+    /// If a view of `search` is missing.
+    pub fn rows<'a>(self, frames: &Frames, search: &'a Search) -> BirchfieldTomasiRows<'a> {
+        let views = search.views().iter().map(|view| (view, self.intervals(frames, Frame::View(view)))).collect();
+        BirchfieldTomasiRows { search, center: self.intervals(frames, Frame::Center), views }
+    }
+}
+
+/// The fused costs of a centre and its views, in halves of an intensity.
+#[derive(Clone, Debug)]
+pub struct BirchfieldTomasiRows<'a> {
+    search: &'a Search,
+    center: Intervals,
+    views: Vec<(View, Intervals)>,
+}
+
+impl CostRows for BirchfieldTomasiRows<'_> {
+    type Cost = u16;
+
+    fn search(&self) -> &Search {
+        self.search
+    }
+
+    fn max_cost(&self) -> u16 {
+        (Intervals::MAX_COST * self.center.channels() as u32 * self.search.fusion().scale()) as u16
+    }
+
+    fn row<I: Vectors>(&self, _isa: I, v: usize, stride: usize, row: &mut [u16]) {
+        row.fill(u16::NONE);
+        let mut views = vec![vec![Intervals::NONE; self.search.width()]; self.views.len()];
+        for (index, d) in (self.search.min_disparity()..=self.search.max_disparity()).enumerate() {
+            for ((view, intervals), costs) in self.views.iter().zip(&mut views) {
+                self.center.row_costs(intervals, *view, v, d, costs);
+            }
+            for (u, pixel) in row.chunks_exact_mut(stride).enumerate() {
+                let mut costs = [u32::MAX; View::ALL.len()];
+                for (cost, view) in costs.iter_mut().zip(&views).filter(|(_, view)| view[u] != Intervals::NONE) {
+                    *cost = view[u] as u32;
+                }
+                pixel[index] = u16::try_from(self.search.fusion().fuse(costs)).unwrap_or(u16::NONE);
+            }
+        }
+    }
+}
 
 /// An image, and the interval of values around each pixel.
 #[derive(Clone, Debug)]
@@ -27,21 +102,12 @@ struct Channel {
     greatest: Vec<i16>,
 }
 
-/// The columns of row `v` of an image of a size whose matches at disparity `d` lie inside, and the index of the first of these matches; `None`
-/// if there are no such columns.
-pub fn matches_inside([width, height]: [usize; 2], view: View, v: usize, d: i16) -> Option<(Range<usize>, usize)> {
-    let shift = view.sign() as isize * isize::from(d);
-    let (along, across) = if view.is_horizontal() { (shift, 0) } else { (0, shift) };
-    let row = v.checked_add_signed(across).filter(|row| *row < height)?;
-    let inside = |column: isize| column.clamp(0, width as isize) as usize;
-    let columns = inside(-along)..inside(width as isize - along);
-    (!columns.is_empty()).then(|| (columns.clone(), row * width + columns.start.wrapping_add_signed(along)))
-}
-
 impl Intervals {
-    /// The costs are whole numbers of this part of an intensity, for every channel.
+    /// Units of cost in an intensity.
     pub const STEPS: i32 = 2;
-    /// The cost where a pixel has no match inside the image.
+    /// The greatest cost of a channel.
+    pub const MAX_COST: u32 = 255 * Intervals::STEPS as u32;
+    /// The cost of a pixel whose match lies outside the view.
     pub const NONE: i16 = i16::MAX;
 
     /// Of a grey image.
@@ -72,7 +138,7 @@ impl Intervals {
     pub fn row_costs(&self, other: &Intervals, view: View, v: usize, d: i16, costs: &mut [i16]) {
         self.assert_like(other);
         assert_eq!(costs.len(), self.width, "a row of costs");
-        let Some((columns, first)) = matches_inside([self.width, self.height], view, v, d) else {
+        let Some(RowMatches { columns, first }) = RowMatches::new([self.width, self.height], view, v, d) else {
             return costs.fill(Intervals::NONE);
         };
         costs[..columns.start].fill(Intervals::NONE);
@@ -86,24 +152,25 @@ impl Intervals {
     /// # Panics
     /// If the images differ in size or channels, or `costs` is not a row and its margins.
     pub fn extended_row_costs(&self, other: &Intervals, view: View, v: isize, d: i16, margin: usize, costs: &mut [i16]) {
-        let (width, height, shift) = (self.width as isize, self.height as isize, view.sign() as isize * isize::from(d));
+        let (width, height) = (self.width as isize, self.height as isize);
+        let (du, dv) = view.shift(d);
+        let (du, dv) = (du as isize, dv as isize);
         self.assert_like(other);
         assert_eq!(costs.len(), self.width + 2 * margin, "a row of costs");
-        let (across, along) = if view.is_horizontal() { (shift, 0) } else { (0, shift) };
-        let inside = |place: isize, size: isize| place.clamp(0, size - 1);
-        let [here, there] = [v, v + along].map(|v| inside(v, height) * width);
-        // Pixels that lie inside as their matches do, and what is left of them and right.
-        let first = |column: isize| (column + margin as isize).clamp(0, costs.len() as isize) as usize;
-        let (start, end) = (first(0.max(-across)), first(width.min(width - across)));
+        let clamp = |place: isize, size: isize| place.clamp(0, size - 1);
+        let [here, there] = [v, v + dv].map(|v| clamp(v, height) * width);
+        // In the middle, pixels and matches both lie inside: these go as one span. The rest is clamped one by one.
+        let place = |column: isize| (column + margin as isize).clamp(0, costs.len() as isize) as usize;
+        let (start, end) = (place(0.max(-du)), place(width.min(width - du)));
         let end = end.max(start);
         for i in (0..start).chain(end..costs.len()) {
             let u = i as isize - margin as isize;
-            let (p, q) = (here + inside(u, width), there + inside(u + across, width));
+            let (p, q) = (here + clamp(u, width), there + clamp(u + du, width));
             self.span_costs(other, p as usize, q as usize, &mut costs[i..=i]);
         }
         if start < end {
             let u = start as isize - margin as isize;
-            self.span_costs(other, (here + u) as usize, (there + u + across) as usize, &mut costs[start..end]);
+            self.span_costs(other, (here + u) as usize, (there + u + du) as usize, &mut costs[start..end]);
         }
     }
 

@@ -1,7 +1,16 @@
-//! Matching costs: how much a pixel differs from its match.
+//! Matching cost: how much a pixel differs from its match, fused over the views.
+//!
+//! [`CostRows`] is what most optimizers take: fused costs, row by row. A cost that comes in larger pieces, or that several passes
+//! go over, is kept in a [`Volume`].
 
 pub mod birchfield_tomasi;
+pub mod census;
+pub mod matches;
 pub mod mccnn;
+mod rows;
 pub mod volume;
 
-pub use volume::{Cost, Volume};
+pub use birchfield_tomasi::BirchfieldTomasi;
+pub use census::Census;
+pub use rows::{Cost, CostRows};
+pub use volume::Volume;

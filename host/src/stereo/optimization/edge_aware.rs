@@ -1,26 +1,26 @@
-//! Semi-global matching of costs with fractions, whose penalties are lowered at edges of the images.
+//! Semi-global matching of real-valued costs, with penalties that are lowered at image edges.
 //!
 //! J. Žbontar and Y. LeCun, "Stereo matching by training a convolutional neural network to compare image patches", 2016, section 4.2.
 
-use multiscopic_core::{Params, View};
+use multiscopic_core::{Search, View};
 use rayon::prelude::*;
 
 use crate::{images::Raster, stereo::cost::Volume};
 
-/// What paths charge for changes of disparity. All are above 0.
+/// What paths charge for a change of disparity. All values are above 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Penalties {
-    /// For a change by one disparity (`sgm_P1`).
+    /// Penalty for a change by one disparity (`sgm_P1`).
     pub p1: f32,
-    /// For any other change (`sgm_P2`).
+    /// Penalty for any larger change (`sgm_P2`).
     pub p2: f32,
-    /// Both are divided by this at an edge of one image, the centre or the view (`sgm_Q1`),
+    /// Divides both at an edge of either the centre or a view (`sgm_Q1`).
     pub q1: f32,
-    /// and by this at an edge of both (`sgm_Q2`).
+    /// Divides both at an edge of the centre and a view (`sgm_Q2`).
     pub q2: f32,
-    /// `p1` is also divided by this on paths up and down (`sgm_V`).
+    /// Divides `p1` again on vertical paths (`sgm_V`).
     pub vertical: f32,
-    /// An edge is a difference in brightness of at least this between a pixel and the next (`sgm_D`).
+    /// The difference in brightness from one pixel to the next that makes an edge (`sgm_D`).
     pub edge: f32,
 }
 
@@ -33,34 +33,35 @@ impl Penalties {
 
 /// Paths from the left, right, top and bottom through the costs of a centre and its views.
 ///
-/// There is an edge of the views at a candidate if there is one in any view that is available to it, between its match and the match of
-/// the pixel before at the same disparity; also where that lies outside. With one view this is what Žbontar and LeCun do. (To ask for an
-/// edge in every view keeps penalties high at thin things, which fewer views see in front of the same background.)
+/// A candidate lies at an edge of the views if any view that sees it has an edge between its match and the match of the previous
+/// pixel on the path; an outside match of the previous pixel counts as an edge. With one view this is what Žbontar and LeCun do. (To
+/// require an edge in every view would keep penalties high at thin objects, which fewer views see before the same background.)
 #[derive(Debug)]
 pub struct EdgeAware<'a> {
-    params: &'a Params,
+    search: &'a Search,
     penalties: Penalties,
     center: &'a Raster<f32>,
     views: Vec<(View, &'a Raster<f32>)>,
 }
 
-/// By how much the pixel before lies before: the path's direction, negated.
+/// The step from a pixel to the previous one on its path: `[du, dv]`.
 type Back = [isize; 2];
 
 impl<'a> EdgeAware<'a> {
-    /// For the images of `center` and of the `views` of `params`, in their order. All have the size of `params`.
-    pub fn new(params: &'a Params, penalties: Penalties, center: &'a Raster<f32>, views: &'a [Raster<f32>]) -> EdgeAware<'a> {
-        EdgeAware { params, penalties, center, views: params.views().iter().zip(views).collect() }
+    /// Paths through the costs of `center` and `views`, which follow the order of the views of `search`. All images have the size
+    /// of `search`.
+    pub fn new(search: &'a Search, penalties: Penalties, center: &'a Raster<f32>, views: &'a [Raster<f32>]) -> EdgeAware<'a> {
+        EdgeAware { search, penalties, center, views: search.views().iter().zip(views).collect() }
     }
 
-    /// Puts the mean costs of the four paths to each candidate into `means`. What does not exist, does not afterwards.
+    /// Writes the mean cost of the four paths to each candidate to `means`. Candidates that do not exist stay so.
     ///
-    /// Rows, and then columns, are done in parallel; each sum is made in one order.
+    /// Rows run in parallel, then columns. The order of each sum is fixed, so the bits do not depend on the threads.
     ///
     /// # Panics
-    /// If the volumes have another size than the parameters.
+    /// If a volume has another size than the search.
     pub fn optimize(&self, costs: &Volume<f32>, means: &mut Volume<f32>) {
-        let (width, height, count) = (self.params.width(), self.params.height(), self.params.num_disparities());
+        let (width, height, count) = (self.search.width(), self.search.height(), self.search.num_disparities());
         assert_eq!([costs.width(), costs.height(), costs.num_disparities()], [width, height, count], "the size of the costs");
         assert_eq!([means.width(), means.height(), means.num_disparities()], [width, height, count], "the size of the result");
         let row = costs.row_len();
@@ -96,12 +97,12 @@ impl<'a> EdgeAware<'a> {
         let Path { before, after, least } = path;
         let count = costs.len();
         if *least == f32::INFINITY {
-            // The path begins: the costs are its own.
+            // The path starts here.
             after[1..=count].copy_from_slice(costs);
         } else {
             let Penalties { p1, p2, q1, q2, vertical, .. } = self.penalties;
             let p1 = if back[0] == 0 { p1 / vertical } else { p1 };
-            // By the number of images that have an edge.
+            // Indexed by the number of images with an edge: centre, views.
             let penalties = [1.0, q1, q2].map(|divisor| (p1 / divisor, p2 / divisor));
             let edge = self.is_edge(self.center, [u as isize, v as isize], back);
             for (index, cost) in costs.iter().enumerate() {
@@ -119,19 +120,17 @@ impl<'a> EdgeAware<'a> {
         std::mem::swap(before, after);
     }
 
-    /// Whether any view that is available to a candidate has an edge there.
+    /// Whether any view that sees a candidate has an edge at its match.
     #[inline]
     fn is_edge_of_views(&self, [u, v]: [usize; 2], index: usize, back: Back) -> bool {
-        let d = isize::from(self.params.min_disparity()) + index as isize;
+        let d = self.search.min_disparity() + index as i16;
         self.views.iter().any(|(view, image)| {
-            let shift = view.sign() as isize * d;
-            let (x, y) = (u as isize, v as isize);
-            let place = if view.is_horizontal() { [x + shift, y] } else { [x, y + shift] };
-            is_inside(image, place) && self.is_edge(image, place, back)
+            let matched = view.match_of((u, v), d, (image.width(), image.height()));
+            matched.is_some_and(|(x, y)| self.is_edge(image, [x as isize, y as isize], back))
         })
     }
 
-    /// Whether an image has an edge between a pixel and the one before on a path, which counts as one if it lies outside.
+    /// Whether an image has an edge between a pixel and the previous one on the path. If that lies outside, it is an edge.
     #[inline]
     fn is_edge(&self, image: &Raster<f32>, [x, y]: [isize; 2], [du, dv]: Back) -> bool {
         let before = [x + du, y + dv];
@@ -144,12 +143,12 @@ fn is_inside<T>(image: &Raster<T>, [x, y]: [isize; 2]) -> bool {
     x.cast_unsigned() < image.width() && y.cast_unsigned() < image.height()
 }
 
-/// The costs of a path up to a pixel, between costs that none exceeds, and memory for those of the next pixel.
+/// The path costs of a pixel, and memory for those of the next one. Both are padded with an infinite cost at each end.
 #[derive(Debug)]
 struct Path {
     before: Vec<f32>,
     after: Vec<f32>,
-    /// The least of them; infinite where the path has not begun or no candidate exists.
+    /// The least of `before`; infinite before the path has started, and where no candidate exists.
     least: f32,
 }
 

@@ -1,5 +1,6 @@
-//! Optimization: from costs to the disparity of every pixel.
+//! Optimization: the disparity of every pixel by its costs, and by those of its neighbours.
 
 pub mod edge_aware;
 pub mod graph_cuts;
 pub mod sgm;
+pub mod winner;

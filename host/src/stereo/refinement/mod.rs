@@ -1,3 +1,11 @@
-//! Refinement: what is done to disparities after they have been selected.
+//! Refinement: checks and filters of the selected disparities.
 
-pub mod filter;
+mod bilateral;
+mod left_right;
+mod median;
+mod steps;
+mod window;
+
+pub use bilateral::Bilateral;
+pub use median::Median;
+pub use steps::Refinement;

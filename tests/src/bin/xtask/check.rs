@@ -53,11 +53,10 @@ fn test_workspace(profile: &str) -> Result<()> {
 }
 
 fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
-    // As firmware of one's own has them.
     let libraries: [&[&str]; 3] = [
         &["--package", "multiscopic-core"],
         &["--package", "multiscopic-edge"],
-        &["--package", "multiscopic-edge", "--features", "stepper,hm01b0"],
+        &["--package", "multiscopic-drivers", "--features", "stepper,hm01b0"],
     ];
     board::targets().iter().flat_map(|target| libraries.map(|library| (target, library))).try_for_each(|(target, library)| {
         let mut build = toolchain.cargo("rustc");
@@ -69,8 +68,16 @@ fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
 fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
     board::targets().iter().try_for_each(|target| {
         let mut clippy = toolchain.cargo("clippy");
-        let packages = ["--package", "multiscopic-core", "--package", "multiscopic-edge"];
-        run(clippy.args(packages).args(["--target", target, "--lib", "--bins", "--examples", "--", "-Dwarnings"]))
+        let packages = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", "multiscopic-firmware"];
+        run(clippy.args(packages.map(|package| format!("--package={package}"))).args([
+            "--target",
+            target,
+            "--lib",
+            "--bins",
+            "--examples",
+            "--",
+            "-Dwarnings",
+        ]))
     })
 }
 

@@ -21,7 +21,7 @@ pub enum Program {
 /// The command that builds `programs` for `board`.
 pub fn command(toolchain: &Toolchain, board: &Board, programs: &[Program]) -> Command {
     let mut cargo = toolchain.cargo("build");
-    cargo.args(["--profile", "firmware", "--package", "multiscopic-edge", "--target", board.target]);
+    cargo.args(["--profile", "firmware", "--package", "multiscopic-firmware", "--target", board.target]);
     cargo.env("RUSTFLAGS", board.rustflags);
     cargo.args(board.feature.map(|feature| format!("--features={feature}")));
     cargo.args(programs.iter().map(|program| match program {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use multiscopic_core::{Frame, Params, View};
+use multiscopic_core::{Frame, Search, View};
 use rayon::prelude::*;
 
 use super::{
@@ -41,12 +41,12 @@ struct Source {
 }
 
 impl<'a> Costs<'a> {
-    /// The costs of the matches of `params`: its views and disparities. Its block, and how it fuses costs, do not matter here.
+    /// The costs of the matches of `search`: its views and disparities. Its fusion is not used here.
     ///
     /// # Panics
-    /// If `params` were made for frames of another size or with views that are not there.
-    pub fn new(network: &'a Network, frames: &Frames, params: &Params) -> Costs<'a> {
-        assert_eq!(frames.size(), [params.width(), params.height()], "the size of the frames");
+    /// If `search` were made for frames of another size or with views that are not there.
+    pub fn new(network: &'a Network, frames: &Frames, search: &Search) -> Costs<'a> {
+        assert_eq!(frames.size(), [search.width(), search.height()], "the size of the frames");
         let source = |frame: Frame| {
             let image = frames.get(frame).unwrap_or_else(|| panic!("there is no frame {frame:?}"));
             let input = Input::new(image);
@@ -55,12 +55,12 @@ impl<'a> Costs<'a> {
         };
         Costs {
             network,
-            width: params.width(),
-            height: params.height(),
-            min_disparity: params.min_disparity().into(),
-            num_disparities: params.num_disparities(),
+            width: search.width(),
+            height: search.height(),
+            min_disparity: search.min_disparity().into(),
+            num_disparities: search.num_disparities(),
             center: source(Frame::Center),
-            views: params.views().iter().map(|view| (view, source(Frame::View(view)))).collect(),
+            views: search.views().iter().map(|view| (view, source(Frame::View(view)))).collect(),
         }
     }
 
@@ -75,7 +75,7 @@ impl<'a> Costs<'a> {
     }
 
     /// Computes the costs of the pixels of `rows` by the threads of the current pool. `out` has a slice for each view, in the
-    /// order of [`Params::views`]: in it, row by row and pixel by pixel, the costs from the least disparity on.
+    /// order of [`Search::views`]: in it, row by row and pixel by pixel, the costs from the least disparity on.
     ///
     /// Rows are best asked for from the top down, each once: what views above and below need again is kept.
     ///
@@ -117,7 +117,8 @@ impl<'a> Costs<'a> {
         if view.is_horizontal() {
             return rows.clone();
         }
-        let [a, b] = [self.min_disparity, self.min_disparity + self.num_disparities as i32 - 1].map(|d| view.sign() * d);
+        let ends = [self.min_disparity, self.min_disparity + self.num_disparities as i32 - 1];
+        let [a, b] = ends.map(|d| view.shift(d as i16).1);
         let row = |v: usize, by: i32| (v as i32 + by).clamp(0, self.height as i32) as usize;
         row(rows.start, a.min(b))..row(rows.end, a.max(b))
     }

@@ -10,7 +10,7 @@
 //! - Five convolutions of 3x3 pixels describe the patch of 11x11 around each pixel: [`Features`].
 //! - The cost of a match is 1 minus the similarity of two patches. The fast network takes the cosine between their features, the
 //!   accurate one asks four more layers: [`Costs`].
-//! - The costs of all views are fused, aggregated and summed along paths: [`McCnn`].
+//! - The costs of all views are fused: [`fused_costs`]. Aggregation and optimization follow.
 //!
 //! Arithmetic is in `f32`. Sums are fused and have a fixed order: features and costs are the same bits with AVX2, AVX-512 and
 //! Neon, and with any number of threads.
@@ -18,14 +18,14 @@
 pub mod checkpoint;
 mod costs;
 mod features;
+mod fused;
 mod layer;
-mod matching;
 mod network;
 pub mod package;
 mod weights;
 
 pub use costs::Costs;
 pub use features::Features;
-pub use matching::McCnn;
+pub use fused::fused_costs;
 pub use network::{Input, Network};
 pub use weights::{Architecture, Tensor, Weights};

@@ -45,6 +45,14 @@ impl Architecture {
         }
     }
 
+    /// How often costs are aggregated before the paths and after them, as published for Middlebury.
+    pub fn iterations(self) -> [usize; 2] {
+        match self {
+            Architecture::Fast => [0, 0],
+            Architecture::Accurate => [2, 0],
+        }
+    }
+
     /// Features of a pixel.
     pub fn channels(self) -> usize {
         match self {

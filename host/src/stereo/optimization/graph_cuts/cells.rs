@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::energy::Pixel;
+use super::pixel::Pixel;
 
 /// The image in squares of [`Cells::SIDE`] pixels, with whether each disparity is worth a trial there.
 ///

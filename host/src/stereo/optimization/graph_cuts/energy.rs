@@ -1,54 +1,16 @@
 //! What a labelling costs.
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
-use multiscopic_core::{Frame, Fusion, MatchingCost, Params, View};
+use multiscopic_core::{Frame, Fusion, MatchingCost, Search, View};
 
-use super::{GraphCuts, Occlusion, Smoothness};
+use super::{
+    parameters::{GraphCuts, Occlusion, Smoothness},
+    pixel::{Label, OCCLUDED, Pair, Pixel},
+};
 use crate::{
     images::Frames,
-    stereo::cost::birchfield_tomasi::{Intervals, matches_inside},
+    stereo::cost::{BirchfieldTomasi, birchfield_tomasi::Intervals, matches::RowMatches},
 };
-
-/// What is at a pixel: a disparity, or [`OCCLUDED`].
-pub type Label = i16;
-
-/// The label of a pixel that is not matched.
-pub const OCCLUDED: Label = Label::MIN;
-
-/// A pixel of the image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Pixel {
-    /// Its column.
-    pub u: usize,
-    /// Its row.
-    pub v: usize,
-    /// Its place among all pixels, row by row.
-    pub index: usize,
-}
-
-impl Pixel {
-    /// The pixel with an index in an image of a width.
-    pub fn new(index: usize, width: usize) -> Pixel {
-        Pixel { u: index % width, v: index / width, index }
-    }
-
-    /// The pixel in a column and a row of an image of a width.
-    #[inline(always)]
-    pub fn at(u: usize, v: usize, width: usize) -> Pixel {
-        Pixel { u, v, index: v * width + u }
-    }
-}
-
-/// Two pixels side by side.
-#[derive(Clone, Copy, Debug)]
-pub struct Pair {
-    /// The first, to the left or above.
-    pub first: Pixel,
-    /// The second.
-    pub second: Pixel,
-    /// Whether the second is below the first, and not to its right.
-    pub down: bool,
-}
 
 /// The energy of the labellings of an image (paper, section III-C and IV-C).
 ///
@@ -114,9 +76,12 @@ impl Source {
 }
 
 impl Energy {
-    /// Of labellings of the centre of `frames`, matched with the views of `search` by `method`.
-    pub fn new(method: &GraphCuts, frames: &Frames, search: &Params) -> Energy {
-        let colored = method.color && frames.color(Frame::Center).is_some();
+    /// The energy of labellings of the centre of `frames`, matched with the views of `search`.
+    ///
+    /// # Panics
+    /// If a view of `search` is missing.
+    pub fn new(method: &GraphCuts, cost: BirchfieldTomasi, frames: &Frames, search: &Search) -> Energy {
+        let colored = cost.matches_color(frames);
         let source = |frame| {
             let gray = frames.get(frame).expect("the views of the parameters are there");
             Source::new(gray, frames.color(frame).filter(|_| colored), method.threshold)
@@ -233,12 +198,8 @@ impl Energy {
     /// The index of the match of a pixel in a view, if it is inside.
     #[inline(always)]
     pub fn matched(&self, view: View, pixel: Pixel, d: Label) -> Option<usize> {
-        let shift = view.sign() as isize * isize::from(d);
-        match view.is_horizontal() {
-            true => (pixel.u.wrapping_add_signed(shift) < self.width).then(|| pixel.index.wrapping_add_signed(shift)),
-            false => (pixel.v.wrapping_add_signed(shift) < self.height)
-                .then(|| pixel.index.wrapping_add_signed(shift * self.width as isize)),
-        }
+        let (u, v) = view.match_of((pixel.u, pixel.v), d, (self.width, self.height))?;
+        Some(v * self.width + u)
     }
 
     /// What neighbours pay for a step, per pixel of it: less where they differ in the centre or in a view that sees both.
@@ -299,7 +260,7 @@ impl Energy {
     pub fn sides(&self, v: usize, d: Label, sides: &mut [u8]) {
         sides.fill(0);
         for (view, source) in &self.views {
-            let Some((columns, first)) = matches_inside(self.size(), *view, v, d) else { continue };
+            let Some(RowMatches { columns, first }) = RowMatches::new(self.size(), *view, v, d) else { continue };
             let below = v.max(first / self.width) + 1 < self.height;
             let seen = if below { (SEEN << RIGHT) | (SEEN << BELOW) } else { SEEN << RIGHT };
             let contrasts = &source.contrasts[first..first + columns.len()];
@@ -373,7 +334,7 @@ impl Energy {
 
     /// The cost of an occlusion by which about a quarter of the disparities of a pixel match it (Kolmogorov, Monasse and Tan, 2014): the mean
     /// over the pixels of their k-th smallest cost, where k is a quarter of the disparities, and at least 3.
-    fn automatic_occlusion(&self, search: &Params) -> f64 {
+    fn automatic_occlusion(&self, search: &Search) -> f64 {
         let disparities = search.num_disparities();
         let k = (disparities / 4).max(3).min(disparities);
         let mut rows = vec![0; self.width * disparities];

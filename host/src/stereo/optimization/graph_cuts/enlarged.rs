@@ -1,7 +1,7 @@
 //! Matching in enlarged images, whose whole disparities are parts of pixels of the images themselves.
 
 use image::ImageBuffer;
-use multiscopic_core::{Disparity, Frame, Params};
+use multiscopic_core::{Disparity, Frame, Params, Search};
 
 use crate::{
     error::{Error, Result},
@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// The frames of `search` so many times as large.
-pub fn frames(frames: &Frames, search: &Params, times: u8) -> Frames {
+pub fn frames(frames: &Frames, search: &Search, times: u8) -> Frames {
     let picture = |frame| match frames.color(frame) {
         Some(color) => Picture::Rgb(image(color, times)),
         None => Picture::Gray(image(frames.get(frame).expect("the views of the parameters are there"), times)),

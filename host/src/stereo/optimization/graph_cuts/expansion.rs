@@ -5,10 +5,11 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{
-    Occlusion, Smoothness,
     cells::{Cells, Region},
-    energy::{Energy, Label, OCCLUDED, Pixel},
+    energy::Energy,
     max_flow::MaxFlow,
+    parameters::{Occlusion, Smoothness},
+    pixel::{Label, OCCLUDED, Pixel},
     problem::{NOBODY, OUTSIDE, Problem, Run},
     topology::{Grid, Layers, TO_BELOW, TO_RIGHT},
 };

@@ -3,9 +3,10 @@
 use std::ops::Range;
 
 use super::{
-    GraphCuts, Smoothness,
-    energy::{Energy, Label, OCCLUDED, Pair, Pixel},
+    energy::Energy,
     max_flow::{MaxFlow, Topology},
+    parameters::{GraphCuts, Smoothness},
+    pixel::{Label, OCCLUDED, Pair, Pixel},
     topology::{GETS, Grid, LOSES, Layers, TO_ACROSS, TO_BELOW, TO_PARTNER, TO_RIGHT, TO_TWIN},
 };
 use crate::stereo::cost::birchfield_tomasi::Intervals;

@@ -9,8 +9,11 @@ use std::cmp::Ordering;
 use multiscopic_core::{Disparity, Fusion, View};
 use rayon::prelude::*;
 
-use super::energy::{Energy, Label, OCCLUDED};
-use crate::stereo::cost::birchfield_tomasi::Intervals;
+use super::{
+    energy::Energy,
+    pixel::{Label, OCCLUDED},
+};
+use crate::stereo::cost::{birchfield_tomasi::Intervals, matches::RowMatches};
 
 /// From the middle of the window to its side.
 const RADIUS: usize = 3;
@@ -118,7 +121,8 @@ impl Window {
                 }
             }
             for (v, sums) in sums.chunks_exact_mut(width).enumerate() {
-                let [start, end] = seen(view, d, top + v, [width, height]);
+                let columns = RowMatches::new([width, height], view, top + v, d).map_or(0..0, |matches| matches.columns);
+                let (start, end) = (columns.start, columns.end);
                 sums[..start].fill(NONE);
                 sums[end..].fill(NONE);
                 sums[start..end].fill(0);
@@ -140,19 +144,5 @@ impl Window {
             costs.iter_mut().zip(sums.iter()).for_each(|(cost, sums)| *cost = sums[i]);
             *fused = energy.fusion().fuse(costs);
         }
-    }
-}
-
-/// The columns of row `v` whose matches at `d` a view sees: from the first to before the second.
-fn seen(view: View, d: Label, v: usize, [width, height]: [usize; 2]) -> [usize; 2] {
-    let shift = view.sign() as isize * isize::from(d);
-    if view.is_horizontal() {
-        let inside = |column: isize| column.clamp(0, width as isize) as usize;
-        let start = inside(-shift);
-        [start, inside(width as isize - shift).max(start)]
-    } else if v.wrapping_add_signed(shift) < height {
-        [0, width]
-    } else {
-        [0, 0]
     }
 }

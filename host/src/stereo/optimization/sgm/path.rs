@@ -1,6 +1,6 @@
 //! The recursion along paths.
 
-use super::vector::{LANES, Vector, Vectors};
+use crate::stereo::vector::{LANES, Vector, Vectors};
 
 /// The costs of paths up to pixels side by side: those of a pixel at each disparity, between costs that none exceeds.
 #[derive(Debug)]

@@ -1,137 +1,148 @@
 //! A pass over the rows of an image, on several threads.
 //!
-//! Paths along rows need nothing but their row. Those from row to row need the pixels above of the same column or the one next to it: each
-//! thread takes every n-th row, and hands what it has of its paths to the thread of the next row, some columns at a time. So threads
-//! work on rows below each other, the lower ones a little behind. Whatever their number, the same is computed.
+//! Paths along a row need only that row. Paths from row to row need the previous row's paths at the same column and its neighbours.
+//! Each thread takes every n-th row, and sends the paths of its row to the thread of the next one, a block of columns at a time. So
+//! the threads work on successive rows, each a little behind the one above. The result does not depend on their number.
 
 use std::{
     mem,
     ops::Range,
-    sync::mpsc::{self, Receiver, Sender},
-    thread,
+    sync::{
+        Mutex,
+        mpsc::{self, Receiver, Sender},
+    },
 };
 
 use image::GrayImage;
 use multiscopic_core::{
-    Disparity, Params,
+    Disparity, Search,
     kernel::{Blocks, Work},
 };
 
-use super::{
-    census::Costs,
-    path::{Aligned, PathCosts, Penalties, extend},
-    vector::{LANES, Vector, Vectors},
-};
+use super::path::{Aligned, PathCosts, Penalties, extend};
 use crate::{
     progress::Progress,
-    stereo::{Simd, Task, cost::volume},
+    stereo::{
+        cost::CostRows,
+        engine::Engine,
+        optimization::winner,
+        simd::Task,
+        vector::{LANES, Vector, Vectors},
+    },
 };
 
-/// Columns that are handed on at a time.
+/// Columns that are sent at a time.
 const COLUMNS: usize = 32;
 
-/// What paths do in a pass.
+/// The paths of a pass.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pass {
-    /// The rows from the last one on.
+    /// Whether the pass starts at the last row.
     pub upwards: bool,
-    /// Whether there are paths along the row, to both sides.
+    /// Whether there are paths along the row, in both directions.
     pub along_rows: bool,
-    /// Whether paths from row to row are diagonal too.
+    /// Whether there are diagonal paths from row to row.
     pub diagonals: bool,
 }
 
-/// What all rows have in common.
-pub(super) struct Sweep<'a> {
-    pub params: &'a Params,
-    pub costs: &'a Costs<'a>,
+/// What all rows share.
+pub(super) struct Sweep<'a, R> {
+    /// The matching costs.
+    pub costs: &'a R,
+    /// The image whose edges lower P2.
     pub center: &'a GrayImage,
-    /// The cost of a step of one disparity.
+    /// The penalty of a step by one disparity.
     pub p1: u16,
-    /// The cost of any other step, by the difference in brightness between its pixels.
+    /// The penalty of any larger step, by the change of brightness.
     pub p2: [u16; 256],
-    /// Costs of a pixel, with those too many.
-    pub lanes: usize,
+    /// Costs of a pixel, padded to whole vectors.
+    pub stride: usize,
     pub progress: &'a dyn Progress,
 }
 
-/// What is to be done with a row.
+/// A row to compute.
 #[derive(Debug)]
 pub(super) struct Row<'a> {
     pub v: usize,
-    /// The sums of the paths so far, to which this pass adds its own. Without, they start from 0 and are not kept.
+    /// The sums of the previous passes, to which this one adds its own. If `None`, sums start from 0 and are not kept.
     pub sums: Option<&'a mut [u16]>,
-    /// Where the disparities by the sums go.
+    /// Where the selected disparities go, in the last pass.
     pub disparities: Option<&'a mut [Option<Disparity>]>,
 }
 
-/// What goes from row to row: the paths of each slope up to some columns.
+/// The paths of a block of columns, one for each slope: what a row sends to the next.
 type Columns = Vec<PathCosts>;
 
-impl Sweep<'_> {
-    /// Goes over all `rows`, which are in the order of the pass.
-    pub fn run(&self, pass: Pass, rows: Vec<Row<'_>>, simd: Simd, threads: usize) {
-        let threads = threads.min(rows.len());
+impl<R: CostRows<Cost = u16>> Sweep<'_, R> {
+    /// Computes all `rows`, which are in the order of the pass, on the threads of `engine`.
+    pub fn run(&self, pass: Pass, rows: Vec<Row<'_>>, engine: &Engine) {
         let count = rows.len();
-        let (mut of_threads, mut links): (Vec<_>, Vec<_>) = (0..threads).map(|_| (Vec::new(), mpsc::channel())).unzip();
+        let threads = engine.threads().min(count);
+        let (mut shares, links): (Vec<_>, Vec<_>) = (0..threads).map(|_| (Vec::new(), mpsc::channel())).unzip();
         for (i, row) in rows.into_iter().enumerate() {
-            of_threads[i % threads].push(row);
+            shares[i % threads].push(row);
         }
-        // A thread receives from the one before it, and sends to the one after.
-        let (mut senders, receivers): (Vec<_>, Vec<_>) = links.drain(..).unzip();
+        // Each worker receives from the one before it, and sends to the one after it.
+        let (mut senders, receivers): (Vec<_>, Vec<_>) = links.into_iter().unzip();
         senders.rotate_left(1);
         let last = (count - 1) % threads;
-        thread::scope(|scope| {
-            for (index, ((rows, sender), receiver)) in of_threads.into_iter().zip(senders).zip(receivers).enumerate() {
-                let first = index == 0;
-                let thread = Thread { sweep: self, pass, rows, first, last: index == last, sender, receiver };
-                scope.spawn(move || simd.run(thread));
-            }
+        let workers = shares.into_iter().zip(senders).zip(receivers).enumerate().map(|(index, ((rows, sender), receiver))| {
+            let (has_first, has_last) = (index == 0, index == last);
+            Mutex::new(Some(Worker { sweep: self, pass, rows, has_first, has_last, sender, receiver }))
+        });
+        let workers: Vec<_> = workers.collect();
+        let simd = engine.simd(self.costs.search());
+        // Workers wait for each other, so that each needs a thread of its own: a broadcast gives one to each.
+        engine.pool().broadcast(|thread| {
+            let worker = workers.get(thread.index()).and_then(|worker| worker.lock().ok()?.take());
+            worker.into_iter().for_each(|worker| simd.run(worker));
         });
     }
 }
 
-/// The rows of a thread, and what it is linked with.
-struct Thread<'a, 'b> {
-    sweep: &'a Sweep<'a>,
+/// The rows of a thread, and its links to the threads of the rows before and after them.
+struct Worker<'a, 'b, R> {
+    sweep: &'a Sweep<'a, R>,
     pass: Pass,
     rows: Vec<Row<'b>>,
-    /// Whether it has the first of all rows, and the last.
-    first: bool,
-    last: bool,
+    /// Whether its first row is the first of the pass.
+    has_first: bool,
+    /// Whether its last row is the last of the pass.
+    has_last: bool,
     receiver: Receiver<Columns>,
     sender: Sender<Columns>,
 }
 
-impl Task for Thread<'_, '_> {
+impl<R: CostRows<Cost = u16>> Task for Worker<'_, '_, R> {
     type Output = ();
 
     fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, isa: I) {
-        isa.compiled(Compiled { thread: self, isa });
+        isa.compiled(Compiled { worker: self, isa });
     }
 }
 
-/// A thread and its vectors.
-struct Compiled<'a, 'b, I> {
-    thread: Thread<'a, 'b>,
+/// A worker and its vectors.
+struct Compiled<'a, 'b, R, I> {
+    worker: Worker<'a, 'b, R>,
     isa: I,
 }
 
-impl<I: Vectors> Work for Compiled<'_, '_, I> {
+impl<R: CostRows<Cost = u16>, I: Vectors> Work for Compiled<'_, '_, R, I> {
     #[inline(always)]
     fn run(self) {
-        let Compiled { thread, isa } = self;
-        let Sweep { params, costs, center, lanes, progress, .. } = *thread.sweep;
-        let width = params.width();
+        let Compiled { worker, isa } = self;
+        let Sweep { costs, center, stride, progress, .. } = *worker.sweep;
+        let search = costs.search();
+        let width = search.width();
         let samples = |v: usize| &center.as_raw()[v * width..][..width];
-        let (mut fused, mut own) = (Aligned::new(width * lanes), Aligned::new(width * lanes));
-        let mut along = [(); 4].map(|_| PathCosts::new(1, lanes));
-        let beginning = PathCosts::new(1, lanes);
-        // Columns whose memory is used again.
+        let (mut fused, mut own) = (Aligned::new(width * stride), Aligned::new(width * stride));
+        let mut along = [(); 4].map(|_| PathCosts::new(1, stride));
+        let start = PathCosts::new(1, stride);
+        // Blocks of columns whose memory is used again.
         let mut free: Vec<Columns> = Vec::new();
-        let (count, last_columns) = (thread.rows.len(), (width - 1) / COLUMNS);
-        for (i, row) in thread.rows.into_iter().enumerate() {
-            let (is_first, is_last) = (thread.first && i == 0, thread.last && i + 1 == count);
+        let (count, last_block) = (worker.rows.len(), (width - 1) / COLUMNS);
+        for (i, row) in worker.rows.into_iter().enumerate() {
+            let (is_first, is_last) = (worker.has_first && i == 0, worker.has_last && i + 1 == count);
             let sums = match row.sums {
                 Some(sums) => sums,
                 None => {
@@ -139,61 +150,62 @@ impl<I: Vectors> Work for Compiled<'_, '_, I> {
                     own.get_mut()
                 }
             };
-            costs.row(isa, row.v, lanes, &mut fused.get_mut()[..width * lanes]);
-            let fused = &fused.get()[..width * lanes];
-            if thread.pass.along_rows {
-                thread.sweep.along_row(isa, samples(row.v), fused, &mut along, sums);
+            costs.row(isa, row.v, stride, &mut fused.get_mut()[..width * stride]);
+            let fused = &fused.get()[..width * stride];
+            if worker.pass.along_rows {
+                worker.sweep.along_row(isa, samples(row.v), fused, &mut along, sums);
             }
-            let v_above = match (is_first, thread.pass.upwards) {
+            let v_above = match (is_first, worker.pass.upwards) {
                 (true, _) => row.v,
                 (false, true) => row.v + 1,
                 (false, false) => row.v - 1,
             };
             let mut above: Vec<Columns> = Vec::new();
-            for index in 0..=last_columns {
-                // The paths that come in from the next columns need these too.
-                while !is_first && above.len() <= last_columns.min(index + 1) {
-                    let Ok(columns) = thread.receiver.recv() else { return };
+            for index in 0..=last_block {
+                // Diagonal paths come from the next block, too.
+                while !is_first && above.len() <= last_block.min(index + 1) {
+                    let Ok(columns) = worker.receiver.recv() else { return };
                     above.push(columns);
                 }
-                let slopes = if thread.pass.diagonals { 3 } else { 1 };
-                let new = || (0..slopes).map(|_| PathCosts::new(COLUMNS, lanes)).collect();
+                let slopes = if worker.pass.diagonals { 3 } else { 1 };
+                let new = || (0..slopes).map(|_| PathCosts::new(COLUMNS, stride)).collect();
                 let mut columns = free.pop().unwrap_or_else(new);
                 let here = index * COLUMNS..width.min((index + 1) * COLUMNS);
-                let above = Above { columns: &above, beginning: &beginning, is_first };
+                let above = Above { blocks: &above, start: &start, is_first };
                 let rows = [samples(row.v), samples(v_above)];
                 match &mut columns[..] {
-                    [path] => thread.sweep.down(isa, [path], [0], above, rows, here, fused, sums),
-                    [a, b, c] => thread.sweep.down(isa, [a, b, c], [1, 0, -1], above, rows, here, fused, sums),
+                    [path] => worker.sweep.down(isa, [path], [0], above, rows, here, fused, sums),
+                    [a, b, c] => worker.sweep.down(isa, [a, b, c], [1, 0, -1], above, rows, here, fused, sums),
                     _ => unreachable!("one or three slopes"),
                 }
                 if is_last {
                     free.push(columns);
-                } else if thread.sender.send(columns).is_err() {
+                } else if worker.sender.send(columns).is_err() {
                     return;
                 }
             }
             free.append(&mut above);
-            for (pixel, sums) in row.disparities.into_iter().flatten().zip(sums.chunks_exact(lanes)) {
-                *pixel = disparity(isa, params, sums);
+            for (pixel, sums) in row.disparities.into_iter().flatten().zip(sums.chunks_exact(stride)) {
+                *pixel = disparity(isa, search, sums);
             }
             progress.advance(1);
         }
     }
 }
 
-/// The paths that come in from the row before.
+/// The paths of the previous row.
 #[derive(Clone, Copy)]
 struct Above<'a> {
-    columns: &'a [Columns],
-    /// A path that has not begun.
-    beginning: &'a PathCosts,
-    /// Whether there is no row before.
+    /// Block by block of columns, as far as they have arrived.
+    blocks: &'a [Columns],
+    /// A path that starts.
+    start: &'a PathCosts,
+    /// Whether there is no previous row.
     is_first: bool,
 }
 
-impl Sweep<'_> {
-    /// The paths along a row of `samples`, from both its ends at once: each step waits for the one before, but not for the other path's.
+impl<R> Sweep<'_, R> {
+    /// The paths along a row of `samples`, from both ends in turns: the steps of one do not wait for those of the other.
     #[inline(always)]
     fn along_row<I: Vectors>(&self, isa: I, samples: &[u8], costs: &[u16], paths: &mut [PathCosts; 4], sums: &mut [u16]) {
         let [mut forth, mut after_forth, mut back, mut after_back] = paths.each_mut();
@@ -201,20 +213,20 @@ impl Sweep<'_> {
         back.clear();
         let last = samples.len() - 1;
         for u in 0..=last {
-            let pixel = u * self.lanes..(u + 1) * self.lanes;
+            let pixel = u * self.stride..(u + 1) * self.stride;
             let before = [(forth.paths().at(0), self.penalties(samples[u], samples[u.saturating_sub(1)]))];
             extend(isa, &mut [after_forth], 0, before, &costs[pixel.clone()], &mut sums[pixel]);
             mem::swap(&mut forth, &mut after_forth);
 
             let u = last - u;
-            let pixel = u * self.lanes..(u + 1) * self.lanes;
+            let pixel = u * self.stride..(u + 1) * self.stride;
             let before = [(back.paths().at(0), self.penalties(samples[u], samples[last.min(u + 1)]))];
             extend(isa, &mut [after_back], 0, before, &costs[pixel.clone()], &mut sums[pixel]);
             mem::swap(&mut back, &mut after_back);
         }
     }
 
-    /// The paths from the row before to the columns `here`. `rows` are the samples of this row and of the one before.
+    /// The paths from the previous row to the columns `here`. `rows` are the samples of this row and of the previous one.
     #[allow(clippy::too_many_arguments)]
     #[inline(always)]
     fn down<I: Vectors, const N: usize>(
@@ -229,16 +241,16 @@ impl Sweep<'_> {
         sums: &mut [u16],
     ) {
         let first = here.start;
-        let beginning = (above.beginning.paths().at(0), Penalties { p1: 0, p2: 0 });
-        // Above these columns, where nearly all paths come from.
-        let mut straight = [above.beginning.paths(); N];
-        for (straight, paths) in straight.iter_mut().zip(above.columns.get(first / COLUMNS).into_iter().flatten()) {
+        let start = (above.start.paths().at(0), Penalties { p1: 0, p2: 0 });
+        // The block straight above, from which nearly all paths come.
+        let mut straight = [above.start.paths(); N];
+        for (straight, paths) in straight.iter_mut().zip(above.blocks.get(first / COLUMNS).into_iter().flatten()) {
             *straight = paths.paths();
         }
-        let (costs, sums) = (&costs[first * self.lanes..], &mut sums[first * self.lanes..]);
-        let pixels = here.clone().zip(costs.chunks_exact(self.lanes)).zip(sums.chunks_exact_mut(self.lanes));
+        let (costs, sums) = (&costs[first * self.stride..], &mut sums[first * self.stride..]);
+        let pixels = here.clone().zip(costs.chunks_exact(self.stride)).zip(sums.chunks_exact_mut(self.stride));
         for ((u, costs), sums) in pixels {
-            let mut before = [beginning; N];
+            let mut before = [start; N];
             if !above.is_first {
                 for (k, slope) in slopes.into_iter().enumerate() {
                     let from = u.wrapping_add_signed(-slope);
@@ -247,7 +259,7 @@ impl Sweep<'_> {
                     }
                     let path = match here.contains(&from) {
                         true => straight[k].at(from - first),
-                        false => above.columns[from / COLUMNS][k].paths().at(from % COLUMNS),
+                        false => above.blocks[from / COLUMNS][k].paths().at(from % COLUMNS),
                     };
                     before[k] = (path, self.penalties(rows[0][u], rows[1][from]));
                 }
@@ -256,16 +268,16 @@ impl Sweep<'_> {
         }
     }
 
-    /// What steps cost between two samples.
+    /// The penalties between two samples.
     #[inline(always)]
     fn penalties(&self, a: u8, b: u8) -> Penalties {
         Penalties { p1: self.p1, p2: self.p2[usize::from(a.abs_diff(b))] }
     }
 }
 
-/// The disparity of a pixel by the sums of its paths: the same as [`volume::disparity`].
+/// The disparity of a pixel by the sums of its paths: [`winner::disparity`] in vectors.
 #[inline(always)]
-fn disparity<I: Vectors>(isa: I, params: &Params, sums: &[u16]) -> Option<Disparity> {
+fn disparity<I: Vectors>(isa: I, search: &Search, sums: &[u16]) -> Option<Disparity> {
     let blocks = || sums.as_chunks::<LANES>().0.iter().map(|sums| isa.load(sums));
     let least = blocks().fold(isa.splat(u16::MAX), |least, sums| least.min(sums)).least();
     if least == u16::MAX {
@@ -273,6 +285,6 @@ fn disparity<I: Vectors>(isa: I, params: &Params, sums: &[u16]) -> Option<Dispar
     }
     let equal = isa.splat(least);
     let lanes = blocks().map(|sums| sums.equal(equal)).enumerate().find(|(_, lanes)| *lanes != 0);
-    let (block, lanes) = lanes.expect("one is the least");
-    volume::disparity_at(params, sums, block * LANES + lanes.trailing_zeros() as usize)
+    let (block, lanes) = lanes.expect("one of them is the least");
+    winner::disparity_at(search, sums, block * LANES + lanes.trailing_zeros() as usize)
 }

@@ -1,0 +1,259 @@
+//! The inner loops in the DSP extension.
+#![allow(unsafe_code)]
+
+use core::arch::asm;
+
+use super::{
+    fuse::{self, Costs},
+    isa::Dsp,
+    slide,
+    vector::{U16x8, U32x8},
+};
+use crate::kernel::{
+    blocks::{Blocks, fuse_loop, fuse_masked_loop},
+    isa::Isa,
+    rule::Rule,
+    steps::Steps,
+    vector::Block,
+};
+
+/// Whether there are four vectors of each.
+#[inline(always)]
+fn are_four<const V: usize>(steps: &Steps<'_, Dsp, V>, blocks: &[[Costs; V]], masks: &[[Costs; V]], fused: &[Costs]) -> bool {
+    (blocks.len() == 4) & (masks.len() == 4) & (fused.len() == 4) & (steps.vectors() == 4)
+}
+
+/// The lesser half of a word.
+#[inline(always)]
+fn lesser_half(word: u32) -> u16 {
+    (word as u16).min((word >> 16) as u16)
+}
+
+#[inline(never)]
+fn prime<const V: usize>(steps: &mut Steps<'_, Dsp, V>) {
+    let vectors = steps.vectors();
+    if let Some(step) = steps.next_raw().filter(|_| vectors > 0) {
+        // SAFETY: the step has so many vectors in a view, and they are not 0.
+        unsafe { slide::prime(step, vectors) }
+    }
+}
+
+impl Blocks<u16> for Dsp {
+    type Costs = Costs;
+    type Block = U16x8;
+
+    #[inline(always)]
+    fn load_block(self, costs: &[u32; 4]) -> U16x8 {
+        U16x8(*costs)
+    }
+
+    #[inline(always)]
+    fn splat(self, cost: u16) -> U16x8 {
+        U16x8([u32::from(cost) * 0x1_0001; 4])
+    }
+
+    #[inline(always)]
+    fn position(self, costs: &[[u32; 4]], cost: u16) -> usize {
+        if costs.is_empty() {
+            return 0;
+        }
+        let (found, vectors_left): (u32, usize);
+        // SAFETY: reads one vector after the other, at least one, at most all. Every register that changes is
+        // an output.
+        unsafe {
+            asm!(
+                "2:",
+                "ldm {costs}!, {{r0, r1, r2, r3}}",
+                // A bit for each half that has the cost, since none is less.
+                "usub16 r0, {cost}, r0",
+                "sel r0, {ones}, {zero}",
+                "usub16 r1, {cost}, r1",
+                "sel r1, {ones}, {zero}",
+                "usub16 r2, {cost}, r2",
+                "sel r2, {ones}, {zero}",
+                "usub16 r3, {cost}, r3",
+                "sel r3, {ones}, {zero}",
+                "orr r0, r0, r1, lsl #1",
+                "orr r2, r2, r3, lsl #1",
+                "orrs r0, r0, r2, lsl #4",
+                "bne 3f",
+                "subs {vectors_left}, {vectors_left}, #1",
+                "bne 2b",
+                "3:",
+                costs = inout(reg) costs.as_ptr() => _,
+                vectors_left = inout(reg) costs.len() => vectors_left,
+                cost = in(reg) u32::from(cost) * 0x1_0001,
+                ones = in(reg) 0x1_0001,
+                zero = in(reg) 0,
+                out("r0") found,
+                out("r1") _,
+                out("r2") _,
+                out("r3") _,
+                options(readonly, nostack),
+            );
+        }
+        // Bits in the order of the disparities; none if no lane has the cost.
+        let lanes = found | found >> 14;
+        8 * (costs.len() - vectors_left) + lanes.trailing_zeros() as usize
+    }
+
+    #[inline(always)]
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
+        prime(steps);
+    }
+
+    #[inline(never)]
+    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u32; 4]; V]]) {
+        if steps.vectors() != blocks.len() || blocks.is_empty() {
+            return;
+        }
+        let Some(step) = steps.next_raw() else { return };
+        // SAFETY: the step has as many vectors as there are blocks, not 0.
+        unsafe {
+            match blocks.len() {
+                2 => slide::slide::<V, 2>(step, blocks),
+                4 => slide::slide::<V, 4>(step, blocks),
+                8 => slide::slide::<V, 8>(step, blocks),
+                _ => slide::slide::<V, 0>(step, blocks),
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn slide_and_fuse<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        steps: &mut Steps<'_, Self, V>,
+        blocks: &mut [[[u32; 4]; V]],
+        masks: &[[[u32; 4]; V]],
+        fused: &mut [[u32; 4]],
+    ) -> u16 {
+        if V == 4 && rule == Rule::Min && are_four(steps, blocks, masks, fused) {
+            let Some(step) = steps.next_raw() else { return u16::MAX };
+            // SAFETY: there are four views, and four vectors of each.
+            let least = unsafe {
+                slide::slide::<V, 4>(step, blocks);
+                let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
+                match masked {
+                    0 => fuse::min_of_four::<4>(blocks.cast(), fused),
+                    1 => fuse::min_with_one_masked::<V, 0>(blocks, masks, fused),
+                    2 => fuse::min_with_one_masked::<V, 1>(blocks, masks, fused),
+                    4 => fuse::min_with_one_masked::<V, 2>(blocks, masks, fused),
+                    8 => fuse::min_with_one_masked::<V, 3>(blocks, masks, fused),
+                    _ => fuse::min_masked(blocks, masks, fused),
+                }
+            };
+            return lesser_half(least);
+        }
+        Blocks::<u16>::slide(self, steps, blocks);
+        self.fuse_masked(rule, masked, blocks, masks, fused)
+    }
+
+    #[inline(never)]
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 4]; V]], fused: &mut [[u32; 4]]) -> u16 {
+        if V != 4 || rule == Rule::Sum || blocks.len() != fused.len() || blocks.is_empty() {
+            return fuse_loop(self, rule, blocks, fused);
+        }
+        let blocks = blocks.as_ptr().cast();
+        // SAFETY: there are four views, and as many blocks as fused costs, not 0: a multiple of what is
+        // unrolled.
+        lesser_half(unsafe {
+            match fused.len() {
+                _ if rule == Rule::Heuristic => fuse::heuristic_of_four(blocks, fused),
+                n if n % 4 == 0 => fuse::min_of_four::<4>(blocks, fused),
+                _ => fuse::min_of_four::<1>(blocks, fused),
+            }
+        })
+    }
+
+    #[inline(always)]
+    fn fuse_masked<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        blocks: &[[[u32; 4]; V]],
+        masks: &[[[u32; 4]; V]],
+        fused: &mut [[u32; 4]],
+    ) -> u16 {
+        match masked {
+            0 => self.fuse(rule, blocks, fused),
+            _ => fuse_masked(self, rule, masked, blocks, masks, fused),
+        }
+    }
+
+    #[inline(always)]
+    fn least(self, costs: &[[u32; 4]]) -> u16 {
+        least::<{ Dsp::LANES }>(costs)
+    }
+}
+
+/// [`Blocks::fuse_masked`] with a view that is masked.
+#[inline(never)]
+fn fuse_masked<const V: usize>(
+    dsp: Dsp,
+    rule: Rule,
+    masked: u8,
+    blocks: &[[Costs; V]],
+    masks: &[[Costs; V]],
+    fused: &mut [Costs],
+) -> u16 {
+    let fits = blocks.len() == fused.len() && masks.len() == fused.len() && !fused.is_empty();
+    let least = match rule {
+        // SAFETY: there are as many blocks and masks as fused costs, not 0, and four where one view is
+        // masked, which is one of them.
+        Rule::Min if fits => unsafe {
+            let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
+            match (masked, fused.len()) {
+                (1, 4) => fuse::min_with_one_masked::<V, 0>(blocks, masks, fused),
+                (2, 4) if V > 1 => fuse::min_with_one_masked::<V, 1>(blocks, masks, fused),
+                (4, 4) if V > 2 => fuse::min_with_one_masked::<V, 2>(blocks, masks, fused),
+                (8, 4) if V > 3 => fuse::min_with_one_masked::<V, 3>(blocks, masks, fused),
+                _ => fuse::min_masked(blocks, masks, fused),
+            }
+        },
+        // SAFETY: there are four views, and as many blocks and masks as fused costs, not 0.
+        Rule::Heuristic if fits && V == 4 => unsafe {
+            fuse::heuristic_of_four_masked(blocks.as_ptr().cast(), masks.as_ptr().cast(), fused)
+        },
+        _ => return fuse_masked_loop(dsp, rule, blocks, masks, fused),
+    };
+    lesser_half(least)
+}
+
+/// [`Blocks::least`]. Generic, so that only a processor that uses it compiles it: this module is built for
+/// all of Arm's.
+#[inline(never)]
+fn least<const LANES: usize>(costs: &[Costs]) -> u16 {
+    let mut least = U16x8([u32::MAX; 4]);
+    for &costs in costs {
+        least = least.min(U16x8(costs));
+    }
+    least.least()
+}
+
+impl Blocks<u32> for Dsp {
+    type Costs = [u32; 8];
+    type Block = U32x8;
+
+    #[inline(always)]
+    fn load_block(self, costs: &[u32; 8]) -> U32x8 {
+        U32x8(*costs)
+    }
+
+    #[inline(always)]
+    fn splat(self, cost: u32) -> U32x8 {
+        U32x8([cost; 8])
+    }
+
+    #[inline(always)]
+    fn position(self, costs: &[[u32; 8]], cost: u32) -> usize {
+        let lanes = costs.iter().flat_map(|&[a, c, b, d, e, g, f, h]| [a, b, c, d, e, f, g, h]);
+        lanes.enumerate().find(|&(_, lane)| lane == cost).map_or(8 * costs.len(), |(index, _)| index)
+    }
+
+    #[inline(always)]
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
+        prime(steps);
+    }
+}

@@ -1,0 +1,63 @@
+//! Single instructions as functions of words.
+//!
+//! SAFETY contract of every unsafe block in this module: an instruction is only assembled for a processor
+//! that has it, and these work on registers alone.
+#![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
+
+use core::arch::asm;
+
+/// A function that is one instruction: of this name, with this suffix to its last operand.
+macro_rules! instruction {
+    ($name:ident $(, $suffix:literal)?) => {
+        instruction!($name, stringify!($name) $(, $suffix)?);
+    };
+    ($name:ident, $mnemonic:expr $(, $suffix:literal)?) => {
+        #[inline(always)]
+        pub(super) fn $name(a: u32, b: u32) -> u32 {
+            let result;
+            unsafe {
+                asm!(concat!($mnemonic, " {}, {}, {}" $(, $suffix)?), lateout(reg) result, in(reg) a, in(reg) b,
+                     options(pure, nomem, nostack));
+            }
+            result
+        }
+    };
+}
+
+instruction!(uqsub8);
+instruction!(uadd16);
+instruction!(usub16);
+instruction!(uqadd16);
+instruction!(uxtab16);
+instruction!(uxtab16_high, "uxtab16", ", ror #8");
+
+/// `then` in the halves where `a >= b`, and `otherwise` elsewhere. Two instructions in one block, since flags
+/// connect them.
+#[inline(always)]
+pub(super) fn if_not_less(a: u32, b: u32, then: u32, otherwise: u32) -> u32 {
+    let result;
+    unsafe {
+        asm!("usub16 {result}, {a}, {b}", "sel {result}, {then}, {otherwise}", result = out(reg) result, a = in(reg) a, b = in(reg) b,
+             then = in(reg) then, otherwise = in(reg) otherwise, options(pure, nomem, nostack));
+    }
+    result
+}
+
+/// A byte four times.
+#[inline(always)]
+pub(super) fn splat(byte: u8) -> u32 {
+    u32::from(byte) * 0x0101_0101
+}
+
+/// Samples four by four.
+#[inline(always)]
+pub(super) fn words(samples: &[u8; 8]) -> [u32; 2] {
+    let [a, b, c, d, e, f, g, h] = *samples;
+    [u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h])]
+}
+
+/// The absolute differences of bytes: one of the two differences saturates at 0.
+#[inline(always)]
+pub(super) fn differences(a: u32, b: u32) -> u32 {
+    uqsub8(a, b) | uqsub8(b, a)
+}

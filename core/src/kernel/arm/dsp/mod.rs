@@ -1,0 +1,23 @@
+//! The packed instructions of Arm's DSP extension, as Cortex-M4, M7 and M33 have them.
+//!
+//! Four bytes, or two lanes of 16 bits, fit in a word. A word of bytes becomes two words of lanes by taking
+//! every other byte, so that lanes lie in memory as the disparities 0, 2, 1, 3. A vector is two such groups:
+//! one instruction loads or stores its four words.
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | `instruction` | single instructions as functions of words |
+//! | `vector` | vectors in words |
+//! | `isa` | the token, and the operations on column sums |
+//! | `slide` | column sums move down, and blocks slide |
+//! | `fuse` | fused costs, with the least of all |
+//! | `blocks` | the inner loops, put together |
+
+mod blocks;
+mod fuse;
+mod instruction;
+mod isa;
+mod slide;
+mod vector;
+
+pub use isa::Dsp;

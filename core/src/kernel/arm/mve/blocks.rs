@@ -1,0 +1,217 @@
+//! The inner loops in MVE.
+#![allow(unsafe_code)]
+
+use core::arch::asm;
+
+use super::{
+    fuse,
+    isa::{Mve, TWIN},
+    slide,
+};
+use crate::kernel::{
+    blocks::{Blocks, fuse_loop, fuse_masked_loop},
+    rule::Rule,
+    steps::Steps,
+};
+
+#[inline(never)]
+fn prime<const V: usize>(steps: &mut Steps<'_, Mve, V>) {
+    let vectors = steps.vectors();
+    if let Some(step) = steps.next_raw().filter(|_| vectors > 0) {
+        // SAFETY: the step has so many vectors in a view, and they are not 0.
+        unsafe { slide::prime(step, vectors) }
+    }
+}
+
+/// [`Blocks::slide`].
+#[inline(always)]
+fn slide_along<const V: usize>(steps: &mut Steps<'_, Mve, V>, blocks: &mut [[[u16; 8]; V]]) {
+    if steps.vectors() != blocks.len() || blocks.is_empty() {
+        return;
+    }
+    let Some(step) = steps.next_raw() else { return };
+    // SAFETY: the step has as many vectors in a view as there are blocks, not 0.
+    unsafe {
+        match blocks.len() {
+            2 => slide::slide_unrolled::<V, 2>(step, blocks),
+            4 => slide::slide_unrolled::<V, 4>(step, blocks),
+            _ => slide::slide(step, blocks),
+        }
+    }
+}
+
+impl Blocks<u16> for Mve {
+    type Costs = [u16; 8];
+    type Block = [u16; 8];
+
+    #[inline(always)]
+    fn load_block(self, costs: &[u16; 8]) -> [u16; 8] {
+        *costs
+    }
+
+    #[inline(always)]
+    fn splat(self, cost: u16) -> [u16; 8] {
+        [cost; 8]
+    }
+
+    #[inline(always)]
+    fn position(self, costs: &[[u16; 8]], cost: u16) -> usize {
+        if costs.is_empty() {
+            return 0;
+        }
+        let (equal, vectors_left): (u32, usize);
+        // SAFETY: reads one vector after the other, at least one, at most all. Every register that changes is
+        // an output; the predicate, of which the compiler is not told, is restored.
+        unsafe {
+            asm!(
+                "vmrs {before}, p0",
+                "2:",
+                "vldrh.u16 q0, [{costs}], #16",
+                "vcmp.i16 eq, q0, {cost}",
+                "vmrs {equal}, p0",
+                "cmp {equal}, #0",
+                "bne 3f",
+                "subs {vectors_left}, {vectors_left}, #1",
+                "bne 2b",
+                "3:",
+                "vmsr p0, {before}",
+                costs = inout(reg) costs.as_ptr() => _,
+                vectors_left = inout(reg) costs.len() => vectors_left,
+                cost = in(reg) u32::from(cost),
+                before = out(reg) _,
+                equal = out(reg) equal,
+                out("q0") _,
+                options(readonly, nostack),
+            );
+        }
+        // Two bits for each lane; none if no lane has the cost.
+        8 * (costs.len() - vectors_left) + equal.trailing_zeros() as usize / 2
+    }
+
+    #[inline(always)]
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
+        prime(steps);
+    }
+
+    #[inline(never)]
+    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[[u16; 8]; V]]) {
+        slide_along(steps, blocks);
+    }
+
+    #[inline(always)]
+    fn slide_and_fuse<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        steps: &mut Steps<'_, Self, V>,
+        blocks: &mut [[[u16; 8]; V]],
+        masks: &[[[u16; 8]; V]],
+        fused: &mut [[u16; 8]],
+    ) -> u16 {
+        let four = (blocks.len() == 4) & (masks.len() == 4) & (fused.len() == 4) & (steps.vectors() == 4);
+        if V == 4 && rule == Rule::Min && four {
+            let Some(step) = steps.next_raw() else { return u16::MAX };
+            // SAFETY: there are four views, and four vectors of each.
+            return unsafe {
+                match masked {
+                    0 => slide::slide_to_min::<V, 0>(step, blocks, masks, fused),
+                    1 => slide::slide_to_min::<V, 1>(step, blocks, masks, fused),
+                    2 => slide::slide_to_min::<V, 2>(step, blocks, masks, fused),
+                    4 => slide::slide_to_min::<V, 4>(step, blocks, masks, fused),
+                    8 => slide::slide_to_min::<V, 8>(step, blocks, masks, fused),
+                    _ => slide::slide_to_min::<V, 15>(step, blocks, masks, fused),
+                }
+            };
+        }
+        slide_along(steps, blocks);
+        self.fuse_masked(rule, masked, blocks, masks, fused)
+    }
+
+    #[inline(always)]
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> u16 {
+        if blocks.len() != fused.len() || fused.is_empty() {
+            return u16::MAX;
+        }
+        let first = blocks.as_ptr();
+        // SAFETY: there are as many blocks as fused costs, not 0. Nothing is masked.
+        unsafe {
+            match (rule, V) {
+                (Rule::Min, _) => fuse::min::<V, 0>(first, first, fused),
+                (Rule::Heuristic, 3 | 4) => fuse::heuristic::<V, 0>(first, first, fused),
+                _ => fuse_loop(self, rule, blocks, fused),
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn fuse_masked<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        blocks: &[[[u16; 8]; V]],
+        masks: &[[[u16; 8]; V]],
+        fused: &mut [[u16; 8]],
+    ) -> u16 {
+        if masked == 0 {
+            return self.fuse(rule, blocks, fused);
+        }
+        if blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
+            return u16::MAX;
+        }
+        let (first, mask) = (blocks.as_ptr(), masks.as_ptr());
+        // SAFETY: there are as many blocks and masks as fused costs, not 0.
+        unsafe {
+            match (rule, V, masked) {
+                (Rule::Min, _, 1) => fuse::min::<V, 1>(first, mask, fused),
+                (Rule::Min, _, 2) => fuse::min::<V, 2>(first, mask, fused),
+                (Rule::Min, _, 4) => fuse::min::<V, 4>(first, mask, fused),
+                (Rule::Min, _, 8) => fuse::min::<V, 8>(first, mask, fused),
+                (Rule::Min, ..) => fuse::min::<V, 15>(first, mask, fused),
+                (Rule::Heuristic, 3 | 4, 1) => fuse::heuristic::<V, 1>(first, mask, fused),
+                (Rule::Heuristic, 3 | 4, 2) => fuse::heuristic::<V, 2>(first, mask, fused),
+                (Rule::Heuristic, 3 | 4, 4) => fuse::heuristic::<V, 4>(first, mask, fused),
+                (Rule::Heuristic, 3 | 4, 8) => fuse::heuristic::<V, 8>(first, mask, fused),
+                (Rule::Heuristic, 3 | 4, _) => fuse::heuristic::<V, 15>(first, mask, fused),
+                _ => fuse_masked_loop(self, rule, blocks, masks, fused),
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn least(self, costs: &[[u16; 8]]) -> u16 {
+        let mut least = u32::from(u16::MAX);
+        for costs in costs {
+            // SAFETY: reads one vector. Every register that changes is an output.
+            unsafe {
+                asm!("vldrh.u16 q0, [{costs}]", "vminv.u16 {least}, q0", costs = in(reg) costs, least = inout(reg) least,
+                     out("q0") _, options(pure, readonly, nostack, preserves_flags));
+            }
+        }
+        least as u16
+    }
+}
+
+impl Blocks<u32> for Mve {
+    type Costs = [u32; 8];
+    type Block = [u32; 8];
+
+    #[inline(always)]
+    fn load_block(self, costs: &[u32; 8]) -> [u32; 8] {
+        *costs
+    }
+
+    #[inline(always)]
+    fn splat(self, cost: u32) -> [u32; 8] {
+        [cost; 8]
+    }
+
+    #[inline(always)]
+    fn position(self, costs: &[[u32; 8]], cost: u32) -> usize {
+        TWIN.position(costs, cost)
+    }
+
+    #[inline(always)]
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
+        prime(steps);
+    }
+}

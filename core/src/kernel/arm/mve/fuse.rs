@@ -1,0 +1,127 @@
+//! Fused costs in MVE, with the least of all.
+#![allow(unsafe_code)]
+
+use super::isa::VECTOR;
+
+/// Loads the costs of the views into `q0` to `q3`, raised to their masks.
+macro_rules! load_views {
+    () => {
+        "
+        .irp q, 0, 1, 2, 3
+        .if \\q < {views}
+        vldrh.u16 q\\q, [{block}], #16
+        .if ({masked} >> \\q) & 1
+        vldrh.u16 q5, [{mask}, #16 * \\q]
+        vorr q\\q, q\\q, q5
+        .endif
+        .endif
+        .endr
+        .if {masked}
+        add {mask}, {mask}, #{stride}
+        .endif
+        "
+    };
+}
+
+/// The minimum of views, those whose bits are set in `MASKED` being masked. Returns the least fused cost.
+///
+/// # Safety
+/// There are as many blocks as fused costs, not 0, and as many masks unless `MASKED` is 0.
+#[inline(always)]
+pub(super) unsafe fn min<const V: usize, const MASKED: u8>(
+    blocks: *const [[u16; 8]; V],
+    masks: *const [[u16; 8]; V],
+    fused: &mut [[u16; 8]],
+) -> u16 {
+    let mut least = u32::from(u16::MAX);
+    // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
+    // changes is an output; the predicate, of which the compiler is not told, is restored.
+    unsafe {
+        asm_up_to!(64 bytes,
+            "dls lr, {n}",
+            "2:",
+            load_views!(),
+            ".irp q, 1, 2, 3",
+            ".if \\q < {views}",
+            "vmin.u16 q0, q0, q\\q",
+            ".endif",
+            ".endr",
+            "vstrh.16 q0, [{fused}], #16",
+            "vminv.u16 {least}, q0",
+            "le lr, 2b";
+            n = in(reg) fused.len(),
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q5") _,
+            views = const V,
+            masked = const MASKED,
+            stride = const V * VECTOR,
+            options(nostack, preserves_flags),
+        );
+    }
+    least as u16
+}
+
+/// The heuristic rule over three or four views, those whose bits are set in `MASKED` being masked. Returns
+/// the least fused cost.
+///
+/// # Safety
+/// There are as many blocks as fused costs, not 0, and as many masks unless `MASKED` is 0.
+#[inline(always)]
+pub(super) unsafe fn heuristic<const V: usize, const MASKED: u8>(
+    blocks: *const [[u16; 8]; V],
+    masks: *const [[u16; 8]; V],
+    fused: &mut [[u16; 8]],
+) -> u16 {
+    let mut least = u32::from(u16::MAX);
+    // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
+    // changes is an output; the predicate, of which the compiler is not told, is restored.
+    unsafe {
+        asm_up_to!(64 bytes,
+            "vmrs {before}, p0",
+            "dls lr, {n}",
+            "2:",
+            // Without a fourth view, its cost is the greatest.
+            "vmov.i8 q3, #255",
+            load_views!(),
+            "vmin.u16 q4, q0, q1",
+            "vmax.u16 q0, q0, q1",
+            "vmin.u16 q1, q2, q3",
+            "vmax.u16 q2, q2, q3",
+            // The second and the third lie between the greater minimum and the lesser maximum.
+            "vmax.u16 q3, q4, q1",
+            "vmin.u16 q4, q4, q1",
+            "vmin.u16 q0, q0, q2",
+            "vmin.u16 q1, q3, q0",
+            "vmax.u16 q3, q3, q0",
+            // The sums of two and of three, and three times the second.
+            "vqadd.u16 q4, q4, q1",
+            "vqadd.u16 q0, q4, q3",
+            "vqadd.u16 q2, q1, q1",
+            "vqadd.u16 q2, q2, q1",
+            "vqadd.u16 q1, q4, q4",
+            "vqadd.u16 q4, q4, q1",
+            "vqadd.u16 q0, q0, q0",
+            "vcmp.u16 hi, q3, q2",
+            "vpsel q0, q4, q0",
+            "vstrh.16 q0, [{fused}], #16",
+            "vminv.u16 {least}, q0",
+            "le lr, 2b",
+            "vmsr p0, {before}";
+            n = in(reg) fused.len(),
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            before = out(reg) _,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _,
+            views = const V,
+            masked = const MASKED,
+            stride = const V * VECTOR,
+            options(nostack, preserves_flags),
+        );
+    }
+    least as u16
+}

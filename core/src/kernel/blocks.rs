@@ -1,0 +1,183 @@
+//! The inner loops over the disparities of a pixel.
+
+use bytemuck::Pod;
+
+use super::{
+    isa::{Change, Isa},
+    rule::Rule,
+    steps::Steps,
+    vector::{Block, Column, Lane},
+};
+
+/// An instruction set with vectors of block sums in lanes of type `L`, and the inner loops over them.
+///
+/// The provided loops are their definition. An instruction set that overrides one computes the same.
+pub trait Blocks<L: Lane>: Isa {
+    /// Whether batches keep the sums of a block in registers, if it has one vector or two in each view.
+    const IN_REGISTERS: bool = false;
+    /// A vector of costs in memory.
+    type Costs: Pod;
+    /// A vector of block sums, or of costs fused from them.
+    type Block: Block<L, Costs = Self::Costs, Column = Self::Column>;
+
+    /// Loads costs.
+    fn load_block(self, costs: &Self::Costs) -> Self::Block;
+    /// The same cost in every lane.
+    fn splat(self, cost: L) -> Self::Block;
+    /// The index of the first disparity with a cost, and one past all disparities if there is none. If pixels
+    /// go in batches, the costs are in the order of the disparities.
+    fn position(self, costs: &[Self::Costs], cost: L) -> usize;
+
+    /// Adds the line that enters to the sums of the next column.
+    #[inline(always)]
+    fn prime<const V: usize>(self, steps: &mut Steps<'_, Self, V>) {
+        let Some(step) = steps.next() else { return };
+        for (column, view) in step.entering.chunks_exact_mut(step.vectors.max(1)).zip(step.views) {
+            for (sums, samples) in column.iter_mut().zip(view.entering) {
+                self.load_column(sums).add(self.differences(step.center.entering, samples)).store(sums);
+            }
+        }
+    }
+
+    /// Moves the next column down by a line, and slides the block by that column.
+    #[inline(always)]
+    fn slide<const V: usize>(self, steps: &mut Steps<'_, Self, V>, blocks: &mut [[Self::Costs; V]]) {
+        let Some(step) = steps.next() else { return };
+        let vectors = step.vectors.max(1);
+        let columns = step.entering.chunks_exact_mut(vectors).zip(step.leaving.chunks_exact(vectors));
+        for (k, ((column, leaving_column), view)) in columns.zip(step.views).enumerate() {
+            let samples = view.entering.iter().zip(view.leaving);
+            for (((sums, leaving_sums), block), (entering, leaving)) in
+                column.iter_mut().zip(leaving_column).zip(&mut *blocks).zip(samples)
+            {
+                let moved = self.advance(self.load_column(sums), step.center, Change { entering, leaving });
+                moved.store(sums);
+                self.load_block(&block[k]).slide(moved, self.load_column(leaving_sums)).store(&mut block[k]);
+            }
+        }
+    }
+
+    /// Fuses block sums, all views being available, and returns the least fused cost.
+    #[inline(always)]
+    fn fuse<const V: usize>(self, rule: Rule, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) -> L {
+        fuse_loop(self, rule, blocks, fused)
+    }
+
+    /// Fuses block sums, each raised to [`Lane::MAX`] where its mask is that; elsewhere the mask is zero.
+    /// Returns the least fused cost. Only the views whose bits are set in `masked` have a mask that is not
+    /// zero.
+    #[inline(always)]
+    fn fuse_masked<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        blocks: &[[Self::Costs; V]],
+        masks: &[[Self::Costs; V]],
+        fused: &mut [Self::Costs],
+    ) -> L {
+        match masked {
+            0 => self.fuse(rule, blocks, fused),
+            _ => fuse_masked_loop(self, rule, blocks, masks, fused),
+        }
+    }
+
+    /// [`slide`](Blocks::slide) and [`fuse_masked`](Blocks::fuse_masked) in one.
+    #[inline(always)]
+    fn slide_and_fuse<const V: usize>(
+        self,
+        rule: Rule,
+        masked: u8,
+        steps: &mut Steps<'_, Self, V>,
+        blocks: &mut [[Self::Costs; V]],
+        masks: &[[Self::Costs; V]],
+        fused: &mut [Self::Costs],
+    ) -> L {
+        self.slide(steps, blocks);
+        self.fuse_masked(rule, masked, blocks, masks, fused)
+    }
+
+    /// Fuses the block sums of the `available` views, a bit for each, on one scale whatever their number;
+    /// [`Lane::MAX`] if there is none.
+    #[inline(always)]
+    fn fuse_available<const V: usize>(self, rule: Rule, available: u8, blocks: &[[Self::Costs; V]], fused: &mut [Self::Costs]) {
+        for (fused, block) in fused.iter_mut().zip(blocks) {
+            let mut costs = [self.splat(rule.neutral()); V];
+            for k in 0..V {
+                if available >> k & 1 != 0 {
+                    costs[k] = self.load_block(&block[k]);
+                }
+            }
+            rule.fuse_available(available, costs, self.splat(L::MAX)).store(fused);
+        }
+    }
+
+    /// The least of costs.
+    #[inline(always)]
+    fn least(self, costs: &[Self::Costs]) -> L {
+        let mut least = self.splat(L::MAX);
+        for costs in costs {
+            least = least.min(self.load_block(costs));
+        }
+        least.least()
+    }
+
+    /// Puts costs from the order of the lanes into that of the disparities.
+    #[inline(always)]
+    fn order(self, costs: &mut [Self::Costs]) {
+        for costs in costs {
+            self.load_block(costs).ordered().store(costs);
+        }
+    }
+}
+
+/// The properties of [`Blocks`] that unsafe code relies on.
+pub(super) const fn assert_costs<L: Lane, I: Blocks<L>>() {
+    assert!(size_of::<I::Costs>() == I::LANES * size_of::<L>(), "costs are not one lane for each disparity");
+}
+
+/// Fuses vector by vector, and returns the least fused cost.
+///
+/// On Arm it is a function of its own: the loops for the usual rules, in assembly, then need fewer registers.
+#[cfg_attr(target_arch = "arm", inline(never))]
+#[cfg_attr(not(target_arch = "arm"), inline(always))]
+pub(super) fn fuse_loop<L: Lane, I: Blocks<L>, const V: usize>(
+    isa: I,
+    rule: Rule,
+    blocks: &[[I::Costs; V]],
+    fused: &mut [I::Costs],
+) -> L {
+    let mut least = isa.splat(L::MAX);
+    for (fused, block) in fused.iter_mut().zip(blocks) {
+        let mut costs = [least; V];
+        for k in 0..V {
+            costs[k] = isa.load_block(&block[k]);
+        }
+        let costs = rule.fuse(costs);
+        costs.store(fused);
+        least = least.min(costs);
+    }
+    least.least()
+}
+
+/// [`fuse_loop`] with masks.
+#[cfg_attr(target_arch = "arm", inline(never))]
+#[cfg_attr(not(target_arch = "arm"), inline(always))]
+pub(super) fn fuse_masked_loop<L: Lane, I: Blocks<L>, const V: usize>(
+    isa: I,
+    rule: Rule,
+    blocks: &[[I::Costs; V]],
+    masks: &[[I::Costs; V]],
+    fused: &mut [I::Costs],
+) -> L {
+    let mut least = isa.splat(L::MAX);
+    for ((fused, block), mask) in fused.iter_mut().zip(blocks).zip(masks) {
+        let mut costs = [least; V];
+        for k in 0..V {
+            costs[k] = isa.load_block(&block[k]).max(isa.load_block(&mask[k]));
+        }
+        let costs = rule.fuse(costs);
+        costs.store(fused);
+        least = least.min(costs);
+    }
+    least.least()
+}

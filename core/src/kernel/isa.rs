@@ -1,0 +1,84 @@
+//! Instruction sets.
+
+use core::fmt::Debug;
+
+use bytemuck::Pod;
+
+use super::vector::Column;
+
+/// The most pixels in a batch.
+pub const MAX_BATCH: usize = 32;
+
+/// Only this crate implements [`Isa`]: unsafe code relies on its constants and on the sizes of its types.
+pub(super) mod sealed {
+    pub trait Sealed {}
+}
+
+/// A set of vector instructions, as a token: who holds one may use them.
+///
+/// Lanes past the last disparity hold arbitrary values, so arithmetic wraps.
+pub trait Isa: sealed::Sealed + Copy + Debug {
+    /// Disparities in a vector, at least 1. The number of disparities is rounded up to a multiple.
+    const LANES: usize;
+    /// Pixels whose costs are fused before their disparities are selected, from 1 to [`MAX_BATCH`].
+    ///
+    /// Selecting has a long latency, but pixels do not wait for each other: an out-of-order processor
+    /// overlaps those of a batch.
+    const BATCH: usize;
+    /// A vector of samples in memory, a byte each.
+    type Samples: Pod;
+    /// A vector of column sums in memory.
+    type Sums: Pod;
+    /// A vector of column sums.
+    type Column: Column<Sums = Self::Sums>;
+
+    /// The lane in memory, of column sums and of costs, that holds the disparity at `index` of a vector.
+    fn lane(index: usize) -> usize {
+        index
+    }
+
+    /// Runs work in a function compiled for the instruction set.
+    #[inline(always)]
+    fn compiled<W: Work>(self, work: W) {
+        work.run();
+    }
+
+    /// Loads column sums.
+    fn load_column(self, sums: &Self::Sums) -> Self::Column;
+    /// The absolute differences between a sample of the centre and the samples of a view.
+    fn differences(self, center: u8, view: &Self::Samples) -> Self::Column;
+    /// Moves column sums down by a line: adds the differences of the line that enters and subtracts those of
+    /// the one that leaves. Wraps.
+    ///
+    /// It may add [`bias(1)`](Isa::bias) as well.
+    fn advance(self, sums: Self::Column, center: Change<u8>, view: Change<&Self::Samples>) -> Self::Column;
+
+    /// The excess in every column sum after it has moved down by a number of lines. Block sums are free of
+    /// it: what a column adds on entering, it takes away on leaving.
+    fn bias(_lines: u32) -> u16 {
+        0
+    }
+}
+
+/// Work that is compiled for an instruction set, if the compiler may use fewer instructions elsewhere.
+pub trait Work {
+    /// Does the work. Implementations are inlined.
+    fn run(self);
+}
+
+/// What enters the block, and what leaves it.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct Change<T> {
+    /// What enters.
+    pub entering: T,
+    /// What leaves.
+    pub leaving: T,
+}
+
+/// The properties of an instruction set that unsafe code relies on.
+pub(super) const fn assert_layout<I: Isa>() {
+    assert!(I::LANES > 0 && I::BATCH > 0 && I::BATCH <= MAX_BATCH, "the lanes or the batch are out of range");
+    assert!(size_of::<I::Samples>() == I::LANES && align_of::<I::Samples>() == 1, "samples are not bytes");
+    assert!(size_of::<I::Sums>() == I::LANES * size_of::<u16>(), "column sums do not have 16 bits");
+}

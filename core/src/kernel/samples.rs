@@ -1,0 +1,25 @@
+//! The samples of a line.
+
+/// The samples that a line of the centre is compared with at all disparities, column by column. A column's
+/// are contiguous, at ascending disparities.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Samples<'a> {
+    /// The memory that holds them.
+    pub memory: &'a [u8],
+    /// Where the first column begins.
+    pub start: usize,
+    /// From the beginning of a column to that of the next.
+    pub step: isize,
+    /// Samples in a column.
+    pub depth: usize,
+}
+
+impl Samples<'_> {
+    /// Where the first column begins, if the memory holds all the samples of `columns` columns.
+    pub fn first(&self, columns: usize) -> Option<*const u8> {
+        let last = self.step.checked_mul(columns.checked_sub(1)? as isize)?;
+        let last = self.start.checked_add_signed(last)?;
+        let covered = |start: usize| start.checked_add(self.depth).is_some_and(|end| end <= self.memory.len());
+        (covered(self.start) && covered(last)).then(|| self.memory.as_ptr().wrapping_add(self.start))
+    }
+}

@@ -1,0 +1,67 @@
+//! Exact fused costs, for the pixels whose lanes do not suffice.
+
+use core::slice;
+
+use crate::{
+    Disparity, MatchingCost, Params,
+    availability::Availability,
+    kernel::{Blocks, Lane},
+};
+
+/// The fused costs of a pixel in 32 bits, one by one. They are needed where lanes have saturated, and next to
+/// disparities at which no view is available.
+pub(crate) struct Exact<'a, L: Lane, I: Blocks<L>, const V: usize> {
+    pub params: &'a Params,
+    /// The pixel's column.
+    pub u: usize,
+    /// The pixel's line.
+    pub v: usize,
+    /// The sums of its block.
+    pub blocks: &'a [[I::Costs; V]],
+}
+
+impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
+    /// The disparity of the existing candidate of least fused cost, the smallest if several tie, refined if
+    /// both neighbours exist.
+    #[cold]
+    pub fn disparity(&self) -> Option<Disparity> {
+        let availability = self.availability();
+        if availability.is_empty() {
+            return None;
+        }
+        let all = 0..self.params.num_disparities();
+        let costs = all.filter_map(|index| Some((self.cost(&availability, index)?, index)));
+        let (_, index) = costs.min_by_key(|&(cost, _)| cost)?;
+        self.refined(index)
+    }
+
+    /// The disparity at `index`, refined if both neighbours exist.
+    #[cold]
+    pub fn refined(&self, index: usize) -> Option<Disparity> {
+        let availability = self.availability();
+        let cost = |index| self.cost(&availability, index);
+        let d = self.params.min_disparity() + index as i16;
+        match (cost(index.wrapping_sub(1)), cost(index), cost(index + 1)) {
+            (Some(before), Some(at), Some(after)) => Disparity::refine(d, before, at, after),
+            _ => Disparity::whole(d),
+        }
+    }
+
+    fn availability(&self) -> Availability {
+        let mut availability = Availability::new(self.params);
+        availability.enter_line(self.u, self.v, |_, _, _| {});
+        availability
+    }
+
+    /// The fused cost of a candidate, if it exists.
+    fn cost(&self, availability: &Availability, index: usize) -> Option<u32> {
+        let available = availability.views_at(index);
+        let views = self.blocks.get(index / I::LANES)?;
+        let mut costs = [u32::NONE; V];
+        for (_, (cost, sums)) in costs.iter_mut().zip(views).enumerate().filter(|(k, _)| available >> k & 1 != 0) {
+            let lanes: &[L] = bytemuck::try_cast_slice(slice::from_ref(sums)).ok()?;
+            *cost = lanes.get(I::lane(index % I::LANES))?.widen();
+        }
+        Some(self.params.fusion().fuse(costs)).filter(|cost| cost.exists())
+    }
+}

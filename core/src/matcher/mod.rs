@@ -1,0 +1,281 @@
+//! The matcher: scanlines in, disparity lines out. Each room knows only those above it:
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | `error` | errors of the matcher |
+//! | `lines` | the lines of all frames under the blocks |
+//! | `exact` | exact fused costs, for the pixels whose lanes do not suffice |
+//! | `selection` | winner-takes-all, and sub-pixel refinement |
+//! | `sweep` | the sweep along a disparity line |
+
+mod error;
+mod exact;
+mod lines;
+mod selection;
+mod sweep;
+
+use core::{marker::PhantomData, mem};
+
+use bytemuck::Pod;
+
+use crate::{
+    Disparity, Frame, Memory, Params, Region, ScanlineSource,
+    availability::Availability,
+    kernel::{Blocks, Change, Isa, Lane, Portable},
+    memory::Shape,
+};
+pub use error::{MatchError, MemoryTooSmall};
+use lines::{Frames, Lines};
+use sweep::{Priming, Sweep};
+
+/// A pass over a region of a frame, one disparity line at a time.
+///
+/// It keeps running sums of absolute differences. From one line to the next, the sums of every column gain
+/// the line that enters the block and lose the one that leaves; along the line, the sums of the block gain a
+/// column and lose a column. The caller lends the memory for these sums and for the lines under the blocks.
+///
+/// ```
+/// use multiscopic_core::{Frame, Fusion, Matcher, Memory, Params, ScanlineSource, Views};
+///
+/// /// A ramp, seen three pixels further to each side.
+/// struct Ramp;
+///
+/// impl ScanlineSource for Ramp {
+///     type Error = core::convert::Infallible;
+///
+///     fn read_line(&mut self, frame: Frame, _v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
+///         let shift = match frame {
+///             Frame::Center => 0,
+///             Frame::View(view) => 3 * view.sign(),
+///         };
+///         for (pixel, u) in line.iter_mut().zip(0..) {
+///             *pixel = (5 * (u - shift)).clamp(0, 255) as u8;
+///         }
+///         Ok(())
+///     }
+/// }
+///
+/// const PARAMS: Params = match Params::new(40, 30, Views::HORIZONTAL, Fusion::Min, 0, 8, 5) {
+///     Ok(params) => params,
+///     Err(_) => panic!("the parameters are out of range"),
+/// };
+/// let mut memory = [0; PARAMS.memory_words()];
+/// let mut matcher = Matcher::new(&PARAMS, &mut memory)?;
+/// let mut line = [None; PARAMS.width()];
+/// while let Some(_v) = matcher.next_line(&mut Ramp, &mut line)? {
+///     assert_eq!(line[20].map(f32::from), Some(3.0));
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Matcher<'m, I = Portable<{ Params::LANES }>> {
+    isa: I,
+    params: Params,
+    region: Region,
+    shape: Shape,
+    frames: Frames<'m>,
+    sums: Sums<'m>,
+    /// The availability that `sums.masks` stand for.
+    availability: Availability,
+    /// A buffer for a line from the source.
+    line: &'m mut [u8],
+    /// The next disparity line.
+    next: usize,
+    /// The next line of the centre to enter the blocks of the region's first line; virtual above the frame.
+    primed: i32,
+}
+
+/// The running sums and the costs fused from them, in vectors. Column sums are ordered by column, view and
+/// disparity; block sums by vector and view.
+#[derive(Debug)]
+struct Sums<'m> {
+    /// Sums down each column of the span, over the height of the block.
+    columns: &'m mut [u32],
+    /// Sums over the block, followed by those kept for a batch.
+    blocks: &'m mut [u32],
+    /// Masks over a block.
+    masks: &'m mut [u32],
+    /// The fused costs of a batch of pixels.
+    fused: &'m mut [u32],
+    /// The empty column, which leaves a block that is not full yet.
+    zeros: &'m mut [u32],
+}
+
+impl Params {
+    /// The lanes of the kernel that [`Matcher::new`] uses.
+    pub const LANES: usize = 4;
+
+    /// The words of memory that [`Matcher::new`] needs: see [`Memory`].
+    pub const fn memory_words(&self) -> usize {
+        Memory::new::<Portable<{ Params::LANES }>>(self, self.width()).words()
+    }
+}
+
+impl<'m> Matcher<'m> {
+    /// A pass over the whole frame with portable instructions.
+    ///
+    /// `memory` has at least [`Params::memory_words`] words, with any content.
+    ///
+    /// # Errors
+    /// [`MemoryTooSmall`].
+    pub fn new(params: &Params, memory: &'m mut [u32]) -> Result<Matcher<'m>, MemoryTooSmall> {
+        Matcher::with_isa(Portable::default(), params, &Region::whole(params), memory)
+    }
+}
+
+impl<'m, I: Isa> Matcher<'m, I> {
+    /// A pass over `region` with an instruction set.
+    ///
+    /// `memory` has at least the [`words`](Memory::words) that [`Memory::new`] states for the region's width,
+    /// with any content.
+    ///
+    /// # Errors
+    /// [`MemoryTooSmall`].
+    pub fn with_isa(isa: I, params: &Params, region: &Region, memory: &'m mut [u32]) -> Result<Matcher<'m, I>, MemoryTooSmall> {
+        let shape = Shape::new::<I>(params, region.width());
+        let sizes = Memory::new::<I>(params, region.width());
+        let too_small = MemoryTooSmall { needed: sizes.words(), given: memory.len() };
+        let mut rest = memory.get_mut(..sizes.words()).ok_or(too_small)?;
+        let mut lend = |bytes: usize| {
+            let (lent, unlent) = mem::take(&mut rest).split_at_mut_checked(bytes.div_ceil(4)).ok_or(too_small)?;
+            rest = unlent;
+            Ok(lent)
+        };
+        let columns = lend(sizes.column_sums)?;
+        let blocks = lend(sizes.block_sums)?;
+        let masks = lend(sizes.masks)?;
+        let fused = lend(sizes.fused)?;
+        let zeros = lend(sizes.zeros)?;
+        let line = lend(sizes.line)?;
+        columns.fill(0);
+        masks.fill(u32::MAX);
+        zeros.fill(0);
+        let mut lines = |frame| {
+            let samples = bytemuck::cast_slice_mut(lend(shape.frame_bytes(frame))?);
+            Ok(Lines::new(frame, params, region, shape, samples))
+        };
+        let center = lines(Frame::Center)?;
+        let mut views = [const { None }; 4];
+        for (lent, view) in views.iter_mut().zip(params.views().iter()) {
+            *lent = Some(lines(Frame::View(view))?);
+        }
+        Ok(Matcher {
+            isa,
+            params: *params,
+            region: *region,
+            shape,
+            frames: Frames { center, views },
+            sums: Sums { columns, blocks, masks, fused, zeros },
+            availability: Availability::new(params),
+            line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
+            next: region.rows().start,
+            primed: region.rows().start as i32 - params.radius() as i32,
+        })
+    }
+
+    /// The parameters of the match.
+    pub fn params(&self) -> &Params {
+        &self.params
+    }
+
+    /// The region that this pass computes.
+    pub fn region(&self) -> &Region {
+        &self.region
+    }
+}
+
+impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
+    /// Computes the next disparity line of the region into `out`, a pixel for each of its columns, and
+    /// returns the line's index in the frame, or `None` after the last.
+    ///
+    /// # Errors
+    /// [`MatchError`]: the source failed, or `out` has the wrong length. No line is lost, and the call can be
+    /// repeated.
+    // Inlined in firmware, which has a single matcher, so that the compiler knows its parameters.
+    #[cfg_attr(target_arch = "arm", inline(always))]
+    pub fn next_line<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        out: &mut [Option<Disparity>],
+    ) -> Result<Option<usize>, MatchError<S::Error>> {
+        if out.len() != self.region.width() {
+            return Err(MatchError::OutputLength { needed: self.region.width(), given: out.len() });
+        }
+        let v = self.next;
+        if v >= self.region.rows().end {
+            return Ok(None);
+        }
+        match (self.shape.lane_bytes, self.params.views().len()) {
+            (2, 1) => self.compute::<S, u16, 1>(source, out)?,
+            (2, 2) => self.compute::<S, u16, 2>(source, out)?,
+            (2, 3) => self.compute::<S, u16, 3>(source, out)?,
+            (2, _) => self.compute::<S, u16, 4>(source, out)?,
+            (_, 1) => self.compute::<S, u32, 1>(source, out)?,
+            (_, 2) => self.compute::<S, u32, 2>(source, out)?,
+            (_, 3) => self.compute::<S, u32, 3>(source, out)?,
+            (_, _) => self.compute::<S, u32, 4>(source, out)?,
+        }
+        self.next += 1;
+        Ok(Some(v))
+    }
+}
+
+impl<I: Isa> Matcher<'_, I> {
+    /// Computes the next line, in `V` views and with block sums in lanes of type `L`.
+    #[cfg_attr(target_arch = "arm", inline(always))]
+    fn compute<S: ScanlineSource, L: Lane, const V: usize>(
+        &mut self,
+        source: &mut S,
+        out: &mut [Option<Disparity>],
+    ) -> Result<(), MatchError<S::Error>>
+    where
+        I: Blocks<L>,
+    {
+        let (v, vectors) = (self.next, self.shape.depth / I::LANES);
+        let columns = cast_mut::<_, I::Sums>(self.sums.columns).get_mut(..self.shape.span * V * vectors).unwrap_or_default();
+        let bias = I::bias((v + 1 - self.region.rows().start) as u32);
+        cast_mut::<_, u16>(self.sums.zeros).fill(bias);
+        let empty_column = &*cast_mut::<_, I::Sums>(self.sums.zeros).get_mut(..V * vectors).unwrap_or_default();
+        // The lowest line of the blocks enters. At the top of the region all their lines enter beforehand,
+        // and the sweep's own step changes nothing: the same line enters and leaves.
+        let entering = v as i32 + self.params.radius() as i32;
+        let mut lines = Change { entering, leaving: entering - self.params.block_size() as i32 };
+        if v == self.region.rows().start {
+            lines.leaving = entering;
+            while self.primed <= entering {
+                self.frames.read_ahead(source, &self.params, self.line, self.primed)?;
+                let line = Change { entering: self.primed, leaving: self.primed };
+                let steps = sweep::steps::<I, V>(&self.frames, line, columns, empty_column, self.params.block_size());
+                self.isa.compiled(Priming { isa: self.isa, steps, columns: self.shape.span, lane: PhantomData });
+                self.primed += 1;
+            }
+        }
+        self.frames.read_ahead(source, &self.params, self.line, entering)?;
+        if v + 1 == self.params.height() {
+            self.frames.read_rest(source, &self.params, self.line)?;
+        }
+        let (blocks, kept) = cast_mut(self.sums.blocks).split_at_mut_checked(vectors).unwrap_or_default();
+        let sweep = Sweep::<L, I, V> {
+            isa: self.isa,
+            params: &self.params,
+            region: &self.region,
+            v,
+            steps: sweep::steps(&self.frames, lines, columns, empty_column, self.params.block_size()),
+            blocks,
+            kept,
+            masks: cast_mut(self.sums.masks).get_mut(..vectors).unwrap_or_default(),
+            availability: &mut self.availability,
+            fused: cast_mut(self.sums.fused),
+            out,
+        };
+        self.isa.compiled(sweep);
+        Ok(())
+    }
+}
+
+/// Memory as whole elements of another type. Bytes left over at the end are not used.
+fn cast_mut<T: Pod, U: Pod>(memory: &mut [T]) -> &mut [U] {
+    let bytes: &mut [u8] = bytemuck::cast_slice_mut(memory);
+    let whole = bytes.len() / size_of::<U>() * size_of::<U>();
+    bytes.get_mut(..whole).and_then(|bytes| bytemuck::try_cast_slice_mut(bytes).ok()).unwrap_or_default()
+}

@@ -1,0 +1,207 @@
+//! Winner-takes-all, and sub-pixel refinement.
+
+use core::slice;
+
+use super::exact::Exact;
+use crate::{
+    Disparity, Params,
+    availability::Availability,
+    disparity::Around,
+    kernel::{Block, Blocks, Isa, Lane, MAX_BATCH, Masks, Rule, Steps, Winners},
+};
+
+/// Selects disparities by their fused costs in lanes.
+///
+/// A lane that holds [`Lane::MAX`] has saturated, or belongs to no candidate.
+pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
+    isa: I,
+    params: &'a Params,
+    pub rule: Rule,
+    /// The index of each lane of a vector.
+    indices: I::Costs,
+    /// If the last vector has lanes past the last disparity: [`Lane::MAX`] in those lanes, and zero
+    /// elsewhere.
+    padding: Option<I::Costs>,
+    /// Disparities with a neighbour on both sides.
+    inner: usize,
+}
+
+impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
+    pub fn new(isa: I, params: &'a Params, rule: Rule) -> Selection<'a, L, I> {
+        let mut indices = <I::Costs as bytemuck::Zeroable>::zeroed();
+        let mut padding = indices;
+        for index in 0..I::LANES {
+            if let Some(lane) = lanes_mut::<L, _>(&mut indices).get_mut(I::lane(index)) {
+                *lane = L::from_index(index);
+            }
+            let is_padding = index > (params.num_disparities() - 1) % I::LANES;
+            if let Some(lane) = lanes_mut::<L, _>(&mut padding).get_mut(I::lane(index)).filter(|_| is_padding) {
+                *lane = L::MAX;
+            }
+        }
+        let padding = (!params.num_disparities().is_multiple_of(I::LANES)).then_some(padding);
+        Selection { isa, params, rule, indices, padding, inner: params.num_disparities().saturating_sub(2) }
+    }
+
+    /// Masks over `vectors`, in which all lanes are masked as yet, of a pixel that sees no view as yet.
+    pub fn masks<'m, const V: usize>(
+        &self,
+        vectors: &'m mut [[I::Costs; V]],
+        availability: &'m mut Availability,
+    ) -> Masks<'m, L, I, V> {
+        Masks { vectors, availability, padded: self.padding.is_some() }
+    }
+
+    /// Slides the block to the next pixel, fuses its sums, and returns the least fused cost. `masks` are at
+    /// this pixel, and `masked` are the views that they hide.
+    #[inline(always)]
+    pub fn slide_and_fuse<const V: usize>(
+        &self,
+        masked: Option<u8>,
+        masks: &Masks<'_, L, I, V>,
+        steps: &mut Steps<'_, I, V>,
+        blocks: &mut [[I::Costs; V]],
+        fused: &mut [I::Costs],
+    ) -> L {
+        let Some(masked) = masked else {
+            self.isa.slide(steps, blocks);
+            return self.fuse_segments(masks.availability, blocks, fused);
+        };
+        let least = self.isa.slide_and_fuse(self.rule, masked, steps, blocks, masks.vectors, fused);
+        if masked == 0 && self.padding.is_some() { self.least(fused) } else { least }
+    }
+
+    /// Fuses the sums of a block segment by segment, since masks cannot hide views here, and returns the
+    /// least fused cost.
+    #[cfg_attr(target_arch = "arm", inline(never))]
+    #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
+    fn fuse_segments<const V: usize>(&self, availability: &Availability, blocks: &[[I::Costs; V]], fused: &mut [I::Costs]) -> L {
+        for segment in availability.segments() {
+            // The next segment overwrites the lanes past the end of this one. Only the lanes before its start
+            // have to be kept.
+            let (first, end) = (segment.start / I::LANES, segment.end.div_ceil(I::LANES));
+            let (Some(blocks), Some(fused)) = (blocks.get(first..end), fused.get_mut(first..end)) else { continue };
+            let before = fused.first().copied();
+            self.isa.fuse_available(self.rule, segment.views, blocks, fused);
+            let lanes_before = segment.start - first * I::LANES;
+            if let (Some(before), Some(costs)) = (before.filter(|_| lanes_before > 0), fused.first_mut()) {
+                let (before, after) = (self.isa.load_block(&before), self.isa.load_block(costs));
+                let start = self.isa.splat(L::from_index(lanes_before));
+                start.if_greater(self.isa.load_block(&self.indices), before, after).store(costs);
+            }
+        }
+        self.least(fused)
+    }
+
+    /// Hides the padding of a pixel's fused costs, and returns the least of them.
+    #[inline(always)]
+    fn least(&self, fused: &mut [I::Costs]) -> L {
+        self.hide_padding(fused);
+        self.isa.least(fused)
+    }
+
+    /// Raises the lanes past the last disparity to [`Lane::MAX`], if there are any.
+    #[inline(always)]
+    fn hide_padding(&self, fused: &mut [I::Costs]) {
+        if let (Some(padding), Some(last)) = (&self.padding, fused.last_mut()) {
+            self.isa.load_block(last).max(self.isa.load_block(padding)).store(last);
+        }
+    }
+
+    /// [`hide_padding`](Selection::hide_padding) for pixels whose costs, `vectors` for each, are in the order
+    /// of the disparities.
+    #[inline(always)]
+    pub fn hide_ordered_padding(&self, fused: &mut [I::Costs], vectors: usize) {
+        let Some(mut padding) = self.padding else { return };
+        self.isa.order(slice::from_mut(&mut padding));
+        for costs in fused.chunks_exact_mut(vectors.max(1)) {
+            if let Some(last) = costs.last_mut() {
+                self.isa.load_block(last).max(self.isa.load_block(&padding)).store(last);
+            }
+        }
+    }
+
+    /// The disparities of a batch of pixels, refined if both neighbours exist; by `exact` costs where lanes
+    /// do not suffice.
+    ///
+    /// Every step is taken for all pixels before the next, so that the steps of different pixels overlap.
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    pub fn disparities<'e, const V: usize>(
+        &self,
+        winners: &Winners<L>,
+        pixels: &mut [Option<Disparity>],
+        exact: impl Fn(usize) -> Exact<'e, L, I, V>,
+    ) where
+        I: 'e,
+    {
+        let mut around = Around { d: [0; MAX_BATCH], before: [0; MAX_BATCH], at: [0; MAX_BATCH], after: [0; MAX_BATCH] };
+        let mut unclear = [false; MAX_BATCH];
+        for (i, unclear) in unclear.iter_mut().enumerate() {
+            let (index, at, before, after) = (winners.indices[i], winners.costs[i], winners.before[i], winners.after[i]);
+            // The disparities at the ends of the search are not refined.
+            let inner = index.wrapping_sub(1) < self.inner as u32;
+            *unclear = (at == L::MAX) | (inner & ((before == L::MAX) | (after == L::MAX)));
+            around.d[i] = self.params.min_disparity().wrapping_add(index as i16);
+            around.before[i] = if inner { before } else { at }.widen();
+            around.at[i] = at.widen();
+            around.after[i] = if inner { after } else { at }.widen();
+        }
+        let refined = Disparity::refine_all(&around);
+        match <&mut [_; MAX_BATCH]>::try_from(&mut *pixels) {
+            Ok(pixels) => *pixels = refined,
+            Err(_) => pixels.iter_mut().zip(refined).for_each(|(pixel, refined)| *pixel = refined),
+        }
+        if unclear != [false; MAX_BATCH] {
+            for ((i, pixel), _) in pixels.iter_mut().enumerate().zip(unclear).filter(|(_, unclear)| *unclear) {
+                *pixel = match (self.rule, winners.costs[i] == L::MAX) {
+                    // The cost of a single view does not saturate, so there is no candidate.
+                    (Rule::Min, true) => None,
+                    (Rule::Min, false) => Disparity::whole(around.d[i]),
+                    (_, true) => exact(i).disparity(),
+                    (_, false) => exact(i).refined(winners.indices[i] as usize),
+                };
+            }
+        }
+    }
+
+    /// The disparity of a pixel, given its least fused cost, refined if both neighbours exist; by `exact`
+    /// costs where lanes do not suffice.
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    pub fn disparity<'e, const V: usize>(
+        &self,
+        cost: L,
+        fused: &[I::Costs],
+        exact: impl FnOnce() -> Exact<'e, L, I, V>,
+    ) -> Option<Disparity>
+    where
+        I: 'e,
+    {
+        if cost == L::MAX {
+            return exact().disparity();
+        }
+        let index = self.isa.position(fused, cost);
+        let d = self.params.min_disparity() + index as i16;
+        let before = index.wrapping_sub(1);
+        if before >= self.inner {
+            return Disparity::whole(d);
+        }
+        let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
+        match (lanes.get(lane::<I>(before)), lanes.get(lane::<I>(index + 1))) {
+            (Some(&before), Some(&after)) if before.max(after) != L::MAX => {
+                Disparity::refine(d, before.widen(), cost.widen(), after.widen())
+            }
+            _ => exact().refined(index),
+        }
+    }
+}
+
+/// The lane of the disparity at `index` among those of a pixel.
+#[inline(always)]
+fn lane<I: Isa>(index: usize) -> usize {
+    index / I::LANES * I::LANES + I::lane(index % I::LANES)
+}
+
+/// The lanes of a vector.
+fn lanes_mut<L: Lane, T: bytemuck::Pod>(vector: &mut T) -> &mut [L] {
+    bytemuck::try_cast_slice_mut(slice::from_mut(vector)).unwrap_or_default()
+}

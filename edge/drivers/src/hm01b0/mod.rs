@@ -1,0 +1,231 @@
+//! A camera with the sensor HM01B0 of Himax, a low-power sensor of 324x244 grey pixels.
+//!
+//! The sensor is configured over I2C and sends its pixels over a parallel bus of 8 bits. An interrupt, or a DMA transfer that it starts, puts
+//! the lines into a [`LineQueue`]. The camera takes them from there and writes them to a [`FrameStore`]. The last frame of a plan need not be
+//! stored: the matcher can take its lines during readout.
+//!
+//! ```
+//! use core::time::Duration;
+//! use embedded_hal::{delay::DelayNs, i2c::I2c};
+//! use multiscopic_core::{
+//!     Fusion, Matcher, Params, Views,
+//!     capture::{Camera, Plan, Policy, Progress, Sequence, Stage},
+//! };
+//! use multiscopic_drivers::hm01b0::{Configuration, FrameMemory, Gain, Hm01b0, LineReceiver, Size};
+//!
+//! const PARAMS: Params = match Params::new(160, 120, Views::ALL, Fusion::Heuristic, 1, 16, 7) {
+//!     Ok(params) => params,
+//!     Err(_) => panic!("the parameters are out of range"),
+//! };
+//! const CONFIGURATION: Configuration =
+//!     Configuration { exposure_lines: 60, gain: Gain::X2, ..Configuration::new(Size::Qqvga) };
+//!
+//! /// Takes five frames, 20 mm apart, and matches them. The last one is matched during readout.
+//! fn capture<S: Stage>(
+//!     stage: &mut S,
+//!     (i2c, delay, lines): (impl I2c, impl DelayNs, LineReceiver<'_, '_>),
+//!     (frames, memory): (&mut [u8], &mut [u32]), // statics in firmware
+//!     clock: impl Fn() -> Duration,
+//! ) -> Option<()> {
+//!     let plan = Plan::cross(PARAMS.views(), 20_000);
+//!     let mut camera = Hm01b0::new(i2c, delay, lines, FrameMemory::new(&PARAMS, frames), CONFIGURATION, plan);
+//!     let mut sequence = Sequence::new(plan.positions(), Policy::default());
+//!     let (mut matcher, mut line) = (Matcher::new(&PARAMS, memory).ok()?, [None; PARAMS.width()]);
+//!     loop {
+//!         match sequence.poll(clock(), stage, &mut camera) {
+//!             Ok(Progress::Done) => return Some(()),
+//!             // If the last frame is taken again, firmware may restart with a new matcher.
+//!             Ok(Progress::Retrying(_)) | Err(_) => return None,
+//!             Ok(Progress::Capturing(4)) => {}
+//!             Ok(_) => continue,
+//!         }
+//!         // A line that has not arrived yet is requested again by the next call.
+//!         if let Ok(Some(v)) = matcher.next_line(&mut camera, &mut line) {
+//!             // line[u] is the disparity of pixel (u, v), if it has one.
+//!         }
+//!     }
+//! }
+//! ```
+
+mod configuration;
+mod error;
+mod frame_store;
+mod line_queue;
+mod pixel_bus;
+mod readout;
+mod registers;
+
+pub use configuration::{ClockDivider, Configuration, Gain, Size};
+pub use error::Hm01b0Error;
+pub use frame_store::{FrameMemory, FrameStore, NoRoom};
+pub use line_queue::{LineQueue, LineReceiver, LineSender};
+pub use pixel_bus::{Arrival, PixelBus};
+
+use embedded_hal::{delay::DelayNs, i2c::I2c};
+use multiscopic_core::{
+    Frame, ScanlineSource,
+    capture::{Camera, Plan},
+};
+
+use readout::{Readout, SensorOutput};
+use registers::{Mode, Register};
+
+/// How often the sensor is asked whether its reset is complete, a millisecond apart.
+const RESET_POLLS: usize = 20;
+
+/// The camera: registers on the I2C bus `I`, a delay `T`, lines from the bus `B`, frames in the store `S`.
+///
+/// It is a [`ScanlineSource`] of the frames of its plan: those in the store, and the last one during readout if it is
+/// [streamed](Configuration::stream_last). A streamed line that has not arrived yet is the error [`Waiting`](Hm01b0Error::Waiting); request
+/// it again, as the next call of [`Matcher::next_line`](multiscopic_core::Matcher::next_line) does. A streamed frame is complete once all its
+/// lines were read. Lines must not arrive faster than they are read: [`Configuration::line_clocks`] slows the sensor down.
+///
+/// If a frame is damaged or lines are lost, [`is_complete`](Camera::is_complete) fails, and a
+/// [`Sequence`](multiscopic_core::capture::Sequence) takes the frame again. The camera has no time-outs of its own: the sequence has.
+#[derive(Debug)]
+pub struct Hm01b0<I, T, B, S> {
+    i2c: I,
+    delay: T,
+    bus: B,
+    store: S,
+    configuration: Configuration,
+    plan: Plan,
+    readout: Option<Readout>,
+}
+
+impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Hm01b0<I, T, B, S> {
+    /// A camera for the frames of `plan`. The sensor is not accessed before [`begin`](Camera::begin).
+    pub fn new(i2c: I, delay: T, bus: B, store: S, configuration: Configuration, plan: Plan) -> Self {
+        Hm01b0 { i2c, delay, bus, store, configuration, plan, readout: None }
+    }
+
+    /// The store of the frames.
+    pub fn store(&mut self) -> &mut S {
+        &mut self.store
+    }
+
+    /// Gives back the buses, the delay and the store.
+    pub fn release(self) -> (I, T, B, S) {
+        (self.i2c, self.delay, self.bus, self.store)
+    }
+
+    fn identify(&mut self) -> Result<(), Hm01b0Error<S::Error>> {
+        match registers::read_wide(&mut self.i2c, Register::Model)? {
+            registers::MODEL => Ok(()),
+            found => Err(Hm01b0Error::Model { found }),
+        }
+    }
+
+    fn reset(&mut self) -> Result<(), Hm01b0Error<S::Error>> {
+        registers::write(&mut self.i2c, Register::SoftwareReset, 1)?;
+        for _ in 0..RESET_POLLS {
+            self.delay.delay_ms(1);
+            if registers::read(&mut self.i2c, Register::ModeSelect)? == Mode::Standby as u8 {
+                return Ok(());
+            }
+        }
+        Err(Hm01b0Error::NotReset)
+    }
+
+    fn set_mode(&mut self, mode: Mode) -> Result<(), Hm01b0Error<S::Error>> {
+        Ok(registers::write(&mut self.i2c, Register::ModeSelect, mode as u8)?)
+    }
+
+    /// Stores the lines that have arrived. Returns whether the frame is complete.
+    fn store_lines(&mut self, readout: &mut Readout) -> Result<bool, Hm01b0Error<S::Error>> {
+        // Bounded, in case lines arrive as fast as they are stored.
+        for _ in 0..=self.configuration.size.lines() {
+            match readout.receive(&mut self.bus, self.configuration.size)? {
+                None => return Ok(false),
+                Some(SensorOutput::Border) => {}
+                Some(SensorOutput::Line(v, pixels)) => {
+                    self.store.write_line(readout.frame, v, pixels).map_err(Hm01b0Error::Store)?;
+                }
+                Some(SensorOutput::End) => return Ok(true),
+            }
+        }
+        Ok(false)
+    }
+
+    /// Skips the border below a streamed frame. Returns whether the frame is complete.
+    fn skip_border(&mut self, readout: &mut Readout) -> Result<bool, Hm01b0Error<S::Error>> {
+        let size = self.configuration.size;
+        while !readout.has_ended && readout.next >= size.border() + size.height() {
+            if readout.receive(&mut self.bus, size)?.is_none() {
+                break;
+            }
+        }
+        Ok(readout.has_ended)
+    }
+
+    /// Reads a line of the frame that is being streamed.
+    fn streamed_line(&mut self, readout: &mut Readout, v: usize, line: &mut [u8]) -> Result<(), Hm01b0Error<S::Error>> {
+        for _ in 0..=self.configuration.size.lines() {
+            match readout.receive(&mut self.bus, self.configuration.size)? {
+                None => return Err(Hm01b0Error::Waiting { line: v }),
+                Some(SensorOutput::Border) => {}
+                Some(SensorOutput::Line(number, pixels)) if number == v && pixels.len() == line.len() => {
+                    line.copy_from_slice(pixels);
+                    return Ok(());
+                }
+                Some(SensorOutput::Line(..) | SensorOutput::End) => break,
+            }
+        }
+        Err(Hm01b0Error::NotThisLine { line: v })
+    }
+}
+
+impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Camera for Hm01b0<I, T, B, S> {
+    type Error = Hm01b0Error<S::Error>;
+
+    fn begin(&mut self) -> Result<(), Self::Error> {
+        self.readout = None;
+        self.identify()?;
+        self.reset()?;
+        Ok(self.configuration.write(&mut self.i2c)?)
+    }
+
+    fn start(&mut self, index: usize) -> Result<(), Self::Error> {
+        self.readout = None;
+        let frame = self.plan.frames().get(index).copied().ok_or(Hm01b0Error::NoFrame { index })?;
+        self.set_mode(Mode::Standby)?;
+        self.bus.restart();
+        self.set_mode(Mode::Frames)?;
+        let is_streamed = self.configuration.stream_last && index + 1 == self.plan.frames().len();
+        self.readout = Some(Readout::new(frame, is_streamed));
+        Ok(())
+    }
+
+    fn is_complete(&mut self) -> Result<bool, Self::Error> {
+        let Some(mut readout) = self.readout else { return Ok(false) };
+        let complete = match readout.defect {
+            Some(defect) => Err(defect.into()),
+            None if readout.is_streamed => self.skip_border(&mut readout),
+            None => self.store_lines(&mut readout),
+        };
+        self.readout = Some(readout);
+        complete
+    }
+
+    fn end(&mut self) -> Result<(), Self::Error> {
+        self.readout = None;
+        self.bus.restart();
+        self.set_mode(Mode::Standby)?;
+        Ok(registers::write(&mut self.i2c, Register::AutoExposure, 1)?)
+    }
+}
+
+impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> ScanlineSource for Hm01b0<I, T, B, S> {
+    type Error = Hm01b0Error<S::Error>;
+
+    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
+        match self.readout {
+            Some(mut readout) if readout.is_streamed && readout.frame == frame => {
+                let read = self.streamed_line(&mut readout, v, line);
+                self.readout = Some(readout);
+                read
+            }
+            _ => self.store.read_line(frame, v, line).map_err(Hm01b0Error::Store),
+        }
+    }
+}

@@ -1,0 +1,357 @@
+//! The camera, against a bus that expects and lines that come, or do not.
+
+use core::iter;
+use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
+use embedded_hal_mock::eh1::{
+    delay::{CheckedDelay, NoopDelay, Transaction as Wait},
+    i2c::{Mock, Transaction},
+};
+use multiscopic_core::{
+    Frame, Fusion, MatchError, Matcher, Params, ScanlineSource, View, Views,
+    capture::{Camera, Plan},
+};
+use multiscopic_drivers::hm01b0::{
+    Arrival, ClockDivider, Configuration, FrameMemory, Gain, Hm01b0, Hm01b0Error, LineQueue, LineSender, NoRoom, PixelBus, Size,
+};
+
+const PARAMS: Params = match Params::new(160, 120, Views::HORIZONTAL, Fusion::Min, 1, 16, 7) {
+    Ok(params) => params,
+    Err(_) => panic!("the parameters are out of range"),
+};
+const LEFT: Frame = Frame::View(View::Left);
+const RIGHT: Frame = Frame::View(View::Right);
+const NO_ANSWER: ErrorKind = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
+
+fn plan() -> Plan {
+    Plan::cross(PARAMS.views(), 20_000)
+}
+
+fn write(register: u16, value: u8) -> Transaction {
+    let [high, low] = register.to_be_bytes();
+    Transaction::write(0x24, vec![high, low, value])
+}
+
+fn read(register: u16, value: u8) -> Transaction {
+    Transaction::write_read(0x24, register.to_be_bytes().to_vec(), vec![value])
+}
+
+/// What is written to begin with 160x120 pixels, 200 lines of exposure and four times the gain, by 8.
+fn beginning() -> Vec<Transaction> {
+    let mut bus = vec![read(0x0000, 0x01), read(0x0001, 0xb0), write(0x0103, 1), read(0x0100, 0xff), read(0x0100, 0)];
+    let settings = [
+        (0x0100, 0),
+        (0x3059, 0x02),
+        (0x0383, 3),
+        (0x0387, 3),
+        (0x0390, 3),
+        (0x3010, 1),
+        (0x3060, 0x08),
+        (0x2100, 0),
+        (0x0205, 0x20),
+        (0x3020, 1),
+        (0x0342, 0),
+        (0x0343, 215),
+        (0x0340, 0),
+        (0x0341, 202),
+        (0x0202, 0),
+        (0x0203, 200),
+        (0x0104, 1),
+    ];
+    bus.extend(settings.map(|(register, value)| write(register, value)));
+    bus
+}
+
+fn configuration() -> Configuration {
+    Configuration {
+        exposure_lines: 200,
+        gain: Gain::X4,
+        clock: ClockDivider::By8,
+        line_clocks: 0,
+        ..Configuration::new(Size::Qqvga)
+    }
+}
+
+fn starting() -> [Transaction; 2] {
+    [write(0x0100, 0), write(0x0100, 3)]
+}
+
+fn ending() -> [Transaction; 2] {
+    [write(0x0100, 0), write(0x2100, 1)]
+}
+
+/// No lines ever come.
+struct Silence;
+
+impl PixelBus for Silence {
+    fn restart(&mut self) {}
+
+    fn next(&mut self) -> Option<Arrival<'_>> {
+        None
+    }
+}
+
+#[test]
+fn exposure_is_fixed_from_the_beginning_to_the_end() {
+    let expected: Vec<_> = beginning().into_iter().chain(starting()).chain(ending()).collect();
+    let (mut i2c, mut delay) = (Mock::new(&expected), CheckedDelay::new(&[Wait::delay_ms(1), Wait::delay_ms(1)]));
+    let mut pixels = [];
+    let store = FrameMemory::new(&PARAMS, &mut pixels);
+    let mut camera = Hm01b0::new(i2c.clone(), delay.clone(), Silence, store, configuration(), plan());
+    assert_eq!(camera.begin(), Ok(()));
+    assert_eq!(camera.is_complete(), Ok(false));
+    assert_eq!(camera.start(3), Err(Hm01b0Error::NoFrame { index: 3 }));
+    assert_eq!(camera.start(0), Ok(()));
+    assert_eq!(camera.is_complete(), Ok(false));
+    assert_eq!(camera.end(), Ok(()));
+    drop(camera.release());
+    i2c.done();
+    delay.done();
+}
+
+#[test]
+fn registers_of_the_larger_frame() {
+    let mut expected = vec![read(0x0000, 0x01), read(0x0001, 0xb0), write(0x0103, 1), read(0x0100, 0)];
+    let settings = [
+        (0x0100, 0),
+        (0x3059, 0x02),
+        (0x0383, 1),
+        (0x0387, 1),
+        (0x0390, 0),
+        (0x3010, 1),
+        (0x3060, 0x09),
+        (0x2100, 0),
+        (0x0205, 0),
+        (0x3020, 1),
+        (0x0342, 0x03),
+        (0x0343, 0xe8),
+        (0x0340, 0x01),
+        (0x0341, 0x04),
+        (0x0202, 0),
+        (0x0203, 122),
+        (0x0104, 1),
+    ];
+    expected.extend(settings.map(|(register, value)| write(register, value)));
+    let mut i2c = Mock::new(&expected);
+    let settings = Configuration { line_clocks: 1000, ..Configuration::new(Size::Qvga) };
+    let mut camera = Hm01b0::new(i2c.clone(), NoopDelay::new(), Silence, FrameMemory::new(&PARAMS, &mut []), settings, plan());
+    assert_eq!(camera.begin(), Ok(()));
+    i2c.done();
+}
+
+#[test]
+fn every_transaction_that_fails_is_told() {
+    let all: Vec<_> = beginning().into_iter().chain(starting()).chain(ending()).collect();
+    for failing in 0..all.len() {
+        let mut expected = all[..=failing].to_vec();
+        expected[failing] = expected[failing].clone().with_error(NO_ANSWER);
+        let mut i2c = Mock::new(&expected);
+        let store = FrameMemory::new(&PARAMS, &mut []);
+        let mut camera = Hm01b0::new(i2c.clone(), NoopDelay::new(), Silence, store, configuration(), plan());
+        let result = camera.begin().and_then(|()| camera.start(0)).and_then(|()| camera.end());
+        assert_eq!(result, Err(Hm01b0Error::I2c(NO_ANSWER)), "transaction {failing}");
+        i2c.done();
+    }
+}
+
+#[test]
+fn another_sensor_and_one_that_does_not_reset_are_refused() {
+    let other = vec![read(0x0000, 0x03), read(0x0001, 0x60)];
+    let never: Vec<_> = [read(0x0000, 0x01), read(0x0001, 0xb0), write(0x0103, 1)]
+        .into_iter()
+        .chain(iter::repeat_n(read(0x0100, 1), 20))
+        .collect();
+    for (expected, error) in [(other, Hm01b0Error::Model { found: 0x0360 }), (never, Hm01b0Error::NotReset)] {
+        let mut i2c = Mock::new(&expected);
+        let store = FrameMemory::new(&PARAMS, &mut []);
+        let mut camera = Hm01b0::new(i2c.clone(), NoopDelay::new(), Silence, store, configuration(), plan());
+        assert_eq!(camera.begin(), Err(error));
+        i2c.done();
+    }
+}
+
+/// The pixel of a place in a frame of some number.
+fn pixel(frame: u8, u: usize, v: usize) -> u8 {
+    u.wrapping_mul(7).wrapping_add(v.wrapping_mul(13)) as u8 ^ frame
+}
+
+/// A line of the sensor, with its border.
+fn send(sender: &mut LineSender<'_, '_>, frame: u8, number: usize, columns: usize) {
+    if let Some(buffer) = sender.buffer() {
+        for (x, sent) in buffer[..columns.min(162)].iter_mut().enumerate() {
+            *sent = pixel(frame, x.wrapping_sub(1), number.wrapping_sub(1));
+        }
+    }
+    sender.end_line(columns);
+}
+
+type Error = Hm01b0Error<NoRoom>;
+
+/// A camera that was started with the frame of an index, as it is given to `then` with the other end of its lines.
+fn with_camera(index: usize, then: impl FnOnce(&mut dyn Both, &mut LineSender<'_, '_>)) {
+    with_starts(index, 1, then);
+}
+
+/// The same if `then` starts it until it was started so many times.
+fn with_starts(index: usize, starts: usize, then: impl FnOnce(&mut dyn Both, &mut LineSender<'_, '_>)) {
+    let (mut buffers, mut queue) = (vec![[0; 162]; 6], LineQueue::<8>::new());
+    let (mut sender, lines) = queue.split(buffers.iter_mut().map(|buffer| &mut buffer[..]));
+    let expected: Vec<_> = iter::repeat_n(starting(), starts).flatten().collect();
+    let mut i2c = Mock::new(&expected);
+    let mut pixels = vec![0; 2 * 160 * 120];
+    let store = FrameMemory::new(&PARAMS, &mut pixels);
+    let mut camera = Hm01b0::new(i2c.clone(), NoopDelay::new(), lines, store, configuration(), plan());
+    camera.start(index).unwrap();
+    sender.begin_frame();
+    then(&mut camera, &mut sender);
+    i2c.done();
+}
+
+trait Both: Camera<Error = Error> + ScanlineSource<Error = Error> {}
+
+impl<C: Camera<Error = Error> + ScanlineSource<Error = Error>> Both for C {}
+
+#[test]
+fn frames_are_stored_without_the_border() {
+    for (index, frame) in [(0, Frame::Center), (1, LEFT)] {
+        with_camera(index, |camera, sender| {
+            for number in 0..122 {
+                send(sender, 3, number, 162);
+                assert_eq!(camera.is_complete(), Ok(false));
+            }
+            sender.end_frame();
+            assert_eq!(camera.is_complete(), Ok(true));
+            assert_eq!(camera.is_complete(), Ok(true), "it stays complete");
+            let mut line = [0; 160];
+            for v in 0..120 {
+                camera.read_line(frame, v, &mut line).unwrap();
+                assert!(line.iter().enumerate().all(|(u, &found)| found == pixel(3, u, v)));
+            }
+            let no_room = Hm01b0Error::Store(NoRoom { frame, line: 120 });
+            assert_eq!(camera.read_line(frame, 120, &mut line), Err(no_room));
+        });
+    }
+}
+
+#[test]
+fn the_last_frame_is_read_while_it_comes() {
+    with_camera(2, |camera, sender| {
+        let mut line = [0; 160];
+        assert_eq!(camera.read_line(RIGHT, 0, &mut line), Err(Hm01b0Error::Waiting { line: 0 }));
+        for number in 0..122 {
+            send(sender, 5, number, 162);
+            if (1..121).contains(&number) {
+                let v = number - 1;
+                camera.read_line(RIGHT, v, &mut line).unwrap();
+                assert!(line.iter().enumerate().all(|(u, &found)| found == pixel(5, u, v)));
+                let next = camera.read_line(RIGHT, v + 1, &mut line);
+                assert!(matches!(next, Err(Hm01b0Error::Waiting { .. })), "{next:?}");
+            }
+            assert_eq!(camera.is_complete(), Ok(false));
+        }
+        sender.end_frame();
+        assert_eq!(camera.is_complete(), Ok(true));
+    });
+}
+
+#[test]
+fn the_matcher_waits_for_lines_without_blocking() {
+    with_camera(2, |mut camera, sender| {
+        let mut memory = [0; PARAMS.memory_words()];
+        let mut matcher = Matcher::new(&PARAMS, &mut memory).unwrap();
+        let (mut line, mut next, mut waits, mut number) = ([None; 160], 0, 0, 0);
+        while next < 120 {
+            match matcher.next_line(&mut camera, &mut line) {
+                Ok(v) => {
+                    assert_eq!(v, Some(next));
+                    next += 1;
+                }
+                Err(MatchError::Source(Hm01b0Error::Waiting { .. })) => {
+                    waits += 1;
+                    send(sender, 0, number, 162);
+                    number += 1;
+                }
+                Err(error) => panic!("{error}"),
+            }
+        }
+        // But for the border above, each line was waited for.
+        assert_eq!((waits, number), (121, 121));
+        assert_eq!(camera.is_complete(), Ok(false));
+        send(sender, 0, 121, 162);
+        sender.end_frame();
+        assert_eq!(camera.is_complete(), Ok(true));
+    });
+}
+
+/// What is sent, and what the camera says of it.
+fn flaw(index: usize, sent: impl Fn(&mut LineSender<'_, '_>), expected: Error) {
+    with_camera(index, |camera, sender| {
+        sent(sender);
+        let mut line = [0; 160];
+        if index == 2 {
+            // While it is matched, the first to notice is the matcher.
+            let told = (0..120).find_map(|v| camera.read_line(RIGHT, v, &mut line).err());
+            assert!(told == Some(expected) || matches!(expected, Hm01b0Error::Torn { .. }), "{told:?}");
+        }
+        assert_eq!(camera.is_complete(), Err(expected), "frame {index}");
+        assert_eq!(camera.is_complete(), Err(expected), "it stays damaged");
+    });
+}
+
+#[test]
+fn damaged_frames_are_told() {
+    for index in [0, 2] {
+        // More lines than there are buffers.
+        let burst = |sender: &mut LineSender<'_, '_>| (0..9).for_each(|number| send(sender, 0, number, 162));
+        with_camera(index, |camera, sender| {
+            burst(sender);
+            let mut line = [0; 160];
+            if index == 2 {
+                for v in 0..5 {
+                    camera.read_line(RIGHT, v, &mut line).unwrap();
+                }
+            } else {
+                assert_eq!(camera.is_complete(), Ok(false));
+            }
+            send(sender, 0, 9, 162);
+            if index == 2 {
+                // The receiver still holds the sixth line's buffer, the others are free again.
+                assert_eq!(camera.read_line(RIGHT, 5, &mut line), Err(Hm01b0Error::Lost { line: 6 }));
+            }
+            assert_eq!(camera.is_complete(), Err(Hm01b0Error::Lost { line: 6 }));
+        });
+        // Frames that end early, lines that are too short, and too long.
+        flaw(
+            index,
+            |sender| {
+                (0..3).for_each(|number| send(sender, 0, number, 162));
+                sender.end_frame();
+            },
+            Hm01b0Error::Torn { lines: 3 },
+        );
+        flaw(index, |sender| send(sender, 0, 0, 161), Hm01b0Error::Line { line: 0, pixels: 161 });
+    }
+}
+
+#[test]
+fn a_frame_that_is_taken_again_has_nothing_of_the_one_before() {
+    with_starts(0, 2, |camera, sender| {
+        (0..3).for_each(|number| send(sender, 9, number, 162));
+        assert_eq!(camera.is_complete(), Ok(false));
+        (3..5).for_each(|number| send(sender, 9, number, 162));
+        camera.start(0).unwrap();
+        // The rest of the old one still comes.
+        (5..8).for_each(|number| send(sender, 9, number, 162));
+        sender.end_frame();
+        assert_eq!(camera.is_complete(), Ok(false));
+        sender.begin_frame();
+        for number in 0..122 {
+            send(sender, 1, number, 162);
+            assert_eq!(camera.is_complete(), Ok(false));
+        }
+        sender.end_frame();
+        assert_eq!(camera.is_complete(), Ok(true));
+        let mut line = [0; 160];
+        camera.read_line(Frame::Center, 2, &mut line).unwrap();
+        assert_eq!(line[4], pixel(1, 4, 2));
+    });
+}

@@ -1,0 +1,40 @@
+//! Gives the linker the memory of the board that the features choose.
+
+use std::{env, error::Error, fs, path::PathBuf};
+
+/// The boards beside the reference board: the feature that chooses each, and the linker script that sets its memory.
+const BOARDS: [(&str, &str); 3] =
+    [("stm32f405", "boards/stm32f405.x"), ("stm32h743", "boards/stm32h743.x"), ("an547", "boards/an547.x")];
+
+/// The memory that `link.x` of cortex-m-rt includes: that of the reference board, unless the script of a board precedes it.
+const MEMORY: &str = "../../memory.x";
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("cargo:rerun-if-changed=build.rs");
+    if env::var("CARGO_CFG_TARGET_OS")? != "none" {
+        return Ok(());
+    }
+    let is_chosen = |feature: &str| env::var_os(format!("CARGO_FEATURE_{}", feature.to_uppercase())).is_some();
+    let chosen: Vec<_> = BOARDS.iter().filter(|(feature, _)| is_chosen(feature)).collect();
+    let mut scripts = Vec::new();
+    match chosen[..] {
+        [] => {}
+        [(_, script)] => {
+            println!("cargo:rerun-if-changed={script}");
+            scripts.push(fs::canonicalize(script)?.display().to_string());
+        }
+        [(first, _), (second, _), ..] => {
+            return Err(format!("firmware is linked for one board: choose the feature {first} or {second}, not both").into());
+        }
+    }
+    println!("cargo:rerun-if-changed={MEMORY}");
+    let out = PathBuf::from(env::var("OUT_DIR")?);
+    fs::copy(MEMORY, out.join("memory.x"))?;
+    println!("cargo:rustc-link-search={}", out.display());
+    scripts.extend(["link.x".to_owned(), "defmt.x".to_owned()]);
+    for script in scripts {
+        println!("cargo:rustc-link-arg-bins=-T{script}");
+        println!("cargo:rustc-link-arg-examples=-T{script}");
+    }
+    Ok(())
+}

@@ -1,0 +1,204 @@
+//! The drivers under test on simulated hardware: captures, matches and sends.
+
+use core::{cell::RefCell, ffi::CStr, time::Duration};
+use embedded_io::Write;
+use multiscopic_core::{
+    Disparity, Matcher, Region, View,
+    capture::{Plan, Policy, Progress, Sequence, Stage},
+};
+use multiscopic_drivers::{
+    hm01b0::{FrameMemory, Hm01b0, LineReceiver},
+    stepper::{Pins, Stepper, StepperError},
+};
+use multiscopic_edge::{packet::Sender, profile::CAPTURE};
+use multiscopic_firmware::{BoardKernel, HostFile};
+
+use super::{
+    failure::{CameraError, CaptureFailure},
+    injection::{FaultKind, Injection},
+    simulated_sensor::{Registers, Sensor},
+    slide::{Clock, Pin, Slide},
+};
+
+/// The baseline in micrometres.
+pub const BASELINE_UM: u32 = 20_000;
+/// The index of the last frame, which is matched during readout.
+pub const LAST: usize = View::ALL.len();
+
+const POLICY: Policy = Policy {
+    settle: Duration::from_millis(200),
+    move_timeout: Duration::from_secs(10),
+    frame_timeout: Duration::from_millis(400),
+    retries: 2,
+    tolerance_um: 1,
+    backlash_um: 1000,
+    return_to_center: true,
+};
+/// How long homing may take.
+const HOMING_TIMEOUT: Duration = Duration::from_secs(60);
+/// The time of one turn of the main loop, in nanoseconds.
+const TURN_NS: u64 = 1_000_000;
+
+type AxisPins<'s> = Pins<Pin<'s>, Pin<'s>, Pin<'s>, Pin<'s>>;
+type SlideStage<'s> = Stepper<AxisPins<'s>, AxisPins<'s>, Clock<'s>>;
+type SensorCamera<'a, 's> = Hm01b0<Registers<'a, 's>, Clock<'s>, LineReceiver<'static, 'static>, FrameMemory<'static>>;
+
+/// The stage and the camera, and the simulated hardware behind them.
+pub struct Testbench<'a, 's> {
+    pub slide: &'s RefCell<Slide>,
+    pub sensor: &'a RefCell<Sensor<'s>>,
+    pub stage: SlideStage<'s>,
+    pub camera: SensorCamera<'a, 's>,
+}
+
+/// The buffers of a match, and the file of its packets.
+pub struct MatchBuffers {
+    pub memory: &'static mut [u32],
+    pub line: &'static mut [Option<Disparity>],
+    pub packet: &'static mut [u8],
+    pub path: &'static CStr,
+}
+
+impl Testbench<'_, '_> {
+    /// Captures with a fault, and returns whether there are disparities; nothing if the stage does not stand still afterwards.
+    pub fn capture_and_check(&mut self, buffers: &mut MatchBuffers, injection: Injection) -> Option<bool> {
+        self.inject(injection, false);
+        let captured = self.capture(buffers, injection);
+        self.inject(Injection::NONE, false);
+        match &captured {
+            Ok(()) => defmt::info!("captured, matched and sent"),
+            Err(failure) => defmt::error!("{}", defmt::Display2Format(failure)),
+        }
+        let pulses = |slide: &RefCell<Slide>| slide.borrow().screws.each_ref().map(|screw| screw.pulses);
+        let before = pulses(self.slide);
+        for _ in 0..1000 {
+            let _ = self.stage.has_arrived();
+            self.turn();
+        }
+        if pulses(self.slide) == before {
+            return Some(captured.is_ok());
+        }
+        defmt::error!("the stage still moves");
+        None
+    }
+
+    /// Injects a fault into the slide and the sensor.
+    fn inject(&mut self, injection: Injection, is_homed: bool) {
+        let mut slide = self.slide.borrow_mut();
+        slide.slowdown = if injection.kind == FaultKind::Slow && is_homed { 10 } else { 1 };
+        for (axis, screw) in slide.screws.iter_mut().enumerate() {
+            screw.fault = injection.of_screw(axis, is_homed.then_some(screw.pulses));
+        }
+        self.sensor.borrow_mut().inject(injection);
+    }
+
+    /// A turn of the main loop: time passes, and lines arrive.
+    fn turn(&mut self) {
+        self.slide.borrow_mut().now += TURN_NS;
+        self.sensor.borrow_mut().catch_up();
+    }
+
+    fn now(&self) -> Duration {
+        Duration::from_nanos(self.slide.borrow().now)
+    }
+
+    fn home(&mut self) -> Result<(), CaptureFailure> {
+        let start = self.now();
+        self.stage.home().map_err(CaptureFailure::Homing)?;
+        while !self.stage.has_arrived().map_err(CaptureFailure::Homing)? {
+            self.turn();
+            if self.now() - start > HOMING_TIMEOUT {
+                self.stage.stop().map_err(CaptureFailure::Homing)?;
+                return Err(CaptureFailure::HomingTimeout);
+            }
+        }
+        Ok(())
+    }
+
+    fn capture(&mut self, buffers: &mut MatchBuffers, injection: Injection) -> Result<(), CaptureFailure> {
+        self.home()?;
+        self.inject(injection, true);
+        let baseline_um = if injection.kind == FaultKind::Beyond { 2 * BASELINE_UM } else { BASELINE_UM };
+        let plan = Plan::cross(CAPTURE.views(), baseline_um);
+        let mut sequence = Sequence::new(plan.positions(), POLICY);
+        let mut is_streaming = false;
+        loop {
+            let progress = match is_streaming {
+                true => self.match_last_frame(buffers, &mut sequence, injection)?,
+                false => self.poll(&mut sequence, injection)?,
+            };
+            is_streaming = matches!(progress, Progress::Capturing(LAST) | Progress::Retrying(LAST));
+            match progress {
+                Progress::Done => break,
+                Progress::Captured(index) => defmt::info!("frame {=usize} is there", index),
+                Progress::Retrying(index) => defmt::warn!("frame {=usize} is tried again", index),
+                _ => {}
+            }
+        }
+        // Homing again shows whether the motors lost steps.
+        self.home()?;
+        match self.stage.drift() {
+            [0, 0] => Ok(()),
+            steps => Err(CaptureFailure::StepsLost { steps }),
+        }
+    }
+
+    fn poll(
+        &mut self,
+        sequence: &mut Sequence<'_, StepperError, CameraError>,
+        injection: Injection,
+    ) -> Result<Progress, CaptureFailure> {
+        self.turn();
+        let progress = sequence.poll(self.now(), &mut self.stage, &mut self.camera).map_err(CaptureFailure::Capture)?;
+        if injection.aborts(progress) {
+            sequence.abort();
+        }
+        Ok(progress)
+    }
+
+    /// Matches and sends during the readout of the last frame, until the frame is complete or tried again.
+    fn match_last_frame(
+        &mut self,
+        buffers: &mut MatchBuffers,
+        sequence: &mut Sequence<'_, StepperError, CameraError>,
+        injection: Injection,
+    ) -> Result<Progress, CaptureFailure> {
+        // Replaces what was sent of a damaged frame. At a serial port, a receiver would see the packets count from 0 again.
+        let mut output = HostFile::create(buffers.path).map_err(CaptureFailure::Send)?;
+        let whole = Region::whole(&CAPTURE);
+        let matcher = Matcher::with_isa(BoardKernel::default(), &CAPTURE, &whole, buffers.memory);
+        let (mut matcher, mut sender) = (matcher.map_err(CaptureFailure::Memory)?, Sender::new(&CAPTURE, buffers.packet));
+        let mut lines_during_readout = 0;
+        loop {
+            let progress = self.poll(sequence, injection)?;
+            let is_complete = progress == Progress::Captured(LAST);
+            if !is_complete && progress != Progress::Capturing(LAST) {
+                return Ok(progress);
+            }
+            // During readout one disparity line a turn, as lines arrive; afterwards all that remain.
+            loop {
+                match matcher.next_line(&mut self.camera, buffers.line) {
+                    Ok(Some(v)) => {
+                        let packet = sender.line(&whole, v, buffers.line).map_err(CaptureFailure::Packet)?;
+                        output.write_all(packet).map_err(CaptureFailure::Send)?;
+                    }
+                    Ok(None) => break,
+                    Err(error) if is_complete => return Err(CaptureFailure::Match(error)),
+                    // The line has not arrived yet. If it never does, the sequence reports it.
+                    Err(_) => break,
+                }
+                if !is_complete {
+                    lines_during_readout += 1;
+                    break;
+                }
+            }
+            if is_complete {
+                let stack = cortex_m_stack::stack_size() as usize - cortex_m_stack::stack_painted() as usize;
+                let end = sender.end(Some(stack)).map_err(CaptureFailure::Packet)?;
+                output.write_all(end).map_err(CaptureFailure::Send)?;
+                defmt::info!("{=usize} lines were sent while the last frame was read out", lines_during_readout);
+                return Ok(progress);
+            }
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! The matcher alone. Its panic handler calls a function that does not exist, so the image links only if the matcher cannot panic.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+// By path: the library would bring its own panic handler.
+#[cfg(target_os = "none")]
+#[path = "../src/board_kernel.rs"]
+mod board_kernel;
+
+#[cfg(target_os = "none")]
+mod image {
+    #![expect(unsafe_code, reason = "the missing function is foreign")]
+
+    use super::board_kernel::BoardKernel;
+    use core::{convert::Infallible, hint::black_box, panic::PanicInfo};
+    use cortex_m as _; // Provides the critical section.
+    use multiscopic_core::{Disparity, Frame, Fusion, Matcher, Params, Region, ScanlineSource, Views};
+    use static_cell::ConstStaticCell;
+
+    static MEMORY: ConstStaticCell<[u32; 10_000]> = ConstStaticCell::new([0; 10_000]);
+    static LINE: ConstStaticCell<[Option<Disparity>; 64]> = ConstStaticCell::new([None; 64]);
+
+    /// Scanlines that the optimizer cannot see through.
+    struct Opaque;
+
+    impl ScanlineSource for Opaque {
+        type Error = Infallible;
+
+        fn read_line(&mut self, _: Frame, _: usize, line: &mut [u8]) -> Result<(), Infallible> {
+            black_box(line);
+            Ok(())
+        }
+    }
+
+    #[cortex_m_rt::entry]
+    fn main() -> ! {
+        run();
+        loop {
+            cortex_m::asm::nop();
+        }
+    }
+
+    /// A match whose parameters the optimizer cannot see through either.
+    fn run() -> Option<()> {
+        let fusion = black_box(Fusion::Heuristic);
+        let (width, height, views) = black_box((64, 48, Views::ALL));
+        let (min_disparity, num_disparities, block_size) = black_box((1, 16, 11));
+        let params = Params::new(width, height, views, fusion, min_disparity, num_disparities, block_size).ok()?;
+        let (memory, line) = (MEMORY.try_take()?, LINE.try_take()?);
+        for tile in Region::tiles(&params, black_box(20)) {
+            let mut matcher = Matcher::with_isa(BoardKernel::default(), &params, &tile, &mut memory[..]).ok()?;
+            let line = line.get_mut(..tile.width())?;
+            while matcher.next_line(&mut Opaque, line).ok()?.is_some() {
+                black_box(&mut *line);
+            }
+        }
+        Some(())
+    }
+
+    unsafe extern "C" {
+        fn the_matcher_can_panic() -> !;
+    }
+
+    #[panic_handler]
+    fn panic(_: &PanicInfo<'_>) -> ! {
+        // SAFETY: this never runs: an image that contains the call does not link.
+        unsafe { the_matcher_can_panic() }
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {}

@@ -1,0 +1,28 @@
+//! A match that needs more RAM than any board has: the linker must refuse it, naming the region and the missing bytes.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod image {
+    use core::hint::black_box;
+    use multiscopic_core::{Fusion, Params, Views};
+    use multiscopic_firmware as _; // Provides the fault handler.
+    use static_cell::ConstStaticCell;
+
+    /// A VGA frame in one pass; the memory below is twice what it needs.
+    const PARAMS: Params = match Params::new(640, 480, Views::ALL, Fusion::Heuristic, 1, 64, 11) {
+        Ok(params) => params,
+        Err(_) => panic!("the parameters are out of range"),
+    };
+
+    static MEMORY: ConstStaticCell<[u32; 2 * PARAMS.memory_words()]> = ConstStaticCell::new([0; 2 * PARAMS.memory_words()]);
+
+    #[cortex_m_rt::entry]
+    fn main() -> ! {
+        loop {
+            black_box(MEMORY.try_take());
+        }
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {}

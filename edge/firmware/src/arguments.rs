@@ -1,0 +1,49 @@
+//! The command line that the firmware is started with.
+
+use multiscopic_core::{Fusion, Params, Views};
+use semihosting::experimental::env;
+
+use crate::{error::FirmwareError, host_file::HostError};
+
+/// The most bytes of a command line.
+const COMMAND_LINE_BYTES: usize = 256;
+
+/// The words of the command line. The first is the name of the program.
+fn words() -> Result<env::Args<COMMAND_LINE_BYTES>, FirmwareError> {
+    env::args::<COMMAND_LINE_BYTES>().map_err(|error| FirmwareError::CommandLine(HostError(error)))
+}
+
+/// The fusion that is the only argument.
+///
+/// Not inlined, so that the command line leaves the stack before matching begins.
+#[inline(never)]
+pub fn fusion() -> Result<Fusion, FirmwareError> {
+    let words = words()?;
+    (&words).nth(1).and_then(Result::ok).and_then(fusion_of).ok_or(FirmwareError::Fusion)
+}
+
+/// The parameters and the tile width that are the arguments of a calibration: width, height, number of views (1 to 4), smallest disparity,
+/// number of disparities, block size, fusion, columns of a tile.
+///
+/// Not inlined, like [`fusion`].
+#[inline(never)]
+pub fn calibration() -> Option<(Params, usize)> {
+    let words = words().ok()?;
+    let mut words = (&words).into_iter().skip(1).map_while(Result::ok);
+    let (width, height) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
+    let views = match words.next()? {
+        "1" => Views::STEREO,
+        "2" => Views::HORIZONTAL,
+        "3" => Views::THREE,
+        "4" => Views::ALL,
+        _ => return None,
+    };
+    let (min_disparity, num_disparities) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
+    let block_size = words.next()?.parse().ok()?;
+    let params = Params::new(width, height, views, fusion_of(words.next()?)?, min_disparity, num_disparities, block_size);
+    Some((params.ok()?, words.next()?.parse().ok()?))
+}
+
+fn fusion_of(name: &str) -> Option<Fusion> {
+    Fusion::ALL.into_iter().find(|fusion| fusion.name() == name)
+}

@@ -1,0 +1,73 @@
+//! Firmware that matches.
+//!
+//! Each profile of `multiscopic-edge` is a binary of its name. A debugger or an emulator lends it files for frames and packets, a clock and
+//! a log, through semihosting. The firmware runs on Arm alone; on other processors this library is empty.
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | `board_kernel` | the matcher's kernel for the processor of the board |
+//! | `host_file` | files of the host, through semihosting |
+//! | `phase_marker` | marks where phases begin, for an emulator that counts |
+//! | `error` | why the firmware failed |
+//! | `fault` | ends the firmware after an error, a panic or a fault |
+//! | `arguments` | the command line that the firmware is started with |
+//! | `semihosted` | the board that a debugger or an emulator lends |
+//! | `program` | the main functions |
+//!
+//! # Features
+//! `stm32f405`, `stm32h743`, `an547`: the board that the firmware is linked for, at most one. Without: the reference board of `memory.x`.
+#![no_std]
+
+#[cfg(target_os = "none")]
+mod arguments;
+#[cfg(target_os = "none")]
+mod board_kernel;
+#[cfg(target_os = "none")]
+mod error;
+#[cfg(target_os = "none")]
+mod fault;
+#[cfg(target_os = "none")]
+mod host_file;
+#[cfg(target_os = "none")]
+mod phase_marker;
+#[cfg(target_os = "none")]
+mod program;
+#[cfg(target_os = "none")]
+mod semihosted;
+
+#[cfg(target_os = "none")]
+pub use board_kernel::BoardKernel;
+#[cfg(target_os = "none")]
+pub use fault::fail;
+#[cfg(target_os = "none")]
+pub use host_file::{HostError, HostFile};
+#[cfg(target_os = "none")]
+pub use program::{calibrate, run};
+
+/// The program of a profile's binary.
+#[macro_export]
+macro_rules! firmware {
+    ($profile:path) => {
+        #[cfg(target_os = "none")]
+        mod image {
+            use multiscopic_edge::{Profile, Workspace, workspace};
+            use multiscopic_firmware::BoardKernel;
+            use static_cell::ConstStaticCell;
+
+            const PROFILE: Profile = $profile;
+
+            static WORKSPACE: ConstStaticCell<workspace!(BoardKernel, PROFILE)> = ConstStaticCell::new(Workspace::new());
+
+            #[cortex_m_rt::entry]
+            fn main() -> ! {
+                multiscopic_firmware::run(&PROFILE, WORKSPACE.take().pipeline())
+            }
+        }
+
+        #[cfg(not(target_os = "none"))]
+        fn main() -> std::process::ExitCode {
+            eprintln!("firmware runs on Arm: `cargo xtask edge` builds it and runs it in the emulator");
+            std::process::ExitCode::from(2)
+        }
+    };
+}

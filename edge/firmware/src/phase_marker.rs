@@ -1,0 +1,34 @@
+//! Marks where phases begin: functions that do nothing, for a debugger's breakpoints or an emulator that counts.
+#![expect(unsafe_code, reason = "the functions need names for the linker, and bodies that differ")]
+
+use core::arch::asm;
+use multiscopic_edge::Phase;
+
+/// Calls the marker of `phase`.
+#[inline(always)]
+pub fn mark(phase: Phase) {
+    match phase {
+        Phase::Idle => phase_idle(),
+        Phase::Matching => phase_matching(),
+        Phase::Fetching => phase_fetching(),
+        Phase::Sending => phase_sending(),
+    }
+}
+
+macro_rules! marker {
+    ($name:ident, $number:literal) => {
+        // Exported under its name, which no other symbol of the image has.
+        #[unsafe(no_mangle)]
+        #[inline(never)]
+        extern "C" fn $name() {
+            // Without a body of its own, the linker would fold the markers into one.
+            // SAFETY: the instruction writes the register that it declares, and the flags, which `asm!` takes as clobbered.
+            unsafe { asm!("movs {}, {}", out(reg) _, const $number) }
+        }
+    };
+}
+
+marker!(phase_idle, 0);
+marker!(phase_matching, 1);
+marker!(phase_fetching, 2);
+marker!(phase_sending, 3);

@@ -1,0 +1,46 @@
+//! The board that a debugger or an emulator lends.
+
+use core::time::Duration;
+use multiscopic_core::{Frame, Params};
+use multiscopic_edge::{Board, Phase, Streams, frame_file};
+use semihosting::sys::arm_compat::sys_clock;
+
+use crate::{error::FirmwareError, host_file::HostFile, phase_marker};
+
+/// A board whose frames and packets are files of the host, and whose clock is the host's.
+pub struct Semihosted;
+
+/// The time since the start in steps of 10 ms, or zero if the host does not tell.
+pub fn elapsed() -> Duration {
+    Duration::from_millis(10 * sys_clock().unwrap_or_default() as u64)
+}
+
+impl Board for Semihosted {
+    type Frames = Streams<HostFile>;
+    type Output = HostFile;
+    type Error = FirmwareError;
+
+    fn frames(&mut self, params: &Params) -> Result<Streams<HostFile>, FirmwareError> {
+        let expected = (params.width() * params.height()) as u64;
+        Streams::open(params.views(), |frame: Frame| {
+            let path = frame_file::name(frame);
+            let file = HostFile::open(path).map_err(|error| FirmwareError::File(path, error))?;
+            match file.bytes().map_err(|error| FirmwareError::File(path, error))? {
+                found if found == expected => Ok(file),
+                found => Err(FirmwareError::Size { path, found, expected }),
+            }
+        })
+    }
+
+    fn output(&mut self) -> Result<HostFile, FirmwareError> {
+        HostFile::create(frame_file::PACKETS).map_err(|error| FirmwareError::File(frame_file::PACKETS, error))
+    }
+
+    fn elapsed(&self) -> Duration {
+        elapsed()
+    }
+
+    fn enter(phase: Phase) {
+        phase_marker::mark(phase);
+    }
+}

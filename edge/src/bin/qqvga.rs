@@ -1,4 +1,0 @@
-//! The firmware of the profile `qqvga`.
-#![cfg_attr(target_os = "none", no_std, no_main)]
-
-multiscopic_edge::firmware!(multiscopic_edge::profile::QQVGA);

@@ -1,0 +1,174 @@
+//! Decodes packets.
+
+use core::{error, fmt};
+use multiscopic_core::Disparity;
+
+use super::{
+    checksum::{CHECKSUM_BYTES, checksum},
+    header::{Content, Header, MAGIC, VERSION},
+};
+
+/// A packet that arrived undamaged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Packet<'a> {
+    /// What the packet says about itself.
+    pub header: Header,
+    samples: &'a [u8],
+}
+
+impl<'a> Packet<'a> {
+    /// Decodes a packet in place. `bytes` are those before the zero that ends it.
+    ///
+    /// # Errors
+    /// The bytes are damaged, or are not a packet of this version.
+    pub fn decode(bytes: &'a mut [u8]) -> Result<Packet<'a>, PacketError> {
+        let len = cobs::decode_in_place(bytes).map_err(|_| PacketError::Framing)?;
+        let bytes = bytes.get(..len).unwrap_or_default();
+        let (bytes, &sent) = bytes.split_last_chunk::<CHECKSUM_BYTES>().ok_or(PacketError::Framing)?;
+        let (expected, found) = (u32::from_le_bytes(sent), checksum(bytes));
+        if found != expected {
+            return Err(PacketError::Damaged { expected, found });
+        }
+        let [magic @ .., version] = *bytes.first_chunk::<{ MAGIC.len() + 1 }>().ok_or(PacketError::Foreign)?;
+        if magic != MAGIC {
+            return Err(PacketError::Foreign);
+        }
+        if version != VERSION {
+            return Err(PacketError::Version { found: version });
+        }
+        let (header, samples) = postcard::take_from_bytes::<Header>(bytes).map_err(|_| PacketError::Header)?;
+        let columns = match header.content {
+            Content::Line { line, left, columns } => {
+                if line >= header.height || u32::from(left) + u32::from(columns) > u32::from(header.width) {
+                    return Err(PacketError::Outside { header });
+                }
+                columns.into()
+            }
+            Content::End { .. } => 0,
+        };
+        if samples.len() != 2 * columns {
+            return Err(PacketError::Length { columns, bytes: samples.len() });
+        }
+        Ok(Packet { header, samples })
+    }
+
+    /// The disparities of the line, from left to right.
+    pub fn disparities(&self) -> impl ExactSizeIterator<Item = Option<Disparity>> + use<'a> {
+        self.samples.as_chunks().0.iter().map(|&bytes| Disparity::from_raw16(u16::from_le_bytes(bytes)))
+    }
+}
+
+/// Why bytes are not a packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum PacketError {
+    /// The bytes are not valid COBS, or too few: some are missing.
+    Framing,
+    /// The checksum is wrong.
+    Damaged {
+        /// The checksum in the packet.
+        expected: u32,
+        /// The checksum of the bytes that arrived.
+        found: u32,
+    },
+    /// The bytes are undamaged, but not from this sender.
+    Foreign,
+    /// The packet has another version of the format.
+    Version {
+        /// That version.
+        found: u8,
+    },
+    /// The header is not one of this version.
+    Header,
+    /// The line lies outside its frame.
+    Outside {
+        /// The header that says so.
+        header: Header,
+    },
+    /// The number of disparities differs from the header's.
+    Length {
+        /// The number of columns in the header.
+        columns: usize,
+        /// The number of bytes after the header.
+        bytes: usize,
+    },
+}
+
+impl fmt::Display for PacketError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            PacketError::Framing => write!(f, "a damaged packet: some of its bytes are missing"),
+            PacketError::Damaged { expected, found } => {
+                write!(f, "a damaged packet: its checksum is {found:08x}, it was sent with {expected:08x}")
+            }
+            PacketError::Foreign => write!(f, "not a packet of disparities"),
+            PacketError::Version { found } => write!(f, "a packet of version {found}, expected version {VERSION}"),
+            PacketError::Header => write!(f, "a packet with an invalid header"),
+            PacketError::Outside { header } => {
+                write!(f, "{:?} lies outside a frame of {}x{} pixels", header.content, header.width, header.height)
+            }
+            PacketError::Length { columns, bytes } => {
+                write!(f, "a packet of {columns} columns with {bytes} bytes of disparities")
+            }
+        }
+    }
+}
+
+impl error::Error for PacketError {}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use crate::packet::{Sender, buffer_bytes};
+    use multiscopic_core::{Fusion, Params, Region, Views};
+    use std::{vec, vec::Vec};
+
+    const PARAMS: Params = match Params::new(40, 20, Views::ALL, Fusion::Heuristic, 1, 4, 3) {
+        Ok(params) => params,
+        Err(_) => panic!("the parameters are out of range"),
+    };
+
+    #[test]
+    fn every_flipped_bit_and_every_cut_is_noticed() {
+        // Many of the bytes are zero.
+        let sample = |u: u32| (2731 * u % 65536) as u16 & if u.is_multiple_of(3) { 0xff00 } else { 0xffff };
+        let line: Vec<_> = (0..30).map(|u| Disparity::from_raw16(sample(u))).collect();
+        let mut buffer = vec![0; buffer_bytes(30)];
+        let region = Region::new(&PARAMS, 3..33, 0..20).unwrap();
+        let mut sender = Sender::new(&PARAMS, &mut buffer);
+        let (&zero, bytes) = sender.line(&region, 7, &line).unwrap().split_last().unwrap();
+        assert_eq!(zero, 0);
+        for bit in 0..8 * bytes.len() {
+            let mut damaged = bytes.to_vec();
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            let found = Packet::decode(&mut damaged).unwrap_err();
+            assert!(matches!(found, PacketError::Framing | PacketError::Damaged { .. }), "bit {bit}: {found}");
+        }
+        for len in 0..bytes.len() {
+            let found = Packet::decode(&mut bytes[..len].to_vec()).unwrap_err();
+            assert!(matches!(found, PacketError::Framing | PacketError::Damaged { .. }), "{len} bytes: {found}");
+        }
+    }
+
+    #[test]
+    fn invalid_packets_have_an_error_each() {
+        let encoded = |bytes: &[u8]| {
+            let mut encoded = vec![0; 100];
+            let bytes = [bytes, &checksum(bytes).to_le_bytes()].concat();
+            let len = cobs::encode(&bytes, &mut encoded);
+            encoded.truncate(len);
+            encoded
+        };
+        assert_eq!(Packet::decode(&mut encoded(b"abcd\x01ef")), Err(PacketError::Foreign));
+        assert_eq!(Packet::decode(&mut encoded(b"mscp\x07ef")), Err(PacketError::Version { found: 7 }));
+        assert_eq!(Packet::decode(&mut encoded(b"mscp\x01e")), Err(PacketError::Header));
+        let header = |content| Header { magic: MAGIC, version: VERSION, sequence: 0, width: 4, height: 2, content };
+        let packet = |header: &Header| encoded(postcard::to_slice(header, &mut [0; 64]).unwrap());
+        let outside = header(Content::Line { line: 1, left: 2, columns: 3 });
+        assert_eq!(Packet::decode(&mut packet(&outside)), Err(PacketError::Outside { header: outside }));
+        let short = header(Content::Line { line: 1, left: 2, columns: 2 });
+        assert_eq!(Packet::decode(&mut packet(&short)), Err(PacketError::Length { columns: 2, bytes: 0 }));
+    }
+}

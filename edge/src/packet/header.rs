@@ -1,0 +1,46 @@
+//! What a packet says about itself.
+
+use serde::{Deserialize, Serialize};
+
+/// The first bytes of every packet.
+pub const MAGIC: [u8; 4] = *b"mscp";
+/// The version of the packet format.
+pub const VERSION: u8 = 1;
+
+/// The most bytes that `postcard` encodes a header in: magic, version, five for the sequence number, three for every other number, and one
+/// for the variant of the content.
+pub(super) const MAX_HEADER_BYTES: usize = MAGIC.len() + 1 + 5 + 3 + 3 + 1 + 3 * 3;
+
+/// What a packet says about itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Header {
+    pub(super) magic: [u8; 4],
+    pub(super) version: u8,
+    /// Counts the packets of a frame, from 0.
+    pub sequence: u32,
+    /// Pixels in a line of the frame.
+    pub width: u16,
+    /// Lines of the frame.
+    pub height: u16,
+    /// What the packet carries.
+    pub content: Content,
+}
+
+/// What a packet carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Content {
+    /// A line of disparities, or the part of it in one column tile.
+    Line {
+        /// The line's number in the frame.
+        line: u16,
+        /// The first column, counted in the frame.
+        left: u16,
+        /// The number of columns.
+        columns: u16,
+    },
+    /// The end of the frame.
+    End {
+        /// The greatest depth of the sender's stack in bytes, if the sender measures it. A simulation on a host does not.
+        stack: Option<u32>,
+    },
+}

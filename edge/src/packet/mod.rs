@@ -1,0 +1,22 @@
+//! The packets that carry disparities to a host, over anything that carries bytes.
+//!
+//! A packet holds, in this order:
+//! - a [`Header`], encoded by `postcard`,
+//! - the disparities of its line, two bytes each, little-endian, as [`Disparity::to_raw16`](multiscopic_core::Disparity::to_raw16) encodes
+//!   them,
+//! - the CRC-32 of all bytes before it, little-endian.
+//!
+//! COBS removes the zeros from these bytes, and a zero ends the packet. A receiver that starts late or has lost bytes resumes after the next
+//! zero.
+
+mod checksum;
+mod decoder;
+mod framing;
+mod header;
+mod receiver;
+mod sender;
+
+pub use decoder::{Packet, PacketError};
+pub use header::{Content, Header, MAGIC, VERSION};
+pub use receiver::{Lost, Receiver};
+pub use sender::{BufferTooSmall, Sender, buffer_bytes, max_bytes};

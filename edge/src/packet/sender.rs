@@ -1,0 +1,148 @@
+//! Encodes packets.
+
+use core::{error, fmt};
+use multiscopic_core::{Disparity, Params, Region};
+
+use super::{
+    checksum::{CHECKSUM_BYTES, checksum},
+    framing::{encode, max_encoded_bytes},
+    header::{Content, Header, MAGIC, MAX_HEADER_BYTES, VERSION},
+};
+
+/// The most bytes of a packet with `columns` disparities.
+pub const fn max_bytes(columns: usize) -> usize {
+    max_encoded_bytes(max_plain_bytes(columns))
+}
+
+/// The length of the buffer in which a [`Sender`] encodes packets of up to `columns` disparities. It holds a packet twice, before and after
+/// COBS.
+pub const fn buffer_bytes(columns: usize) -> usize {
+    max_plain_bytes(columns) + max_bytes(columns)
+}
+
+const fn max_plain_bytes(columns: usize) -> usize {
+    MAX_HEADER_BYTES + 2 * columns + CHECKSUM_BYTES
+}
+
+/// Encodes the packets of a frame in a buffer that it borrows.
+#[derive(Debug)]
+pub struct Sender<'b> {
+    buffer: &'b mut [u8],
+    width: u16,
+    height: u16,
+    sequence: u32,
+}
+
+impl<'b> Sender<'b> {
+    /// A sender for a frame of the size in `params`. The buffer needs [`buffer_bytes`] of the widest line.
+    pub fn new(params: &Params, buffer: &'b mut [u8]) -> Sender<'b> {
+        Sender { buffer, width: params.width() as u16, height: params.height() as u16, sequence: 0 }
+    }
+
+    /// Encodes the disparities of `line` in the columns of `region`.
+    ///
+    /// # Errors
+    /// [`BufferTooSmall`].
+    pub fn line(&mut self, region: &Region, line: usize, disparities: &[Option<Disparity>]) -> Result<&[u8], BufferTooSmall> {
+        let (left, columns) = (region.columns().start as u16, disparities.len() as u16);
+        self.packet(Content::Line { line: line as u16, left, columns }, disparities)
+    }
+
+    /// Encodes the end of the frame, with the greatest depth of the stack in bytes if it was measured.
+    ///
+    /// # Errors
+    /// [`BufferTooSmall`].
+    pub fn end(&mut self, stack: Option<usize>) -> Result<&[u8], BufferTooSmall> {
+        self.packet(Content::End { stack: stack.map(|bytes| bytes as u32) }, &[])
+    }
+
+    fn packet(&mut self, content: Content, disparities: &[Option<Disparity>]) -> Result<&[u8], BufferTooSmall> {
+        let too_small = BufferTooSmall { needed: buffer_bytes(disparities.len()), given: self.buffer.len() };
+        if too_small.given < too_small.needed {
+            return Err(too_small);
+        }
+        let (plain, encoded) = self.buffer.split_at_mut_checked(max_plain_bytes(disparities.len())).ok_or(too_small)?;
+        let &mut Sender { width, height, sequence, .. } = self;
+        let header = Header { magic: MAGIC, version: VERSION, sequence, width, height, content };
+        let header_bytes = postcard::to_slice(&header, plain).map_err(|_| too_small)?.len();
+        let samples = plain.get_mut(header_bytes..).unwrap_or_default();
+        for (sample, &disparity) in samples.chunks_exact_mut(2).zip(disparities) {
+            sample.copy_from_slice(&Disparity::to_raw16(disparity).to_le_bytes());
+        }
+        let (body, rest) = plain.split_at_mut_checked(header_bytes + 2 * disparities.len()).ok_or(too_small)?;
+        rest.get_mut(..CHECKSUM_BYTES).ok_or(too_small)?.copy_from_slice(&checksum(body).to_le_bytes());
+        let len = body.len() + CHECKSUM_BYTES;
+        let len = encode(plain.get(..len).ok_or(too_small)?, encoded).ok_or(too_small)?;
+        self.sequence += 1;
+        encoded.get(..len).ok_or(too_small)
+    }
+}
+
+/// The buffer is too small for a packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BufferTooSmall {
+    /// Bytes needed.
+    pub needed: usize,
+    /// Bytes given.
+    pub given: usize,
+}
+
+impl fmt::Display for BufferTooSmall {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "a packet needs a buffer of {} bytes, {} were given", self.needed, self.given)
+    }
+}
+
+impl error::Error for BufferTooSmall {}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use crate::packet::Packet;
+    use multiscopic_core::{Fusion, Views};
+    use std::{vec, vec::Vec};
+
+    const PARAMS: Params = match Params::new(700, 20, Views::ALL, Fusion::Heuristic, 1, 4, 3) {
+        Ok(params) => params,
+        Err(_) => panic!("the parameters are out of range"),
+    };
+
+    /// A line in which many bytes are zero.
+    fn line(columns: usize) -> Vec<Option<Disparity>> {
+        (0..columns)
+            .map(|u| Disparity::from_raw16((u * 2731 % 65536) as u16 & if u % 3 == 0 { 0xff00 } else { 0xffff }))
+            .collect()
+    }
+
+    fn sent(columns: usize) -> Vec<u8> {
+        let mut buffer = vec![0; buffer_bytes(columns)];
+        let region = Region::new(&PARAMS, 3..3 + columns, 0..20).unwrap();
+        let mut sender = Sender { sequence: u32::MAX - 1, ..Sender::new(&PARAMS, &mut buffer) };
+        sender.line(&region, 7, &line(columns)).unwrap().to_vec()
+    }
+
+    #[test]
+    fn decoding_restores_the_line() {
+        for columns in [1, 2, 100, 113, 114, 115, 127, 128, 240, 241, 697] {
+            let mut bytes = sent(columns);
+            assert!(bytes.len() <= max_bytes(columns), "{} bytes of {columns} columns", bytes.len());
+            assert_eq!(bytes.pop(), Some(0));
+            assert!(!bytes.contains(&0));
+            let packet = Packet::decode(&mut bytes).unwrap();
+            assert_eq!((packet.header.width, packet.header.height), (700, 20));
+            assert_eq!(packet.header.content, Content::Line { line: 7, left: 3, columns: columns as u16 });
+            assert!(packet.disparities().eq(line(columns)));
+        }
+    }
+
+    #[test]
+    fn a_small_buffer_is_refused() {
+        let mut buffer = vec![0; buffer_bytes(3)];
+        let given = buffer.len();
+        let region = Region::new(&PARAMS, 0..4, 0..20).unwrap();
+        let error = Sender::new(&PARAMS, &mut buffer).line(&region, 0, &line(4)).map(<[u8]>::len);
+        assert_eq!(error, Err(BufferTooSmall { needed: buffer_bytes(4), given }));
+    }
+}

@@ -1,0 +1,93 @@
+//! The pipeline's memory, sized at compile time.
+
+use multiscopic_core::{
+    Disparity, Memory, Params,
+    kernel::{Isa, Portable},
+};
+
+use crate::packet;
+
+/// The portable twin of the kernels for Arm. It has their lanes and therefore their memory layout, and runs anywhere.
+pub type Wide = Portable<8>;
+
+/// The lengths of the buffers of a [`Workspace`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lengths {
+    /// The matcher's memory, by buffer.
+    pub matcher: Memory,
+    /// Disparities of a line.
+    pub columns: usize,
+    /// Bytes of the buffer that packets are encoded in.
+    pub packet: usize,
+}
+
+impl Lengths {
+    /// The lengths for a match in tiles of `tile_width` columns with the kernel `I`. In one pass, a tile has all columns of the frame.
+    pub const fn new<I: Isa>(params: &Params, tile_width: usize) -> Lengths {
+        Lengths { matcher: Memory::new::<I>(params, tile_width), columns: tile_width, packet: packet::buffer_bytes(tile_width) }
+    }
+
+    /// The size of the workspace in bytes.
+    pub const fn bytes(&self) -> usize {
+        (4 * self.matcher.words() + self.line_bytes() + self.packet).next_multiple_of(align_of::<u32>())
+    }
+
+    /// The size of a disparity line in bytes.
+    pub const fn line_bytes(&self) -> usize {
+        self.columns * size_of::<Option<Disparity>>()
+    }
+}
+
+/// The memory of a [`Pipeline`](crate::Pipeline): `WORDS` for the matcher, a line of `COLUMNS` disparities, and `PACKET` bytes to encode it
+/// in. The numbers are those of [`Lengths`]; [`workspace!`](crate::workspace) names the type for a profile.
+pub struct Workspace<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> {
+    pub(crate) matcher: [u32; WORDS],
+    pub(crate) line: [Option<Disparity>; COLUMNS],
+    pub(crate) packet: [u8; PACKET],
+}
+
+impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WORDS, COLUMNS, PACKET> {
+    /// An empty workspace, to initialise a static with.
+    #[expect(clippy::new_without_default, reason = "a static needs a const fn, and a default would be made on the stack")]
+    pub const fn new() -> Self {
+        Workspace { matcher: [0; WORDS], line: [None; COLUMNS], packet: [0; PACKET] }
+    }
+}
+
+/// The type of the [`Workspace`] that a kernel needs for a [`Profile`](crate::Profile).
+#[macro_export]
+macro_rules! workspace {
+    ($kernel:ty, $profile:path) => {
+        $crate::Workspace<
+            { $profile.lengths::<$kernel>().matcher.words() },
+            { $profile.lengths::<$kernel>().columns },
+            { $profile.lengths::<$kernel>().packet },
+        >
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile;
+
+    #[test]
+    fn lengths_predict_the_size_of_the_static() {
+        let sizes = [
+            size_of::<workspace!(Wide, profile::QQVGA)>(),
+            size_of::<workspace!(Wide, profile::QVGA)>(),
+            size_of::<workspace!(Wide, profile::QVGA_TILED)>(),
+            size_of::<workspace!(Wide, profile::VGA)>(),
+            size_of::<workspace!(Wide, profile::VGA_TILED)>(),
+        ];
+        assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths::<Wide>().bytes()));
+    }
+
+    #[test]
+    fn lengths_are_rounded_up_to_words() {
+        const PARAMS: Params = profile::QQVGA.params(multiscopic_core::Fusion::Min);
+        const ODD: Lengths = Lengths::new::<Wide>(&PARAMS, 23);
+        type Odd = Workspace<{ ODD.matcher.words() }, { ODD.columns }, { ODD.packet }>;
+        assert_eq!(size_of::<Odd>(), ODD.bytes());
+    }
+}

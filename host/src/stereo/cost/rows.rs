@@ -1,0 +1,56 @@
+//! Fused matching costs row by row, as optimizers take them.
+
+use std::fmt::Debug;
+
+use multiscopic_core::{Disparity, Search};
+
+use crate::stereo::vector::Vectors;
+
+/// The fused matching cost of a candidate: a pixel at a disparity.
+///
+/// A candidate that no view sees does not exist. Its cost is [`NONE`](Cost::NONE), which is above all others and never selected.
+pub trait Cost: Copy + PartialOrd + Debug + Send + Sync + 'static {
+    /// The cost of a candidate that does not exist.
+    const NONE: Self;
+
+    /// The vertex of the parabola through the costs at `d - 1`, `d` and `d + 1` pixels. All three exist, and neither neighbour is
+    /// below the cost in the middle.
+    fn refine(d: i16, costs: [Self; 3]) -> Option<Disparity>;
+}
+
+impl Cost for u16 {
+    const NONE: u16 = u16::MAX;
+
+    #[inline(always)]
+    fn refine(d: i16, [before, at, after]: [u16; 3]) -> Option<Disparity> {
+        Disparity::refine(d, before.into(), at.into(), after.into())
+    }
+}
+
+impl Cost for f32 {
+    const NONE: f32 = f32::INFINITY;
+
+    /// Computed in 64 bits and rounded to the nearest step, halves away from zero.
+    fn refine(d: i16, costs: [f32; 3]) -> Option<Disparity> {
+        let [before, at, after] = costs.map(f64::from);
+        let (difference, denominator) = (before - after, 2.0 * ((before - at) + (after - at)));
+        let shift = if denominator > 0.0 { difference / denominator } else { 0.0 };
+        Disparity::from_bits(((f64::from(d) + shift) * f64::from(Disparity::STEPS)).round() as i16)
+    }
+}
+
+/// The fused costs of an image, computed row by row as an optimizer asks for them, in any order and from any thread.
+pub trait CostRows: Sync {
+    /// The type of a cost.
+    type Cost: Cost;
+
+    /// What is searched for.
+    fn search(&self) -> &Search;
+
+    /// An upper bound of the costs that exist, on the scale of the fusion.
+    fn max_cost(&self) -> Self::Cost;
+
+    /// Computes the costs of row `v`. `row` has `stride` costs for each pixel, at least as many as there are disparities and a
+    /// multiple of [`LANES`](crate::stereo::vector::LANES). Those past the last disparity become [`NONE`](Cost::NONE).
+    fn row<I: Vectors>(&self, isa: I, v: usize, stride: usize, row: &mut [Self::Cost]);
+}

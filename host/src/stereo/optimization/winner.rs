@@ -1,0 +1,108 @@
+//! Winner-takes-all: each pixel takes the disparity of least cost.
+
+use multiscopic_core::{Disparity, Search, kernel::Blocks};
+use rayon::prelude::*;
+
+use crate::{
+    images::{DisparityMap, Raster},
+    progress::Progress,
+    stereo::{
+        cost::{Cost, CostRows, Volume},
+        engine::Engine,
+        simd::Task,
+        vector::{LANES, Vectors},
+    },
+};
+
+/// The disparities of least cost, by the rules of [`disparity`]. Keeps one row of costs per thread.
+pub fn disparities<R: CostRows>(rows: &R, engine: &Engine, progress: &dyn Progress) -> DisparityMap {
+    let search = rows.search();
+    let stride = search.num_disparities().next_multiple_of(LANES);
+    let simd = engine.simd(search);
+    let mut map = DisparityMap::filled(search.width(), search.height(), None);
+    progress.begin(search.height() as u64, "lines");
+    engine.pool().install(|| {
+        let row_of_costs = || vec![R::Cost::NONE; search.width() * stride];
+        let lines = map.pixels_mut().par_chunks_exact_mut(search.width()).enumerate();
+        lines.for_each_init(row_of_costs, |costs, (v, line)| {
+            simd.run(ComputeRow { rows, v, stride, costs });
+            for (pixel, costs) in line.iter_mut().zip(costs.chunks_exact(stride)) {
+                *pixel = disparity(search, costs);
+            }
+            progress.advance(1);
+        });
+    });
+    map
+}
+
+/// All costs, kept in a volume.
+pub fn collect<R: CostRows>(rows: &R, engine: &Engine, progress: &dyn Progress) -> Volume<R::Cost> {
+    let search = rows.search();
+    let stride = search.num_disparities().next_multiple_of(LANES);
+    let simd = engine.simd(search);
+    let mut volume = Volume::filled(search.width(), search.height(), stride, R::Cost::NONE);
+    progress.begin(search.height() as u64, "lines");
+    let row_len = volume.row_len();
+    engine.pool().install(|| {
+        volume.costs_mut().par_chunks_exact_mut(row_len).enumerate().for_each(|(v, costs)| {
+            simd.run(ComputeRow { rows, v, stride, costs });
+            progress.advance(1);
+        });
+    });
+    volume
+}
+
+/// Computes a row of costs.
+struct ComputeRow<'a, R: CostRows> {
+    rows: &'a R,
+    v: usize,
+    stride: usize,
+    costs: &'a mut [R::Cost],
+}
+
+impl<R: CostRows> Task for ComputeRow<'_, R> {
+    type Output = ();
+
+    fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, isa: I) {
+        self.rows.row(isa, self.v, self.stride, self.costs);
+    }
+}
+
+impl<C: Cost> Volume<C> {
+    /// The disparities of least cost, by the rules of [`disparity`].
+    pub fn disparities(&self, search: &Search) -> DisparityMap {
+        let row = |v: usize| (0..self.width()).map(move |u| disparity(search, self.pixel(u, v)));
+        let pixels: Vec<Vec<_>> = (0..self.height()).into_par_iter().map(|v| row(v).collect()).collect();
+        Raster::new(self.width(), self.height(), pixels.concat())
+    }
+}
+
+/// The disparity of a pixel by its `costs`, one for each disparity of `search`, smallest first; any further ones are ignored.
+///
+/// The existing candidate of least cost wins; ties go to the smallest disparity. It is refined to the vertex of the parabola
+/// through its neighbours if both are in range and exist. These are the core's rules.
+#[inline(always)]
+pub fn disparity<C: Cost>(search: &Search, costs: &[C]) -> Option<Disparity> {
+    let costs = &costs[..search.num_disparities()];
+    let mut least = C::NONE;
+    for &cost in costs {
+        least = if cost < least { cost } else { least };
+    }
+    if least == C::NONE {
+        return None;
+    }
+    disparity_at(search, costs, costs.iter().position(|&cost| cost == least)?)
+}
+
+/// The refined disparity of a pixel whose least cost is at `index`.
+#[inline(always)]
+pub fn disparity_at<C: Cost>(search: &Search, costs: &[C], index: usize) -> Option<Disparity> {
+    let d = search.min_disparity() + index as i16;
+    if index > 0 && index + 1 < search.num_disparities() {
+        let around = [costs[index - 1], costs[index], costs[index + 1]];
+        if around[0] != C::NONE && around[2] != C::NONE {
+            return C::refine(d, around);
+        }
+    }
+    Disparity::whole(d)
+}

@@ -1,4 +1,4 @@
-//! What can go wrong on the host, in words that name the file, what was found and what was expected.
+//! The crate's error type. Messages name the file, what was found, and what was expected.
 
 use std::{
     io,
@@ -7,7 +7,7 @@ use std::{
 
 use multiscopic_core::{Frame, ParamsError};
 
-/// An error of the host: bad input, bad usage, or a file that could not be read or written.
+/// Bad input, bad usage, a failed device, or a file that could not be read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -16,48 +16,48 @@ pub enum Error {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// A file could not be written. What was there before is still there.
+    /// A file could not be written. Any previous version of it is unchanged.
     #[error("cannot write {}: {source}", path.display())]
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// A file's contents are not what they should be.
+    /// A file has the wrong contents.
     #[error("{}: found {found}, expected {expected}", path.display())]
     Format {
         /// The file.
         path: PathBuf,
-        /// What is there.
+        /// What the file contains.
         found: String,
-        /// What should be there, and what to do.
+        /// What it should contain, and what to do.
         expected: String,
     },
-    /// The parameters are out of range.
+    /// A matching parameter is out of range.
     #[error(transparent)]
     Params(#[from] ParamsError),
-    /// A stage or a camera failed: see [`StageError`](crate::capture::stage::StageError) and the camera's error, which are the source.
+    /// A stage or a camera failed. It holds a [`StageError`](crate::capture::stage::StageError) or the camera's error.
     #[error(transparent)]
     Device(Box<dyn std::error::Error + Send + Sync>),
-    /// A capture failed. Nothing moves any more.
+    /// A capture failed. The stage has stopped.
     #[error("{}{source}", frame.map_or(String::new(), |frame| format!("{} frame: ", frame.name())))]
     Capture {
-        /// The frame with which it did, if it was with one.
+        /// The frame that was being captured, if any.
         frame: Option<Frame>,
-        /// Why.
+        /// The cause.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
-    /// The command line asks for something that cannot be.
+    /// The request makes no sense, or cannot be met: the message says what to change.
     #[error("{0}")]
     Usage(String),
 }
 
 impl Error {
-    /// The contents of `path` are `found` where `expected` should be.
+    /// `path` contains `found` instead of `expected`.
     pub(crate) fn format(path: &Path, found: impl Into<String>, expected: impl Into<String>) -> Error {
         Error::Format { path: path.into(), found: found.into(), expected: expected.into() }
     }

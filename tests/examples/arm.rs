@@ -5,7 +5,7 @@
 use std::{io, net::IpAddr, thread, time::Duration};
 
 use clap::Parser;
-use multiscopic_tests::arm::SimulatedArm;
+use multiscopic_tests::simulated::arm::SimulatedArm;
 
 /// A tool that looks down.
 const POSE: [f64; 6] = [0.4, -0.2, 0.5, std::f64::consts::PI, 0.0, 0.0];

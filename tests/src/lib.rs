@@ -1,27 +1,21 @@
 //! What the tests share.
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | [`random`] | random numbers that are the same everywhere |
+//! | [`reference`] | the definitions that the product is compared with |
+//! | [`program`] | the command line as a process |
+//! | [`samples`] | images and matches: golden, random, drawn and real |
+//! | [`simulated`] | arms, machines and cameras, with faults on demand |
+//! | [`architecture`] | the rules that the workspace's sources keep |
 
-pub mod arm;
-pub mod ascii;
-pub mod case;
-pub mod command;
-pub mod data;
-pub mod energy;
-pub mod golden;
-pub mod images;
-#[cfg(target_os = "linux")]
-pub mod loopback;
-#[cfg(target_os = "linux")]
-pub mod luma;
-#[cfg(unix)]
-pub mod machine;
-pub mod mccnn;
-pub mod misaligned;
+#[cfg(feature = "xtask")]
+pub mod architecture;
+pub mod program;
 pub mod random;
 pub mod reference;
-pub mod semi_global;
-pub mod source;
-#[cfg(target_os = "linux")]
-pub mod vivid;
+pub mod samples;
+pub mod simulated;
 
 /// The README's code compiles.
 #[cfg(doctest)]

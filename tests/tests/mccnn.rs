@@ -1,7 +1,7 @@
 //! The networks MC-CNN against their definition, with random weights; and with the published weights against the Python package.
 //!
-//! Tests of the published weights are reported as ignored where these are not, see [`multiscopic_tests::mccnn::weights`]; so is
-//! that of their conversion where there is no [wheel](multiscopic_tests::mccnn::wheel).
+//! Tests of the published weights are reported as ignored where these are not, see [`multiscopic_tests::samples::weight_files::weights`]; so is
+//! that of their conversion where there is no [wheel](multiscopic_tests::samples::weight_files::wheel).
 
 use std::{
     collections::BTreeMap,
@@ -27,10 +27,10 @@ use multiscopic::{
 };
 use multiscopic_core::{Frame, Fusion, Search, View, Views};
 use multiscopic_tests::{
-    command::Run,
-    images::read_grey,
-    mccnn::{self, Reference},
+    program::Invocation,
     random::Random,
+    reference::networks::{self, Reference},
+    samples::{images::read_grey, weight_files},
 };
 use serde_json::Value;
 
@@ -53,14 +53,14 @@ fn main() {
     trials.push(Trial::test("weights_are_read_or_refused", weights));
     trials.push(Trial::test("the_command_says_how_to_install", command));
 
-    let folder = mccnn::weights();
+    let folder = weight_files::weights();
     for name in ["fast", "accurate"] {
         let folder = folder.clone();
         let absent = folder.is_none();
         let run = move || golden(name, &folder.ok_or("the weights are not installed")?);
         trials.push(Trial::test(format!("golden::{name}"), run).with_ignored_flag(absent));
     }
-    let (wheel, absent) = (mccnn::wheel(), mccnn::wheel().is_none() || folder.is_none());
+    let (wheel, absent) = (weight_files::wheel(), weight_files::wheel().is_none() || folder.is_none());
     let run = move || install(&wheel.ok_or("no wheel is given")?, &folder.ok_or("the weights are not installed")?);
     trials.push(Trial::test("the_package_is_converted", run).with_ignored_flag(absent));
     libtest_mimic::run(&arguments, trials).exit();
@@ -380,16 +380,20 @@ fn weights() -> Result<(), Failed> {
 fn command() -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let nowhere = || [("MULTISCOPIC_WEIGHTS", folder.path().join("nowhere"))];
-    Run::with(["weights", "path"], nowhere()).assert_refused(&["mccnn-fast", "nowhere", "run `multiscopic weights install`"]);
+    Invocation::with(["weights", "path"], nowhere()).assert_refused(&[
+        "mccnn-fast",
+        "nowhere",
+        "run `multiscopic weights install`",
+    ]);
     let golden = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("golden").join(name);
     let out = folder.path().join("out.pfm");
     let arguments = ["match", "--method", "mccnn-accurate", "--center"].map(PathBuf::from).into_iter();
     let arguments = arguments.chain([golden("center.png"), "--left".into(), golden("left.png"), "-o".into(), out.clone()]);
-    Run::with(arguments, nowhere()).assert_refused(&["mccnn-accurate", "nowhere", "run `multiscopic weights install`"]);
+    Invocation::with(arguments, nowhere()).assert_refused(&["mccnn-accurate", "nowhere", "run `multiscopic weights install`"]);
     assert!(!out.exists(), "nothing is matched");
     let wheel = folder.path().join("mccnn.whl");
     let from = |words: &[&str]| {
-        let run = Run::with(["weights".as_ref(), "install".as_ref(), "--from".as_ref(), wheel.as_os_str()], nowhere());
+        let run = Invocation::with(["weights".as_ref(), "install".as_ref(), "--from".as_ref(), wheel.as_os_str()], nowhere());
         run.assert_refused(words);
         assert!(!folder.path().join("nowhere").exists(), "nothing is made");
     };
@@ -403,10 +407,10 @@ fn command() -> Result<(), Failed> {
     let reference = Reference::random("fast", &mut Random(16));
     reference.write(folder.path());
     let here = || [("MULTISCOPIC_WEIGHTS", folder.path().to_owned())];
-    Run::with(["weights", "path"], here()).assert_refused(&["mccnn-accurate"]);
+    Invocation::with(["weights", "path"], here()).assert_refused(&["mccnn-accurate"]);
     Reference::random("accurate", &mut Random(17)).write(folder.path());
-    let run = Run::with(["weights", "path"], here());
-    let expected = ["fast", "accurate"].map(|name| format!("{}\n", folder.path().join(mccnn::file_name(name)).display()));
+    let run = Invocation::with(["weights", "path"], here());
+    let expected = ["fast", "accurate"].map(|name| format!("{}\n", folder.path().join(networks::file_name(name)).display()));
     assert_eq!((run.code, run.stdout), (Some(0), expected.concat()));
     Ok(())
 }
@@ -415,13 +419,13 @@ fn command() -> Result<(), Failed> {
 fn install(wheel: &Path, expected: &Path) -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let into = folder.path().join("made");
-    let run = Run::with(
+    let run = Invocation::with(
         ["weights".as_ref(), "install".as_ref(), "--from".as_ref(), wheel.as_os_str()],
         [("MULTISCOPIC_WEIGHTS", into.clone())],
     );
     assert_eq!(run.code, Some(0), "{run:#?}");
     for name in ["fast", "accurate"] {
-        let file = mccnn::file_name(name);
+        let file = networks::file_name(name);
         assert!(fs::read(into.join(&file))? == fs::read(expected.join(&file))?, "{file}");
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! Tests on real images, which are not in the repository: see [`multiscopic_tests::data`]. Without them every test is reported as
+//! Tests on real images, which are not in the repository: see [`multiscopic_tests::samples::real_data`]. Without them every test is reported as
 //! ignored.
 #![expect(clippy::approx_constant, reason = "errors that happen to look like pi")]
 
@@ -7,14 +7,17 @@ use std::{error::Error, path::Path};
 use libtest_mimic::{Arguments, Failed, Trial};
 use multiscopic_core::{Region, kernel::Portable};
 use multiscopic_tests::{
-    case::{matched, params},
-    command::Run,
-    data::{self, Dataset},
-    mccnn, misaligned,
+    program::Invocation,
     random::Random,
     reference::{
         Fusion::{self, Heuristic, Mean, Min},
         raw16,
+    },
+    samples::{
+        case::{matched, params},
+        misaligned,
+        real_data::{self, Dataset},
+        weight_files,
     },
 };
 
@@ -114,7 +117,7 @@ fn evaluate(root: &Path, dataset: Dataset, arguments: &[&str]) -> Result<Vec<Row
     let paths = [folder.to_str().ok_or("a path in UTF-8")?, json.to_str().ok_or("a path in UTF-8")?];
     let mut all = vec!["evaluate", paths[0], "--dataset", dataset.name(), "--json", paths[1]];
     all.extend(arguments);
-    let run = Run::with(&all, mccnn::weights().map(|folder| ("MULTISCOPIC_WEIGHTS", folder)));
+    let run = Invocation::with(&all, weight_files::weights().map(|folder| ("MULTISCOPIC_WEIGHTS", folder)));
     if run.code != Some(0) {
         return Err(format!("{all:?}: {run:#?}").into());
     }
@@ -189,7 +192,7 @@ fn reduction(root: &Path) -> Result<(), Failed> {
 /// than stereo: by the means of AvgErr and Bad1 (graph cuts are compared with block matching alone). MC-CNN is left out where its weights are
 /// not installed.
 fn methods(root: &Path) -> Result<(), Failed> {
-    let mccnn = if mccnn::weights().is_some() { ",mccnn-fast" } else { "" };
+    let mccnn = if weight_files::weights().is_some() { ",mccnn-fast" } else { "" };
     let methods = format!("bm,sgm,gc{mccnn}");
     let rows = evaluate(root, Dataset::Middlebury2006Third, &["--scenes", "Aloe,Lampshade1,Wood1", "--methods", &methods])?;
     let mean = |method: &str, views: u64, error: usize| {
@@ -232,7 +235,7 @@ const ALIGNED: [(Dataset, &str, usize); 3] =
 
 fn main() {
     let arguments = Arguments::from_args();
-    let root = data::root();
+    let root = real_data::root();
     let mut trials: Vec<Trial> = Vec::new();
     let mut add = |name: String, is_left_out: bool, run: Test| {
         let (is_absent, root) = (root.is_none(), root.clone());

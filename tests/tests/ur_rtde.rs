@@ -15,8 +15,8 @@ use std::{
 use libtest_mimic::{Arguments, Failed, Trial};
 use multiscopic::capture::stage::{self, AnyStage, Limits, StageSpec};
 use multiscopic_core::capture::{Position, Stage};
-use multiscopic_tests::arm::{
-    Fault, SimulatedArm,
+use multiscopic_tests::simulated::{
+    arm::{Fault, SimulatedArm},
     pose::{Pose, angle, distance, pose_trans},
 };
 

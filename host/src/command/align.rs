@@ -6,7 +6,7 @@ use clap::Args;
 use multiscopic::{
     Alignment, Error, Frames, Result, Rig,
     alignment::Residual,
-    files::{Images, output},
+    files::{FrameFiles, output},
 };
 use serde::Serialize;
 
@@ -64,9 +64,9 @@ impl Align {
         let lines: Vec<Line> =
             frames.views().iter().filter_map(|view| Some(Line { view: view.name(), residual: alignment.of(view)? })).collect();
         if let (Some(folder), Some(rig)) = (&self.output, rig) {
-            let images = Images::of_capture(frames.views());
+            let images = FrameFiles::of_capture(frames.views());
             let compensated = alignment.compensate(&frames);
-            output::folder(folder, |folder| {
+            output::write_folder(folder, |folder| {
                 compensated.save(&images.within(folder))?;
                 Rig { images: images.clone(), ..rig }.save(folder)
             })?;

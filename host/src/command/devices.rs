@@ -46,8 +46,8 @@ impl Devices {
 
 /// A camera as lines of text.
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
-fn text(camera: &multiscopic::capture::camera::Listing) -> String {
-    use multiscopic::capture::camera::Sizes;
+fn text(camera: &multiscopic::capture::camera::CameraInfo) -> String {
+    use multiscopic::capture::camera::FrameSizes;
 
     let mut lines = match camera.card.as_str() {
         "" => format!("{}\n", camera.device.display()),
@@ -58,8 +58,8 @@ fn text(camera: &multiscopic::capture::camera::Listing) -> String {
     }
     for offer in camera.formats.iter().filter(|offer| offer.is_supported) {
         let sizes = offer.sizes.iter().map(|sizes| match sizes {
-            Sizes::One([width, height]) => format!("{width}x{height}"),
-            Sizes::Range { min, max, step } => {
+            FrameSizes::One([width, height]) => format!("{width}x{height}"),
+            FrameSizes::Range { min, max, step } => {
                 format!("{}x{} to {}x{} in steps of {}x{}", min[0], min[1], max[0], max[1], step[0], step[1])
             }
         });

@@ -11,7 +11,7 @@ use clap::Args;
 use multiscopic::{
     Error, Result,
     files::output,
-    target::reception::{self, Notice, Received},
+    target::reception::{self, Notice, ReceivedFrame},
 };
 
 use super::{options::MapFiles, terminal};
@@ -71,8 +71,8 @@ impl Listen {
 }
 
 /// One line about the received map.
-fn summary(received: &Received) -> String {
-    let Received { disparities, pixels, stack } = received;
+fn summary(received: &ReceivedFrame) -> String {
+    let ReceivedFrame { disparities, pixels, stack } = received;
     let share = |count: usize| 100.0 * count as f64 / disparities.pixels().len() as f64;
     let valid = disparities.pixels().iter().flatten().count();
     let stack = stack.map(|bytes| format!(", {bytes} bytes of stack")).unwrap_or_default();

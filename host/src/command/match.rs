@@ -14,7 +14,6 @@ use multiscopic::{
         output,
         ply::{self, Encoding},
     },
-    images::depth,
 };
 use multiscopic_core::{Frame, Fusion, Params};
 
@@ -115,7 +114,7 @@ impl Match {
         let outputs = &self.outputs;
         outputs.maps.write(&disparities)?;
         if let (Some(path), Some(geometry)) = (&outputs.depth, &geometry) {
-            depth::depth_map(&disparities, geometry).write_pfm(path)?;
+            disparities.to_depth(geometry).write_pfm(path)?;
         }
         if let (Some(path), Some(geometry), Some(center)) = (&outputs.ply, &geometry, &center) {
             let encoding = if outputs.ply_ascii { Encoding::Ascii } else { Encoding::Binary };

@@ -69,7 +69,7 @@ impl Simulate {
 
         let passes = Region::tiles(&params, profile.tile_width()).count();
         let bar = terminal::progress((passes * params.height()) as u64, "lines");
-        let simulation = simulation::simulate(&profile, fusion, &frames, &|| bar.inc(1));
+        let simulation = simulation::simulate(&profile, fusion, &frames, &|| bar.inc(1))?;
         bar.finish_and_clear();
         if let Some(path) = &self.packets {
             output::write(path, |writer| writer.write_all(&simulation.packets))?;
@@ -145,9 +145,9 @@ impl<'a> Report<'a> {
             core: processor.name(),
             fusion: params.fusion().name(),
             images,
-            ram_static: simulation.workspace + ram.statics,
+            ram_static: simulation.workspace + ram.other_statics,
             stack_max: ram.stack,
-            ram_total: simulation.workspace + ram.statics + ram.stack,
+            ram_total: simulation.workspace + ram.other_statics + ram.stack,
             ram_budget: profile.ram_budget,
             de: params.evaluations(),
             instructions,

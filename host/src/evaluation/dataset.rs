@@ -11,7 +11,7 @@ use multiscopic_core::Views;
 
 use crate::{
     error::{Error, Result},
-    files::{Images, codec, input},
+    files::{FrameFiles, image_codec, input},
     images::{FloatImage, Frames, Picture},
 };
 
@@ -111,7 +111,7 @@ impl Dataset {
     }
 
     /// The images of a scene, in its folder.
-    fn images(self) -> Images {
+    fn images(self) -> FrameFiles {
         let [center, left, right, top, bottom] = match self {
             Dataset::Middlebury2006Third | Dataset::Middlebury2005Full => ["view1.png", "view0.png", "view2.png", "", ""],
             Dataset::Tsukuba => [
@@ -126,7 +126,7 @@ impl Dataset {
             }
         };
         let file = |name: &str| (!name.is_empty()).then(|| name.into());
-        Images { center: center.into(), left: file(left), right: file(right), top: file(top), bottom: file(bottom) }
+        FrameFiles { center: center.into(), left: file(left), right: file(right), top: file(top), bottom: file(bottom) }
     }
 
     /// The ground truth of a scene, in its folder.
@@ -175,7 +175,7 @@ pub struct Scene {
     /// Its name, which is that of its folder.
     pub name: String,
     /// Its images.
-    pub images: Images,
+    pub images: FrameFiles,
     /// Its ground truth.
     pub truth: PathBuf,
 }
@@ -217,7 +217,7 @@ impl Scene {
 
 /// Disparities times `scale` in a grey image of 8 bits, 0 where they are not known.
 fn read_gray(path: &Path, scale: f32) -> Result<FloatImage> {
-    let gray = match codec::decode(path, &input::read(path)?)? {
+    let gray = match image_codec::decode(path, &input::read(path)?)? {
         DynamicImage::ImageLuma8(gray) => gray,
         other => {
             let found = format!("an image of {:?}", other.color());

@@ -1,4 +1,4 @@
-//! Disparity maps in files: PFM, coloured PNG, and 16-bit PNG.
+//! Reading and writing disparity maps: PFM, coloured PNG and 16-bit PNG.
 
 use std::{ops::RangeInclusive, path::Path};
 
@@ -7,51 +7,51 @@ use multiscopic_core::Disparity;
 
 use crate::{
     error::{Error, Result},
-    files::{codec, input},
+    files::{image_codec, input},
     images::{DisparityMap, Raster},
 };
 
 impl DisparityMap {
-    /// Writes a PFM file: pixels of disparity, +inf where there is none.
+    /// Writes a PFM file: disparities in pixels, +inf where invalid.
     ///
     /// # Errors
-    /// If the file cannot be written; what was there before is still there.
+    /// [`Error::Write`]. Any previous version of the file is unchanged.
     pub fn write_pfm(&self, path: &Path) -> Result<()> {
         self.to_float().write_pfm(path)
     }
 
-    /// Writes a PNG in the colours of [`to_color`](DisparityMap::to_color).
+    /// Writes a PNG file in the colours of [`to_color`](DisparityMap::to_color).
     ///
     /// # Errors
-    /// If the file cannot be written; what was there before is still there.
+    /// [`Error::Write`]. Any previous version of the file is unchanged.
     pub fn write_color_png(&self, path: &Path, range: Option<RangeInclusive<f32>>) -> Result<()> {
-        codec::write_png(path, &self.to_color(range))
+        image_codec::write_png(path, &self.to_color(range))
     }
 
-    /// Writes a 16-bit PNG: disparity times 64 plus 32768, and 0 where there is none. Nothing is lost.
+    /// Writes a 16-bit PNG file: 64 times the disparity plus 32768, or 0 where invalid. This is lossless.
     ///
     /// # Errors
-    /// If the file cannot be written; what was there before is still there.
+    /// [`Error::Write`]. Any previous version of the file is unchanged.
     pub fn write_raw16(&self, path: &Path) -> Result<()> {
         let samples = self.pixels().iter().map(|&pixel| Disparity::to_raw16(pixel)).collect();
         let (width, height) = (self.width() as u32, self.height() as u32);
         let image = ImageBuffer::<Luma<u16>, _>::from_raw(width, height, samples).expect("a sample for every pixel");
-        codec::write_png(path, &image)
+        image_codec::write_png(path, &image)
     }
 
-    /// Reads what [`write_raw16`](DisparityMap::write_raw16) wrote.
+    /// Reads a file that [`write_raw16`](DisparityMap::write_raw16) wrote.
     ///
     /// # Errors
-    /// If the file cannot be read, is damaged or not an image of one channel of 16 bits.
+    /// [`Error::Read`], or [`Error::Format`] if the file is damaged or is not a 16-bit grey image.
     pub fn read_raw16(path: &Path) -> Result<DisparityMap> {
-        match codec::decode(path, &input::read(path)?)? {
+        match image_codec::decode(path, &input::read(path)?)? {
             DynamicImage::ImageLuma16(image) => {
                 let (width, height) = (image.width() as usize, image.height() as usize);
                 Ok(Raster::new(width, height, image.into_raw()).map(|&raw| Disparity::from_raw16(raw)))
             }
             other => {
                 let found = format!("an image of {:?}", other.color());
-                Err(Error::format(path, found, "disparities in a grey image of 16 bits (L16)"))
+                Err(Error::format(path, found, "disparities in a 16-bit grey image (L16)"))
             }
         }
     }
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn raw16_loses_nothing() {
+    fn raw16_is_lossless() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("raw.png");
         map().write_raw16(&path).unwrap();
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn another_image_is_not_raw16() {
+    fn a_colour_image_is_not_raw16() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("color.png");
         map().write_color_png(&path, None).unwrap();
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn pfm_marks_what_is_invalid() {
+    fn invalid_pixels_are_infinite_in_a_pfm() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("d.pfm");
         map().write_pfm(&path).unwrap();

@@ -1,43 +1,43 @@
-//! The image files of a capture, a file for each frame.
+//! The image files of a capture, one for each frame.
 
 use std::path::{Path, PathBuf};
 
 use multiscopic_core::{Frame, View, Views};
 use serde::{Deserialize, Serialize};
 
-use super::codec::write_png;
+use super::image_codec::write_png;
 use crate::{
-    error::Error,
+    error::{Error, Result},
     images::{Frames, Picture},
 };
 
-/// The image file of every view, relative to the folder of `rig.toml` or absolute.
+/// The image file of each frame: the `[images]` of a `rig.toml`. Relative paths are relative to its folder.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Images {
-    /// The reference.
+pub struct FrameFiles {
+    /// The centre frame, which is the reference.
     pub center: PathBuf,
-    /// With the camera moved to the left.
+    /// The frame taken with the camera moved to the left.
     pub left: Option<PathBuf>,
-    /// With the camera moved to the right.
+    /// The frame taken with the camera moved to the right.
     pub right: Option<PathBuf>,
-    /// With the camera moved up.
+    /// The frame taken with the camera moved up.
     pub top: Option<PathBuf>,
-    /// With the camera moved down.
+    /// The frame taken with the camera moved down.
     pub bottom: Option<PathBuf>,
 }
 
-impl Images {
+impl FrameFiles {
     /// The name of the file that a capture writes a frame to: `center.png`, `left.png` and so on.
-    pub fn file_of(frame: Frame) -> String {
+    pub fn name_of(frame: Frame) -> String {
         format!("{}.png", frame.name())
     }
 
-    /// The names of the files that a capture of the centre and of `views` writes.
-    pub fn of_capture(views: Views) -> Images {
-        let file = |frame| PathBuf::from(Images::file_of(frame));
+    /// The files that a capture of the centre and `views` writes.
+    pub fn of_capture(views: Views) -> FrameFiles {
+        let file = |frame| PathBuf::from(FrameFiles::name_of(frame));
         let neighbor = |view| views.contains(view).then(|| file(Frame::View(view)));
-        Images {
+        FrameFiles {
             center: file(Frame::Center),
             left: neighbor(View::Left),
             right: neighbor(View::Right),
@@ -46,7 +46,7 @@ impl Images {
         }
     }
 
-    /// The file of a frame, as the rig names it.
+    /// The file of a frame, if it has one.
     pub fn get(&self, frame: Frame) -> Option<&Path> {
         match frame {
             Frame::Center => Some(&self.center),
@@ -62,15 +62,15 @@ impl Images {
         View::ALL.into_iter().filter(|&view| self.get(Frame::View(view)).is_some()).collect()
     }
 
-    /// All files, the centre's first.
+    /// All files, beginning with the centre's.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
         std::iter::once(Frame::Center).chain(View::ALL.map(Frame::View)).filter_map(|frame| self.get(frame))
     }
 
-    /// The same files if `directory` is what they are relative to.
-    pub fn within(&self, directory: &Path) -> Images {
+    /// The files with relative paths resolved against `directory`.
+    pub fn within(&self, directory: &Path) -> FrameFiles {
         let join = |file: &Option<PathBuf>| file.as_ref().map(|file| directory.join(file));
-        Images {
+        FrameFiles {
             center: directory.join(&self.center),
             left: join(&self.left),
             right: join(&self.right),
@@ -81,11 +81,11 @@ impl Images {
 }
 
 impl Frames {
-    /// Reads the files of a capture, and gives the centre in its colours too.
+    /// Reads the frames of a capture. The centre is also returned as the picture in its file, with its colours.
     ///
     /// # Errors
-    /// If a file cannot be read or is no picture, or if a neighbour has another size than the centre.
-    pub fn load(files: &Images) -> crate::error::Result<(Frames, Picture)> {
+    /// [`Error::Read`], or [`Error::Format`] if a file is not a picture or a neighbour and the centre differ in size.
+    pub fn load(files: &FrameFiles) -> Result<(Frames, Picture)> {
         let center = Picture::read(&files.center)?;
         let mut frames = Frames::of_picture(center.clone());
         for view in files.views().iter() {
@@ -104,11 +104,11 @@ impl Frames {
         Ok((frames, center))
     }
 
-    /// Writes the frames to the `files` as PNG images.
+    /// Writes the frames to `files`, in grey, as PNG images. A frame without a file is left out.
     ///
     /// # Errors
-    /// [`Error::Write`].
-    pub fn save(&self, files: &Images) -> crate::error::Result<()> {
+    /// [`Error::Write`]. Any previous version of a file is unchanged.
+    pub fn save(&self, files: &FrameFiles) -> Result<()> {
         let frames = [Frame::Center].into_iter().chain(self.views().iter().map(Frame::View));
         frames
             .filter_map(|frame| Some((files.get(frame)?, self.get(frame)?)))
@@ -130,7 +130,7 @@ mod tests {
         };
         let center = file("center.ppm", b"P6 2 1 255 \xFF\0\0\0\0\0");
         let top = file("top.pgm", b"P5 2 1 255 \x05\x06");
-        let mut files = Images { center, top: Some(top), ..Images::default() };
+        let mut files = FrameFiles { center, top: Some(top), ..FrameFiles::default() };
         let (frames, color) = Frames::load(&files).unwrap();
         assert_eq!((frames.size(), frames.views()), ([2, 1], Views::NONE.with(View::Top)));
         assert_eq!(frames.get(Frame::Center).unwrap().as_raw(), &[77, 0]);
@@ -138,11 +138,11 @@ mod tests {
         assert_eq!(color.color(0, 0), [255, 0, 0]);
         assert_eq!(frames.color(Frame::Center), None, "one of them is grey");
 
-        let saved = Images::of_capture(frames.views()).within(dir.path());
+        let saved = FrameFiles::of_capture(frames.views()).within(dir.path());
         frames.save(&saved).unwrap();
         assert_eq!(Frames::load(&saved).unwrap().0.get(Frame::View(View::Top)), frames.get(Frame::View(View::Top)));
 
-        let mut colored = Images { top: Some(file("top.ppm", b"P6 2 1 255 \0\xFF\0\0\0\xFF")), ..files.clone() };
+        let mut colored = FrameFiles { top: Some(file("top.ppm", b"P6 2 1 255 \0\xFF\0\0\0\xFF")), ..files.clone() };
         let (frames, _) = Frames::load(&colored).unwrap();
         let top = frames.color(Frame::View(View::Top)).unwrap();
         assert_eq!(

@@ -1,15 +1,15 @@
-//! Reading a file whole, within limits.
+//! Reading a whole file, within limits.
 
 use std::{fs::File, io::Read, path::Path};
 
 use crate::error::{Error, Result};
 
-/// The longest side of a picture in pixels, as in the core.
+/// The longest side of a picture in pixels. It is the core's limit too.
 pub(crate) const MAX_SIDE: u32 = u16::MAX as u32;
-/// The most bytes that a file or a decoded picture may have: far above any camera's, far below what stops a computer.
+/// The largest size of a file or a decoded picture in bytes: far above any camera's, and far below a computer's memory.
 pub(crate) const MAX_BYTES: u64 = 1 << 30;
 
-/// The contents of the file at `path`, at least one byte.
+/// The contents of the file `path`. An empty file is an error.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     let failed = |source| Error::Read { path: path.into(), source };
     let mut bytes = Vec::new();
@@ -21,13 +21,13 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     }
 }
 
-/// Refuses a picture in `path` that is empty or that memory should not be spent on, before any is.
+/// Refuses an empty or absurdly large picture before any memory is allocated for it. `bytes` is its decoded size.
 pub(crate) fn check_size(path: &Path, width: u32, height: u32, bytes: u64) -> Result<()> {
     let side = 1..=MAX_SIDE;
     if side.contains(&width) && side.contains(&height) && bytes <= MAX_BYTES {
         return Ok(());
     }
-    let expected = format!("1 to {MAX_SIDE} pixels on each side, and at most 1 GiB in all");
+    let expected = format!("1 to {MAX_SIDE} pixels on each side and at most 1 GiB in all");
     Err(Error::format(path, format!("a picture of {width}x{height} pixels"), expected))
 }
 
@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_that_is_not_there_or_empty_is_named() {
+    fn the_error_names_a_missing_or_empty_file() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("c.png");
         let message = read(&path).unwrap_err().to_string();
@@ -47,7 +47,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes() {
+    fn empty_and_absurd_sizes_are_refused() {
         let path = Path::new("p");
         assert!(check_size(path, 1, 65535, 65535).is_ok());
         for (width, height) in [(0, 1), (1, 0), (65536, 1), (1, 65536), (65535, 65535)] {

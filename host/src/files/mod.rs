@@ -1,14 +1,17 @@
-//! Files: pictures and maps read and written, whole or not at all.
+//! Reading and writing files: pictures, frames, disparity maps, point clouds and rigs. An output is complete, or it is not there.
 
-pub mod codec;
 mod disparity_files;
 mod frame_files;
+pub mod image_codec;
 pub(crate) mod input;
 pub mod output;
 pub mod pfm;
 mod picture_files;
 pub mod ply;
+mod provenance;
 mod rig;
+mod truncation;
 
-pub use frame_files::Images;
-pub use rig::{Provenance, Rig};
+pub use frame_files::FrameFiles;
+pub use provenance::Provenance;
+pub use rig::Rig;

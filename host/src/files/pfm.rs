@@ -1,4 +1,4 @@
-//! PFM files: pictures of floating-point numbers, as the Middlebury benchmark writes disparities.
+//! PFM files: images of floating-point numbers, as the Middlebury benchmark uses for disparities.
 
 use std::{path::Path, str::FromStr};
 
@@ -9,20 +9,20 @@ use crate::{
 };
 
 impl FloatImage {
-    /// Reads a PFM file of one channel, in either byte order.
+    /// Reads a PFM file with one channel, in either byte order.
     ///
-    /// Only the sign of the scale counts, as in the Middlebury tools; the numbers are taken as they are.
+    /// As in the Middlebury tools, the sign of the scale gives the byte order, and its magnitude is ignored.
     ///
     /// # Errors
-    /// If the file cannot be read, is of another kind, truncated or longer than its header says, or too large.
+    /// [`Error::Read`], or [`Error::Format`] if the file has another format, is shorter or longer than its header says, or is too large.
     pub fn read_pfm(path: &Path) -> Result<FloatImage> {
         decode(path, &input::read(path)?)
     }
 
-    /// Writes a PFM file: rows from the bottom, little-endian.
+    /// Writes a PFM file: rows from bottom to top, little-endian.
     ///
     /// # Errors
-    /// If the file cannot be written; what was there before is still there.
+    /// [`Error::Write`]. Any previous version of the file is unchanged.
     pub fn write_pfm(&self, path: &Path) -> Result<()> {
         output::write(path, |writer| {
             write!(writer, "Pf\n{} {}\n-1.0\n", self.width(), self.height())?;
@@ -31,19 +31,19 @@ impl FloatImage {
     }
 }
 
-/// Whether a file with these contents is a PFM, be it grey or in colour.
+/// Whether a file with these contents is a PFM file, grey or in colour.
 pub(crate) fn is_pfm(bytes: &[u8]) -> bool {
     bytes.starts_with(b"Pf") || bytes.starts_with(b"PF")
 }
 
-/// The picture in the contents of `path`.
+/// Decodes the contents of the file `path`.
 pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<FloatImage> {
-    let expected = "a PFM file of one channel: Pf, width, height and scale, then the pixels";
+    let expected = "a PFM file with one channel: Pf, width, height and scale, then the pixels";
     let mut rest = bytes;
     match next_word(&mut rest) {
         Some("Pf") => {}
         Some("PF") => return Err(Error::format(path, "a PFM file in colour (PF)", expected)),
-        _ => return Err(Error::format(path, "no PFM file", expected)),
+        _ => return Err(Error::format(path, "another kind of file", expected)),
     }
     let width = next_number(path, &mut rest, "width")?;
     let height = next_number(path, &mut rest, "height")?;
@@ -55,7 +55,7 @@ pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<FloatImage> {
     input::check_size(path, width, height, bytes)?;
     if rest.len() as u64 != bytes {
         let found = format!("{} bytes of pixels", rest.len());
-        return Err(Error::format(path, found, format!("{bytes} for the {width}x{height} pixels of the header")));
+        return Err(Error::format(path, found, format!("{bytes} for {width}x{height} pixels")));
     }
 
     let value = if scale > 0.0 { f32::from_be_bytes } else { f32::from_le_bytes };
@@ -65,7 +65,7 @@ pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<FloatImage> {
     Ok(FloatImage::new(width, height, pixels))
 }
 
-/// Takes the next word of the header from the front of `rest`, and the one white space (or CR LF) that ends it.
+/// Takes the next word of the header from the front of `rest`, and the one white-space character (or CR LF) that ends it.
 fn next_word<'a>(rest: &mut &'a [u8]) -> Option<&'a str> {
     let start = rest.trim_ascii_start();
     let length = start.iter().position(u8::is_ascii_whitespace)?;
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read() {
+    fn writing_and_reading_gives_the_same_image() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("d.pfm");
         let image = FloatImage::new(3, 2, vec![1.5, -2.0, f32::INFINITY, 0.0, 1e30, 7.0]);
@@ -111,14 +111,14 @@ mod tests {
             assert_eq!(decode(&[header.as_bytes(), &little].concat()).unwrap().pixels(), [3.0, 0.5], "{header:?}");
         }
         assert_eq!(decode(&[b"Pf\n1 2\n1\n", &big[..]].concat()).unwrap().pixels(), [3.0, 0.5]);
-        // The first pixel may look like white space.
+        // The first pixel may consist of white-space characters.
         assert_eq!(decode(b"Pf\n1 1\n-1\n\n\n\n\n").unwrap().pixels(), [f32::from_le_bytes([10; 4])]);
     }
 
     #[test]
     fn says_what_is_wrong() {
         assert!(message(b"PF\n1 1\n-1\n____________").starts_with("d.pfm: found a PFM file in colour"));
-        assert!(message(b"P5\n1 1\n255\n_").contains("no PFM file"));
+        assert!(message(b"P5\n1 1\n255\n_").contains("another kind of file"));
         assert!(message(b"Pf\n1 x\n-1\n____").contains("found \"x\" as the height of a PFM file"));
         for scale in ["0", "nan", "inf", "", "-"] {
             assert!(message(format!("Pf\n1 1\n{scale}\n").as_bytes()).contains("scale"));

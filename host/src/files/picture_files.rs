@@ -6,19 +6,19 @@ use image::{DynamicImage, GrayImage, Luma, RgbImage};
 
 use crate::{
     error::{Error, Result},
-    files::{codec, input, pfm},
+    files::{image_codec, input, pfm},
     images::{FloatImage, Picture},
 };
 
 impl Picture {
-    /// Reads a PNG, PGM, PPM, JPEG or PFM file; which of them it is, its contents say, not its name.
+    /// Reads a PNG, PGM, PPM, JPEG or PFM file. The contents decide the format, not the name.
     ///
-    /// Samples of more than 8 bits lose the low ones: of 16 bits, to which a PGM or PPM of any greatest value above 255 is first
-    /// scaled, the high byte stays. A PFM holds grey values from 0 to 1. Transparency and the rotation noted in a JPEG are ignored.
+    /// 16-bit samples keep their high byte; a PGM or PPM with another maximum above 255 is scaled to 16 bits first. A PFM holds grey
+    /// values from 0 to 1. Transparency and a JPEG's orientation tag are ignored.
     ///
     /// # Errors
-    /// If the file cannot be read, is of another kind, truncated or damaged, or has a side of 0 or more than 65535 pixels, or more
-    /// than 1 GiB.
+    /// [`Error::Read`], or [`Error::Format`] if the file has another format, is truncated or damaged, or if the picture has a side of
+    /// 0 or more than 65535 pixels, or more than 1 GiB.
     pub fn read(path: &Path) -> Result<Picture> {
         Picture::decode(path, &input::read(path)?)
     }
@@ -27,16 +27,16 @@ impl Picture {
         if pfm::is_pfm(bytes) {
             return from_float(path, &pfm::decode(path, bytes)?);
         }
-        Ok(match codec::decode(path, bytes)? {
+        Ok(match image_codec::decode(path, bytes)? {
             DynamicImage::ImageLuma8(gray) => Picture::Gray(gray),
             DynamicImage::ImageRgb8(rgb) => Picture::Rgb(rgb),
-            other => from_other(&other),
+            other => without_alpha_and_low_bytes(&other),
         })
     }
 }
 
-/// A picture of samples of 8 or 16 bits with or without transparency, and nothing else comes out of the formats read.
-fn from_other(image: &DynamicImage) -> Picture {
+/// Drops the alpha channel and the low bytes. The formats read give integer samples of 8 or 16 bits only.
+fn without_alpha_and_low_bytes(image: &DynamicImage) -> Picture {
     let color = image.color();
     let samples = usize::from(color.channel_count());
     let kept = if color.has_color() { 3 } else { 1 };
@@ -45,10 +45,10 @@ fn from_other(image: &DynamicImage) -> Picture {
     let pixels = image.as_bytes().chunks_exact(samples * sample_bytes);
     let bytes = pixels.flat_map(|pixel| pixel.chunks_exact(sample_bytes).take(kept).map(|sample| sample[high_byte])).collect();
     let (width, height) = (image.width(), image.height());
-    let whole = "as many bytes as pixels and channels";
+    let every_sample = "one byte for each sample";
     match kept {
-        1 => Picture::Gray(GrayImage::from_raw(width, height, bytes).expect(whole)),
-        _ => Picture::Rgb(RgbImage::from_raw(width, height, bytes).expect(whole)),
+        1 => Picture::Gray(GrayImage::from_raw(width, height, bytes).expect(every_sample)),
+        _ => Picture::Rgb(RgbImage::from_raw(width, height, bytes).expect(every_sample)),
     }
 }
 
@@ -56,7 +56,7 @@ fn from_float(path: &Path, image: &FloatImage) -> Result<Picture> {
     if let Some(value) = image.pixels().iter().find(|value| !(0.0..=1.0).contains(*value)) {
         return Err(Error::format(
             path,
-            format!("a PFM file with the value {value} (a map of disparities or depths?)"),
+            format!("a PFM file with the value {value} (is it a disparity or depth map?)"),
             "an image, with values from 0 to 1",
         ));
     }
@@ -101,7 +101,7 @@ mod tests {
         [&b"Pf\n3 2\n-1.0\n"[..], &[0.0f32, 0.25, 0.5, 0.75, 1.0, 0.1].map(f32::to_le_bytes).concat()].concat()
     }
 
-    /// A small file of each kind, by name, and whether every truncation of it is noticed.
+    /// A small file of each kind, with its name.
     fn small_files() -> Vec<(&'static str, Vec<u8>)> {
         let netpbm = |header: &str, samples: usize| [header.as_bytes(), &vec![77; samples]].concat();
         vec![
@@ -141,12 +141,12 @@ mod tests {
         assert_eq!(decode(&png(deep)).unwrap().color(0, 0), [0x12, 0x34, 0x56]);
         assert_eq!(decode(&png(ImageBuffer::from_pixel(1, 1, Rgba([1u8, 2, 3, 0])))).unwrap().color(0, 0), [1, 2, 3]);
         assert_eq!(decode(b"P5 2 1 65535\n\x12\xFF\xFF\x00").unwrap().to_gray().as_raw(), &[0x12, 0xFF]);
-        // 10 bits, as machine vision cameras have.
+        // 10 bits, as from machine vision cameras.
         assert_eq!(decode(b"P5 2 1 1023\n\x03\xFF\x02\x00").unwrap().to_gray().as_raw(), &[255, 128]);
     }
 
     #[test]
-    fn the_name_does_not_matter_but_the_error_has_it() {
+    fn the_contents_decide_the_format_and_errors_name_the_file() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("left.jpg");
         std::fs::write(&path, png(scene())).unwrap();
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn absurd_headers() {
+    fn absurd_headers_are_refused() {
         for header in
             ["P5 0 0 255\n", "P5 0 7 255\n", "P5 65535 65535 255\n", "P5 4000000000 4000000000 255\n", "P6 70000 1 255\n"]
         {
@@ -174,7 +174,7 @@ mod tests {
         assert!(found(b"P5 99999999999 1 255\n").contains("damaged"));
         assert!(found(b"P5 2 2 70000\n").contains("damaged"));
 
-        // The width and height of a PNG, with the checksum of its header made right again.
+        // Another width and height in the header of a PNG, with a matching checksum.
         for (width, height) in [(65535u32, 65535u32), (4_000_000_000, 4_000_000_000), (0, 9), (23, 0), (70_000, 1)] {
             let mut bytes = png(scene());
             bytes[16..20].copy_from_slice(&width.to_be_bytes());
@@ -213,7 +213,7 @@ mod tests {
             for _ in 0..500 {
                 let mut damaged = bytes.clone();
                 for _ in 0..=random(3) {
-                    // Headers matter most.
+                    // Half of the damage goes to the header, which matters most.
                     let end = if random(2) == 0 { bytes.len() } else { bytes.len().min(40) };
                     damaged[random(end)] = random(256) as u8;
                 }
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_jpeg_cannot_be_a_large_picture() {
+    fn a_small_jpeg_file_cannot_hold_a_large_picture() {
         let mut bytes = jpeg();
         let frame = bytes.windows(2).position(|marker| marker == [0xFF, 0xC0]).unwrap();
         bytes[frame + 5..frame + 9].fill(0xFE);

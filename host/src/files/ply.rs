@@ -8,28 +8,28 @@ use crate::{
     images::{DisparityMap, Geometry, Picture},
 };
 
-/// How the numbers of a PLY file are written.
+/// How a PLY file stores its numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Encoding {
-    /// Little-endian: small and quick to read.
+    /// Little-endian binary: small, and fast to read.
     #[default]
     Binary,
-    /// Text.
+    /// Decimal text.
     Ascii,
 }
 
-/// Writes the point of every pixel that has a depth, in the colour that `center` has there.
+/// Writes a point for every pixel that has a depth, in the colour of that pixel in `center`.
 ///
-/// Coordinates are metres: x to the right, y down, z away from the camera.
+/// Coordinates are in metres: x to the right, y down, z away from the camera.
 ///
 /// # Errors
-/// If `center` has another size than the disparities, or the file cannot be written; what was there before is still there.
+/// [`Error::Usage`] if `center` and the disparities differ in size, and [`Error::Write`]. Any previous version of the file is unchanged.
 pub fn write(path: &Path, disparities: &DisparityMap, geometry: &Geometry, center: &Picture, encoding: Encoding) -> Result<()> {
     let size = (disparities.width() as u32, disparities.height() as u32);
     if center.dimensions() != size {
         let ((width, height), (w, h)) = (size, center.dimensions());
         return Err(Error::Usage(format!(
-            "the centre image has {w}x{h} pixels, the disparities {width}x{height}: use the image they are of"
+            "the centre image has {w}x{h} pixels, the disparities {width}x{height}: use the image that was matched"
         )));
     }
     let points = || points(disparities, geometry, center);
@@ -43,14 +43,14 @@ pub fn write(path: &Path, disparities: &DisparityMap, geometry: &Geometry, cente
         ["x", "y", "z"].iter().try_for_each(|axis| writeln!(writer, "property float {axis}"))?;
         ["red", "green", "blue"].iter().try_for_each(|color| writeln!(writer, "property uchar {color}"))?;
         writeln!(writer, "end_header")?;
-        for (place, color) in points() {
+        for (point, color) in points() {
             match encoding {
                 Encoding::Binary => {
-                    writer.write_all(place.map(f32::to_le_bytes).as_flattened())?;
+                    writer.write_all(point.map(f32::to_le_bytes).as_flattened())?;
                     writer.write_all(&color)?;
                 }
                 Encoding::Ascii => {
-                    let ([x, y, z], [red, green, blue]) = (place, color);
+                    let ([x, y, z], [red, green, blue]) = (point, color);
                     writeln!(writer, "{x} {y} {z} {red} {green} {blue}")?;
                 }
             }
@@ -59,12 +59,12 @@ pub fn write(path: &Path, disparities: &DisparityMap, geometry: &Geometry, cente
     })
 }
 
-/// Place and colour of every pixel that has a finite depth.
+/// The point and colour of every pixel with a finite depth.
 fn points(disparities: &DisparityMap, geometry: &Geometry, center: &Picture) -> impl Iterator<Item = ([f32; 3], [u8; 3])> {
     let pixels = disparities.rows().enumerate().flat_map(|(v, row)| row.iter().enumerate().map(move |(u, &pixel)| (u, v, pixel)));
     pixels.filter_map(|(u, v, pixel)| {
-        let place = geometry.point(u, v, pixel?)?.map(|metres| metres as f32);
-        place.iter().all(|metres| metres.is_finite()).then(|| (place, center.color(u as u32, v as u32)))
+        let point = geometry.point(u, v, pixel?)?.map(|metres| metres as f32);
+        point.iter().all(|metres| metres.is_finite()).then(|| (point, center.color(u as u32, v as u32)))
     })
 }
 
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn text() {
+    fn ascii_lists_points_and_colours() {
         let center = Picture::Rgb(RgbImage::from_fn(2, 2, |u, v| Rgb([u as u8, v as u8, 200])));
         let header = "ply\nformat ascii 1.0\ncomment metres: x right, y down, z away from the camera\nelement vertex 2\nproperty float x\n\
                       property float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn binary_holds_the_same() {
+    fn binary_holds_points_and_colours() {
         let center = Picture::Gray(GrayImage::from_raw(2, 2, vec![1, 2, 3, 4]).unwrap());
         let bytes = written(&center, Encoding::default());
         assert!(bytes.starts_with(b"ply\nformat binary_little_endian 1.0\n"));
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn the_picture_has_the_size_of_the_map() {
+    fn a_picture_of_another_size_is_refused() {
         let center = Picture::Gray(GrayImage::new(3, 2));
         let message = write(Path::new("a.ply"), &map(), &GEOMETRY, &center, Encoding::Binary).unwrap_err().to_string();
         assert!(message.starts_with("the centre image has 3x2 pixels, the disparities 2x2"), "{message}");

@@ -1,4 +1,4 @@
-//! A captured folder: its images, and what is known about camera and stage, in `rig.toml`.
+//! `rig.toml`: the file that describes the images, camera and stage of a captured folder.
 
 use std::path::Path;
 
@@ -6,24 +6,24 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     error::{Error, Result},
-    files::{Images, input, output},
+    files::{FrameFiles, Provenance, input, output},
     images::Geometry,
 };
 
-/// What `rig.toml` says.
+/// The contents of `rig.toml`.
 ///
 /// ```toml
 /// baseline_mm = 20.0              # from the centre to each neighbour
-/// focal_px = 1180.5              # may be left out: then there are disparities, but no depth
+/// focal_px = 1180.5               # optional: without it there are disparities, but no depth
 /// principal_point = [319.5, 239.5]
-/// doffs = 0.0                     # may be left out
+/// doffs = 0.0                     # optional
 ///
-/// [images]                        # beside this file; any neighbours, at least one
+/// [images]                        # relative to this folder; at least one neighbour
 /// center = "center.png"
 /// left = "left.png"
 /// right = "right.png"
 ///
-/// [capture]                       # may be left out, as each of its lines
+/// [capture]                       # optional, like each of its lines
 /// camera = "/dev/video0"
 /// stage = "gcode:/dev/ttyUSB0"
 /// date = "2026-03-14"
@@ -32,51 +32,35 @@ use crate::{
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rig {
-    /// How far the camera was moved from the centre to each neighbour, in millimetres.
+    /// The distance from the centre to each neighbour, in millimetres.
     pub baseline_mm: f64,
-    /// Focal length in pixels, if it is known: depth takes it.
+    /// Focal length in pixels, if known. Depth needs it.
     pub focal_px: Option<f64>,
-    /// Where the optical axis meets the image, `[cx, cy]`; the centre of the first pixel is `[0, 0]`.
+    /// Where the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is `[0, 0]`.
     pub principal_point: [f64; 2],
-    /// The disparity of a point at infinity, negated.
+    /// The negated disparity of a point at infinity, in pixels.
     #[serde(default)]
     pub doffs: f64,
     /// The image files.
-    pub images: Images,
-    /// How it was captured.
+    pub images: FrameFiles,
+    /// How the images were captured.
     #[serde(default)]
     pub capture: Provenance,
 }
 
-/// How a rig was captured, as far as it is known.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Provenance {
-    /// The camera, and how it was set.
-    pub camera: Option<String>,
-    /// What moved it.
-    pub stage: Option<String>,
-    /// When.
-    pub date: Option<String>,
-    /// How exactly the stage comes back to a place, in millimetres.
-    pub repeatability_mm: Option<f64>,
-    /// Anything else worth knowing.
-    pub notes: Option<String>,
-}
-
 impl Rig {
-    /// The name of the file in its folder.
+    /// The name of the file in a captured folder.
     pub const FILE_NAME: &str = "rig.toml";
 
     /// Reads the `rig.toml` in `directory`.
     ///
     /// # Errors
-    /// If it cannot be read, or lacks a key, has one that is unknown, or a value out of its range: the error names file and key.
+    /// [`Error::Read`], or [`Error::Format`] if a key is missing or unknown or a value is out of range. The message names the key.
     pub fn load(directory: &Path) -> Result<Rig> {
         let path = directory.join(Rig::FILE_NAME);
         let bytes = input::read(&path)?;
-        let text = str::from_utf8(&bytes).map_err(|_| Error::format(&path, "bytes that are no text", "UTF-8 text"))?;
-        let rig: Rig = toml::from_str(text).map_err(|error| Error::format(&path, place_of(&error, text), "a rig.toml"))?;
+        let text = str::from_utf8(&bytes).map_err(|_| Error::format(&path, "bytes that are not text", "UTF-8 text"))?;
+        let rig: Rig = toml::from_str(text).map_err(|error| Error::format(&path, with_line(&error, text), "a rig.toml"))?;
         rig.check(&path)?;
         Ok(rig)
     }
@@ -84,16 +68,16 @@ impl Rig {
     /// Writes `rig.toml` into `directory`.
     ///
     /// # Errors
-    /// If a value is out of its range, or the file cannot be written; what was there before is still there.
+    /// [`Error::Format`] if a value is out of range, and [`Error::Write`]. Any previous version of the file is unchanged.
     pub fn save(&self, directory: &Path) -> Result<()> {
         let path = directory.join(Rig::FILE_NAME);
         self.check(&path)?;
-        // Only a path that is not Unicode has no TOML.
+        // This fails only for a path that is not Unicode.
         let text = toml::to_string(self).map_err(|error| Error::format(&path, error.to_string(), "file names in UTF-8"))?;
         output::write(&path, |writer| writer.write_all(text.as_bytes()))
     }
 
-    /// What turns disparities into places, if the focal length is known.
+    /// The geometry that turns disparities into depth, or `None` if the focal length is unknown.
     pub fn geometry(&self) -> Option<Geometry> {
         let Rig { focal_px, baseline_mm, principal_point, doffs, .. } = *self;
         Some(Geometry { focal_px: focal_px?, baseline_mm, principal_point, doffs })
@@ -116,14 +100,14 @@ impl Rig {
             return Err(Error::format(path, format!("capture.repeatability_mm = {value}"), "a length of 0 or more"));
         }
         if self.images.views().is_empty() {
-            return Err(Error::format(path, "no neighbour in [images]", "at least one of left, right, top and bottom"));
+            return Err(Error::format(path, "no neighbour in [images]", "at least one of left, right, top or bottom"));
         }
         Ok(())
     }
 }
 
-/// What is wrong with a TOML text and in which line: the message alone often does not name the key.
-fn place_of(error: &toml::de::Error, text: &str) -> String {
+/// The error's message with the line it refers to, as the message often does not name the key.
+fn with_line(error: &toml::de::Error, text: &str) -> String {
     let Some(before) = error.span().and_then(|span| text.get(..span.start)) else {
         return error.message().into();
     };
@@ -162,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn loads_what_a_person_writes() {
+    fn loads_a_file_written_by_hand() {
         let rig = load(TEXT).unwrap();
         let geometry = Geometry { focal_px: 1180.5, baseline_mm: 20.0, principal_point: [319.5, 239.5], doffs: 0.0 };
         assert_eq!(rig.geometry(), Some(geometry));
@@ -175,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn loads_what_it_saves() {
+    fn loads_a_file_it_saved() {
         let dir = tempfile::tempdir().unwrap();
         let mut rig = load(TEXT).unwrap();
         rig.doffs = -3.25;
@@ -204,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_is_wrong_and_where() {
+    fn errors_name_the_line_and_the_key() {
         assert!(message("focal_px", "focal").contains("line 3 (focal = 1180.5): unknown field `focal`"));
         assert!(message("baseline_mm = 20", "").contains("missing field `baseline_mm`"));
         assert!(message("center = ", "middle = ").contains("unknown field `middle`"));

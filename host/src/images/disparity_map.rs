@@ -1,22 +1,27 @@
-//! What matching gives: the disparity of every pixel of the centre frame.
+//! The result of matching: a disparity for every pixel of the centre frame.
 
 use std::ops::RangeInclusive;
 
 use image::{ImageBuffer, Rgb, RgbImage};
 use multiscopic_core::Disparity;
 
-use super::{FloatImage, Raster, turbo};
+use super::{FloatImage, Geometry, Raster, turbo};
 
-/// A disparity for every pixel, `None` where there is none.
+/// The disparity of every pixel; `None` marks an invalid one.
 pub type DisparityMap = Raster<Option<Disparity>>;
 
 impl DisparityMap {
-    /// In pixels, +inf where there is none.
+    /// The disparities in pixels, +inf where invalid.
     pub fn to_float(&self) -> FloatImage {
         self.map(|pixel| pixel.map_or(f32::INFINITY, f32::from))
     }
 
-    /// The map with the steps nearest to disparities in pixels; none where they are not finite or leave what a [`Disparity`] holds.
+    /// The depths in metres, +inf where a pixel has none.
+    pub fn to_depth(&self, geometry: &Geometry) -> FloatImage {
+        self.map(|pixel| pixel.and_then(|d| geometry.depth(d)).map_or(f32::INFINITY, |z| z as f32))
+    }
+
+    /// Rounds disparities in pixels to the nearest step. A pixel that is not finite or does not fit a [`Disparity`] is invalid.
     pub fn from_float(pixels: &FloatImage) -> DisparityMap {
         let limits = f32::from(-i16::MAX)..=f32::from(i16::MAX);
         pixels.map(|d| {
@@ -25,19 +30,19 @@ impl DisparityMap {
         })
     }
 
-    /// The smallest and the largest disparity in pixels, `None` if no pixel has one.
+    /// The smallest and largest valid disparity in pixels, or `None` if all pixels are invalid.
     pub fn range(&self) -> Option<RangeInclusive<f32>> {
         let valid = || self.pixels().iter().flatten().copied();
         Some(valid().min()?.into()..=valid().max()?.into())
     }
 
-    /// In the colours of Turbo: the far end of `range` (in pixels of disparity) is blue, the near end red, and black has no disparity.
+    /// Colours the map with Turbo: the far end of `range` (pixels of disparity) is blue, the near end red, and invalid pixels black.
     ///
-    /// Disparities outside the range have the colour of its nearest end. Without a range it is the map's own.
+    /// Disparities outside `range` are clamped to it. `None` uses the map's own [`range`](DisparityMap::range).
     pub fn to_color(&self, range: Option<RangeInclusive<f32>>) -> RgbImage {
         let (far, near) = range.or_else(|| self.range()).map_or((0.0, 1.0), RangeInclusive::into_inner);
         let color = |d: Disparity| {
-            // A range of one value must not divide by 0; any other is at least a step of 1/64.
+            // A map of a single value has an empty range. Any other range is at least one step, 1/64.
             let nearness = (f32::from(d) - far) / (near - far).max(1e-6);
             turbo::color(f64::from(nearness))
         };
@@ -64,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_are_the_nearest_to_pixels() {
+    fn pixels_are_rounded_to_the_nearest_step() {
         assert_eq!(DisparityMap::from_float(&map().to_float()), map());
         let pixels = FloatImage::new(3, 2, vec![0.0079, -0.0079, 0.0077, f32::NAN, 512.0, -600.0]);
         let bits = DisparityMap::from_float(&pixels).map(|d| d.map(Disparity::to_bits)).into_pixels();
@@ -77,13 +82,20 @@ mod tests {
         let [far, near, middle, nearer, none] = [0, 1, 2, 3, 4].map(|u| map.to_color(Some(-4.0..=4.0)).get_pixel(u, 0).0);
         assert!(far[2] > far[0] && near[0] > near[2] && middle[1] > 200, "{far:?} {middle:?} {near:?}");
         assert_eq!((nearer, none), (near, [0; 3]));
-        // Its own range: -4 to 9.
+        // The map's own range is -4 to 9.
         assert_eq!(map.to_color(None).get_pixel(3, 0).0, near);
         assert_ne!(map.to_color(None).get_pixel(1, 0).0, near);
     }
 
     #[test]
-    fn colours_of_a_flat_or_empty_map() {
+    fn a_pixel_without_depth_is_infinitely_far() {
+        let geometry = Geometry { focal_px: 1000.0, baseline_mm: 50.0, principal_point: [0.0; 2], doffs: 0.0 };
+        let map = DisparityMap::new(2, 2, vec![disparity(10.0), None, disparity(0.0), disparity(-1.0)]);
+        assert_eq!(map.to_depth(&geometry).pixels(), [5.0, f32::INFINITY, f32::INFINITY, f32::INFINITY]);
+    }
+
+    #[test]
+    fn flat_and_empty_maps_have_colours_too() {
         assert_ne!(DisparityMap::filled(1, 1, disparity(3.0)).to_color(None).get_pixel(0, 0).0, [0; 3]);
         assert_eq!(DisparityMap::filled(1, 1, None).to_color(None).get_pixel(0, 0).0, [0; 3]);
         assert_eq!(DisparityMap::filled(1, 1, None).range(), None);

@@ -7,12 +7,13 @@ use multiscopic_core::{Frame, Rewind, ScanlineSource, View, Views};
 
 use super::Picture;
 
-/// A centre frame and its neighbours, all of one size, in 8-bit grey; and their colours, for the methods that match them too.
+/// A centre frame and its neighbours, all of the same size, in 8-bit grey. If every frame has colours, they are kept as well, for
+/// the methods that use them.
 #[derive(Clone, Debug)]
 pub struct Frames {
     center: GrayImage,
     neighbors: [Option<GrayImage>; 4],
-    /// Of the centre and the neighbours, or of none.
+    /// Present only if every frame has colours.
     colors: Option<Colors>,
 }
 
@@ -24,15 +25,15 @@ struct Colors {
 }
 
 impl Frames {
-    /// The centre alone.
+    /// A grey centre frame without neighbours.
     pub fn new(center: GrayImage) -> Frames {
         Frames { center, neighbors: [const { None }; 4], colors: None }
     }
 
-    /// These frames and a neighbour, which is grey: so are all others then.
+    /// Adds or replaces a grey neighbour. This drops the colours of all frames.
     ///
     /// # Panics
-    /// If the neighbour's size is not that of the centre.
+    /// If the neighbour and the centre differ in size.
     pub fn with(mut self, view: View, image: GrayImage) -> Frames {
         assert_eq!(image.dimensions(), self.center.dimensions(), "the size of the {view:?} view");
         self.neighbors[view as usize] = Some(image);
@@ -40,7 +41,7 @@ impl Frames {
         self
     }
 
-    /// The centre alone, with its colours if it has some.
+    /// A centre frame without neighbours, with its colours if it has any.
     pub fn of_picture(center: Picture) -> Frames {
         let gray = center.to_gray();
         let colors = match center {
@@ -50,10 +51,10 @@ impl Frames {
         Frames { colors, ..Frames::new(gray) }
     }
 
-    /// These frames and a neighbour; the colours stay if it has some.
+    /// Adds or replaces a neighbour. The frames keep their colours only if this neighbour has colours too.
     ///
     /// # Panics
-    /// If the neighbour's size is not that of the centre.
+    /// If the neighbour and the centre differ in size.
     pub fn with_picture(mut self, view: View, picture: Picture) -> Frames {
         let colors = self.colors.take();
         let frames = self.with(view, picture.to_gray());
@@ -67,14 +68,14 @@ impl Frames {
         Frames { colors, ..frames }
     }
 
-    /// The `width` x `height` pixels in the middle of the centre and of its neighbours `views`.
+    /// Crops the centre and the neighbours `views` to the `width` x `height` pixels in their middle, in grey.
     ///
     /// # Panics
-    /// If the frames are smaller, or a view is not there.
+    /// If the frames are smaller than that, or a view is missing.
     pub fn middle(&self, [width, height]: [usize; 2], views: Views) -> Frames {
         let [left, top] = [self.width() - width, self.height() - height].map(|rest| rest as u32 / 2);
         let cut = |frame| {
-            let image = self.get(frame).unwrap_or_else(|| panic!("there is no frame {frame:?}"));
+            let image = self.get(frame).unwrap_or_else(|| panic!("no {} frame", frame.name()));
             imageops::crop_imm(image, left, top, width as u32, height as u32).to_image()
         };
         views.iter().fold(Frames::new(cut(Frame::Center)), |frames, view| frames.with(view, cut(Frame::View(view))))
@@ -95,12 +96,12 @@ impl Frames {
         [self.width(), self.height()]
     }
 
-    /// The neighbours that there are.
+    /// The neighbours present.
     pub fn views(&self) -> Views {
         View::ALL.into_iter().filter(|&view| self.neighbors[view as usize].is_some()).collect()
     }
 
-    /// The colours of an image, if it is there and all images have colours.
+    /// The colours of a frame, or `None` if it is missing or some frame is grey.
     pub fn color(&self, frame: Frame) -> Option<&RgbImage> {
         let colors = self.colors.as_ref()?;
         match frame {
@@ -109,7 +110,7 @@ impl Frames {
         }
     }
 
-    /// An image, if it is there.
+    /// A frame in grey, or `None` if it is missing.
     pub fn get(&self, frame: Frame) -> Option<&GrayImage> {
         match frame {
             Frame::Center => Some(&self.center),
@@ -118,12 +119,12 @@ impl Frames {
     }
 }
 
-/// Lines in memory: any number of passes may read them, each through its own reference.
+/// Each reference is a source of its own, so several passes can read the same frames at once.
 impl ScanlineSource for &Frames {
     type Error = Infallible;
 
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Infallible> {
-        let image = self.get(frame).expect("the matcher asks for the views of its parameters, which are these");
+        let image = self.get(frame).expect("the matcher reads only the views of its parameters");
         line.copy_from_slice(&image.as_raw()[v * self.width()..][..self.width()]);
         Ok(())
     }
@@ -140,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_middle() {
+    fn the_middle_is_cropped_from_every_view() {
         let image = |first: u8| GrayImage::from_raw(4, 3, (first..first + 12).collect()).unwrap();
         let frames = Frames::new(image(0)).with(View::Left, image(50)).with(View::Top, image(100));
         let middle = frames.middle([2, 2], Views::NONE.with(View::Left));

@@ -1,28 +1,29 @@
-//! From disparity to space.
+//! The camera geometry that turns disparities into depths and points.
 
 use multiscopic_core::Disparity;
 
-/// What turns a disparity into a place: the camera as a pinhole, and how far it was moved.
+/// A pinhole camera and the baseline by which it was moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
     /// Focal length in pixels.
     pub focal_px: f64,
-    /// How far the camera was moved from the centre to each neighbour, in millimetres.
+    /// The distance from the centre to each neighbour, in millimetres.
     pub baseline_mm: f64,
-    /// Where the optical axis meets the image, `[cx, cy]`; the centre of the first pixel is `[0, 0]`.
+    /// Where the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is `[0, 0]`.
     pub principal_point: [f64; 2],
-    /// The disparity of a point at infinity, negated: 0 unless the images were shifted or cropped against each other.
+    /// The negated disparity of a point at infinity, in pixels: 0 unless the images were shifted or cropped against each other.
     pub doffs: f64,
 }
 
 impl Geometry {
-    /// Depth in metres, `focal_px * baseline / (d + doffs)`. `None` where `d + doffs <= 0`, behind infinity.
+    /// The depth in metres, `focal_px * baseline / (d + doffs)`, or `None` if `d + doffs <= 0`.
     pub fn depth(&self, d: Disparity) -> Option<f64> {
         let shift = f64::from(f32::from(d)) + self.doffs;
         (shift > 0.0).then(|| self.focal_px * self.baseline_mm / 1000.0 / shift)
     }
 
-    /// The place in metres of what pixel `(u, v)` shows: x to the right, y down, z along the optical axis away from the camera.
+    /// The point seen by pixel `(u, v)`, in metres from the centre camera: x to the right, y down, z along the optical axis.
+    /// `None` if the pixel has no depth.
     pub fn point(&self, u: usize, v: usize, d: Disparity) -> Option<[f64; 3]> {
         let z = self.depth(d)?;
         let [cx, cy] = self.principal_point;

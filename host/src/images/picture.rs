@@ -1,8 +1,8 @@
-//! Pictures of a scene, in 8 bits.
+//! An 8-bit picture, grey or in colour.
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
 
-/// A frame as its file has it: grey, or in colour.
+/// An image with 8 bits per channel, as a file stores it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Picture {
     /// One channel.
@@ -20,10 +20,10 @@ impl Picture {
         }
     }
 
-    /// The red, green and blue of a pixel.
+    /// The red, green and blue of pixel `(u, v)`.
     ///
     /// # Panics
-    /// If it lies outside.
+    /// If the pixel lies outside the picture.
     pub fn color(&self, u: u32, v: u32) -> [u8; 3] {
         match self {
             Picture::Gray(gray) => [gray.get_pixel(u, v).0[0]; 3],
@@ -31,7 +31,7 @@ impl Picture {
         }
     }
 
-    /// What the matcher sees: grey as it is, and `(77 R + 150 G + 29 B + 128) >> 8` of a colour.
+    /// The picture in grey, as the matcher sees it. A colour becomes `(77 R + 150 G + 29 B + 128) >> 8`.
     pub fn to_gray(&self) -> GrayImage {
         match self {
             Picture::Gray(gray) => gray.clone(),
@@ -39,14 +39,14 @@ impl Picture {
         }
     }
 
-    /// The same in colour.
+    /// The picture in colour. A grey picture stays grey.
     pub fn to_rgb(&self) -> RgbImage {
         let (width, height) = self.dimensions();
         RgbImage::from_fn(width, height, |u, v| Rgb(self.color(u, v)))
     }
 }
 
-/// The grey of a colour. The weights are those of ITU-R BT.601 in 256ths; they sum to 256, so that a grey colour stays what it is.
+/// The grey value of a colour. The weights are those of ITU-R BT.601 in 256ths. They add up to 256, so grey colours keep their value.
 pub(crate) fn gray_of([r, g, b]: [u8; 3]) -> u8 {
     ((77 * u32::from(r) + 150 * u32::from(g) + 29 * u32::from(b) + 128) >> 8) as u8
 }
@@ -60,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn gray_is_the_normative_sum() {
+    fn gray_is_the_weighted_sum() {
         for (rgb, gray) in [([255, 255, 255], 255), ([0, 0, 0], 0), ([255, 0, 0], 77), ([0, 255, 0], 149), ([0, 0, 255], 29)] {
             assert_eq!(gray_of(rgb), gray, "{rgb:?}");
         }

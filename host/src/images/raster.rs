@@ -1,32 +1,32 @@
-//! Pixels of any type in rows.
+//! A rectangular grid of pixels of any type.
 
-/// A picture of `width` x `height` pixels of type `T`, in rows from the top. It is never empty.
+/// A grid of `width` x `height` pixels of type `T`, stored row by row from the top. It is never empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Raster<T> {
     width: usize,
     pixels: Vec<T>,
 }
 
-/// A raster of floating-point numbers: disparities in pixels or depths in metres, +inf where there is none.
+/// A raster of floating-point numbers, such as disparities in pixels or depths in metres. +inf marks a pixel without a value.
 pub type FloatImage = Raster<f32>;
 
 impl<T> Raster<T> {
-    /// The picture whose rows, from the top, follow each other in `pixels`.
+    /// A raster of `pixels`, given row by row from the top.
     ///
     /// # Panics
-    /// If a side is 0 or `pixels` has another length than `width * height`.
+    /// If a side is 0, or the number of pixels is not `width * height`.
     pub fn new(width: usize, height: usize, pixels: Vec<T>) -> Raster<T> {
-        assert!(width > 0 && height > 0, "a picture of {width}x{height} pixels");
-        assert_eq!(pixels.len(), width * height, "the pixels of a picture of {width}x{height}");
+        assert!(width > 0 && height > 0, "a raster of {width}x{height} pixels is empty");
+        assert_eq!(pixels.len(), width * height, "the number of pixels of a {width}x{height} raster");
         Raster { width, pixels }
     }
 
-    /// Pixels in a row.
+    /// The number of pixels in a row.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// The number of rows.
     pub fn height(&self) -> usize {
         self.pixels.len() / self.width
     }
@@ -36,7 +36,7 @@ impl<T> Raster<T> {
         &self.pixels
     }
 
-    /// All pixels, row by row from the top.
+    /// All pixels, mutably, row by row from the top.
     pub fn pixels_mut(&mut self) -> &mut [T] {
         &mut self.pixels
     }
@@ -51,7 +51,7 @@ impl<T> Raster<T> {
         self.pixels.chunks_exact(self.width)
     }
 
-    /// The rows from the top, each [`width`](Raster::width) long.
+    /// The rows from the top, mutably, each [`width`](Raster::width) long.
     pub fn rows_mut(&mut self) -> std::slice::ChunksExactMut<'_, T> {
         self.pixels.chunks_exact_mut(self.width)
     }
@@ -64,7 +64,7 @@ impl<T> Raster<T> {
         &self.pixels[v * self.width..][..self.width]
     }
 
-    /// Row `v`.
+    /// Row `v`, mutably.
     ///
     /// # Panics
     /// If there is no such row.
@@ -72,14 +72,14 @@ impl<T> Raster<T> {
         &mut self.pixels[v * self.width..][..self.width]
     }
 
-    /// Every pixel changed by `f`.
+    /// A raster of the same size with `f` applied to every pixel.
     pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> Raster<U> {
         Raster { width: self.width, pixels: self.pixels.iter().map(f).collect() }
     }
 }
 
 impl<T: Copy> Raster<T> {
-    /// A picture of one value.
+    /// A raster with the same value in every pixel.
     ///
     /// # Panics
     /// If a side is 0.
@@ -90,7 +90,7 @@ impl<T: Copy> Raster<T> {
     /// The pixel in column `u` of row `v`.
     ///
     /// # Panics
-    /// If it lies outside.
+    /// If it lies outside the raster.
     pub fn get(&self, u: usize, v: usize) -> T {
         self.row(v)[u]
     }
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic = "a picture of 0x4 pixels"]
+    #[should_panic = "a raster of 0x4 pixels is empty"]
     fn is_never_empty() {
         Raster::filled(0, 4, 0);
     }

@@ -1,22 +1,22 @@
-//! A picture of how far estimated disparities are from the truth.
+//! Colours the error of every estimated disparity.
 
 use crate::images::FloatImage;
 use image::{Rgb, RgbImage};
 
-/// The error in pixels from which on everything is equally bright.
+/// The error in pixels at which the colour scale ends.
 pub const LIMIT_PX: f32 = 4.0;
 
-/// The colour of a pixel whose true disparity is unknown.
+/// The colour of pixels whose true disparity is unknown.
 pub const UNKNOWN: Rgb<u8> = Rgb([128, 128, 128]);
 
-/// The colour of a pixel without an estimate where the truth is known.
+/// The colour of pixels that have a true disparity but no estimate.
 pub const INVALID: Rgb<u8> = Rgb([0, 170, 255]);
 
-/// What the colours mean, for a caption.
+/// What the colours mean, for captions.
 pub const LEGEND: &str = "black: no error; purple, orange, yellow: up to 4 px and more; blue: no estimate; grey: truth unknown";
 
-/// Draws `|estimate - truth|` for every pixel, row by row: from black over purple and orange to light yellow at [`LIMIT_PX`]
-/// and above. A truth that is not finite is unknown.
+/// Colours `|estimate - truth|` for every pixel, from black through purple and orange to light yellow at [`LIMIT_PX`] and above.
+/// The estimates come row by row, in pixels. A true disparity that is not finite is unknown.
 ///
 /// ```
 /// use multiscopic::{FloatImage, report::error_map};
@@ -27,7 +27,7 @@ pub const LEGEND: &str = "black: no error; purple, orange, yellow: up to 4 px an
 /// ```
 ///
 /// # Panics
-/// If there are not as many estimates as pixels of the truth.
+/// If there are fewer or more estimates than pixels in `truth`.
 pub fn draw(estimates: impl IntoIterator<Item = Option<f32>>, truth: &FloatImage) -> RgbImage {
     let mut estimates = estimates.into_iter();
     let mut map = RgbImage::new(truth.width() as u32, truth.height() as u32);
@@ -61,12 +61,12 @@ mod tests {
         let sums: Vec<u32> = map.pixels().map(|pixel| pixel.0.map(u32::from).iter().sum()).collect();
         assert!(sums[..=40].is_sorted() && sums[0] < 20 && sums[40] > 500, "{sums:?}");
         assert!(sums[40..].iter().all(|&sum| sum == sums[40]));
-        // Too little is as bad as too much.
+        // Only the size of an error counts, not its sign.
         assert_eq!(color(Some(17.5), 20.0), color(Some(22.5), 20.0));
     }
 
     #[test]
-    fn what_is_not_known_has_its_own_colour() {
+    fn unknown_and_invalid_pixels_have_their_own_colours() {
         assert_eq!(color(None, 3.0), INVALID);
         assert_eq!(color(Some(f32::NAN), 3.0), INVALID);
         for truth in [f32::INFINITY, f32::NEG_INFINITY, f32::NAN] {

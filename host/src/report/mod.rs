@@ -1,7 +1,9 @@
-//! Results for people: HTML pages, error maps and montages.
+//! Results for people to look at: HTML pages, error maps and montages.
 
 pub mod error_map;
+mod figure;
 pub mod montage;
 mod page;
 
-pub use page::{Figure, Report};
+pub use figure::Figure;
+pub use page::Report;

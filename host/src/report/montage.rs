@@ -1,14 +1,14 @@
-//! Pictures side by side in one.
+//! Several pictures side by side in one image.
 
 use image::{
     RgbImage, Rgba, RgbaImage,
     imageops::{self, FilterType},
 };
 
-/// Pixels between two pictures.
+/// The gap between two pictures, in pixels.
 pub const GAP: u32 = 8;
 
-/// `pictures` in a row from the left, each at most `max_width` wide: larger ones are scaled down. What they leave free is transparent.
+/// Puts `pictures` in a row from left to right, scaling down those wider than `max_width` pixels. The rest is transparent.
 ///
 /// ```
 /// use image::RgbImage;
@@ -18,11 +18,11 @@ pub const GAP: u32 = 8;
 /// ```
 ///
 /// # Panics
-/// If there are none, or one is empty.
+/// If there is no picture, or one is empty.
 pub fn row<'a>(pictures: impl IntoIterator<Item = &'a RgbImage>, max_width: u32) -> RgbaImage {
     let panels: Vec<RgbImage> = pictures.into_iter().map(|picture| scaled_down(picture, max_width)).collect();
     let width = panels.iter().map(|panel| panel.width() + GAP).sum::<u32>() - GAP;
-    let height = panels.iter().map(RgbImage::height).max().expect("a montage of something");
+    let height = panels.iter().map(RgbImage::height).max().expect("a montage needs a picture");
     let mut row = RgbaImage::new(width, height);
     let mut left = 0;
     for panel in &panels {
@@ -37,7 +37,7 @@ pub fn row<'a>(pictures: impl IntoIterator<Item = &'a RgbImage>, max_width: u32)
 
 fn scaled_down(picture: &RgbImage, max_width: u32) -> RgbImage {
     let (width, height) = picture.dimensions();
-    assert!(width > 0 && height > 0, "a picture of {width}x{height} pixels");
+    assert!(width > 0 && height > 0, "the picture is {width}x{height} pixels");
     if width <= max_width {
         return picture.clone();
     }

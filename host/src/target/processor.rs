@@ -1,26 +1,24 @@
-//! The processors that budgets are made for.
+//! The processors that budgets are predicted for.
 
 use multiscopic_core::{Params, kernel::Isa};
 use multiscopic_edge::{Lengths, Wide};
 
-use crate::target::{MEASURED, Measured};
-
-/// A processor by its core.
+/// A processor, by its core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Processor {
     /// Arm Cortex-M4, with the DSP instructions of Armv7E-M.
     CortexM4,
     /// Arm Cortex-M7, with the same instructions.
     CortexM7,
-    /// Arm Cortex-M55, with the vectors of Armv8.1-M.
+    /// Arm Cortex-M55, with the vector extension (MVE) of Armv8.1-M.
     CortexM55,
 }
 
 impl Processor {
-    /// Every processor.
+    /// All processors.
     pub const ALL: [Processor; 3] = [Processor::CortexM4, Processor::CortexM7, Processor::CortexM55];
 
-    /// Its name on command lines and in reports.
+    /// The name on the command line and in reports.
     pub fn name(self) -> &'static str {
         match self {
             Processor::CortexM4 => "cortex-m4",
@@ -29,7 +27,7 @@ impl Processor {
         }
     }
 
-    /// The clock in MHz of the part that the firmware is linked for: nRF52840, STM32H743, or Arm's MPS3 image AN547.
+    /// Clock in MHz of the part that the firmware is linked for: nRF52840, STM32H743, or Arm's MPS3 image AN547.
     pub fn clock_mhz(self) -> f64 {
         match self {
             Processor::CortexM4 => 64.0,
@@ -38,14 +36,14 @@ impl Processor {
         }
     }
 
-    /// The cycles that an instruction takes on average. The emulator counts instructions, not cycles, so this is an assumption, for
-    /// code and data in memory without wait states (or in caches):
+    /// Average cycles per instruction. The emulator counts instructions, not cycles, so this is an assumption, for code and data in memory
+    /// without wait states or in caches:
     ///
-    /// - Cortex-M4, 1.4: arithmetic takes a cycle, a load that does not follow another takes 2, a taken branch 2 to 4.
-    /// - Cortex-M7, 0.8: up to two instructions in a cycle; dependent ones and a second load prevent it.
-    /// - Cortex-M55, 1.5: a vector instruction takes 2 cycles, of which arithmetic and loads in turn overlap one.
+    /// - Cortex-M4, 1.4: arithmetic takes 1 cycle, a load that does not follow another load 2, a taken branch 2 to 4.
+    /// - Cortex-M7, 0.8: it issues up to two instructions per cycle, unless one depends on the other or both are loads.
+    /// - Cortex-M55, 1.5: a vector instruction takes 2 cycles; alternating arithmetic and loads overlap by one.
     ///
-    /// Who has measured the part at hand knows better: `multiscopic budget --cpi`.
+    /// If you have measured your part, use `multiscopic budget --cpi` instead.
     pub fn cycles_per_instruction(self) -> f64 {
         match self {
             Processor::CortexM4 => 1.4,
@@ -54,44 +52,13 @@ impl Processor {
         }
     }
 
-    /// The lanes of its kernel: the number of disparities is rounded up to a multiple.
+    /// Lanes of its kernel. The number of disparities is rounded up to a multiple of it.
     pub fn lanes(self) -> usize {
         Wide::LANES
     }
 
-    /// How long the parts of its workspace are.
+    /// The lengths of its workspace.
     pub fn lengths(self, params: &Params, tile_width: usize) -> Lengths {
         Lengths::new::<Wide>(params, tile_width)
-    }
-
-    /// The instructions of a match in column tiles by the cost model, lines not fetched but sent.
-    pub fn instructions(self, params: &Params, tile_width: usize) -> f64 {
-        let instructions = self.measured().prices.instructions(params, tile_width, self.lanes());
-        instructions.expect("prices are fitted for every kernel")
-    }
-
-    /// What was measured of its firmware.
-    pub fn measured(self) -> &'static Measured {
-        MEASURED.of(self)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use multiscopic_core::{Fusion, Views};
-
-    #[test]
-    fn every_match_has_a_price() {
-        for views in [Views::STEREO, Views::HORIZONTAL, Views::THREE, Views::ALL] {
-            for (fusion, block_size) in [Fusion::Min, Fusion::Mean, Fusion::Heuristic].into_iter().flat_map(|f| [(f, 3), (f, 21)])
-            {
-                let params = Params::new(40, 30, views, fusion, 1, 8, block_size).unwrap();
-                for processor in [Processor::CortexM4, Processor::CortexM7, Processor::CortexM55] {
-                    // A disparity line of 40 takes more than its packet of as many bytes.
-                    assert!(processor.instructions(&params, 40) > 40.0 * 30.0, "{processor:?} {params:?}");
-                }
-            }
-        }
     }
 }

@@ -1,44 +1,80 @@
-//! The firmware's pipeline on the host: its parameters, its memory and its order of lines, with frames in memory.
+//! The firmware's pipeline on the host: the same parameters, memory, order of lines and packets, with frames in memory.
 
 use std::{convert::Infallible, time::Duration};
 
-use embedded_io::{ErrorType, Read, Seek, SeekFrom};
-use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, View, kernel::Blocks};
+use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, View, Views, kernel::Blocks};
 use multiscopic_edge::{Board, Phase, Profile, Streams, StreamsError, Wide, Workspace, profile, workspace};
 
-use crate::images::Frames;
+use crate::{error::Error, images::Frames};
 
-/// What the firmware of a profile does with some frames.
+/// What the firmware of a profile does with a set of frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simulation {
-    /// The packets that it sends, byte for byte; but the last one, the frame's end, has no depth of the stack, which can be measured
-    /// on the processor alone.
+    /// The packets that it sends, byte for byte, except that the last one does not tell the depth of the stack: only the processor can measure
+    /// it.
     pub packets: Vec<u8>,
     /// Passes over the frames, one for each column tile.
     pub passes: usize,
-    /// The frames, and how many of their lines were read in all passes.
+    /// The frames, and how many lines of each were read in all passes.
     pub lines_read: Vec<(Frame, usize)>,
-    /// The size of the workspace, in bytes.
+    /// Size of the workspace in bytes.
     pub workspace: usize,
 }
 
-/// Runs the pipeline of `profile` on `frames`, in the memory that it has in firmware, and calls `line_read` for every line of the centre that it reads.
+/// Why frames cannot be simulated.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SimulationError {
+    /// The profile is not one of [`profile::ALL`], whose workspaces are compiled in.
+    #[error("found profile {name}, expected one of {}", profile::ALL.map(|profile| profile.name).join(", "))]
+    UnknownProfile {
+        /// Its name.
+        name: &'static str,
+    },
+    /// The frames do not have the size of the profile.
+    #[error("found frames of {}x{} pixels, expected {}x{} for profile {profile}", found[0], found[1], expected[0], expected[1])]
+    FrameSize {
+        /// Name of the profile.
+        profile: &'static str,
+        /// Width and height of the frames.
+        found: [usize; 2],
+        /// Width and height that the profile needs.
+        expected: [usize; 2],
+    },
+    /// A view of the profile is missing.
+    #[error("the {} view is missing", view.name())]
+    MissingView {
+        /// The view.
+        view: View,
+    },
+}
+
+impl From<SimulationError> for Error {
+    fn from(error: SimulationError) -> Error {
+        Error::Usage(error.to_string())
+    }
+}
+
+/// Runs the pipeline of `profile` on `frames`, in a workspace as the firmware has it. Calls `on_line` for each line of the centre that it reads.
 ///
-/// # Panics
-/// If the frames are not as large as the profile's, or a view of it is missing.
-pub fn simulate(profile: &Profile, fusion: Fusion, frames: &Frames, line_read: &dyn Fn()) -> Simulation {
+/// # Errors
+/// The frames have another size than the profile's, a view is missing, or the profile is unknown.
+pub fn simulate(profile: &Profile, fusion: Fusion, frames: &Frames, on_line: &dyn Fn()) -> Result<Simulation, SimulationError> {
     let params = profile.params(fusion);
-    assert_eq!(frames.size(), [params.width(), params.height()], "the size of the frames for {}", profile.name);
-    let mut desk = Desk { frames, line_read };
-    // The lengths of a workspace are part of its type.
+    let (found, expected) = (frames.size(), [params.width(), params.height()]);
+    if found != expected {
+        return Err(SimulationError::FrameSize { profile: profile.name, found, expected });
+    }
+    let mut board = SimulatedBoard { frames, on_line };
+    // The lengths of a workspace are part of its type, so each profile is a case of its own.
     macro_rules! run {
         ($($known:path),*) => {
             match profile.name {
                 $(name if name == $known.name => {
                     let mut workspace = Box::<workspace!(Wide, $known)>::new(Workspace::new());
-                    run(Wide::default(), &mut *workspace, &params, profile.tile_width(), &mut desk)
+                    run(Wide::default(), &mut *workspace, &params, profile.tile_width(), &mut board)
                 })*
-                name => unreachable!("{name} is not a profile"),
+                name => Err(SimulationError::UnknownProfile { name }),
             }
         };
     }
@@ -50,41 +86,42 @@ fn run<I: Blocks<u16> + Blocks<u32>, const WORDS: usize, const COLUMNS: usize, c
     workspace: &mut Workspace<WORDS, COLUMNS, PACKET>,
     params: &Params,
     tile_width: usize,
-    desk: &mut Desk<'_>,
-) -> Simulation {
-    let (Ok(mut source), Ok(mut packets)) = (desk.frames(params), desk.output());
-    let run = workspace.pipeline().run::<Desk<'_>, I>(kernel, params, tile_width, &mut source, &mut packets);
-    let mut sender = run.unwrap_or_else(|error| panic!("the workspace is the profile's and memory can be read: {error}"));
-    packets.extend_from_slice(sender.end(None).expect("an end takes less room than a line"));
+    board: &mut SimulatedBoard<'_>,
+) -> Result<Simulation, SimulationError> {
+    let (mut source, mut packets) = (board.frames(params)?, board.output()?);
+    let run = workspace.pipeline().run::<SimulatedBoard<'_>, I>(kernel, params, tile_width, &mut source, &mut packets);
+    let mut sender = run.unwrap_or_else(|error| panic!("the workspace fits the profile and memory can be read: {error}"));
+    packets.extend_from_slice(sender.end(None).expect("the end is shorter than a line"));
     let frames = [Frame::Center].into_iter().chain(params.views().iter().map(Frame::View));
-    Simulation {
+    Ok(Simulation {
         packets,
         passes: source.passes,
-        lines_read: frames.map(|frame| (frame, source.lines[place(frame)])).collect(),
+        lines_read: frames.map(|frame| (frame, source.lines_read[frame_index(frame)])).collect(),
         workspace: size_of_val(workspace),
-    }
+    })
 }
 
-/// A board with frames in memory.
-struct Desk<'a> {
+/// A board whose frames are in memory.
+struct SimulatedBoard<'a> {
     frames: &'a Frames,
-    line_read: &'a dyn Fn(),
+    on_line: &'a dyn Fn(),
 }
 
-impl<'a> Board for Desk<'a> {
-    type Frames = Counted<'a>;
+impl<'a> Board for SimulatedBoard<'a> {
+    type Frames = CountedStreams<'a>;
     type Output = Vec<u8>;
-    type Error = Infallible;
+    type Error = SimulationError;
 
-    fn frames(&mut self, params: &Params) -> Result<Counted<'a>, Infallible> {
-        let open = |frame| {
-            let image = self.frames.get(frame).unwrap_or_else(|| panic!("the frame {frame:?} is missing"));
-            Ok::<_, Infallible>(Stored { pixels: image.as_raw(), next: 0 })
-        };
-        Ok(Counted { streams: Streams::open(params.views(), open)?, lines: [0; 5], passes: 1, line_read: self.line_read })
+    fn frames(&mut self, params: &Params) -> Result<CountedStreams<'a>, SimulationError> {
+        let (frames, views) = (self.frames, params.views());
+        if let Some(view) = views.iter().find(|&view| frames.get(Frame::View(view)).is_none()) {
+            return Err(SimulationError::MissingView { view });
+        }
+        let streams = open_streams(frames, views);
+        Ok(CountedStreams { frames, views, streams, lines_read: [0; 5], passes: 1, on_line: self.on_line })
     }
 
-    fn output(&mut self) -> Result<Vec<u8>, Infallible> {
+    fn output(&mut self) -> Result<Vec<u8>, SimulationError> {
         Ok(Vec::new())
     }
 
@@ -95,67 +132,46 @@ impl<'a> Board for Desk<'a> {
     fn enter(_: Phase) {}
 }
 
-/// The firmware's streams, and how often they are read.
-struct Counted<'a> {
-    streams: Streams<Stored<'a>>,
-    lines: [usize; 1 + View::ALL.len()],
+/// The firmware's streams, with counts of what is read from them.
+struct CountedStreams<'a> {
+    frames: &'a Frames,
+    views: Views,
+    streams: Streams<&'a [u8]>,
+    lines_read: [usize; 1 + View::ALL.len()],
     passes: usize,
-    line_read: &'a dyn Fn(),
+    on_line: &'a dyn Fn(),
 }
 
-const fn place(frame: Frame) -> usize {
-    match frame {
-        Frame::Center => 0,
-        Frame::View(view) => 1 + view as usize,
-    }
-}
-
-impl ScanlineSource for Counted<'_> {
+impl ScanlineSource for CountedStreams<'_> {
     type Error = StreamsError<Infallible>;
 
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
-        self.lines[place(frame)] += 1;
+        self.lines_read[frame_index(frame)] += 1;
         if frame == Frame::Center {
-            (self.line_read)();
+            (self.on_line)();
         }
         self.streams.read_line(frame, v, line)
     }
 }
 
-impl Rewind for Counted<'_> {
+impl Rewind for CountedStreams<'_> {
     fn rewind(&mut self) -> Result<(), Self::Error> {
         self.passes += 1;
-        self.streams.rewind()
+        self.streams = open_streams(self.frames, self.views);
+        Ok(())
     }
 }
 
-/// Pixels in memory as a file.
-struct Stored<'a> {
-    pixels: &'a [u8],
-    next: usize,
+fn open_streams(frames: &Frames, views: Views) -> Streams<&[u8]> {
+    let pixels = |frame| Ok::<_, Infallible>(frames.get(frame).expect("the board has every view").as_raw().as_slice());
+    let Ok(streams) = Streams::open(views, pixels);
+    streams
 }
 
-impl ErrorType for Stored<'_> {
-    type Error = Infallible;
-}
-
-impl Read for Stored<'_> {
-    fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
-        let read = self.pixels.get(self.next..).unwrap_or_default().read(bytes)?;
-        self.next += read;
-        Ok(read)
-    }
-}
-
-impl Seek for Stored<'_> {
-    fn seek(&mut self, to: SeekFrom) -> Result<u64, Infallible> {
-        let to = match to {
-            SeekFrom::Start(offset) => offset,
-            SeekFrom::End(offset) => (self.pixels.len() as u64).saturating_add_signed(offset),
-            SeekFrom::Current(offset) => (self.next as u64).saturating_add_signed(offset),
-        };
-        self.next = to as usize;
-        Ok(to)
+const fn frame_index(frame: Frame) -> usize {
+    match frame {
+        Frame::Center => 0,
+        Frame::View(view) => 1 + view as usize,
     }
 }
 
@@ -166,16 +182,18 @@ mod tests {
         scene::{Camera, Scene, capture},
         target::reception::{Notice, receive},
     };
-    use multiscopic_core::Views;
     use std::path::Path;
 
-    /// In tests/ every profile runs, and is compared with `match`.
+    fn demo_frames(width: u32, views: Views) -> Frames {
+        capture(&Scene::demo(), &Camera::new(width, 120), 1).frames(views)
+    }
+
+    /// The workspace's tests in `tests/` run every profile, and compare it with `multiscopic match`.
     #[test]
     fn the_pipeline_runs_in_its_workspace() {
         let profile = profile::QQVGA;
-        let params = profile.params(Fusion::Min);
-        let frames = capture(&Scene::demo(), &Camera::new(160, 120), 1).frames(params.views());
-        let simulation = simulate(&profile, Fusion::Min, &frames, &|| ());
+        let frames = demo_frames(160, profile.params(Fusion::Min).views());
+        let simulation = simulate(&profile, Fusion::Min, &frames, &|| ()).unwrap();
         assert_eq!(simulation.workspace, profile.lengths::<Wide>().bytes());
         assert_eq!(simulation.passes, 1);
         let views = [View::Left, View::Right].map(Frame::View);
@@ -188,9 +206,13 @@ mod tests {
     }
 
     #[test]
-    #[should_panic = "the frame View(Left) is missing"]
-    fn a_view_that_is_missing_is_named() {
-        let frames = capture(&Scene::demo(), &Camera::new(160, 120), 1).frames(Views::STEREO);
-        simulate(&profile::QQVGA, Fusion::Min, &frames, &|| ());
+    fn frames_that_do_not_fit_the_profile_are_refused() {
+        let refusal = |frames| simulate(&profile::QQVGA, Fusion::Min, &frames, &|| ()).unwrap_err();
+        let missing = refusal(demo_frames(160, Views::STEREO));
+        assert_eq!(missing, SimulationError::MissingView { view: View::Left });
+        let small = refusal(demo_frames(80, Views::HORIZONTAL));
+        let expected = SimulationError::FrameSize { profile: "qqvga", found: [80, 120], expected: [160, 120] };
+        assert_eq!(small, expected);
+        assert_eq!(small.to_string(), "found frames of 80x120 pixels, expected 160x120 for profile qqvga");
     }
 }

@@ -1,4 +1,4 @@
-//! An open device.
+//! An open camera device.
 
 use std::{path::Path, sync::Arc};
 
@@ -9,66 +9,69 @@ use v4l::{
     video::Capture,
 };
 
+use super::{
+    driver,
+    error::CameraFault,
+    format::PixelFormat,
+    frame_layout::FrameLayout,
+    frame_mean::FrameMean,
+    locked_controls::LockedControls,
+    settings::CameraSettings,
+    stream::{Stream, Wait, WaitError},
+};
 use crate::files::input;
 
-use super::{
-    Fault, Layout, PixelFormat, Settings, driver,
-    lock::Lock,
-    mean::Mean,
-    stream::{Nothing, Stream, Wait},
-};
+/// Frames that may have been exposed before a call, though they arrive after it: one is being read out, and the exposure of the next
+/// overlaps with that.
+const FRAMES_IN_FLIGHT: u16 = 2;
 
-/// Frames that may have been exposed before a capture began, though they are read later: the one that is being read out, and the
-/// next, whose exposure begins meanwhile.
-const ON_THEIR_WAY: u16 = 2;
-
-/// A device that is open, and set to a format. Its parts are dropped in order.
+/// An open device, set to a format. The fields are in the order in which they must be dropped.
 pub(super) struct Connection {
-    /// `None` while the camera stands still.
+    /// `None` while the camera is stopped.
     stream: Option<Stream>,
-    /// `None` until it has warmed up.
-    lock: Option<Lock>,
+    /// `None` until the camera has warmed up.
+    controls: Option<LockedControls>,
     device: Arc<Device>,
-    layout: Layout,
+    layout: FrameLayout,
     card: String,
 }
 
 impl Connection {
-    /// Opens the device at `path`, and sets it to `format` and `size`.
-    pub(super) fn open(path: &Path, format: Option<PixelFormat>, size: Option<[u32; 2]>) -> Result<Connection, Fault> {
+    /// Opens the device at `path` and sets its format and size.
+    pub(super) fn open(path: &Path, format: Option<PixelFormat>, size: Option<[u32; 2]>) -> Result<Connection, CameraFault> {
         let (device, capabilities) = driver::open(path)?;
         driver::check(&capabilities)?;
         let format = match format {
             Some(format) => format,
-            None => best_format(&device)?,
+            None => preferred_format(&device)?,
         };
         let layout = set_format(&device, format, size)?;
-        Ok(Connection { stream: None, lock: None, device: device.into(), layout, card: capabilities.card })
+        Ok(Connection { stream: None, controls: None, device: device.into(), layout, card: capabilities.card })
     }
 
-    /// What the device calls itself.
+    /// The name of the device.
     pub(super) fn card(&self) -> &str {
         &self.card
     }
 
-    /// How its frames lie in memory.
-    pub(super) fn layout(&self) -> Layout {
+    /// How its frames are laid out in memory.
+    pub(super) fn layout(&self) -> FrameLayout {
         self.layout
     }
 
-    /// The mean of the next frames, all of which were exposed after this call.
-    pub(super) fn frame(&mut self, settings: &Settings, wait: Wait<'_>) -> Result<GrayImage, Fault> {
+    /// Averages the next frames, all of them exposed after this call.
+    pub(super) fn frame(&mut self, settings: &CameraSettings, wait: Wait<'_>) -> Result<GrayImage, CameraFault> {
         let (mut frames, mut expected) = (0, u32::from(settings.average.get()));
-        // What did not come in time is told with what did.
-        let mut count = |taken: Result<(), Nothing>, expected: u32| match taken {
+        // Counts frames, so that a time-out can say how many arrived.
+        let mut count = |taken: Result<(), WaitError>, expected: u32| match taken {
             Ok(()) => {
                 frames += 1;
                 Ok(())
             }
-            Err(Nothing::Fault(fault)) => Err(fault),
-            Err(Nothing::TimeOut) => Err(Fault::NoFrame { frames, expected, waited: wait.start.elapsed() }),
+            Err(WaitError::Fault(fault)) => Err(fault),
+            Err(WaitError::TimeOut) => Err(CameraFault::NoFrame { frames, expected, waited: wait.start.elapsed() }),
         };
-        let was_on = self.stream.is_some();
+        let was_running = self.stream.is_some();
         let stream = match &mut self.stream {
             Some(stream) => stream,
             None => self.stream.insert(Stream::start(&self.device)?),
@@ -77,67 +80,67 @@ impl Connection {
             expected += u32::from(number);
             (0..number).try_for_each(|_| count(stream.skip(wait), expected))
         };
-        if was_on {
+        if was_running {
             stream.drain()?;
-            skip(stream, ON_THEIR_WAY)?;
+            skip(stream, FRAMES_IN_FLIGHT)?;
         } else {
             skip(stream, settings.warm_up)?;
-            if self.lock.is_none() {
-                let lock = self.lock.insert(Lock::set(&self.device, settings)?);
-                if !lock.is_empty() {
+            if self.controls.is_none() {
+                let controls = self.controls.insert(LockedControls::lock(&self.device, settings)?);
+                if !controls.is_empty() {
                     skip(stream, settings.warm_up)?;
                 }
             }
         }
-        let mut mean = Mean::default();
+        let mut mean = FrameMean::default();
         for _ in 0..settings.average.get() {
             match stream.next(wait) {
                 Ok(bytes) => mean.add(&self.layout.to_gray(bytes)?),
-                Err(nothing) => count(Err(nothing), expected)?,
+                Err(error) => count(Err(error), expected)?,
             }
             count(Ok(()), expected)?;
         }
         Ok(mean.image(self.layout.size))
     }
 
-    /// Stops the camera. What is locked stays so.
+    /// Stops the camera. Its controls stay locked.
     pub(super) fn stop(&mut self) {
         self.stream = None;
     }
 }
 
-/// The best of the formats that the device has.
-fn best_format(device: &Device) -> Result<PixelFormat, Fault> {
-    let formats = driver::ask(|| Capture::enum_formats(device)).map_err(Fault::of("list its formats"))?;
+/// The first of [`PixelFormat::ALL`] that the device has.
+fn preferred_format(device: &Device) -> Result<PixelFormat, CameraFault> {
+    let formats = driver::catch_panic(|| Capture::enum_formats(device)).map_err(CameraFault::during("list its formats"))?;
     let has = |format: &PixelFormat| formats.iter().any(|offered: &Description| offered.fourcc.repr == format.fourcc());
     PixelFormat::ALL.into_iter().find(has).ok_or_else(|| {
         let names: Vec<String> = formats.iter().map(|format| format.fourcc.to_string()).collect();
-        Fault::NoFormat { offered: if names.is_empty() { "none".into() } else { names.join(", ") } }
+        CameraFault::NoFormat { offered: if names.is_empty() { "none".into() } else { names.join(", ") } }
     })
 }
 
-/// Sets the device to `format` and `size`, or its present size. A driver takes what it can instead of what it cannot, and says nothing.
-fn set_format(device: &Device, format: PixelFormat, size: Option<[u32; 2]>) -> Result<Layout, Fault> {
+/// Sets the device to `format` and `size`, or to its current size. Fails where a driver would silently use another format or size.
+fn set_format(device: &Device, format: PixelFormat, size: Option<[u32; 2]>) -> Result<FrameLayout, CameraFault> {
     let size = match size {
         Some(size) => size,
         None => {
-            let now = driver::ask(|| Capture::format(device)).map_err(Fault::of("ask for its format"))?;
-            [now.width, now.height]
+            let current = driver::catch_panic(|| Capture::format(device)).map_err(CameraFault::during("query its format"))?;
+            [current.width, current.height]
         }
     };
-    let wanted = Layout { format, size, stride: 0 };
-    let expected = || format!("{wanted}, rows from top to bottom of one moment");
+    let requested = FrameLayout { format, size, stride: 0 };
+    let expected = format!("{requested}, not interlaced");
     if size.iter().any(|side| !(1..=input::MAX_SIDE).contains(side)) {
         let found = format!("a size of {}x{}", size[0], size[1]);
-        return Err(Fault::Format { found, expected: format!("1 to {} pixels on each side", input::MAX_SIDE) });
+        return Err(CameraFault::Format { found, expected: format!("1 to {} pixels on each side", input::MAX_SIDE) });
     }
     let request = Format { field_order: FieldOrder::Progressive, ..Format::new(size[0], size[1], FourCC::new(&format.fourcc())) };
-    let given = driver::ask(|| Capture::set_format(device, &request)).map_err(Fault::of("set its format"))?;
-    let is_whole = matches!(given.field_order, FieldOrder::Progressive | FieldOrder::Any);
-    if given.fourcc.repr != format.fourcc() || [given.width, given.height] != size || !is_whole {
-        let rows = if is_whole { "" } else { ", interlaced" };
-        let found = format!("{}x{} {}{rows}", given.width, given.height, given.fourcc.to_string().trim_end());
-        return Err(Fault::Format { found, expected: expected() });
+    let actual = driver::catch_panic(|| Capture::set_format(device, &request)).map_err(CameraFault::during("set its format"))?;
+    let is_progressive = matches!(actual.field_order, FieldOrder::Progressive | FieldOrder::Any);
+    if actual.fourcc.repr != format.fourcc() || [actual.width, actual.height] != size || !is_progressive {
+        let fields = if is_progressive { "" } else { ", interlaced" };
+        let found = format!("{}x{} {}{fields}", actual.width, actual.height, actual.fourcc.to_string().trim_end());
+        return Err(CameraFault::Format { found, expected });
     }
-    Ok(Layout { stride: given.stride, ..wanted })
+    Ok(FrameLayout { stride: actual.stride, ..requested })
 }

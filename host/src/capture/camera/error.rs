@@ -2,16 +2,16 @@
 
 use std::{io, path::PathBuf, time::Duration};
 
-use super::{Layout, PixelFormat};
+use super::{format::PixelFormat, frame_layout::FrameLayout};
 
-/// An error of a camera, which its message names.
+/// An error of a camera. Its message names the device.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {fault}", device.display())]
 pub struct CameraError {
     /// The device.
     pub device: PathBuf,
     /// What is wrong with it.
-    pub fault: Fault,
+    pub fault: CameraFault,
 }
 
 impl From<CameraError> for crate::error::Error {
@@ -23,123 +23,125 @@ impl From<CameraError> for crate::error::Error {
 /// What is wrong with a camera, what was expected, and what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Fault {
+pub enum CameraFault {
     /// There is no such device.
-    #[error("there is no such device; `multiscopic devices` lists what there is")]
+    #[error("no such device; `multiscopic devices` lists the cameras")]
     NotFound,
     /// The device may not be opened.
     #[error(
         "permission denied; become a member of its group (on most systems: `sudo usermod -aG video $USER`, then log in again)"
     )]
     Forbidden,
-    /// The device takes no pictures, or not in the way that is understood here.
-    #[error("found {found}, expected a camera that streams; `multiscopic devices` lists those that there are")]
+    /// The device is not a camera, or cannot stream.
+    #[error("found {found}, expected a camera that can stream; `multiscopic devices` lists the cameras")]
     NotACamera {
         /// What it is.
         found: String,
     },
-    /// The device has the multi-planar interface alone.
+    /// The device has only the multi-planar interface.
     #[error(
-        "found a device with the multi-planar interface alone (as many camera ports of boards have), which is not supported; use a single-planar one"
+        "found a device with the multi-planar interface only, like many camera ports of boards; this is not supported: use a single-planar device"
     )]
     MultiPlanar,
     /// The device is in use.
-    #[error("the device is in use; close the other program that reads it (`fuser -v` names it)")]
+    #[error("the device is in use; close the program that uses it (`fuser -v` names it)")]
     Busy,
-    /// The device was unplugged, or its driver is gone.
+    /// The device was unplugged, or its driver was unloaded.
     #[error("the device is gone; plug it in again")]
     Disconnected,
-    /// The device has no format that is understood.
+    /// The device has none of the supported formats.
     #[error("found the formats {offered}, expected one of {}", PixelFormat::names())]
     NoFormat {
-        /// What it has.
+        /// The formats that it has.
         offered: String,
     },
     /// The device does not have the format or the size.
-    #[error("found {found}, expected {expected}; `multiscopic devices` lists what the device has")]
+    #[error("found {found}, expected {expected}; `multiscopic devices` lists the formats and sizes of each camera")]
     Format {
-        /// What it has instead.
+        /// What it would use instead.
         found: String,
-        /// What was asked for.
+        /// What was requested.
         expected: String,
     },
-    /// No frame came in time.
-    #[error("found {frames} of {expected} frames after {:.1} s; check cable, power and trigger, or allow more time", waited.as_secs_f64())]
+    /// No frame arrived in time.
+    #[error(
+        "found {frames} of {expected} frames after {:.1} s; check the cable, the power and the trigger, or allow more time",
+        waited.as_secs_f64()
+    )]
     NoFrame {
-        /// Frames that came.
+        /// Frames that arrived.
         frames: u32,
-        /// Frames that were needed, those that are dropped included.
+        /// Frames that were needed, including those to be discarded.
         expected: u32,
-        /// How long it took.
+        /// How long they were waited for.
         waited: Duration,
     },
     /// The capture was cancelled.
     #[error("cancelled")]
     Cancelled,
-    /// The driver says that data of the frame are lost or damaged.
-    #[error("found a frame that the driver calls damaged; try again, and check cable and bandwidth if it stays")]
+    /// The driver marked the frame as damaged.
+    #[error("found a frame that the driver marked as damaged; try again, and check the cable and the bandwidth if it persists")]
     Damaged,
     /// The frame has too few bytes.
     #[error(
-        "found a frame of {found} bytes, expected {expected} for {layout}; try again, and check cable and bandwidth if it stays"
+        "found a frame of {found} bytes, expected {expected} for {layout}; try again, and check the cable and the bandwidth if it persists"
     )]
     Truncated {
-        /// Its bytes.
+        /// The bytes that it has.
         found: u64,
-        /// What it has at least.
+        /// The bytes that it needs at least.
         expected: u64,
-        /// What it should be.
-        layout: Layout,
+        /// The expected layout.
+        layout: FrameLayout,
     },
-    /// The frame is no JPEG image, or is one of another size.
-    #[error("found {found}, expected a complete JPEG image of {layout}; try again, and check cable and bandwidth if it stays")]
+    /// The frame is not a JPEG image, or has another size.
+    #[error(
+        "found {found}, expected a complete JPEG image of {layout}; try again, and check the cable and the bandwidth if it persists"
+    )]
     Jpeg {
         /// What it is.
         found: String,
-        /// What it should be.
-        layout: Layout,
+        /// The expected layout.
+        layout: FrameLayout,
     },
-    /// The device does not have what is to be set.
-    #[error("found no control of {control}, expected one to set; leave it out")]
+    /// The device does not have a control that should be set.
+    #[error("found no control for {control}; do not set it")]
     NoControl {
         /// What it controls.
         control: &'static str,
     },
-    /// The device does not let something be set.
+    /// The device did not accept the value of a control.
     #[error("{control} cannot be set to {value}: found {found}; choose a value that the camera has, or do not lock it")]
     Control {
         /// What it controls.
         control: &'static str,
-        /// What was to be set.
+        /// The requested value.
         value: String,
-        /// The value that it has instead, or what the system said.
+        /// The value that it has instead, or the error of the system.
         found: String,
     },
-    /// The system refused something else.
-    #[error("cannot {action}: {source}; try again, and plug the device in anew if it stays")]
+    /// Any other error of the system.
+    #[error("cannot {action}: {source}; try again, and plug the device in again if it persists")]
     System {
-        /// What was to be done.
+        /// What was attempted.
         action: &'static str,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
 }
 
-/// "No such device", which has no kind of its own; the number is the same on all of Linux's architectures.
-const ENODEV: i32 = 19;
-
-impl Fault {
-    /// What it means that the system said `source` when it was to do `action`.
-    pub(super) fn of(action: &'static str) -> impl Fn(io::Error) -> Fault {
+impl CameraFault {
+    /// Converts an error of the system that occurred when trying to `action`.
+    pub(super) fn during(action: &'static str) -> impl Fn(io::Error) -> CameraFault {
         move |source| match source.kind() {
-            io::ErrorKind::ResourceBusy => Fault::Busy,
-            _ if is_gone(&source) => Fault::Disconnected,
-            _ => Fault::System { action, source },
+            io::ErrorKind::ResourceBusy => CameraFault::Busy,
+            _ if is_gone(&source) => CameraFault::Disconnected,
+            _ => CameraFault::System { action, source },
         }
     }
 }
 
-/// Whether the system said that there is no device any more.
+/// Whether the device no longer exists. [`io::ErrorKind`] has no variant for it.
 pub(super) fn is_gone(error: &io::Error) -> bool {
-    error.raw_os_error() == Some(ENODEV)
+    error.raw_os_error() == Some(libc::ENODEV)
 }

@@ -1,19 +1,19 @@
-//! The pixel formats that are understood.
+//! The supported pixel formats.
 
 use serde::Serialize;
 
-/// How a camera sends pixels.
+/// How a camera encodes pixels.
 ///
-/// What becomes of them is 8-bit grey, in the range that the camera gives: luma is taken as it is. In the formats of grey and in JPEG
-/// this is 0 to 255 as a rule, in YUYV and NV12 it is 16 to 235.
+/// They are converted to 8-bit grey. Luma is not rescaled: it usually ranges from 0 to 255 in the grey formats and in JPEG, and from 16 to
+/// 235 in YUYV and NV12.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum PixelFormat {
     /// 8-bit grey.
     Grey,
-    /// A plane of 8-bit luma, and one of chroma, which is not used.
+    /// A plane of 8-bit luma, then one of chroma, which is ignored.
     Nv12,
-    /// 8-bit luma and chroma in turns; chroma is not used.
+    /// 8-bit luma and chroma, alternating; chroma is ignored.
     Yuyv,
     /// 10-bit grey in little-endian words; the low 2 bits are dropped.
     Y10,
@@ -21,20 +21,20 @@ pub enum PixelFormat {
     Y12,
     /// 16-bit grey in little-endian words; the low 8 bits are dropped.
     Y16,
-    /// 8-bit red, green and blue, of which the grey is made that pictures from files have.
+    /// 8-bit red, green and blue, converted to grey like picture files.
     Rgb3,
-    /// A JPEG image for each frame, of which the grey is made that a JPEG file has.
+    /// One JPEG image per frame, converted to grey like JPEG files.
     Mjpg,
 }
 
 impl PixelFormat {
-    /// All of them, the best first: what is not compressed, and comes as luma, in few bytes.
+    /// All formats, in order of preference: uncompressed before compressed, luma before RGB, few bytes before many.
     pub const ALL: [PixelFormat; 8] = {
         use PixelFormat::*;
         [Grey, Nv12, Yuyv, Y10, Y12, Y16, Rgb3, Mjpg]
     };
 
-    /// The four characters by which V4L2 knows it.
+    /// Its four-character code in V4L2.
     pub fn fourcc(self) -> [u8; 4] {
         match self {
             PixelFormat::Grey => *b"GREY",
@@ -48,7 +48,7 @@ impl PixelFormat {
         }
     }
 
-    /// Its name: the four characters without spaces.
+    /// Its name: the four-character code without padding.
     pub fn name(self) -> &'static str {
         match self {
             PixelFormat::Grey => "GREY",
@@ -62,17 +62,17 @@ impl PixelFormat {
         }
     }
 
-    /// The format of this name, in capitals or not.
+    /// The format with this name, in any case. `None` if there is none.
     pub fn named(name: &str) -> Option<PixelFormat> {
         Self::ALL.into_iter().find(|format| format.name().eq_ignore_ascii_case(name))
     }
 
-    /// The format with these four characters.
+    /// The format with this four-character code.
     pub(super) fn of_fourcc(fourcc: [u8; 4]) -> Option<PixelFormat> {
         Self::ALL.into_iter().find(|format| format.fourcc() == fourcc)
     }
 
-    /// The names of all.
+    /// All names, for messages.
     pub(super) fn names() -> String {
         Self::ALL.map(PixelFormat::name).join(", ")
     }
@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_name_is_the_four_characters() {
+    fn names_are_four_character_codes_without_padding() {
         for format in PixelFormat::ALL {
             let fourcc = format.fourcc();
             assert_eq!(str::from_utf8(&fourcc).unwrap().trim_end(), format.name());

@@ -1,20 +1,20 @@
-//! JPEG images as cameras send them.
+//! Completing the JPEG images of cameras.
 
 use std::borrow::Cow;
 
-/// The Huffman tables of ITU-T T.81, annex K.3: for each its class and number, how many codes there are of each length from 1 to 16 bits,
+/// The Huffman tables of ITU-T T.81, annex K.3. Each has its class and destination, the number of codes of each length from 1 to 16 bits,
 /// and the values of the codes.
 const TABLES: [(u8, [u8; 16], &[u8]); 4] = [
-    (0x00, [0, 1, 5, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0], &DIFFERENCES),
-    (0x01, [0, 3, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0], &DIFFERENCES),
-    (0x10, [0, 2, 1, 3, 3, 2, 4, 3, 5, 5, 4, 4, 0, 0, 1, 125], &LUMA),
-    (0x11, [0, 2, 1, 2, 4, 4, 3, 4, 7, 5, 4, 4, 0, 1, 2, 119], &CHROMA),
+    (0x00, [0, 1, 5, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0], &DC),
+    (0x01, [0, 3, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0], &DC),
+    (0x10, [0, 2, 1, 3, 3, 2, 4, 3, 5, 5, 4, 4, 0, 0, 1, 125], &LUMA_AC),
+    (0x11, [0, 2, 1, 2, 4, 4, 3, 4, 7, 5, 4, 4, 0, 1, 2, 119], &CHROMA_AC),
 ];
 
-const DIFFERENCES: [u8; 12] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
+const DC: [u8; 12] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
 
 #[rustfmt::skip]
-const LUMA: [u8; 162] = [
+const LUMA_AC: [u8; 162] = [
     0x01, 0x02, 0x03, 0x00, 0x04, 0x11, 0x05, 0x12, 0x21, 0x31, 0x41, 0x06, 0x13, 0x51, 0x61, 0x07, 0x22, 0x71,
     0x14, 0x32, 0x81, 0x91, 0xa1, 0x08, 0x23, 0x42, 0xb1, 0xc1, 0x15, 0x52, 0xd1, 0xf0, 0x24, 0x33, 0x62, 0x72,
     0x82, 0x09, 0x0a, 0x16, 0x17, 0x18, 0x19, 0x1a, 0x25, 0x26, 0x27, 0x28, 0x29, 0x2a, 0x34, 0x35, 0x36, 0x37,
@@ -27,7 +27,7 @@ const LUMA: [u8; 162] = [
 ];
 
 #[rustfmt::skip]
-const CHROMA: [u8; 162] = [
+const CHROMA_AC: [u8; 162] = [
     0x00, 0x01, 0x02, 0x03, 0x11, 0x04, 0x05, 0x21, 0x31, 0x06, 0x12, 0x41, 0x51, 0x07, 0x61, 0x71, 0x13, 0x22,
     0x32, 0x81, 0x08, 0x14, 0x42, 0x91, 0xa1, 0xb1, 0xc1, 0x09, 0x23, 0x33, 0x52, 0xf0, 0x15, 0x62, 0x72, 0xd1,
     0x0a, 0x16, 0x24, 0x34, 0xe1, 0x25, 0xf1, 0x17, 0x18, 0x19, 0x1a, 0x26, 0x27, 0x28, 0x29, 0x2a, 0x35, 0x36,
@@ -39,7 +39,7 @@ const CHROMA: [u8; 162] = [
     0xe2, 0xe3, 0xe4, 0xe5, 0xe6, 0xe7, 0xe8, 0xe9, 0xea, 0xf2, 0xf3, 0xf4, 0xf5, 0xf6, 0xf7, 0xf8, 0xf9, 0xfa,
 ];
 
-/// The image with Huffman tables: many cameras leave them out, since they are always these.
+/// The image with the standard Huffman tables, if it has none of its own: many cameras leave them out of Motion JPEG.
 pub(super) fn with_tables(image: &[u8]) -> Cow<'_, [u8]> {
     let Some((start, rest)) = image.split_at_checked(2).filter(|_| has_no_tables(image)) else { return image.into() };
     let segments = TABLES.iter().flat_map(|(number, counts, values)| {
@@ -49,7 +49,7 @@ pub(super) fn with_tables(image: &[u8]) -> Cow<'_, [u8]> {
     start.iter().copied().chain(segments).chain(rest.iter().copied()).collect::<Vec<_>>().into()
 }
 
-/// Whether no segment (0xFF, marker, length, data) before the coded data has Huffman tables.
+/// Whether no segment (0xFF, marker, length, data) before the scan defines Huffman tables.
 fn has_no_tables(image: &[u8]) -> bool {
     let mut rest = image.get(2..).unwrap_or_default();
     while let Some(&[0xFF, marker, high, low]) = rest.first_chunk() {

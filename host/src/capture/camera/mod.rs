@@ -1,10 +1,18 @@
-//! Cameras of Linux (V4L2): what there is, and frames in 8-bit grey.
+//! Cameras of Linux (V4L2): listing them, and taking frames in 8-bit grey.
+//!
+//! | item | what it is |
+//! | --- | --- |
+//! | [`list`], [`CameraInfo`] | the cameras of this machine, their formats and sizes |
+//! | [`CameraSettings`] | format, size, warm-up, averaging, locked controls |
+//! | [`V4l2Camera`] | an open camera |
+//! | [`PixelFormat`], [`FrameLayout`] | how frames are encoded, and their conversion to grey |
+//! | [`CameraError`], [`CameraFault`] | what went wrong, and what to do |
 //!
 //! ```no_run
-//! # use multiscopic::capture::camera::{Camera, Settings};
+//! # use multiscopic::capture::camera::{CameraSettings, V4l2Camera};
 //! # use std::{path::Path, sync::atomic::AtomicBool, time::Duration};
 //! let is_cancelled = AtomicBool::new(false);
-//! let mut camera = Camera::open(Path::new("/dev/video0"), &Settings::default())?;
+//! let mut camera = V4l2Camera::open(Path::new("/dev/video0"), &CameraSettings::default())?;
 //! let center = camera.frame(Duration::from_secs(5), &is_cancelled)?;
 //! // Move the camera, then:
 //! let right = camera.frame(Duration::from_secs(5), &is_cancelled)?;
@@ -15,11 +23,11 @@ mod connection;
 mod driver;
 mod error;
 mod format;
+mod frame_layout;
+mod frame_mean;
 mod jpeg;
-mod layout;
 mod listing;
-mod lock;
-mod mean;
+mod locked_controls;
 mod settings;
 mod stream;
 
@@ -32,55 +40,55 @@ use std::{
 
 use image::GrayImage;
 
+use super::threaded_camera::BlockingCamera;
 use connection::Connection;
-pub use error::{CameraError, Fault};
+pub use error::{CameraError, CameraFault};
 pub use format::PixelFormat;
-pub use layout::Layout;
-pub use listing::{Listing, Offer, Sizes, list};
-pub use settings::Settings;
+pub use frame_layout::FrameLayout;
+pub use listing::{CameraInfo, FormatInfo, FrameSizes, list};
+pub use settings::CameraSettings;
 
-/// A camera, and how it is set.
+/// An open V4L2 camera.
 ///
-/// An error leaves it usable: the next [`frame`](Camera::frame) starts anew, and finds a camera that was unplugged and is back. When it is
-/// dropped, it stops, and what was locked is as it was before.
-pub struct Camera {
+/// It stays usable after an error: the next call of [`frame`](V4l2Camera::frame) starts afresh, and reopens a device that was unplugged and
+/// plugged in again. Dropping it stops the camera and restores the controls that were locked.
+pub struct V4l2Camera {
     path: PathBuf,
-    settings: Settings,
-    layout: Layout,
+    settings: CameraSettings,
+    layout: FrameLayout,
     card: String,
-    /// `None` after the device was lost.
+    /// `None` once the device was lost.
     connection: Option<Connection>,
 }
 
-impl Camera {
-    /// Opens the camera at `path`, `/dev/videoN`, and sets its format and size.
+impl V4l2Camera {
+    /// Opens the camera at `path`, such as `/dev/video0`, and sets its format and size.
     ///
     /// # Errors
-    /// If there is no such device or no permission, if it is none that takes pictures or is in use, or if it does not have the format or
-    /// size.
-    pub fn open(path: &Path, settings: &Settings) -> Result<Camera, CameraError> {
-        let named = |fault| CameraError { device: path.into(), fault };
-        let connection = Connection::open(path, settings.format, settings.size).map_err(named)?;
+    /// There is no such device, it may not be opened, it is not a camera, it is in use, or it lacks the format or the size.
+    pub fn open(path: &Path, settings: &CameraSettings) -> Result<V4l2Camera, CameraError> {
+        let of_device = |fault| CameraError { device: path.into(), fault };
+        let connection = Connection::open(path, settings.format, settings.size).map_err(of_device)?;
         let (layout, card) = (connection.layout(), connection.card().to_owned());
-        Ok(Camera { path: path.into(), settings: settings.clone(), layout, card, connection: Some(connection) })
+        Ok(V4l2Camera { path: path.into(), settings: settings.clone(), layout, card, connection: Some(connection) })
     }
 
-    /// Takes a picture of what is there now: nothing of it was exposed before this call.
+    /// Takes a picture: the rounded mean of [`CameraSettings::average`] frames, none of which was exposed before this call.
     ///
-    /// The first call starts the camera, lets it warm up, and locks it. Later calls drop the frames that were waiting and those that were
-    /// on their way. The mean of [`Settings::average`] frames is taken, rounded.
+    /// The first call starts the camera, lets it warm up, and locks its controls. Later calls discard the frames that are queued or already
+    /// being exposed.
     ///
-    /// Whatever happens, it returns within `timeout`, and within a tenth of a second once `is_cancelled`; but for the time that the
-    /// driver takes to start and stop.
+    /// It returns within `timeout`, and within a tenth of a second once `is_cancelled` is set. The time that the driver takes to start and
+    /// stop the stream comes on top.
     ///
     /// # Errors
-    /// If no frame comes in time, a frame is damaged, the camera is gone, or it is cancelled. The next call tries again from the start.
+    /// No frame arrived in time, a frame was damaged, the device is gone, or the call was cancelled.
     pub fn frame(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage, CameraError> {
-        let taken = self.take(Instant::now(), timeout, is_cancelled);
+        let taken = self.try_frame(Instant::now(), timeout, is_cancelled);
         taken.map_err(|fault| CameraError { device: self.path.clone(), fault })
     }
 
-    fn take(&mut self, start: Instant, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage, Fault> {
+    fn try_frame(&mut self, start: Instant, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage, CameraFault> {
         let mut connection = match self.connection.take() {
             Some(connection) => connection,
             None => Connection::open(&self.path, Some(self.layout.format), Some(self.layout.size))?,
@@ -89,21 +97,29 @@ impl Camera {
         if taken.is_err() {
             connection.stop();
         }
-        // What is unplugged comes back as another file.
-        if !matches!(taken, Err(Fault::Disconnected)) {
+        // A device that is plugged in again is another file.
+        if !matches!(taken, Err(CameraFault::Disconnected)) {
             self.connection = Some(connection);
         }
         taken
     }
 
-    /// How its frames lie in memory.
-    pub fn layout(&self) -> Layout {
+    /// How the camera's frames are laid out in memory.
+    pub fn layout(&self) -> FrameLayout {
         self.layout
     }
 }
 
-/// The camera and how it is set, in a line: `/dev/video0 (HD Webcam), 640x480 YUYV`.
-impl fmt::Display for Camera {
+impl BlockingCamera for V4l2Camera {
+    type Error = CameraError;
+
+    fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage, CameraError> {
+        self.frame(timeout, is_cancelled)
+    }
+}
+
+/// One line: `/dev/video0 (HD Webcam), 640x480 YUYV`.
+impl fmt::Display for V4l2Camera {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} ({}), {}", self.path.display(), self.card, self.layout)
     }

@@ -1,37 +1,36 @@
-//! How a camera is set.
+//! How a camera is set up.
 
 use std::num::NonZeroU16;
 
-use super::PixelFormat;
+use super::format::PixelFormat;
 
-/// How a camera is set, and how its frames are taken.
+/// How a camera is set up, and how its pictures are taken.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Settings {
-    /// The pixel format; by default the best that the camera has, in the order of [`PixelFormat::ALL`].
+pub struct CameraSettings {
+    /// Pixel format. `None`: the first of [`PixelFormat::ALL`] that the camera has.
     pub format: Option<PixelFormat>,
-    /// Width and height in pixels; by default what the camera is set to.
+    /// Width and height in pixels. `None`: the camera's current size.
     pub size: Option<[u32; 2]>,
-    /// Frames dropped when the camera starts, and again when it is locked: its automatics need some to settle, and the first of some
-    /// drivers is an old one.
+    /// Frames to discard after the camera starts, and again after its controls were locked: its automatic controls need a few frames to
+    /// settle, and some drivers deliver a stale frame first.
     pub warm_up: u16,
-    /// Frames whose mean is a picture.
+    /// Frames averaged into one picture.
     pub average: NonZeroU16,
-    /// Whether exposure, gain, focus and white balance, which the camera sets itself, stay as they are after the warm-up, so that all
-    /// pictures are taken alike.
+    /// Whether to freeze exposure, gain, focus and white balance after the warm-up, so that pictures can be compared.
     pub lock: bool,
-    /// Exposure time in units of 100 µs, instead of what the camera finds.
+    /// Exposure time in units of 100 µs. `None`: what the camera chose.
     pub exposure: Option<i32>,
-    /// Gain in the camera's units, instead of what the camera finds.
+    /// Gain in the camera's units. `None`: what the camera chose.
     pub gain: Option<i32>,
-    /// Distance of focus in the camera's units, instead of what the camera finds.
+    /// Focus distance in the camera's units. `None`: what the camera chose.
     pub focus: Option<i32>,
-    /// Colour temperature in kelvins, instead of what the camera finds.
+    /// Colour temperature in kelvins. `None`: what the camera chose.
     pub white_balance: Option<i32>,
 }
 
-impl Default for Settings {
-    fn default() -> Settings {
-        Settings {
+impl Default for CameraSettings {
+    fn default() -> CameraSettings {
+        CameraSettings {
             format: None,
             size: None,
             warm_up: 8,

@@ -1,50 +1,50 @@
-//! Why a stage does not move.
+//! What can go wrong with a stage.
 
 use std::{io, ops::RangeInclusive, time::Duration};
 
 use multiscopic_core::capture::Position;
 
-use super::SafetyMode;
+use super::safety_mode::SafetyMode;
 
 /// What went wrong with a stage, and what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StageError {
-    /// A text names no stage.
-    #[error("`{text}` is no stage: {problem}; expected ur10:HOST[:PORT[,RTDE_PORT]], gcode:TTY[@BAUD] or manual")]
+    /// The text does not name a stage.
+    #[error("`{text}` is not a stage: {problem}; expected ur10:HOST[:PORT[,RTDE_PORT]], gcode:TTY[@BAUD] or manual")]
     Spec {
         /// The text.
         text: String,
         /// What is wrong with it.
         problem: &'static str,
     },
-    /// A limit is out of its range.
-    #[error("the stage's {name} is {value}, it must be {} to {}", range.start(), range.end())]
+    /// A limit is out of range.
+    #[error("the stage's {name} is {value}, expected {} to {}", range.start(), range.end())]
     Limits {
-        /// Which.
+        /// The limit and its unit.
         name: &'static str,
-        /// What it is.
+        /// Its value.
         value: f64,
-        /// What it may be.
+        /// The range that it must be in.
         range: RangeInclusive<f64>,
     },
-    /// A position is beyond the reach that was allowed. Nothing moved.
+    /// A position is out of reach. Nothing has moved.
     #[error(
-        "the stage may go {} mm from where it began, not to ({}, {}) mm; a longer reach must be allowed first",
-        f64::from(*reach_um) / 1e3, f64::from(position.x_um) / 1e3, f64::from(position.y_um) / 1e3
+        "({}, {}) mm is beyond the reach of {} mm from where the stage started; allow a longer reach if that is safe",
+        f64::from(position.x_um) / 1e3, f64::from(position.y_um) / 1e3, f64::from(*reach_um) / 1e3
     )]
     OutOfReach {
         /// The position.
         position: Position,
-        /// What is allowed, in micrometres.
+        /// The allowed distance from the start, in micrometres.
         reach_um: u32,
     },
     /// A host or serial port cannot be reached.
     #[error("cannot connect to {to}: {source}; {advice}")]
     Connect {
-        /// What was to be reached.
+        /// The host or port.
         to: String,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
         /// What to do.
         advice: &'static str,
@@ -52,99 +52,99 @@ pub enum StageError {
     /// A connection broke.
     #[error("lost the connection to {from}: {source}; {advice}")]
     Disconnected {
-        /// What it was to.
+        /// The other end.
         from: String,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
         /// What to do.
         advice: &'static str,
     },
-    /// A stage that should speak said nothing.
-    #[error("{from} said nothing for {:.1} s", after.as_secs_f32())]
+    /// A stage did not answer, or stopped sending.
+    #[error("nothing came from {from} for {:.1} s; check its power and connection", after.as_secs_f32())]
     Silent {
-        /// What should have spoken.
+        /// The stage.
         from: String,
         /// How long it was waited for.
         after: Duration,
     },
-    /// What is there speaks another language.
+    /// The other end does not speak the expected protocol.
     #[error("{from}: found {found}, expected {expected}")]
     Protocol {
-        /// What spoke.
+        /// The other end.
         from: String,
-        /// What it said.
+        /// What it sent.
         found: String,
-        /// What it should have said.
+        /// What it should have sent.
         expected: String,
     },
-    /// A safety function of the arm stopped it.
+    /// A safety function stopped the arm.
     #[error("the arm has stopped: {0}; release it at the teach pendant")]
     SafetyStop(SafetyMode),
-    /// The stage cannot take orders as it is.
+    /// The stage is in a state in which it cannot move.
     #[error("the stage is not ready: {found}; {advice}")]
     NotReady {
-        /// What it is.
+        /// The state.
         found: String,
         /// What to do.
         advice: &'static str,
     },
-    /// The stage does nothing about what it was told.
-    #[error("the arm ignored an order for {:.1} s: set it to remote control", after.as_secs_f32())]
+    /// The arm does not execute what it is sent.
+    #[error("the arm has ignored a command for {:.1} s; set it to remote control", after.as_secs_f32())]
     Ignored {
-        /// How long.
+        /// For how long.
         after: Duration,
     },
-    /// The stage comes no nearer to where it was sent.
+    /// The stage makes no progress towards its target.
     #[error(
-        "the stage is {distance_um} um from where it was sent and came no nearer for {:.1} s: is it blocked, paused, or its speed at 0?",
+        "the stage is {distance_um} um from its target and came no nearer for {:.1} s; is it blocked, paused, or its speed set to 0?",
         after.as_secs_f32()
     )]
     Stalled {
-        /// How far it has to go, in micrometres.
+        /// The distance to the target, in micrometres.
         distance_um: u32,
         /// For how long.
         after: Duration,
     },
-    /// The stage is busy long after it should have ended a move.
-    #[error("{by} is busy {:.1} s after the move should have ended: is it blocked or paused?", after.as_secs_f32())]
+    /// The machine is still busy long after a move should have ended.
+    #[error("{by} is still busy {:.1} s after the move should have ended; is it blocked or paused?", after.as_secs_f32())]
     Late {
         /// The machine.
         by: String,
-        /// How long.
+        /// For how long.
         after: Duration,
     },
     /// The stage still moves after it was told to stop.
-    #[error("the stage still moves {:.1} s after it was told to stop: use its emergency stop", after.as_secs_f32())]
+    #[error("the stage still moves {:.1} s after it was told to stop; use its emergency stop", after.as_secs_f32())]
     StillMoving {
-        /// How long.
+        /// For how long.
         after: Duration,
     },
-    /// A machine refused a line of G-code.
+    /// The machine refused a line of G-code.
     #[error("{by} refused `{line}`: {reason}")]
     Refused {
         /// The machine.
         by: String,
         /// The line.
         line: String,
-        /// What it answered.
+        /// Its answer.
         reason: String,
     },
-    /// A machine raised an alarm. It has stopped and may have lost its place.
-    #[error("{by} raised an alarm: {reason}; free it, then home or unlock it")]
+    /// The machine raised an alarm. It has stopped, and may have lost its position.
+    #[error("{by} raised an alarm: {reason}; clear the cause, then home or unlock it")]
     Alarm {
         /// The machine.
         by: String,
-        /// What it said.
+        /// Its reason.
         reason: String,
     },
-    /// A machine restarted, and does not know where it is any more.
-    #[error("{by} restarted and lost its place: check its power and cable, then open it again")]
+    /// The machine restarted, and lost its position.
+    #[error("{by} restarted and lost its position; check its power and cable, then open it again")]
     Restarted {
         /// The machine.
         by: String,
     },
-    /// The person at the terminal cannot be asked.
-    #[error("cannot ask at the terminal: {0}")]
+    /// The terminal cannot be read or written.
+    #[error("cannot prompt at the terminal: {0}")]
     Terminal(#[source] io::Error),
     /// The person at the terminal gave up.
     #[error("given up at the terminal")]

@@ -1,27 +1,28 @@
-//! How far and how fast a stage may go.
+//! How far and how fast a stage may go, and how long to wait for it.
 
 use std::{ops::RangeInclusive, time::Duration};
 
 use multiscopic_core::capture::Position;
 
-use super::StageError;
+use super::error::StageError;
 
-/// How far and how fast a stage may go, and how long it is waited for.
+/// How far and how fast a stage may go, and how long to wait for it.
 ///
 /// The defaults are slow on purpose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// How far from where it was opened it may go, in micrometres, 1 to 1 000 000: 100 000. A longer move is refused before anything moves.
+    /// How far the stage may go from where it was opened, in micrometres: 1 to 1 000 000, by default 100 000. A position beyond that is refused
+    /// before anything moves.
     pub reach_um: u32,
-    /// Speed in millimetres per second, above 0 and at most 250, what arms beside people may do: 50.
+    /// Speed in millimetres per second: above 0 and at most 250, the limit for robots next to people. By default 50.
     pub speed_mm_s: f64,
-    /// Acceleration in millimetres per second squared, above 0 and at most 1200: 100. A machine that takes G-code has its own.
+    /// Acceleration in millimetres per second squared: above 0 and at most 1200, by default 100. G-code machines ignore it: they have their own.
     pub acceleration_mm_s2: f64,
-    /// How long a stage may take to answer for the first time, which some boards do only after they have booted: 10 s.
+    /// How long a stage may take to answer at first: some boards boot when the port is opened. By default 10 s.
     pub connect_timeout: Duration,
-    /// How long a stage may be silent that should speak: 3 s.
+    /// How long a stage may take to answer, or to send its next report. By default 3 s.
     pub silence_timeout: Duration,
-    /// How long a stage may come no nearer to where it was sent: 5 s.
+    /// How long a stage may make no progress towards its target. By default 5 s.
     pub stall_timeout: Duration,
 }
 
@@ -40,11 +41,11 @@ impl Default for Limits {
 
 impl Limits {
     const REACH_UM: RangeInclusive<f64> = 1.0..=1e6;
-    /// Nothing moves with less.
+    /// Below 1 µm/s, a stage would seem not to move at all.
     const SPEED_MM_S: RangeInclusive<f64> = 1e-3..=250.0;
     const ACCELERATION_MM_S2: RangeInclusive<f64> = 1e-3..=1200.0;
 
-    /// Refuses limits out of their range.
+    /// Fails if a limit is out of range.
     pub(super) fn check(&self) -> Result<(), StageError> {
         let numbers = [
             ("reach in um", f64::from(self.reach_um), Self::REACH_UM),
@@ -55,8 +56,8 @@ impl Limits {
         outside.map_or(Ok(()), |(name, value, range)| Err(StageError::Limits { name, value, range }))
     }
 
-    /// Refuses a position beyond the reach.
-    pub(super) fn admit(&self, position: Position) -> Result<(), StageError> {
+    /// Fails if a position is out of reach.
+    pub(super) fn check_reach(&self, position: Position) -> Result<(), StageError> {
         match f64::from(position.x_um).hypot(f64::from(position.y_um)) <= f64::from(self.reach_um) {
             true => Ok(()),
             false => Err(StageError::OutOfReach { position, reach_um: self.reach_um }),
@@ -69,17 +70,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_reach_is_a_circle() {
+    fn reach_is_a_circle() {
         let limits = Limits { reach_um: 5000, ..Limits::default() };
-        let admits = |x_um, y_um| limits.admit(Position { x_um, y_um }).is_ok();
-        assert!(admits(0, 0) && admits(-5000, 0) && admits(3000, -4000));
-        assert!(!admits(5001, 0) && !admits(3001, 4000) && !admits(i32::MIN, i32::MIN));
-        let refusal = limits.admit(Position { x_um: 0, y_um: 6000 }).unwrap_err().to_string();
-        assert_eq!(refusal, "the stage may go 5 mm from where it began, not to (0, 6) mm; a longer reach must be allowed first");
+        let is_in_reach = |x_um, y_um| limits.check_reach(Position { x_um, y_um }).is_ok();
+        assert!(is_in_reach(0, 0) && is_in_reach(-5000, 0) && is_in_reach(3000, -4000));
+        assert!(!is_in_reach(5001, 0) && !is_in_reach(3001, 4000) && !is_in_reach(i32::MIN, i32::MIN));
+        let refusal = limits.check_reach(Position { x_um: 0, y_um: 6000 }).unwrap_err().to_string();
+        assert_eq!(
+            refusal,
+            "(0, 6) mm is beyond the reach of 5 mm from where the stage started; allow a longer reach if that is safe"
+        );
     }
 
     #[test]
-    fn limits_have_limits() {
+    fn values_out_of_range_are_refused() {
         assert!(Limits::default().check().is_ok());
         let wrong = [f64::NAN, f64::INFINITY, 0.0, -1.0, 1201.0].map(|number| {
             let speed = Limits { speed_mm_s: number, ..Limits::default() };

@@ -1,70 +1,43 @@
-//! What moves the camera: a robot arm, a machine that takes G-code, a person.
+//! Stages, which move the camera: a robot arm, a machine that takes G-code, a person.
 //!
 //! | item | what it is |
 //! | --- | --- |
-//! | [`StageSpec`] | which stage, as `--stage` names it |
-//! | [`Limits`] | how far and how fast it may go, and how long it is waited for |
-//! | [`open`], [`AnyStage`] | any of them |
+//! | [`StageSpec`] | which stage, as `--stage` spells it |
+//! | [`Limits`] | how far and how fast a stage may go, and how long to wait for it |
+//! | [`open`], [`AnyStage`] | opens a stage of any kind |
 //! | [`Arm`] | an arm of Universal Robots |
 //! | [`gcode`] | machines with Grbl or Marlin on a serial port |
-//! | [`Manual`] | a person who is asked |
+//! | [`ManualStage`] | a person who is prompted |
+//! | [`StageError`] | what went wrong, and what to do |
 //!
-//! Where a stage is when it is opened is its [centre](multiscopic_core::capture::Position::CENTER); what it is sent to and where it measures to
-//! be is relative to that.
+//! A stage's [centre](multiscopic_core::capture::Position::CENTER) is where it is when it is opened. All positions are relative to it.
 
+mod any_stage;
 pub mod arm;
 mod error;
 pub mod gcode;
 mod limits;
 mod manual;
+mod safety_mode;
 mod spec;
+mod stall_timer;
 
-pub use arm::{Arm, ArmAddress, SafetyMode};
+pub use any_stage::AnyStage;
+pub use arm::{Arm, ArmAddress};
 pub use error::StageError;
 pub use limits::Limits;
-pub use manual::Manual;
+pub use manual::ManualStage;
+pub use safety_mode::SafetyMode;
 pub use spec::StageSpec;
-
-use multiscopic_core::capture::{Position, Stage};
 
 /// Opens the stage that `spec` names.
 ///
 /// # Errors
-/// The limits are out of range, or nothing that can move answers there within [`Limits::connect_timeout`].
+/// The limits are out of range, or no stage that is ready to move answers within [`Limits::connect_timeout`].
 pub fn open(spec: &StageSpec, limits: &Limits) -> Result<AnyStage, StageError> {
     match spec {
         StageSpec::Ur10(address) => Arm::connect(address, limits).map(AnyStage::new),
         StageSpec::Gcode { path, baud } => gcode::open(path, *baud, limits),
-        StageSpec::Manual => Manual::at_terminal(limits).map(AnyStage::new),
-    }
-}
-
-/// A stage of any kind.
-pub struct AnyStage(Box<dyn Stage<Error = StageError> + Send>);
-
-impl AnyStage {
-    /// A stage whose kind does not matter any more.
-    pub fn new(stage: impl Stage<Error = StageError> + Send + 'static) -> AnyStage {
-        AnyStage(Box::new(stage))
-    }
-}
-
-impl Stage for AnyStage {
-    type Error = StageError;
-
-    fn move_to(&mut self, position: Position) -> Result<(), StageError> {
-        self.0.move_to(position)
-    }
-
-    fn has_arrived(&mut self) -> Result<bool, StageError> {
-        self.0.has_arrived()
-    }
-
-    fn position(&mut self) -> Result<Option<Position>, StageError> {
-        self.0.position()
-    }
-
-    fn stop(&mut self) -> Result<(), StageError> {
-        self.0.stop()
+        StageSpec::Manual => ManualStage::at_terminal(limits).map(AnyStage::new),
     }
 }

@@ -1,10 +1,10 @@
-//! Which stage.
+//! How `--stage` names a stage.
 
 use std::{fmt, str::FromStr};
 
-use super::{ArmAddress, StageError, gcode};
+use super::{arm::address::ArmAddress, error::StageError, gcode::detection::BAUD};
 
-/// Which stage, as `--stage` names it.
+/// A stage, as `--stage` names it.
 ///
 /// ```
 /// use multiscopic::capture::stage::{ArmAddress, StageSpec};
@@ -16,14 +16,14 @@ use super::{ArmAddress, StageError, gcode};
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum StageSpec {
-    /// `ur10:HOST[:PORT[,RTDE_PORT]]`: an arm of Universal Robots, of any size. `PORT` takes scripts (30002), `RTDE_PORT` tells where the arm is
-    /// (30004). An IPv6 address is put in brackets.
+    /// `ur10:HOST[:PORT[,RTDE_PORT]]`: an arm of Universal Robots, of any model. `PORT` accepts scripts (30002), `RTDE_PORT` reports the arm's
+    /// state (30004). An IPv6 address stands in brackets.
     Ur10(ArmAddress),
     /// `gcode:TTY[@BAUD]`: a machine with Grbl or Marlin on a serial port.
     Gcode {
-        /// The port, as the system names it.
+        /// The port: a device file, or `COM3`.
         path: String,
-        /// Symbols per second: 115 200.
+        /// Baud rate, 115 200 by default.
         baud: u32,
     },
     /// `manual`: a person is asked to move the camera.
@@ -57,21 +57,22 @@ impl fmt::Display for StageSpec {
 }
 
 fn arm_address(text: &str) -> Result<ArmAddress, &'static str> {
-    let (host, ports) = match text.strip_prefix('[').map(|rest| rest.split_once(']').ok_or("a bracket is not closed")) {
+    let (host, ports) = match text.strip_prefix('[').map(|rest| rest.split_once(']').ok_or("the bracket is not closed")) {
         Some(bracketed) => {
             let (host, rest) = bracketed?;
-            (host, if rest.is_empty() { None } else { Some(rest.strip_prefix(':').ok_or("a port comes after a colon")?) })
+            (host, if rest.is_empty() { None } else { Some(rest.strip_prefix(':').ok_or("only :PORT may follow the bracket")?) })
         }
         None => text.split_once(':').map_or((text, None), |(host, ports)| (host, Some(ports))),
     };
     if host.is_empty() || host.contains(char::is_whitespace) {
         return Err("the arm's host is missing");
     }
-    let port = |text: &str| text.parse().ok().filter(|port| *port != 0).ok_or("a port is a number from 1 to 65535");
-    let (script, rtde) = match ports.map(|ports| ports.split_once(',').map_or((ports, None), |(one, two)| (one, Some(two)))) {
-        Some((script, rtde)) => (Some(script), rtde),
-        None => (None, None),
-    };
+    let port = |text: &str| text.parse().ok().filter(|port| *port != 0).ok_or("a port must be a number from 1 to 65535");
+    let (script, rtde) =
+        match ports.map(|ports| ports.split_once(',').map_or((ports, None), |(script, rtde)| (script, Some(rtde)))) {
+            Some((script, rtde)) => (Some(script), rtde),
+            None => (None, None),
+        };
     Ok(ArmAddress {
         host: host.into(),
         script_port: script.map_or(Ok(ArmAddress::SCRIPT_PORT), port)?,
@@ -84,8 +85,8 @@ fn serial_port(text: &str) -> Result<StageSpec, &'static str> {
     if path.is_empty() {
         return Err("the serial port is missing");
     }
-    let number = |text: &str| text.parse().ok().filter(|baud| *baud != 0).ok_or("BAUD is a number above 0");
-    Ok(StageSpec::Gcode { path: path.into(), baud: baud.map_or(Ok(gcode::BAUD), number)? })
+    let number = |text: &str| text.parse().ok().filter(|baud| *baud != 0).ok_or("BAUD must be a number above 0");
+    Ok(StageSpec::Gcode { path: path.into(), baud: baud.map_or(Ok(BAUD), number)? })
 }
 
 #[cfg(test)]
@@ -97,8 +98,8 @@ mod tests {
     }
 
     #[test]
-    fn names() {
-        for (text, expected, again) in [
+    fn specs_round_trip() {
+        for (text, expected, canonical) in [
             ("ur10:arm.local", arm("arm.local", 30002, 30004), "ur10:arm.local:30002,30004"),
             ("ur10:127.0.0.1:4001", arm("127.0.0.1", 4001, 30004), "ur10:127.0.0.1:4001,30004"),
             ("ur10:127.0.0.1:4001,4002", arm("127.0.0.1", 4001, 4002), "ur10:127.0.0.1:4001,4002"),
@@ -108,33 +109,33 @@ mod tests {
             ("manual", StageSpec::Manual, "manual"),
         ] {
             let parsed: StageSpec = text.parse().unwrap();
-            assert_eq!((&parsed, parsed.to_string().as_str()), (&expected, again));
-            assert_eq!(again.parse::<StageSpec>().unwrap(), expected);
+            assert_eq!((&parsed, parsed.to_string().as_str()), (&expected, canonical));
+            assert_eq!(canonical.parse::<StageSpec>().unwrap(), expected);
         }
     }
 
     #[test]
-    fn what_names_no_stage() {
-        for (text, words) in [
+    fn malformed_specs_are_refused() {
+        for (text, problem) in [
             ("", "its kind is unknown"),
             ("ur5:host", "its kind is unknown"),
             ("manual:", "its kind is unknown"),
             ("ur10", "host is missing"),
             ("ur10:", "host is missing"),
             ("ur10::30002", "host is missing"),
-            ("ur10:host:", "a port is a number"),
-            ("ur10:host:0", "a port is a number"),
-            ("ur10:host:65536", "a port is a number"),
-            ("ur10:host:30002,", "a port is a number"),
-            ("ur10:fe80::1", "a port is a number"),
-            ("ur10:[::1", "a bracket is not closed"),
-            ("ur10:[::1]30002", "a port comes after a colon"),
+            ("ur10:host:", "a port must be a number"),
+            ("ur10:host:0", "a port must be a number"),
+            ("ur10:host:65536", "a port must be a number"),
+            ("ur10:host:30002,", "a port must be a number"),
+            ("ur10:fe80::1", "a port must be a number"),
+            ("ur10:[::1", "the bracket is not closed"),
+            ("ur10:[::1]30002", "only :PORT may follow the bracket"),
             ("gcode", "the serial port is missing"),
             ("gcode:@9600", "the serial port is missing"),
-            ("gcode:/dev/ttyUSB0@fast", "BAUD is a number"),
+            ("gcode:/dev/ttyUSB0@fast", "BAUD must be a number"),
         ] {
             let refusal = text.parse::<StageSpec>().unwrap_err().to_string();
-            assert!(refusal.contains(&format!("`{text}` is no stage: ")) && refusal.contains(words), "{refusal}");
+            assert!(refusal.contains(&format!("`{text}` is not a stage: ")) && refusal.contains(problem), "{refusal}");
         }
     }
 }

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::Args;
 use multiscopic::{
     Error, Processor, Result,
-    target::{Ram, budget::widest_tile},
+    target::{Ram, ram::widest_tile},
 };
 use multiscopic_core::{Fusion, Params};
 use multiscopic_edge::{Profile, profile};

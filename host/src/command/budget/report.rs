@@ -58,7 +58,7 @@ impl Report {
             block_size: params.block_size(),
             tile_width,
             core: processor.name(),
-            ram: ram.buffers().iter().map(|&(name, bytes, _)| (name, bytes)).collect(),
+            ram: ram.buffers().iter().map(|buffer| (buffer.name, buffer.bytes)).collect(),
             ram_static: ram.statics(),
             stack_max: ram.stack,
             ram_total: ram.bytes(),
@@ -85,7 +85,7 @@ impl fmt::Display for Report {
             "{width}x{height}, views {views}, {fusion}, disparities {min_disparity}..={last}, block {block_size}, \
              column tiles of {tile_width}"
         )?;
-        for (name, bytes, contents) in &self.buffers {
+        for Buffer { name, bytes, contents } in &self.buffers {
             writeln!(f, "{bytes:>12}  {name:<12}  {contents}")?;
         }
         writeln!(

@@ -6,7 +6,7 @@ use clap::Args;
 use multiscopic::{
     Error, Result,
     capture::{
-        camera::{PixelFormat, Settings},
+        camera::{CameraSettings, PixelFormat},
         stage::{Limits, StageSpec},
     },
 };
@@ -37,7 +37,7 @@ pub struct SettingsOptions {
     average: NonZeroU16,
 
     /// Number of frames discarded when the camera starts, and again when its settings are locked
-    #[arg(long, value_name = "N", default_value_t = Settings::default().warm_up)]
+    #[arg(long, value_name = "N", default_value_t = CameraSettings::default().warm_up)]
     warm_up: u16,
 
     /// Let the camera adjust exposure, gain, focus and white balance for every frame
@@ -110,8 +110,8 @@ pub struct LimitsOptions {
 
 impl SettingsOptions {
     /// The settings of the camera.
-    pub fn settings(&self) -> Settings {
-        Settings {
+    pub fn settings(&self) -> CameraSettings {
+        CameraSettings {
             format: self.format,
             size: self.size,
             warm_up: self.warm_up,

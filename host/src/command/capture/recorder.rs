@@ -5,8 +5,8 @@ use std::{path::Path, sync::atomic::AtomicUsize};
 use jiff::Zoned;
 use multiscopic::{
     Frames, Result, Rig,
-    capture::{Shutter, camera::Camera, session::capture, stage::AnyStage},
-    files::{Images, Provenance, output},
+    capture::{ThreadedCamera, acquire_frames, camera::V4l2Camera, stage::AnyStage},
+    files::{FrameFiles, Provenance, output},
 };
 use multiscopic_core::capture::{Plan, Policy, Progress};
 
@@ -24,20 +24,20 @@ pub struct Recorder<'a> {
     /// The focal length in pixels, if it is known.
     pub focal_px: Option<f64>,
     /// The camera and its settings, in words.
-    pub camera: String,
+    pub camera_name: String,
     /// The stage, as the command line names it.
-    pub stage: String,
+    pub stage_name: String,
     /// Counts the interrupts of the user.
     pub interrupts: &'a AtomicUsize,
 }
 
 impl Recorder<'_> {
     /// Takes one capture and writes it to `folder`, which appears once it is complete.
-    pub fn record(&self, stage: &mut AnyStage, shutter: &mut Shutter<Camera>, folder: &Path) -> Result<()> {
+    pub fn record(&self, stage: &mut AnyStage, camera: &mut ThreadedCamera<V4l2Camera>, folder: &Path) -> Result<()> {
         let date = Zoned::now().strftime("%F %T %:z").to_string();
-        let mut log = Log::new(&date, &self.camera, &self.stage);
+        let mut log = Log::new(&date, &self.camera_name, &self.stage_name);
         let bar = terminal::progress(self.plan.frames().len() as u64, "frames");
-        let frames = capture(stage, shutter, &self.plan, self.policy, self.interrupts, |elapsed, progress| {
+        let frames = acquire_frames(stage, camera, &self.plan, self.policy, self.interrupts, |elapsed, progress| {
             let step = log::step(&self.plan, progress);
             log.add(elapsed, &step);
             bar.set_message(step);
@@ -48,7 +48,7 @@ impl Recorder<'_> {
         bar.finish_and_clear();
         let frames = frames?;
         let rig = self.rig(&frames, date);
-        output::folder(folder, |folder| {
+        output::write_folder(folder, |folder| {
             frames.save(&rig.images.within(folder))?;
             output::write(&folder.join(Log::FILE_NAME), |writer| writer.write_all(log.as_bytes()))?;
             rig.save(folder)
@@ -64,10 +64,10 @@ impl Recorder<'_> {
             focal_px: self.focal_px,
             principal_point: frames.size().map(|side| (side as f64 - 1.0) / 2.0),
             doffs: 0.0,
-            images: Images::of_capture(frames.views()),
+            images: FrameFiles::of_capture(frames.views()),
             capture: Provenance {
-                camera: Some(self.camera.clone()),
-                stage: Some(self.stage.clone()),
+                camera: Some(self.camera_name.clone()),
+                stage: Some(self.stage_name.clone()),
                 date: Some(date),
                 ..Provenance::default()
             },

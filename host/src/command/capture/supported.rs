@@ -16,8 +16,8 @@ use clap::Args;
 use multiscopic::{
     Error, Result,
     capture::{
-        Shutter,
-        camera::Camera,
+        ThreadedCamera,
+        camera::V4l2Camera,
         stage::{self, AnyStage, StageSpec},
     },
     files::output,
@@ -39,7 +39,7 @@ const CAMERA_FIRST: Duration = Duration::from_secs(3);
 /// Ctrl-C returns it to the centre; a second Ctrl-C stops it where it is.
 #[derive(Clone, Debug, Args)]
 pub struct Capture {
-    /// Camera, as listed by `multiscopic devices`
+    /// V4l2Camera, as listed by `multiscopic devices`
     #[arg(long, value_name = "/dev/videoN")]
     camera: PathBuf,
 
@@ -96,26 +96,26 @@ impl Capture {
         count_interrupts(&interrupts)?;
 
         // Opened once up front, so that a faulty camera is found before anything moves.
-        let camera = Camera::open(&self.camera, &self.settings.settings())?.to_string();
+        let camera_name = V4l2Camera::open(&self.camera, &self.settings.settings())?.to_string();
         let mut stage = stage::open(&self.stage, &limits)?;
         let (path, settings) = (self.camera.clone(), self.settings.settings());
-        let mut shutter = Shutter::new(move || Camera::open(&path, &settings), camera_timeout);
-        let recorder = self.recorder(plan, policy, camera, &interrupts);
+        let mut camera = ThreadedCamera::new(move || V4l2Camera::open(&path, &settings), camera_timeout);
+        let recorder = self.recorder(plan, policy, camera_name, &interrupts);
         if self.live {
-            self.run_live(&recorder, &mut stage, &mut shutter)?;
+            self.run_live(&recorder, &mut stage, &mut camera)?;
         } else {
-            recorder.record(&mut stage, &mut shutter, &self.output)?;
+            recorder.record(&mut stage, &mut camera, &self.output)?;
         }
         Ok(ExitCode::SUCCESS)
     }
 
-    fn recorder<'a>(&self, plan: Plan, policy: Policy, camera: String, interrupts: &'a AtomicUsize) -> Recorder<'a> {
-        let (baseline_mm, focal_px, stage) = (self.baseline, self.focal_px, self.stage.to_string());
-        Recorder { plan, policy, baseline_mm, focal_px, camera, stage, interrupts }
+    fn recorder<'a>(&self, plan: Plan, policy: Policy, camera_name: String, interrupts: &'a AtomicUsize) -> Recorder<'a> {
+        let (baseline_mm, focal_px, stage_name) = (self.baseline, self.focal_px, self.stage.to_string());
+        Recorder { plan, policy, baseline_mm, focal_px, camera_name, stage_name, interrupts }
     }
 
     /// Records captures in numbered folders until there are enough or the user interrupts.
-    fn run_live(&self, recorder: &Recorder, stage: &mut AnyStage, shutter: &mut Shutter<Camera>) -> Result<()> {
+    fn run_live(&self, recorder: &Recorder, stage: &mut AnyStage, camera: &mut ThreadedCamera<V4l2Camera>) -> Result<()> {
         fs::create_dir_all(&self.output).map_err(|source| Error::Write { path: self.output.clone(), source })?;
         let mut folders = free_folders(&self.output);
         for _ in 0..self.count.map_or(u32::MAX, NonZeroU32::get) {
@@ -125,7 +125,7 @@ impl Capture {
             let Some(folder) = folders.next() else {
                 return Err(Error::Usage(format!("{} is full, give another folder", self.output.display())));
             };
-            recorder.record(stage, shutter, &folder)?;
+            recorder.record(stage, camera, &folder)?;
         }
         Ok(())
     }

@@ -8,8 +8,8 @@ use std::{
 use multiscopic::{
     DisparityMap, Error, Picture, Result, Rig,
     files::{
-        Images, Provenance,
-        codec::write_png,
+        FrameFiles, Provenance,
+        image_codec::write_png,
         output,
         ply::{self, Encoding},
     },
@@ -52,7 +52,7 @@ impl Folder {
         let folder = Folder(path.into());
         let maps = VARIANTS.iter().map(variants::stem).flat_map(|stem| [map_pfm(&stem), map_png(&stem), errors_png(&stem)]);
         let single = [Rig::FILE_NAME, TRUTH_PFM, TRUTH_PNG, CLOUD, OVERVIEW, PAGE].map(String::from);
-        let frames = FRAMES.map(|(frame, _)| Images::file_of(frame));
+        let frames = FRAMES.map(|(frame, _)| FrameFiles::name_of(frame));
         let paths: Vec<PathBuf> = frames.into_iter().chain(single).chain(maps).map(|name| folder.path(&name)).collect();
         output::check(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[])?;
         Ok(folder)
@@ -65,7 +65,7 @@ impl Folder {
     /// Writes the frames and `rig.toml`, as after a capture, and the truth.
     pub fn write_capture(&self, shot: &Shot, camera: &Camera, seed: u64) -> Result<()> {
         for (frame, _) in FRAMES {
-            write_png(&self.path(&Images::file_of(frame)), shot.frame(frame))?;
+            write_png(&self.path(&FrameFiles::name_of(frame)), shot.frame(frame))?;
         }
         rig(camera, seed).save(&self.0)?;
         shot.truth.write_pfm(&self.path(TRUTH_PFM))
@@ -123,7 +123,7 @@ fn rig(camera: &Camera, seed: u64) -> Rig {
         focal_px: Some(camera.focal_px),
         principal_point: [middle(camera.width), middle(camera.height)],
         doffs: 0.0,
-        images: Images::of_capture(Views::ALL),
+        images: FrameFiles::of_capture(Views::ALL),
         capture: Provenance {
             camera: Some("ray tracer".into()),
             stage: Some("simulated".into()),

@@ -2,7 +2,7 @@
 
 use multiscopic::{
     evaluation::{Record, Row},
-    files::Images,
+    files::FrameFiles,
     report::{Figure, Report, error_map},
 };
 use multiscopic_core::Params;
@@ -55,7 +55,7 @@ impl Page<'_> {
                 params.min_disparity(),
                 params.max_disparity()
             ))
-            .gallery("The five views", FRAMES.map(|(frame, caption)| Figure::linked(caption, Images::file_of(frame))))
+            .gallery("The five views", FRAMES.map(|(frame, caption)| Figure::linked(caption, FrameFiles::name_of(frame))))
             .paragraph(ABOUT_THE_SCENE)
             .gallery("Disparities", std::iter::once(truth).chain(VARIANTS.iter().map(map)))
             .paragraph("Red is near, blue is far, black has no disparity. All maps share one colour scale.")

@@ -43,7 +43,7 @@ impl GeometryOptions {
 #[cfg(test)]
 mod tests {
     use image::GrayImage;
-    use multiscopic::files::{Images, Provenance};
+    use multiscopic::files::{FrameFiles, Provenance};
 
     use super::*;
 
@@ -57,7 +57,7 @@ mod tests {
             baseline_mm: 40.0,
             principal_point: [1.0, 2.0],
             doffs: 3.0,
-            images: Images::default(),
+            images: FrameFiles::default(),
             capture: Provenance::default(),
         };
         assert_eq!(no_options.geometry(Some(&rig), &frames), rig.geometry());

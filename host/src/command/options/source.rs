@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use multiscopic::{Error, Result, Rig, files::Images};
+use multiscopic::{Error, Result, Rig, files::FrameFiles};
 
 /// The frames: a captured folder, or an image for each.
 #[derive(Clone, Debug, Args)]
@@ -35,13 +35,13 @@ pub struct SourceOptions {
 
 impl SourceOptions {
     /// The image files, and the rig of a captured folder. `None` if the command line names no images.
-    pub fn capture(&self) -> Result<Option<(Images, Option<Rig>)>> {
+    pub fn capture(&self) -> Result<Option<(FrameFiles, Option<Rig>)>> {
         if let Some(directory) = &self.rig {
             let rig = Rig::load(directory)?;
             return Ok(Some((rig.images.within(directory), Some(rig))));
         }
         let SourceOptions { center, left, right, top, bottom, rig: _ } = self.clone();
-        let images = Images { center: center.clone().unwrap_or_default(), left, right, top, bottom };
+        let images = FrameFiles { center: center.clone().unwrap_or_default(), left, right, top, bottom };
         match (center, images.views().is_empty()) {
             (None, true) => Ok(None),
             (None, false) => {

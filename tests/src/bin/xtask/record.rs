@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, ensure};
 use std::{collections::BTreeMap, fs};
 
-use crate::layout;
+use crate::system::folders;
 
 /// Where it is.
 const PATH: &str = "tests/benches/instructions.json";
@@ -16,7 +16,7 @@ pub type Counts = BTreeMap<String, f64>;
 
 /// Compares `counts` with the record, or puts them there if this is an `update`, which is what `command` does.
 pub fn hold(counts: &Counts, update: bool, command: &str) -> Result<()> {
-    let path = layout::root().join(PATH);
+    let path = folders::root().join(PATH);
     let text = fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
     let mut record: Counts = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
     if update {

@@ -1,4 +1,4 @@
-//! Where an arm answers.
+//! The network address of an arm.
 
 use std::{
     fmt, io,
@@ -8,61 +8,61 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::capture::stage::StageError;
+use crate::capture::stage::error::StageError;
 
-/// The host of an arm, and its ports. It is written `HOST:PORT,RTDE_PORT`.
+/// The host of an arm and its ports, written `HOST:PORT,RTDE_PORT`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ArmAddress {
-    /// Its name or IP address.
+    /// Host name or IP address.
     pub host: String,
-    /// The port that takes scripts, of the secondary client interface.
+    /// Port of the secondary client interface, which accepts scripts.
     pub script_port: u16,
-    /// The port that tells where the arm is, of the Real-Time Data Exchange.
+    /// Port of the Real-Time Data Exchange, which reports the arm's state.
     pub rtde_port: u16,
 }
 
 impl ArmAddress {
-    /// Where every arm takes scripts.
+    /// The standard port for scripts.
     pub const SCRIPT_PORT: u16 = 30002;
-    /// Where every arm tells where it is.
+    /// The standard port of the Real-Time Data Exchange.
     pub const RTDE_PORT: u16 = 30004;
 
-    /// The IP addresses of the host, found within `limit`.
+    /// Looks up the IP addresses of the host, for at most `limit`.
     pub(super) fn resolve(&self, limit: Duration) -> Result<Vec<IpAddr>, StageError> {
         if let Ok(address) = self.host.parse() {
             return Ok(vec![address]);
         }
         let (sender, addresses) = mpsc::channel();
         let host = (self.host.clone(), 0);
-        // The system gives no way to ask with a time-out.
+        // In a thread, because the system's resolver has no time-out.
         thread::spawn(move || sender.send(host.to_socket_addrs().map(|found| found.map(|address| address.ip()).collect())));
         let found = addresses.recv_timeout(limit).unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into()));
-        found.map_err(|source| self.no_connection(self.host.clone(), source))
+        found.map_err(|source| cannot_connect(self.host.clone(), source))
     }
 
-    /// Connects to a port of one of the host's addresses within `limit`.
+    /// Connects to a port at the first of `hosts` that accepts, for at most `limit`.
     pub(super) fn connect(&self, hosts: &[IpAddr], port: u16, limit: Duration) -> Result<TcpStream, StageError> {
         let deadline = Instant::now() + limit;
-        let mut refusal = io::ErrorKind::AddrNotAvailable.into();
+        let mut last_error = io::ErrorKind::AddrNotAvailable.into();
         for &host in hosts {
-            // A limit of 0 is none.
-            let left = deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
-            match TcpStream::connect_timeout(&SocketAddr::new(host, port), left) {
+            // `connect_timeout` does not accept 0.
+            let remaining = deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
+            match TcpStream::connect_timeout(&SocketAddr::new(host, port), remaining) {
                 Ok(stream) => return Ok(stream),
-                Err(error) => refusal = error,
+                Err(error) => last_error = error,
             }
         }
-        Err(self.no_connection(self.name(port), refusal))
+        Err(cannot_connect(self.port_name(port), last_error))
     }
 
-    /// A port, in words.
-    pub(super) fn name(&self, port: u16) -> String {
+    /// What messages call a port of the arm.
+    pub(super) fn port_name(&self, port: u16) -> String {
         format!("the arm at {}, port {port}", self.host)
     }
+}
 
-    fn no_connection(&self, to: String, source: io::Error) -> StageError {
-        StageError::Connect { to, source, advice: "check its address, its power and the network" }
-    }
+fn cannot_connect(to: String, source: io::Error) -> StageError {
+    StageError::Connect { to, source, advice: "check its address, its power and the network" }
 }
 
 impl fmt::Display for ArmAddress {

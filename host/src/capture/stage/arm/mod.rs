@@ -1,67 +1,66 @@
 //! An arm of Universal Robots.
 //!
-//! It is driven over its documented interfaces, without anything installed on it: lines of URScript go to the secondary client interface,
-//! its state comes over the Real-Time Data Exchange. An e-Series arm must be set to remote control; others take scripts as they
-//! are. A line of script replaces the program that the arm runs.
+//! It is driven over its documented interfaces, and nothing needs to be installed on it. Moves are lines of URScript, sent to the secondary
+//! client interface; each replaces the program that the arm runs. The arm reports its state over the Real-Time Data Exchange. An e-Series
+//! arm must be set to remote control; older ones always accept scripts.
 
-mod address;
+pub(super) mod address;
+mod arm_state;
 mod feedback;
-mod pose;
+mod handshake;
+mod package_reader;
+mod robot_mode;
 mod rtde;
-mod safety;
 mod script;
+mod tool_pose;
 
 pub use address::ArmAddress;
-pub use pose::Pose;
-pub use safety::SafetyMode;
+pub use tool_pose::ToolPose;
 
 use std::{
     net::IpAddr,
     time::{Duration, Instant},
 };
 
-use feedback::{Feedback, State};
 use multiscopic_core::capture::{Position, Stage};
-use rtde::Sample;
+
+use super::{error::StageError, limits::Limits, stall_timer::StallTimer};
+use arm_state::ArmState;
+use feedback::Feedback;
 use script::ScriptPort;
 
-use super::{Limits, StageError};
+/// How near the tool must come to its target, in metres and radians. The arms repeat to 0.1 mm.
+const TOLERANCE: [f64; 2] = [1e-4, 2e-3];
 
-/// How near the tool must come to where it was sent, in metres and radians: what these arms repeat is 0.1 mm.
-const NEAR: [f64; 2] = [1e-4, 2e-3];
+/// Approaching by this much counts as progress, in metres. It is above the sensors' noise.
+const MIN_PROGRESS_M: f64 = 2e-5;
 
-/// What is a step nearer, in metres: more than noise.
-const STEP: f64 = 2e-5;
-
-/// How long the arm may take to stop after it was told to: four times what it should.
+/// How long the arm may take to stop: four times what it should.
 const STOP_LIMIT: Duration = Duration::from_secs(1);
 
-/// An arm whose tool centre point is the camera: x to the right of its image, y down, z along its view. (Set it so in the arm's installation.)
+/// An arm whose tool centre point is the camera: x to the right of the image, y down, z along the view. The arm's installation must say so.
 ///
-/// It moves in the plane of the tool's x and y as they were when it was opened; its [`position`](Stage::position) is what the arm
-/// measures, in that plane. Broken connections are opened again by the next move, and the place where it was opened stays the centre.
+/// It moves in the plane of the tool's x and y axes as they were when the arm was opened. [`position`](Stage::position) is what the arm
+/// measures, projected onto that plane. The next move reopens connections that broke; the centre stays where the arm was opened.
 ///
-/// Each call returns within [`Limits::connect_timeout`] for each connection that it must open again, and [`Limits::silence_timeout`] for each line
-/// that it sends; most return at once. When it is dropped, a motion is stopped.
+/// Most calls return at once. The others return within [`Limits::connect_timeout`] for each connection to be reopened, and
+/// [`Limits::silence_timeout`] for each line to be sent. Dropping it stops a move.
 pub struct Arm {
     address: ArmAddress,
     hosts: Vec<IpAddr>,
     limits: Limits,
-    start: Pose,
+    start: ToolPose,
     feedback: Feedback,
     script: ScriptPort,
-    order: Option<Order>,
+    current_move: Option<Move>,
 }
 
-/// Where the arm was sent.
 #[derive(Clone, Copy, Debug)]
-struct Order {
+struct Move {
     target: Position,
-    /// How many samples had come by then.
+    /// Number of samples received when it was sent.
     since: u64,
-    /// How near it came, in metres, and when.
-    nearest: f64,
-    nearer_at: Instant,
+    stall_timer: StallTimer,
     is_done: bool,
 }
 
@@ -69,28 +68,28 @@ impl Arm {
     /// Connects to an arm. It does not move.
     ///
     /// # Errors
-    /// The limits are out of range; nothing answers at the address, or something else than an arm; the arm is not ready to move.
+    /// The limits are out of range, no arm answers at the address, or it is not ready to move.
     pub fn connect(address: &ArmAddress, limits: &Limits) -> Result<Arm, StageError> {
         limits.check()?;
         let hosts = address.resolve(limits.connect_timeout)?;
         let feedback = open_feedback(address, &hosts, limits)?;
-        let start = ready(feedback.state()?)?.sample.pose;
+        let start = feedback.state()?.check_ready()?.sample.pose;
         let script = open_script(address, &hosts, limits)?;
-        Ok(Arm { address: address.clone(), hosts, limits: *limits, start, feedback, script, order: None })
+        Ok(Arm { address: address.clone(), hosts, limits: *limits, start, feedback, script, current_move: None })
     }
 
-    /// Where its tool was when it was opened, in the frame of its base.
-    pub fn start(&self) -> Pose {
+    /// The pose of the tool when the arm was opened, in the frame of its base.
+    pub fn start(&self) -> ToolPose {
         self.start
     }
 
-    /// The offset of the tool from the start, in metres, in the tool's axes.
-    fn offset(&self, state: &State) -> [f64; 3] {
+    /// The offset of the tool from the start, in metres, along the tool's axes.
+    fn offset(&self, state: &ArmState) -> [f64; 3] {
         self.start.offset_of(&state.sample.pose)
     }
 
-    /// How far the tool is from `target`, in metres.
-    fn distance(&self, state: &State, target: Position) -> f64 {
+    /// The distance of the tool from `target`, in metres.
+    fn distance(&self, state: &ArmState, target: Position) -> f64 {
         let [x, y, z] = self.offset(state);
         (x - f64::from(target.x_um) * 1e-6).hypot(y - f64::from(target.y_um) * 1e-6).hypot(z)
     }
@@ -104,7 +103,7 @@ impl Arm {
 
     fn send_stop(&mut self) -> Result<(), StageError> {
         self.reopen_script()?;
-        self.script.send(&script::stop())
+        self.script.send(&script::stop_line())
     }
 }
 
@@ -112,34 +111,35 @@ impl Stage for Arm {
     type Error = StageError;
 
     fn move_to(&mut self, position: Position) -> Result<(), StageError> {
-        self.limits.admit(position)?;
+        self.limits.check_reach(position)?;
         if self.feedback.state().is_err() {
             self.feedback = open_feedback(&self.address, &self.hosts, &self.limits)?;
         }
         self.reopen_script()?;
-        // Nothing is ordered on what was true before.
-        let state = ready(self.feedback.next()?)?;
-        // From here on it may move, even if the line seems not to be sent.
-        let nearest = self.distance(&state, position);
-        self.order = Some(Order { target: position, since: state.count, nearest, nearer_at: Instant::now(), is_done: false });
-        self.script.send(&script::move_to(&self.start, position, &self.limits))
+        // A new sample, so that the decision to move is not based on an old state.
+        let state = self.feedback.next()?.check_ready()?;
+        // Set before sending: the arm may move even if sending seems to fail.
+        self.current_move = Some(Move {
+            target: position,
+            since: state.count,
+            stall_timer: StallTimer::start(self.distance(&state, position), MIN_PROGRESS_M),
+            is_done: false,
+        });
+        self.script.send(&script::move_line(&self.start, position, &self.limits))
     }
 
     fn has_arrived(&mut self) -> Result<bool, StageError> {
-        let state = ready(self.feedback.state()?)?;
-        self.script.check()?;
-        let Some(mut order) = self.order else { return Ok(false) };
-        let (distance, angle) = (self.distance(&state, order.target), self.start.angle_to(&state.sample.pose));
-        order.is_done = distance <= NEAR[0] && angle <= NEAR[1] && state.is_still(order.since);
-        if distance < order.nearest - STEP {
-            (order.nearest, order.nearer_at) = (distance, state.at);
-        }
-        self.order = Some(order);
-        // What is not heard any more is silence, no stall.
-        let after = state.at.saturating_duration_since(order.nearer_at);
-        match order.is_done || after <= self.limits.stall_timeout {
-            true => Ok(order.is_done),
-            false if state.played <= order.since => Err(StageError::Ignored { after }),
+        let state = self.feedback.state()?.check_ready()?;
+        self.script.check_open()?;
+        let Some(mut current) = self.current_move else { return Ok(false) };
+        let (distance, angle) = (self.distance(&state, current.target), self.start.angle_to(&state.sample.pose));
+        current.is_done = distance <= TOLERANCE[0] && angle <= TOLERANCE[1] && state.is_still(current.since);
+        // Measured at the time of the sample: missing samples are silence, not a stall.
+        let after = current.stall_timer.update(distance, state.at);
+        self.current_move = Some(current);
+        match current.is_done || after <= self.limits.stall_timeout {
+            true => Ok(current.is_done),
+            false if state.last_playing <= current.since => Err(StageError::Ignored { after }),
             false => Err(StageError::Stalled { distance_um: (distance * 1e6) as u32, after }),
         }
     }
@@ -149,21 +149,21 @@ impl Stage for Arm {
         Ok(Some(Position { x_um: x, y_um: y }))
     }
 
-    /// Tells the arm to stop, and waits at most a second until it stands still.
+    /// Tells the arm to stop, and waits for at most a second until it stands still.
     fn stop(&mut self) -> Result<(), StageError> {
-        // If one connection broke, so may have the other, which does not know yet. Otherwise the old one will do.
+        // If one connection broke, the other may have broken too without noticing yet. If reopening fails, try the old one.
         if !self.feedback.is_open()
             && let Ok(script) = open_script(&self.address, &self.hosts, &self.limits)
         {
             self.script = script;
         }
         self.send_stop()?;
-        self.order = None;
+        self.current_move = None;
         if !self.feedback.is_open() {
             self.feedback = open_feedback(&self.address, &self.hosts, &self.limits)?;
         }
         let next = self.feedback.next();
-        // What is sent over a broken connection is lost, which is known only afterwards.
+        // Sending over a broken connection succeeds at first. If it has turned out to be broken, send again.
         if !self.script.is_open() {
             self.send_stop()?;
         }
@@ -177,8 +177,8 @@ impl Stage for Arm {
 
 impl Drop for Arm {
     fn drop(&mut self) {
-        if self.order.is_some_and(|order| !order.is_done) {
-            // Nobody is left to be told.
+        if self.current_move.is_some_and(|current| !current.is_done) {
+            // There is nobody to report an error to.
             let _ = self.stop();
         }
     }
@@ -187,43 +187,13 @@ impl Drop for Arm {
 fn open_feedback(address: &ArmAddress, hosts: &[IpAddr], limits: &Limits) -> Result<Feedback, StageError> {
     let deadline = Instant::now() + limits.connect_timeout;
     let stream = address.connect(hosts, address.rtde_port, limits.connect_timeout)?;
-    let left = deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
-    Feedback::start(stream, address.name(address.rtde_port), left, limits.silence_timeout)
+    let remaining = deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
+    Feedback::start(stream, address.port_name(address.rtde_port), remaining, limits.silence_timeout)
 }
 
 fn open_script(address: &ArmAddress, hosts: &[IpAddr], limits: &Limits) -> Result<ScriptPort, StageError> {
-    let name = address.name(address.script_port);
+    let name = address.port_name(address.script_port);
     let stream = address.connect(hosts, address.script_port, limits.connect_timeout)?;
-    let advice = "try again";
     let opened = ScriptPort::new(stream, name.clone(), limits.silence_timeout);
-    opened.map_err(|source| StageError::Connect { to: name, source, advice })
-}
-
-/// The state of an arm that can move.
-fn ready(state: State) -> Result<State, StageError> {
-    /// The mode of an arm whose brakes are released.
-    const RUNNING: i32 = 7;
-    /// The modes by number, from -1.
-    const MODES: [&str; 10] = [
-        "without a controller",
-        "disconnected from its controller",
-        "waiting for its safety to be confirmed",
-        "booting",
-        "switched off",
-        "switched on, but not started",
-        "idle with its brakes on",
-        "in backdrive mode",
-        "running",
-        "updating its firmware",
-    ];
-    let Sample { safety, robot_mode, .. } = state.sample;
-    if !safety.may_move() {
-        return Err(StageError::SafetyStop(safety));
-    }
-    if robot_mode != RUNNING {
-        let mode = usize::try_from(i64::from(robot_mode) + 1).ok().and_then(|mode| MODES.get(mode));
-        let found = mode.map_or_else(|| format!("the arm is in mode {robot_mode}"), |mode| format!("the arm is {mode}"));
-        return Err(StageError::NotReady { found, advice: "switch it on and release its brakes at the teach pendant" });
-    }
-    Ok(state)
+    opened.map_err(|source| StageError::Connect { to: name, source, advice: "try again" })
 }

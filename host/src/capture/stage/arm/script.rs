@@ -1,4 +1,4 @@
-//! The port that takes scripts.
+//! Sending URScript to an arm.
 
 use std::{
     fmt::Write as _,
@@ -14,37 +14,38 @@ use std::{
 
 use multiscopic_core::capture::Position;
 
-use super::Pose;
-use crate::capture::stage::{Limits, StageError};
+use super::tool_pose::ToolPose;
+use crate::capture::stage::{error::StageError, limits::Limits};
 
-/// How fast the arm is told to stop, in metres per second squared: from the highest speed within a quarter of a second.
+/// Deceleration of a stop in metres per second squared: the highest speed ends within a quarter of a second.
 const STOP_M_S2: f64 = 1.0;
 
-/// A line of URScript that moves the tool straight to `position`, in the plane of its pose `start`.
+/// The line of URScript that moves the tool straight to `position`, in the plane of the pose `start`.
 ///
-/// The start is sent in numbers, so that a line that is sent twice moves once.
-pub fn move_to(start: &Pose, position: Position, limits: &Limits) -> String {
+/// The target is absolute, so that sending the line twice moves once.
+pub fn move_line(start: &ToolPose, position: Position, limits: &Limits) -> String {
     let [x, y] = [position.x_um, position.y_um].map(|um| f64::from(um) * 1e-6);
-    let [start, offset] = [start.position.into_iter().chain(start.rotation).collect(), vec![x, y, 0.0, 0.0, 0.0, 0.0]].map(pose);
+    let [start, offset] =
+        [start.position.into_iter().chain(start.rotation).collect(), vec![x, y, 0.0, 0.0, 0.0, 0.0]].map(pose_literal);
     let (a, v) = (limits.acceleration_mm_s2 * 1e-3, limits.speed_mm_s * 1e-3);
     format!("movel(pose_trans({start}, {offset}), a={a:.6}, v={v:.6})\n")
 }
 
-/// A line of URScript that stops a straight motion.
-pub fn stop() -> String {
+/// The line of URScript that stops a straight move.
+pub fn stop_line() -> String {
     format!("stopl({STOP_M_S2:.1})\n")
 }
 
-fn pose(numbers: Vec<f64>) -> String {
+fn pose_literal(numbers: Vec<f64>) -> String {
     let mut text = String::new();
     for (i, number) in numbers.iter().enumerate() {
-        // Nanometres and nanoradians.
+        // To the nanometre and nanoradian.
         let _ = write!(text, "{}{number:.9}", if i == 0 { "p[" } else { ", " });
     }
     text + "]"
 }
 
-/// A connection that scripts are sent over.
+/// The connection over which scripts are sent.
 pub struct ScriptPort {
     stream: TcpStream,
     name: String,
@@ -53,47 +54,47 @@ pub struct ScriptPort {
 }
 
 impl ScriptPort {
-    /// Takes over a connection to what is called `name`. A send may take as long as `limit`.
+    /// Uses `stream`, which messages call `name`. Sending a line may take as long as `limit`.
     pub fn new(stream: TcpStream, name: String, limit: Duration) -> io::Result<ScriptPort> {
         stream.set_nodelay(true)?;
         stream.set_write_timeout(Some(limit))?;
         stream.set_read_timeout(None)?;
         let (mut incoming, is_open) = (stream.try_clone()?, Arc::new(AtomicBool::new(true)));
-        let still_open = is_open.clone();
-        // The arm sends its state here too, and gives up on who does not read it.
+        let reader_open = is_open.clone();
+        // The arm sends its state here too, and disconnects clients that do not read it.
         let drain = thread::spawn(move || {
-            let mut ignored = [0; 4096];
+            let mut discarded = [0; 4096];
             loop {
-                match incoming.read(&mut ignored) {
+                match incoming.read(&mut discarded) {
                     Ok(1..) => {}
                     Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                     _ => break,
                 }
             }
-            still_open.store(false, Ordering::Relaxed);
+            reader_open.store(false, Ordering::Relaxed);
         });
         Ok(ScriptPort { stream, name, is_open, drain: Some(drain) })
     }
 
-    /// Whether the arm has not closed it.
+    /// Whether the arm has not closed the connection.
     pub fn is_open(&self) -> bool {
         self.is_open.load(Ordering::Relaxed)
     }
 
-    /// Sends a line.
+    /// Sends a line of URScript.
     pub fn send(&mut self, line: &str) -> Result<(), StageError> {
         match self.is_open() {
-            true => self.stream.write_all(line.as_bytes()).map_err(|source| self.broken(source)),
-            false => Err(self.broken(io::ErrorKind::ConnectionReset.into())),
+            true => self.stream.write_all(line.as_bytes()).map_err(|source| self.disconnected(source)),
+            false => Err(self.disconnected(io::ErrorKind::ConnectionReset.into())),
         }
     }
 
-    /// Fails if the arm has closed it.
-    pub fn check(&self) -> Result<(), StageError> {
-        if self.is_open() { Ok(()) } else { Err(self.broken(io::ErrorKind::ConnectionReset.into())) }
+    /// Fails if the arm has closed the connection.
+    pub fn check_open(&self) -> Result<(), StageError> {
+        if self.is_open() { Ok(()) } else { Err(self.disconnected(io::ErrorKind::ConnectionReset.into())) }
     }
 
-    fn broken(&self, source: io::Error) -> StageError {
+    fn disconnected(&self, source: io::Error) -> StageError {
         StageError::Disconnected {
             from: self.name.clone(),
             source,
@@ -116,13 +117,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines() {
-        let start = Pose { position: [-0.4, 0.1, 1e-12], rotation: [3.1, 0.0, -0.5] };
+    fn moves_and_stops_in_urscript() {
+        let start = ToolPose { position: [-0.4, 0.1, 1e-12], rotation: [3.1, 0.0, -0.5] };
         assert_eq!(
-            move_to(&start, Position { x_um: -20_000, y_um: 1 }, &Limits::default()),
+            move_line(&start, Position { x_um: -20_000, y_um: 1 }, &Limits::default()),
             "movel(pose_trans(p[-0.400000000, 0.100000000, 0.000000000, 3.100000000, 0.000000000, -0.500000000], \
              p[-0.020000000, 0.000001000, 0.000000000, 0.000000000, 0.000000000, 0.000000000]), a=0.100000, v=0.050000)\n"
         );
-        assert_eq!(stop(), "stopl(1.0)\n");
+        assert_eq!(stop_line(), "stopl(1.0)\n");
     }
 }

@@ -1,0 +1,157 @@
+//! Writing a file as a whole.
+
+use std::{
+    fs::{File, Permissions},
+    io::{self, BufWriter, Write},
+    path::Path,
+};
+
+use super::{destination::Destination, temporary};
+use crate::error::{Error, Result};
+
+/// Writes the file `path`; `contents` writes its data.
+///
+/// The data goes to a temporary file in the same folder, which replaces `path` only when it is complete. If anything fails, `path` is
+/// unchanged. Symbolic links are followed, and an existing file keeps its permissions. A pipe, a device or an open file
+/// (`/dev/stdout`) is written directly; a reader that closes its pipe early (`| head`) is not an error.
+///
+/// # Errors
+/// [`Error::Write`] with the error of the system or of `contents`.
+pub fn write(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+    let written = Destination::of(path).and_then(|destination| match destination {
+        Destination::Stream => match append(path, contents) {
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+            written => written,
+        },
+        Destination::File { path, permissions } => replace(&path, permissions, contents),
+    });
+    written.map_err(|source| Error::Write { path: path.into(), source })
+}
+
+/// Opens for appending, so that the shell's `>>` keeps what is in the file.
+fn append(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    fill(&mut File::options().append(true).open(path)?, contents)
+}
+
+fn replace(
+    target: &Path,
+    permissions: Option<Permissions>,
+    contents: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut file = temporary::file_beside(target)?;
+    fill(file.as_file_mut(), contents)?;
+    if let Some(permissions) = permissions {
+        file.as_file().set_permissions(permissions)?;
+    }
+    file.persist(target)?;
+    Ok(())
+}
+
+fn fill(file: &mut File, contents: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut writer = BufWriter::new(file);
+    contents(&mut writer)?;
+    writer.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    fn names(dir: &Path) -> Vec<String> {
+        let mut names: Vec<_> = fs::read_dir(dir).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_complete_file_replaces_the_old_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a");
+        for text in ["first", "2nd"] {
+            write(&path, |w| w.write_all(text.as_bytes())).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), text);
+        }
+        assert_eq!(names(dir.path()), ["a"]);
+    }
+
+    #[test]
+    fn a_failure_keeps_the_old_file_and_leaves_no_other() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a");
+        fs::write(&path, "old").unwrap();
+        for target in [path.clone(), dir.path().join("b")] {
+            let error = write(&target, |w| {
+                w.write_all(&[0; 100_000])?;
+                Err(io::Error::other("the disk is full"))
+            });
+            let message = error.unwrap_err().to_string();
+            assert_eq!(message, format!("cannot write {}: the disk is full", target.display()));
+        }
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(names(dir.path()), ["a"]);
+    }
+
+    #[test]
+    fn the_error_names_the_missing_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("none/a.pfm");
+        let message = write(&path, |_| Ok(())).unwrap_err().to_string();
+        assert!(message.starts_with(&format!("cannot write {}: ", path.display())), "{message}");
+        assert!(message.contains(&format!("directory {}", dir.path().join("none").display())), "{message}");
+        assert!(!message.contains(".multiscopic-"), "{message}");
+        assert!(matches!(write(dir.path(), |_| Ok(())), Err(Error::Write { .. })));
+        assert!(matches!(write(Path::new(""), |_| Ok(())), Err(Error::Write { .. })));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn new_files_get_the_usual_permissions_and_old_ones_keep_theirs() {
+        use std::os::unix::fs::PermissionsExt;
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        let dir = tempfile::tempdir().unwrap();
+        let (usual, path) = (dir.path().join("usual"), dir.path().join("a"));
+        fs::write(&usual, "").unwrap();
+        write(&path, |_| Ok(())).unwrap();
+        assert_eq!(mode(&path), mode(&usual));
+        fs::set_permissions(&path, Permissions::from_mode(0o640)).unwrap();
+        write(&path, |_| Ok(())).unwrap();
+        assert_eq!(mode(&path), 0o640);
+        fs::set_permissions(&path, Permissions::from_mode(0o444)).unwrap();
+        assert!(write(&path, |_| Ok(())).unwrap_err().to_string().ends_with("permission denied"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn symbolic_links_are_followed() {
+        let dir = tempfile::tempdir().unwrap();
+        let (path, link) = (dir.path().join("a"), dir.path().join("link"));
+        fs::write(&path, "old").unwrap();
+        std::os::unix::fs::symlink("a", &link).unwrap();
+        write(&link, |w| w.write_all(b"new")).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "new");
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn devices_and_open_files_are_not_replaced() {
+        use std::os::{fd::AsRawFd, unix::fs::FileTypeExt};
+        write(Path::new("/dev/null"), |w| w.write_all(b"gone")).unwrap();
+        assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+
+        let mut open = tempfile::NamedTempFile::new().unwrap();
+        open.write_all(b"kept ").unwrap();
+        write(Path::new(&format!("/dev/fd/{}", open.as_file().as_raw_fd())), |w| w.write_all(b"new")).unwrap();
+        assert_eq!(fs::read_to_string(open.path()).unwrap(), "kept new");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_closed_pipe_is_not_an_error() {
+        use std::os::fd::AsRawFd;
+        let (reader, writer) = io::pipe().unwrap();
+        drop(reader);
+        write(Path::new(&format!("/dev/fd/{}", writer.as_raw_fd())), |w| w.write_all(b"too much")).unwrap();
+    }
+}

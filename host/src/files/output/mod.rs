@@ -1,0 +1,11 @@
+//! Writing files and folders as a whole: an output is complete, or it is not there.
+
+mod check;
+mod destination;
+mod file;
+mod folder;
+mod temporary;
+
+pub use check::check;
+pub use file::write;
+pub use folder::{check_folder, write_folder};

@@ -1,0 +1,52 @@
+//! The prices of work in instructions.
+
+use std::collections::BTreeMap;
+
+use multiscopic_core::Params;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    work_units::{CandidateUnits, WorkUnits},
+    workload::Workload,
+};
+
+/// Prices in instructions.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Prices {
+    /// Prices of the units of work.
+    pub units: WorkUnits,
+    /// Prices of candidates, by the [kernel](super::kernel_name) that fuses them.
+    pub candidates: BTreeMap<String, CandidateUnits>,
+}
+
+impl Prices {
+    /// The instructions of a match in column tiles of `tile_width` columns, with a kernel of `lanes` lanes. Sending is included, fetching lines
+    /// is not.
+    ///
+    /// `None` if there are no prices for the kernel.
+    pub fn instructions(&self, params: &Params, tile_width: usize, lanes: usize) -> Option<f64> {
+        let Workload { units, candidates, kernel } = Workload::new(params, tile_width, lanes);
+        let candidate_prices = self.candidates.get(&kernel)?;
+        let units = units.to_vec().into_iter().zip(self.units.to_vec());
+        let candidates = candidates.to_array().into_iter().zip(candidate_prices.to_array());
+        Some(units.chain(candidates).map(|(count, price)| count * price).sum())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use multiscopic_core::{Fusion, Views};
+
+    #[test]
+    fn instructions_are_counts_times_prices() {
+        let params = Params::new(20, 17, Views::HORIZONTAL, Fusion::Min, 1, 4, 3).unwrap();
+        let mut prices = Prices { units: WorkUnits { pixel: 10.0, packet: 3.0, ..WorkUnits::default() }, ..Prices::default() };
+        assert_eq!(prices.instructions(&params, 20, 4), None);
+        prices.candidates.insert("2-min".into(), CandidateUnits { moved: 2.0, ..CandidateUnits::default() });
+        assert_eq!(prices.instructions(&params, 20, 4), Some(10.0 * 340.0 + 3.0 * 17.0 + 2.0 * 22.0 * 17.0 * 4.0));
+        let numbers = prices.units.to_vec();
+        assert_eq!((WorkUnits::from_slice(&numbers), numbers.len()), (prices.units, WorkUnits::NAMES.len()));
+    }
+}

@@ -1,0 +1,104 @@
+//! The work of a match, counted.
+
+use multiscopic_core::{Params, Region, kernel::Rule};
+
+use super::{
+    pixel_counts::PixelCounts,
+    work_units::{CandidateUnits, WorkUnits},
+};
+
+/// The work of a match.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Workload {
+    /// Work whose price does not depend on the fusion.
+    pub units: WorkUnits,
+    /// Candidates, whose prices depend on the kernel.
+    pub candidates: CandidateUnits,
+    /// The kernel that fuses candidates: see [`kernel_name`].
+    pub kernel: String,
+}
+
+impl Workload {
+    /// Counts the work of a match in column tiles of `tile_width` columns, with a kernel of `lanes` lanes.
+    pub fn new(params: &Params, tile_width: usize, lanes: usize) -> Workload {
+        let count = |count: usize| count as f64;
+        let (width, height, views) = (count(params.width()), count(params.height()), count(params.views().len()));
+        let passes = count(Region::tiles(params, tile_width).count());
+        let block = count(params.block_size());
+        // Columns under the blocks of a line, in all tiles.
+        let span = width + passes * (block - 1.0);
+        let depth = count(params.num_disparities().next_multiple_of(lanes));
+        let pixels = width * height;
+        let PixelCounts { complete, masked, segmented, segments } = PixelCounts::new(params);
+        Workload {
+            units: WorkUnits {
+                line: passes * height,
+                column: span * height,
+                column_view: span * height * views,
+                pixel: pixels,
+                border_pixel: count(masked + segmented),
+                segment: count(segments),
+                primed: block * span * depth * views,
+                packet: passes * height,
+                sent: pixels,
+            },
+            candidates: CandidateUnits {
+                moved: span * height * depth,
+                fused: count(complete) * depth,
+                masked: count(masked) * depth,
+                segmented: count(segmented) * depth,
+            },
+            kernel: kernel_name(params, lanes),
+        }
+    }
+}
+
+/// The name of the loops that fuse costs: the number of views and the fusion rule.
+///
+/// It ends in `-wide` if block sums need 32 bits, and in `-unrolled` for the minimum of four views in four vectors of `lanes` lanes, for which
+/// kernels have a separate loop.
+pub fn kernel_name(params: &Params, lanes: usize) -> String {
+    let views = params.views().len();
+    let rule = match Rule::new(params.fusion(), views) {
+        Rule::Min => "min",
+        Rule::Sum => "mean",
+        Rule::Heuristic => "heuristic",
+    };
+    let suffix = match (rule, views, params.num_disparities().div_ceil(lanes)) {
+        _ if params.max_block_sum() >= u32::from(u16::MAX) => "-wide",
+        ("min", 4, 4) => "-unrolled",
+        _ => "",
+    };
+    format!("{views}-{rule}{suffix}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use multiscopic_core::{Fusion, Views};
+
+    fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> Params {
+        Params::new(20, 17, views, fusion, min_disparity, num_disparities, block_size).unwrap()
+    }
+
+    #[test]
+    fn tiles_repeat_the_columns_where_their_blocks_overlap() {
+        let params = params(Views::ALL, Fusion::Heuristic, 1, 6, 5);
+        let (whole, tiled) = (Workload::new(&params, 20, 4), Workload::new(&params, 8, 4));
+        assert_eq!((whole.units.line, whole.units.column), (17.0, 24.0 * 17.0));
+        assert_eq!((tiled.units.line, tiled.units.column), (51.0, 32.0 * 17.0));
+        assert_eq!(whole.candidates.moved, 24.0 * 17.0 * 8.0);
+        assert_eq!((whole.candidates.fused, whole.units.pixel), (tiled.candidates.fused, tiled.units.pixel));
+    }
+
+    #[test]
+    fn kernels_are_named_after_views_rule_and_width() {
+        let name = |views, fusion, block_size| kernel_name(&params(views, fusion, 1, 4, block_size), 4);
+        assert_eq!(name(Views::STEREO, Fusion::Mean, 3), "1-min");
+        assert_eq!(name(Views::HORIZONTAL, Fusion::Heuristic, 15), "2-mean");
+        assert_eq!(name(Views::ALL, Fusion::Heuristic, 17), "4-heuristic-wide");
+        assert_eq!(name(Views::ALL, Fusion::Min, 3), "4-min");
+        assert_eq!(kernel_name(&params(Views::ALL, Fusion::Min, 1, 4, 3), 1), "4-min-unrolled");
+        assert_eq!(kernel_name(&params(Views::ALL, Fusion::Min, 1, 4, 17), 1), "4-min-wide");
+    }
+}

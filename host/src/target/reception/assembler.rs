@@ -1,0 +1,191 @@
+//! Assembling a frame from its packets.
+
+use std::{mem, ops::Range, path::Path};
+
+use multiscopic_core::Disparity;
+use multiscopic_edge::packet::{Content, Lost, Packet, PacketError, Receiver};
+
+use super::{
+    flaw::{Flaw, PacketId},
+    frame::ReceivedFrame,
+    notice::Notice,
+};
+use crate::{
+    error::{Error, Result},
+    files::input,
+    images::Raster,
+};
+
+/// What a piece of the stream was.
+pub(super) enum Piece {
+    /// Not a packet of this frame.
+    Noise,
+    /// A line of disparities.
+    Line,
+    /// The end of the frame.
+    End {
+        /// Greatest depth of the sender's stack in bytes, if it measures it.
+        stack: Option<u32>,
+    },
+    /// The beginning of the next frame.
+    NextFrame,
+}
+
+/// Assembles a frame, and reports what happens to `notify`.
+pub(super) struct Assembler<'p, N> {
+    receiver: Receiver,
+    frame: Option<PartialFrame>,
+    /// Why the pieces since the last packet were not packets of disparities.
+    noise: Vec<PacketError>,
+    /// What messages call the stream.
+    path: &'p Path,
+    notify: N,
+}
+
+/// The part of a frame that has arrived.
+struct PartialFrame {
+    /// `None` if the pixel has not arrived, `Some(None)` if it is invalid.
+    pixels: Raster<Option<Option<Disparity>>>,
+    received: usize,
+    last_packet: Option<PacketId>,
+}
+
+impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
+    pub(super) fn new(path: &'p Path, notify: N) -> Assembler<'p, N> {
+        Assembler { receiver: Receiver::default(), frame: None, noise: Vec::new(), path, notify }
+    }
+
+    /// Processes the bytes between two zeros of the stream.
+    ///
+    /// # Errors
+    /// The frame is too large for this machine.
+    pub(super) fn process(&mut self, piece: &mut [u8]) -> Result<Piece> {
+        if piece.is_empty() {
+            return Ok(Piece::Noise);
+        }
+        let decoded = Packet::decode(piece).and_then(|packet| match packet.header {
+            // Even tiles of one column make only one packet per pixel, and the end.
+            header if u64::from(header.sequence) > u64::from(header.width) * u64::from(header.height) => {
+                Err(PacketError::Outside { header })
+            }
+            _ => Ok(packet),
+        });
+        let packet = match decoded {
+            Ok(packet) => packet,
+            Err(error) => {
+                self.noise.push(error);
+                return Ok(Piece::Noise);
+            }
+        };
+        let size = [packet.header.width, packet.header.height].map(usize::from);
+        let frame = match &mut self.frame {
+            Some(frame) => frame,
+            None => self.frame.insert(PartialFrame::new(size, self.path)?),
+        };
+        let expected = frame.size();
+        if size != expected {
+            self.report(Flaw::OtherFrame { found: size, expected });
+            return Ok(Piece::Noise);
+        }
+        match self.receiver.accept(&packet.header) {
+            Ok(()) => self.report_missing(0..0),
+            Err(Lost { expected, found }) if found < expected => return Ok(Piece::NextFrame),
+            Err(Lost { expected, found }) => self.report_missing(expected..found),
+        }
+        match packet.header.content {
+            Content::Line { line, left, .. } => {
+                let id = PacketId { line: line.into(), sequence: packet.header.sequence };
+                self.store(id, left.into(), packet.disparities());
+                Ok(Piece::Line)
+            }
+            Content::End { stack } => Ok(Piece::End { stack }),
+        }
+    }
+
+    /// Reports the `missing` packets and the noise before the packet that has just arrived.
+    fn report_missing(&mut self, missing: Range<u32>) {
+        let Some(frame) = &self.frame else { return };
+        let (after, height) = (frame.last_packet, frame.size()[1] as u32);
+        let noise = mem::take(&mut self.noise);
+        let is_damaged = |error: &PacketError| matches!(error, PacketError::Framing | PacketError::Damaged { .. });
+        // If as many packets are missing as are damaged, they are the same.
+        let are_identified = noise.iter().filter(|error| is_damaged(error)).count() == missing.len();
+        let mut damaged_packets =
+            missing.clone().map(|sequence| PacketId::of_sequence(sequence, height)).filter(|_| are_identified);
+        for error in noise {
+            self.report(match is_damaged(&error) {
+                true => Flaw::Damaged { packet: damaged_packets.next(), after, error },
+                false => Flaw::Foreign { after, error },
+            });
+        }
+        // One report per tile, so that line numbers are consecutive.
+        let mut lost = if are_identified { 0..0 } else { missing };
+        while !lost.is_empty() {
+            let end = (lost.start / height + 1).saturating_mul(height).min(lost.end);
+            let [first, last] = [lost.start, end - 1].map(|sequence| PacketId::of_sequence(sequence, height));
+            self.report(Flaw::Lost { first, last });
+            lost.start = end;
+        }
+    }
+
+    /// Stores the disparities of a packet, whose first is in column `left`.
+    fn store(&mut self, packet: PacketId, left: usize, disparities: impl Iterator<Item = Option<Disparity>>) {
+        let Some(frame) = &mut self.frame else { return };
+        let mut is_repeated = false;
+        for (pixel, disparity) in frame.pixels.row_mut(packet.line as usize)[left..].iter_mut().zip(disparities) {
+            match pixel.replace(disparity) {
+                None => frame.received += 1,
+                Some(_) => is_repeated = true,
+            }
+        }
+        frame.last_packet = Some(packet);
+        let line = Notice::Line { pixels: frame.received, of: frame.pixels.pixels().len() };
+        if is_repeated {
+            self.report(Flaw::Repeated(packet));
+        }
+        (self.notify)(line);
+    }
+
+    /// Reports that the stream ended before the frame did.
+    pub(super) fn report_no_end(&mut self) {
+        self.report_missing(0..0);
+        if let Some(after) = self.frame.as_ref().and_then(|frame| frame.last_packet) {
+            self.report(Flaw::NoEnd { after });
+        }
+    }
+
+    /// Returns the frame, after `bytes` bytes of the stream.
+    ///
+    /// # Errors
+    /// The stream had no packets of disparities.
+    pub(super) fn finish(self, stack: Option<u32>, bytes: usize) -> Result<ReceivedFrame> {
+        let Some(frame) = self.frame else {
+            let found = match self.noise.first() {
+                _ if bytes == 0 => "nothing".into(),
+                Some(error) => format!("{bytes} bytes without a packet of disparities (the first error: {error})"),
+                None => format!("{bytes} bytes without a packet of disparities"),
+            };
+            let expected = "the packets that multiscopic's firmware or `multiscopic simulate` sends";
+            return Err(Error::format(self.path, found, expected));
+        };
+        let disparities = frame.pixels.map(|pixel| pixel.flatten());
+        Ok(ReceivedFrame { disparities, pixels: frame.received, stack: stack.map(|bytes| bytes as usize) })
+    }
+
+    fn report(&mut self, flaw: Flaw) {
+        (self.notify)(Notice::Flaw(flaw));
+    }
+}
+
+impl PartialFrame {
+    /// An empty frame. The size is what a packet from `path` says.
+    fn new([width, height]: [usize; 2], path: &Path) -> Result<PartialFrame> {
+        let bytes = width as u64 * height as u64 * size_of::<Option<Option<Disparity>>>() as u64;
+        input::check_size(path, width as u32, height as u32, bytes)?;
+        Ok(PartialFrame { pixels: Raster::filled(width, height, None), received: 0, last_packet: None })
+    }
+
+    fn size(&self) -> [usize; 2] {
+        [self.pixels.width(), self.pixels.height()]
+    }
+}

@@ -1,0 +1,62 @@
+//! Rooms: a crate's top-level modules, which import from those listed before them only.
+
+use super::{
+    crate_tree::{CrateTree, ModuleId, text},
+    imports::Edge,
+    violation::Violation,
+};
+
+/// The head of the table of rooms in the crate's documentation.
+const HEAD: [&str; 2] = ["room", "what it is"];
+
+/// Compares the imports with the crate's table of rooms, which a library must have.
+pub(super) fn check(tree: &CrateTree, edges: &[Edge], must_list_rooms: bool) -> Vec<Violation> {
+    let root = &tree.modules[0];
+    let place = tree.place(root.file);
+    let violation = |message: String| Violation { place: place.clone(), message };
+    let name = |room: ModuleId| tree.modules[room].name.as_str();
+    let documentation: Vec<String> = root.attributes.iter().filter(|a| a.path().is_ident("doc")).filter_map(text).collect();
+    let Some(listed) = listed_rooms(&documentation) else {
+        let message = format!("its documentation has no table `| {} |` of its modules", HEAD.join(" | "));
+        return if must_list_rooms && !root.children.is_empty() { vec![violation(message)] } else { Vec::new() };
+    };
+
+    let mut violations = Vec::new();
+    let rank = |room: ModuleId| listed.iter().position(|listed| listed == name(room));
+    for (i, listed_name) in listed.iter().enumerate() {
+        if tree.child(0, listed_name).is_none() {
+            violations.push(violation(format!("the room `{listed_name}` is listed, but there is no such module")));
+        }
+        if listed[..i].contains(listed_name) {
+            violations.push(violation(format!("the room `{listed_name}` is listed twice")));
+        }
+    }
+    for &room in root.children.iter().filter(|&&room| rank(room).is_none()) {
+        violations.push(violation(format!("the room `{}` is not listed", name(room))));
+    }
+    for Edge { from, to, path } in edges {
+        let Some(from_room) = tree.room(*from) else { continue };
+        let message = match tree.room(*to) {
+            None => format!("imports {path} from the crate's root, which is above all rooms"),
+            Some(to_room) if rank(from_room) < rank(to_room) && rank(from_room).is_some() => {
+                format!("imports {path} from the room `{}`, which is listed after `{}`", name(to_room), name(from_room))
+            }
+            Some(_) => continue,
+        };
+        violations.push(Violation { place: tree.place(tree.modules[*from].file), message });
+    }
+    violations
+}
+
+/// The rooms in the first column of the table in `documentation`, in their order; `None` if there is no table.
+fn listed_rooms(documentation: &[String]) -> Option<Vec<String>> {
+    let cells = |line: &str| -> Option<Vec<String>> {
+        let line = line.trim().strip_prefix('|')?.strip_suffix('|')?;
+        Some(line.split('|').map(|cell| cell.trim().to_owned()).collect())
+    };
+    let lines: Vec<&str> = documentation.iter().flat_map(|text| text.lines()).collect();
+    let head = lines.iter().position(|line| cells(line).is_some_and(|cells| cells == HEAD))?;
+    // The second line separates the head from the rows.
+    let rows = lines[head..].iter().skip(2).map_while(|line| cells(line)?.into_iter().next());
+    Some(rows.flat_map(|cell| cell.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>()).collect())
+}

@@ -1,0 +1,75 @@
+//! Names that modules or public types of the workspace share.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use syn::{Item, Visibility};
+
+use super::{crate_tree::CrateTree, violation::Violation, workspace::Use};
+
+/// A name that several modules or types may have.
+struct Shared {
+    name: &'static str,
+    /// What the paths of their files begin with.
+    places: &'static [&'static str],
+    reason: &'static str,
+}
+
+const SHARED_MODULES: [Shared; 1] = [Shared { name: "error", places: &[""], reason: "each crate or room has its own errors" }];
+
+const SHARED_TYPES: [Shared; 2] = [
+    Shared { name: "Error", places: &[""], reason: "it is the error of its room, and named with it" },
+    Shared { name: "Result", places: &[""], reason: "it is the result of its room, and named with it" },
+];
+
+/// Where second implementations are, which are named as what they are compared with.
+const TWINS: [&str; 3] = ["tests/src/reference/", "tests/src/simulated/", "tests/src/samples/real_data.rs"];
+
+/// The names that are not shared for a reason. Tests are named for what they test, and may share its name.
+pub(super) fn check(trees: &[(CrateTree, Use)]) -> Vec<Violation> {
+    let mut modules: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    let mut types = modules.clone();
+    for (tree, _) in trees.iter().filter(|(_, usage)| *usage != Use::Test) {
+        for (id, module) in tree.modules.iter().enumerate() {
+            let place = tree.place(module.file);
+            if TWINS.iter().any(|room| place.starts_with(room)) {
+                continue;
+            }
+            if id != 0 {
+                modules.entry(module.name.clone()).or_default().insert(place.clone());
+            }
+            for name in module.items.iter().filter_map(public_type) {
+                types.entry(name).or_default().insert(place.clone());
+            }
+        }
+    }
+    shared("module", modules, &SHARED_MODULES).chain(shared("public type", types, &SHARED_TYPES)).collect()
+}
+
+fn shared<'a>(
+    kind: &'a str,
+    names: BTreeMap<String, BTreeSet<String>>,
+    allowed: &'a [Shared],
+) -> impl Iterator<Item = Violation> + 'a {
+    let is_allowed = |name: &str, places: &BTreeSet<String>| {
+        let shared = allowed.iter().find(|shared| shared.name == name && !shared.reason.is_empty());
+        shared.is_some_and(|shared| places.iter().all(|place| shared.places.iter().any(|start| place.starts_with(start))))
+    };
+    names.into_iter().filter(move |(name, places)| places.len() > 1 && !is_allowed(name, places)).map(move |(name, places)| {
+        let mut places = places.into_iter();
+        let place = places.next().unwrap_or_default();
+        let others = places.collect::<Vec<_>>().join(", ");
+        Violation { place, message: format!("the {kind} `{name}` shares its name with that in {others}") }
+    })
+}
+
+fn public_type(item: &Item) -> Option<String> {
+    let (visibility, name) = match item {
+        Item::Enum(item) => (&item.vis, &item.ident),
+        Item::Struct(item) => (&item.vis, &item.ident),
+        Item::Trait(item) => (&item.vis, &item.ident),
+        Item::Type(item) => (&item.vis, &item.ident),
+        Item::Union(item) => (&item.vis, &item.ident),
+        _ => return None,
+    };
+    matches!(visibility, Visibility::Public(_)).then(|| name.to_string())
+}

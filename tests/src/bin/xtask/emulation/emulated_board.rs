@@ -1,0 +1,72 @@
+//! The boards that the firmware is built for.
+
+use multiscopic::Processor;
+
+/// A board as the linker and the emulator know it.
+#[derive(Debug, PartialEq, Eq)]
+pub struct EmulatedBoard {
+    /// How the reports name it.
+    pub name: &'static str,
+    /// Its processor.
+    pub core: &'static str,
+    /// The processor whose budget it is held against.
+    pub processor: Processor,
+    /// The feature of the firmware that chooses its memory; the reference board needs none.
+    pub feature: Option<&'static str>,
+    /// Its processor's Rust target.
+    pub target: &'static str,
+    /// What the compiler may use beyond the target's least processor.
+    pub rustflags: &'static str,
+    /// The emulator's machine.
+    pub machine: &'static str,
+    /// Bytes of RAM, as in its linker script.
+    pub ram: usize,
+}
+
+/// The reference board: a Cortex-M4F with the memory that `memory.x` gives it.
+pub const REFERENCE: EmulatedBoard = EmulatedBoard {
+    name: "nrf52840",
+    core: "Cortex-M4F",
+    processor: Processor::CortexM4,
+    feature: None,
+    target: "thumbv7em-none-eabihf",
+    rustflags: "",
+    machine: "mps2-an386",
+    ram: 256 * 1024,
+};
+
+/// The board with vectors.
+pub const VECTORS: EmulatedBoard = EmulatedBoard {
+    name: "an547",
+    core: "Cortex-M55",
+    processor: Processor::CortexM55,
+    feature: Some("an547"),
+    target: "thumbv8m.main-none-eabihf",
+    rustflags: "-Ctarget-cpu=cortex-m55",
+    machine: "mps3-an547",
+    ram: 512 * 1024,
+};
+
+/// Every board.
+pub const ALL: [EmulatedBoard; 4] = [
+    REFERENCE,
+    EmulatedBoard { name: "stm32f405", feature: Some("stm32f405"), machine: "netduinoplus2", ram: 128 * 1024, ..REFERENCE },
+    EmulatedBoard {
+        name: "stm32h743",
+        core: "Cortex-M7",
+        processor: Processor::CortexM7,
+        feature: Some("stm32h743"),
+        machine: "mps2-an500",
+        ram: 512 * 1024,
+        ..REFERENCE
+    },
+    VECTORS,
+];
+
+/// The Rust targets of all boards.
+pub fn targets() -> Vec<&'static str> {
+    let mut targets: Vec<_> = ALL.iter().map(|board| board.target).collect();
+    targets.sort_unstable();
+    targets.dedup();
+    targets
+}

@@ -1,0 +1,186 @@
+//! Fits the cost model of `multiscopic budget` to what small matches take in the emulator.
+
+use anyhow::{Context, Result, ensure};
+use multiscopic::target::instruction_model::{CandidateUnits, Prices, WorkUnits, Workload};
+use multiscopic_core::{Fusion, Params, Views};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    emulation::{
+        build::{self, Program},
+        counter::{Counter, Instructions},
+        emulated_board::EmulatedBoard,
+        emulator,
+    },
+    firmware_checks::{image_set::ImageSet, least_squares},
+    system::{folders, workers},
+    tools::toolchain::Toolchain,
+};
+
+/// A match that is none of a profile.
+struct Shape {
+    width: u16,
+    height: u16,
+    min_disparity: i16,
+    num_disparities: u16,
+    /// Of block sums in 16 bits, and of some in 32.
+    block_sizes: [u8; 2],
+    tile_width: usize,
+}
+
+const fn shape(
+    [width, height]: [u16; 2],
+    [min_disparity, num_disparities]: [i16; 2],
+    block_sizes: [u8; 2],
+    tile_width: usize,
+) -> Shape {
+    Shape { width, height, min_disparity, num_disparities: num_disparities as u16, block_sizes, tile_width }
+}
+
+/// Much of border and little, with many disparities and few, in whole and in broken vectors, in numbers for which kernels have loops of
+/// their own and in others; wide tiles and narrow ones, small and large blocks.
+///
+/// Not blocks of 13 and 15: their mean costs saturate in 16 bits as often as the images have it, and are then computed again.
+const SHAPES: [Shape; 12] = [
+    shape([60, 48], [1, 16], [5, 17], 60),
+    shape([240, 160], [1, 16], [7, 17], 240),
+    shape([112, 72], [-3, 20], [9, 21], 112),
+    shape([140, 90], [1, 24], [9, 19], 140),
+    shape([300, 220], [1, 24], [7, 21], 100),
+    shape([128, 80], [0, 28], [7, 17], 64),
+    shape([100, 90], [1, 32], [9, 17], 50),
+    shape([256, 192], [1, 32], [11, 19], 86),
+    shape([120, 100], [2, 36], [3, 19], 40),
+    shape([320, 240], [1, 44], [11, 19], 80),
+    shape([180, 150], [1, 56], [9, 17], 61),
+    shape([320, 240], [1, 64], [9, 17], 64),
+];
+
+/// Numbers of views, and the rules that fuse them in loops of their own.
+const VARIANTS: [(Views, Fusion); 9] = [
+    (Views::STEREO, Fusion::Min),
+    (Views::HORIZONTAL, Fusion::Min),
+    (Views::HORIZONTAL, Fusion::Mean),
+    (Views::THREE, Fusion::Min),
+    (Views::THREE, Fusion::Mean),
+    (Views::THREE, Fusion::Heuristic),
+    (Views::ALL, Fusion::Min),
+    (Views::ALL, Fusion::Mean),
+    (Views::ALL, Fusion::Heuristic),
+];
+
+/// A match that is measured.
+struct Run<'a> {
+    params: Params,
+    tile_width: usize,
+    images: &'a ImageSet,
+}
+
+/// What the firmware of `board` takes for each unit of work.
+pub fn prices(toolchain: &Toolchain, board: &EmulatedBoard, counter: &Counter) -> Result<Prices> {
+    let image = build::build(toolchain, board, &[Program::Example("calibrate")])?.pop().context("one program gives one image")?;
+    let images = SHAPES.each_ref().map(Shape::images);
+    let runs = runs(&images)?;
+    let counted = workers::map(&runs, |run| run.count(board, &image, counter).with_context(|| run.name(board)))?;
+    let lanes = board.processor.lanes();
+    let prices = fit(&runs, &counted, lanes);
+    let off = runs.iter().zip(&counted).filter_map(|(run, counted)| {
+        let predicted = prices.instructions(&run.params, run.tile_width, lanes)?;
+        Some(((100.0 * (predicted / counted.pipeline() as f64 - 1.0)), run))
+    });
+    if let Some((percent, run)) = off.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs())) {
+        println!(
+            "edge: {} matches on {}: the cost model is off by {percent:+.1} % at most, for {}",
+            runs.len(),
+            board.name,
+            run.name(board)
+        );
+    }
+    Ok(prices)
+}
+
+impl Shape {
+    /// Frames whose disparities fill the search as those of a profile do: the middle of larger ones.
+    fn images(&self) -> ImageSet {
+        let width = usize::from(self.width).max(10 * usize::from(self.num_disparities));
+        let height = usize::from(self.height).max(3 * width / 4);
+        ImageSet::demo_middle([width, height], [self.width.into(), self.height.into()])
+    }
+}
+
+fn runs(images: &[ImageSet]) -> Result<Vec<Run<'_>>> {
+    let mut runs = Vec::new();
+    let shapes = SHAPES.iter().zip(images);
+    for ((shape, images), (views, fusion)) in shapes.flat_map(|shape| VARIANTS.map(|variant| (shape, variant))) {
+        for block_size in shape.block_sizes {
+            let Shape { width, height, min_disparity, num_disparities, tile_width, .. } = *shape;
+            let params = Params::new(width, height, views, fusion, min_disparity, num_disparities, block_size)?;
+            runs.push(Run { params, tile_width, images });
+        }
+    }
+    Ok(runs)
+}
+
+impl Run<'_> {
+    fn name(&self, board: &EmulatedBoard) -> String {
+        let p = &self.params;
+        let (width, height, views, d) = (p.width(), p.height(), p.views().len(), p.num_disparities());
+        format!("{}-{width}x{height}-{views}-{}-{}-{d}-{}", board.name, p.fusion().name(), p.min_disparity(), p.block_size())
+    }
+
+    /// The instructions that it takes.
+    fn count(&self, board: &EmulatedBoard, image: &Path, counter: &Counter) -> Result<Instructions> {
+        let params = &self.params;
+        let folder: PathBuf = folders::edge_target().join("runs/calibration").join(self.name(board));
+        self.images.write(&folder)?;
+        let numbers = [params.width(), params.height(), params.views().len()].map(|number| number.to_string());
+        let search = [params.min_disparity().to_string(), params.num_disparities().to_string(), params.block_size().to_string()];
+        let rest = [params.fusion().name().to_owned(), self.tile_width.to_string()];
+        let args: Vec<&str> = numbers.iter().chain(&search).chain(&rest).map(String::as_str).collect();
+        let end = emulator::run(board, image, &args, &folder, Some(&counter.plugin(image)?))?;
+        ensure!(end.code == 0, "the firmware ended with exit code {} and said:\n{}", end.code, end.words);
+        Instructions::read(&folder)
+    }
+}
+
+/// The prices that explain what was counted. Matching and sending are counted, and fitted, apart.
+fn fit(runs: &[Run<'_>], counted: &[Instructions], lanes: usize) -> Prices {
+    let works: Vec<Workload> = runs.iter().map(|run| Workload::new(&run.params, run.tile_width, lanes)).collect();
+    let mut kernels: Vec<&str> = works.iter().map(|work| work.kernel.as_str()).collect();
+    kernels.sort_unstable();
+    kernels.dedup();
+    let of_sending = |name: &&str| ["packet", "sent"].contains(name);
+    let units = |work: &Workload, sending: bool| -> Vec<f64> {
+        let numbers = WorkUnits::NAMES.iter().zip(work.units.to_vec());
+        numbers.map(|(name, count)| if of_sending(name) == sending { count } else { 0.0 }).collect()
+    };
+    let matching = works.iter().map(|work| {
+        let mut row = units(work, false);
+        let candidates = work.candidates.to_array();
+        row.extend(kernels.iter().flat_map(|kernel| if *kernel == work.kernel { candidates } else { [0.0; 4] }));
+        row
+    });
+    let found = least_squares::prices(&matching.collect::<Vec<_>>(), &measured(counted, |instructions| instructions.matching));
+    let sending: Vec<Vec<f64>> = works.iter().map(|work| units(work, true)).collect();
+    let sending = least_squares::prices(&sending, &measured(counted, |instructions| instructions.sending));
+    let (matching, candidates) = found.split_at(WorkUnits::NAMES.len());
+    let both: Vec<f64> = matching.iter().zip(&sending).map(|(matching, sending)| rounded(matching + sending)).collect();
+    let candidates: BTreeMap<String, CandidateUnits> = kernels
+        .iter()
+        .zip(candidates.as_chunks().0)
+        .map(|(kernel, prices)| ((*kernel).to_owned(), CandidateUnits::from_array(prices.map(rounded))))
+        .collect();
+    Prices { units: WorkUnits::from_slice(&both), candidates }
+}
+
+fn measured(counted: &[Instructions], part: impl Fn(&Instructions) -> u64) -> Vec<f64> {
+    counted.iter().map(|instructions| part(instructions) as f64).collect()
+}
+
+/// To a thousandth of an instruction.
+fn rounded(price: f64) -> f64 {
+    (price * 1000.0).round() / 1000.0
+}

@@ -1,0 +1,122 @@
+//! Runs the firmware where it must fail: each time with words that name the reason and an exit code of its own.
+
+use anyhow::{Context, Result, bail, ensure};
+use multiscopic_core::{Frame, Fusion, View};
+use multiscopic_edge::{frame_file, profile};
+use std::{
+    fs::{self, OpenOptions},
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    emulation::{
+        build::{self, Program},
+        emulated_board::{self, EmulatedBoard},
+        emulator,
+    },
+    firmware_checks::image_set::ImageSet,
+    system::{folders, process},
+    tools::toolchain::Toolchain,
+};
+
+const FAILED: i32 = 1;
+const OVERFLOWED: i32 = 103;
+
+/// Every fault.
+pub fn run(toolchain: &Toolchain) -> Result<()> {
+    too_large(toolchain)?;
+    two_boards(toolchain)?;
+    for board in &emulated_board::ALL {
+        stack_overflow(toolchain, board)?;
+    }
+    no_panic(toolchain)?;
+    bad_input(toolchain, &emulated_board::REFERENCE)
+}
+
+/// An image that needs more RAM than the board has is not linked.
+fn too_large(toolchain: &Toolchain) -> Result<()> {
+    for board in &emulated_board::ALL {
+        let words = process::read_failure(&mut build::command(toolchain, board, &[Program::Example("too_large")]))?;
+        let reason = words.lines().find(|line| line.contains("will not fit in region 'RAM': overflowed by"));
+        let reason = reason.with_context(|| format!("too_large for {} was refused for another reason:\n{words}", board.name))?;
+        let from = reason.find("section").unwrap_or_default();
+        println!("faults: {} refuses an image that is too large: {}", board.name, &reason[from..]);
+    }
+    Ok(())
+}
+
+/// Firmware for two boards at once is not built.
+fn two_boards(toolchain: &Toolchain) -> Result<()> {
+    let features = emulated_board::ALL.iter().filter_map(|board| board.feature).collect::<Vec<_>>();
+    let [first, second, ..] = features[..] else { bail!("there are no two boards with features") };
+    let mut build = build::command(toolchain, &emulated_board::REFERENCE, &[Program::Profile(profile::QQVGA.name)]);
+    let words = process::read_failure(build.arg(format!("--features={first},{second}")))?;
+    let reason = words.lines().find(|line| line.contains(&format!("choose the feature {first} or {second}, not both")));
+    let reason = reason.with_context(|| format!("{first} with {second} was refused for another reason:\n{words}"))?;
+    println!("faults: two boards are refused: {}", reason.trim());
+    Ok(())
+}
+
+/// The matcher alone is linked for every target, which fails if it can panic.
+pub fn no_panic(toolchain: &Toolchain) -> Result<()> {
+    for board in emulated_board::ALL.iter().filter(|board| [emulated_board::REFERENCE.name, "an547"].contains(&board.name)) {
+        process::run(&mut build::command(toolchain, board, &[Program::Example("no_panic")]))
+            .with_context(|| format!("the matcher can panic on a {}", board.core))?;
+        println!("faults: {}: the matcher cannot panic", board.name);
+    }
+    Ok(())
+}
+
+/// A stack that overflows ends in a fault that is named, not in the statics.
+fn stack_overflow(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
+    let images = build::build(toolchain, board, &[Program::Example("stack_overflow")])?;
+    let folder = folder("stack_overflow")?;
+    images.iter().try_for_each(|image| ends(board, image, "", &folder, OVERFLOWED, "stack overflow: the stack has 8192 bytes"))
+}
+
+/// Frames that are missing or have another size, and an unknown word.
+fn bad_input(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
+    let profile = profile::QQVGA;
+    let images = build::build(toolchain, board, &[Program::Profile(profile.name)])?;
+    let image = images.first().context("one program gives one image")?;
+    let frames = ImageSet::demo(&profile.params(Fusion::Min));
+    let fresh = |name: &str| -> Result<(PathBuf, PathBuf)> {
+        let folder = folder(name)?;
+        frames.write(&folder)?;
+        let left = folder.join(frame_file::name(Frame::View(View::Left)).to_str()?);
+        Ok((folder, left))
+    };
+    let (folder, _) = fresh("bad_word")?;
+    ends(board, image, "median", &folder, FAILED, "start it with one word: min, mean or heuristic")?;
+    let (folder, left) = fresh("missing_frame")?;
+    fs::remove_file(left)?;
+    ends(board, image, "min", &folder, FAILED, "cannot open left.gray")?;
+    for (name, bytes) in [("short_frame", 19199), ("long_frame", 19201)] {
+        let (folder, left) = fresh(name)?;
+        OpenOptions::new().write(true).open(left)?.set_len(bytes)?;
+        ends(board, image, "min", &folder, FAILED, &format!("left.gray has {bytes} bytes, a frame of this profile has 19200"))?;
+    }
+    Ok(())
+}
+
+/// Runs `image`, which must end with `code` and say `words` among others.
+fn ends(board: &EmulatedBoard, image: &Path, arg: &str, folder: &Path, code: i32, words: &str) -> Result<()> {
+    let end = emulator::run(board, image, &[arg], folder, None)?;
+    let found = format!("exit code {} and said:\n{}", end.code, end.words);
+    ensure!(
+        end.code == code && end.words.contains(words),
+        "expected exit code {code} and {words:?}, the firmware ended with {found}"
+    );
+    println!("faults: {}: {}", board.name, end.words.lines().last().unwrap_or_default());
+    Ok(())
+}
+
+/// An empty folder to run in.
+fn folder(name: &str) -> Result<PathBuf> {
+    let folder = folders::edge_target().join("runs").join(name);
+    if folder.exists() {
+        fs::remove_dir_all(&folder)?;
+    }
+    fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    Ok(folder)
+}

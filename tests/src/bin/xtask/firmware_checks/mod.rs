@@ -1,0 +1,10 @@
+//! What the firmware must do on the boards.
+
+pub mod calibration;
+pub mod capturing;
+pub mod faults;
+pub mod image_set;
+pub mod kernel_twins;
+pub mod least_squares;
+pub mod profiles;
+pub mod received;

@@ -1,0 +1,319 @@
+//! Runs the firmware in the emulator, compares what it sends with what this machine computes, and measures it.
+
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use multiscopic::target::{FirmwareCostTable, FirmwareCosts, MEASURED, reception::ReceivedFrame, simulation::simulate};
+use multiscopic_core::Fusion;
+use multiscopic_edge::{Profile, frame_file, profile};
+use serde::Serialize;
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    emulation::{
+        build::{self, Program},
+        counter::{Counter, Instructions},
+        emulated_board::{self, EmulatedBoard},
+        emulator,
+        footprint::Footprint,
+    },
+    firmware_checks::{calibration, image_set::ImageSet, received},
+    record::{self, Counts},
+    system::{
+        folders,
+        process::{command, read},
+        workers,
+    },
+    tools::toolchain::Toolchain,
+};
+
+/// How far off the cost model may be for a profile, in percent.
+const MOST_OFF: f64 = 10.0;
+
+/// What is run: everything, or what is named.
+#[derive(Args, Default)]
+pub struct Selection {
+    /// Only this profile
+    #[arg(long, value_parser = profile::ALL.map(|profile| profile.name))]
+    profile: Option<String>,
+    /// Only this rule of fusion
+    #[arg(long, value_parser = Fusion::ALL.map(Fusion::name))]
+    fusion: Option<String>,
+    /// Only this board
+    #[arg(long, value_parser = emulated_board::ALL.map(|board| board.name))]
+    board: Option<String>,
+    /// Fit the cost model of `multiscopic budget` first, and write it and what else was measured to host/src/target/measured.toml
+    #[arg(long, conflicts_with_all = ["profile", "fusion", "board"])]
+    fit: bool,
+    /// Write the instructions per disparity evaluation to the record instead of comparing them with it
+    #[arg(long)]
+    update: bool,
+    /// Write the measurements to this file
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+impl Selection {
+    /// Whether a profile is to run on a board, which must have the RAM for it.
+    fn has(&self, board: &EmulatedBoard, profile: &Profile) -> bool {
+        wanted(&self.board, board.name) && wanted(&self.profile, profile.name) && profile.ram_budget <= board.ram
+    }
+}
+
+/// Whether a choice, if there is one, is this name.
+fn wanted(choice: &Option<String>, name: &str) -> bool {
+    choice.as_deref().is_none_or(|choice| choice == name)
+}
+
+/// What a run measured.
+#[derive(Debug, Serialize)]
+struct Measurement {
+    profile: &'static str,
+    board: &'static str,
+    fusion: &'static str,
+    images: &'static str,
+    ram_static: usize,
+    stack_max: usize,
+    ram_total: usize,
+    ram_budget: usize,
+    text: u64,
+    de: u64,
+    instructions: u64,
+    instructions_per_de: f64,
+    instructions_matching: u64,
+    instructions_sending: u64,
+    instructions_predicted: f64,
+    lines_latency: usize,
+    identical_to_host: bool,
+}
+
+/// An image and how it is run.
+struct Run {
+    board: &'static EmulatedBoard,
+    profile: Profile,
+    fusion: Fusion,
+    image: PathBuf,
+}
+
+/// Builds the firmware, runs it, and reports.
+pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
+    let counter = Counter::build()?;
+    let mut table = if selection.fit { fitted(toolchain, &counter)? } else { MEASURED.clone() };
+    let runs = build(toolchain, selection)?;
+    ensure!(!runs.is_empty(), "no board of the selection can hold a profile of it");
+    let mut measurements = workers::map(&runs, |run| {
+        let measurement = run.measure(&counter).with_context(|| format!("edge: {}", run.name()))?;
+        println!("edge: {}: identical to this machine on {}", run.name(), measurement.images);
+        Ok(measurement)
+    })?;
+    if selection.fit {
+        note_ram(&mut table, &runs, &measurements);
+        fs::write(folders::root().join("host/src/target/measured.toml"), table.to_toml())?;
+    }
+    for (run, measurement) in runs.iter().zip(&mut measurements) {
+        measurement.predict(run, &table)?;
+    }
+    print(&measurements);
+    if let Some(path) = &selection.json {
+        let json = serde_json::to_string_pretty(&measurements)?;
+        fs::write(path, json + "\n").with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    check(&runs, &measurements, &table)?;
+    record::hold(&counts(&measurements), selection.update, "cargo xtask edge --update")
+}
+
+/// The counts of `measurements` under their names in the record. What images show changes them by less than its tolerance.
+fn counts(measurements: &[Measurement]) -> Counts {
+    let name = |m: &Measurement| format!("{}, {}, {}", m.board, m.profile, m.fusion);
+    measurements.iter().map(|m| (name(m), m.instructions_per_de)).collect()
+}
+
+/// A table with the prices of work, and nothing else yet.
+fn fitted(toolchain: &Toolchain, counter: &Counter) -> Result<FirmwareCostTable> {
+    let of = |board| -> Result<FirmwareCosts> {
+        Ok(FirmwareCosts { prices: calibration::prices(toolchain, board, counter)?, ..FirmwareCosts::default() })
+    };
+    let compiler = read(&mut command("rustc", ["--version"]))?;
+    Ok(FirmwareCostTable {
+        date: read(&mut command("date", ["-u", "+%Y-%m-%d"]))?,
+        machine: format!("{}, {compiler}", counter.emulator()),
+        armv7e_m: of(&emulated_board::REFERENCE)?,
+        armv8_1_m: of(&emulated_board::VECTORS)?,
+    })
+}
+
+/// Notes what `measurements` say of RAM.
+fn note_ram(table: &mut FirmwareCostTable, runs: &[Run], measurements: &[Measurement]) {
+    for (run, measurement) in runs.iter().zip(measurements) {
+        let noted = table.of_mut(run.board.processor);
+        noted.statics = noted.statics.max(measurement.ram_static - run.workspace_bytes());
+        noted.stack = noted.stack.max(measurement.stack_max);
+    }
+}
+
+/// Builds the images of `selection`, board by board.
+fn build(toolchain: &Toolchain, selection: &Selection) -> Result<Vec<Run>> {
+    let mut runs = Vec::new();
+    for board in &emulated_board::ALL {
+        let profiles: Vec<_> = profile::ALL.into_iter().filter(|profile| selection.has(board, profile)).collect();
+        if profiles.is_empty() {
+            continue;
+        }
+        let programs: Vec<_> = profiles.iter().map(|profile| Program::Profile(profile.name)).collect();
+        for (profile, image) in profiles.into_iter().zip(build::build(toolchain, board, &programs)?) {
+            let fusions = Fusion::ALL.into_iter().filter(|fusion| wanted(&selection.fusion, fusion.name()));
+            runs.extend(fusions.map(|fusion| Run { board, profile, fusion, image: image.clone() }));
+        }
+    }
+    Ok(runs)
+}
+
+impl Run {
+    fn name(&self) -> String {
+        format!("{} on {}, {}", self.profile.name, self.board.name, self.fusion.name())
+    }
+
+    /// The size of its workspace.
+    fn workspace_bytes(&self) -> usize {
+        self.board.processor.lengths(&self.profile.params(self.fusion), self.profile.tile_width()).bytes()
+    }
+
+    /// Runs the image. What it sends must be what this machine computes.
+    fn measure(&self, counter: &Counter) -> Result<Measurement> {
+        let params = self.profile.params(self.fusion);
+        let folder = folders::edge_target().join("runs").join(self.board.name).join(self.profile.name).join(self.fusion.name());
+        let images = ImageSet::tsukuba(&params).unwrap_or_else(|| ImageSet::demo(&params));
+        images.write(&folder)?;
+        let (bytes, received) = self.received(&folder, counter)?;
+        let simulation = simulate(&self.profile, self.fusion, &images.frames()?, &|| ())?;
+        received::same_lines(&bytes, &simulation.packets)?;
+        received::same(&received.disparities, &images.disparities(&params)?)?;
+        let stack_max = received.stack.context("the firmware did not measure its stack")?;
+        let (footprint, instructions) = (Footprint::of(&self.image)?, Instructions::read(&folder)?);
+        let ram_static = footprint.ram() as usize;
+        Ok(Measurement {
+            profile: self.profile.name,
+            board: self.board.name,
+            fusion: self.fusion.name(),
+            images: images.name,
+            ram_static,
+            stack_max,
+            ram_total: ram_static + stack_max,
+            ram_budget: self.profile.ram_budget,
+            text: footprint.text,
+            de: params.evaluations(),
+            instructions: instructions.pipeline(),
+            instructions_per_de: instructions.pipeline() as f64 / params.evaluations() as f64,
+            instructions_matching: instructions.matching,
+            instructions_sending: instructions.sending,
+            instructions_predicted: 0.0,
+            lines_latency: params.latency_lines(),
+            identical_to_host: true,
+        })
+    }
+
+    /// What the image sends, as bytes and as a frame, as it is run in `folder`.
+    fn received(&self, folder: &Path, counter: &Counter) -> Result<(Vec<u8>, ReceivedFrame)> {
+        let packets = folder.join(frame_file::PACKETS.to_str()?);
+        if packets.exists() {
+            fs::remove_file(&packets)?;
+        }
+        let plugin = counter.plugin(&self.image)?;
+        let end = emulator::run(self.board, &self.image, &[self.fusion.name()], folder, Some(&plugin))?;
+        ensure!(end.code == 0, "the firmware ended with exit code {} and said:\n{}", end.code, end.words);
+        let bytes = fs::read(&packets).with_context(|| format!("the firmware sent no {}", packets.display()))?;
+        let params = self.profile.params(self.fusion);
+        let received = received::whole(&bytes, &packets, &params).with_context(|| packets.display().to_string())?;
+        Ok((bytes, received))
+    }
+}
+
+impl Measurement {
+    /// Notes what the cost model says.
+    fn predict(&mut self, run: &Run, table: &FirmwareCostTable) -> Result<()> {
+        let prices = &table.of(run.board.processor).prices;
+        let (params, lanes) = (run.profile.params(run.fusion), run.board.processor.lanes());
+        let predicted = prices.instructions(&params, run.profile.tile_width(), lanes);
+        self.instructions_predicted =
+            predicted.context("the cost model has no prices for a profile: run cargo xtask edge --fit")?;
+        Ok(())
+    }
+
+    /// How far off the prediction is, in percent of what was measured.
+    fn error(&self) -> f64 {
+        100.0 * (self.instructions_predicted / self.instructions as f64 - 1.0)
+    }
+}
+
+fn print(measurements: &[Measurement]) {
+    println!(
+        "\n{:<10} {:<10} {:<9} {:<8} {:>8} {:>6} {:>8} {:>8} {:>7} {:>13} {:>7} {:>8} {:>7} {:>13} {:>6}",
+        "board",
+        "profile",
+        "fusion",
+        "images",
+        "static",
+        "stack",
+        "RAM",
+        "budget",
+        "text",
+        "instructions",
+        "per DE",
+        "sending",
+        "latency",
+        "predicted",
+        "off"
+    );
+    for m in measurements {
+        println!(
+            "{:<10} {:<10} {:<9} {:<8} {:>8} {:>6} {:>8} {:>8} {:>7} {:>13} {:>7.2} {:>8.2} {:>7} {:>13.0} {:>+5.1}%",
+            m.board,
+            m.profile,
+            m.fusion,
+            m.images,
+            m.ram_static,
+            m.stack_max,
+            m.ram_total,
+            m.ram_budget,
+            m.text,
+            m.instructions,
+            m.instructions_per_de,
+            m.instructions_sending as f64 / m.de as f64,
+            m.lines_latency,
+            m.instructions_predicted,
+            m.error()
+        );
+    }
+    println!("RAM and text in bytes; DE = pixel x disparity x view; sending = for the packets, within per DE; latency in lines");
+}
+
+/// Fails if a run took more RAM than its profile may, or if the budgets that `multiscopic budget` makes are wrong.
+fn check(runs: &[Run], measurements: &[Measurement], table: &FirmwareCostTable) -> Result<()> {
+    let mut wrong = 0;
+    let mut fail = |run: &Run, what: String| {
+        wrong += 1;
+        eprintln!("edge: {}: {what}", run.name());
+    };
+    for (run, m) in runs.iter().zip(measurements) {
+        let measured = table.of(run.board.processor);
+        let statics = run.workspace_bytes() + measured.statics;
+        if m.ram_total > m.ram_budget {
+            fail(run, format!("{} bytes of RAM, at most {} are allowed", m.ram_total, m.ram_budget));
+        }
+        if m.ram_static != statics {
+            fail(run, format!("{} bytes of statics, the formula says {statics}: run cargo xtask edge --fit", m.ram_static));
+        }
+        if m.stack_max > measured.stack || 10 * m.stack_max < 9 * measured.stack {
+            let (found, noted) = (m.stack_max, measured.stack);
+            fail(run, format!("{found} bytes of stack, budgets are made with {noted}: run cargo xtask edge --fit"));
+        }
+        if m.error().abs() > MOST_OFF {
+            let (found, predicted) = (m.instructions, m.instructions_predicted);
+            fail(run, format!("{found} instructions, the cost model says {predicted:.0}: run cargo xtask edge --fit"));
+        }
+    }
+    ensure!(wrong == 0, "{wrong} budgets are not met");
+    Ok(())
+}

@@ -1,0 +1,107 @@
+//! What the firmware sent.
+
+use anyhow::{Result, ensure};
+use multiscopic::{
+    DisparityMap,
+    target::reception::{self, Flaw, Notice, ReceivedFrame},
+};
+use multiscopic_core::{Disparity, Params};
+use std::path::Path;
+
+/// The frame in `bytes`, which are those of `path`. Every pixel must come once, nothing may be lost or damaged, and nothing
+/// else may come.
+pub fn whole(mut bytes: &[u8], path: &Path, params: &Params) -> Result<ReceivedFrame> {
+    let mut flaws: Vec<Flaw> = Vec::new();
+    let received = reception::receive(&mut bytes, path, |notice| match notice {
+        Notice::Flaw(flaw) => flaws.push(flaw),
+        Notice::Line { .. } => {}
+    })?;
+    ensure!(flaws.is_empty(), "{}", flaws.iter().map(Flaw::to_string).collect::<Vec<_>>().join("; "));
+    let size = |map: &DisparityMap| (map.width(), map.height());
+    let (found, expected) = (size(&received.disparities), (params.width(), params.height()));
+    ensure!(found == expected, "a frame of {found:?} pixels, expected {expected:?}");
+    ensure!(received.is_complete(), "{} pixels came of {found:?}", received.pixels);
+    ensure!(bytes.is_empty(), "{} bytes came after the frame's end", bytes.len());
+    Ok(received)
+}
+
+/// Fails at the first pixel that differs from `expected`, which are line by line.
+pub fn same(found: &DisparityMap, expected: &[Option<Disparity>]) -> Result<()> {
+    let show = |pixel: &Option<Disparity>| pixel.map_or("invalid".to_owned(), |disparity| disparity.to_string());
+    for (i, (pixel, expected)) in found.pixels().iter().zip(expected).enumerate() {
+        let (u, v) = (i % found.width(), i / found.width());
+        ensure!(pixel == expected, "pixel ({u}, {v}): the firmware found {}, this machine {}", show(pixel), show(expected));
+    }
+    Ok(())
+}
+
+/// Fails unless the packets of lines are the same bytes. The last packet tells how deep the stack was, and may differ.
+pub fn same_lines(found: &[u8], simulated: &[u8]) -> Result<()> {
+    let packets = |bytes: &[u8]| bytes.split_inclusive(|&byte| byte == 0).map(<[u8]>::to_vec).collect::<Vec<_>>();
+    let (found, simulated) = (packets(found), packets(simulated));
+    ensure!(found.len() == simulated.len(), "{} packets came, {} were simulated", found.len(), simulated.len());
+    let lines = found.len().saturating_sub(1);
+    let differs = (0..lines).find(|&i| found[i] != simulated[i]);
+    ensure!(differs.is_none(), "packet {} is not the simulated one", differs.unwrap_or_default());
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use multiscopic_core::{Fusion, Region, Views};
+    use multiscopic_edge::packet::{Sender, buffer_bytes};
+
+    const PARAMS: Params = match Params::new(3, 2, Views::ALL, Fusion::Min, 1, 4, 3) {
+        Ok(params) => params,
+        Err(_) => panic!("the parameters are out of range"),
+    };
+
+    /// A frame of twos, without the packet that is left out, and noise behind.
+    fn sent(without: Option<usize>, noise: &[u8]) -> Vec<u8> {
+        let mut buffer = vec![0; buffer_bytes(3)];
+        let mut sender = Sender::new(&PARAMS, &mut buffer);
+        let line = [Disparity::from_bits(128); 3];
+        let mut packets: Vec<_> = (0..2).map(|v| sender.line(&Region::whole(&PARAMS), v, &line).unwrap().to_vec()).collect();
+        packets.push(sender.end(Some(77)).unwrap().to_vec());
+        packets.push(noise.to_vec());
+        let packets = packets.into_iter().enumerate().filter(|&(i, _)| Some(i) != without);
+        packets.flat_map(|(_, packet)| packet).collect()
+    }
+
+    fn error(bytes: &[u8], params: &Params) -> String {
+        whole(bytes, Path::new("packets"), params).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_whole_frame() {
+        let received = whole(&sent(None, b""), Path::new("packets"), &PARAMS).unwrap();
+        assert_eq!(received.stack, Some(77));
+        let mut expected = [Disparity::from_bits(128); 6];
+        assert!(same(&received.disparities, &expected).is_ok());
+        expected[4] = None;
+        let difference = same(&received.disparities, &expected).unwrap_err().to_string();
+        assert_eq!(difference, "pixel (1, 1): the firmware found 2, this machine invalid");
+    }
+
+    #[test]
+    fn packets_of_lines_are_compared() {
+        let found = sent(None, b"");
+        let mut other = found.clone();
+        assert!(same_lines(&found, &found).is_ok());
+        *other.iter_mut().rev().nth(3).unwrap() ^= 1;
+        assert!(same_lines(&found, &other).is_ok(), "the end may differ");
+        other[4] ^= 1;
+        assert_eq!(same_lines(&found, &other).unwrap_err().to_string(), "packet 0 is not the simulated one");
+        assert_eq!(same_lines(&found, &sent(Some(1), b"")).unwrap_err().to_string(), "3 packets came, 2 were simulated");
+    }
+
+    #[test]
+    fn anything_less_or_more_is_refused() {
+        assert_eq!(error(&sent(Some(1), b""), &PARAMS), "line 1 (packet 1) is lost");
+        assert!(error(&sent(Some(2), b""), &PARAMS).starts_with("the end of the frame is lost"));
+        assert_eq!(error(&sent(None, b"more"), &PARAMS), "4 bytes came after the frame's end");
+        let other = Params::new(2, 3, Views::ALL, Fusion::Min, 1, 4, 3).unwrap();
+        assert_eq!(error(&sent(None, b""), &other), "a frame of (3, 2) pixels, expected (2, 3)");
+    }
+}

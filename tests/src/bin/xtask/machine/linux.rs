@@ -1,0 +1,205 @@
+//! A kernel with drivers of cameras, from Debian's packages.
+
+use anyhow::{Context, Result, bail, ensure};
+use object::{Object, ObjectSection};
+use std::{
+    collections::HashSet,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    machine::archive::Archive,
+    system::{
+        folders,
+        process::{command, read},
+    },
+    tools::{
+        debian,
+        tool::{self, Tool},
+    },
+};
+
+/// What unpacks the kernel and makes its module for loopback devices.
+pub const TOOLS: [Tool; 3] = [tool::CC, tool::MAKE, tool::XZ];
+
+/// The drivers, with what they are loaded with: vivid makes pictures and faults on demand, v4l2loopback gives what it is fed with.
+const DRIVERS: [(&str, &str); 2] = [
+    ("vivid", "n_devs=3 node_types=0x1,0x1,0x1 num_inputs=1,1,1 input_types=0,0,0 multiplanar=1,1,2"),
+    ("v4l2loopback", "devices=5 video_nr=10,11,12,13,14 exclusive_caps=1,1,1,1,1 max_buffers=8"),
+];
+
+/// The names of its files.
+const IMAGE: &str = "kernel";
+const SYSTEM: &str = "system.cpio";
+
+/// The files that a machine starts with.
+pub struct Linux {
+    /// The kernel itself.
+    pub image: PathBuf,
+    /// The archive with busybox and the drivers, and the script that loads them.
+    pub system: PathBuf,
+    /// Its version.
+    pub version: String,
+}
+
+impl Linux {
+    /// The kernel, made from the current one in Debian's packages if there is none yet.
+    pub fn install() -> Result<Linux> {
+        let folder = folders::target().join("tools/linux");
+        let marker = folder.join("version");
+        if !marker.is_file() {
+            if debian::can_install() {
+                debian::update()?;
+            }
+            let version = Linux::current().context("no package linux-image-amd64 is known; run `apt-get update` as root")?;
+            make(&folder, &version).with_context(|| format!("cannot make {}", folder.display()))?;
+            fs::write(&marker, version)?;
+        }
+        let version = fs::read_to_string(&marker)?;
+        Ok(Linux { image: folder.join(IMAGE), system: folder.join(SYSTEM), version })
+    }
+
+    /// The version of the current kernel in the lists of packages.
+    pub fn current() -> Option<String> {
+        let depends = depends("linux-image-amd64").ok()?;
+        depends.iter().find_map(|package| package.strip_prefix("linux-image-").map(str::to_owned))
+    }
+}
+
+/// The packages that `package` depends on.
+fn depends(package: &str) -> Result<Vec<String>> {
+    let listed = read(&mut command("apt-cache", ["depends", package]))?;
+    Ok(listed.lines().filter_map(|line| line.trim().strip_prefix("Depends: ").map(str::to_owned)).collect())
+}
+
+/// Makes the files of a kernel in `folder`.
+fn make(folder: &Path, version: &str) -> Result<()> {
+    for tool in &TOOLS {
+        tool.install()?;
+    }
+    let (image, headers) = (format!("linux-image-{version}"), format!("linux-headers-{version}"));
+    let parts = depends(&headers)?;
+    let parts = parts.iter().filter(|part| part.starts_with("linux-headers-") || part.starts_with("linux-kbuild-"));
+    let packages = [&*image, &*headers, "v4l2loopback-dkms", "busybox-static"].into_iter().chain(parts.map(String::as_str));
+    let files = folder.join("files");
+    fs::create_dir_all(folder)?;
+    debian::extract(packages, &files)?;
+
+    let loopback = make_loopback(&files, version)?;
+    fs::write(folder.join(IMAGE), decompressed(&files, version)?)?;
+    fs::write(folder.join(SYSTEM), system(&files, version, &loopback)?)?;
+    fs::remove_dir_all(&files)?;
+    Ok(())
+}
+
+/// Compiles the module v4l2loopback with the headers in `files`.
+fn make_loopback(files: &Path, version: &str) -> Result<PathBuf> {
+    let headers = files.join(format!("usr/src/linux-headers-{version}"));
+    // It includes the headers that all variants share where they are when they are installed.
+    let makefile = headers.join("Makefile");
+    let text = fs::read_to_string(&makefile).with_context(|| format!("cannot read {}", makefile.display()))?;
+    fs::write(&makefile, text.replace("include /usr/src/", &format!("include {}/usr/src/", files.display())))?;
+    let sources = fs::read_dir(files.join("usr/src"))?.flatten().map(|entry| entry.path());
+    let is_loopback = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("v4l2loopback-"));
+    let source = sources.into_iter().find(is_loopback).context("the package v4l2loopback-dkms has no source")?;
+    let make = tool::MAKE.install()?;
+    let mut make = make.command(&["--silent", "--directory"])?;
+    read(make.arg(&headers).arg(format!("M={}", source.display())).arg("modules"))?;
+    Ok(source.join("v4l2loopback.ko"))
+}
+
+/// The kernel in a bootable image: the emulator starts it at once, while its decompressor takes the emulator seconds.
+fn decompressed(files: &Path, version: &str) -> Result<Vec<u8>> {
+    let bytes = fs::read(files.join(format!("boot/vmlinuz-{version}")))?;
+    let magic = b"\xFD7zXZ\0";
+    let payload = files.join("payload.xz");
+    for start in (0..bytes.len().saturating_sub(magic.len())).filter(|&start| bytes[start..].starts_with(magic)) {
+        fs::write(&payload, &bytes[start..])?;
+        // It is followed by something else, about which xz complains after it has done its work.
+        let xz = tool::XZ.install()?.command(&["--decompress", "--stdout", "--single-stream"])?.arg(&payload).output()?;
+        if xz.stdout.starts_with(b"\x7FELF") {
+            return Ok(xz.stdout);
+        }
+    }
+    // Compressed by other means.
+    Ok(bytes)
+}
+
+/// The archive of busybox, the drivers and the modules that they need, and the script that loads them.
+fn system(files: &Path, version: &str, loopback: &Path) -> Result<Vec<u8>> {
+    let modules = Modules { folder: files.join("lib/modules").join(version), loopback: loopback.into() };
+    let mut archive = Archive::default();
+    let (mut order, mut loaded) = (String::new(), HashSet::new());
+    for (driver, parameters) in DRIVERS {
+        modules.add(driver, parameters, &mut archive, &mut order, &mut loaded)?;
+    }
+    archive.file(Path::new("modules/order"), order.as_bytes());
+    ["dev", "proc", "sys", "tmp"].into_iter().for_each(|folder| archive.folder(Path::new(folder)));
+    archive.copy(&files.join("bin/busybox"), Path::new("bin/busybox"))?;
+    archive.to_bytes()
+}
+
+/// The kernel's modules.
+struct Modules {
+    folder: PathBuf,
+    loopback: PathBuf,
+}
+
+impl Modules {
+    /// Adds the module `name` after those that it needs, unless it is there already.
+    fn add(
+        &self,
+        name: &str,
+        parameters: &str,
+        archive: &mut Archive,
+        order: &mut String,
+        loaded: &mut HashSet<String>,
+    ) -> Result<()> {
+        if !loaded.insert(name.replace('-', "_")) {
+            return Ok(());
+        }
+        let Some(path) = self.find(name)? else { return Ok(()) };
+        let contents = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        for needed in needed(&contents).with_context(|| path.display().to_string())? {
+            self.add(&needed, "", archive, order, loaded)?;
+        }
+        archive.file(&Path::new("modules").join(format!("{name}.ko")), &contents);
+        *order += &format!("{name}.ko {parameters}\n");
+        Ok(())
+    }
+
+    /// The file of the module `name`; `None` if it is a part of the kernel itself.
+    fn find(&self, name: &str) -> Result<Option<PathBuf>> {
+        if name == "v4l2loopback" {
+            return Ok(Some(self.loopback.clone()));
+        }
+        let is_it = |file: &str| file.replace('-', "_") == format!("{}.ko", name.replace('-', "_"));
+        let mut folders = vec![self.folder.join("kernel")];
+        while let Some(folder) = folders.pop() {
+            for entry in fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))? {
+                let path = entry?.path();
+                match path.file_name().map(|file| file.to_string_lossy()) {
+                    _ if path.is_dir() => folders.push(path),
+                    Some(file) if is_it(&file) => return Ok(Some(path)),
+                    _ => {}
+                }
+            }
+        }
+        let builtin = fs::read_to_string(self.folder.join("modules.builtin"))?;
+        let is_builtin = builtin.lines().filter_map(|line| line.rsplit('/').next()).any(is_it);
+        ensure!(is_builtin, "the kernel has no module {name}");
+        Ok(None)
+    }
+}
+
+/// The modules that a module says it needs.
+fn needed(module: &[u8]) -> Result<Vec<String>> {
+    let file = object::File::parse(module)?;
+    let Some(section) = file.section_by_name(".modinfo") else { bail!("a module that says nothing about itself") };
+    let words = section.data()?.split(|&byte| byte == 0).map(String::from_utf8_lossy);
+    let depends = words.filter_map(|word| word.strip_prefix("depends=").map(str::to_owned));
+    Ok(depends
+        .flat_map(|names| names.split(',').filter(|name| !name.is_empty()).map(str::to_owned).collect::<Vec<_>>())
+        .collect())
+}

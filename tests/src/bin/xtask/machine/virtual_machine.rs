@@ -1,0 +1,90 @@
+//! A virtual machine with cameras.
+
+use anyhow::{Context, Result, ensure};
+use std::{
+    fs::{self, File},
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use crate::{
+    machine::{archive::Archive, linux::Linux},
+    system::{
+        folders,
+        process::{command, exit_code_within, read},
+    },
+    tools::tool,
+};
+
+/// How long a run may take.
+const LIMIT: Duration = Duration::from_secs(600);
+
+/// The machine's memory.
+const MEMORY: &str = "1G";
+
+/// What the machine says before and after what the tests say.
+const UP: &str = "guest: up ";
+const EXIT_CODE: &str = "guest: exit code ";
+
+/// A machine that is put together.
+pub struct Machine {
+    kernel: Linux,
+    files: Archive,
+}
+
+impl Machine {
+    /// A machine with the drivers and a shell, and nothing else yet.
+    pub fn new() -> Result<Machine> {
+        let kernel = Linux::install()?;
+        let mut files = Archive::default();
+        files.copy(&folders::root().join("tests/v4l2/init.sh"), Path::new("init"))?;
+        Ok(Machine { kernel, files })
+    }
+
+    /// Adds a program of this machine, with its libraries. It is found in the same place.
+    pub fn add_program(&mut self, program: &Path) -> Result<()> {
+        self.files.copy(program, program)?;
+        // `libc.so.6 => /lib/x86_64-linux-gnu/libc.so.6 (0x...)`, and the loader without an arrow.
+        let listed = read(command("ldd", [""; 0]).arg(program))?;
+        let paths = listed.split_whitespace().filter(|word| word.starts_with('/'));
+        paths.map(Path::new).try_for_each(|path| self.files.copy(path, path))
+    }
+
+    /// Adds the files in a folder of this machine. They are found in the same place.
+    pub fn add_folder(&mut self, folder: &Path) -> Result<()> {
+        let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+        let paths = entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<PathBuf>>>()?;
+        paths.iter().filter(|path| path.is_file()).try_for_each(|path| self.files.copy(path, path))
+    }
+
+    /// Runs `script` by a shell, and prints what it says. Its exit code must be 0.
+    pub fn run(mut self, script: &str) -> Result<()> {
+        self.files.file(Path::new("tests.sh"), script.as_bytes());
+        let folder = folders::target().join("v4l2");
+        let (archive, words) = (folder.join("machine.cpio"), folder.join("words.txt"));
+        fs::create_dir_all(&folder)?;
+        // Linux unpacks one archive after the other.
+        let mut system = fs::read(&self.kernel.system)?;
+        system.extend(self.files.to_bytes()?);
+        fs::write(&archive, system)?;
+
+        // Emulated everywhere, so that it is the same everywhere.
+        let machine = ["-machine", "pc", "-accel", "tcg,thread=multi", "-cpu", "max", "-smp", "2", "-m", MEMORY];
+        let mut emulator = tool::QEMU_X86.install()?.command(&machine)?;
+        emulator.args(["-nodefaults", "-display", "none", "-no-reboot", "-serial", "stdio"]);
+        emulator.args(["-append", "console=ttyS0 quiet panic=-1 mitigations=off nokaslr"]);
+        emulator.arg("-kernel").arg(&self.kernel.image).arg("-initrd").arg(&archive);
+        let output = File::create(&words).with_context(|| format!("cannot make {}", words.display()))?;
+        emulator.stdout(output.try_clone()?).stderr(output);
+        let ended = exit_code_within(&mut emulator, LIMIT);
+
+        let said = String::from_utf8_lossy(&fs::read(&words)?).replace('\r', "");
+        let ours = said.find(UP).map_or(&*said, |start| &said[start..]);
+        let (ours, code) = ours.rsplit_once(EXIT_CODE).unwrap_or((ours, "none"));
+        let code = code.lines().next().unwrap_or_default();
+        print!("{ours}");
+        ended.with_context(|| format!("the virtual machine with Linux {}", self.kernel.version))?;
+        ensure!(code == "0", "the tests in the virtual machine ended with exit code {}; {} has all of it", code, words.display());
+        Ok(())
+    }
+}

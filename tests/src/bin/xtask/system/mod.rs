@@ -1,0 +1,5 @@
+//! Programs and folders.
+
+pub mod folders;
+pub mod process;
+pub mod workers;

@@ -1,0 +1,143 @@
+//! Programs that the tests run.
+
+use anyhow::{Result, bail};
+use std::{
+    env, fmt,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use crate::{
+    system::{folders, process::command},
+    tools::debian,
+};
+
+/// A program, and the packages that bring it.
+pub struct Tool {
+    program: &'static str,
+    debian: &'static [&'static str],
+    fedora: Option<&'static str>,
+    homebrew: Option<&'static str>,
+}
+
+/// The emulator of the boards.
+pub const QEMU: Tool =
+    Tool { program: "qemu-system-arm", debian: &["qemu-system-arm"], fedora: Some("qemu-system-arm"), homebrew: Some("qemu") };
+
+/// The emulator of a machine with cameras.
+pub const QEMU_X86: Tool = Tool {
+    program: "qemu-system-x86_64",
+    debian: &["qemu-system-x86"],
+    fedora: Some("qemu-system-x86-core"),
+    homebrew: Some("qemu"),
+};
+
+/// A C compiler, for the emulator's plugin and the kernel's module.
+pub const CC: Tool = Tool { program: "cc", debian: &["gcc"], fedora: Some("gcc"), homebrew: Some("gcc") };
+
+/// What runs the compiler, for the kernel's module.
+pub const MAKE: Tool = Tool { program: "make", debian: &["make"], fedora: Some("make"), homebrew: Some("make") };
+
+/// What unpacks the kernel.
+pub const XZ: Tool = Tool { program: "xz", debian: &["xz-utils"], fedora: Some("xz"), homebrew: Some("xz") };
+
+/// The linker for 64-bit Arm with Linux, and its C library.
+pub const AARCH64_CC: Tool = Tool {
+    program: "aarch64-linux-gnu-gcc",
+    debian: &["gcc-aarch64-linux-gnu", "libc6-dev-arm64-cross"],
+    fedora: None,
+    homebrew: None,
+};
+
+/// The emulator of 64-bit Arm's programs.
+pub const QEMU_AARCH64: Tool =
+    Tool { program: "qemu-aarch64", debian: &["qemu-user"], fedora: Some("qemu-user"), homebrew: None };
+
+/// Counts instructions.
+pub const VALGRIND: Tool = Tool { program: "valgrind", debian: &["valgrind"], fedora: Some("valgrind"), homebrew: None };
+
+/// Every program that the firmware's tests need.
+pub const ALL: [Tool; 2] = [QEMU, CC];
+
+impl Tool {
+    /// The program, installed first if it is not there.
+    pub fn install(&self) -> Result<InstalledProgram> {
+        if let Some(program) = self.find() {
+            return Ok(program);
+        }
+        let unpack = |reason: &dyn fmt::Display| {
+            eprintln!("setup: {reason}; {} goes into {} instead", self.debian.join(" "), self.folder().display());
+            debian::unpack(self.debian, &self.folder())
+        };
+        if debian::can_install() {
+            debian::install(self.debian).or_else(|refusal| unpack(&format!("{refusal:#}")))?;
+        } else if debian::is_here()
+            && let Err(refusal) = unpack(&"only root may install")
+        {
+            eprintln!("setup: {refusal:#}");
+        }
+        match self.find() {
+            Some(program) => Ok(program),
+            None => bail!("{} is missing; install it with one of{}", self.program, self.instructions()),
+        }
+    }
+
+    /// What installs it, a command in each line.
+    fn instructions(&self) -> String {
+        let fedora = self.fedora.map(|package| format!("\n  sudo dnf install {package}"));
+        let homebrew = self.homebrew.map(|package| format!("\n  brew install {package}"));
+        format!(
+            "\n  sudo apt-get install {}{}{}",
+            self.debian.join(" "),
+            fedora.unwrap_or_default(),
+            homebrew.unwrap_or_default()
+        )
+    }
+
+    /// The program if it is installed or unpacked.
+    pub fn find(&self) -> Option<InstalledProgram> {
+        let installed = env::var_os("PATH").and_then(|path| {
+            let file = format!("{}{}", self.program, env::consts::EXE_SUFFIX);
+            env::split_paths(&path).map(|folder| folder.join(&file)).find(|path| path.is_file())
+        });
+        let unpacked = || Some(self.folder().join("usr/bin").join(self.program)).filter(|path| path.is_file());
+        match installed {
+            Some(path) => Some(InstalledProgram { path, libraries: Vec::new() }),
+            None => unpacked().map(|path| InstalledProgram { path, libraries: debian::libraries(&self.folder()) }),
+        }
+    }
+
+    /// Where the program is unpacked if it cannot be installed.
+    fn folder(&self) -> PathBuf {
+        folders::target().join("tools").join(self.program)
+    }
+}
+
+/// A program that is there.
+pub struct InstalledProgram {
+    path: PathBuf,
+    /// The folders of its libraries, where they are not the system's.
+    libraries: Vec<PathBuf>,
+}
+
+impl InstalledProgram {
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The program with `args`.
+    pub fn command(&self, args: &[&str]) -> Result<Command> {
+        let mut command = command(&self.path.to_string_lossy(), args);
+        if !self.libraries.is_empty() {
+            command.env("LD_LIBRARY_PATH", env::join_paths(&self.libraries)?);
+        }
+        Ok(command)
+    }
+}
+
+impl fmt::Display for InstalledProgram {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", Path::display(&self.path))
+    }
+}

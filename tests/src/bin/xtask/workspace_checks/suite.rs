@@ -1,0 +1,137 @@
+//! The checks and the tests, step by step.
+
+use anyhow::{Context, Result, anyhow, ensure};
+use std::{process::Command, time::Instant};
+
+use super::{aarch64, instructions, v4l2};
+use crate::{
+    emulation::{emulated_board, setup},
+    firmware_checks::{capturing, faults, kernel_twins, profiles},
+    system::{
+        folders,
+        process::{built_program, command, run},
+    },
+    tools::toolchain::Toolchain,
+};
+
+/// The tests of `check`: the units, and that the matcher and the other methods equal their references.
+const QUICK: [&str; 14] = [
+    "--package",
+    "multiscopic-core",
+    "--package",
+    "multiscopic",
+    "--package",
+    "multiscopic-edge",
+    "--package",
+    "multiscopic-tests",
+    "--lib",
+    "--bin=xtask",
+    "--test=architecture",
+    "--test=matching",
+    "--test=methods",
+    "--quiet",
+];
+
+/// What a developer runs after each change.
+pub fn check() -> Result<()> {
+    step("formatting", formatting)?;
+    step("architecture", architecture)?;
+    step("lints", lints)?;
+    step("unit and bit-exactness tests", || run(cargo(&["test"]).args(QUICK)))?;
+    println!("\nevery check passed; `cargo xtask test` runs every test");
+    Ok(())
+}
+
+/// Prints what breaks the workspace's architecture, and fails if anything does.
+pub fn architecture() -> Result<()> {
+    let violations = multiscopic_tests::architecture::check(folders::root()).map_err(|error| anyhow!("{error}"))?;
+    violations.iter().for_each(|violation| eprintln!("{violation}"));
+    ensure!(violations.is_empty(), "the architecture is broken in {} places", violations.len());
+    println!("architecture: every rule holds");
+    Ok(())
+}
+
+/// What must hold before anything runs.
+pub fn lint() -> Result<()> {
+    let toolchain = step("setup", setup::run)?;
+    step("formatting", formatting)?;
+    step("architecture", architecture)?;
+    step("lints", lints)?;
+    step("lints for Arm", || lints_for_arm(&toolchain))?;
+    step("documentation", || run(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")))
+}
+
+/// Every test.
+pub fn test() -> Result<()> {
+    let toolchain = step("setup", setup::run)?;
+    step("tests in debug", || test_workspace("dev"))?;
+    step("tests in release", || test_workspace("release"))?;
+    step("the kernel of 64-bit Arm", aarch64::run_tests)?;
+    step("instructions", || instructions::Guard::COMPARE.run())?;
+    step("cameras in a virtual machine", v4l2::run_tests)?;
+    step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
+    step("the kernels in the emulator", || kernel_twins::run(&toolchain))?;
+    step("the firmware in the emulator", || profiles::run(&toolchain, &profiles::Selection::default()))?;
+    step("the firmware that captures", || capturing::run(&toolchain))?;
+    step("the firmware's faults", || faults::run(&toolchain))?;
+    println!("\nevery test passed");
+    Ok(())
+}
+
+/// Runs a step, and names it if it fails.
+fn step<T>(name: &str, run: impl FnOnce() -> Result<T>) -> Result<T> {
+    println!("\n== {name}");
+    let start = Instant::now();
+    let done = run().with_context(|| format!("step failed: {name}"))?;
+    println!("== {name}: passed in {:.0} s", start.elapsed().as_secs_f64());
+    Ok(done)
+}
+
+fn formatting() -> Result<()> {
+    run(&mut cargo(&["fmt", "--all", "--check"]))
+}
+
+fn lints() -> Result<()> {
+    run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--", "-Dwarnings"]))
+}
+
+fn test_workspace(profile: &str) -> Result<()> {
+    let program = built_program(profile)?;
+    run(cargo(&["test", "--workspace", "--profile", profile]).env("MULTISCOPIC_BINARY", program))
+}
+
+fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
+    // As firmware of one's own has them.
+    let libraries: [&[&str]; 3] = [
+        &["--package", "multiscopic-core"],
+        &["--package", "multiscopic-edge"],
+        &["--package", "multiscopic-drivers", "--features", "stepper,hm01b0"],
+    ];
+    emulated_board::targets().iter().flat_map(|target| libraries.map(|library| (target, library))).try_for_each(
+        |(target, library)| {
+            let mut build = toolchain.cargo("rustc");
+            build.args(["--release", "--no-default-features", "--lib"]).args(library);
+            run(build.args(["--target", target, "--", "-Dwarnings"]))
+        },
+    )
+}
+
+fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
+    emulated_board::targets().iter().try_for_each(|target| {
+        let mut clippy = toolchain.cargo("clippy");
+        let packages = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", "multiscopic-firmware"];
+        run(clippy.args(packages.map(|package| format!("--package={package}"))).args([
+            "--target",
+            target,
+            "--lib",
+            "--bins",
+            "--examples",
+            "--",
+            "-Dwarnings",
+        ]))
+    })
+}
+
+fn cargo(args: &[&str]) -> Command {
+    command("cargo", args)
+}

@@ -1,0 +1,57 @@
+//! Runs the tests with cameras in a virtual machine that has some.
+
+use anyhow::Result;
+use multiscopic_tests::samples::real_data::{self, Dataset};
+use std::env::consts::ARCH;
+
+use crate::{
+    machine::{
+        linux::{self, Linux},
+        virtual_machine::Machine,
+    },
+    system::{
+        folders,
+        process::{built_program, built_test, command, run},
+    },
+    tools::{debian, tool},
+};
+
+/// The test binary that needs cameras.
+const TEST: &str = "cameras";
+
+/// Runs the tests, in release. Where there can be no virtual machine, they are named as ignored.
+pub fn run_tests() -> Result<()> {
+    if let Some(reason) = missing() {
+        println!("v4l2: no virtual machine: {reason}");
+        return run(&mut command("cargo", ["test", "--release", "--package", "multiscopic-tests", "--test", TEST]));
+    }
+    let mut machine = Machine::new()?;
+    let program = built_program("release")?;
+    machine.add_program(&program)?;
+    machine.add_folder(&folders::root().join("tests/golden"))?;
+    let mut variables = format!("MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{}'", program.display());
+    if let Some(root) = real_data::root() {
+        machine.add_folder(&root.join(Dataset::Tsukuba.name()))?;
+        variables += &format!(" MULTISCOPIC_DATA='{}'", root.display());
+    }
+    let test = built_test(TEST)?;
+    machine.add_program(&test)?;
+    // One test at a time: they share the devices and set how these behave.
+    machine.run(&format!("cd /tmp; {variables} '{}' --test-threads 1 --color never", test.display()))
+}
+
+/// Why there can be no virtual machine here, if so.
+fn missing() -> Option<String> {
+    if ARCH != "x86_64" || !debian::is_here() {
+        return Some("its kernel is Debian's for x86_64, and this is another system".into());
+    }
+    if debian::can_install() {
+        return None;
+    }
+    let refused = [&tool::QEMU_X86].into_iter().chain(&linux::TOOLS).find_map(|tool| tool.install().err());
+    match Linux::current() {
+        _ if refused.is_some() => refused.map(|refusal| format!("{refusal:#}")),
+        None => Some("no list of packages; run `sudo apt-get update` first".into()),
+        Some(_) => None,
+    }
+}

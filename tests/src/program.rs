@@ -1,0 +1,86 @@
+//! The command line as a process.
+
+use std::{
+    env,
+    ffi::OsStr,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+    sync::OnceLock,
+};
+
+/// The `multiscopic` binary: `$MULTISCOPIC_BINARY`, otherwise built once in the profile of this test.
+pub fn binary() -> &'static Path {
+    static BINARY: OnceLock<PathBuf> = OnceLock::new();
+    BINARY.get_or_init(|| {
+        if let Some(path) = env::var_os("MULTISCOPIC_BINARY") {
+            return path.into();
+        }
+        // target/PROFILE/deps/TEST
+        let test = env::current_exe().expect("the path of this test");
+        let profile = test.ancestors().nth(2).and_then(Path::file_name).and_then(OsStr::to_str).expect("the profile's folder");
+        let profile = if profile == "debug" { "dev" } else { profile };
+        let cargo = env::var_os("CARGO").unwrap_or("cargo".into());
+        let built = Command::new(cargo)
+            .args(["build", "--quiet", "--package", "multiscopic", "--bin", "multiscopic", "--message-format", "json"])
+            .args(["--profile", profile])
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .stderr(Stdio::inherit())
+            .output()
+            .expect("cargo runs");
+        assert!(built.status.success(), "cargo builds the command line");
+        let messages = String::from_utf8(built.stdout).expect("cargo's messages are UTF-8");
+        let executable = |message: &str| {
+            let message: serde_json::Value = serde_json::from_str(message).ok()?;
+            let is_binary = message["target"]["name"] == "multiscopic";
+            message["executable"].as_str().filter(|_| is_binary).map(PathBuf::from)
+        };
+        messages.lines().find_map(executable).expect("cargo names the executable")
+    })
+}
+
+/// What a run of the command line did.
+#[derive(Debug)]
+pub struct Invocation {
+    /// Its exit code; `None` if a signal ended it.
+    pub code: Option<i32>,
+    /// What it wrote to standard output.
+    pub stdout: String,
+    /// What it wrote to standard error.
+    pub stderr: String,
+}
+
+impl Invocation {
+    /// Runs the command line to its end.
+    pub fn new<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Invocation {
+        Invocation::with(arguments, [])
+    }
+
+    /// The same in an environment with these variables too.
+    pub fn with<A: AsRef<OsStr>>(
+        arguments: impl IntoIterator<Item = A>,
+        variables: impl IntoIterator<Item = (&'static str, PathBuf)>,
+    ) -> Invocation {
+        let mut command = Command::new(binary());
+        let output = command.args(arguments).envs(variables).stdin(Stdio::null()).output().expect("the command line runs");
+        let text = |bytes| String::from_utf8(bytes).expect("the output is UTF-8");
+        Invocation { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    }
+
+    /// Panics unless it did what it was asked to, and printed nothing to standard output.
+    #[track_caller]
+    pub fn assert_done(&self) {
+        assert_eq!(self.code, Some(0), "{self:#?}");
+        assert_eq!(self.stdout, "", "standard output is for data");
+    }
+
+    /// Panics unless it refused its input or usage with a message that holds all of `words`.
+    #[track_caller]
+    pub fn assert_refused(&self, words: &[&str]) {
+        assert_eq!(self.code, Some(2), "{self:#?}");
+        assert_eq!(self.stdout, "", "nothing on standard output");
+        assert!(!self.stderr.contains("panicked"), "{self:#?}");
+        for word in words {
+            assert!(self.stderr.contains(word), "the message names `{word}`: {self:#?}");
+        }
+    }
+}

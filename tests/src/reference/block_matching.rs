@@ -1,0 +1,247 @@
+//! The float reference: what a match is, said a second time.
+//!
+//! Direct sums in `f64` for every pixel, disparity, view and sample; nothing is kept from one pixel to the next, and nothing is
+//! taken from the core. Every cost is a whole number far below 2^53, so these floats do not round until the sub-pixel division.
+
+/// Where the match of a pixel lies per pixel of disparity, `(du, dv)`: left, right, top, bottom.
+const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
+
+/// How the costs of the available views become one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fusion {
+    /// The least.
+    Min,
+    /// The average of all.
+    Mean,
+    /// The average of the least three, or of the least two if the third is more than three times the second.
+    Heuristic,
+}
+
+/// ViewSet and how to match them.
+#[derive(Clone, Copy, Debug)]
+pub struct Match<'a> {
+    /// Pixels in a line.
+    pub width: usize,
+    /// Lines.
+    pub height: usize,
+    /// The reference image, line by line.
+    pub center: &'a [u8],
+    /// Its neighbours: left, right, top, bottom.
+    pub views: [Option<&'a [u8]>; 4],
+    /// How costs are fused.
+    pub fusion: Fusion,
+    /// The smallest disparity of the search.
+    pub min_disparity: i32,
+    /// How many disparities are searched.
+    pub num_disparities: i32,
+    /// The side of the block, odd.
+    pub block_size: i32,
+}
+
+impl Match<'_> {
+    /// The disparity of every pixel, line by line; `None` where no candidate exists.
+    pub fn disparities(&self) -> Vec<Option<f64>> {
+        let pixels = (0..self.height as i32).flat_map(|v| (0..self.width as i32).map(move |u| (u, v)));
+        pixels.map(|(u, v)| self.disparity(u, v)).collect()
+    }
+
+    /// The disparity of one pixel.
+    pub fn disparity(&self, u: i32, v: i32) -> Option<f64> {
+        let costs: Vec<Option<f64>> = (0..self.num_disparities).map(|i| self.fused_cost(u, v, self.min_disparity + i)).collect();
+
+        let mut best = None;
+        for (i, &cost) in costs.iter().enumerate() {
+            if let Some(cost) = cost
+                && best.is_none_or(|(_, least)| cost < least)
+            {
+                best = Some((i, cost));
+            }
+        }
+        let (i, c) = best?;
+        let d = f64::from(self.min_disparity) + i as f64;
+
+        let before = i.checked_sub(1).and_then(|i| costs[i]);
+        let after = costs.get(i + 1).copied().flatten();
+        let (Some(a), Some(b)) = (before, after) else { return Some(d) };
+        let denominator = 2.0 * a + 2.0 * b - 4.0 * c;
+        Some(if denominator == 0.0 { d } else { d + (a - b) / denominator })
+    }
+
+    /// The fused cost of a candidate, if a view is available there.
+    fn fused_cost(&self, u: i32, v: i32, d: i32) -> Option<f64> {
+        fuse(self.fusion, (0..4).filter_map(|view| self.cost(view, u, v, d)).collect())
+    }
+
+    /// The sum of absolute differences over the block, if the view exists and the match of the block's centre lies inside it.
+    fn cost(&self, view: usize, u: i32, v: i32, d: i32) -> Option<f64> {
+        let image = self.views[view]?;
+        let (du, dv) = (SHIFTS[view].0 * d, SHIFTS[view].1 * d);
+        let inside = (0..self.width as i32).contains(&(u + du)) && (0..self.height as i32).contains(&(v + dv));
+        if !inside {
+            return None;
+        }
+        let mut sum = 0.0;
+        let rho = self.block_size / 2;
+        for y in v - rho..=v + rho {
+            for x in u - rho..=u + rho {
+                sum += (self.sample(self.center, x, y) - self.sample(image, x + du, y + dv)).abs();
+            }
+        }
+        Some(sum)
+    }
+
+    /// A pixel of an image that is extended beyond its borders by replication.
+    fn sample(&self, image: &[u8], x: i32, y: i32) -> f64 {
+        let x = x.clamp(0, self.width as i32 - 1) as usize;
+        let y = y.clamp(0, self.height as i32 - 1) as usize;
+        f64::from(image[y * self.width + x])
+    }
+}
+
+/// The fused cost on the rule's common scale (1, 12 or 6), on which it is a whole number; `None` of no costs.
+pub fn fuse(fusion: Fusion, mut costs: Vec<f64>) -> Option<f64> {
+    costs.sort_by(f64::total_cmp);
+    let (scale, averaged) = match (fusion, costs.len()) {
+        (_, 0) => return None,
+        (Fusion::Min, _) => (1.0, 1),
+        (Fusion::Mean, n) => (12.0, n),
+        (Fusion::Heuristic, n) if n >= 3 && costs[2] > 3.0 * costs[1] => (6.0, 2),
+        (Fusion::Heuristic, n) => (6.0, n.min(3)),
+    };
+    // Multiplied before it is divided, so that the quotient is exact.
+    Some(scale * costs[..averaged].iter().sum::<f64>() / averaged as f64)
+}
+
+/// A disparity in 64ths of a pixel, rounded to the nearest, halves away from zero.
+pub fn fixed(disparity: f64) -> i16 {
+    (disparity * 64.0).round() as i16
+}
+
+/// A pixel as 16-bit images encode it: the disparity times 64 plus 32768, and 0 without one.
+pub fn raw16(pixel: Option<f64>) -> u16 {
+    pixel.map_or(0, |disparity| (i32::from(fixed(disparity)) + 32768) as u16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One line of a stereo pair, centre and right, matched without a block.
+    fn line<'a>(center: &'a [u8], right: &'a [u8], min_disparity: i32, num_disparities: i32) -> Match<'a> {
+        Match {
+            width: center.len(),
+            height: 1,
+            center,
+            views: [None, Some(right), None, None],
+            fusion: Fusion::Min,
+            min_disparity,
+            num_disparities,
+            block_size: 1,
+        }
+    }
+
+    #[test]
+    fn only_existing_candidates_win_and_only_whole_neighbourhoods_refine() {
+        let found = line(&[10, 20, 30, 40], &[20, 30, 40, 90], 0, 3).disparities();
+        // Costs at 0, 1, 2: (10), (10, 0), (10, 0, 10), (50, 0, 10).
+        assert_eq!(found, [Some(0.0), Some(1.0), Some(1.0), Some(1.0 + 40.0 / 120.0)]);
+        assert_eq!(found.into_iter().map(raw16).collect::<Vec<_>>(), [32768, 32832, 32832, 32853]);
+    }
+
+    #[test]
+    fn no_candidate_is_no_disparity() {
+        assert_eq!(line(&[7], &[7], 1, 30).disparities(), [None]);
+        assert_eq!(line(&[7, 8], &[7, 8], -3, 2).disparities(), [None, None]);
+        assert_eq!(line(&[7, 8], &[7, 8], -3, 3).disparities(), [Some(-1.0), None]);
+    }
+
+    #[test]
+    fn the_smallest_of_equals_wins() {
+        assert_eq!(line(&[5, 5, 5], &[5, 5, 5], -1, 3).disparities(), [Some(-1.0), Some(-1.0), Some(0.0)]);
+        // Costs at 0, 1, 2 of the last pixel: 4, 1, 1.
+        assert_eq!(line(&[0, 0, 9], &[10, 10, 5], 0, 3).disparity(2, 0), Some(1.0 + 3.0 / 6.0));
+    }
+
+    #[test]
+    fn every_view_shifts_its_own_way() {
+        let bright = |u: usize, v: usize| {
+            let mut image = [0; 49];
+            image[7 * v + u] = 200;
+            image
+        };
+        for d in -3..=3_i32 {
+            let at = |sign: i32| (3 + sign * d) as usize;
+            let images = [bright(at(1), 3), bright(at(-1), 3), bright(3, at(1)), bright(3, at(-1))];
+            for view in 0..4 {
+                let mut views = [None; 4];
+                views[view] = Some(&images[view][..]);
+                let center = bright(3, 3);
+                let pair = Match {
+                    width: 7,
+                    height: 7,
+                    center: &center,
+                    views,
+                    fusion: Fusion::Min,
+                    min_disparity: -3,
+                    num_disparities: 7,
+                    block_size: 1,
+                };
+                assert_eq!(pair.disparity(3, 3), Some(f64::from(d)), "view {view} at disparity {d}");
+            }
+        }
+    }
+
+    #[test]
+    fn borders_replicate_and_samples_move_before_they_are_clamped() {
+        let pair = Match { block_size: 3, ..line(&[0, 10], &[3, 10], 0, 2) };
+        // Three equal rows of samples at -1, 0, 1 and at 0, 1, 2.
+        assert_eq!(pair.cost(1, 0, 0, 0), Some(3.0 * (3.0 + 3.0 + 0.0)));
+        assert_eq!(pair.cost(1, 0, 0, 1), None);
+        assert_eq!(pair.cost(1, 1, 0, 0), Some(3.0 * (3.0 + 0.0 + 0.0)));
+        assert_eq!(pair.cost(1, 1, 0, 1), Some(3.0 * (3.0 + 7.0 + 0.0)));
+    }
+
+    #[test]
+    fn fusion_on_the_common_scale() {
+        let cases: [(Fusion, &[f64], Option<f64>); 17] = [
+            (Fusion::Min, &[], None),
+            (Fusion::Min, &[5.0], Some(5.0)),
+            (Fusion::Min, &[9.0, 5.0, 7.0, 6.0], Some(5.0)),
+            (Fusion::Mean, &[], None),
+            (Fusion::Mean, &[5.0], Some(60.0)),
+            (Fusion::Mean, &[5.0, 6.0], Some(66.0)),
+            (Fusion::Mean, &[5.0, 6.0, 8.0], Some(76.0)),
+            (Fusion::Mean, &[5.0, 6.0, 8.0, 100.0], Some(357.0)),
+            (Fusion::Heuristic, &[], None),
+            (Fusion::Heuristic, &[5.0], Some(30.0)),
+            (Fusion::Heuristic, &[100.0, 5.0], Some(315.0)),
+            (Fusion::Heuristic, &[18.0, 5.0, 6.0], Some(58.0)),
+            (Fusion::Heuristic, &[19.0, 5.0, 6.0], Some(33.0)),
+            (Fusion::Heuristic, &[7.0, 18.0, 5.0, 6.0], Some(36.0)),
+            (Fusion::Heuristic, &[0.0, 0.0, 0.0, 9.0], Some(0.0)),
+            (Fusion::Heuristic, &[0.0, 0.0, 1.0, 9.0], Some(0.0)),
+            (Fusion::Heuristic, &[0.0, 1.0, 3.0, 9.0], Some(8.0)),
+        ];
+        for (fusion, costs, fused) in cases {
+            assert_eq!(fuse(fusion, costs.to_vec()), fused, "{fusion:?} of {costs:?}");
+        }
+    }
+
+    #[test]
+    fn unavailable_views_are_left_out() {
+        // The left view agrees everywhere but ends; the right view never agrees and ends on the other side.
+        let (center, left, right) = ([1, 2, 3], [0, 1, 2], [100, 100, 100]);
+        let both = Match { views: [Some(&left), Some(&right), None, None], fusion: Fusion::Mean, ..line(&center, &right, 1, 2) };
+        let fused = |u| [1, 2].map(|d| both.fused_cost(u, 0, d));
+        assert_eq!(fused(0), [Some(0.0), Some(12.0)]);
+        assert_eq!(fused(1), [Some(6.0 * 98.0), None]);
+        assert_eq!(fused(2), [Some(12.0 * 97.0), Some(12.0 * 97.0)]);
+    }
+
+    #[test]
+    fn halves_round_away_from_zero() {
+        let halves = [0.5, -0.5, 1.5, -1.5, 2.5, 0.499, -0.501, 64.0 * 511.0, -64.0 * 511.0];
+        assert_eq!(halves.map(|half| fixed(half / 64.0)), [1, -1, 2, -2, 3, 0, -1, 32704, -32704]);
+        assert_eq!([None, Some(-511.5), Some(0.0), Some(511.5)].map(raw16), [0, 32, 32768, 65504]);
+    }
+}

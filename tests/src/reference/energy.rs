@@ -1,0 +1,176 @@
+//! The energy of a labelling, said a second time: pixel by pixel, straight from the formulas.
+
+use image::{Rgb, RgbImage};
+
+/// ViewSet and what labellings of the centre cost. Costs are in intensities.
+#[derive(Clone, Debug)]
+pub struct Energy {
+    /// The reference image. One that is grey has three equal channels.
+    pub center: RgbImage,
+    /// Its neighbours: left, right, top, bottom.
+    pub views: [Option<RgbImage>; 4],
+    /// How the costs of the views become one.
+    pub fusion: super::Fusion,
+    /// The cost of an occlusion.
+    pub occlusion: f64,
+    /// Whether pixels may be occluded, and matches are unique; otherwise the data costs no more than an occlusion.
+    pub unique: bool,
+    /// Whether every step costs the same.
+    pub potts: bool,
+    /// The cost of a step between pixels that look the same, and between those that do not.
+    pub lambda: [f64; 2],
+    /// From which difference on pixels do not look the same.
+    pub theta: u8,
+    /// The step above which no more is paid.
+    pub cutoff: i32,
+}
+
+/// Where the match of a pixel lies per pixel of disparity, `(du, dv)`: left, right, top, bottom.
+const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
+
+type Place = (i32, i32);
+
+impl Energy {
+    /// What a labelling costs, `None` for a pixel that is occluded; `None` if it is not possible.
+    pub fn of(&self, labels: &[Option<i32>]) -> Option<f64> {
+        let (width, height) = (self.center.width() as i32, self.center.height() as i32);
+        let places = || (0..height).flat_map(move |v| (0..width).map(move |u| (u, v)));
+        let label = |(u, v): Place| labels[(v * width + u) as usize];
+        let mut sum = 0.0;
+        let mut taken = Vec::new();
+        for p in places() {
+            let Some(d) = label(p) else {
+                sum += self.occlusion;
+                continue;
+            };
+            let cost = self.data(p, d);
+            if self.unique {
+                sum += cost?;
+                let view = (0..4).find(|view| self.views[*view].is_some())?;
+                let q = self.matched(view, p, d)?;
+                if taken.contains(&q) {
+                    return None;
+                }
+                taken.push(q);
+            } else {
+                sum += cost.map_or(self.occlusion, |cost| cost.min(self.occlusion));
+            }
+        }
+        for (u, v) in places() {
+            for q in [(u + 1, v), (u, v + 1)].into_iter().filter(|(u, v)| *u < width && *v < height) {
+                sum += self.smoothness((u, v), q, label((u, v)), label(q));
+            }
+        }
+        Some(sum)
+    }
+
+    /// The disparity of a pixel with label `d` between those of a range: at the vertex of the parabola through the fused costs of windows of
+    /// 7 x 7 pixels before, at and after it, if all exist; half a pixel towards the least if that is not the one in the middle.
+    pub fn refined(&self, p: Place, d: i32, range: std::ops::RangeInclusive<i32>) -> f64 {
+        if !range.contains(&(d - 1)) || !range.contains(&(d + 1)) {
+            return f64::from(d);
+        }
+        match [d - 1, d, d + 1].map(|d| self.window_cost(p, d)) {
+            [Some(before), Some(at), Some(after)] if at <= before && at <= after && before + after > 2.0 * at => {
+                f64::from(d) + (before - after) / (2.0 * before + 2.0 * after - 4.0 * at)
+            }
+            [Some(before), Some(at), Some(after)] if at > before.min(after) => {
+                f64::from(d)
+                    + if before < after {
+                        -0.5
+                    } else if after < before {
+                        0.5
+                    } else {
+                        0.0
+                    }
+            }
+            _ => f64::from(d),
+        }
+    }
+
+    /// The sum of the dissimilarities of the pixels around `p`, of images that go on beyond their borders, in 1/72 of an intensity.
+    fn window_cost(&self, p: Place, d: i32) -> Option<f64> {
+        let cost = |view: usize| {
+            let (image, _) = (self.views[view].as_ref()?, self.matched(view, p, d)?);
+            let around = (-3..=3).flat_map(|dv| (-3..=3).map(move |du| (p.0 + du, p.1 + dv)));
+            let clamp = |(u, v): Place| (u.clamp(0, image.width() as i32 - 1), v.clamp(0, image.height() as i32 - 1));
+            let matched = |(u, v): Place| (u + SHIFTS[view].0 * d, v + SHIFTS[view].1 * d);
+            let costs = around.map(|q| 6.0 * dissimilarity(&self.center, clamp(q), image, clamp(matched(q))));
+            // They are whole.
+            Some(costs.map(f64::round).sum())
+        };
+        super::fuse(self.fusion, (0..4).filter_map(cost).collect())
+    }
+
+    fn smoothness(&self, p: Place, q: Place, label1: Option<i32>, label2: Option<i32>) -> f64 {
+        if label1 == label2 {
+            return 0.0;
+        }
+        if !self.potts {
+            let (Some(d1), Some(d2)) = (label1, label2) else { return 0.0 };
+            return self.weight(p, q, d1, d2) * f64::from((d1 - d2).abs().min(self.cutoff));
+        }
+        // Of each disparity that one has and the other does not, if both could.
+        let broken = |d: i32| {
+            let sees = |view: usize| self.matched(view, p, d).is_some() && self.matched(view, q, d).is_some();
+            let possible = (0..4).any(|view| self.views[view].is_some() && sees(view));
+            if possible { self.weight(p, q, d, d) } else { 0.0 }
+        };
+        label1.map_or(0.0, broken) + label2.map_or(0.0, broken)
+    }
+
+    fn weight(&self, p: Place, q: Place, d1: i32, d2: i32) -> f64 {
+        let contrast = |image: &RgbImage, a: Place, b: Place| {
+            let (a, b) = (sample(image, a), sample(image, b));
+            (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f64::max)
+        };
+        let mut most = contrast(&self.center, p, q);
+        for view in 0..4 {
+            if let (Some(image), Some(a), Some(b)) = (&self.views[view], self.matched(view, p, d1), self.matched(view, q, d2)) {
+                most = most.max(contrast(image, a, b));
+            }
+        }
+        if most < f64::from(self.theta) { self.lambda[0] } else { self.lambda[1] }
+    }
+
+    fn matched(&self, view: usize, (u, v): Place, d: i32) -> Option<Place> {
+        let (u, v) = (u + SHIFTS[view].0 * d, v + SHIFTS[view].1 * d);
+        let inside = (0..self.center.width() as i32).contains(&u) && (0..self.center.height() as i32).contains(&v);
+        inside.then_some((u, v))
+    }
+
+    /// The fused dissimilarity of pixel `p` and its matches at `d`, in intensities; `None` if no view sees it.
+    pub fn data(&self, p: Place, d: i32) -> Option<f64> {
+        let cost = |view: usize| Some(dissimilarity(&self.center, p, self.views[view].as_ref()?, self.matched(view, p, d)?));
+        let costs: Vec<f64> = (0..4).filter_map(cost).collect();
+        let scale = match self.fusion {
+            super::Fusion::Min => 1.0,
+            super::Fusion::Mean => 12.0,
+            super::Fusion::Heuristic => 6.0,
+        };
+        super::fuse(self.fusion, costs).map(|cost| cost / scale)
+    }
+}
+
+/// Birchfield and Tomasi's dissimilarity of two pixels with half pixels in four directions: the mean over the channels.
+pub fn dissimilarity(a: &RgbImage, p: Place, b: &RgbImage, q: Place) -> f64 {
+    let distance = |value: f64, [least, greatest]: [f64; 2]| (least - value).max(value - greatest).max(0.0);
+    let one = |c: usize| {
+        let (from_a, from_b) = (interval(a, p, c), interval(b, q, c));
+        distance(sample(a, p)[c], from_b).min(distance(sample(b, q)[c], from_a))
+    };
+    (0..3).map(one).sum::<f64>() / 3.0
+}
+
+fn interval(image: &RgbImage, (u, v): Place, c: usize) -> [f64; 2] {
+    let around = [(u, v), (u - 1, v), (u + 1, v), (u, v - 1), (u, v + 1)];
+    let half = around.map(|other| (sample(image, (u, v))[c] + sample(image, other)[c]) / 2.0);
+    [half.into_iter().fold(f64::INFINITY, f64::min), half.into_iter().fold(0.0, f64::max)]
+}
+
+/// A pixel of an image that is extended beyond its borders by replication.
+fn sample(image: &RgbImage, (u, v): Place) -> [f64; 3] {
+    let clamp = |x: i32, size: u32| x.clamp(0, size as i32 - 1) as u32;
+    let Rgb(samples) = image.get_pixel(clamp(u, image.width()), clamp(v, image.height()));
+    samples.map(f64::from)
+}

@@ -1,0 +1,177 @@
+//! Semi-global matching, said a second time: the recursion of the paper, pixel by pixel, in whole numbers that never saturate.
+
+use crate::reference::{Fusion, fixed};
+
+/// How pixels move along a path, and from where: `(du, dv)`.
+pub const PATHS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, 1), (1, 1), (-1, 1), (0, -1), (1, -1), (-1, -1)];
+
+/// Where the match of a pixel lies per pixel of disparity: left, right, top, bottom.
+const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
+
+/// ViewSet and how to match them.
+#[derive(Clone, Debug)]
+pub struct SemiGlobal<'a> {
+    /// Pixels in a line.
+    pub width: i32,
+    /// Lines.
+    pub height: i32,
+    /// The reference image, line by line.
+    pub center: &'a [u8],
+    /// Its neighbours: left, right, top, bottom.
+    pub views: [Option<&'a [u8]>; 4],
+    /// How costs are fused.
+    pub fusion: Fusion,
+    /// The smallest disparity of the search.
+    pub min_disparity: i32,
+    /// How many disparities are searched.
+    pub num_disparities: i32,
+    /// How far the window of the census reaches to the side, and up and down.
+    pub radius: (i32, i32),
+    /// The paths.
+    pub paths: Vec<(i32, i32)>,
+    /// What a change by one disparity costs.
+    pub p1: i64,
+    /// What any other change costs.
+    pub p2: i64,
+    /// The change of brightness above which `p2` is lowered.
+    pub p2_edge: Option<i64>,
+    /// How far a view's disparity may be off.
+    pub left_right: Option<i32>,
+}
+
+impl SemiGlobal<'_> {
+    /// The disparity of every pixel, line by line; `None` where no candidate exists or none is confirmed.
+    pub fn disparities(&self) -> Vec<Option<f64>> {
+        let sums = self.sums();
+        let views = [0, 1, 2, 3].map(|view| self.views[view].map(|_| self.of_view(view, &sums)));
+        let pixels = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v)));
+        pixels
+            .map(|(u, v)| {
+                let d = self.select(&sums[self.at(u, v)])?;
+                // Of the disparity as it is kept, in steps of 1/64 pixel.
+                let nearest = (f64::from(fixed(d)) / 64.0).round() as i32;
+                let Some(tolerance) = self.left_right else { return Some(d) };
+                let confirmed = (0..4).any(|view| {
+                    let (x, y) = (u + SHIFTS[view].0 * nearest, v + SHIFTS[view].1 * nearest);
+                    let other = views[view].as_ref().filter(|_| self.is_inside(x, y)).and_then(|view| view[self.at(x, y)]);
+                    other.is_some_and(|other| (other - nearest).abs() <= tolerance)
+                });
+                confirmed.then_some(d)
+            })
+            .collect()
+    }
+
+    /// The costs of all paths to each pixel at each disparity, in twelfths; `None` where there is no candidate.
+    fn sums(&self) -> Vec<Vec<Option<i64>>> {
+        let pixels: Vec<(i32, i32)> = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect();
+        let costs: Vec<Vec<Option<i64>>> = pixels.iter().map(|&(u, v)| self.costs(u, v)).collect();
+        let mut sums: Vec<Vec<Option<i64>>> =
+            costs.iter().map(|costs| costs.iter().map(|cost| cost.map(|_| 0)).collect()).collect();
+        for &(du, dv) in &self.paths {
+            let mut paths = costs.clone();
+            let mut order = pixels.clone();
+            if (dv, du) < (0, 0) {
+                order.reverse();
+            }
+            for (u, v) in order {
+                let (x, y) = (u - du, v - dv);
+                if !self.is_inside(x, y) {
+                    continue;
+                }
+                let before = paths[self.at(x, y)].clone();
+                let Some(least) = before.iter().flatten().min().copied() else { continue };
+                let change = i64::from(self.center[self.at(u, v)].abs_diff(self.center[self.at(x, y)]));
+                let p2 = match self.p2_edge {
+                    Some(edge) if change > edge => (self.p2 * edge / change).max(self.p1),
+                    _ => self.p2,
+                };
+                for (i, path) in paths[self.at(u, v)].iter_mut().enumerate() {
+                    let Some(cost) = path else { continue };
+                    let steps = before.iter().enumerate().filter_map(|(j, before)| {
+                        let penalty = match i.abs_diff(j) {
+                            0 => 0,
+                            1 => 12 * self.p1,
+                            _ => 12 * p2,
+                        };
+                        before.map(|before| before + penalty)
+                    });
+                    *cost += steps.min().expect("some exist") - least;
+                }
+            }
+            for (sums, paths) in sums.iter_mut().zip(&paths) {
+                for (sum, path) in sums.iter_mut().zip(paths) {
+                    *sum = sum.zip(*path).map(|(sum, path)| sum + path);
+                }
+            }
+        }
+        sums
+    }
+
+    /// The fused costs of a pixel.
+    fn costs(&self, u: i32, v: i32) -> Vec<Option<i64>> {
+        let disparities = self.min_disparity..self.min_disparity + self.num_disparities;
+        disparities
+            .map(|d| {
+                let mut costs: Vec<i64> = (0..4).filter_map(|view| self.cost(view, u, v, d)).collect();
+                costs.sort();
+                Some(match (self.fusion, &costs[..]) {
+                    (_, []) => return None,
+                    (Fusion::Min, costs) => 12 * costs[0],
+                    (Fusion::Mean, costs) => 12 / costs.len() as i64 * costs.iter().sum::<i64>(),
+                    (Fusion::Heuristic, [a]) => 12 * a,
+                    (Fusion::Heuristic, [a, b, c, ..]) if *c <= 3 * b => 4 * (a + b + c),
+                    (Fusion::Heuristic, [a, b, ..]) => 6 * (a + b),
+                })
+            })
+            .collect()
+    }
+
+    /// How many pairs of opposite pixels around a pixel compare in another way than around its match, if that lies inside.
+    fn cost(&self, view: usize, u: i32, v: i32, d: i32) -> Option<i64> {
+        let image = self.views[view]?;
+        let (x, y) = (u + SHIFTS[view].0 * d, v + SHIFTS[view].1 * d);
+        if !self.is_inside(x, y) {
+            return None;
+        }
+        let sample = |image: &[u8], u: i32, v: i32| image[self.at(u.clamp(0, self.width - 1), v.clamp(0, self.height - 1))];
+        let brighter = |image: &[u8], u: i32, v: i32, (du, dv)| sample(image, u + du, v + dv) < sample(image, u - du, v - dv);
+        let (rx, ry) = self.radius;
+        let half = (-ry..=0).flat_map(|dv| (-rx..=rx).map(move |du| (du, dv))).filter(|&(du, dv)| (dv, du) < (0, 0));
+        Some(half.filter(|&offset| brighter(self.center, u, v, offset) != brighter(image, x, y, offset)).count() as i64)
+    }
+
+    /// The disparity of least cost, between its neighbours.
+    fn select(&self, costs: &[Option<i64>]) -> Option<f64> {
+        let all = costs.iter().enumerate().filter_map(|(i, cost)| Some((cost.as_ref()?, i)));
+        let (&c, i) = all.min()?;
+        let d = f64::from(self.min_disparity) + i as f64;
+        let before = i.checked_sub(1).and_then(|i| costs[i]);
+        let (Some(a), Some(b)) = (before, costs.get(i + 1).copied().flatten()) else { return Some(d) };
+        let denominator = 2 * a + 2 * b - 4 * c;
+        Some(if denominator == 0 { d } else { d + (a - b) as f64 / denominator as f64 })
+    }
+
+    /// The disparities of a view by the costs of the centre.
+    fn of_view(&self, view: usize, sums: &[Vec<Option<i64>>]) -> Vec<Option<i32>> {
+        let pixels = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v)));
+        pixels
+            .map(|(x, y)| {
+                let candidates = (0..self.num_disparities).filter_map(|i| {
+                    let d = self.min_disparity + i;
+                    let (u, v) = (x - SHIFTS[view].0 * d, y - SHIFTS[view].1 * d);
+                    let cost = if self.is_inside(u, v) { sums[self.at(u, v)][i as usize] } else { None };
+                    Some((cost?, d))
+                });
+                candidates.min().map(|(_, d)| d)
+            })
+            .collect()
+    }
+
+    fn is_inside(&self, u: i32, v: i32) -> bool {
+        (0..self.width).contains(&u) && (0..self.height).contains(&v)
+    }
+
+    fn at(&self, u: i32, v: i32) -> usize {
+        (v * self.width + u) as usize
+    }
+}

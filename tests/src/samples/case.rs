@@ -1,0 +1,285 @@
+//! Random matches, and how the core does them.
+
+use std::{env, ops::Range, time::SystemTime};
+
+use multiscopic_core::{Disparity, Matcher, Memory, Params, Region, Views, kernel::Blocks};
+use proptest::{
+    prelude::*,
+    test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner},
+};
+
+use crate::{
+    random::Random,
+    reference::{Fusion, raw16},
+    samples::{images::ViewSet, strict_source::StrictSource},
+};
+
+/// What images look like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Appearance {
+    /// Every pixel of every image by itself.
+    Noise,
+    /// The same with so few grey values, from black to white, that many costs are equal.
+    Levels(u8),
+    /// The centre is noise and the views are it, moved by a disparity and with a little noise of their own.
+    Shifted,
+    /// Slow ramps, on which costs change slowly too.
+    Smooth,
+    /// A pattern that repeats itself after so many pixels.
+    Periodic(u8),
+    /// A centre of one extreme and views of the other, all or nearly: the largest sums.
+    Opposite,
+    /// A black centre and stripes so grey that the costs of a block, or a few of them, lie about the greatest 16-bit number.
+    Brink,
+}
+
+/// A match, described by so little that it can be read.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// Pixels in a line.
+    pub width: usize,
+    /// Lines.
+    pub height: usize,
+    /// Whether there is a left, right, top and bottom view.
+    pub views: [bool; 4],
+    /// How costs are fused.
+    pub fusion: Fusion,
+    /// The smallest disparity of the search.
+    pub min_disparity: i32,
+    /// How many disparities are searched.
+    pub num_disparities: i32,
+    /// The side of the block.
+    pub block_size: i32,
+    /// What the images look like.
+    pub texture: Appearance,
+    /// The seed of the images.
+    pub seed: u64,
+}
+
+impl Case {
+    /// The images.
+    pub fn images(&self) -> ViewSet {
+        let mut random = Random(self.seed);
+        let (width, height) = (self.width, self.height);
+        let mut fill = |pixel: &mut dyn FnMut(&mut Random, i32, i32) -> u8| -> Vec<u8> {
+            (0..width * height).map(|i| pixel(&mut random, (i % width) as i32, (i / width) as i32)).collect()
+        };
+        let levels = |count: u8| move |random: &mut Random| (255 * random.below(count.into()) / (usize::from(count) - 1)) as u8;
+        let (center, views): (Vec<u8>, [Vec<u8>; 4]) = match self.texture {
+            Appearance::Noise => (fill(&mut |r, _, _| r.byte()), [(); 4].map(|()| fill(&mut |r, _, _| r.byte()))),
+            Appearance::Levels(count) => {
+                let level = levels(count);
+                (fill(&mut |r, _, _| level(r)), [(); 4].map(|()| fill(&mut |r, _, _| level(r))))
+            }
+            Appearance::Shifted => {
+                let center = fill(&mut |r, _, _| r.byte());
+                let d = self.min_disparity + (self.seed % self.num_disparities as u64) as i32;
+                let views = [(-d, 0), (d, 0), (0, -d), (0, d)].map(|(du, dv)| {
+                    fill(&mut |r, x, y| {
+                        let x = (x + du).clamp(0, width as i32 - 1) as usize;
+                        let y = (y + dv).clamp(0, height as i32 - 1) as usize;
+                        center[y * width + x].saturating_add(r.below(5) as u8)
+                    })
+                });
+                (center, views)
+            }
+            Appearance::Smooth => {
+                let mut ramp = || {
+                    let (mut across, mut down, mut offset) = (0, 0, 0);
+                    fill(&mut |r, x, y| {
+                        if (x, y) == (0, 0) {
+                            (across, down, offset) = (r.below(9) as i32, r.below(9) as i32, r.below(64) as i32);
+                        }
+                        (offset + (across * x + down * y) / 2 + r.below(2) as i32).min(255) as u8
+                    })
+                };
+                (ramp(), [(); 4].map(|()| ramp()))
+            }
+            Appearance::Periodic(period) => {
+                let (period, shear) = (i32::from(period), (self.seed % 4) as i32);
+                let mut pattern = || {
+                    let mut phase = 0;
+                    fill(&mut |r, x, y| {
+                        if (x, y) == (0, 0) {
+                            phase = r.below(2) as i32;
+                        }
+                        ((x + shear * y + phase) % period * (255 / (period - 1))) as u8
+                    })
+                };
+                (pattern(), [(); 4].map(|()| pattern()))
+            }
+            Appearance::Brink => {
+                let costs = [1, 2, 3, 4, 6][(self.seed % 5) as usize];
+                let grey = 65536 / (costs * self.block_size.pow(2));
+                let mut stripes = || {
+                    let stripe: Vec<i32> = fill(&mut |r, _, _| r.below(31) as u8).into_iter().map(i32::from).collect();
+                    fill(&mut |r, x, y| {
+                        let (column, row) = (stripe[x as usize], stripe[y as usize * width]);
+                        (grey + column + row - 30 + r.below(3) as i32).clamp(0, 255) as u8
+                    })
+                };
+                (vec![0; width * height], [(); 4].map(|()| stripes()))
+            }
+            Appearance::Opposite => {
+                let (dark, rare) = (self.seed & 1 == 0, self.seed >> 1 & 7);
+                let white = |center: bool| u8::from(center == dark).wrapping_sub(1);
+                let mut extreme = |center: bool| fill(&mut |r, _, _| white(center != (rare > 0 && r.below(64) < rare as usize)));
+                (extreme(true), [(); 4].map(|()| extreme(false)))
+            }
+        };
+        let mut keep = self.views.into_iter();
+        ViewSet { width, height, center, views: views.map(|view| keep.next().and_then(|keep| keep.then_some(view))) }
+    }
+
+    /// The core's parameters.
+    pub fn params(&self) -> Params {
+        params(self.width, self.height, self.views, self.fusion, self.min_disparity, self.num_disparities, self.block_size)
+    }
+
+    /// What the float reference finds, as 16-bit images encode it.
+    pub fn reference(&self, images: &ViewSet) -> Vec<u16> {
+        let reference = images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size);
+        reference.disparities().into_iter().map(raw16).collect()
+    }
+
+    /// How many samples the float reference sums up.
+    fn samples(&self) -> i64 {
+        let search = self.min_disparity..self.min_disparity + self.num_disparities;
+        let candidates = |moved: usize, along: usize| -> i64 {
+            search.clone().map(|d| (moved as i64 - i64::from(d.abs())).max(0) * along as i64).sum()
+        };
+        let (across, down) = (candidates(self.width, self.height), candidates(self.height, self.width));
+        let all: i64 = self.views.into_iter().zip([across, across, down, down]).filter(|view| view.0).map(|view| view.1).sum();
+        all * i64::from(self.block_size).pow(2)
+    }
+
+    /// How many candidates the core evaluates, those outside the images included.
+    fn evaluations(&self) -> u64 {
+        self.params().evaluations()
+    }
+}
+
+/// The core's parameters in the reference's terms.
+pub fn params(
+    width: usize,
+    height: usize,
+    views: [bool; 4],
+    fusion: Fusion,
+    min_disparity: i32,
+    num_disparities: i32,
+    block_size: i32,
+) -> Params {
+    use multiscopic_core::{Fusion as CoreFusion, View};
+    let fusion = match fusion {
+        Fusion::Min => CoreFusion::Min,
+        Fusion::Mean => CoreFusion::Mean,
+        Fusion::Heuristic => CoreFusion::Heuristic,
+    };
+    let order = [View::Left, View::Right, View::Top, View::Bottom];
+    let views: Views = order.into_iter().zip(views).filter(|view| view.1).map(|view| view.0).collect();
+    let narrow = |value: i32| value.try_into().expect("a parameter's type");
+    Params::new(width as u16, height as u16, views, fusion, min_disparity as i16, num_disparities as u16, narrow(block_size))
+        .expect("valid parameters")
+}
+
+/// What the core finds in a region, as 16-bit images encode it. The source is strict, and the memory is exactly as much as is
+/// needed and holds random words at first.
+pub fn matched<I>(isa: I, params: &Params, region: &Region, images: &ViewSet, random: &mut Random) -> Vec<u16>
+where
+    I: Blocks<u16> + Blocks<u32>,
+{
+    let words = Memory::new::<I>(params, region.width()).words();
+    let mut memory: Vec<u32> = (0..words).map(|_| random.bits() as u32).collect();
+    let mut matcher = Matcher::with_isa(isa, params, region, &mut memory).expect("enough memory");
+    let mut source = StrictSource::new(images, params, region);
+    let mut line: Vec<Option<Disparity>> = (0..region.width()).map(|_| Disparity::from_raw16(random.bits() as u16)).collect();
+    let mut found = Vec::new();
+    for v in region.rows() {
+        assert_eq!(matcher.next_line(&mut source, &mut line), Ok(Some(v)), "the number of the disparity line");
+        source.line_done();
+        found.extend(line.iter().map(|&pixel| Disparity::to_raw16(pixel)));
+    }
+    for _ in 0..2 {
+        assert_eq!(matcher.next_line(&mut source, &mut line), Ok(None), "past the last disparity line");
+    }
+    source.assert_finished();
+    found
+}
+
+/// The rectangle of a frame's pixels that a region covers.
+pub fn cut(pixels: &[u16], width: usize, region: &Region) -> Vec<u16> {
+    let Range { start, end } = region.columns();
+    region.rows().flat_map(|v| &pixels[v * width..][start..end]).copied().collect()
+}
+
+/// Any valid match that takes the float reference at most so many samples and the core at most so many evaluations.
+///
+/// Frames are small, often smaller than the block or the range; ranges are near 0, wide, or far outside the frame.
+pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
+    let sizes = prop_oneof![
+        5 => (1..=12_usize, 1..=12_usize),
+        3 => (1..=64_usize, 1..=8_usize),
+        3 => (1..=8_usize, 1..=64_usize),
+        3 => (9..=40_usize, 9..=40_usize),
+        2 => (32..=64_usize, 16..=48_usize),
+    ];
+    let search = prop_oneof![
+        6 => (-8..=8_i32, 1..=20_i32),
+        3 => (-70..=70_i32, 1..=100_i32),
+        1 => (-511..=511_i32).prop_flat_map(|min| (Just(min), 1..=512 - min)),
+        1 => (0..=12_i32, any::<bool>()).prop_map(|(n, top)| (if top { 511 - n } else { -511 }, n + 1)),
+        1 => Just((-511, 1023)),
+    ];
+    let block_size = prop_oneof![5 => 0..=3_i32, 3 => 4..=10_i32, 1 => 7..=10_i32].prop_map(|radius| 2 * radius + 1);
+    let fusion = prop_oneof![Just(Fusion::Min), Just(Fusion::Mean), Just(Fusion::Heuristic)];
+    let views = (1..16_u8).prop_map(|views| [0, 1, 2, 3].map(|i| views >> i & 1 != 0));
+    let texture = prop_oneof![
+        2 => Just(Appearance::Noise),
+        3 => (2..=4_u8).prop_map(Appearance::Levels),
+        3 => Just(Appearance::Shifted),
+        2 => Just(Appearance::Smooth),
+        1 => (2..=6_u8).prop_map(Appearance::Periodic),
+        2 => Just(Appearance::Opposite),
+        3 => Just(Appearance::Brink),
+    ];
+    let case = (sizes, views, fusion, search, block_size, texture, any::<u64>()).prop_map(
+        |((width, height), views, fusion, (min_disparity, num_disparities), block_size, texture, seed)| Case {
+            width,
+            height,
+            views,
+            fusion,
+            min_disparity,
+            num_disparities,
+            block_size,
+            texture,
+            seed,
+        },
+    );
+    case.prop_filter("takes too long", move |case| case.samples() <= samples && case.evaluations() <= evaluations)
+}
+
+/// Does a test with `count` random values and panics with the simplest one that fails.
+///
+/// The values follow from `$MULTISCOPIC_SEED`, or from the clock; the seed is printed, and part of the failure. `$MULTISCOPIC_EFFORT` times
+/// as many are tried.
+pub fn property<S: Strategy>(count: u32, strategy: S, test: impl Fn(&S::Value)) {
+    let variable =
+        |name| env::var(name).ok().map(|value| value.parse().unwrap_or_else(|_| panic!("{name} is {value}, not a number")));
+    let seed = variable("MULTISCOPIC_SEED");
+    let seed = seed.unwrap_or_else(|| SystemTime::UNIX_EPOCH.elapsed().map_or(0, |time| time.as_nanos() as u64));
+    let effort = variable("MULTISCOPIC_EFFORT").unwrap_or(1) as u32;
+    println!("MULTISCOPIC_SEED={seed}");
+    let mut random = Random(seed);
+    let bytes: Vec<u8> = (0..4).flat_map(|_| random.bits().to_le_bytes()).collect();
+    let config = Config { cases: effort * count, max_local_rejects: u32::MAX, failure_persistence: None, ..Config::default() };
+    let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes));
+    let result = runner.run(&strategy, |value| {
+        test(&value);
+        Ok::<(), TestCaseError>(())
+    });
+    match result {
+        Ok(()) => {}
+        Err(TestError::Fail(reason, value)) => panic!("with MULTISCOPIC_SEED={seed}: {value:?}: {reason}"),
+        Err(TestError::Abort(reason)) => panic!("with MULTISCOPIC_SEED={seed}: {reason}"),
+    }
+}

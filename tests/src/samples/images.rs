@@ -1,0 +1,131 @@
+//! The images of one capture.
+
+use std::{fmt, fs, path::Path};
+
+use crate::reference::{Fusion, Match};
+
+/// A centre image and the neighbours that there are.
+#[derive(Clone, PartialEq, Eq)]
+pub struct ViewSet {
+    /// Pixels in a line.
+    pub width: usize,
+    /// Lines.
+    pub height: usize,
+    /// The reference image, line by line.
+    pub center: Vec<u8>,
+    /// Its neighbours: left, right, top, bottom.
+    pub views: [Option<Vec<u8>>; 4],
+}
+
+impl ViewSet {
+    /// These images in the reference's terms.
+    pub fn reference(&self, fusion: Fusion, min_disparity: i32, num_disparities: i32, block_size: i32) -> Match<'_> {
+        Match {
+            width: self.width,
+            height: self.height,
+            center: &self.center,
+            views: self.views.each_ref().map(Option::as_deref),
+            fusion,
+            min_disparity,
+            num_disparities,
+            block_size,
+        }
+    }
+
+    /// The rectangle of `width` x `height` pixels at `(left, top)`.
+    pub fn crop(&self, left: usize, top: usize, width: usize, height: usize) -> ViewSet {
+        let cut = |image: &Vec<u8>| {
+            let lines = image.chunks_exact(self.width).skip(top).take(height);
+            lines.flat_map(|line| &line[left..left + width]).copied().collect()
+        };
+        ViewSet { width, height, center: cut(&self.center), views: self.views.each_ref().map(|view| view.as_ref().map(cut)) }
+    }
+
+    /// These images without the neighbours that `keep` (left, right, top, bottom) leaves out.
+    pub fn only(&self, keep: [bool; 4]) -> ViewSet {
+        let mut images = self.clone();
+        for (view, keep) in images.views.iter_mut().zip(keep) {
+            if !keep {
+                *view = None;
+            }
+        }
+        images
+    }
+
+    /// Reads the centre image and the neighbours from files of one size.
+    pub fn read(center: &Path, views: [Option<&Path>; 4]) -> ViewSet {
+        let (width, height, center) = read_grey(center);
+        let views = views.map(|path| {
+            path.map(|path| {
+                let (w, h, pixels) = read_grey(path);
+                assert_eq!((w, h), (width, height), "{}: the size of the centre image", path.display());
+                pixels
+            })
+        });
+        ViewSet { width, height, center, views }
+    }
+
+    /// Writes `center.pgm`, `left.pgm` and so on to a folder, and a `rig.toml`.
+    pub fn write_rig(&self, folder: &Path) {
+        let file = |name: &str, pixels: &[u8]| {
+            let header = format!("P5 {} {} 255\n", self.width, self.height);
+            fs::write(folder.join(format!("{name}.pgm")), [header.as_bytes(), pixels].concat()).expect("the folder is there");
+        };
+        file("center", &self.center);
+        let mut toml =
+            "baseline_mm = 20.0\nfocal_px = 500.0\nprincipal_point = [1.0, 2.0]\n[images]\ncenter = \"center.pgm\"\n".to_owned();
+        for (name, view) in ["left", "right", "top", "bottom"].into_iter().zip(&self.views) {
+            if let Some(pixels) = view {
+                file(name, pixels);
+                toml += &format!("{name} = \"{name}.pgm\"\n");
+            }
+        }
+        fs::write(folder.join("rig.toml"), toml).expect("the folder is there");
+    }
+}
+
+impl fmt::Debug for ViewSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{} with {:?}", self.width, self.height, self.views.each_ref().map(Option::is_some))
+    }
+}
+
+/// Reads a PNG, PGM or PPM as 8-bit grey: its width, its height and its pixels.
+pub fn read_grey(path: &Path) -> (usize, usize, Vec<u8>) {
+    let image = image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let pixels = match image {
+        image::DynamicImage::ImageLuma8(grey) => grey.into_raw(),
+        other => {
+            let grey = |p: &image::Rgb<u8>| (77 * u32::from(p[0]) + 150 * u32::from(p[1]) + 29 * u32::from(p[2]) + 128) >> 8;
+            other.to_rgb8().pixels().map(|p| grey(p) as u8).collect()
+        }
+    };
+    (width, height, pixels)
+}
+
+/// Reads a 16-bit grey PNG: its width, its height and its pixels.
+pub fn read_raw16(path: &Path) -> (usize, usize, Vec<u16>) {
+    match image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display())) {
+        image::DynamicImage::ImageLuma16(image) => (image.width() as usize, image.height() as usize, image.into_raw()),
+        other => panic!("{}: {:?} instead of 16-bit grey", path.display(), other.color()),
+    }
+}
+
+/// Reads a little-endian PFM of one channel: its width, its height and its pixels, from the top.
+pub fn read_pfm(path: &Path) -> (usize, usize, Vec<f32>) {
+    let bytes = fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let mut fields = Vec::new();
+    let mut rest = &bytes[..];
+    while fields.len() < 4 {
+        let end = rest.iter().position(u8::is_ascii_whitespace).expect("a PFM's header has four fields");
+        fields.push(std::str::from_utf8(&rest[..end]).expect("a PFM's header is ASCII"));
+        rest = &rest[end + 1..];
+    }
+    assert_eq!(fields[0], "Pf", "{}: one channel", path.display());
+    let [width, height] = [fields[1], fields[2]].map(|field| field.parse::<usize>().expect("a PFM's size"));
+    assert!(fields[3].parse::<f64>().expect("a PFM's scale") < 0.0, "{}: little-endian", path.display());
+    assert_eq!(rest.len(), 4 * width * height, "{}: bytes of {width}x{height} pixels", path.display());
+    let values = rest.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect::<Vec<_>>();
+    (width, height, values.chunks_exact(width).rev().flatten().copied().collect())
+}

@@ -1,0 +1,97 @@
+//! Sources of scanlines that hold the matcher to its contract.
+
+use multiscopic_core::{Frame, Params, Region, ScanlineSource, View};
+
+use crate::samples::images::ViewSet;
+
+/// The frames: the centre and its neighbours in the order of [`ViewSet::views`].
+pub const FRAMES: [Frame; 5] =
+    [Frame::Center, Frame::View(View::Left), Frame::View(View::Right), Frame::View(View::Top), Frame::View(View::Bottom)];
+
+/// ViewSet as a source that panics unless the lines of each frame are asked for once, in ascending order, and never further ahead
+/// than [`Params::lead`] allows.
+#[derive(Debug)]
+pub struct StrictSource<'a> {
+    images: &'a ViewSet,
+    params: Params,
+    region: Region,
+    /// How many disparity lines are out.
+    done: usize,
+    /// The next line of each frame; `None` before the first.
+    next: [Option<usize>; 5],
+}
+
+impl<'a> StrictSource<'a> {
+    /// A source for one pass over `region`.
+    pub fn new(images: &'a ViewSet, params: &Params, region: &Region) -> StrictSource<'a> {
+        StrictSource { images, params: *params, region: *region, done: 0, next: [None; 5] }
+    }
+
+    /// Another disparity line is out.
+    pub fn line_done(&mut self) {
+        self.done += 1;
+    }
+
+    /// How many disparity lines are out.
+    pub fn lines_done(&self) -> usize {
+        self.done
+    }
+
+    /// Panics unless everything that the region needs was read: every line of every frame, if it is the whole frame.
+    pub fn assert_finished(&self) {
+        assert_eq!(self.done, self.region.height(), "disparity lines of the region");
+        for (frame, next) in FRAMES.into_iter().zip(self.next) {
+            let expected = self.image(frame).is_some().then(|| {
+                let at_the_bottom = self.region.rows().end == self.params.height();
+                if at_the_bottom { self.params.height() } else { self.furthest(frame) + 1 }
+            });
+            assert_eq!(next, expected, "lines of {frame:?} that were read");
+        }
+    }
+
+    fn image(&self, frame: Frame) -> Option<&'a [u8]> {
+        match frame {
+            Frame::Center => Some(&self.images.center),
+            Frame::View(view) => self.images.views[view as usize].as_deref(),
+        }
+    }
+
+    /// The first line of `frame` that the region needs.
+    fn first(&self, frame: Frame) -> usize {
+        let shift = match frame {
+            Frame::View(View::Top) => i32::from(self.params.min_disparity()),
+            Frame::View(View::Bottom) => -i32::from(self.params.max_disparity()),
+            _ => 0,
+        };
+        let top = self.region.rows().start as i32;
+        if top == 0 { 0 } else { self.inside(top - self.params.radius() as i32 + shift) }
+    }
+
+    /// The last line of `frame` that the next disparity line, or else the last one, needs.
+    fn furthest(&self, frame: Frame) -> usize {
+        let v = self.region.rows().start + self.done.min(self.region.height() - 1);
+        self.inside(v as i32 + self.params.lead(frame))
+    }
+
+    fn inside(&self, v: i32) -> usize {
+        v.clamp(0, self.params.height() as i32 - 1) as usize
+    }
+}
+
+impl ScanlineSource for StrictSource<'_> {
+    type Error = std::convert::Infallible;
+
+    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
+        let Some(image) = self.image(frame) else { panic!("{frame:?} is not one of the views") };
+        assert!(v < self.params.height(), "line {v} of {frame:?} is outside the frame");
+        assert_eq!(line.len(), self.params.width(), "pixels in line {v} of {frame:?}");
+        let index = FRAMES.iter().position(|&other| other == frame).expect("a frame");
+        let expected = self.next[index].unwrap_or_else(|| self.first(frame));
+        assert_eq!(v, expected, "the line of {frame:?} that comes next");
+        let last_line = self.region.rows().start + self.done + 1 == self.params.height();
+        assert!(last_line || v <= self.furthest(frame), "line {v} of {frame:?} is read with only {} lines out", self.done);
+        self.next[index] = Some(v + 1);
+        line.copy_from_slice(&image[v * line.len()..][..line.len()]);
+        Ok(())
+    }
+}

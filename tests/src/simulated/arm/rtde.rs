@@ -1,0 +1,138 @@
+//! The arm's side of RTDE, version 2, one connection at a time.
+
+use std::{
+    io::{self, ErrorKind, Read, Write},
+    net::TcpStream,
+    time::{Duration, Instant},
+};
+
+use super::{fault::Fault, variables, world::World};
+
+/// Version of the controller: major, minor, bug-fix, build.
+const CONTROLLER: [u32; 4] = [3, 15, 8, 106_339];
+
+/// The most that a controller of this version sends per second.
+const MOST_HZ: f64 = 125.0;
+
+/// Serves a client until it goes.
+pub fn serve(mut stream: TcpStream, world: &World) -> io::Result<()> {
+    stream.set_nodelay(true)?;
+    let mut client = Client { outputs: Vec::new(), inputs: 0, period: Duration::from_secs_f64(1.0 / MOST_HZ), next: None };
+    let mut bytes = Vec::new();
+    loop {
+        if world.now().is_switched_off {
+            return Ok(());
+        }
+        let tick = client.next.unwrap_or_else(|| Instant::now() + client.period);
+        let left = tick.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
+        stream.set_read_timeout(Some(left))?;
+        let mut chunk = [0; 4096];
+        match stream.read(&mut chunk) {
+            Ok(0) => return Ok(()),
+            Ok(length) => bytes.extend_from_slice(&chunk[..length]),
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
+            Err(error) => return Err(error),
+        }
+        let is_silent = world.now().fault == Fault::Silent;
+        while bytes.len() >= 3 {
+            let length = usize::from(u16::from_be_bytes([bytes[0], bytes[1]]));
+            if length < 3 || bytes.len() < length {
+                break;
+            }
+            let package: Vec<u8> = bytes.drain(..length).collect();
+            let answer = client.answer(package[2], &package[3..]);
+            if !is_silent {
+                stream.write_all(&answer)?;
+            }
+        }
+        if client.next.is_some_and(|next| next <= Instant::now()) {
+            client.next = Some(Instant::now().max(tick + client.period));
+            if !is_silent {
+                stream.write_all(&client.data(world))?;
+            }
+        }
+    }
+}
+
+struct Client {
+    /// Names and types of each recipe that the client reads; their numbers begin at 1.
+    outputs: Vec<Vec<(String, &'static str)>>,
+    /// How many recipes it writes.
+    inputs: u8,
+    period: Duration,
+    /// When the next data are due, once it started.
+    next: Option<Instant>,
+}
+
+impl Client {
+    fn answer(&mut self, kind: u8, payload: &[u8]) -> Vec<u8> {
+        match kind {
+            b'V' => package(kind, &[u8::from(payload == [0, 2])]),
+            b'v' => package(kind, &CONTROLLER.map(u32::to_be_bytes).concat()),
+            b'O' => {
+                let (frequency, names) = payload.split_first_chunk().unwrap_or((&[0; 8], &[]));
+                let frequency = f64::from_be_bytes(*frequency);
+                if frequency > 0.0 {
+                    self.period = Duration::from_secs_f64(1.0 / frequency.min(MOST_HZ));
+                }
+                let names = names_in(names);
+                let kinds: Vec<_> = names.iter().map(|name| variables::output_type(name).unwrap_or("NOT_FOUND")).collect();
+                let number = match kinds.contains(&"NOT_FOUND") {
+                    true => 0,
+                    false => {
+                        self.outputs.push(names.into_iter().zip(kinds.iter().copied()).collect());
+                        self.outputs.len() as u8
+                    }
+                };
+                package(kind, &[&[number], kinds.join(",").as_bytes()].concat())
+            }
+            b'I' => {
+                let names = names_in(payload);
+                let kinds: Vec<_> = names.iter().map(|name| variables::input_type(name).unwrap_or("NOT_FOUND")).collect();
+                self.inputs += u8::from(!kinds.contains(&"NOT_FOUND"));
+                let number = if kinds.contains(&"NOT_FOUND") { 0 } else { self.inputs };
+                package(kind, &[&[number], kinds.join(",").as_bytes()].concat())
+            }
+            b'S' => {
+                let can_start = !self.outputs.is_empty();
+                self.next = can_start.then(Instant::now);
+                [text("This arm is simulated"), package(kind, &[u8::from(can_start)])].concat()
+            }
+            b'P' => {
+                self.next = None;
+                package(kind, &[1])
+            }
+            // Data and messages of the client change nothing.
+            _ => Vec::new(),
+        }
+    }
+
+    /// The state, in each recipe.
+    fn data(&self, world: &World) -> Vec<u8> {
+        let state = world.now();
+        let value = |(name, kind): &(String, &str)| state.value(name).unwrap_or_else(|| vec![0; variables::bytes(kind)]);
+        let recipes = self
+            .outputs
+            .iter()
+            .zip(1..)
+            .map(|(recipe, number)| package(b'U', &[vec![number], recipe.iter().flat_map(value).collect()].concat()));
+        recipes.flatten().collect()
+    }
+}
+
+fn names_in(bytes: &[u8]) -> Vec<String> {
+    let names = String::from_utf8_lossy(bytes);
+    names.split(',').filter(|name| !name.is_empty()).map(str::to_owned).collect()
+}
+
+fn package(kind: u8, payload: &[u8]) -> Vec<u8> {
+    let length = u16::try_from(3 + payload.len()).expect("a package fits its length");
+    [&length.to_be_bytes()[..], &[kind], payload].concat()
+}
+
+/// A message for people: text, source, and a level.
+fn text(message: &str) -> Vec<u8> {
+    const INFO: u8 = 3;
+    let string = |text: &str| [&[text.len() as u8], text.as_bytes()].concat();
+    package(b'M', &[string(message), string("simulator"), vec![INFO]].concat())
+}

@@ -1,0 +1,118 @@
+//! The arm itself: where it is, what it does, what is wrong with it.
+
+use std::{
+    net::TcpStream,
+    sync::{Mutex, MutexGuard, PoisonError},
+    time::Instant,
+};
+
+use super::{fault::Fault, order::Heard, script::Command};
+use crate::simulated::{motion::Motion, pose::Pose};
+
+/// `safety_mode`: all is well.
+const NORMAL: i32 = 1;
+/// `safety_mode`: stopped by a force.
+const PROTECTIVE_STOP: i32 = 3;
+/// `robot_mode`: its brakes are released.
+const RUNNING: i32 = 7;
+
+/// What everybody who is connected sees.
+pub struct World(Mutex<State>);
+
+/// Its state at a time.
+pub struct State {
+    pub begin: Instant,
+    pub pose: Pose,
+    pub motion: Option<Motion>,
+    pub robot_mode: i32,
+    pub safety_mode: i32,
+    pub fault: Fault,
+    pub heard: Vec<Heard>,
+    pub connections: Vec<TcpStream>,
+    pub is_switched_off: bool,
+}
+
+impl World {
+    pub fn new(pose: Pose) -> World {
+        World(Mutex::new(State {
+            begin: Instant::now(),
+            pose,
+            motion: None,
+            robot_mode: RUNNING,
+            safety_mode: NORMAL,
+            fault: Fault::None,
+            heard: Vec::new(),
+            connections: Vec::new(),
+            is_switched_off: false,
+        }))
+    }
+
+    /// Its state now.
+    pub fn now(&self) -> MutexGuard<'_, State> {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        state.advance();
+        state
+    }
+}
+
+impl State {
+    fn advance(&mut self) {
+        let Some(motion) = &mut self.motion else { return };
+        motion.advance(if self.fault == Fault::Stuck { 0.0 } else { 1.0 });
+        if matches!(self.fault, Fault::ProtectiveStop { after_m } if motion.gone() >= after_m) {
+            motion.halt();
+            self.safety_mode = PROTECTIVE_STOP;
+        }
+        self.pose = motion.pose();
+        if motion.has_ended() {
+            self.motion = None;
+        }
+    }
+
+    /// Takes a line of script.
+    pub fn obey(&mut self, line: &str) {
+        let may_move = self.robot_mode == RUNNING && [NORMAL, 2].contains(&self.safety_mode) && self.fault != Fault::Ignoring;
+        match Command::parse(line) {
+            None => self.heard.push(Heard::Nonsense(line.into())),
+            Some(Command::Stop(deceleration)) => {
+                self.heard.push(Heard::Stop);
+                if let Some(motion) = self.motion.as_mut().filter(|_| may_move) {
+                    motion.stop(deceleration);
+                }
+            }
+            Some(Command::Move { target, acceleration, speed }) => {
+                self.heard.push(Heard::Move(target));
+                if may_move {
+                    self.motion = Some(Motion::new(self.pose, target, speed, acceleration));
+                }
+            }
+        }
+    }
+
+    /// Releases what stopped it.
+    pub fn release(&mut self) {
+        (self.fault, self.safety_mode, self.robot_mode, self.motion) = (Fault::None, NORMAL, RUNNING, None);
+    }
+
+    /// The value of a variable by its name, in the order of bytes of the wire; `None` for what is not simulated.
+    pub fn value(&self, name: &str) -> Option<Vec<u8>> {
+        let vector = |numbers: [f64; 6]| numbers.map(f64::to_be_bytes).concat();
+        let velocity = self.motion.as_ref().map_or([0.0; 6], Motion::velocity);
+        Some(match name {
+            "timestamp" => self.begin.elapsed().as_secs_f64().to_be_bytes().to_vec(),
+            "actual_TCP_pose" if self.fault == Fault::Nonsense => vector([f64::NAN; 6]),
+            "actual_TCP_pose" | "target_TCP_pose" => vector(self.pose),
+            "actual_TCP_speed" | "target_TCP_speed" => vector(velocity),
+            "robot_mode" => self.robot_mode.to_be_bytes().to_vec(),
+            "safety_mode" => self.safety_mode.to_be_bytes().to_vec(),
+            // Stopped, or playing.
+            "runtime_state" => [0, 0, 0, if self.motion.is_some() { 2 } else { 1 }].to_vec(),
+            // Power is on; a program runs.
+            "robot_status_bits" => [0, 0, 0, if self.motion.is_some() { 3 } else { 1 }].to_vec(),
+            // Normal, or stopped by a force.
+            "safety_status_bits" => [0, 0, 0, if self.safety_mode == PROTECTIVE_STOP { 4 } else { 1 }].to_vec(),
+            "speed_scaling" => (if self.fault == Fault::Stuck { 0.0f64 } else { 1.0 }).to_be_bytes().to_vec(),
+            _ => return None,
+        })
+    }
+}

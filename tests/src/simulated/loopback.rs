@@ -1,0 +1,85 @@
+//! Loopback devices: cameras that show what they are fed with.
+
+use std::{
+    io::{self, Write},
+    path::Path,
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::{self, JoinHandle},
+    time::Duration,
+};
+
+use image::GrayImage;
+use multiscopic::capture::camera::{FrameLayout, PixelFormat};
+use v4l::{Device, Format, FourCC, video::Output};
+
+/// The time between two frames.
+const INTERVAL: Duration = Duration::from_millis(33);
+
+/// Feeds a device, as a camera feeds its driver, until it is dropped.
+pub struct Producer {
+    frame: Arc<Mutex<Vec<u8>>>,
+    is_over: Arc<AtomicBool>,
+    thread: Option<JoinHandle<io::Result<()>>>,
+}
+
+impl Producer {
+    /// Feeds `device` with `frame` again and again, which lies in memory as `layout` says. Once this returns, the device is a camera.
+    ///
+    /// # Errors
+    /// If the device cannot be fed so.
+    pub fn start(device: &Path, layout: FrameLayout, frame: Vec<u8>) -> io::Result<Producer> {
+        let mut output = Device::with_path(device)?;
+        let [width, height] = layout.size;
+        let wanted = Format::new(width, height, FourCC::new(&layout.format.fourcc()));
+        let given = Output::set_format(&output, &wanted)?;
+        let is_same = given.fourcc == wanted.fourcc && [given.width, given.height] == layout.size;
+        // The driver is wrong about the size of some formats.
+        if !is_same || (given.size as usize) < frame.len() {
+            let found = format!("{}x{} {} in {} bytes", given.width, given.height, given.fourcc, given.size);
+            let message = format!("{} takes {found} instead of {layout} in {}", device.display(), frame.len());
+            return Err(io::Error::new(io::ErrorKind::Unsupported, message));
+        }
+        output.write_all(&frame)?;
+        let frame = Arc::new(Mutex::new(frame));
+        let is_over = Arc::new(AtomicBool::new(false));
+        let (next, must_end) = (frame.clone(), is_over.clone());
+        let thread = thread::spawn(move || {
+            while !must_end.load(Ordering::Relaxed) {
+                // Whole frames in one call each: the device's memory-mapped output shows halves of two.
+                let bytes = next.lock().unwrap_or_else(PoisonError::into_inner).clone();
+                output.write_all(&bytes)?;
+                thread::sleep(INTERVAL);
+            }
+            Ok(())
+        });
+        Ok(Producer { frame, is_over, thread: Some(thread) })
+    }
+
+    /// Feeds `device` with a grey image.
+    ///
+    /// # Errors
+    /// If the device cannot be fed so.
+    pub fn gray(device: &Path, image: &GrayImage) -> io::Result<Producer> {
+        let layout = FrameLayout { format: PixelFormat::Grey, size: image.dimensions().into(), stride: 0 };
+        Producer::start(device, layout, image.as_raw().clone())
+    }
+
+    /// Feeds it with `frame` from now on, as what a camera sees changes when it is moved.
+    pub fn show(&self, frame: Vec<u8>) {
+        *self.frame.lock().unwrap_or_else(PoisonError::into_inner) = frame;
+    }
+}
+
+impl Drop for Producer {
+    fn drop(&mut self) {
+        self.is_over.store(true, Ordering::Relaxed);
+        let ended = self.thread.take().map(JoinHandle::join);
+        // In a test that fails already, there is nothing to add.
+        if !thread::panicking() {
+            assert!(matches!(ended, None | Some(Ok(Ok(())))), "the producer fed its device to the end: {ended:?}");
+        }
+    }
+}

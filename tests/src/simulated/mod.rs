@@ -1,0 +1,11 @@
+//! Simulated hardware, with faults on demand. It shares no code with the drivers that talk to it.
+
+pub mod arm;
+#[cfg(target_os = "linux")]
+pub mod loopback;
+#[cfg(unix)]
+pub mod machine;
+mod motion;
+pub mod pose;
+#[cfg(target_os = "linux")]
+pub mod vivid;

@@ -1,0 +1,490 @@
+//! The driver of the arm against the simulated one, with faults.
+
+use std::{
+    f64::consts::PI,
+    io::{self, Read, Write},
+    net::TcpListener,
+    sync::Arc,
+    thread,
+    time::{Duration, Instant},
+};
+
+use multiscopic::capture::stage::{self, AnyStage, Limits, SafetyMode, StageError, StageSpec};
+use multiscopic_core::{
+    Views,
+    capture::{Camera, CaptureError, Plan, Policy, Position, Progress, Sequence, Stage},
+};
+use multiscopic_tests::{
+    random::Random,
+    simulated::{
+        arm::{Fault, Heard, SimulatedArm},
+        pose::{Pose, angle, distance},
+    },
+};
+
+/// A tool that looks down.
+const DOWN: Pose = [0.4, -0.2, 0.5, PI, 0.0, 0.0];
+/// A tool that looks somewhere.
+const ASKEW: Pose = [-0.3, 0.25, 0.6, 0.3, -1.2, 0.7];
+
+/// The longest that a test waits for a motion.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Fast, and as impatient as a busy machine allows.
+fn limits() -> Limits {
+    Limits {
+        speed_mm_s: 250.0,
+        acceleration_mm_s2: 1200.0,
+        connect_timeout: Duration::from_secs(2),
+        silence_timeout: Duration::from_millis(1500),
+        stall_timeout: Duration::from_secs(1),
+        ..Limits::default()
+    }
+}
+
+fn open(arm: &SimulatedArm) -> Result<AnyStage, StageError> {
+    open_named(&arm.spec())
+}
+
+fn open_named(spec: &str) -> Result<AnyStage, StageError> {
+    stage::open(&spec.parse::<StageSpec>()?, &limits())
+}
+
+fn at(x_um: i32, y_um: i32) -> Position {
+    Position { x_um, y_um }
+}
+
+/// Waits until the stage has arrived, or fails.
+fn arrive(stage: &mut AnyStage) -> Result<(), StageError> {
+    let start = Instant::now();
+    while !stage.has_arrived()? {
+        assert!(start.elapsed() < PATIENCE, "the stage neither arrives nor fails");
+        thread::sleep(Duration::from_millis(4));
+    }
+    Ok(())
+}
+
+fn go(stage: &mut AnyStage, position: Position) -> Result<(), StageError> {
+    stage.move_to(position)?;
+    arrive(stage)
+}
+
+/// Starts a move and waits until the arm is on its way.
+fn set_out(stage: &mut AnyStage, arm: &SimulatedArm, position: Position) {
+    let start = arm.pose();
+    stage.move_to(position).unwrap();
+    let begin = Instant::now();
+    while distance(arm.pose(), start) < 1e-3 {
+        assert!(begin.elapsed() < PATIENCE, "the arm does not move");
+        thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// The pose of a tool moved in its own plane, by a rotation matrix.
+fn moved(start: Pose, position: Position) -> Pose {
+    let [rx, ry, rz] = [start[3], start[4], start[5]];
+    let angle = (rx * rx + ry * ry + rz * rz).sqrt();
+    let [x, y, z] = [rx / angle, ry / angle, rz / angle];
+    let (s, c) = angle.sin_cos();
+    let t = 1.0 - c;
+    // Its first two columns: the tool's axes in the arm's base.
+    let right = [t * x * x + c, t * x * y + s * z, t * x * z - s * y];
+    let down = [t * x * y - s * z, t * y * y + c, t * y * z + s * x];
+    let mut pose = start;
+    for i in 0..3 {
+        pose[i] += right[i] * f64::from(position.x_um) * 1e-6 + down[i] * f64::from(position.y_um) * 1e-6;
+    }
+    pose
+}
+
+#[track_caller]
+fn assert_at(found: Pose, expected: Pose) {
+    let off = (distance(found, expected), angle(found, expected));
+    // The script has nanometres and nanoradians.
+    assert!(off.0 < 1e-8 && off.1 < 1e-8, "{found:?} is {off:?} from {expected:?}");
+}
+
+/// Calls `fails`, which must take no longer than the longest time-out and some more.
+fn soon<T>(fails: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let result = fails();
+    assert!(start.elapsed() < Duration::from_secs(10), "it took {:?}", start.elapsed());
+    result
+}
+
+/// Waits until the arm was told to stop, and stands: for as long as it takes to hear and to slow down.
+fn stops(arm: &SimulatedArm) {
+    let (start, mut heard) = (Instant::now(), arm.heard());
+    while arm.is_moving() || heard.last() != Some(&Heard::Stop) {
+        assert!(start.elapsed() < Duration::from_secs(2), "the arm moves on after {heard:?}");
+        thread::sleep(Duration::from_millis(4));
+        heard.extend(arm.heard());
+    }
+}
+
+/// Stops the stage after an error and mends the arm, which must have been told; then the same stage works, and its centre is where it was.
+fn recovers(stage: &mut AnyStage, arm: &SimulatedArm, start: Pose) {
+    let _ = soon(|| stage.stop());
+    stops(arm);
+    arm.release();
+    soon(|| go(stage, at(0, 3000))).unwrap();
+    assert_at(arm.pose(), moved(start, at(0, 3000)));
+}
+
+#[test]
+fn a_tool_that_looks_down() {
+    let arm = SimulatedArm::start(DOWN);
+    let mut stage = open(&arm).unwrap();
+    assert_eq!(stage.position().unwrap(), Some(Position::CENTER));
+    // The base's x is the tool's, its y is against the tool's.
+    for (position, x, y) in [
+        (at(20_000, 0), 0.42, -0.2),
+        (at(-20_000, 0), 0.38, -0.2),
+        (at(0, -20_000), 0.4, -0.18),
+        (at(0, 20_000), 0.4, -0.22),
+        (at(0, 0), 0.4, -0.2),
+    ] {
+        go(&mut stage, position).unwrap();
+        assert_at(arm.pose(), [x, y, 0.5, PI, 0.0, 0.0]);
+        assert_eq!(stage.position().unwrap(), Some(position));
+    }
+}
+
+#[test]
+fn a_tool_that_looks_somewhere() {
+    let arm = SimulatedArm::start(ASKEW);
+    let mut stage = open(&arm).unwrap();
+    // An order that is given again changes nothing.
+    for position in [at(15_000, 0), at(-7_000, 12_345), at(-7_000, 12_345), at(0, -1)] {
+        go(&mut stage, position).unwrap();
+        assert_at(arm.pose(), moved(ASKEW, position));
+        assert_eq!(stage.position().unwrap(), Some(position));
+    }
+    assert_eq!(arm.heard().len(), 4);
+}
+
+#[test]
+fn an_order_replaces_the_one_before() {
+    let arm = SimulatedArm::start(ASKEW);
+    let mut stage = open(&arm).unwrap();
+    set_out(&mut stage, &arm, at(90_000, 0));
+    assert!(!stage.has_arrived().unwrap());
+    go(&mut stage, at(0, 2000)).unwrap();
+    assert_at(arm.pose(), moved(ASKEW, at(0, 2000)));
+}
+
+#[test]
+fn nothing_moves_beyond_the_reach() {
+    let arm = SimulatedArm::start(DOWN);
+    let mut stage = open(&arm).unwrap();
+    for position in [at(100_001, 0), at(0, -100_001), at(80_000, 80_000), at(i32::MIN, i32::MIN)] {
+        let refusal = stage.move_to(position).unwrap_err();
+        assert!(matches!(refusal, StageError::OutOfReach { position: p, reach_um: 100_000 } if p == position), "{refusal}");
+    }
+    assert_eq!(arm.heard(), []);
+}
+
+#[test]
+fn a_stop_stops() {
+    let arm = SimulatedArm::start(DOWN);
+    let mut stage = open(&arm).unwrap();
+    set_out(&mut stage, &arm, at(90_000, 0));
+    stage.stop().unwrap();
+    assert!(!arm.is_moving());
+    let Some(Position { x_um, y_um: 0 }) = stage.position().unwrap() else { panic!("it is on its way") };
+    assert!((1_000..80_000).contains(&x_um), "{x_um} um");
+    assert!(!stage.has_arrived().unwrap(), "it is not where it was sent");
+    // Once more, at rest.
+    stage.stop().unwrap();
+    recovers(&mut stage, &arm, DOWN);
+}
+
+#[test]
+fn a_stage_that_is_dropped_stops() {
+    let arm = SimulatedArm::start(DOWN);
+    let mut stage = open(&arm).unwrap();
+    set_out(&mut stage, &arm, at(90_000, 0));
+    drop(stage);
+    assert!(!arm.is_moving());
+    assert_eq!(arm.heard().last(), Some(&Heard::Stop));
+    // At rest it says nothing.
+    let mut stage = open(&arm).unwrap();
+    go(&mut stage, at(1000, 0)).unwrap();
+    drop(stage);
+    assert!(matches!(arm.heard()[..], [Heard::Move(_)]));
+}
+
+#[test]
+fn protective_stop() {
+    let arm = SimulatedArm::start(ASKEW);
+    let mut stage = open(&arm).unwrap();
+    arm.fail(Fault::ProtectiveStop { after_m: 0.01 });
+    let error = soon(|| go(&mut stage, at(40_000, 0))).unwrap_err();
+    assert!(matches!(error, StageError::SafetyStop(SafetyMode::ProtectiveStop)), "{error}");
+    assert_eq!(error.to_string(), "the arm has stopped: protective stop; release it at the teach pendant");
+    // No order is given to an arm that stopped.
+    arm.heard();
+    assert!(matches!(stage.move_to(at(0, 0)), Err(StageError::SafetyStop(_))));
+    assert_eq!(arm.heard(), []);
+    recovers(&mut stage, &arm, ASKEW);
+}
+
+#[test]
+fn an_arm_that_never_arrives() {
+    let arm = SimulatedArm::start(DOWN);
+    let mut stage = open(&arm).unwrap();
+    go(&mut stage, at(500, 0)).unwrap();
+    arm.fail(Fault::Stuck);
+    let error = soon(|| go(&mut stage, at(20_000, 0))).unwrap_err();
+    assert!(matches!(error, StageError::Stalled { distance_um: 19_490..19_510, .. }), "{error}");
+    recovers(&mut stage, &arm, DOWN);
+}
+
+#[test]
+fn an_arm_that_ignores_orders() {
+    let arm = SimulatedArm::start(DOWN);
+    let mut stage = open(&arm).unwrap();
+    arm.fail(Fault::Ignoring);
+    let error = soon(|| go(&mut stage, at(20_000, 0))).unwrap_err();
+    assert!(matches!(error, StageError::Ignored { .. }), "{error}");
+    recovers(&mut stage, &arm, DOWN);
+}
+
+#[test]
+fn an_arm_in_local_control() {
+    let arm = SimulatedArm::start(DOWN);
+    arm.fail(Fault::LocalControl);
+    let error = soon(|| {
+        let mut stage = open(&arm)?;
+        thread::sleep(Duration::from_millis(50));
+        go(&mut stage, at(20_000, 0))
+    });
+    let error = error.unwrap_err();
+    assert!(matches!(error, StageError::Disconnected { .. }) && error.to_string().contains("remote control"), "{error}");
+    arm.release();
+    go(&mut open(&arm).unwrap(), at(1000, 0)).unwrap();
+}
+
+#[test]
+fn silence() {
+    let arm = SimulatedArm::start(ASKEW);
+    let mut stage = open(&arm).unwrap();
+    set_out(&mut stage, &arm, at(90_000, 0));
+    arm.fail(Fault::Silent);
+    let error = soon(|| arrive(&mut stage)).unwrap_err();
+    assert!(matches!(error, StageError::Silent { .. }), "{error}");
+    // The stop cannot be seen, but is heard.
+    assert!(matches!(soon(|| stage.stop()), Err(StageError::Silent { .. })));
+    recovers(&mut stage, &arm, ASKEW);
+
+    arm.fail(Fault::Silent);
+    let error = soon(|| open(&arm)).map(drop).unwrap_err();
+    assert!(matches!(&error, StageError::Silent { from, .. } if from.contains("127.0.0.1")), "{error}");
+    arm.release();
+    open(&arm).unwrap();
+}
+
+#[test]
+fn a_dropped_connection() {
+    let arm = SimulatedArm::start(ASKEW);
+    let mut stage = open(&arm).unwrap();
+    set_out(&mut stage, &arm, at(90_000, 0));
+    arm.disconnect();
+    let error = soon(|| arrive(&mut stage)).unwrap_err();
+    assert!(matches!(error, StageError::Disconnected { .. }), "{error}");
+    assert!(arm.is_moving(), "it goes on by itself");
+    recovers(&mut stage, &arm, ASKEW);
+}
+
+#[test]
+fn nonsense() {
+    let arm = SimulatedArm::start(DOWN);
+    let mut stage = open(&arm).unwrap();
+    set_out(&mut stage, &arm, at(90_000, 0));
+    arm.fail(Fault::Nonsense);
+    let error = soon(|| arrive(&mut stage)).unwrap_err();
+    assert!(matches!(&error, StageError::Protocol { found, .. } if found.contains("NaN")), "{error}");
+    recovers(&mut stage, &arm, DOWN);
+}
+
+#[test]
+fn something_else_than_an_arm() {
+    let arm = SimulatedArm::start(DOWN);
+    arm.fail(Fault::OtherProtocol);
+    let error = soon(|| open(&arm)).map(drop).unwrap_err();
+    assert!(matches!(&error, StageError::Protocol { found, .. } if found.contains("SSH-2.0")), "{error}");
+    arm.release();
+    open(&arm).unwrap();
+}
+
+#[test]
+fn nobody_there() {
+    let arm = SimulatedArm::start(DOWN);
+    let (spec, ports) = (arm.spec(), arm.ports());
+    drop(arm);
+    // Nothing listens, no such name, no such host.
+    for spec in [spec.as_str(), "ur10:no-such-arm.invalid", "ur10:192.0.2.1"] {
+        let error = soon(|| open_named(spec)).map(drop).unwrap_err();
+        assert!(matches!(error, StageError::Connect { .. }), "{error}");
+    }
+    let arm = SimulatedArm::listen([127, 0, 0, 1].into(), ports, DOWN).unwrap();
+    assert_eq!(arm.spec(), spec);
+    open_named(&spec).unwrap();
+}
+
+#[test]
+fn an_arm_that_is_not_ready() {
+    let arm = SimulatedArm::start(DOWN);
+    for (robot, safety, words) in [
+        (5, 1, "the arm is idle with its brakes on"),
+        (3, 1, "the arm is switched off"),
+        (-1, 1, "the arm is without a controller"),
+        (99, 1, "the arm is in mode 99"),
+        (7, 5, "safeguard stop"),
+        (7, 7, "emergency stop of the arm"),
+        (7, 11, "safety mode 11"),
+    ] {
+        arm.set_modes(robot, safety);
+        let error = open(&arm).map(drop).unwrap_err();
+        assert!(matches!(error, StageError::NotReady { .. } | StageError::SafetyStop(_)), "{error}");
+        assert!(error.to_string().contains(words), "{error}");
+    }
+    // Reduced speed is no reason to stay.
+    arm.set_modes(7, 2);
+    go(&mut open(&arm).unwrap(), at(1000, 0)).unwrap();
+}
+
+/// Answers whoever connects as an arm does, then sends `noise`.
+fn noisy(noise: Vec<u8>) -> StageSpec {
+    let port = TcpListener::bind("127.0.0.1:0").unwrap();
+    let spec = format!("ur10:127.0.0.1:{0},{0}", port.local_addr().unwrap().port());
+    thread::spawn(move || -> io::Result<()> {
+        let (mut stream, _) = port.accept()?;
+        // One package asks for a version, one for a recipe, one to start.
+        for answer in
+            [b"\0\x04V\x01".to_vec(), b"\0\x2fO\x01DOUBLE,VECTOR6D,VECTOR6D,INT32,INT32,UINT32".to_vec(), b"\0\x04S\x01".to_vec()]
+        {
+            let mut question = [0; 256];
+            let _ = stream.read(&mut question)?;
+            stream.write_all(&answer)?;
+        }
+        stream.write_all(&noise)
+    });
+    spec.parse().unwrap()
+}
+
+#[test]
+fn noise() {
+    let mut random = Random(5);
+    for i in 0..200 {
+        let mut noise: Vec<u8> = (0..random.below(600)).map(|_| random.byte()).collect();
+        // Half of it in packages of the right kind, some of them of the right length.
+        if i % 2 == 0 {
+            let length = if i % 4 == 0 { 4 + 116 } else { 3 + random.below(200) };
+            noise.resize(length.max(4), 0xff);
+            noise[..4].copy_from_slice(&[0, length as u8, b'U', 1]);
+        }
+        let error = soon(|| stage::open(&noisy(noise), &limits())).map(drop).unwrap_err();
+        assert!(matches!(error, StageError::Protocol { .. } | StageError::Disconnected { .. }), "{error}");
+    }
+}
+
+/// A camera that notes where the arm is while it takes a frame.
+struct Witness {
+    arm: Arc<SimulatedArm>,
+    seen: Vec<(usize, Pose)>,
+    polls: u32,
+}
+
+impl Camera for Witness {
+    type Error = std::convert::Infallible;
+
+    fn begin(&mut self) -> Result<(), Self::Error> {
+        Ok(())
+    }
+
+    fn start(&mut self, index: usize) -> Result<(), Self::Error> {
+        self.seen.push((index, self.arm.pose()));
+        self.polls = 0;
+        Ok(())
+    }
+
+    fn is_complete(&mut self) -> Result<bool, Self::Error> {
+        assert!(!self.arm.is_moving(), "a frame is taken while the arm moves");
+        self.polls += 1;
+        Ok(self.polls == 3)
+    }
+
+    fn end(&mut self) -> Result<(), Self::Error> {
+        Ok(())
+    }
+}
+
+type Failure = CaptureError<StageError, std::convert::Infallible>;
+
+/// Runs a sequence to its end, and calls `meanwhile` after each step.
+fn capture(
+    arm: &Arc<SimulatedArm>,
+    stage: &mut AnyStage,
+    plan: &Plan,
+    mut meanwhile: impl FnMut(Progress, &mut Sequence<'_, StageError, std::convert::Infallible>),
+) -> (Result<(), Failure>, Vec<(usize, Pose)>) {
+    let mut camera = Witness { arm: arm.clone(), seen: Vec::new(), polls: 0 };
+    let policy = Policy { settle: Duration::from_millis(20), move_timeout: Duration::from_secs(10), ..Policy::default() };
+    let mut sequence = Sequence::new(plan.positions(), policy);
+    let begin = Instant::now();
+    loop {
+        match sequence.poll(begin.elapsed(), stage, &mut camera) {
+            Ok(Progress::Done) => return (Ok(()), camera.seen),
+            Ok(progress) => meanwhile(progress, &mut sequence),
+            Err(error) => return (Err(error), camera.seen),
+        }
+        thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn a_sequence_of_five_frames() {
+    let arm = Arc::new(SimulatedArm::start(ASKEW));
+    let mut stage = open(&arm).unwrap();
+    let plan = Plan::cross(Views::ALL, 20_000);
+    let (ended, seen) = capture(&arm, &mut stage, &plan, |_, _| ());
+    ended.unwrap();
+    assert_eq!(seen.len(), 5);
+    for (i, ((index, pose), position)) in seen.into_iter().zip(plan.positions()).enumerate() {
+        assert_eq!(index, i);
+        assert_at(pose, moved(ASKEW, *position));
+    }
+    assert_at(arm.pose(), ASKEW);
+}
+
+#[test]
+fn a_sequence_that_is_broken_off() {
+    let arm = Arc::new(SimulatedArm::start(DOWN));
+    let mut stage = open(&arm).unwrap();
+    let plan = Plan::cross(Views::HORIZONTAL, 50_000);
+    // On the way to the left.
+    let far = |progress| progress == Progress::Moving(1) && distance(arm.pose(), DOWN) > 0.01;
+    let (aborted, seen) = capture(&arm, &mut stage, &plan, |progress, sequence| {
+        if far(progress) {
+            sequence.abort();
+        }
+    });
+    assert!(matches!(aborted, Err(CaptureError::Aborted)) && seen.len() == 1);
+    assert!(matches!(arm.heard()[..], [Heard::Move(_), Heard::Move(_), Heard::Stop, Heard::Move(_)]));
+    assert_at(arm.pose(), DOWN);
+
+    for fault in [Fault::ProtectiveStop { after_m: 0.02 }, Fault::Stuck, Fault::Silent, Fault::Nonsense] {
+        let (failed, _) = capture(&arm, &mut stage, &plan, |progress, _| {
+            if far(progress) {
+                arm.fail(fault);
+            }
+        });
+        assert!(matches!(failed, Err(CaptureError::Stage(_))), "{failed:?}");
+        stops(&arm);
+        arm.release();
+        let (ended, seen) = capture(&arm, &mut stage, &plan, |_, _| ());
+        ended.unwrap();
+        assert!(seen.len() == 3 && distance(arm.pose(), DOWN) < 1e-8, "{fault:?}");
+    }
+}

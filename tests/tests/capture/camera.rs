@@ -1,0 +1,110 @@
+//! The grey in a camera's frames, in all formats, against its definition.
+
+use image::{GrayImage, RgbImage, codecs::jpeg::JpegEncoder};
+use multiscopic::{
+    Picture,
+    capture::camera::{CameraFault, FrameLayout, PixelFormat},
+};
+use multiscopic_tests::{random::Random, reference::luma};
+use proptest::prelude::*;
+
+/// A size, a stride with some padding or without a number, and random bytes that are enough for any format.
+fn frames() -> impl Strategy<Value = (PixelFormat, [u32; 2], u32, Vec<u8>)> {
+    let format = proptest::sample::select(&PixelFormat::ALL[..7]);
+    (format, 1u32..30, 1u32..12, proptest::option::of(0u32..9), any::<u64>()).prop_map(
+        |(format, width, height, padding, seed)| {
+            let bytes = match format {
+                PixelFormat::Grey | PixelFormat::Nv12 => 1,
+                PixelFormat::Rgb3 => 3,
+                _ => 2,
+            };
+            let stride = padding.map_or(0, |padding| width * bytes + padding);
+            let mut random = Random(seed);
+            (format, [width, height], stride, (0..3000).map(|_| random.byte()).collect())
+        },
+    )
+}
+
+proptest! {
+    #[test]
+    fn equals_the_definition((format, size, stride, frame) in frames()) {
+        let layout = FrameLayout { format, size, stride };
+        let image = layout.to_gray(&frame).unwrap();
+        prop_assert_eq!(<[u32; 2]>::from(image.dimensions()), size);
+        prop_assert_eq!(image.into_raw(), luma::gray(&layout, &frame));
+    }
+
+    #[test]
+    fn every_truncation_is_an_error((format, size, stride, frame) in frames()) {
+        let layout = FrameLayout { format, size, stride };
+        let Err(CameraFault::Truncated { found: 0, expected, .. }) = layout.to_gray(&[]) else { panic!("nothing is no frame") };
+        let expected = expected as usize;
+        let whole = layout.to_gray(&frame[..expected]).unwrap();
+        prop_assert_eq!(whole.into_raw(), luma::gray(&layout, &frame));
+        for length in 0..expected {
+            let is_named = matches!(layout.to_gray(&frame[..length]),
+                Err(CameraFault::Truncated { found, expected: e, .. }) if (found, e) == (length as u64, expected as u64));
+            prop_assert!(is_named, "{} of {} bytes", length, expected);
+        }
+    }
+}
+
+#[test]
+fn words_lose_their_low_bits() {
+    for (format, words, gray) in [
+        (PixelFormat::Y10, [0x03FFu16, 0x0200, 0x0003], [255, 128, 0]),
+        (PixelFormat::Y12, [0x0FFF, 0x0800, 0x000F], [255, 128, 0]),
+        (PixelFormat::Y16, [0xFFFF, 0x8000, 0x00FF], [255, 128, 0]),
+    ] {
+        let layout = FrameLayout { format, size: [3, 1], stride: 6 };
+        assert_eq!(layout.to_gray(&words.map(u16::to_le_bytes).concat()).unwrap().as_raw(), &gray);
+    }
+}
+
+/// A frame of JPEG cameras, and what it is to be.
+fn jpeg() -> (FrameLayout, Vec<u8>, GrayImage) {
+    let scene = RgbImage::from_fn(23, 9, |u, v| image::Rgb([(u * 11) as u8, (v * 28) as u8, (u * v) as u8]));
+    let mut bytes = Vec::new();
+    JpegEncoder::new(&mut bytes).encode_image(&scene).unwrap();
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), &bytes).unwrap();
+    let gray = Picture::read(file.path()).unwrap().to_gray();
+    (FrameLayout { format: PixelFormat::Mjpg, size: [23, 9], stride: 0 }, bytes, gray)
+}
+
+#[test]
+fn a_jpeg_frame_is_what_a_jpeg_file_is() {
+    let (layout, mut bytes, gray) = jpeg();
+    assert_eq!(layout.to_gray(&bytes).unwrap(), gray);
+    // Cameras pad their buffers.
+    bytes.extend([0; 100]);
+    assert_eq!(layout.to_gray(&bytes).unwrap(), gray);
+}
+
+/// Most cameras leave out the Huffman tables, which are always the same.
+#[test]
+fn a_jpeg_frame_needs_no_huffman_tables() {
+    let (layout, bytes, gray) = jpeg();
+    let (mut rest, mut without) = (&bytes[2..], bytes[..2].to_vec());
+    while rest[1] != 0xDA {
+        let (segment, next) = rest.split_at(2 + usize::from(u16::from_be_bytes([rest[2], rest[3]])));
+        if segment[1] != 0xC4 {
+            without.extend(segment);
+        }
+        rest = next;
+    }
+    without.extend(rest);
+    assert!(without.len() + 400 < bytes.len(), "there were tables");
+    assert_eq!(layout.to_gray(&without).unwrap(), gray);
+}
+
+#[test]
+fn a_jpeg_frame_that_is_none_is_an_error() {
+    let (layout, bytes, _) = jpeg();
+    for length in 0..bytes.len() {
+        assert!(matches!(layout.to_gray(&bytes[..length]), Err(CameraFault::Jpeg { .. })), "{length} of {} bytes", bytes.len());
+    }
+    let other = FrameLayout { size: [9, 23], ..layout };
+    let message = other.to_gray(&bytes).unwrap_err().to_string();
+    assert!(message.starts_with("found an image of 23x9, expected a complete JPEG image of 9x23 MJPG"), "{message}");
+}

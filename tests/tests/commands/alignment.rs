@@ -1,0 +1,93 @@
+//! `multiscopic align` on captures that are off by known amounts.
+
+use multiscopic::{
+    Picture,
+    scene::{Camera, Scene, capture},
+};
+use multiscopic_core::{Frame, View};
+use multiscopic_tests::{
+    program::Invocation,
+    samples::{
+        images::{ViewSet, read_pfm},
+        misaligned::{self, FACTOR, Off, align, assert_recovers, quarter},
+    },
+};
+use std::{fs, sync::LazyLock};
+
+/// The demo's scene, four times as large as it is aligned, with a baseline in millimetres.
+fn scene(baseline_mm: f64) -> ViewSet {
+    let (width, height) = (160 * FACTOR + 32, 120 * FACTOR + 32);
+    let camera = Camera { baseline_mm, ..Camera::new(width as u32, height as u32).ideal() };
+    let shot = capture(&Scene::demo(), &camera, 1);
+    let gray = |frame| Picture::Rgb(shot.frame(frame).clone()).to_gray().into_raw();
+    ViewSet { width, height, center: gray(Frame::Center), views: View::ALL.map(|view| Some(gray(Frame::View(view)))) }
+}
+
+/// With the same baseline for all views.
+static SCENE: LazyLock<ViewSet> = LazyLock::new(|| scene(20.0));
+
+const SEARCH: [&str; 2] = ["--num-disparities", "18"];
+
+#[test]
+fn shifts_brightness_and_baselines_are_found() {
+    assert_recovers(&SCENE, 18, &misaligned::RANGE);
+    let mut images = SCENE.clone();
+    images.views[0] = scene(20.4).views[0].take();
+    images.views[2] = scene(19.6).views[2].take();
+    let folder = tempfile::tempdir().unwrap();
+    quarter(&images, [Off::NONE; 4]).write_rig(folder.path());
+    for (found, expected) in align(folder.path(), &SEARCH).into_iter().zip([1.02, 1.0, 0.98, 1.0]) {
+        let found = found.expect("all views are there");
+        assert!((found.scale - expected).abs() < 0.005, "{found:?} instead of {expected}");
+        assert!(found.across_px.abs() < 0.05 && (found.gain - 1.0).abs() < 0.005, "{found:?}");
+    }
+}
+
+#[test]
+fn what_is_off_is_put_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::create_dir(path("off")).unwrap();
+    fs::create_dir(path("right")).unwrap();
+    quarter(&SCENE, misaligned::RANGE[0]).write_rig(&path("off"));
+    quarter(&SCENE, [Off::NONE; 4]).write_rig(&path("right"));
+    let new = path("new");
+    align(&path("off"), &[&SEARCH[..], &["-o", new.to_str().unwrap()]].concat());
+    for found in align(&new, &SEARCH).into_iter().flatten() {
+        assert!(found.across_px.abs() < 0.05 && (found.gain - 1.0).abs() < 0.005, "{found:?}");
+    }
+    // Disparities are again those of a capture with nothing off; without, they are far from it.
+    let disparities = |rig: &str, arguments: &[&str]| {
+        let (rig, out) = (path(rig), path("out.pfm"));
+        let run = Invocation::new(
+            [&["match", rig.to_str().unwrap(), "-o", out.to_str().unwrap(), "--num-disparities", "24"], arguments].concat(),
+        );
+        run.assert_done();
+        read_pfm(&out).2
+    };
+    let expected = disparities("right", &[]);
+    let far = |found: Vec<f32>| {
+        let far = found.iter().zip(&expected).filter(|(a, b)| (**a - **b).abs() > 1.0).count();
+        far as f64 / expected.len() as f64
+    };
+    let [as_it_is, put_right, on_the_way] =
+        [disparities("off", &[]), disparities("new", &[]), disparities("off", &["--align"])].map(far);
+    assert!(as_it_is > 0.2 && put_right < 0.05, "{as_it_is}, {put_right}");
+    assert_eq!(put_right, on_the_way);
+}
+
+#[test]
+fn what_cannot_be_aligned_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let gray = || vec![90; 64 * 48];
+    let plain = ViewSet { width: 64, height: 48, center: gray(), views: [Some(gray()), None, None, None] };
+    plain.write_rig(folder.path());
+    let rig = folder.path().to_str().unwrap();
+    Invocation::new(["align", rig]).assert_refused(&["left", "0 textured blocks", "range of disparities"]);
+    Invocation::new(["align"]).assert_refused(&["RIG_DIR", "--center"]);
+    let files = ["center.pgm", "left.pgm"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
+    Invocation::new(["align", "--center", &files[0], "--left", &files[1], "-o", "new"]).assert_refused(&["-o", "rig.toml"]);
+    // A folder that is there is not touched.
+    quarter(&SCENE, [Off::NONE; 4]).write_rig(folder.path());
+    Invocation::new(["align", rig, "-o", rig]).assert_refused(&[rig, "is there already"]);
+}

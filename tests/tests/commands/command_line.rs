@@ -1,0 +1,671 @@
+//! The command line as its users meet it: a process, files, messages and exit codes.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use multiscopic_tests::{
+    program::Invocation,
+    reference::{Fusion, raw16},
+    samples::{
+        golden::{self, GOLDEN, Golden},
+        images::{read_pfm, read_raw16},
+    },
+};
+
+/// What turns the disparities of the golden views into places; it makes some of them lie behind infinity.
+const FOCAL_PX: f64 = 40.0;
+const BASELINE_MM: f64 = 25.0;
+const DOFFS: f64 = -1.5;
+const PRINCIPAL_POINT: [f64; 2] = [23.25, 15.75];
+
+/// The place in metres of what a pixel with this `--raw16` sample shows.
+fn place(index: usize, raw: u16) -> Option<[f64; 3]> {
+    let d = (f64::from(raw) - 32768.0) / 64.0 + DOFFS;
+    let z = FOCAL_PX * BASELINE_MM / 1000.0 / d;
+    let [x, y] = [(index % golden::WIDTH) as f64 - PRINCIPAL_POINT[0], (index / golden::WIDTH) as f64 - PRINCIPAL_POINT[1]];
+    (raw != 0 && d > 0.0).then_some([x * z / FOCAL_PX, y * z / FOCAL_PX, z])
+}
+
+fn is_near(found: f64, expected: f64) -> bool {
+    (found - expected).abs() <= 1e-6 * expected.abs().max(1e-3)
+}
+
+/// A folder for a test's files, and the arguments of a match in it.
+struct Bench {
+    dir: tempfile::TempDir,
+    arguments: Vec<String>,
+}
+
+impl Bench {
+    /// A match of the golden centre with these golden neighbours, without an output.
+    fn new(views: [bool; 4]) -> Bench {
+        let dir = tempfile::tempdir().expect("a folder for the test");
+        let options = ["--center", "--left", "--right", "--top", "--bottom"];
+        let given = [true, views[0], views[1], views[2], views[3]];
+        let mut bench = Bench { dir, arguments: vec!["match".into()] };
+        for ((option, path), _) in options.into_iter().zip(golden::paths()).zip(given).filter(|(_, given)| *given) {
+            bench.add(option, path);
+        }
+        bench
+    }
+
+    fn stereo() -> Bench {
+        Bench::new([false, true, false, false])
+    }
+
+    /// Asks for a search from -3 to 7, so that there are disparities on both sides of infinity.
+    fn search_around_infinity(&mut self) {
+        self.add("--min-disparity", "-3").add("--num-disparities", "11");
+    }
+
+    /// Says how the golden views were captured in options.
+    fn geometry_options(&mut self) {
+        let [cx, cy] = PRINCIPAL_POINT;
+        self.add("--focal-px", FOCAL_PX.to_string()).add("--baseline-mm", BASELINE_MM.to_string());
+        self.add("--doffs", DOFFS.to_string()).add("--principal-point", format!("{cx},{cy}"));
+    }
+
+    /// A match of the golden views as a captured folder.
+    fn rig() -> Bench {
+        let mut bench = Bench::new([false; 4]);
+        let mut rig = format!(
+            "baseline_mm = {BASELINE_MM:?}\nfocal_px = {FOCAL_PX:?}\nprincipal_point = {PRINCIPAL_POINT:?}\ndoffs = {DOFFS:?}\n[images]\n"
+        );
+        fs::create_dir(bench.path("rig")).expect("a folder");
+        for path in golden::paths() {
+            let file = path.file_name().and_then(|name| name.to_str()).expect("a name");
+            fs::copy(&path, bench.path("rig").join(file)).expect("a copy of a view");
+            rig += &format!("{} = {file:?}\n", file.trim_end_matches(".png"));
+        }
+        bench.file("rig/rig.toml", rig.as_bytes());
+        bench.arguments = vec!["match".into(), bench.path("rig").to_str().expect("UTF-8").into()];
+        bench
+    }
+
+    fn add(&mut self, option: &str, value: impl AsRef<Path>) -> &mut Bench {
+        self.arguments.extend([option.into(), value.as_ref().to_str().expect("a path in UTF-8").into()]);
+        self
+    }
+
+    /// Replaces an option's value, or adds it.
+    fn set(&mut self, option: &str, value: impl AsRef<Path>) -> &mut Bench {
+        if let Some(i) = self.arguments.iter().position(|argument| argument == option) {
+            self.arguments.drain(i..i + 2);
+        }
+        self.add(option, value)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    fn file(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.path(name);
+        fs::write(&path, bytes).expect("a file of the test");
+        path
+    }
+
+    /// Sends an output to a file of the test's folder.
+    fn output(&mut self, option: &str, name: &str) -> PathBuf {
+        let path = self.path(name);
+        self.set(option, &path);
+        path
+    }
+
+    fn run(&self) -> Invocation {
+        Invocation::new(&self.arguments)
+    }
+
+    /// The names of the files in the folder, sorted.
+    fn files(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.dir.path()).expect("the folder of the test");
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.expect("an entry").file_name().into_string().expect("a name in UTF-8")).collect();
+        names.sort();
+        names
+    }
+
+    /// Runs with `-o` to a file that does not exist and then to one that does: the message holds `words` both times, and no
+    /// file appears or changes.
+    #[track_caller]
+    fn refused(&mut self, words: &[&str]) {
+        self.output("-o", "out.pfm");
+        let before = self.files();
+        self.run().assert_refused(words);
+        assert_eq!(self.files(), before, "no file is left behind");
+        let old = self.file("out.pfm", b"what was there");
+        let before = self.files();
+        self.run().assert_refused(words);
+        assert_eq!(self.files(), before, "no file is left behind");
+        assert_eq!(fs::read(old).expect("the old file"), b"what was there", "an existing output is untouched");
+    }
+}
+
+/// What the float reference makes of the golden views.
+fn reference(views: [bool; 4], fusion: Fusion, min_disparity: i32, num_disparities: i32, block_size: i32) -> Vec<u16> {
+    let images = golden::images().only(views);
+    let found = images.reference(fusion, min_disparity, num_disparities, block_size).disparities();
+    found.into_iter().map(raw16).collect()
+}
+
+fn name(fusion: Fusion) -> &'static str {
+    match fusion {
+        Fusion::Min => "min",
+        Fusion::Mean => "mean",
+        Fusion::Heuristic => "heuristic",
+    }
+}
+
+#[test]
+fn without_arguments_it_helps() {
+    let run = Invocation::new::<&str>([]);
+    let help = format!("{}{}", run.stdout, run.stderr);
+    for command in ["match", "evaluate", "demo", "bench", "budget", "simulate", "listen"] {
+        assert!(help.contains(command), "the help names `{command}`: {run:#?}");
+    }
+    assert_eq!(run.code, Some(0), "{run:#?}");
+}
+
+#[test]
+fn help_names_the_spellings_of_opencv_and_ros() {
+    let run = Invocation::new(["match", "--help"]);
+    assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""), "{run:#?}");
+    let words = ["minDisparity", "numDisparities", "blockSize", "disparity_range", "correlation_window_size", "--raw16", "--ply"];
+    for word in words {
+        assert!(run.stdout.contains(word), "the help names `{word}`: {}", run.stdout);
+    }
+}
+
+#[test]
+fn results_are_those_of_the_float_reference() {
+    for Golden { name: golden, views, fusion, min_disparity, num_disparities, block_size } in GOLDEN {
+        let mut bench = Bench::new(views);
+        let pfm = bench.output("-o", "out.pfm");
+        let raw = bench.output("--raw16", "raw.png");
+        bench.add("--fusion", name(fusion)).add("--min-disparity", min_disparity.to_string());
+        bench.add("--num-disparities", num_disparities.to_string()).add("--block-size", block_size.to_string());
+        bench.run().assert_done();
+        assert_eq!(bench.files(), ["out.pfm", "raw.png"]);
+
+        let (width, height, expected) = read_raw16(&golden::folder().join(format!("{golden}.raw16.png")));
+        assert_eq!(read_raw16(&raw), (width, height, expected.clone()), "{golden}");
+        let pixels = |raw| if raw == 0 { f32::INFINITY } else { (f32::from(raw) - 32768.0) / 64.0 };
+        assert_eq!(read_pfm(&pfm), (width, height, expected.into_iter().map(pixels).collect()), "{golden}");
+    }
+}
+
+#[test]
+fn any_set_of_neighbours_and_the_defaults() {
+    for views in 1..16_u8 {
+        let views = [0, 1, 2, 3].map(|i| views >> i & 1 != 0);
+        let fusion = if views.into_iter().filter(|&view| view).count() <= 2 { Fusion::Min } else { Fusion::Heuristic };
+        let mut bench = Bench::new(views);
+        bench.output("-o", "out.pfm");
+        let raw = bench.output("--raw16", "raw.png");
+        bench.run().assert_done();
+        assert_eq!(read_raw16(&raw).2, reference(views, fusion, 1, 60, 11), "{views:?}");
+    }
+}
+
+#[test]
+fn other_kinds_of_images() {
+    let (width, height) = (golden::WIDTH, golden::HEIGHT);
+    let mut bench = Bench::stereo();
+    bench.output("-o", "out.pfm");
+    let raw = bench.output("--raw16", "raw.png");
+    let images = golden::images();
+
+    let mut pgm = format!("P5\n{width} {height}\n255\n").into_bytes();
+    pgm.extend(&images.center);
+    let pgm = bench.file("center.pgm", &pgm);
+    bench.set("--center", pgm);
+    // Grey is (77 R + 150 G + 29 B + 128) >> 8: colours whose grey is not their mean.
+    let mut ppm = format!("P6\n{width} {height}\n255\n").into_bytes();
+    let right = images.views[1].as_ref().expect("the right view");
+    let colours: Vec<[u8; 3]> =
+        right.iter().zip((0..=255_u8).cycle()).map(|(&grey, i)| [grey, grey ^ i.wrapping_mul(37), 255 - grey]).collect();
+    ppm.extend(colours.iter().flatten());
+    let ppm = bench.file("right.ppm", &ppm);
+    bench.set("--right", ppm);
+    bench.add("--num-disparities", "9");
+    bench.run().assert_done();
+
+    let grey = |&[r, g, b]: &[u8; 3]| ((77 * u32::from(r) + 150 * u32::from(g) + 29 * u32::from(b) + 128) >> 8) as u8;
+    let grey: Vec<u8> = colours.iter().map(grey).collect();
+    let mut pair = images.only([false, true, false, false]);
+    pair.views[1] = Some(grey);
+    let expected: Vec<u16> = pair.reference(Fusion::Min, 1, 9, 11).disparities().into_iter().map(raw16).collect();
+    assert_eq!(read_raw16(&raw).2, expected);
+}
+
+#[test]
+fn a_frame_of_one_pixel() {
+    let mut bench = Bench::stereo();
+    let pixel = bench.file("pixel.pgm", b"P5 1 1 255\n\x07");
+    bench.set("--center", &pixel).set("--right", &pixel);
+    bench.output("-o", "out.pfm");
+    let raw = bench.output("--raw16", "raw.png");
+    bench.run().assert_done();
+    assert_eq!(read_raw16(&raw), (1, 1, vec![0]), "no candidate from disparity 1 on");
+    bench.add("--min-disparity", "0").add("--num-disparities", "1");
+    bench.run().assert_done();
+    assert_eq!(read_raw16(&raw), (1, 1, vec![32768]), "disparity 0");
+}
+
+/// The colours go from Turbo's first at the far end to its last at the near one; invalid is black.
+#[test]
+fn the_picture_is_turbo() {
+    let mut bench = Bench::new([false, false, true, false]);
+    bench.output("-o", "out.pfm");
+    let raw = bench.output("--raw16", "raw.png");
+    let png = bench.output("--png", "picture.png");
+    bench.add("--num-disparities", "8");
+    bench.run().assert_done();
+    let picture = image::open(png).expect("a picture").to_rgb8();
+    assert_eq!(picture.dimensions(), (48, 32));
+    let colours: Vec<[u8; 3]> = picture.pixels().map(|pixel| pixel.0).collect();
+    let raw = read_raw16(&raw).2;
+    assert!(raw.contains(&0), "some pixels are invalid");
+    for (&raw, &colour) in raw.iter().zip(&colours) {
+        assert_eq!(raw == 0, colour == [0, 0, 0], "{raw} is drawn as {colour:?}");
+    }
+    let valid = || raw.iter().zip(&colours).filter(|(raw, _)| **raw != 0);
+    let nearest = valid().max_by_key(|(raw, _)| **raw).expect("a valid pixel").1;
+    let furthest = valid().min_by_key(|(raw, _)| **raw).expect("a valid pixel").1;
+    // Of the table that Google Research published. Its usual polynomial, which may be drawn with, is a little off.
+    for (colour, turbo) in [(furthest, [48_u8, 18, 59]), (nearest, [122, 4, 3])] {
+        let off = colour.iter().zip(turbo).map(|(a, b)| a.abs_diff(b)).max().expect("three channels");
+        assert!(off <= 25, "{colour:?} is drawn for {turbo:?}");
+    }
+}
+
+#[test]
+fn depth_is_in_metres() {
+    let mut bench = Bench::new([true; 4]);
+    bench.output("-o", "out.pfm");
+    let [raw, depth] = [("--raw16", "raw.png"), ("--depth", "depth.pfm")].map(|(option, name)| bench.output(option, name));
+    bench.search_around_infinity();
+    bench.geometry_options();
+    bench.run().assert_done();
+    let (raw, depth) = (read_raw16(&raw).2, read_pfm(&depth));
+    assert_eq!((depth.0, depth.1), (golden::WIDTH, golden::HEIGHT));
+    let mut behind = 0;
+    for (index, (&raw, &z)) in raw.iter().zip(&depth.2).enumerate() {
+        match place(index, raw) {
+            Some([.., expected]) => assert!(is_near(z.into(), expected), "pixel {index}: {z} m instead of {expected} m"),
+            None => assert_eq!(z, f32::INFINITY, "pixel {index} has no depth"),
+        }
+        behind += usize::from(place(index, raw).is_none());
+    }
+    assert!(behind > 0 && behind < raw.len(), "{behind} pixels without a depth");
+}
+
+/// A point of a PLY file: its place, and its colour.
+type Point = ([f64; 3], [u8; 3]);
+
+/// The points of a PLY file, which has places and colours and nothing else.
+fn read_ply(path: &Path) -> Vec<Point> {
+    let bytes = fs::read(path).expect("a point cloud");
+    let end = b"end_header\n";
+    let body = bytes.windows(end.len()).position(|window| window == end).expect("an end of the header") + end.len();
+    let header = std::str::from_utf8(&bytes[..body]).expect("a header in ASCII");
+    let lines: Vec<&str> = header.lines().filter(|line| !line.starts_with("comment")).collect();
+    let [ply, format, vertices, x, y, z, red, green, blue, _] = lines[..] else { panic!("{header}") };
+    assert_eq!(ply, "ply");
+    assert_eq!([x, y, z], ["property float x", "property float y", "property float z"]);
+    assert_eq!([red, green, blue], ["property uchar red", "property uchar green", "property uchar blue"]);
+    let count: usize = vertices.strip_prefix("element vertex ").and_then(|count| count.parse().ok()).expect("a number of points");
+    let body = &bytes[body..];
+    let points: Vec<Point> = match format {
+        "format binary_little_endian 1.0" => {
+            let float = |bytes: &[u8]| f64::from(f32::from_le_bytes(bytes.try_into().expect("four bytes")));
+            assert_eq!(body.len() % 15, 0, "three floats and three bytes for each point");
+            let point = |p: &[u8]| ([float(&p[..4]), float(&p[4..8]), float(&p[8..12])], [p[12], p[13], p[14]]);
+            body.chunks_exact(15).map(point).collect()
+        }
+        "format ascii 1.0" => {
+            let point = |line: &str| {
+                let words: Vec<&str> = line.split(' ').collect();
+                let [x, y, z, red, green, blue] = words[..] else { panic!("{line}") };
+                let color = [red, green, blue].map(|word| word.parse().expect("a byte"));
+                ([x, y, z].map(|word| word.parse().expect("a number")), color)
+            };
+            std::str::from_utf8(body).expect("text").lines().map(point).collect()
+        }
+        other => panic!("{other}"),
+    };
+    assert_eq!(points.len(), count, "the header's number of points");
+    points
+}
+
+#[test]
+fn a_point_cloud_has_the_places_and_colours_of_the_pixels() {
+    let mut bench = Bench::new([true; 4]);
+    bench.output("-o", "out.pfm");
+    let [raw, ply] = [("--raw16", "raw.png"), ("--ply", "cloud.ply")].map(|(option, name)| bench.output(option, name));
+    bench.search_around_infinity();
+    bench.geometry_options();
+    let center = golden::images().center;
+    for encoding in [None, Some("--ply-ascii")] {
+        bench.arguments.extend(encoding.map(String::from));
+        bench.run().assert_done();
+        let raw = read_raw16(&raw).2;
+        let expected = || raw.iter().enumerate().filter_map(|(index, &raw)| Some((place(index, raw)?, center[index])));
+        let points = read_ply(&ply);
+        assert_eq!(points.len(), expected().count());
+        for ((place, color), (expected, grey)) in points.into_iter().zip(expected()) {
+            assert!(place.iter().zip(expected).all(|(&found, expected)| is_near(found, expected)), "{place:?}, not {expected:?}");
+            assert_eq!(color, [grey; 3]);
+        }
+    }
+}
+
+#[test]
+fn depth_and_points_need_a_camera() {
+    for (option, name) in [("--depth", "depth.pfm"), ("--ply", "cloud.ply")] {
+        let mut bench = Bench::stereo();
+        bench.output(option, name);
+        bench.refused(&[option, "--focal-px", "--baseline-mm"]);
+        bench.add("--focal-px", "40").refused(&[option, "--baseline-mm"]);
+    }
+    let mut bench = Bench::stereo();
+    bench.add("--focal-px", "0").refused(&["--focal-px", "above 0"]);
+}
+
+#[test]
+fn a_captured_folder_is_matched_as_its_images_are() {
+    let [mut rig, mut images] = [Bench::rig(), Bench::new([true; 4])];
+    images.geometry_options();
+    for bench in [&mut rig, &mut images] {
+        bench.search_around_infinity();
+        for (option, name) in [("-o", "out.pfm"), ("--depth", "depth.pfm"), ("--ply", "cloud.ply")] {
+            bench.output(option, name);
+        }
+        bench.run().assert_done();
+    }
+    for name in ["out.pfm", "depth.pfm", "cloud.ply"] {
+        let [of_rig, of_images] = [&rig, &images].map(|bench| fs::read(bench.path(name)).expect("an output"));
+        assert!(of_rig == of_images, "{name} differs");
+    }
+}
+
+#[test]
+fn a_captured_folder_that_is_not_right() {
+    let mut bench = Bench::rig();
+    let rig = fs::read_to_string(bench.path("rig/rig.toml")).expect("the rig");
+    let left = golden::paths()[1].clone();
+    bench.add("--left", left).refused(&["--left", "RIG_DIR"]);
+    bench.arguments.truncate(2);
+
+    for (line, other, words) in [
+        ("baseline_mm", "length_mm", &["rig.toml", "length_mm"][..]),
+        ("focal_px = 40.0", "focal_px = -40.0", &["rig.toml", "focal_px", "-40"]),
+        ("focal_px = 40.0", "focal_px = 40.0\nzoom = 2", &["rig.toml", "zoom"]),
+        ("top.png", "missing.png", &["missing.png"]),
+        ("[images]", "[images", &["rig.toml"]),
+    ] {
+        assert!(rig.contains(line), "{rig}");
+        bench.file("rig/rig.toml", rig.replace(line, other).as_bytes());
+        bench.refused(words);
+        fs::remove_file(bench.path("out.pfm")).expect("the old output");
+        bench.arguments.truncate(2);
+    }
+    fs::remove_file(bench.path("rig/rig.toml")).expect("the rig");
+    bench.refused(&["rig.toml"]);
+}
+
+#[test]
+fn outputs_that_clash() {
+    // One file for two outputs, by two names.
+    let mut bench = Bench::stereo();
+    bench.output("--png", "./out.pfm");
+    bench.refused(&["out.pfm", "two outputs"]);
+
+    // An output over an input.
+    let mut bench = Bench::rig();
+    for name in ["rig/center.png", "rig/rig.toml"] {
+        let before = fs::read(bench.path(name)).expect("an input");
+        bench.output("-o", name);
+        bench.run().assert_refused(&[name, "input"]);
+        assert!(fs::read(bench.path(name)).expect("an input") == before, "{name} is untouched");
+    }
+}
+
+#[test]
+fn the_demo_leaves_what_it_says() {
+    let dir = tempfile::tempdir().expect("a folder for the test");
+    let demo = dir.path().join("made/demo");
+    let output = demo.to_str().expect("UTF-8");
+    let run = Invocation::new(["demo", "--width", "96", "--height", "64", "-o", output]);
+    assert_eq!(run.code, Some(0), "{run:#?}");
+    assert!(run.stderr.contains("index.html"), "{run:#?}");
+    assert_eq!(run.stderr.lines().count(), 1, "no progress where there is no terminal: {run:#?}");
+    let head: Vec<&str> = run.stdout.lines().next().expect("a table").split_whitespace().collect();
+    assert_eq!(head, ["scene", "method", "RMS", "AvgErr", "Bad0.5", "Bad1", "Bad2", "coverage"]);
+
+    let maps = ["stereo", "2-views-min", "2-views-mean", "4-views-min", "4-views-mean", "4-views-heuristic"];
+    assert_eq!(run.stdout.lines().filter(|line| line.starts_with("demo ")).count(), maps.len(), "{}", run.stdout);
+    let (width, height, truth) = read_pfm(&demo.join("truth.pfm"));
+    assert_eq!((width, height), (96, 64));
+    assert!(truth.iter().all(|&d| (1.0..9.0).contains(&d)), "the demo searches what there is");
+    let views = ["center", "left", "right", "top", "bottom", "truth"];
+    let pictures = maps.iter().flat_map(|map| [map.to_string(), format!("{map}-errors")]).chain(views.map(String::from));
+    for name in pictures {
+        let picture = image::open(demo.join(format!("{name}.png"))).expect("a picture");
+        assert_eq!((picture.width(), picture.height()), (96, 64), "{name}");
+    }
+    image::open(demo.join("overview.png")).expect("the overview");
+
+    // The errors in the table are those of the maps.
+    let errors = maps.map(|map| {
+        let (_, _, disparities) = read_pfm(&demo.join(format!("{map}.pfm")));
+        let squared = disparities.iter().zip(&truth).map(|(&d, &truth)| {
+            let d = if d.is_finite() { d } else { 0.0 };
+            (f64::from(d) - f64::from(truth)).powi(2)
+        });
+        (squared.sum::<f64>() / truth.len() as f64).sqrt()
+    });
+    let lines = run.stdout.lines().filter(|line| line.starts_with("demo "));
+    for (line, rms) in lines.zip(errors) {
+        assert!(line.contains(&format!(" {rms:.3} ")), "an RMS error of {rms} in {line}");
+    }
+    assert!(errors[5] < errors[0], "four views are better than one: {errors:?}");
+
+    // Whatever the page shows is there.
+    let page = fs::read_to_string(demo.join("index.html")).expect("the page");
+    let links: Vec<&str> = page.split("src=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    assert!(links.len() > 15, "{links:?}");
+    assert!(links.iter().all(|link| demo.join(link).is_file()), "{links:?}");
+
+    // The folder is one that can be matched, with the same result.
+    let again = dir.path().join("again.pfm");
+    let cloud = dir.path().join("cloud.ply");
+    let [again_path, cloud_path] = [&again, &cloud].map(|path| path.to_str().expect("UTF-8"));
+    Invocation::new(["match", output, "--num-disparities", "9", "-o", again_path, "--ply", cloud_path]).assert_done();
+    assert!(fs::read(&again).expect("a map") == fs::read(demo.join("4-views-heuristic.pfm")).expect("a map"));
+    assert_eq!(read_ply(&cloud), read_ply(&demo.join("cloud.ply")));
+}
+
+#[test]
+fn a_demo_that_cannot_be() {
+    let dir = tempfile::tempdir().expect("a folder for the test");
+    let file = dir.path().join("file");
+    fs::write(&file, "what was there").expect("a file");
+    let [in_the_way, below] = [file.clone(), file.join("demo")].map(|path| path.to_str().expect("UTF-8").to_owned());
+    for output in [&in_the_way, &below] {
+        Invocation::new(["demo", "-o", output]).assert_refused(&[output]);
+    }
+    assert_eq!(fs::read_to_string(file).expect("the file"), "what was there");
+
+    let output = dir.path().join("demo").to_str().expect("UTF-8").to_owned();
+    for (option, value) in [("--width", "0"), ("--height", "100000"), ("--block-size", "4"), ("--seed", "x")] {
+        Invocation::new(["demo", "-o", &output, option, value]).assert_refused(&[value]);
+    }
+    assert!(!Path::new(&output).exists(), "nothing is made for a demo that cannot be");
+}
+
+#[test]
+fn an_output_is_replaced_as_a_whole() {
+    let mut bench = Bench::stereo();
+    let pfm = bench.output("-o", "out.pfm");
+    bench.file("out.pfm", &[b'x'; 100_000]);
+    bench.run().assert_done();
+    assert_eq!(read_pfm(&pfm).2.len(), 48 * 32);
+    assert_eq!(bench.files(), ["out.pfm"]);
+}
+
+#[test]
+fn a_file_that_is_not_there() {
+    for option in ["--center", "--right"] {
+        let mut bench = Bench::stereo();
+        let missing = bench.path("missing.png");
+        bench.set(option, missing).refused(&["missing.png"]);
+    }
+}
+
+#[test]
+fn a_folder_instead_of_an_image() {
+    let mut bench = Bench::stereo();
+    let folder = bench.path("folder.png");
+    fs::create_dir(&folder).expect("a folder");
+    bench.set("--right", folder).refused(&["folder.png"]);
+}
+
+#[test]
+fn images_of_different_sizes() {
+    let mut bench = Bench::stereo();
+    let small = bench.file("small.pgm", &[b"P5 47 32 255\n", &[0; 47 * 32][..]].concat());
+    bench.set("--right", small).refused(&["small.pgm", "47x32", "48x32"]);
+}
+
+#[test]
+fn broken_images() {
+    let png = fs::read(&golden::paths()[0]).expect("a golden image");
+    // A PNG's header: signature, length, `IHDR`, width, height, five bytes, checksum.
+    let with_size = |width: u32, height: u32| {
+        let mut png = png.clone();
+        png[16..20].copy_from_slice(&width.to_be_bytes());
+        png[20..24].copy_from_slice(&height.to_be_bytes());
+        let checksum = crc32(&png[12..29]);
+        png[29..33].copy_from_slice(&checksum.to_be_bytes());
+        png
+    };
+    assert_eq!(with_size(48, 32), png, "a golden image is laid out as this test supposes");
+    let mut wrong_data = png.clone();
+    let middle = png.len() / 2;
+    wrong_data[middle..middle + 50].fill(0x5A);
+
+    let cases: [(&str, Vec<u8>); 14] = [
+        ("empty.png", Vec::new()),
+        ("text.png", b"this is not an image\n".to_vec()),
+        ("signature.png", png[..8].to_vec()),
+        ("truncated.png", png[..png.len() / 2].to_vec()),
+        ("no-end.png", png[..png.len() - 30].to_vec()),
+        ("wrong-data.png", wrong_data),
+        ("no-columns.png", with_size(0, 32)),
+        ("no-lines.png", with_size(48, 0)),
+        ("huge.png", with_size(0x7FFF_FFFF, 0x7FFF_FFFF)),
+        ("zero.pgm", b"P5\n0 0\n255\n".to_vec()),
+        ("huge.pgm", b"P5\n4294967295 4294967295\n255\n".to_vec()),
+        ("overflow.pgm", b"P5\n99999999999999999999 1\n255\n\0".to_vec()),
+        ("short.pgm", [b"P5\n48 32\n255\n", &[7; 48 * 32 - 1][..]].concat()),
+        ("huge.pfm", b"Pf\n65000 65000\n-1\n".to_vec()),
+    ];
+    for (name, bytes) in cases {
+        for option in ["--center", "--right"] {
+            let mut bench = Bench::stereo();
+            let path = bench.file(name, &bytes);
+            bench.set(option, path).refused(&[name]);
+        }
+    }
+}
+
+/// The checksum of a PNG's chunk.
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0, |crc: u32, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xEDB8_8320 } else { crc >> 1 })
+    })
+}
+
+#[test]
+fn no_neighbour() {
+    Bench::new([false; 4]).refused(&["neighbo"]);
+}
+
+#[test]
+fn no_centre() {
+    let mut bench = Bench::stereo();
+    bench.arguments.drain(1..3);
+    bench.refused(&["--center", "RIG_DIR"]);
+}
+
+#[test]
+fn no_output() {
+    let bench = Bench::stereo();
+    bench.run().assert_refused(&["-o"]);
+}
+
+#[test]
+fn parameters_out_of_range() {
+    let cases: [(&[&str], &[&str]); 13] = [
+        (&["--block-size", "4"], &["4", "odd"]),
+        (&["--block-size", "0"], &["0"]),
+        (&["--block-size", "23"], &["23", "21"]),
+        (&["--block-size", "300"], &["300"]),
+        (&["--block-size", "-3"], &["-3"]),
+        (&["--block-size", "eleven"], &["eleven"]),
+        (&["--num-disparities", "0"], &["0"]),
+        (&["--num-disparities", "-16"], &["-16"]),
+        (&["--num-disparities", "512"], &["512", "511"]),
+        (&["--min-disparity", "-512"], &["-512", "-511"]),
+        (&["--min-disparity", "500", "--num-disparities", "13"], &["512", "511"]),
+        (&["--min-disparity", "99999"], &["99999"]),
+        (&["--fusion", "median"], &["median", "heuristic"]),
+    ];
+    for (arguments, words) in cases {
+        let mut bench = Bench::stereo();
+        bench.arguments.extend(arguments.iter().map(|&argument| argument.into()));
+        bench.refused(words);
+    }
+}
+
+#[test]
+fn unknown_options_and_commands() {
+    let mut bench = Bench::stereo();
+    bench.arguments.push("--blocksize".into());
+    bench.refused(&["--blocksize"]);
+    Invocation::new(["macth"]).assert_refused(&["macth"]);
+}
+
+#[test]
+fn outputs_that_cannot_be_written() {
+    for option in ["-o", "--png", "--raw16"] {
+        let mut bench = Bench::stereo();
+        bench.output("-o", "out.pfm");
+        let name = if option == "-o" { "nowhere/x.pfm" } else { "nowhere/x.png" };
+        let path = bench.output(option, name);
+        bench.run().assert_refused(&[path.to_str().expect("UTF-8")]);
+        assert_eq!(bench.files(), [""; 0], "{option}: nothing is left behind");
+
+        // A folder is in the way.
+        let folder = bench.path("folder");
+        fs::create_dir(&folder).expect("a folder");
+        bench.set(option, &folder);
+        bench.run().assert_refused(&[folder.to_str().expect("UTF-8")]);
+        assert_eq!(bench.files(), ["folder"], "{option}: nothing is left behind");
+    }
+}
+
+/// Whether there are cameras, the machine that runs this decides.
+#[cfg(target_os = "linux")]
+#[test]
+fn cameras_are_listed() {
+    let run = Invocation::new(["devices", "--json"]);
+    assert_eq!((run.code, &*run.stderr), (Some(0), ""), "{run:#?}");
+    let list: Vec<serde_json::Value> = serde_json::from_str(&run.stdout).unwrap();
+    let text = Invocation::new(["devices"]);
+    assert_eq!((text.code, text.stdout.is_empty()), (Some(0), list.is_empty()), "{text:#?}");
+    assert_eq!(text.stderr.contains("there are no cameras"), list.is_empty(), "{text:#?}");
+}

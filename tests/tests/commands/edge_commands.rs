@@ -1,0 +1,393 @@
+//! The commands around the firmware as their users meet them: `listen`, `simulate` and `budget`.
+
+use std::{
+    fs,
+    io::Write,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+};
+
+use multiscopic_core::{Disparity, Fusion, Memory, Params, Region, Views};
+use multiscopic_edge::{
+    Profile, Wide,
+    packet::{Sender, buffer_bytes},
+    profile,
+};
+use multiscopic_tests::{
+    program::{self, Invocation},
+    samples::{
+        golden,
+        images::{read_pfm, read_raw16},
+    },
+};
+use tempfile::TempDir;
+
+fn folder() -> TempDir {
+    tempfile::tempdir().expect("a folder for the test")
+}
+
+/// A frame of 7 x 5 pixels, sent in tiles of 4 columns.
+const PARAMS: Params = match Params::new(7, 5, Views::HORIZONTAL, Fusion::Min, 1, 8, 3) {
+    Ok(params) => params,
+    Err(_) => panic!("the parameters are out of range"),
+};
+const TILE: usize = 4;
+
+/// The disparity of a pixel as a 16-bit sample: each has its own, and some are invalid.
+fn sample(u: usize, v: usize) -> u16 {
+    if (u + v) % 6 == 5 { 0 } else { 32768 + 64 * v as u16 + u as u16 }
+}
+
+/// The packets of the frame: those of its lines, and the one of its end.
+fn packets() -> Vec<Vec<u8>> {
+    let mut buffer = vec![0; buffer_bytes(TILE)];
+    let mut sender = Sender::new(&PARAMS, &mut buffer);
+    let mut packets = Vec::new();
+    for tile in Region::tiles(&PARAMS, TILE) {
+        for v in 0..PARAMS.height() {
+            let line: Vec<_> = tile.columns().map(|u| Disparity::from_raw16(sample(u, v))).collect();
+            packets.push(sender.line(&tile, v, &line).expect("the buffer is for it").to_vec());
+        }
+    }
+    packets.push(sender.end(Some(3000)).expect("the buffer is for it").to_vec());
+    packets
+}
+
+/// The samples of the frame, without those of the packets `lost`.
+fn samples(lost: &[usize]) -> Vec<u16> {
+    let packet = |u: usize, v: usize| u / TILE * PARAMS.height() + v;
+    let pixels = (0..PARAMS.height()).flat_map(|v| (0..PARAMS.width()).map(move |u| (u, v)));
+    pixels.map(|(u, v)| if lost.contains(&packet(u, v)) { 0 } else { sample(u, v) }).collect()
+}
+
+/// Has `bytes` listened to in `dir`: what that did, and where its pictures are.
+fn listened(dir: &Path, bytes: &[u8]) -> (Invocation, [PathBuf; 3]) {
+    let stream = dir.join("stream");
+    fs::write(&stream, bytes).expect("a stream for the test");
+    let outputs = ["out.pfm", "out.png", "out.raw16.png"].map(|name| dir.join(name));
+    let [pfm, png, raw16] = outputs.each_ref().map(|path| path.to_str().expect("UTF-8"));
+    let run = Invocation::new(["listen", stream.to_str().expect("UTF-8"), "-o", pfm, "--png", png, "--raw16", raw16]);
+    (run, outputs)
+}
+
+/// Listens to `bytes`, of which the packets `lost` cannot be had: exit code 1, all `words`, and a picture of the rest.
+#[track_caller]
+fn assert_lost(bytes: &[u8], lost: &[usize], words: &[&str]) {
+    let dir = folder();
+    let (run, [_, _, raw16]) = listened(dir.path(), bytes);
+    assert_eq!((run.code, run.stdout.as_str()), (Some(1), ""), "{run:#?}");
+    for word in words {
+        assert!(run.stderr.contains(word), "the message names `{word}`: {run:#?}");
+    }
+    assert_eq!(read_raw16(&raw16), (7, 5, samples(lost)));
+}
+
+#[test]
+fn a_whole_stream_becomes_pictures() {
+    let dir = folder();
+    let (run, [pfm, png, raw16]) = listened(dir.path(), &packets().concat());
+    run.assert_done();
+    assert!(run.stderr.contains("7x5: 100.0 % received, ") && run.stderr.contains("3000 bytes of stack"), "{run:#?}");
+    assert_eq!(read_raw16(&raw16), (7, 5, samples(&[])));
+    let pixels = |raw: u16| if raw == 0 { f32::INFINITY } else { (f32::from(raw) - 32768.0) / 64.0 };
+    assert_eq!(read_pfm(&pfm), (7, 5, samples(&[]).into_iter().map(pixels).collect()));
+    assert_eq!(image::open(png).expect("a picture").to_rgb8().dimensions(), (7, 5));
+}
+
+#[test]
+fn packets_come_through_standard_input() {
+    let dir = folder();
+    let pfm = dir.path().join("out.pfm");
+    let mut listen = Command::new(program::binary());
+    listen.args(["listen", "-", "-o"]).arg(&pfm).stdin(Stdio::piped()).stderr(Stdio::null());
+    let mut listen = listen.spawn().expect("the command line runs");
+    // The pipe stays open: the end packet is what ends it.
+    let mut pipe = listen.stdin.take().expect("a pipe");
+    pipe.write_all(&packets().concat()).expect("it reads");
+    assert_eq!(listen.wait().expect("it ends").code(), Some(0));
+    drop(pipe);
+    assert_eq!(read_pfm(&pfm).0, 7);
+}
+
+#[test]
+fn lost_packets_are_named() {
+    let mut one = packets();
+    one.remove(6);
+    assert_lost(&one.concat(), &[6], &["line 1 (packet 6) is lost", "91.4 % received"]);
+    let mut several = packets();
+    several.drain(3..7);
+    let words = ["lines 3 to 4 (packets 3 to 4) are lost", "lines 0 to 1 (packets 5 to 6) are lost"];
+    assert_lost(&several.concat(), &[3, 4, 5, 6], &words);
+    let mut end = packets();
+    end.pop();
+    assert_lost(&end.concat(), &[], &["the end of the frame is lost: nothing came after line 4 (packet 9)"]);
+}
+
+#[test]
+fn a_flipped_bit_is_noticed_anywhere() {
+    let packets = packets();
+    let whole = packets.concat();
+    for (i, start) in packets.iter().scan(0, |end, packet| Some(std::mem::replace(end, *end + packet.len()))).enumerate() {
+        let mut bytes = whole.clone();
+        bytes[start + packets[i].len() / 2] ^= 0x10;
+        let place = if i == 10 { "after line 4 (packet 9)".into() } else { format!("line {} (packet {i}) is damaged", i % 5) };
+        assert_lost(&bytes, &[i], &[&place, "a damaged packet"]);
+    }
+}
+
+#[test]
+fn a_stream_that_breaks_off() {
+    let whole = packets().concat();
+    let bytes: usize = packets()[..7].iter().map(Vec::len).sum();
+    assert_lost(&whole[..bytes + 3], &[7, 8, 9], &["after line 1 (packet 6): a damaged packet", "the end of the frame is lost"]);
+}
+
+#[test]
+fn foreign_packets_are_named_and_passed_over() {
+    let other = Params::new(9, 2, Views::HORIZONTAL, Fusion::Min, 1, 8, 3).expect("they are in range");
+    let mut buffer = vec![0; buffer_bytes(9)];
+    let line =
+        Sender::new(&other, &mut buffer).line(&Region::whole(&other), 0, &[None; 9]).expect("the buffer is for it").to_vec();
+    let mut mixed = packets();
+    mixed.insert(4, line);
+    let dir = folder();
+    let (run, [_, _, raw16]) = listened(dir.path(), &mixed.concat());
+    run.assert_done();
+    assert!(run.stderr.contains("ignored a packet of another frame: 9x2 pixels instead of 7x5"), "{run:#?}");
+    assert_eq!(read_raw16(&raw16).2, samples(&[]));
+}
+
+#[test]
+fn what_is_no_stream_is_refused() {
+    for (bytes, words) in [
+        (&b"not a stream of packets"[..], &["stream: found 23 bytes without a packet of disparities", "expected the packets"]),
+        (b"", &["stream: found nothing", "expected the packets"]),
+        (&[0; 100], &["stream: found 100 bytes without a packet of disparities", "expected the packets"]),
+    ] {
+        let dir = folder();
+        let (run, outputs) = listened(dir.path(), bytes);
+        run.assert_refused(words);
+        assert!(outputs.iter().all(|path| !path.exists()), "nothing is written");
+    }
+    let run = Invocation::new(["listen", "no/such/device", "-o", "out.pfm"]);
+    run.assert_refused(&["cannot read no/such/device"]);
+    let dir = folder();
+    let (stream, nowhere) = (dir.path().join("stream"), dir.path().join("none/out.pfm"));
+    fs::write(&stream, packets().concat()).expect("a stream for the test");
+    Invocation::new([Path::new("listen"), &stream, Path::new("-o"), &nowhere]).assert_refused(&["cannot write", "none"]);
+    Invocation::new([Path::new("listen"), &stream, Path::new("-o"), &stream]).assert_refused(&["would replace the input"]);
+}
+
+/// The JSON that a command prints, which is all that it prints.
+#[track_caller]
+fn json(run: &Invocation, code: i32) -> serde_json::Value {
+    assert_eq!(run.code, Some(code), "{run:#?}");
+    serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {run:#?}"))
+}
+
+/// The middle of frames of `multiscopic demo` that are larger than the profile's: what is simulated is what `match` makes of it.
+fn assert_simulated_as_matched(profile: &Profile) {
+    let dir = folder();
+    let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
+    let params = profile.params(Fusion::Min);
+    let size = [("--width", params.width() + 7), ("--height", params.height() + 4)];
+    let size = size.map(|(option, side)| [option.to_owned(), side.to_string()]).concat();
+    let demo = ["demo".to_owned(), "-o".into(), path("demo"), "--num-disparities".into(), "1".into()];
+    assert_eq!(Invocation::new(demo.into_iter().chain(size)).code, Some(0));
+    let mut views = Vec::new();
+    for view in ["center", "left", "right", "top", "bottom"] {
+        let (w, h, pixels) = multiscopic_tests::samples::images::read_grey(Path::new(&path(&format!("demo/{view}.png"))));
+        let lines = pixels.chunks_exact(w).skip((h - params.height()) / 2).take(params.height());
+        let left = (w - params.width()) / 2;
+        let mut pgm = format!("P5 {} {} 255\n", params.width(), params.height()).into_bytes();
+        pgm.extend(lines.flat_map(|line| &line[left..left + params.width()]));
+        fs::write(path(&format!("{view}.pgm")), pgm).expect("a view for the test");
+        if view == "center" || params.views().iter().any(|of| format!("{of:?}").to_lowercase() == view) {
+            views.extend([format!("--{view}"), path(&format!("{view}.pgm"))]);
+        }
+    }
+    for fusion in Fusion::ALL.map(Fusion::name) {
+        let common = ["--fusion", fusion, "-o"].map(str::to_owned);
+        let mut matched = vec!["match".to_owned()];
+        matched.extend(views.iter().cloned().chain(common.clone()).chain([path("matched.pfm")]));
+        matched.extend(["--num-disparities".into(), params.num_disparities().to_string()]);
+        matched.extend(["--block-size".into(), params.block_size().to_string()]);
+        Invocation::new(&matched).assert_done();
+        let mut simulated = ["simulate", "--json", "--profile", profile.name].map(str::to_owned).to_vec();
+        simulated.extend(common.into_iter().chain([path("simulated.pfm"), "--packets".into(), path("packets")]));
+        simulated.push(path("demo"));
+        let report = json(&Invocation::new(&simulated), 0);
+        let expected = read_pfm(Path::new(&path("matched.pfm")));
+        assert_eq!(read_pfm(Path::new(&path("simulated.pfm"))), expected, "{} with {fusion}", profile.name);
+        Invocation::new(["listen", &path("packets"), "-o", &path("listened.pfm")]).assert_done();
+        assert_eq!(read_pfm(Path::new(&path("listened.pfm"))), expected, "{} with {fusion}", profile.name);
+
+        assert_eq!(report["packet_bytes"], fs::metadata(path("packets")).expect("packets").len());
+        assert_eq!(report["de"], params.evaluations());
+        assert_eq!(report["lines_latency"], params.latency_lines());
+        let passes = params.width().div_ceil(profile.tile_width());
+        assert_eq!(report["tile_passes"], passes);
+        let lines = report["lines_read"].as_object().expect("lines by frame");
+        assert_eq!(lines.len(), 1 + params.views().len());
+        assert!(lines.values().all(|read| *read == passes * params.height()), "{report:#}");
+        let statics = report["ram_static"].as_u64().expect("bytes");
+        assert!(statics >= profile.lengths::<Wide>().bytes() as u64, "{report:#}");
+        assert!(report["ram_total"].as_u64() > Some(statics), "{report:#}");
+        assert!(report["ram_total"].as_u64() <= Some(profile.ram_budget as u64), "{report:#}");
+    }
+}
+
+#[test]
+fn a_small_profile_is_simulated() {
+    assert_simulated_as_matched(&profile::QQVGA);
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "takes minutes without optimisation")]
+fn every_other_profile_is_simulated() {
+    for profile in profile::ALL.iter().filter(|profile| profile.name != profile::QQVGA.name) {
+        assert_simulated_as_matched(profile);
+    }
+}
+
+#[test]
+fn a_simulation_refuses_what_does_not_fit() {
+    Invocation::new(["simulate", "--profile", "svga"]).assert_refused(&["svga", "qqvga", "vga-tiled"]);
+    Invocation::new(["simulate"]).assert_refused(&["--profile"]);
+    let [center, left, right, ..] = golden::paths().map(|path| path.to_str().expect("UTF-8").to_owned());
+    let small = ["simulate", "--profile", "qqvga", "--center", &center, "--left", &left, "--right", &right];
+    Invocation::new(small).assert_refused(&["center.png: found 48x32 pixels", "at least 160x120"]);
+    Invocation::new(&small[..7]).assert_refused(&["profile qqvga matches with left, right, the right one is missing"]);
+    Invocation::new(&small[..5]).assert_refused(&["--left", "--top"]);
+    Invocation::new(["simulate", "--profile", "qqvga", "-o", "none/out.pfm"]).assert_refused(&["cannot write none/out.pfm"]);
+}
+
+/// What `budget` says with some options, and its words.
+fn budget(options: &[&str]) -> Invocation {
+    Invocation::new(["budget", "--json"].iter().chain(options))
+}
+
+#[test]
+fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
+    for profile in profile::ALL {
+        let report = json(&budget(&["--profile", profile.name]), 0);
+        let params = profile.params(Fusion::Min);
+        let memory = Memory::new::<Wide>(&params, profile.tile_width());
+        for (buffer, bytes) in [
+            ("column_sums", memory.column_sums),
+            ("block_sums", memory.block_sums),
+            ("masks", memory.masks),
+            ("fused", memory.fused),
+            ("center", memory.center),
+            ("horizontal", memory.horizontal),
+            ("vertical", memory.vertical),
+            ("zeros", memory.zeros),
+            ("line", memory.line),
+            ("disparities", 2 * profile.tile_width()),
+        ] {
+            assert_eq!(report["ram"][buffer], bytes, "{buffer} of {}", profile.name);
+        }
+        let bytes = |name: &str| report[name].as_u64().expect("bytes");
+        let buffers = report["ram"].as_object().expect("buffers").values();
+        assert_eq!(buffers.map(|bytes| bytes.as_u64().expect("bytes")).sum::<u64>(), bytes("ram_total"));
+        assert_eq!(bytes("ram_static") + bytes("stack_max"), bytes("ram_total"));
+        let runtime = report["ram"]["runtime"].as_u64().expect("bytes");
+        assert_eq!(bytes("ram_static"), profile.lengths::<Wide>().bytes() as u64 + runtime, "{}", profile.name);
+    }
+    let simulated = json(&Invocation::new(["simulate", "--json", "--profile", "qqvga", "--core", "cortex-m55"]), 0);
+    let budgeted = json(&budget(&["--profile", "qqvga", "--core", "cortex-m55"]), 0);
+    for name in
+        ["ram_static", "stack_max", "ram_total", "de", "instructions", "instructions_per_de", "lines_latency", "tile_passes"]
+    {
+        assert_eq!(simulated[name], budgeted[name], "{name}");
+    }
+}
+
+#[test]
+fn a_budget_of_any_match() {
+    let given = "--width 320 --height 240 --num-disparities 32 --core cortex-m7 --tile-width 80 --fusion min";
+    let mut own = json(&budget(&given.split(' ').collect::<Vec<_>>()), 0);
+    let tile = profile::QVGA_TILED.tile_width().to_string();
+    assert_eq!((own["views"].as_u64(), own["tile_passes"].as_u64()), (Some(4), Some(4)));
+    let given = given.replace("80", &tile);
+    own = json(&budget(&given.split(' ').collect::<Vec<_>>()), 0);
+    assert_eq!(own, json(&budget(&["--profile", "qvga-tiled", "--core", "cortex-m7", "--fusion", "min"]), 0));
+    for views in ["1", "2", "4"] {
+        for (fusion, block) in [("min", "11"), ("mean", "17"), ("heuristic", "21")] {
+            let options = ["--width", "99", "--height", "77", "--views", views, "--fusion", fusion, "--block-size", block];
+            let report = json(&budget(&options), 0);
+            let per_de = report["instructions_per_de"].as_f64().expect("a number");
+            assert!(per_de > 1.0 && per_de < 500.0, "{report:#}");
+        }
+    }
+}
+
+#[test]
+fn time_is_instructions_by_cycles_by_clock() {
+    let report = json(&budget(&["--profile", "qvga", "--clock", "200", "--cpi", "1.25"]), 0);
+    let number = |name: &str| report[name].as_f64().expect("a number");
+    let seconds = number("instructions") * 1.25 / 200e6;
+    assert!((number("seconds") / seconds - 1.0).abs() < 1e-9, "{report:#}");
+    assert!((number("fps") * seconds - 1.0).abs() < 1e-9, "{report:#}");
+    for (core, clock, cycles) in [("cortex-m4", 64.0, 1.4), ("cortex-m7", 480.0, 0.8), ("cortex-m55", 32.0, 1.5)] {
+        let report = json(&budget(&["--profile", "qvga", "--core", core]), 0);
+        assert_eq!((&report["clock_mhz"], &report["cycles_per_instruction"]), (&clock.into(), &cycles.into()), "{core}");
+        let text = Invocation::new(["budget", "--profile", "qvga", "--core", core]);
+        assert!(text.stdout.contains(&format!("at {clock} MHz and {cycles} cycles per instruction")), "{text:#?}");
+    }
+}
+
+#[test]
+fn a_budget_that_is_not_met_fails_by_name() {
+    let report = json(&budget(&["--profile", "qvga"]), 0);
+    let total = report["ram_total"].as_u64().expect("bytes");
+    let fps = report["fps"].as_f64().expect("a number");
+    let run = |ram: u64, fps: f64| budget(&["--profile", "qvga", "--ram", &ram.to_string(), "--fps", &fps.to_string()]);
+    let met = run(total, 0.99 * fps);
+    assert_eq!(met.stderr, "");
+    json(&met, 0);
+    let short = run(total - 1, 0.99 * fps);
+    json(&short, 1);
+    let words =
+        format!("RAM: {total} bytes exceed --ram {} by 1; narrower column tiles would fit: --tile-width 160", total - 1);
+    assert!(short.stderr.contains(&words) && !short.stderr.contains("--fps"), "{short:#?}");
+    let slow = run(total, 2.0 * fps);
+    json(&slow, 1);
+    assert!(slow.stderr.contains("2.00 times as fast") && !slow.stderr.contains("--ram"), "{slow:#?}");
+    json(&budget(&["--profile", "qvga", "--ram", "144KiB"]), 0);
+    json(&budget(&["--profile", "qvga", "--ram", "48KiB"]), 1);
+}
+
+#[test]
+fn a_budget_refuses_bad_usage() {
+    let refused = |options: &[&str], words: &[&str]| budget(options).assert_refused(words);
+    refused(&[], &["--width", "--height"]);
+    refused(&["--width", "320"], &["--height"]);
+    refused(&["--profile", "svga"], &["svga", "qvga-tiled"]);
+    refused(&["--profile", "qvga", "--block-size", "5"], &["--profile", "--block-size"]);
+    refused(&["--width", "64", "--height", "48", "--views", "5"], &["--views is 5"]);
+    refused(&["--width", "64", "--height", "48", "--block-size", "8"], &["block size is 8"]);
+    refused(&["--width", "64", "--height", "48", "--tile-width", "65"], &["--tile-width is 65", "64"]);
+    refused(&["--width", "64", "--height", "48", "--tile-width", "0"], &["--tile-width is 0"]);
+    refused(&["--profile", "qvga", "--core", "cortex-m0"], &["cortex-m0", "cortex-m55"]);
+    refused(&["--profile", "qvga", "--ram", "12G"], &["12G", "144KiB"]);
+    refused(&["--profile", "qvga", "--clock", "0"], &["--clock", "above 0"]);
+    refused(&["--profile", "qvga", "--cpi", "-1"], &["--cpi", "above 0"]);
+    refused(&["--profile", "qvga", "--fps", "x"], &["--fps", "above 0"]);
+}
+
+#[test]
+fn the_commands_of_the_readme_run() {
+    let dir = folder();
+    let run = |words: &[&str]| {
+        let output = Command::new(program::binary()).args(words).current_dir(dir.path()).output().expect("the command line runs");
+        assert_eq!(output.status.code(), Some(0), "{words:?}: {output:?}");
+    };
+    run(&["demo", "-o", "out/demo", "--width", "180", "--height", "130", "--num-disparities", "1"]);
+    let readme = include_str!("../../../README.md");
+    for name in ["budget", "simulate", "listen"] {
+        let line = readme.lines().find_map(|line| line.strip_prefix("multiscopic ").filter(|rest| rest.starts_with(name)));
+        run(&line.unwrap_or_else(|| panic!("the README has a line for {name}")).split(' ').collect::<Vec<_>>());
+    }
+    assert_eq!(read_pfm(&dir.path().join("received.pfm")).0, 160);
+}

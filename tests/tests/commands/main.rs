@@ -1,0 +1,5 @@
+//! The command line, as a user runs it.
+
+mod alignment;
+mod command_line;
+mod edge_commands;

@@ -1,0 +1,63 @@
+//! The core's arithmetic against the reference's floats, one function at a time.
+
+use multiscopic_core::{Disparity, Fusion, MatchingCost, Region, kernel::Portable};
+use multiscopic_tests::{
+    random::Random,
+    reference::{self, fixed},
+    samples::{
+        case::{matched, params, property},
+        images::ViewSet,
+    },
+};
+use proptest::prelude::*;
+
+/// The greatest cost, of a block of 21 x 21.
+const GREATEST: u32 = 21 * 21 * 255;
+
+#[test]
+fn fusion_is_exact() {
+    let cost = || prop_oneof![0..=12_u32, 0..=GREATEST, Just(GREATEST)];
+    // A third cost near three times the second is where the heuristic rule changes.
+    let near = (cost(), 0..=GREATEST / 3, -2..=2_i32)
+        .prop_map(|(c, second, off)| vec![second, (3 * second).saturating_add_signed(off).min(GREATEST), c, c / 2]);
+    let costs = prop_oneof![3 => prop::collection::vec(cost(), 0..=4), 1 => near];
+    property(20_000, costs, |costs: &Vec<u32>| {
+        for (core, rule) in [
+            (Fusion::Min, reference::Fusion::Min),
+            (Fusion::Mean, reference::Fusion::Mean),
+            (Fusion::Heuristic, reference::Fusion::Heuristic),
+        ] {
+            let expected = reference::fuse(rule, costs.iter().copied().map(f64::from).collect());
+            let mut views = [u32::NONE; 4];
+            views[..costs.len()].copy_from_slice(costs);
+            let found = Some(core.fuse(views)).filter(|cost| cost.exists());
+            assert_eq!(found.map(f64::from), expected, "{core:?}");
+        }
+    });
+}
+
+/// A pixel whose costs at three disparities are given, everything else of its line being worse: the sub-pixel division.
+fn refined(first: i32, costs: [u8; 3]) -> Option<Disparity> {
+    let (width, u) = (1024, 512);
+    let mut right = vec![255; width];
+    for (d, cost) in (first..).zip(costs) {
+        right[(u - d) as usize] = cost;
+    }
+    let images = ViewSet { width, height: 1, center: vec![0; width], views: [None, Some(right), None, None] };
+    let params = params(width, 1, [false, true, false, false], reference::Fusion::Min, first, 3, 1);
+    let pixel = Region::new(&params, u as usize..u as usize + 1, 0..1).expect("a pixel of the frame");
+    Disparity::from_raw16(matched(Portable::<4, 1>, &params, &pixel, &images, &mut Random(0))[0])
+}
+
+#[test]
+fn refinement_rounds_like_the_reference() {
+    // The middle one wins: before it, an equal cost would win itself.
+    let costs = |greatest: u8| (0..greatest).prop_flat_map(move |c| (c + 1..=greatest, Just(c), c..=greatest));
+    let first = prop_oneof![-511..=509_i32, -3..=3_i32];
+    property(8000, (first, prop_oneof![costs(255), costs(20)]), |&(first, (a, c, b))| {
+        let found = refined(first, [a, c, b]).map(Disparity::to_bits);
+        let [a, c, b] = [a, c, b].map(f64::from);
+        let d = f64::from(first + 1) + (a - b) / (2.0 * a + 2.0 * b - 4.0 * c);
+        assert_eq!(found, Some(fixed(d)), "{a}, {c}, {b} around {}", first + 1);
+    });
+}

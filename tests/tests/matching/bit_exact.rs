@@ -1,0 +1,62 @@
+//! The core equals the float reference on every bit.
+
+use multiscopic_core::{Region, kernel::Portable};
+use multiscopic_tests::{
+    random::Random,
+    samples::case::{Case, cases, cut, matched, property},
+};
+
+/// The whole frame in one pass; then in tiles, in bands, any rectangle of it, or with vectors of another width.
+fn equals_the_reference(case: &Case) {
+    let (images, params) = (case.images(), case.params());
+    let expected = case.reference(&images);
+    let random = &mut Random(case.seed);
+
+    let whole = Region::whole(&params);
+    let check = |found: Vec<u16>, region: &Region, what: &str| {
+        let expected = cut(&expected, case.width, region);
+        if let Some(i) = (0..expected.len()).find(|&i| found.get(i) != Some(&expected[i])) {
+            let (u, v) = (region.columns().start + i % region.width(), region.rows().start + i / region.width());
+            panic!("{what}, pixel ({u}, {v}): found {:?}, expected {}", found.get(i), expected[i]);
+        }
+        assert_eq!(found.len(), expected.len(), "{what}: pixels");
+    };
+
+    check(matched(Portable::<4, 1>, &params, &whole, &images, random), &whole, "4 lanes");
+    let parts = |regions: &mut dyn Iterator<Item = Region>, random: &mut Random| {
+        for region in regions {
+            check(matched(Portable::<4, 1>, &params, &region, &images, random), &region, &format!("{region:?}"));
+        }
+    };
+    let at_most_four = |length: usize, random: &mut Random| length.div_ceil(4) + random.below(length);
+    let part = |length: usize, random: &mut Random| {
+        let start = random.below(length);
+        start..start + 1 + random.below(length - start)
+    };
+    match random.below(11) {
+        0 => parts(&mut Region::tiles(&params, at_most_four(case.width, random)), random),
+        1 => parts(&mut Region::bands(&params, at_most_four(case.height, random)), random),
+        2 => {
+            let any = Region::new(&params, part(case.width, random), part(case.height, random));
+            parts(&mut any.into_iter(), random);
+        }
+        3 => check(matched(Portable::<1, 1>, &params, &whole, &images, random), &whole, "1 lane"),
+        4 => check(matched(Portable::<3, 1>, &params, &whole, &images, random), &whole, "3 lanes"),
+        5 => check(matched(Portable::<8, 1>, &params, &whole, &images, random), &whole, "8 lanes"),
+        6 => check(matched(Portable::<16, 1>, &params, &whole, &images, random), &whole, "16 lanes"),
+        7 => check(matched(Portable::<32, 1>, &params, &whole, &images, random), &whole, "32 lanes"),
+        8 => check(matched(Portable::<4, 32>, &params, &whole, &images, random), &whole, "4 lanes, batches of 32"),
+        9 => check(matched(Portable::<16, 5>, &params, &whole, &images, random), &whole, "16 lanes, batches of 5"),
+        _ => check(matched(Portable::<32, 32>, &params, &whole, &images, random), &whole, "32 lanes, batches of 32"),
+    }
+}
+
+#[test]
+fn small_matches() {
+    property(2000, cases(30_000, 8_000), equals_the_reference);
+}
+
+#[test]
+fn larger_matches() {
+    property(100, cases(1_000_000, 100_000), equals_the_reference);
+}

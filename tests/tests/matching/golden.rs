@@ -1,0 +1,130 @@
+//! Golden images: five views of a small scene, and what the float reference makes of them, in `tests/golden/`.
+//!
+//! `UPDATE_GOLDEN=1 cargo test -p multiscopic-tests --test matching golden` makes them anew: the views from the formula below, the
+//! disparities from the float reference, never from the core.
+
+use std::{env, path::PathBuf, sync::Once};
+
+use multiscopic_core::{Region, kernel::Portable};
+use multiscopic_tests::{
+    random::Random,
+    reference::raw16,
+    samples::{
+        case::{matched, params},
+        golden::{self, GOLDEN, Golden},
+        images::{ViewSet, read_raw16},
+    },
+};
+
+/// Noise that is continuous: random greys at the corners of cells, and between them linear.
+fn texture(x: f64, y: f64, cell: f64, seed: u64) -> f64 {
+    let (x, y) = (x / cell, y / cell);
+    let corner = |i: f64, j: f64| f64::from(Random(seed ^ ((i as i64 as u64) << 32) ^ (j as i64 as u64 & 0xFFFF_FFFF)).byte());
+    let (i, j) = (x.floor(), y.floor());
+    let (s, t) = (x - i, y - j);
+    let (top, bottom) =
+        (corner(i, j) * (1.0 - s) + corner(i + 1.0, j) * s, corner(i, j + 1.0) * (1.0 - s) + corner(i + 1.0, j + 1.0) * s);
+    top * (1.0 - t) + bottom * t
+}
+
+/// A slanted plane of disparities from -2 to 2.5, and a disc at 5.5 in front of it, as the camera sees them that moved so that the
+/// match of `(u, v)` is `(u + du d, v + dv d)`.
+fn seen(du: f64, dv: f64) -> Vec<u8> {
+    let plane = |u: f64, v: f64| 0.0625 * u + 0.046875 * v - 2.0;
+    let mut image = Vec::new();
+    for y in 0..golden::HEIGHT {
+        for x in 0..golden::WIDTH {
+            let (x, y) = (x as f64, y as f64);
+            let on_disc = (x - 5.5 * du, y - 5.5 * dv);
+            let grey = if (on_disc.0 - 26.0).hypot(on_disc.1 - 14.0) < 8.5 {
+                texture(on_disc.0, on_disc.1, 1.75, 1)
+            } else {
+                // The point of the plane that is seen here, closer each time.
+                let (mut u, mut v) = (x, y);
+                for _ in 0..12 {
+                    (u, v) = (x - du * plane(u, v), y - dv * plane(u, v));
+                }
+                texture(u, v, 2.25, 2)
+            };
+            image.push(grey.round() as u8);
+        }
+    }
+    image
+}
+
+fn expected_path(golden: &Golden) -> PathBuf {
+    golden::folder().join(format!("{}.raw16.png", golden.name))
+}
+
+/// Makes everything anew if `$UPDATE_GOLDEN` says so.
+fn update() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        if env::var_os("UPDATE_GOLDEN").is_none() {
+            return;
+        }
+        let (width, height) = (golden::WIDTH as u32, golden::HEIGHT as u32);
+        for ((du, dv), path) in [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)].into_iter().zip(golden::paths()) {
+            let image = image::GrayImage::from_raw(width, height, seen(du, dv)).expect("the size of the image");
+            image.save(path).expect("a golden image is written");
+        }
+        let images = golden::images();
+        for golden in GOLDEN {
+            let pixels = reference(&golden, &images);
+            let image =
+                image::ImageBuffer::<image::Luma<u16>, _>::from_raw(width, height, pixels).expect("the size of the image");
+            image.save(expected_path(&golden)).expect("a golden image is written");
+        }
+    });
+}
+
+fn reference(golden: &Golden, images: &ViewSet) -> Vec<u16> {
+    let images = images.only(golden.views);
+    let reference = images.reference(golden.fusion, golden.min_disparity, golden.num_disparities, golden.block_size);
+    reference.disparities().into_iter().map(raw16).collect()
+}
+
+/// Compares with the golden image and says where the first difference is.
+fn check(what: &str, found: impl Fn(&Golden, &ViewSet) -> Vec<u16>) {
+    update();
+    let images = golden::images();
+    for golden in GOLDEN {
+        let (width, height, expected) = read_raw16(&expected_path(&golden));
+        assert_eq!((width, height), (golden::WIDTH, golden::HEIGHT), "{}", golden.name);
+        let found = found(&golden, &images);
+        assert_eq!(found.len(), expected.len(), "{}: pixels", golden.name);
+        let different: Vec<usize> = (0..found.len()).filter(|&i| found[i] != expected[i]).collect();
+        if let Some(&i) = different.first() {
+            let (u, v) = (i % width, i / width);
+            let (name, count) = (golden.name, different.len());
+            panic!("{name}: {what} differs in {count} pixels, at ({u}, {v}) it is {} instead of {}", found[i], expected[i]);
+        }
+    }
+}
+
+#[test]
+fn the_reference_makes_the_golden_images() {
+    check("the float reference", reference);
+}
+
+#[test]
+fn the_core_makes_the_golden_images() {
+    check("the core", |golden, images| {
+        let images = images.only(golden.views);
+        let Golden { views, fusion, min_disparity, num_disparities, block_size, .. } = *golden;
+        let params = params(images.width, images.height, views, fusion, min_disparity, num_disparities, block_size);
+        matched(Portable::<4, 1>, &params, &Region::whole(&params), &images, &mut Random(3))
+    });
+}
+
+/// What the golden images are worth: the disparities of the scene are found.
+#[test]
+fn the_golden_images_show_the_scene() {
+    update();
+    let (width, _, pixels) = read_raw16(&expected_path(&GOLDEN[4]));
+    assert_eq!(GOLDEN[4].name, "four-heuristic");
+    let at = |u: usize, v: usize| (f64::from(pixels[v * width + u]) - 32768.0) / 64.0;
+    for (u, v, disparity) in [(26, 14, 5.5), (22, 12, 5.5), (8, 8, -1.125), (40, 26, 1.71875), (8, 26, -0.28125)] {
+        assert!((at(u, v) - disparity).abs() < 0.4, "({u}, {v}): {} instead of {disparity}", at(u, v));
+    }
+}

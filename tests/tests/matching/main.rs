@@ -1,0 +1,9 @@
+//! The core's matcher against the float reference, bit for bit.
+
+mod arithmetic;
+mod bit_exact;
+mod depth;
+mod engine;
+mod golden;
+mod patterns;
+mod scanlines;

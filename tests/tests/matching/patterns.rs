@@ -1,0 +1,180 @@
+//! Small scenes drawn in ASCII: what each fusion rule makes of them.
+
+use multiscopic_core::{Disparity, Region, kernel::Portable};
+use multiscopic_tests::{
+    random::Random,
+    reference::Fusion::{self, Heuristic, Mean, Min},
+    samples::{
+        case::{matched, params},
+        drawing::{assert_drawn, draw, synthesise},
+    },
+};
+
+const STEREO: [bool; 4] = [false, true, false, false];
+const ALL: [bool; 4] = [true; 4];
+
+/// A square in front of a wall.
+const NEAR: &str = "
+    1111111111111111
+    1111111111111111
+    1111144444411111
+    1111144444411111
+    1111144444411111
+    1111144444411111
+    1111111111111111
+    1111111111111111";
+
+/// A bar in front of the plane of disparity 0, which the wall lies behind.
+const BEHIND: &str = "
+    aaaaaaaaaaaaaaaa
+    aaaaaaaaaaaaaaaa
+    aaaa22222222aaaa
+    aaaa22222222aaaa
+    aaaa22222222aaaa
+    aaaa22222222aaaa
+    aaaaaaaaaaaaaaaa
+    aaaaaaaaaaaaaaaa";
+
+/// Matches a drawn scene by blocks of 3 x 3, with the float reference and with the core.
+fn check(scene: &str, views: [bool; 4], fusion: Fusion, min_disparity: i32, num_disparities: i32, expected: &str) {
+    let images = synthesise(scene, 7).only(views);
+    let reference = images.reference(fusion, min_disparity, num_disparities, 3).disparities();
+    assert_drawn("the float reference", expected, &draw(images.width, &reference));
+
+    let params = params(images.width, images.height, views, fusion, min_disparity, num_disparities, 3);
+    let found = matched(Portable::<4, 1>, &params, &Region::whole(&params), &images, &mut Random(7));
+    let pixels = |raw| Disparity::from_raw16(raw).map(|d| f64::from(f32::from(d)));
+    assert_drawn("the core", expected, &draw(images.width, &found.into_iter().map(pixels).collect::<Vec<_>>()));
+}
+
+/// A stereo pair does not see the wall beside the square, nor the leftmost column.
+#[test]
+fn stereo_is_wrong_where_only_one_eye_sees() {
+    check(
+        NEAR,
+        STEREO,
+        Min,
+        0,
+        7,
+        "
+        0111111111111111
+        0111111111111111
+        0111144444111111
+        0111144444111111
+        0111444444111111
+        0113344444111111
+        0111111444111111
+        0111111111111112",
+    );
+}
+
+/// Of four views one sees each pixel of the wall.
+#[test]
+fn the_minimum_of_four_views_sees_the_whole_wall() {
+    check(
+        NEAR,
+        ALL,
+        Min,
+        0,
+        7,
+        "
+        1111111111111111
+        1111111111111111
+        1111144441111111
+        1111144444111111
+        1111444444411111
+        1111114444111111
+        1111111111111111
+        1111111111111112",
+    );
+}
+
+#[test]
+fn the_mean_is_quieter_but_sees_less() {
+    check(
+        NEAR,
+        ALL,
+        Mean,
+        0,
+        7,
+        "
+        1111111111111111
+        1111111111111111
+        1111144444111111
+        1111144444411111
+        1111144444411111
+        1111144444411111
+        1111114441111111
+        1111111111111112",
+    );
+}
+
+#[test]
+fn the_heuristic_rule_is_between() {
+    check(
+        NEAR,
+        ALL,
+        Heuristic,
+        0,
+        7,
+        "
+        1111111111111111
+        1111111111111111
+        1111114444111111
+        1111144444411111
+        1111144444411111
+        1111144444111111
+        1111111111111111
+        1111111111111112",
+    );
+}
+
+#[test]
+fn disparities_below_zero() {
+    check(
+        BEHIND,
+        ALL,
+        Heuristic,
+        -3,
+        7,
+        "
+        aaaaaaaaaaaaaaaa
+        aaaaaaaaaaaaaaaa
+        aaaaa2222222aaaa
+        aaaa22222222aaaa
+        aaaa22222222aaaa
+        aaaaa2222222aaaa
+        aaaaa222aaaaaaaa
+        aaaaaaaaaaaaaaaa",
+    );
+}
+
+/// With disparities from 3 on, a right view has no candidate for the three leftmost columns, and a top view none for the three
+/// lowest lines: those pixels are invalid unless another view has one.
+#[test]
+fn a_pixel_without_a_candidate_is_invalid() {
+    let wall = "
+        44444444
+        44444444
+        44444444
+        44444444
+        44444444
+        44444444";
+    let expected = "
+        ...34444
+        ...34444
+        ...34444
+        ...34444
+        ...34444
+        ...34444";
+    check(wall, STEREO, Min, 3, 3, expected);
+    // The blocks of the topmost line reach above the image, where the match is noise.
+    let expected = "
+        44444555
+        44444444
+        33333333
+        ........
+        ........
+        ........";
+    check(wall, [false, false, true, false], Min, 3, 3, expected);
+}

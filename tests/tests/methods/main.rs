@@ -1,0 +1,6 @@
+//! The host's other methods against their definitions.
+
+mod cost_volumes;
+mod graph_cuts;
+mod pairs;
+mod sgm;

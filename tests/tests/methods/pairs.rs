@@ -1,0 +1,162 @@
+//! Pairs of costs and optimizers beside those of the named methods, held to the slow references of the parts.
+
+use image::{GrayImage, Luma, Rgb, RgbImage};
+use multiscopic::{
+    Engine, Error, Frames, GraphCuts, Method, SemiGlobal,
+    stereo::{
+        CostFunction, Optimizer,
+        aggregation::{Aggregation, SupportRegion},
+        cost::{BirchfieldTomasi, Census},
+        optimization::sgm::Paths,
+        refinement::Refinement,
+    },
+};
+use multiscopic_core::{Disparity, Fusion, Search, View, Views};
+use multiscopic_tests::{
+    random::Random,
+    reference::{self, energy, raw16, semi_global},
+    samples::case::{Case, cases, property},
+};
+
+const BIRCHFIELD_TOMASI: CostFunction = CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: false });
+
+/// Paths that charge nothing sum to a multiple of the cost, so that they select what winner-takes-all selects.
+fn free_paths() -> Optimizer {
+    Optimizer::SemiGlobal(SemiGlobal::new(Paths::Eight, [0, 0], None).expect("no penalties are in range"))
+}
+
+fn raw(map: &multiscopic::DisparityMap) -> Vec<u16> {
+    map.pixels().iter().map(|&pixel| Disparity::to_raw16(pixel)).collect()
+}
+
+#[test]
+fn census_costs_with_winner_takes_all_equal_the_reference() {
+    let engines = [1, 3].map(|threads| Engine::new(None, threads).expect("threads"));
+    property(100, cases(100_000, 12_000), |case: &Case| {
+        let images = case.images();
+        let gray =
+            |pixels: &[u8]| GrayImage::from_raw(case.width as u32, case.height as u32, pixels.into()).expect("the image's size");
+        let views = [View::Left, View::Right, View::Top, View::Bottom].into_iter().zip(&images.views);
+        let frames = views.fold(Frames::new(gray(&images.center)), |frames, (view, pixels)| match pixels {
+            Some(pixels) => frames.with(view, gray(pixels)),
+            None => frames,
+        });
+        let mut random = Random(case.seed);
+        let (census, radius) =
+            [(Census::Window5x5, (2, 2)), (Census::Window7x7, (3, 3)), (Census::Window9x7, (4, 3))][random.below(3)];
+        let left_right = [None, Some(random.below(3) as u16)][random.below(2)];
+        let reference = semi_global::SemiGlobal {
+            width: case.width as i32,
+            height: case.height as i32,
+            center: &images.center,
+            views: images.views.each_ref().map(|view| view.as_deref()),
+            fusion: case.fusion,
+            min_disparity: case.min_disparity,
+            num_disparities: case.num_disparities,
+            radius,
+            paths: vec![(1, 0)],
+            p1: 0,
+            p2: 0,
+            p2_edge: None,
+            left_right: left_right.map(i32::from),
+        };
+        let expected: Vec<u16> = reference.disparities().into_iter().map(raw16).collect();
+        let method = Method::new(CostFunction::Census(census), None, Optimizer::WinnerTakesAll)
+            .with_refinement(Refinement { left_right, ..Refinement::NONE });
+        let engine = &engines[random.below(2)];
+        let map = method.disparities(engine, &frames, case.params().search(), &()).expect("the frames fit the search");
+        assert!(raw(&map) == expected, "{method:?} on {} threads", engine.threads());
+    });
+}
+
+/// Random frames of one size, grey, with a view at random beside the right one.
+fn random_frames(random: &mut Random) -> (Frames, RgbImage, [Option<RgbImage>; 4]) {
+    let [width, height] = [0, 1].map(|_| 1 + random.below(20) as u32);
+    let range = [8, 40, 256][random.below(3)];
+    let mut image = || GrayImage::from_fn(width, height, |_, _| Luma([random.below(range) as u8]));
+    let color = |image: &GrayImage| RgbImage::from_fn(width, height, |u, v| Rgb([image.get_pixel(u, v).0[0]; 3]));
+    let center = image();
+    let mut frames = Frames::new(center.clone());
+    let mut views = [const { None }; 4];
+    for view in [View::Right, [View::Left, View::Top, View::Bottom][width as usize % 3]] {
+        let image = image();
+        views[view as usize] = Some(color(&image));
+        frames = frames.with(view, image);
+    }
+    (frames, color(&center), views)
+}
+
+#[test]
+fn birchfield_tomasi_costs_with_either_optimizer_equal_the_reference() {
+    let engine = Engine::new(None, 2).expect("threads");
+    let mut random = Random(21);
+    for _ in 0..150 {
+        let (frames, center, views) = random_frames(&mut random);
+        let fusions = [(Fusion::Min, reference::Fusion::Min), (Fusion::Mean, reference::Fusion::Mean)];
+        let (fusion, slow_fusion) = fusions[random.below(2)];
+        let (min, count) = (random.below(7) as i16 - 4, 1 + random.below(6) as u16);
+        let [width, height] = frames.size();
+        let search = Search::new(width as u16, height as u16, frames.views(), fusion, min, count).expect("in range");
+        let costs = energy::Energy {
+            center,
+            views,
+            fusion: slow_fusion,
+            occlusion: 0.0,
+            unique: false,
+            potts: false,
+            lambda: [0.0; 2],
+            theta: 1,
+            cutoff: 1,
+        };
+        let pixel = |i: usize| {
+            let p = ((i % width) as i32, (i / width) as i32);
+            // In 1/24 of an intensity, costs are whole.
+            let cost = |d: i32| costs.data(p, d).map(|cost| (24.0 * cost).round());
+            let range = i32::from(min)..i32::from(min) + i32::from(count);
+            let existing = range.clone().filter_map(|d| Some((cost(d)?, d)));
+            let (at, d) = existing.min_by(|a, b| a.partial_cmp(b).expect("costs are numbers"))?;
+            let around = (cost(d - 1).filter(|_| range.contains(&(d - 1))), cost(d + 1).filter(|_| range.contains(&(d + 1))));
+            let (Some(before), Some(after)) = around else { return Some(f64::from(d)) };
+            let curvature = 2.0 * before + 2.0 * after - 4.0 * at;
+            Some(f64::from(d) + if curvature > 0.0 { (before - after) / curvature } else { 0.0 })
+        };
+        let expected: Vec<u16> = (0..width * height).map(|i| raw16(pixel(i))).collect();
+        let optimizers = match fusion {
+            Fusion::Min => vec![Optimizer::WinnerTakesAll, free_paths()],
+            // Sums of means leave 16 bits.
+            _ => vec![Optimizer::WinnerTakesAll],
+        };
+        for optimizer in optimizers {
+            let method = Method::new(BIRCHFIELD_TOMASI, None, optimizer);
+            let map = method.disparities(&engine, &frames, &search, &()).expect("the frames fit the search");
+            assert!(raw(&map) == expected, "{method:?}, {search:?}");
+        }
+    }
+}
+
+#[test]
+fn what_does_not_go_together_is_refused() {
+    let engine = Engine::new(None, 1).expect("threads");
+    let frames = Frames::new(GrayImage::new(20, 10)).with(View::Right, GrayImage::new(20, 10));
+    let search = |width, views| Search::new(width, 10, views, Fusion::Min, 0, 4).expect("in range");
+    let message = |method: Method, search: Search| match method.disparities(&engine, &frames, &search, &()) {
+        Err(Error::Usage(message)) => message,
+        other => panic!("{method:?}: {other:?}"),
+    };
+    let sad = || CostFunction::Sad { block_size: 5 };
+    let cuts = || Optimizer::GraphCuts(GraphCuts::default());
+    let aggregation = Some(Aggregation { region: SupportRegion::ACCURATE, iterations: [1, 0] });
+    for (method, parts) in [
+        (Method::new(sad(), None, free_paths()), ["SAD", "semi-global"]),
+        (Method::new(sad(), aggregation, Optimizer::WinnerTakesAll), ["SAD", "cross-based"]),
+        (Method::new(CostFunction::Census(Census::default()), None, cuts()), ["census", "graph cuts"]),
+        (Method::new(BIRCHFIELD_TOMASI, aggregation, Optimizer::WinnerTakesAll), ["Birchfield-Tomasi", "cross-based"]),
+    ] {
+        let message = message(method, search(20, Views::STEREO));
+        assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+    }
+    let bm = || Method::new(sad(), None, Optimizer::WinnerTakesAll);
+    let wrong_size = message(bm(), search(21, Views::STEREO));
+    assert!(wrong_size.contains("20x10") && wrong_size.contains("21x10"), "{wrong_size}");
+    assert!(message(bm(), search(20, Views::HORIZONTAL)).contains("left"), "the left view is missing");
+}

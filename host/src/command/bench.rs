@@ -55,7 +55,7 @@ pub struct Bench {
 
 /// The measurement; `--json` prints these fields.
 #[derive(Debug, serde::Serialize)]
-struct Report {
+struct Measurement {
     method: &'static str,
     width: usize,
     height: usize,
@@ -86,7 +86,7 @@ impl Bench {
             std::hint::black_box(method.disparities(&engine, &frames, params.search(), &())?);
             seconds = seconds.min(start.elapsed().as_secs_f64());
         }
-        let report = Report {
+        let report = Measurement {
             method: self.method.name(),
             width: params.width(),
             height: params.height(),
@@ -104,9 +104,9 @@ impl Bench {
     }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for Measurement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Report { method, width, height, num_disparities, block_size, views, fusion, threads, kernel, .. } = self;
+        let Measurement { method, width, height, num_disparities, block_size, views, fusion, threads, kernel, .. } = self;
         write!(f, "{method}, {width}x{height}, {num_disparities} disparities, block {block_size}, views {views}, {fusion}, ")?;
         let (milliseconds, gde_per_s) = (1e3 * self.seconds, self.gde_per_s);
         writeln!(f, "threads {threads}, kernel {kernel}: {milliseconds:.1} ms, {gde_per_s:.3} GDE/s")

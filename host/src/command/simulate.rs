@@ -78,7 +78,7 @@ impl Simulate {
             let received = reception::receive(&simulation.packets[..], Path::new("the simulated packets"), |_| ())?;
             received.disparities.write_pfm(path)?;
         }
-        let report = Report::new(&profile, &params, self.core, images, &simulation);
+        let report = SimulationReport::new(&profile, &params, self.core, images, &simulation);
         terminal::print_report(&report, self.json)?;
         Ok(ExitCode::SUCCESS)
     }
@@ -118,7 +118,7 @@ fn names(views: Views) -> String {
 
 /// The simulation and the prediction. `--json` prints these fields, named as in `cargo xtask edge`.
 #[derive(Debug, Serialize)]
-struct Report<'a> {
+struct SimulationReport<'a> {
     profile: &'a str,
     core: &'a str,
     fusion: &'a str,
@@ -136,11 +136,17 @@ struct Report<'a> {
     packet_bytes: usize,
 }
 
-impl<'a> Report<'a> {
-    fn new(profile: &Profile, params: &Params, processor: Processor, images: &'a str, simulation: &Simulation) -> Report<'a> {
+impl<'a> SimulationReport<'a> {
+    fn new(
+        profile: &Profile,
+        params: &Params,
+        processor: Processor,
+        images: &'a str,
+        simulation: &Simulation,
+    ) -> SimulationReport<'a> {
         let ram = Ram::new(params, profile.tile_width(), processor);
         let instructions = processor.instructions(params, profile.tile_width()).round();
-        Report {
+        SimulationReport {
             profile: profile.name,
             core: processor.name(),
             fusion: params.fusion().name(),
@@ -160,12 +166,12 @@ impl<'a> Report<'a> {
     }
 }
 
-impl fmt::Display for Report<'_> {
+impl fmt::Display for SimulationReport<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "profile {}, fusion {}, frames {}, processor {}", self.profile, self.fusion, self.images, self.core)?;
-        let Report { ram_static, stack_max, ram_total, ram_budget, .. } = self;
+        let SimulationReport { ram_static, stack_max, ram_total, ram_budget, .. } = self;
         writeln!(f, "RAM      {ram_total} of {ram_budget} bytes: {ram_static} statics, {stack_max} stack")?;
-        let Report { de, instructions, instructions_per_de, .. } = self;
+        let SimulationReport { de, instructions, instructions_per_de, .. } = self;
         writeln!(
             f,
             "work     {de} DE (pixel x disparity x view), {instructions} instructions: {instructions_per_de:.2} per DE, predicted"

@@ -1,20 +1,21 @@
 //! `multiscopic budget`: the memory, instructions and time that matching takes on a microcontroller.
 
-mod report;
+mod prediction;
+mod target_options;
 
 use std::process::ExitCode;
 
 use clap::Args;
 use multiscopic::{
-    Error, Processor, Result,
+    Error, Result,
     target::{Ram, ram::widest_tile},
 };
 use multiscopic_core::{Fusion, Params};
 use multiscopic_edge::{Profile, profile};
 
-use self::report::Report;
+use self::{prediction::Prediction, target_options::TargetOptions};
 use super::{
-    options::{SearchOptions, named, value::positive, views_of_count},
+    options::{SearchOptions, named, views_of_count},
     terminal,
 };
 
@@ -61,7 +62,7 @@ pub struct Budget {
     search: SearchOptions,
 
     #[command(flatten)]
-    target: Target,
+    target: TargetOptions,
 
     /// Print one JSON object instead of a table
     #[arg(long)]
@@ -70,31 +71,6 @@ pub struct Budget {
 
 /// The options that a profile sets.
 const SET_BY_PROFILE: [&str; 7] = ["width", "height", "views", "tile_width", "min_disparity", "num_disparities", "block_size"];
-
-/// The microcontroller, and the requirements.
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Target")]
-struct Target {
-    /// Processor
-    #[arg(long, value_parser = named::<Processor>(), default_value = "cortex-m4")]
-    core: Processor,
-
-    /// Clock in MHz [default: 64 (M4, nRF52840), 480 (M7, STM32H743) or 32 (M55, Arm's AN547)]
-    #[arg(long, value_name = "MHZ", value_parser = positive, allow_negative_numbers = true)]
-    clock: Option<f64>,
-
-    /// Average cycles per instruction [default: 1.4 (M4), 0.8 (M7) or 1.5 (M55), assumed for memory without wait states]
-    #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
-    cpi: Option<f64>,
-
-    /// Available RAM, in bytes or as 144KiB: exit code 1 if matching takes more
-    #[arg(long, value_name = "BYTES", value_parser = bytes)]
-    ram: Option<usize>,
-
-    /// Required frames per second: exit code 1 if matching is slower
-    #[arg(long, value_name = "N", value_parser = positive, allow_negative_numbers = true)]
-    fps: Option<f64>,
-}
 
 impl Budget {
     /// Runs the command.
@@ -106,9 +82,9 @@ impl Budget {
         };
         let processor = self.target.core;
         let ram = Ram::new(&params, tile_width, processor);
-        let report = Report::new(&self.target, &params, tile_width, &ram);
-        terminal::print_report(&report, self.json)?;
-        let failures = self.failures(&report, &params);
+        let prediction = Prediction::new(&self.target, &params, tile_width, &ram);
+        terminal::print_report(&prediction, self.json)?;
+        let failures = self.failures(&prediction, &params);
         failures.iter().for_each(|failure| terminal::say(failure));
         Ok(ExitCode::from(if failures.is_empty() { 0 } else { 1 }))
     }
@@ -132,46 +108,24 @@ impl Budget {
     }
 
     /// A message for each requirement that is not met.
-    fn failures(&self, report: &Report, params: &Params) -> Vec<String> {
+    fn failures(&self, prediction: &Prediction, params: &Params) -> Vec<String> {
         let mut failures = Vec::new();
-        if let Some(limit) = self.target.ram.filter(|limit| report.ram_total > *limit) {
+        if let Some(limit) = self.target.ram.filter(|limit| prediction.ram_total > *limit) {
             let hint = match widest_tile(params, self.target.core, limit) {
-                Some(width) if width < report.tile_width => format!("; narrower column tiles would fit: --tile-width {width}"),
+                Some(width) if width < prediction.tile_width => {
+                    format!("; narrower column tiles would fit: --tile-width {width}")
+                }
                 _ => String::new(),
             };
-            let (total, excess) = (report.ram_total, report.ram_total - limit);
+            let (total, excess) = (prediction.ram_total, prediction.ram_total - limit);
             failures.push(format!("RAM: {total} bytes exceed --ram {limit} by {excess}{hint}"));
         }
-        if let Some(limit) = self.target.fps.filter(|limit| report.fps < *limit) {
-            let (fps, factor) = (report.fps, limit / report.fps);
+        if let Some(limit) = self.target.fps.filter(|limit| prediction.fps < *limit) {
+            let (fps, factor) = (prediction.fps, limit / prediction.fps);
             failures.push(format!(
                 "time: {fps:.3} frames per second fall short of --fps {limit}; it must be {factor:.2} times as fast"
             ));
         }
         failures
-    }
-}
-
-/// Parses a number of bytes, with an optional unit up to MiB.
-fn bytes(text: &str) -> Result<usize> {
-    let lower = text.trim().to_lowercase();
-    let units = [("kib", 1 << 10), ("kb", 1 << 10), ("k", 1 << 10), ("mib", 1 << 20), ("mb", 1 << 20), ("m", 1 << 20), ("", 1)];
-    let parsed = units.into_iter().find_map(|(unit, factor)| {
-        let number: usize = lower.strip_suffix(unit)?.trim_end().parse().ok()?;
-        number.checked_mul(factor)
-    });
-    parsed.ok_or_else(|| Error::Usage("it must be a number of bytes, as 147456 or 144KiB".into()))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ram_sizes_with_units() {
-        for (text, expected) in [("147456", 147_456), ("144KiB", 147_456), ("144 kb", 147_456), ("1M", 1 << 20), ("0", 0)] {
-            assert_eq!(bytes(text).unwrap(), expected, "{text}");
-        }
-        assert!(["", "KiB", "-1", "1.5K", "12G", "99999999999999999999K"].iter().all(|text| bytes(text).is_err()));
     }
 }

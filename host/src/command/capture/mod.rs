@@ -1,9 +1,9 @@
 //! `multiscopic capture`: a stage moves a camera, and the frames are written to a folder with a `rig.toml`.
 
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
-mod log;
+mod capture_log;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
-mod options;
+mod capture_options;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 mod recorder;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
@@ -14,4 +14,4 @@ mod unsupported;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub use supported::Capture;
 #[cfg(not(all(target_os = "linux", feature = "v4l2")))]
-pub use unsupported::Capture;
+pub use unsupported::UnsupportedCapture as Capture;

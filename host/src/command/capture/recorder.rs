@@ -10,7 +10,7 @@ use multiscopic::{
 };
 use multiscopic_core::capture::{Plan, Policy, Progress};
 
-use super::log::{self, Log};
+use super::capture_log::{self, CaptureLog};
 use crate::command::terminal;
 
 /// Takes captures that differ only in their folder and date.
@@ -35,10 +35,10 @@ impl Recorder<'_> {
     /// Takes one capture and writes it to `folder`, which appears once it is complete.
     pub fn record(&self, stage: &mut AnyStage, camera: &mut ThreadedCamera<V4l2Camera>, folder: &Path) -> Result<()> {
         let date = Zoned::now().strftime("%F %T %:z").to_string();
-        let mut log = Log::new(&date, &self.camera_name, &self.stage_name);
+        let mut log = CaptureLog::new(&date, &self.camera_name, &self.stage_name);
         let bar = terminal::progress(self.plan.frames().len() as u64, "frames");
         let frames = acquire_frames(stage, camera, &self.plan, self.policy, self.interrupts, |elapsed, progress| {
-            let step = log::step(&self.plan, progress);
+            let step = capture_log::step(&self.plan, progress);
             log.add(elapsed, &step);
             bar.set_message(step);
             if let Progress::Captured(_) = progress {
@@ -50,7 +50,7 @@ impl Recorder<'_> {
         let rig = self.rig(&frames, date);
         output::write_folder(folder, |folder| {
             frames.save(&rig.images.within(folder))?;
-            output::write(&folder.join(Log::FILE_NAME), |writer| writer.write_all(log.as_bytes()))?;
+            output::write(&folder.join(CaptureLog::FILE_NAME), |writer| writer.write_all(log.as_bytes()))?;
             rig.save(folder)
         })?;
         let [width, height] = frames.size();

@@ -25,7 +25,7 @@ use multiscopic::{
 use multiscopic_core::capture::{Plan, Policy};
 
 use super::{
-    options::{LimitsOptions, SequenceOptions, SettingsOptions, micrometres},
+    capture_options::{LimitsOptions, SequenceOptions, SettingsOptions, micrometres},
     recorder::Recorder,
 };
 use crate::command::options::{value::positive, views_of_count};

@@ -7,13 +7,13 @@ use multiscopic::{Error, Result};
 
 /// Captures the frames of a rig (Linux only)
 #[derive(Clone, Debug, Args)]
-pub struct Capture {
+pub struct UnsupportedCapture {
     /// Accepts whatever the supported command accepts, so that the error below is the one that shows.
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
     arguments: Vec<String>,
 }
 
-impl Capture {
+impl UnsupportedCapture {
     /// Refuses to run.
     pub fn run(&self) -> Result<ExitCode> {
         Err(Error::Usage("this build cannot capture: build multiscopic on Linux with the feature v4l2".into()))

@@ -1,21 +1,22 @@
 //! `multiscopic demo`: what additional views are good for, in pictures.
 
-mod folder;
-mod page;
+mod outcome;
+mod results_folder;
+mod results_page;
 mod variants;
 
 use std::{path::PathBuf, process::ExitCode};
 
 use clap::{Args, value_parser};
 use multiscopic::{
-    DisparityMap, Method, Result,
+    Method, Result,
     evaluation::{Record, record},
     scene::{Camera, Scene, capture},
     stereo::{CostFunction, Optimizer},
 };
 use multiscopic_core::{Params, Views};
 
-use self::{folder::Folder, page::Page, variants::VARIANTS};
+use self::{outcome::Outcome, results_folder::ResultsFolder, results_page::ResultsPage, variants::VARIANTS};
 use super::{
     options::{EngineOptions, SearchOptions},
     terminal,
@@ -51,20 +52,12 @@ pub struct Demo {
 /// The width to which the default number of disparities applies.
 const DEFAULT_WIDTH: u32 = 640;
 
-/// What a variant estimated, and how accurate it is.
-struct Outcome {
-    /// The stem of the variant's files.
-    stem: String,
-    disparities: DisparityMap,
-    record: Record,
-}
-
 impl Demo {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         let params = self.params()?;
         let engine = self.engine.engine()?;
-        let folder = Folder::create(&self.output)?;
+        let folder = ResultsFolder::create(&self.output)?;
 
         let bar = terminal::progress(1 + VARIANTS.len() as u64, "steps");
         bar.set_message("rendering");
@@ -87,7 +80,7 @@ impl Demo {
         let rows = record::rows(&records);
         folder.write_capture(&shot, &camera, self.seed)?;
         folder.write_maps(&shot, &camera, &outcomes)?;
-        let page = Page { demo: self, params: &params[0], records: &records, rows: &rows };
+        let page = ResultsPage { commands: &self.commands(&params[0]), params: &params[0], records: &records, rows: &rows };
         let page_path = folder.write_page(&page.to_html())?;
         bar.finish_and_clear();
 
@@ -106,5 +99,21 @@ impl Demo {
             .iter()
             .map(|variant| self.search.params(size, variant.views, Some(variant.fusion), (min_disparity, num_disparities)))
             .collect()
+    }
+
+    /// The commands that make the results again.
+    fn commands(&self, params: &Params) -> String {
+        let Demo { output, width, height, seed, .. } = self;
+        let output = output.display();
+        let search = format!(
+            "--min-disparity {} --num-disparities {} --block-size {}",
+            params.min_disparity(),
+            params.num_disparities(),
+            params.block_size()
+        );
+        format!(
+            "multiscopic demo --width {width} --height {height} --seed {seed} {search} -o {output}\n\
+             multiscopic match {output} {search} -o disparities.pfm --png disparities.png"
+        )
     }
 }

@@ -11,6 +11,8 @@ use std::{
 use indicatif::ProgressBar;
 use multiscopic::{Error, Progress, Result};
 
+use super::bar;
+
 /// A progress bar and a handler for Ctrl-C.
 ///
 /// Work that polls [`is_interrupted`](Progress::is_interrupted) ends early with the result it has so far. A second
@@ -43,7 +45,7 @@ impl Watch {
             }
         })
         .map_err(|error| Error::Usage(format!("cannot handle Ctrl-C: {error}")))?;
-        let bar = super::progress(0, "");
+        let bar = bar::progress(0, "");
         Ok(Watch { bar, interrupts })
     }
 
@@ -57,7 +59,7 @@ impl Progress for Watch {
     fn begin(&self, steps: u64, name: &str) {
         self.bar.reset();
         self.bar.set_length(steps);
-        self.bar.set_style(super::style(name));
+        self.bar.set_style(bar::style(name));
     }
 
     fn advance(&self, steps: u64) {

@@ -1,4 +1,4 @@
-//! The report, as a table or in JSON.
+//! The prediction, as a table or in JSON.
 
 use std::{collections::BTreeMap, fmt};
 
@@ -6,11 +6,11 @@ use multiscopic::target::{Buffer, Ram};
 use multiscopic_core::{Params, Region};
 use serde::Serialize;
 
-use super::Target;
+use super::target_options::TargetOptions;
 
 /// The prediction; `--json` prints these fields.
 #[derive(Debug, Serialize)]
-pub struct Report {
+pub struct Prediction {
     width: usize,
     height: usize,
     views: usize,
@@ -40,15 +40,15 @@ pub struct Report {
     buffers: Vec<Buffer>,
 }
 
-impl Report {
+impl Prediction {
     /// Predicts matching with `params` in column tiles on `target`.
-    pub fn new(target: &Target, params: &Params, tile_width: usize, ram: &Ram) -> Report {
+    pub fn new(target: &TargetOptions, params: &Params, tile_width: usize, ram: &Ram) -> Prediction {
         let processor = target.core;
         let clock_mhz = target.clock.unwrap_or(processor.clock_mhz());
         let cycles_per_instruction = target.cpi.unwrap_or(processor.cycles_per_instruction());
         let instructions = processor.instructions(params, tile_width).round();
         let seconds = instructions * cycles_per_instruction / (clock_mhz * 1e6);
-        Report {
+        Prediction {
             width: params.width(),
             height: params.height(),
             views: params.views().len(),
@@ -76,9 +76,9 @@ impl Report {
     }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for Prediction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Report { width, height, views, fusion, min_disparity, num_disparities, block_size, tile_width, core, .. } = self;
+        let Prediction { width, height, views, fusion, min_disparity, num_disparities, block_size, tile_width, core, .. } = self;
         let last = i32::from(*min_disparity) + *num_disparities as i32 - 1;
         writeln!(
             f,

@@ -19,7 +19,7 @@ use multiscopic::{
 use multiscopic_core::{Frame, View, Views};
 
 use super::{
-    Outcome,
+    outcome::Outcome,
     variants::{self, VARIANTS},
 };
 
@@ -43,13 +43,13 @@ const PAGE: &str = "index.html";
 const OVERVIEW_PANEL: u32 = 360;
 
 /// A folder in which every result can be written.
-pub struct Folder(PathBuf);
+pub struct ResultsFolder(PathBuf);
 
-impl Folder {
+impl ResultsFolder {
     /// Creates the folder if it is missing, and checks that the results can be written to it.
-    pub fn create(path: &Path) -> Result<Folder> {
+    pub fn create(path: &Path) -> Result<ResultsFolder> {
         fs::create_dir_all(path).map_err(|source| Error::Write { path: path.into(), source })?;
-        let folder = Folder(path.into());
+        let folder = ResultsFolder(path.into());
         let maps = VARIANTS.iter().map(variants::stem).flat_map(|stem| [map_pfm(&stem), map_png(&stem), errors_png(&stem)]);
         let single = [Rig::FILE_NAME, TRUTH_PFM, TRUTH_PNG, CLOUD, OVERVIEW, PAGE].map(String::from);
         let frames = FRAMES.map(|(frame, _)| FrameFiles::name_of(frame));

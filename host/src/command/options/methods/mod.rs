@@ -1,9 +1,9 @@
 //! The method and its options.
 
-mod graph_cuts;
-mod mc_cnn;
-mod refinement;
-mod semi_global;
+mod graph_cuts_options;
+mod mc_cnn_options;
+mod refinement_options;
+mod semi_global_options;
 
 use clap::Args;
 use multiscopic::{
@@ -11,7 +11,10 @@ use multiscopic::{
     stereo::{CostFunction, Optimizer, cost::mccnn::Architecture},
 };
 
-use self::{graph_cuts::GraphCutsOptions, mc_cnn::McCnnOptions, refinement::RefinementOptions, semi_global::SemiGlobalOptions};
+use self::{
+    graph_cuts_options::GraphCutsOptions, mc_cnn_options::McCnnOptions, refinement_options::RefinementOptions,
+    semi_global_options::SemiGlobalOptions,
+};
 use super::named::Named;
 
 /// A method that the command line offers: a pipeline of steps that are known to work well together.

@@ -9,15 +9,15 @@ use multiscopic_core::{
 
 /// The text of `capture.log`: when and with what the capture was made, then its steps with their times.
 #[derive(Clone, Debug)]
-pub struct Log(String);
+pub struct CaptureLog(String);
 
-impl Log {
+impl CaptureLog {
     /// Its file, within the folder of the capture.
     pub const FILE_NAME: &str = "capture.log";
 
     /// A log that has its header.
-    pub fn new(date: &str, camera: &str, stage: &str) -> Log {
-        Log(format!("{date}\ncamera: {camera}\nstage: {stage}\n"))
+    pub fn new(date: &str, camera: &str, stage: &str) -> CaptureLog {
+        CaptureLog(format!("{date}\ncamera: {camera}\nstage: {stage}\n"))
     }
 
     /// Adds a step that began `elapsed` after the capture did.

@@ -8,8 +8,7 @@ use multiscopic::{
 use multiscopic_core::Params;
 
 use super::{
-    Demo,
-    folder::{FRAMES, TRUTH_PNG, errors_png, map_png},
+    results_folder::{FRAMES, TRUTH_PNG, errors_png, map_png},
     variants::{VARIANTS, caption, stem},
 };
 use crate::command::variant::Variant;
@@ -24,9 +23,9 @@ const REPRODUCE: &str = "The first command makes this page and its files. The se
                          real one.";
 
 /// What the page reports.
-pub struct Page<'a> {
-    /// The command that made the results.
-    pub demo: &'a Demo,
+pub struct ResultsPage<'a> {
+    /// The commands that make the results again.
+    pub commands: &'a str,
     /// The parameters of the first variant; all variants share range and block.
     pub params: &'a Params,
     /// The accuracy of each variant.
@@ -35,10 +34,10 @@ pub struct Page<'a> {
     pub rows: &'a [Row],
 }
 
-impl Page<'_> {
+impl ResultsPage<'_> {
     /// The page in HTML.
     pub fn to_html(&self) -> String {
-        let Page { params, .. } = self;
+        let ResultsPage { params, .. } = self;
         let (stereo, best) = (&VARIANTS[0], &VARIANTS[VARIANTS.len() - 1]);
         let map = |variant: &Variant| Figure::linked(caption(variant), map_png(&stem(variant)));
         let errors = |variant: &Variant| Figure::linked(caption(variant), errors_png(&stem(variant)));
@@ -63,7 +62,7 @@ impl Page<'_> {
             .paragraph(&format!("Difference from the truth: {}.", error_map::LEGEND))
             .heading("Reproduce this")
             .paragraph(REPRODUCE)
-            .code(&self.commands())
+            .code(self.commands)
             .to_html()
     }
 
@@ -81,22 +80,6 @@ impl Page<'_> {
             accuracy(stereo),
             best.views,
             accuracy(best)
-        )
-    }
-
-    /// The commands that make the results again.
-    fn commands(&self) -> String {
-        let Demo { output, width, height, seed, .. } = self.demo;
-        let (output, params) = (output.display(), self.params);
-        let search = format!(
-            "--min-disparity {} --num-disparities {} --block-size {}",
-            params.min_disparity(),
-            params.num_disparities(),
-            params.block_size()
-        );
-        format!(
-            "multiscopic demo --width {width} --height {height} --seed {seed} {search} -o {output}\n\
-             multiscopic match {output} {search} -o disparities.pfm --png disparities.png"
         )
     }
 }

@@ -11,7 +11,7 @@ use clap::{Args, value_parser};
 use multiscopic::{
     Method, Result,
     evaluation::{Record, record},
-    scene::{Camera, Scene, capture},
+    scene::{PinholeCamera, Scene, render},
     stereo::{CostFunction, Optimizer},
 };
 use multiscopic_core::{Params, Views};
@@ -61,8 +61,8 @@ impl Demo {
 
         let bar = terminal::progress(1 + VARIANTS.len() as u64, "steps");
         bar.set_message("rendering");
-        let camera = Camera::new(self.width, self.height);
-        let shot = capture(&Scene::demo(), &camera, self.seed);
+        let camera = PinholeCamera::new(self.width, self.height);
+        let shot = render(&Scene::demo(), &camera, self.seed);
         bar.inc(1);
         let frames = shot.frames(Views::ALL);
         let subject = Subject { dataset: "demo", scene: "demo", frames: &frames, truth: &shot.truth };

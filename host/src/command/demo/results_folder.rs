@@ -14,7 +14,7 @@ use multiscopic::{
         ply::{self, Encoding},
     },
     report::{error_map, montage},
-    scene::{Camera, Shot},
+    scene::{PinholeCamera, Shot},
 };
 use multiscopic_core::{Frame, View, Views};
 
@@ -63,7 +63,7 @@ impl ResultsFolder {
     }
 
     /// Writes the frames and `rig.toml`, as after a capture, and the truth.
-    pub fn write_capture(&self, shot: &Shot, camera: &Camera, seed: u64) -> Result<()> {
+    pub fn write_capture(&self, shot: &Shot, camera: &PinholeCamera, seed: u64) -> Result<()> {
         for (frame, _) in FRAMES {
             write_png(&self.path(&FrameFiles::name_of(frame)), shot.frame(frame))?;
         }
@@ -72,7 +72,7 @@ impl ResultsFolder {
     }
 
     /// Writes the maps of all variants, their pictures and errors, the overview, and the best map's point cloud.
-    pub fn write_maps(&self, shot: &Shot, camera: &Camera, outcomes: &[Outcome]) -> Result<()> {
+    pub fn write_maps(&self, shot: &Shot, camera: &PinholeCamera, outcomes: &[Outcome]) -> Result<()> {
         let truth = DisparityMap::from_float(&shot.truth);
         let range = truth.range();
         let color = |map: &DisparityMap| map.to_color(range.clone());
@@ -116,7 +116,7 @@ pub fn errors_png(stem: &str) -> String {
 }
 
 /// The rig of the rendered capture.
-fn rig(camera: &Camera, seed: u64) -> Rig {
+fn rig(camera: &PinholeCamera, seed: u64) -> Rig {
     let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
     Rig {
         baseline_mm: camera.baseline_mm,

@@ -23,7 +23,7 @@ pub struct Bench {
     #[arg(long, value_name = "N", default_value_t = 1110)]
     height: u16,
 
-    /// Neighbours: 1 (right), 2 (left and right) or 4
+    /// Neighbours: right (1), left and right (2), top as well (3), or all (4)
     #[arg(long, value_name = "1|2|3|4", default_value_t = 2)]
     views: usize,
 

@@ -348,8 +348,7 @@ fn a_budget_that_is_not_met_fails_by_name() {
     json(&met, 0);
     let short = run(total - 1, 0.99 * fps);
     json(&short, 1);
-    let words =
-        format!("RAM: {total} bytes exceed --ram {} by 1; narrower column tiles would fit: --tile-width 160", total - 1);
+    let words = format!("RAM: {total} bytes exceed --ram {} by 1; narrower column tiles would fit: --tile-width 160", total - 1);
     assert!(short.stderr.contains(&words) && !short.stderr.contains("--fps"), "{short:#?}");
     let slow = run(total, 2.0 * fps);
     json(&slow, 1);

@@ -46,7 +46,7 @@ pub struct Budget {
     #[arg(long, value_name = "N", required_unless_present = "profile")]
     height: Option<u16>,
 
-    /// Neighbours: 1 (right), 2 (left and right) or 4 [default: 4]
+    /// Neighbours: right (1), left and right (2), top as well (3), or all (4) [default: 4]
     #[arg(long, value_name = "1|2|3|4")]
     views: Option<usize>,
 

@@ -119,8 +119,8 @@ impl Named for Occlusion {
 
     fn about(&self) -> &'static str {
         match self {
-            Occlusion::Unique => "They are invalid, and no two pixels share a match: for one neighbour",
-            Occlusion::Capped => "They pay the cost of an occlusion at most, and take the disparity of their surroundings",
+            Occlusion::Unique => "Invalid, and no two pixels share a match; for one neighbour",
+            Occlusion::Capped => "Charged the cost of an occlusion at most, and given the disparity of their surroundings",
         }
     }
 }

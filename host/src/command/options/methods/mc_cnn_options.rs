@@ -46,7 +46,7 @@ pub struct McCnnOptions {
     #[arg(long, value_name = "N", default_value_t = SupportRegion::ACCURATE.intensity.into(), value_parser = positive)]
     cbca_intensity: f64,
 
-    /// Include only pixels closer than this, in pixels, in that cross
+    /// Limit the arms of that cross to less than this many pixels
     #[arg(long, value_name = "N", default_value_t = SupportRegion::ACCURATE.distance)]
     cbca_distance: u16,
 

@@ -7,7 +7,7 @@ use std::{fmt, hint::black_box, sync::LazyLock, thread};
 use divan::{Bencher, counter::ItemsCount};
 use multiscopic::{
     Engine, Frames, Simd,
-    scene::{Camera, Scene, capture},
+    scene::{PinholeCamera, Scene, render},
     stereo::Task,
 };
 use multiscopic_core::{
@@ -26,7 +26,7 @@ const PIXELS: usize = 32;
 const SIZE: [u16; 2] = [640, 240];
 
 static FRAMES: LazyLock<Frames> =
-    LazyLock::new(|| capture(&Scene::demo(), &Camera::new(SIZE[0].into(), SIZE[1].into()), 1).frames(Views::ALL));
+    LazyLock::new(|| render(&Scene::demo(), &PinholeCamera::new(SIZE[0].into(), SIZE[1].into()), 1).frames(Views::ALL));
 
 fn main() {
     divan::main();

@@ -1,4 +1,4 @@
-//! What the tests share.
+//! What the tests share: reference implementations, test images, and simulated hardware.
 //!
 //! | room | what it is |
 //! | --- | --- |
@@ -17,7 +17,7 @@ pub mod reference;
 pub mod samples;
 pub mod simulated;
 
-/// The README's code compiles.
+/// Compiles the README's code.
 #[cfg(doctest)]
 #[doc = include_str!("../../README.md")]
 struct Readme;

@@ -30,7 +30,7 @@ use multiscopic_tests::{
     program::Invocation,
     random::Random,
     reference::networks::{self, Reference},
-    samples::{images::read_grey, weight_files},
+    samples::{view_set::read_grey, weight_files},
 };
 use serde_json::Value;
 

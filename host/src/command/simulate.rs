@@ -11,7 +11,7 @@ use clap::Args;
 use multiscopic::{
     Error, Frames, Processor, Result,
     files::output,
-    scene::{Camera, Scene, capture},
+    scene::{PinholeCamera, Scene, render},
     target::{
         Ram, reception,
         simulation::{self, Simulation},
@@ -92,8 +92,8 @@ impl Simulate {
         let [width, height] = [params.width(), params.height()];
         let Some((images, _)) = self.source.capture()? else {
             output::check(&outputs, &[])?;
-            let camera = Camera::new(width as u32, height as u32);
-            return Ok((capture(&Scene::demo(), &camera, 1).frames(params.views()), "demo"));
+            let camera = PinholeCamera::new(width as u32, height as u32);
+            return Ok((render(&Scene::demo(), &camera, 1).frames(params.views()), "demo"));
         };
         let rig_file = self.source.rig_file();
         output::check(&outputs, &images.paths().chain(rig_file.as_deref()).collect::<Vec<_>>())?;

@@ -1,42 +1,43 @@
-//! Bodies that rays meet, each around its own origin.
+//! The shapes of objects, and where rays meet them.
 
-use super::vector::{Ray, Vec3};
+use super::{ray::Ray, vector::Vec3};
 
-/// How far a ray must travel before it meets a surface, in units of its direction: it does not meet the one it starts from.
+/// The shortest distance at which a ray can meet a surface, in units of its direction. It keeps a ray from meeting the surface it
+/// starts on.
 const START: f64 = 1e-9;
 
-/// A body. Lengths are millimetres.
+/// A convex shape around the origin. Lengths are in millimetres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
-    /// A ball.
+    /// A sphere.
     Sphere {
-        /// From the centre to the surface.
+        /// The radius.
         radius: f64,
     },
-    /// A flat rectangle at `z = 0`, seen from both sides; infinite halves make it a plane.
+    /// A rectangle at `z = 0`, visible from both sides. Infinite sizes make it a plane.
     Panel {
-        /// Half its size along `x`.
+        /// Half the size along `x`.
         half_width: f64,
-        /// Half its size along `y`.
+        /// Half the size along `y`.
         half_height: f64,
     },
     /// A box.
     Block {
-        /// From the centre to each side.
+        /// Half the size along each axis.
         half: Vec3,
     },
-    /// A round rod with round ends, along `y`.
+    /// A cylinder along `y` with a hemisphere at each end.
     Rod {
-        /// From the centre to the middle of a round end.
+        /// Half the length of the cylinder.
         half_length: f64,
-        /// From the axis to the surface.
+        /// The radius of the cylinder and the hemispheres.
         radius: f64,
     },
 }
 
 impl Shape {
-    /// The radius of the ball around the origin that holds the whole body.
-    pub fn bound(&self) -> f64 {
+    /// The radius of the bounding sphere around the origin.
+    pub fn bounding_radius(&self) -> f64 {
         match *self {
             Shape::Sphere { radius } => radius,
             Shape::Panel { half_width, half_height } => (half_width * half_width + half_height * half_height).sqrt(),
@@ -45,11 +46,11 @@ impl Shape {
         }
     }
 
-    /// Where the ray first meets the surface, and the outward unit normal there.
+    /// The distance at which the ray first meets the surface, in units of its direction, and the outward unit normal there.
     pub fn hit(&self, ray: &Ray) -> Option<(f64, Vec3)> {
         match *self {
             Shape::Sphere { radius } => {
-                let t = ball(ray, Vec3::ZERO, radius)?;
+                let t = sphere(ray, Vec3::ZERO, radius)?;
                 Some((t, ray.at(t) * (1.0 / radius)))
             }
             Shape::Panel { half_width, half_height } => {
@@ -64,14 +65,14 @@ impl Shape {
     }
 }
 
-/// The first meeting with the ball, from outside or inside.
-fn ball(ray: &Ray, center: Vec3, radius: f64) -> Option<f64> {
+/// The distance at which the ray first meets the sphere, from outside or inside.
+fn sphere(ray: &Ray, center: Vec3, radius: f64) -> Option<f64> {
     let from = ray.origin - center;
     let (a, b, c) = (ray.direction.dot(ray.direction), from.dot(ray.direction), from.dot(from) - radius * radius);
     first_root(a, b, c)
 }
 
-/// The least root above [`START`] of `a t^2 + 2 b t + c`.
+/// The smallest root of `a t^2 + 2 b t + c` above [`START`].
 fn first_root(a: f64, b: f64, c: f64) -> Option<f64> {
     let discriminant = b * b - a * c;
     if discriminant < 0.0 {
@@ -115,7 +116,7 @@ fn rod(ray: &Ray, half_length: f64, radius: f64) -> Option<(f64, Vec3)> {
     let (o, d) = (ray.origin, ray.direction);
     let side = first_root(d.x * d.x + d.z * d.z, o.x * d.x + o.z * d.z, o.x * o.x + o.z * o.z - radius * radius)
         .filter(|&t| ray.at(t).y.abs() <= half_length);
-    let end = |y: f64| ball(ray, Vec3::new(0.0, y, 0.0), radius).filter(|&t| ray.at(t).y.abs() > half_length);
+    let end = |y: f64| sphere(ray, Vec3::new(0.0, y, 0.0), radius).filter(|&t| ray.at(t).y.abs() > half_length);
     let t = [side, end(half_length), end(-half_length)].into_iter().flatten().min_by(f64::total_cmp)?;
     let p = ray.at(t);
     let axis = Vec3::new(0.0, p.y.clamp(-half_length, half_length), 0.0);
@@ -131,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn shapes_are_met_where_they_are() {
+    fn rays_meet_shapes_where_they_are() {
         let cases = [
             (Shape::Sphere { radius: 5.0 }, 3.0, 0.0, Some((6.0, Vec3::new(0.6, 0.0, -0.8)))),
             (Shape::Sphere { radius: 5.0 }, 3.0, 4.1, None),

@@ -21,8 +21,8 @@ use multiscopic_tests::{
     program::{self, Invocation},
     samples::{
         golden,
-        images::ViewSet,
         real_data::{self, Dataset},
+        view_set::ViewSet,
     },
     simulated::{
         arm::{Fault, Heard, SimulatedArm},

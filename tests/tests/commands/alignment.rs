@@ -2,14 +2,14 @@
 
 use multiscopic::{
     Picture,
-    scene::{Camera, Scene, capture},
+    scene::{PinholeCamera, Scene, render},
 };
 use multiscopic_core::{Frame, View};
 use multiscopic_tests::{
     program::Invocation,
     samples::{
-        images::{ViewSet, read_pfm},
         misaligned::{self, FACTOR, Off, align, assert_recovers, quarter},
+        view_set::{ViewSet, read_pfm},
     },
 };
 use std::{fs, sync::LazyLock};
@@ -17,8 +17,8 @@ use std::{fs, sync::LazyLock};
 /// The demo's scene, four times as large as it is aligned, with a baseline in millimetres.
 fn scene(baseline_mm: f64) -> ViewSet {
     let (width, height) = (160 * FACTOR + 32, 120 * FACTOR + 32);
-    let camera = Camera { baseline_mm, ..Camera::new(width as u32, height as u32).ideal() };
-    let shot = capture(&Scene::demo(), &camera, 1);
+    let camera = PinholeCamera { baseline_mm, ..PinholeCamera::new(width as u32, height as u32).ideal() };
+    let shot = render(&Scene::demo(), &camera, 1);
     let gray = |frame| Picture::Rgb(shot.frame(frame).clone()).to_gray().into_raw();
     ViewSet { width, height, center: gray(Frame::Center), views: View::ALL.map(|view| Some(gray(Frame::View(view)))) }
 }

@@ -10,7 +10,7 @@ use multiscopic_tests::{
     reference::{Fusion, raw16},
     samples::{
         golden::{self, GOLDEN, Golden},
-        images::{read_pfm, read_raw16},
+        view_set::{read_pfm, read_raw16},
     },
 };
 

@@ -6,7 +6,7 @@ use multiscopic_tests::{
     reference::{self, fixed},
     samples::{
         case::{matched, params, property},
-        images::ViewSet,
+        view_set::ViewSet,
     },
 };
 use proptest::prelude::*;

@@ -12,7 +12,7 @@ use multiscopic_tests::{
     samples::{
         case::{matched, params},
         golden::{self, GOLDEN, Golden},
-        images::{ViewSet, read_raw16},
+        view_set::{ViewSet, read_raw16},
     },
 };
 

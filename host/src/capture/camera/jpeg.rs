@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-/// The Huffman tables of ITU-T T.81, annex K.3. Each has its class and destination, the number of codes of each length from 1 to 16 bits,
-/// and the values of the codes.
+/// The Huffman tables of ITU-T T.81, annex K.3. Each has its class and destination, the number of codes of
+/// each length from 1 to 16 bits, and the values of the codes.
 const TABLES: [(u8, [u8; 16], &[u8]); 4] = [
     (0x00, [0, 1, 5, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0], &DC),
     (0x01, [0, 3, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0], &DC),
@@ -39,7 +39,8 @@ const CHROMA_AC: [u8; 162] = [
     0xe2, 0xe3, 0xe4, 0xe5, 0xe6, 0xe7, 0xe8, 0xe9, 0xea, 0xf2, 0xf3, 0xf4, 0xf5, 0xf6, 0xf7, 0xf8, 0xf9, 0xfa,
 ];
 
-/// The image with the standard Huffman tables, if it has none of its own: many cameras leave them out of Motion JPEG.
+/// The image with the standard Huffman tables, if it has none of its own: many cameras leave them out of
+/// Motion JPEG.
 pub(super) fn with_tables(image: &[u8]) -> Cow<'_, [u8]> {
     let Some((start, rest)) = image.split_at_checked(2).filter(|_| has_no_tables(image)) else { return image.into() };
     let segments = TABLES.iter().flat_map(|(number, counts, values)| {

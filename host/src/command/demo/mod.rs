@@ -18,7 +18,7 @@ use multiscopic::{
         ply::{self, Encoding},
     },
     report::{Figure, Report, error_map, montage},
-    scene::{Camera, Scene, Shot, capture},
+    scene::{PinholeCamera, Scene, Shot, render},
 };
 use multiscopic_core::{Frame, Fusion, Params, View, Views};
 
@@ -103,8 +103,8 @@ impl Demo {
 
         let bar = terminal::progress(1 + VARIANTS.len() as u64, "steps");
         bar.set_message("five views");
-        let camera = Camera::new(self.width, self.height);
-        let shot = capture(&Scene::demo(), &camera, self.seed);
+        let camera = PinholeCamera::new(self.width, self.height);
+        let shot = render(&Scene::demo(), &camera, self.seed);
         bar.inc(1);
         let frames = shot.frames(Views::ALL);
         let subject = Subject { dataset: "demo", scene: "demo", frames: &frames, truth: &shot.truth };
@@ -207,7 +207,7 @@ impl Folder {
     }
 
     /// Writes what a camera and its stage would leave, and the truth.
-    fn write_capture(&self, shot: &Shot, camera: &Camera, seed: u64) -> Result<()> {
+    fn write_capture(&self, shot: &Shot, camera: &PinholeCamera, seed: u64) -> Result<()> {
         for (frame, _) in FRAMES {
             write_png(&self.path(&FrameFiles::name_of(frame)), shot.frame(frame))?;
         }
@@ -216,7 +216,7 @@ impl Folder {
     }
 
     /// Writes all maps and the pictures of them.
-    fn write_results(&self, shot: &Shot, camera: &Camera, results: &[Found]) -> Result<()> {
+    fn write_results(&self, shot: &Shot, camera: &PinholeCamera, results: &[Found]) -> Result<()> {
         let truth = DisparityMap::from_float(&shot.truth);
         let range = truth.range();
         let color = |map: &DisparityMap| map.to_color(range.clone());
@@ -266,7 +266,7 @@ fn errors_png(name: &str) -> String {
 }
 
 /// What is known about camera and stage.
-fn rig(camera: &Camera, seed: u64) -> Rig {
+fn rig(camera: &PinholeCamera, seed: u64) -> Rig {
     let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
     Rig {
         baseline_mm: camera.baseline_mm,

@@ -16,16 +16,16 @@ use crate::{
 /// How long a run may take.
 const LIMIT: Duration = Duration::from_secs(300);
 
-/// How a run ended.
+/// The end of a run.
 #[derive(Debug)]
 pub struct Exit {
     /// The exit code of the firmware.
     pub code: i32,
-    /// What it said: its log, and what it said in plain text.
+    /// Its log and its plain text output.
     pub words: String,
 }
 
-/// Runs `image` on `board`, started with the words `args`. Its files are those in `folder`; `plugin` watches, if there is one.
+/// Runs `image` on `board` with the arguments `args` and the working folder `folder`, watched by `plugin`.
 pub fn run(board: &EmulatedBoard, image: &Path, args: &[&str], folder: &Path, plugin: Option<&str>) -> Result<Exit> {
     let emulator = tool::QEMU.install()?;
     let (log, words) = (folder.join("log.defmt"), folder.join("words.txt"));

@@ -1,4 +1,4 @@
-//! Compares each processor's kernel with its portable twin, on the emulated processor.
+//! Compares each processor's kernel with its portable twin on the emulated processor.
 
 use anyhow::{Context, Result, ensure};
 use std::fs;
@@ -12,10 +12,10 @@ use crate::{
     tools::toolchain::Toolchain,
 };
 
-/// A board of each processor.
+/// One board per processor.
 const BOARDS: [&str; 3] = [emulated_board::REFERENCE.name, "stm32h743", "an547"];
 
-/// Runs the comparison on a board of each processor.
+/// Runs the comparison on one board per processor.
 pub fn run(toolchain: &Toolchain) -> Result<()> {
     for board in emulated_board::ALL.iter().filter(|board| BOARDS.contains(&board.name)) {
         let folder = folders::edge_target().join("runs").join("kernels").join(board.name);

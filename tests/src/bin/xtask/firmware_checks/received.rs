@@ -1,4 +1,4 @@
-//! What the firmware sent.
+//! Frames received from the firmware.
 
 use anyhow::{Result, ensure};
 use multiscopic::{
@@ -8,8 +8,8 @@ use multiscopic::{
 use multiscopic_core::{Disparity, Params};
 use std::path::Path;
 
-/// The frame in `bytes`, which are those of `path`. Every pixel must come once, nothing may be lost or damaged, and nothing
-/// else may come.
+/// The frame in `bytes`, which were read from `path`. Fails unless every pixel comes exactly once, undamaged, and nothing
+/// else follows.
 pub fn whole(mut bytes: &[u8], path: &Path, params: &Params) -> Result<ReceivedFrame> {
     let mut flaws: Vec<Flaw> = Vec::new();
     let received = reception::receive(&mut bytes, path, |notice| match notice {
@@ -25,7 +25,7 @@ pub fn whole(mut bytes: &[u8], path: &Path, params: &Params) -> Result<ReceivedF
     Ok(received)
 }
 
-/// Fails at the first pixel that differs from `expected`, which are line by line.
+/// Fails at the first pixel that differs from `expected`, given line by line.
 pub fn same(found: &DisparityMap, expected: &[Option<Disparity>]) -> Result<()> {
     let show = |pixel: &Option<Disparity>| pixel.map_or("invalid".to_owned(), |disparity| disparity.to_string());
     for (i, (pixel, expected)) in found.pixels().iter().zip(expected).enumerate() {
@@ -35,7 +35,7 @@ pub fn same(found: &DisparityMap, expected: &[Option<Disparity>]) -> Result<()> 
     Ok(())
 }
 
-/// Fails unless the packets of lines are the same bytes. The last packet tells how deep the stack was, and may differ.
+/// Fails unless the packets of lines are equal. The last packet reports the depth of the stack, and may differ.
 pub fn same_lines(found: &[u8], simulated: &[u8]) -> Result<()> {
     let packets = |bytes: &[u8]| bytes.split_inclusive(|&byte| byte == 0).map(<[u8]>::to_vec).collect::<Vec<_>>();
     let (found, simulated) = (packets(found), packets(simulated));
@@ -57,7 +57,7 @@ mod tests {
         Err(_) => panic!("the parameters are out of range"),
     };
 
-    /// A frame of twos, without the packet that is left out, and noise behind.
+    /// The packets of a frame of twos, without the packet `without`, followed by `noise`.
     fn sent(without: Option<usize>, noise: &[u8]) -> Vec<u8> {
         let mut buffer = vec![0; buffer_bytes(3)];
         let mut sender = Sender::new(&PARAMS, &mut buffer);

@@ -1,4 +1,4 @@
-//! Tests the kernel of 64-bit Arm, in the emulator where this machine is another.
+//! Tests the kernel of 64-bit Arm, emulated on other machines.
 
 use anyhow::{Context, Result, ensure};
 use std::{env, path::Path};
@@ -10,10 +10,10 @@ use crate::{
 
 const TARGET: &str = "aarch64-unknown-linux-gnu";
 
-/// Where the cross compiler has the target's libraries.
+/// The target's system libraries.
 const SYSROOT: &str = "/usr/aarch64-linux-gnu";
 
-/// Compares every kernel that the host's engine has on the target with the float reference.
+/// Compares every kernel of the host's engine on the target with the float reference.
 pub fn run_tests() -> Result<()> {
     match (env::consts::ARCH, env::consts::OS) {
         ("aarch64", _) => println!("aarch64: skipped, the tests in debug and release compare this machine's own kernel"),

@@ -1,11 +1,8 @@
-//! Which object a ray meets.
+//! Finding the object that a ray meets.
 
-use super::{
-    Object, Scene,
-    vector::{Ray, Vec3},
-};
+use crate::scene::{description::Scene, object::Object, ray::Ray, vector::Vec3};
 
-/// The ball around an object.
+/// A bounding sphere.
 #[derive(Clone, Copy)]
 struct Bound {
     center: Vec3,
@@ -14,29 +11,29 @@ struct Bound {
 
 /// Where a ray meets an object.
 #[derive(Clone, Copy)]
-pub(super) struct Hit<'a> {
-    /// The object.
+pub struct Hit<'a> {
+    /// The object that was hit.
     pub object: &'a Object,
-    /// Its number in the scene.
+    /// The object's index in the scene.
     pub index: usize,
-    /// How far along the ray.
+    /// The distance along the ray, in units of its direction.
     pub t: f64,
-    /// Unit normal, towards where the ray comes from.
+    /// Unit normal on the side that the ray comes from.
     pub normal: Vec3,
 }
 
 impl Hit<'_> {
-    /// Whether both are on one smooth surface.
+    /// Whether both hits are on the same smooth surface.
     pub fn is_same_surface(&self, other: &Hit) -> bool {
         self.index == other.index && self.normal.dot(other.normal) > 0.97
     }
 }
 
-/// A scene made ready for rays.
-pub(super) struct Tracer<'a> {
+/// A scene prepared for ray queries.
+pub struct Tracer<'a> {
     pub scene: &'a Scene,
     bounds: Vec<Bound>,
-    /// The lamp's unit normal, away from its light.
+    /// The lamp's unit normal, on the side to which it shines.
     pub lamp_normal: Vec3,
     lamp_radius: f64,
 }
@@ -49,35 +46,35 @@ impl<'a> Tracer<'a> {
             bounds: scene
                 .objects
                 .iter()
-                .map(|object| Bound { center: object.pose.origin, radius: object.shape.bound() })
+                .map(|object| Bound { center: object.pose.origin, radius: object.shape.bounding_radius() })
                 .collect(),
             lamp_normal: lamp.half_u.cross(lamp.half_v).normalized(),
             lamp_radius: (lamp.half_u.dot(lamp.half_u) + lamp.half_v.dot(lamp.half_v)).sqrt(),
         }
     }
 
-    /// The number of every object.
+    /// The indices of all objects.
     pub fn all(&self) -> impl Iterator<Item = usize> + use<> {
         0..self.bounds.len()
     }
 
-    /// The objects that rays from `axis.origin` can meet, if they are no further than `spread` from the axis at `t = 1`.
+    /// The objects that a cone of rays may meet. The rays start at `axis.origin`, and at `t = 1` they are within `spread` of the axis.
     pub fn in_cone(&self, axis: Ray, spread: f64) -> impl Iterator<Item = usize> {
         let inverse = 1.0 / axis.direction.dot(axis.direction);
         self.all().filter(move |&index| {
             let Bound { center, radius } = self.bounds[index];
             let to = center - axis.origin;
             let t = (to.dot(axis.direction) * inverse).max(0.0);
-            // A cone's side leans away from the ball by less than this as long as it is slim.
+            // The factor allows for the slope of the cone's side, which is small for a narrow cone.
             let reach = 1.1 * (radius + t * spread);
             let aside = to - axis.direction * t;
             aside.dot(aside) <= reach * reach
         })
     }
 
-    /// The objects that may shade a point of a surface of object `index`: not the object, as all shapes are convex, none that
-    /// is all below the surface, and none outside the cone to the lamp.
-    pub fn shaders(&self, index: usize, point: Vec3, normal: Vec3) -> impl Iterator<Item = usize> {
+    /// The objects that may cast a shadow on a point of object `index`. This leaves out the object itself, as all shapes are convex,
+    /// objects entirely behind the surface, and objects outside the cone towards the lamp.
+    pub fn occluders(&self, index: usize, point: Vec3, normal: Vec3) -> impl Iterator<Item = usize> {
         let axis = Ray { origin: point, direction: self.scene.lamp.center - point };
         self.in_cone(axis, self.lamp_radius).filter(move |&other| {
             let Bound { center, radius } = self.bounds[other];
@@ -85,7 +82,7 @@ impl<'a> Tracer<'a> {
         })
     }
 
-    /// The first of some objects that a ray meets.
+    /// The nearest of `objects` that a ray meets.
     pub fn nearest(&self, ray: &Ray, objects: impl IntoIterator<Item = usize>) -> Option<Hit<'a>> {
         let (mut nearest, mut limit) = (None, f64::INFINITY);
         for index in objects {
@@ -104,12 +101,12 @@ impl<'a> Tracer<'a> {
         })
     }
 
-    /// Whether the object is between the ray's origin and the point at `t = 1`.
+    /// Whether the object lies between the ray's origin and the point at `t = 1`.
     pub fn blocks(&self, ray: &Ray, index: usize) -> bool {
         self.hit(ray, index).is_some_and(|(t, _)| t < 1.0)
     }
 
-    /// Where the ray meets the object, and the outward normal there in the object's own directions.
+    /// The distance at which the ray meets the object, and the outward normal there in the object's coordinates.
     fn hit(&self, ray: &Ray, index: usize) -> Option<(f64, Vec3)> {
         let Bound { center, radius } = self.bounds[index];
         let to = center - ray.origin;

@@ -1,28 +1,31 @@
-//! The light that comes back along a ray.
+//! Shading: the light that returns along a ray.
 
-use super::{
-    Finish, Object, Scene, Shape,
-    noise::{even_square, value_flat},
-    texture::brush,
-    trace::{Hit, Tracer},
-    vector::{Ray, Vec3},
+use super::tracer::{Hit, Tracer};
+use crate::scene::{
+    description::Scene,
+    object::{Finish, Object},
+    random::even_square,
+    ray::Ray,
+    shape::Shape,
+    texture::{noise::value_flat, patterns::along_and_across_strokes},
+    vector::Vec3,
 };
 
-/// Points of the lamp that a surface looks for.
+/// Points of the lamp that are sampled first.
 const FEW_LAMP_POINTS: u32 = 4;
 
-/// Points of the lamp that it looks for where it sees some and others not.
+/// Points of the lamp that are sampled in a penumbra, where only some of them are visible.
 const LAMP_POINTS: u32 = 16;
 
-/// How bright the lamp is where it is mirrored: brighter is white anyway, but would make edges of highlights hard.
+/// The brightness of the lamp's mirror image. More would be white as well, but would give highlights hard edges.
 const LAMP_IN_MIRRORS: f64 = 5.0;
 
 /// The light that falls on a point of a surface.
 #[derive(Clone, Copy)]
-pub(super) struct Illumination {
-    /// On a surface that scatters it to all sides.
+pub struct Illumination {
+    /// The light that a matte surface scatters.
     diffuse: Vec3,
-    /// The lamp's soft mirror image.
+    /// The soft highlight of the lamp.
     highlight: Vec3,
 }
 
@@ -42,7 +45,7 @@ impl Tracer<'_> {
         };
         let scattered = diffuse * (1.0 - share);
         let weight = match object.finish {
-            // Its mirror image is blurred and dear: half of a pixel's rays take it, twice.
+            // Blurred reflections are expensive: half of a pixel's rays trace them, at twice the weight.
             Finish::Brushed if sample & 2 == 0 => return scattered,
             Finish::Brushed => 2.0 * share,
             _ => share,
@@ -50,29 +53,29 @@ impl Tracer<'_> {
         scattered + self.mirrored(&Ray { origin: point, direction: view.reflect(normal) }, hit.index) * weight
     }
 
-    /// What object `mirror` shows along a ray from it. It is faint, so shadows and mirrors in it are left out.
+    /// The reflection that object `mirror` shows along a ray from it. It is faint, so it has no shadows or reflections of its own.
     fn mirrored(&self, ray: &Ray, mirror: usize) -> Vec3 {
         let Scene { lamp, .. } = self.scene;
         let Some(hit) = self.nearest(ray, self.all().filter(|&index| index != mirror)) else {
-            return if self.sees_lamp(ray) { lamp.light * LAMP_IN_MIRRORS } else { self.surroundings(ray.direction) };
+            return if self.sees_lamp(ray) { lamp.light * LAMP_IN_MIRRORS } else { self.ambient(ray.direction) };
         };
         let point = ray.at(hit.t);
         let direct = lamp.light * self.lamp_strength(hit.normal, lamp.center - point);
-        hit.object.texture.color(hit.object.pose.local_point(point)).filter(direct + self.surroundings(hit.normal))
+        hit.object.texture.color(hit.object.pose.local_point(point)).filter(direct + self.ambient(hit.normal))
     }
 
-    /// The light of the room from a direction.
-    pub fn surroundings(&self, direction: Vec3) -> Vec3 {
+    /// The ambient light from a direction.
+    pub fn ambient(&self, direction: Vec3) -> Vec3 {
         self.scene.ground.lerp(self.scene.sky, 0.5 + 0.5 * direction.y / direction.length())
     }
 
     /// The light that falls on the point where `ray` meets a surface.
     pub fn illumination(&self, ray: &Ray, hit: &Hit) -> Illumination {
         let Scene { lamp, .. } = self.scene;
-        // Off the surface, so that neighbours that touch it do not shade it by rounding.
+        // Slightly off the surface, so that rounding does not let touching objects cast shadows on it.
         let (point, view) = (ray.at(hit.t) + hit.normal * 1e-4, ray.direction.normalized());
-        let shaders: Vec<usize> = self.shaders(hit.index, point, hit.normal).collect();
-        let blocked = |ray: &Ray| shaders.iter().any(|&index| self.blocks(ray, index));
+        let occluders: Vec<usize> = self.occluders(hit.index, point, hit.normal).collect();
+        let blocked = |ray: &Ray| occluders.iter().any(|&index| self.blocks(ray, index));
         let (mut diffuse, mut highlight, mut lit, mut points) = (0.0, 0.0, 0, 0);
         while points < FEW_LAMP_POINTS || (points < LAMP_POINTS && lit != points && lit != 0) {
             let [a, b] = even_square(points).map(|x| 2.0 * x - 1.0);
@@ -82,16 +85,16 @@ impl Tracer<'_> {
             if strength > 0.0 && !blocked(&Ray { origin: point, direction: to }) {
                 lit += 1;
                 diffuse += strength;
-                highlight += strength * shine(hit.normal.dot((to.normalized() - view).normalized()));
+                highlight += strength * highlight_profile(hit.normal.dot((to.normalized() - view).normalized()));
             }
         }
         let lamp = lamp.light * (1.0 / f64::from(points));
         let others = self.scene.objects.iter().enumerate().filter(|&(index, _)| index != hit.index);
         let open = others.map(|(_, object)| openness(object, point, hit.normal)).product::<f64>();
-        Illumination { diffuse: lamp * diffuse + self.surroundings(hit.normal) * open, highlight: lamp * highlight }
+        Illumination { diffuse: lamp * diffuse + self.ambient(hit.normal) * open, highlight: lamp * highlight }
     }
 
-    /// What a point of the lamp, `to` away, gives to a surface; 0 where one is behind the other.
+    /// The light that a surface gets from the lamp's point at offset `to`, or 0 if either faces away.
     fn lamp_strength(&self, normal: Vec3, to: Vec3) -> f64 {
         let (squared, rise, away) = (to.dot(to), normal.dot(to), -self.lamp_normal.dot(to));
         rise.max(0.0) * away.max(0.0) * 1e6 / (squared * squared)
@@ -106,7 +109,7 @@ impl Tracer<'_> {
     }
 }
 
-/// The share of the room's light that a ball lets through to a surface. Other shapes keep off none.
+/// The share of the ambient light that a sphere leaves to a nearby surface. Other shapes are assumed to block none.
 fn openness(object: &Object, point: Vec3, normal: Vec3) -> f64 {
     let Shape::Sphere { radius } = object.shape else { return 1.0 };
     let to = object.pose.origin - point;
@@ -114,22 +117,21 @@ fn openness(object: &Object, point: Vec3, normal: Vec3) -> f64 {
     if rise <= 0.0 { 1.0 } else { (1.0 - rise * radius * radius / (squared * squared.sqrt())).max(0.0) }
 }
 
-/// Schlick's share of mirrored light, from `head_on` at a right angle to 1 at a grazing one.
+/// Schlick's approximation of the share of reflected light, from `head_on` at normal incidence to 1 at grazing incidence.
 fn fresnel(head_on: f64, facing: f64) -> f64 {
     let x = (1.0 - facing).clamp(0.0, 1.0);
     head_on + (1.0 - head_on) * (x * x) * (x * x) * x
 }
 
-/// The 32nd power: a soft highlight.
-fn shine(cosine: f64) -> f64 {
+/// The profile of a soft highlight: the 32nd power of the cosine.
+fn highlight_profile(cosine: f64) -> f64 {
     (0..5).fold(cosine.max(0.0), |x, _| x * x)
 }
 
-/// The normal of the groove a ray falls into. Grooves spread reflections along `y` of their panel: most of what the camera sees
-/// of a table is spread towards and away from it.
+/// The normal of the groove that a ray hits. Grooves blur reflections mainly along the panel's `y` axis.
 fn brushed_normal(object: &Object, local: Vec3, normal: Vec3, sample: u32) -> Vec3 {
     let [a, b] = even_square(sample).map(|x| x - 0.5);
-    let [along, across] = brush(local);
+    let [along, across] = along_and_across_strokes(local);
     let groove = value_flat(along / 14.0, across / 1.4, 5) - 0.5;
     (normal + object.pose.axes[1] * (0.04 * groove + 0.07 * a) + object.pose.axes[0] * (0.015 * b)).normalized()
 }

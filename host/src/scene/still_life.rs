@@ -1,15 +1,19 @@
-//! The scene of `multiscopic demo`.
+//! The scene of `multiscopic demo`: a still life that is hard to match.
 //!
-//! World axes: `x` to the right, `y` up, `z` away; the table's top is at `y = 0`. The stems in front are thin against a matching
-//! block, the canvas on the wall has no texture, the table mirrors, the board leans, and the wall and table are slanted to the
-//! camera, which looks down a little.
+//! World axes: `x` to the right, `y` up, `z` away from the camera. The table top is at `y = 0`. The stems in front are thinner than a
+//! matching block, the canvas on the wall has no texture, the table reflects, the board leans, and the camera looks down a little, so
+//! that the wall and the table are slanted.
 
 use super::{
-    Finish, Lamp, Object, Scene, Shape, Texture,
-    vector::{Pose, Vec3},
+    description::{Lamp, Scene},
+    object::{Finish, Object},
+    pose::Pose,
+    shape::Shape,
+    texture::Texture,
+    vector::Vec3,
 };
 
-/// The tangent of half the angle by which the camera looks down: `sin = 11/61`, 10.4 degrees.
+/// The tangent of half the angle by which the camera looks down: 10.4 degrees, with `sin = 11/61`.
 const PITCH: f64 = 1.0 / 11.0;
 
 const CREAM: Vec3 = Vec3::srgb(0xEADDC4);
@@ -19,23 +23,26 @@ const CORAL: Vec3 = Vec3::srgb(0xE2725B);
 const MUSTARD: Vec3 = Vec3::srgb(0xE0A526);
 const NAVY: Vec3 = Vec3::srgb(0x22304F);
 
-pub(super) fn still_life() -> Scene {
-    let mut objects = room();
-    objects.extend(things());
-    objects.extend(flowers());
-    // The image's v goes down, and looking down turns it away from the world's.
-    let level = Pose { origin: Vec3::new(0.0, 220.0, 0.0), axes: [Vec3::X, -Vec3::Y, Vec3::Z] };
-    Scene {
-        objects,
-        lamp: Lamp {
-            center: Vec3::new(-520.0, 860.0, 260.0),
-            half_u: Vec3::new(120.0, 0.0, -90.0),
-            half_v: Vec3::new(53.0, 94.0, 71.0),
-            light: Vec3::new(1.0, 0.93, 0.82) * 1.2,
-        },
-        sky: Vec3::new(0.42, 0.47, 0.55) * 0.62,
-        ground: Vec3::new(0.30, 0.25, 0.22) * 0.5,
-        viewpoint: level.turned(0, -PITCH),
+impl Scene {
+    /// The scene of `multiscopic demo`: a still life on a table of brushed metal, from 0.4 m to 2.1 m away.
+    pub fn demo() -> Scene {
+        let mut objects = room();
+        objects.extend(table_objects());
+        objects.extend(flowers());
+        // The image's v axis points down, the world's y axis up.
+        let level = Pose { origin: Vec3::new(0.0, 220.0, 0.0), axes: [Vec3::X, -Vec3::Y, Vec3::Z] };
+        Scene {
+            objects,
+            lamp: Lamp {
+                center: Vec3::new(-520.0, 860.0, 260.0),
+                half_u: Vec3::new(120.0, 0.0, -90.0),
+                half_v: Vec3::new(53.0, 94.0, 71.0),
+                light: Vec3::new(1.0, 0.93, 0.82) * 1.2,
+            },
+            sky: Vec3::new(0.42, 0.47, 0.55) * 0.62,
+            ground: Vec3::new(0.30, 0.25, 0.22) * 0.5,
+            viewpoint: level.turned(0, -PITCH),
+        }
     }
 }
 
@@ -66,7 +73,7 @@ fn room() -> Vec<Object> {
             Texture::Brushed(Vec3::srgb(0xABB0BA)),
             Finish::Brushed,
         ),
-        // The frame's grain runs along its long side.
+        // Turned so that the grain runs along the frame's long side.
         block(Vec3::new(118.0, 158.0, 14.0), at(400.0, 196.0, 2086.0).turned(2, 1.0), oak, Finish::Satin),
         object(
             Shape::Panel { half_width: 140.0, half_height: 100.0 },
@@ -77,7 +84,7 @@ fn room() -> Vec<Object> {
     ]
 }
 
-fn things() -> Vec<Object> {
+fn table_objects() -> Vec<Object> {
     let board = Texture::Dots { paper: CREAM, inks: [CORAL, MUSTARD, TEAL, NAVY], pitch: 26.0 };
     let marble = Texture::Marble { base: Vec3::srgb(0xE9E6E1), vein: Vec3::srgb(0x4A4E5A), size: 80.0 };
     let walnut = Texture::Wood { light: Vec3::srgb(0xB9793F), dark: Vec3::srgb(0x4A2814), ring: 6.5 };
@@ -124,7 +131,7 @@ fn stem(from: Vec3, to: Vec3) -> Shape {
     Shape::Rod { half_length: (to - from).length() / 2.0, radius: 2.2 }
 }
 
-/// Halfway, with `y` along the way.
+/// The pose halfway between two points, with `y` along the line from one to the other.
 fn between(from: Vec3, to: Vec3) -> Pose {
     let y = (to - from).normalized();
     let x = y.cross(Vec3::Z).normalized();

@@ -1,32 +1,13 @@
-//! Random numbers that depend on nothing but their seed and place: the same on every machine and for every thread order.
+//! Value noise and fractal noise.
 
-use super::vector::Vec3;
+use crate::scene::vector::Vec3;
 
-/// SplitMix64's output function: well mixed bits from any counter.
-pub fn hash(mut x: u64) -> u64 {
-    x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    x ^ (x >> 31)
-}
-
-/// A number in `[0, 1)` from the upper bits of a hash.
-pub fn unit(hash: u64) -> f64 {
-    (hash >> 11) as f64 / (1u64 << 53) as f64
-}
-
-/// A number with mean 0 and variance 1, nearly normal: four uniform ones added, so never beyond 3.5.
-pub fn gaussian(hash: u64) -> f64 {
-    let sum: u64 = (0..4).map(|i| (hash >> (16 * i)) & 0xFFFF).sum();
-    (sum as f64 / 65535.0 - 2.0) * 3f64.sqrt()
-}
-
-/// A number in `[0, 1)` for a point of the integer lattice.
+/// A random number in `[0, 1)` for each point of the integer lattice.
 pub fn lattice(x: i32, y: i32, z: i32) -> f64 {
     mix_lattice(lattice_part(x, 0), lattice_part(y, 1), lattice_part(z, 2))
 }
 
-/// What one coordinate brings to the hash of a lattice point.
+/// The contribution of one coordinate to the hash of a lattice point.
 fn lattice_part(coordinate: i32, axis: usize) -> u32 {
     const FACTORS: [u32; 3] = [0x9E37_79B1, 0x85EB_CA77, 0xC2B2_AE3D];
     (coordinate as u32).wrapping_mul(FACTORS[axis]).rotate_left(10 * axis as u32)
@@ -39,13 +20,13 @@ fn mix_lattice(x: u32, y: u32, z: u32) -> f64 {
     f64::from(h ^ (h >> 16)) / 4_294_967_296.0
 }
 
-/// The integer at or below `x`. `f64::floor` is a call on machines without an instruction for it.
+/// The largest integer not above `x`. `f64::floor` would be a function call on processors without an instruction for it.
 pub fn floor(x: f64) -> i32 {
     let towards_zero = x as i32;
     towards_zero - i32::from(f64::from(towards_zero) > x)
 }
 
-/// Value noise in `[0, 1)`: smooth, one random value per lattice point.
+/// Value noise in `[0, 1)`: smooth interpolation between the random numbers of the lattice points.
 pub fn value(p: Vec3) -> f64 {
     let cell = [floor(p.x), floor(p.y), floor(p.z)];
     let part = |axis: usize| [lattice_part(cell[axis], axis), lattice_part(cell[axis].wrapping_add(1), axis)];
@@ -57,7 +38,7 @@ pub fn value(p: Vec3) -> f64 {
     mix(layer(z[0]), layer(z[1]), f.z)
 }
 
-/// [`value`] on a plane of its own, with half the work.
+/// Two-dimensional [`value`] noise, at half the cost. Each `plane` has noise of its own.
 pub fn value_flat(x: f64, y: f64, plane: i32) -> f64 {
     let cell = [floor(x), floor(y)];
     let plane = lattice_part(plane, 2);
@@ -72,21 +53,21 @@ pub fn value_flat(x: f64, y: f64, plane: i32) -> f64 {
     a + (b - a) * f[1]
 }
 
-/// Fractal noise in `[0, 1)`: `octaves` of value noise, each with twice the frequency and `gain` of the strength of the one
-/// before.
+/// Fractal noise in `[0, 1)`: a sum of `octaves` of value noise. Each octave has twice the frequency of the one before, and `gain`
+/// times its amplitude.
 pub fn fractal(mut p: Vec3, octaves: u8, gain: f64) -> f64 {
     let (mut sum, mut total, mut strength) = (0.0, 0.0, 1.0);
     for _ in 0..octaves {
         sum += strength * value(p);
         total += strength;
         strength *= gain;
-        // The shift keeps the octaves' lattices from meeting at the origin.
+        // The offset keeps the lattices of different octaves from coinciding at the origin.
         p = p * 2.0 + Vec3::new(17.3, 41.7, 29.1);
     }
     sum / total
 }
 
-/// [`fractal`] on a plane, from [`value_flat`].
+/// Two-dimensional [`fractal`] noise.
 pub fn fractal_flat(mut x: f64, y: f64, octaves: u8, gain: f64) -> f64 {
     let (mut y, mut sum, mut total, mut strength) = (y, 0.0, 0.0, 1.0);
     for octave in 0..octaves {
@@ -98,32 +79,9 @@ pub fn fractal_flat(mut x: f64, y: f64, octaves: u8, gain: f64) -> f64 {
     sum / total
 }
 
-/// Point `index` of a (0,2)-sequence in the unit square: any first power-of-two points fill it evenly.
-pub fn even_square(index: u32) -> [f64; 2] {
-    let mut sobol = 0;
-    let (mut rest, mut column) = (index, 1u32 << 31);
-    while rest != 0 {
-        if rest & 1 == 1 {
-            sobol ^= column;
-        }
-        rest >>= 1;
-        column ^= column >> 1;
-    }
-    [index.reverse_bits(), sobol].map(|bits| (f64::from(bits) + 0.5) / 4_294_967_296.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn gaussian_has_unit_variance() {
-        let samples = || (0..20_000).map(|i| gaussian(hash(i)));
-        let n = samples().count() as f64;
-        let mean = samples().sum::<f64>() / n;
-        let variance = samples().map(|x| x * x).sum::<f64>() / n;
-        assert!(mean.abs() < 0.03 && (variance - 1.0).abs() < 0.03, "{mean} {variance}");
-    }
 
     #[test]
     fn value_noise_is_continuous_and_fills_its_range() {
@@ -135,15 +93,5 @@ mod tests {
             assert!((line(i + 1) - line(i)).abs() < 0.02);
         }
         assert!(least < 0.2 && greatest > 0.8 && least >= 0.0 && greatest < 1.0);
-    }
-
-    #[test]
-    fn sixteen_even_points_hit_each_of_sixteen_cells() {
-        let mut cells = [0; 16];
-        for i in 0..16 {
-            let [x, y] = even_square(i);
-            cells[(x * 4.0) as usize * 4 + (y * 4.0) as usize] += 1;
-        }
-        assert_eq!(cells, [1; 16]);
     }
 }

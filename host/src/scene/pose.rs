@@ -1,0 +1,49 @@
+//! Rigid placements in space.
+
+use super::vector::Vec3;
+
+/// A position and an orientation: an origin and three perpendicular unit axes.
+///
+/// Rotations are given by the tangent of half their angle, which makes sine and cosine rational. So no library function is needed
+/// whose last bit might differ between machines.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// The local origin, in world coordinates.
+    pub origin: Vec3,
+    /// The local axes, in world coordinates.
+    pub axes: [Vec3; 3],
+}
+
+impl Pose {
+    /// A pose at `origin`, parallel to the world's axes.
+    pub const fn at(origin: Vec3) -> Pose {
+        Pose { origin, axes: [Vec3::X, Vec3::Y, Vec3::Z] }
+    }
+
+    /// The pose rotated by `2 atan(half_tangent)` about its own axis 0, 1 or 2. A positive angle turns the next axis towards the one
+    /// after it.
+    pub fn turned(mut self, axis: usize, half_tangent: f64) -> Pose {
+        let square = half_tangent * half_tangent;
+        let (cos, sin) = ((1.0 - square) / (1.0 + square), 2.0 * half_tangent / (1.0 + square));
+        let [next, last] = [(axis + 1) % 3, (axis + 2) % 3];
+        let (a, b) = (self.axes[next], self.axes[last]);
+        self.axes[next] = a * cos + b * sin;
+        self.axes[last] = b * cos - a * sin;
+        self
+    }
+
+    /// Converts a direction from world to local coordinates.
+    pub fn local_direction(&self, world: Vec3) -> Vec3 {
+        Vec3::new(self.axes[0].dot(world), self.axes[1].dot(world), self.axes[2].dot(world))
+    }
+
+    /// Converts a point from world to local coordinates.
+    pub fn local_point(&self, world: Vec3) -> Vec3 {
+        self.local_direction(world - self.origin)
+    }
+
+    /// Converts a direction from local to world coordinates.
+    pub fn world_direction(&self, local: Vec3) -> Vec3 {
+        self.axes[0] * local.x + self.axes[1] * local.y + self.axes[2] * local.z
+    }
+}

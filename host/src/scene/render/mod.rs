@@ -1,0 +1,227 @@
+//! Rendering the frames of a scene and its true disparities.
+
+mod sensor;
+mod shading;
+mod tracer;
+
+use std::ops::Add;
+
+use image::RgbImage;
+use multiscopic_core::{Frame, View};
+use rayon::prelude::*;
+
+use self::tracer::Tracer;
+use super::{
+    description::Scene,
+    pinhole_camera::PinholeCamera,
+    random::{even_square, hash},
+    ray::Ray,
+    shot::Shot,
+    vector::Vec3,
+};
+use crate::images::FloatImage;
+
+/// Rays for each pixel that sees the edge of a surface. Other pixels take four.
+const EDGE_RAYS: u32 = 8;
+
+/// Adjacent pixels of a row that share one search for the objects in view.
+const RUN: u32 = 16;
+
+/// Renders the centre and the four neighbours of a scene. The seed decides the sensor's noise and where exactly the stage stops.
+///
+/// # Panics
+/// If the camera has no pixels.
+pub fn render(scene: &Scene, camera: &PinholeCamera, seed: u64) -> Shot {
+    let tracer = Tracer::new(scene);
+    assert!(camera.width > 0 && camera.height > 0, "a camera of {}x{} pixels", camera.width, camera.height);
+    Shot {
+        center: render_frame(&tracer, camera, Frame::Center, seed),
+        neighbors: View::ALL.map(|view| render_frame(&tracer, camera, Frame::View(view), seed)),
+        truth: true_disparity(&tracer, camera),
+    }
+}
+
+fn render_frame(tracer: &Tracer, camera: &PinholeCamera, frame: Frame, seed: u64) -> RgbImage {
+    let position = camera.position(frame, seed);
+    let number = match frame {
+        Frame::Center => 0,
+        Frame::View(view) => 1 + view as u64,
+    };
+    let frame_seed = hash(seed.wrapping_mul(8).wrapping_add(number));
+    let mut image = RgbImage::new(camera.width, camera.height);
+    image.par_chunks_exact_mut(3 * camera.width as usize).zip(0..camera.height).for_each(|(row, v)| {
+        for (run, first) in row.chunks_mut(3 * RUN as usize).zip((0..).step_by(RUN as usize)) {
+            let objects = objects_in_run(tracer, camera, position, first, v);
+            for (pixel, u) in run.chunks_exact_mut(3).zip(first..) {
+                let place = hash(frame_seed ^ (u64::from(v) << 32 | u64::from(u)));
+                pixel.copy_from_slice(&sensor::develop(camera, light(tracer, camera, &objects, position, u, v), place));
+            }
+        }
+    });
+    image
+}
+
+/// The objects that the [`RUN`] pixels of row `v` from column `u` on may see.
+fn objects_in_run(tracer: &Tracer, camera: &PinholeCamera, position: [f64; 2], u: u32, v: u32) -> Vec<usize> {
+    let half = f64::from(RUN) / 2.0;
+    let axis = camera.ray(&tracer.scene.viewpoint, position, f64::from(u) - 0.5 + half, f64::from(v));
+    tracer.in_cone(axis, (half + 1.0) / camera.focal_px).collect()
+}
+
+/// The light that falls on one pixel of the sensor. `objects` are all that it may see.
+fn light(tracer: &Tracer, camera: &PinholeCamera, objects: &[usize], position: [f64; 2], u: u32, v: u32) -> Vec3 {
+    let ray = |sample: u32| {
+        let [du, dv] = even_square(sample).map(|x| x - 0.5);
+        camera.ray(&tracer.scene.viewpoint, position, f64::from(u) + du, f64::from(v) + dv)
+    };
+    let nearest = |ray: &Ray| tracer.nearest(ray, objects.iter().copied());
+    let rays = [0, 1, 2, 3].map(ray);
+    let hits = rays.map(|ray| nearest(&ray));
+    // The second ray goes through the middle of the pixel.
+    if let [Some(_), Some(middle), Some(_), Some(_)] = &hits
+        && hits.iter().flatten().all(|hit| hit.is_same_surface(middle))
+    {
+        // Light changes slowly across a surface, but texture does not: one lighting computation serves all four rays.
+        let light = tracer.illumination(&rays[1], middle);
+        let samples = rays.iter().zip(hits.iter().flatten()).zip(0..);
+        return samples.map(|((ray, hit), sample)| tracer.shade(ray, hit, &light, sample)).fold(Vec3::ZERO, Vec3::add) * 0.25;
+    }
+    let trace = |sample: u32| {
+        let ray = ray(sample);
+        match nearest(&ray) {
+            Some(hit) => tracer.shade(&ray, &hit, &tracer.illumination(&ray, &hit), sample),
+            None => tracer.ambient(ray.direction),
+        }
+    };
+    (0..EDGE_RAYS).map(trace).fold(Vec3::ZERO, Vec3::add) * (1.0 / f64::from(EDGE_RAYS))
+}
+
+fn true_disparity(tracer: &Tracer, camera: &PinholeCamera) -> FloatImage {
+    let (width, scale) = (camera.width as usize, camera.focal_px * camera.baseline_mm);
+    let mut truth = FloatImage::filled(width, camera.height as usize, f32::INFINITY);
+    truth.pixels_mut().par_chunks_exact_mut(width).zip(0..camera.height).for_each(|(row, v)| {
+        for (d, u) in row.iter_mut().zip(0u32..) {
+            let ray = camera.ray(&tracer.scene.viewpoint, [0.0; 2], f64::from(u), f64::from(v));
+            if let Some(hit) = tracer.nearest(&ray, tracer.all()) {
+                *d = (scale / hit.t) as f32;
+            }
+        }
+    });
+    truth
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Finish, Lamp, Object, Pose, Shape, Texture};
+
+    /// A scene of one matte object, seen along `z`.
+    fn scene_of(shape: Shape, pose: Pose) -> Scene {
+        Scene {
+            objects: vec![Object { shape, pose, texture: Texture::Plain(Vec3::splat(0.5)), finish: Finish::Matte }],
+            lamp: Lamp { center: Vec3::ZERO, half_u: Vec3::X, half_v: Vec3::Y, light: Vec3::splat(1.0) },
+            viewpoint: Pose::at(Vec3::ZERO),
+            ..Scene::demo()
+        }
+    }
+
+    /// The image point of pixel `index` on the plane at depth 1.
+    fn direction(camera: &PinholeCamera, index: usize) -> (f64, f64) {
+        let (u, v) = (index % camera.width as usize, index / camera.width as usize);
+        let middle = |size: u32| (f64::from(size) - 1.0) / 2.0;
+        ((u as f64 - middle(camera.width)) / camera.focal_px, (v as f64 - middle(camera.height)) / camera.focal_px)
+    }
+
+    #[test]
+    fn the_disparity_of_a_plane_is_exact() {
+        // Turned about `v`, so that depth varies with x.
+        let camera = PinholeCamera::new(48, 32).ideal();
+        let pose = Pose::at(Vec3::new(0.0, 0.0, 900.0)).turned(1, 0.2);
+        let normal = pose.axes[2];
+        let shot = render(&scene_of(Shape::Panel { half_width: 1e9, half_height: 1e9 }, pose), &camera, 3);
+        for (index, &d) in shot.truth.pixels().iter().enumerate() {
+            let (x, y) = direction(&camera, index);
+            // The disparity of a plane is linear in the image.
+            let expected = camera.focal_px * camera.baseline_mm * (normal.x * x + normal.y * y + normal.z) / (normal.z * 900.0);
+            assert!((f64::from(d) - expected).abs() < 1e-5 * expected, "pixel {index}: {d}, expected {expected}");
+        }
+    }
+
+    #[test]
+    fn the_disparity_of_a_sphere_is_that_of_its_near_side() {
+        let camera = PinholeCamera::new(64, 48).ideal();
+        let (center, radius) = (Vec3::new(20.0, -30.0, 700.0), 90.0);
+        let shot = render(&scene_of(Shape::Sphere { radius }, Pose::at(center)), &camera, 3);
+        let mut hits = 0;
+        for (index, &d) in shot.truth.pixels().iter().enumerate() {
+            let (x, y) = direction(&camera, index);
+            // |z (x, y, 1) - center| = radius, solved for z.
+            let a = x * x + y * y + 1.0;
+            let b = x * center.x + y * center.y + center.z;
+            let root = b * b - a * (center.dot(center) - radius * radius);
+            if root < 0.0 {
+                assert!(d.is_infinite(), "pixel {index}: {d} beside the sphere");
+            } else {
+                hits += 1;
+                let expected = camera.focal_px * camera.baseline_mm * a / (b - root.sqrt());
+                assert!((f64::from(d) - expected).abs() < 1e-5 * expected, "pixel {index}: {d}, expected {expected}");
+            }
+        }
+        assert!((300..700).contains(&hits), "{hits} pixels see the sphere");
+    }
+
+    /// The grey value between pixels, by bilinear interpolation; `None` outside the image.
+    fn grey_at(image: &RgbImage, u: f64, v: f64) -> Option<f64> {
+        let inside = u >= 0.0 && v >= 0.0 && u <= f64::from(image.width() - 2) && v <= f64::from(image.height() - 2);
+        let grey = |x: u32, y: u32| image[(x, y)].0.map(f64::from).iter().sum::<f64>() / 3.0;
+        let (x, y) = (u.floor(), v.floor());
+        let row = |y: u32| grey(x as u32, y) * (1.0 + x - u) + grey(x as u32 + 1, y) * (u - x);
+        inside.then(|| row(y as u32) * (1.0 + y - v) + row(y as u32 + 1) * (v - y))
+    }
+
+    /// The median grey difference between centre pixels and their matches in a view, at the true disparity plus `shift`.
+    fn residual(shot: &Shot, view: View, shift: f64) -> f64 {
+        let width = shot.center.width() as usize;
+        let mut differences: Vec<f64> = (0..shot.truth.pixels().len())
+            .filter_map(|index| {
+                let (u, v) = ((index % width) as f64, (index / width) as f64);
+                let step = f64::from(view.sign()) * (f64::from(shot.truth.pixels()[index]) + shift);
+                let (x, y) = if view.is_horizontal() { (u + step, v) } else { (u, v + step) };
+                Some((grey_at(&shot.center, u, v)? - grey_at(shot.frame(Frame::View(view)), x, y)?).abs())
+            })
+            .collect();
+        differences.sort_by(f64::total_cmp);
+        differences[differences.len() / 2]
+    }
+
+    #[test]
+    fn the_true_disparity_finds_the_same_colour_in_every_view() {
+        let shot = render(&Scene::demo(), &PinholeCamera::new(240, 180).ideal(), 0);
+        for view in View::ALL {
+            let [exact, less, more] = [0.0, -2.0, 2.0].map(|shift| residual(&shot, view, shift));
+            assert!(exact < 2.5, "{view:?}: median difference {exact}");
+            assert!(less > 3.0 * exact && more > 3.0 * exact, "{view:?}: {exact}, 2 px off {less} and {more}");
+        }
+    }
+
+    #[test]
+    fn the_seed_decides_every_byte() {
+        let camera = PinholeCamera::new(40, 30);
+        let scene = Scene::demo();
+        let first = render(&scene, &camera, 7);
+        let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        assert_eq!(first, one_thread.install(|| render(&scene, &camera, 7)));
+        let other = render(&scene, &camera, 8);
+        assert_eq!(first.truth, other.truth);
+        assert_ne!(first.center, other.center);
+    }
+
+    /// The number is the hash of these bytes on every machine. It changes only with the scene.
+    #[test]
+    fn bytes_are_the_same_on_every_machine() {
+        let shot = render(&Scene::demo(), &PinholeCamera::new(64, 48), 1);
+        let frames = std::iter::once(&shot.center).chain(&shot.neighbors).flat_map(|image| image.as_raw().iter().copied());
+        let truth = shot.truth.pixels().iter().flat_map(|d| d.to_bits().to_le_bytes());
+        assert_eq!(frames.chain(truth).fold(0, |sum, byte| hash(sum ^ u64::from(byte))), 11_751_516_164_657_235_580);
+    }
+}

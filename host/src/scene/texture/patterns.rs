@@ -1,0 +1,101 @@
+//! The patterns of textures that take more than a line.
+
+use super::noise::{floor, fractal, fractal_flat, lattice, value, value_flat};
+use crate::scene::vector::Vec3;
+
+/// The brightness of brushed metal at a point of a panel, around 0.5.
+pub fn streaks(p: Vec3) -> f64 {
+    let [along, across] = along_and_across_strokes(p);
+    let fine = value_flat(along / 7.0, across / 1.2, 0);
+    let middle = value_flat(along / 14.0, across / 2.6, 1);
+    let stain = value_flat(p.x / 4.5, p.y / 4.5, 2);
+    let coarse = value_flat(along / 70.0, across / 24.0, 3);
+    0.3 * fine + 0.28 * middle + 0.24 * stain + 0.18 * coarse
+}
+
+/// The coordinates of a point of a panel along and across its brush strokes.
+pub fn along_and_across_strokes(p: Vec3) -> [f64; 2] {
+    [0.8 * p.x + 0.6 * p.y, 0.8 * p.y - 0.6 * p.x]
+}
+
+/// 0 below `from`, 1 above `to`, and a smooth step between them.
+fn smooth_step(from: f64, to: f64, x: f64) -> f64 {
+    let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// Wood with growth rings `ring` apart.
+pub fn wood(p: Vec3, light: Vec3, dark: Vec3, ring: f64) -> Vec3 {
+    let bend = fractal(Vec3::new(p.x, p.y * 0.25, p.z) * (0.35 / ring), 2, 0.5);
+    // The axis of the rings lies outside the object and leans a little.
+    let (x, z) = (p.x + 5.3 * ring + 0.12 * p.y, p.z + 3.1 * ring);
+    let age = (x * x + z * z).sqrt() / ring + 2.2 * bend;
+    let season = age - f64::from(floor(age));
+    let late = smooth_step(0.25, 0.9, season) * (1.0 - smooth_step(0.94, 1.0, season));
+    let pores = value(Vec3::new(p.x * 0.9, p.y * 0.09, p.z * 0.9));
+    let fibre = fractal(Vec3::new(p.x * 0.3, p.y * 0.04, p.z * 0.3), 3, 0.8);
+    light.lerp(dark, (0.75 * late + 0.5 * smooth_step(0.66, 0.9, pores)).min(1.0)) * (0.65 + 0.7 * fibre)
+}
+
+/// Marble with veins about `size` apart.
+pub fn marble(p: Vec3, base: Vec3, vein: Vec3, size: f64) -> Vec3 {
+    let q = p * (1.0 / size);
+    let warp = Vec3::new(
+        fractal(q + Vec3::splat(3.7), 3, 0.5),
+        fractal(q + Vec3::splat(11.9), 3, 0.5),
+        fractal(q + Vec3::splat(27.1), 3, 0.5),
+    );
+    let field = fractal(q * 0.8 + warp * 1.6, 4, 0.5);
+    let broad = 1.0 - smooth_step(0.0, 0.07, (field - 0.5).abs());
+    let thin = 1.0 - smooth_step(0.0, 0.03, (value(q * 2.3 + warp * 2.0) - 0.5).abs());
+    let clouds = fractal(p * 0.06, 5, 0.85);
+    (base * (0.62 + 0.66 * clouds)).lerp(vein, (0.75 * broad + 0.45 * thin).min(0.9))
+}
+
+/// The nearest of the randomly placed seeds around `p`: its distance relative to its random radius, and a random number of its own.
+/// `None` if `p` is outside all radii. Seeds have three dimensions if `deep`, otherwise two.
+fn nearest_seed(p: Vec3, deep: bool, radius: impl Fn(f64) -> f64) -> Option<(f64, f64)> {
+    let cell = [floor(p.x), floor(p.y), floor(p.z)];
+    let mut nearest: Option<(f64, f64)> = None;
+    for dz in if deep { -1..=1 } else { 0..=0 } {
+        for dy in -1..=1 {
+            for dx in -1..=1 {
+                let (x, y, z) = (cell[0] + dx, cell[1] + dy, cell[2] + dz);
+                let random = |salt: i32| lattice(x, y, z.wrapping_mul(8).wrapping_add(salt));
+                let jitter = Vec3::new(random(0), random(1), if deep { random(2) } else { p.z - f64::from(cell[2]) });
+                let seed = Vec3::new(f64::from(x), f64::from(y), f64::from(z)) + jitter;
+                let relative = (p - seed).length() / radius(random(3));
+                if relative < nearest.map_or(1.0, |(least, _)| least) {
+                    nearest = Some((relative, random(4)));
+                }
+            }
+        }
+    }
+    nearest
+}
+
+fn choose(colors: [Vec3; 4], random: f64) -> Vec3 {
+    colors[(random * 4.0) as usize & 3]
+}
+
+/// Terrazzo with chips about `pitch` apart.
+pub fn terrazzo(p: Vec3, cement: Vec3, chips: [Vec3; 4], pitch: f64) -> Vec3 {
+    let grain = fractal(p * 0.15, 4, 0.9);
+    // Warping the coordinates turns round chips into angular ones.
+    let bend = Vec3::new(value(p * (2.1 / pitch)), value(p * (2.3 / pitch)), value(p * (1.9 / pitch)));
+    match nearest_seed(p * (1.0 / pitch) + bend * 0.7, true, |random| 0.22 + 0.4 * random * random) {
+        Some((_, random)) => choose(chips, random) * (0.8 + 0.4 * grain),
+        None => cement * (0.7 + 0.6 * grain),
+    }
+}
+
+/// Dots on a grid with spacing `pitch`.
+pub fn dots(p: Vec3, paper: Vec3, inks: [Vec3; 4], pitch: f64) -> Vec3 {
+    let grain = 0.82 + 0.36 * fractal_flat(p.x * 0.12, p.y * 0.12, 3, 0.9);
+    let q = Vec3::new(p.x / pitch, p.y / pitch, 0.0);
+    let color = match nearest_seed(q, false, |random| 0.18 + 0.34 * random) {
+        Some((_, random)) => choose(inks, random),
+        None => paper,
+    };
+    color * grain
+}

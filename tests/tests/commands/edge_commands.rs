@@ -376,17 +376,20 @@ fn a_budget_refuses_bad_usage() {
 }
 
 #[test]
-fn the_commands_of_the_readme_run() {
+fn the_commands_of_the_guides_run() {
     let dir = folder();
     let run = |words: &[&str]| {
         let output = Command::new(program::binary()).args(words).current_dir(dir.path()).output().expect("the command line runs");
         assert_eq!(output.status.code(), Some(0), "{words:?}: {output:?}");
     };
     run(&["demo", "-o", "out/demo", "--width", "180", "--height", "130", "--num-disparities", "1"]);
-    let readme = include_str!("../../../README.md");
-    for name in ["budget", "simulate", "listen"] {
-        let line = readme.lines().find_map(|line| line.strip_prefix("multiscopic ").filter(|rest| rest.starts_with(name)));
-        run(&line.unwrap_or_else(|| panic!("the README has a line for {name}")).split(' ').collect::<Vec<_>>());
+    let guides = [include_str!("../../../README.md"), include_str!("../../../docs/firmware.md")];
+    let commands = || guides.iter().flat_map(|guide| guide.lines()).filter_map(|line| line.strip_prefix("multiscopic "));
+    for name in ["match out/demo", "budget", "simulate", "listen"] {
+        assert!(commands().any(|command| command.starts_with(name)), "the guides have no line for {name}");
+        for command in commands().filter(|command| command.starts_with(name)) {
+            run(&command.split(' ').collect::<Vec<_>>());
+        }
     }
     assert_eq!(read_pfm(&dir.path().join("received.pfm")).0, 160);
 }

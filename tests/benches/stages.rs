@@ -14,7 +14,7 @@ use multiscopic_core::{
     Fusion, Params, Views,
     kernel::{Block, Blocks, Change, Column, Isa, Rule, Work},
 };
-use multiscopic_tests::random::Random;
+use multiscopic_tests::split_mix::Random;
 
 const DISPARITIES: u16 = 64;
 const BLOCK_SIZE: u8 = 11;

@@ -13,7 +13,7 @@ use multiscopic::{
     stereo::cost::mccnn::{Architecture, Costs, Input, Network},
 };
 use multiscopic_core::{Fusion, Search, View, Views};
-use multiscopic_tests::random::Random;
+use multiscopic_tests::split_mix::Random;
 
 /// Times the networks
 #[derive(Parser)]

@@ -2,20 +2,20 @@
 //!
 //! | room | what it is |
 //! | --- | --- |
-//! | [`random`] | random numbers that are the same everywhere |
+//! | [`split_mix`] | random numbers that are the same everywhere |
 //! | [`reference`] | the definitions that the product is compared with |
 //! | [`program`] | the command line as a process |
-//! | [`samples`] | images and matches: golden, random, drawn and real |
+//! | [`test_images`] | images and matches: golden, random, drawn and real |
 //! | [`simulated`] | arms, machines and cameras, with faults on demand |
 //! | [`architecture`] | the rules that the workspace's sources keep |
 
 #[cfg(feature = "xtask")]
 pub mod architecture;
 pub mod program;
-pub mod random;
 pub mod reference;
-pub mod samples;
 pub mod simulated;
+pub mod split_mix;
+pub mod test_images;
 
 /// Compiles and runs the code of the README and the guides.
 #[cfg(doctest)]

@@ -1,7 +1,7 @@
 //! The MC-CNN networks equal their definition with random weights, and the Python package with the published ones.
 //!
-//! Tests of the published weights are reported as ignored without these, see [`multiscopic_tests::samples::weight_files::weights`],
-//! and the test of their conversion without a [wheel](multiscopic_tests::samples::weight_files::wheel).
+//! Tests of the published weights are reported as ignored without these, see [`multiscopic_tests::test_images::weight_files::weights`],
+//! and the test of their conversion without a [wheel](multiscopic_tests::test_images::weight_files::wheel).
 
 use std::{
     collections::BTreeMap,
@@ -28,9 +28,9 @@ use multiscopic::{
 use multiscopic_core::{Frame, Fusion, Search, View, Views};
 use multiscopic_tests::{
     program::Invocation,
-    random::Random,
     reference::networks::{self, Reference},
-    samples::{view_set::read_grey, weight_files},
+    split_mix::Random,
+    test_images::{view_set::read_grey, weight_files},
 };
 use serde_json::Value;
 

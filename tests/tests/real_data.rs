@@ -1,4 +1,4 @@
-//! Tests on real images, which are not in the repository: see [`multiscopic_tests::samples::real_data`]. Without them, every test
+//! Tests on real images, which are not in the repository: see [`multiscopic_tests::test_images::real_data`]. Without them, every test
 //! is reported as ignored.
 #![expect(clippy::approx_constant, reason = "errors that happen to look like pi")]
 
@@ -8,12 +8,12 @@ use libtest_mimic::{Arguments, Failed, Trial};
 use multiscopic_core::{Region, kernel::Portable};
 use multiscopic_tests::{
     program::Invocation,
-    random::Random,
     reference::{
         Fusion::{self, Heuristic, Mean, Min},
         raw16,
     },
-    samples::{
+    split_mix::Random,
+    test_images::{
         case::{matched, params},
         misaligned,
         real_data::{self, Dataset},

@@ -16,6 +16,7 @@ struct Shared {
 }
 
 const SHARED_MODULES: [Shared; 6] = [
+    Shared { name: "parameters", places: &["host/src/stereo/"], reason: "each method has its own" },
     Shared { name: "error", places: &[""], reason: "each crate and room has its own errors" },
     Shared {
         name: "capture",
@@ -51,11 +52,12 @@ const SHARED_TYPES: [Shared; 3] = [
 ];
 
 /// Where names follow those of something else, and why.
-const FOLLOWING: [(&str, &str); 4] = [
+const FOLLOWING: [(&str, &str); 5] = [
+    ("core/src/kernel/arm/", "the kernels of each instruction set are divided alike"),
     ("host/src/command/", "commands and options are named for what they run and set"),
     ("tests/src/reference/", "second implementations are named for what they are compared with"),
     ("tests/src/simulated/", "simulated hardware is named for what drives it"),
-    ("tests/src/samples/real_data.rs", "it reads the data sets a second time"),
+    ("tests/src/test_images/real_data.rs", "it reads the data sets a second time"),
 ];
 
 /// The names that are not shared for a reason. Tests are named for what they test, and may share its name.

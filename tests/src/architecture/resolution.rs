@@ -2,6 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
+use proc_macro2::{TokenStream, TokenTree};
 use syn::{Ident, Item, ItemUse, UseTree, Visibility, ext::IdentExt};
 
 use super::crate_tree::{CrateTree, ModuleId};
@@ -27,6 +28,8 @@ pub(super) struct Import {
 #[derive(Default)]
 struct Scope {
     definitions: HashSet<String>,
+    /// The identifiers in macro invocations, which may define items of these names.
+    expanded: HashSet<String>,
     imports: HashMap<String, Vec<Vec<String>>>,
     globs: Vec<Vec<String>>,
 }
@@ -47,9 +50,10 @@ impl<'a> Resolver<'a> {
             for item in &module.items {
                 match item {
                     Item::Use(item) => scope.add(imports(item)),
-                    Item::Macro(item) => {
-                        resolver.macros.extend(item.ident.iter().map(|name| (text(name), id)));
-                    }
+                    Item::Macro(item) => match &item.ident {
+                        Some(name) => drop(resolver.macros.insert(text(name), id)),
+                        None => identifiers(item.mac.tokens.clone(), &mut scope.expanded),
+                    },
                     _ => scope.definitions.extend(defined_name(item).map(text)),
                 }
             }
@@ -80,7 +84,11 @@ impl<'a> Resolver<'a> {
         for name in rest {
             let step = |target: Target| match target {
                 Target::Module(id) if name == "super" => self.tree.modules[id].parent.map(Target::Module).into_iter().collect(),
-                Target::Module(id) => self.look_up(id, name, visited),
+                Target::Module(id) => {
+                    let found = self.look_up(id, name, visited);
+                    let is_expanded = found.is_empty() && self.scopes[id].expanded.contains(name);
+                    if is_expanded { HashSet::from([Target::Item(id)]) } else { found }
+                }
                 Target::Item(_) => HashSet::from([target]),
             };
             targets = targets.into_iter().flat_map(step).collect();
@@ -154,6 +162,17 @@ fn collect(tree: &UseTree, prefix: &mut Vec<String>, is_reexport: bool, found: &
             prefix.push(text(&path.ident));
             collect(&path.tree, prefix, is_reexport, found);
             prefix.pop();
+        }
+    }
+}
+
+/// Collects the identifiers among tokens.
+fn identifiers(tokens: TokenStream, found: &mut HashSet<String>) {
+    for token in tokens {
+        match token {
+            TokenTree::Ident(ident) => drop(found.insert(text(&ident))),
+            TokenTree::Group(group) => identifiers(group.stream(), found),
+            _ => {}
         }
     }
 }

@@ -189,3 +189,10 @@ fn raw_names_are_followed() {
     let found = messages(&[("lib.rs", ROOT), ("low.rs", "use crate::r#match::B;"), ("match.rs", "pub struct B;")]);
     assert_eq!(found, ["low.rs: imports crate::match::B from the room `match`, which is listed after `low`"]);
 }
+
+#[test]
+fn items_that_macros_define_are_found() {
+    let high = "macro_rules! define { ($name:ident) => { pub fn $name() {} } } define!(B);";
+    assert_eq!(messages(&rooms("fn f() { crate::high::B(); }", high)), [UPWARD]);
+    assert_eq!(messages(&rooms("fn f() { crate::high::C(); }", high)), ["low.rs: the path crate::high::C leads nowhere"]);
+}

@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::random::Random;
+use crate::split_mix::Random;
 
 /// The file name of a network's weights; `network` is `fast` or `accurate`.
 pub fn file_name(network: &str) -> String {

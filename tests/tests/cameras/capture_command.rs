@@ -19,15 +19,15 @@ use image::GrayImage;
 use libtest_mimic::Trial;
 use multiscopic_tests::{
     program::{self, Invocation},
-    samples::{
-        golden,
-        real_data::{self, Dataset},
-        view_set::ViewSet,
-    },
     simulated::{
         arm::{Fault, Heard, SimulatedArm},
         loopback::Producer,
         pose::{Pose, distance, pose_trans},
+    },
+    test_images::{
+        golden,
+        real_data::{self, Dataset},
+        view_set::ViewSet,
     },
 };
 use tempfile::TempDir;

@@ -21,13 +21,13 @@ use multiscopic::{
 };
 use multiscopic_tests::{
     program,
-    random::Random,
     reference::luma,
-    samples::golden,
     simulated::{
         loopback::Producer,
         vivid::{self, Pattern},
     },
+    split_mix::Random,
+    test_images::golden,
 };
 use v4l::{Control, Device, control::Value, video::Capture};
 

@@ -15,11 +15,11 @@ use multiscopic_core::{
     capture::{Camera, CaptureError, Plan, Policy, Position, Progress, Sequence, Stage},
 };
 use multiscopic_tests::{
-    random::Random,
     simulated::{
         arm::{Fault, Heard, SimulatedArm},
         pose::{Pose, angle, distance},
     },
+    split_mix::Random,
 };
 
 /// A tool that looks down.

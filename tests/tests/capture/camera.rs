@@ -5,7 +5,7 @@ use multiscopic::{
     Picture,
     capture::camera::{CameraFault, FrameLayout, PixelFormat},
 };
-use multiscopic_tests::{random::Random, reference::luma};
+use multiscopic_tests::{reference::luma, split_mix::Random};
 use proptest::prelude::*;
 
 /// A format, a size, a stride with padding or unspecified, and enough random bytes for any format.

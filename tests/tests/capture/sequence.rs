@@ -4,7 +4,7 @@ use multiscopic_core::{
     View, Views,
     capture::{Camera, CaptureError, Plan, Policy, Position, Progress, Sequence, Stage},
 };
-use multiscopic_tests::samples::case::property;
+use multiscopic_tests::test_images::case::property;
 use proptest::prelude::*;
 use std::{cell::Cell, rc::Rc, time::Duration};
 

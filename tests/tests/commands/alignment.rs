@@ -7,7 +7,7 @@ use multiscopic::{
 use multiscopic_core::{Frame, View};
 use multiscopic_tests::{
     program::Invocation,
-    samples::{
+    test_images::{
         misaligned::{self, FACTOR, Off, align, assert_recovers, quarter},
         view_set::{ViewSet, read_pfm},
     },

@@ -8,7 +8,7 @@ use std::{
 use multiscopic_tests::{
     program::Invocation,
     reference::{Fusion, raw16},
-    samples::{
+    test_images::{
         golden::{self, GOLDEN, Golden},
         view_set::{read_pfm, read_raw16},
     },

@@ -15,7 +15,7 @@ use multiscopic_edge::{
 };
 use multiscopic_tests::{
     program::{self, Invocation},
-    samples::{
+    test_images::{
         golden,
         view_set::{read_pfm, read_raw16},
     },
@@ -196,7 +196,7 @@ fn assert_simulated_as_matched(profile: &Profile) {
     assert_eq!(Invocation::new(demo.into_iter().chain(size)).code, Some(0));
     let mut views = Vec::new();
     for view in ["center", "left", "right", "top", "bottom"] {
-        let (w, h, pixels) = multiscopic_tests::samples::view_set::read_grey(Path::new(&path(&format!("demo/{view}.png"))));
+        let (w, h, pixels) = multiscopic_tests::test_images::view_set::read_grey(Path::new(&path(&format!("demo/{view}.png"))));
         let lines = pixels.chunks_exact(w).skip((h - params.height()) / 2).take(params.height());
         let left = (w - params.width()) / 2;
         let mut pgm = format!("P5 {} {} 255\n", params.width(), params.height()).into_bytes();

@@ -2,9 +2,9 @@
 
 use multiscopic_core::{Disparity, Fusion, MatchingCost, Region, kernel::Portable};
 use multiscopic_tests::{
-    random::Random,
     reference::{self, fixed},
-    samples::{
+    split_mix::Random,
+    test_images::{
         case::{matched, params, property},
         view_set::ViewSet,
     },

@@ -2,8 +2,8 @@
 
 use multiscopic_core::{Region, kernel::Portable};
 use multiscopic_tests::{
-    random::Random,
-    samples::case::{Case, cases, cut, matched, property},
+    split_mix::Random,
+    test_images::case::{Case, cases, cut, matched, property},
 };
 
 /// Matches the whole frame in one pass, then in tiles, in bands, in a random rectangle, or with another number of lanes.

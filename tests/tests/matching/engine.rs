@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use image::GrayImage;
 use multiscopic::{Engine, Frames, Simd};
 use multiscopic_core::{Disparity, View};
-use multiscopic_tests::samples::case::{Case, cases, property};
+use multiscopic_tests::test_images::case::{Case, cases, property};
 
 fn frames(case: &Case) -> Frames {
     let images = case.images();

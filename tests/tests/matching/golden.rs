@@ -7,9 +7,9 @@ use std::{env, path::PathBuf, sync::Once};
 
 use multiscopic_core::{Region, kernel::Portable};
 use multiscopic_tests::{
-    random::Random,
     reference::raw16,
-    samples::{
+    split_mix::Random,
+    test_images::{
         case::{matched, params},
         golden::{self, GOLDEN, Golden},
         view_set::{ViewSet, read_raw16},

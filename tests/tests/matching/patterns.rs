@@ -2,9 +2,9 @@
 
 use multiscopic_core::{Disparity, Region, kernel::Portable};
 use multiscopic_tests::{
-    random::Random,
     reference::Fusion::{self, Heuristic, Mean, Min},
-    samples::{
+    split_mix::Random,
+    test_images::{
         case::{matched, params},
         drawing::{assert_drawn, draw, synthesise},
     },

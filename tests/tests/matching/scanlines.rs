@@ -6,9 +6,9 @@ use multiscopic_core::{
     Disparity, Frame, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, ScanlineSource, View, kernel::Portable,
 };
 use multiscopic_tests::{
-    random::Random,
     reference::Fusion,
-    samples::{
+    split_mix::Random,
+    test_images::{
         case::{Appearance, Case, cases, cut, matched, property},
         strict_source::{FRAMES, StrictSource},
     },

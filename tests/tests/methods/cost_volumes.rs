@@ -9,7 +9,7 @@ use multiscopic::{
     },
 };
 use multiscopic_core::{Disparity, Fusion, Search, Views};
-use multiscopic_tests::random::Random;
+use multiscopic_tests::split_mix::Random;
 
 /// Where the match of a pixel lies per pixel of disparity: left, right, top, bottom.
 const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];

@@ -11,8 +11,8 @@ use multiscopic::{
 };
 use multiscopic_core::{Fusion, Search, View, Views};
 use multiscopic_tests::{
-    random::Random,
     reference::{self, energy},
+    split_mix::Random,
 };
 use petgraph::{algo::ford_fulkerson, graph::DiGraph};
 

@@ -13,9 +13,9 @@ use multiscopic::{
 };
 use multiscopic_core::{Disparity, Fusion, Search, View, Views};
 use multiscopic_tests::{
-    random::Random,
     reference::{self, energy, raw16, semi_global},
-    samples::case::{Case, cases, property},
+    split_mix::Random,
+    test_images::case::{Case, cases, property},
 };
 
 const BIRCHFIELD_TOMASI: CostFunction = CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: false });

@@ -8,12 +8,12 @@ use multiscopic::{
 };
 use multiscopic_core::{Disparity, View};
 use multiscopic_tests::{
-    random::Random,
     reference::{
         raw16,
         semi_global::{self, PATHS},
     },
-    samples::case::{Case, cases, property},
+    split_mix::Random,
+    test_images::case::{Case, cases, property},
 };
 
 #[test]

@@ -23,7 +23,7 @@ use std::process::ExitCode;
 
 use emulation::setup;
 use firmware_checks::{capturing, faults, kernel_twins, profiles};
-use workspace_checks::{aarch64, host_instructions, packaging, suite, v4l2};
+use workspace_checks::{emulated_arm64, host_instructions, packaging, suite, v4l2};
 
 /// Runs the project's checks, tests and firmware.
 #[derive(Parser)]
@@ -84,7 +84,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Lint => suite::lint(),
         Task::V4l2 => v4l2::run_tests(),
         Task::Kernels => kernel_twins::run(&setup::run()?),
-        Task::Aarch64 => aarch64::run_tests(),
+        Task::Aarch64 => emulated_arm64::run_tests(),
         Task::Instructions(guard) => guard.run(),
         Task::Package => packaging::check(),
         Task::NoPanic => faults::no_panic(&setup::run()?),

@@ -8,7 +8,7 @@ use multiscopic::{
 };
 use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, View, Views};
 use multiscopic_edge::frame_file;
-use multiscopic_tests::samples::{
+use multiscopic_tests::test_images::{
     real_data::{self, Dataset},
     strict_source::StrictSource,
     view_set::ViewSet,

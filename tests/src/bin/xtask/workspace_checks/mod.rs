@@ -1,6 +1,6 @@
 //! Checks of the whole workspace, and the suites that combine all checks.
 
-pub mod aarch64;
+pub mod emulated_arm64;
 pub mod host_instructions;
 pub mod packaging;
 pub mod suite;

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{process::Command, time::Instant};
 
-use super::{aarch64, host_instructions, packaging, v4l2};
+use super::{emulated_arm64, host_instructions, packaging, v4l2};
 use crate::{
     emulation::{emulated_board, setup},
     firmware_checks::{capturing, faults, kernel_twins, profiles},
@@ -61,7 +61,7 @@ pub fn test() -> Result<()> {
     step("tests in debug", || test_workspace("dev"))?;
     step("the published packages", packaging::check)?;
     step("tests in release", || test_workspace("release"))?;
-    step("the kernel of 64-bit Arm", aarch64::run_tests)?;
+    step("the kernel of 64-bit Arm", emulated_arm64::run_tests)?;
     step("instructions", || host_instructions::Guard::COMPARE.run())?;
     step("cameras in a virtual machine", v4l2::run_tests)?;
     step("the libraries for Arm", || libraries_for_arm(&toolchain))?;

@@ -1,7 +1,7 @@
 //! Runs the camera tests in a virtual machine.
 
 use anyhow::Result;
-use multiscopic_tests::samples::real_data::{self, Dataset};
+use multiscopic_tests::test_images::real_data::{self, Dataset};
 use std::env::consts::ARCH;
 
 use crate::{

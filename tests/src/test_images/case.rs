@@ -9,9 +9,9 @@ use proptest::{
 };
 
 use crate::{
-    random::Random,
     reference::{Fusion, raw16},
-    samples::{strict_source::StrictSource, view_set::ViewSet},
+    split_mix::Random,
+    test_images::{strict_source::StrictSource, view_set::ViewSet},
 };
 
 /// The content of generated images.

@@ -2,7 +2,7 @@
 
 use multiscopic_core::{Frame, Params, Region, ScanlineSource, View};
 
-use crate::samples::view_set::ViewSet;
+use crate::test_images::view_set::ViewSet;
 
 /// The frames: the centre, then the views in the order of [`ViewSet::views`].
 pub const FRAMES: [Frame; 5] =

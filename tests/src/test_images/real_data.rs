@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::samples::view_set::{ViewSet, read_grey, read_pfm};
+use crate::test_images::view_set::{ViewSet, read_grey, read_pfm};
 
 /// The folder of the data: `$MULTISCOPIC_DATA`, or `../shared/data` beside the repository; `None` if neither exists.
 pub fn root() -> Option<PathBuf> {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::{program::Invocation, samples::view_set::ViewSet};
+use crate::{program::Invocation, test_images::view_set::ViewSet};
 
 /// The factor by which images are scaled down.
 pub const FACTOR: usize = 4;

@@ -1,6 +1,6 @@
 //! Disparities drawn in ASCII: `0` to `9`, `a` to `i` for -1 to -9, and `.` for an invalid pixel.
 
-use crate::{random::Random, samples::view_set::ViewSet};
+use crate::{split_mix::Random, test_images::view_set::ViewSet};
 
 /// The lines of a drawing, without indentation and empty lines.
 fn lines(drawing: &str) -> Vec<&str> {

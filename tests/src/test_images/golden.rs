@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::{
     reference::Fusion::{self, Heuristic, Mean, Min},
-    samples::view_set::ViewSet,
+    test_images::view_set::ViewSet,
 };
 
 /// The width of the golden images in pixels.

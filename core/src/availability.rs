@@ -13,16 +13,16 @@ use crate::{Params, View};
 pub(crate) struct Availability {
     /// The views of the match, in their order: horizontal ones first.
     views: [Reach; View::ALL.len()],
-    horizontal: usize,
-    len: usize,
-    /// The number of disparities.
-    depth: u16,
+    horizontal: u8,
+    len: u8,
+    min_disparity: i16,
+    num_disparities: u16,
     /// The views that are not available at all disparities, as bits.
     incomplete: u8,
     /// The columns in which every horizontal view is available at all disparities.
-    complete_columns: Range<usize>,
+    complete_columns: Range<u16>,
     /// Until this column of the line, nothing changes.
-    constant_until: usize,
+    constant_until: u16,
 }
 
 /// The disparities at which a view is available.
@@ -30,8 +30,7 @@ pub(crate) struct Availability {
 struct Reach {
     view: View,
     /// The frame's size in the direction of the view.
-    size: usize,
-    min_disparity: i16,
+    size: u16,
     range: Range<u16>,
 }
 
@@ -47,8 +46,8 @@ pub(crate) struct Segment {
 impl Reach {
     /// The disparities at which a pixel at this coordinate sees the view.
     #[inline(always)]
-    fn at(&self, coordinate: usize, depth: u16) -> Range<u16> {
-        self.view.available(coordinate, self.size, self.min_disparity, depth.into())
+    fn at(&self, coordinate: usize, min_disparity: i16, num_disparities: u16) -> Range<u16> {
+        self.view.available(coordinate, self.size.into(), min_disparity, num_disparities.into())
     }
 }
 
@@ -59,14 +58,15 @@ impl Availability {
         let views = View::ALL.map(|view| {
             let view = views.next().unwrap_or(view);
             let size = if view.is_horizontal() { params.width() } else { params.height() };
-            Reach { view, size, min_disparity: params.min_disparity(), range: 0..0 }
+            Reach { view, size: size as u16, range: 0..0 }
         });
         let len = params.views().len();
         Availability {
             views,
-            horizontal: params.views().iter().filter(|view| view.is_horizontal()).count(),
-            len,
-            depth: params.num_disparities() as u16,
+            horizontal: params.views().iter().filter(|view| view.is_horizontal()).count() as u8,
+            len: len as u8,
+            min_disparity: params.min_disparity(),
+            num_disparities: params.num_disparities() as u16,
             incomplete: (1 << len) - 1,
             complete_columns: complete_columns(params),
             constant_until: 0,
@@ -78,16 +78,16 @@ impl Availability {
     #[inline(never)]
     pub fn enter_line(&mut self, u: usize, v: usize, mut change: impl FnMut(usize, usize, bool)) {
         for k in 0..self.len {
-            self.follow(k, if k < self.horizontal { u } else { v }, &mut change);
+            self.follow(k.into(), if k < self.horizontal { u } else { v }, &mut change);
         }
         self.expect_changes_after(u);
     }
 
-    /// Goes to the pixel at `u`, to the right in the same line, and returns whether anything may have
-    /// changed: `change` has been called for it.
+    /// Goes to the pixel at `u`, further to the right in the same line. Calls `change` as
+    /// [`enter_line`](Availability::enter_line) does, and returns whether there may have been a change.
     #[inline(always)]
     pub fn enter(&mut self, u: usize, change: impl FnMut(usize, usize, bool)) -> bool {
-        let changes = u >= self.constant_until;
+        let changes = u >= usize::from(self.constant_until);
         if changes {
             self.enter_column(u, change);
         }
@@ -97,21 +97,22 @@ impl Availability {
     #[inline(never)]
     fn enter_column(&mut self, u: usize, mut change: impl FnMut(usize, usize, bool)) {
         for k in 0..self.horizontal {
-            self.follow(k, u, &mut change);
+            self.follow(k.into(), u, &mut change);
         }
         self.expect_changes_after(u);
     }
 
     #[inline(always)]
     fn expect_changes_after(&mut self, u: usize) {
-        self.constant_until = if self.complete_columns.contains(&u) { self.complete_columns.end } else { 0 };
+        let complete = self.complete_columns.contains(&(u as u16));
+        self.constant_until = if complete { self.complete_columns.end } else { 0 };
     }
 
     /// Goes to a coordinate in the direction of the `k`-th view.
     #[inline(always)]
     fn follow(&mut self, k: usize, coordinate: usize, mut change: impl FnMut(usize, usize, bool)) {
         let Some(reach) = self.views.get_mut(k) else { return };
-        let range = reach.at(coordinate, self.depth);
+        let range = reach.at(coordinate, self.min_disparity, self.num_disparities);
         let before = mem::replace(&mut reach.range, range.clone());
         if range == before {
             return;
@@ -124,7 +125,7 @@ impl Availability {
                 index += 1;
             }
         }
-        self.incomplete = self.incomplete & !(1 << k) | u8::from(range != (0..self.depth)) << k;
+        self.incomplete = self.incomplete & !(1 << k) | u8::from(range != (0..self.num_disparities)) << k;
     }
 
     /// The views that are not available at all disparities, as bits.
@@ -138,10 +139,10 @@ impl Availability {
         let vertical = self.incomplete >> self.horizontal << self.horizontal;
         // What is available at both ends is available in between.
         let ends = [columns.start, columns.end.saturating_sub(1)];
-        let horizontal = self.views.iter().take(self.horizontal).zip(0..);
+        let horizontal = self.views.iter().take(self.horizontal.into()).zip(0..);
         horizontal.fold(vertical, |incomplete, (reach, k)| {
-            let complete = ends.map(|u| reach.at(u, self.depth) == (0..self.depth)) == [true; 2];
-            incomplete | u8::from(!complete) << k
+            let complete = ends.map(|u| reach.at(u, self.min_disparity, self.num_disparities) == (0..self.num_disparities));
+            incomplete | u8::from(complete != [true; 2]) << k
         })
     }
 
@@ -161,7 +162,7 @@ impl Availability {
     pub fn segments(&self) -> impl Iterator<Item = Segment> {
         let mut start = 0;
         iter::from_fn(move || {
-            let mut end = self.depth;
+            let mut end = self.num_disparities;
             if start >= end {
                 return None;
             }
@@ -182,11 +183,11 @@ impl Availability {
 }
 
 /// The columns in which every horizontal view is available at all disparities.
-fn complete_columns(params: &Params) -> Range<usize> {
+fn complete_columns(params: &Params) -> Range<u16> {
     let width = params.width() as i32;
     let columns = params.views().iter().filter(|view| view.is_horizontal()).fold(0..width, |columns, view| {
         let ((nearest, _), (furthest, _)) = (view.shift(params.min_disparity()), view.shift(params.max_disparity()));
         columns.start.max(-nearest.min(furthest))..columns.end.min(width - nearest.max(furthest))
     });
-    columns.start as usize..columns.end.max(columns.start) as usize
+    columns.start as u16..columns.end.max(columns.start) as u16
 }

@@ -2,11 +2,11 @@
 
 use std::{env, error::Error, fs, path::PathBuf};
 
-/// The boards beside the reference board: the feature that chooses each, and the linker script that sets its memory.
+/// The boards beside the reference board: their features, and the linker scripts that set their memory.
 const BOARDS: [(&str, &str); 3] =
     [("stm32f405", "boards/stm32f405.x"), ("stm32h743", "boards/stm32h743.x"), ("an547", "boards/an547.x")];
 
-/// The memory that `link.x` of cortex-m-rt includes: that of the reference board, unless the script of a board precedes it.
+/// The memory script that `link.x` of cortex-m-rt includes. The script of another board precedes it.
 const MEMORY: &str = "../../memory.x";
 
 fn main() -> Result<(), Box<dyn Error>> {

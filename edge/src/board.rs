@@ -96,8 +96,8 @@ use multiscopic_core::{Params, Rewind};
 /// # assert!(sent.split(|&byte| byte == 0).filter(|packet| !packet.is_empty()).count() == 65);
 /// ```
 ///
-/// In firmware the workspace is a static, for example a `static_cell::ConstStaticCell`. On the host, `multiscopic listen` shows what the
-/// port sends.
+/// In firmware the workspace is a static, for example a `static_cell::ConstStaticCell`. On the host,
+/// `multiscopic listen` shows what the port sends.
 pub trait Board {
     /// The stored frames. Lines are read in ascending order, once for each column tile.
     type Frames: Rewind;
@@ -121,7 +121,7 @@ pub trait Board {
     /// The time since the start.
     fn elapsed(&self) -> Duration;
 
-    /// Called when the work enters another phase. A board may set a pin for an oscilloscope here, or count cycles.
+    /// Called when the pipeline enters a phase: a place to set a pin for an oscilloscope, or to count cycles.
     fn enter(phase: Phase);
 }
 

@@ -1,4 +1,4 @@
-//! The names of the files that frames and packets are exchanged in, where a debugger or an emulator gives the firmware files.
+//! The files of frames and packets, where a debugger or an emulator lends the firmware files.
 
 use core::ffi::CStr;
 use multiscopic_core::{Frame, View};

@@ -8,8 +8,8 @@ use multiscopic_core::{
 
 use crate::{
     board::{Board, Phase},
+    buffers::Workspace,
     packet::{BufferTooSmall, Sender},
-    workspace::Workspace,
 };
 
 /// Matches frames and sends the disparities, in the memory of a [`Workspace`].
@@ -28,10 +28,12 @@ impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WO
 }
 
 impl<'w> Pipeline<'w> {
-    /// Matches the frames of `source` in tiles of `tile_width` columns and writes each disparity line to `output` as soon as it is known.
-    /// Returns the sender, for the packet that ends the frame.
+    /// Matches the frames of `source` in tiles of `tile_width` columns and sends the disparities.
     ///
-    /// Every kernel gives the same disparities, and kernels with the same number of lanes need the same memory.
+    /// Each line is written to `output` as soon as it is known. The sender is returned for the packet that
+    /// ends the frame.
+    ///
+    /// Every kernel gives the same disparities, and kernels with as many lanes need the same memory.
     ///
     /// # Errors
     /// Those of the source, the matcher and the output, and a workspace that is too small.
@@ -135,8 +137,8 @@ mod tests {
 
     use super::*;
     use crate::{
+        buffers::{Lengths, Wide},
         packet::{Content, Packet},
-        workspace::{Lengths, Wide},
     };
     use core::{convert::Infallible, time::Duration};
     use embedded_io::SliceWriteError;
@@ -162,8 +164,7 @@ mod tests {
         fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Infallible> {
             let (du, dv) = match frame {
                 Frame::Center => (0, 0),
-                Frame::View(view) if view.is_horizontal() => (2 * view.sign(), 0),
-                Frame::View(view) => (0, 2 * view.sign()),
+                Frame::View(view) => view.shift(2),
             };
             for (pixel, u) in line.iter_mut().zip(0..) {
                 *pixel = (20 + 3 * (u - du) + 5 * (v as i32 - dv)) as u8;

@@ -2,7 +2,7 @@
 
 use multiscopic_core::{Fusion, Params, Views, kernel::Isa};
 
-use crate::workspace::{Lengths, Wide};
+use crate::buffers::{Lengths, Wide};
 
 /// A named match size and the RAM that it may take.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +32,8 @@ pub const CAPTURE: Params = MatchSize::new(160, 120, 16, 7).params(Fusion::Heuri
 /// Every profile.
 pub const ALL: [Profile; 5] = [QQVGA, QVGA, QVGA_TILED, VGA, VGA_TILED];
 
-/// Bytes of a tiled profile's budget that are not for the matcher: the stack, the disparity line, its packet, and the runtime's statics.
+/// Bytes of a tiled profile's budget for the stack, the disparity line, its packet, and the runtime's
+/// statics.
 const RESERVE: usize = 6 * 1024;
 
 impl Profile {

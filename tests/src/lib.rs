@@ -1,4 +1,4 @@
-//! What the tests share.
+//! What the tests share: reference implementations, test images, and simulated hardware.
 //!
 //! | room | what it is |
 //! | --- | --- |
@@ -17,7 +17,9 @@ pub mod reference;
 pub mod samples;
 pub mod simulated;
 
-/// The README's code compiles.
+/// Compiles and runs the code of the README and the guides.
 #[cfg(doctest)]
 #[doc = include_str!("../../README.md")]
-struct Readme;
+#[doc = include_str!("../../docs/architecture.md")]
+#[doc = include_str!("../../docs/firmware.md")]
+struct Guides;

@@ -8,7 +8,7 @@ use std::{
     sync::OnceLock,
 };
 
-/// The `multiscopic` binary: `$MULTISCOPIC_BINARY`, otherwise built once in the profile of this test.
+/// The `multiscopic` binary: `$MULTISCOPIC_BINARY` if set, otherwise built once in this test's profile.
 pub fn binary() -> &'static Path {
     static BINARY: OnceLock<PathBuf> = OnceLock::new();
     BINARY.get_or_init(|| {
@@ -21,8 +21,9 @@ pub fn binary() -> &'static Path {
         let profile = if profile == "debug" { "dev" } else { profile };
         let cargo = env::var_os("CARGO").unwrap_or("cargo".into());
         let built = Command::new(cargo)
-            .args(["build", "--quiet", "--package", "multiscopic", "--bin", "multiscopic", "--message-format", "json"])
-            .args(["--profile", profile])
+            // With the tests, whose features cargo unifies with its own: alone, all of its libraries would be built a second time.
+            .args(["build", "--quiet", "--package", "multiscopic", "--package", "multiscopic-tests", "--bin", "multiscopic"])
+            .args(["--message-format", "json", "--profile", profile])
             .current_dir(env!("CARGO_MANIFEST_DIR"))
             .stderr(Stdio::inherit())
             .output()
@@ -38,14 +39,14 @@ pub fn binary() -> &'static Path {
     })
 }
 
-/// What a run of the command line did.
+/// A finished run of the command line.
 #[derive(Debug)]
 pub struct Invocation {
-    /// Its exit code; `None` if a signal ended it.
+    /// The exit code; `None` if a signal ended the process.
     pub code: Option<i32>,
-    /// What it wrote to standard output.
+    /// Its standard output.
     pub stdout: String,
-    /// What it wrote to standard error.
+    /// Its standard error.
     pub stderr: String,
 }
 
@@ -55,7 +56,7 @@ impl Invocation {
         Invocation::with(arguments, [])
     }
 
-    /// The same in an environment with these variables too.
+    /// Runs the command line to its end with additional environment variables.
     pub fn with<A: AsRef<OsStr>>(
         arguments: impl IntoIterator<Item = A>,
         variables: impl IntoIterator<Item = (&'static str, PathBuf)>,
@@ -66,14 +67,14 @@ impl Invocation {
         Invocation { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
     }
 
-    /// Panics unless it did what it was asked to, and printed nothing to standard output.
+    /// Panics unless the run succeeded and printed nothing to standard output.
     #[track_caller]
     pub fn assert_done(&self) {
         assert_eq!(self.code, Some(0), "{self:#?}");
         assert_eq!(self.stdout, "", "standard output is for data");
     }
 
-    /// Panics unless it refused its input or usage with a message that holds all of `words`.
+    /// Panics unless the run ended with exit code 2 and a message that contains all of `words`.
     #[track_caller]
     pub fn assert_refused(&self, words: &[&str]) {
         assert_eq!(self.code, Some(2), "{self:#?}");

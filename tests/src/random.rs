@@ -1,6 +1,6 @@
-//! Random numbers that are the same on every machine and in every release: SplitMix64.
+//! A random number generator with the same numbers on every machine and in every release: SplitMix64.
 
-/// A generator, which is its seed.
+/// A generator in the state that follows from its seed.
 #[derive(Clone, Copy, Debug)]
 pub struct Random(pub u64);
 
@@ -13,12 +13,12 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// A whole number below `limit`, which is above 0.
+    /// A random integer below `limit`, which must be above 0.
     pub fn below(&mut self, limit: usize) -> usize {
         (self.bits() % limit as u64) as usize
     }
 
-    /// A byte.
+    /// A random byte.
     pub fn byte(&mut self) -> u8 {
         self.bits() as u8
     }

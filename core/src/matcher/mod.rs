@@ -119,7 +119,7 @@ impl<'m> Matcher<'m> {
     /// # Errors
     /// [`MemoryTooSmall`].
     pub fn new(params: &Params, memory: &'m mut [u32]) -> Result<Matcher<'m>, MemoryTooSmall> {
-        Matcher::with_isa(Portable::default(), params, &Region::whole(params), memory)
+        Matcher::with_isa(Portable, params, &Region::whole(params), memory)
     }
 }
 

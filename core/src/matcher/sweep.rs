@@ -61,7 +61,7 @@ pub(super) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub kept: &'a mut [[I::Costs; V]],
     /// The masks over a block.
     pub masks: &'a mut [[I::Costs; V]],
-    /// What `masks` hides.
+    /// The availability that `masks` stand for.
     pub availability: &'a mut Availability,
     /// The fused costs of a batch of pixels, between two vectors of padding if there are several.
     pub fused: &'a mut [I::Costs],

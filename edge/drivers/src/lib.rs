@@ -1,8 +1,9 @@
 //! Drivers over `embedded-hal` 1.0 for capturing multiscopic frames on a microcontroller.
 //!
-//! They implement the [`Stage`](multiscopic_core::capture::Stage) and the [`Camera`](multiscopic_core::capture::Camera) of the core, so
-//! that its [`Sequence`](multiscopic_core::capture::Sequence) moves the camera and takes the frames. Each is a feature of its name; both
-//! are on by default.
+//! They implement the [`Stage`](multiscopic_core::capture::Stage) and the
+//! [`Camera`](multiscopic_core::capture::Camera) of the core, so that its
+//! [`Sequence`](multiscopic_core::capture::Sequence) moves the camera and takes the frames. Each is a feature
+//! of its name; both are on by default.
 //!
 //! | room | what it is |
 //! | --- | --- |

@@ -1,4 +1,4 @@
-//! The camera, against a bus that expects and lines that come, or do not.
+//! The camera, on a mocked I2C bus, with lines that arrive intact, damaged or not at all.
 
 use core::iter;
 use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
@@ -20,7 +20,7 @@ const PARAMS: Params = match Params::new(160, 120, Views::HORIZONTAL, Fusion::Mi
 };
 const LEFT: Frame = Frame::View(View::Left);
 const RIGHT: Frame = Frame::View(View::Right);
-const NO_ANSWER: ErrorKind = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
+const NO_RESPONSE: ErrorKind = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
 
 fn plan() -> Plan {
     Plan::cross(PARAMS.views(), 20_000)
@@ -35,8 +35,9 @@ fn read(register: u16, value: u8) -> Transaction {
     Transaction::write_read(0x24, register.to_be_bytes().to_vec(), vec![value])
 }
 
-/// What is written to begin with 160x120 pixels, 200 lines of exposure and four times the gain, by 8.
-fn beginning() -> Vec<Transaction> {
+/// The transactions of `begin` for 160x120 pixels, 200 lines of exposure, a gain of 4 and a clock divided by
+/// 8.
+fn begin_transactions() -> Vec<Transaction> {
     let mut bus = vec![read(0x0000, 0x01), read(0x0001, 0xb0), write(0x0103, 1), read(0x0100, 0xff), read(0x0100, 0)];
     let settings = [
         (0x0100, 0),
@@ -71,18 +72,18 @@ fn configuration() -> Configuration {
     }
 }
 
-fn starting() -> [Transaction; 2] {
+fn start_transactions() -> [Transaction; 2] {
     [write(0x0100, 0), write(0x0100, 3)]
 }
 
-fn ending() -> [Transaction; 2] {
+fn end_transactions() -> [Transaction; 2] {
     [write(0x0100, 0), write(0x2100, 1)]
 }
 
-/// No lines ever come.
-struct Silence;
+/// A bus on which no line ever arrives.
+struct SilentBus;
 
-impl PixelBus for Silence {
+impl PixelBus for SilentBus {
     fn restart(&mut self) {}
 
     fn next(&mut self) -> Option<Arrival<'_>> {
@@ -91,12 +92,12 @@ impl PixelBus for Silence {
 }
 
 #[test]
-fn exposure_is_fixed_from_the_beginning_to_the_end() {
-    let expected: Vec<_> = beginning().into_iter().chain(starting()).chain(ending()).collect();
+fn exposure_is_fixed_from_begin_to_end() {
+    let expected: Vec<_> = begin_transactions().into_iter().chain(start_transactions()).chain(end_transactions()).collect();
     let (mut i2c, mut delay) = (Mock::new(&expected), CheckedDelay::new(&[Wait::delay_ms(1), Wait::delay_ms(1)]));
     let mut pixels = [];
     let store = FrameMemory::new(&PARAMS, &mut pixels);
-    let mut camera = Hm01b0::new(i2c.clone(), delay.clone(), Silence, store, configuration(), plan());
+    let mut camera = Hm01b0::new(i2c.clone(), delay.clone(), SilentBus, store, configuration(), plan());
     assert_eq!(camera.begin(), Ok(()));
     assert_eq!(camera.is_complete(), Ok(false));
     assert_eq!(camera.start(3), Err(Hm01b0Error::NoFrame { index: 3 }));
@@ -109,7 +110,7 @@ fn exposure_is_fixed_from_the_beginning_to_the_end() {
 }
 
 #[test]
-fn registers_of_the_larger_frame() {
+fn a_qvga_frame_sets_its_own_registers() {
     let mut expected = vec![read(0x0000, 0x01), read(0x0001, 0xb0), write(0x0103, 1), read(0x0100, 0)];
     let settings = [
         (0x0100, 0),
@@ -133,28 +134,28 @@ fn registers_of_the_larger_frame() {
     expected.extend(settings.map(|(register, value)| write(register, value)));
     let mut i2c = Mock::new(&expected);
     let settings = Configuration { line_clocks: 1000, ..Configuration::new(Size::Qvga) };
-    let mut camera = Hm01b0::new(i2c.clone(), NoopDelay::new(), Silence, FrameMemory::new(&PARAMS, &mut []), settings, plan());
+    let mut camera = Hm01b0::new(i2c.clone(), NoopDelay::new(), SilentBus, FrameMemory::new(&PARAMS, &mut []), settings, plan());
     assert_eq!(camera.begin(), Ok(()));
     i2c.done();
 }
 
 #[test]
-fn every_transaction_that_fails_is_told() {
-    let all: Vec<_> = beginning().into_iter().chain(starting()).chain(ending()).collect();
+fn every_failed_transaction_is_reported() {
+    let all: Vec<_> = begin_transactions().into_iter().chain(start_transactions()).chain(end_transactions()).collect();
     for failing in 0..all.len() {
         let mut expected = all[..=failing].to_vec();
-        expected[failing] = expected[failing].clone().with_error(NO_ANSWER);
+        expected[failing] = expected[failing].clone().with_error(NO_RESPONSE);
         let mut i2c = Mock::new(&expected);
         let store = FrameMemory::new(&PARAMS, &mut []);
-        let mut camera = Hm01b0::new(i2c.clone(), NoopDelay::new(), Silence, store, configuration(), plan());
+        let mut camera = Hm01b0::new(i2c.clone(), NoopDelay::new(), SilentBus, store, configuration(), plan());
         let result = camera.begin().and_then(|()| camera.start(0)).and_then(|()| camera.end());
-        assert_eq!(result, Err(Hm01b0Error::I2c(NO_ANSWER)), "transaction {failing}");
+        assert_eq!(result, Err(Hm01b0Error::I2c(NO_RESPONSE)), "transaction {failing}");
         i2c.done();
     }
 }
 
 #[test]
-fn another_sensor_and_one_that_does_not_reset_are_refused() {
+fn another_model_and_a_sensor_that_does_not_reset_are_refused() {
     let other = vec![read(0x0000, 0x03), read(0x0001, 0x60)];
     let never: Vec<_> = [read(0x0000, 0x01), read(0x0001, 0xb0), write(0x0103, 1)]
         .into_iter()
@@ -163,22 +164,22 @@ fn another_sensor_and_one_that_does_not_reset_are_refused() {
     for (expected, error) in [(other, Hm01b0Error::Model { found: 0x0360 }), (never, Hm01b0Error::NotReset)] {
         let mut i2c = Mock::new(&expected);
         let store = FrameMemory::new(&PARAMS, &mut []);
-        let mut camera = Hm01b0::new(i2c.clone(), NoopDelay::new(), Silence, store, configuration(), plan());
+        let mut camera = Hm01b0::new(i2c.clone(), NoopDelay::new(), SilentBus, store, configuration(), plan());
         assert_eq!(camera.begin(), Err(error));
         i2c.done();
     }
 }
 
-/// The pixel of a place in a frame of some number.
+/// The pixel at `(u, v)` of a frame.
 fn pixel(frame: u8, u: usize, v: usize) -> u8 {
     u.wrapping_mul(7).wrapping_add(v.wrapping_mul(13)) as u8 ^ frame
 }
 
-/// A line of the sensor, with its border.
+/// Sends a line of the sensor, border included.
 fn send(sender: &mut LineSender<'_, '_>, frame: u8, number: usize, columns: usize) {
     if let Some(buffer) = sender.buffer() {
-        for (x, sent) in buffer[..columns.min(162)].iter_mut().enumerate() {
-            *sent = pixel(frame, x.wrapping_sub(1), number.wrapping_sub(1));
+        for (x, sample) in buffer[..columns.min(162)].iter_mut().enumerate() {
+            *sample = pixel(frame, x.wrapping_sub(1), number.wrapping_sub(1));
         }
     }
     sender.end_line(columns);
@@ -186,32 +187,32 @@ fn send(sender: &mut LineSender<'_, '_>, frame: u8, number: usize, columns: usiz
 
 type Error = Hm01b0Error<NoRoom>;
 
-/// A camera that was started with the frame of an index, as it is given to `then` with the other end of its lines.
-fn with_camera(index: usize, then: impl FnOnce(&mut dyn Both, &mut LineSender<'_, '_>)) {
-    with_starts(index, 1, then);
+/// Calls `test` with a camera that was started with the frame of `index`, and the sending end of its lines.
+fn with_camera(index: usize, test: impl FnOnce(&mut dyn SourceCamera, &mut LineSender<'_, '_>)) {
+    with_starts(index, 1, test);
 }
 
-/// The same if `then` starts it until it was started so many times.
-fn with_starts(index: usize, starts: usize, then: impl FnOnce(&mut dyn Both, &mut LineSender<'_, '_>)) {
+/// Like [`with_camera`], for a test that starts the camera until it was started `starts` times.
+fn with_starts(index: usize, starts: usize, test: impl FnOnce(&mut dyn SourceCamera, &mut LineSender<'_, '_>)) {
     let (mut buffers, mut queue) = (vec![[0; 162]; 6], LineQueue::<8>::new());
     let (mut sender, lines) = queue.split(buffers.iter_mut().map(|buffer| &mut buffer[..]));
-    let expected: Vec<_> = iter::repeat_n(starting(), starts).flatten().collect();
+    let expected: Vec<_> = iter::repeat_n(start_transactions(), starts).flatten().collect();
     let mut i2c = Mock::new(&expected);
     let mut pixels = vec![0; 2 * 160 * 120];
     let store = FrameMemory::new(&PARAMS, &mut pixels);
     let mut camera = Hm01b0::new(i2c.clone(), NoopDelay::new(), lines, store, configuration(), plan());
     camera.start(index).unwrap();
     sender.begin_frame();
-    then(&mut camera, &mut sender);
+    test(&mut camera, &mut sender);
     i2c.done();
 }
 
-trait Both: Camera<Error = Error> + ScanlineSource<Error = Error> {}
+trait SourceCamera: Camera<Error = Error> + ScanlineSource<Error = Error> {}
 
-impl<C: Camera<Error = Error> + ScanlineSource<Error = Error>> Both for C {}
+impl<C: Camera<Error = Error> + ScanlineSource<Error = Error>> SourceCamera for C {}
 
 #[test]
-fn frames_are_stored_without_the_border() {
+fn stored_frames_have_no_border() {
     for (index, frame) in [(0, Frame::Center), (1, LEFT)] {
         with_camera(index, |camera, sender| {
             for number in 0..122 {
@@ -220,7 +221,7 @@ fn frames_are_stored_without_the_border() {
             }
             sender.end_frame();
             assert_eq!(camera.is_complete(), Ok(true));
-            assert_eq!(camera.is_complete(), Ok(true), "it stays complete");
+            assert_eq!(camera.is_complete(), Ok(true), "the frame stays complete");
             let mut line = [0; 160];
             for v in 0..120 {
                 camera.read_line(frame, v, &mut line).unwrap();
@@ -233,7 +234,7 @@ fn frames_are_stored_without_the_border() {
 }
 
 #[test]
-fn the_last_frame_is_read_while_it_comes() {
+fn the_last_frame_is_read_during_readout() {
     with_camera(2, |camera, sender| {
         let mut line = [0; 160];
         assert_eq!(camera.read_line(RIGHT, 0, &mut line), Err(Hm01b0Error::Waiting { line: 0 }));
@@ -273,7 +274,7 @@ fn the_matcher_waits_for_lines_without_blocking() {
                 Err(error) => panic!("{error}"),
             }
         }
-        // But for the border above, each line was waited for.
+        // Only the first line of the border is taken together with another line.
         assert_eq!((waits, number), (121, 121));
         assert_eq!(camera.is_complete(), Ok(false));
         send(sender, 0, 121, 162);
@@ -282,25 +283,25 @@ fn the_matcher_waits_for_lines_without_blocking() {
     });
 }
 
-/// What is sent, and what the camera says of it.
-fn flaw(index: usize, sent: impl Fn(&mut LineSender<'_, '_>), expected: Error) {
+/// Asserts that the camera reports `expected` for the lines that `send_lines` sends.
+fn assert_defect(index: usize, send_lines: impl Fn(&mut LineSender<'_, '_>), expected: Error) {
     with_camera(index, |camera, sender| {
-        sent(sender);
+        send_lines(sender);
         let mut line = [0; 160];
         if index == 2 {
-            // While it is matched, the first to notice is the matcher.
-            let told = (0..120).find_map(|v| camera.read_line(RIGHT, v, &mut line).err());
-            assert!(told == Some(expected) || matches!(expected, Hm01b0Error::Torn { .. }), "{told:?}");
+            // During readout, reading lines reports the defect first, except for a missing end.
+            let reported = (0..120).find_map(|v| camera.read_line(RIGHT, v, &mut line).err());
+            assert!(reported == Some(expected) || matches!(expected, Hm01b0Error::Torn { .. }), "{reported:?}");
         }
         assert_eq!(camera.is_complete(), Err(expected), "frame {index}");
-        assert_eq!(camera.is_complete(), Err(expected), "it stays damaged");
+        assert_eq!(camera.is_complete(), Err(expected), "the frame stays damaged");
     });
 }
 
 #[test]
-fn damaged_frames_are_told() {
+fn damaged_frames_are_reported() {
     for index in [0, 2] {
-        // More lines than there are buffers.
+        // More lines than buffers.
         let burst = |sender: &mut LineSender<'_, '_>| (0..9).for_each(|number| send(sender, 0, number, 162));
         with_camera(index, |camera, sender| {
             burst(sender);
@@ -314,13 +315,13 @@ fn damaged_frames_are_told() {
             }
             send(sender, 0, 9, 162);
             if index == 2 {
-                // The receiver still holds the sixth line's buffer, the others are free again.
+                // The receiver still holds the buffer of the sixth line; the others are free again.
                 assert_eq!(camera.read_line(RIGHT, 5, &mut line), Err(Hm01b0Error::Lost { line: 6 }));
             }
             assert_eq!(camera.is_complete(), Err(Hm01b0Error::Lost { line: 6 }));
         });
-        // Frames that end early, lines that are too short, and too long.
-        flaw(
+        // A frame that ends early, and a line that is too short.
+        assert_defect(
             index,
             |sender| {
                 (0..3).for_each(|number| send(sender, 0, number, 162));
@@ -328,18 +329,18 @@ fn damaged_frames_are_told() {
             },
             Hm01b0Error::Torn { lines: 3 },
         );
-        flaw(index, |sender| send(sender, 0, 0, 161), Hm01b0Error::Line { line: 0, pixels: 161 });
+        assert_defect(index, |sender| send(sender, 0, 0, 161), Hm01b0Error::Line { line: 0, pixels: 161 });
     }
 }
 
 #[test]
-fn a_frame_that_is_taken_again_has_nothing_of_the_one_before() {
+fn a_retaken_frame_has_no_lines_of_the_first_attempt() {
     with_starts(0, 2, |camera, sender| {
         (0..3).for_each(|number| send(sender, 9, number, 162));
         assert_eq!(camera.is_complete(), Ok(false));
         (3..5).for_each(|number| send(sender, 9, number, 162));
         camera.start(0).unwrap();
-        // The rest of the old one still comes.
+        // The rest of the first attempt still arrives.
         (5..8).for_each(|number| send(sender, 9, number, 162));
         sender.end_frame();
         assert_eq!(camera.is_complete(), Ok(false));

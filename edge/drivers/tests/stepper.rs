@@ -1,4 +1,4 @@
-//! The stage with stepping motors, against pins that expect, and on a slide that is made up.
+//! The stage with stepping motors, on mocked pins and on a simulated slide.
 
 #[path = "simulated/slide.rs"]
 mod slide;
@@ -21,7 +21,7 @@ use multiscopic_drivers::stepper::{Axis, AxisEnd, AxisError, AxisId, Fixed, Pins
 use slide::{Clock, Pin, ScrewFault, Slide, pins};
 use std::{cell::RefCell, io::ErrorKind as IoError};
 
-/// 1.6 steps per micrometre; the switches are a little beyond 30 mm.
+/// 1.6 steps per micrometre. The switches lie a little beyond 30 mm.
 const AXIS: Axis = Axis {
     steps: 3200,
     um: 2000,
@@ -35,25 +35,27 @@ const AXIS: Axis = Axis {
     forward: PinState::High,
     pressed: PinState::High,
 };
-/// The first step above the switch.
+/// The first position above the low switch, in steps.
 const HOME: i32 = -49_600;
 const ENDS: [i32; 2] = [HOME - 1, 49_600];
-/// Steps per second, and per second in a second.
+/// Steps/s.
 const SPEED: f64 = 32_000.0;
+/// Steps/s².
 const ACCELERATION: f64 = 160_000.0;
+/// Nanoseconds.
 const PULSE: u32 = 2000;
 
-type Stage2<'s> = Stepper<Pins<Pin<'s>, Pin<'s>, Pin<'s>, Pin<'s>>, Pins<Pin<'s>, Pin<'s>, Pin<'s>, Pin<'s>>, Clock<'s>>;
+type SlideStage<'s> = Stepper<Pins<Pin<'s>, Pin<'s>, Pin<'s>, Pin<'s>>, Pins<Pin<'s>, Pin<'s>, Pin<'s>, Pin<'s>>, Clock<'s>>;
 
 fn slide() -> RefCell<Slide> {
     RefCell::new(Slide::new([-49_000, -48_000], ENDS, (1e9 / SPEED) as u64))
 }
 
-fn stage(slide: &RefCell<Slide>) -> Stage2<'_> {
+fn stage(slide: &RefCell<Slide>) -> SlideStage<'_> {
     Stepper::new([AXIS, AXIS], pins(slide, 0), pins(slide, 1), PULSE, Clock(slide)).unwrap()
 }
 
-/// Polls until the stage has arrived; each poll makes some 10 ms of the motion.
+/// Polls until the stage has arrived. No poll may take much longer than 10 ms.
 fn arrive(stage: &mut impl Stage<Error = StepperError>, slide: &RefCell<Slide>) -> Result<(), StepperError> {
     for _ in 0..100_000 {
         let before = slide.borrow().now;
@@ -67,7 +69,7 @@ fn arrive(stage: &mut impl Stage<Error = StepperError>, slide: &RefCell<Slide>) 
     panic!("the stage does not arrive")
 }
 
-fn homed(slide: &RefCell<Slide>) -> Stage2<'_> {
+fn homed(slide: &RefCell<Slide>) -> SlideStage<'_> {
     let mut stage = stage(slide);
     stage.home().unwrap();
     arrive(&mut stage, slide).unwrap();
@@ -92,7 +94,7 @@ const fn position(x_um: i32, y_um: i32) -> Position {
 }
 
 #[test]
-fn homing_finds_the_place_from_anywhere() {
+fn homing_finds_the_switches_from_anywhere() {
     for start in [[-49_000, -48_000], [49_000, 0], [HOME, HOME - 1], [HOME - 3000, HOME + 1]] {
         let slide = RefCell::new(Slide::new(start, ENDS, 31_250));
         let mut stage = homed(&slide);
@@ -125,7 +127,7 @@ fn a_thousand_moves_do_not_drift() {
     assert_eq!(stage.drift(), [0; 2]);
 }
 
-/// A delay that notes when the pins of the x axis pulse.
+/// A delay that records the times of the pulses.
 struct Recorder<'s> {
     slide: &'s RefCell<Slide>,
     edges: &'s RefCell<Vec<u64>>,
@@ -150,7 +152,7 @@ fn speed_and_acceleration_stay_within_their_limits() {
     let mut times = Vec::new();
     for um in [0, 20_000, 20_001, 19_990, -5000] {
         edges.borrow_mut().clear();
-        // Pulses end on time.
+        // The pulse of the step before counts towards the first interval.
         let start = slide.borrow().now - u64::from(PULSE);
         stage.move_to(position(um, 0)).unwrap();
         while !stage.has_arrived().unwrap() {}
@@ -161,7 +163,7 @@ fn speed_and_acceleration_stay_within_their_limits() {
             let now = 1.0 / seconds;
             let between = last.map_or(seconds / 2.0, |last: f64| (last + seconds) / 2.0);
             fastest = fastest.max(now);
-            // Times are whole nanoseconds.
+            // Times are rounded to nanoseconds.
             let noise = 2e-9 * (now * now + speed * speed);
             hardest = hardest.max(((now - speed).abs() - noise) / between);
             (before, speed, last) = (edge as f64, now, Some(seconds));
@@ -169,12 +171,12 @@ fn speed_and_acceleration_stay_within_their_limits() {
         assert!(fastest <= SPEED && hardest <= 1.001 * ACCELERATION, "to {um} um: {fastest} steps/s, {hardest} steps/s²");
         times.push((slide.borrow().now - start) as f64 * 1e-9);
     }
-    // 20 mm at 20 mm/s, and once the ramp of 0.2 s.
+    // 20 mm at 20 mm/s, and a ramp of 0.2 s.
     assert!((times[1] - 1.2).abs() < 0.001, "{times:?}");
 }
 
 #[test]
-fn stopping_slows_down_and_keeps_count() {
+fn stopping_decelerates_and_keeps_the_position() {
     let slide = slide();
     let mut stage = homed(&slide);
     for polls in [1, 3, 20, 60] {
@@ -188,13 +190,13 @@ fn stopping_slows_down_and_keeps_count() {
         stage.stop().unwrap();
         let after = at(&slide);
         assert!(slide.borrow().now - began <= 201_000_000 && after[0] > before[0] && after[0] < 32_000);
-        assert!((2 * after[1] + after[0]).abs() <= 1, "it left the line: {after:?}");
+        assert!((2 * after[1] + after[0]).abs() <= 1, "the stage left the line: {after:?}");
         let um = |steps: i32| (f64::from(steps) / 1.6).round() as i32;
         assert_eq!(stage.position(), Ok(Some(position(um(after[0]), um(after[1])))));
         assert_still(&mut stage, &slide);
         stage.stop().unwrap();
     }
-    // In the middle of a motion, another.
+    // A new target in the middle of a motion.
     stage.move_to(position(20_000, 0)).unwrap();
     for _ in 0..30 {
         stage.has_arrived().unwrap();
@@ -205,7 +207,7 @@ fn stopping_slows_down_and_keeps_count() {
 }
 
 #[test]
-fn a_switch_stops_a_move_at_once_and_the_place_is_forgotten() {
+fn a_limit_switch_stops_at_once_and_the_position_is_forgotten() {
     for (axis, end, um) in [(0, 1, [20_000, 10_000]), (1, 0, [-10_000, -20_000]), (1, 1, [0, 20_000])] {
         let slide = slide();
         let mut stage = homed(&slide);
@@ -217,7 +219,7 @@ fn a_switch_stops_a_move_at_once_and_the_place_is_forgotten() {
         let direction = [AxisId::X, AxisId::Y][axis];
         let expected = StepperError::Limit { axis: direction, end: [AxisEnd::Low, AxisEnd::High][end] };
         assert_eq!(arrive(&mut stage, &slide), Err(expected));
-        assert_eq!(slide.borrow().screws[axis].pulses, from, "it went on");
+        assert_eq!(slide.borrow().screws[axis].pulses, from, "the stage went on");
         assert_still(&mut stage, &slide);
         assert_eq!((stage.position(), stage.move_to(Position::CENTER)), (Ok(None), Err(StepperError::NotHomed)));
 
@@ -229,7 +231,7 @@ fn a_switch_stops_a_move_at_once_and_the_place_is_forgotten() {
 }
 
 #[test]
-fn switches_that_fail_end_the_homing() {
+fn failed_switches_end_the_homing() {
     let cases = [
         (ScrewFault::Released, StepperError::SwitchNotFound { axis: AxisId::Y }),
         (ScrewFault::Pressed(0, 0), StepperError::SwitchStuck { axis: AxisId::Y }),
@@ -247,7 +249,7 @@ fn switches_that_fail_end_the_homing() {
 }
 
 #[test]
-fn homing_says_how_many_steps_were_lost() {
+fn homing_measures_lost_steps() {
     let slide = slide();
     let mut stage = homed(&slide);
     let from = slide.borrow().screws[0].pulses + 1000;
@@ -261,7 +263,7 @@ fn homing_says_how_many_steps_were_lost() {
 }
 
 #[test]
-fn positions_beyond_the_ends_are_refused_and_nothing_else_changes() {
+fn positions_out_of_range_are_refused_and_change_nothing() {
     let slide = slide();
     let mut stage = stage(&slide);
     assert_eq!(stage.move_to(Position::CENTER), Err(StepperError::NotHomed));
@@ -283,7 +285,7 @@ fn pins_are_set_in_order_and_their_errors_end_the_motion() {
     let (set, get) = (Transaction::set, Transaction::get);
     for failing in [None, Some(0), Some(1), Some(2)] {
         let mut pulses = vec![set(High), set(Low), set(High), set(Low)];
-        // A single step from rest takes as long as the first and the last of a ramp.
+        // A step from rest to rest takes as long as the first step of a ramp.
         let first = (1e9 * (2.0 / ACCELERATION).sqrt()) as u32;
         let mut waits = [first - PULSE, PULSE, first - PULSE, PULSE].map(Wait::delay_ns).to_vec();
         if let Some(failing) = failing {
@@ -292,9 +294,9 @@ fn pins_are_set_in_order_and_their_errors_end_the_motion() {
             waits.truncate(failing + 1);
         }
         let mut step = Mock::new(&pulses);
-        // Towards the switch, away from it, and forward.
+        // Towards the switch, away from it, and along x also towards the target.
         let mut dirs = [Mock::new(&[set(Low), set(High), set(High)]), Mock::new(&[set(Low), set(High)])];
-        // Pressed, and released again.
+        // Pressed, then released.
         let mut lows = [(); 2].map(|()| Mock::new(&[get(High), get(Low)]));
         let (mut still, mut delay) = (Mock::new(&[]), CheckedDelay::new(&waits));
         let [x, y] = [(&step, 0), (&still, 1)].map(|(step, i)| Pins {

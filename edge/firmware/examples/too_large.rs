@@ -1,4 +1,4 @@
-//! A match that needs more RAM than any board has: the linker must refuse it, naming the region and the missing bytes.
+//! A match that needs more RAM than any board has. The linker must name the region and the missing bytes.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

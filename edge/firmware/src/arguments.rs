@@ -22,8 +22,10 @@ pub fn fusion() -> Result<Fusion, FirmwareError> {
     (&words).nth(1).and_then(Result::ok).and_then(fusion_of).ok_or(FirmwareError::Fusion)
 }
 
-/// The parameters and the tile width that are the arguments of a calibration: width, height, number of views (1 to 4), smallest disparity,
-/// number of disparities, block size, fusion, columns of a tile.
+/// The parameters and the tile width of a calibration.
+///
+/// The arguments are width, height, number of views (1 to 4), smallest disparity, number of disparities,
+/// block size, fusion, and columns of a tile.
 ///
 /// Not inlined, like [`fusion`].
 #[inline(never)]

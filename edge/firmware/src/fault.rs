@@ -1,4 +1,4 @@
-//! Ends the firmware after an error, a panic or a fault: with a message and an exit code, never in a silent loop.
+//! Ends the firmware after an error, a panic or a fault, with a message and an exit code.
 //!
 //! After a panic or a fault the log may be broken, so these messages are plain text.
 #![expect(unsafe_code, reason = "a fault handler replaces the stack and reads a register of the processor")]
@@ -12,7 +12,7 @@ const PANICKED: i32 = 101;
 const FAULTED: i32 = 102;
 const OVERFLOWED: i32 = 103;
 
-/// Bits of the Configurable Fault Status Register that an overflow of the stack sets: MSTKERR, STKERR and STKOF.
+/// The bits of the Configurable Fault Status Register for the stack: MSTKERR, STKERR and STKOF.
 const STACKING: u32 = 1 << 4 | 1 << 12 | 1 << 20;
 
 /// Ends the firmware because of `error`.
@@ -27,10 +27,13 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     process::exit(PANICKED)
 }
 
-/// The handler of hard faults. An overflowed stack cannot take another frame, so the handler resets the stack pointer before it runs any Rust.
+/// The handler of hard faults.
+///
+/// An overflowed stack cannot take another frame, so the stack pointer is reset before any Rust runs.
 ///
 /// # Safety
-/// Only the processor may call this, as an exception handler: it discards the stack of the interrupted program, to which nothing returns.
+/// Only the processor may call this, as an exception handler: it discards the stack of the interrupted
+/// program, to which nothing returns.
 // The name is that of the vector in cortex-m-rt, which expects a handler of this signature.
 #[unsafe(export_name = "HardFault")]
 #[unsafe(naked)]
@@ -39,7 +42,8 @@ unsafe extern "C" fn hard_fault() -> ! {
 }
 
 extern "C" fn report(stack_pointer: u32) -> ! {
-    // SAFETY: `SCB::PTR` is the address of the System Control Block on every Cortex-M, and reading CFSR has no side effect.
+    // SAFETY: `SCB::PTR` is the address of the System Control Block on every Cortex-M, and reading CFSR has
+    // no side effect.
     let status = unsafe { (*SCB::PTR).cfsr.read() };
     let stack = cortex_m_stack::stack();
     let (top, bottom) = (stack.start as u32, stack.end as u32);

@@ -1,7 +1,8 @@
 //! Firmware that matches.
 //!
-//! Each profile of `multiscopic-edge` is a binary of its name. A debugger or an emulator lends it files for frames and packets, a clock and
-//! a log, through semihosting. The firmware runs on Arm alone; on other processors this library is empty.
+//! Each profile of `multiscopic-edge` is a binary of its name. A debugger or an emulator lends it files for
+//! frames and packets, a clock and a log, through semihosting. The firmware runs on Arm alone; on other
+//! processors this library is empty.
 //!
 //! | room | what it is |
 //! | --- | --- |
@@ -12,16 +13,19 @@
 //! | `fault` | ends the firmware after an error, a panic or a fault |
 //! | `arguments` | the command line that the firmware is started with |
 //! | `semihosted` | the board that a debugger or an emulator lends |
-//! | `program` | the main functions |
+//! | `entry_points` | the main functions of the binaries |
 //!
 //! # Features
-//! `stm32f405`, `stm32h743`, `an547`: the board that the firmware is linked for, at most one. Without: the reference board of `memory.x`.
+//! `stm32f405`, `stm32h743`, `an547`: the board that the firmware is linked for, at most one. Without: the
+//! reference board of `memory.x`.
 #![no_std]
 
 #[cfg(target_os = "none")]
 mod arguments;
 #[cfg(target_os = "none")]
 mod board_kernel;
+#[cfg(target_os = "none")]
+mod entry_points;
 #[cfg(target_os = "none")]
 mod error;
 #[cfg(target_os = "none")]
@@ -31,18 +35,16 @@ mod host_file;
 #[cfg(target_os = "none")]
 mod phase_marker;
 #[cfg(target_os = "none")]
-mod program;
-#[cfg(target_os = "none")]
 mod semihosted;
 
 #[cfg(target_os = "none")]
 pub use board_kernel::BoardKernel;
 #[cfg(target_os = "none")]
+pub use entry_points::{calibrate, run};
+#[cfg(target_os = "none")]
 pub use fault::fail;
 #[cfg(target_os = "none")]
 pub use host_file::{HostError, HostFile};
-#[cfg(target_os = "none")]
-pub use program::{calibrate, run};
 
 /// The program of a profile's binary.
 #[macro_export]

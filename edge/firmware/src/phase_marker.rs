@@ -1,4 +1,4 @@
-//! Marks where phases begin: functions that do nothing, for a debugger's breakpoints or an emulator that counts.
+//! Marks where phases begin, for breakpoints of a debugger or an emulator that counts.
 #![expect(unsafe_code, reason = "the functions need names for the linker, and bodies that differ")]
 
 use core::arch::asm;
@@ -21,8 +21,8 @@ macro_rules! marker {
         #[unsafe(no_mangle)]
         #[inline(never)]
         extern "C" fn $name() {
-            // Without a body of its own, the linker would fold the markers into one.
-            // SAFETY: the instruction writes the register that it declares, and the flags, which `asm!` takes as clobbered.
+            // SAFETY: the instruction writes the register that it declares, and the flags, which `asm!` takes
+            // as clobbered. Bodies without it would be the same, and could be folded into one function.
             unsafe { asm!("movs {}, {}", out(reg) _, const $number) }
         }
     };

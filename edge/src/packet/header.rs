@@ -7,8 +7,8 @@ pub const MAGIC: [u8; 4] = *b"mscp";
 /// The version of the packet format.
 pub const VERSION: u8 = 1;
 
-/// The most bytes that `postcard` encodes a header in: magic, version, five for the sequence number, three for every other number, and one
-/// for the variant of the content.
+/// The most bytes of a header: magic and version, then as `postcard` encodes numbers, five for 32 bits, three
+/// for 16 bits, and one for the variant of the content.
 pub(super) const MAX_HEADER_BYTES: usize = MAGIC.len() + 1 + 5 + 3 + 3 + 1 + 3 * 3;
 
 /// What a packet says about itself.
@@ -40,7 +40,8 @@ pub enum Content {
     },
     /// The end of the frame.
     End {
-        /// The greatest depth of the sender's stack in bytes, if the sender measures it. A simulation on a host does not.
+        /// The greatest depth of the sender's stack in bytes, if the sender measures it. A simulation on a
+        /// host does not.
         stack: Option<u32>,
     },
 }

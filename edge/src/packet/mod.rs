@@ -2,12 +2,12 @@
 //!
 //! A packet holds, in this order:
 //! - a [`Header`], encoded by `postcard`,
-//! - the disparities of its line, two bytes each, little-endian, as [`Disparity::to_raw16`](multiscopic_core::Disparity::to_raw16) encodes
-//!   them,
+//! - the disparities of its line, two bytes each, little-endian, as
+//!   [`Disparity::to_raw16`](multiscopic_core::Disparity::to_raw16) encodes them,
 //! - the CRC-32 of all bytes before it, little-endian.
 //!
-//! COBS removes the zeros from these bytes, and a zero ends the packet. A receiver that starts late or has lost bytes resumes after the next
-//! zero.
+//! COBS removes the zeros from these bytes, and a zero ends the packet. A receiver that starts late or has
+//! lost bytes resumes after the next zero.
 
 mod checksum;
 mod decoder;

@@ -14,8 +14,9 @@ pub const fn max_bytes(columns: usize) -> usize {
     max_encoded_bytes(max_plain_bytes(columns))
 }
 
-/// The length of the buffer in which a [`Sender`] encodes packets of up to `columns` disparities. It holds a packet twice, before and after
-/// COBS.
+/// The length of the buffer of a [`Sender`] for packets of up to `columns` disparities.
+///
+/// The buffer holds a packet twice, before and after COBS.
 pub const fn buffer_bytes(columns: usize) -> usize {
     max_plain_bytes(columns) + max_bytes(columns)
 }

@@ -23,11 +23,12 @@ const POLL_INTERVAL: Duration = Duration::from_millis(2);
 
 /// Takes the frames of `plan`. Calls `observe` for each change of progress, with the time since the start.
 ///
-/// The capture is aborted when `interrupts` increases: at the first increase the stage returns to the centre if that is safe, at the second
-/// it stops where it is.
+/// The capture is aborted when `interrupts` increases: at the first increase the stage returns to the centre
+/// if that is safe, at the second it stops where it is.
 ///
 /// # Errors
-/// [`Error::Capture`] if the stage or the camera failed, or the capture was aborted. The stage has stopped by then.
+/// [`Error::Capture`] if the stage or the camera failed, or the capture was aborted. The stage has stopped by
+/// then.
 pub fn acquire_frames<S, C>(
     stage: &mut S,
     camera: &mut ThreadedCamera<C>,

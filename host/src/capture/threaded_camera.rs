@@ -56,7 +56,8 @@ impl<C: BlockingCamera + 'static> ThreadedCamera<C> {
         ThreadedCamera { open: Arc::new(open), timeout, worker: None, index: None, images: Vec::new() }
     }
 
-    /// Removes and returns the frame with this index. `None` if the current sequence has not taken it, or it was removed before.
+    /// Removes and returns the frame with this index. `None` if the current sequence has not taken it, or it
+    /// was removed before.
     pub fn take_image(&mut self, index: usize) -> Option<GrayImage> {
         self.images.get_mut(index)?.take()
     }

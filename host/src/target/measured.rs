@@ -71,7 +71,8 @@ impl Processor {
         MEASURED.of(self)
     }
 
-    /// The instructions that a match in column tiles takes by the model, including sending but not fetching lines.
+    /// The instructions that a match in column tiles takes by the model, including sending but not fetching
+    /// lines.
     pub fn instructions(self, params: &Params, tile_width: usize) -> f64 {
         let instructions = self.firmware_costs().prices.instructions(params, tile_width, self.lanes());
         instructions.expect("prices are fitted for every kernel")

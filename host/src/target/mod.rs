@@ -1,4 +1,5 @@
-//! Microcontrollers as targets: predicting RAM and instructions, simulating the firmware's pipeline, and receiving its packets.
+//! Microcontrollers as targets: predicting RAM and instructions, simulating the firmware's pipeline, and
+//! receiving its packets.
 //!
 //! | item | what it is |
 //! | --- | --- |

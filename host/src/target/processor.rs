@@ -27,7 +27,8 @@ impl Processor {
         }
     }
 
-    /// Clock in MHz of the part that the firmware is linked for: nRF52840, STM32H743, or Arm's MPS3 image AN547.
+    /// Clock in MHz of the part that the firmware is linked for: nRF52840, STM32H743, or Arm's MPS3 image
+    /// AN547.
     pub fn clock_mhz(self) -> f64 {
         match self {
             Processor::CortexM4 => 64.0,
@@ -36,12 +37,14 @@ impl Processor {
         }
     }
 
-    /// Average cycles per instruction. The emulator counts instructions, not cycles, so this is an assumption, for code and data in memory
-    /// without wait states or in caches:
+    /// Average cycles per instruction. The emulator counts instructions, not cycles, so this is an
+    /// assumption, for code and data in memory without wait states or in caches:
     ///
-    /// - Cortex-M4, 1.4: arithmetic takes 1 cycle, a load that does not follow another load 2, a taken branch 2 to 4.
-    /// - Cortex-M7, 0.8: it issues up to two instructions per cycle, unless one depends on the other or both are loads.
-    /// - Cortex-M55, 1.5: a vector instruction takes 2 cycles; alternating arithmetic and loads overlap by one.
+    /// - Cortex-M4, 1.4: arithmetic takes 1 cycle, an isolated load 2, a taken branch 2 to 4.
+    /// - Cortex-M7, 0.8: it issues up to two instructions per cycle, unless one depends on the other or both
+    ///   are loads.
+    /// - Cortex-M55, 1.5: a vector instruction takes 2 cycles; alternating arithmetic and loads overlap by one
+    ///   cycle.
     ///
     /// If you have measured your part, use `multiscopic budget --cpi` instead.
     pub fn cycles_per_instruction(self) -> f64 {

@@ -68,8 +68,8 @@ impl Ram {
     }
 }
 
-/// The widest column tiles that fit into `limit` bytes of RAM, among those that divide the frame about evenly. `None` if not even tiles of one
-/// column fit.
+/// The widest column tiles that fit into `limit` bytes of RAM, among those that divide the frame about
+/// evenly. `None` if not even tiles of one column fit.
 pub fn widest_tile(params: &Params, processor: Processor, limit: usize) -> Option<usize> {
     let widths = (1..=params.width()).map(|tiles| params.width().div_ceil(tiles));
     widths.into_iter().find(|&width| Ram::new(params, width, processor).bytes() <= limit)

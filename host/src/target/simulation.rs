@@ -1,4 +1,5 @@
-//! The firmware's pipeline on the host: the same parameters, memory, order of lines and packets, with frames in memory.
+//! The firmware's pipeline on the host: the same parameters, memory, order of lines and packets, with frames
+//! in memory.
 
 use std::{convert::Infallible, time::Duration};
 
@@ -10,8 +11,8 @@ use crate::{error::Error, images::Frames};
 /// What the firmware of a profile does with a set of frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simulation {
-    /// The packets that it sends, byte for byte, except that the last one does not tell the depth of the stack: only the processor can measure
-    /// it.
+    /// The packets that it sends, byte for byte, except that the last one does not tell the depth of the
+    /// stack: only the processor can measure it.
     pub packets: Vec<u8>,
     /// Passes over the frames, one for each column tile.
     pub passes: usize,
@@ -55,7 +56,8 @@ impl From<SimulationError> for Error {
     }
 }
 
-/// Runs the pipeline of `profile` on `frames`, in a workspace as the firmware has it. Calls `on_line` for each line of the centre that it reads.
+/// Runs the pipeline of `profile` on `frames`, in a workspace as the firmware has it. Calls `on_line` for
+/// each line of the centre that it reads.
 ///
 /// # Errors
 /// The frames have another size than the profile's, a view is missing, or the profile is unknown.

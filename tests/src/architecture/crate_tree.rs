@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use syn::{Attribute, Expr, ExprLit, Item, Lit, Meta};
+use syn::{Attribute, Expr, ExprLit, Item, Lit, Meta, ext::IdentExt};
 
 /// A file's index in [`CrateTree::files`].
 pub(super) type FileId = usize;
@@ -74,7 +74,7 @@ impl CrateTree {
                 self.modules[id].items.push(item);
                 continue;
             };
-            let name = inner.ident.to_string();
+            let name = inner.ident.unraw().to_string();
             let child = match inner.content.take() {
                 Some((_, items)) => {
                     let attributes = inner.attrs.clone();

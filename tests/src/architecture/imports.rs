@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use proc_macro2::{Delimiter, TokenStream, TokenTree};
+use proc_macro2::{TokenStream, TokenTree};
 use syn::{
     Attribute, ItemUse, Macro, Path, Visibility,
     visit::{self, Visit},
@@ -10,7 +10,7 @@ use syn::{
 
 use super::{
     crate_tree::{CrateTree, ModuleId},
-    resolution::{Resolver, Target, imports},
+    resolution::{Resolver, Target, imports, text},
     violation::Violation,
 };
 
@@ -91,20 +91,15 @@ impl Visitor<'_> {
                 // A field or method, or a variable of the macro.
                 TokenTree::Ident(ident) if i > 0 && (is(i - 1, '.') || is(i - 1, '$') && ident != "crate") => {}
                 TokenTree::Ident(first) => {
-                    let mut path = vec![first.to_string()];
+                    let mut path = vec![text(first)];
                     while is(i + 1, ':') && is(i + 2, ':') {
                         let Some(TokenTree::Ident(next)) = tokens.get(i + 3) else { break };
-                        path.push(next.to_string());
+                        path.push(text(next));
                         i += 3;
                     }
                     let is_macro = is(i + 1, '!') && matches!(tokens.get(i + 2), Some(TokenTree::Group(_)));
                     if is_macro && path.len() == 1 {
                         self.invoke(&path);
-                    } else if matches!(tokens.get(i + 1), Some(TokenTree::Group(group)) if group.delimiter() == Delimiter::Brace)
-                        && path.len() > 1
-                        && is(i + 1, ':')
-                    {
-                        // A group of imports in a macro is not followed: none is written so far.
                     } else {
                         self.name(&path);
                     }
@@ -139,14 +134,14 @@ impl<'ast> Visit<'ast> for Visitor<'_> {
 
     fn visit_path(&mut self, path: &'ast Path) {
         if path.leading_colon.is_none() {
-            let segments: Vec<String> = path.segments.iter().map(|segment| segment.ident.to_string()).collect();
+            let segments: Vec<String> = path.segments.iter().map(|segment| text(&segment.ident)).collect();
             self.name(&segments);
         }
         visit::visit_path(self, path);
     }
 
     fn visit_macro(&mut self, invocation: &'ast Macro) {
-        let path: Vec<String> = invocation.path.segments.iter().map(|segment| segment.ident.to_string()).collect();
+        let path: Vec<String> = invocation.path.segments.iter().map(|segment| text(&segment.ident)).collect();
         self.invoke(&path);
         self.scan(invocation.tokens.clone());
     }

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use syn::{Ident, Item, ItemUse, UseTree, Visibility};
+use syn::{Ident, Item, ItemUse, UseTree, Visibility, ext::IdentExt};
 
 use super::crate_tree::{CrateTree, ModuleId};
 
@@ -48,9 +48,9 @@ impl<'a> Resolver<'a> {
                 match item {
                     Item::Use(item) => scope.add(imports(item)),
                     Item::Macro(item) => {
-                        resolver.macros.extend(item.ident.iter().map(|name| (name.to_string(), id)));
+                        resolver.macros.extend(item.ident.iter().map(|name| (text(name), id)));
                     }
-                    _ => scope.definitions.extend(defined_name(item).map(Ident::to_string)),
+                    _ => scope.definitions.extend(defined_name(item).map(text)),
                 }
             }
             resolver.scopes.push(scope);
@@ -141,21 +141,26 @@ pub(super) fn imports(item: &ItemUse) -> Vec<Import> {
 
 fn collect(tree: &UseTree, prefix: &mut Vec<String>, is_reexport: bool, found: &mut Vec<Import>) {
     let mut add = |last: Option<&Ident>, name: Option<String>| {
-        let last = last.map(Ident::to_string).filter(|last| last != "self");
+        let last = last.map(text).filter(|last| last != "self");
         found.push(Import { path: prefix.iter().cloned().chain(last).collect(), name, is_reexport });
     };
     match tree {
         UseTree::Name(leaf) if leaf.ident == "self" => add(None, prefix.last().cloned()),
-        UseTree::Name(leaf) => add(Some(&leaf.ident), Some(leaf.ident.to_string())),
-        UseTree::Rename(leaf) => add(Some(&leaf.ident), Some(leaf.rename.to_string())),
+        UseTree::Name(leaf) => add(Some(&leaf.ident), Some(text(&leaf.ident))),
+        UseTree::Rename(leaf) => add(Some(&leaf.ident), Some(text(&leaf.rename))),
         UseTree::Glob(_) => add(None, None),
         UseTree::Group(group) => group.items.iter().for_each(|tree| collect(tree, prefix, is_reexport, found)),
         UseTree::Path(path) => {
-            prefix.push(path.ident.to_string());
+            prefix.push(text(&path.ident));
             collect(&path.tree, prefix, is_reexport, found);
             prefix.pop();
         }
     }
+}
+
+/// A name without the `r#` that keeps it from being a keyword.
+pub(super) fn text(ident: &Ident) -> String {
+    ident.unraw().to_string()
 }
 
 fn defined_name(item: &Item) -> Option<&Ident> {

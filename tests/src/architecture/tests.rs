@@ -182,3 +182,10 @@ fn public_types_of_one_name_fail() {
     assert_eq!(messages(&rooms("pub struct A;", "pub enum A {}")), expected);
     assert_eq!(messages(&rooms("pub struct A;", "enum A {}")), [""; 0]);
 }
+
+#[test]
+fn raw_names_are_followed() {
+    const ROOT: &str = "//! | room | what it is |\n//! | - | - |\n//! | `low` | |\n//! | `match` | |\nmod low;\nmod r#match;";
+    let found = messages(&[("lib.rs", ROOT), ("low.rs", "use crate::r#match::B;"), ("match.rs", "pub struct B;")]);
+    assert_eq!(found, ["low.rs: imports crate::match::B from the room `match`, which is listed after `low`"]);
+}

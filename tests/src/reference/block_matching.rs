@@ -1,45 +1,45 @@
-//! The float reference: what a match is, said a second time.
+//! The float reference: an independent definition of block matching.
 //!
-//! Direct sums in `f64` for every pixel, disparity, view and sample; nothing is kept from one pixel to the next, and nothing is
-//! taken from the core. Every cost is a whole number far below 2^53, so these floats do not round until the sub-pixel division.
+//! It sums every block sample directly in `f64`. It keeps nothing from one pixel to the next and shares no code with the core.
+//! Every cost is an integer far below 2^53, so nothing rounds before the sub-pixel division.
 
-/// Where the match of a pixel lies per pixel of disparity, `(du, dv)`: left, right, top, bottom.
+/// The shift `(du, dv)` of a match per pixel of disparity, by view: left, right, top, bottom.
 const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
-/// How the costs of the available views become one.
+/// The rule that fuses the costs of the available views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fusion {
-    /// The least.
+    /// The least cost.
     Min,
-    /// The average of all.
+    /// The mean of all costs.
     Mean,
-    /// The average of the least three, or of the least two if the third is more than three times the second.
+    /// The mean of the three least costs, or of the two least if the third is more than three times the second.
     Heuristic,
 }
 
-/// ViewSet and how to match them.
+/// Images and the parameters of their match.
 #[derive(Clone, Copy, Debug)]
 pub struct Match<'a> {
-    /// Pixels in a line.
+    /// Width in pixels.
     pub width: usize,
-    /// Lines.
+    /// Height in lines.
     pub height: usize,
-    /// The reference image, line by line.
+    /// The centre image, line by line.
     pub center: &'a [u8],
-    /// Its neighbours: left, right, top, bottom.
+    /// The views: left, right, top, bottom.
     pub views: [Option<&'a [u8]>; 4],
-    /// How costs are fused.
+    /// The fusion rule.
     pub fusion: Fusion,
     /// The smallest disparity of the search.
     pub min_disparity: i32,
-    /// How many disparities are searched.
+    /// The number of disparities searched.
     pub num_disparities: i32,
-    /// The side of the block, odd.
+    /// The side length of the block in pixels, odd.
     pub block_size: i32,
 }
 
 impl Match<'_> {
-    /// The disparity of every pixel, line by line; `None` where no candidate exists.
+    /// The disparity of each pixel, line by line; `None` where there is no candidate.
     pub fn disparities(&self) -> Vec<Option<f64>> {
         let pixels = (0..self.height as i32).flat_map(|v| (0..self.width as i32).map(move |u| (u, v)));
         pixels.map(|(u, v)| self.disparity(u, v)).collect()
@@ -67,12 +67,12 @@ impl Match<'_> {
         Some(if denominator == 0.0 { d } else { d + (a - b) / denominator })
     }
 
-    /// The fused cost of a candidate, if a view is available there.
+    /// The fused cost of a candidate; `None` if no view is available.
     fn fused_cost(&self, u: i32, v: i32, d: i32) -> Option<f64> {
         fuse(self.fusion, (0..4).filter_map(|view| self.cost(view, u, v, d)).collect())
     }
 
-    /// The sum of absolute differences over the block, if the view exists and the match of the block's centre lies inside it.
+    /// The sum of absolute differences over the block; `None` without the view, or if the match of the block's centre lies outside it.
     fn cost(&self, view: usize, u: i32, v: i32, d: i32) -> Option<f64> {
         let image = self.views[view]?;
         let (du, dv) = (SHIFTS[view].0 * d, SHIFTS[view].1 * d);
@@ -90,7 +90,7 @@ impl Match<'_> {
         Some(sum)
     }
 
-    /// A pixel of an image that is extended beyond its borders by replication.
+    /// A pixel of an image whose borders are replicated.
     fn sample(&self, image: &[u8], x: i32, y: i32) -> f64 {
         let x = x.clamp(0, self.width as i32 - 1) as usize;
         let y = y.clamp(0, self.height as i32 - 1) as usize;
@@ -98,7 +98,7 @@ impl Match<'_> {
     }
 }
 
-/// The fused cost on the rule's common scale (1, 12 or 6), on which it is a whole number; `None` of no costs.
+/// The fused cost on the rule's scale (1, 12 or 6), on which it is an integer; `None` if there are no costs.
 pub fn fuse(fusion: Fusion, mut costs: Vec<f64>) -> Option<f64> {
     costs.sort_by(f64::total_cmp);
     let (scale, averaged) = match (fusion, costs.len()) {
@@ -108,16 +108,16 @@ pub fn fuse(fusion: Fusion, mut costs: Vec<f64>) -> Option<f64> {
         (Fusion::Heuristic, n) if n >= 3 && costs[2] > 3.0 * costs[1] => (6.0, 2),
         (Fusion::Heuristic, n) => (6.0, n.min(3)),
     };
-    // Multiplied before it is divided, so that the quotient is exact.
+    // Multiply before dividing, so that the quotient is exact.
     Some(scale * costs[..averaged].iter().sum::<f64>() / averaged as f64)
 }
 
-/// A disparity in 64ths of a pixel, rounded to the nearest, halves away from zero.
+/// A disparity in 64ths of a pixel, rounded to nearest, halves away from zero.
 pub fn fixed(disparity: f64) -> i16 {
     (disparity * 64.0).round() as i16
 }
 
-/// A pixel as 16-bit images encode it: the disparity times 64 plus 32768, and 0 without one.
+/// The 16-bit encoding of a pixel: 64 times the disparity plus 32768, or 0 if it is invalid.
 pub fn raw16(pixel: Option<f64>) -> u16 {
     pixel.map_or(0, |disparity| (i32::from(fixed(disparity)) + 32768) as u16)
 }
@@ -126,7 +126,7 @@ pub fn raw16(pixel: Option<f64>) -> u16 {
 mod tests {
     use super::*;
 
-    /// One line of a stereo pair, centre and right, matched without a block.
+    /// One line of a stereo pair, centre and right, matched by blocks of one pixel.
     fn line<'a>(center: &'a [u8], right: &'a [u8], min_disparity: i32, num_disparities: i32) -> Match<'a> {
         Match {
             width: center.len(),
@@ -149,21 +149,21 @@ mod tests {
     }
 
     #[test]
-    fn no_candidate_is_no_disparity() {
+    fn without_a_candidate_there_is_no_disparity() {
         assert_eq!(line(&[7], &[7], 1, 30).disparities(), [None]);
         assert_eq!(line(&[7, 8], &[7, 8], -3, 2).disparities(), [None, None]);
         assert_eq!(line(&[7, 8], &[7, 8], -3, 3).disparities(), [Some(-1.0), None]);
     }
 
     #[test]
-    fn the_smallest_of_equals_wins() {
+    fn ties_go_to_the_smallest_disparity() {
         assert_eq!(line(&[5, 5, 5], &[5, 5, 5], -1, 3).disparities(), [Some(-1.0), Some(-1.0), Some(0.0)]);
         // Costs at 0, 1, 2 of the last pixel: 4, 1, 1.
         assert_eq!(line(&[0, 0, 9], &[10, 10, 5], 0, 3).disparity(2, 0), Some(1.0 + 3.0 / 6.0));
     }
 
     #[test]
-    fn every_view_shifts_its_own_way() {
+    fn every_view_shifts_in_its_direction() {
         let bright = |u: usize, v: usize| {
             let mut image = [0; 49];
             image[7 * v + u] = 200;
@@ -194,7 +194,7 @@ mod tests {
     #[test]
     fn borders_replicate_and_samples_move_before_they_are_clamped() {
         let pair = Match { block_size: 3, ..line(&[0, 10], &[3, 10], 0, 2) };
-        // Three equal rows of samples at -1, 0, 1 and at 0, 1, 2.
+        // Three equal rows of samples, at -1, 0, 1 and at 0, 1, 2.
         assert_eq!(pair.cost(1, 0, 0, 0), Some(3.0 * (3.0 + 3.0 + 0.0)));
         assert_eq!(pair.cost(1, 0, 0, 1), None);
         assert_eq!(pair.cost(1, 1, 0, 0), Some(3.0 * (3.0 + 0.0 + 0.0)));
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn fusion_on_the_common_scale() {
+    fn fusion_is_on_the_rules_scale() {
         let cases: [(Fusion, &[f64], Option<f64>); 17] = [
             (Fusion::Min, &[], None),
             (Fusion::Min, &[5.0], Some(5.0)),
@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn unavailable_views_are_left_out() {
-        // The left view agrees everywhere but ends; the right view never agrees and ends on the other side.
+        // The left view matches everywhere inside its image; the right view never does, and ends on the other side.
         let (center, left, right) = ([1, 2, 3], [0, 1, 2], [100, 100, 100]);
         let both = Match { views: [Some(&left), Some(&right), None, None], fusion: Fusion::Mean, ..line(&center, &right, 1, 2) };
         let fused = |u| [1, 2].map(|d| both.fused_cost(u, 0, d));
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_round_away_from_zero() {
+    fn rounds_halves_away_from_zero() {
         let halves = [0.5, -0.5, 1.5, -1.5, 2.5, 0.499, -0.501, 64.0 * 511.0, -64.0 * 511.0];
         assert_eq!(halves.map(|half| fixed(half / 64.0)), [1, -1, 2, -2, 3, 0, -1, 32704, -32704]);
         assert_eq!([None, Some(-511.5), Some(0.0), Some(511.5)].map(raw16), [0, 32, 32768, 65504]);

@@ -1,37 +1,37 @@
-//! The energy of a labelling, said a second time: pixel by pixel, straight from the formulas.
+//! Reference for the energy of a labelling: pixel by pixel, straight from the paper's formulas.
 
 use image::{Rgb, RgbImage};
 
-/// ViewSet and what labellings of the centre cost. Costs are in intensities.
+/// Images and the parameters of the energy. Costs are in units of intensity.
 #[derive(Clone, Debug)]
 pub struct Energy {
-    /// The reference image. One that is grey has three equal channels.
+    /// The centre image. Grey images have three equal channels.
     pub center: RgbImage,
-    /// Its neighbours: left, right, top, bottom.
+    /// The views: left, right, top, bottom.
     pub views: [Option<RgbImage>; 4],
-    /// How the costs of the views become one.
+    /// The fusion rule.
     pub fusion: super::Fusion,
     /// The cost of an occlusion.
     pub occlusion: f64,
-    /// Whether pixels may be occluded, and matches are unique; otherwise the data costs no more than an occlusion.
+    /// Whether matches are unique and pixels may be occluded. Otherwise the data cost is capped at the cost of an occlusion.
     pub unique: bool,
-    /// Whether every step costs the same.
+    /// Whether the smoothness term is Potts: every step costs the same.
     pub potts: bool,
-    /// The cost of a step between pixels that look the same, and between those that do not.
+    /// The cost of a step between similar pixels, and between dissimilar ones.
     pub lambda: [f64; 2],
-    /// From which difference on pixels do not look the same.
+    /// The intensity difference at which pixels count as dissimilar.
     pub theta: u8,
-    /// The step above which no more is paid.
+    /// The step at which the smoothness cost is truncated.
     pub cutoff: i32,
 }
 
-/// Where the match of a pixel lies per pixel of disparity, `(du, dv)`: left, right, top, bottom.
+/// The shift `(du, dv)` of a match per pixel of disparity, by view: left, right, top, bottom.
 const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
 type Place = (i32, i32);
 
 impl Energy {
-    /// What a labelling costs, `None` for a pixel that is occluded; `None` if it is not possible.
+    /// The energy of a labelling, in which `None` is an occluded pixel; `None` if the labelling is not allowed.
     pub fn of(&self, labels: &[Option<i32>]) -> Option<f64> {
         let (width, height) = (self.center.width() as i32, self.center.height() as i32);
         let places = || (0..height).flat_map(move |v| (0..width).map(move |u| (u, v)));
@@ -64,8 +64,8 @@ impl Energy {
         Some(sum)
     }
 
-    /// The disparity of a pixel with label `d` between those of a range: at the vertex of the parabola through the fused costs of windows of
-    /// 7 x 7 pixels before, at and after it, if all exist; half a pixel towards the least if that is not the one in the middle.
+    /// The sub-pixel disparity of a pixel with label `d`: the vertex of the parabola through the fused costs at `d - 1`, `d` and `d + 1`,
+    /// summed over windows of 7 x 7 pixels, if all exist. If `d` is not the least of the three, half a pixel towards the least.
     pub fn refined(&self, p: Place, d: i32, range: std::ops::RangeInclusive<i32>) -> f64 {
         if !range.contains(&(d - 1)) || !range.contains(&(d + 1)) {
             return f64::from(d);
@@ -88,7 +88,7 @@ impl Energy {
         }
     }
 
-    /// The sum of the dissimilarities of the pixels around `p`, of images that go on beyond their borders, in 1/72 of an intensity.
+    /// The sum of dissimilarities over the window around `p`, with borders replicated, in 1/72 of an intensity.
     fn window_cost(&self, p: Place, d: i32) -> Option<f64> {
         let cost = |view: usize| {
             let (image, _) = (self.views[view].as_ref()?, self.matched(view, p, d)?);
@@ -96,7 +96,7 @@ impl Energy {
             let clamp = |(u, v): Place| (u.clamp(0, image.width() as i32 - 1), v.clamp(0, image.height() as i32 - 1));
             let matched = |(u, v): Place| (u + SHIFTS[view].0 * d, v + SHIFTS[view].1 * d);
             let costs = around.map(|q| 6.0 * dissimilarity(&self.center, clamp(q), image, clamp(matched(q))));
-            // They are whole.
+            // The values are integers.
             Some(costs.map(f64::round).sum())
         };
         super::fuse(self.fusion, (0..4).filter_map(cost).collect())
@@ -110,7 +110,7 @@ impl Energy {
             let (Some(d1), Some(d2)) = (label1, label2) else { return 0.0 };
             return self.weight(p, q, d1, d2) * f64::from((d1 - d2).abs().min(self.cutoff));
         }
-        // Of each disparity that one has and the other does not, if both could.
+        // A disparity costs once if one of the two pixels has it, the other does not, and both could.
         let broken = |d: i32| {
             let sees = |view: usize| self.matched(view, p, d).is_some() && self.matched(view, q, d).is_some();
             let possible = (0..4).any(|view| self.views[view].is_some() && sees(view));
@@ -152,7 +152,7 @@ impl Energy {
     }
 }
 
-/// Birchfield and Tomasi's dissimilarity of two pixels with half pixels in four directions: the mean over the channels.
+/// The dissimilarity of Birchfield and Tomasi with half pixels in four directions, as the mean over the channels.
 pub fn dissimilarity(a: &RgbImage, p: Place, b: &RgbImage, q: Place) -> f64 {
     let distance = |value: f64, [least, greatest]: [f64; 2]| (least - value).max(value - greatest).max(0.0);
     let one = |c: usize| {
@@ -168,7 +168,7 @@ fn interval(image: &RgbImage, (u, v): Place, c: usize) -> [f64; 2] {
     [half.into_iter().fold(f64::INFINITY, f64::min), half.into_iter().fold(0.0, f64::max)]
 }
 
-/// A pixel of an image that is extended beyond its borders by replication.
+/// A pixel of an image whose borders are replicated.
 fn sample(image: &RgbImage, (u, v): Place) -> [f64; 3] {
     let clamp = |x: i32, size: u32| x.clamp(0, size as i32 - 1) as u32;
     let Rgb(samples) = image.get_pixel(clamp(u, image.width()), clamp(v, image.height()));

@@ -1,11 +1,11 @@
-//! The grey in a camera's frame, a second time: pixel by pixel, from the definitions of the formats.
+//! The grey values of a camera frame, pixel by pixel, straight from the definitions of the pixel formats.
 
 use multiscopic::capture::camera::{FrameLayout, PixelFormat};
 
-/// The grey of every pixel of an uncompressed frame, row by row.
+/// The grey value of each pixel of an uncompressed frame, row by row.
 ///
 /// # Panics
-/// If the frame ends too early, or is compressed.
+/// If the frame is too short or compressed.
 pub fn gray(layout: &FrameLayout, frame: &[u8]) -> Vec<u8> {
     let [width, height] = layout.size.map(|side| side as usize);
     let bytes = match layout.format {

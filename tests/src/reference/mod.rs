@@ -1,4 +1,4 @@
-//! What is computed, defined a second time: plain, slow, and without a line of the code under test.
+//! Independent definitions of what the product computes: plain, slow, and without any code under test.
 
 mod block_matching;
 pub mod energy;

@@ -1,4 +1,4 @@
-//! The networks MC-CNN by their definition, in `f64`, one patch at a time.
+//! Reference for the MC-CNN networks: their definition in `f64`, one patch at a time.
 
 use std::{
     collections::BTreeMap,
@@ -8,25 +8,25 @@ use std::{
 
 use crate::random::Random;
 
-/// The file of a network, `fast` or `accurate`.
+/// The file name of a network's weights; `network` is `fast` or `accurate`.
 pub fn file_name(network: &str) -> String {
     format!("mc_cnn_{network}_mb_weights.safetensors")
 }
 
-/// A tensor: its shape and values.
+/// A tensor: its shape and its values.
 pub type Tensor = (Vec<usize>, Vec<f32>);
 
-/// A network by its tensors.
+/// A network as a set of tensors.
 #[derive(Clone, Debug)]
 pub struct Reference {
     /// `fast` or `accurate`.
     pub name: &'static str,
-    /// Named as in the files.
+    /// The tensors, by the names they have in the files.
     pub tensors: BTreeMap<String, Tensor>,
 }
 
 impl Reference {
-    /// A network with random weights, of a size that keeps signals in theirs.
+    /// A network with random weights, scaled so that signals neither grow nor vanish.
     pub fn random(name: &'static str, random: &mut Random) -> Reference {
         let channels = if name == "fast" { 64 } else { 112 };
         let mut shapes = vec![("conv_blocks.0", vec![channels, 1, 3, 3])];
@@ -51,7 +51,7 @@ impl Reference {
         Reference { name, tensors }
     }
 
-    /// Writes the tensors as a safetensors file into `folder`: the length of the header, the header, the values.
+    /// Writes the tensors to a safetensors file in `folder` and returns its path.
     pub fn write(&self, folder: &Path) -> PathBuf {
         let mut header = serde_json::Map::new();
         let mut data = Vec::new();
@@ -67,13 +67,13 @@ impl Reference {
         path
     }
 
-    /// The features of every pixel of an image of `width` x `height` pixels, pixel by pixel.
+    /// The feature vector of each pixel of a `width` x `height` image.
     pub fn features(&self, image: &[u8], width: usize, height: usize) -> Vec<Vec<f64>> {
         let count = image.len() as f64;
         let mean = image.iter().map(|&grey| f64::from(grey)).sum::<f64>() / count;
         let variance = image.iter().map(|&grey| (f64::from(grey) - mean).powi(2)).sum::<f64>() / count;
         let deviation = if variance > 0.0 { variance.sqrt() } else { 1.0 };
-        // The image and a border of 5 pixels that repeats its own: a map is [channel][row][column].
+        // The image with its border replicated by 5 pixels. A map is indexed [channel][row][column].
         let inside = |coordinate: usize, size: usize| (coordinate as i32 - 5).clamp(0, size as i32 - 1) as usize;
         let row = |y: usize| -> Vec<f64> {
             let grey = |x: usize| f64::from(image[inside(y, height) * width + inside(x, width)]);
@@ -107,7 +107,7 @@ impl Reference {
         biases.iter().enumerate().map(output).collect()
     }
 
-    /// The cost of a match of pixels with these features.
+    /// The matching cost of two pixels with these features.
     pub fn cost(&self, center: &[f64], matched: &[f64]) -> f64 {
         match self.name {
             "fast" => 1.0 - center.iter().zip(matched).map(|(a, b)| a * b).sum::<f64>(),
@@ -115,7 +115,7 @@ impl Reference {
         }
     }
 
-    /// What the accurate network says of two pixels in this order.
+    /// The accurate network's similarity of two pixels, which depends on their order.
     fn similarity(&self, first: &[f64], second: &[f64]) -> f64 {
         let mut values = [first, second].concat();
         for layer in ["fl_blocks.0", "fl_blocks.2", "fl_blocks.4", "fl_blocks.6"] {

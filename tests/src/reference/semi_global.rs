@@ -1,46 +1,46 @@
-//! Semi-global matching, said a second time: the recursion of the paper, pixel by pixel, in whole numbers that never saturate.
+//! Reference for semi-global matching: the paper's recursion, pixel by pixel, in integers that never saturate.
 
 use crate::reference::{Fusion, fixed};
 
-/// How pixels move along a path, and from where: `(du, dv)`.
+/// The step `(du, dv)` along each path.
 pub const PATHS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, 1), (1, 1), (-1, 1), (0, -1), (1, -1), (-1, -1)];
 
-/// Where the match of a pixel lies per pixel of disparity: left, right, top, bottom.
+/// The shift `(du, dv)` of a match per pixel of disparity, by view: left, right, top, bottom.
 const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
-/// ViewSet and how to match them.
+/// Images and the parameters of their match.
 #[derive(Clone, Debug)]
 pub struct SemiGlobal<'a> {
-    /// Pixels in a line.
+    /// Width in pixels.
     pub width: i32,
-    /// Lines.
+    /// Height in lines.
     pub height: i32,
-    /// The reference image, line by line.
+    /// The centre image, line by line.
     pub center: &'a [u8],
-    /// Its neighbours: left, right, top, bottom.
+    /// The views: left, right, top, bottom.
     pub views: [Option<&'a [u8]>; 4],
-    /// How costs are fused.
+    /// The fusion rule.
     pub fusion: Fusion,
     /// The smallest disparity of the search.
     pub min_disparity: i32,
-    /// How many disparities are searched.
+    /// The number of disparities searched.
     pub num_disparities: i32,
-    /// How far the window of the census reaches to the side, and up and down.
+    /// The horizontal and vertical radius of the census window.
     pub radius: (i32, i32),
-    /// The paths.
+    /// The paths, as indices into [`PATHS`].
     pub paths: Vec<(i32, i32)>,
-    /// What a change by one disparity costs.
+    /// The penalty for a change by one disparity.
     pub p1: i64,
-    /// What any other change costs.
+    /// The penalty for any larger change.
     pub p2: i64,
-    /// The change of brightness above which `p2` is lowered.
+    /// The intensity step above which `p2` is lowered.
     pub p2_edge: Option<i64>,
-    /// How far a view's disparity may be off.
+    /// The largest difference that the left-right check tolerates.
     pub left_right: Option<i32>,
 }
 
 impl SemiGlobal<'_> {
-    /// The disparity of every pixel, line by line; `None` where no candidate exists or none is confirmed.
+    /// The disparity of each pixel, line by line; `None` where there is no candidate or the left-right check fails.
     pub fn disparities(&self) -> Vec<Option<f64>> {
         let sums = self.sums();
         let views = [0, 1, 2, 3].map(|view| self.views[view].map(|_| self.of_view(view, &sums)));
@@ -48,7 +48,7 @@ impl SemiGlobal<'_> {
         pixels
             .map(|(u, v)| {
                 let d = self.select(&sums[self.at(u, v)])?;
-                // Of the disparity as it is kept, in steps of 1/64 pixel.
+                // The check is on the rounded disparity, in steps of 1/64 pixel.
                 let nearest = (f64::from(fixed(d)) / 64.0).round() as i32;
                 let Some(tolerance) = self.left_right else { return Some(d) };
                 let confirmed = (0..4).any(|view| {
@@ -61,7 +61,7 @@ impl SemiGlobal<'_> {
             .collect()
     }
 
-    /// The costs of all paths to each pixel at each disparity, in twelfths; `None` where there is no candidate.
+    /// The sum of the path costs at each pixel and disparity, in twelfths; `None` where there is no candidate.
     fn sums(&self) -> Vec<Vec<Option<i64>>> {
         let pixels: Vec<(i32, i32)> = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect();
         let costs: Vec<Vec<Option<i64>>> = pixels.iter().map(|&(u, v)| self.costs(u, v)).collect();
@@ -107,7 +107,7 @@ impl SemiGlobal<'_> {
         sums
     }
 
-    /// The fused costs of a pixel.
+    /// The fused costs of a pixel at each disparity.
     fn costs(&self, u: i32, v: i32) -> Vec<Option<i64>> {
         let disparities = self.min_disparity..self.min_disparity + self.num_disparities;
         disparities
@@ -126,7 +126,7 @@ impl SemiGlobal<'_> {
             .collect()
     }
 
-    /// How many pairs of opposite pixels around a pixel compare in another way than around its match, if that lies inside.
+    /// The Hamming distance of the centre-symmetric census of a pixel and of its match; `None` if the match lies outside.
     fn cost(&self, view: usize, u: i32, v: i32, d: i32) -> Option<i64> {
         let image = self.views[view]?;
         let (x, y) = (u + SHIFTS[view].0 * d, v + SHIFTS[view].1 * d);
@@ -140,7 +140,7 @@ impl SemiGlobal<'_> {
         Some(half.filter(|&offset| brighter(self.center, u, v, offset) != brighter(image, x, y, offset)).count() as i64)
     }
 
-    /// The disparity of least cost, between its neighbours.
+    /// The disparity of least cost, refined between its neighbours.
     fn select(&self, costs: &[Option<i64>]) -> Option<f64> {
         let all = costs.iter().enumerate().filter_map(|(i, cost)| Some((cost.as_ref()?, i)));
         let (&c, i) = all.min()?;
@@ -151,7 +151,7 @@ impl SemiGlobal<'_> {
         Some(if denominator == 0 { d } else { d + (a - b) as f64 / denominator as f64 })
     }
 
-    /// The disparities of a view by the costs of the centre.
+    /// The disparities of a view, selected from the centre's costs.
     fn of_view(&self, view: usize, sums: &[Vec<Option<i64>>]) -> Vec<Option<i32>> {
         let pixels = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v)));
         pixels

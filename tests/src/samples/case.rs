@@ -1,4 +1,4 @@
-//! Random matches, and how the core does them.
+//! Random matches, and the core's results for them.
 
 use std::{env, ops::Range, time::SystemTime};
 
@@ -11,36 +11,36 @@ use proptest::{
 use crate::{
     random::Random,
     reference::{Fusion, raw16},
-    samples::{images::ViewSet, strict_source::StrictSource},
+    samples::{strict_source::StrictSource, view_set::ViewSet},
 };
 
-/// What images look like.
+/// The content of generated images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Appearance {
-    /// Every pixel of every image by itself.
+    /// Independent noise in each image.
     Noise,
-    /// The same with so few grey values, from black to white, that many costs are equal.
+    /// Noise of this many grey levels, so that many costs are equal.
     Levels(u8),
-    /// The centre is noise and the views are it, moved by a disparity and with a little noise of their own.
+    /// Noise in the centre, shifted by one disparity in the views, with a little noise added.
     Shifted,
-    /// Slow ramps, on which costs change slowly too.
+    /// Ramps, on which costs change slowly.
     Smooth,
-    /// A pattern that repeats itself after so many pixels.
+    /// A pattern with this period in pixels.
     Periodic(u8),
-    /// A centre of one extreme and views of the other, all or nearly: the largest sums.
+    /// Black against white, entirely or nearly: the largest sums.
     Opposite,
-    /// A black centre and stripes so grey that the costs of a block, or a few of them, lie about the greatest 16-bit number.
+    /// A black centre against grey stripes whose block costs, or sums of a few of them, are close to the 16-bit maximum.
     Brink,
 }
 
-/// A match, described by so little that it can be read.
+/// A match, described briefly enough to be read in a failure message.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// Pixels in a line.
     pub width: usize,
     /// Lines.
     pub height: usize,
-    /// Whether there is a left, right, top and bottom view.
+    /// Whether there are a left, right, top and bottom view.
     pub views: [bool; 4],
     /// How costs are fused.
     pub fusion: Fusion,
@@ -48,16 +48,16 @@ pub struct Case {
     pub min_disparity: i32,
     /// How many disparities are searched.
     pub num_disparities: i32,
-    /// The side of the block.
+    /// The side length of the block in pixels.
     pub block_size: i32,
-    /// What the images look like.
+    /// The content of the images.
     pub texture: Appearance,
     /// The seed of the images.
     pub seed: u64,
 }
 
 impl Case {
-    /// The images.
+    /// Its images.
     pub fn images(&self) -> ViewSet {
         let mut random = Random(self.seed);
         let (width, height) = (self.width, self.height);
@@ -131,18 +131,18 @@ impl Case {
         ViewSet { width, height, center, views: views.map(|view| keep.next().and_then(|keep| keep.then_some(view))) }
     }
 
-    /// The core's parameters.
+    /// The parameters in the core's types.
     pub fn params(&self) -> Params {
         params(self.width, self.height, self.views, self.fusion, self.min_disparity, self.num_disparities, self.block_size)
     }
 
-    /// What the float reference finds, as 16-bit images encode it.
+    /// The float reference's disparities in the 16-bit encoding.
     pub fn reference(&self, images: &ViewSet) -> Vec<u16> {
         let reference = images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size);
         reference.disparities().into_iter().map(raw16).collect()
     }
 
-    /// How many samples the float reference sums up.
+    /// The number of samples that the float reference sums.
     fn samples(&self) -> i64 {
         let search = self.min_disparity..self.min_disparity + self.num_disparities;
         let candidates = |moved: usize, along: usize| -> i64 {
@@ -153,13 +153,13 @@ impl Case {
         all * i64::from(self.block_size).pow(2)
     }
 
-    /// How many candidates the core evaluates, those outside the images included.
+    /// The number of candidates that the core evaluates, including those outside the images.
     fn evaluations(&self) -> u64 {
         self.params().evaluations()
     }
 }
 
-/// The core's parameters in the reference's terms.
+/// The core's parameters for the given match.
 pub fn params(
     width: usize,
     height: usize,
@@ -182,8 +182,8 @@ pub fn params(
         .expect("valid parameters")
 }
 
-/// What the core finds in a region, as 16-bit images encode it. The source is strict, and the memory is exactly as much as is
-/// needed and holds random words at first.
+/// The core's disparities in a region, in the 16-bit encoding. The source is strict; the memory has exactly the required
+/// length and is filled with random words.
 pub fn matched<I>(isa: I, params: &Params, region: &Region, images: &ViewSet, random: &mut Random) -> Vec<u16>
 where
     I: Blocks<u16> + Blocks<u32>,
@@ -206,15 +206,15 @@ where
     found
 }
 
-/// The rectangle of a frame's pixels that a region covers.
+/// The pixels of a frame that a region covers.
 pub fn cut(pixels: &[u16], width: usize, region: &Region) -> Vec<u16> {
     let Range { start, end } = region.columns();
     region.rows().flat_map(|v| &pixels[v * width..][start..end]).copied().collect()
 }
 
-/// Any valid match that takes the float reference at most so many samples and the core at most so many evaluations.
+/// Valid matches that take the float reference at most `samples` samples and the core at most `evaluations` candidates.
 ///
-/// Frames are small, often smaller than the block or the range; ranges are near 0, wide, or far outside the frame.
+/// Frames are small, often smaller than the block or the search range. Ranges are near 0, wide, or far outside the frame.
 pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
     let sizes = prop_oneof![
         5 => (1..=12_usize, 1..=12_usize),
@@ -258,10 +258,10 @@ pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
     case.prop_filter("takes too long", move |case| case.samples() <= samples && case.evaluations() <= evaluations)
 }
 
-/// Does a test with `count` random values and panics with the simplest one that fails.
+/// Runs a test with `count` random values and panics with the simplest value that fails.
 ///
-/// The values follow from `$MULTISCOPIC_SEED`, or from the clock; the seed is printed, and part of the failure. `$MULTISCOPIC_EFFORT` times
-/// as many are tried.
+/// The values follow from `$MULTISCOPIC_SEED`, or from the clock if it is not set. The seed is printed and part of the failure's
+/// message. `$MULTISCOPIC_EFFORT` multiplies the number of values.
 pub fn property<S: Strategy>(count: u32, strategy: S, test: impl Fn(&S::Value)) {
     let variable =
         |name| env::var(name).ok().map(|value| value.parse().unwrap_or_else(|_| panic!("{name} is {value}, not a number")));

@@ -1,13 +1,13 @@
 //! Disparities drawn in ASCII: `0` to `9`, `a` to `i` for -1 to -9, and `.` for an invalid pixel.
 
-use crate::{random::Random, samples::images::ViewSet};
+use crate::{random::Random, samples::view_set::ViewSet};
 
-/// The lines of a drawing, without the indentation and the empty lines around it.
+/// The lines of a drawing, without indentation and empty lines.
 fn lines(drawing: &str) -> Vec<&str> {
     drawing.lines().map(str::trim).filter(|line| !line.is_empty()).collect()
 }
 
-/// Disparities as a drawing, each rounded to whole pixels.
+/// Draws disparities, rounded to whole pixels.
 pub fn draw(width: usize, disparities: &[Option<f64>]) -> String {
     let letter = |disparity: &Option<f64>| match disparity.map(|d| d.round() as i32) {
         None => '.',
@@ -18,9 +18,9 @@ pub fn draw(width: usize, disparities: &[Option<f64>]) -> String {
     disparities.chunks(width).map(|line| line.iter().map(letter).collect::<String>()).collect::<Vec<_>>().join("\n")
 }
 
-/// ViewSet of a drawn scene without invalid pixels: a random texture in the centre, seen from all four views.
+/// Renders a drawn scene without invalid pixels: a random texture in the centre, and what each of the four views sees of it.
 ///
-/// In each view what is near hides what is far, and what the centre does not see is noise.
+/// Near pixels occlude far ones. What the centre does not see is noise.
 pub fn synthesise(drawing: &str, seed: u64) -> ViewSet {
     let lines = lines(drawing);
     let (width, height) = (lines[0].len(), lines.len());
@@ -54,7 +54,7 @@ fn disparity(letter: u8) -> i32 {
     }
 }
 
-/// Panics with both drawings and their difference side by side, if they differ.
+/// Panics with both drawings and their difference side by side if they differ.
 #[track_caller]
 pub fn assert_drawn(what: &str, expected: &str, found: &str) {
     if let Some(table) = difference(expected, found) {
@@ -62,7 +62,7 @@ pub fn assert_drawn(what: &str, expected: &str, found: &str) {
     }
 }
 
-/// Both drawings and `x` where they differ, side by side; `None` if they are the same.
+/// Both drawings and an `x` where they differ, side by side; `None` if they are equal.
 pub fn difference(expected: &str, found: &str) -> Option<String> {
     let (expected, found) = (lines(expected), lines(found));
     if expected == found {
@@ -85,14 +85,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn letters() {
+    fn disparities_are_drawn_as_letters() {
         let row = [None, Some(-9.2), Some(-1.0), Some(-0.4), Some(0.4), Some(9.4), Some(9.6)];
         assert_eq!(draw(7, &row), ".ia009*");
         assert_eq!(draw(1, &row[..3]), ".\ni\na");
     }
 
     #[test]
-    fn what_is_near_hides_what_is_far() {
+    fn near_pixels_occlude_far_ones() {
         let images = synthesise("0010", 1);
         let c = &images.center;
         let right = images.views[1].as_ref().expect("the right view");

@@ -1,23 +1,23 @@
-//! The golden images: their files, and the matches that they are the results of.
+//! The golden images: the views, and the disparities of several matches of them.
 
 use std::path::{Path, PathBuf};
 
 use crate::{
     reference::Fusion::{self, Heuristic, Mean, Min},
-    samples::images::ViewSet,
+    samples::view_set::ViewSet,
 };
 
-/// Pixels in a line of a golden image.
+/// The width of the golden images in pixels.
 pub const WIDTH: usize = 48;
-/// Lines of a golden image.
+/// The height of the golden images in lines.
 pub const HEIGHT: usize = 32;
 
 /// A match of the golden views.
 #[derive(Clone, Copy, Debug)]
 pub struct Golden {
-    /// Its result's name.
+    /// The name of its result.
     pub name: &'static str,
-    /// Whether the left, right, top and bottom views are matched.
+    /// Whether the left, right, top and bottom view are matched.
     pub views: [bool; 4],
     /// How costs are fused.
     pub fusion: Fusion,
@@ -25,7 +25,7 @@ pub struct Golden {
     pub min_disparity: i32,
     /// How many disparities are searched.
     pub num_disparities: i32,
-    /// The side of the block.
+    /// The side length of the block in pixels.
     pub block_size: i32,
 }
 
@@ -51,12 +51,12 @@ const fn golden(
     Golden { name, views, fusion, min_disparity, num_disparities, block_size }
 }
 
-/// Where the golden images are.
+/// The folder of the golden images.
 pub fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("golden")
 }
 
-/// The files of the views: centre, left, right, top, bottom.
+/// The files of the images: centre, left, right, top, bottom.
 pub fn paths() -> [PathBuf; 5] {
     ["center", "left", "right", "top", "bottom"].map(|name| folder().join(format!("{name}.png")))
 }

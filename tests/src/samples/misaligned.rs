@@ -1,33 +1,33 @@
-//! Captures whose views are off by known amounts.
+//! Captures whose views are misaligned by known amounts.
 
 use std::path::Path;
 
-use crate::{program::Invocation, samples::images::ViewSet};
+use crate::{program::Invocation, samples::view_set::ViewSet};
 
-/// Pixels of the large images to one of the small.
+/// The factor by which images are scaled down.
 pub const FACTOR: usize = 4;
 const MARGIN: usize = 16;
 
-/// What is off in a view.
+/// The misalignment of a view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Off {
-    /// How far it lies across the baseline, down or to the right, in quarters of a pixel: whole pixels of the large image.
+    /// The shift across the baseline, down or to the right, in quarters of a pixel: whole pixels of the large image.
     pub across_quarters: i32,
-    /// How bright it is.
+    /// The gain of its brightness.
     pub gain: f64,
 }
 
 impl Off {
-    /// Nothing.
+    /// No misalignment.
     pub const NONE: Off = Off { across_quarters: 0, gain: 1.0 };
 
-    /// How far it lies across the baseline in pixels.
+    /// The shift across the baseline in pixels.
     pub fn across_px(&self) -> f64 {
         f64::from(self.across_quarters) / FACTOR as f64
     }
 }
 
-/// The images at a quarter of their size, each view with something off. Pixels are the means of squares, so a shift takes no
+/// The images at a quarter of their size, each view misaligned. A pixel is the mean of a square, so shifts need no
 /// interpolation.
 pub fn quarter(images: &ViewSet, off: [Off; 4]) -> ViewSet {
     let [width, height] = [images.width, images.height].map(|side| (side - 2 * MARGIN) / FACTOR);
@@ -49,18 +49,18 @@ pub fn quarter(images: &ViewSet, off: [Off; 4]) -> ViewSet {
     ViewSet { width, height, center: shrunk(&images.center, 0, 0, 1.0), views }
 }
 
-/// What `multiscopic align` says is off in a view.
+/// What `multiscopic align` reports about a view.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
-    /// Pixels across the baseline.
+    /// The shift across the baseline in pixels.
     pub across_px: f64,
-    /// The baseline in proportion to the mean.
+    /// The baseline relative to the mean of all views.
     pub scale: f64,
-    /// The brightness beside the centre's.
+    /// The brightness relative to the centre's.
     pub gain: f64,
 }
 
-/// Runs `multiscopic align` on a folder; what it finds, by view.
+/// Runs `multiscopic align` on a folder and returns its findings by view.
 pub fn align(folder: &Path, arguments: &[&str]) -> [Option<Found>; 4] {
     let folder = folder.to_str().expect("a path in UTF-8");
     let run = Invocation::new([&["align", folder, "--json"], arguments].concat());
@@ -73,7 +73,7 @@ pub fn align(folder: &Path, arguments: &[&str]) -> [Option<Found>; 4] {
     })
 }
 
-/// Panics unless `align` finds in a quarter of `images` what was put in, beside what was off before: shifts within 0.1 pixels and
+/// Panics unless `align` recovers the misalignments `offs`, relative to those that `images` already have: shifts within 0.1 pixels,
 /// brightness within 1 %.
 pub fn assert_recovers(images: &ViewSet, num_disparities: usize, offs: &[[Off; 4]]) {
     let found = |off: [Off; 4]| {
@@ -96,7 +96,7 @@ pub fn assert_recovers(images: &ViewSet, num_disparities: usize, offs: &[[Off; 4
     }
 }
 
-/// Shifts and gains over all of the range that is to be found: up to three pixels and five percent.
+/// Misalignments across the range that `align` must recover: up to three pixels and five percent.
 pub const RANGE: [[Off; 4]; 3] = [
     [off(12, 1.05), off(-12, 0.95), off(9, 0.97), off(-7, 1.03)],
     [off(-5, 0.98), off(1, 1.04), off(-12, 1.05), off(12, 0.95)],

@@ -1,10 +1,11 @@
-//! What the tests match: golden images, random cases, drawings, and real images where there are any.
+//! Images for the tests: golden, random, drawn, misaligned, and real where they are available.
 
 pub mod case;
 pub mod drawing;
 pub mod golden;
-pub mod images;
+
 pub mod misaligned;
 pub mod real_data;
 pub mod strict_source;
+pub mod view_set;
 pub mod weight_files;

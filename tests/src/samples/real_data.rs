@@ -1,45 +1,45 @@
-//! The real data sets, which are not in the repository.
+//! Real data sets, which are not in the repository.
 
 use std::{
     env,
     path::{Path, PathBuf},
 };
 
-use crate::samples::images::{ViewSet, read_grey, read_pfm};
+use crate::samples::view_set::{ViewSet, read_grey, read_pfm};
 
-/// The folder of the data: `$MULTISCOPIC_DATA`, then `../shared/data` beside the repository; `None` if neither exists.
+/// The folder of the data: `$MULTISCOPIC_DATA`, or `../shared/data` beside the repository; `None` if neither exists.
 pub fn root() -> Option<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
     env::var_os("MULTISCOPIC_DATA").map(PathBuf::from).into_iter().chain([beside]).find(|path| path.is_dir())
 }
 
-/// ViewSet and the true disparities, `None` where they are not known.
+/// A scene with its ground truth.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// The images.
+    /// Its images.
     pub images: ViewSet,
-    /// The true disparity of every pixel of the centre image.
+    /// The true disparity of each pixel of the centre image; `None` where it is unknown.
     pub truth: Vec<Option<f64>>,
 }
 
-/// A data set: its name on the command line, its folder, and how a folder is read.
+/// A data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dataset {
-    /// Middlebury 2006 at a third of its size.
+    /// Middlebury 2006 at third size.
     Middlebury2006Third,
-    /// Middlebury 2005 at its full size.
+    /// Middlebury 2005 at full size.
     Middlebury2005Full,
-    /// The head and lamp.
+    /// Tsukuba's head and lamp.
     Tsukuba,
-    /// HCI's light fields.
+    /// The light fields of HCI.
     Hci4d,
 }
 
 impl Dataset {
-    /// All of them.
+    /// All data sets.
     pub const ALL: [Dataset; 4] = [Dataset::Middlebury2006Third, Dataset::Middlebury2005Full, Dataset::Tsukuba, Dataset::Hci4d];
 
-    /// Its name on the command line, which is its folder's too.
+    /// Its name on the command line and of its folder.
     pub fn name(self) -> &'static str {
         match self {
             Dataset::Middlebury2006Third => "middlebury2006-third",
@@ -49,7 +49,7 @@ impl Dataset {
         }
     }
 
-    /// Reads a scene, which is ignored by a set of one scene.
+    /// Reads a scene. Data sets of one scene ignore `scene`.
     pub fn read(self, root: &Path, scene: &str) -> Scene {
         let folder = root.join(self.name());
         match self {
@@ -83,7 +83,7 @@ fn read_truth(path: &Path, greys_per_pixel: f64) -> Vec<Option<f64>> {
     read_grey(path).2.into_iter().map(known).collect()
 }
 
-/// The errors of disparities against the truth, over all pixels where it is known: RMS, AvgErr, Bad0.5, Bad1, Bad2. An invalid
+/// RMS, AvgErr, Bad0.5, Bad1 and Bad2 over all pixels with known truth. An invalid
 /// pixel counts as bad and as disparity 0.
 pub fn errors(estimate: &[Option<f64>], truth: &[Option<f64>]) -> [f64; 5] {
     let known: Vec<(Option<f64>, f64)> = estimate.iter().zip(truth).filter_map(|(&d, &t)| Some((d, t?))).collect();

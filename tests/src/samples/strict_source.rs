@@ -1,23 +1,23 @@
-//! Sources of scanlines that hold the matcher to its contract.
+//! A source of scanlines that holds the matcher to its contract.
 
 use multiscopic_core::{Frame, Params, Region, ScanlineSource, View};
 
-use crate::samples::images::ViewSet;
+use crate::samples::view_set::ViewSet;
 
-/// The frames: the centre and its neighbours in the order of [`ViewSet::views`].
+/// The frames: the centre, then the views in the order of [`ViewSet::views`].
 pub const FRAMES: [Frame; 5] =
     [Frame::Center, Frame::View(View::Left), Frame::View(View::Right), Frame::View(View::Top), Frame::View(View::Bottom)];
 
-/// ViewSet as a source that panics unless the lines of each frame are asked for once, in ascending order, and never further ahead
+/// A source that panics unless each line of each frame is requested once, in ascending order, and never further ahead
 /// than [`Params::lead`] allows.
 #[derive(Debug)]
 pub struct StrictSource<'a> {
     images: &'a ViewSet,
     params: Params,
     region: Region,
-    /// How many disparity lines are out.
+    /// The number of disparity lines produced so far.
     done: usize,
-    /// The next line of each frame; `None` before the first.
+    /// The line expected next of each frame; `None` before the first.
     next: [Option<usize>; 5],
 }
 
@@ -27,17 +27,17 @@ impl<'a> StrictSource<'a> {
         StrictSource { images, params: *params, region: *region, done: 0, next: [None; 5] }
     }
 
-    /// Another disparity line is out.
+    /// Notes that another disparity line was produced.
     pub fn line_done(&mut self) {
         self.done += 1;
     }
 
-    /// How many disparity lines are out.
+    /// The number of disparity lines produced so far.
     pub fn lines_done(&self) -> usize {
         self.done
     }
 
-    /// Panics unless everything that the region needs was read: every line of every frame, if it is the whole frame.
+    /// Panics unless every line that the region needs was read.
     pub fn assert_finished(&self) {
         assert_eq!(self.done, self.region.height(), "disparity lines of the region");
         for (frame, next) in FRAMES.into_iter().zip(self.next) {
@@ -67,7 +67,7 @@ impl<'a> StrictSource<'a> {
         if top == 0 { 0 } else { self.inside(top - self.params.radius() as i32 + shift) }
     }
 
-    /// The last line of `frame` that the next disparity line, or else the last one, needs.
+    /// The last line of `frame` that the next disparity line needs, or that the last one needed.
     fn furthest(&self, frame: Frame) -> usize {
         let v = self.region.rows().start + self.done.min(self.region.height() - 1);
         self.inside(v as i32 + self.params.lead(frame))

@@ -1,4 +1,4 @@
-//! Where the published weights of MC-CNN are.
+//! The published weights of MC-CNN.
 
 use std::{
     env,
@@ -7,8 +7,8 @@ use std::{
 
 use crate::reference::networks::file_name;
 
-/// The folder of the weights: `$MULTISCOPIC_WEIGHTS`, the cache of `multiscopic weights install`, then `../shared/weights` beside
-/// the repository; `None` if neither has them.
+/// The folder of the weights: `$MULTISCOPIC_WEIGHTS`, the cache of `multiscopic weights install`, or `../shared/weights` beside
+/// the repository, whichever has them first; `None` if none has.
 pub fn weights() -> Option<PathBuf> {
     let given = env::var_os("MULTISCOPIC_WEIGHTS").map(PathBuf::from);
     let cache =
@@ -19,7 +19,7 @@ pub fn weights() -> Option<PathBuf> {
     folders.into_iter().flatten().find(is_complete)
 }
 
-/// A wheel of the Python package: `$MULTISCOPIC_MCCNN_WHEEL`.
+/// The wheel of the Python package, given by `$MULTISCOPIC_MCCNN_WHEEL`.
 pub fn wheel() -> Option<PathBuf> {
     env::var_os("MULTISCOPIC_MCCNN_WHEEL").map(PathBuf::from)
 }

@@ -1,4 +1,4 @@
-//! Loopback devices: cameras that show what they are fed with.
+//! Loopback devices: cameras that show the frames they are fed.
 
 use std::{
     io::{self, Write},
@@ -18,7 +18,7 @@ use v4l::{Device, Format, FourCC, video::Output};
 /// The time between two frames.
 const INTERVAL: Duration = Duration::from_millis(33);
 
-/// Feeds a device, as a camera feeds its driver, until it is dropped.
+/// Feeds a loopback device with frames until it is dropped.
 pub struct Producer {
     frame: Arc<Mutex<Vec<u8>>>,
     is_over: Arc<AtomicBool>,
@@ -26,17 +26,17 @@ pub struct Producer {
 }
 
 impl Producer {
-    /// Feeds `device` with `frame` again and again, which lies in memory as `layout` says. Once this returns, the device is a camera.
+    /// Feeds `device` with `frame`, which has the given layout, again and again. When this returns, the device is a camera.
     ///
     /// # Errors
-    /// If the device cannot be fed so.
+    /// If the device does not accept the format or the frame.
     pub fn start(device: &Path, layout: FrameLayout, frame: Vec<u8>) -> io::Result<Producer> {
         let mut output = Device::with_path(device)?;
         let [width, height] = layout.size;
         let wanted = Format::new(width, height, FourCC::new(&layout.format.fourcc()));
         let given = Output::set_format(&output, &wanted)?;
         let is_same = given.fourcc == wanted.fourcc && [given.width, given.height] == layout.size;
-        // The driver is wrong about the size of some formats.
+        // The driver reports too large a size for some formats.
         if !is_same || (given.size as usize) < frame.len() {
             let found = format!("{}x{} {} in {} bytes", given.width, given.height, given.fourcc, given.size);
             let message = format!("{} takes {found} instead of {layout} in {}", device.display(), frame.len());
@@ -48,7 +48,7 @@ impl Producer {
         let (next, must_end) = (frame.clone(), is_over.clone());
         let thread = thread::spawn(move || {
             while !must_end.load(Ordering::Relaxed) {
-                // Whole frames in one call each: the device's memory-mapped output shows halves of two.
+                // Write whole frames, each in one call: with memory-mapped output, readers see halves of two frames.
                 let bytes = next.lock().unwrap_or_else(PoisonError::into_inner).clone();
                 output.write_all(&bytes)?;
                 thread::sleep(INTERVAL);
@@ -61,13 +61,13 @@ impl Producer {
     /// Feeds `device` with a grey image.
     ///
     /// # Errors
-    /// If the device cannot be fed so.
+    /// If the device does not accept the format or the frame.
     pub fn gray(device: &Path, image: &GrayImage) -> io::Result<Producer> {
         let layout = FrameLayout { format: PixelFormat::Grey, size: image.dimensions().into(), stride: 0 };
         Producer::start(device, layout, image.as_raw().clone())
     }
 
-    /// Feeds it with `frame` from now on, as what a camera sees changes when it is moved.
+    /// Feeds `frame` from now on.
     pub fn show(&self, frame: Vec<u8>) {
         *self.frame.lock().unwrap_or_else(PoisonError::into_inner) = frame;
     }
@@ -77,7 +77,7 @@ impl Drop for Producer {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
         let ended = self.thread.take().map(JoinHandle::join);
-        // In a test that fails already, there is nothing to add.
+        // Do not hide the failure of a test that is already panicking.
         if !thread::panicking() {
             assert!(matches!(ended, None | Some(Ok(Ok(())))), "the producer fed its device to the end: {ended:?}");
         }

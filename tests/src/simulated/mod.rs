@@ -1,4 +1,4 @@
-//! Simulated hardware, with faults on demand. It shares no code with the drivers that talk to it.
+//! Simulated hardware with faults on demand. It shares no code with the drivers under test.
 
 pub mod arm;
 #[cfg(target_os = "linux")]

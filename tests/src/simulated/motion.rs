@@ -1,28 +1,28 @@
-//! How the arm moves.
+//! Straight motions with a trapezoidal speed profile.
 
 use std::time::{Duration, Instant};
 
 use crate::simulated::pose::{Pose, between, distance};
 
-/// A straight motion that speeds up, goes on, and slows down.
+/// A straight motion that accelerates, cruises and decelerates.
 #[derive(Clone, Debug)]
 pub struct Motion {
     from: Pose,
     to: Pose,
-    /// In metres, per second, per second squared.
+    /// In metres, metres per second, and metres per second squared.
     length: f64,
     speed: f64,
     acceleration: f64,
-    /// How far it is, and how fast.
+    /// Distance covered and current speed.
     gone: f64,
     now: f64,
-    /// How it was told to stop, if it was.
+    /// The deceleration of a commanded stop.
     stopping: Option<f64>,
     at: Instant,
 }
 
 impl Motion {
-    /// The steps of its arithmetic.
+    /// The integration step.
     const STEP: Duration = Duration::from_millis(1);
 
     /// A motion that begins now, in metres and seconds.
@@ -31,7 +31,7 @@ impl Motion {
         Motion { from, to, length, speed, acceleration, gone: 0.0, now: 0.0, stopping: None, at: Instant::now() }
     }
 
-    /// Goes on until now, with its speed scaled.
+    /// Advances the motion to the present time, at scaled speed.
     pub fn advance(&mut self, scaling: f64) {
         let now = Instant::now();
         while now - self.at >= Self::STEP && !self.has_ended() {
@@ -51,27 +51,27 @@ impl Motion {
         }
     }
 
-    /// Slows down to a stand.
+    /// Decelerates to a halt.
     pub fn stop(&mut self, deceleration: f64) {
         self.stopping = Some(deceleration);
     }
 
-    /// Stands at once.
+    /// Halts at once.
     pub fn halt(&mut self) {
         (self.stopping, self.now) = (Some(1.0), 0.0);
     }
 
-    /// Whether it has come to its end, or stopped.
+    /// Whether it has reached its end or stopped.
     pub fn has_ended(&self) -> bool {
         self.gone >= self.length || (self.stopping.is_some() && self.now == 0.0)
     }
 
-    /// How far it has come, in metres.
+    /// The distance covered, in metres.
     pub fn gone(&self) -> f64 {
         self.gone
     }
 
-    /// Where it is.
+    /// Its pose.
     pub fn pose(&self) -> Pose {
         match self.gone >= self.length {
             true => self.to,
@@ -79,7 +79,7 @@ impl Motion {
         }
     }
 
-    /// How fast it is, in metres per second along each axis; it does not say how fast it turns.
+    /// The speed along each axis in metres per second; rotational speeds are reported as 0.
     pub fn velocity(&self) -> [f64; 6] {
         let along = |i: usize| if self.length > 0.0 { (self.to[i] - self.from[i]) / self.length * self.now } else { 0.0 };
         [along(0), along(1), along(2), 0.0, 0.0, 0.0]

@@ -1,11 +1,11 @@
-//! Poses as the arm counts them, by quaternions.
+//! Poses in the arm's notation, computed with quaternions.
 
 use std::ops::Mul;
 
-/// A pose: three metres, and a rotation vector in radians.
+/// A pose: a position in metres, then a rotation vector in radians.
 pub type Pose = [f64; 6];
 
-/// URScript's `pose_trans`: where `to` is that is given in the frame of `from`.
+/// URScript's `pose_trans`: transforms `to` from the frame of `from` into the base's.
 pub fn pose_trans(from: Pose, to: Pose) -> Pose {
     let turn = Quaternion::of(from);
     let moved = turn.turn([to[0], to[1], to[2]]);
@@ -13,12 +13,12 @@ pub fn pose_trans(from: Pose, to: Pose) -> Pose {
     [from[0] + moved[0], from[1] + moved[1], from[2] + moved[2], rotation[0], rotation[1], rotation[2]]
 }
 
-/// The pose at a share of the way from one to another: straight, and turning evenly.
+/// Interpolates between two poses: along a straight line, with even rotation.
 pub fn between(from: Pose, to: Pose, share: f64) -> Pose {
     let start = Quaternion::of(from);
     let whole = (start.inverse() * Quaternion::of(to)).rotation();
     let turned = match whole == [0.0; 3] {
-        // As it was said, which another rotation vector may say too.
+        // Return it as given: several rotation vectors describe one rotation.
         true => [from[3], from[4], from[5]],
         false => (start * Quaternion::turning(whole.map(|angle| angle * share))).rotation(),
     };
@@ -26,12 +26,12 @@ pub fn between(from: Pose, to: Pose, share: f64) -> Pose {
     [place(0), place(1), place(2), turned[0], turned[1], turned[2]]
 }
 
-/// How far two poses are apart, in metres.
+/// The distance between two poses in metres.
 pub fn distance(a: Pose, b: Pose) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1]).hypot(a[2] - b[2])
 }
 
-/// The angle between two poses, in radians.
+/// The angle between two poses in radians.
 pub fn angle(a: Pose, b: Pose) -> f64 {
     let [x, y, z] = (Quaternion::of(a).inverse() * Quaternion::of(b)).rotation();
     x.hypot(y).hypot(z)
@@ -96,22 +96,22 @@ mod tests {
     }
 
     #[test]
-    fn poses_by_hand() {
+    fn transformations_equal_hand_computed_poses() {
         let offset = [0.1, 0.2, 0.0, 0.0, 0.0, 0.0];
         assert_near(pose_trans([1.0, 2.0, 3.0, 0.0, 0.0, 0.0], offset), [1.1, 2.2, 3.0, 0.0, 0.0, 0.0]);
-        // A tool that looks down has its y the other way round.
+        // A tool that looks down has its y axis reversed.
         assert_near(pose_trans([1.0, 2.0, 3.0, PI, 0.0, 0.0], offset), [1.1, 1.8, 3.0, PI, 0.0, 0.0]);
-        // About z by a quarter turn: x becomes y, y becomes -x.
+        // A quarter turn about z: x becomes y, y becomes -x.
         assert_near(pose_trans([1.0, 2.0, 3.0, 0.0, 0.0, FRAC_PI_2], offset), [0.8, 2.1, 3.0, 0.0, 0.0, FRAC_PI_2]);
         // A third of a turn about (1, 1, 1): x becomes y, y becomes z.
         let third = 2.0 * PI / 3.0 / 3f64.sqrt();
         assert_near(pose_trans([0.0, 0.0, 0.0, third, third, third], offset), [0.0, 0.1, 0.2, third, third, third]);
-        // Turns add up.
+        // Rotations about one axis add up.
         assert_near(pose_trans([0.0, 0.0, 0.0, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 0.0, 0.0, 0.2]), [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]);
     }
 
     #[test]
-    fn halfway() {
+    fn interpolation_meets_in_the_middle() {
         let (from, to) = ([0.0, 0.0, 0.0, 0.0, 0.2, 0.0], [0.2, 0.0, -0.4, 0.0, 0.4, 0.0]);
         assert_near(between(from, to, 0.5), [0.1, 0.0, -0.2, 0.0, 0.3, 0.0]);
         assert!((angle(from, to) - 0.2).abs() < 1e-12);

@@ -1,17 +1,17 @@
-//! Linux's virtual video driver: cameras that show patterns, and fail on demand.
+//! Linux's virtual video driver vivid: cameras that show patterns and fail on demand.
 
 use std::{io, path::Path};
 
 use v4l::{Control, Device, control::Value};
 
-/// Controls of the driver.
+/// The driver's control for the test pattern, and the one for its text overlay.
 const PATTERN: u32 = 0x00F0_F000;
 const TEXT: u32 = 0x00F0_F001;
 
-/// What a camera shows. Nothing moves in it.
+/// A still test pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
-    /// Eight bars of the same width: white, yellow, cyan, green, magenta, red, blue, black.
+    /// Eight bars of equal width: white, yellow, cyan, green, magenta, red, blue, black.
     Bars = 1,
     /// Black.
     Black = 5,
@@ -19,12 +19,12 @@ pub enum Pattern {
     White = 6,
 }
 
-/// What is wrong with a camera.
+/// A fault of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// This share of the frames is lost, in percent, from now on.
+    /// This percentage of frames is dropped from now on.
     Dropped(u8),
-    /// The device is disconnected, until nobody has it open any more.
+    /// The device is disconnected until nobody has it open.
     Disconnected,
     /// The next frame is flagged as damaged.
     Damaged,
@@ -38,10 +38,10 @@ pub enum Fault {
     Fatal,
 }
 
-/// Shows `pattern`, without text.
+/// Shows `pattern` without a text overlay.
 ///
 /// # Errors
-/// If `device` is none of this driver's.
+/// If `device` does not belong to this driver.
 pub fn show(device: &Path, pattern: Pattern) -> io::Result<()> {
     let device = Device::with_path(device)?;
     set(&device, TEXT, 2)?;
@@ -51,7 +51,7 @@ pub fn show(device: &Path, pattern: Pattern) -> io::Result<()> {
 /// Makes a camera fail.
 ///
 /// # Errors
-/// If `device` is none of this driver's.
+/// If `device` does not belong to this driver.
 pub fn inject(device: &Path, fault: Fault) -> io::Result<()> {
     let device = Device::with_path(device)?;
     match fault {

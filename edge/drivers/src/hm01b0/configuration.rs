@@ -2,7 +2,7 @@
 
 use embedded_hal::i2c::{ErrorKind, I2c};
 
-use super::registers::{self, Mode, Register};
+use super::sensor_registers::{self, Mode, Register};
 
 /// How frames are taken. It stays fixed for a whole sequence, so that all its frames are exposed alike.
 ///
@@ -23,15 +23,16 @@ pub struct Configuration {
     pub gain: Gain,
     /// The divider of the sensor's master clock.
     pub clock: ClockDivider,
-    /// The line time in cycles of the divided clock, raised to [`Size::least_line_clocks`]. Longer lines give the program more time to match a
-    /// frame during readout.
+    /// The line time in cycles of the divided clock, raised to [`Size::least_line_clocks`]. Longer lines give
+    /// the program more time to match a frame during readout.
     pub line_clocks: u16,
     /// Whether the last frame of a plan is read by the line during readout instead of being stored.
     pub stream_last: bool,
 }
 
 impl Configuration {
-    /// The fastest readout at a quarter of the master clock, half a frame of exposure, no gain, the last frame streamed.
+    /// The fastest readout at a quarter of the master clock. Half a frame of exposure, no gain, the last
+    /// frame streamed.
     pub const fn new(size: Size) -> Configuration {
         Configuration {
             size,
@@ -63,7 +64,7 @@ impl Configuration {
             (Register::FrameCount, 1),
         ];
         for (register, value) in bytes {
-            registers::write(i2c, register, value)?;
+            sensor_registers::write(i2c, register, value)?;
         }
         let words = [
             (Register::LineLength, self.line_clocks.max(self.size.least_line_clocks())),
@@ -71,9 +72,9 @@ impl Configuration {
             (Register::Integration, exposure),
         ];
         for (register, value) in words {
-            registers::write_wide(i2c, register, value)?;
+            sensor_registers::write_wide(i2c, register, value)?;
         }
-        registers::write(i2c, Register::GroupHold, 1)
+        sensor_registers::write(i2c, Register::GroupHold, 1)
     }
 }
 

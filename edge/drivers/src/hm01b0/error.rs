@@ -3,7 +3,7 @@
 use core::{error, fmt};
 use embedded_hal::i2c::ErrorKind;
 
-use super::{readout::FrameDefect, registers};
+use super::{readout::FrameDefect, sensor_registers};
 
 /// Why there is no frame, or no line of one. `S` is the error of the frame store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,7 +75,7 @@ impl<S: fmt::Display> fmt::Display for Hm01b0Error<S> {
         match self {
             Hm01b0Error::I2c(kind) => write!(f, "the sensor's registers cannot be reached: {kind}"),
             Hm01b0Error::Model { found } => {
-                write!(f, "the sensor is {found:#06x}, an HM01B0 is {:#06x}", registers::MODEL)
+                write!(f, "the sensor is {found:#06x}, an HM01B0 is {:#06x}", sensor_registers::MODEL)
             }
             Hm01b0Error::NotReset => f.write_str("the sensor did not complete its reset"),
             Hm01b0Error::NoFrame { index } => write!(f, "the plan has no frame {index}"),

@@ -5,14 +5,15 @@ use multiscopic_core::{Frame, Params, Rewind, ScanlineSource};
 
 /// A store of whole frames: internal or external memory, flash, files.
 pub trait FrameStore: ScanlineSource {
-    /// Stores line `v` of a frame. Lines are written in ascending order, and from the first again if the frame is taken again.
+    /// Stores line `v` of a frame. Lines ascend, and start again from 0 if the frame is taken again.
     ///
     /// # Errors
     /// Those of the store.
     fn write_line(&mut self, frame: Frame, v: usize, line: &[u8]) -> Result<(), Self::Error>;
 }
 
-/// Frames in memory, one after the other: the centre, then the views of the match in the order of [`View::ALL`](multiscopic_core::View::ALL).
+/// Frames in memory, one after the other: the centre, then the views of the match in the order of
+/// [`View::ALL`](multiscopic_core::View::ALL).
 ///
 /// ```
 /// use multiscopic_core::{Frame, Fusion, Params, Views};

@@ -5,10 +5,13 @@ use heapless::spsc::{Consumer, Producer, Queue};
 
 use super::pixel_bus::{Arrival, PixelBus};
 
-/// A queue of lines from an interrupt to the program. Full buffers go one way and empty ones come back, so nothing is copied, and neither side
-/// waits for the other.
+/// A queue of lines from an interrupt to the program.
 ///
-/// `N` is the number of line buffers plus two: one for the end of a frame, and one that the ring buffer leaves empty.
+/// Full buffers go one way and empty ones come back, so nothing is copied, and neither side waits for the
+/// other.
+///
+/// `N` is the number of line buffers plus two: one for the end of a frame, and one that the ring buffer
+/// leaves empty.
 ///
 /// ```
 /// use multiscopic_drivers::hm01b0::{Arrival, LineQueue, PixelBus};
@@ -20,7 +23,7 @@ use super::pixel_bus::{Arrival, PixelBus};
 ///
 /// // The program.
 /// receiver.restart();
-/// // The interrupt: at the start of a frame, for each line (or when DMA has filled it), and at the end of the frame.
+/// // The interrupt: at the start of a frame, for each line, and at the end of the frame.
 /// sender.begin_frame();
 /// if let Some(buffer) = sender.buffer() {
 ///     buffer.fill(7);
@@ -40,7 +43,9 @@ pub struct LineQueue<'b, const N: usize> {
     wanted: AtomicU8,
 }
 
-/// A line or the end of a frame, on its way to the program. `frame` is the number that the program waited for when the frame began.
+/// A line or the end of a frame, on its way to the program.
+///
+/// `frame` is the number of the frame that the program waited for when the frame began.
 #[derive(Debug)]
 enum Parcel<'b> {
     Line { frame: u8, number: usize, pixels: usize, buffer: &'b mut [u8] },

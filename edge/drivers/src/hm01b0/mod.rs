@@ -1,8 +1,9 @@
 //! A camera with the sensor HM01B0 of Himax, a low-power sensor of 324x244 grey pixels.
 //!
-//! The sensor is configured over I2C and sends its pixels over a parallel bus of 8 bits. An interrupt, or a DMA transfer that it starts, puts
-//! the lines into a [`LineQueue`]. The camera takes them from there and writes them to a [`FrameStore`]. The last frame of a plan need not be
-//! stored: the matcher can take its lines during readout.
+//! The sensor is configured over I2C and sends its pixels over a parallel bus of 8 bits. An interrupt, or a
+//! DMA transfer that it starts, puts the lines into a [`LineQueue`]. The camera takes them from there and
+//! writes them to a [`FrameStore`]. The last frame of a plan need not be stored: the matcher can take its
+//! lines during readout.
 //!
 //! ```
 //! use core::time::Duration;
@@ -53,7 +54,7 @@ mod frame_store;
 mod line_queue;
 mod pixel_bus;
 mod readout;
-mod registers;
+mod sensor_registers;
 
 pub use configuration::{ClockDivider, Configuration, Gain, Size};
 pub use error::Hm01b0Error;
@@ -68,20 +69,23 @@ use multiscopic_core::{
 };
 
 use readout::{Readout, SensorOutput};
-use registers::{Mode, Register};
+use sensor_registers::{Mode, Register};
 
 /// How often the sensor is asked whether its reset is complete, a millisecond apart.
 const RESET_POLLS: usize = 20;
 
 /// The camera: registers on the I2C bus `I`, a delay `T`, lines from the bus `B`, frames in the store `S`.
 ///
-/// It is a [`ScanlineSource`] of the frames of its plan: those in the store, and the last one during readout if it is
-/// [streamed](Configuration::stream_last). A streamed line that has not arrived yet is the error [`Waiting`](Hm01b0Error::Waiting); request
-/// it again, as the next call of [`Matcher::next_line`](multiscopic_core::Matcher::next_line) does. A streamed frame is complete once all its
-/// lines were read. Lines must not arrive faster than they are read: [`Configuration::line_clocks`] slows the sensor down.
+/// It is a [`ScanlineSource`] of the frames of its plan: those in the store, and the last one during readout
+/// if it is [streamed](Configuration::stream_last). A streamed line that has not arrived yet is the error
+/// [`Waiting`](Hm01b0Error::Waiting); request it again, as the next call of
+/// [`Matcher::next_line`](multiscopic_core::Matcher::next_line) does. A streamed frame is complete once all
+/// its lines were read. Lines must not arrive faster than they are read: [`Configuration::line_clocks`] slows
+/// the sensor down.
 ///
 /// If a frame is damaged or lines are lost, [`is_complete`](Camera::is_complete) fails, and a
-/// [`Sequence`](multiscopic_core::capture::Sequence) takes the frame again. The camera has no time-outs of its own: the sequence has.
+/// [`Sequence`](multiscopic_core::capture::Sequence) takes the frame again. The camera has no time-outs of
+/// its own: the sequence has.
 #[derive(Debug)]
 pub struct Hm01b0<I, T, B, S> {
     i2c: I,
@@ -110,17 +114,17 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Hm01b0<I, T, B, S> {
     }
 
     fn identify(&mut self) -> Result<(), Hm01b0Error<S::Error>> {
-        match registers::read_wide(&mut self.i2c, Register::Model)? {
-            registers::MODEL => Ok(()),
+        match sensor_registers::read_wide(&mut self.i2c, Register::Model)? {
+            sensor_registers::MODEL => Ok(()),
             found => Err(Hm01b0Error::Model { found }),
         }
     }
 
     fn reset(&mut self) -> Result<(), Hm01b0Error<S::Error>> {
-        registers::write(&mut self.i2c, Register::SoftwareReset, 1)?;
+        sensor_registers::write(&mut self.i2c, Register::SoftwareReset, 1)?;
         for _ in 0..RESET_POLLS {
             self.delay.delay_ms(1);
-            if registers::read(&mut self.i2c, Register::ModeSelect)? == Mode::Standby as u8 {
+            if sensor_registers::read(&mut self.i2c, Register::ModeSelect)? == Mode::Standby as u8 {
                 return Ok(());
             }
         }
@@ -128,7 +132,7 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Hm01b0<I, T, B, S> {
     }
 
     fn set_mode(&mut self, mode: Mode) -> Result<(), Hm01b0Error<S::Error>> {
-        Ok(registers::write(&mut self.i2c, Register::ModeSelect, mode as u8)?)
+        Ok(sensor_registers::write(&mut self.i2c, Register::ModeSelect, mode as u8)?)
     }
 
     /// Stores the lines that have arrived. Returns whether the frame is complete.
@@ -211,7 +215,7 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Camera for Hm01b0<I, T, B, 
         self.readout = None;
         self.bus.restart();
         self.set_mode(Mode::Standby)?;
-        Ok(registers::write(&mut self.i2c, Register::AutoExposure, 1)?)
+        Ok(sensor_registers::write(&mut self.i2c, Register::AutoExposure, 1)?)
     }
 }
 

@@ -1,9 +1,9 @@
 //! The parallel bus that a sensor sends its pixels over.
 
-/// Receives the lines of a sensor: from an interrupt, through a [`LineQueue`](crate::hm01b0::LineQueue), or straight from a peripheral that
-/// buffers a few.
+/// Receives the lines of a sensor: from an interrupt, through a [`LineQueue`](crate::hm01b0::LineQueue), or
+/// straight from a peripheral that buffers a few.
 pub trait PixelBus {
-    /// Drops the frame that is being received. The next line is the first one of a frame that begins after this call.
+    /// Drops the frame that is being received. The next line begins a frame that started after this call.
     fn restart(&mut self);
 
     /// The next line or the end of the frame, or nothing if neither has arrived yet. Never blocks.

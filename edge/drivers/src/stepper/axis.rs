@@ -39,19 +39,20 @@ pub struct Axis {
     pub min_um: i32,
     /// The greatest position in micrometres.
     pub max_um: i32,
-    /// The hysteresis of the low switch: it is released at most so many micrometres from where it is pressed.
+    /// The most micrometres between where the low switch is pressed and where it is released.
     pub release_um: u32,
     /// The greatest speed in micrometres/s.
     pub speed_um_per_s: u32,
-    /// The acceleration and deceleration in micrometres/s². The speed is also limited to what it reaches within 4 s.
+    /// The acceleration and deceleration in micrometres/s². The speed is also limited to what it reaches
+    /// within 4 s.
     pub acceleration_um_per_s2: u32,
-    /// The speed of homing towards the switch in micrometres/s, from which the motor must be able to stop at once. The way back takes an eighth
-    /// of it.
+    /// The speed of homing towards the switch in micrometres/s, from which the motor must be able to stop at
+    /// once. The way back takes an eighth of it.
     pub homing_um_per_s: u32,
     /// The level of the direction pin for motion to the right or down.
     pub forward: PinState,
-    /// The level of a pressed switch. Prefer `High`, with a pull-up and a switch that opens a connection to ground: a broken wire then counts as
-    /// pressed.
+    /// The level of a pressed switch. Prefer `High`, with a pull-up and a switch that opens a connection to
+    /// ground: a broken wire then counts as pressed.
     pub pressed: PinState,
 }
 
@@ -75,7 +76,7 @@ impl Axis {
         Ok(())
     }
 
-    /// The step nearest to a position. Converting positions, never distances, keeps rounding errors from adding up.
+    /// The step nearest to a position. Positions are converted, never distances, so errors do not add up.
     pub(super) const fn to_steps(self, um: i32) -> i32 {
         clamped(self.exact_steps(um))
     }
@@ -108,8 +109,8 @@ impl Axis {
     }
 }
 
-/// `number * numerator / denominator`, rounded to nearest, halves away from zero. The product fits 64 bits, and [`Axis::check`] refuses a
-/// denominator of 0.
+/// `number * numerator / denominator`, rounded to nearest, halves away from zero. The product fits 64 bits,
+/// and [`Axis::check`] refuses a denominator of 0.
 const fn rounded(number: i32, numerator: u32, denominator: u32) -> i64 {
     let (product, denominator) = (number as i64 * numerator as i64, denominator as i64);
     let half = if product < 0 { -(denominator / 2) } else { denominator / 2 };
@@ -171,7 +172,7 @@ impl error::Error for AxisError {}
 mod tests {
     use super::*;
 
-    /// A belt that moves 40 teeth of 2.032 mm a turn, in 3200 steps, so that no whole number of steps is a millimetre.
+    /// A belt with 40 teeth of 2.032 mm a turn: no whole number of steps is a millimetre.
     const BELT: Axis = Axis {
         steps: 3200,
         um: 81_280,

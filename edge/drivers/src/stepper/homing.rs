@@ -2,10 +2,10 @@
 
 use super::{axis::Axis, drive::AxisId, error::StepperError, ramp::Ramp};
 
-/// The retreat from the switch is slower than the approach by this factor: the speed sets the precision of the reference.
+/// The retreat is slower than the approach by this factor, because its speed limits the precision.
 const RETREAT_SLOWDOWN: u32 = 8;
 
-/// The homing of one axis: fast towards the switch until it is pressed, then slowly back until it is released.
+/// The homing of one axis: towards the switch until it is pressed, then slowly back until it is released.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Homing {
     pub axis: AxisId,

@@ -1,7 +1,7 @@
 //! A stage of two axes with stepping motors.
 //!
-//! Motor drivers with step and direction inputs move the axes; limit switches at the ends stop them. Homing finds the switches at the low ends,
-//! and the stage counts steps from there.
+//! Motor drivers with step and direction inputs move the axes; limit switches at the ends stop them. Homing
+//! finds the switches at the low ends, and the stage counts steps from there.
 //!
 //! ```
 //! use embedded_hal::{delay::DelayNs, digital::{InputPin, OutputPin, PinState}};
@@ -54,19 +54,22 @@ use multiscopic_core::capture::{Position, Stage};
 use homing::{Homing, HomingAction};
 use straight_line::StraightLine;
 
-/// How much of a motion one call of [`has_arrived`](Stage::has_arrived) makes, in nanoseconds: 10 ms, but at least a step.
+/// The time that a call of [`has_arrived`](Stage::has_arrived) spends on a motion, or a step if that is
+/// longer.
 const SLICE_NS: u32 = 10_000_000;
 
 const AXES: [AxisId; 2] = [AxisId::X, AxisId::Y];
 
-/// A stage with stepping motors. Each call of [`has_arrived`](Stage::has_arrived) makes the steps of about 10 ms.
+/// A stage with stepping motors.
 ///
-/// The motors stand still between two calls, so make the next one at once: any time in between lengthens a step. This does not matter at
-/// speeds from which the motors can stop at once.
+/// Each call of [`has_arrived`](Stage::has_arrived) makes the steps of about 10 ms. The motors stand still
+/// between two calls, so make the next one at once: any time in between lengthens a step. This does not
+/// matter at speeds from which the motors can stop at once.
 ///
-/// [Home](Stepper::home) the stage before it moves, and again after every error but [`Beyond`](StepperError::Beyond): a motor that was
-/// stopped at once, or was blocked, may have lost steps. [`stop`](Stage::stop) decelerates, for at most 4 s, and keeps the position.
-/// [`position`](Stage::position) counts steps and does not notice those that a motor lost; homing does, see [`drift`](Stepper::drift).
+/// [Home](Stepper::home) the stage before it moves, and again after every error but
+/// [`Beyond`](StepperError::Beyond): a motor that was stopped at once, or was blocked, may have lost steps.
+/// [`stop`](Stage::stop) decelerates, for at most 4 s, and keeps the position. [`position`](Stage::position)
+/// counts steps and does not notice those that a motor lost; homing does, see [`drift`](Stepper::drift).
 ///
 /// No call panics, and no arithmetic overflows.
 #[derive(Debug)]
@@ -94,8 +97,8 @@ enum Activity {
 }
 
 impl<X: Drive, Y: Drive, T: DelayNs> Stepper<X, Y, T> {
-    /// A stage of two axes: x to the right, y down. The step pins stay high for `pulse_ns` nanoseconds; 2000 is enough for most motor
-    /// drivers.
+    /// A stage of two axes: x to the right, y down. The step pins stay high for `pulse_ns` nanoseconds; 2000
+    /// is enough for most motor drivers.
     ///
     /// # Errors
     /// [`StepperError::Axis`].
@@ -107,8 +110,10 @@ impl<X: Drive, Y: Drive, T: DelayNs> Stepper<X, Y, T> {
         Ok(Stepper { axes, x, y, delay, pulse_ns, at, target: at, drift: at, is_homed: false, activity })
     }
 
-    /// Starts to look for the switches at the low ends, first along x, then along y: towards the switch until it is pressed, then slowly back
-    /// until it is released. Like any motion, it goes on in [`has_arrived`](Stage::has_arrived).
+    /// Starts to look for the switches at the low ends, first along x, then along y.
+    ///
+    /// Each axis moves towards its switch until it is pressed, then slowly back until it is released. Like
+    /// any motion, this goes on in [`has_arrived`](Stage::has_arrived).
     ///
     /// # Errors
     /// Those of the pins.
@@ -119,8 +124,7 @@ impl<X: Drive, Y: Drive, T: DelayNs> Stepper<X, Y, T> {
         self.start_homing(AxisId::X, was_homed)
     }
 
-    /// How many steps the position of each axis was off when it was homed last: the steps that its motor had lost since the homing before.
-    /// Zero after the first homing.
+    /// The steps that each motor had lost when its axis was homed last. Zero after the first homing.
     pub fn drift(&self) -> [i32; 2] {
         self.drift
     }
@@ -136,7 +140,7 @@ impl<X: Drive, Y: Drive, T: DelayNs> Stepper<X, Y, T> {
         Ok(())
     }
 
-    /// Makes the next step, and returns the time that it took in nanoseconds. Nothing if the stage stands still.
+    /// Makes the next step and returns its time in nanoseconds, or nothing if the stage stands still.
     fn advance(&mut self) -> Result<Option<u32>, StepperError> {
         match mem::replace(&mut self.activity, Activity::Still) {
             Activity::Still => Ok(None),

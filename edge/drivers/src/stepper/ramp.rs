@@ -3,10 +3,11 @@
 /// Nanoseconds in a second.
 const SECOND: u64 = 1_000_000_000;
 
-/// The intervals between the steps of a motion from rest to rest: constant acceleration, constant speed, constant deceleration.
+/// The intervals between steps, from rest to rest: constant acceleration, constant speed, deceleration.
 ///
-/// Accelerated from rest, step `n` is due after `sqrt(2 n / acceleration)`. This time is an integer square root in nanoseconds, computed
-/// afresh for each step, so errors do not add up: every interval is within 1.1 ns of the exact one, and never shorter than at full speed.
+/// Accelerated from rest, step `n` is due after `sqrt(2 n / acceleration)`. This time is an integer square
+/// root in nanoseconds, computed afresh for each step, so errors do not add up: every interval is within
+/// 1.1 ns of the exact one, and never shorter than at full speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Ramp {
     /// The square of the time of the first step from rest, in square nanoseconds.
@@ -27,8 +28,8 @@ impl Ramp {
     /// The longest time from rest to full speed in seconds. Its square in square nanoseconds fits 64 bits.
     const MAX_SECONDS: u64 = 4;
 
-    /// A motion at rest, for a speed in steps/s and an acceleration in steps/s². Both are raised to at least 1. The speed is limited to a
-    /// million steps/s, and to what is reached in 4 s.
+    /// A motion at rest, for a speed in steps/s and an acceleration in steps/s². Both are at least 1, and the
+    /// speed is limited to a million steps/s and to what is reached in 4 s.
     pub const fn new(speed: u32, acceleration: u32) -> Ramp {
         let acceleration = if acceleration == 0 { 1 } else { acceleration as u64 };
         let mut speed = if speed == 0 { 1 } else { speed as u64 };

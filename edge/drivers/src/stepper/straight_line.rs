@@ -4,7 +4,8 @@ use super::{axis::Axis, ramp::Ramp};
 
 /// A motion of both axes along a straight line, at rest at both ends.
 ///
-/// Each step moves the axis with more steps. The other follows by Bresenham's algorithm, never more than half a step off the line.
+/// Each step moves the axis with more steps. The other follows by Bresenham's algorithm, never more than half
+/// a step off the line.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StraightLine {
     /// The directions of the axes: -1, 0 or 1.
@@ -20,7 +21,8 @@ pub(super) struct StraightLine {
 }
 
 impl StraightLine {
-    /// The line between two positions in steps, or nothing if they are the same. Each axis stays within its speed and acceleration.
+    /// The line between two positions in steps, or nothing if they are the same. It respects the limits of
+    /// both axes.
     pub fn new(axes: &[Axis; 2], from: [i32; 2], to: [i32; 2]) -> Option<StraightLine> {
         let counts = [from[0].abs_diff(to[0]), from[1].abs_diff(to[1])];
         let ways = [(to[0] > from[0]) as i32 - (to[0] < from[0]) as i32, (to[1] > from[1]) as i32 - (to[1] < from[1]) as i32];
@@ -28,7 +30,7 @@ impl StraightLine {
         if longest == 0 {
             return None;
         }
-        // An axis with a fraction of the steps takes that fraction of the speed, so its limit counts for more.
+        // The shorter axis moves at a fraction of the line's speed, so its limit allows a faster line.
         let limit = |of: fn(&Axis) -> u32| {
             let moving = axes.iter().zip(counts).filter(|&(_, count)| count > 0);
             let limits = moving.map(|(axis, count)| u64::from(axis.steps_of(of(axis))) * u64::from(longest) / u64::from(count));
@@ -38,7 +40,7 @@ impl StraightLine {
         Some(StraightLine { ways, counts, longest, steps_left: longest, excess: [u64::from(longest / 2); 2], ramp })
     }
 
-    /// The directions of the axes in the next step, and its time in nanoseconds after the step before. Nothing at the end.
+    /// The directions of the axes in the next step, and its interval in nanoseconds. Nothing at the end.
     pub fn next(&mut self) -> Option<([i32; 2], u32)> {
         let interval = (self.steps_left > 0).then(|| self.ramp.interval(self.steps_left))?;
         self.steps_left -= 1;

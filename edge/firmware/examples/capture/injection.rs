@@ -122,7 +122,7 @@ impl Injection {
         matches!(self.kind, FaultKind::Abort(stage) if (stage, self.frame) == reached)
     }
 
-    /// The fault of a screw: from the beginning if the stage is not homed, otherwise from the next pulses after `homed_pulses` on.
+    /// The fault of a screw: one of homing, or one that follows some pulses after homing.
     pub fn of_screw(&self, axis: usize, homed_pulses: Option<u32>) -> Option<ScrewFault> {
         match (self.kind, axis, homed_pulses) {
             (FaultKind::Pressed, 1, _) => Some(ScrewFault::Pressed(0, 0)),

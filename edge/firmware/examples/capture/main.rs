@@ -1,9 +1,10 @@
-//! A complete capture: the stage moves, the camera takes five frames, and the firmware matches them during the readout of the last one and
-//! sends the disparities.
+//! A complete capture: the stage moves, the camera takes five frames, and the firmware matches them during
+//! the readout of the last one and sends the disparities.
 //!
-//! The slide and the sensor are simulated, on the other side of the pins and buses that the drivers use. The capture runs twice: first with
-//! the fault on the command line, then without. Exit codes: 0 if both captures gave disparities, 1 if the first did not, 2 if the second did
-//! not, or if the stage still moved after either.
+//! The slide and the sensor are simulated, on the other side of the pins and buses that the drivers use. The
+//! capture runs twice: first with the fault on the command line, then without. Exit codes: 0 if both captures
+//! gave disparities, 1 if the first did not, 2 if the second did not, or if the stage still moved after
+//! either.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

@@ -108,7 +108,7 @@ impl<'s> Sensor<'s> {
         self.plan.frames().get(index).copied()
     }
 
-    /// Starts a frame: the one before again if the slide has not been moved since, otherwise the next one of the plan.
+    /// Starts the next frame of the plan, or the same one again if the slide has not moved since.
     fn start(&mut self) -> Result<(), ErrorKind> {
         let pulses = self.slide.borrow().screws.iter().map(|screw| screw.pulses as usize).sum();
         let frame = match self.started {

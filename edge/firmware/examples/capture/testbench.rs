@@ -60,7 +60,7 @@ pub struct MatchBuffers {
 }
 
 impl Testbench<'_, '_> {
-    /// Captures with a fault, and returns whether there are disparities; nothing if the stage does not stand still afterwards.
+    /// Captures with a fault. Returns whether that gave disparities, or nothing if the stage did not stop.
     pub fn capture_and_check(&mut self, buffers: &mut MatchBuffers, injection: Injection) -> Option<bool> {
         self.inject(injection, false);
         let captured = self.capture(buffers, injection);
@@ -163,7 +163,8 @@ impl Testbench<'_, '_> {
         sequence: &mut Sequence<'_, StepperError, CameraError>,
         injection: Injection,
     ) -> Result<Progress, CaptureFailure> {
-        // Replaces what was sent of a damaged frame. At a serial port, a receiver would see the packets count from 0 again.
+        // Replaces the packets of a damaged frame. On a serial port, a receiver would see them count from 0
+        // again.
         let mut output = HostFile::create(buffers.path).map_err(CaptureFailure::Send)?;
         let whole = Region::whole(&CAPTURE);
         let matcher = Matcher::with_isa(BoardKernel::default(), &CAPTURE, &whole, buffers.memory);

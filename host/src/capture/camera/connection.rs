@@ -21,8 +21,8 @@ use super::{
 };
 use crate::files::input;
 
-/// Frames that may have been exposed before a call, though they arrive after it: one is being read out, and the exposure of the next
-/// overlaps with that.
+/// Frames that may have been exposed before a call, though they arrive after it: one is being read out, and
+/// the exposure of the next overlaps with that.
 const FRAMES_IN_FLIGHT: u16 = 2;
 
 /// An open device, set to a format. The fields are in the order in which they must be dropped.
@@ -119,7 +119,8 @@ fn preferred_format(device: &Device) -> Result<PixelFormat, CameraFault> {
     })
 }
 
-/// Sets the device to `format` and `size`, or to its current size. Fails where a driver would silently use another format or size.
+/// Sets the device to `format` and `size`, or to its current size. Fails where a driver would silently use
+/// another format or size.
 fn set_format(device: &Device, format: PixelFormat, size: Option<[u32; 2]>) -> Result<FrameLayout, CameraFault> {
     let size = match size {
         Some(size) => size,

@@ -10,8 +10,8 @@ use v4l::{Capabilities, Device, capability};
 
 use super::error::{self, CameraFault};
 
-/// Turns a panic of crate `v4l` into an error. It panics at answers that it does not know, such as names that are not UTF-8 or the colour
-/// spaces of newer kernels.
+/// Turns a panic of crate `v4l` into an error. It panics at answers that it does not know, such as names that
+/// are not UTF-8 or the colour spaces of newer kernels.
 pub(super) fn catch_panic<T>(call: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
     panic::catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|_| Err(io::Error::other("the driver's answer is not understood")))
 }

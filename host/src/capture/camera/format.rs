@@ -4,8 +4,8 @@ use serde::Serialize;
 
 /// How a camera encodes pixels.
 ///
-/// They are converted to 8-bit grey. Luma is not rescaled: it usually ranges from 0 to 255 in the grey formats and in JPEG, and from 16 to
-/// 235 in YUYV and NV12.
+/// They are converted to 8-bit grey. Luma is not rescaled: it usually ranges from 0 to 255 in the grey
+/// formats and in JPEG, and from 16 to 235 in YUYV and NV12.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum PixelFormat {
@@ -28,7 +28,8 @@ pub enum PixelFormat {
 }
 
 impl PixelFormat {
-    /// All formats, in order of preference: uncompressed before compressed, luma before RGB, few bytes before many.
+    /// All formats, in order of preference: uncompressed before compressed, luma before RGB, few bytes before
+    /// many.
     pub const ALL: [PixelFormat; 8] = {
         use PixelFormat::*;
         [Grey, Nv12, Yuyv, Y10, Y12, Y16, Rgb3, Mjpg]

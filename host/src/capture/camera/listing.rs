@@ -57,8 +57,8 @@ pub enum FrameSizes {
     },
 }
 
-/// Lists the cameras in the order of their device numbers. Those that cannot be used are included, with the reason; devices that are not
-/// cameras are left out.
+/// Lists the cameras in the order of their device numbers. Those that cannot be used are included, with the
+/// reason; devices that are not cameras are left out.
 ///
 /// # Errors
 /// `/dev` cannot be read.

@@ -6,7 +6,8 @@ use v4l::{Control, Device, control::Value};
 
 use super::{driver, error::CameraFault, settings::CameraSettings};
 
-/// Control numbers of linux/v4l2-controls.h. The bindings generated in `v4l2-sys` have only what crate `v4l` itself uses.
+/// Control numbers of linux/v4l2-controls.h. The bindings generated in `v4l2-sys` have only what crate `v4l`
+/// itself uses.
 mod cid {
     const USER_BASE: u32 = 0x0098_0900;
     const CAMERA_BASE: u32 = 0x009a_0900;
@@ -104,7 +105,8 @@ impl LockedControls {
         let value = control.values.iter().find_map(|&id| self.get(id).ok());
         if let Some(mode) = automatic {
             self.change(control, mode, (control.manual)())?;
-            // Some cameras jump to another value when they switch to manual. Those that cannot be set stay where they are.
+            // Some cameras jump to another value when they switch to manual. Those that cannot be set stay
+            // where they are.
             if let (Some(value), None) = (&value, requested) {
                 let _ = self.set(Control { id: value.id, value: copy(&value.value) });
             }

@@ -25,6 +25,7 @@ mod error;
 mod format;
 mod frame_layout;
 mod frame_mean;
+mod gray_conversion;
 mod jpeg;
 mod listing;
 mod locked_controls;
@@ -50,8 +51,9 @@ pub use settings::CameraSettings;
 
 /// An open V4L2 camera.
 ///
-/// It stays usable after an error: the next call of [`frame`](V4l2Camera::frame) starts afresh, and reopens a device that was unplugged and
-/// plugged in again. Dropping it stops the camera and restores the controls that were locked.
+/// It stays usable after an error: the next call of [`frame`](V4l2Camera::frame) starts afresh, and reopens a
+/// device that was unplugged and plugged in again. Dropping it stops the camera and restores the controls
+/// that were locked.
 pub struct V4l2Camera {
     path: PathBuf,
     settings: CameraSettings,
@@ -65,7 +67,8 @@ impl V4l2Camera {
     /// Opens the camera at `path`, such as `/dev/video0`, and sets its format and size.
     ///
     /// # Errors
-    /// There is no such device, it may not be opened, it is not a camera, it is in use, or it lacks the format or the size.
+    /// There is no such device, it may not be opened, it is not a camera, it is in use, or it lacks the
+    /// format or the size.
     pub fn open(path: &Path, settings: &CameraSettings) -> Result<V4l2Camera, CameraError> {
         let of_device = |fault| CameraError { device: path.into(), fault };
         let connection = Connection::open(path, settings.format, settings.size).map_err(of_device)?;
@@ -73,13 +76,14 @@ impl V4l2Camera {
         Ok(V4l2Camera { path: path.into(), settings: settings.clone(), layout, card, connection: Some(connection) })
     }
 
-    /// Takes a picture: the rounded mean of [`CameraSettings::average`] frames, none of which was exposed before this call.
+    /// Takes a picture: the rounded mean of [`CameraSettings::average`] frames, none of which was exposed
+    /// before this call.
     ///
-    /// The first call starts the camera, lets it warm up, and locks its controls. Later calls discard the frames that are queued or already
-    /// being exposed.
+    /// The first call starts the camera, lets it warm up, and locks its controls. Later calls discard the
+    /// frames that are queued or already being exposed.
     ///
-    /// It returns within `timeout`, and within a tenth of a second once `is_cancelled` is set. The time that the driver takes to start and
-    /// stop the stream comes on top.
+    /// It returns within `timeout`, and within a tenth of a second once `is_cancelled` is set, not counting the
+    /// time that the driver takes to start and stop the stream.
     ///
     /// # Errors
     /// No frame arrived in time, a frame was damaged, the device is gone, or the call was cancelled.

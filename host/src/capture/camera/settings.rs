@@ -11,12 +11,13 @@ pub struct CameraSettings {
     pub format: Option<PixelFormat>,
     /// Width and height in pixels. `None`: the camera's current size.
     pub size: Option<[u32; 2]>,
-    /// Frames to discard after the camera starts, and again after its controls were locked: its automatic controls need a few frames to
-    /// settle, and some drivers deliver a stale frame first.
+    /// Frames to discard after the camera starts, and again after its controls were locked: its automatic
+    /// controls need a few frames to settle, and some drivers deliver a stale frame first.
     pub warm_up: u16,
     /// Frames averaged into one picture.
     pub average: NonZeroU16,
-    /// Whether to freeze exposure, gain, focus and white balance after the warm-up, so that pictures can be compared.
+    /// Whether to freeze exposure, gain, focus and white balance after the warm-up, so that pictures can be
+    /// compared.
     pub lock: bool,
     /// Exposure time in units of 100 µs. `None`: what the camera chose.
     pub exposure: Option<i32>,

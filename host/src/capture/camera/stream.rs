@@ -20,7 +20,8 @@ use super::{
     error::{self, CameraFault},
 };
 
-/// Buffers to request. One is ours to read, the others are queued; some drivers need three queued before they start.
+/// Buffers to request. One is ours to read, the others are queued; some drivers need three queued before they
+/// start.
 const BUFFERS: u32 = 5;
 
 /// The most frames that can be waiting: drivers may have buffers of their own.
@@ -50,8 +51,8 @@ pub(super) enum WaitError {
 
 /// A running stream. After any error it must be dropped.
 ///
-/// Crate `v4l` must never wait for a frame itself: after a time-out it queues a buffer that the driver still owns, and fails from then on.
-/// So this waits for each frame first.
+/// Crate `v4l` must never wait for a frame itself: after a time-out it queues a buffer that the driver still
+/// owns, and fails from then on. So this waits for each frame first.
 pub(super) struct Stream {
     /// `None` only while it is dropped.
     inner: Option<mmap::Stream<'static>>,
@@ -149,8 +150,8 @@ impl Stream {
 impl Drop for Stream {
     fn drop(&mut self) {
         let Some(mut inner) = self.inner.take() else { return };
-        // If the driver does not stop, crate `v4l` panics, and panics again as it releases the buffers, which aborts the program.
-        // Leak such a stream instead.
+        // If the driver does not stop, crate `v4l` panics, and panics again as it releases the buffers, which
+        // aborts the program. Leak such a stream instead.
         let has_stopped = (0..2).any(|_| inner.stop().map_or_else(|error| error::is_gone(&error), |()| true));
         if has_stopped {
             // A panic here means that the device is gone. The program goes on.

@@ -11,14 +11,17 @@ use super::error::StageError;
 /// The defaults are slow on purpose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// How far the stage may go from where it was opened, in micrometres: 1 to 1 000 000, by default 100 000. A position beyond that is refused
-    /// before anything moves.
+    /// How far the stage may go from where it was opened, in micrometres: 1 to 1 000 000, by default 100 000.
+    /// A position beyond that is refused before anything moves.
     pub reach_um: u32,
-    /// Speed in millimetres per second: above 0 and at most 250, the limit for robots next to people. By default 50.
+    /// Speed in millimetres per second: above 0 and at most 250, the limit for robots next to people. By
+    /// default 50.
     pub speed_mm_s: f64,
-    /// Acceleration in millimetres per second squared: above 0 and at most 1200, by default 100. G-code machines ignore it: they have their own.
+    /// Acceleration in millimetres per second squared: above 0 and at most 1200, by default 100. G-code
+    /// machines ignore it: they have their own.
     pub acceleration_mm_s2: f64,
-    /// How long a stage may take to answer at first: some boards boot when the port is opened. By default 10 s.
+    /// How long a stage may take to answer for the first time. By default 10 s, because some boards boot when
+    /// their port is opened.
     pub connect_timeout: Duration,
     /// How long a stage may take to answer, or to send its next report. By default 3 s.
     pub silence_timeout: Duration,

@@ -15,7 +15,8 @@ use super::{error::StageError, limits::Limits};
 
 /// A stage that prompts a person to move the camera. An empty line means done; `q` gives up.
 ///
-/// It cannot measure where the camera is. No call waits for an answer, so that a capture can be aborted at any time.
+/// It cannot measure where the camera is. No call waits for an answer, so that a capture can be aborted at
+/// any time.
 pub struct ManualStage<W> {
     answers: Answers,
     prompts: W,
@@ -115,7 +116,8 @@ fn displacement(from: Position, to: Position) -> String {
 #[derive(Clone)]
 struct Answers {
     lines: Arc<Mutex<Receiver<io::Result<String>>>>,
-    /// Whether a person types the lines. Then a line typed before a prompt is not an answer to it; from a pipe or file it is.
+    /// Whether a person types the lines. Then a line typed before a prompt is not an answer to it; from a
+    /// pipe or file it is.
     is_typed: bool,
 }
 

@@ -10,23 +10,24 @@
 //! | [`ManualStage`] | a person who is prompted |
 //! | [`StageError`] | what went wrong, and what to do |
 //!
-//! A stage's [centre](multiscopic_core::capture::Position::CENTER) is where it is when it is opened. All positions are relative to it.
+//! A stage's [centre](multiscopic_core::capture::Position::CENTER) is where it is when it is opened. All
+//! positions are relative to it.
 
 mod any_stage;
-pub mod arm;
 mod error;
 pub mod gcode;
 mod limits;
 mod manual;
+pub mod robot_arm;
 mod safety_mode;
 mod spec;
 mod stall_timer;
 
 pub use any_stage::AnyStage;
-pub use arm::{Arm, ArmAddress};
 pub use error::StageError;
 pub use limits::Limits;
 pub use manual::ManualStage;
+pub use robot_arm::{Arm, ArmAddress};
 pub use safety_mode::SafetyMode;
 pub use spec::StageSpec;
 

@@ -2,7 +2,7 @@
 
 use std::{fmt, str::FromStr};
 
-use super::{arm::address::ArmAddress, error::StageError, gcode::detection::BAUD};
+use super::{error::StageError, gcode::detection::BAUD, robot_arm::address::ArmAddress};
 
 /// A stage, as `--stage` names it.
 ///
@@ -16,8 +16,8 @@ use super::{arm::address::ArmAddress, error::StageError, gcode::detection::BAUD}
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum StageSpec {
-    /// `ur10:HOST[:PORT[,RTDE_PORT]]`: an arm of Universal Robots, of any model. `PORT` accepts scripts (30002), `RTDE_PORT` reports the arm's
-    /// state (30004). An IPv6 address stands in brackets.
+    /// `ur10:HOST[:PORT[,RTDE_PORT]]`: an arm of Universal Robots, of any model. `PORT` accepts scripts
+    /// (30002), `RTDE_PORT` reports the arm's state (30004). An IPv6 address stands in brackets.
     Ur10(ArmAddress),
     /// `gcode:TTY[@BAUD]`: a machine with Grbl or Marlin on a serial port.
     Gcode {

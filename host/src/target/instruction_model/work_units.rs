@@ -2,48 +2,52 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Declares the units of work, each with its description.
-macro_rules! units {
-    ($($unit:ident: $doc:literal,)*) => {
-        /// How often each unit of work is done; or its price, in instructions.
-        #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-        #[serde(deny_unknown_fields)]
-        pub struct WorkUnits {
-            $(#[doc = $doc] pub $unit: f64,)*
-        }
-
-        impl WorkUnits {
-            /// The names of the units.
-            pub const NAMES: &[&str] = &[$(stringify!($unit)),*];
-
-            /// The numbers, in the order of [`NAMES`](WorkUnits::NAMES).
-            pub fn to_vec(&self) -> Vec<f64> {
-                vec![$(self.$unit),*]
-            }
-
-            /// Takes numbers in the order of [`NAMES`](WorkUnits::NAMES); missing ones are 0.
-            pub fn from_slice(numbers: &[f64]) -> WorkUnits {
-                let mut numbers = numbers.iter().copied();
-                WorkUnits { $($unit: numbers.next().unwrap_or_default()),* }
-            }
-        }
-    };
+/// How often each unit of work is done; or its price, in instructions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WorkUnits {
+    /// Disparity lines, one for each line of each tile.
+    pub line: f64,
+    /// Columns that the block advances by: in each line, those of the tile and of the block's radius on both
+    /// sides.
+    pub column: f64,
+    /// The same for each view: samples are read, and running sums updated.
+    pub column_view: f64,
+    /// Pixels.
+    pub pixel: f64,
+    /// Pixels at which some view is unavailable at some disparity.
+    pub border_pixel: f64,
+    /// Segments in pixels that are fused by segments: runs of disparities at which the same views are
+    /// available.
+    pub segment: f64,
+    /// Candidates in columns that fill the first blocks of a tile, for each view.
+    pub primed: f64,
+    /// Packets.
+    pub packet: f64,
+    /// Pixels in packets.
+    pub sent: f64,
 }
 
-units! {
-    line: "Disparity lines, one for each line of each tile.",
-    column: "Columns that the block advances by: in each line, those of the tile and of the block's radius on both sides.",
-    column_view: "The same for each view: samples are read, and running sums updated.",
-    pixel: "Pixels.",
-    border_pixel: "Those of them at which some view is unavailable at some disparity.",
-    segment: "Segments in pixels that are fused by segments: runs of disparities at which the same views are available.",
-    primed: "Candidates in columns that fill the first blocks of a tile, for each view.",
-    packet: "Packets.",
-    sent: "Pixels in packets.",
+impl WorkUnits {
+    /// The names of the units, in the order of the fields.
+    pub const NAMES: [&str; 9] =
+        ["line", "column", "column_view", "pixel", "border_pixel", "segment", "primed", "packet", "sent"];
+
+    /// The numbers, in the order of the fields.
+    pub fn to_array(&self) -> [f64; Self::NAMES.len()] {
+        let WorkUnits { line, column, column_view, pixel, border_pixel, segment, primed, packet, sent } = *self;
+        [line, column, column_view, pixel, border_pixel, segment, primed, packet, sent]
+    }
+
+    /// Takes numbers in the order of the fields.
+    pub fn from_array(numbers: [f64; Self::NAMES.len()]) -> WorkUnits {
+        let [line, column, column_view, pixel, border_pixel, segment, primed, packet, sent] = numbers;
+        WorkUnits { line, column, column_view, pixel, border_pixel, segment, primed, packet, sent }
+    }
 }
 
-/// How many candidates each loop processes; or the price of one, in instructions. A candidate is a disparity of a column or pixel; their
-/// number is rounded up to whole vectors.
+/// How many candidates each loop processes; or the price of one, in instructions. A candidate is a disparity
+/// of a column or pixel; their number is rounded up to whole vectors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CandidateUnits {
@@ -66,5 +70,22 @@ impl CandidateUnits {
     /// Takes numbers in the order of the fields.
     pub fn from_array([moved, fused, masked, segmented]: [f64; 4]) -> CandidateUnits {
         CandidateUnits { moved, fused, masked, segmented }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_arrays_follow_the_fields() {
+        let numbers: [f64; 9] = std::array::from_fn(|i| i as f64);
+        let units = WorkUnits::from_array(numbers);
+        assert_eq!(units.to_array(), numbers);
+        let fields = serde_json::to_value(units).unwrap();
+        assert_eq!(fields.as_object().unwrap().len(), WorkUnits::NAMES.len());
+        for (name, number) in WorkUnits::NAMES.into_iter().zip(numbers) {
+            assert_eq!(fields[name], number, "{name}");
+        }
     }
 }

@@ -55,8 +55,8 @@ impl Workload {
 
 /// The name of the loops that fuse costs: the number of views and the fusion rule.
 ///
-/// It ends in `-wide` if block sums need 32 bits, and in `-unrolled` for the minimum of four views in four vectors of `lanes` lanes, for which
-/// kernels have a separate loop.
+/// It ends in `-wide` if block sums need 32 bits, and in `-unrolled` for the minimum of four views in four
+/// vectors of `lanes` lanes, for which kernels have a separate loop.
 pub fn kernel_name(params: &Params, lanes: usize) -> String {
     let views = params.views().len();
     let rule = match Rule::new(params.fusion(), views) {

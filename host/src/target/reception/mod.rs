@@ -24,7 +24,8 @@ use assembler::{Assembler, Piece};
 /// Give up after this many bytes without a packet: then the stream is something else.
 const MAX_NOISE_BYTES: usize = 1 << 20;
 
-/// Reads packets from `source` until the frame or the stream ends, and reports every event to `notify`. Messages call the source `path`.
+/// Reads packets from `source` until the frame or the stream ends, and reports every event to `notify`.
+/// Messages call the source `path`.
 ///
 /// # Errors
 /// The source cannot be read, has no packets of disparities, or has a frame too large for this machine.

@@ -1,19 +1,19 @@
-//! `cargo xtask`: one command for what a developer and the continuous integration do. Needs nothing but Rust.
+//! `cargo xtask`: one command for developers and continuous integration. It needs only Rust.
 //!
 //! | room | what it is |
 //! | --- | --- |
 //! | `system` | other programs, threads, and where things are |
 //! | `tools` | the programs that checks run, and how they are installed |
-//! | `record` | the recorded counts of instructions |
+//! | `counts` | the recorded counts of instructions |
 //! | `machine` | the virtual machine with cameras |
 //! | `emulation` | emulated boards: firmware is built for them, run and measured |
 //! | `firmware_checks` | what the firmware must do on the boards |
 //! | `workspace_checks` | what the whole workspace must do, step by step |
 
+mod counts;
 mod emulation;
 mod firmware_checks;
 mod machine;
-mod record;
 mod system;
 mod tools;
 mod workspace_checks;
@@ -23,9 +23,9 @@ use std::process::ExitCode;
 
 use emulation::setup;
 use firmware_checks::{capturing, faults, kernel_twins, profiles};
-use workspace_checks::{aarch64, instructions, suite, v4l2};
+use workspace_checks::{aarch64, host_instructions, packaging, suite, v4l2};
 
-/// Runs the project's tests, checks and firmware.
+/// Runs the project's checks, tests and firmware.
 #[derive(Parser)]
 #[command(bin_name = "cargo xtask", version)]
 struct Cli {
@@ -35,31 +35,33 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Install what the firmware needs: the Arm target and the emulator
+    /// Install what the firmware's tests need: the Arm targets and the emulator
     Setup,
-    /// Check what changes break most often, in a minute or two: formatting, lints, units, bit-exactness
+    /// Run the checks for every change, a minute or two: formatting, architecture, lints, unit tests, bit-exactness
     Check,
-    /// Run every test: on this machine in debug and release, with cameras in a virtual machine, then the firmware in the emulator
+    /// Run every test: debug and release builds, cameras in a virtual machine, firmware in the emulator
     Test,
-    /// Check formatting, lints and documentation
+    /// Check formatting, architecture, lints and documentation
     Lint,
-    /// Build the firmware, run it in the emulator, compare it with this machine bit for bit, and measure it
+    /// Build the firmware, run it in the emulator, compare it with the host bit for bit, and measure it
     Edge(profiles::Selection),
-    /// Run the firmware that moves a camera and captures, with everything that can go wrong
+    /// Run the firmware that moves a camera and captures, with every fault
     Capture,
-    /// Run the firmware where it must fail: too large, out of stack, without its frames
+    /// Run firmware that must fail: too large, out of stack, without its frames
     Faults,
-    /// Run the tests with cameras, in a virtual machine with real drivers
+    /// Run the camera tests in a virtual machine with real drivers
     V4l2,
-    /// Compare the processors' kernels with their portable twins, in the emulator
+    /// Compare each Arm kernel with its portable twin in the emulator
     Kernels,
-    /// Test the kernel of 64-bit Arm, in the emulator where this machine is another
+    /// Test the kernel of 64-bit Arm, in the emulator on other machines
     Aarch64,
-    /// Print what breaks the workspace's architecture: imports up the rooms, circles of files, crowded folders, shared names
+    /// Check the architecture: layers of rooms, circles of files, crowded folders, ambiguous names
     Architecture,
-    /// Count the instructions of matching on this machine and compare them with the record
-    Instructions(instructions::Guard),
-    /// Link the matcher alone, which fails if there is any way from it into a panic
+    /// Count the instructions of matching on this machine, and compare them with the record
+    Instructions(host_instructions::Guard),
+    /// Package the published crates, and build each from its package
+    Package,
+    /// Link the matcher alone, which fails if any path leads to a panic
     NoPanic,
 }
 
@@ -84,6 +86,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Kernels => kernel_twins::run(&setup::run()?),
         Task::Aarch64 => aarch64::run_tests(),
         Task::Instructions(guard) => guard.run(),
+        Task::Package => packaging::check(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Capture => capturing::run(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),

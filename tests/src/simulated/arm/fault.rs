@@ -1,26 +1,26 @@
-//! The faults of an arm.
+//! Faults of the arm.
 
-/// What is wrong with the arm.
+/// A fault of the arm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Fault {
     /// Nothing.
     #[default]
     None,
-    /// It stops protectively in each move after so many metres.
+    /// Each move ends in a protective stop.
     ProtectiveStop {
-        /// How many.
+        /// The distance after which it happens.
         after_m: f64,
     },
     /// Its speed is scaled to 0.
     Stuck,
-    /// It hears orders, and does nothing.
+    /// It receives orders but does nothing.
     Ignoring,
-    /// It is in local control, and closes the connections that orders come over.
+    /// It is in local control and closes connections for orders.
     LocalControl,
-    /// It says nothing over RTDE.
+    /// It sends nothing over RTDE.
     Silent,
-    /// Its pose is no number.
+    /// It reports a pose of NaN.
     Nonsense,
-    /// It is no arm: both ports greet in another protocol.
+    /// Another device is connected: both ports answer in another protocol.
     OtherProtocol,
 }

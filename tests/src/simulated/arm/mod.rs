@@ -1,7 +1,7 @@
-//! A simulated arm of Universal Robots, which listens on sockets as a real one does and has faults on demand.
+//! A simulated arm of Universal Robots that listens on the same interfaces as a real one.
 //!
-//! It shares no code with what drives it: its packages, its script and its poses are written from the documentation a second time, and a
-//! client that others wrote must understand it.
+//! Its protocols and poses were written from the manufacturer's documentation, without any code of the driver, and a third-party
+//! client must understand it too.
 
 mod fault;
 mod order;
@@ -25,7 +25,7 @@ use world::World;
 pub use fault::Fault;
 pub use order::Heard;
 
-/// An arm, until it is dropped.
+/// A running arm. Dropping it switches it off.
 pub struct SimulatedArm {
     world: Arc<World>,
     script: SocketAddr,
@@ -36,12 +36,12 @@ pub struct SimulatedArm {
 type Serve = fn(TcpStream, &World) -> io::Result<()>;
 
 impl SimulatedArm {
-    /// An arm at a pose, on ports of this machine that are free.
+    /// Starts an arm at a pose, on free ports of this machine.
     pub fn start(pose: Pose) -> SimulatedArm {
         SimulatedArm::listen(Ipv4Addr::LOCALHOST.into(), [0, 0], pose).expect("free ports")
     }
 
-    /// An arm at a pose, on an address of this machine and its ports for scripts and RTDE; 0 is any that is free.
+    /// Starts an arm at a pose, listening for scripts and RTDE on these ports of `ip`. Port 0 stands for any free one.
     pub fn listen(ip: IpAddr, [script, rtde]: [u16; 2], pose: Pose) -> io::Result<SimulatedArm> {
         let [script, rtde] = [script, rtde].map(|port| TcpListener::bind((ip, port)));
         let (script, rtde) = (script?, rtde?);
@@ -57,48 +57,48 @@ impl SimulatedArm {
         Ok(SimulatedArm { world, script: script_address, rtde: rtde_address, listeners })
     }
 
-    /// Its name for `--stage`.
+    /// The argument for `--stage`.
     pub fn spec(&self) -> String {
         format!("ur10:{},{}", self.script, self.rtde.port())
     }
 
-    /// Its ports for scripts and RTDE.
+    /// The ports for scripts and RTDE.
     pub fn ports(&self) -> [u16; 2] {
         [self.script.port(), self.rtde.port()]
     }
 
-    /// Where it is.
+    /// Its pose.
     pub fn pose(&self) -> Pose {
         self.world.now().pose
     }
 
-    /// Whether it moves.
+    /// Whether it is moving.
     pub fn is_moving(&self) -> bool {
         self.world.now().motion.is_some()
     }
 
-    /// What it was told since it was asked last.
+    /// The orders received since the last call.
     pub fn heard(&self) -> Vec<Heard> {
         std::mem::take(&mut self.world.now().heard)
     }
 
-    /// Breaks it.
+    /// Makes it fail from now on.
     pub fn fail(&self, fault: Fault) {
         self.world.now().fault = fault;
     }
 
-    /// Sets its modes as RTDE numbers them: the robot's and the safety's.
+    /// Sets the robot mode and the safety mode, as RTDE numbers them.
     pub fn set_modes(&self, robot: i32, safety: i32) {
         let mut arm = self.world.now();
         (arm.robot_mode, arm.safety_mode) = (robot, safety);
     }
 
-    /// Mends it: whatever was wrong is not any more, and it stands.
+    /// Clears all faults and halts it.
     pub fn release(&self) {
         self.world.now().release();
     }
 
-    /// Breaks all connections. New ones can be made.
+    /// Closes all connections. New ones are accepted.
     pub fn disconnect(&self) {
         for connection in self.world.now().connections.drain(..) {
             let _ = connection.shutdown(Shutdown::Both);
@@ -116,7 +116,7 @@ impl Drop for SimulatedArm {
     }
 }
 
-/// Takes connections until the arm is switched off.
+/// Accepts connections until the arm is switched off.
 fn accept(listener: &TcpListener, world: &Arc<World>, serve: Serve) {
     loop {
         let accepted = listener.accept();
@@ -136,7 +136,7 @@ fn accept(listener: &TcpListener, world: &Arc<World>, serve: Serve) {
                 let world = world.clone();
                 thread::spawn(move || {
                     let end = stream.try_clone();
-                    // A client that is gone is no matter.
+                    // A client may disconnect at any time.
                     let _ = serve(stream, &world);
                     end.and_then(|stream| stream.shutdown(Shutdown::Both))
                 });

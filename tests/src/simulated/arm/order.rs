@@ -1,14 +1,14 @@
-//! The orders that an arm was given.
+//! Orders that the arm received.
 
 use crate::simulated::pose::Pose;
 
-/// What the arm was told.
+/// An order that the arm received.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Heard {
     /// To move to a pose.
     Move(Pose),
     /// To stop.
     Stop,
-    /// Something that is no script that it knows.
+    /// A line that is not a known script command.
     Nonsense(String),
 }

@@ -1,4 +1,4 @@
-//! The arm's side of RTDE, version 2, one connection at a time.
+//! The arm's side of RTDE version 2, for one connection.
 
 use std::{
     io::{self, ErrorKind, Read, Write},
@@ -8,13 +8,13 @@ use std::{
 
 use super::{fault::Fault, variables, world::World};
 
-/// Version of the controller: major, minor, bug-fix, build.
+/// The controller's version: major, minor, bug fix, build.
 const CONTROLLER: [u32; 4] = [3, 15, 8, 106_339];
 
-/// The most that a controller of this version sends per second.
+/// The controller's highest rate of data packages, in hertz.
 const MOST_HZ: f64 = 125.0;
 
-/// Serves a client until it goes.
+/// Serves a client until it disconnects.
 pub fn serve(mut stream: TcpStream, world: &World) -> io::Result<()> {
     stream.set_nodelay(true)?;
     let mut client = Client { outputs: Vec::new(), inputs: 0, period: Duration::from_secs_f64(1.0 / MOST_HZ), next: None };
@@ -55,12 +55,12 @@ pub fn serve(mut stream: TcpStream, world: &World) -> io::Result<()> {
 }
 
 struct Client {
-    /// Names and types of each recipe that the client reads; their numbers begin at 1.
+    /// The variables and types of each output recipe. Recipe numbers begin at 1.
     outputs: Vec<Vec<(String, &'static str)>>,
-    /// How many recipes it writes.
+    /// The number of input recipes.
     inputs: u8,
     period: Duration,
-    /// When the next data are due, once it started.
+    /// When the next data package is due, once the client has started the stream.
     next: Option<Instant>,
 }
 
@@ -102,12 +102,12 @@ impl Client {
                 self.next = None;
                 package(kind, &[1])
             }
-            // Data and messages of the client change nothing.
+            // Data and messages of the client are ignored.
             _ => Vec::new(),
         }
     }
 
-    /// The state, in each recipe.
+    /// A data package of each recipe.
     fn data(&self, world: &World) -> Vec<u8> {
         let state = world.now();
         let value = |(name, kind): &(String, &str)| state.value(name).unwrap_or_else(|| vec![0; variables::bytes(kind)]);
@@ -130,7 +130,7 @@ fn package(kind: u8, payload: &[u8]) -> Vec<u8> {
     [&length.to_be_bytes()[..], &[kind], payload].concat()
 }
 
-/// A message for people: text, source, and a level.
+/// A text message: text, source and severity.
 fn text(message: &str) -> Vec<u8> {
     const INFO: u8 = 3;
     let string = |text: &str| [&[text.len() as u8], text.as_bytes()].concat();

@@ -1,25 +1,25 @@
-//! The part of URScript that the simulated arm knows.
+//! The part of URScript that the simulated arm understands.
 
 use crate::simulated::pose::{Pose, pose_trans};
 
-/// What a line tells the arm.
+/// A command in a line of script.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Command {
-    /// `movel`: to move straight to a pose of its base.
+    /// `movel`: move in a straight line to a pose in the base's frame.
     Move {
-        /// Where to.
+        /// The target.
         target: Pose,
-        /// In metres per second squared.
+        /// Acceleration in metres per second squared.
         acceleration: f64,
-        /// In metres per second.
+        /// Speed in metres per second.
         speed: f64,
     },
-    /// `stopl`: to slow down by so many metres per second squared.
+    /// `stopl`: stop with this deceleration in metres per second squared.
     Stop(f64),
 }
 
 impl Command {
-    /// Reads a line. `None` if it is none of this part of the language.
+    /// Parses a line; `None` if it is not a supported command.
     pub fn parse(line: &str) -> Option<Command> {
         let mut parser = Parser { rest: line };
         let name = parser.word()?;
@@ -27,7 +27,7 @@ impl Command {
         if !parser.rest.trim().is_empty() {
             return None;
         }
-        // By place or by name; the defaults are the language's.
+        // Arguments are positional or named; the defaults are URScript's.
         let number = |place: usize, name: &str, default: f64| {
             let named = arguments.iter().find(|argument| argument.name == Some(name));
             match named.or(arguments.get(place).filter(|argument| argument.name.is_none())) {
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines() {
+    fn lines_are_parsed() {
         let target = [0.15, 0.2, 0.3, 0.0, 0.0, 0.0];
         let moving = Command::Move { target, acceleration: 0.5, speed: 0.1 };
         for line in [

@@ -1,4 +1,4 @@
-//! The arm's side of the secondary client interface, one connection at a time.
+//! The arm's side of the secondary client interface, for one connection.
 
 use std::{
     io::{self, ErrorKind, Read, Write},
@@ -8,10 +8,10 @@ use std::{
 
 use super::{fault::Fault, world::World};
 
-/// How often the state is sent.
+/// The interval at which the state is sent.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// Serves a client until it goes: takes lines of script, sends the state.
+/// Serves a client until it disconnects: executes lines of script and sends the state.
 pub fn serve(mut stream: TcpStream, world: &World) -> io::Result<()> {
     stream.set_nodelay(true)?;
     stream.set_read_timeout(Some(Duration::from_millis(5)))?;
@@ -30,7 +30,7 @@ pub fn serve(mut stream: TcpStream, world: &World) -> io::Result<()> {
             Err(error) => return Err(error),
         }
         let mut arm = world.now();
-        // In local control an arm takes no scripts.
+        // An arm in local control accepts no scripts.
         if arm.is_switched_off || arm.fault == Fault::LocalControl {
             return Ok(());
         }
@@ -46,14 +46,14 @@ fn message(kind: u8, payload: &[u8]) -> Vec<u8> {
     [&length.to_be_bytes()[..], &[kind], payload].concat()
 }
 
-/// The message that comes first: its type, the project's name, version and date of the controller.
+/// The version message, which comes first: the controller's name, version and build date.
 fn version() -> Vec<u8> {
     let header = [&0u64.to_be_bytes()[..], &[0xfe, 3]].concat();
     let name = [&[9][..], b"simulator"].concat();
     message(20, &[header, name, vec![3, 15], [8, 106_339].map(u32::to_be_bytes).concat(), b"01-01-2023".to_vec()].concat())
 }
 
-/// The state, of which only the tool's place is told: pose and offset of the tool.
+/// The state message, with only the tool's pose and offset.
 fn state(world: &World) -> Vec<u8> {
     let (pose, offset) = (world.now().pose, [0.0; 6]);
     let numbers = pose.into_iter().chain(offset).flat_map(f64::to_be_bytes).collect::<Vec<u8>>();

@@ -1,6 +1,6 @@
-//! What the arm can tell over RTDE: names and types, after Universal Robots' guide.
+//! The variables of RTDE: names and types, after Universal Robots' guide.
 
-/// The names that are told, but for the registers, by their type.
+/// The readable variables except the registers, by type.
 const OUTPUTS: [(&str, &[&str]); 8] = [
     (
         "DOUBLE",
@@ -70,7 +70,7 @@ const OUTPUTS: [(&str, &[&str]); 8] = [
     ("UINT8", &["tool_output_mode"]),
 ];
 
-/// The general registers, by the beginning of their names.
+/// The general-purpose registers, by the prefix of their names.
 const REGISTERS: [(&str, &str); 6] = [
     ("output_int_register_", "INT32"),
     ("output_double_register_", "DOUBLE"),
@@ -80,13 +80,13 @@ const REGISTERS: [(&str, &str); 6] = [
     ("input_bit_register_", "BOOL"),
 ];
 
-/// The type of what can be read by this name.
+/// The type of a readable variable.
 pub fn output_type(name: &str) -> Option<&'static str> {
     let plain = OUTPUTS.iter().find(|(_, names)| names.contains(&name)).map(|(kind, _)| *kind);
     plain.or_else(|| register_type(name))
 }
 
-/// The type of what can be written by this name.
+/// The type of a writable variable.
 pub fn input_type(name: &str) -> Option<&'static str> {
     register_type(name).filter(|_| name.starts_with("input_"))
 }
@@ -96,7 +96,7 @@ fn register_type(name: &str) -> Option<&'static str> {
     REGISTERS.iter().find(|(start, _)| number(start).is_some_and(|number| number < 128)).map(|(_, kind)| *kind)
 }
 
-/// How many bytes a value of a type takes.
+/// The number of bytes that a value of a type takes.
 pub fn bytes(kind: &str) -> usize {
     match kind {
         "BOOL" | "UINT8" => 1,

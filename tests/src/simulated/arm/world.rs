@@ -1,4 +1,4 @@
-//! The arm itself: where it is, what it does, what is wrong with it.
+//! The state of the arm, shared by all its connections.
 
 use std::{
     net::TcpStream,
@@ -9,17 +9,17 @@ use std::{
 use super::{fault::Fault, order::Heard, script::Command};
 use crate::simulated::{motion::Motion, pose::Pose};
 
-/// `safety_mode`: all is well.
+/// `safety_mode`: normal.
 const NORMAL: i32 = 1;
-/// `safety_mode`: stopped by a force.
+/// `safety_mode`: protective stop.
 const PROTECTIVE_STOP: i32 = 3;
-/// `robot_mode`: its brakes are released.
+/// `robot_mode`: running, brakes released.
 const RUNNING: i32 = 7;
 
-/// What everybody who is connected sees.
+/// The state that all connections share.
 pub struct World(Mutex<State>);
 
-/// Its state at a time.
+/// The state at one time.
 pub struct State {
     pub begin: Instant,
     pub pose: Pose,
@@ -47,7 +47,7 @@ impl World {
         }))
     }
 
-    /// Its state now.
+    /// The current state, with the motion advanced to now.
     pub fn now(&self) -> MutexGuard<'_, State> {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         state.advance();
@@ -69,7 +69,7 @@ impl State {
         }
     }
 
-    /// Takes a line of script.
+    /// Executes a line of script.
     pub fn obey(&mut self, line: &str) {
         let may_move = self.robot_mode == RUNNING && [NORMAL, 2].contains(&self.safety_mode) && self.fault != Fault::Ignoring;
         match Command::parse(line) {
@@ -89,12 +89,12 @@ impl State {
         }
     }
 
-    /// Releases what stopped it.
+    /// Clears faults and stops.
     pub fn release(&mut self) {
         (self.fault, self.safety_mode, self.robot_mode, self.motion) = (Fault::None, NORMAL, RUNNING, None);
     }
 
-    /// The value of a variable by its name, in the order of bytes of the wire; `None` for what is not simulated.
+    /// The big-endian value of a variable; `None` if it is not simulated.
     pub fn value(&self, name: &str) -> Option<Vec<u8>> {
         let vector = |numbers: [f64; 6]| numbers.map(f64::to_be_bytes).concat();
         let velocity = self.motion.as_ref().map_or([0.0; 6], Motion::velocity);
@@ -105,11 +105,11 @@ impl State {
             "actual_TCP_speed" | "target_TCP_speed" => vector(velocity),
             "robot_mode" => self.robot_mode.to_be_bytes().to_vec(),
             "safety_mode" => self.safety_mode.to_be_bytes().to_vec(),
-            // Stopped, or playing.
+            // `runtime_state`: stopped or playing.
             "runtime_state" => [0, 0, 0, if self.motion.is_some() { 2 } else { 1 }].to_vec(),
-            // Power is on; a program runs.
+            // `robot_status_bits`: power is on; a program runs.
             "robot_status_bits" => [0, 0, 0, if self.motion.is_some() { 3 } else { 1 }].to_vec(),
-            // Normal, or stopped by a force.
+            // `safety_status_bits`: normal or protective stop.
             "safety_status_bits" => [0, 0, 0, if self.safety_mode == PROTECTIVE_STOP { 4 } else { 1 }].to_vec(),
             "speed_scaling" => (if self.fault == Fault::Stuck { 0.0f64 } else { 1.0 }).to_be_bytes().to_vec(),
             _ => return None,

@@ -1,24 +1,24 @@
 //! The faults of a machine.
 
-/// What is wrong with the machine.
+/// A fault of the machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Fault {
     /// Nothing.
     #[default]
     None,
-    /// It hits a limit switch in each move after so many millimetres.
+    /// Each move hits a limit switch.
     LimitSwitch {
-        /// How many.
+        /// The distance after which it happens.
         after_mm: f64,
     },
-    /// It does not move, and says that it does.
+    /// It stands still but reports that it moves.
     Stuck,
-    /// It says nothing.
+    /// It sends nothing.
     Silent,
-    /// It refuses every move.
+    /// It rejects every move.
     Refusing,
-    /// It does not stop when it is told to.
+    /// It ignores orders to stop.
     Unstoppable,
-    /// It is something else, which sends lines of its own.
+    /// Another device is connected, which sends lines of its own.
     OtherProtocol,
 }

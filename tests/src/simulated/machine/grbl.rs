@@ -6,7 +6,7 @@ use super::{
     words::{value, words},
 };
 
-/// From machine to work coordinates, in millimetres: G54 was set to something.
+/// The offset from machine to work coordinates in millimetres, as if G54 had been set.
 const OFFSET: [f64; 2] = [-100.0, 40.0];
 
 pub struct Grbl {
@@ -40,7 +40,7 @@ impl Grbl {
         let place = [0, 1].map(|i| (machine.place[i] - offset[i]) / unit);
         let name = if self.is_inches { "WPos" } else { "MPos" };
         let mut report = format!("<{}|{name}:{:.4},{:.4},0.0000|FS:0,0", self.state(machine), place[0], place[1]);
-        // Offsets come now and then.
+        // Grbl reports the offset only now and then.
         if self.reports.is_multiple_of(3) {
             report += &format!("|WCO:{:.4},{:.4},0.0000", OFFSET[0] / unit, OFFSET[1] / unit);
         }

@@ -1,4 +1,4 @@
-//! The part of Marlin that moves a machine, after its documentation. It has no emergency parser: a line waits for those before it.
+//! The part of Marlin that moves a machine, after its documentation. Without an emergency parser, each line waits for those before it.
 
 use std::{
     collections::VecDeque,
@@ -11,7 +11,7 @@ use super::{
     words::{value, words},
 };
 
-/// How often it says that it is busy, which is more often than Marlin does.
+/// The interval of `busy` messages. Marlin's is longer.
 const BUSY: Duration = Duration::from_millis(200);
 
 #[derive(Default)]
@@ -19,7 +19,7 @@ pub struct Marlin {
     line: Vec<u8>,
     queue: VecDeque<String>,
     is_relative: bool,
-    /// When it said that it is busy, while it waits for a motion to end.
+    /// When it last reported that it is busy, while it waits for a motion to end.
     busy: Option<Instant>,
     is_halted: bool,
 }

@@ -1,21 +1,21 @@
-//! The axes of a machine, and what its firmware does with them.
+//! The mechanics of a machine, and the interface of its firmware.
 
 use std::time::Instant;
 
 use super::fault::Fault;
 use crate::simulated::motion::Motion;
 
-/// How fast it speeds up, in millimetres per second squared.
+/// Acceleration in millimetres per second squared.
 pub(super) const ACCELERATION: f64 = 2000.0;
 
-/// The mechanics, and what the firmware knows of them.
+/// The state of the mechanics and of the electronics.
 pub(super) struct Machine {
-    /// In millimetres.
+    /// Position in millimetres.
     pub place: [f64; 2],
     pub motion: Option<Motion>,
     pub fault: Fault,
     pub heard: Vec<String>,
-    /// When it starts, if it has not.
+    /// When the firmware will have booted, while it has not.
     pub restart: Option<Instant>,
     pub is_locked: bool,
     pub is_unplugged: bool,
@@ -36,21 +36,21 @@ impl Machine {
         }
     }
 
-    /// Starts a move, in millimetres and per second.
+    /// Starts a move to `target` in millimetres at `speed` in millimetres per second.
     pub fn go(&mut self, target: [f64; 2], speed: f64) {
         let pose = |place: [f64; 2]| [place[0] * 1e-3, place[1] * 1e-3, 0.0, 0.0, 0.0, 0.0];
         self.motion = Some(Motion::new(pose(self.place), pose(target), speed * 1e-3, ACCELERATION * 1e-3));
     }
 }
 
-/// A firmware.
+/// The firmware of a machine.
 pub(super) trait Control: Send {
-    /// What it says when it starts.
+    /// The greeting it sends when it starts.
     fn start(&mut self) -> &'static str;
 
-    /// Takes a byte, and says something.
+    /// Processes a byte and returns the answer.
     fn take(&mut self, byte: u8, machine: &mut Machine) -> String;
 
-    /// Says something by itself.
+    /// What it sends unasked.
     fn say(&mut self, machine: &mut Machine) -> String;
 }

@@ -1,4 +1,4 @@
-//! Simulated machines that take G-code, at the end of a pseudo-terminal, with faults on demand.
+//! Simulated machines that take G-code through a pseudo-terminal.
 
 mod fault;
 mod grbl;
@@ -21,7 +21,7 @@ use grbl::Grbl;
 use marlin::Marlin;
 use mechanics::{Control, Machine};
 
-/// What runs on the machine.
+/// The firmware and how it reports.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Firmware {
     /// Grbl 1.1 that reports machine coordinates in millimetres.
@@ -32,17 +32,17 @@ pub enum Firmware {
     Marlin,
 }
 
-/// A machine, until it is dropped.
+/// A running machine. Dropping it unplugs it.
 pub struct SimulatedMachine {
     path: String,
     shared: Arc<Mutex<Machine>>,
     thread: Option<JoinHandle<()>>,
-    /// Keeps the terminal when no one has it open.
+    /// Keeps the terminal alive while nobody has it open.
     _near: TTYPort,
 }
 
 impl SimulatedMachine {
-    /// A machine that has just been switched on, and answers after it has booted. It stands at `place`, in millimetres.
+    /// Switches on a machine at `place`, in millimetres. It answers once it has booted.
     pub fn start(firmware: Firmware, place: [f64; 2], boot: Duration) -> SimulatedMachine {
         let (mut port, near) = TTYPort::pair().expect("a pseudo-terminal");
         port.set_timeout(Duration::from_millis(2)).expect("a time-out");
@@ -63,33 +63,33 @@ impl SimulatedMachine {
                 Firmware::GrblInches => Box::new(Grbl::new(true)),
                 Firmware::Marlin => Box::new(Marlin::default()),
             };
-            // A terminal that is closed ends it.
+            // Closing the terminal ends the machine.
             let _ = run(port, &machine, control);
         });
         SimulatedMachine { path, shared, thread: Some(thread), _near: near }
     }
 
-    /// Its name for `--stage`.
+    /// The argument for `--stage`.
     pub fn spec(&self) -> String {
         format!("gcode:{}", self.path)
     }
 
-    /// Where it is, in millimetres.
+    /// Its position in millimetres.
     pub fn place(&self) -> [f64; 2] {
         self.now().place
     }
 
-    /// Whether it moves.
+    /// Whether it is moving.
     pub fn is_moving(&self) -> bool {
         self.now().motion.is_some()
     }
 
-    /// What it was told since it was asked last: lines, and `!` and `^X`, which are none.
+    /// What it received since the last call: lines, and the single bytes `!` and `^X`.
     pub fn heard(&self) -> Vec<String> {
         std::mem::take(&mut self.now().heard)
     }
 
-    /// Breaks it.
+    /// Makes it fail from now on.
     pub fn fail(&self, fault: Fault) {
         self.now().fault = fault;
     }
@@ -99,13 +99,13 @@ impl SimulatedMachine {
         self.now().is_locked = is_locked;
     }
 
-    /// Makes it start again, as after a loss of power.
+    /// Restarts it, as after a loss of power.
     pub fn restart(&self) {
         let mut machine = self.now();
         (machine.place, machine.motion, machine.restart) = ([0.0; 2], None, Some(Instant::now()));
     }
 
-    /// Pulls its plug.
+    /// Unplugs it.
     pub fn unplug(&mut self) {
         self.now().is_unplugged = true;
         if let Some(thread) = self.thread.take() {
@@ -144,7 +144,7 @@ fn run(mut port: TTYPort, machine: &Mutex<Machine>, mut control: Box<dyn Control
         }
         let mut answer = String::new();
         match machine.restart {
-            // A boot loader takes what comes.
+            // A boot loader swallows all input.
             Some(time) if Instant::now() < time => continue,
             Some(_) => {
                 machine.restart = None;
@@ -159,7 +159,7 @@ fn run(mut port: TTYPort, machine: &Mutex<Machine>, mut control: Box<dyn Control
         match machine.fault {
             Fault::Silent => {}
             Fault::OtherProtocol => {
-                // Nobody needs to read it.
+                // Whether anybody reads it does not matter.
                 let _ = port.write(b"$GPGGA,092750.000,5321.6802,N,00630.3372,W,1,8,1.03,61.7,M,55.2,M,,*76\r\n");
             }
             _ => port.write_all(answer.as_bytes())?,

@@ -1,6 +1,6 @@
-//! Lines of G-code, word by word.
+//! The words of a line of G-code.
 
-/// The words of a line of G-code: letters with numbers. `None` if it is none.
+/// Splits a line of G-code into letters and their numbers; `None` if it is not G-code.
 pub(super) fn words(line: &str) -> Option<Vec<(char, f64)>> {
     let ends = line.char_indices().skip(1).filter(|(_, c)| c.is_ascii_uppercase()).map(|(i, _)| i).chain([line.len()]);
     let mut begin = 0;

@@ -35,9 +35,9 @@ pub(super) unsafe fn min<const V: usize, const MASKED: u8>(
 ) -> u16 {
     let mut least = u32::from(u16::MAX);
     // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
-    // changes is an output; the predicate, of which the compiler is not told, is restored.
+    // changes is an output.
     unsafe {
-        asm_up_to!(64 bytes,
+        asm_up_to!(100 bytes,
             "dls lr, {n}",
             "2:",
             load_views!(),
@@ -79,7 +79,7 @@ pub(super) unsafe fn heuristic<const V: usize, const MASKED: u8>(
     // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
     // changes is an output; the predicate, of which the compiler is not told, is restored.
     unsafe {
-        asm_up_to!(64 bytes,
+        asm_up_to!(200 bytes,
             "vmrs {before}, p0",
             "dls lr, {n}",
             "2:",

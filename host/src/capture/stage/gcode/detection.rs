@@ -24,7 +24,8 @@ const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
 /// Opens the machine on a serial port, with either firmware. It does not move.
 ///
 /// # Errors
-/// The limits are out of range, the port cannot be opened, no known firmware answers, or the machine is not ready to move.
+/// The limits are out of range, the port cannot be opened, no known firmware answers, or the machine is not
+/// ready to move.
 pub fn open(path: &str, baud: u32, limits: &Limits) -> Result<AnyStage, StageError> {
     let port = serialport::new(path, baud).timeout(READ_TIMEOUT).open().map_err(|error| {
         let advice = match error.kind() {
@@ -36,7 +37,8 @@ pub fn open(path: &str, baud: u32, limits: &Limits) -> Result<AnyStage, StageErr
     connect(port, path, limits)
 }
 
-/// Opens the machine at the other end of `port`, which messages call `name`. Reads of the port must time out after a short while.
+/// Opens the machine at the other end of `port`, which messages call `name`. Reads of the port must time out
+/// after a short while.
 ///
 /// # Errors
 /// The limits are out of range, no known firmware answers, or the machine is not ready to move.

@@ -22,12 +22,12 @@ pub struct LinePort<P> {
 }
 
 impl<P: Read + Write> LinePort<P> {
-    /// Uses `port`, which messages call `name`. An expected line may take as long as `silence_timeout`.
+    /// Uses `port`, called `name` in messages. An expected line may take as long as `silence_timeout`.
     pub fn new(port: P, name: &str, silence_timeout: Duration) -> LinePort<P> {
         LinePort { port, name: name.into(), silence_timeout, bytes: Vec::new() }
     }
 
-    /// What messages call the port.
+    /// The name of the port in messages.
     pub fn name(&self) -> String {
         self.name.clone()
     }
@@ -43,7 +43,8 @@ impl<P: Read + Write> LinePort<P> {
         self.port.write_all(bytes).map_err(|source| self.disconnected(source))
     }
 
-    /// The next line that is not empty. `None` if there is none until `deadline`; a line that is already there is returned even after it.
+    /// The next line that is not empty. `None` if there is none until `deadline`; a line that is already
+    /// there is returned even after it.
     pub fn next(&mut self, deadline: Instant) -> Result<Option<String>, StageError> {
         loop {
             while let Some(end) = self.bytes.iter().position(|byte| *byte == b'\n') {

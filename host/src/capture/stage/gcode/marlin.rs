@@ -1,8 +1,8 @@
 //! A machine with Marlin, or a compatible firmware, after Marlin's G-code documentation.
 //!
-//! Marlin answers every line with `ok`. It answers a move at once, and accepts more lines while it moves. It answers `M400` when it stands
-//! still, but may ignore everything else until then, even a stop; so `M400` is only sent when the move should have ended. `M114` reports
-//! the position at standstill.
+//! Marlin answers every line with `ok`: a move as soon as it is queued, so that more lines can be sent while the
+//! machine moves, and `M400` once it stands still. Until then it may ignore everything else, even a stop, so
+//! `M400` is only sent when the move should have ended. `M114` reports the coordinates at standstill.
 
 use std::{
     io::{Read, Write},
@@ -22,42 +22,43 @@ const MAX_PENDING: usize = 64;
 
 /// A machine with Marlin.
 ///
-/// It cannot report its position while it moves. A stop is abrupt, and may lose steps. Each call returns within
-/// [`Limits::silence_timeout`] for each line sent, and [`Limits::stall_timeout`] more if the machine reports that it is busy. Dropping it stops
-/// a move.
+/// It cannot report where it is while it moves. A stop is abrupt, and may lose steps. Each call returns
+/// within [`Limits::silence_timeout`] for each line sent, and [`Limits::stall_timeout`] more if the machine
+/// reports that it is busy. Dropping it stops any move.
 pub struct Marlin<P: Read + Write> {
     port: LinePort<P>,
     limits: Limits,
-    /// Number of lines sent that are not yet answered.
+    /// Number of lines not yet answered.
     unanswered: usize,
     /// Coordinates when it was opened, in millimetres. `None` after it restarted and lost them.
     start: Option<[f64; 2]>,
-    /// Coordinates that it was last sent to or reported, in millimetres.
-    place: [f64; 2],
+    /// Where it was last sent, or reported to be, in millimetres.
+    coordinates: [f64; 2],
     motion: Motion,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Motion {
     /// Not sent anywhere, or stopped.
-    None,
+    Idle,
     /// Moving, presumably until `due`.
     Moving { due: Instant, duration: Duration },
-    /// `M400` was sent at `asked`, after a move that should have taken `duration`. The last line arrived at `heard`.
+    /// `M400` was sent at `asked`, after a move that should have taken `duration`. The last line arrived at
+    /// `heard`.
     Finishing { asked: Instant, heard: Instant, duration: Duration },
     /// Standing still at its target.
-    Done,
+    Arrived,
 }
 
 impl<P: Read + Write> Marlin<P> {
     /// Takes over a port at which Marlin has answered.
     pub(super) fn open(port: LinePort<P>, limits: &Limits) -> Result<Self, StageError> {
         let limits = *limits;
-        let mut marlin = Marlin { port, limits, unanswered: 0, start: None, place: [0.0; 2], motion: Motion::None };
+        let mut marlin = Marlin { port, limits, unanswered: 0, start: None, coordinates: [0.0; 2], motion: Motion::Idle };
         // Also waits for any earlier move.
         marlin.command("M400")?;
-        marlin.place = marlin.query_place()?;
-        marlin.start = Some(marlin.place);
+        marlin.coordinates = marlin.query_coordinates()?;
+        marlin.start = Some(marlin.coordinates);
         Ok(marlin)
     }
 
@@ -108,9 +109,9 @@ impl<P: Read + Write> Marlin<P> {
     }
 
     /// Queries the coordinates at standstill, in millimetres.
-    fn query_place(&mut self) -> Result<[f64; 2], StageError> {
+    fn query_coordinates(&mut self) -> Result<[f64; 2], StageError> {
         let answers = self.command("M114")?;
-        answers.iter().find_map(|answer| parse_place(answer)).ok_or_else(|| StageError::Protocol {
+        answers.iter().find_map(|answer| parse_coordinates(answer)).ok_or_else(|| StageError::Protocol {
             from: self.port.name(),
             found: answers.join(" / "),
             expected: "X:0.00 Y:0.00 ... of M114".into(),
@@ -149,10 +150,10 @@ impl<P: Read + Write> Stage for Marlin<P> {
         self.command("G21")?;
         self.command("G90")?;
         let target = to_machine(start, position);
-        let duration = Duration::from_secs_f64(distance(self.place, target) / self.limits.speed_mm_s);
+        let duration = Duration::from_secs_f64(distance(self.coordinates, target) / self.limits.speed_mm_s);
         // Set before sending: the machine may move even if sending seems to fail.
         self.motion = Motion::Moving { due: Instant::now() + duration, duration };
-        self.place = target;
+        self.coordinates = target;
         self.command(&linear_move(target, &self.limits)).map(drop)
     }
 
@@ -160,15 +161,15 @@ impl<P: Read + Write> Stage for Marlin<P> {
         let has_heard = self.process_pending("M400")?;
         let now = Instant::now();
         match self.motion {
-            Motion::None => Ok(false),
-            Motion::Done => Ok(true),
+            Motion::Idle => Ok(false),
+            Motion::Arrived => Ok(true),
             Motion::Moving { due, .. } if now < due => Ok(false),
             Motion::Moving { duration, .. } => {
                 self.motion = Motion::Finishing { asked: now, heard: now, duration };
                 self.send("M400").map(|()| false)
             }
             Motion::Finishing { .. } if self.unanswered == 0 => {
-                self.motion = Motion::Done;
+                self.motion = Motion::Arrived;
                 Ok(true)
             }
             Motion::Finishing { asked, heard, duration } => {
@@ -189,15 +190,15 @@ impl<P: Read + Write> Stage for Marlin<P> {
         let start = self.start.ok_or_else(|| self.restarted())?;
         match self.is_moving() {
             true => Ok(None),
-            false => self.query_place().map(|place| Some(to_position(start, place))),
+            false => self.query_coordinates().map(|coordinates| Some(to_position(start, coordinates))),
         }
     }
 
     /// Stops the machine, and queries where it stopped.
     fn stop(&mut self) -> Result<(), StageError> {
-        self.motion = Motion::None;
+        self.motion = Motion::Idle;
         self.command("M410")?;
-        self.place = self.query_place()?;
+        self.coordinates = self.query_coordinates()?;
         Ok(())
     }
 }
@@ -212,7 +213,7 @@ impl<P: Read + Write> Drop for Marlin<P> {
 }
 
 /// Parses an answer to `M114`, such as `X:0.00 Y:127.00 Z:145.00 E:0.00 Count X: 0 Y:10160 Z:116000`.
-fn parse_place(answer: &str) -> Option<[f64; 2]> {
+fn parse_coordinates(answer: &str) -> Option<[f64; 2]> {
     let number = |name: &str| {
         let rest = answer.split_once(name)?.1.trim_start();
         parse_coordinate(rest.split(char::is_whitespace).next()?)
@@ -226,9 +227,9 @@ mod tests {
 
     #[test]
     fn positions_are_parsed() {
-        assert_eq!(parse_place("X:0.50 Y:127.00 Z:145.00 E:0.00 Count X: 0 Y:10160 Z:116000"), Some([0.5, 127.0]));
-        assert_eq!(parse_place("X: -1.00 Y: 2.00"), Some([-1.0, 2.0]));
-        assert_eq!(parse_place("X:nan Y:0"), None);
-        assert_eq!(parse_place("T:20.0"), None);
+        assert_eq!(parse_coordinates("X:0.50 Y:127.00 Z:145.00 E:0.00 Count X: 0 Y:10160 Z:116000"), Some([0.5, 127.0]));
+        assert_eq!(parse_coordinates("X: -1.00 Y: 2.00"), Some([-1.0, 2.0]));
+        assert_eq!(parse_coordinates("X:nan Y:0"), None);
+        assert_eq!(parse_coordinates("T:20.0"), None);
     }
 }

@@ -13,7 +13,7 @@ use crate::{
     tools::toolchain::Toolchain,
 };
 
-/// What is built: a program of the firmware, or one of the examples that must fail.
+/// A program of the firmware's crate.
 #[derive(Clone, Copy)]
 pub enum Program {
     /// The firmware of a profile.
@@ -22,7 +22,7 @@ pub enum Program {
     Example(&'static str),
 }
 
-/// The command that builds `programs` for `board`.
+/// The cargo command that builds `programs` for `board`.
 pub fn command(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program]) -> Command {
     let mut cargo = toolchain.cargo("build");
     cargo.args(["--profile", "firmware", "--package", "multiscopic-firmware", "--target", board.target]);
@@ -35,11 +35,11 @@ pub fn command(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program
     cargo
 }
 
-/// Builds `programs` for `board`, and says where they are.
+/// Builds `programs` for `board`, and returns their paths.
 pub fn build(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program]) -> Result<Vec<PathBuf>> {
     run(&mut command(toolchain, board, programs))?;
     let built = folders::edge_target().join(board.target).join("firmware");
-    // The next board's images take the same places.
+    // Keep copies: the next board's images have the same paths.
     let kept = folders::edge_target().join("images").join(board.name);
     fs::create_dir_all(&kept)?;
     programs.iter().map(|program| keep(&built, &kept, *program)).collect()

@@ -1,4 +1,4 @@
-//! Counts the instructions of the firmware's phases: the emulator's plugin, and what it reports.
+//! Counts the firmware's instructions by phase, with a plugin of the emulator.
 
 use anyhow::{Context, Result, ensure};
 use object::{Object, ObjectSymbol, read::elf::ElfFile32};
@@ -15,13 +15,13 @@ use crate::{
     tools::tool,
 };
 
-/// The functions that begin the phases: where matching is not at work, where it is, and where it waits for lines or sends them.
+/// The functions that mark the beginning of a phase.
 const PHASES: [&str; 4] = ["phase_idle", "phase_matching", "phase_fetching", "phase_sending"];
 
-/// The file that the plugin reports to.
+/// The file that the plugin writes.
 const REPORT: &str = "instructions.txt";
 
-/// The plugin, compiled for the emulator that is installed.
+/// The plugin, compiled for the installed emulator.
 pub struct Counter {
     library: PathBuf,
     emulator: String,
@@ -30,11 +30,11 @@ pub struct Counter {
 /// Instructions by phase.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Instructions {
-    /// Of matching.
+    /// Matching.
     pub matching: u64,
-    /// Of fetching lines.
+    /// Fetching lines.
     pub fetching: u64,
-    /// Of encoding and sending disparity lines.
+    /// Encoding and sending disparity lines.
     pub sending: u64,
 }
 
@@ -54,12 +54,12 @@ impl Counter {
         Ok(Counter { library, emulator })
     }
 
-    /// What the emulator calls itself.
+    /// The emulator's name and version.
     pub fn emulator(&self) -> &str {
         &self.emulator
     }
 
-    /// The emulator's argument that counts in `image`.
+    /// The emulator's argument that counts instructions in `image`.
     pub fn plugin(&self, image: &Path) -> Result<String> {
         let bytes = fs::read(image).with_context(|| format!("cannot read {}", image.display()))?;
         let elf = ElfFile32::<object::Endianness>::parse(&*bytes).with_context(|| image.display().to_string())?;
@@ -71,7 +71,7 @@ impl Counter {
 }
 
 impl Instructions {
-    /// What the plugin reported in `folder`.
+    /// Reads the plugin's report in `folder`.
     pub fn read(folder: &Path) -> Result<Instructions> {
         let path = folder.join(REPORT);
         let report = fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -81,13 +81,13 @@ impl Instructions {
         Ok(Instructions { matching: counts[1], fetching: counts[2], sending: counts[3] })
     }
 
-    /// Of the whole pipeline but for fetching lines, which is the store's work.
+    /// The whole pipeline except for fetching lines, whose cost depends on where they are stored.
     pub fn pipeline(&self) -> u64 {
         self.matching + self.sending
     }
 }
 
-/// The version of the plugin's interface that an emulator has which calls itself `version`.
+/// The version of the plugin interface of the emulator that reports `version`.
 fn interface(version: &str) -> Result<u32> {
     let number = version.split_whitespace().find(|word| word.starts_with(|first: char| first.is_ascii_digit()));
     let major = number.and_then(|number| number.split('.').next()?.parse::<u32>().ok());
@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_interface_follows_the_version() {
+    fn the_interface_follows_the_emulators_version() {
         assert_eq!(interface("QEMU emulator version 7.2.19 (Debian 1:7.2+dfsg-7)\nCopyright (c)").unwrap(), 1);
         assert_eq!(interface("QEMU emulator version 10.0.2").unwrap(), 2);
         assert!(interface("QEMU").is_err());

@@ -2,20 +2,20 @@
 
 use multiscopic::Processor;
 
-/// A board as the linker and the emulator know it.
+/// A board: how its firmware is built and emulated.
 #[derive(Debug, PartialEq, Eq)]
 pub struct EmulatedBoard {
-    /// How the reports name it.
+    /// Its name in reports.
     pub name: &'static str,
     /// Its processor.
     pub core: &'static str,
-    /// The processor whose budget it is held against.
+    /// The processor in budgets.
     pub processor: Processor,
-    /// The feature of the firmware that chooses its memory; the reference board needs none.
+    /// The firmware's feature that selects its memory layout; `None` for the reference board.
     pub feature: Option<&'static str>,
     /// Its processor's Rust target.
     pub target: &'static str,
-    /// What the compiler may use beyond the target's least processor.
+    /// Compiler flags for its processor.
     pub rustflags: &'static str,
     /// The emulator's machine.
     pub machine: &'static str,
@@ -35,7 +35,7 @@ pub const REFERENCE: EmulatedBoard = EmulatedBoard {
     ram: 256 * 1024,
 };
 
-/// The board with vectors.
+/// The board whose processor has vector instructions.
 pub const VECTORS: EmulatedBoard = EmulatedBoard {
     name: "an547",
     core: "Cortex-M55",

@@ -1,4 +1,4 @@
-//! The memory that a linked image takes.
+//! The memory footprint of a linked image.
 
 use anyhow::{Context, Result};
 use object::{
@@ -8,30 +8,30 @@ use object::{
 };
 use std::{fmt, fs, path::Path};
 
-/// Bytes of an image by where they are.
+/// The size of an image by kind of memory, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Footprint {
     /// Code, constants and the vector table.
     pub text: u64,
-    /// Statics with a value to begin with: in RAM, and once more in flash.
+    /// Initialised statics, which take RAM and flash.
     pub data: u64,
-    /// Statics without: in RAM alone.
+    /// Zeroed statics, which take RAM alone.
     pub bss: u64,
 }
 
 impl Footprint {
-    /// Of the image in the ELF file at `path`.
+    /// The footprint of the ELF file at `path`.
     pub fn of(path: &Path) -> Result<Footprint> {
         let bytes = fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
         measure(&bytes).with_context(|| format!("{} is not a 32-bit little-endian ELF file", path.display()))
     }
 
-    /// Flash that the image fills.
+    /// The flash that the image takes.
     pub fn flash(&self) -> u64 {
         self.text + self.data
     }
 
-    /// RAM that the statics fill.
+    /// The RAM that the statics take.
     pub fn ram(&self) -> u64 {
         self.data + self.bss
     }

@@ -4,7 +4,7 @@ use anyhow::{Context, Result, bail};
 use defmt_decoder::{DecodeError, Table};
 use std::{fs, path::Path};
 
-/// The lines of the log in `bytes`, which is that of the firmware in `image`.
+/// Decodes `bytes`, the log of the firmware in `image`, into lines.
 pub fn decode(image: &Path, bytes: &[u8]) -> Result<Vec<String>> {
     let elf = fs::read(image).with_context(|| format!("cannot read {}", image.display()))?;
     let Some(table) = Table::parse(&elf)? else { return Ok(Vec::new()) };

@@ -1,4 +1,4 @@
-//! Emulated boards: the firmware is built for them, run, and measured.
+//! Emulated boards: builds firmware for them, runs and measures it.
 
 pub mod build;
 pub mod counter;

@@ -1,4 +1,4 @@
-//! Installs what the firmware's build and run need, where it can, and says what to do where it cannot.
+//! Installs what building and running the firmware needs, or explains how to.
 
 use anyhow::{Context, Result};
 
@@ -7,7 +7,7 @@ use crate::{
     tools::{tool, toolchain::Toolchain},
 };
 
-/// Makes sure that every tool and every target is there.
+/// Makes sure that every tool and target is installed.
 pub fn run() -> Result<Toolchain> {
     for tool in &tool::ALL {
         eprintln!("setup: {}", tool.install()?);

@@ -1,4 +1,4 @@
-//! Fits the cost model of `multiscopic budget` to what small matches take in the emulator.
+//! Fits the cost model of `multiscopic budget` to instruction counts of small matches in the emulator.
 
 use anyhow::{Context, Result, ensure};
 use multiscopic::target::instruction_model::{CandidateUnits, Prices, WorkUnits, Workload};
@@ -20,13 +20,13 @@ use crate::{
     tools::toolchain::Toolchain,
 };
 
-/// A match that is none of a profile.
+/// The shape of a match used for calibration.
 struct Shape {
     width: u16,
     height: u16,
     min_disparity: i16,
     num_disparities: u16,
-    /// Of block sums in 16 bits, and of some in 32.
+    /// One with block sums in 16 bits, one with sums in 32.
     block_sizes: [u8; 2],
     tile_width: usize,
 }
@@ -40,10 +40,10 @@ const fn shape(
     Shape { width, height, min_disparity, num_disparities: num_disparities as u16, block_sizes, tile_width }
 }
 
-/// Much of border and little, with many disparities and few, in whole and in broken vectors, in numbers for which kernels have loops of
-/// their own and in others; wide tiles and narrow ones, small and large blocks.
+/// Shapes with much border and little, many disparities and few, whole vectors and partial ones, disparity counts with and without
+/// specialised loops, wide tiles and narrow ones, small and large blocks.
 ///
-/// Not blocks of 13 and 15: their mean costs saturate in 16 bits as often as the images have it, and are then computed again.
+/// Blocks of 13 and 15 are left out: how often their mean costs saturate in 16 bits, and are computed again, depends on the images.
 const SHAPES: [Shape; 12] = [
     shape([60, 48], [1, 16], [5, 17], 60),
     shape([240, 160], [1, 16], [7, 17], 240),
@@ -59,7 +59,7 @@ const SHAPES: [Shape; 12] = [
     shape([320, 240], [1, 64], [9, 17], 64),
 ];
 
-/// Numbers of views, and the rules that fuse them in loops of their own.
+/// Sets of views, and the fusion rules with specialised loops for them.
 const VARIANTS: [(Views, Fusion); 9] = [
     (Views::STEREO, Fusion::Min),
     (Views::HORIZONTAL, Fusion::Min),
@@ -72,14 +72,14 @@ const VARIANTS: [(Views, Fusion); 9] = [
     (Views::ALL, Fusion::Heuristic),
 ];
 
-/// A match that is measured.
+/// A match to measure.
 struct Run<'a> {
     params: Params,
     tile_width: usize,
     images: &'a ImageSet,
 }
 
-/// What the firmware of `board` takes for each unit of work.
+/// The instructions per unit of work of the firmware on `board`.
 pub fn prices(toolchain: &Toolchain, board: &EmulatedBoard, counter: &Counter) -> Result<Prices> {
     let image = build::build(toolchain, board, &[Program::Example("calibrate")])?.pop().context("one program gives one image")?;
     let images = SHAPES.each_ref().map(Shape::images);
@@ -103,7 +103,7 @@ pub fn prices(toolchain: &Toolchain, board: &EmulatedBoard, counter: &Counter) -
 }
 
 impl Shape {
-    /// Frames whose disparities fill the search as those of a profile do: the middle of larger ones.
+    /// Frames whose disparities fill the search range as a profile's do: the middle of larger frames.
     fn images(&self) -> ImageSet {
         let width = usize::from(self.width).max(10 * usize::from(self.num_disparities));
         let height = usize::from(self.height).max(3 * width / 4);
@@ -131,7 +131,7 @@ impl Run<'_> {
         format!("{}-{width}x{height}-{views}-{}-{}-{d}-{}", board.name, p.fusion().name(), p.min_disparity(), p.block_size())
     }
 
-    /// The instructions that it takes.
+    /// Counts its instructions.
     fn count(&self, board: &EmulatedBoard, image: &Path, counter: &Counter) -> Result<Instructions> {
         let params = &self.params;
         let folder: PathBuf = folders::edge_target().join("runs/calibration").join(self.name(board));
@@ -140,13 +140,13 @@ impl Run<'_> {
         let search = [params.min_disparity().to_string(), params.num_disparities().to_string(), params.block_size().to_string()];
         let rest = [params.fusion().name().to_owned(), self.tile_width.to_string()];
         let args: Vec<&str> = numbers.iter().chain(&search).chain(&rest).map(String::as_str).collect();
-        let end = emulator::run(board, image, &args, &folder, Some(&counter.plugin(image)?))?;
-        ensure!(end.code == 0, "the firmware ended with exit code {} and said:\n{}", end.code, end.words);
+        let exit = emulator::run(board, image, &args, &folder, Some(&counter.plugin(image)?))?;
+        ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
         Instructions::read(&folder)
     }
 }
 
-/// The prices that explain what was counted. Matching and sending are counted, and fitted, apart.
+/// The prices that fit the counts best. Matching and sending are counted and fitted separately.
 fn fit(runs: &[Run<'_>], counted: &[Instructions], lanes: usize) -> Prices {
     let works: Vec<Workload> = runs.iter().map(|run| Workload::new(&run.params, run.tile_width, lanes)).collect();
     let mut kernels: Vec<&str> = works.iter().map(|work| work.kernel.as_str()).collect();
@@ -154,7 +154,7 @@ fn fit(runs: &[Run<'_>], counted: &[Instructions], lanes: usize) -> Prices {
     kernels.dedup();
     let of_sending = |name: &&str| ["packet", "sent"].contains(name);
     let units = |work: &Workload, sending: bool| -> Vec<f64> {
-        let numbers = WorkUnits::NAMES.iter().zip(work.units.to_vec());
+        let numbers = WorkUnits::NAMES.iter().zip(work.units.to_array());
         numbers.map(|(name, count)| if of_sending(name) == sending { count } else { 0.0 }).collect()
     };
     let matching = works.iter().map(|work| {
@@ -167,20 +167,20 @@ fn fit(runs: &[Run<'_>], counted: &[Instructions], lanes: usize) -> Prices {
     let sending: Vec<Vec<f64>> = works.iter().map(|work| units(work, true)).collect();
     let sending = least_squares::prices(&sending, &measured(counted, |instructions| instructions.sending));
     let (matching, candidates) = found.split_at(WorkUnits::NAMES.len());
-    let both: Vec<f64> = matching.iter().zip(&sending).map(|(matching, sending)| rounded(matching + sending)).collect();
+    let units = WorkUnits::from_array(std::array::from_fn(|i| rounded(matching[i] + sending[i])));
     let candidates: BTreeMap<String, CandidateUnits> = kernels
         .iter()
         .zip(candidates.as_chunks().0)
         .map(|(kernel, prices)| ((*kernel).to_owned(), CandidateUnits::from_array(prices.map(rounded))))
         .collect();
-    Prices { units: WorkUnits::from_slice(&both), candidates }
+    Prices { units, candidates }
 }
 
 fn measured(counted: &[Instructions], part: impl Fn(&Instructions) -> u64) -> Vec<f64> {
     counted.iter().map(|instructions| part(instructions) as f64).collect()
 }
 
-/// To a thousandth of an instruction.
+/// Rounds to a thousandth of an instruction.
 fn rounded(price: f64) -> f64 {
     (price * 1000.0).round() / 1000.0
 }

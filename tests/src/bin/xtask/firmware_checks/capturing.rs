@@ -1,4 +1,4 @@
-//! Runs the firmware that captures, on a slide and a sensor that are made up: as it should be, and with everything that can go wrong.
+//! Runs the capturing firmware on a simulated slide and sensor: without faults, and with each fault in turn.
 
 use anyhow::{Context, Result, ensure};
 use multiscopic_core::{Disparity, Params};
@@ -16,18 +16,18 @@ use crate::{
     tools::toolchain::Toolchain,
 };
 
-/// The first capture gave disparities, as the second always must.
+/// Exit code if the first capture succeeded. The second always must.
 const DONE: i32 = 0;
-/// It did not.
+/// Exit code if the first capture failed.
 const FAILED: i32 = 1;
 
-/// What goes wrong, and what the firmware says: words that it is started with, its exit code, and words of its log.
+/// A fault and its expected outcome: the firmware's arguments, its exit code, and a part of its log.
 type Case = (&'static str, i32, &'static str);
 
-/// A capture as it should be.
+/// A capture without faults.
 const WHOLE: Case = ("nothing 0 once", DONE, "118 lines were sent while the last frame was read out");
 
-/// Everything that can go wrong.
+/// The faults.
 const FAULTS: [Case; 30] = [
     ("pressed 0 once", FAILED, "homing: the switch at the low end of axis y stays pressed"),
     ("released 0 once", FAILED, "homing: the switch at the low end of axis x was not found"),
@@ -68,7 +68,7 @@ struct Run<'a> {
     case: Case,
 }
 
-/// A capture as it should be on each processor, and every fault on the reference board.
+/// A capture without faults on each processor, and every fault on the reference board.
 pub fn run(toolchain: &Toolchain) -> Result<()> {
     let boards = [&emulated_board::REFERENCE, &emulated_board::VECTORS];
     let images = boards.into_iter().map(|board| {
@@ -81,9 +81,9 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
     let whole = images.iter().map(|(board, image)| Run { board, image, case: WHOLE });
     let faults = images.iter().take(1).flat_map(|(board, image)| FAULTS.map(|case| Run { board, image, case }));
     let runs: Vec<_> = whole.chain(faults).collect();
-    let said = workers::map(&runs, |run| run.check(&set, &expected).with_context(|| format!("capture: {}", run.name())))?;
-    for (run, said) in runs.iter().zip(said) {
-        println!("capture: {}: {said}", run.name());
+    let messages = workers::map(&runs, |run| run.check(&set, &expected).with_context(|| format!("capture: {}", run.name())))?;
+    for (run, message) in runs.iter().zip(messages) {
+        println!("capture: {}: {message}", run.name());
     }
     Ok(())
 }
@@ -93,20 +93,20 @@ impl Run<'_> {
         format!("{} on {}", self.case.0, self.board.name)
     }
 
-    /// Runs it, and says what it said. The stage must have stopped, and the capture after it must have worked.
+    /// Runs it and returns the matching line of its log. Fails unless the outcome is as expected and the second capture succeeds.
     fn check(&self, set: &ImageSet, expected: &[Option<Disparity>]) -> Result<String> {
-        let (words, code, said) = self.case;
-        let folder = folders::edge_target().join("runs/capture").join(self.board.name).join(words.replace(' ', "-"));
+        let (arguments, code, message) = self.case;
+        let folder = folders::edge_target().join("runs/capture").join(self.board.name).join(arguments.replace(' ', "-"));
         if folder.exists() {
             fs::remove_dir_all(&folder)?;
         }
         set.write(&folder)?;
-        let args: Vec<&str> = words.split(' ').collect();
-        let end = emulator::run(self.board, self.image, &args, &folder, None)?;
-        let found = format!("exit code {} and said:\n{}", end.code, end.words);
-        ensure!(end.code == code, "expected exit code {code}, the firmware ended with {found}");
-        let line = end.words.lines().find(|line| line.contains(said));
-        let line = line.with_context(|| format!("expected {said:?}, the firmware ended with {found}"))?;
+        let args: Vec<&str> = arguments.split(' ').collect();
+        let exit = emulator::run(self.board, self.image, &args, &folder, None)?;
+        let found = format!("exit code {} and printed:\n{}", exit.code, exit.output);
+        ensure!(exit.code == code, "expected exit code {code}, the firmware ended with {found}");
+        let line = exit.output.lines().find(|line| line.contains(message));
+        let line = line.with_context(|| format!("expected {message:?}, the firmware ended with {found}"))?;
         if code == DONE {
             same(&folder.join(frame_file::PACKETS.to_str()?), &CAPTURE, expected).context("the first capture")?;
         }
@@ -115,7 +115,7 @@ impl Run<'_> {
     }
 }
 
-/// Fails unless the packets at `path` are a whole frame of the disparities that this machine finds.
+/// Fails unless the packets at `path` are a complete frame of the expected disparities.
 fn same(path: &Path, params: &Params, expected: &[Option<Disparity>]) -> Result<()> {
     let bytes = fs::read(path).with_context(|| format!("the firmware sent no {}", path.display()))?;
     received::same(&received::whole(&bytes, path, params)?.disparities, expected)

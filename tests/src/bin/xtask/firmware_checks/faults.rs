@@ -1,4 +1,4 @@
-//! Runs the firmware where it must fail: each time with words that name the reason and an exit code of its own.
+//! Firmware that must fail: each time with a message that names the reason, and with its own exit code.
 
 use anyhow::{Context, Result, bail, ensure};
 use multiscopic_core::{Frame, Fusion, View};
@@ -22,7 +22,7 @@ use crate::{
 const FAILED: i32 = 1;
 const OVERFLOWED: i32 = 103;
 
-/// Every fault.
+/// Runs every fault.
 pub fn run(toolchain: &Toolchain) -> Result<()> {
     too_large(toolchain)?;
     two_boards(toolchain)?;
@@ -33,31 +33,31 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
     bad_input(toolchain, &emulated_board::REFERENCE)
 }
 
-/// An image that needs more RAM than the board has is not linked.
+/// An image that needs more RAM than the board has must not link.
 fn too_large(toolchain: &Toolchain) -> Result<()> {
     for board in &emulated_board::ALL {
-        let words = process::read_failure(&mut build::command(toolchain, board, &[Program::Example("too_large")]))?;
-        let reason = words.lines().find(|line| line.contains("will not fit in region 'RAM': overflowed by"));
-        let reason = reason.with_context(|| format!("too_large for {} was refused for another reason:\n{words}", board.name))?;
+        let output = process::read_failure(&mut build::command(toolchain, board, &[Program::Example("too_large")]))?;
+        let reason = output.lines().find(|line| line.contains("will not fit in region 'RAM': overflowed by"));
+        let reason = reason.with_context(|| format!("too_large for {} was refused for another reason:\n{output}", board.name))?;
         let from = reason.find("section").unwrap_or_default();
         println!("faults: {} refuses an image that is too large: {}", board.name, &reason[from..]);
     }
     Ok(())
 }
 
-/// Firmware for two boards at once is not built.
+/// Firmware for two boards at once must not build.
 fn two_boards(toolchain: &Toolchain) -> Result<()> {
     let features = emulated_board::ALL.iter().filter_map(|board| board.feature).collect::<Vec<_>>();
-    let [first, second, ..] = features[..] else { bail!("there are no two boards with features") };
+    let [first, second, ..] = features[..] else { bail!("fewer than two boards have features") };
     let mut build = build::command(toolchain, &emulated_board::REFERENCE, &[Program::Profile(profile::QQVGA.name)]);
-    let words = process::read_failure(build.arg(format!("--features={first},{second}")))?;
-    let reason = words.lines().find(|line| line.contains(&format!("choose the feature {first} or {second}, not both")));
-    let reason = reason.with_context(|| format!("{first} with {second} was refused for another reason:\n{words}"))?;
+    let output = process::read_failure(build.arg(format!("--features={first},{second}")))?;
+    let reason = output.lines().find(|line| line.contains(&format!("choose the feature {first} or {second}, not both")));
+    let reason = reason.with_context(|| format!("{first} with {second} was refused for another reason:\n{output}"))?;
     println!("faults: two boards are refused: {}", reason.trim());
     Ok(())
 }
 
-/// The matcher alone is linked for every target, which fails if it can panic.
+/// Links the matcher alone for every target, which fails if any path leads to a panic.
 pub fn no_panic(toolchain: &Toolchain) -> Result<()> {
     for board in emulated_board::ALL.iter().filter(|board| [emulated_board::REFERENCE.name, "an547"].contains(&board.name)) {
         process::run(&mut build::command(toolchain, board, &[Program::Example("no_panic")]))
@@ -67,14 +67,14 @@ pub fn no_panic(toolchain: &Toolchain) -> Result<()> {
     Ok(())
 }
 
-/// A stack that overflows ends in a fault that is named, not in the statics.
+/// A stack overflow must end in a named fault, not in overwritten statics.
 fn stack_overflow(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
     let images = build::build(toolchain, board, &[Program::Example("stack_overflow")])?;
     let folder = folder("stack_overflow")?;
     images.iter().try_for_each(|image| ends(board, image, "", &folder, OVERFLOWED, "stack overflow: the stack has 8192 bytes"))
 }
 
-/// Frames that are missing or have another size, and an unknown word.
+/// Missing frames, frames of the wrong size, and an unknown argument.
 fn bad_input(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
     let profile = profile::QQVGA;
     let images = build::build(toolchain, board, &[Program::Profile(profile.name)])?;
@@ -99,19 +99,19 @@ fn bad_input(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
     Ok(())
 }
 
-/// Runs `image`, which must end with `code` and say `words` among others.
-fn ends(board: &EmulatedBoard, image: &Path, arg: &str, folder: &Path, code: i32, words: &str) -> Result<()> {
-    let end = emulator::run(board, image, &[arg], folder, None)?;
-    let found = format!("exit code {} and said:\n{}", end.code, end.words);
+/// Runs `image`, which must end with `code` and a message that contains `message`.
+fn ends(board: &EmulatedBoard, image: &Path, arg: &str, folder: &Path, code: i32, message: &str) -> Result<()> {
+    let exit = emulator::run(board, image, &[arg], folder, None)?;
+    let found = format!("exit code {} and printed:\n{}", exit.code, exit.output);
     ensure!(
-        end.code == code && end.words.contains(words),
-        "expected exit code {code} and {words:?}, the firmware ended with {found}"
+        exit.code == code && exit.output.contains(message),
+        "expected exit code {code} and {message:?}, the firmware ended with {found}"
     );
-    println!("faults: {}: {}", board.name, end.words.lines().last().unwrap_or_default());
+    println!("faults: {}: {}", board.name, exit.output.lines().last().unwrap_or_default());
     Ok(())
 }
 
-/// An empty folder to run in.
+/// An empty working folder.
 fn folder(name: &str) -> Result<PathBuf> {
     let folder = folders::edge_target().join("runs").join(name);
     if folder.exists() {

@@ -1,4 +1,4 @@
-//! The frames that the firmware is given.
+//! The frames that the firmware reads.
 
 use anyhow::{Context, Result};
 use image::GrayImage;
@@ -9,21 +9,21 @@ use multiscopic::{
 use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, View, Views};
 use multiscopic_edge::frame_file;
 use multiscopic_tests::samples::{
-    images::ViewSet,
     real_data::{self, Dataset},
     strict_source::StrictSource,
+    view_set::ViewSet,
 };
 use std::{fs, path::Path};
 
-/// Frames for some parameters, under a name.
+/// A named set of frames.
 pub struct ImageSet {
-    /// How reports name it.
+    /// Its name in reports.
     pub name: &'static str,
     images: ViewSet,
 }
 
 impl ImageSet {
-    /// The made-up scene of `multiscopic demo`: the same on every machine.
+    /// The synthetic scene of `multiscopic demo`, which is the same on every machine.
     pub fn demo(params: &Params) -> ImageSet {
         let (width, height) = (params.width(), params.height());
         let shot = render(&Scene::demo(), &PinholeCamera::new(width as u32, height as u32), 1);
@@ -32,7 +32,7 @@ impl ImageSet {
         ImageSet { name: "demo", images: ViewSet { width, height, center: gray(Frame::Center), views } }
     }
 
-    /// The `[width, height]` pixels in the middle of the same scene in frames of `size`, with all neighbours.
+    /// The central `[width, height]` pixels of the demo's scene rendered at `[w, h]` pixels, with all views.
     pub fn demo_middle([w, h]: [usize; 2], [width, height]: [usize; 2]) -> ImageSet {
         let frames = render(&Scene::demo(), &PinholeCamera::new(w as u32, h as u32), 1)
             .frames(Views::ALL)
@@ -42,7 +42,7 @@ impl ImageSet {
         ImageSet { name: "demo", images: ViewSet { width, height, center: gray(Frame::Center).unwrap_or_default(), views } }
     }
 
-    /// The middle of the Tsukuba head and lamp, if this machine has it and it is large enough.
+    /// The centre of the Tsukuba scene, if it is available and large enough.
     pub fn tsukuba(params: &Params) -> Option<ImageSet> {
         let root = real_data::root().filter(|root| root.join(Dataset::Tsukuba.name()).is_dir())?;
         let all = Dataset::Tsukuba.read(&root, "").images.only(View::ALL.map(|view| params.views().contains(view)));
@@ -50,7 +50,7 @@ impl ImageSet {
         Some(ImageSet { name: Dataset::Tsukuba.name(), images: all.crop(left, top, params.width(), params.height()) })
     }
 
-    /// Writes the frames as the firmware reads them.
+    /// Writes the frames as files that the firmware reads.
     pub fn write(&self, folder: &Path) -> Result<()> {
         fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         let views = View::ALL.map(Frame::View).into_iter().zip(&self.images.views);
@@ -62,7 +62,7 @@ impl ImageSet {
         Ok(())
     }
 
-    /// The frames in the host's terms.
+    /// The frames in the host's type.
     pub fn frames(&self) -> Result<Frames> {
         let ViewSet { width, height, center, views } = &self.images;
         let image = |pixels: &Vec<u8>| {
@@ -73,7 +73,7 @@ impl ImageSet {
         views.into_iter().try_fold(Frames::new(image(center)?), |frames, (view, pixels)| Ok(frames.with(view, image(pixels)?)))
     }
 
-    /// The disparities that the core finds on this machine, line by line.
+    /// The disparities that the core computes on this machine, line by line.
     pub fn disparities(&self, params: &Params) -> Result<Vec<Option<Disparity>>> {
         let mut source = StrictSource::new(&self.images, params, &Region::whole(params));
         let mut memory = vec![0; params.memory_words()];

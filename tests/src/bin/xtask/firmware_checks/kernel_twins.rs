@@ -1,4 +1,4 @@
-//! Compares each processor's kernel with its portable twin, on the emulated processor.
+//! Compares each processor's kernel with its portable twin on the emulated processor.
 
 use anyhow::{Context, Result, ensure};
 use std::fs;
@@ -12,18 +12,18 @@ use crate::{
     tools::toolchain::Toolchain,
 };
 
-/// A board of each processor.
+/// One board per processor.
 const BOARDS: [&str; 3] = [emulated_board::REFERENCE.name, "stm32h743", "an547"];
 
-/// Runs the comparison on a board of each processor.
+/// Runs the comparison on one board per processor.
 pub fn run(toolchain: &Toolchain) -> Result<()> {
     for board in emulated_board::ALL.iter().filter(|board| BOARDS.contains(&board.name)) {
         let folder = folders::edge_target().join("runs").join("kernels").join(board.name);
         fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
         for image in build::build(toolchain, board, &[Program::Example("kernels")])? {
-            let end = emulator::run(board, &image, &[""], &folder, None)?;
-            ensure!(end.code == 0, "on a {} a kernel is not its twin:\n{}", board.core, end.words);
-            println!("{} on a {}", end.words.lines().last().unwrap_or_default(), board.core);
+            let exit = emulator::run(board, &image, &[""], &folder, None)?;
+            ensure!(exit.code == 0, "a kernel differs from its twin on a {}:\n{}", board.core, exit.output);
+            println!("{} on a {}", exit.output.lines().last().unwrap_or_default(), board.core);
         }
     }
     Ok(())

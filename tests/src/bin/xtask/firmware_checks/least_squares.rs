@@ -1,12 +1,12 @@
-//! The prices that explain measurements best.
+//! Non-negative least squares.
 
-/// Numbers `x`, none negative, for which `rows x` is nearest to `measured`, in relation to what was measured: `rows[i]` are the
-/// counts of measurement `i`.
+/// The non-negative `x` that minimises the relative error of `rows * x` against `measured`, where `rows[i]` has the counts of
+/// measurement `i`.
 ///
-/// Projected coordinate descent: each price in turn takes its best value while the others stay, until nothing changes.
+/// Projected coordinate descent: optimises one price at a time until nothing changes.
 pub fn prices(rows: &[Vec<f64>], measured: &[f64]) -> Vec<f64> {
     let columns = rows.first().map_or(0, Vec::len);
-    // Each column in units of its own, so that small and large counts are alike.
+    // Normalise the columns, so that small and large counts weigh alike.
     let relative: Vec<Vec<f64>> = rows.iter().zip(measured).map(|(row, m)| row.iter().map(|count| count / m).collect()).collect();
     let scales: Vec<f64> = (0..columns).map(|j| relative.iter().map(|row| row[j] * row[j]).sum::<f64>().sqrt()).collect();
     let column = |j: usize| relative.iter().map(move |row| row[j]);
@@ -28,7 +28,7 @@ pub fn prices(rows: &[Vec<f64>], measured: &[f64]) -> Vec<f64> {
     x
 }
 
-/// The most times that every price is corrected.
+/// The most rounds of descent.
 const SWEEPS: usize = 200_000;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What the firmware must do on the boards.
+//! Checks of the firmware on emulated boards.
 
 pub mod calibration;
 pub mod capturing;

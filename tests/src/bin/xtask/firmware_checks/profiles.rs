@@ -1,4 +1,4 @@
-//! Runs the firmware in the emulator, compares what it sends with what this machine computes, and measures it.
+//! Runs the firmware of all profiles in the emulator, compares its packets with the host's results, and measures it.
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
@@ -12,6 +12,7 @@ use std::{
 };
 
 use crate::{
+    counts::{self, Counts},
     emulation::{
         build::{self, Program},
         counter::{Counter, Instructions},
@@ -20,7 +21,6 @@ use crate::{
         footprint::Footprint,
     },
     firmware_checks::{calibration, image_set::ImageSet, received},
-    record::{self, Counts},
     system::{
         folders,
         process::{command, read},
@@ -29,25 +29,25 @@ use crate::{
     tools::toolchain::Toolchain,
 };
 
-/// How far off the cost model may be for a profile, in percent.
+/// The largest error of the cost model, in percent.
 const MOST_OFF: f64 = 10.0;
 
-/// What is run: everything, or what is named.
+/// The selection of runs; all by default.
 #[derive(Args, Default)]
 pub struct Selection {
     /// Only this profile
     #[arg(long, value_parser = profile::ALL.map(|profile| profile.name))]
     profile: Option<String>,
-    /// Only this rule of fusion
+    /// Only this fusion rule
     #[arg(long, value_parser = Fusion::ALL.map(Fusion::name))]
     fusion: Option<String>,
     /// Only this board
     #[arg(long, value_parser = emulated_board::ALL.map(|board| board.name))]
     board: Option<String>,
-    /// Fit the cost model of `multiscopic budget` first, and write it and what else was measured to host/src/target/measured.toml
+    /// First fit the cost model of `multiscopic budget`, and write it and the measured RAM to host/src/target/measured.toml
     #[arg(long, conflicts_with_all = ["profile", "fusion", "board"])]
     fit: bool,
-    /// Write the instructions per disparity evaluation to the record instead of comparing them with it
+    /// Record the instructions per disparity evaluation instead of comparing them with the record
     #[arg(long)]
     update: bool,
     /// Write the measurements to this file
@@ -56,18 +56,18 @@ pub struct Selection {
 }
 
 impl Selection {
-    /// Whether a profile is to run on a board, which must have the RAM for it.
+    /// Whether a profile runs on a board: both are selected, and the board has enough RAM.
     fn has(&self, board: &EmulatedBoard, profile: &Profile) -> bool {
         wanted(&self.board, board.name) && wanted(&self.profile, profile.name) && profile.ram_budget <= board.ram
     }
 }
 
-/// Whether a choice, if there is one, is this name.
+/// Whether `choice` is `name` or open.
 fn wanted(choice: &Option<String>, name: &str) -> bool {
     choice.as_deref().is_none_or(|choice| choice == name)
 }
 
-/// What a run measured.
+/// The measurements of a run.
 #[derive(Debug, Serialize)]
 struct Measurement {
     profile: &'static str,
@@ -89,7 +89,7 @@ struct Measurement {
     identical_to_host: bool,
 }
 
-/// An image and how it is run.
+/// A firmware image and its run.
 struct Run {
     board: &'static EmulatedBoard,
     profile: Profile,
@@ -97,12 +97,12 @@ struct Run {
     image: PathBuf,
 }
 
-/// Builds the firmware, runs it, and reports.
+/// Builds the selected firmware, runs it, and reports.
 pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     let counter = Counter::build()?;
     let mut table = if selection.fit { fitted(toolchain, &counter)? } else { MEASURED.clone() };
     let runs = build(toolchain, selection)?;
-    ensure!(!runs.is_empty(), "no board of the selection can hold a profile of it");
+    ensure!(!runs.is_empty(), "no selected board has enough RAM for a selected profile");
     let mut measurements = workers::map(&runs, |run| {
         let measurement = run.measure(&counter).with_context(|| format!("edge: {}", run.name()))?;
         println!("edge: {}: identical to this machine on {}", run.name(), measurement.images);
@@ -121,16 +121,16 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
         fs::write(path, json + "\n").with_context(|| format!("cannot write {}", path.display()))?;
     }
     check(&runs, &measurements, &table)?;
-    record::hold(&counts(&measurements), selection.update, "cargo xtask edge --update")
+    counts::hold(&counts(&measurements), selection.update, "cargo xtask edge --update")
 }
 
-/// The counts of `measurements` under their names in the record. What images show changes them by less than its tolerance.
+/// The counts under their names in the record. They depend on the images by less than the record's tolerance.
 fn counts(measurements: &[Measurement]) -> Counts {
     let name = |m: &Measurement| format!("{}, {}, {}", m.board, m.profile, m.fusion);
     measurements.iter().map(|m| (name(m), m.instructions_per_de)).collect()
 }
 
-/// A table with the prices of work, and nothing else yet.
+/// A table with fitted prices and without RAM.
 fn fitted(toolchain: &Toolchain, counter: &Counter) -> Result<FirmwareCostTable> {
     let of = |board| -> Result<FirmwareCosts> {
         Ok(FirmwareCosts { prices: calibration::prices(toolchain, board, counter)?, ..FirmwareCosts::default() })
@@ -144,7 +144,7 @@ fn fitted(toolchain: &Toolchain, counter: &Counter) -> Result<FirmwareCostTable>
     })
 }
 
-/// Notes what `measurements` say of RAM.
+/// Adds the measured RAM to the table.
 fn note_ram(table: &mut FirmwareCostTable, runs: &[Run], measurements: &[Measurement]) {
     for (run, measurement) in runs.iter().zip(measurements) {
         let noted = table.of_mut(run.board.processor);
@@ -153,7 +153,7 @@ fn note_ram(table: &mut FirmwareCostTable, runs: &[Run], measurements: &[Measure
     }
 }
 
-/// Builds the images of `selection`, board by board.
+/// Builds the selected images, board by board.
 fn build(toolchain: &Toolchain, selection: &Selection) -> Result<Vec<Run>> {
     let mut runs = Vec::new();
     for board in &emulated_board::ALL {
@@ -175,12 +175,12 @@ impl Run {
         format!("{} on {}, {}", self.profile.name, self.board.name, self.fusion.name())
     }
 
-    /// The size of its workspace.
+    /// The size of its workspace in bytes.
     fn workspace_bytes(&self) -> usize {
         self.board.processor.lengths(&self.profile.params(self.fusion), self.profile.tile_width()).bytes()
     }
 
-    /// Runs the image. What it sends must be what this machine computes.
+    /// Runs the image and measures it. Fails unless its packets equal the host's.
     fn measure(&self, counter: &Counter) -> Result<Measurement> {
         let params = self.profile.params(self.fusion);
         let folder = folders::edge_target().join("runs").join(self.board.name).join(self.profile.name).join(self.fusion.name());
@@ -214,15 +214,15 @@ impl Run {
         })
     }
 
-    /// What the image sends, as bytes and as a frame, as it is run in `folder`.
+    /// Runs the image in `folder`, and returns its packets as bytes and as a received frame.
     fn received(&self, folder: &Path, counter: &Counter) -> Result<(Vec<u8>, ReceivedFrame)> {
         let packets = folder.join(frame_file::PACKETS.to_str()?);
         if packets.exists() {
             fs::remove_file(&packets)?;
         }
         let plugin = counter.plugin(&self.image)?;
-        let end = emulator::run(self.board, &self.image, &[self.fusion.name()], folder, Some(&plugin))?;
-        ensure!(end.code == 0, "the firmware ended with exit code {} and said:\n{}", end.code, end.words);
+        let exit = emulator::run(self.board, &self.image, &[self.fusion.name()], folder, Some(&plugin))?;
+        ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
         let bytes = fs::read(&packets).with_context(|| format!("the firmware sent no {}", packets.display()))?;
         let params = self.profile.params(self.fusion);
         let received = received::whole(&bytes, &packets, &params).with_context(|| packets.display().to_string())?;
@@ -231,7 +231,7 @@ impl Run {
 }
 
 impl Measurement {
-    /// Notes what the cost model says.
+    /// Adds the prediction of the cost model.
     fn predict(&mut self, run: &Run, table: &FirmwareCostTable) -> Result<()> {
         let prices = &table.of(run.board.processor).prices;
         let (params, lanes) = (run.profile.params(run.fusion), run.board.processor.lanes());
@@ -241,7 +241,7 @@ impl Measurement {
         Ok(())
     }
 
-    /// How far off the prediction is, in percent of what was measured.
+    /// The error of the prediction, in percent of the measurement.
     fn error(&self) -> f64 {
         100.0 * (self.instructions_predicted / self.instructions as f64 - 1.0)
     }
@@ -286,10 +286,10 @@ fn print(measurements: &[Measurement]) {
             m.error()
         );
     }
-    println!("RAM and text in bytes; DE = pixel x disparity x view; sending = for the packets, within per DE; latency in lines");
+    println!("RAM and text in bytes; DE = pixel x disparity x view; sending: the packets' share of per DE; latency in lines");
 }
 
-/// Fails if a run took more RAM than its profile may, or if the budgets that `multiscopic budget` makes are wrong.
+/// Fails if a run exceeded its profile's RAM budget, or if the model behind `multiscopic budget` is off.
 fn check(runs: &[Run], measurements: &[Measurement], table: &FirmwareCostTable) -> Result<()> {
     let mut wrong = 0;
     let mut fail = |run: &Run, what: String| {

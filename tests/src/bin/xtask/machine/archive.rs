@@ -1,4 +1,4 @@
-//! Archives that Linux unpacks as its first file system.
+//! The initial file system of a Linux machine, as a cpio archive.
 
 use anyhow::{Context, Result};
 use cpio::{
@@ -12,10 +12,10 @@ use std::{
     path::{Component, Path},
 };
 
-/// Whoever is there may read and run everything.
+/// Everybody may read and execute every file.
 const PERMISSIONS: u32 = 0o755;
 
-/// Files and folders by their path without a leading slash. In this order a folder comes before what it contains.
+/// Files and folders by their path without a leading slash. In alphabetical order, folders come before their contents.
 #[derive(Default)]
 pub struct Archive {
     entries: BTreeMap<String, Entry>,
@@ -27,14 +27,14 @@ enum Entry {
 }
 
 impl Archive {
-    /// Adds an empty folder, and those that it lies in.
+    /// Adds an empty folder and its parents.
     pub fn folder(&mut self, path: &Path) {
         for folder in path.ancestors().map(name).filter(|name| !name.is_empty()) {
             self.entries.entry(folder).or_insert(Entry::Folder);
         }
     }
 
-    /// Adds an executable file, and the folders that it lies in.
+    /// Adds an executable file and its parent folders.
     pub fn file(&mut self, path: &Path, contents: &[u8]) {
         if let Some(folder) = path.parent() {
             self.folder(folder);
@@ -48,7 +48,7 @@ impl Archive {
         Ok(())
     }
 
-    /// The archive in cpio's format newc.
+    /// The archive in cpio's newc format.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         for (index, (name, entry)) in self.entries.iter().enumerate() {
@@ -56,7 +56,7 @@ impl Archive {
                 Entry::Folder => (ModeFileType::Directory, [].as_slice()),
                 Entry::File(contents) => (ModeFileType::Regular, contents.as_slice()),
             };
-            // Linux takes entries with the same number for links to one file.
+            // Linux treats entries with equal inode numbers as links to one file.
             let header = NewcBuilder::new(name).ino(index as u32 + 1).mode(PERMISSIONS).set_mode_file_type(kind).nlink(1);
             let mut writer = header.write(&mut bytes, contents.len() as u32);
             writer.write_all(contents)?;
@@ -67,7 +67,7 @@ impl Archive {
     }
 }
 
-/// A path in an archive: its names, without the root.
+/// A path as archives write it: relative to the root.
 fn name(path: &Path) -> String {
     let names = path.components().filter(|component| matches!(component, Component::Normal(_)));
     names.map(|name| name.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")

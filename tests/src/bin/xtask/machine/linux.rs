@@ -1,4 +1,4 @@
-//! A kernel with drivers of cameras, from Debian's packages.
+//! A Linux kernel with camera drivers, from Debian's packages.
 
 use anyhow::{Context, Result, bail, ensure};
 use object::{Object, ObjectSection};
@@ -20,31 +20,31 @@ use crate::{
     },
 };
 
-/// What unpacks the kernel and makes its module for loopback devices.
+/// The tools that unpack the kernel and build its loopback module.
 pub const TOOLS: [Tool; 3] = [tool::CC, tool::MAKE, tool::XZ];
 
-/// The drivers, with what they are loaded with: vivid makes pictures and faults on demand, v4l2loopback gives what it is fed with.
+/// The drivers and their parameters: vivid generates images and faults, v4l2loopback shows the frames it is fed.
 const DRIVERS: [(&str, &str); 2] = [
     ("vivid", "n_devs=3 node_types=0x1,0x1,0x1 num_inputs=1,1,1 input_types=0,0,0 multiplanar=1,1,2"),
     ("v4l2loopback", "devices=5 video_nr=10,11,12,13,14 exclusive_caps=1,1,1,1,1 max_buffers=8"),
 ];
 
-/// The names of its files.
+/// File names.
 const IMAGE: &str = "kernel";
 const SYSTEM: &str = "system.cpio";
 
-/// The files that a machine starts with.
+/// The files that a virtual machine boots from.
 pub struct Linux {
-    /// The kernel itself.
+    /// The kernel image.
     pub image: PathBuf,
-    /// The archive with busybox and the drivers, and the script that loads them.
+    /// The archive with busybox, the drivers, and the order in which they are loaded.
     pub system: PathBuf,
-    /// Its version.
+    /// The kernel's version.
     pub version: String,
 }
 
 impl Linux {
-    /// The kernel, made from the current one in Debian's packages if there is none yet.
+    /// The kernel, unpacked from Debian's current one on first use.
     pub fn install() -> Result<Linux> {
         let folder = folders::target().join("tools/linux");
         let marker = folder.join("version");
@@ -60,7 +60,7 @@ impl Linux {
         Ok(Linux { image: folder.join(IMAGE), system: folder.join(SYSTEM), version })
     }
 
-    /// The version of the current kernel in the lists of packages.
+    /// The current kernel's version in the package lists.
     pub fn current() -> Option<String> {
         let depends = depends("linux-image-amd64").ok()?;
         depends.iter().find_map(|package| package.strip_prefix("linux-image-").map(str::to_owned))
@@ -73,7 +73,7 @@ fn depends(package: &str) -> Result<Vec<String>> {
     Ok(listed.lines().filter_map(|line| line.trim().strip_prefix("Depends: ").map(str::to_owned)).collect())
 }
 
-/// Makes the files of a kernel in `folder`.
+/// Puts the files of the kernel `version` into `folder`.
 fn make(folder: &Path, version: &str) -> Result<()> {
     for tool in &TOOLS {
         tool.install()?;
@@ -96,7 +96,7 @@ fn make(folder: &Path, version: &str) -> Result<()> {
 /// Compiles the module v4l2loopback with the headers in `files`.
 fn make_loopback(files: &Path, version: &str) -> Result<PathBuf> {
     let headers = files.join(format!("usr/src/linux-headers-{version}"));
-    // It includes the headers that all variants share where they are when they are installed.
+    // The Makefile includes the common headers by their installed path.
     let makefile = headers.join("Makefile");
     let text = fs::read_to_string(&makefile).with_context(|| format!("cannot read {}", makefile.display()))?;
     fs::write(&makefile, text.replace("include /usr/src/", &format!("include {}/usr/src/", files.display())))?;
@@ -109,24 +109,24 @@ fn make_loopback(files: &Path, version: &str) -> Result<PathBuf> {
     Ok(source.join("v4l2loopback.ko"))
 }
 
-/// The kernel in a bootable image: the emulator starts it at once, while its decompressor takes the emulator seconds.
+/// The uncompressed kernel from its boot image, which saves the emulator seconds of decompression.
 fn decompressed(files: &Path, version: &str) -> Result<Vec<u8>> {
     let bytes = fs::read(files.join(format!("boot/vmlinuz-{version}")))?;
     let magic = b"\xFD7zXZ\0";
     let payload = files.join("payload.xz");
     for start in (0..bytes.len().saturating_sub(magic.len())).filter(|&start| bytes[start..].starts_with(magic)) {
         fs::write(&payload, &bytes[start..])?;
-        // It is followed by something else, about which xz complains after it has done its work.
+        // xz reports an error about the data after the payload, but has written all of it.
         let xz = tool::XZ.install()?.command(&["--decompress", "--stdout", "--single-stream"])?.arg(&payload).output()?;
         if xz.stdout.starts_with(b"\x7FELF") {
             return Ok(xz.stdout);
         }
     }
-    // Compressed by other means.
+    // Compressed otherwise: boot the image as it is.
     Ok(bytes)
 }
 
-/// The archive of busybox, the drivers and the modules that they need, and the script that loads them.
+/// The archive with busybox, the drivers and the modules they depend on, and the order in which they are loaded.
 fn system(files: &Path, version: &str, loopback: &Path) -> Result<Vec<u8>> {
     let modules = Modules { folder: files.join("lib/modules").join(version), loopback: loopback.into() };
     let mut archive = Archive::default();
@@ -147,7 +147,7 @@ struct Modules {
 }
 
 impl Modules {
-    /// Adds the module `name` after those that it needs, unless it is there already.
+    /// Adds the module `name` after its dependencies, unless it was added before.
     fn add(
         &self,
         name: &str,
@@ -169,7 +169,7 @@ impl Modules {
         Ok(())
     }
 
-    /// The file of the module `name`; `None` if it is a part of the kernel itself.
+    /// The file of the module `name`; `None` if it is built into the kernel.
     fn find(&self, name: &str) -> Result<Option<PathBuf>> {
         if name == "v4l2loopback" {
             return Ok(Some(self.loopback.clone()));
@@ -193,10 +193,10 @@ impl Modules {
     }
 }
 
-/// The modules that a module says it needs.
+/// The dependencies that a module declares.
 fn needed(module: &[u8]) -> Result<Vec<String>> {
     let file = object::File::parse(module)?;
-    let Some(section) = file.section_by_name(".modinfo") else { bail!("a module that says nothing about itself") };
+    let Some(section) = file.section_by_name(".modinfo") else { bail!("a module without the section .modinfo") };
     let words = section.data()?.split(|&byte| byte == 0).map(String::from_utf8_lossy);
     let depends = words.filter_map(|word| word.strip_prefix("depends=").map(str::to_owned));
     Ok(depends

@@ -1,4 +1,4 @@
-//! Programs and folders.
+//! Processes, threads and folders.
 
 pub mod folders;
 pub mod process;

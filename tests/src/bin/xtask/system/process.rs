@@ -1,4 +1,4 @@
-//! Runs other programs, and shows which.
+//! Runs other programs, and prints their command lines.
 
 use anyhow::{Context, Result, bail, ensure};
 use std::{
@@ -10,14 +10,14 @@ use std::{
 
 use crate::system::folders;
 
-/// A command that runs in the workspace's top folder.
+/// A command that runs in the workspace's root folder.
 pub fn command<S: AsRef<str>>(program: &str, args: impl IntoIterator<Item = S>) -> Command {
     let mut command = Command::new(program);
     command.args(args.into_iter().map(|arg| arg.as_ref().to_owned())).current_dir(folders::root());
     command
 }
 
-/// Runs `command` to its end, which must be a success.
+/// Runs `command`; fails unless it succeeds.
 pub fn run(command: &mut Command) -> Result<()> {
     show(command);
     let status = command.status().with_context(|| format!("cannot start {}", name(command)))?;
@@ -25,7 +25,7 @@ pub fn run(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// Runs `command`, which is ended if it takes longer than `limit`. It must be a success.
+/// Runs `command` and kills it after `limit`; fails unless it succeeds.
 pub fn run_within(command: &mut Command, limit: Duration) -> Result<()> {
     show(command);
     let status = status_within(command, limit)?;
@@ -33,53 +33,55 @@ pub fn run_within(command: &mut Command, limit: Duration) -> Result<()> {
     Ok(())
 }
 
-/// Runs `command`, which is ended if it takes longer than `limit`, and gives its exit code.
+/// Runs `command` and kills it after `limit`; returns its exit code.
 pub fn exit_code_within(command: &mut Command, limit: Duration) -> Result<i32> {
     let status = status_within(command, limit)?;
-    status.code().with_context(|| format!("{} was ended ({status})", name(command)))
+    status.code().with_context(|| format!("{} was killed by a signal ({status})", name(command)))
 }
 
 fn status_within(command: &mut Command, limit: Duration) -> Result<ExitStatus> {
     let mut child = command.stdin(Stdio::null()).spawn().with_context(|| format!("cannot start {}", name(command)))?;
     match wait(&mut child, limit)? {
         Some(status) => Ok(status),
-        None => bail!("{} was not done after {} s", name(command), limit.as_secs()),
+        None => bail!("{} was killed after {} s", name(command), limit.as_secs()),
     }
 }
 
-/// What `command` prints on its standard output.
+/// Runs `command` and returns its standard output; fails unless it succeeds.
 pub fn read(command: &mut Command) -> Result<String> {
     let Output { status, stdout, stderr } = command.output().with_context(|| format!("cannot start {}", name(command)))?;
     ensure!(status.success(), "{} failed ({status}): {}", name(command), String::from_utf8_lossy(&stderr));
     Ok(String::from_utf8(stdout)?.trim_end().to_owned())
 }
 
-/// Builds the command line in a profile with the features that the workspace's tests have, so that its libraries are built once for both,
-/// and says where it is.
+/// Builds the command line, and returns its path.
+///
+/// The tests are selected with it, so that cargo unifies their features and builds each library once for both.
 pub fn built_program(profile: &str) -> Result<PathBuf> {
-    built(&["build", "--workspace", "--tests", "--bin", "multiscopic", "--profile", profile], "multiscopic")
+    let packages = ["--package", "multiscopic", "--package", "multiscopic-tests"];
+    built("build", &[packages.as_slice(), &["--bin", "multiscopic", "--profile", profile]].concat(), "multiscopic")
 }
 
-/// Builds a test of the workspace in release, and says where it is.
+/// Builds a test program in release, and returns its path.
 pub fn built_test(name: &str) -> Result<PathBuf> {
-    built(&["test", "--no-run", "--workspace", "--profile", "release", "--test", name], name)
+    built("test", &["--no-run", "--workspace", "--profile", "release", "--test", name], name)
 }
 
-/// Builds with cargo, and says where the executable `name` is.
-fn built(arguments: &[&str], name: &str) -> Result<PathBuf> {
-    let is_test = arguments[0] == "test";
-    let mut cargo = command("cargo", arguments);
-    let messages = read(cargo.args(["--quiet", "--message-format", "json-render-diagnostics"]))?;
+/// Runs cargo, and returns the path of the executable `name` that it built.
+fn built(verb: &str, arguments: &[&str], name: &str) -> Result<PathBuf> {
+    let is_test = verb == "test";
+    let mut cargo = command("cargo", [verb]);
+    let messages = read(cargo.args(arguments).args(["--quiet", "--message-format", "json-render-diagnostics"]))?;
     let executable = |message: &str| {
         let message: serde_json::Value = serde_json::from_str(message).ok()?;
-        // A program has tests of its own, under the same name.
+        // A program and its unit tests share a name.
         let is_it = message["target"]["name"] == name && message["profile"]["test"] == is_test;
         message["executable"].as_str().filter(|_| is_it).map(PathBuf::from)
     };
     messages.lines().find_map(executable).with_context(|| format!("cargo built no executable {name}"))
 }
 
-/// What `command` prints on its standard error as it fails, which it must.
+/// Runs `command` and returns its standard error; fails if it succeeds.
 pub fn read_failure(command: &mut Command) -> Result<String> {
     show(command);
     let Output { status, stderr, .. } = command.output().with_context(|| format!("cannot start {}", name(command)))?;
@@ -87,7 +89,7 @@ pub fn read_failure(command: &mut Command) -> Result<String> {
     Ok(String::from_utf8_lossy(&stderr).into_owned())
 }
 
-/// Waits for `child` for at most `limit`, then ends it.
+/// Waits for `child`, and kills it after `limit`.
 fn wait(child: &mut Child, limit: Duration) -> Result<Option<ExitStatus>> {
     let deadline = Instant::now() + limit;
     while Instant::now() < deadline {
@@ -101,7 +103,7 @@ fn wait(child: &mut Child, limit: Duration) -> Result<Option<ExitStatus>> {
     Ok(None)
 }
 
-/// Prints `command` as one would type it.
+/// Prints `command` as a line of a shell.
 fn show(command: &Command) {
     let variables = command.get_envs().filter_map(|(key, value)| Some((key.to_str()?, value?.to_str()?)));
     let variables = variables.map(|(key, value)| format!("{key}={value} "));

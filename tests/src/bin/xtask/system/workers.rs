@@ -1,12 +1,12 @@
-//! Work for a few emulators at a time.
+//! A pool of worker threads for emulators.
 
 use anyhow::Result;
 use std::{sync::Mutex, thread};
 
-/// How many emulators run at a time.
+/// The number of emulators that run at once.
 const AT_A_TIME: usize = 2;
 
-/// What `work` makes of each of `items`, in their order; the first failure, if there is one.
+/// Applies `work` to all `items` in parallel, and returns the results in order, or a failure.
 pub fn map<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> Result<R> + Sync) -> Result<Vec<R>> {
     let (next, done) = (Mutex::new(items.iter().enumerate()), Mutex::new(Vec::new()));
     let take = || next.lock().expect("no thread panics here").next();

@@ -1,8 +1,8 @@
-//! Installs from Debian's packages, and makes a compiler for boards from them.
+//! Installs Debian's packages, and builds a toolchain for other targets from them.
 //!
-//! Where rustup reaches no server, Debian's compiler and the source of its core library give the boards' targets: the core library
-//! is compiled for each target, and a folder in the layout that rustup expects puts it beside Debian's compiler and the active
-//! toolchain's cargo and linker.
+//! Where rustup reaches no server, Debian's compiler and library sources provide the targets: the library is compiled for each
+//! target, and a folder in rustup's layout combines it with Debian's compiler and the active toolchain's
+//! cargo and linker.
 
 use anyhow::{Context, Result, ensure};
 use std::{
@@ -13,41 +13,40 @@ use std::{
 
 use crate::system::process::{command, read, run};
 
-/// Debian's compiler, the source of its library, and its lints.
+/// Debian's compiler, library sources, and lints.
 const COMPILER: [&str; 3] = ["rustc-web", "rust-web-src", "rust-web-clippy"];
 const RUSTC: &str = "/usr/bin/rustc";
 const MANIFEST: &str = "[package]\nname = \"seed\"\nversion = \"0.0.0\"\nedition = \"2024\"\n[workspace]\n";
 
-/// Whether this is Debian or one of its children.
+/// Whether this is Debian or a derivative.
 pub fn is_here() -> bool {
     Path::new("/etc/debian_version").is_file()
 }
 
-/// Whether packages can be installed: this is Debian or one of its children, and we are root.
+/// Whether packages can be installed: this is Debian or a derivative, and the user is root.
 pub fn can_install() -> bool {
     let root = || read(&mut command("id", ["-u"])).is_ok_and(|id| id == "0");
     is_here() && root()
 }
 
-/// Makes the lists of packages current.
+/// Updates the package lists.
 pub fn update() -> Result<()> {
     run(&mut apt_get(&["update"]))
 }
 
-/// Installs `packages`, and removes none.
+/// Installs `packages` without removing any.
 pub fn install(packages: &[&str]) -> Result<()> {
     update()?;
     run(apt_get(&["install", "-y", "--no-install-recommends", "--no-remove"]).args(packages))
 }
 
-/// Unpacks `packages`, and what they need that is not installed, into `folder`: for where they cannot be installed beside the
-/// others.
+/// Unpacks `packages` and their missing dependencies into `folder`, for systems on which they cannot be installed.
 pub fn unpack(packages: &[&str], folder: &Path) -> Result<()> {
     let plan = read(apt_get(&["install", "--simulate", "--no-install-recommends"]).args(packages))?;
     extract(plan.lines().filter_map(|line| line.strip_prefix("Inst ")?.split(' ').next()), folder)
 }
 
-/// Unpacks `packages`, and nothing that they need, into `folder`. That takes no root.
+/// Unpacks `packages` without dependencies into `folder`. This does not need root.
 pub fn extract<'a>(packages: impl IntoIterator<Item = &'a str>, folder: &Path) -> Result<()> {
     let (archives, files) = (folder.with_extension("archives"), folder.with_extension("partial"));
     for partial in [&archives, &files] {
@@ -67,14 +66,14 @@ pub fn extract<'a>(packages: impl IntoIterator<Item = &'a str>, folder: &Path) -
     fs::rename(&files, folder).with_context(|| format!("cannot make {}", folder.display()))
 }
 
-/// The folders in `folder` that have the libraries of an unpacked package.
+/// The library folders of packages unpacked in `folder`.
 pub fn libraries(folder: &Path) -> Vec<PathBuf> {
     let inside = ["lib", "usr/lib"].map(|libraries| fs::read_dir(folder.join(libraries)));
     let folders = inside.into_iter().flatten().flatten().flatten().map(|entry| entry.path());
     folders.filter(|path| path.to_string_lossy().contains("-linux-gnu")).collect()
 }
 
-/// Whether `folder` is a toolchain for `targets`, made from the compiler that is installed now.
+/// Whether `folder` has a toolchain for `targets`, built from the installed compiler.
 pub fn is_toolchain(folder: &Path, targets: &[&str]) -> Result<bool> {
     if !Path::new(RUSTC).is_file() {
         return Ok(false);
@@ -84,7 +83,7 @@ pub fn is_toolchain(folder: &Path, targets: &[&str]) -> Result<bool> {
     Ok(targets.iter().all(done))
 }
 
-/// Makes a toolchain for `targets` in `folder`.
+/// Builds a toolchain for `targets` in `folder`.
 pub fn make_toolchain(folder: &Path, targets: &[&str]) -> Result<()> {
     install(&COMPILER)?;
     make_programs(folder).with_context(|| format!("cannot make {}", folder.display()))?;
@@ -94,7 +93,7 @@ pub fn make_toolchain(folder: &Path, targets: &[&str]) -> Result<()> {
         .try_for_each(|target| make_core(folder, target).with_context(|| format!("cannot make the core library for {target}")))
 }
 
-/// Puts the programs and the host's libraries into `folder`.
+/// Links the programs and the host's libraries into `folder`.
 fn make_programs(folder: &Path) -> Result<()> {
     let host = host()?;
     let (bin, libraries) = (folder.join("bin"), folder.join("lib/rustlib").join(&host));
@@ -114,13 +113,13 @@ fn make_programs(folder: &Path) -> Result<()> {
     link(&active.join("lib/rustlib").join(&host).join(linker), &libraries.join(linker))
 }
 
-/// Compiles the core library for `target` into `folder`, and the whole standard library where the target has a system.
+/// Compiles the core library for `target` into `folder`; the whole standard library if the target has an operating system.
 fn make_core(folder: &Path, target: &str) -> Result<()> {
     let seed = folder.join("seed");
     fs::create_dir_all(seed.join("src"))?;
     fs::write(seed.join("Cargo.toml"), MANIFEST)?;
     fs::write(seed.join("src/lib.rs"), "#![no_std]\n")?;
-    // Bare metal has no functions to copy memory; a system has, and runs tests.
+    // Bare metal needs its own functions to copy memory. An operating system has them, and runs tests.
     let library = match has_system(target) {
         true => ["-Zbuild-std=std,test", "-Zbuild-std-features=panic-unwind"],
         false => ["-Zbuild-std=core,alloc", "-Zbuild-std-features=compiler-builtins-mem"],
@@ -136,7 +135,7 @@ fn make_core(folder: &Path, target: &str) -> Result<()> {
         .env("RUSTC_BOOTSTRAP", "1")
         .env("RUSTFLAGS", "-Cembed-bitcode=yes"))?;
     let marker = folder.join(marker(target));
-    let libraries = marker.parent().context("the marker lies beside the libraries")?;
+    let libraries = marker.parent().context("the marker has no folder")?;
     if libraries.exists() {
         fs::remove_dir_all(libraries)?;
     }
@@ -152,7 +151,7 @@ fn has_system(target: &str) -> bool {
     target.contains("-linux-")
 }
 
-/// Copies the core library, or `all` but the seed.
+/// Copies the core library, or `all` libraries except the seed.
 fn copy_libraries(from: &Path, to: &Path, all: bool) -> Result<()> {
     let core = ["libcore-", "liballoc-", "libcompiler_builtins-"];
     let wanted = |name: &str| match all {
@@ -168,7 +167,7 @@ fn copy_libraries(from: &Path, to: &Path, all: bool) -> Result<()> {
     Ok(())
 }
 
-/// The file, beside the core library for `target`, that says what it was made from.
+/// The file that names the compiler which built the library for `target`.
 fn marker(target: &str) -> String {
     format!("lib/rustlib/{target}/lib/.done")
 }
@@ -177,10 +176,10 @@ fn version() -> Result<String> {
     read(command(RUSTC, ["-vV"]).env_remove("LD_LIBRARY_PATH"))
 }
 
-/// The target of this machine itself.
+/// The host's target.
 fn host() -> Result<String> {
     let version = version()?;
-    version.lines().find_map(|line| line.strip_prefix("host: ")).map(str::to_owned).context("rustc names no host")
+    version.lines().find_map(|line| line.strip_prefix("host: ")).map(str::to_owned).context("rustc reports no host")
 }
 
 fn script(path: &Path, line: &str) -> Result<()> {

@@ -1,4 +1,4 @@
-//! The programs that the checks run, and how they are installed.
+//! External programs, and their installation.
 
 pub mod debian;
 pub mod tool;

@@ -1,4 +1,4 @@
-//! Programs that the tests run.
+//! External programs that the checks run.
 
 use anyhow::{Result, bail};
 use std::{
@@ -12,7 +12,7 @@ use crate::{
     tools::debian,
 };
 
-/// A program, and the packages that bring it.
+/// A program and the packages that provide it.
 pub struct Tool {
     program: &'static str,
     debian: &'static [&'static str],
@@ -24,7 +24,7 @@ pub struct Tool {
 pub const QEMU: Tool =
     Tool { program: "qemu-system-arm", debian: &["qemu-system-arm"], fedora: Some("qemu-system-arm"), homebrew: Some("qemu") };
 
-/// The emulator of a machine with cameras.
+/// The emulator of the virtual machine with cameras.
 pub const QEMU_X86: Tool = Tool {
     program: "qemu-system-x86_64",
     debian: &["qemu-system-x86"],
@@ -32,16 +32,16 @@ pub const QEMU_X86: Tool = Tool {
     homebrew: Some("qemu"),
 };
 
-/// A C compiler, for the emulator's plugin and the kernel's module.
+/// A C compiler for the emulator's plugin and the loopback module.
 pub const CC: Tool = Tool { program: "cc", debian: &["gcc"], fedora: Some("gcc"), homebrew: Some("gcc") };
 
-/// What runs the compiler, for the kernel's module.
+/// The build tool of the loopback module.
 pub const MAKE: Tool = Tool { program: "make", debian: &["make"], fedora: Some("make"), homebrew: Some("make") };
 
-/// What unpacks the kernel.
+/// The decompressor of the kernel.
 pub const XZ: Tool = Tool { program: "xz", debian: &["xz-utils"], fedora: Some("xz"), homebrew: Some("xz") };
 
-/// The linker for 64-bit Arm with Linux, and its C library.
+/// The linker and C library of 64-bit Arm Linux.
 pub const AARCH64_CC: Tool = Tool {
     program: "aarch64-linux-gnu-gcc",
     debian: &["gcc-aarch64-linux-gnu", "libc6-dev-arm64-cross"],
@@ -49,18 +49,18 @@ pub const AARCH64_CC: Tool = Tool {
     homebrew: None,
 };
 
-/// The emulator of 64-bit Arm's programs.
+/// The emulator of 64-bit Arm programs.
 pub const QEMU_AARCH64: Tool =
     Tool { program: "qemu-aarch64", debian: &["qemu-user"], fedora: Some("qemu-user"), homebrew: None };
 
-/// Counts instructions.
+/// The instruction counter.
 pub const VALGRIND: Tool = Tool { program: "valgrind", debian: &["valgrind"], fedora: Some("valgrind"), homebrew: None };
 
 /// Every program that the firmware's tests need.
 pub const ALL: [Tool; 2] = [QEMU, CC];
 
 impl Tool {
-    /// The program, installed first if it is not there.
+    /// The program, installed first if it is missing.
     pub fn install(&self) -> Result<InstalledProgram> {
         if let Some(program) = self.find() {
             return Ok(program);
@@ -82,7 +82,7 @@ impl Tool {
         }
     }
 
-    /// What installs it, a command in each line.
+    /// Commands that install it, one per line.
     fn instructions(&self) -> String {
         let fedora = self.fedora.map(|package| format!("\n  sudo dnf install {package}"));
         let homebrew = self.homebrew.map(|package| format!("\n  brew install {package}"));
@@ -94,7 +94,7 @@ impl Tool {
         )
     }
 
-    /// The program if it is installed or unpacked.
+    /// The program, if it is installed or unpacked.
     pub fn find(&self) -> Option<InstalledProgram> {
         let installed = env::var_os("PATH").and_then(|path| {
             let file = format!("{}{}", self.program, env::consts::EXE_SUFFIX);
@@ -107,26 +107,26 @@ impl Tool {
         }
     }
 
-    /// Where the program is unpacked if it cannot be installed.
+    /// The folder for unpacking if the program cannot be installed.
     fn folder(&self) -> PathBuf {
         folders::target().join("tools").join(self.program)
     }
 }
 
-/// A program that is there.
+/// An installed or unpacked program.
 pub struct InstalledProgram {
     path: PathBuf,
-    /// The folders of its libraries, where they are not the system's.
+    /// The folders of its libraries, unless they are the system's.
     libraries: Vec<PathBuf>,
 }
 
 impl InstalledProgram {
-    /// Where it is.
+    /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The program with `args`.
+    /// The command that runs it with `args`.
     pub fn command(&self, args: &[&str]) -> Result<Command> {
         let mut command = command(&self.path.to_string_lossy(), args);
         if !self.libraries.is_empty() {

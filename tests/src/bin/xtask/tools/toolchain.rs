@@ -1,4 +1,4 @@
-//! The compiler of the firmware.
+//! The Rust toolchain that builds for other targets.
 
 use anyhow::{Context, Result, bail};
 use std::{
@@ -16,20 +16,20 @@ use crate::{
     tools::debian,
 };
 
-/// How long adding the targets to the active toolchain may take. Where no server answers, it fails sooner.
+/// The time limit for adding targets to the active toolchain. It fails sooner if no server answers.
 const ADDING: Duration = Duration::from_secs(120);
 
-/// A compiler that has the targets of the boards.
+/// A toolchain that has the requested targets.
 pub enum Toolchain {
-    /// The one that builds everything else too.
+    /// The active toolchain.
     Active,
-    /// One of its own, in this folder.
+    /// A separate one in this folder.
     Own(PathBuf),
 }
 
 impl Toolchain {
-    /// Makes sure that there is a compiler for `targets`: the active one if it has them or rustup can add them, otherwise one
-    /// that is made from the system's packages.
+    /// Finds or makes a toolchain for `targets`: the active one if it has them or rustup can add them, otherwise one made from
+    /// Debian's packages.
     pub fn install(targets: &[&str]) -> Result<Toolchain> {
         if Toolchain::Active.has(targets)? {
             return Ok(Toolchain::Active);
@@ -51,14 +51,14 @@ impl Toolchain {
         Ok(Toolchain::Own(own))
     }
 
-    /// The cargo command `verb` with this compiler for the firmware.
+    /// The cargo command `verb` with this toolchain and the firmware's target folder.
     pub fn cargo(&self, verb: &str) -> Command {
         let mut cargo = command("cargo", [verb, "--target-dir"]);
         cargo.arg(folders::edge_target());
-        // What the user sets for the host's processor is not meant for the board's.
+        // The user's flags are for the host's processor.
         cargo.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS").env_remove("CARGO_BUILD_TARGET");
         if let Toolchain::Own(folder) = self {
-            // `cargo run` points these at the compiler and the libraries that it was run with.
+            // `cargo run` sets these for the active toolchain.
             cargo.env_remove("RUSTC").env_remove("RUSTDOC").env_remove("LD_LIBRARY_PATH").env("RUSTUP_TOOLCHAIN", folder);
         }
         cargo
@@ -81,14 +81,14 @@ impl fmt::Display for Toolchain {
     }
 }
 
-/// Has rustup add `targets` to the active toolchain.
+/// Adds `targets` to the active toolchain with rustup.
 fn add(targets: &[&str]) -> Result<()> {
     let mut rustup = command("rustup", ["target", "add"].iter().chain(targets));
     rustup.env("RUSTUP_MAX_RETRIES", "0");
     run_within(&mut rustup, ADDING).context("rustup cannot add the targets")
 }
 
-/// Whether the core library is in `folder`.
+/// Whether `folder` contains the core library.
 fn has_core(folder: &Path) -> bool {
     let Ok(entries) = fs::read_dir(folder) else { return false };
     entries.flatten().any(|entry| entry.file_name().to_string_lossy().starts_with("libcore-"))

@@ -1,6 +1,7 @@
-//! The checks of the whole workspace, step by step.
+//! Checks of the whole workspace, and the suites that combine all checks.
 
 pub mod aarch64;
-pub mod instructions;
+pub mod host_instructions;
+pub mod packaging;
 pub mod suite;
 pub mod v4l2;

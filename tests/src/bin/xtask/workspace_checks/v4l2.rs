@@ -1,4 +1,4 @@
-//! Runs the tests with cameras in a virtual machine that has some.
+//! Runs the camera tests in a virtual machine.
 
 use anyhow::Result;
 use multiscopic_tests::samples::real_data::{self, Dataset};
@@ -16,10 +16,10 @@ use crate::{
     tools::{debian, tool},
 };
 
-/// The test binary that needs cameras.
+/// The test program that needs cameras.
 const TEST: &str = "cameras";
 
-/// Runs the tests, in release. Where there can be no virtual machine, they are named as ignored.
+/// Runs the tests in release. Without a virtual machine they are reported as ignored.
 pub fn run_tests() -> Result<()> {
     if let Some(reason) = missing() {
         println!("v4l2: no virtual machine: {reason}");
@@ -36,11 +36,11 @@ pub fn run_tests() -> Result<()> {
     }
     let test = built_test(TEST)?;
     machine.add_program(&test)?;
-    // One test at a time: they share the devices and set how these behave.
+    // The tests share the devices and change their settings, so they run one at a time.
     machine.run(&format!("cd /tmp; {variables} '{}' --test-threads 1 --color never", test.display()))
 }
 
-/// Why there can be no virtual machine here, if so.
+/// Why no virtual machine can run here; `None` if one can.
 fn missing() -> Option<String> {
     if ARCH != "x86_64" || !debian::is_here() {
         return Some("its kernel is Debian's for x86_64, and this is another system".into());

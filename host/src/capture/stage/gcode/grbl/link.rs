@@ -66,7 +66,8 @@ impl<P: Read + Write> GrblLink<P> {
     /// Queries the machine's state and coordinates.
     pub fn status(&mut self) -> Result<Status, StageError> {
         let deadline = Instant::now() + self.silence_timeout;
-        // Again and again: a machine that reports work coordinates tells their offset only in some of the reports.
+        // Again and again: a machine that reports work coordinates tells their offset only in some of the
+        // reports.
         while Instant::now() < deadline {
             self.port.send_bytes(&[STATUS_QUERY])?;
             let report = loop {

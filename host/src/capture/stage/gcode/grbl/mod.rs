@@ -1,7 +1,9 @@
-//! A machine with Grbl 1.1, or a compatible firmware (FluidNC, grblHAL), after Grbl's interface documentation.
+//! A machine with Grbl 1.1, or a compatible firmware (FluidNC, grblHAL), after Grbl's interface
+//! documentation.
 //!
-//! Moves are lines `G53 G1`, in machine coordinates, which offsets do not affect. A status report is requested with `?` at any time. To
-//! stop, a feed hold `!` decelerates the machine to a standstill, and a soft reset discards the move without losing the position.
+//! Moves are lines `G53 G1`, in machine coordinates, which offsets do not affect. A status report is
+//! requested with `?` at any time. To stop, a feed hold `!` decelerates the machine to a standstill, and a
+//! soft reset discards the move without losing the position.
 
 mod link;
 mod status;
@@ -27,8 +29,8 @@ const TOLERANCE_MM: f64 = 0.05;
 
 /// A machine with Grbl.
 ///
-/// Each call queries the machine and waits for the answer: milliseconds as a rule, and at most [`Limits::silence_timeout`] for each line.
-/// Dropping it stops a move.
+/// Each call queries the machine and waits for the answer: milliseconds as a rule, and at most
+/// [`Limits::silence_timeout`] for each line. Dropping it stops any move.
 pub struct Grbl<P: Read + Write> {
     link: GrblLink<P>,
     limits: Limits,
@@ -51,7 +53,7 @@ impl<P: Read + Write> Grbl<P> {
         let mut link = GrblLink::open(port, limits.silence_timeout)?;
         let status = link.status()?;
         link.check_ready(&status)?;
-        Ok(Grbl { link, limits: *limits, start: status.place, current_move: None })
+        Ok(Grbl { link, limits: *limits, start: status.coordinates, current_move: None })
     }
 }
 
@@ -68,7 +70,7 @@ impl<P: Read + Write> Stage for Grbl<P> {
         self.link.check_ready(&status)?;
         let target = to_machine(self.start, position);
         // Set before sending: the machine may move even if sending seems to fail.
-        let stall_timer = StallTimer::start(distance(status.place, target), 0.0);
+        let stall_timer = StallTimer::start(distance(status.coordinates, target), 0.0);
         self.current_move = Some(Move { target, stall_timer, is_done: false });
         self.link.command(&format!("G90 G21 G94 G53 {}", linear_move(target, &self.limits))).map(drop)
     }
@@ -77,7 +79,7 @@ impl<P: Read + Write> Stage for Grbl<P> {
         let status = self.link.status()?;
         self.link.check_ready(&status)?;
         let Some(mut current) = self.current_move else { return Ok(false) };
-        let distance = distance(status.place, current.target);
+        let distance = distance(status.coordinates, current.target);
         // `Idle` is not enough: the machine is also idle for a moment before it starts to move.
         current.is_done = status.state == "Idle" && distance <= TOLERANCE_MM;
         let after = current.stall_timer.update(distance, Instant::now());
@@ -90,7 +92,7 @@ impl<P: Read + Write> Stage for Grbl<P> {
 
     fn position(&mut self) -> Result<Option<Position>, StageError> {
         self.link.check_not_restarted()?;
-        Ok(Some(to_position(self.start, self.link.status()?.place)))
+        Ok(Some(to_position(self.start, self.link.status()?.coordinates)))
     }
 
     /// Holds the machine until it stands still, then resets it softly. The position stays known.

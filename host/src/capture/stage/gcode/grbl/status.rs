@@ -13,10 +13,11 @@ pub struct Status {
     /// The machine's state, such as `Idle` or `Hold:0`.
     pub state: String,
     /// Machine coordinates in millimetres.
-    pub place: [f64; 2],
+    pub coordinates: [f64; 2],
 }
 
-/// Parses status reports. Grbl reports work coordinates if it is configured to, and their offset only now and then.
+/// Parses status reports. Grbl reports work coordinates if it is configured to, and their offset only now and
+/// then.
 #[derive(Clone, Debug)]
 pub struct StatusParser {
     /// The unit of reported coordinates, in millimetres.
@@ -38,17 +39,17 @@ impl StatusParser {
         let (mut machine, mut work) = (None, None);
         for (name, value) in fields.filter_map(|field| field.split_once(':')) {
             let mut numbers = value.split(',').map(parse_coordinate);
-            let mut coordinates = || Some([numbers.next()??, numbers.next()??]);
+            let mut xy = || Some([numbers.next()??, numbers.next()??]);
             match name {
-                "MPos" => machine = coordinates(),
-                "WPos" => work = coordinates(),
-                "WCO" => self.work_offset = coordinates(),
+                "MPos" => machine = xy(),
+                "WPos" => work = xy(),
+                "WCO" => self.work_offset = xy(),
                 _ => {}
             }
         }
         let from_work = || Some([work?[0] + self.work_offset?[0], work?[1] + self.work_offset?[1]]);
-        let place = machine.or_else(from_work)?.map(|number| number * self.unit_mm);
-        Some(Status { state, place })
+        let coordinates = machine.or_else(from_work)?.map(|number| number * self.unit_mm);
+        Some(Status { state, coordinates })
     }
 }
 
@@ -83,16 +84,16 @@ mod tests {
     #[test]
     fn reports_in_machine_and_work_coordinates() {
         let mut parser = StatusParser::new(1.0);
-        let place = |parser: &mut StatusParser, report: &str| parser.parse(report).map(|status| status.place);
-        assert_eq!(place(&mut parser, "Idle|MPos:1.000,-2.500,0.000|FS:0,0"), Some([1.0, -2.5]));
+        let coordinates = |parser: &mut StatusParser, report: &str| parser.parse(report).map(|status| status.coordinates);
+        assert_eq!(coordinates(&mut parser, "Idle|MPos:1.000,-2.500,0.000|FS:0,0"), Some([1.0, -2.5]));
         // Work coordinates need their offset, which is remembered.
-        assert_eq!(place(&mut parser, "Idle|WPos:1.000,2.000,0.000|FS:0,0"), None);
-        assert_eq!(place(&mut parser, "Hold:0|WPos:1.000,2.000,0.000|WCO:10.000,20.000,0.000"), Some([11.0, 22.0]));
-        assert_eq!(place(&mut parser, "Run|WPos:2.000,2.000,0.000|Ov:100,100,100"), Some([12.0, 22.0]));
+        assert_eq!(coordinates(&mut parser, "Idle|WPos:1.000,2.000,0.000|FS:0,0"), None);
+        assert_eq!(coordinates(&mut parser, "Hold:0|WPos:1.000,2.000,0.000|WCO:10.000,20.000,0.000"), Some([11.0, 22.0]));
+        assert_eq!(coordinates(&mut parser, "Run|WPos:2.000,2.000,0.000|Ov:100,100,100"), Some([12.0, 22.0]));
         let mut inches = StatusParser::new(25.4);
-        assert_eq!(place(&mut inches, "Idle|MPos:1.000,0.500,0.000"), Some([25.4, 12.7]));
+        assert_eq!(coordinates(&mut inches, "Idle|MPos:1.000,0.500,0.000"), Some([25.4, 12.7]));
         for report in ["", "Idle", "Idle|MPos:", "Idle|MPos:1", "Idle|MPos:1,x", "Idle|MPos:nan,0", "Idle|MPos:1e9,0", "|:|,:"] {
-            assert_eq!(place(&mut inches, report), None, "{report}");
+            assert_eq!(coordinates(&mut inches, report), None, "{report}");
         }
     }
 

@@ -45,7 +45,8 @@ enum End {
 }
 
 impl Feedback {
-    /// Has the arm send its state, and waits for the first sample, at most for `limit`. Messages call the connection `name`.
+    /// Has the arm send its state, and waits for the first sample, at most for `limit`. Messages call the
+    /// connection `name`.
     ///
     /// From then on, the arm counts as silent if no sample arrives within `silence_timeout`.
     ///

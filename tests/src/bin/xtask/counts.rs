@@ -1,20 +1,20 @@
-//! The committed record of instructions per disparity evaluation: what guards against regressions without a clock.
+//! The committed record of instructions per disparity evaluation, which guards against slowdowns without measuring time.
 
 use anyhow::{Context, Result, ensure};
 use std::{collections::BTreeMap, fs};
 
 use crate::system::folders;
 
-/// Where it is.
+/// Its path in the workspace.
 const PATH: &str = "tests/benches/instructions.json";
 
-/// How far a count may be from the record, in percent of it: another version of the compiler changes a few.
+/// The largest deviation from the record in percent, which leaves room for another version of the compiler.
 const TOLERANCE: f64 = 5.0;
 
-/// Instructions per disparity evaluation by the name of what was counted.
+/// Instructions per disparity evaluation, by the name of the run.
 pub type Counts = BTreeMap<String, f64>;
 
-/// Compares `counts` with the record, or puts them there if this is an `update`, which is what `command` does.
+/// Compares `counts` with the record, or writes them to it on `update`. Failures suggest `command` for that.
 pub fn hold(counts: &Counts, update: bool, command: &str) -> Result<()> {
     let path = folders::root().join(PATH);
     let text = fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -40,7 +40,7 @@ pub fn hold(counts: &Counts, update: bool, command: &str) -> Result<()> {
     Ok(())
 }
 
-/// What is wrong with a count, if anything is: also if it is less than recorded, so that the record stays true.
+/// What is wrong with a count. Counts far below the record are wrong too, so that the record stays accurate.
 fn verdict(name: &str, counted: f64, recorded: Option<&f64>) -> Option<String> {
     let Some(recorded) = recorded else { return Some(format!("{name}: counted {counted:.3}, nothing recorded")) };
     let change = 100.0 * (counted / recorded - 1.0);
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn more_and_less_are_both_wrong() {
+    fn counts_above_and_below_the_record_fail() {
         assert_eq!(verdict("a", 1.04, Some(&1.0)), None);
         assert_eq!(verdict("a", 0.96, Some(&1.0)), None);
         let more = "a: counted 1.100, recorded 1.000: +10.0 % instructions per evaluation";

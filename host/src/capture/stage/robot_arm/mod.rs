@@ -1,8 +1,9 @@
 //! An arm of Universal Robots.
 //!
-//! It is driven over its documented interfaces, and nothing needs to be installed on it. Moves are lines of URScript, sent to the secondary
-//! client interface; each replaces the program that the arm runs. The arm reports its state over the Real-Time Data Exchange. An e-Series
-//! arm must be set to remote control; older ones always accept scripts.
+//! It is driven over its documented interfaces, and nothing needs to be installed on it. Moves are lines of
+//! URScript, sent to the secondary client interface; each replaces the program that the arm runs. The arm
+//! reports its state over the Real-Time Data Exchange. An e-Series arm must be set to remote control; older
+//! ones always accept scripts.
 
 pub(super) mod address;
 mod arm_state;
@@ -38,13 +39,15 @@ const MIN_PROGRESS_M: f64 = 2e-5;
 /// How long the arm may take to stop: four times what it should.
 const STOP_LIMIT: Duration = Duration::from_secs(1);
 
-/// An arm whose tool centre point is the camera: x to the right of the image, y down, z along the view. The arm's installation must say so.
+/// An arm whose tool centre point is the camera: x to the right of the image, y down, z along the view. Set it
+/// so in the arm's installation.
 ///
-/// It moves in the plane of the tool's x and y axes as they were when the arm was opened. [`position`](Stage::position) is what the arm
-/// measures, projected onto that plane. The next move reopens connections that broke; the centre stays where the arm was opened.
+/// It moves in the plane of the tool's x and y axes as they were when the arm was opened.
+/// [`position`](Stage::position) is what the arm measures, projected onto that plane. The next move reopens
+/// connections that broke; the centre stays where the arm was opened.
 ///
-/// Most calls return at once. The others return within [`Limits::connect_timeout`] for each connection to be reopened, and
-/// [`Limits::silence_timeout`] for each line to be sent. Dropping it stops a move.
+/// Most calls return at once. The others return within [`Limits::connect_timeout`] for each connection to be
+/// reopened, and [`Limits::silence_timeout`] for each line to be sent. Dropping it stops any move.
 pub struct Arm {
     address: ArmAddress,
     hosts: Vec<IpAddr>,
@@ -151,7 +154,8 @@ impl Stage for Arm {
 
     /// Tells the arm to stop, and waits for at most a second until it stands still.
     fn stop(&mut self) -> Result<(), StageError> {
-        // If one connection broke, the other may have broken too without noticing yet. If reopening fails, try the old one.
+        // If one connection broke, the other may have broken too without noticing yet. If reopening fails,
+        // try the old one.
         if !self.feedback.is_open()
             && let Ok(script) = open_script(&self.address, &self.hosts, &self.limits)
         {

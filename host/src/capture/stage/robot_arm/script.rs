@@ -54,7 +54,7 @@ pub struct ScriptPort {
 }
 
 impl ScriptPort {
-    /// Uses `stream`, which messages call `name`. Sending a line may take as long as `limit`.
+    /// Sends over `stream`, called `name` in messages. Sending a line may take as long as `limit`.
     pub fn new(stream: TcpStream, name: String, limit: Duration) -> io::Result<ScriptPort> {
         stream.set_nodelay(true)?;
         stream.set_write_timeout(Some(limit))?;

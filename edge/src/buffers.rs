@@ -1,4 +1,4 @@
-//! The pipeline's memory, sized at compile time.
+//! The memory of the pipeline, sized at compile time.
 
 use multiscopic_core::{
     Disparity, Memory, Params,
@@ -7,7 +7,7 @@ use multiscopic_core::{
 
 use crate::packet;
 
-/// The portable twin of the kernels for Arm. It has their lanes and therefore their memory layout, and runs anywhere.
+/// The portable twin of the kernels for Arm: as many lanes, so the same memory layout, on any processor.
 pub type Wide = Portable<8>;
 
 /// The lengths of the buffers of a [`Workspace`].
@@ -22,7 +22,7 @@ pub struct Lengths {
 }
 
 impl Lengths {
-    /// The lengths for a match in tiles of `tile_width` columns with the kernel `I`. In one pass, a tile has all columns of the frame.
+    /// The lengths for a match in tiles of `tile_width` columns with the kernel `I`.
     pub const fn new<I: Isa>(params: &Params, tile_width: usize) -> Lengths {
         Lengths { matcher: Memory::new::<I>(params, tile_width), columns: tile_width, packet: packet::buffer_bytes(tile_width) }
     }
@@ -38,8 +38,10 @@ impl Lengths {
     }
 }
 
-/// The memory of a [`Pipeline`](crate::Pipeline): `WORDS` for the matcher, a line of `COLUMNS` disparities, and `PACKET` bytes to encode it
-/// in. The numbers are those of [`Lengths`]; [`workspace!`](crate::workspace) names the type for a profile.
+/// The memory of a [`Pipeline`](crate::Pipeline).
+///
+/// `WORDS` are for the matcher, `COLUMNS` for a line of disparities, and `PACKET` bytes to encode it in. They
+/// come from [`Lengths`]; [`workspace!`](crate::workspace) is the type for a profile.
 pub struct Workspace<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> {
     pub(crate) matcher: [u32; WORDS],
     pub(crate) line: [Option<Disparity>; COLUMNS],

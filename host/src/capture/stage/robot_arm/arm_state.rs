@@ -5,7 +5,8 @@ use std::time::Instant;
 use super::{robot_mode::RobotMode, rtde::Sample};
 use crate::capture::stage::error::StageError;
 
-/// The tool counts as standing still below these speeds, in metres and radians per second: what the sensors report of a tool at rest.
+/// The tool counts as standing still below these speeds, in metres and radians per second: what the sensors
+/// report of a tool at rest.
 const STILL_SPEED: [f64; 2] = [1e-3, 1e-2];
 
 /// Samples in a row below [`STILL_SPEED`] for the tool to count as still.

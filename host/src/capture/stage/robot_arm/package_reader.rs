@@ -24,7 +24,8 @@ impl PackageReader {
         &mut self.stream
     }
 
-    /// Removes the first package from the buffer, and returns its kind and payload. `None` if it has not arrived in full.
+    /// Removes the first package from the buffer, and returns its kind and payload. `None` if it has not
+    /// arrived in full.
     ///
     /// # Errors
     /// What was found instead of a package.

@@ -25,7 +25,7 @@ pub fn run(profile: &Profile, pipeline: Pipeline<'_>) -> ! {
     })
 }
 
-/// Matches the frames of the board with the parameters on the command line, in any workspace that is large enough.
+/// Matches the frames of the board with the parameters on the command line, if the workspace is large enough.
 pub fn calibrate(pipeline: Pipeline<'_>) -> ! {
     end(|| {
         let (params, tile_width) = arguments::calibration().ok_or(FirmwareError::Calibration)?;

@@ -4,7 +4,7 @@ use std::{fmt, fs, path::Path};
 
 use crate::reference::{Fusion, Match};
 
-/// A centre image and the neighbours that there are.
+/// A centre image and the views that exist.
 #[derive(Clone, PartialEq, Eq)]
 pub struct ViewSet {
     /// Pixels in a line.
@@ -18,7 +18,7 @@ pub struct ViewSet {
 }
 
 impl ViewSet {
-    /// These images in the reference's terms.
+    /// These images as a match for the float reference.
     pub fn reference(&self, fusion: Fusion, min_disparity: i32, num_disparities: i32, block_size: i32) -> Match<'_> {
         Match {
             width: self.width,
@@ -41,7 +41,7 @@ impl ViewSet {
         ViewSet { width, height, center: cut(&self.center), views: self.views.each_ref().map(|view| view.as_ref().map(cut)) }
     }
 
-    /// These images without the neighbours that `keep` (left, right, top, bottom) leaves out.
+    /// These images with only the views that `keep` (left, right, top, bottom) selects.
     pub fn only(&self, keep: [bool; 4]) -> ViewSet {
         let mut images = self.clone();
         for (view, keep) in images.views.iter_mut().zip(keep) {
@@ -52,7 +52,7 @@ impl ViewSet {
         images
     }
 
-    /// Reads the centre image and the neighbours from files of one size.
+    /// Reads the centre image and the views from files of one size.
     pub fn read(center: &Path, views: [Option<&Path>; 4]) -> ViewSet {
         let (width, height, center) = read_grey(center);
         let views = views.map(|path| {
@@ -65,7 +65,7 @@ impl ViewSet {
         ViewSet { width, height, center, views }
     }
 
-    /// Writes `center.pgm`, `left.pgm` and so on to a folder, and a `rig.toml`.
+    /// Writes `center.pgm`, `left.pgm` and so on, and a `rig.toml`, to a folder.
     pub fn write_rig(&self, folder: &Path) {
         let file = |name: &str, pixels: &[u8]| {
             let header = format!("P5 {} {} 255\n", self.width, self.height);
@@ -90,7 +90,7 @@ impl fmt::Debug for ViewSet {
     }
 }
 
-/// Reads a PNG, PGM or PPM as 8-bit grey: its width, its height and its pixels.
+/// Reads a PNG, PGM or PPM as 8-bit grey: width, height and pixels.
 pub fn read_grey(path: &Path) -> (usize, usize, Vec<u8>) {
     let image = image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let (width, height) = (image.width() as usize, image.height() as usize);
@@ -104,7 +104,7 @@ pub fn read_grey(path: &Path) -> (usize, usize, Vec<u8>) {
     (width, height, pixels)
 }
 
-/// Reads a 16-bit grey PNG: its width, its height and its pixels.
+/// Reads a 16-bit grey PNG: width, height and pixels.
 pub fn read_raw16(path: &Path) -> (usize, usize, Vec<u16>) {
     match image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display())) {
         image::DynamicImage::ImageLuma16(image) => (image.width() as usize, image.height() as usize, image.into_raw()),
@@ -112,7 +112,7 @@ pub fn read_raw16(path: &Path) -> (usize, usize, Vec<u16>) {
     }
 }
 
-/// Reads a little-endian PFM of one channel: its width, its height and its pixels, from the top.
+/// Reads a little-endian PFM of one channel: width, height and pixels, top row first.
 pub fn read_pfm(path: &Path) -> (usize, usize, Vec<f32>) {
     let bytes = fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let mut fields = Vec::new();

@@ -1,4 +1,4 @@
-//! Counts the instructions of matching on this machine, which are the same in each run, and holds them to the record.
+//! Counts the host's instructions per disparity evaluation, which do not vary between runs, and compares them with the record.
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
@@ -6,7 +6,7 @@ use multiscopic::Simd;
 use std::{env, fs, path::Path};
 
 use crate::{
-    record::{self, Counts},
+    counts::{self, Counts},
     system::{
         folders,
         process::{built_program, read},
@@ -18,28 +18,28 @@ const WIDTH: u64 = 640;
 const HEIGHT: u64 = 160;
 const DISPARITIES: u64 = 64;
 
-/// The vectors that valgrind knows, too.
+/// The kernels whose instructions valgrind supports.
 const KERNELS: [&str; 2] = ["avx2", "baseline"];
 
-/// The numbers of views, and how they are fused.
+/// Numbers of views and their fusion rules.
 const MATCHES: [(u64, &str); 3] = [(1, "min"), (2, "min"), (4, "heuristic")];
 
-/// What to do with the counts.
+/// The use of the counts.
 #[derive(Args)]
 pub struct Guard {
-    /// Write the record instead of comparing with it
+    /// Update the record instead of comparing with it
     #[arg(long)]
     update: bool,
 }
 
 impl Guard {
-    /// Compares, and writes nothing.
+    /// Compares without updating.
     pub const COMPARE: Guard = Guard { update: false };
 
-    /// Counts, and compares or writes.
+    /// Counts, then compares or updates.
     pub fn run(&self) -> Result<()> {
         if (env::consts::ARCH, env::consts::OS) != ("x86_64", "linux") {
-            println!("instructions: skipped, the record is that of x86_64 with Linux");
+            println!("instructions: skipped, the record is for x86_64 Linux");
             return Ok(());
         }
         let valgrind = tool::VALGRIND.install()?;
@@ -47,7 +47,7 @@ impl Guard {
         let mut counts = Counts::new();
         for kernel in KERNELS {
             if Simd::named(kernel).is_none() {
-                println!("instructions: {kernel} skipped, this processor has none");
+                println!("instructions: {kernel} skipped, this processor does not support it");
                 continue;
             }
             for (views, fusion) in MATCHES {
@@ -57,11 +57,11 @@ impl Guard {
                 counts.insert(name, counted);
             }
         }
-        record::hold(&counts, self.update, "cargo xtask instructions --update")
+        counts::hold(&counts, self.update, "cargo xtask instructions --update")
     }
 }
 
-/// Counted as what two more runs of the match take, so that starting and making the frames are not in it.
+/// The difference between three matches and one, so that start-up and the making of frames cancel out.
 fn per_evaluation(valgrind: &InstalledProgram, binary: &Path, kernel: &str, views: u64, fusion: &str) -> Result<f64> {
     let (less, more) = (count(valgrind, binary, kernel, views, fusion, 1)?, count(valgrind, binary, kernel, views, fusion, 3)?);
     let evaluations = WIDTH * HEIGHT * DISPARITIES * views;
@@ -90,7 +90,7 @@ fn count(valgrind: &InstalledProgram, binary: &Path, kernel: &str, views: u64, f
     total(&profile)
 }
 
-/// The instructions in all that callgrind wrote.
+/// The total of instructions in a profile of callgrind.
 fn total(profile: &Path) -> Result<u64> {
     let text = fs::read_to_string(profile).with_context(|| format!("cannot read {}", profile.display()))?;
     let total = text

@@ -1,7 +1,7 @@
 //! Packages of the Real-Time Data Exchange, version 2, after Universal Robots' RTDE guide.
 //!
-//! A package consists of its length (`u16`, including this header of three bytes), its kind (`u8`), and a payload, all big-endian. Received
-//! bytes are checked: no input makes this module panic.
+//! A package consists of its length (`u16`, including this header of three bytes), its kind (`u8`), and a
+//! payload, all big-endian. Received bytes are checked: no input makes this module panic.
 
 use std::io;
 

@@ -1,0 +1,50 @@
+//! Compares the processor's kernel with its portable twin: operation by operation, and in whole matches.
+//!
+//! Exits with 0, or prints the first difference and exits with 1.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod operations;
+#[cfg(target_os = "none")]
+mod twin;
+#[cfg(target_os = "none")]
+mod whole_matches;
+#[cfg(target_os = "none")]
+mod xorshift;
+
+#[cfg(target_os = "none")]
+mod image {
+    use multiscopic_firmware::BoardKernel;
+    use semihosting::{eprintln, process};
+
+    use super::{
+        operations::{TRIALS, compare_columns, compare_costs},
+        twin::Difference,
+        whole_matches::compare_matches,
+        xorshift::Xorshift,
+    };
+
+    #[cortex_m_rt::entry]
+    fn main() -> ! {
+        match compare(&mut Xorshift(1)) {
+            Ok(matches) => {
+                eprintln!("kernels: {TRIALS} trials of each operation and {matches} matches are the portable ones");
+                process::exit(0)
+            }
+            Err(Difference) => process::exit(1),
+        }
+    }
+
+    /// Compares everything, and returns the number of matches.
+    fn compare(random: &mut Xorshift) -> Result<usize, Difference> {
+        let kernel = BoardKernel::default();
+        compare_columns(kernel, random)?;
+        compare_costs::<u16, _>(kernel, random, 0xffff)?;
+        // More than six times the greatest cost of a block, four views together.
+        compare_costs::<u32, _>(kernel, random, 0x1f_ffff)?;
+        compare_matches()
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {}

@@ -1,0 +1,141 @@
+//! Compares single operations on random vectors.
+
+use core::fmt::Debug;
+use multiscopic_core::kernel::{Block, Blocks, Change, Column, Isa, Lane, Rule};
+use multiscopic_firmware::BoardKernel;
+
+use super::{
+    twin::{Difference, LANES, Twin, same},
+    xorshift::Xorshift,
+};
+
+/// How often each operation is tried.
+pub const TRIALS: usize = 1000;
+/// The most vectors in a run.
+const MAX_RUN: usize = 8;
+
+/// Packs lanes, given in the order of the disparities, into a vector of the kernel.
+fn vector<L: Lane, T: bytemuck::Pod>(lanes: &[L; LANES]) -> T {
+    let mut ordered = [L::default(); LANES];
+    for (index, &lane) in lanes.iter().enumerate() {
+        ordered[BoardKernel::lane(index)] = lane;
+    }
+    bytemuck::pod_read_unaligned(bytemuck::cast_slice(&ordered))
+}
+
+/// Unpacks the lanes of a vector of the kernel, in the order of the disparities.
+fn lanes<L: Lane, T: bytemuck::Pod>(vector: &T) -> [L; LANES] {
+    let ordered: &[L] = bytemuck::cast_slice(core::slice::from_ref(vector));
+    core::array::from_fn(|index| ordered[BoardKernel::lane(index)])
+}
+
+/// Compares the operations on column sums.
+pub fn compare_columns<K: Isa>(kernel: K, random: &mut Xorshift) -> Result<(), Difference> {
+    let twin = Twin::default();
+    let stored = |column: K::Column| {
+        let mut sums = bytemuck::Zeroable::zeroed();
+        column.store(&mut sums);
+        lanes::<u16, K::Sums>(&sums)
+    };
+    let packed = |samples: &[u8; LANES]| bytemuck::pod_read_unaligned::<K::Samples>(samples);
+    for _ in 0..TRIALS {
+        let (a, b) = (random.lanes(0xffff, |lane| lane as u16), random.lanes(0xffff, |lane| lane as u16));
+        let [of_a, of_b] = [a, b].map(|lanes| kernel.load_column(&vector(&lanes)));
+        same("loading and storing column sums", stored(of_a), a)?;
+        same("adding column sums", stored(of_a.add(of_b)), Column::add(a, b))?;
+        let center = Change { entering: random.samples::<LANES>()[0], leaving: random.samples::<LANES>()[0] };
+        let (entering, leaving) = (random.samples(), random.samples());
+        let differences = stored(kernel.differences(center.entering, &packed(&entering)));
+        same("the differences", differences, twin.differences(center.entering, &entering))?;
+        let view = Change { entering: &packed(&entering), leaving: &packed(&leaving) };
+        let moved = stored(kernel.advance(of_a, center, view)).map(|sum| sum.wrapping_sub(K::bias(1)));
+        let view = Change { entering: &entering, leaving: &leaving };
+        same("moving a column", moved, twin.advance(a, center, view))?;
+    }
+    Ok(())
+}
+
+/// Compares the operations on block sums and costs of at most `most`.
+pub fn compare_costs<L: Lane + Debug, K: Blocks<L>>(kernel: K, random: &mut Xorshift, most: u32) -> Result<(), Difference>
+where
+    Twin: Blocks<L, Costs = [L; LANES], Block = [L; LANES]>,
+    [L; LANES]: Block<L, Column = [u16; LANES]>,
+{
+    let twin = Twin::default();
+    let stored = |block: K::Block| {
+        let mut costs = bytemuck::Zeroable::zeroed();
+        block.store(&mut costs);
+        lanes::<L, K::Costs>(&costs)
+    };
+    for trial in 0..TRIALS {
+        let mut block = || random.lanes::<L, LANES>(most, narrow);
+        let [a, b, c, d] = [block(), block(), block(), block()];
+        let [of_a, of_b, of_c, of_d] = [a, b, c, d].map(|lanes| kernel.load_block(&vector(&lanes)));
+        same("loading and storing costs", stored(of_a), a)?;
+        same("the same cost in every lane", stored(kernel.splat(a[0])), twin.splat(a[0]))?;
+        same("adding costs", stored(of_a.add(of_b)), a.add(b))?;
+        same("the lesser costs", stored(of_a.min(of_b)), Block::min(a, b))?;
+        same("the greater costs", stored(of_a.max(of_b)), Block::max(a, b))?;
+        same("choosing costs", stored(of_a.if_greater(of_b, of_c, of_d)), a.if_greater(b, c, d))?;
+        same("the least lane", of_a.least(), a.least())?;
+        // Column sums up to those of a block of 21 rows.
+        let mut sums = || random.lanes(0xffff, |sum| (sum % (21 * 255 + 1)) as u16);
+        let (entering, leaving) = (sums(), sums());
+        let [of_entering, of_leaving] = [entering, leaving].map(|sums| kernel.load_column(&vector(&sums)));
+        same("sliding a block", stored(of_a.slide(of_entering, of_leaving)), a.slide(entering, leaving))?;
+        compare_runs::<L, K, 1>(kernel, random, most, trial)?;
+        compare_runs::<L, K, 2>(kernel, random, most, trial)?;
+        compare_runs::<L, K, 3>(kernel, random, most, trial)?;
+        compare_runs::<L, K, 4>(kernel, random, most, trial)?;
+    }
+    Ok(())
+}
+
+/// A lane from a number that fits it.
+fn narrow<L: Lane>(number: u32) -> L {
+    bytemuck::pod_read_unaligned(&number.to_le_bytes()[..size_of::<L>()])
+}
+
+/// Compares the operations on runs of vectors, with `V` views.
+#[inline(never)]
+fn compare_runs<L: Lane + Debug, K: Blocks<L>, const V: usize>(
+    kernel: K,
+    random: &mut Xorshift,
+    most: u32,
+    trial: usize,
+) -> Result<(), Difference>
+where
+    Twin: Blocks<L, Costs = [L; LANES], Block = [L; LANES]>,
+    [L; LANES]: Block<L>,
+{
+    let twin = Twin::default();
+    let mut twins = [[[L::default(); LANES]; V]; MAX_RUN];
+    twins.as_flattened_mut().fill_with(|| random.lanes(most, narrow));
+    let blocks = twins.map(|views| views.map(|lanes| vector::<L, K::Costs>(&lanes)));
+    let length = 1 + trial % MAX_RUN;
+    let rule = [Rule::Min, Rule::Sum, Rule::Heuristic][random.number() as usize % 3];
+    let rule = if rule == Rule::Heuristic && V < 3 { Rule::Sum } else { rule };
+    let mut fused = [<K::Costs as bytemuck::Zeroable>::zeroed(); MAX_RUN];
+    let mut fused_by_twin = [[L::default(); LANES]; MAX_RUN];
+    let least = kernel.fuse(rule, &blocks[..length], &mut fused[..length]);
+    let least_of_twin = twin.fuse(rule, &twins[..length], &mut fused_by_twin[..length]);
+    same("fusing costs", fused.map(|costs| lanes(&costs)), fused_by_twin)?;
+    same("the least of fused costs", least, least_of_twin)?;
+    same("the least of costs", kernel.least(&fused[..length]), twin.least(&fused_by_twin[..length]))?;
+    let position = kernel.position(&fused[..length], least);
+    same("the position of the least", position, twin.position(&fused_by_twin[..length], least))?;
+    let masked = [random.number() as u8, 1 << (random.number() as usize % V)][trial % 2] % (1 << V);
+    let mut masks_of_twin = [[[L::default(); LANES]; V]; MAX_RUN];
+    for view in masks_of_twin.iter_mut().flat_map(|views| views.iter_mut().zip(0..)).filter(|(_, k)| masked >> k & 1 != 0) {
+        view.0.fill_with(|| narrow(if random.number().is_multiple_of(4) { u32::MAX } else { 0 }));
+    }
+    let masks = masks_of_twin.map(|views| views.map(|lanes| vector::<L, K::Costs>(&lanes)));
+    let least = kernel.fuse_masked(rule, masked, &blocks[..length], &masks[..length], &mut fused[..length]);
+    let least_of_twin = twin.fuse_masked(rule, masked, &twins[..length], &masks_of_twin[..length], &mut fused_by_twin[..length]);
+    same("fusing masked costs", fused.map(|costs| lanes(&costs)), fused_by_twin)?;
+    same("the least of masked costs", least, least_of_twin)?;
+    let available = random.number() as u8 % (1 << V);
+    kernel.fuse_available(rule, available, &blocks[..length], &mut fused[..length]);
+    twin.fuse_available(rule, available, &twins[..length], &mut fused_by_twin[..length]);
+    same("fusing available costs", fused.map(|costs| lanes(&costs)), fused_by_twin)
+}

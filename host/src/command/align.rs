@@ -50,7 +50,7 @@ struct Line {
 impl Align {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
-        let Some((images, rig)) = self.source.capture()? else {
+        let Some((images, rig)) = self.source.frame_files()? else {
             let message = "there are no images to align: give RIG_DIR, a folder with a rig.toml, or --center and its neighbours";
             return Err(Error::Usage(message.into()));
         };

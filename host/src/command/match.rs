@@ -79,7 +79,7 @@ struct Outputs {
 impl Match {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
-        let Some((images, rig)) = self.source.capture()? else {
+        let Some((images, rig)) = self.source.frame_files()? else {
             let message = "there are no images to match: give --center and its neighbours, or RIG_DIR, a folder with a rig.toml";
             return Err(Error::Usage(message.into()));
         };

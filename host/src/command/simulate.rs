@@ -87,7 +87,7 @@ impl Simulate {
     fn frames(&self, profile: &Profile, params: &Params) -> Result<(Frames, &'static str)> {
         let outputs: Vec<&Path> = [&self.output, &self.packets].into_iter().flatten().map(PathBuf::as_path).collect();
         let [width, height] = [params.width(), params.height()];
-        let Some((images, _)) = self.source.capture()? else {
+        let Some((images, _)) = self.source.frame_files()? else {
             output::check(&outputs, &[])?;
             let camera = PinholeCamera::new(width as u32, height as u32);
             return Ok((render(&Scene::demo(), &camera, 1).frames(params.views()), "demo"));

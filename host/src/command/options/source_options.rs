@@ -35,7 +35,7 @@ pub struct SourceOptions {
 
 impl SourceOptions {
     /// The image files, and the rig of a captured folder. `None` if the command line names no images.
-    pub fn capture(&self) -> Result<Option<(FrameFiles, Option<Rig>)>> {
+    pub fn frame_files(&self) -> Result<Option<(FrameFiles, Option<Rig>)>> {
         if let Some(directory) = &self.rig {
             let rig = Rig::load(directory)?;
             return Ok(Some((rig.images.within(directory), Some(rig))));

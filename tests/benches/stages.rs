@@ -1,4 +1,4 @@
-//! How fast each stage of matching is, by kernel: alone on sums in the first-level cache, and together in whole matches.
+//! The speed of each stage of matching by kernel: alone, on sums in the first-level cache, and together in whole matches.
 //!
 //! `cargo bench --package multiscopic-tests --bench stages`. Rates are in disparity evaluations (pixel x disparity x view) per second.
 
@@ -19,10 +19,10 @@ use multiscopic_tests::random::Random;
 const DISPARITIES: u16 = 64;
 const BLOCK_SIZE: u8 = 11;
 
-/// Pixels of a stage alone.
+/// The number of pixels for a single stage.
 const PIXELS: usize = 32;
 
-/// The size of the frames of whole matches.
+/// The frame size of whole matches.
 const SIZE: [u16; 2] = [640, 240];
 
 static FRAMES: LazyLock<Frames> =
@@ -32,7 +32,7 @@ fn main() {
     divan::main();
 }
 
-/// What is matched, and with which kernel.
+/// A match and its kernel.
 #[derive(Clone, Copy)]
 struct Case {
     simd: Simd,
@@ -64,14 +64,14 @@ fn matches(bencher: Bencher, case: Case) {
     bench_match(bencher, case, 1, DISPARITIES, BLOCK_SIZE);
 }
 
-/// What a pixel takes beyond its sums: lines, its least cost, and refinement. There are only three disparities, and blocks of
+/// The time per pixel besides the sums: lines, selection and refinement. There are three disparities, and blocks of
 /// one pixel.
 #[divan::bench(args = cases([(Views::STEREO, Fusion::Min)]), sample_count = 10, sample_size = 1)]
 fn refinement(bencher: Bencher, case: Case) {
     bench_match(bencher, case, 1, 3, 1);
 }
 
-/// Threads, each with a band of lines, and the fastest kernel.
+/// Several threads, each with a band of lines, with the fastest kernel.
 #[divan::bench(args = [1, thread::available_parallelism().map_or(1, usize::from)], sample_count = 20, sample_size = 1)]
 fn threads(bencher: Bencher, threads: usize) {
     let simd = Simd::fastest(DISPARITIES.into());
@@ -85,7 +85,7 @@ fn bench_match(bencher: Bencher, case: Case, threads: usize, disparities: u16, b
     bencher.counter(ItemsCount::new(params.evaluations())).bench_local(|| engine.disparities(frames, &params, || ()));
 }
 
-/// Differences into the sums of columns, and out of them.
+/// Adds differences to the column sums and subtracts them.
 #[divan::bench(args = Simd::available())]
 fn columns(bencher: Bencher, simd: Simd) {
     simd.run(Columns(bencher));
@@ -129,7 +129,7 @@ impl<I: Isa> Work for ColumnsWork<'_, I> {
     }
 }
 
-/// Columns into the sums of blocks, and out of them.
+/// Adds column sums to the block sums and subtracts them.
 #[divan::bench(args = Simd::available())]
 fn blocks(bencher: Bencher, simd: Simd) {
     simd.run(BlockSums(bencher));
@@ -169,7 +169,7 @@ impl<I: Blocks<u16>> Work for BlocksWork<'_, I> {
     }
 }
 
-/// The costs of four views into one.
+/// Fuses the costs of four views.
 #[divan::bench(args = cases(Fusion::ALL.map(|fusion| (Views::ALL, fusion))))]
 fn fusion(bencher: Bencher, case: Case) {
     case.simd.run(FusedCosts(bencher, Rule::new(case.fusion, VIEWS)));
@@ -207,7 +207,7 @@ impl<I: Blocks<u16>> Work for FusionWork<'_, I> {
     }
 }
 
-/// The least of fused costs, and its place.
+/// Selects the least of the fused costs and its disparity.
 #[divan::bench(args = Simd::available())]
 fn winner(bencher: Bencher, simd: Simd) {
     simd.run(Winner(bencher));
@@ -240,7 +240,7 @@ impl<I: Blocks<u16>> Work for WinnerWork<'_, I> {
     }
 }
 
-/// Disparity evaluations of a stage alone.
+/// The disparity evaluations of a single stage.
 const fn evaluations(views: usize) -> usize {
     PIXELS * DISPARITIES as usize * views
 }
@@ -250,7 +250,7 @@ fn noise(len: usize) -> Vec<u8> {
     (0..len).map(|_| random.byte()).collect()
 }
 
-/// Costs of blocks, as far from the end of 16 bits as those of images are.
+/// Block costs, as far from the 16-bit maximum as those of images.
 fn costs(len: usize) -> Vec<u16> {
     let mut random = Random(2);
     (0..len).map(|_| random.below(6000) as u16).collect()

@@ -1,6 +1,6 @@
-//! The simulated arm as a program, for clients in other languages: `cargo run -p multiscopic-tests --example arm -- --ip 127.0.0.2`
+//! The simulated arm as a server for clients in other languages: `cargo run -p multiscopic-tests --example arm -- --ip 127.0.0.2`
 //!
-//! It prints what `--stage` takes, then what it is told, until it is ended.
+//! It prints the argument for `--stage`, then the orders it receives, until it is killed.
 
 use std::{io, net::IpAddr, thread, time::Duration};
 
@@ -10,7 +10,7 @@ use multiscopic_tests::simulated::arm::SimulatedArm;
 /// A tool that looks down.
 const POSE: [f64; 6] = [0.4, -0.2, 0.5, std::f64::consts::PI, 0.0, 0.0];
 
-/// Listens as an arm of Universal Robots does.
+/// Listens like an arm of Universal Robots
 #[derive(Parser)]
 struct Options {
     /// The address to listen on
@@ -25,7 +25,7 @@ struct Options {
     #[arg(long, default_value_t = 30004)]
     rtde_port: u16,
 
-    /// Where its tool is: metres and radians
+    /// The tool's pose, in metres and radians
     #[arg(long, num_args = 6, value_names = ["X", "Y", "Z", "RX", "RY", "RZ"], default_values_t = POSE, allow_negative_numbers = true)]
     pose: Vec<f64>,
 }

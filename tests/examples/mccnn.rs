@@ -1,6 +1,6 @@
-//! How long the networks take on noise, as JSON: `cargo run --release -p multiscopic-tests --example mccnn -- --network fast`
+//! Times the MC-CNN networks on noise, as JSON: `cargo run --release -p multiscopic-tests --example mccnn -- --network fast`
 //!
-//! It needs the weights: `multiscopic weights install`. Times are the best of some runs.
+//! It needs the weights: `multiscopic weights install`. Times are the best of several runs.
 
 use std::{
     hint::black_box,
@@ -30,11 +30,11 @@ struct Options {
     #[arg(long, default_value_t = 480)]
     height: u16,
 
-    /// Also compute the costs of so many disparities, with features, for every view; 0 for features of one image alone
+    /// Also compute the costs of this many disparities for every view; 0 computes the features of one image only
     #[arg(long, default_value_t = 0)]
     num_disparities: u16,
 
-    /// How many of the views right, left, bottom, top
+    /// How many of the views right, left, bottom, top to use
     #[arg(long, default_value_t = 2)]
     views: usize,
 

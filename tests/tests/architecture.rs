@@ -1,4 +1,4 @@
-//! The workspace keeps its architecture. `cargo xtask architecture` prints what breaks it.
+//! The workspace keeps its architecture. `cargo xtask architecture` prints the violations.
 
 use std::path::Path;
 

@@ -1,7 +1,7 @@
-//! The networks MC-CNN against their definition, with random weights; and with the published weights against the Python package.
+//! The MC-CNN networks equal their definition with random weights, and the Python package with the published ones.
 //!
-//! Tests of the published weights are reported as ignored where these are not, see [`multiscopic_tests::samples::weight_files::weights`]; so is
-//! that of their conversion where there is no [wheel](multiscopic_tests::samples::weight_files::wheel).
+//! Tests of the published weights are reported as ignored without these, see [`multiscopic_tests::samples::weight_files::weights`],
+//! and the test of their conversion without a [wheel](multiscopic_tests::samples::weight_files::wheel).
 
 use std::{
     collections::BTreeMap,
@@ -34,7 +34,7 @@ use multiscopic_tests::{
 };
 use serde_json::Value;
 
-/// The largest difference of features, which are about 1, and of costs.
+/// The tolerance for features, which are about 1, and for costs.
 const TOLERANCE: f64 = 5e-6;
 
 fn main() {
@@ -70,7 +70,7 @@ fn architecture(name: &str) -> Architecture {
     Architecture::ALL.into_iter().find(|architecture| architecture.name() == name).expect("a network has this name")
 }
 
-/// A network with random weights by its definition, and as it is read from a file.
+/// A network with random weights: its definition, and the product's network read from a file.
 fn networks(name: &'static str, random: &mut Random) -> (Reference, Network) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let reference = Reference::random(name, random);
@@ -120,7 +120,7 @@ fn search(frames: &Frames, views: Views, min_disparity: i16, num_disparities: u1
     Search::new(width, height, views, Fusion::Min, min_disparity, num_disparities).expect("the parameters are in range")
 }
 
-/// The costs of all views, computed in bands of these heights, one after the other and again.
+/// The costs of all views, computed in bands whose heights cycle through `heights`.
 fn computed(network: &Network, frames: &Frames, search: &Search, heights: &[usize]) -> Vec<Vec<f32>> {
     let mut costs = Costs::new(network, frames, search);
     let row = search.width() * search.num_disparities();
@@ -139,7 +139,7 @@ fn computed(network: &Network, frames: &Frames, search: &Search, heights: &[usiz
 fn costs(name: &'static str) -> Result<(), Failed> {
     let mut random = Random(12);
     let (reference, network) = networks(name, &mut random);
-    // The larger ones would take minutes without optimisation in the accurate network.
+    // Larger ones would take the accurate network minutes without optimisation.
     let sizes = [(6, 5, -2, 4), (6, 5, 4, 20), (5, 6, -9, 4), (9, 8, -3, 5), (35, 2, 1, 34), (2, 35, -18, 34)];
     for &(width, height, min_disparity, num_disparities) in &sizes[..if name == "fast" { 6 } else { 3 }] {
         let frames = frames(width, height, &mut random);
@@ -190,12 +190,12 @@ fn bands(name: &'static str) -> Result<(), Failed> {
     Ok(())
 }
 
-/// The stages one after the other, each of which is held to its definition by itself, on all rows at once.
+/// The method equals its stages, each tested by itself, run one after the other on all rows at once.
 fn disparities(name: &'static str) -> Result<(), Failed> {
     let mut random = Random(18);
     let (_, network) = networks(name, &mut random);
     let penalties = if name == "fast" { Penalties::FAST } else { Penalties::ACCURATE };
-    // More rows than a band has.
+    // More rows than a band.
     let frames = frames(4, if name == "fast" { 140 } else { 35 }, &mut random);
     for (views, fusion) in [(Views::STEREO, Fusion::Min), (Views::HORIZONTAL, Fusion::Min), (Views::ALL, Fusion::Heuristic)] {
         let region = SupportRegion { intensity: 0.8, distance: 4 };
@@ -251,13 +251,13 @@ fn number(value: &Value) -> usize {
 }
 
 fn numbers(values: &Value) -> Vec<f64> {
-    // Where the match lies outside, the package has no number.
+    // The package has no number where the match lies outside the image.
     values.as_array().expect("numbers").iter().map(|value| value.as_f64().unwrap_or(f64::INFINITY)).collect()
 }
 
-/// The package's own features and costs: see `make.py` beside the vectors.
+/// The features and costs equal the package's, recorded by `make.py` beside the vectors.
 fn golden(name: &'static str, folder: &Path) -> Result<(), Failed> {
-    /// The largest difference that is allowed.
+    /// The largest difference allowed.
     const LIMIT: f64 = 1e-4;
     let weights = Weights::read(&Weights::file(folder, architecture(name)), architecture(name))?;
     let network = Network::new(&weights);
@@ -290,7 +290,7 @@ fn golden(name: &'static str, folder: &Path) -> Result<(), Failed> {
         let mut found = vec![0.0; width * disparities.len()];
         Costs::new(&network, &frames, &search).fill(v..v + 1, &mut [&mut found]);
         for (&found, expected) in found[u * disparities.len()..].iter().zip(numbers(&expected["values"])) {
-            // The package's costs are the negative similarities.
+            // The package's costs are negated similarities.
             let found = f64::from(found) - 1.0;
             greatest = greatest.max(if found == expected { 0.0 } else { (found - expected).abs() });
         }
@@ -299,7 +299,7 @@ fn golden(name: &'static str, folder: &Path) -> Result<(), Failed> {
     if greatest < LIMIT { Ok(()) } else { Err(format!("costs differ by {greatest}").into()) }
 }
 
-/// A file as PyTorch writes it; and that one cut off or changed anywhere, which must not be taken for one, or at least do no
+/// A file written by PyTorch is read. Truncated or altered files are refused, or at least do no
 /// harm.
 fn checkpoints() -> Result<(), Failed> {
     let bytes = fs::read(golden_file("legacy.pt"))?;
@@ -314,7 +314,7 @@ fn checkpoints() -> Result<(), Failed> {
     for length in 0..bytes.len() {
         assert!(checkpoint::model(&bytes[..length]).is_err(), "the first {length} bytes");
     }
-    // A tuple in a tuple in a tuple, where the first pickle behind the version is.
+    // A deeply nested tuple in place of the first pickle after the version.
     let nested = [&bytes[..23], b")", &b"\x85".repeat(1 << 20), b"."].concat();
     assert!(checkpoint::model(&nested).expect_err("it is refused").contains("operations"));
     let mut random = Random(14);
@@ -400,7 +400,7 @@ fn command() -> Result<(), Failed> {
     from(&["cannot read", "mccnn.whl"]);
     fs::write(&wheel, "wheel")?;
     from(&["mccnn.whl: found no ZIP archive", "expected a wheel of mccnn==1.4.1"]);
-    // An archive of no files.
+    // An empty archive.
     fs::write(&wheel, [b"PK\x05\x06".as_slice(), &[0; 18]].concat())?;
     from(&["mc_cnn/weights/mc_cnn_fast_mb_weights.pt as unreadable"]);
 
@@ -415,7 +415,7 @@ fn command() -> Result<(), Failed> {
     Ok(())
 }
 
-/// What is installed from the wheel is, byte for byte, what another program converted.
+/// The weights installed from the wheel equal those converted by another program, byte for byte.
 fn install(wheel: &Path, expected: &Path) -> Result<(), Failed> {
     let folder = tempfile::tempdir()?;
     let into = folder.path().join("made");

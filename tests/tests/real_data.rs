@@ -1,5 +1,5 @@
-//! Tests on real images, which are not in the repository: see [`multiscopic_tests::samples::real_data`]. Without them every test is reported as
-//! ignored.
+//! Tests on real images, which are not in the repository: see [`multiscopic_tests::samples::real_data`]. Without them, every test
+//! is reported as ignored.
 #![expect(clippy::approx_constant, reason = "errors that happen to look like pi")]
 
 use std::{error::Error, path::Path};
@@ -24,10 +24,10 @@ use multiscopic_tests::{
 /// What `evaluate` reports: RMS and AvgErr in pixels, Bad0.5, Bad1 and Bad2 in percent.
 type Errors = [f64; 5];
 
-/// A test that is given the folder of the data.
+/// A test, given the folder of the data.
 type Test = Box<dyn Fn(&Path) -> Result<(), Failed> + Send>;
 
-/// A scene, its search, and its errors by number of views and fusion rule as an independent implementation found them.
+/// A scene, its match, and its errors by number of views and fusion rule, computed by an independent implementation.
 struct Known {
     dataset: Dataset,
     scene: &'static str,
@@ -82,7 +82,7 @@ const KNOWN: [Known; 4] = [
     },
 ];
 
-/// Datasets and scenes of which a part, with its left and topmost pixel, is matched by the core and by the float reference.
+/// Scenes, and the top left pixel of the part that the core and the float reference match.
 const PARTS: [(Dataset, &str, usize, usize); 4] = [
     (Dataset::Middlebury2006Third, "Aloe", 180, 150),
     (Dataset::Middlebury2005Full, "Art", 610, 420),
@@ -98,7 +98,7 @@ fn name(fusion: Fusion) -> &'static str {
     }
 }
 
-/// One line of `evaluate --json`.
+/// A row of `evaluate --json`.
 #[derive(Debug)]
 struct Row {
     scene: String,
@@ -109,7 +109,7 @@ struct Row {
     coverage: f64,
 }
 
-/// Runs `evaluate` on a dataset, with block matching if no `--methods` are given.
+/// Runs `evaluate` on a data set, by default with block matching.
 fn evaluate(root: &Path, dataset: Dataset, arguments: &[&str]) -> Result<Vec<Row>, Failed> {
     let dir = tempfile::tempdir()?;
     let json = dir.path().join("results.json");
@@ -139,7 +139,7 @@ fn evaluate(root: &Path, dataset: Dataset, arguments: &[&str]) -> Result<Vec<Row
     rows.iter().map(|value| row(value).ok_or_else(|| format!("a row of evaluate: {value}").into())).collect()
 }
 
-/// `evaluate` agrees with the known errors of a scene within a hundredth of each.
+/// `evaluate` reproduces the known errors of a scene within one percent of each.
 fn known_errors(root: &Path, known: &Known) -> Result<(), Failed> {
     for &(views, fusion, expected) in known.errors {
         let numbers = [known.min_disparity, known.num_disparities, known.block_size].map(|n| n.to_string());
@@ -151,7 +151,7 @@ fn known_errors(root: &Path, known: &Known) -> Result<(), Failed> {
         }
         let rows = evaluate(root, known.dataset, &arguments)?;
         let [row] = &rows[..] else { return Err(format!("one row for {arguments:?}: {rows:?}").into()) };
-        // With one view there is nothing to fuse.
+        // One view needs no fusion rule.
         if row.method != "bm"
             || row.views != views
             || (views > 1 && row.fusion != name(fusion))
@@ -167,8 +167,8 @@ fn known_errors(root: &Path, known: &Known) -> Result<(), Failed> {
     Ok(())
 }
 
-/// In the scenes of Middlebury 2006, two views have a quarter less error than stereo: the mean of the scenes' own reductions, of which
-/// textured scenes have up to nine tenths and plain ones nothing.
+/// On Middlebury 2006, two views reduce the error of stereo by a quarter: the mean of the scenes' reductions, which reach 90 % on
+/// textured scenes and nothing on plain ones.
 fn reduction(root: &Path) -> Result<(), Failed> {
     let rows = evaluate(root, Dataset::Middlebury2006Third, &["--views", "1,2"])?;
     let of = |views: u64| rows.iter().filter(move |row| row.views == views && !row.scene.eq_ignore_ascii_case("mean"));
@@ -188,9 +188,9 @@ fn reduction(root: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-/// Over a textured, a blank and a striped scene of Middlebury 2006, each method has less error than those before it, and two views have less
-/// than stereo: by the means of AvgErr and Bad1 (graph cuts are compared with block matching alone). MC-CNN is left out where its weights are
-/// not installed.
+/// On a textured, a blank and a striped scene of Middlebury 2006, each method has lower mean AvgErr and Bad1 than those before it, and
+/// two views lower ones than stereo. Graph cuts are compared with block matching alone. MC-CNN is left out where its weights are not
+/// installed.
 fn methods(root: &Path) -> Result<(), Failed> {
     let mccnn = if weight_files::weights().is_some() { ",mccnn-fast" } else { "" };
     let methods = format!("bm,sgm,gc{mccnn}");
@@ -213,7 +213,7 @@ fn methods(root: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-/// The core and the float reference agree on every bit of a part of a scene.
+/// The core equals the float reference on every bit of a part of a scene.
 fn part(root: &Path, dataset: Dataset, scene: &str, left: usize, top: usize) -> Result<(), Box<dyn Error>> {
     let images = dataset.read(root, scene).images.crop(left, top, 48, 32);
     let views = images.views.each_ref().map(Option::is_some);
@@ -229,7 +229,7 @@ fn part(root: &Path, dataset: Dataset, scene: &str, left: usize, top: usize) -> 
     Ok(())
 }
 
-/// Scenes in whose images at a quarter of their size shifts and brightness are found, with a number of disparities.
+/// Scenes in whose images, at a quarter of their size, `align` recovers shifts and gains, and their number of disparities.
 const ALIGNED: [(Dataset, &str, usize); 3] =
     [(Dataset::Middlebury2005Full, "Art", 60), (Dataset::Middlebury2005Full, "Dolls", 60), (Dataset::Hci4d, "cotton", 16)];
 
@@ -242,7 +242,7 @@ fn main() {
         let run = move || run(&root.ok_or("the data is in neither $MULTISCOPIC_DATA nor ../shared/data")?);
         trials.push(Trial::test(name, run).with_ignored_flag(is_absent || is_left_out));
     };
-    // Half a minute in release, and minutes without optimisation.
+    // It takes half a minute in release, and minutes without optimisation.
     add("methods_in_order".into(), cfg!(debug_assertions), Box::new(methods));
     let mut test = |name: String, run: Test| add(name, false, run);
     for known in KNOWN {

@@ -1,6 +1,6 @@
-//! A client that others wrote understands the simulated arm: `ur-rtde` reads the poses that our driver commanded.
+//! A third-party client understands the simulated arm: `ur-rtde` reads the poses that the driver commanded.
 //!
-//! It is installed into the build's folder. Where that is impossible, the test is reported as ignored, and says so in its name.
+//! The client is installed into the build folder. If that is impossible, the test is reported as ignored, with the reason in its name.
 
 use std::{
     error::Error,
@@ -20,13 +20,13 @@ use multiscopic_tests::simulated::{
     pose::{Pose, angle, distance, pose_trans},
 };
 
-/// What is installed.
+/// The Python package of the client.
 const PACKAGE: &str = "ur-rtde==1.6.5";
 
-/// The client's port cannot be chosen.
+/// The client's port is fixed.
 const RTDE_PORT: u16 = 30004;
 
-/// For each line it is given, what it reads after two more packages, as numbers.
+/// For each line of input, waits for two more data packages and prints what they contain, as numbers.
 const CLIENT: &str = "
 import sys, time, rtde_receive
 arm = rtde_receive.RTDEReceiveInterface(sys.argv[1])
@@ -42,7 +42,7 @@ for line in sys.stdin:
     print(*map(float, numbers), flush=True)
 ";
 
-/// What the client reads.
+/// A line that the client prints.
 struct Reading {
     pose: Pose,
     speed: [f64; 6],
@@ -86,7 +86,7 @@ impl Drop for Client {
     }
 }
 
-/// A Python that has the package, made if there is none yet.
+/// A Python interpreter with the package, from a virtual environment made on first use.
 fn python() -> Result<PathBuf, String> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("ur-rtde");
     let python = folder.join("bin/python");
@@ -104,7 +104,7 @@ fn python() -> Result<PathBuf, String> {
     Ok(python)
 }
 
-/// An arm on an address of this machine of its own.
+/// An arm on a loopback address of its own, since the client's port is fixed.
 fn arm(pose: Pose) -> Result<(SimulatedArm, Ipv4Addr), Box<dyn Error>> {
     let mut addresses = (2..=99).map(|last| Ipv4Addr::new(127, 0, 0, last));
     let found = addresses.find_map(|ip| Some((SimulatedArm::listen(ip.into(), [0, RTDE_PORT], pose).ok()?, ip)));
@@ -146,7 +146,7 @@ fn reads_what_was_commanded(python: &Path) -> Result<(), Box<dyn Error>> {
         expect(stage.position()? == Some(position), "the driver measures what it commanded")?;
     }
 
-    // In between it moves as fast as it was told to.
+    // On its way it moves at the commanded speed.
     stage.move_to(Position { x_um: 90_000, y_um: 0 })?;
     thread::sleep(Duration::from_millis(300));
     let Reading { pose, speed, runtime_state, .. } = client.read()?;

@@ -149,21 +149,21 @@ mod tests {
     }
 
     #[test]
-    fn no_candidate_is_no_disparity() {
+    fn without_a_candidate_there_is_no_disparity() {
         assert_eq!(line(&[7], &[7], 1, 30).disparities(), [None]);
         assert_eq!(line(&[7, 8], &[7, 8], -3, 2).disparities(), [None, None]);
         assert_eq!(line(&[7, 8], &[7, 8], -3, 3).disparities(), [Some(-1.0), None]);
     }
 
     #[test]
-    fn the_smallest_of_equals_wins() {
+    fn ties_go_to_the_smallest_disparity() {
         assert_eq!(line(&[5, 5, 5], &[5, 5, 5], -1, 3).disparities(), [Some(-1.0), Some(-1.0), Some(0.0)]);
         // Costs at 0, 1, 2 of the last pixel: 4, 1, 1.
         assert_eq!(line(&[0, 0, 9], &[10, 10, 5], 0, 3).disparity(2, 0), Some(1.0 + 3.0 / 6.0));
     }
 
     #[test]
-    fn every_view_shifts_its_own_way() {
+    fn every_view_shifts_in_its_direction() {
         let bright = |u: usize, v: usize| {
             let mut image = [0; 49];
             image[7 * v + u] = 200;
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn fusion_on_the_common_scale() {
+    fn fusion_is_on_the_rules_scale() {
         let cases: [(Fusion, &[f64], Option<f64>); 17] = [
             (Fusion::Min, &[], None),
             (Fusion::Min, &[5.0], Some(5.0)),
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_round_away_from_zero() {
+    fn rounds_halves_away_from_zero() {
         let halves = [0.5, -0.5, 1.5, -1.5, 2.5, 0.499, -0.501, 64.0 * 511.0, -64.0 * 511.0];
         assert_eq!(halves.map(|half| fixed(half / 64.0)), [1, -1, 2, -2, 3, 0, -1, 32704, -32704]);
         assert_eq!([None, Some(-511.5), Some(0.0), Some(511.5)].map(raw16), [0, 32, 32768, 65504]);

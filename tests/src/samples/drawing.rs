@@ -85,14 +85,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn letters() {
+    fn disparities_are_drawn_as_letters() {
         let row = [None, Some(-9.2), Some(-1.0), Some(-0.4), Some(0.4), Some(9.4), Some(9.6)];
         assert_eq!(draw(7, &row), ".ia009*");
         assert_eq!(draw(1, &row[..3]), ".\ni\na");
     }
 
     #[test]
-    fn what_is_near_hides_what_is_far() {
+    fn near_pixels_occlude_far_ones() {
         let images = synthesise("0010", 1);
         let c = &images.center;
         let right = images.views[1].as_ref().expect("the right view");

@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn poses_by_hand() {
+    fn transformations_equal_hand_computed_poses() {
         let offset = [0.1, 0.2, 0.0, 0.0, 0.0, 0.0];
         assert_near(pose_trans([1.0, 2.0, 3.0, 0.0, 0.0, 0.0], offset), [1.1, 2.2, 3.0, 0.0, 0.0, 0.0]);
         // A tool that looks down has its y axis reversed.
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn halfway() {
+    fn interpolation_meets_in_the_middle() {
         let (from, to) = ([0.0, 0.0, 0.0, 0.0, 0.2, 0.0], [0.2, 0.0, -0.4, 0.0, 0.4, 0.0]);
         assert_near(between(from, to, 0.5), [0.1, 0.0, -0.2, 0.0, 0.3, 0.0]);
         assert!((angle(from, to) - 0.2).abs() < 1e-12);

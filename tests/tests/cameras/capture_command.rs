@@ -1,5 +1,5 @@
-//! `multiscopic capture`, from the arm's sockets to disparities: a simulated arm moves a loopback camera, which is fed with what it
-//! would see there.
+//! `multiscopic capture` from end to end: a simulated arm moves a loopback camera, which is fed with the image that
+//! a camera would see there.
 
 use std::{
     error::Error,
@@ -33,28 +33,28 @@ use multiscopic_tests::{
 use tempfile::TempDir;
 
 type Outcome = Result<(), Box<dyn Error>>;
-/// Breaks the arm.
+/// Makes the arm fail.
 type Strike = fn(&SimulatedArm);
 
 const CAMERA: &str = "/dev/video10";
 const BASELINE_MM: &str = "15";
-/// Where the camera is at first: it looks aside, so that its image plane is none of the base's.
+/// The camera's first pose. It looks aside, so that its image plane is not parallel to a plane of the base's axes.
 const START: Pose = [0.4, -0.2, 0.5, 0.3, FRAC_PI_2, -0.2];
-/// How long a capture may take that is to succeed, in an emulator.
+/// The time limit of a successful capture in an emulator.
 const LONG: Duration = Duration::from_secs(90);
-/// How near the arm is to where it should be, in metres.
+/// The tolerance of positions in metres.
 const NEAR: f64 = 1e-4;
 
-/// Where the camera takes each frame: centre, left, right, top, bottom, in metres.
+/// The pose of each frame: centre, left, right, top, bottom.
 fn poses() -> [Pose; 5] {
     let b = 0.015;
     [[0.0, 0.0], [-b, 0.0], [b, 0.0], [0.0, -b], [0.0, b]].map(|[x, y]| pose_trans(START, [x, y, 0.0, 0.0, 0.0, 0.0]))
 }
 
-/// An arm with a camera, which sees an image from each of five places, and stripes from anywhere else.
+/// An arm with a camera that sees one image at each of five poses, and stripes elsewhere.
 struct Rig {
     arm: Arc<SimulatedArm>,
-    /// Whether the camera gives frames.
+    /// Whether the camera delivers frames.
     is_on: Arc<AtomicBool>,
     is_over: Arc<AtomicBool>,
     world: Option<JoinHandle<()>>,
@@ -94,7 +94,7 @@ impl Rig {
         self.folder.path().join(name)
     }
 
-    /// The command with its arguments, for a folder.
+    /// The command that captures into `output`.
     fn command(&self, output: &Path, arguments: &[&str]) -> Command {
         let mut command = Command::new(program::binary());
         command.args(["capture", "--camera", CAMERA, "--stage", &self.arm.spec(), "--baseline", BASELINE_MM, "--warm-up", "2"]);
@@ -112,7 +112,7 @@ impl Rig {
         Capture { child: Some(self.command(output, arguments).spawn().expect("the command starts")) }
     }
 
-    /// Captures into a folder of a name, which is to succeed.
+    /// Captures into the folder `name`, which must succeed.
     fn capture(&self, name: &str) -> Outcome {
         let ended = self.start(&self.path(name), &[]).end(LONG)?;
         if ended.code != Some(0) || !self.path(name).join("rig.toml").is_file() {
@@ -121,7 +121,7 @@ impl Rig {
         self.rests(&poses()[0], name)
     }
 
-    /// The arm is at a pose, and does not move.
+    /// Checks that the arm rests at `pose`.
     fn rests(&self, pose: &Pose, name: &str) -> Outcome {
         let (is_moving, off) = (self.arm.is_moving(), distance(self.arm.pose(), *pose));
         if is_moving || off > NEAR {
@@ -130,7 +130,7 @@ impl Rig {
         Ok(())
     }
 
-    /// A capture failed as it should, and nothing is left of it.
+    /// Checks that a capture failed with a message that contains `words`, and left no files.
     fn failed(&self, ended: &Ended, words: &[&str]) -> Outcome {
         let left: Vec<_> =
             fs::read_dir(self.folder.path())?.map(|entry| entry.map(|entry| entry.file_name())).collect::<Result<_, _>>()?;
@@ -166,7 +166,7 @@ impl Drop for Rig {
     }
 }
 
-/// A command that runs.
+/// A running command.
 struct Capture {
     child: Option<Child>,
 }
@@ -178,7 +178,7 @@ struct Ended {
 }
 
 impl Capture {
-    /// Its end, which must come in time.
+    /// Waits for the end, which must come within `limit`.
     fn end(&mut self, limit: Duration) -> Result<Ended, Box<dyn Error>> {
         let start = Instant::now();
         let mut child = self.child.take().expect("it ends once");
@@ -210,7 +210,7 @@ impl Drop for Capture {
     }
 }
 
-/// Five frames, each from its place, and the disparities of the files they were fed from.
+/// The five frames are captured at their poses, and match to the same disparities as the files that were fed.
 fn captures_and_matches(images: &ViewSet) -> Outcome {
     let rig = Rig::new(images);
     rig.capture("rig")?;
@@ -234,7 +234,9 @@ fn captures_and_matches(images: &ViewSet) -> Outcome {
     }
     let log = fs::read_to_string(folder.join("capture.log"))?;
     let toml = fs::read_to_string(folder.join("rig.toml"))?;
-    for (text, word) in [(&log, "has the bottom frame"), (&log, CAMERA), (&toml, "baseline_mm = 15"), (&toml, &rig.arm.spec())] {
+    for (text, word) in
+        [(&log, "captured the bottom frame"), (&log, CAMERA), (&toml, "baseline_mm = 15"), (&toml, &rig.arm.spec())]
+    {
         if !text.contains(word) {
             return Err(format!("{word} is not in {text}").into());
         }
@@ -260,7 +262,7 @@ fn golden_capture() -> Outcome {
     captures_and_matches(&golden::images())
 }
 
-/// The middle of a real five-view set.
+/// A part of a real set of five views.
 fn real_capture() -> Outcome {
     let root = real_data::root().ok_or("there is no data")?;
     captures_and_matches(&Dataset::Tsukuba.read(&root, "").images.crop(96, 72, 192, 144))
@@ -276,7 +278,7 @@ fn live_captures() -> Outcome {
     Ok(())
 }
 
-/// What is wrong with the arm ends the capture with a word about it, without a motion; mended, the next capture works.
+/// A fault of the arm ends the capture with a message, and the arm rests. Once repaired, the next capture works.
 fn arm_fault(strike: Strike, while_it_moves: bool, words: &[&str]) -> Outcome {
     let rig = Rig::new(&golden::images());
     if !while_it_moves {
@@ -290,7 +292,7 @@ fn arm_fault(strike: Strike, while_it_moves: bool, words: &[&str]) -> Outcome {
     let ended = capture.end(Duration::from_secs(40))?;
     rig.failed(&ended, words)?;
     rig.arm.release();
-    // The simulated arm stands somewhere on its way; that is the centre of the next capture for the driver, and not for the camera.
+    // The arm stopped on its way. The next capture is centred there, where the camera sees stripes.
     let ended = rig.start(&rig.path("next"), &["--views", "1"]).end(LONG)?;
     if ended.code != Some(0) || !rig.path("next/rig.toml").is_file() {
         return Err(format!("the next capture: {ended:?}").into());
@@ -298,7 +300,7 @@ fn arm_fault(strike: Strike, while_it_moves: bool, words: &[&str]) -> Outcome {
     Ok(())
 }
 
-/// A camera that gives no frames any more ends the capture where it is, and the arm returns.
+/// If the camera stops delivering frames, the capture fails and the arm returns.
 fn camera_starves() -> Outcome {
     let rig = Rig::new(&golden::images());
     let mut capture = rig.start(&rig.path("rig"), &["--frame-timeout", "2", "--retries", "1"]);
@@ -312,7 +314,7 @@ fn camera_starves() -> Outcome {
     rig.capture("next")
 }
 
-/// Where Ctrl-C comes.
+/// When Ctrl-C is pressed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     Connecting,
@@ -327,7 +329,7 @@ fn interrupted(phase: Phase) -> Outcome {
     let arguments: &[&str] = match phase {
         Phase::Settling => &["--settle", "20"],
         Phase::Capturing => &["--frame-timeout", "20"],
-        // Slow enough to be met on the way.
+        // Slow enough to be interrupted on the way.
         Phase::Moving | Phase::Returning => &["--speed", "5"],
         Phase::Connecting => &[],
     };
@@ -353,7 +355,7 @@ fn interrupted(phase: Phase) -> Outcome {
         }
     }
     capture.interrupt();
-    // At 5 mm/s, the way back takes up to 4 s.
+    // At 5 mm/s the way back takes up to 4 s.
     let ended = capture.end(Duration::from_secs(15))?;
     let word = if phase == Phase::Connecting { "" } else { "aborted" };
     rig.failed(&ended, &[word]).map_err(|error| format!("{phase:?}: {error}"))?;
@@ -405,16 +407,16 @@ fn refusals() -> Outcome {
         }
         Ok(())
     };
-    // Nobody listens there.
+    // Nothing listens there.
     refused(&["--stage", "ur10:127.0.0.1:9,10"], &["127.0.0.1, port 10"])?;
     refused(&["--stage", "ur10:no.such.host.invalid"], &["no.such.host.invalid"])?;
     refused(&["--stage", "gcode:/dev/none"], &["/dev/none"])?;
     refused(&["--stage", "crane"], &["crane", "kind is unknown"])?;
-    // Farther than it may go.
+    // Beyond the reach.
     let spec = rig.arm.spec();
     refused(&["--stage", &spec, "--reach", "5", "--warm-up", "0"], &["5 mm"])?;
     rig.rests(&poses()[0], "after a refusal")?;
-    // There is something in the folder's place already.
+    // The output already exists.
     fs::write(rig.path("rig"), "mine")?;
     let ended = rig.start(&rig.path("rig"), &[]).end(LONG)?;
     if ended.code != Some(2) || !ended.stderr.contains("is there already") || fs::read(rig.path("rig"))? != b"mine" {
@@ -423,7 +425,7 @@ fn refusals() -> Outcome {
     Ok(())
 }
 
-/// The tests, ignored without cameras.
+/// The tests, which are ignored without cameras.
 pub fn trials(has_cameras: bool) -> Vec<Trial> {
     let has_data = real_data::root().is_some_and(|root| root.join(Dataset::Tsukuba.name()).is_dir());
     let mut trials = Vec::new();

@@ -1,4 +1,4 @@
-//! Captures from real V4L2 drivers, which only a virtual machine has: `cargo xtask v4l2` runs these tests there. Elsewhere each is
+//! Captures from Linux's V4L2 drivers. `cargo xtask v4l2` runs these tests in a virtual machine; elsewhere each is
 //! reported as ignored.
 
 #[cfg(target_os = "linux")]

@@ -1,4 +1,4 @@
-//! Cameras of Linux's own drivers, and everything that can go wrong with them.
+//! Cameras of Linux's own drivers, with every fault that these can inject.
 
 use std::{
     collections::BTreeSet,
@@ -35,26 +35,26 @@ type Outcome = Result<(), Box<dyn Error>>;
 
 /// Cameras with patterns and faults.
 const VIVID: [&str; 2] = ["/dev/video0", "/dev/video1"];
-/// A camera with the multi-planar interface alone.
+/// A camera with the multi-planar interface only.
 const MULTIPLANAR: &str = "/dev/video2";
 /// Loopback devices.
 const LOOPBACK: [&str; 5] = ["/dev/video10", "/dev/video11", "/dev/video12", "/dev/video13", "/dev/video14"];
 
-/// The time-out of captures that are to fail.
+/// The time-out of captures that must fail.
 const SHORT: Duration = Duration::from_millis(1500);
-/// The time-out of captures that are to succeed, in an emulator.
+/// The time-out of captures that must succeed in an emulator.
 const LONG: Duration = Duration::from_secs(30);
-/// What the drivers may take to start and stop, beyond a time-out.
+/// The time that drivers may take to start and stop, beyond a time-out.
 const GRACE: Duration = Duration::from_secs(2);
 
-/// The bars' luma in full range, of ITU-R BT.709.
+/// The bars' luma in full range, by ITU-R BT.709.
 const FULL: [u8; 8] = [254, 235, 200, 181, 72, 54, 18, 0];
-/// The bars' luma in limited range, 16 to 235, of ITU-R BT.601.
+/// The bars' luma in limited range, 16 to 235, by ITU-R BT.601.
 const LIMITED: [u8; 8] = [234, 209, 168, 144, 106, 81, 40, 16];
-/// The grey of the bars' colours, as of pictures from files.
+/// The grey of the bars' colours, by the rule for image files.
 const COLORS: [u8; 8] = [255, 226, 178, 149, 106, 77, 29, 0];
 
-/// The bars' grey is what the standards say, but for the driver's rounding.
+/// The bars' grey follows the standards, except for the driver's rounding.
 fn bars_are_known() -> Outcome {
     for (i, color) in [0b111, 0b110, 0b011, 0b010, 0b101, 0b100, 0b001, 0b000].into_iter().enumerate() {
         let [red, green, blue] = [2, 1, 0].map(|bit| f64::from(color >> bit & 1));
@@ -70,7 +70,7 @@ fn bars_are_known() -> Outcome {
     Ok(())
 }
 
-/// Quick captures of a small size.
+/// Settings for quick, small captures.
 fn quick() -> CameraSettings {
     CameraSettings {
         format: Some(PixelFormat::Grey),
@@ -89,12 +89,12 @@ fn frame(camera: &mut V4l2Camera) -> Result<GrayImage, multiscopic::capture::cam
     camera.frame(LONG, &AtomicBool::new(false))
 }
 
-/// The bars in an image of this size.
+/// An image of the bars.
 fn bars([width, height]: [u32; 2], grays: &[u8; 8]) -> GrayImage {
     GrayImage::from_fn(width, height, |u, _| Luma([grays[(u * 8 / width) as usize]]))
 }
 
-/// The image is `expected`, of which the message shows the first row's changes.
+/// Compares two images. The message shows the distinct values of the first row.
 fn same(found: &GrayImage, expected: &GrayImage) -> Outcome {
     if found == expected {
         return Ok(());
@@ -108,7 +108,7 @@ fn same(found: &GrayImage, expected: &GrayImage) -> Outcome {
     Err(format!("found {}, expected {}", summary(found), summary(expected)).into())
 }
 
-/// Captures, which must fail in time, as `is_expected` says and with a message of one line that names the device.
+/// Captures. This must fail in time, with a fault that `is_expected` accepts and a one-line message that names the device.
 fn fails(camera: &mut V4l2Camera, device: &str, is_expected: impl Fn(&CameraFault) -> bool) -> Outcome {
     let start = Instant::now();
     let error = match camera.frame(SHORT, &AtomicBool::new(false)) {
@@ -124,7 +124,7 @@ fn fails(camera: &mut V4l2Camera, device: &str, is_expected: impl Fn(&CameraFaul
     }
 }
 
-/// The next capture works, and the one after it.
+/// Checks that the next two captures work.
 fn recovers(camera: &mut V4l2Camera) -> Outcome {
     for _ in 0..2 {
         same(&frame(camera)?, &bars([320, 180], &FULL))?;
@@ -141,7 +141,7 @@ fn format(format: PixelFormat, grays: &[u8; 8]) -> Outcome {
     Ok(())
 }
 
-/// Without a word, the best format is taken, and the size that the camera has.
+/// By default, the best format and the camera's current size are used.
 fn defaults() -> Outcome {
     vivid::show(Path::new(VIVID[0]), Pattern::Bars)?;
     drop(open(VIVID[0], &CameraSettings { format: Some(PixelFormat::Yuyv), ..quick() })?);
@@ -157,7 +157,7 @@ fn defaults() -> Outcome {
     }
 }
 
-/// What was exposed before a capture is not in its picture.
+/// Frames exposed before a capture are not used.
 fn frames_are_of_now() -> Outcome {
     let device = Path::new(VIVID[0]);
     let mut camera = open(VIVID[0], &quick())?;
@@ -165,7 +165,7 @@ fn frames_are_of_now() -> Outcome {
         let (pattern, gray) = if i % 2 == 0 { (Pattern::White, FULL[0]) } else { (Pattern::Black, FULL[7]) };
         vivid::show(device, pattern)?;
         same(&frame(&mut camera)?, &GrayImage::from_pixel(320, 180, Luma([gray])))?;
-        // All buffers become full of this.
+        // Until all buffers hold this pattern.
         thread::sleep(Duration::from_millis(300));
     }
     Ok(())
@@ -174,7 +174,7 @@ fn frames_are_of_now() -> Outcome {
 const AUTOGAIN: u32 = 0x0098_0912;
 const GAIN: u32 = 0x0098_0913;
 
-/// A control of the first camera.
+/// The value of a control of the first camera.
 fn control(id: u32) -> Result<Value, Box<dyn Error>> {
     Ok(Device::with_path(VIVID[0])?.control(id)?.value)
 }
@@ -199,7 +199,7 @@ fn locks_and_unlocks() -> Outcome {
         drop(camera);
         expect("closed", AUTOGAIN, Value::Boolean(true))?;
     }
-    // What the user has set stays set.
+    // Settings of the user are restored.
     put(AUTOGAIN, Value::Boolean(false))?;
     put(GAIN, Value::Integer(50))?;
     let mut camera = open(VIVID[0], &CameraSettings { lock: true, gain: Some(60), ..quick() })?;
@@ -217,7 +217,7 @@ fn locks_and_unlocks() -> Outcome {
     expect("closed after an error", AUTOGAIN, Value::Boolean(true))
 }
 
-/// What cannot be opened, and the words of the message.
+/// What cannot be opened is refused, with a helpful message.
 fn refusals() -> Outcome {
     let refused = |device: &str, settings: &CameraSettings, words: &[&str]| match open(device, settings) {
         Ok(camera) => Err(Box::<dyn Error>::from(format!("{camera} opens"))),
@@ -242,7 +242,7 @@ fn refusals() -> Outcome {
     refused(VIVID[0], &compressed, &["found 320x180 ", "expected 320x180 MJPG", "multiscopic devices"])
 }
 
-/// A fault that strikes once, before the camera starts or while it runs.
+/// A fault that occurs once, before the camera starts or while it runs.
 fn strikes_once(fault: vivid::Fault, while_it_runs: bool, is_expected: fn(&CameraFault) -> bool) -> Outcome {
     let device = Path::new(VIVID[0]);
     vivid::show(device, Pattern::Bars)?;
@@ -254,14 +254,14 @@ fn strikes_once(fault: vivid::Fault, while_it_runs: bool, is_expected: fn(&Camer
         vivid::inject(device, fault)?;
         fails(&mut camera, VIVID[0], is_expected)?;
         recovers(&mut camera)?;
-        // As at first.
+        // Reopen, as at the start.
         drop(camera);
         camera = open(VIVID[0], &quick())?;
     }
     Ok(())
 }
 
-/// A frame that the driver flags: it strikes when that very frame is read.
+/// The driver flags a frame as damaged, which must be noticed when that frame is read.
 fn damaged_frames() -> Outcome {
     let device = Path::new(VIVID[0]);
     vivid::show(device, Pattern::Bars)?;
@@ -284,7 +284,7 @@ fn damaged_frames() -> Outcome {
     recovers(&mut camera)
 }
 
-/// No frames, at the start and while the camera runs.
+/// No frames arrive, at the start or while the camera runs.
 fn no_frames() -> Outcome {
     let device = Path::new(VIVID[0]);
     vivid::show(device, Pattern::Bars)?;
@@ -321,7 +321,7 @@ fn cancelling() -> Outcome {
     }
 }
 
-/// While another capture runs, a device is busy.
+/// A device is busy while another capture runs.
 fn second_opener() -> Outcome {
     vivid::show(Path::new(VIVID[0]), Pattern::Bars)?;
     let mut first = open(VIVID[0], &quick())?;
@@ -337,7 +337,7 @@ fn second_opener() -> Outcome {
     recovers(&mut second)
 }
 
-/// A random frame of a layout.
+/// A random frame of this layout.
 fn random_frame(layout: &FrameLayout, seed: u64) -> Vec<u8> {
     let pixels = layout.size[0] * layout.size[1];
     let bytes = match layout.format {
@@ -350,7 +350,7 @@ fn random_frame(layout: &FrameLayout, seed: u64) -> Vec<u8> {
     (0..bytes).map(|_| random.byte()).collect()
 }
 
-/// Frames come back as they were fed, in every format, and the newest at once.
+/// Frames come back as they were fed, in every format, and without delay.
 fn loopback_formats() -> Outcome {
     let mut formats = Vec::new();
     for (i, format) in PixelFormat::ALL.into_iter().enumerate().filter(|(_, format)| *format != PixelFormat::Mjpg) {
@@ -359,7 +359,7 @@ fn loopback_formats() -> Outcome {
         let fed = random_frame(&layout, 1);
         let producer = match Producer::start(Path::new(device), layout, fed.clone()) {
             Ok(producer) => producer,
-            // The driver knows fewer formats than we do.
+            // The driver supports fewer formats.
             Err(error) if error.kind() == ErrorKind::Unsupported => continue,
             Err(error) => return Err(error.into()),
         };
@@ -370,7 +370,7 @@ fn loopback_formats() -> Outcome {
         for seed in 2..5 {
             let fed = random_frame(&layout, seed);
             producer.show(fed.clone());
-            // It is fed with the new one once the one before is done.
+            // The producer takes the new frame after the current one.
             thread::sleep(Duration::from_millis(100));
             same(&frame(&mut camera)?, &expected(&fed)?)?;
         }
@@ -381,7 +381,7 @@ fn loopback_formats() -> Outcome {
     }
 }
 
-/// JPEG frames, whole and damaged.
+/// Whole JPEG frames are decoded; damaged ones are errors.
 fn loopback_jpeg() -> Outcome {
     let (device, layout) = (LOOPBACK[0], FrameLayout { format: PixelFormat::Mjpg, size: [64, 48], stride: 0 });
     let image = GrayImage::from_fn(64, 48, |u, v| Luma([(3 * u + v) as u8]));
@@ -402,7 +402,7 @@ fn loopback_jpeg() -> Outcome {
     same(&frame(&mut camera)?, &expected)
 }
 
-/// Frames of too few bytes.
+/// Frames with too few bytes are errors.
 fn loopback_short_frames() -> Outcome {
     let image = GrayImage::from_fn(64, 48, |u, v| Luma([(u * v) as u8]));
     let producer = Producer::gray(Path::new(LOOPBACK[1]), &image)?;
@@ -416,7 +416,7 @@ fn loopback_short_frames() -> Outcome {
     same(&frame(&mut camera)?, &image)
 }
 
-/// A producer that ends, and comes back.
+/// A camera whose producer ends works again with the next producer.
 fn loopback_producer_ends() -> Outcome {
     let image = GrayImage::from_fn(64, 48, |u, v| Luma([(u ^ v) as u8]));
     let producer = Producer::gray(Path::new(LOOPBACK[2]), &image)?;
@@ -428,7 +428,7 @@ fn loopback_producer_ends() -> Outcome {
     same(&frame(&mut camera)?, &image)
 }
 
-/// Five cameras show the five frames of a capture, as their files have them.
+/// Five cameras deliver the five frames of a capture exactly.
 fn five_cameras() -> Outcome {
     let images =
         golden::paths().iter().map(|file| Ok(Picture::read(file)?.to_gray())).collect::<multiscopic::Result<Vec<_>>>()?;
@@ -441,7 +441,7 @@ fn five_cameras() -> Outcome {
     Ok(())
 }
 
-/// What `multiscopic devices` prints with `arguments`, as this user.
+/// The output of `multiscopic devices` with `arguments`, run as `user`.
 fn devices(arguments: &[&str], user: u32) -> Result<(String, String), Box<dyn Error>> {
     let output = Command::new(program::binary()).arg("devices").args(arguments).uid(user).output()?;
     let text = |bytes| String::from_utf8(bytes);
@@ -485,7 +485,7 @@ fn lists_devices() -> Outcome {
     }
 }
 
-/// The second camera is another one.
+/// The second camera is independent of the first.
 fn second_camera() -> Outcome {
     vivid::show(Path::new(VIVID[0]), Pattern::Black)?;
     vivid::show(Path::new(VIVID[1]), Pattern::Bars)?;
@@ -499,7 +499,7 @@ fn second_camera() -> Outcome {
     }
 }
 
-/// The tests, ignored without cameras.
+/// The tests, which are ignored without cameras.
 pub fn trials(has_cameras: bool) -> Vec<Trial> {
     let mut trials = Vec::new();
     let mut test = |name: &str, run: Box<dyn Fn() -> Outcome + Send>| {

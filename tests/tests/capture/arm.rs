@@ -1,4 +1,4 @@
-//! The driver of the arm against the simulated one, with faults.
+//! The driver of the arm with a simulated arm and its faults.
 
 use std::{
     f64::consts::PI,
@@ -24,13 +24,13 @@ use multiscopic_tests::{
 
 /// A tool that looks down.
 const DOWN: Pose = [0.4, -0.2, 0.5, PI, 0.0, 0.0];
-/// A tool that looks somewhere.
+/// A tool with an arbitrary orientation.
 const ASKEW: Pose = [-0.3, 0.25, 0.6, 0.3, -1.2, 0.7];
 
-/// The longest that a test waits for a motion.
+/// The time limit for a motion.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Fast, and as impatient as a busy machine allows.
+/// Fast motions, and time-outs as short as a busy system allows.
 fn limits() -> Limits {
     Limits {
         speed_mm_s: 250.0,
@@ -80,14 +80,14 @@ fn set_out(stage: &mut AnyStage, arm: &SimulatedArm, position: Position) {
     }
 }
 
-/// The pose of a tool moved in its own plane, by a rotation matrix.
+/// The pose of a tool moved in its own plane, computed with a rotation matrix.
 fn moved(start: Pose, position: Position) -> Pose {
     let [rx, ry, rz] = [start[3], start[4], start[5]];
     let angle = (rx * rx + ry * ry + rz * rz).sqrt();
     let [x, y, z] = [rx / angle, ry / angle, rz / angle];
     let (s, c) = angle.sin_cos();
     let t = 1.0 - c;
-    // Its first two columns: the tool's axes in the arm's base.
+    // The first two columns: the tool's axes in the base's frame.
     let right = [t * x * x + c, t * x * y + s * z, t * x * z - s * y];
     let down = [t * x * y - s * z, t * y * y + c, t * y * z + s * x];
     let mut pose = start;
@@ -100,11 +100,11 @@ fn moved(start: Pose, position: Position) -> Pose {
 #[track_caller]
 fn assert_at(found: Pose, expected: Pose) {
     let off = (distance(found, expected), angle(found, expected));
-    // The script has nanometres and nanoradians.
+    // The script rounds to nanometres and nanoradians.
     assert!(off.0 < 1e-8 && off.1 < 1e-8, "{found:?} is {off:?} from {expected:?}");
 }
 
-/// Calls `fails`, which must take no longer than the longest time-out and some more.
+/// Calls `fails`, which must end soon after the longest time-out.
 fn soon<T>(fails: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let result = fails();
@@ -112,7 +112,7 @@ fn soon<T>(fails: impl FnOnce() -> T) -> T {
     result
 }
 
-/// Waits until the arm was told to stop, and stands: for as long as it takes to hear and to slow down.
+/// Waits until the arm has received the order to stop and stands still.
 fn stops(arm: &SimulatedArm) {
     let (start, mut heard) = (Instant::now(), arm.heard());
     while arm.is_moving() || heard.last() != Some(&Heard::Stop) {
@@ -122,7 +122,7 @@ fn stops(arm: &SimulatedArm) {
     }
 }
 
-/// Stops the stage after an error and mends the arm, which must have been told; then the same stage works, and its centre is where it was.
+/// Stops the stage after an error, checks that the arm received the order, and repairs it. The stage then works, with the same centre.
 fn recovers(stage: &mut AnyStage, arm: &SimulatedArm, start: Pose) {
     let _ = soon(|| stage.stop());
     stops(arm);
@@ -132,11 +132,11 @@ fn recovers(stage: &mut AnyStage, arm: &SimulatedArm, start: Pose) {
 }
 
 #[test]
-fn a_tool_that_looks_down() {
+fn moves_a_tool_that_looks_down() {
     let arm = SimulatedArm::start(DOWN);
     let mut stage = open(&arm).unwrap();
     assert_eq!(stage.position().unwrap(), Some(Position::CENTER));
-    // The base's x is the tool's, its y is against the tool's.
+    // The tool's x axis is the base's; its y axis is reversed.
     for (position, x, y) in [
         (at(20_000, 0), 0.42, -0.2),
         (at(-20_000, 0), 0.38, -0.2),
@@ -151,10 +151,10 @@ fn a_tool_that_looks_down() {
 }
 
 #[test]
-fn a_tool_that_looks_somewhere() {
+fn moves_a_tool_of_any_orientation() {
     let arm = SimulatedArm::start(ASKEW);
     let mut stage = open(&arm).unwrap();
-    // An order that is given again changes nothing.
+    // Repeating an order changes nothing.
     for position in [at(15_000, 0), at(-7_000, 12_345), at(-7_000, 12_345), at(0, -1)] {
         go(&mut stage, position).unwrap();
         assert_at(arm.pose(), moved(ASKEW, position));
@@ -164,7 +164,7 @@ fn a_tool_that_looks_somewhere() {
 }
 
 #[test]
-fn an_order_replaces_the_one_before() {
+fn an_order_replaces_the_previous_one() {
     let arm = SimulatedArm::start(ASKEW);
     let mut stage = open(&arm).unwrap();
     set_out(&mut stage, &arm, at(90_000, 0));
@@ -185,7 +185,7 @@ fn nothing_moves_beyond_the_reach() {
 }
 
 #[test]
-fn a_stop_stops() {
+fn a_stop_halts_the_arm() {
     let arm = SimulatedArm::start(DOWN);
     let mut stage = open(&arm).unwrap();
     set_out(&mut stage, &arm, at(90_000, 0));
@@ -194,20 +194,20 @@ fn a_stop_stops() {
     let Some(Position { x_um, y_um: 0 }) = stage.position().unwrap() else { panic!("it is on its way") };
     assert!((1_000..80_000).contains(&x_um), "{x_um} um");
     assert!(!stage.has_arrived().unwrap(), "it is not where it was sent");
-    // Once more, at rest.
+    // Again, at rest.
     stage.stop().unwrap();
     recovers(&mut stage, &arm, DOWN);
 }
 
 #[test]
-fn a_stage_that_is_dropped_stops() {
+fn dropping_the_stage_halts_the_arm() {
     let arm = SimulatedArm::start(DOWN);
     let mut stage = open(&arm).unwrap();
     set_out(&mut stage, &arm, at(90_000, 0));
     drop(stage);
     assert!(!arm.is_moving());
     assert_eq!(arm.heard().last(), Some(&Heard::Stop));
-    // At rest it says nothing.
+    // At rest it sends nothing.
     let mut stage = open(&arm).unwrap();
     go(&mut stage, at(1000, 0)).unwrap();
     drop(stage);
@@ -215,14 +215,14 @@ fn a_stage_that_is_dropped_stops() {
 }
 
 #[test]
-fn protective_stop() {
+fn a_protective_stop_is_reported() {
     let arm = SimulatedArm::start(ASKEW);
     let mut stage = open(&arm).unwrap();
     arm.fail(Fault::ProtectiveStop { after_m: 0.01 });
     let error = soon(|| go(&mut stage, at(40_000, 0))).unwrap_err();
     assert!(matches!(error, StageError::SafetyStop(SafetyMode::ProtectiveStop)), "{error}");
     assert_eq!(error.to_string(), "the arm has stopped: protective stop; release it at the teach pendant");
-    // No order is given to an arm that stopped.
+    // No order is sent to a stopped arm.
     arm.heard();
     assert!(matches!(stage.move_to(at(0, 0)), Err(StageError::SafetyStop(_))));
     assert_eq!(arm.heard(), []);
@@ -230,7 +230,7 @@ fn protective_stop() {
 }
 
 #[test]
-fn an_arm_that_never_arrives() {
+fn an_arm_that_never_arrives_times_out() {
     let arm = SimulatedArm::start(DOWN);
     let mut stage = open(&arm).unwrap();
     go(&mut stage, at(500, 0)).unwrap();
@@ -241,7 +241,7 @@ fn an_arm_that_never_arrives() {
 }
 
 #[test]
-fn an_arm_that_ignores_orders() {
+fn an_arm_that_ignores_orders_is_reported() {
     let arm = SimulatedArm::start(DOWN);
     let mut stage = open(&arm).unwrap();
     arm.fail(Fault::Ignoring);
@@ -251,7 +251,7 @@ fn an_arm_that_ignores_orders() {
 }
 
 #[test]
-fn an_arm_in_local_control() {
+fn local_control_is_reported() {
     let arm = SimulatedArm::start(DOWN);
     arm.fail(Fault::LocalControl);
     let error = soon(|| {
@@ -266,14 +266,14 @@ fn an_arm_in_local_control() {
 }
 
 #[test]
-fn silence() {
+fn a_silent_arm_times_out() {
     let arm = SimulatedArm::start(ASKEW);
     let mut stage = open(&arm).unwrap();
     set_out(&mut stage, &arm, at(90_000, 0));
     arm.fail(Fault::Silent);
     let error = soon(|| arrive(&mut stage)).unwrap_err();
     assert!(matches!(error, StageError::Silent { .. }), "{error}");
-    // The stop cannot be seen, but is heard.
+    // The stop is not visible, but it is received.
     assert!(matches!(soon(|| stage.stop()), Err(StageError::Silent { .. })));
     recovers(&mut stage, &arm, ASKEW);
 
@@ -285,7 +285,7 @@ fn silence() {
 }
 
 #[test]
-fn a_dropped_connection() {
+fn a_lost_connection_is_reported() {
     let arm = SimulatedArm::start(ASKEW);
     let mut stage = open(&arm).unwrap();
     set_out(&mut stage, &arm, at(90_000, 0));
@@ -297,7 +297,7 @@ fn a_dropped_connection() {
 }
 
 #[test]
-fn nonsense() {
+fn a_nonsensical_pose_is_reported() {
     let arm = SimulatedArm::start(DOWN);
     let mut stage = open(&arm).unwrap();
     set_out(&mut stage, &arm, at(90_000, 0));
@@ -308,7 +308,7 @@ fn nonsense() {
 }
 
 #[test]
-fn something_else_than_an_arm() {
+fn another_protocol_is_refused() {
     let arm = SimulatedArm::start(DOWN);
     arm.fail(Fault::OtherProtocol);
     let error = soon(|| open(&arm)).map(drop).unwrap_err();
@@ -318,11 +318,11 @@ fn something_else_than_an_arm() {
 }
 
 #[test]
-fn nobody_there() {
+fn an_address_without_an_arm_is_refused() {
     let arm = SimulatedArm::start(DOWN);
     let (spec, ports) = (arm.spec(), arm.ports());
     drop(arm);
-    // Nothing listens, no such name, no such host.
+    // A closed port, an unknown name, an unknown host.
     for spec in [spec.as_str(), "ur10:no-such-arm.invalid", "ur10:192.0.2.1"] {
         let error = soon(|| open_named(spec)).map(drop).unwrap_err();
         assert!(matches!(error, StageError::Connect { .. }), "{error}");
@@ -333,7 +333,7 @@ fn nobody_there() {
 }
 
 #[test]
-fn an_arm_that_is_not_ready() {
+fn an_arm_that_is_not_ready_is_refused() {
     let arm = SimulatedArm::start(DOWN);
     for (robot, safety, words) in [
         (5, 1, "the arm is idle with its brakes on"),
@@ -349,18 +349,18 @@ fn an_arm_that_is_not_ready() {
         assert!(matches!(error, StageError::NotReady { .. } | StageError::SafetyStop(_)), "{error}");
         assert!(error.to_string().contains(words), "{error}");
     }
-    // Reduced speed is no reason to stay.
+    // Reduced speed does not prevent motions.
     arm.set_modes(7, 2);
     go(&mut open(&arm).unwrap(), at(1000, 0)).unwrap();
 }
 
-/// Answers whoever connects as an arm does, then sends `noise`.
+/// Answers the handshake as an arm does, then sends `noise`.
 fn noisy(noise: Vec<u8>) -> StageSpec {
     let port = TcpListener::bind("127.0.0.1:0").unwrap();
     let spec = format!("ur10:127.0.0.1:{0},{0}", port.local_addr().unwrap().port());
     thread::spawn(move || -> io::Result<()> {
         let (mut stream, _) = port.accept()?;
-        // One package asks for a version, one for a recipe, one to start.
+        // The client requests a version, a recipe, and the start.
         for answer in
             [b"\0\x04V\x01".to_vec(), b"\0\x2fO\x01DOUBLE,VECTOR6D,VECTOR6D,INT32,INT32,UINT32".to_vec(), b"\0\x04S\x01".to_vec()]
         {
@@ -374,11 +374,11 @@ fn noisy(noise: Vec<u8>) -> StageSpec {
 }
 
 #[test]
-fn noise() {
+fn random_bytes_do_no_harm() {
     let mut random = Random(5);
     for i in 0..200 {
         let mut noise: Vec<u8> = (0..random.below(600)).map(|_| random.byte()).collect();
-        // Half of it in packages of the right kind, some of them of the right length.
+        // Half of the noise is in packages of the right type, some of the right length.
         if i % 2 == 0 {
             let length = if i % 4 == 0 { 4 + 116 } else { 3 + random.below(200) };
             noise.resize(length.max(4), 0xff);
@@ -389,7 +389,7 @@ fn noise() {
     }
 }
 
-/// A camera that notes where the arm is while it takes a frame.
+/// A camera that notes the arm's pose while it takes a frame.
 struct Witness {
     arm: Arc<SimulatedArm>,
     seen: Vec<(usize, Pose)>,
@@ -422,7 +422,7 @@ impl Camera for Witness {
 
 type Failure = CaptureError<StageError, std::convert::Infallible>;
 
-/// Runs a sequence to its end, and calls `meanwhile` after each step.
+/// Runs a sequence to its end and calls `meanwhile` after each step.
 fn capture(
     arm: &Arc<SimulatedArm>,
     stage: &mut AnyStage,
@@ -444,7 +444,7 @@ fn capture(
 }
 
 #[test]
-fn a_sequence_of_five_frames() {
+fn a_sequence_takes_five_frames() {
     let arm = Arc::new(SimulatedArm::start(ASKEW));
     let mut stage = open(&arm).unwrap();
     let plan = Plan::cross(Views::ALL, 20_000);
@@ -459,11 +459,11 @@ fn a_sequence_of_five_frames() {
 }
 
 #[test]
-fn a_sequence_that_is_broken_off() {
+fn an_aborted_sequence_returns_to_the_centre() {
     let arm = Arc::new(SimulatedArm::start(DOWN));
     let mut stage = open(&arm).unwrap();
     let plan = Plan::cross(Views::HORIZONTAL, 50_000);
-    // On the way to the left.
+    // On the way to the left pose.
     let far = |progress| progress == Progress::Moving(1) && distance(arm.pose(), DOWN) > 0.01;
     let (aborted, seen) = capture(&arm, &mut stage, &plan, |progress, sequence| {
         if far(progress) {

@@ -1,4 +1,4 @@
-//! The grey in a camera's frames, in all formats, against its definition.
+//! The grey values of camera frames equal their definition in all formats.
 
 use image::{GrayImage, RgbImage, codecs::jpeg::JpegEncoder};
 use multiscopic::{
@@ -8,7 +8,7 @@ use multiscopic::{
 use multiscopic_tests::{random::Random, reference::luma};
 use proptest::prelude::*;
 
-/// A size, a stride with some padding or without a number, and random bytes that are enough for any format.
+/// A format, a size, a stride with padding or unspecified, and enough random bytes for any format.
 fn frames() -> impl Strategy<Value = (PixelFormat, [u32; 2], u32, Vec<u8>)> {
     let format = proptest::sample::select(&PixelFormat::ALL[..7]);
     (format, 1u32..30, 1u32..12, proptest::option::of(0u32..9), any::<u64>()).prop_map(
@@ -27,7 +27,7 @@ fn frames() -> impl Strategy<Value = (PixelFormat, [u32; 2], u32, Vec<u8>)> {
 
 proptest! {
     #[test]
-    fn equals_the_definition((format, size, stride, frame) in frames()) {
+    fn grey_equals_the_definition((format, size, stride, frame) in frames()) {
         let layout = FrameLayout { format, size, stride };
         let image = layout.to_gray(&frame).unwrap();
         prop_assert_eq!(<[u32; 2]>::from(image.dimensions()), size);
@@ -50,7 +50,7 @@ proptest! {
 }
 
 #[test]
-fn words_lose_their_low_bits() {
+fn sixteen_bit_samples_lose_their_low_bits() {
     for (format, words, gray) in [
         (PixelFormat::Y10, [0x03FFu16, 0x0200, 0x0003], [255, 128, 0]),
         (PixelFormat::Y12, [0x0FFF, 0x0800, 0x000F], [255, 128, 0]),
@@ -61,7 +61,7 @@ fn words_lose_their_low_bits() {
     }
 }
 
-/// A frame of JPEG cameras, and what it is to be.
+/// A frame of a JPEG camera, and the image it must decode to.
 fn jpeg() -> (FrameLayout, Vec<u8>, GrayImage) {
     let scene = RgbImage::from_fn(23, 9, |u, v| image::Rgb([(u * 11) as u8, (v * 28) as u8, (u * v) as u8]));
     let mut bytes = Vec::new();
@@ -73,7 +73,7 @@ fn jpeg() -> (FrameLayout, Vec<u8>, GrayImage) {
 }
 
 #[test]
-fn a_jpeg_frame_is_what_a_jpeg_file_is() {
+fn a_jpeg_frame_decodes_like_a_jpeg_file() {
     let (layout, mut bytes, gray) = jpeg();
     assert_eq!(layout.to_gray(&bytes).unwrap(), gray);
     // Cameras pad their buffers.
@@ -99,7 +99,7 @@ fn a_jpeg_frame_needs_no_huffman_tables() {
 }
 
 #[test]
-fn a_jpeg_frame_that_is_none_is_an_error() {
+fn a_frame_that_is_not_jpeg_is_an_error() {
     let (layout, bytes, _) = jpeg();
     for length in 0..bytes.len() {
         assert!(matches!(layout.to_gray(&bytes[..length]), Err(CameraFault::Jpeg { .. })), "{length} of {} bytes", bytes.len());

@@ -1,4 +1,4 @@
-//! The drivers of Grbl and Marlin against simulated machines, with faults.
+//! The drivers for Grbl and Marlin with simulated machines and their faults.
 
 use std::{
     thread,
@@ -12,13 +12,13 @@ use multiscopic_core::{
 };
 use multiscopic_tests::simulated::machine::{Fault, Firmware, SimulatedMachine};
 
-/// Where machines begin, in millimetres.
+/// The position at which machines start, in millimetres.
 const START: [f64; 2] = [120.5, 80.25];
 
-/// How exactly they say where they are, in millimetres: a machine that says 0.01 mm does so twice.
+/// The tolerance of positions in millimetres: reports are rounded to 0.01 mm twice.
 const EXACTLY: f64 = 0.011;
 
-/// Fast. A pseudo-terminal may take a second to pass something on while the system is busy.
+/// Fast motions. Time-outs are long, since a pseudo-terminal may take a second to pass data on while the system is busy.
 fn limits() -> Limits {
     Limits {
         speed_mm_s: 100.0,
@@ -29,7 +29,7 @@ fn limits() -> Limits {
     }
 }
 
-/// For moves that must not have ended by the time that something else happens.
+/// Slow motions, which must still be under way when something else happens.
 fn slow() -> Limits {
     Limits { speed_mm_s: 20.0, ..limits() }
 }
@@ -50,7 +50,7 @@ fn at(x_um: i32, y_um: i32) -> Position {
     Position { x_um, y_um }
 }
 
-/// Runs a test with each firmware, all at once: most of their time is spent in waiting.
+/// Runs a test with each firmware in parallel, since they mostly wait.
 fn each(test: impl Fn(Firmware) + Sync) {
     thread::scope(|scope| {
         for firmware in [Firmware::Grbl, Firmware::GrblInches, Firmware::Marlin] {
@@ -92,7 +92,7 @@ fn assert_at(machine: &SimulatedMachine, x: f64, y: f64) {
     assert!((place[0] - x).abs() < EXACTLY && (place[1] - y).abs() < EXACTLY, "{place:?} instead of {:?}", [x, y]);
 }
 
-/// Calls `fails`, which must take no longer than the longest time-out and some more.
+/// Calls `fails`, which must end soon after the longest time-out.
 fn soon<T>(fails: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let result = fails();
@@ -100,18 +100,18 @@ fn soon<T>(fails: impl FnOnce() -> T) -> T {
     result
 }
 
-/// What stops a machine.
+/// Whether a machine received an order to stop.
 fn is_stop(heard: &[String]) -> bool {
     heard.iter().any(|line| line == "M410") || heard.windows(2).any(|pair| pair == ["!", "^X"])
 }
 
 #[test]
-fn moves() {
+fn moves_to_positions() {
     each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
         assert_eq!(stage.position().unwrap(), Some(Position::CENTER), "{firmware:?}");
-        // Its Y points up.
+        // The machine's Y axis points up.
         for (position, x, y) in [
             (at(20_000, 0), 140.5, 80.25),
             (at(-20_000, 0), 100.5, 80.25),
@@ -126,7 +126,7 @@ fn moves() {
             let off = stage.position().unwrap().unwrap().distance_um(position);
             assert!(off <= 5, "{firmware:?} is {off} um from {position:?}");
         }
-        // No zero was set, and nothing was relative.
+        // No zero was set, and no move was relative.
         let heard = machine.heard();
         assert!(!heard.iter().any(|line| ["G92", "G54", "G10", "G91"].iter().any(|code| line.contains(code))), "{heard:?}");
     });
@@ -144,7 +144,7 @@ fn nothing_moves_beyond_the_reach() {
 }
 
 #[test]
-fn a_machine_that_boots() {
+fn a_booting_machine_is_waited_for() {
     each(|firmware| {
         let machine = SimulatedMachine::start(firmware, START, Duration::from_millis(1200));
         go(&mut open(&machine).unwrap(), at(1000, 0)).unwrap();
@@ -152,7 +152,7 @@ fn a_machine_that_boots() {
 }
 
 #[test]
-fn a_stop_stops_and_keeps_the_place() {
+fn a_stop_halts_and_keeps_the_position() {
     each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open_with(&machine, &slow()).unwrap();
@@ -163,15 +163,15 @@ fn a_stop_stops_and_keeps_the_place() {
         let place = stage.position().unwrap().unwrap();
         assert!((1..59_000).contains(&place.x_um), "{firmware:?} stopped at {place:?}");
         assert!(!stage.has_arrived().unwrap());
-        // Once more, at rest.
+        // Again, at rest.
         stage.stop().unwrap();
         go(&mut stage, at(0, 2000)).unwrap();
         assert_at(&machine, 120.5, 78.25);
-        // Another order is a stop, too.
+        // Another order stops it too.
         set_out(&mut stage, &machine, at(60_000, 0));
         go(&mut stage, at(0, 0)).unwrap();
         assert_at(&machine, 120.5, 80.25);
-        // So is the end.
+        // So does dropping the stage.
         set_out(&mut stage, &machine, at(60_000, 0));
         machine.heard();
         drop(stage);
@@ -180,7 +180,7 @@ fn a_stop_stops_and_keeps_the_place() {
 }
 
 #[test]
-fn a_limit_switch() {
+fn a_limit_switch_is_reported() {
     each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
@@ -198,7 +198,7 @@ fn a_limit_switch() {
 }
 
 #[test]
-fn a_locked_machine() {
+fn a_locked_machine_is_refused() {
     let machine = machine(Firmware::Grbl);
     open(&machine).unwrap();
     machine.lock(true);
@@ -209,7 +209,7 @@ fn a_locked_machine() {
 }
 
 #[test]
-fn a_refused_line() {
+fn a_rejected_line_is_reported() {
     each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
@@ -224,7 +224,7 @@ fn a_refused_line() {
 }
 
 #[test]
-fn a_machine_that_never_arrives() {
+fn a_machine_that_never_arrives_times_out() {
     each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
@@ -246,7 +246,7 @@ fn a_machine_that_never_arrives() {
 }
 
 #[test]
-fn silence() {
+fn a_silent_machine_times_out() {
     each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open_with(&machine, &Limits { silence_timeout: Duration::from_secs(1), ..limits() }).unwrap();
@@ -265,21 +265,21 @@ fn silence() {
 }
 
 #[test]
-fn a_machine_that_does_not_stop() {
+fn a_machine_that_does_not_stop_is_reset() {
     let machine = machine(Firmware::Grbl);
-    // The reset must come before the end.
+    // The reset must come before the move ends.
     let mut stage = open_with(&machine, &Limits { silence_timeout: Duration::from_secs(1), ..slow() }).unwrap();
     machine.fail(Fault::Unstoppable);
     set_out(&mut stage, &machine, at(90_000, 0));
     let error = soon(|| stage.stop()).unwrap_err();
     assert!(matches!(error, StageError::StillMoving { .. }), "{error}");
-    // The reset stopped it, and it lost its place.
+    // The reset stopped it, and its position is lost.
     assert!(!machine.is_moving());
     assert!(matches!(stage.move_to(at(0, 0)), Err(StageError::Alarm { .. })));
 }
 
 #[test]
-fn a_restart_loses_the_place() {
+fn a_restart_loses_the_position() {
     each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open_with(&machine, &slow()).unwrap();
@@ -287,7 +287,7 @@ fn a_restart_loses_the_place() {
         machine.restart();
         let error = soon(|| arrive(&mut stage)).unwrap_err();
         assert!(matches!(error, StageError::Restarted { .. }), "{error}");
-        // It must not be sent to where it was: that is elsewhere now.
+        // It must not be sent to its old coordinates, which are elsewhere now.
         machine.heard();
         assert!(matches!(stage.move_to(at(0, 0)), Err(StageError::Restarted { .. })));
         assert!(!machine.heard().iter().any(|line| line.contains("G1")));
@@ -298,7 +298,7 @@ fn a_restart_loses_the_place() {
 }
 
 #[test]
-fn a_pulled_plug() {
+fn an_unplugged_machine_is_reported() {
     each(|firmware| {
         let mut machine = machine(firmware);
         let mut stage = open_with(&machine, &slow()).unwrap();
@@ -313,14 +313,14 @@ fn a_pulled_plug() {
 }
 
 #[test]
-fn something_else() {
+fn another_device_is_refused() {
     let machine = machine(Firmware::Grbl);
     machine.fail(Fault::OtherProtocol);
     let error = soon(|| open(&machine)).map(drop).unwrap_err();
     assert!(matches!(&error, StageError::Protocol { found, .. } if found.contains("$GPGGA")), "{error}");
     let error = stage::open(&"gcode:/dev/no-such-port".parse().unwrap(), &limits()).map(drop).unwrap_err();
     assert!(matches!(error, StageError::Connect { .. }) && error.to_string().contains("/dev/no-such-port"), "{error}");
-    // One at a time has it.
+    // Only one process can have it open.
     machine.fail(Fault::None);
     let first = open(&machine).unwrap();
     assert!(matches!(open(&machine), Err(StageError::Connect { .. })));
@@ -328,7 +328,7 @@ fn something_else() {
     open(&machine).unwrap();
 }
 
-/// A camera whose frames are there at once, taken by a machine that stands.
+/// A camera with instantaneous frames, which fails if the machine moves.
 struct Witness<'m>(&'m SimulatedMachine, Vec<[f64; 2]>);
 
 impl Camera for Witness<'_> {
@@ -354,7 +354,7 @@ impl Camera for Witness<'_> {
 }
 
 #[test]
-fn a_sequence_with_backlash() {
+fn a_sequence_compensates_backlash() {
     each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();

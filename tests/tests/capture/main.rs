@@ -1,4 +1,4 @@
-//! Capture: its sequence, and the drivers of stages and cameras against simulated ones.
+//! Capture: the sequence, and the drivers of stages and cameras with simulated hardware.
 
 mod arm;
 #[cfg(target_os = "linux")]

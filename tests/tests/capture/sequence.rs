@@ -1,4 +1,4 @@
-//! The capture sequence in a world that moves, has play in its screws, and breaks.
+//! The capture sequence with a simulated slide that vibrates, has backlash, and fails.
 
 use multiscopic_core::{
     View, Views,
@@ -11,7 +11,7 @@ use std::{cell::Cell, rc::Rc, time::Duration};
 /// How often the sequence is polled.
 const TICK: Duration = Duration::from_millis(10);
 const BASELINE_UM: u32 = 20_000;
-/// How far the camera lags behind the stage's screws, on each side.
+/// The backlash of the stage's screws, to each side.
 const PLAY_UM: f64 = 150.0;
 const SPEED_UM_PER_S: f64 = 50_000.0;
 const POLICY: Policy = Policy {
@@ -24,7 +24,7 @@ const POLICY: Policy = Policy {
     return_to_center: true,
 };
 
-/// What goes wrong, at the move or frame of a number, or from it on.
+/// A fault, at the move or frame of this number, or from it on.
 #[derive(Clone, Copy, Debug)]
 struct Fault {
     kind: Kind,
@@ -36,15 +36,15 @@ struct Fault {
 enum Kind {
     /// The order to move is refused.
     Refused,
-    /// A protective stop on the way.
+    /// A protective stop interrupts the move.
     Protective,
     /// The stage never arrives.
     Stuck,
-    /// The stage believes to have arrived, and measures to be elsewhere.
+    /// The stage reports arrival but measures another position.
     Off,
-    /// Somebody moves the stage while the frame is taken.
+    /// The stage is bumped while the frame is taken.
     Bumped,
-    /// The camera cannot be set.
+    /// The camera cannot be configured.
     Unset,
     /// The camera does not start.
     NotStarted,
@@ -62,21 +62,21 @@ impl Fault {
     }
 }
 
-/// A slide with screws.
+/// A slide driven by screws.
 struct Slide {
     clock: Rc<Cell<Duration>>,
     fault: Option<Fault>,
-    /// Where the screws are, in micrometres.
+    /// The position of the screws in micrometres.
     at: [f64; 2],
-    /// Where the camera is.
+    /// The position of the camera.
     camera: Rc<Cell<[f64; 2]>>,
     target: [f64; 2],
     updated: Duration,
     moves: usize,
     stopped: bool,
-    /// How far somebody moved it.
+    /// How far the stage was bumped.
     bump: Rc<Cell<f64>>,
-    /// Since when the camera stands still.
+    /// When the camera came to rest.
     still_since: Rc<Cell<Duration>>,
 }
 
@@ -142,7 +142,7 @@ impl Stage for Slide {
     }
 }
 
-/// A camera that takes 100 ms for a frame, and notes from where.
+/// A camera that takes 100 ms for a frame and notes its position.
 struct Eye {
     clock: Rc<Cell<Duration>>,
     fault: Option<Fault>,
@@ -154,7 +154,7 @@ struct Eye {
     starts: usize,
     index: usize,
     exposed: Duration,
-    /// Index and place of each whole frame.
+    /// The index and position of each complete frame.
     frames: Vec<(usize, [f64; 2])>,
 }
 
@@ -241,7 +241,7 @@ impl World {
         }
     }
 
-    /// Captures until the end; what is done is said to `each`, which may abort.
+    /// Captures to the end. `each` is told every step, and may abort.
     fn capture(&mut self, positions: &[Position], policy: Policy, mut each: impl FnMut(Progress) -> bool) -> Outcome {
         let mut sequence = Sequence::new(positions, policy);
         let start = self.clock.get();
@@ -260,13 +260,13 @@ impl World {
                     return Err(error);
                 }
             }
-            // Each frame may be tried three times, as each of the six moves may, by way of where the approach begins.
+            // Up to three attempts for each frame and for each of the six moves, which go by way of the start of the approach.
             let longest = 6 * 3 * (2 * POLICY.move_timeout + POLICY.settle + 3 * POLICY.frame_timeout);
             assert!(self.clock.get() - start < longest, "it takes too long");
         }
     }
 
-    /// What must hold at every end.
+    /// Checks what must hold at the end of every capture.
     fn assert_at_rest(&mut self, outcome: &Outcome, captures: usize) {
         self.clock.set(self.clock.get() + TICK);
         self.slide.advance();
@@ -295,7 +295,7 @@ fn views() -> impl Strategy<Value = Views> {
 }
 
 #[test]
-fn frames_are_one_baseline_apart_whatever_the_play() {
+fn frames_are_one_baseline_apart_despite_backlash() {
     property(64, (views(), prop::array::uniform2(-PLAY_UM..PLAY_UM)), |&(views, lag)| {
         let plan = Plan::cross(views, BASELINE_UM);
         let mut world = World::new(None);
@@ -326,7 +326,7 @@ fn frames_are_one_baseline_apart_whatever_the_play() {
 }
 
 #[test]
-fn without_an_approach_from_one_side_play_shows() {
+fn without_a_one_sided_approach_backlash_shows() {
     let mut world = World::new(None);
     let plan = Plan::cross(Views::HORIZONTAL, BASELINE_UM);
     assert!(world.capture(plan.positions(), Policy { backlash_um: 0, ..POLICY }, |_| false).is_ok());
@@ -353,7 +353,7 @@ fn every_fault_ends_at_rest_and_the_next_capture_works() {
         let plan = Plan::cross(views, BASELINE_UM);
         let policy = Policy { backlash_um: if backlash { POLICY.backlash_um } else { 0 }, ..POLICY };
         let frames = plan.frames().len();
-        // With the way back.
+        // Including the way back.
         let moves = if backlash { 2 * frames } else { frames } + 1;
         let mut world = World::new(Some(fault));
         let (mut retries, mut captured) = (0, 0);
@@ -370,7 +370,7 @@ fn every_fault_ends_at_rest_and_the_next_capture_works() {
         match kind {
             Kind::Refused if number <= moves => assert_eq!(outcome, Err(CaptureError::Stage("refused"))),
             Kind::Protective if number <= moves => assert_eq!(outcome, Err(CaptureError::Stage("protective stop"))),
-            // The first move without an approach is none.
+            // Without an approach, the first move has no distance.
             Kind::Stuck if number <= moves && (lasts || backlash || number > 1) => {
                 assert_eq!(outcome, Err(CaptureError::MoveTimeout { after: policy.move_timeout }));
             }
@@ -385,7 +385,7 @@ fn every_fault_ends_at_rest_and_the_next_capture_works() {
             Kind::Silent if lasts && number <= frames => {
                 assert_eq!(outcome, Err(CaptureError::FrameTimeout { index, after: policy.frame_timeout }));
             }
-            // What happens once is tried again.
+            // Faults that occur once are retried.
             Kind::Bumped | Kind::NotStarted | Kind::Damaged | Kind::Silent if number <= frames => {
                 whole();
                 assert_eq!(retries, 1, "{fault:?}");
@@ -402,7 +402,7 @@ fn every_fault_ends_at_rest_and_the_next_capture_works() {
 }
 
 #[test]
-fn an_abort_stops_and_returns_and_a_second_one_stays() {
+fn an_abort_returns_and_a_second_one_stays() {
     property(500, (views(), 1..700_usize, 1..60_usize), |&(views, first, between)| {
         let plan = Plan::cross(views, BASELINE_UM);
         let mut world = World::new(None);
@@ -414,7 +414,7 @@ fn an_abort_stops_and_returns_and_a_second_one_stays() {
         });
         match outcome {
             Ok(progress) => assert!(progress == Progress::Done && polls < first),
-            // On the way back there is nothing to do but stop.
+            // On the way back, an abort only stops.
             Err(error) => assert_eq!(error, CaptureError::Aborted),
         }
         world.slide.advance();

@@ -1,4 +1,4 @@
-//! `multiscopic align` on captures that are off by known amounts.
+//! `multiscopic align` on captures that are misaligned by known amounts.
 
 use multiscopic::{
     Picture,
@@ -14,7 +14,7 @@ use multiscopic_tests::{
 };
 use std::{fs, sync::LazyLock};
 
-/// The demo's scene, four times as large as it is aligned, with a baseline in millimetres.
+/// The demo's scene at four times the size at which it is aligned.
 fn scene(baseline_mm: f64) -> ViewSet {
     let (width, height) = (160 * FACTOR + 32, 120 * FACTOR + 32);
     let camera = PinholeCamera { baseline_mm, ..PinholeCamera::new(width as u32, height as u32).ideal() };
@@ -23,7 +23,7 @@ fn scene(baseline_mm: f64) -> ViewSet {
     ViewSet { width, height, center: gray(Frame::Center), views: View::ALL.map(|view| Some(gray(Frame::View(view)))) }
 }
 
-/// With the same baseline for all views.
+/// All views have the same baseline.
 static SCENE: LazyLock<ViewSet> = LazyLock::new(|| scene(20.0));
 
 const SEARCH: [&str; 2] = ["--num-disparities", "18"];
@@ -44,7 +44,7 @@ fn shifts_brightness_and_baselines_are_found() {
 }
 
 #[test]
-fn what_is_off_is_put_right() {
+fn misalignment_is_corrected() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     fs::create_dir(path("off")).unwrap();
@@ -56,7 +56,7 @@ fn what_is_off_is_put_right() {
     for found in align(&new, &SEARCH).into_iter().flatten() {
         assert!(found.across_px.abs() < 0.05 && (found.gain - 1.0).abs() < 0.005, "{found:?}");
     }
-    // Disparities are again those of a capture with nothing off; without, they are far from it.
+    // Aligned, the disparities are those of a perfect capture. Otherwise they are far from it.
     let disparities = |rig: &str, arguments: &[&str]| {
         let (rig, out) = (path(rig), path("out.pfm"));
         let run = Invocation::new(
@@ -77,7 +77,7 @@ fn what_is_off_is_put_right() {
 }
 
 #[test]
-fn what_cannot_be_aligned_is_named() {
+fn what_cannot_be_aligned_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let gray = || vec![90; 64 * 48];
     let plain = ViewSet { width: 64, height: 48, center: gray(), views: [Some(gray()), None, None, None] };
@@ -87,7 +87,7 @@ fn what_cannot_be_aligned_is_named() {
     Invocation::new(["align"]).assert_refused(&["RIG_DIR", "--center"]);
     let files = ["center.pgm", "left.pgm"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
     Invocation::new(["align", "--center", &files[0], "--left", &files[1], "-o", "new"]).assert_refused(&["-o", "rig.toml"]);
-    // A folder that is there is not touched.
+    // An existing folder is not touched.
     quarter(&SCENE, [Off::NONE; 4]).write_rig(folder.path());
     Invocation::new(["align", rig, "-o", rig]).assert_refused(&[rig, "is there already"]);
 }

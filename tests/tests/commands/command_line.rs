@@ -1,4 +1,4 @@
-//! The command line as its users meet it: a process, files, messages and exit codes.
+//! The command line as users meet it: files, messages and exit codes.
 
 use std::{
     fs,
@@ -14,13 +14,13 @@ use multiscopic_tests::{
     },
 };
 
-/// What turns the disparities of the golden views into places; it makes some of them lie behind infinity.
+/// The camera of the golden views. Some of their disparities lie beyond infinity.
 const FOCAL_PX: f64 = 40.0;
 const BASELINE_MM: f64 = 25.0;
 const DOFFS: f64 = -1.5;
 const PRINCIPAL_POINT: [f64; 2] = [23.25, 15.75];
 
-/// The place in metres of what a pixel with this `--raw16` sample shows.
+/// The position in metres of the point that a pixel with this `--raw16` sample shows.
 fn place(index: usize, raw: u16) -> Option<[f64; 3]> {
     let d = (f64::from(raw) - 32768.0) / 64.0 + DOFFS;
     let z = FOCAL_PX * BASELINE_MM / 1000.0 / d;
@@ -39,7 +39,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// A match of the golden centre with these golden neighbours, without an output.
+    /// A match of the golden centre with these golden views, without outputs.
     fn new(views: [bool; 4]) -> Bench {
         let dir = tempfile::tempdir().expect("a folder for the test");
         let options = ["--center", "--left", "--right", "--top", "--bottom"];
@@ -55,19 +55,19 @@ impl Bench {
         Bench::new([false, true, false, false])
     }
 
-    /// Asks for a search from -3 to 7, so that there are disparities on both sides of infinity.
+    /// Searches from -3 to 7, so that there are disparities on both sides of infinity.
     fn search_around_infinity(&mut self) {
         self.add("--min-disparity", "-3").add("--num-disparities", "11");
     }
 
-    /// Says how the golden views were captured in options.
+    /// Adds the options that describe the golden views' camera.
     fn geometry_options(&mut self) {
         let [cx, cy] = PRINCIPAL_POINT;
         self.add("--focal-px", FOCAL_PX.to_string()).add("--baseline-mm", BASELINE_MM.to_string());
         self.add("--doffs", DOFFS.to_string()).add("--principal-point", format!("{cx},{cy}"));
     }
 
-    /// A match of the golden views as a captured folder.
+    /// A match of the golden views in a captured folder.
     fn rig() -> Bench {
         let mut bench = Bench::new([false; 4]);
         let mut rig = format!(
@@ -89,7 +89,7 @@ impl Bench {
         self
     }
 
-    /// Replaces an option's value, or adds it.
+    /// Replaces an option's value or adds the option.
     fn set(&mut self, option: &str, value: impl AsRef<Path>) -> &mut Bench {
         if let Some(i) = self.arguments.iter().position(|argument| argument == option) {
             self.arguments.drain(i..i + 2);
@@ -107,7 +107,7 @@ impl Bench {
         path
     }
 
-    /// Sends an output to a file of the test's folder.
+    /// Adds an output to a file in the test's folder.
     fn output(&mut self, option: &str, name: &str) -> PathBuf {
         let path = self.path(name);
         self.set(option, &path);
@@ -118,7 +118,7 @@ impl Bench {
         Invocation::new(&self.arguments)
     }
 
-    /// The names of the files in the folder, sorted.
+    /// The sorted names of the files in the folder.
     fn files(&self) -> Vec<String> {
         let entries = fs::read_dir(self.dir.path()).expect("the folder of the test");
         let mut names: Vec<String> =
@@ -127,8 +127,8 @@ impl Bench {
         names
     }
 
-    /// Runs with `-o` to a file that does not exist and then to one that does: the message holds `words` both times, and no
-    /// file appears or changes.
+    /// Runs with `-o` to a missing file and then to an existing one. The message must contain `words` both times, and no
+    /// file may appear or change.
     #[track_caller]
     fn refused(&mut self, words: &[&str]) {
         self.output("-o", "out.pfm");
@@ -143,7 +143,7 @@ impl Bench {
     }
 }
 
-/// What the float reference makes of the golden views.
+/// The float reference's samples for the golden views.
 fn reference(views: [bool; 4], fusion: Fusion, min_disparity: i32, num_disparities: i32, block_size: i32) -> Vec<u16> {
     let images = golden::images().only(views);
     let found = images.reference(fusion, min_disparity, num_disparities, block_size).disparities();
@@ -159,7 +159,7 @@ fn name(fusion: Fusion) -> &'static str {
 }
 
 #[test]
-fn without_arguments_it_helps() {
+fn without_arguments_it_prints_help() {
     let run = Invocation::new::<&str>([]);
     let help = format!("{}{}", run.stdout, run.stderr);
     for command in ["match", "evaluate", "demo", "bench", "budget", "simulate", "listen"] {
@@ -197,7 +197,7 @@ fn results_are_those_of_the_float_reference() {
 }
 
 #[test]
-fn any_set_of_neighbours_and_the_defaults() {
+fn any_set_of_views_matches_with_defaults() {
     for views in 1..16_u8 {
         let views = [0, 1, 2, 3].map(|i| views >> i & 1 != 0);
         let fusion = if views.into_iter().filter(|&view| view).count() <= 2 { Fusion::Min } else { Fusion::Heuristic };
@@ -210,7 +210,7 @@ fn any_set_of_neighbours_and_the_defaults() {
 }
 
 #[test]
-fn other_kinds_of_images() {
+fn other_image_formats_are_read() {
     let (width, height) = (golden::WIDTH, golden::HEIGHT);
     let mut bench = Bench::stereo();
     bench.output("-o", "out.pfm");
@@ -221,7 +221,7 @@ fn other_kinds_of_images() {
     pgm.extend(&images.center);
     let pgm = bench.file("center.pgm", &pgm);
     bench.set("--center", pgm);
-    // Grey is (77 R + 150 G + 29 B + 128) >> 8: colours whose grey is not their mean.
+    // Grey is (77 R + 150 G + 29 B + 128) >> 8. Use colours whose grey is not their mean.
     let mut ppm = format!("P6\n{width} {height}\n255\n").into_bytes();
     let right = images.views[1].as_ref().expect("the right view");
     let colours: Vec<[u8; 3]> =
@@ -241,7 +241,7 @@ fn other_kinds_of_images() {
 }
 
 #[test]
-fn a_frame_of_one_pixel() {
+fn a_frame_of_one_pixel_matches() {
     let mut bench = Bench::stereo();
     let pixel = bench.file("pixel.pgm", b"P5 1 1 255\n\x07");
     bench.set("--center", &pixel).set("--right", &pixel);
@@ -254,9 +254,9 @@ fn a_frame_of_one_pixel() {
     assert_eq!(read_raw16(&raw), (1, 1, vec![32768]), "disparity 0");
 }
 
-/// The colours go from Turbo's first at the far end to its last at the near one; invalid is black.
+/// Colours run from Turbo's first for the farthest to its last for the nearest. Invalid pixels are black.
 #[test]
-fn the_picture_is_turbo() {
+fn the_picture_has_turbo_colours() {
     let mut bench = Bench::new([false, false, true, false]);
     bench.output("-o", "out.pfm");
     let raw = bench.output("--raw16", "raw.png");
@@ -274,7 +274,7 @@ fn the_picture_is_turbo() {
     let valid = || raw.iter().zip(&colours).filter(|(raw, _)| **raw != 0);
     let nearest = valid().max_by_key(|(raw, _)| **raw).expect("a valid pixel").1;
     let furthest = valid().min_by_key(|(raw, _)| **raw).expect("a valid pixel").1;
-    // Of the table that Google Research published. Its usual polynomial, which may be drawn with, is a little off.
+    // From the table that Google Research published. The usual polynomial approximation may differ a little.
     for (colour, turbo) in [(furthest, [48_u8, 18, 59]), (nearest, [122, 4, 3])] {
         let off = colour.iter().zip(turbo).map(|(a, b)| a.abs_diff(b)).max().expect("three channels");
         assert!(off <= 25, "{colour:?} is drawn for {turbo:?}");
@@ -302,10 +302,10 @@ fn depth_is_in_metres() {
     assert!(behind > 0 && behind < raw.len(), "{behind} pixels without a depth");
 }
 
-/// A point of a PLY file: its place, and its colour.
+/// A point of a PLY file: position and colour.
 type Point = ([f64; 3], [u8; 3]);
 
-/// The points of a PLY file, which has places and colours and nothing else.
+/// Reads the points of a PLY file, which must have only positions and colours.
 fn read_ply(path: &Path) -> Vec<Point> {
     let bytes = fs::read(path).expect("a point cloud");
     let end = b"end_header\n";
@@ -341,7 +341,7 @@ fn read_ply(path: &Path) -> Vec<Point> {
 }
 
 #[test]
-fn a_point_cloud_has_the_places_and_colours_of_the_pixels() {
+fn a_point_cloud_has_positions_and_colours_of_the_pixels() {
     let mut bench = Bench::new([true; 4]);
     bench.output("-o", "out.pfm");
     let [raw, ply] = [("--raw16", "raw.png"), ("--ply", "cloud.ply")].map(|(option, name)| bench.output(option, name));
@@ -375,7 +375,7 @@ fn depth_and_points_need_a_camera() {
 }
 
 #[test]
-fn a_captured_folder_is_matched_as_its_images_are() {
+fn a_captured_folder_matches_like_its_images() {
     let [mut rig, mut images] = [Bench::rig(), Bench::new([true; 4])];
     images.geometry_options();
     for bench in [&mut rig, &mut images] {
@@ -392,7 +392,7 @@ fn a_captured_folder_is_matched_as_its_images_are() {
 }
 
 #[test]
-fn a_captured_folder_that_is_not_right() {
+fn a_faulty_captured_folder_is_refused() {
     let mut bench = Bench::rig();
     let rig = fs::read_to_string(bench.path("rig/rig.toml")).expect("the rig");
     let left = golden::paths()[1].clone();
@@ -417,13 +417,13 @@ fn a_captured_folder_that_is_not_right() {
 }
 
 #[test]
-fn outputs_that_clash() {
-    // One file for two outputs, by two names.
+fn clashing_outputs_are_refused() {
+    // One file for two outputs, under two names.
     let mut bench = Bench::stereo();
     bench.output("--png", "./out.pfm");
     bench.refused(&["out.pfm", "two outputs"]);
 
-    // An output over an input.
+    // An output that would overwrite an input.
     let mut bench = Bench::rig();
     for name in ["rig/center.png", "rig/rig.toml"] {
         let before = fs::read(bench.path(name)).expect("an input");
@@ -434,7 +434,7 @@ fn outputs_that_clash() {
 }
 
 #[test]
-fn the_demo_leaves_what_it_says() {
+fn the_demo_writes_what_it_reports() {
     let dir = tempfile::tempdir().expect("a folder for the test");
     let demo = dir.path().join("made/demo");
     let output = demo.to_str().expect("UTF-8");
@@ -458,7 +458,7 @@ fn the_demo_leaves_what_it_says() {
     }
     image::open(demo.join("overview.png")).expect("the overview");
 
-    // The errors in the table are those of the maps.
+    // The errors in the table are those of the written maps.
     let errors = maps.map(|map| {
         let (_, _, disparities) = read_pfm(&demo.join(format!("{map}.pfm")));
         let squared = disparities.iter().zip(&truth).map(|(&d, &truth)| {
@@ -473,13 +473,13 @@ fn the_demo_leaves_what_it_says() {
     }
     assert!(errors[5] < errors[0], "four views are better than one: {errors:?}");
 
-    // Whatever the page shows is there.
+    // All files that the page shows exist.
     let page = fs::read_to_string(demo.join("index.html")).expect("the page");
     let links: Vec<&str> = page.split("src=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
     assert!(links.len() > 15, "{links:?}");
     assert!(links.iter().all(|link| demo.join(link).is_file()), "{links:?}");
 
-    // The folder is one that can be matched, with the same result.
+    // The folder can be matched, with the same result.
     let again = dir.path().join("again.pfm");
     let cloud = dir.path().join("cloud.ply");
     let [again_path, cloud_path] = [&again, &cloud].map(|path| path.to_str().expect("UTF-8"));
@@ -489,7 +489,7 @@ fn the_demo_leaves_what_it_says() {
 }
 
 #[test]
-fn a_demo_that_cannot_be() {
+fn an_impossible_demo_is_refused() {
     let dir = tempfile::tempdir().expect("a folder for the test");
     let file = dir.path().join("file");
     fs::write(&file, "what was there").expect("a file");
@@ -517,7 +517,7 @@ fn an_output_is_replaced_as_a_whole() {
 }
 
 #[test]
-fn a_file_that_is_not_there() {
+fn a_missing_file_is_refused() {
     for option in ["--center", "--right"] {
         let mut bench = Bench::stereo();
         let missing = bench.path("missing.png");
@@ -526,7 +526,7 @@ fn a_file_that_is_not_there() {
 }
 
 #[test]
-fn a_folder_instead_of_an_image() {
+fn a_folder_instead_of_an_image_is_refused() {
     let mut bench = Bench::stereo();
     let folder = bench.path("folder.png");
     fs::create_dir(&folder).expect("a folder");
@@ -534,14 +534,14 @@ fn a_folder_instead_of_an_image() {
 }
 
 #[test]
-fn images_of_different_sizes() {
+fn images_of_different_sizes_are_refused() {
     let mut bench = Bench::stereo();
     let small = bench.file("small.pgm", &[b"P5 47 32 255\n", &[0; 47 * 32][..]].concat());
     bench.set("--right", small).refused(&["small.pgm", "47x32", "48x32"]);
 }
 
 #[test]
-fn broken_images() {
+fn broken_images_are_refused() {
     let png = fs::read(&golden::paths()[0]).expect("a golden image");
     // A PNG's header: signature, length, `IHDR`, width, height, five bytes, checksum.
     let with_size = |width: u32, height: u32| {
@@ -582,7 +582,7 @@ fn broken_images() {
     }
 }
 
-/// The checksum of a PNG's chunk.
+/// The checksum of a PNG chunk.
 fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0, |crc: u32, &byte| {
         (0..8).fold(crc ^ u32::from(byte), |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xEDB8_8320 } else { crc >> 1 })
@@ -590,25 +590,25 @@ fn crc32(bytes: &[u8]) -> u32 {
 }
 
 #[test]
-fn no_neighbour() {
+fn a_match_without_views_is_refused() {
     Bench::new([false; 4]).refused(&["neighbo"]);
 }
 
 #[test]
-fn no_centre() {
+fn a_match_without_a_centre_is_refused() {
     let mut bench = Bench::stereo();
     bench.arguments.drain(1..3);
     bench.refused(&["--center", "RIG_DIR"]);
 }
 
 #[test]
-fn no_output() {
+fn a_match_without_outputs_is_refused() {
     let bench = Bench::stereo();
     bench.run().assert_refused(&["-o"]);
 }
 
 #[test]
-fn parameters_out_of_range() {
+fn parameters_out_of_range_are_refused() {
     let cases: [(&[&str], &[&str]); 13] = [
         (&["--block-size", "4"], &["4", "odd"]),
         (&["--block-size", "0"], &["0"]),
@@ -632,7 +632,7 @@ fn parameters_out_of_range() {
 }
 
 #[test]
-fn unknown_options_and_commands() {
+fn unknown_options_and_commands_are_refused() {
     let mut bench = Bench::stereo();
     bench.arguments.push("--blocksize".into());
     bench.refused(&["--blocksize"]);
@@ -640,7 +640,7 @@ fn unknown_options_and_commands() {
 }
 
 #[test]
-fn outputs_that_cannot_be_written() {
+fn outputs_that_cannot_be_written_are_refused() {
     for option in ["-o", "--png", "--raw16"] {
         let mut bench = Bench::stereo();
         bench.output("-o", "out.pfm");
@@ -649,7 +649,7 @@ fn outputs_that_cannot_be_written() {
         bench.run().assert_refused(&[path.to_str().expect("UTF-8")]);
         assert_eq!(bench.files(), [""; 0], "{option}: nothing is left behind");
 
-        // A folder is in the way.
+        // A folder has that name.
         let folder = bench.path("folder");
         fs::create_dir(&folder).expect("a folder");
         bench.set(option, &folder);
@@ -658,7 +658,7 @@ fn outputs_that_cannot_be_written() {
     }
 }
 
-/// Whether there are cameras, the machine that runs this decides.
+/// Whether there are cameras depends on the machine.
 #[cfg(target_os = "linux")]
 #[test]
 fn cameras_are_listed() {

@@ -1,4 +1,4 @@
-//! The commands around the firmware as their users meet them: `listen`, `simulate` and `budget`.
+//! The commands around the firmware as users run them: `listen`, `simulate` and `budget`.
 
 use std::{
     fs,
@@ -33,12 +33,12 @@ const PARAMS: Params = match Params::new(7, 5, Views::HORIZONTAL, Fusion::Min, 1
 };
 const TILE: usize = 4;
 
-/// The disparity of a pixel as a 16-bit sample: each has its own, and some are invalid.
+/// The 16-bit sample of a pixel. All valid ones differ, and some are invalid.
 fn sample(u: usize, v: usize) -> u16 {
     if (u + v) % 6 == 5 { 0 } else { 32768 + 64 * v as u16 + u as u16 }
 }
 
-/// The packets of the frame: those of its lines, and the one of its end.
+/// The packets of the frame: its lines, then its end.
 fn packets() -> Vec<Vec<u8>> {
     let mut buffer = vec![0; buffer_bytes(TILE)];
     let mut sender = Sender::new(&PARAMS, &mut buffer);
@@ -53,14 +53,14 @@ fn packets() -> Vec<Vec<u8>> {
     packets
 }
 
-/// The samples of the frame, without those of the packets `lost`.
+/// The samples of the frame without those of the `lost` packets.
 fn samples(lost: &[usize]) -> Vec<u16> {
     let packet = |u: usize, v: usize| u / TILE * PARAMS.height() + v;
     let pixels = (0..PARAMS.height()).flat_map(|v| (0..PARAMS.width()).map(move |u| (u, v)));
     pixels.map(|(u, v)| if lost.contains(&packet(u, v)) { 0 } else { sample(u, v) }).collect()
 }
 
-/// Has `bytes` listened to in `dir`: what that did, and where its pictures are.
+/// Runs `listen` on `bytes` in `dir`, and returns the run and the paths of its pictures.
 fn listened(dir: &Path, bytes: &[u8]) -> (Invocation, [PathBuf; 3]) {
     let stream = dir.join("stream");
     fs::write(&stream, bytes).expect("a stream for the test");
@@ -70,7 +70,7 @@ fn listened(dir: &Path, bytes: &[u8]) -> (Invocation, [PathBuf; 3]) {
     (run, outputs)
 }
 
-/// Listens to `bytes`, of which the packets `lost` cannot be had: exit code 1, all `words`, and a picture of the rest.
+/// Runs `listen` on `bytes` without the `lost` packets. It must end with exit code 1, name all `words`, and write the rest.
 #[track_caller]
 fn assert_lost(bytes: &[u8], lost: &[usize], words: &[&str]) {
     let dir = folder();
@@ -87,7 +87,7 @@ fn a_whole_stream_becomes_pictures() {
     let dir = folder();
     let (run, [pfm, png, raw16]) = listened(dir.path(), &packets().concat());
     run.assert_done();
-    assert!(run.stderr.contains("7x5: 100.0 % came, ") && run.stderr.contains("3000 bytes of stack"), "{run:#?}");
+    assert!(run.stderr.contains("7x5: 100.0 % received, ") && run.stderr.contains("3000 bytes of stack"), "{run:#?}");
     assert_eq!(read_raw16(&raw16), (7, 5, samples(&[])));
     let pixels = |raw: u16| if raw == 0 { f32::INFINITY } else { (f32::from(raw) - 32768.0) / 64.0 };
     assert_eq!(read_pfm(&pfm), (7, 5, samples(&[]).into_iter().map(pixels).collect()));
@@ -101,7 +101,7 @@ fn packets_come_through_standard_input() {
     let mut listen = Command::new(program::binary());
     listen.args(["listen", "-", "-o"]).arg(&pfm).stdin(Stdio::piped()).stderr(Stdio::null());
     let mut listen = listen.spawn().expect("the command line runs");
-    // The pipe stays open: the end packet is what ends it.
+    // The pipe stays open. The end packet ends the run.
     let mut pipe = listen.stdin.take().expect("a pipe");
     pipe.write_all(&packets().concat()).expect("it reads");
     assert_eq!(listen.wait().expect("it ends").code(), Some(0));
@@ -113,7 +113,7 @@ fn packets_come_through_standard_input() {
 fn lost_packets_are_named() {
     let mut one = packets();
     one.remove(6);
-    assert_lost(&one.concat(), &[6], &["line 1 (packet 6) is lost", "91.4 % came"]);
+    assert_lost(&one.concat(), &[6], &["line 1 (packet 6) is lost", "91.4 % received"]);
     let mut several = packets();
     several.drain(3..7);
     let words = ["lines 3 to 4 (packets 3 to 4) are lost", "lines 0 to 1 (packets 5 to 6) are lost"];
@@ -136,14 +136,14 @@ fn a_flipped_bit_is_noticed_anywhere() {
 }
 
 #[test]
-fn a_stream_that_breaks_off() {
+fn a_truncated_stream_is_reported() {
     let whole = packets().concat();
     let bytes: usize = packets()[..7].iter().map(Vec::len).sum();
     assert_lost(&whole[..bytes + 3], &[7, 8, 9], &["after line 1 (packet 6): a damaged packet", "the end of the frame is lost"]);
 }
 
 #[test]
-fn foreign_packets_are_named_and_passed_over() {
+fn foreign_packets_are_named_and_skipped() {
     let other = Params::new(9, 2, Views::HORIZONTAL, Fusion::Min, 1, 8, 3).expect("they are in range");
     let mut buffer = vec![0; buffer_bytes(9)];
     let line =
@@ -158,7 +158,7 @@ fn foreign_packets_are_named_and_passed_over() {
 }
 
 #[test]
-fn what_is_no_stream_is_refused() {
+fn other_data_is_refused() {
     for (bytes, words) in [
         (&b"not a stream of packets"[..], &["stream: found 23 bytes without a packet of disparities", "expected the packets"]),
         (b"", &["stream: found nothing", "expected the packets"]),
@@ -178,14 +178,14 @@ fn what_is_no_stream_is_refused() {
     Invocation::new([Path::new("listen"), &stream, Path::new("-o"), &stream]).assert_refused(&["would replace the input"]);
 }
 
-/// The JSON that a command prints, which is all that it prints.
+/// The JSON that a command prints, without anything else.
 #[track_caller]
 fn json(run: &Invocation, code: i32) -> serde_json::Value {
     assert_eq!(run.code, Some(code), "{run:#?}");
     serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {run:#?}"))
 }
 
-/// The middle of frames of `multiscopic demo` that are larger than the profile's: what is simulated is what `match` makes of it.
+/// `simulate` equals `match` on the centre of the demo's frames, which are larger than the profile's.
 fn assert_simulated_as_matched(profile: &Profile) {
     let dir = folder();
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
@@ -262,7 +262,7 @@ fn a_simulation_refuses_what_does_not_fit() {
     Invocation::new(["simulate", "--profile", "qqvga", "-o", "none/out.pfm"]).assert_refused(&["cannot write none/out.pfm"]);
 }
 
-/// What `budget` says with some options, and its words.
+/// Runs `budget` with options.
 fn budget(options: &[&str]) -> Invocation {
     Invocation::new(["budget", "--json"].iter().chain(options))
 }
@@ -304,7 +304,7 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
 }
 
 #[test]
-fn a_budget_of_any_match() {
+fn any_match_has_a_budget() {
     let given = "--width 320 --height 240 --num-disparities 32 --core cortex-m7 --tile-width 80 --fusion min";
     let mut own = json(&budget(&given.split(' ').collect::<Vec<_>>()), 0);
     let tile = profile::QVGA_TILED.tile_width().to_string();
@@ -333,12 +333,12 @@ fn time_is_instructions_by_cycles_by_clock() {
         let report = json(&budget(&["--profile", "qvga", "--core", core]), 0);
         assert_eq!((&report["clock_mhz"], &report["cycles_per_instruction"]), (&clock.into(), &cycles.into()), "{core}");
         let text = Invocation::new(["budget", "--profile", "qvga", "--core", core]);
-        assert!(text.stdout.contains(&format!("at {clock} MHz, if an instruction takes {cycles} cycles")), "{text:#?}");
+        assert!(text.stdout.contains(&format!("at {clock} MHz and {cycles} cycles per instruction")), "{text:#?}");
     }
 }
 
 #[test]
-fn a_budget_that_is_not_met_fails_by_name() {
+fn an_exceeded_budget_fails_by_name() {
     let report = json(&budget(&["--profile", "qvga"]), 0);
     let total = report["ram_total"].as_u64().expect("bytes");
     let fps = report["fps"].as_f64().expect("a number");
@@ -348,12 +348,11 @@ fn a_budget_that_is_not_met_fails_by_name() {
     json(&met, 0);
     let short = run(total - 1, 0.99 * fps);
     json(&short, 1);
-    let words =
-        format!("RAM: {total} bytes are 1 more than the {} of --ram; column tiles would fit: --tile-width 160", total - 1);
+    let words = format!("RAM: {total} bytes exceed --ram {} by 1; narrower column tiles would fit: --tile-width 160", total - 1);
     assert!(short.stderr.contains(&words) && !short.stderr.contains("--fps"), "{short:#?}");
     let slow = run(total, 2.0 * fps);
     json(&slow, 1);
-    assert!(slow.stderr.contains("2.00 times the speed is needed") && !slow.stderr.contains("--ram"), "{slow:#?}");
+    assert!(slow.stderr.contains("2.00 times as fast") && !slow.stderr.contains("--ram"), "{slow:#?}");
     json(&budget(&["--profile", "qvga", "--ram", "144KiB"]), 0);
     json(&budget(&["--profile", "qvga", "--ram", "48KiB"]), 1);
 }

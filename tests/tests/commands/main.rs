@@ -1,4 +1,4 @@
-//! The command line, as a user runs it.
+//! The command line as users run it.
 
 mod alignment;
 mod command_line;

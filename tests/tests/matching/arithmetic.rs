@@ -1,4 +1,4 @@
-//! The core's arithmetic against the reference's floats, one function at a time.
+//! The core's arithmetic equals the reference's, one function at a time.
 
 use multiscopic_core::{Disparity, Fusion, MatchingCost, Region, kernel::Portable};
 use multiscopic_tests::{
@@ -11,13 +11,13 @@ use multiscopic_tests::{
 };
 use proptest::prelude::*;
 
-/// The greatest cost, of a block of 21 x 21.
+/// The largest cost of a block of 21 x 21 pixels.
 const GREATEST: u32 = 21 * 21 * 255;
 
 #[test]
 fn fusion_is_exact() {
     let cost = || prop_oneof![0..=12_u32, 0..=GREATEST, Just(GREATEST)];
-    // A third cost near three times the second is where the heuristic rule changes.
+    // The heuristic rule switches where the third cost is three times the second.
     let near = (cost(), 0..=GREATEST / 3, -2..=2_i32)
         .prop_map(|(c, second, off)| vec![second, (3 * second).saturating_add_signed(off).min(GREATEST), c, c / 2]);
     let costs = prop_oneof![3 => prop::collection::vec(cost(), 0..=4), 1 => near];
@@ -36,7 +36,7 @@ fn fusion_is_exact() {
     });
 }
 
-/// A pixel whose costs at three disparities are given, everything else of its line being worse: the sub-pixel division.
+/// The disparity of a pixel with these costs at three disparities and larger ones elsewhere, which tests the sub-pixel division.
 fn refined(first: i32, costs: [u8; 3]) -> Option<Disparity> {
     let (width, u) = (1024, 512);
     let mut right = vec![255; width];
@@ -51,7 +51,7 @@ fn refined(first: i32, costs: [u8; 3]) -> Option<Disparity> {
 
 #[test]
 fn refinement_rounds_like_the_reference() {
-    // The middle one wins: before it, an equal cost would win itself.
+    // The middle cost must win, and ties go to the first.
     let costs = |greatest: u8| (0..greatest).prop_flat_map(move |c| (c + 1..=greatest, Just(c), c..=greatest));
     let first = prop_oneof![-511..=509_i32, -3..=3_i32];
     property(8000, (first, prop_oneof![costs(255), costs(20)]), |&(first, (a, c, b))| {

@@ -6,7 +6,7 @@ use multiscopic_tests::{
     samples::case::{Case, cases, cut, matched, property},
 };
 
-/// The whole frame in one pass; then in tiles, in bands, any rectangle of it, or with vectors of another width.
+/// Matches the whole frame in one pass, then in tiles, in bands, in a random rectangle, or with another number of lanes.
 fn equals_the_reference(case: &Case) {
     let (images, params) = (case.images(), case.params());
     let expected = case.reference(&images);
@@ -52,11 +52,11 @@ fn equals_the_reference(case: &Case) {
 }
 
 #[test]
-fn small_matches() {
+fn small_matches_equal_the_reference() {
     property(2000, cases(30_000, 8_000), equals_the_reference);
 }
 
 #[test]
-fn larger_matches() {
+fn larger_matches_equal_the_reference() {
     property(100, cases(1_000_000, 100_000), equals_the_reference);
 }

@@ -1,5 +1,5 @@
-//! The host's engine, with every set of vector instructions that this processor has and any number of threads, equals the float
-//! reference on every bit.
+//! The host's engine equals the float reference on every bit, with each kernel that this processor supports and any number of
+//! threads.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

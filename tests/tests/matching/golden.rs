@@ -1,6 +1,6 @@
-//! Golden images: five views of a small scene, and what the float reference makes of them, in `tests/golden/`.
+//! Golden images in `tests/golden/`: five views of a small scene, and their disparities by the float reference.
 //!
-//! `UPDATE_GOLDEN=1 cargo test -p multiscopic-tests --test matching golden` makes them anew: the views from the formula below, the
+//! `UPDATE_GOLDEN=1 cargo test -p multiscopic-tests --test matching golden` generates them: the views from the formulas below, the
 //! disparities from the float reference, never from the core.
 
 use std::{env, path::PathBuf, sync::Once};
@@ -16,7 +16,7 @@ use multiscopic_tests::{
     },
 };
 
-/// Noise that is continuous: random greys at the corners of cells, and between them linear.
+/// Value noise: random greys at the corners of cells, interpolated linearly.
 fn texture(x: f64, y: f64, cell: f64, seed: u64) -> f64 {
     let (x, y) = (x / cell, y / cell);
     let corner = |i: f64, j: f64| f64::from(Random(seed ^ ((i as i64 as u64) << 32) ^ (j as i64 as u64 & 0xFFFF_FFFF)).byte());
@@ -27,8 +27,8 @@ fn texture(x: f64, y: f64, cell: f64, seed: u64) -> f64 {
     top * (1.0 - t) + bottom * t
 }
 
-/// A slanted plane of disparities from -2 to 2.5, and a disc at 5.5 in front of it, as the camera sees them that moved so that the
-/// match of `(u, v)` is `(u + du d, v + dv d)`.
+/// A slanted plane with disparities from -2 to 2.5 and a disc at 5.5 in front of it, in the view in which
+/// `(u, v)` matches `(u + du d, v + dv d)`.
 fn seen(du: f64, dv: f64) -> Vec<u8> {
     let plane = |u: f64, v: f64| 0.0625 * u + 0.046875 * v - 2.0;
     let mut image = Vec::new();
@@ -39,7 +39,7 @@ fn seen(du: f64, dv: f64) -> Vec<u8> {
             let grey = if (on_disc.0 - 26.0).hypot(on_disc.1 - 14.0) < 8.5 {
                 texture(on_disc.0, on_disc.1, 1.75, 1)
             } else {
-                // The point of the plane that is seen here, closer each time.
+                // Find the point of the plane that is visible here by fixed-point iteration.
                 let (mut u, mut v) = (x, y);
                 for _ in 0..12 {
                     (u, v) = (x - du * plane(u, v), y - dv * plane(u, v));
@@ -56,7 +56,7 @@ fn expected_path(golden: &Golden) -> PathBuf {
     golden::folder().join(format!("{}.raw16.png", golden.name))
 }
 
-/// Makes everything anew if `$UPDATE_GOLDEN` says so.
+/// Generates all golden files if `$UPDATE_GOLDEN` is set.
 fn update() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -84,7 +84,7 @@ fn reference(golden: &Golden, images: &ViewSet) -> Vec<u16> {
     reference.disparities().into_iter().map(raw16).collect()
 }
 
-/// Compares with the golden image and says where the first difference is.
+/// Compares with the golden image, and reports the first difference.
 fn check(what: &str, found: impl Fn(&Golden, &ViewSet) -> Vec<u16>) {
     update();
     let images = golden::images();
@@ -103,12 +103,12 @@ fn check(what: &str, found: impl Fn(&Golden, &ViewSet) -> Vec<u16>) {
 }
 
 #[test]
-fn the_reference_makes_the_golden_images() {
+fn the_reference_reproduces_the_golden_images() {
     check("the float reference", reference);
 }
 
 #[test]
-fn the_core_makes_the_golden_images() {
+fn the_core_reproduces_the_golden_images() {
     check("the core", |golden, images| {
         let images = images.only(golden.views);
         let Golden { views, fusion, min_disparity, num_disparities, block_size, .. } = *golden;
@@ -117,7 +117,7 @@ fn the_core_makes_the_golden_images() {
     });
 }
 
-/// What the golden images are worth: the disparities of the scene are found.
+/// The golden disparities are meaningful: most of them are the scene's.
 #[test]
 fn the_golden_images_show_the_scene() {
     update();

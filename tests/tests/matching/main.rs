@@ -1,4 +1,4 @@
-//! The core's matcher against the float reference, bit for bit.
+//! The core's matcher equals the float reference, bit for bit.
 
 mod arithmetic;
 mod bit_exact;

@@ -1,4 +1,4 @@
-//! Small scenes drawn in ASCII: what each fusion rule makes of them.
+//! Small scenes drawn in ASCII, and what each fusion rule makes of them.
 
 use multiscopic_core::{Disparity, Region, kernel::Portable};
 use multiscopic_tests::{
@@ -24,7 +24,7 @@ const NEAR: &str = "
     1111111111111111
     1111111111111111";
 
-/// A bar in front of the plane of disparity 0, which the wall lies behind.
+/// A bar in front of the plane of disparity 0, and a wall behind it.
 const BEHIND: &str = "
     aaaaaaaaaaaaaaaa
     aaaaaaaaaaaaaaaa
@@ -35,7 +35,7 @@ const BEHIND: &str = "
     aaaaaaaaaaaaaaaa
     aaaaaaaaaaaaaaaa";
 
-/// Matches a drawn scene by blocks of 3 x 3, with the float reference and with the core.
+/// Matches a drawn scene in blocks of 3 x 3 pixels, with the float reference and with the core.
 fn check(scene: &str, views: [bool; 4], fusion: Fusion, min_disparity: i32, num_disparities: i32, expected: &str) {
     let images = synthesise(scene, 7).only(views);
     let reference = images.reference(fusion, min_disparity, num_disparities, 3).disparities();
@@ -47,9 +47,9 @@ fn check(scene: &str, views: [bool; 4], fusion: Fusion, min_disparity: i32, num_
     assert_drawn("the core", expected, &draw(images.width, &found.into_iter().map(pixels).collect::<Vec<_>>()));
 }
 
-/// A stereo pair does not see the wall beside the square, nor the leftmost column.
+/// Stereo cannot match the wall beside the square, which is occluded, nor the leftmost column.
 #[test]
-fn stereo_is_wrong_where_only_one_eye_sees() {
+fn stereo_is_wrong_where_one_view_is_occluded() {
     check(
         NEAR,
         STEREO,
@@ -68,7 +68,7 @@ fn stereo_is_wrong_where_only_one_eye_sees() {
     );
 }
 
-/// Of four views one sees each pixel of the wall.
+/// Each pixel of the wall is visible in at least one of four views.
 #[test]
 fn the_minimum_of_four_views_sees_the_whole_wall() {
     check(
@@ -90,7 +90,7 @@ fn the_minimum_of_four_views_sees_the_whole_wall() {
 }
 
 #[test]
-fn the_mean_is_quieter_but_sees_less() {
+fn the_mean_is_smoother_but_suffers_from_occlusion() {
     check(
         NEAR,
         ALL,
@@ -110,7 +110,7 @@ fn the_mean_is_quieter_but_sees_less() {
 }
 
 #[test]
-fn the_heuristic_rule_is_between() {
+fn the_heuristic_rule_is_in_between() {
     check(
         NEAR,
         ALL,
@@ -130,7 +130,7 @@ fn the_heuristic_rule_is_between() {
 }
 
 #[test]
-fn disparities_below_zero() {
+fn disparities_below_zero_are_found() {
     check(
         BEHIND,
         ALL,
@@ -149,8 +149,8 @@ fn disparities_below_zero() {
     );
 }
 
-/// With disparities from 3 on, a right view has no candidate for the three leftmost columns, and a top view none for the three
-/// lowest lines: those pixels are invalid unless another view has one.
+/// With disparities from 3 on, the right view has no candidate in the three leftmost columns, and the top view none in the three
+/// lowest lines. Those pixels are invalid unless another view has a candidate.
 #[test]
 fn a_pixel_without_a_candidate_is_invalid() {
     let wall = "
@@ -168,7 +168,7 @@ fn a_pixel_without_a_candidate_is_invalid() {
         ...34444
         ...34444";
     check(wall, STEREO, Min, 3, 3, expected);
-    // The blocks of the topmost line reach above the image, where the match is noise.
+    // Blocks in the top line reach above the image, where the match is noise.
     let expected = "
         44444555
         44444444

@@ -1,6 +1,6 @@
-//! What the matcher asks of a source, and what it does when the source fails.
+//! The matcher's contract with its source, and with sources that fail.
 //!
-//! Every match of `bit_exact` runs on a strict source too; here are the borders of the contract.
+//! Every match of `bit_exact` runs on a strict source too. These are the contract's limits.
 
 use multiscopic_core::{
     Disparity, Frame, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, ScanlineSource, View, kernel::Portable,
@@ -26,11 +26,11 @@ const CASE: Case = Case {
     seed: 5,
 };
 
-/// A source that counts the lines it gives and fails now and then.
+/// A source that counts its lines and fails at random.
 struct Failing<'a> {
     source: StrictSource<'a>,
     random: Random,
-    /// How many calls of ten fail, and what the last one was that did.
+    /// How many of ten calls fail, and which call failed last.
     rate: usize,
     failed: Option<(Frame, usize)>,
     failures: usize,
@@ -113,7 +113,7 @@ fn the_first_disparity_line_waits_for_the_latency_and_no_longer() {
 }
 
 #[test]
-fn leads_of_the_frames() {
+fn leads_follow_from_the_parameters() {
     let lead = |min_disparity, num_disparities, frame| Case { min_disparity, num_disparities, ..CASE }.params().lead(frame);
     for (min, num, top, bottom) in [(1, 6, 2 + 6, 2 - 1), (-9, 19, 2 + 9, 2 + 9), (-9, 3, 2 - 7, 2 + 9), (20, 5, 2 + 24, 2 - 20)]
     {
@@ -172,7 +172,7 @@ fn more_memory_than_needed_changes_nothing() {
     assert_eq!(memory[params.memory_words()..], [0x5555_5555; 3], "what is not needed is not touched");
 }
 
-/// A wide frame in tiles of any width takes less memory, and the same formula says how much.
+/// Matching in column tiles takes the memory that the formula states, and less than the whole frame.
 #[test]
 fn every_tile_width_gives_the_same_bits() {
     let case = Case { width: 23, height: 6, ..CASE };
@@ -202,7 +202,7 @@ fn the_strict_source_refuses_a_line_that_is_too_far_ahead() {
 
 #[test]
 #[should_panic(expected = "the line of View(Top) that comes next")]
-fn the_strict_source_refuses_a_line_twice() {
+fn the_strict_source_refuses_a_repeated_line() {
     let (images, params) = (CASE.images(), CASE.params());
     let mut source = StrictSource::new(&images, &params, &Region::whole(&params));
     for v in [0, 0] {
@@ -212,7 +212,7 @@ fn the_strict_source_refuses_a_line_twice() {
 
 #[test]
 #[should_panic(expected = "View(Left) is not one of the views")]
-fn the_strict_source_refuses_a_view_that_is_not_there() {
+fn the_strict_source_refuses_a_missing_view() {
     let case = Case { views: [false, true, true, true], ..CASE };
     let (images, params): (_, Params) = (case.images(), case.params());
     let mut source = StrictSource::new(&images, &params, &Region::whole(&params));

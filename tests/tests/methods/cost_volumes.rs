@@ -1,4 +1,4 @@
-//! Cost volumes with fractions: fusion, selection, cross-based aggregation and edge-aware paths, held to slow references in `f64`.
+//! Floating-point cost volumes: fusion, selection, cross-based aggregation and edge-aware paths equal slow references in `f64`.
 
 use multiscopic::{
     Raster, Volume,
@@ -19,7 +19,7 @@ struct Problem {
     search: Search,
     width: i32,
     height: i32,
-    /// Which views there are, of all four, and their images.
+    /// Which of the four views exist, and their images.
     views: Vec<usize>,
     center: Raster<f32>,
     images: Vec<Raster<f32>>,
@@ -35,7 +35,7 @@ impl Problem {
         let set: Views =
             multiscopic_core::View::ALL.into_iter().enumerate().filter(|(i, _)| views.contains(i)).map(|(_, v)| v).collect();
         let search = Search::new(width as u16, height as u16, set, Fusion::Min, min, count).unwrap();
-        // Few levels, so that crosses have arms; a little noise, so that no difference equals a threshold.
+        // Few levels, so that crosses have arms, and a little noise, so that no difference equals a threshold.
         let mut image = || {
             let pixels = (0..width * height).map(|_| random.below(3) as f32 + 0.01 * random.below(10) as f32).collect();
             Raster::new(width, height, pixels)
@@ -60,7 +60,7 @@ impl Problem {
         (0..self.width).contains(&u) && (0..self.height).contains(&v)
     }
 
-    /// The matches that lie inside, with the image of their view.
+    /// The matches that lie inside their view, with its image.
     fn matches(&self, u: i32, v: i32, index: usize) -> Vec<(usize, i32, i32)> {
         let d = i32::from(self.search.min_disparity()) + index as i32;
         let all = self.views.iter().enumerate().map(|(k, &view)| (k, u + SHIFTS[view].0 * d, v + SHIFTS[view].1 * d));
@@ -72,7 +72,7 @@ impl Problem {
         (0..height).flat_map(move |v| (0..width).flat_map(move |u| (0..count).map(move |i| (u, v, i))))
     }
 
-    /// The greatest difference; what exists must be the same.
+    /// The largest difference. The same costs must exist.
     fn compare(&self, found: &Volume<f32>, expected: impl Fn(i32, i32, usize) -> f64) -> f64 {
         let differences = self.candidates().map(|(u, v, i)| {
             let (found, expected) = (f64::from(found.pixel(u as usize, v as usize)[i]), expected(u, v, i));
@@ -83,7 +83,7 @@ impl Problem {
     }
 }
 
-/// Pixels from `(u, v)` on in one direction that belong to its cross.
+/// The length of the arm of the cross at `(u, v)` in one direction.
 fn arm(problem: &Problem, image: &Raster<f32>, (u, v): (i32, i32), (du, dv): (i32, i32), region: SupportRegion) -> i32 {
     let mut length = 0;
     loop {
@@ -101,7 +101,7 @@ fn arm(problem: &Problem, image: &Raster<f32>, (u, v): (i32, i32), (du, dv): (i3
 }
 
 #[test]
-fn aggregation() {
+fn aggregation_equals_its_reference() {
     let mut random = Random(1);
     let mut greatest = 0.0;
     for _ in 0..60 {
@@ -140,7 +140,7 @@ fn aggregation() {
 }
 
 #[test]
-fn paths() {
+fn paths_equal_their_reference() {
     let mut random = Random(2);
     let mut greatest = 0.0;
     for turn in 0..60 {
@@ -183,7 +183,7 @@ fn mean_paths(problem: &Problem, penalties: Penalties) -> Vec<f64> {
                 false => f32::INFINITY,
             };
             for i in 0..count {
-                // The views have an edge if the greatest difference of those available is one.
+                // The views have an edge if the largest difference among the available ones is one.
                 let of_views = problem.matches(u, v, i).into_iter().map(|(k, x, y)| difference(&problem.images[k], x, y));
                 let edges = [difference(&problem.center, u, v), of_views.fold(0.0, f32::max)];
                 let divisor = match edges.map(|edge| edge >= penalties.edge) {
@@ -207,7 +207,7 @@ fn mean_paths(problem: &Problem, penalties: Penalties) -> Vec<f64> {
 }
 
 #[test]
-fn fusion() {
+fn fusion_equals_the_cores() {
     let mut random = Random(3);
     for _ in 0..3000 {
         let views: Vec<[f32; 1]> = (0..1 + random.below(4))
@@ -223,7 +223,7 @@ fn fusion() {
         for rule in Fusion::ALL {
             let mut found = [0.0];
             fuse(rule, &slices, &mut found);
-            // The core's rule in quarters, on its scale.
+            // Costs in quarters, on the scale of the core's rule.
             let mut quarters = [u32::MAX; 4];
             for (quarters, cost) in quarters.iter_mut().zip(&views).filter(|(_, cost)| cost[0] != f32::NONE) {
                 *quarters = (4.0 * cost[0]) as u32;
@@ -238,9 +238,9 @@ fn fusion() {
     }
 }
 
-/// Whole costs in `f32` are selected as they are in `u16`, which the reference of semi-global matching checks.
+/// Integer costs in `f32` give the same selection as in `u16`, which the reference for semi-global matching checks.
 #[test]
-fn selection() {
+fn selection_equals_that_of_integers() {
     let mut random = Random(4);
     for _ in 0..2000 {
         let (min, count) = (random.below(30) as i16 - 15, 1 + random.below(9));
@@ -257,7 +257,7 @@ fn selection() {
         let least = costs.iter().flatten().min();
         let first = costs.iter().position(|cost| cost.is_some() && cost.as_ref() == least);
         let expected = first.map(|first| i32::from(min) + first as i32);
-        // Half a pixel at most to either side.
+        // At most half a pixel to either side.
         let nearest = found.map(Disparity::to_bits).map(i32::from);
         assert_eq!(nearest.is_some(), expected.is_some(), "{costs:?}");
         assert!(nearest.zip(expected).is_none_or(|(bits, d)| (bits - 64 * d).abs() <= 32), "{costs:?}");

@@ -1,4 +1,4 @@
-//! Graph cuts: the flow, the energy and the moves against slow definitions of each.
+//! Graph cuts: the flow, the energy and the moves equal slow definitions of each.
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use multiscopic::{
@@ -19,7 +19,7 @@ use petgraph::{algo::ford_fulkerson, graph::DiGraph};
 /// Colours are matched where there are any.
 const COLOR: BirchfieldTomasi = BirchfieldTomasi { color: true };
 
-/// Nodes in a ring with arcs to those one, three and seven places on, and back.
+/// A ring of nodes with arcs in both directions to those one, three and seven places away.
 #[derive(Clone, Copy, Debug)]
 struct Ring(usize);
 
@@ -38,7 +38,7 @@ impl Topology for Ring {
 }
 
 #[test]
-fn the_flow_is_that_of_another_algorithm_and_of_its_cut() {
+fn the_flow_equals_that_of_another_algorithm_and_its_cut() {
     let mut random = Random(1);
     for case in 0..300 {
         let ring = Ring(8 + random.below(60));
@@ -49,7 +49,7 @@ fn the_flow_is_that_of_another_algorithm_and_of_its_cut() {
         let nodes: Vec<_> = (0..ring.0).map(|_| graph.add_node(())).collect();
         let (source, sink) = (graph.add_node(()), graph.add_node(()));
         let mut arcs = Vec::new();
-        // Again in the same memory.
+        // Again, in the same memory.
         for _ in 0..2 {
             flow.clear(0..ring.0);
             graph.clear_edges();
@@ -94,7 +94,7 @@ impl Case {
     fn new(random: &mut Random, largest: usize, views: Views) -> Case {
         let [width, height] = [0, 1].map(|_| 1 + random.below(largest) as u32);
         let colored = random.below(2) == 0;
-        // Few values, so that pixels look the same.
+        // Few values, so that some pixels are similar.
         let range = [8, 40, 256][random.below(3)];
         let mut image = || {
             RgbImage::from_fn(width, height, |_, _| {
@@ -120,7 +120,7 @@ impl Case {
         let (fusion, slow_fusion) = fusions[random.below(3)];
         let unique = views.len() == 1 && random.below(2) == 0;
         let potts = random.below(2) == 0;
-        // Whole numbers, which no scale rounds.
+        // Integers, which no scale rounds.
         let [occlusion, a, b] = [30, 10, 5].map(|most| (1 + random.below(most)) as f64);
         let method = GraphCuts {
             occlusion: Some(occlusion),
@@ -162,7 +162,7 @@ impl Case {
         self.search.min_disparity() + random.below(self.search.num_disparities()) as Label
     }
 
-    /// The energy by its definition, in the units of the fast one.
+    /// The energy by its definition, in the units of the implementation.
     fn slow(&self, energy: &Energy, labels: &[Label]) -> Option<i64> {
         let labels: Vec<Option<i32>> = labels.iter().map(|&label| (label != OCCLUDED).then_some(label.into())).collect();
         let scaled = self.reference.of(&labels)? * f64::from(energy.scale());
@@ -172,7 +172,7 @@ impl Case {
 }
 
 #[test]
-fn the_energy_is_the_formulas() {
+fn the_energy_equals_its_definition() {
     let mut random = Random(2);
     let mut possible = 0;
     for case in 0..400 {
@@ -191,7 +191,7 @@ fn the_energy_is_the_formulas() {
     assert!(possible > 500, "{possible} labellings were possible");
 }
 
-/// The least energy after a move: every pixel that has another label keeps that or takes the new one, or is occluded where that can be.
+/// The least energy after an expansion move: each pixel keeps its label, takes the new one, or is occluded if that is allowed.
 fn best_move(made: &Case, energy: &Energy, labels: &[Label], label: Label) -> i64 {
     let states: &[usize] = if made.reference.unique { &[0, 1, 2] } else { &[0, 1] };
     let moves = states.len().pow(labels.len() as u32);
@@ -210,12 +210,12 @@ fn best_move(made: &Case, energy: &Energy, labels: &[Label], label: Label) -> i6
 }
 
 #[test]
-fn a_move_is_the_best_there_is() {
+fn a_move_is_optimal() {
     let mut random = Random(3);
     let mut improved = 0;
     for case in 0..250 {
         let mut made = Case::random(&mut random, 3);
-        // Where everything looks the same, or steps cost the same, the cut is the move.
+        // Where all pixels are similar, or all steps cost the same, the cut is optimal.
         made.method.threshold = if made.reference.potts { made.method.threshold } else { u8::MAX };
         made.reference.theta = made.method.threshold;
         let exact = made.reference.potts || !made.reference.unique;
@@ -242,7 +242,7 @@ fn a_move_is_the_best_there_is() {
 }
 
 #[test]
-fn what_may_not_change_does_not() {
+fn fixed_labels_do_not_change() {
     let mut random = Random(4);
     for case in 0..100 {
         let made = Case::random(&mut random, 9);
@@ -263,7 +263,7 @@ fn what_may_not_change_does_not() {
 }
 
 #[test]
-fn it_ends_where_no_move_is_of_use() {
+fn the_result_cannot_be_improved_by_a_move() {
     let mut random = Random(5);
     for case in 0..60 {
         let made = Case::random(&mut random, 14);
@@ -289,12 +289,12 @@ fn it_ends_where_no_move_is_of_use() {
 
 #[test]
 fn bands_do_not_depend_on_threads() {
-    // So high that it is cut in two.
+    // High enough for two bands.
     let mut random = Random(8);
     let [width, height] = [24, 530];
     for (views, occlusions) in [(Views::STEREO, Occlusion::Unique), (Views::THREE, Occlusion::Capped)] {
         let texture: Vec<u8> = (0..60 * 600).map(|_| random.byte()).collect();
-        // Slanted: the disparity goes up with the row.
+        // Slanted: the disparity grows with the row.
         let image = |du: i32, dv: i32| {
             GrayImage::from_fn(width, height, |u, v| {
                 let d = v as i32 / 100;
@@ -328,7 +328,7 @@ fn bands_do_not_depend_on_threads() {
 }
 
 #[test]
-fn disparities_between_labels_are_vertices_of_parabolas() {
+fn sub_pixel_disparities_are_vertices_of_parabolas() {
     let mut random = Random(7);
     let engine = Engine::new(None, 2).unwrap();
     let (mut moved, mut whole) = (0, 0);
@@ -354,7 +354,7 @@ fn disparities_between_labels_are_vertices_of_parabolas() {
 }
 
 #[test]
-fn occluded_pixels_take_what_is_behind() {
+fn occluded_pixels_take_the_disparity_behind() {
     let mut random = Random(9);
     let engine = Engine::new(None, 1).unwrap();
     let mut occluded = 0;
@@ -362,7 +362,7 @@ fn occluded_pixels_take_what_is_behind() {
         let views = [Views::STEREO, Views::NONE.with(View::Top)][case % 2];
         let mut made = Case::new(&mut random, 14, views);
         made.method.occlusions = Some(Occlusion::Unique);
-        // Most pixels are occluded at random images, if that costs little.
+        // In random images most pixels are occluded if that costs little.
         made.method.occlusion = Some((1 + random.below(30)) as f64);
         let map = |fill: bool| {
             GraphCuts { fill, ..made.method.clone() }.disparities(COLOR, &engine, &made.frames, &made.search, &()).unwrap()
@@ -384,11 +384,11 @@ fn occluded_pixels_take_what_is_behind() {
 }
 
 #[test]
-fn enlarged_images_give_parts_of_pixels() {
-    // A slope of 1/4 pixel of disparity every 12 columns, in a texture of slow waves.
+fn enlarged_images_give_sub_pixel_disparities() {
+    // A slope of a quarter of a pixel of disparity every 12 columns, in a smooth texture.
     let disparity = |u: f64| 2.0 + (u / 12.0).floor() / 4.0;
     let wave = |u: f64, v: f64| 127.0 + 60.0 * (u * 0.9 + v * 0.3).sin() + 50.0 * (u * 0.37 - v * 0.8).cos();
-    // The view sees at u - d what is at u; d is that of the place where it is seen to first order.
+    // The view shows at `u - d` what the centre shows at `u`. To first order, `d` is the disparity at either.
     let center = GrayImage::from_fn(72, 24, |u, v| Luma([wave(u.into(), v.into()) as u8]));
     let right = GrayImage::from_fn(72, 24, |u, v| Luma([wave(f64::from(u) + disparity(f64::from(u) + 2.5), v.into()) as u8]));
     let frames = Frames::new(center).with(View::Right, right);
@@ -413,14 +413,14 @@ fn enlarged_images_give_parts_of_pixels() {
     assert!(finer < 0.6 * whole, "mean errors of {whole} in whole pixels and of {finer} in quarters");
     assert!(map(5).unwrap_err().to_string().contains("from 1 to 4"));
     let method = GraphCuts { upsample: 2, ..GraphCuts::default() };
-    // Four times the pixels, each with the larger image beside what it took before.
+    // Four times the pixels, and the enlarged image on top.
     assert_eq!(method.bytes(COLOR, 100, 1, true), 400 * (method.bytes(COLOR, 1, 1, true) / 4));
     assert!(method.bytes(COLOR, 100, 1, true) > 4 * GraphCuts::default().bytes(COLOR, 100, 1, true));
 }
 
 #[test]
-fn several_views_find_what_one_does_not() {
-    // A square at disparity 6 before a wall at 2, with random colours every three pixels and those between in between.
+fn several_views_match_what_one_cannot() {
+    // A square at disparity 6 in front of a wall at 2, with random colours every three pixels and interpolated ones between.
     let mut random = Random(6);
     let texture: Vec<Vec<u8>> = (0..2).map(|_| (0..64 * 200).map(|_| random.byte()).collect()).collect();
     let near = |u: i32, v: i32| (20..44).contains(&u) && (16..40).contains(&v);
@@ -454,7 +454,7 @@ fn several_views_find_what_one_does_not() {
     let unique = GraphCuts { occlusions: Some(Occlusion::Unique), ..GraphCuts::default() };
     let message = unique.disparities(COLOR, &engine, &frames, &search, &()).unwrap_err().to_string();
     assert!(message.contains("unique in 2 views"), "{message}");
-    // One view does not see the strip of four pixels beside the square, nor the border.
+    // One view cannot match the occluded strip of four pixels beside the square, nor the border.
     let (stereo, multiscopic) = (wrong(Views::STEREO), wrong(Views::HORIZONTAL));
     assert!(stereo.len() >= 24 * 4, "{} pixels are wrong by one view", stereo.len());
     assert!(2 * multiscopic.len() <= stereo.len(), "{} pixels are wrong by two views", multiscopic.len());

@@ -1,4 +1,4 @@
-//! The host's other methods against their definitions.
+//! The host's other methods equal their definitions.
 
 mod cost_volumes;
 mod graph_cuts;

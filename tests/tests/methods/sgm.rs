@@ -1,5 +1,5 @@
-//! Semi-global matching, with every set of vector instructions that this processor has and any number of threads, equals its reference on
-//! every bit.
+//! Semi-global matching equals its reference on every bit, with each kernel that this processor supports and any number of
+//! threads.
 
 use image::GrayImage;
 use multiscopic::{

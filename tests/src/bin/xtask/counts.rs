@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn more_and_less_are_both_wrong() {
+    fn counts_above_and_below_the_record_fail() {
         assert_eq!(verdict("a", 1.04, Some(&1.0)), None);
         assert_eq!(verdict("a", 0.96, Some(&1.0)), None);
         let more = "a: counted 1.100, recorded 1.000: +10.0 % instructions per evaluation";

@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines() {
+    fn lines_are_parsed() {
         let target = [0.15, 0.2, 0.3, 0.0, 0.0, 0.0];
         let moving = Command::Move { target, acceleration: 0.5, speed: 0.1 };
         for line in [

@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_interface_follows_the_version() {
+    fn the_interface_follows_the_emulators_version() {
         assert_eq!(interface("QEMU emulator version 7.2.19 (Debian 1:7.2+dfsg-7)\nCopyright (c)").unwrap(), 1);
         assert_eq!(interface("QEMU emulator version 10.0.2").unwrap(), 2);
         assert!(interface("QEMU").is_err());

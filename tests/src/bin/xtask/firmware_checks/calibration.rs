@@ -140,8 +140,8 @@ impl Run<'_> {
         let search = [params.min_disparity().to_string(), params.num_disparities().to_string(), params.block_size().to_string()];
         let rest = [params.fusion().name().to_owned(), self.tile_width.to_string()];
         let args: Vec<&str> = numbers.iter().chain(&search).chain(&rest).map(String::as_str).collect();
-        let end = emulator::run(board, image, &args, &folder, Some(&counter.plugin(image)?))?;
-        ensure!(end.code == 0, "the firmware ended with exit code {} and said:\n{}", end.code, end.words);
+        let exit = emulator::run(board, image, &args, &folder, Some(&counter.plugin(image)?))?;
+        ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
         Instructions::read(&folder)
     }
 }

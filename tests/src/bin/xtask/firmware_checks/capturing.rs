@@ -81,9 +81,9 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
     let whole = images.iter().map(|(board, image)| Run { board, image, case: WHOLE });
     let faults = images.iter().take(1).flat_map(|(board, image)| FAULTS.map(|case| Run { board, image, case }));
     let runs: Vec<_> = whole.chain(faults).collect();
-    let said = workers::map(&runs, |run| run.check(&set, &expected).with_context(|| format!("capture: {}", run.name())))?;
-    for (run, said) in runs.iter().zip(said) {
-        println!("capture: {}: {said}", run.name());
+    let messages = workers::map(&runs, |run| run.check(&set, &expected).with_context(|| format!("capture: {}", run.name())))?;
+    for (run, message) in runs.iter().zip(messages) {
+        println!("capture: {}: {message}", run.name());
     }
     Ok(())
 }
@@ -95,18 +95,18 @@ impl Run<'_> {
 
     /// Runs it and returns the matching line of its log. Fails unless the outcome is as expected and the second capture succeeds.
     fn check(&self, set: &ImageSet, expected: &[Option<Disparity>]) -> Result<String> {
-        let (words, code, said) = self.case;
-        let folder = folders::edge_target().join("runs/capture").join(self.board.name).join(words.replace(' ', "-"));
+        let (arguments, code, message) = self.case;
+        let folder = folders::edge_target().join("runs/capture").join(self.board.name).join(arguments.replace(' ', "-"));
         if folder.exists() {
             fs::remove_dir_all(&folder)?;
         }
         set.write(&folder)?;
-        let args: Vec<&str> = words.split(' ').collect();
-        let end = emulator::run(self.board, self.image, &args, &folder, None)?;
-        let found = format!("exit code {} and said:\n{}", end.code, end.words);
-        ensure!(end.code == code, "expected exit code {code}, the firmware ended with {found}");
-        let line = end.words.lines().find(|line| line.contains(said));
-        let line = line.with_context(|| format!("expected {said:?}, the firmware ended with {found}"))?;
+        let args: Vec<&str> = arguments.split(' ').collect();
+        let exit = emulator::run(self.board, self.image, &args, &folder, None)?;
+        let found = format!("exit code {} and printed:\n{}", exit.code, exit.output);
+        ensure!(exit.code == code, "expected exit code {code}, the firmware ended with {found}");
+        let line = exit.output.lines().find(|line| line.contains(message));
+        let line = line.with_context(|| format!("expected {message:?}, the firmware ended with {found}"))?;
         if code == DONE {
             same(&folder.join(frame_file::PACKETS.to_str()?), &CAPTURE, expected).context("the first capture")?;
         }

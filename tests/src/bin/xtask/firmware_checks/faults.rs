@@ -36,9 +36,9 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
 /// An image that needs more RAM than the board has must not link.
 fn too_large(toolchain: &Toolchain) -> Result<()> {
     for board in &emulated_board::ALL {
-        let words = process::read_failure(&mut build::command(toolchain, board, &[Program::Example("too_large")]))?;
-        let reason = words.lines().find(|line| line.contains("will not fit in region 'RAM': overflowed by"));
-        let reason = reason.with_context(|| format!("too_large for {} was refused for another reason:\n{words}", board.name))?;
+        let output = process::read_failure(&mut build::command(toolchain, board, &[Program::Example("too_large")]))?;
+        let reason = output.lines().find(|line| line.contains("will not fit in region 'RAM': overflowed by"));
+        let reason = reason.with_context(|| format!("too_large for {} was refused for another reason:\n{output}", board.name))?;
         let from = reason.find("section").unwrap_or_default();
         println!("faults: {} refuses an image that is too large: {}", board.name, &reason[from..]);
     }
@@ -48,11 +48,11 @@ fn too_large(toolchain: &Toolchain) -> Result<()> {
 /// Firmware for two boards at once must not build.
 fn two_boards(toolchain: &Toolchain) -> Result<()> {
     let features = emulated_board::ALL.iter().filter_map(|board| board.feature).collect::<Vec<_>>();
-    let [first, second, ..] = features[..] else { bail!("there are no two boards with features") };
+    let [first, second, ..] = features[..] else { bail!("fewer than two boards have features") };
     let mut build = build::command(toolchain, &emulated_board::REFERENCE, &[Program::Profile(profile::QQVGA.name)]);
-    let words = process::read_failure(build.arg(format!("--features={first},{second}")))?;
-    let reason = words.lines().find(|line| line.contains(&format!("choose the feature {first} or {second}, not both")));
-    let reason = reason.with_context(|| format!("{first} with {second} was refused for another reason:\n{words}"))?;
+    let output = process::read_failure(build.arg(format!("--features={first},{second}")))?;
+    let reason = output.lines().find(|line| line.contains(&format!("choose the feature {first} or {second}, not both")));
+    let reason = reason.with_context(|| format!("{first} with {second} was refused for another reason:\n{output}"))?;
     println!("faults: two boards are refused: {}", reason.trim());
     Ok(())
 }
@@ -99,15 +99,15 @@ fn bad_input(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
     Ok(())
 }
 
-/// Runs `image`, which must end with `code` and a message that contains `words`.
-fn ends(board: &EmulatedBoard, image: &Path, arg: &str, folder: &Path, code: i32, words: &str) -> Result<()> {
-    let end = emulator::run(board, image, &[arg], folder, None)?;
-    let found = format!("exit code {} and said:\n{}", end.code, end.words);
+/// Runs `image`, which must end with `code` and a message that contains `message`.
+fn ends(board: &EmulatedBoard, image: &Path, arg: &str, folder: &Path, code: i32, message: &str) -> Result<()> {
+    let exit = emulator::run(board, image, &[arg], folder, None)?;
+    let found = format!("exit code {} and printed:\n{}", exit.code, exit.output);
     ensure!(
-        end.code == code && end.words.contains(words),
-        "expected exit code {code} and {words:?}, the firmware ended with {found}"
+        exit.code == code && exit.output.contains(message),
+        "expected exit code {code} and {message:?}, the firmware ended with {found}"
     );
-    println!("faults: {}: {}", board.name, end.words.lines().last().unwrap_or_default());
+    println!("faults: {}: {}", board.name, exit.output.lines().last().unwrap_or_default());
     Ok(())
 }
 

@@ -21,9 +21,9 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
         let folder = folders::edge_target().join("runs").join("kernels").join(board.name);
         fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
         for image in build::build(toolchain, board, &[Program::Example("kernels")])? {
-            let end = emulator::run(board, &image, &[""], &folder, None)?;
-            ensure!(end.code == 0, "on a {} a kernel is not its twin:\n{}", board.core, end.words);
-            println!("{} on a {}", end.words.lines().last().unwrap_or_default(), board.core);
+            let exit = emulator::run(board, &image, &[""], &folder, None)?;
+            ensure!(exit.code == 0, "a kernel differs from its twin on a {}:\n{}", board.core, exit.output);
+            println!("{} on a {}", exit.output.lines().last().unwrap_or_default(), board.core);
         }
     }
     Ok(())

@@ -102,7 +102,7 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     let counter = Counter::build()?;
     let mut table = if selection.fit { fitted(toolchain, &counter)? } else { MEASURED.clone() };
     let runs = build(toolchain, selection)?;
-    ensure!(!runs.is_empty(), "no board of the selection can hold a profile of it");
+    ensure!(!runs.is_empty(), "no selected board has enough RAM for a selected profile");
     let mut measurements = workers::map(&runs, |run| {
         let measurement = run.measure(&counter).with_context(|| format!("edge: {}", run.name()))?;
         println!("edge: {}: identical to this machine on {}", run.name(), measurement.images);
@@ -221,8 +221,8 @@ impl Run {
             fs::remove_file(&packets)?;
         }
         let plugin = counter.plugin(&self.image)?;
-        let end = emulator::run(self.board, &self.image, &[self.fusion.name()], folder, Some(&plugin))?;
-        ensure!(end.code == 0, "the firmware ended with exit code {} and said:\n{}", end.code, end.words);
+        let exit = emulator::run(self.board, &self.image, &[self.fusion.name()], folder, Some(&plugin))?;
+        ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
         let bytes = fs::read(&packets).with_context(|| format!("the firmware sent no {}", packets.display()))?;
         let params = self.profile.params(self.fusion);
         let received = received::whole(&bytes, &packets, &params).with_context(|| packets.display().to_string())?;
@@ -286,7 +286,7 @@ fn print(measurements: &[Measurement]) {
             m.error()
         );
     }
-    println!("RAM and text in bytes; DE = pixel x disparity x view; sending = for the packets, within per DE; latency in lines");
+    println!("RAM and text in bytes; DE = pixel x disparity x view; sending: the packets' share of per DE; latency in lines");
 }
 
 /// Fails if a run exceeded its profile's RAM budget, or if the model behind `multiscopic budget` is off.

@@ -20,8 +20,8 @@ pub fn whole(mut bytes: &[u8], path: &Path, params: &Params) -> Result<ReceivedF
     let size = |map: &DisparityMap| (map.width(), map.height());
     let (found, expected) = (size(&received.disparities), (params.width(), params.height()));
     ensure!(found == expected, "a frame of {found:?} pixels, expected {expected:?}");
-    ensure!(received.is_complete(), "{} pixels came of {found:?}", received.pixels);
-    ensure!(bytes.is_empty(), "{} bytes came after the frame's end", bytes.len());
+    ensure!(received.is_complete(), "{} pixels of {found:?} were received", received.pixels);
+    ensure!(bytes.is_empty(), "{} bytes follow the end of the frame", bytes.len());
     Ok(received)
 }
 
@@ -39,10 +39,10 @@ pub fn same(found: &DisparityMap, expected: &[Option<Disparity>]) -> Result<()> 
 pub fn same_lines(found: &[u8], simulated: &[u8]) -> Result<()> {
     let packets = |bytes: &[u8]| bytes.split_inclusive(|&byte| byte == 0).map(<[u8]>::to_vec).collect::<Vec<_>>();
     let (found, simulated) = (packets(found), packets(simulated));
-    ensure!(found.len() == simulated.len(), "{} packets came, {} were simulated", found.len(), simulated.len());
+    ensure!(found.len() == simulated.len(), "{} packets were received, {} were simulated", found.len(), simulated.len());
     let lines = found.len().saturating_sub(1);
     let differs = (0..lines).find(|&i| found[i] != simulated[i]);
-    ensure!(differs.is_none(), "packet {} is not the simulated one", differs.unwrap_or_default());
+    ensure!(differs.is_none(), "packet {} differs from the simulated one", differs.unwrap_or_default());
     Ok(())
 }
 
@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_frame() {
+    fn a_whole_frame_is_received() {
         let received = whole(&sent(None, b""), Path::new("packets"), &PARAMS).unwrap();
         assert_eq!(received.stack, Some(77));
         let mut expected = [Disparity::from_bits(128); 6];
@@ -92,15 +92,15 @@ mod tests {
         *other.iter_mut().rev().nth(3).unwrap() ^= 1;
         assert!(same_lines(&found, &other).is_ok(), "the end may differ");
         other[4] ^= 1;
-        assert_eq!(same_lines(&found, &other).unwrap_err().to_string(), "packet 0 is not the simulated one");
-        assert_eq!(same_lines(&found, &sent(Some(1), b"")).unwrap_err().to_string(), "3 packets came, 2 were simulated");
+        assert_eq!(same_lines(&found, &other).unwrap_err().to_string(), "packet 0 differs from the simulated one");
+        assert_eq!(same_lines(&found, &sent(Some(1), b"")).unwrap_err().to_string(), "3 packets were received, 2 were simulated");
     }
 
     #[test]
-    fn anything_less_or_more_is_refused() {
+    fn incomplete_frames_and_excess_bytes_are_refused() {
         assert_eq!(error(&sent(Some(1), b""), &PARAMS), "line 1 (packet 1) is lost");
         assert!(error(&sent(Some(2), b""), &PARAMS).starts_with("the end of the frame is lost"));
-        assert_eq!(error(&sent(None, b"more"), &PARAMS), "4 bytes came after the frame's end");
+        assert_eq!(error(&sent(None, b"more"), &PARAMS), "4 bytes follow the end of the frame");
         let other = Params::new(2, 3, Views::ALL, Fusion::Min, 1, 4, 3).unwrap();
         assert_eq!(error(&sent(None, b""), &other), "a frame of (3, 2) pixels, expected (2, 3)");
     }

@@ -196,7 +196,7 @@ impl Modules {
 /// The dependencies that a module declares.
 fn needed(module: &[u8]) -> Result<Vec<String>> {
     let file = object::File::parse(module)?;
-    let Some(section) = file.section_by_name(".modinfo") else { bail!("a module that says nothing about itself") };
+    let Some(section) = file.section_by_name(".modinfo") else { bail!("a module without the section .modinfo") };
     let words = section.data()?.split(|&byte| byte == 0).map(String::from_utf8_lossy);
     let depends = words.filter_map(|word| word.strip_prefix("depends=").map(str::to_owned));
     Ok(depends

@@ -61,7 +61,7 @@ impl Machine {
     pub fn run(mut self, script: &str) -> Result<()> {
         self.files.file(Path::new("tests.sh"), script.as_bytes());
         let folder = folders::target().join("v4l2");
-        let (archive, words) = (folder.join("machine.cpio"), folder.join("words.txt"));
+        let (archive, log) = (folder.join("machine.cpio"), folder.join("output.txt"));
         fs::create_dir_all(&folder)?;
         // Linux unpacks concatenated archives one after the other.
         let mut system = fs::read(&self.kernel.system)?;
@@ -74,17 +74,22 @@ impl Machine {
         emulator.args(["-nodefaults", "-display", "none", "-no-reboot", "-serial", "stdio"]);
         emulator.args(["-append", "console=ttyS0 quiet panic=-1 mitigations=off nokaslr"]);
         emulator.arg("-kernel").arg(&self.kernel.image).arg("-initrd").arg(&archive);
-        let output = File::create(&words).with_context(|| format!("cannot make {}", words.display()))?;
+        let output = File::create(&log).with_context(|| format!("cannot make {}", log.display()))?;
         emulator.stdout(output.try_clone()?).stderr(output);
         let ended = exit_code_within(&mut emulator, LIMIT);
 
-        let said = String::from_utf8_lossy(&fs::read(&words)?).replace('\r', "");
-        let ours = said.find(UP).map_or(&*said, |start| &said[start..]);
-        let (ours, code) = ours.rsplit_once(EXIT_CODE).unwrap_or((ours, "none"));
+        let text = String::from_utf8_lossy(&fs::read(&log)?).replace('\r', "");
+        let output = text.find(UP).map_or(&*text, |start| &text[start..]);
+        let (output, code) = output.rsplit_once(EXIT_CODE).unwrap_or((output, "none"));
         let code = code.lines().next().unwrap_or_default();
-        print!("{ours}");
+        print!("{output}");
         ended.with_context(|| format!("the virtual machine with Linux {}", self.kernel.version))?;
-        ensure!(code == "0", "the tests in the virtual machine ended with exit code {}; {} has all of it", code, words.display());
+        ensure!(
+            code == "0",
+            "the tests in the virtual machine ended with exit code {}; {} has the whole output",
+            code,
+            log.display()
+        );
         Ok(())
     }
 }

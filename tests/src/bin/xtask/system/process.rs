@@ -36,14 +36,14 @@ pub fn run_within(command: &mut Command, limit: Duration) -> Result<()> {
 /// Runs `command` and kills it after `limit`; returns its exit code.
 pub fn exit_code_within(command: &mut Command, limit: Duration) -> Result<i32> {
     let status = status_within(command, limit)?;
-    status.code().with_context(|| format!("{} was ended ({status})", name(command)))
+    status.code().with_context(|| format!("{} was killed by a signal ({status})", name(command)))
 }
 
 fn status_within(command: &mut Command, limit: Duration) -> Result<ExitStatus> {
     let mut child = command.stdin(Stdio::null()).spawn().with_context(|| format!("cannot start {}", name(command)))?;
     match wait(&mut child, limit)? {
         Some(status) => Ok(status),
-        None => bail!("{} was not done after {} s", name(command), limit.as_secs()),
+        None => bail!("{} was killed after {} s", name(command), limit.as_secs()),
     }
 }
 
@@ -54,22 +54,24 @@ pub fn read(command: &mut Command) -> Result<String> {
     Ok(String::from_utf8(stdout)?.trim_end().to_owned())
 }
 
-/// Builds the command line, and returns its path. All tests are built with it, so that cargo unifies features and builds each
-/// library once for both.
+/// Builds the command line, and returns its path.
+///
+/// The tests are selected with it, so that cargo unifies their features and builds each library once for both.
 pub fn built_program(profile: &str) -> Result<PathBuf> {
-    built(&["build", "--workspace", "--tests", "--bin", "multiscopic", "--profile", profile], "multiscopic")
+    let packages = ["--package", "multiscopic", "--package", "multiscopic-tests"];
+    built("build", &[packages.as_slice(), &["--bin", "multiscopic", "--profile", profile]].concat(), "multiscopic")
 }
 
 /// Builds a test program in release, and returns its path.
 pub fn built_test(name: &str) -> Result<PathBuf> {
-    built(&["test", "--no-run", "--workspace", "--profile", "release", "--test", name], name)
+    built("test", &["--no-run", "--workspace", "--profile", "release", "--test", name], name)
 }
 
 /// Runs cargo, and returns the path of the executable `name` that it built.
-fn built(arguments: &[&str], name: &str) -> Result<PathBuf> {
-    let is_test = arguments[0] == "test";
-    let mut cargo = command("cargo", arguments);
-    let messages = read(cargo.args(["--quiet", "--message-format", "json-render-diagnostics"]))?;
+fn built(verb: &str, arguments: &[&str], name: &str) -> Result<PathBuf> {
+    let is_test = verb == "test";
+    let mut cargo = command("cargo", [verb]);
+    let messages = read(cargo.args(arguments).args(["--quiet", "--message-format", "json-render-diagnostics"]))?;
     let executable = |message: &str| {
         let message: serde_json::Value = serde_json::from_str(message).ok()?;
         // A program and its unit tests share a name.

@@ -135,7 +135,7 @@ fn make_core(folder: &Path, target: &str) -> Result<()> {
         .env("RUSTC_BOOTSTRAP", "1")
         .env("RUSTFLAGS", "-Cembed-bitcode=yes"))?;
     let marker = folder.join(marker(target));
-    let libraries = marker.parent().context("the marker lies beside the libraries")?;
+    let libraries = marker.parent().context("the marker has no folder")?;
     if libraries.exists() {
         fs::remove_dir_all(libraries)?;
     }
@@ -179,7 +179,7 @@ fn version() -> Result<String> {
 /// The host's target.
 fn host() -> Result<String> {
     let version = version()?;
-    version.lines().find_map(|line| line.strip_prefix("host: ")).map(str::to_owned).context("rustc names no host")
+    version.lines().find_map(|line| line.strip_prefix("host: ")).map(str::to_owned).context("rustc reports no host")
 }
 
 fn script(path: &Path, line: &str) -> Result<()> {

@@ -16,9 +16,9 @@ const SYSROOT: &str = "/usr/aarch64-linux-gnu";
 /// Compares every kernel of the host's engine on the target with the float reference.
 pub fn run_tests() -> Result<()> {
     match (env::consts::ARCH, env::consts::OS) {
-        ("aarch64", _) => println!("aarch64: skipped, the tests in debug and release compare this machine's own kernel"),
+        ("aarch64", _) => println!("aarch64: skipped, the tests in debug and release cover this machine's kernel"),
         (_, "linux") => emulate()?,
-        (_, system) => println!("aarch64: skipped, the emulator of programs does not run on {system}"),
+        (_, system) => println!("aarch64: skipped, the emulator does not run on {system}"),
     }
     Ok(())
 }
@@ -32,7 +32,7 @@ fn emulate() -> Result<()> {
     tests.env("CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER", format!("{emulator} -L {SYSROOT}"));
     tests.env("CARGO_PROFILE_DEV_DEBUG", "0");
     tests.args(["--package", "multiscopic-tests", "--no-default-features", "--test", "matching", "--target", TARGET, "engine::"]);
-    run(&mut tests).context("a kernel of 64-bit Arm is not the reference")?;
+    run(&mut tests).context("a kernel of 64-bit Arm differs from the reference")?;
     println!("aarch64: every kernel equals the reference in the emulator");
     Ok(())
 }

@@ -39,7 +39,7 @@ impl Guard {
     /// Counts, then compares or updates.
     pub fn run(&self) -> Result<()> {
         if (env::consts::ARCH, env::consts::OS) != ("x86_64", "linux") {
-            println!("instructions: skipped, the record is that of x86_64 with Linux");
+            println!("instructions: skipped, the record is for x86_64 Linux");
             return Ok(());
         }
         let valgrind = tool::VALGRIND.install()?;
@@ -47,7 +47,7 @@ impl Guard {
         let mut counts = Counts::new();
         for kernel in KERNELS {
             if Simd::named(kernel).is_none() {
-                println!("instructions: {kernel} skipped, this processor has none");
+                println!("instructions: {kernel} skipped, this processor does not support it");
                 continue;
             }
             for (views, fusion) in MATCHES {

@@ -4,8 +4,8 @@ use multiscopic_core::{Disparity, Frame, Matcher, Memory, Params, Region, Search
 use rayon::prelude::*;
 
 use super::{
+    lanes::Vectors,
     simd::{Simd, Task},
-    vector::Vectors,
 };
 use crate::{
     error::{Error, Result},

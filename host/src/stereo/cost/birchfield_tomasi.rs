@@ -9,10 +9,10 @@ use image::{GrayImage, RgbImage};
 use multiscopic_core::{Frame, Search, View};
 
 use super::{
+    cost_rows::{Cost, CostRows},
     matches::RowMatches,
-    rows::{Cost, CostRows},
 };
-use crate::{images::Frames, stereo::vector::Vectors};
+use crate::{images::Frames, stereo::lanes::Vectors};
 
 /// The matching cost, and what it is computed of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,10 +10,10 @@ use image::GrayImage;
 use multiscopic_core::{Frame, Fusion, Search, View};
 use rayon::prelude::*;
 
-use super::rows::CostRows;
+use super::cost_rows::CostRows;
 use crate::{
     images::Frames,
-    stereo::vector::{LANES, Vector, Vectors},
+    stereo::lanes::{LANES, Vector, Vectors},
 };
 
 /// The window of the transform.
@@ -288,7 +288,7 @@ impl<'a, const BYTES: usize> Candidates<'a, BYTES> {
         for (block, bytes) in bytes.iter_mut().zip(self.bytes) {
             *block = bytes[first..].first_chunk().expect("lines are padded to whole blocks");
         }
-        let costs = isa.differing(center, bytes);
+        let costs = isa.hamming_distances(center, bytes);
         let Range { start, end } = self.available;
         if start == 0 && usize::from(end) == count && first + LANES <= count {
             return costs;
@@ -314,8 +314,8 @@ static INDICES: [u16; LANES] = {
 /// reaches.
 #[inline(always)]
 fn fuse<I: Vectors, const V: usize>(isa: I, fusion: Fusion, mut costs: [I::Vector; V]) -> I::Vector {
-    let twice = |cost: I::Vector| cost.add(cost);
-    let thrice = |cost: I::Vector| cost.add(cost).add(cost);
+    let twice = |cost: I::Vector| cost.saturating_add(cost);
+    let thrice = |cost: I::Vector| cost.saturating_add(cost).saturating_add(cost);
     let none = isa.splat(u16::MAX);
     match fusion {
         Fusion::Min => costs.into_iter().fold(none, |least, cost| least.min(cost)),
@@ -323,8 +323,8 @@ fn fuse<I: Vectors, const V: usize>(isa: I, fusion: Fusion, mut costs: [I::Vecto
             let (zero, one) = (isa.splat(0), isa.splat(1));
             let (mut sum, mut count) = (zero, zero);
             for cost in costs {
-                sum = sum.add(none.if_greater(cost, cost, zero));
-                count = count.add(none.if_greater(cost, one, zero));
+                sum = sum.saturating_add(none.if_greater(cost, cost, zero));
+                count = count.saturating_add(none.if_greater(cost, one, zero));
             }
             let mean = count.if_greater(zero, twice(twice(thrice(sum))), none);
             let mean = count.if_greater(one, twice(thrice(sum)), mean);
@@ -341,7 +341,8 @@ fn fuse<I: Vectors, const V: usize>(isa: I, fusion: Fusion, mut costs: [I::Vecto
             let at = |i: usize| if i < V { costs[i % V] } else { none };
             let (c1, c2, c3) = (at(0), at(1), at(2));
             // A third cost that does not exist is above three times any second one, so the rule of two applies.
-            let several = c3.if_greater(thrice(c2), thrice(c1.add(c2)), twice(c1.add(c2).add(c3)));
+            let several =
+                c3.if_greater(thrice(c2), thrice(c1.saturating_add(c2)), twice(c1.saturating_add(c2).saturating_add(c3)));
             none.if_greater(c2, several, twice(thrice(c1)))
         }
     }

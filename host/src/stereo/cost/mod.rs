@@ -5,12 +5,12 @@
 
 pub mod birchfield_tomasi;
 pub mod census;
+mod cost_rows;
 pub mod matches;
 pub mod mccnn;
-mod rows;
 pub mod volume;
 
 pub use birchfield_tomasi::BirchfieldTomasi;
 pub use census::Census;
-pub use rows::{Cost, CostRows};
+pub use cost_rows::{Cost, CostRows};
 pub use volume::Volume;

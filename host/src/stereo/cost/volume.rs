@@ -2,7 +2,7 @@
 
 use multiscopic_core::Fusion;
 
-use super::rows::Cost;
+use super::cost_rows::Cost;
 
 /// Fuses the costs of one to four `views`, each as long as `fused`, by [`Fusion::fuse`].
 ///

@@ -67,21 +67,21 @@ impl<'a> EdgeAware<'a> {
         let row = costs.row_len();
         means.costs_mut().par_chunks_exact_mut(row).enumerate().for_each(|(v, sums)| {
             sums.fill(0.0);
-            let mut path = Path::new(count);
+            let mut path = PathState::new(count);
             for u in 0..width {
                 self.extend(&mut path, [u, v], [-1, 0], costs, &mut sums[u * count..][..count]);
             }
-            let mut path = Path::new(count);
+            let mut path = PathState::new(count);
             for u in (0..width).rev() {
                 self.extend(&mut path, [u, v], [1, 0], costs, &mut sums[u * count..][..count]);
             }
         });
-        let mut paths: Vec<Path> = (0..width).map(|_| Path::new(count)).collect();
+        let mut paths: Vec<PathState> = (0..width).map(|_| PathState::new(count)).collect();
         for (v, sums) in means.rows_mut().enumerate() {
             let pixels = paths.par_iter_mut().zip(sums.par_chunks_exact_mut(count)).enumerate().with_min_len(64);
             pixels.for_each(|(u, (path, sums))| self.extend(path, [u, v], [0, -1], costs, sums));
         }
-        paths.iter_mut().for_each(|path| *path = Path::new(count));
+        paths.iter_mut().for_each(|path| *path = PathState::new(count));
         for (v, sums) in means.rows_mut().enumerate().rev() {
             let pixels = paths.par_iter_mut().zip(sums.par_chunks_exact_mut(count)).enumerate().with_min_len(64);
             pixels.for_each(|(u, (path, sums))| {
@@ -92,9 +92,9 @@ impl<'a> EdgeAware<'a> {
     }
 
     /// Extends a path to a pixel, and adds its costs to `sums`.
-    fn extend(&self, path: &mut Path, [u, v]: [usize; 2], back: Back, costs: &Volume<f32>, sums: &mut [f32]) {
+    fn extend(&self, path: &mut PathState, [u, v]: [usize; 2], back: Back, costs: &Volume<f32>, sums: &mut [f32]) {
         let costs = costs.pixel(u, v);
-        let Path { before, after, least } = path;
+        let PathState { before, after, least } = path;
         let count = costs.len();
         if *least == f32::INFINITY {
             // The path starts here.
@@ -145,16 +145,16 @@ fn is_inside<T>(image: &Raster<T>, [x, y]: [isize; 2]) -> bool {
 
 /// The path costs of a pixel, and memory for those of the next one. Both are padded with an infinite cost at each end.
 #[derive(Debug)]
-struct Path {
+struct PathState {
     before: Vec<f32>,
     after: Vec<f32>,
     /// The least of `before`; infinite before the path has started, and where no candidate exists.
     least: f32,
 }
 
-impl Path {
-    fn new(count: usize) -> Path {
+impl PathState {
+    fn new(count: usize) -> PathState {
         let none = vec![f32::INFINITY; count + 2];
-        Path { before: none.clone(), after: none, least: f32::INFINITY }
+        PathState { before: none.clone(), after: none, least: f32::INFINITY }
     }
 }

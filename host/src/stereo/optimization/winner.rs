@@ -9,8 +9,8 @@ use crate::{
     stereo::{
         cost::{Cost, CostRows, Volume},
         engine::Engine,
+        lanes::{LANES, Vectors},
         simd::Task,
-        vector::{LANES, Vectors},
     },
 };
 

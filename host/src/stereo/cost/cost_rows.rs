@@ -4,7 +4,7 @@ use std::fmt::Debug;
 
 use multiscopic_core::{Disparity, Search};
 
-use crate::stereo::vector::Vectors;
+use crate::stereo::lanes::Vectors;
 
 /// The fused matching cost of a candidate: a pixel at a disparity.
 ///
@@ -51,6 +51,6 @@ pub trait CostRows: Sync {
     fn max_cost(&self) -> Self::Cost;
 
     /// Computes the costs of row `v`. `row` has `stride` costs for each pixel, at least as many as there are disparities and a
-    /// multiple of [`LANES`](crate::stereo::vector::LANES). Those past the last disparity become [`NONE`](Cost::NONE).
+    /// multiple of [`LANES`](crate::stereo::lanes::LANES). Those past the last disparity become [`NONE`](Cost::NONE).
     fn row<I: Vectors>(&self, isa: I, v: usize, stride: usize, row: &mut [Self::Cost]);
 }

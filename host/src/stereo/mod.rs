@@ -1,4 +1,5 @@
-//! Stereo matching in its four steps (Scharstein and Szeliski 2002): matching cost, aggregation, optimization, refinement.
+//! Stereo matching in its four steps (Scharstein and Szeliski 2002): matching cost, aggregation,
+//! optimization, refinement.
 //!
 //! | room | what it is |
 //! | --- | --- |

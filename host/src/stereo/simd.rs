@@ -1,6 +1,7 @@
 //! Sets of vector instructions, detected at run time.
 //!
-//! The only unsafe code makes the tokens of the core's kernels, once the features that they need are detected.
+//! The only unsafe code makes the tokens of the core's kernels, once the features that they need are
+//! detected.
 #![allow(unsafe_code)]
 
 use std::fmt;
@@ -95,7 +96,8 @@ impl Simd {
     /// Runs `task` with this set.
     pub fn run<T: Task>(self, task: T) -> T::Output {
         match self.0 {
-            // SAFETY: `available` has detected every feature that the token names, and nothing else makes this level.
+            // SAFETY: `available` has detected every feature that the token names, and nothing else makes
+            // this level.
             #[cfg(target_arch = "x86_64")]
             Level::Avx512 => task.run(unsafe { Avx512::new() }),
             // SAFETY: as above.

@@ -1,8 +1,8 @@
 //! Matching costs by the centre-symmetric census transform.
 //!
-//! A descriptor has one bit for each pair of opposite pixels in a window: which of the two is brighter (Spangenberg, Langner and
-//! Rojas, "Weighted semi-global matching and center-symmetric census transform for robust driver assistance", 2013). The cost of a
-//! match is the Hamming distance of the descriptors.
+//! A descriptor has one bit for each pair of opposite pixels in a window: which of the two is brighter
+//! (Spangenberg, Langner and Rojas, "Weighted semi-global matching and center-symmetric census transform for
+//! robust driver assistance", 2013). The cost of a match is the Hamming distance of the descriptors.
 
 use std::ops::Range;
 
@@ -44,13 +44,15 @@ impl Census {
         }
     }
 
-    /// The penalties P1 and P2 of semi-global matching that suit this window: a quarter of its bits, and six times that.
+    /// The penalties P1 and P2 of semi-global matching that suit this window: a quarter of its bits, and six
+    /// times that.
     pub const fn default_penalties(self) -> [u16; 2] {
         let p1 = (self.bits() as u16 + 2) / 4;
         [p1, 6 * p1]
     }
 
-    /// The fused costs of `frames`. Computes the descriptors of all frames on the threads of the current pool.
+    /// The fused costs of `frames`. Computes the descriptors of all frames on the threads of the current
+    /// pool.
     ///
     /// # Panics
     /// If a view of `search` is missing.
@@ -118,8 +120,8 @@ impl Orientation {
     }
 }
 
-/// The census transform of an image: a descriptor for each pixel, line by line. The bytes of a line are planar: all first bytes,
-/// then all second bytes, and so on.
+/// The census transform of an image: a descriptor for each pixel, line by line. The bytes of a line are
+/// planar: all first bytes, then all second bytes, and so on.
 #[derive(Debug)]
 struct Descriptors {
     /// Pixels in a line.
@@ -134,7 +136,8 @@ struct Descriptors {
 }
 
 impl Descriptors {
-    /// The transform of an image turned to an `orientation`, with `[front, back]` pixels of zero padding around each line.
+    /// The transform of an image turned to an `orientation`, with `[front, back]` pixels of zero padding
+    /// around each line.
     fn new(image: &GrayImage, census: Census, orientation: Orientation, [front, back]: [usize; 2]) -> Descriptors {
         let reach = census.radius().into_iter().max().unwrap_or_default();
         let (width, height) = (image.width() as usize, image.height() as usize);
@@ -310,8 +313,8 @@ static INDICES: [u16; LANES] = {
     indices
 };
 
-/// The rules of [`Fusion::fuse`] in lanes, on the scale of the rule. A cost that does not exist is `u16::MAX`, which no other cost
-/// reaches.
+/// The rules of [`Fusion::fuse`] in lanes, on the scale of the rule. A cost that does not exist is
+/// `u16::MAX`, which no other cost reaches.
 #[inline(always)]
 fn fuse<I: Vectors, const V: usize>(isa: I, fusion: Fusion, mut costs: [I::Vector; V]) -> I::Vector {
     let twice = |cost: I::Vector| cost.saturating_add(cost);
@@ -340,7 +343,8 @@ fn fuse<I: Vectors, const V: usize>(isa: I, fusion: Fusion, mut costs: [I::Vecto
             }
             let at = |i: usize| if i < V { costs[i % V] } else { none };
             let (c1, c2, c3) = (at(0), at(1), at(2));
-            // A third cost that does not exist is above three times any second one, so the rule of two applies.
+            // A third cost that does not exist is above three times any second one, so the rule of two
+            // applies.
             let several =
                 c3.if_greater(thrice(c2), thrice(c1.saturating_add(c2)), twice(c1.saturating_add(c2).saturating_add(c3)));
             none.if_greater(c2, several, twice(thrice(c1)))

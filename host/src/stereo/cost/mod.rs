@@ -1,7 +1,7 @@
 //! Matching cost: how much a pixel differs from its match, fused over the views.
 //!
-//! [`CostRows`] is what most optimizers take: fused costs, row by row. A cost that comes in larger pieces, or that several passes
-//! go over, is kept in a [`Volume`].
+//! [`CostRows`] is what most optimizers take: fused costs, row by row. A cost that comes in larger pieces, or
+//! that several passes go over, is kept in a [`Volume`].
 
 pub mod birchfield_tomasi;
 pub mod census;

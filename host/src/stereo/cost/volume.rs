@@ -37,8 +37,8 @@ fn fuse_views<const V: usize>(fusion: Fusion, views: [&[f32]; V], fused: &mut [f
     }
 }
 
-/// A cost volume: `width` x `height` pixels with `num_disparities` costs each. Rows follow each other from the top; the costs of a
-/// pixel lie side by side, the smallest disparity first.
+/// A cost volume: `width` x `height` pixels with `num_disparities` costs each. Rows follow each other from
+/// the top; the costs of a pixel lie side by side, the smallest disparity first.
 ///
 /// A volume of 1390 x 1110 pixels and 60 disparities takes 370 MB in `f32`.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,8 +3,8 @@
 /// The lanes of a vector.
 pub const LANES: usize = 32;
 
-/// A set of vector instructions, which makes vectors. It is implemented by the tokens of the core's kernels, which only exist on
-/// processors that have the instructions.
+/// A set of vector instructions, which makes vectors. It is implemented by the tokens of the core's kernels,
+/// which only exist on processors that have the instructions.
 pub trait Vectors: Copy {
     /// 32 lanes of 16 bits.
     type Vector: Vector;
@@ -13,7 +13,8 @@ pub trait Vectors: Copy {
     fn splat(self, value: u16) -> Self::Vector;
     /// A vector from memory.
     fn load(self, values: &[u16; LANES]) -> Self::Vector;
-    /// The Hamming distances of `descriptor` and 32 others, whose first bytes are in `descriptors[0]`, and so on.
+    /// The Hamming distances of `descriptor` and 32 others, whose first bytes are in `descriptors[0]`, and so
+    /// on.
     fn hamming_distances<const BYTES: usize>(self, descriptor: [u8; BYTES], descriptors: [&[u8; LANES]; BYTES]) -> Self::Vector;
 }
 

@@ -3,10 +3,11 @@
 //! # Safety
 //! All unsafe code of this module is sound for two reasons:
 //!
-//! - The processor has the instructions. Every operation takes an [`Avx2`] or [`Avx512`] token, or a vector that was made with one. To
-//!   make a token is unsafe, and vouches for the features that it names. The vectors' fields are private, so nothing else makes vectors.
-//! - Memory accesses stay in bounds. Every load and store goes through a reference to an array of [`LANES`] values and covers all of it,
-//!   or its first or last half. None of these instructions needs alignment.
+//! - The processor has the instructions. Every operation takes an [`Avx2`] or [`Avx512`] token, or a vector
+//!   that was made with one. To make a token is unsafe, and vouches for the features that it names. The
+//!   vectors' fields are private, so nothing else makes vectors.
+//! - Memory accesses stay in bounds. Every load and store goes through a reference to an array of [`LANES`]
+//!   values and covers all of it, or its first or last half. None of these instructions needs alignment.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
 use std::arch::x86_64::*;
@@ -131,7 +132,8 @@ impl Vector for Avx2Vector {
     fn equal_mask(self, other: Self) -> u32 {
         unsafe {
             let equal = |i: usize| _mm256_cmpeq_epi16(self.0[i], other.0[i]);
-            // Packing works within halves of 128 bits. The permutation puts its quarters into the order of the lanes.
+            // Packing works within halves of 128 bits. The permutation puts its quarters into the order of
+            // the lanes.
             let packed = _mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi16(equal(0), equal(1)));
             _mm256_movemask_epi8(packed) as u32
         }

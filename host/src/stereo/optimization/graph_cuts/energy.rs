@@ -12,8 +12,8 @@ use crate::{
     stereo::cost::{BirchfieldTomasi, birchfield_tomasi::Intervals},
 };
 
-/// The energy of the labellings of an image (paper, section III-C and IV-C): its data terms and, in `smoothness.rs`, its smoothness
-/// terms.
+/// The energy of the labellings of an image (paper, section III-C and IV-C): its data terms and, in
+/// `smoothness.rs`, its smoothness terms.
 ///
 /// Energies are integers in units of 1 / [`scale`](Energy::scale) of an intensity.
 #[derive(Debug)]
@@ -121,8 +121,8 @@ impl Energy {
         self.views[0].0
     }
 
-    /// The data costs of disparity `d` for the pixels of row `v`, or [`i32::MAX`] where no view sees the match. With capped occlusions
-    /// no cost is above that of an occlusion.
+    /// The data costs of disparity `d` for the pixels of row `v`, or [`i32::MAX`] where no view sees the
+    /// match. With capped occlusions no cost is above that of an occlusion.
     pub fn data_costs(&self, v: usize, d: Label, costs: &mut [i32]) {
         self.dissimilarities(v, d, costs);
         if self.occlusion_rule == Occlusion::Capped {
@@ -130,8 +130,8 @@ impl Energy {
         }
     }
 
-    /// The dissimilarities of the pixels of row `v` and their matches at `d`, fused over the views that see them (paper, eq. 11).
-    /// [`i32::MAX`] where none does.
+    /// The dissimilarities of the pixels of row `v` and their matches at `d`, fused over the views that see
+    /// them (paper, eq. 11). [`i32::MAX`] where none does.
     fn dissimilarities(&self, v: usize, d: Label, costs: &mut [i32]) {
         let mut rows = [const { Vec::new() }; View::ALL.len()];
         for ((view, image), row) in self.views.iter().zip(&mut rows) {
@@ -176,7 +176,8 @@ impl Energy {
         })
     }
 
-    /// The energy of a labelling, or `None` if it breaks a constraint: a match lies outside all views, or is not unique though it must be.
+    /// The energy of a labelling, or `None` if it breaks a constraint: a match lies outside all views, or is
+    /// not unique though it must be.
     pub fn of(&self, labels: &[Label]) -> Option<i64> {
         let mut sum = 0i64;
         let mut costs = vec![0; self.width];
@@ -211,9 +212,10 @@ impl Energy {
         Some(sum + smoothness.map(i64::from).sum::<i64>())
     }
 
-    /// The cost of an occlusion found from the images, in intensities (Kolmogorov, Monasse and Tan, 2014): the mean over the pixels of
-    /// their k-th smallest cost, where k is a quarter of the number of disparities, and at least 3. So about a quarter of the disparities
-    /// of a pixel cost less than an occlusion.
+    /// The cost of an occlusion found from the images, in intensities (Kolmogorov, Monasse and Tan, 2014):
+    /// the mean over the pixels of their k-th smallest cost, where k is a quarter of the number of
+    /// disparities, and at least 3. So about a quarter of the disparities of a pixel cost less than an
+    /// occlusion.
     fn automatic_occlusion(&self, search: &Search) -> f64 {
         let disparities = search.num_disparities();
         let k = (disparities / 4).max(3).min(disparities);

@@ -18,11 +18,12 @@ pub fn frames(frames: &Frames, search: &Search, times: u8) -> Frames {
     search.views().iter().fold(center, |frames, view| frames.with_picture(view, picture(Frame::View(view))))
 }
 
-/// An image enlarged by the factor `times`: linear interpolation between the centres of its pixels, rounded to the nearest, halves up.
-/// Beyond its borders the image is extended by replication.
+/// An image enlarged by the factor `times`: linear interpolation between the centres of its pixels, rounded
+/// to the nearest, halves up. Beyond its borders the image is extended by replication.
 fn image<P: image::Pixel<Subpixel = u8>>(image: &ImageBuffer<P, Vec<u8>>, times: u8) -> ImageBuffer<P, Vec<u8>> {
     let times = u32::from(times);
-    // The pixels before and after a coordinate, and its distance to the first in steps of 1 / (2 * times) pixels.
+    // The pixels before and after a coordinate, and its distance to the first in steps of 1 / (2 * times)
+    // pixels.
     let around = |coordinate: u32, size: u32| {
         let (parts, of) = (2 * coordinate as i32 + 1 - times as i32, 2 * times as i32);
         let first = parts.div_euclid(of);
@@ -44,7 +45,8 @@ fn image<P: image::Pixel<Subpixel = u8>>(image: &ImageBuffer<P, Vec<u8>>, times:
     })
 }
 
-/// The parameters for frames enlarged by the factor `times`. The block grows by the same factor, up to the largest block there is.
+/// The parameters for frames enlarged by the factor `times`. The block grows by the same factor, up to the
+/// largest block there is.
 ///
 /// # Errors
 /// [`Error::Usage`] if the enlarged frames or their disparities are too large.
@@ -63,9 +65,9 @@ pub fn params(search: &Params, times: u8) -> Result<Params> {
     Ok(Params::new(side(width)?, side(height)?, search.views(), search.fusion(), least, count, block as u8)?)
 }
 
-/// The map of frames enlarged by the factor `times`, reduced to their original size. Each pixel has the median of its block of `times` x
-/// `times` disparities, of an even number the upper one, rounded to the nearest step, halves away from zero. It is invalid if more than
-/// half of the block is.
+/// The map of frames enlarged by the factor `times`, reduced to their original size. Each pixel has the
+/// median of its block of `times` x `times` disparities, of an even number the upper one, rounded to the
+/// nearest step, halves away from zero. It is invalid if more than half of the block is.
 pub fn reduced(map: &DisparityMap, times: u8) -> DisparityMap {
     let times = usize::from(times);
     let (width, height) = (map.width() / times, map.height() / times);

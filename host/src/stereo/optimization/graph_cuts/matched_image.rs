@@ -20,12 +20,14 @@ pub struct MatchedImage {
     pub intervals: Intervals,
     /// Grey, or red, green and blue; the other samples are 0.
     samples: Vec<[u8; 4]>,
-    /// For each pixel, [`DIFFERENT`] shifted by [`RIGHT`] if its right neighbour looks different, and by [`BELOW`] if the one below does.
+    /// For each pixel, [`DIFFERENT`] shifted by [`RIGHT`] if its right neighbour looks different, and by
+    /// [`BELOW`] if the one below does.
     pub contrasts: Vec<u8>,
 }
 
 impl MatchedImage {
-    /// An image in colour if there is `color`, otherwise in grey. Pixels that differ by `threshold` look different.
+    /// An image in colour if there is `color`, otherwise in grey. Pixels that differ by `threshold` look
+    /// different.
     pub fn new(gray: &GrayImage, color: Option<&RgbImage>, threshold: u8) -> MatchedImage {
         let (intervals, samples) = match color {
             Some(color) => (Intervals::of_rgb(color), color.pixels().map(|&Rgb([r, g, b])| [r, g, b, 0]).collect()),

@@ -1,15 +1,17 @@
-//! Maximum flow, and with it the minimum cut, by incremental breadth-first search (Goldberg, Hed, Kaplan, Tarjan and Werneck, Maximum
-//! flows by incremental breadth-first search, 2011).
+//! Maximum flow, and with it the minimum cut, by incremental breadth-first search (Goldberg, Hed, Kaplan,
+//! Tarjan and Werneck, Maximum flows by incremental breadth-first search, 2011).
 //!
-//! A tree of arcs with residual capacity grows from the sink, level by level. Where it meets a node with excess, flow is pushed along the
-//! tree path to the sink. Nodes whose arcs that saturates become orphans: each looks for another parent as close to the root as before,
-//! then moves up or leaves the tree. As with Boykov and Kolmogorov (An experimental comparison of min-cut/max-flow algorithms for energy
-//! minimization in vision, 2004), the tree is kept from path to path, but no orphan has to walk to the root.
+//! A tree of arcs with residual capacity grows from the sink, level by level. Where it meets a node with
+//! excess, flow is pushed along the tree path to the sink. Nodes whose arcs that saturates become orphans:
+//! each looks for another parent as close to the root as before, then moves up or leaves the tree. As with
+//! Boykov and Kolmogorov (An experimental comparison of min-cut/max-flow algorithms for energy minimization
+//! in vision, 2004), the tree is kept from path to path, but no orphan has to walk to the root.
 //!
-//! Both have a second tree, from the source. In expansion moves most nodes are next to the source and few next to the sink, so that tree
-//! would grow everywhere for little gain.
+//! Both have a second tree, from the source. In expansion moves most nodes are next to the source and few
+//! next to the sink, so that tree would grow everywhere for little gain.
 //!
-//! The graph is a pattern that repeats from node to node. A [`Topology`] computes where arcs lead, so none of them stores it.
+//! The graph is a pattern that repeats from node to node. A [`Topology`] computes where arcs lead, so none of
+//! them stores it.
 
 use std::{collections::VecDeque, ops::Range};
 
@@ -23,11 +25,13 @@ pub trait Topology {
     /// The number of nodes.
     fn nodes(&self) -> usize;
 
-    /// The node that arc `arc` of `node` leads to. It may be any number if neither the arc nor its reverse has capacity.
+    /// The node that arc `arc` of `node` leads to. It may be any number if neither the arc nor its reverse
+    /// has capacity.
     fn head(&self, node: usize, arc: usize) -> usize;
 }
 
-/// The residual graph of a maximum-flow problem. Its memory can be reused for other problems with the same [`Topology`].
+/// The residual graph of a maximum-flow problem. Its memory can be reused for other problems with the same
+/// [`Topology`].
 #[derive(Clone, Debug)]
 pub struct MaxFlow<T> {
     topology: T,
@@ -102,8 +106,8 @@ impl<T: Topology> MaxFlow<T> {
         &mut self.topology
     }
 
-    /// Adds capacity from the source to a node or, if negative, from the node to the sink. Capacities from the source and to the sink
-    /// cancel out. [`run`](MaxFlow::run) does not count this flow.
+    /// Adds capacity from the source to a node or, if negative, from the node to the sink. Capacities from
+    /// the source and to the sink cancel out. [`run`](MaxFlow::run) does not count this flow.
     #[inline(always)]
     pub fn add_terminal(&mut self, node: usize, capacity: i32) {
         self.nodes[node].excess += capacity;
@@ -117,8 +121,8 @@ impl<T: Topology> MaxFlow<T> {
         self.residuals[head * T::DEGREE + T::REVERSE[arc]] += backward;
     }
 
-    /// Whether a node is on the sink's side of the minimum cut, after [`run`](MaxFlow::run). Of all minimum cuts it is the one with the
-    /// smallest such side: the nodes from which more could flow to the sink.
+    /// Whether a node is on the sink's side of the minimum cut, after [`run`](MaxFlow::run). Of all minimum
+    /// cuts it is the one with the smallest such side: the nodes from which more could flow to the sink.
     pub fn is_sink(&self, node: usize) -> bool {
         self.nodes[node].parent != FREE
     }
@@ -150,8 +154,9 @@ impl<T: Topology> MaxFlow<T> {
 
     /// Pushes flow from nodes along single arcs to neighbours next to the sink, and returns its value.
     ///
-    /// In images that is most of the flow, which [`run`](MaxFlow::run) then need not find. It may be called as soon as the arcs between
-    /// these nodes and their neighbours have their capacities, while they are still in the cache.
+    /// In images that is most of the flow, which [`run`](MaxFlow::run) then need not find. It may be called
+    /// as soon as the arcs between these nodes and their neighbours have their capacities, while they are
+    /// still in the cache.
     pub fn push_to_neighbors(&mut self, nodes: Range<usize>) -> i64 {
         let mut flow = 0;
         for i in nodes {
@@ -186,7 +191,8 @@ impl<T: Topology> MaxFlow<T> {
         head
     }
 
-    /// Grows the tree from a node at the current level to its neighbours, and pushes their excess to the sink. Returns the flow.
+    /// Grows the tree from a node at the current level to its neighbours, and pushes their excess to the
+    /// sink. Returns the flow.
     fn grow(&mut self, i: usize) -> i64 {
         let mut flow = 0;
         for arc in 0..T::DEGREE {
@@ -248,8 +254,8 @@ impl<T: Topology> MaxFlow<T> {
         self.orphans.push_front(node as u32);
     }
 
-    /// Finds new parents for the orphans: of the nodes to which an orphan has residual capacity, one at the lowest level. Orphans that
-    /// find none in the tree leave it.
+    /// Finds new parents for the orphans: of the nodes to which an orphan has residual capacity, one at the
+    /// lowest level. Orphans that find none in the tree leave it.
     fn adopt(&mut self) {
         while let Some(orphan) = self.orphans.pop_front() {
             let i = orphan as usize;

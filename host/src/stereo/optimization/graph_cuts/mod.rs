@@ -1,16 +1,16 @@
 //! Graph cuts: the labelling of an image with disparities of least energy.
 //!
-//! This is the method of Kolmogorov and Zabih (Computing visual correspondence with occlusions using graph cuts, 2001; Kolmogorov, Monasse
-//! and Tan, Kolmogorov and Zabih's graph cuts stereo matching algorithm, 2014), with the energies of the paper for one and for several
-//! views.
+//! This is the method of Kolmogorov and Zabih (Computing visual correspondence with occlusions using graph
+//! cuts, 2001; Kolmogorov, Monasse and Tan, Kolmogorov and Zabih's graph cuts stereo matching algorithm,
+//! 2014), with the energies of the paper for one and for several views.
 //!
-//! With one view, matches are [unique](Occlusion::Unique): no two pixels have the same match, and a pixel without one is occluded. With
-//! several views that would defeat their purpose: two pixels of the centre may have the same match in a view where one hides the other, and
-//! the hidden one is seen in the opposite view. There every pixel has a disparity, and pays [at most](Occlusion::Capped) the cost of an
-//! occlusion for it.
+//! With one view, matches are [unique](Occlusion::Unique): no two pixels have the same match, and a pixel
+//! without one is occluded. With several views that would defeat their purpose: two pixels of the centre may
+//! have the same match in a view where one hides the other, and the hidden one is seen in the opposite view.
+//! There every pixel has a disparity, and pays [at most](Occlusion::Capped) the cost of an occlusion for it.
 //!
-//! The costs of a disparity are computed when it is tried, so the memory does not grow with the number of disparities: see
-//! [`GraphCuts::bytes`].
+//! The costs of a disparity are computed when it is tried, so the memory does not grow with the number of
+//! disparities: see [`GraphCuts::bytes`].
 //!
 //! | file | what it is |
 //! | --- | --- |
@@ -51,8 +51,9 @@ use crate::{
 };
 
 impl GraphCuts {
-    /// About how many bytes of memory it takes to match images of `pixels` pixels in a number of views, beside the images themselves.
-    /// `colored` is whether they have colours. Images of 512 rows and more are split into bands, whose graphs may take a little more.
+    /// About how many bytes of memory it takes to match images of `pixels` pixels in a number of views,
+    /// beside the images themselves. `colored` is whether they have colours. Images of 512 rows and more are
+    /// split into bands, whose graphs may take a little more.
     pub fn bytes(&self, cost: BirchfieldTomasi, pixels: usize, views: usize, colored: bool) -> usize {
         let channels = if colored && cost.color { 3 } else { 1 };
         // An enlarged image, in its colours and in grey.
@@ -65,8 +66,8 @@ impl GraphCuts {
     /// Estimates the disparities of the centre of `frames`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if matches must be unique but there are several views, if images cannot be enlarged that much, or if `frames` do
-    /// not fit `search`.
+    /// [`Error::Usage`] if matches must be unique but there are several views, if images cannot be enlarged
+    /// that much, or if `frames` do not fit `search`.
     pub fn disparities(
         &self,
         cost: BirchfieldTomasi,
@@ -96,7 +97,8 @@ impl GraphCuts {
         }
     }
 
-    /// The disparities of least energy, without enlarging. The initial labels come from block matching with `params`.
+    /// The disparities of least energy, without enlarging. The initial labels come from block matching with
+    /// `params`.
     fn minimize(
         &self,
         cost: BirchfieldTomasi,

@@ -2,8 +2,9 @@
 
 use crate::images::DisparityMap;
 
-/// Fills each pixel without a disparity from the nearest disparities before and after it in its row, or in its column if not
-/// `along_rows`: it takes the smaller one, that of the background. A line without any disparity stays as it is.
+/// Fills each pixel without a disparity from the nearest disparities before and after it in its row, or in
+/// its column if not `along_rows`: it takes the smaller one, that of the background. A line without any
+/// disparity stays as it is.
 pub fn fill(map: &DisparityMap, along_rows: bool) -> DisparityMap {
     let [width, height] = [map.width(), map.height()];
     let (lines, length) = if along_rows { (height, width) } else { (width, height) };

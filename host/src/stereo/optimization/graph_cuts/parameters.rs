@@ -3,14 +3,15 @@
 /// How pixels without a match are treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Occlusion {
-    /// Matches are unique: no pixel of the view is the match of two pixels. A pixel without a match is occluded: it has no disparity and
-    /// pays the cost of an occlusion. This is Kolmogorov and Zabih's energy for two images.
+    /// Matches are unique: no pixel of the view is the match of two pixels. A pixel without a match is
+    /// occluded: it has no disparity and pays the cost of an occlusion. This is Kolmogorov and Zabih's energy
+    /// for two images.
     ///
-    /// It works with one view only. With several, two pixels of the centre may well have the same match in one view: one hides the
-    /// other there, and the hidden one is seen in the opposite view.
+    /// It works with one view only. With several, two pixels of the centre may well have the same match in
+    /// one view: one hides the other there, and the hidden one is seen in the opposite view.
     Unique,
-    /// Every pixel has a disparity, and pays at most the cost of an occlusion for it. Where it pays that, its neighbours determine its
-    /// disparity. Matches need not be unique.
+    /// Every pixel has a disparity, and pays at most the cost of an occlusion for it. Where it pays that, its
+    /// neighbours determine its disparity. Matches need not be unique.
     Capped,
 }
 
@@ -35,9 +36,11 @@ impl Occlusion {
 /// How neighbours with different labels are charged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Smoothness {
-    /// In proportion to the step between their disparities, up to a limit. A pixel next to an occluded one pays nothing (paper, eq. 6).
+    /// In proportion to the step between their disparities, up to a limit. A pixel next to an occluded one
+    /// pays nothing (paper, eq. 6).
     Linear,
-    /// The same for every step: once for each disparity that just one of them has, if a view sees both at it (Kolmogorov and Zabih).
+    /// The same for every step: once for each disparity that just one of them has, if a view sees both at it
+    /// (Kolmogorov and Zabih).
     Potts,
 }
 
@@ -59,18 +62,21 @@ impl Smoothness {
 pub struct GraphCuts {
     /// The cost of an occlusion in intensities: the paper's K. If `None`, it is found from the images.
     pub occlusion: Option<f64>,
-    /// How pixels without a match are treated. If `None`, [it depends](Occlusion::default_for) on the number of views.
+    /// How pixels without a match are treated. If `None`, [it depends](Occlusion::default_for) on the number
+    /// of views.
     pub occlusions: Option<Occlusion>,
     /// How neighbours with different labels are charged.
     pub smoothness: Smoothness,
-    /// The cost of a step between neighbours that look the same, and between those that look different, in intensities: the paper's
-    /// lambda 1 and 2. If `None`, it is that of [`default_lambda`](GraphCuts::default_lambda).
+    /// The cost of a step between neighbours that look the same, and between those that look different, in
+    /// intensities: the paper's lambda 1 and 2. If `None`, it is that of
+    /// [`default_lambda`](GraphCuts::default_lambda).
     pub lambda: [Option<f64>; 2],
     /// The difference in intensity from which on neighbours look different: the paper's theta.
     pub threshold: u8,
     /// The step in disparity above which neighbours pay no more: the paper's d cut-off.
     pub cutoff: u16,
-    /// The block size of the block matching that gives the initial labels: see [`Params`](multiscopic_core::Params).
+    /// The block size of the block matching that gives the initial labels: see
+    /// [`Params`](multiscopic_core::Params).
     pub start_block_size: u8,
     /// How many times all disparities are tried at most.
     pub sweeps: usize,
@@ -78,11 +84,11 @@ pub struct GraphCuts {
     pub seed: u64,
     /// Whether disparities are refined to fractions of a pixel, by the costs of a window.
     pub refine: bool,
-    /// Whether occluded pixels are filled: with the smaller, that is the background's, of the nearest disparities on both sides along the
-    /// baseline.
+    /// Whether occluded pixels are filled: with the smaller, that is the background's, of the nearest
+    /// disparities on both sides along the baseline.
     pub fill: bool,
-    /// The factor by which images are enlarged before they are matched, from 1 to [`MAX_UPSAMPLE`](GraphCuts::MAX_UPSAMPLE). It makes
-    /// disparities finer.
+    /// The factor by which images are enlarged before they are matched, from 1 to
+    /// [`MAX_UPSAMPLE`](GraphCuts::MAX_UPSAMPLE). It makes disparities finer.
     pub upsample: u8,
 }
 
@@ -107,17 +113,22 @@ impl Default for GraphCuts {
 }
 
 impl GraphCuts {
-    /// The greatest cost of an occlusion or of a step by one pixel, in intensities. Greater ones are reduced to it.
+    /// The greatest cost of an occlusion or of a step by one pixel, in intensities. Greater ones are reduced
+    /// to it.
     pub const MAX_COST: f64 = 255.0;
     /// The greatest [`cutoff`](GraphCuts::cutoff). Greater ones are reduced to it.
     pub const MAX_STEP: u16 = 511;
 
-    /// The default cost of a step between neighbours that look the same, and between those that look different.
+    /// The default cost of a step between neighbours that look the same, and between those that look
+    /// different.
     ///
-    /// - If the cost of an occlusion is found from the images: 3/5 and 1/5 of it (Kolmogorov, Monasse and Tan).
-    /// - With unique matches: 9 and 3, as in the paper. Steps at occluded pixels are free, and with one view most object edges have some.
-    /// - With capped occlusions: 3/10 and 1/10 of an occlusion, because every edge pays. This was the best on the data sets, and is close to
-    ///   the paper's values in images enlarged four times, where data terms weigh 16 times as much and edges only 4 times.
+    /// - If the cost of an occlusion is found from the images: 3/5 and 1/5 of it (Kolmogorov, Monasse and
+    ///   Tan).
+    /// - With unique matches: 9 and 3, as in the paper. Steps at occluded pixels are free, and with one view
+    ///   most object edges have some.
+    /// - With capped occlusions: 3/10 and 1/10 of an occlusion, because every edge pays. This was the best on
+    ///   the data sets, and is close to the paper's values in images enlarged four times, where data terms
+    ///   weigh 16 times as much and edges only 4 times.
     pub fn default_lambda(&self, occlusions: Occlusion, occlusion: f64) -> [f64; 2] {
         match occlusions {
             _ if self.occlusion.is_none() => [0.6 * occlusion, 0.2 * occlusion],
@@ -126,8 +137,8 @@ impl GraphCuts {
         }
     }
 
-    /// The cost of a step between neighbours that look the same, and between those that look different. `occlusion` is the cost of an
-    /// occlusion.
+    /// The cost of a step between neighbours that look the same, and between those that look different.
+    /// `occlusion` is the cost of an occlusion.
     pub(super) fn weights(&self, occlusions: Occlusion, occlusion: f64) -> [f64; 2] {
         let [same, different] = self.default_lambda(occlusions, occlusion);
         [self.lambda[0].unwrap_or(same), self.lambda[1].unwrap_or(different)]

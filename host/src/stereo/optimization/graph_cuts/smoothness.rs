@@ -31,7 +31,8 @@ impl Energy {
         step * self.weight(pair, label1, label2)
     }
 
-    /// What two neighbours pay by Potts if just one of them has disparity `d`, and both could have it (Kolmogorov and Zabih).
+    /// What two neighbours pay by Potts if just one of them has disparity `d`, and both could have it
+    /// (Kolmogorov and Zabih).
     #[inline(always)]
     fn potts(&self, pair: NeighborPair, d: Label) -> i32 {
         let sees_both =
@@ -40,8 +41,8 @@ impl Energy {
         if is_possible { self.weight(pair, d, d) } else { 0 }
     }
 
-    /// The cost of a step by one pixel between two neighbours. It is lower if they look different in the centre, or in a view that sees
-    /// both.
+    /// The cost of a step by one pixel between two neighbours. It is lower if they look different in the
+    /// centre, or in a view that sees both.
     #[inline(always)]
     fn weight(&self, pair: NeighborPair, d1: Label, d2: Label) -> i32 {
         let contrast = DIFFERENT << if pair.is_vertical { BELOW } else { RIGHT };
@@ -64,10 +65,11 @@ impl Energy {
         same
     }
 
-    /// What each pixel of row `v` and its neighbours to the right and below pay by Potts if just one of them has `d`.
+    /// What each pixel of row `v` and its neighbours to the right and below pay by Potts if just one of them
+    /// has `d`.
     ///
-    /// A code has two bits, which index [`potts_costs`](Energy::potts_costs). Bits 0 and 1 are for the neighbour to the right, bits 4
-    /// and 5 for the one below.
+    /// A code has two bits, which index [`potts_costs`](Energy::potts_costs). Bits 0 and 1 are for the
+    /// neighbour to the right, bits 4 and 5 for the one below.
     pub fn potts_codes(&self, v: usize, d: Label, codes: &mut [u8]) {
         let [width, height] = self.size();
         codes.fill(0);

@@ -1,8 +1,9 @@
 //! Sub-pixel disparities around the labels.
 //!
-//! They are not found by the energy's own costs: the dissimilarity of Birchfield and Tomasi is flat around its minimum by design. Its sum
-//! over a window is not, because some pixels of a window are far enough from their matches. Windows of 7 x 7 pixels were the best on the
-//! data sets, better than absolute differences in windows of any size up to 11 x 11.
+//! They are not found by the energy's own costs: the dissimilarity of Birchfield and Tomasi is flat around
+//! its minimum by design. Its sum over a window is not, because some pixels of a window are far enough from
+//! their matches. Windows of 7 x 7 pixels were the best on the data sets, better than absolute differences in
+//! windows of any size up to 11 x 11.
 
 use std::cmp::Ordering;
 
@@ -26,12 +27,14 @@ const NONE: u32 = u32::MAX;
 // `Disparity::refine` takes costs below this bound.
 const _: () = assert!(SIDE * SIDE * 255 * 3 * Intervals::STEPS as usize * 12 < 1 << 21);
 
-/// The disparity of every pixel: its label, moved to the vertex of the parabola through the costs at the label and its two neighbours.
-/// If one of these costs less than the label itself, the disparity moves by half a pixel towards the cheaper one.
+/// The disparity of every pixel: its label, moved to the vertex of the parabola through the costs at the
+/// label and its two neighbours. If one of these costs less than the label itself, the disparity moves by
+/// half a pixel towards the cheaper one.
 ///
-/// The cost in a view is the sum over the window, with images extended beyond their borders by replication. A view counts if it sees the
-/// match of the pixel itself. A label is not moved if one of its neighbours is outside `range[0]..=range[1]`, or if no view sees one of
-/// the three matches. Occluded pixels have no disparity.
+/// The cost in a view is the sum over the window, with images extended beyond their borders by replication. A
+/// view counts if it sees the match of the pixel itself. A label is not moved if one of its neighbours is
+/// outside `range[0]..=range[1]`, or if no view sees one of the three matches. Occluded pixels have no
+/// disparity.
 pub fn disparities(energy: &Energy, labels: &[Label], range: [Label; 2]) -> Vec<Option<Disparity>> {
     let [width, _] = energy.size();
     let mut refined: Vec<Option<Disparity>> = labels.iter().map(|&label| whole(label)).collect();
@@ -48,7 +51,8 @@ pub fn whole(label: Label) -> Option<Disparity> {
     if label == OCCLUDED { None } else { Disparity::whole(label) }
 }
 
-/// Refines the rows from `top` on, which have `labels`. It goes through the disparities and skips those that no label needs.
+/// Refines the rows from `top` on, which have `labels`. It goes through the disparities and skips those that
+/// no label needs.
 fn refine_band(energy: &Energy, top: usize, labels: &[Label], [least, most]: [Label; 2], refined: &mut [Option<Disparity>]) {
     let mut is_used = vec![false; usize::from(most.abs_diff(least)) + 1];
     let index = |label: Label| usize::from(label.abs_diff(least));
@@ -111,7 +115,8 @@ impl WindowSums {
         }
     }
 
-    /// Computes the fused costs of the rows from `top` on at `d`. They are [`NONE`] where no view sees the match.
+    /// Computes the fused costs of the rows from `top` on at `d`. They are [`NONE`] where no view sees the
+    /// match.
     fn fused_costs(&mut self, energy: &Energy, top: usize, d: Label, fused: &mut [u32]) {
         let WindowSums { row, row_sums, sums } = self;
         let [width, height] = energy.size();

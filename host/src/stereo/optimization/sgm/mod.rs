@@ -1,10 +1,10 @@
 //! Semi-global matching: costs are summed along paths from all sides, which charge for changes of disparity.
 //!
-//! H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008. All arithmetic is in whole numbers: the
-//! bits do not depend on the threads or the vector instructions.
+//! H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008. All arithmetic
+//! is in whole numbers: the bits do not depend on the threads or the vector instructions.
 //!
-//! With five paths, each thread keeps a few rows. With four or eight paths, there is a volume of sums: two bytes for each pixel and
-//! disparity, the number of disparities rounded up to a multiple of [`LANES`].
+//! With five paths, each thread keeps a few rows. With four or eight paths, there is a volume of sums: two
+//! bytes for each pixel and disparity, the number of disparities rounded up to a multiple of [`LANES`].
 
 mod path;
 mod semi_global;
@@ -37,8 +37,8 @@ impl Paths {
 }
 
 impl SemiGlobal {
-    /// Selects disparities by the sums of path costs. `center` is the image whose edges lower P2. Also returns the sums if
-    /// `keep_sums` is set, which takes the volume that several passes take.
+    /// Selects disparities by the sums of path costs. `center` is the image whose edges lower P2. Also
+    /// returns the sums if `keep_sums` is set, which takes the volume that several passes take.
     ///
     /// # Errors
     /// [`Error::Usage`](crate::Error::Usage) if the sums could leave 16 bits: see [`SemiGlobal::check_sums`].

@@ -2,7 +2,8 @@
 
 use crate::stereo::lanes::{LANES, Vector, Vectors};
 
-/// The costs of the paths up to each pixel of a row: those of each disparity, with `u16::MAX` before the first and after the last.
+/// The costs of the paths up to each pixel of a row: those of each disparity, with `u16::MAX` before the
+/// first and after the last.
 #[derive(Debug)]
 pub(super) struct PathCosts {
     /// The costs of a pixel, padded to whole vectors.
@@ -76,11 +77,12 @@ pub(super) struct StepPenalties {
     pub p2: u16,
 }
 
-/// Extends paths by pixel `u` from the pixels with the path costs `before`, stores its path costs, and adds them to `sums`.
+/// Extends paths by pixel `u` from the pixels with the path costs `before`, stores its path costs, and adds
+/// them to `sums`.
 ///
-/// With `L` for the path costs before and `C` for the `costs` of the pixel, its path cost at `d` is
-/// `C(d) + min(L(d), L(d - 1) + P1, L(d + 1) + P1, min L + P2) - min L` (Hirschmüller 2008, eq. 13). Candidates that do not exist keep
-/// `u16::MAX`. Where none exists, the path restarts.
+/// With `L` for the path costs before and `C` for the `costs` of the pixel, its path cost at `d` is `C(d) +
+/// min(L(d), L(d - 1) + P1, L(d + 1) + P1, min L + P2) - min L` (Hirschmüller 2008, eq. 13). Candidates that
+/// do not exist keep `u16::MAX`. Where none exists, the path restarts.
 #[inline(always)]
 pub(super) fn extend<I: Vectors, const N: usize>(
     isa: I,

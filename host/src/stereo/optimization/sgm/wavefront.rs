@@ -1,8 +1,9 @@
 //! A pass over the rows of an image, on several threads.
 //!
-//! Paths along a row need only that row. Paths from row to row need the previous row's paths at the same column and its neighbours.
-//! Each thread takes every n-th row, and sends the paths of its row to the thread of the next one, a block of columns at a time. So
-//! the threads work on successive rows, each a little behind the one above. The result does not depend on their number.
+//! Paths along a row need only that row. Paths from row to row need the previous row's paths at the same
+//! column and its neighbours. Each thread takes every n-th row, and sends the paths of its row to the thread
+//! of the next one, a block of columns at a time. So the threads work on successive rows, each a little
+//! behind the one above. The result does not depend on their number.
 
 use std::{
     mem,
@@ -64,7 +65,8 @@ pub(super) struct Wavefront<'a, R> {
 #[derive(Debug)]
 pub(super) struct RowTask<'a> {
     pub v: usize,
-    /// The sums of the previous passes, to which this one adds its own. If `None`, sums start from 0 and are not kept.
+    /// The sums of the previous passes, to which this one adds its own. If `None`, sums start from 0 and are
+    /// not kept.
     pub sums: Option<&'a mut [u16]>,
     /// Where the selected disparities go, in the last pass.
     pub disparities: Option<&'a mut [Option<Disparity>]>,
@@ -205,7 +207,8 @@ struct Above<'a> {
 }
 
 impl<R> Wavefront<'_, R> {
-    /// The paths along a row of `samples`, from both ends. Their steps alternate, because they do not depend on each other.
+    /// The paths along a row of `samples`, from both ends. Their steps alternate, because they do not depend
+    /// on each other.
     #[inline(always)]
     fn along_row<I: Vectors>(&self, isa: I, samples: &[u8], costs: &[u16], paths: &mut [PathCosts; 4], sums: &mut [u16]) {
         let [mut forward, mut next_forward, mut backward, mut next_backward] = paths.each_mut();
@@ -226,7 +229,8 @@ impl<R> Wavefront<'_, R> {
         }
     }
 
-    /// The paths from the previous row to the columns `here`. `rows` are the samples of this row and of the previous one.
+    /// The paths from the previous row to the columns `here`. `rows` are the samples of this row and of the
+    /// previous one.
     #[allow(clippy::too_many_arguments)]
     #[inline(always)]
     fn down<I: Vectors, const N: usize>(

@@ -13,7 +13,8 @@ use crate::stereo::optimization::graph_cuts::{
     parameters::{Occlusion, Smoothness},
 };
 
-/// Rows of the image that one cut moves. The rows next to a band do not change in the same move, so bands are independent.
+/// Rows of the image that one cut moves. The rows next to a band do not change in the same move, so bands are
+/// independent.
 #[derive(Debug)]
 pub struct Band {
     /// The rows of the band.
@@ -63,7 +64,8 @@ impl BandGraph {
         slots / stride(width) - 2
     }
 
-    /// The bytes for each pixel, with the rivals of nodes and the queues of the maximum flow, which at worst hold every node twice.
+    /// The bytes for each pixel, with the rivals of nodes and the queues of the maximum flow, which at worst
+    /// hold every node twice.
     pub const fn pixel_bytes(occlusion: Occlusion, smoothness: Smoothness) -> usize {
         let queues = 2 * size_of::<u32>();
         let rivals = 2 * size_of::<u32>();

@@ -10,7 +10,8 @@ use super::{
 use crate::stereo::optimization::graph_cuts::{max_flow::MaxFlow, pixel::Label};
 
 impl ExpansionMove<'_> {
-    /// Writes the labels that change in the best move to `next`. Pixels on the sink's side of the cut take the new label.
+    /// Writes the labels that change in the best move to `next`. Pixels on the sink's side of the cut take
+    /// the new label.
     pub fn cut_capped(&self, graph: &mut MaxFlow<CappedTopology>, next: &mut [Label]) {
         self.cut(graph, 1, |graph, run| {
             for (_, slot) in self.pixels(run) {
@@ -37,8 +38,9 @@ impl ExpansionMove<'_> {
             (false, true) => graph.add_terminal(node2, self.pair_cost(neighbors, Keep, Take) - keep),
             _ => {
                 let second_takes = self.pair_cost(neighbors, Keep, Take);
-                // Pairs that look the same at some disparities only can break the triangle inequality. Raising the cost of a move
-                // that breaks it makes the pair submodular. The cut then overestimates that move, so the energy still falls.
+                // Pairs that look the same at some disparities only can break the triangle inequality.
+                // Raising the cost of a move that breaks it makes the pair submodular. The cut then
+                // overestimates that move, so the energy still falls.
                 let first_takes = self.pair_cost(neighbors, Take, Keep).max(keep - second_takes);
                 let forward = (second_takes - keep / 2).clamp(0, second_takes + first_takes - keep);
                 let backward = second_takes + first_takes - keep - forward;

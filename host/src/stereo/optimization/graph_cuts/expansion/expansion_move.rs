@@ -59,7 +59,8 @@ pub enum Outcome {
 
 use Outcome::{Keep, Occlude, Take};
 
-/// An expansion move of a band: which of its free pixels take `label`. Slices are in the padded layout, unless they say otherwise.
+/// An expansion move of a band: which of its free pixels take `label`. Slices are in the padded layout,
+/// unless they say otherwise.
 #[derive(Debug)]
 pub struct ExpansionMove<'a> {
     pub energy: &'a Energy,
@@ -77,7 +78,8 @@ pub struct ExpansionMove<'a> {
     pub potts_costs: [i32; 4],
     /// Whether a pixel may change.
     pub is_free: &'a [bool],
-    /// For each pixel of the view, row by row without padding: the slot of the pixel whose match it is, or [`NO_OWNER`].
+    /// For each pixel of the view, row by row without padding: the slot of the pixel whose match it is, or
+    /// [`NO_OWNER`].
     pub match_owners: &'a [u32],
     /// The free pixels, from top to bottom.
     pub runs: &'a [Run],

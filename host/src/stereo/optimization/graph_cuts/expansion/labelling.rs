@@ -16,7 +16,8 @@ use crate::stereo::optimization::graph_cuts::{
     pixel::{Label, OCCLUDED, Pixel},
 };
 
-/// The labels of an image's pixels, whose energy falls from move to move. All per-pixel arrays but one are in the padded layout.
+/// The labels of an image's pixels, whose energy falls from move to move. All per-pixel arrays but one are in
+/// the padded layout.
 #[derive(Debug)]
 pub struct Labelling<'a> {
     pub(super) energy: &'a Energy,
@@ -29,12 +30,13 @@ pub struct Labelling<'a> {
     data: Vec<i32>,
     /// The data costs of the label that is tried.
     proposed_data: Vec<i32>,
-    /// With Potts smoothness, the [codes](Energy::potts_codes) of the labels, two bits for each arc to a neighbour; empty otherwise.
+    /// With Potts smoothness, the [codes](Energy::potts_codes) of the labels, two bits for each arc to a
+    /// neighbour; empty otherwise.
     potts_codes: Vec<u8>,
     /// The Potts codes of the label that is tried.
     proposed_potts_codes: Vec<u8>,
-    /// With unique matches, for each pixel of the view, row by row without padding: the slot of the pixel whose match it is, or
-    /// [`NO_OWNER`]. Empty otherwise.
+    /// With unique matches, for each pixel of the view, row by row without padding: the slot of the pixel
+    /// whose match it is, or [`NO_OWNER`]. Empty otherwise.
     pub(super) match_owners: Vec<u32>,
     bands: Vec<Band>,
     total: i64,
@@ -52,8 +54,9 @@ pub struct LabelChange {
 }
 
 impl<'a> Labelling<'a> {
-    /// The labelling closest to `labels` that satisfies the constraints. With unique matches, a pixel whose match lies outside the
-    /// view or is taken becomes occluded. With capped occlusions, occluded pixels take a label from their row.
+    /// The labelling closest to `labels` that satisfies the constraints. With unique matches, a pixel whose
+    /// match lies outside the view or is taken becomes occluded. With capped occlusions, occluded pixels take
+    /// a label from their row.
     ///
     /// # Panics
     /// If there is not one label per pixel.
@@ -129,14 +132,16 @@ impl<'a> Labelling<'a> {
         self.total
     }
 
-    /// Makes the best move to `label`: gives it to those pixels by which the energy falls most, and occludes pixels that have their
-    /// matches. Only pixels change whose column and row `is_free` accepts. Returns the changes: none if the energy cannot fall.
+    /// Makes the best move to `label`: gives it to those pixels by which the energy falls most, and occludes
+    /// pixels that have their matches. Only pixels change whose column and row `is_free` accepts. Returns the
+    /// changes: none if the energy cannot fall.
     pub fn expand(&mut self, label: Label, is_free: impl Fn(usize, usize) -> bool) -> &[LabelChange] {
         let rows = 0..self.energy.size()[1];
         self.expand_bands(label, &[rows], is_free)
     }
 
-    /// Makes the best move of each of `bands`, which are ordered from top to bottom with at least one row between any two.
+    /// Makes the best move of each of `bands`, which are ordered from top to bottom with at least one row
+    /// between any two.
     pub(super) fn expand_bands(
         &mut self,
         label: Label,
@@ -158,7 +163,8 @@ impl<'a> Labelling<'a> {
         let stride = padding::stride(width);
         let data = self.proposed_data.par_chunks_exact_mut(stride).skip(rows.start + 1).take(rows.len()).zip(rows.clone());
         data.for_each(|(row, v)| self.energy.data_costs(v, label, &mut row[1..=width]));
-        // The codes of a pixel and the one below it are kept with the upper pixel, so those of the previous row are needed too.
+        // The codes of a pixel and the one below it are kept with the upper pixel, so those of the previous
+        // row are needed too.
         let rows = rows.start.saturating_sub(1)..rows.end;
         let codes = self.proposed_potts_codes.par_chunks_exact_mut(stride).skip(rows.start + 1).take(rows.len()).zip(rows);
         codes.for_each(|(row, v)| self.energy.potts_codes(v, label, &mut row[1..=width]));
@@ -298,7 +304,8 @@ impl<'a> Labelling<'a> {
     }
 }
 
-/// Gives occluded pixels of a row the label before them. Those at its start take the first label of the row, or 0 if it has none.
+/// Gives occluded pixels of a row the label before them. Those at its start take the first label of the row,
+/// or 0 if it has none.
 fn fill_occluded(row: &mut [Label]) {
     let mut last = row.iter().copied().find(|label| *label != OCCLUDED).unwrap_or_default();
     for label in row {

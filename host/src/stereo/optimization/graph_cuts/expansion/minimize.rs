@@ -16,13 +16,14 @@ use crate::{
     },
 };
 
-/// The least height in rows, about, of the bands that an image is split into. Each split costs some energy and further moves. The
-/// bands do not depend on the number of threads, and so neither does the result.
+/// The least height in rows, about, of the bands that an image is split into. Each split costs some energy
+/// and further moves. The bands do not depend on the number of threads, and so neither does the result.
 const MIN_BAND_ROWS: usize = 256;
 
 impl Labelling<'_> {
-    /// Tries `labels` in a random order determined by `seed`, again and again, until none of them lowers the energy or at most `sweeps`
-    /// times. A label is tried again only near pixels where something has changed that the outcome depends on.
+    /// Tries `labels` in a random order determined by `seed`, again and again, until none of them lowers the
+    /// energy or at most `sweeps` times. A label is tried again only near pixels where something has changed
+    /// that the outcome depends on.
     pub fn minimize(&mut self, labels: &[Label], sweeps: usize, seed: u64, progress: &dyn Progress) {
         let mut order: Vec<Label> = labels.to_vec();
         fastrand::Rng::with_seed(seed).shuffle(&mut order);
@@ -51,8 +52,8 @@ impl Labelling<'_> {
         }
     }
 
-    /// The cells that may have to change so that pixels of `cells` can take a label: those around them, and those of the pixels that own
-    /// their matches.
+    /// The cells that may have to change so that pixels of `cells` can take a label: those around them, and
+    /// those of the pixels that own their matches.
     fn affected(&self, cells: &CellSet, label: Label) -> CellSet {
         let mut affected = cells.dilated();
         if self.energy.occlusion_rule() == Occlusion::Unique {
@@ -70,7 +71,8 @@ impl Labelling<'_> {
         affected
     }
 
-    /// The bands of rows that some cells are moved in. Unique matches along columns tie all rows together, so there is one band.
+    /// The bands of rows that some cells are moved in. Unique matches along columns tie all rows together, so
+    /// there is one band.
     fn split(&self, cells: &CellSet) -> Vec<Range<usize>> {
         let [_, height] = self.energy.size();
         let are_rows_tied = self.energy.occlusion_rule() == Occlusion::Unique && !self.energy.view().is_horizontal();
@@ -78,7 +80,8 @@ impl Labelling<'_> {
         cells.bands(height, height.div_ceil(count))
     }
 
-    /// Makes trials of label number `i` due at the rows between bands, where it was not tried, and at the rows below those.
+    /// Makes trials of label number `i` due at the rows between bands, where it was not tried, and at the
+    /// rows below those.
     fn mark_band_borders(&self, trials: &mut Trials, i: usize, cells: &CellSet, bands: &[Range<usize>]) {
         let [width, _] = self.energy.size();
         for border in bands.windows(2).filter(|bands| bands[0].end + 1 == bands[1].start).map(|bands| bands[0].end) {
@@ -89,8 +92,9 @@ impl Labelling<'_> {
         }
     }
 
-    /// Makes trials due after the last move: of all labels at the pixels that changed and their neighbours, and of the labels in `order`
-    /// at which a pixel would compete with one of these for its old or new match.
+    /// Makes trials due after the last move: of all labels at the pixels that changed and their neighbours,
+    /// and of the labels in `order` at which a pixel would compete with one of these for its old or new
+    /// match.
     fn mark_changes(&self, trials: &mut Trials, order: &[Label]) {
         let [width, height] = self.energy.size();
         let view = self.energy.view();

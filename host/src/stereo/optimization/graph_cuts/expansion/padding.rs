@@ -1,4 +1,5 @@
-//! The padded layout: per-pixel arrays with a border of one pixel around the image, so that every pixel has four neighbours.
+//! The padded layout: per-pixel arrays with a border of one pixel around the image, so that every pixel has
+//! four neighbours.
 //!
 //! A *slot* is an index into such an array.
 

@@ -44,13 +44,15 @@ pub const TAKE_NODE: usize = 1;
 pub const TO_SIBLING: usize = 4;
 /// The arc between the nodes of two pixels that compete for one match.
 pub const TO_RIVAL: usize = 5;
-/// The first arc from a node to the nodes of the other kind of its neighbours, in the order of [`TO_RIGHT`] and [`TO_BELOW`].
+/// The first arc from a node to the nodes of the other kind of its neighbours, in the order of [`TO_RIGHT`]
+/// and [`TO_BELOW`].
 pub const TO_OTHER_KIND: usize = 6;
 
 /// The graph for unique matches: two nodes per slot, [`DROP_NODE`] and [`TAKE_NODE`].
 ///
-/// Each node has arcs to the nodes of its own kind of the pixel's neighbours, to its sibling and to a rival. With `CROSSED`, it also
-/// has arcs to the nodes of the other kind of the neighbours, which linear smoothness needs.
+/// Each node has arcs to the nodes of its own kind of the pixel's neighbours, to its sibling and to a rival.
+/// With `CROSSED`, it also has arcs to the nodes of the other kind of the neighbours, which linear smoothness
+/// needs.
 #[derive(Clone, Debug)]
 pub struct UniqueTopology<const CROSSED: bool> {
     nodes: usize,

@@ -51,8 +51,8 @@ impl CellSet {
 
     /// Bands of image rows that cover the set, from top to bottom, with at least one row between any two.
     ///
-    /// No band is higher than `max_height` and one cell, and two successive bands together are higher than `max_height`. Bands that
-    /// would touch are separated by leaving out the last row of the upper one.
+    /// No band is higher than `max_height` and one cell, and two successive bands together are higher than
+    /// `max_height`. Bands that would touch are separated by leaving out the last row of the upper one.
     pub fn bands(&self, height: usize, max_height: usize) -> Vec<Range<usize>> {
         let mut bands: Vec<Range<usize>> = Vec::new();
         for (row, _) in self.cells.chunks_exact(self.columns).enumerate().filter(|(_, cells)| cells.contains(&true)) {
@@ -76,7 +76,8 @@ impl Trials {
         Trials { columns, rows, due: vec![true; columns * rows * labels] }
     }
 
-    /// Takes the cells in which a trial of label number `label` is due, or `None` if there are none. It is not due there any more.
+    /// Takes the cells in which a trial of label number `label` is due, or `None` if there are none. It is
+    /// not due there any more.
     pub fn take(&mut self, label: usize) -> Option<CellSet> {
         let Trials { columns, rows, ref mut due } = *self;
         let due = &mut due[label * columns * rows..][..columns * rows];

@@ -1,5 +1,5 @@
-//! The best move with unique matches: every free pixel keeps its label, becomes occluded or takes the new label, and no two pixels
-//! have the same match (Kolmogorov and Zabih 2001).
+//! The best move with unique matches: every free pixel keeps its label, becomes occluded or takes the new
+//! label, and no two pixels have the same match (Kolmogorov and Zabih 2001).
 
 use super::{
     expansion_move::{
@@ -20,8 +20,8 @@ use crate::stereo::{
 
 /// A capacity that no flow exhausts.
 const UNBOUNDED: i32 = 1 << 28;
-// The flow through a node is at most twice its data term and its smoothness terms with four neighbours. With two unbounded
-// capacities that stays within 32 bits.
+// The flow through a node is at most twice its data term and its smoothness terms with four neighbours. With
+// two unbounded capacities that stays within 32 bits.
 const _: () = {
     let scale = (Intervals::STEPS * 3 * 12) as i64;
     let cost = GraphCuts::MAX_COST as i64 * scale;
@@ -31,10 +31,12 @@ const _: () = {
 /// The smoothness term of two neighbours, by the [`Outcome`]s of the first and of the second.
 type PairCosts = [[i32; 3]; 3];
 
-/// Raises the costs at which just one of two pixels keeps its label, until the table is submodular and can be cut.
+/// Raises the costs at which just one of two pixels keeps its label, until the table is submodular and can be
+/// cut.
 ///
-/// With linear smoothness it may not be: two pixels that keep different labels pay for their step, but a pixel next to an occluded one
-/// does not. The cut then overestimates the cost of some moves, but not that of changing nothing, so the energy still falls.
+/// With linear smoothness it may not be: two pixels that keep different labels pay for their step, but a
+/// pixel next to an occluded one does not. The cut then overestimates the cost of some moves, but not that of
+/// changing nothing, so the energy still falls.
 fn make_submodular(mut costs: PairCosts) -> PairCosts {
     let deficit = costs[0][0] + costs[1][1] - costs[0][1] - costs[1][0];
     if deficit > 0 {
@@ -73,8 +75,8 @@ impl ExpansionMove<'_> {
         }
     }
 
-    /// Adds the data terms of a run, and the constraints: a pixel drops its label before it takes another, and the owner of a match
-    /// drops its label before another pixel takes that match.
+    /// Adds the data terms of a run, and the constraints: a pixel drops its label before it takes another,
+    /// and the owner of a match drops its label before another pixel takes that match.
     #[inline(always)]
     fn add_data<const CROSSED: bool>(&self, run: &Run, graph: &mut MaxFlow<UniqueTopology<CROSSED>>) {
         let ExpansionMove { energy, label, .. } = *self;
@@ -138,8 +140,9 @@ impl ExpansionMove<'_> {
             graph.add_terminal(node2 + kind, costs[0][kind + 1] - costs[0][kind]);
         }
         for (kind1, kind2) in [(DROP_NODE, DROP_NODE), (DROP_NODE, TAKE_NODE), (TAKE_NODE, DROP_NODE), (TAKE_NODE, TAKE_NODE)] {
-            // How much less it costs to move both nodes to the sink's side than to move each alone: the capacity between them.
-            // It is split between both directions such that little remains to flow from the source and to the sink.
+            // How much less it costs to move both nodes to the sink's side than to move each alone: the
+            // capacity between them. It is split between both directions such that little remains to flow
+            // from the source and to the sink.
             let saved = costs[kind1][kind2 + 1] + costs[kind1 + 1][kind2] - costs[kind1][kind2] - costs[kind1 + 1][kind2 + 1];
             if saved == 0 {
                 continue;
@@ -155,8 +158,8 @@ impl ExpansionMove<'_> {
         }
     }
 
-    /// Adds the Potts smoothness term of two free neighbours. Each pixel pays for the label that it keeps unless its neighbour keeps the
-    /// same, and for the new label if it takes it and its neighbour does not.
+    /// Adds the Potts smoothness term of two free neighbours. Each pixel pays for the label that it keeps
+    /// unless its neighbour keeps the same, and for the new label if it takes it and its neighbour does not.
     #[inline(always)]
     fn add_potts_pair<const CROSSED: bool>(&self, neighbors: Neighbors, graph: &mut MaxFlow<UniqueTopology<CROSSED>>) {
         let Neighbors { first, second, .. } = neighbors;

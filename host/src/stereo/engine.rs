@@ -4,8 +4,8 @@ use multiscopic_core::{Disparity, Frame, Matcher, Memory, Params, Region, Search
 use rayon::prelude::*;
 
 use super::{
+    lanes::Vectors,
     simd::{Simd, Task},
-    vector::Vectors,
 };
 use crate::{
     error::{Error, Result},
@@ -20,8 +20,8 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// An engine with a set of vector instructions, by default the [fastest](Simd::fastest) for each search, and a number of
-    /// threads, 0 for one per core.
+    /// An engine with a set of vector instructions, by default the [fastest](Simd::fastest) for each search,
+    /// and a number of threads, 0 for one per core.
     ///
     /// # Errors
     /// If the threads cannot be started.
@@ -62,15 +62,16 @@ impl Engine {
         }
     }
 
-    /// Block matching by the core: the centre of `frames` with the views of `params`. Calls `line_done` after each line, from any
-    /// thread.
+    /// Block matching by the core: the centre of `frames` with the views of `params`. Calls `line_done` after
+    /// each line, from any thread.
     ///
     /// # Errors
     /// As [`check`](Engine::check).
     pub fn disparities(&self, frames: &Frames, params: &Params, line_done: impl Fn() + Sync) -> Result<DisparityMap> {
         self.check(frames, params.search())?;
         let mut map = DisparityMap::filled(params.width(), params.height(), None);
-        // Each band primes its column sums with a block's height of lines. The fewer the bands, the less of that.
+        // Each band primes its column sums with a block's height of lines. The fewer the bands, the less of
+        // that.
         let height = params.height().div_ceil(self.threads());
         let bands: Vec<Region> = Region::bands(params, height).collect();
         let simd = self.simd(params.search());

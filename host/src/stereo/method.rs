@@ -23,8 +23,8 @@ use crate::{
     progress::Progress,
 };
 
-/// A stereo method: a choice for each of the four steps (Scharstein and Szeliski 2002). Costs are fused over the views before all
-/// other steps, so that these cost the same for any number of views.
+/// A stereo method: a choice for each of the four steps (Scharstein and Szeliski 2002). Costs are fused over
+/// the views before all other steps, so that these cost the same for any number of views.
 ///
 /// | method | cost | aggregation | optimizer |
 /// | --- | --- | --- | --- |
@@ -34,8 +34,8 @@ use crate::{
 /// | `mccnn-fast` | [`McCnn`](CostFunction::McCnn) | none | [`EdgeAware`](Optimizer::EdgeAware) |
 /// | `mccnn-accurate` | [`McCnn`](CostFunction::McCnn) | [`Aggregation`] | [`EdgeAware`](Optimizer::EdgeAware) |
 ///
-/// Other pairs work too: the census and Birchfield-Tomasi costs with winner-takes-all and semi-global matching, and those of
-/// MC-CNN with winner-takes-all, with or without aggregation.
+/// Other pairs work too: the census and Birchfield-Tomasi costs with winner-takes-all and semi-global
+/// matching, and those of MC-CNN with winner-takes-all, with or without aggregation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Method {
     /// How much a pixel differs from its match.
@@ -91,8 +91,8 @@ impl Method {
     /// Estimates the disparities of the centre of `frames`.
     ///
     /// # Errors
-    /// If `search` asks for frames of another size or for views that are missing, if a step's parameters do not fit the search, or
-    /// if the steps do not go together.
+    /// If `search` asks for frames of another size or for views that are missing, if a step's parameters do
+    /// not fit the search, or if the steps do not go together.
     pub fn disparities(
         &self,
         engine: &Engine,

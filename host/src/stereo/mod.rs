@@ -1,8 +1,10 @@
-//! Stereo matching in its four steps (Scharstein and Szeliski 2002): matching cost, aggregation, optimization, refinement.
+//! Stereo matching in its four steps (Scharstein and Szeliski 2002): matching cost, aggregation,
+//! optimization, refinement.
 //!
 //! | room | what it is |
 //! | --- | --- |
-//! | [`vector`], [`Simd`] | vector instructions, detected on this processor |
+//! | [`lanes`] | vectors of 32 lanes |
+//! | [`Simd`] | the vector instructions of this processor |
 //! | [`Engine`] | threads and vectors; block matching by the core, which is all four steps in one |
 //! | [`cost`] | how much a pixel differs from its match, fused over the views |
 //! | [`aggregation`] | costs averaged over a support region |
@@ -13,11 +15,11 @@
 pub mod aggregation;
 pub mod cost;
 mod engine;
+pub mod lanes;
 mod method;
 pub mod optimization;
 pub mod refinement;
 mod simd;
-pub mod vector;
 
 pub use cost::Volume;
 pub use engine::Engine;

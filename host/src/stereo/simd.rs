@@ -1,7 +1,7 @@
-//! The core with the widest vectors that this processor has.
+//! Sets of vector instructions, detected at run time.
 //!
-//! Unsafe here is only vouching for what the
-//! processor has, once that was detected.
+//! The only unsafe code makes the tokens of the core's kernels, once the features that they need are
+//! detected.
 #![allow(unsafe_code)]
 
 use std::fmt;
@@ -12,9 +12,9 @@ use multiscopic_core::kernel::Neon;
 use multiscopic_core::kernel::{Avx2, Avx512};
 use multiscopic_core::kernel::{Blocks, Portable};
 
-use super::vector::Vectors;
+use super::lanes::Vectors;
 
-/// As many lanes as the compiler makes vectors of, on any processor.
+/// The portable kernel, with lanes that the compiler vectorises on any processor.
 type Baseline = Portable<8>;
 
 /// Whether this processor has a feature that a kernel needs.
@@ -31,7 +31,7 @@ fn is_detected(feature: &str) -> bool {
     detect!("avx2" "avx512f" "avx512bw" "avx512dq" "avx512vl" "bmi1" "bmi2" "lzcnt" "popcnt")
 }
 
-/// A set of vector instructions, which this processor has.
+/// A set of vector instructions that this processor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Simd(Level);
 
@@ -46,20 +46,20 @@ enum Level {
     Baseline,
 }
 
-/// What can be done with any instruction set of the core.
+/// A computation that is generic over the core's sets of vector instructions.
 pub trait Task {
-    /// What comes of it.
+    /// Its result.
     type Output;
 
-    /// Does it with `isa`, which this processor has.
+    /// Computes it with `isa`.
     fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, isa: I) -> Self::Output;
 }
 
 impl Simd {
-    /// What every processor of this architecture has.
+    /// The instructions that every processor of this architecture has.
     pub const BASELINE: Simd = Simd(Level::Baseline);
 
-    /// All that this processor has, the widest first.
+    /// All sets that this processor has, the widest first.
     pub fn available() -> Vec<Simd> {
         let mut levels = Vec::new();
         #[cfg(target_arch = "x86_64")]
@@ -77,26 +77,27 @@ impl Simd {
         levels
     }
 
-    /// The fastest of this processor for a number of disparities: the widest, unless half of its lanes would be idle.
+    /// The fastest set for a number of disparities: the widest of which more than half of the lanes are used.
     pub fn fastest(num_disparities: usize) -> Simd {
         let available = Simd::available();
         available.iter().copied().find(|simd| num_disparities > simd.lanes() / 2).unwrap_or(available[available.len() - 1])
     }
 
-    /// Disparities that are computed at a time.
+    /// The number of disparities that are computed at a time.
     fn lanes(self) -> usize {
-        self.run(Lanes)
+        self.run(CountLanes)
     }
 
-    /// The level of that name, if this processor has it.
+    /// The set called `name`, if this processor has it.
     pub fn named(name: &str) -> Option<Simd> {
         Simd::available().into_iter().find(|simd| simd.to_string() == name)
     }
 
-    /// Does `task` with the core's instruction set of this level.
+    /// Runs `task` with this set.
     pub fn run<T: Task>(self, task: T) -> T::Output {
         match self.0 {
-            // SAFETY: `available` has detected every feature that the kernel names.
+            // SAFETY: `available` has detected every feature that the token names, and nothing else makes
+            // this level.
             #[cfg(target_arch = "x86_64")]
             Level::Avx512 => task.run(unsafe { Avx512::new() }),
             // SAFETY: as above.
@@ -123,10 +124,10 @@ impl fmt::Display for Simd {
     }
 }
 
-/// Tells how many disparities are computed at a time.
-struct Lanes;
+/// Counts the disparities that are computed at a time.
+struct CountLanes;
 
-impl Task for Lanes {
+impl Task for CountLanes {
     type Output = usize;
 
     fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, _isa: I) -> usize {

@@ -1,7 +1,8 @@
 //! Cross-based cost aggregation: costs are averaged over a support region of similar pixels.
 //!
-//! K. Zhang, J. Lu and G. Lafruit, "Cross-based local stereo matching using orthogonal integral images", 2009, as J. Žbontar and Y. LeCun,
-//! "Stereo matching by training a convolutional neural network to compare image patches", 2016, use it (section 4.1).
+//! K. Zhang, J. Lu and G. Lafruit, "Cross-based local stereo matching using orthogonal integral images",
+//! 2009, as J. Žbontar and Y. LeCun, "Stereo matching by training a convolutional neural network to compare
+//! image patches", 2016, use it (section 4.1).
 
 use multiscopic_core::{Search, View};
 use rayon::prelude::*;
@@ -11,17 +12,21 @@ use crate::{
     stereo::cost::{Cost, Volume},
 };
 
-/// The support region of a pixel: a cross of similar pixels, whose vertical arm carries the horizontal arms of its pixels.
+/// The support region of a pixel: a cross of similar pixels, whose vertical arm carries the horizontal arms
+/// of its pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SupportRegion {
-    /// An arm ends where the brightness differs from the pixel's by this or more (`cbca_intensity`). Next neighbours always belong.
+    /// An arm ends where the brightness differs from the pixel's by this or more (`cbca_intensity`). Next
+    /// neighbours always belong.
     pub intensity: f32,
-    /// An arm stays shorter than this, in pixels (`cbca_distance`). With 0 or 1 it holds the next neighbour alone.
+    /// An arm stays shorter than this, in pixels (`cbca_distance`). With 0 or 1 it holds the next neighbour
+    /// alone.
     pub distance: u16,
 }
 
 impl SupportRegion {
-    /// The published values of the accurate network on Middlebury, for images of mean 0 and standard deviation 1.
+    /// The published values of the accurate network on Middlebury, for images of mean 0 and standard
+    /// deviation 1.
     pub const ACCURATE: SupportRegion = SupportRegion { intensity: 0.02, distance: 14 };
 }
 
@@ -30,7 +35,8 @@ impl SupportRegion {
 pub struct Aggregation {
     /// The support region.
     pub region: SupportRegion,
-    /// How often costs are aggregated before the optimization, and after it (`cbca_num_iterations_1` and `_2`).
+    /// How often costs are aggregated before the optimization, and after it (`cbca_num_iterations_1` and
+    /// `_2`).
     pub iterations: [usize; 2],
 }
 
@@ -86,8 +92,9 @@ impl Crosses {
 
 /// Cross-based aggregation for a centre and its views.
 ///
-/// The arms of a candidate are the shortest of the pixel's in the centre and of its match's in every view that sees it. Its support
-/// region is the horizontal arms of all pixels on its vertical arm. With one view this is what Žbontar and LeCun do.
+/// The arms of a candidate are the shortest of the pixel's in the centre and of its match's in every view
+/// that sees it. Its support region is the horizontal arms of all pixels on its vertical arm. With one view
+/// this is what Žbontar and LeCun do.
 #[derive(Debug)]
 pub struct CrossBased<'a> {
     search: &'a Search,
@@ -96,17 +103,18 @@ pub struct CrossBased<'a> {
 }
 
 impl<'a> CrossBased<'a> {
-    /// The crosses of `center` and of `views`, which follow the order of the views of `search`. All images have the size of
-    /// `search`; their brightness has the scale of `region`.
+    /// The crosses of `center` and of `views`, which follow the order of the views of `search`. All images
+    /// have the size of `search`; their brightness has the scale of `region`.
     pub fn new(search: &'a Search, center: &Raster<f32>, views: &[Raster<f32>], region: SupportRegion) -> CrossBased<'a> {
         let views = search.views().iter().zip(views).map(|(view, image)| (view, Crosses::new(image, region))).collect();
         CrossBased { search, center: Crosses::new(center, region), views }
     }
 
-    /// Writes the mean of `costs` over the support region of each candidate to `aggregated`. Candidates that do not exist stay so,
-    /// and do not count.
+    /// Writes the mean of `costs` over the support region of each candidate to `aggregated`. Candidates that
+    /// do not exist stay so, and do not count.
     ///
-    /// Bands of rows run in parallel. Each thread keeps running sums for the rows of two arms, 16 bytes for each cost.
+    /// Bands of rows run in parallel. Each thread keeps running sums for the rows of two arms, 16 bytes for
+    /// each cost.
     ///
     /// # Panics
     /// If a volume has another size than the search.
@@ -130,7 +138,8 @@ impl<'a> CrossBased<'a> {
             usize::from(rows.map(arm).max().unwrap_or_default())
         };
         let (up, down) = (longest(|arms| arms.up), longest(|arms| arms.down));
-        // A ring of running sums down the columns: one before the first row, and one after each row that an arm may reach.
+        // A ring of running sums down the columns: one before the first row, and one after each row that an
+        // arm may reach.
         let kept = up + down + 2;
         let mut sums = vec![Sum::default(); kept * row];
         let start = first.saturating_sub(up);

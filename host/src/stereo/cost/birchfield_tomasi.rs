@@ -1,18 +1,19 @@
 //! The pixel dissimilarity of Birchfield and Tomasi, which is insensitive to image sampling.
 //!
-//! This is the variant of Kolmogorov and Zabih that the paper uses (eq. 3 and 4). At a pixel, an image takes every value between the
-//! least and the greatest of the pixel itself and the points half way to its four neighbours. The cost of a match is the distance
-//! from a pixel's value to the interval of its match, or the other way round, whichever is less (Birchfield and Tomasi, "A pixel
-//! dissimilarity measure that is insensitive to image sampling", 1998). Channels of colour are summed.
+//! This is the variant of Kolmogorov and Zabih that the paper uses (eq. 3 and 4). At a pixel, an image takes
+//! every value between the least and the greatest of the pixel itself and the points half way to its four
+//! neighbours. The cost of a match is the distance from a pixel's value to the interval of its match, or the
+//! other way round, whichever is less (Birchfield and Tomasi, "A pixel dissimilarity measure that is
+//! insensitive to image sampling", 1998). Channels of colour are summed.
 
 use image::{GrayImage, RgbImage};
 use multiscopic_core::{Frame, Search, View};
 
 use super::{
+    cost_rows::{Cost, CostRows},
     matches::RowMatches,
-    rows::{Cost, CostRows},
 };
-use crate::{images::Frames, stereo::vector::Vectors};
+use crate::{images::Frames, stereo::lanes::Vectors};
 
 /// The matching cost, and what it is computed of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,8 +131,9 @@ impl Intervals {
         self.channels.len()
     }
 
-    /// The costs of the pixels of row `v` of this image, the centre, with their matches in `other`, a view, at disparity `d`: the sum
-    /// over the channels, at most 1530, and [`NONE`](Intervals::NONE) where the match lies outside.
+    /// The costs of the pixels of row `v` of this image, the centre, with their matches in `other`, a view,
+    /// at disparity `d`: the sum over the channels, at most 1530, and [`NONE`](Intervals::NONE) where the
+    /// match lies outside.
     ///
     /// # Panics
     /// If the images differ in size or channels, or `costs` is not a row.
@@ -146,8 +148,8 @@ impl Intervals {
         self.span_costs(other, v * self.width + columns.start, first, &mut costs[columns]);
     }
 
-    /// The costs of row `v`, from `margin` columns before the image to as many after it, where the image and `other` are extended beyond
-    /// their borders by replication; the row may lie outside too.
+    /// The costs of row `v`, from `margin` columns before the image to as many after it, where the image and
+    /// `other` are extended beyond their borders by replication; the row may lie outside too.
     ///
     /// # Panics
     /// If the images differ in size or channels, or `costs` is not a row and its margins.
@@ -159,7 +161,8 @@ impl Intervals {
         assert_eq!(costs.len(), self.width + 2 * margin, "a row of costs");
         let clamp = |place: isize, size: isize| place.clamp(0, size - 1);
         let [here, there] = [v, v + dv].map(|v| clamp(v, height) * width);
-        // In the middle, pixels and matches both lie inside: these go as one span. The rest is clamped one by one.
+        // In the middle, pixels and matches both lie inside: these go as one span. The rest is clamped one by
+        // one.
         let place = |column: isize| (column + margin as isize).clamp(0, costs.len() as isize) as usize;
         let (start, end) = (place(0.max(-du)), place(width.min(width - du)));
         let end = end.max(start);
@@ -179,7 +182,8 @@ impl Intervals {
         assert_eq!(found, expected, "images of one kind");
     }
 
-    /// The costs of pixels side by side, by their places among all: from `here` on with those of `other` from `there` on.
+    /// The costs of pixels side by side, by their places among all: from `here` on with those of `other` from
+    /// `there` on.
     #[inline(always)]
     fn span_costs(&self, other: &Intervals, here: usize, there: usize, costs: &mut [i16]) {
         costs.fill(0);

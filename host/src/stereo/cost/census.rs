@@ -1,8 +1,8 @@
 //! Matching costs by the centre-symmetric census transform.
 //!
-//! A descriptor has one bit for each pair of opposite pixels in a window: which of the two is brighter (Spangenberg, Langner and
-//! Rojas, "Weighted semi-global matching and center-symmetric census transform for robust driver assistance", 2013). The cost of a
-//! match is the Hamming distance of the descriptors.
+//! A descriptor has one bit for each pair of opposite pixels in a window: which of the two is brighter
+//! (Spangenberg, Langner and Rojas, "Weighted semi-global matching and center-symmetric census transform for
+//! robust driver assistance", 2013). The cost of a match is the Hamming distance of the descriptors.
 
 use std::ops::Range;
 
@@ -10,10 +10,10 @@ use image::GrayImage;
 use multiscopic_core::{Frame, Fusion, Search, View};
 use rayon::prelude::*;
 
-use super::rows::CostRows;
+use super::cost_rows::CostRows;
 use crate::{
     images::Frames,
-    stereo::vector::{LANES, Vector, Vectors},
+    stereo::lanes::{LANES, Vector, Vectors},
 };
 
 /// The window of the transform.
@@ -44,13 +44,15 @@ impl Census {
         }
     }
 
-    /// The penalties P1 and P2 of semi-global matching that suit this window: a quarter of its bits, and six times that.
+    /// The penalties P1 and P2 of semi-global matching that suit this window: a quarter of its bits, and six
+    /// times that.
     pub const fn default_penalties(self) -> [u16; 2] {
         let p1 = (self.bits() as u16 + 2) / 4;
         [p1, 6 * p1]
     }
 
-    /// The fused costs of `frames`. Computes the descriptors of all frames on the threads of the current pool.
+    /// The fused costs of `frames`. Computes the descriptors of all frames on the threads of the current
+    /// pool.
     ///
     /// # Panics
     /// If a view of `search` is missing.
@@ -118,8 +120,8 @@ impl Orientation {
     }
 }
 
-/// The census transform of an image: a descriptor for each pixel, line by line. The bytes of a line are planar: all first bytes,
-/// then all second bytes, and so on.
+/// The census transform of an image: a descriptor for each pixel, line by line. The bytes of a line are
+/// planar: all first bytes, then all second bytes, and so on.
 #[derive(Debug)]
 struct Descriptors {
     /// Pixels in a line.
@@ -134,7 +136,8 @@ struct Descriptors {
 }
 
 impl Descriptors {
-    /// The transform of an image turned to an `orientation`, with `[front, back]` pixels of zero padding around each line.
+    /// The transform of an image turned to an `orientation`, with `[front, back]` pixels of zero padding
+    /// around each line.
     fn new(image: &GrayImage, census: Census, orientation: Orientation, [front, back]: [usize; 2]) -> Descriptors {
         let reach = census.radius().into_iter().max().unwrap_or_default();
         let (width, height) = (image.width() as usize, image.height() as usize);
@@ -288,7 +291,7 @@ impl<'a, const BYTES: usize> Candidates<'a, BYTES> {
         for (block, bytes) in bytes.iter_mut().zip(self.bytes) {
             *block = bytes[first..].first_chunk().expect("lines are padded to whole blocks");
         }
-        let costs = isa.differing(center, bytes);
+        let costs = isa.hamming_distances(center, bytes);
         let Range { start, end } = self.available;
         if start == 0 && usize::from(end) == count && first + LANES <= count {
             return costs;
@@ -310,12 +313,12 @@ static INDICES: [u16; LANES] = {
     indices
 };
 
-/// The rules of [`Fusion::fuse`] in lanes, on the scale of the rule. A cost that does not exist is `u16::MAX`, which no other cost
-/// reaches.
+/// The rules of [`Fusion::fuse`] in lanes, on the scale of the rule. A cost that does not exist is
+/// `u16::MAX`, which no other cost reaches.
 #[inline(always)]
 fn fuse<I: Vectors, const V: usize>(isa: I, fusion: Fusion, mut costs: [I::Vector; V]) -> I::Vector {
-    let twice = |cost: I::Vector| cost.add(cost);
-    let thrice = |cost: I::Vector| cost.add(cost).add(cost);
+    let twice = |cost: I::Vector| cost.saturating_add(cost);
+    let thrice = |cost: I::Vector| cost.saturating_add(cost).saturating_add(cost);
     let none = isa.splat(u16::MAX);
     match fusion {
         Fusion::Min => costs.into_iter().fold(none, |least, cost| least.min(cost)),
@@ -323,8 +326,8 @@ fn fuse<I: Vectors, const V: usize>(isa: I, fusion: Fusion, mut costs: [I::Vecto
             let (zero, one) = (isa.splat(0), isa.splat(1));
             let (mut sum, mut count) = (zero, zero);
             for cost in costs {
-                sum = sum.add(none.if_greater(cost, cost, zero));
-                count = count.add(none.if_greater(cost, one, zero));
+                sum = sum.saturating_add(none.if_greater(cost, cost, zero));
+                count = count.saturating_add(none.if_greater(cost, one, zero));
             }
             let mean = count.if_greater(zero, twice(twice(thrice(sum))), none);
             let mean = count.if_greater(one, twice(thrice(sum)), mean);
@@ -340,8 +343,10 @@ fn fuse<I: Vectors, const V: usize>(isa: I, fusion: Fusion, mut costs: [I::Vecto
             }
             let at = |i: usize| if i < V { costs[i % V] } else { none };
             let (c1, c2, c3) = (at(0), at(1), at(2));
-            // A third cost that does not exist is above three times any second one, so the rule of two applies.
-            let several = c3.if_greater(thrice(c2), thrice(c1.add(c2)), twice(c1.add(c2).add(c3)));
+            // A third cost that does not exist is above three times any second one, so the rule of two
+            // applies.
+            let several =
+                c3.if_greater(thrice(c2), thrice(c1.saturating_add(c2)), twice(c1.saturating_add(c2).saturating_add(c3)));
             none.if_greater(c2, several, twice(thrice(c1)))
         }
     }

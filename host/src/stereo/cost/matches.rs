@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use multiscopic_core::View;
 
-/// The matches of a row's pixels at one disparity that lie inside a view: next to each other, as their pixels are.
+/// The matches of a row's pixels at one disparity that lie inside a view: next to each other, as their pixels
+/// are.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RowMatches {
     /// The columns of the pixels whose matches lie inside, at least one.
@@ -14,7 +15,8 @@ pub struct RowMatches {
 }
 
 impl RowMatches {
-    /// The matches of row `v` in `view` at disparity `d`, in images of `[width, height]` pixels; `None` if all lie outside.
+    /// The matches of row `v` in `view` at disparity `d`, in images of `[width, height]` pixels; `None` if
+    /// all lie outside.
     pub fn new([width, height]: [usize; 2], view: View, v: usize, d: i16) -> Option<RowMatches> {
         let (du, dv) = view.shift(d);
         let (du, dv) = (du as isize, dv as isize);

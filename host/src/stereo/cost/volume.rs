@@ -2,7 +2,7 @@
 
 use multiscopic_core::Fusion;
 
-use super::rows::Cost;
+use super::cost_rows::Cost;
 
 /// Fuses the costs of one to four `views`, each as long as `fused`, by [`Fusion::fuse`].
 ///
@@ -37,8 +37,8 @@ fn fuse_views<const V: usize>(fusion: Fusion, views: [&[f32]; V], fused: &mut [f
     }
 }
 
-/// A cost volume: `width` x `height` pixels with `num_disparities` costs each. Rows follow each other from the top; the costs of a
-/// pixel lie side by side, the smallest disparity first.
+/// A cost volume: `width` x `height` pixels with `num_disparities` costs each. Rows follow each other from
+/// the top; the costs of a pixel lie side by side, the smallest disparity first.
 ///
 /// A volume of 1390 x 1110 pixels and 60 disparities takes 370 MB in `f32`.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,7 @@
 //! Semi-global matching of real-valued costs, with penalties that are lowered at image edges.
 //!
-//! J. Žbontar and Y. LeCun, "Stereo matching by training a convolutional neural network to compare image patches", 2016, section 4.2.
+//! J. Žbontar and Y. LeCun, "Stereo matching by training a convolutional neural network to compare image
+//! patches", 2016, section 4.2.
 
 use multiscopic_core::{Search, View};
 use rayon::prelude::*;
@@ -33,9 +34,10 @@ impl Penalties {
 
 /// Paths from the left, right, top and bottom through the costs of a centre and its views.
 ///
-/// A candidate lies at an edge of the views if any view that sees it has an edge between its match and the match of the previous
-/// pixel on the path; an outside match of the previous pixel counts as an edge. With one view this is what Žbontar and LeCun do. (To
-/// require an edge in every view would keep penalties high at thin objects, which fewer views see before the same background.)
+/// A candidate lies at an edge of the views if any view that sees it has an edge between its match and the
+/// match of the previous pixel on the path; an outside match of the previous pixel counts as an edge. With
+/// one view this is what Žbontar and LeCun do. (To require an edge in every view would keep penalties high at
+/// thin objects, which fewer views see before the same background.)
 #[derive(Debug)]
 pub struct EdgeAware<'a> {
     search: &'a Search,
@@ -48,15 +50,17 @@ pub struct EdgeAware<'a> {
 type Back = [isize; 2];
 
 impl<'a> EdgeAware<'a> {
-    /// Paths through the costs of `center` and `views`, which follow the order of the views of `search`. All images have the size
-    /// of `search`.
+    /// Paths through the costs of `center` and `views`, which follow the order of the views of `search`. All
+    /// images have the size of `search`.
     pub fn new(search: &'a Search, penalties: Penalties, center: &'a Raster<f32>, views: &'a [Raster<f32>]) -> EdgeAware<'a> {
         EdgeAware { search, penalties, center, views: search.views().iter().zip(views).collect() }
     }
 
-    /// Writes the mean cost of the four paths to each candidate to `means`. Candidates that do not exist stay so.
+    /// Writes the mean cost of the four paths to each candidate to `means`. Candidates that do not exist stay
+    /// so.
     ///
-    /// Rows run in parallel, then columns. The order of each sum is fixed, so the bits do not depend on the threads.
+    /// Rows run in parallel, then columns. The order of each sum is fixed, so the bits do not depend on the
+    /// threads.
     ///
     /// # Panics
     /// If a volume has another size than the search.
@@ -67,21 +71,21 @@ impl<'a> EdgeAware<'a> {
         let row = costs.row_len();
         means.costs_mut().par_chunks_exact_mut(row).enumerate().for_each(|(v, sums)| {
             sums.fill(0.0);
-            let mut path = Path::new(count);
+            let mut path = PathState::new(count);
             for u in 0..width {
                 self.extend(&mut path, [u, v], [-1, 0], costs, &mut sums[u * count..][..count]);
             }
-            let mut path = Path::new(count);
+            let mut path = PathState::new(count);
             for u in (0..width).rev() {
                 self.extend(&mut path, [u, v], [1, 0], costs, &mut sums[u * count..][..count]);
             }
         });
-        let mut paths: Vec<Path> = (0..width).map(|_| Path::new(count)).collect();
+        let mut paths: Vec<PathState> = (0..width).map(|_| PathState::new(count)).collect();
         for (v, sums) in means.rows_mut().enumerate() {
             let pixels = paths.par_iter_mut().zip(sums.par_chunks_exact_mut(count)).enumerate().with_min_len(64);
             pixels.for_each(|(u, (path, sums))| self.extend(path, [u, v], [0, -1], costs, sums));
         }
-        paths.iter_mut().for_each(|path| *path = Path::new(count));
+        paths.iter_mut().for_each(|path| *path = PathState::new(count));
         for (v, sums) in means.rows_mut().enumerate().rev() {
             let pixels = paths.par_iter_mut().zip(sums.par_chunks_exact_mut(count)).enumerate().with_min_len(64);
             pixels.for_each(|(u, (path, sums))| {
@@ -92,9 +96,9 @@ impl<'a> EdgeAware<'a> {
     }
 
     /// Extends a path to a pixel, and adds its costs to `sums`.
-    fn extend(&self, path: &mut Path, [u, v]: [usize; 2], back: Back, costs: &Volume<f32>, sums: &mut [f32]) {
+    fn extend(&self, path: &mut PathState, [u, v]: [usize; 2], back: Back, costs: &Volume<f32>, sums: &mut [f32]) {
         let costs = costs.pixel(u, v);
-        let Path { before, after, least } = path;
+        let PathState { before, after, least } = path;
         let count = costs.len();
         if *least == f32::INFINITY {
             // The path starts here.
@@ -130,7 +134,8 @@ impl<'a> EdgeAware<'a> {
         })
     }
 
-    /// Whether an image has an edge between a pixel and the previous one on the path. If that lies outside, it is an edge.
+    /// Whether an image has an edge between a pixel and the previous one on the path. If that lies outside,
+    /// it is an edge.
     #[inline]
     fn is_edge(&self, image: &Raster<f32>, [x, y]: [isize; 2], [du, dv]: Back) -> bool {
         let before = [x + du, y + dv];
@@ -143,18 +148,19 @@ fn is_inside<T>(image: &Raster<T>, [x, y]: [isize; 2]) -> bool {
     x.cast_unsigned() < image.width() && y.cast_unsigned() < image.height()
 }
 
-/// The path costs of a pixel, and memory for those of the next one. Both are padded with an infinite cost at each end.
+/// The path costs of a pixel, and memory for those of the next one. Both are padded with an infinite cost at
+/// each end.
 #[derive(Debug)]
-struct Path {
+struct PathState {
     before: Vec<f32>,
     after: Vec<f32>,
     /// The least of `before`; infinite before the path has started, and where no candidate exists.
     least: f32,
 }
 
-impl Path {
-    fn new(count: usize) -> Path {
+impl PathState {
+    fn new(count: usize) -> PathState {
         let none = vec![f32::INFINITY; count + 2];
-        Path { before: none.clone(), after: none, least: f32::INFINITY }
+        PathState { before: none.clone(), after: none, least: f32::INFINITY }
     }
 }

@@ -9,8 +9,8 @@ use crate::{
     stereo::{
         cost::{Cost, CostRows, Volume},
         engine::Engine,
+        lanes::{LANES, Vectors},
         simd::Task,
-        vector::{LANES, Vectors},
     },
 };
 
@@ -77,10 +77,11 @@ impl<C: Cost> Volume<C> {
     }
 }
 
-/// The disparity of a pixel by its `costs`, one for each disparity of `search`, smallest first; any further ones are ignored.
+/// The disparity of a pixel by its `costs`, one for each disparity of `search`, smallest first; any further
+/// ones are ignored.
 ///
-/// The existing candidate of least cost wins; ties go to the smallest disparity. It is refined to the vertex of the parabola
-/// through its neighbours if both are in range and exist. These are the core's rules.
+/// The existing candidate of least cost wins; ties go to the smallest disparity. It is refined to the vertex
+/// of the parabola through its neighbours if both are in range and exist. These are the core's rules.
 #[inline(always)]
 pub fn disparity<C: Cost>(search: &Search, costs: &[C]) -> Option<Disparity> {
     let costs = &costs[..search.num_disparities()];

@@ -8,8 +8,9 @@ use crate::{
     images::DisparityMap,
 };
 
-/// A bilateral filter: the mean of the disparities in a window that differ from the middle one by less than a threshold, weighted
-/// by a Gaussian of their distance (Žbontar and LeCun 2016, section 4.4). The window ends at three standard deviations.
+/// A bilateral filter: the mean of the disparities in a window that differ from the middle one by less than a
+/// threshold, weighted by a Gaussian of their distance (Žbontar and LeCun 2016, section 4.4). The window ends
+/// at three standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bilateral {
     sigma: f64,
@@ -73,7 +74,8 @@ mod tests {
         assert_eq!(bilateral.apply(&flat), flat);
         let edge = map(4, &[64, 64, 192, 192, 64, 64, 192, 192]);
         assert_eq!(bilateral.apply(&edge), edge, "a difference of two pixels is not below the threshold");
-        // Two pixels a distance of 1 apart: the weight of the other is e^(-1/2), so that a share of 0.3775 of 100 comes over.
+        // Two pixels a distance of 1 apart: the weight of the other is e^(-1/2), so that a share of 0.3775 of
+        // 100 comes over.
         assert_eq!(bilateral.apply(&map(2, &[100, 200])), map(2, &[138, 162]));
         assert!(Bilateral::new(0.0, 1.0).is_err() && Bilateral::new(1.0, f64::NAN).is_err());
     }

@@ -10,8 +10,8 @@ use crate::{
 impl<C: Cost> Volume<C> {
     /// The disparities of the pixels of `view`, in whole pixels, by the costs of the centre.
     ///
-    /// A pixel of the view takes the candidate of least cost among those of the centre whose match it is; ties go to the smallest
-    /// disparity. It has none if it is the match of no candidate.
+    /// A pixel of the view takes the candidate of least cost among those of the centre whose match it is;
+    /// ties go to the smallest disparity. It has none if it is the match of no candidate.
     pub fn disparities_of(&self, search: &Search, view: View) -> Raster<Option<i16>> {
         let size = (self.width(), self.height());
         let mut least: Raster<Option<(C, i16)>> = Raster::filled(size.0, size.1, None);
@@ -32,8 +32,9 @@ impl<C: Cost> Volume<C> {
 
     /// Invalidates the pixels of `map` that no view confirms.
     ///
-    /// A view confirms a disparity if its own disparity at the match, by [`disparities_of`](Volume::disparities_of), differs by at
-    /// most `tolerance` pixels. Disparities are rounded to whole pixels first, halves away from zero.
+    /// A view confirms a disparity if its own disparity at the match, by
+    /// [`disparities_of`](Volume::disparities_of), differs by at most `tolerance` pixels. Disparities are
+    /// rounded to whole pixels first, halves away from zero.
     pub fn check_left_right(&self, search: &Search, map: &mut DisparityMap, tolerance: u16) {
         let size = (self.width(), self.height());
         let views: Vec<_> = search.views().iter().map(|view| (view, self.disparities_of(search, view))).collect();

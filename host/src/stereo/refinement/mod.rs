@@ -3,9 +3,9 @@
 mod bilateral;
 mod left_right;
 mod median;
-mod steps;
+mod refinements;
 mod window;
 
 pub use bilateral::Bilateral;
 pub use median::Median;
-pub use steps::Refinement;
+pub use refinements::Refinement;

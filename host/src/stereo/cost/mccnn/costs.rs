@@ -1,4 +1,4 @@
-//! Costs of matches.
+//! Matching costs of each view.
 
 use std::ops::Range;
 
@@ -13,15 +13,15 @@ use super::{
 };
 use crate::images::Frames;
 
-/// Pairs of pixels that are compared at a time by fully connected layers: so many stay in the second-level cache with a layer's
-/// weights.
+/// The pairs of pixels that fully connected layers compare at a time. As many fit the second-level cache
+/// beside a layer's weights.
 const PAIRS: usize = 84;
 
-/// The costs of matching a centre image with its views, band by band of rows, so that memory for features is bounded by a band's
-/// height.
+/// The matching costs of a centre image and its views. They are computed in bands of rows, so that the memory
+/// for features does not grow with the height of the image.
 ///
-/// The cost of a match is 1 minus the similarity of the patches around both pixels: from 0 (the same) to 2 by the fast network's
-/// cosine, and from 0 to 1 by the accurate network. It is +inf where the match lies outside the image.
+/// The cost of a match is 1 minus the similarity of the patches around both pixels: from 0 (equal) to 2 with
+/// the fast network, and from 0 to 1 with the accurate one. It is +inf where the match lies outside the view.
 #[derive(Clone, Debug)]
 pub struct Costs<'a> {
     network: &'a Network,
@@ -29,29 +29,29 @@ pub struct Costs<'a> {
     height: usize,
     min_disparity: i32,
     num_disparities: usize,
-    center: Source,
-    views: Vec<(View, Source)>,
+    center: RollingFeatures,
+    views: Vec<(View, RollingFeatures)>,
 }
 
-/// An image, and what its pixels are compared by in some of its rows.
+/// An image, and the operands of comparisons for those of its rows that are needed at the moment.
 #[derive(Clone, Debug)]
-struct Source {
+struct RollingFeatures {
     input: Input,
     operands: Features,
 }
 
 impl<'a> Costs<'a> {
-    /// The costs of the matches of `search`: its views and disparities. Its fusion is not used here.
+    /// The costs of the views and disparities of `search`, not fused.
     ///
     /// # Panics
-    /// If `search` were made for frames of another size or with views that are not there.
+    /// If the frames have another size than `search`, or a view is missing.
     pub fn new(network: &'a Network, frames: &Frames, search: &Search) -> Costs<'a> {
         assert_eq!(frames.size(), [search.width(), search.height()], "the size of the frames");
-        let source = |frame: Frame| {
+        let rolling = |frame: Frame| {
             let image = frames.get(frame).unwrap_or_else(|| panic!("there is no frame {frame:?}"));
             let input = Input::new(image);
             let operands = network.operands(&input, 0..0);
-            Source { input, operands }
+            RollingFeatures { input, operands }
         };
         Costs {
             network,
@@ -59,13 +59,14 @@ impl<'a> Costs<'a> {
             height: search.height(),
             min_disparity: search.min_disparity().into(),
             num_disparities: search.num_disparities(),
-            center: source(Frame::Center),
-            views: search.views().iter().map(|view| (view, source(Frame::View(view)))).collect(),
+            center: rolling(Frame::Center),
+            views: search.views().iter().map(|view| (view, rolling(Frame::View(view)))).collect(),
         }
     }
 
-    /// A good height of bands for the threads of the current pool: all are busy, and little is computed twice at borders of bands. What
-    /// the accurate network keeps of a pixel is twelve times as much, and next to its comparisons borders take little time.
+    /// A good height of bands for the threads of the current pool: it keeps all threads busy, and computes
+    /// little twice at the borders of bands. The accurate network gets lower bands. It stores twelve times as
+    /// much per pixel, and its borders take little time beside its comparisons.
     pub fn band_height(&self) -> usize {
         let threads = rayon::current_num_threads();
         match self.network.comparison() {
@@ -74,32 +75,34 @@ impl<'a> Costs<'a> {
         }
     }
 
-    /// Computes the costs of the pixels of `rows` by the threads of the current pool. `out` has a slice for each view, in the
-    /// order of [`Search::views`]: in it, row by row and pixel by pixel, the costs from the least disparity on.
+    /// Computes the costs of `rows` on the threads of the current pool. `out` has a slice for each view, in
+    /// the order of [`Search::views`], with the costs row by row and pixel by pixel, the smallest disparity
+    /// first.
     ///
-    /// Rows are best asked for from the top down, each once: what views above and below need again is kept.
+    /// It is fastest to ask for each row once, from top to bottom: rows of vertical views that are needed
+    /// again are kept.
     ///
     /// # Panics
-    /// If there are no such rows, or slices have other lengths.
+    /// If the image does not have these rows, or a slice has another length.
     pub fn fill(&mut self, rows: Range<usize>, out: &mut [&mut [f32]]) {
         assert!(rows.end <= self.height, "{rows:?} of {} rows", self.height);
         assert_eq!(out.len(), self.views.len(), "slices for views");
         let row = self.width * self.num_disparities;
         self.center.advance(self.network, rows.clone());
         let matched: Vec<Range<usize>> = self.views.iter().map(|(view, _)| self.rows_of(*view, &rows)).collect();
-        for (((view, source), matched), out) in self.views.iter_mut().zip(matched).zip(out) {
+        for (((view, image), matched), out) in self.views.iter_mut().zip(matched).zip(out) {
             assert_eq!(out.len(), rows.len() * row, "the costs of {rows:?}");
-            source.advance(self.network, matched);
+            image.advance(self.network, matched);
             out.fill(f32::INFINITY);
-            let pair = Pair {
+            let pair = ViewCosts {
                 view: *view,
                 height: self.height,
                 min_disparity: self.min_disparity,
                 num_disparities: self.num_disparities,
                 center: &self.center.operands,
-                matched: &source.operands,
+                matched: &image.operands,
             };
-            // A vertical view's lines are as long as a chunk is high.
+            // In vertical views, disparities move along columns, so a line is as long as its chunk is high.
             let height = rows.len().div_ceil(rayon::current_num_threads()).max(1);
             out.par_chunks_mut(height * row).enumerate().for_each(|(i, out)| {
                 let start = rows.start + i * height;
@@ -112,27 +115,28 @@ impl<'a> Costs<'a> {
         }
     }
 
-    /// The rows of a view in which the matches of `rows` are.
+    /// The rows of a view that have the matches of `rows`.
     fn rows_of(&self, view: View, rows: &Range<usize>) -> Range<usize> {
         if view.is_horizontal() {
             return rows.clone();
         }
         let ends = [self.min_disparity, self.min_disparity + self.num_disparities as i32 - 1];
         let [a, b] = ends.map(|d| view.shift(d as i16).1);
-        let row = |v: usize, by: i32| (v as i32 + by).clamp(0, self.height as i32) as usize;
+        let row = |v: usize, shift: i32| (v as i32 + shift).clamp(0, self.height as i32) as usize;
         row(rows.start, a.min(b))..row(rows.end, a.max(b))
     }
 }
 
-impl Source {
+impl RollingFeatures {
+    /// Goes on to other rows.
     fn advance(&mut self, network: &Network, rows: Range<usize>) {
-        let Source { input, operands } = self;
+        let RollingFeatures { input, operands } = self;
         operands.advance(rows, |rows| network.operands(input, rows));
     }
 }
 
-/// A centre image and a view.
-struct Pair<'a> {
+/// The costs of a centre image and one view.
+struct ViewCosts<'a> {
     view: View,
     height: usize,
     min_disparity: i32,
@@ -141,9 +145,9 @@ struct Pair<'a> {
     matched: &'a Features,
 }
 
-impl Pair<'_> {
-    /// 1 minus the products of features, for the pixels of `rows`: lines of the image along which matches move, one after the
-    /// other.
+impl ViewCosts<'_> {
+    /// Computes costs with the fast network for the pixels of `rows`, line by line. Lines are rows or
+    /// columns: disparities move matches along them.
     fn cosines(&self, rows: Range<usize>, out: &mut [f32]) {
         let (width, depth) = (self.center.width(), self.num_disparities);
         if self.view.is_horizontal() {
@@ -161,8 +165,9 @@ impl Pair<'_> {
         }
     }
 
-    /// The costs along a line of pixels with features `center`, where `matched` are those of `count` pixels from `offset` on. The
-    /// costs of a pixel are `stride` after those of the one before.
+    /// Computes the costs along a line: 1 minus the products of features. The pixels of the centre have the
+    /// features `center`. The `count` pixels of the view start `offset` pixels after them, and have the
+    /// features `matched`. In `out`, pixels are `stride` costs apart.
     fn line<'a>(
         &self,
         center: &[f32],
@@ -176,20 +181,22 @@ impl Pair<'_> {
         let (sign, least, depth) = (self.view.sign(), self.min_disparity, self.num_disparities as i32);
         let matched: Vec<&[f32]> = (0..count).map(matched).collect();
         let layer = Layer::new(channels, &vec![0.0; count], |channel, i| matched[i][channel]);
-        // Where in `matched` a pixel's match is at the least disparity; others follow in the direction of the sign.
-        let place = |pixel: usize| pixel as i32 + sign * least - offset;
+        // The index in `matched` of a pixel's match at the smallest disparity. The others follow in the
+        // direction of `sign`.
+        let first_match = |pixel: usize| pixel as i32 + sign * least - offset;
         let panels = |pixels: Range<usize>| {
             let reach = sign * (depth - 1);
-            let from = place(pixels.start) + reach.min(0);
-            let to = place(pixels.end - 1) + reach.max(0) + 1;
-            let [from, to] = [from, to].map(|place| place.clamp(0, count as i32) as usize);
+            let from = first_match(pixels.start) + reach.min(0);
+            let to = first_match(pixels.end - 1) + reach.max(0) + 1;
+            let [from, to] = [from, to].map(|index| index.clamp(0, count as i32) as usize);
             if from < to { from / PANEL..to.div_ceil(PANEL) } else { 0..0 }
         };
         layer.products::<1, 64>([center], center.len() / channels, panels, |pixel, first, products| {
             let out = &mut out[pixel * stride..][..depth as usize];
             let products = &products[..PANEL.min(count - first)];
-            // The candidate of the first product; its neighbour's is the next or the one before.
-            let candidate = sign * (first as i32 - place(pixel));
+            // The candidate that the first product belongs to. By `sign`, the next product belongs to the
+            // next or the previous one.
+            let candidate = sign * (first as i32 - first_match(pixel));
             if sign > 0 {
                 let skipped = (-candidate).max(0) as usize;
                 let out = out.iter_mut().skip(candidate.max(0) as usize);
@@ -202,20 +209,21 @@ impl Pair<'_> {
         });
     }
 
-    /// 1 minus the similarities by fully connected layers, for the pixels of `rows`.
+    /// Computes costs with the accurate network for the pixels of `rows`.
     fn similarities(&self, connected: &Connected, rows: Range<usize>, out: &mut [f32]) {
         let (width, depth, first) = (self.center.width(), self.num_disparities, rows.start);
         let mut pairs = Vec::with_capacity(PAIRS * HIDDEN);
         let mut spare = vec![0.0; PAIRS * HIDDEN];
-        let mut places = Vec::with_capacity(PAIRS);
-        let mut compare = |pairs: &mut Vec<f32>, places: &mut Vec<usize>| {
+        // The index in `out` of each candidate, which is compared in two pairs: either way round.
+        let mut candidates = Vec::with_capacity(PAIRS);
+        let mut compare = |pairs: &mut Vec<f32>, candidates: &mut Vec<usize>| {
             let spare = &mut spare[..pairs.len()];
             connected.similarities(pairs, spare, |pair, similarity| {
-                let cost = &mut out[places[pair / 2]];
+                let cost = &mut out[candidates[pair / 2]];
                 *cost = if pair % 2 == 0 { 1.0 } else { *cost } - similarity / 2.0;
             });
             pairs.clear();
-            places.clear();
+            candidates.clear();
         };
         for (u, v) in rows.flat_map(|v| (0..width).map(move |u| (u, v))) {
             let (at, size) = if self.view.is_horizontal() { (u, width) } else { (v, self.height) };
@@ -228,12 +236,12 @@ impl Pair<'_> {
                     let both = first[..HIDDEN].iter().zip(&second[HIDDEN..]);
                     pairs.extend(both.map(|(first, second)| (first + second).max(0.0)));
                 }
-                places.push(((v - first) * width + u) * depth + usize::from(candidate));
-                if 2 * places.len() == PAIRS {
-                    compare(&mut pairs, &mut places);
+                candidates.push(((v - first) * width + u) * depth + usize::from(candidate));
+                if 2 * candidates.len() == PAIRS {
+                    compare(&mut pairs, &mut candidates);
                 }
             }
         }
-        compare(&mut pairs, &mut places);
+        compare(&mut pairs, &mut candidates);
     }
 }

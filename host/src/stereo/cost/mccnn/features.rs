@@ -1,14 +1,15 @@
-//! Features of pixels.
+//! The features of pixels.
 
 use std::ops::Range;
 
-/// What a network finds in the patches around the pixels of some rows of an image: `channels` values for each.
+/// The features of the pixels of some rows of an image: `channels` values for each, which describe the patch
+/// around it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {
     width: usize,
     channels: usize,
     rows: Range<usize>,
-    /// Row by row, and in it pixel by pixel.
+    /// Row by row, and within a row pixel by pixel.
     values: Vec<f32>,
 }
 
@@ -32,30 +33,30 @@ impl Features {
         self.channels
     }
 
-    /// The rows of the image that they are of.
+    /// The rows of the image that have features here.
     pub fn rows(&self) -> Range<usize> {
         self.rows.clone()
     }
 
-    /// Those of row `v`, pixel by pixel.
+    /// The features of row `v`, pixel by pixel.
     ///
     /// # Panics
-    /// If the row is not among them.
+    /// If the row has none here.
     pub fn row(&self, v: usize) -> &[f32] {
         assert!(self.rows.contains(&v), "row {v} of {:?}", self.rows);
         let length = self.width * self.channels;
         &self.values[(v - self.rows.start) * length..][..length]
     }
 
-    /// Those of the pixel in column `u` of row `v`.
+    /// The features of the pixel in column `u` of row `v`.
     ///
     /// # Panics
-    /// If the pixel is not among them.
+    /// If the pixel has none here.
     pub fn pixel(&self, u: usize, v: usize) -> &[f32] {
         &self.row(v)[u * self.channels..][..self.channels]
     }
 
-    /// Goes on to `rows`: what lies before them is forgotten, and what is missing at their end comes from `more`.
+    /// Moves on to `rows`: drops the features of other rows, and gets those that are missing from `more`.
     pub(super) fn advance(&mut self, rows: Range<usize>, more: impl FnOnce(Range<usize>) -> Features) {
         let kept = if self.rows.contains(&rows.start) { self.rows.end } else { rows.start };
         let length = self.width * self.channels;
@@ -72,7 +73,7 @@ impl Features {
 mod tests {
     use super::*;
 
-    /// Two pixels of three channels in a row: each value tells its place.
+    /// Rows of two pixels with three channels. Each value tells its row and position.
     fn features(rows: Range<usize>) -> Features {
         let values = rows.clone().flat_map(|v| (0..6).map(move |i| (10 * v + i) as f32)).collect();
         Features::new(2, 3, rows, values)
@@ -87,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_go_on_and_only_what_is_missing_is_made() {
+    fn advancing_computes_only_missing_rows() {
         for (from, to, made) in [
             (2..5, 3..8, 5..8),
             (2..5, 2..5, 0..0),

@@ -10,8 +10,8 @@ use crate::{
     stereo::cost::volume::{Volume, fuse},
 };
 
-/// The costs of the centre of `frames`, fused over the views of `search`, all at least 0. Computed band by band of rows, on the
-/// threads of the current pool.
+/// The costs of the centre of `frames`, fused over the views of `search`, all at least 0. Computed band by
+/// band of rows, on the threads of the current pool.
 ///
 /// # Panics
 /// If the frames have another size than `search`, or a view is missing.

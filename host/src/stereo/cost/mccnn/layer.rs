@@ -1,30 +1,30 @@
-//! Layers of a network as products of matrices, with the widest vectors that the processor has.
+//! Layers of a network as matrix products, with the widest vectors of the processor.
 //!
-//! A product is computed in tiles of some positions and [`PANEL`] outputs, whose sums stay in registers from the first input to
-//! the last. The inputs of neighbouring positions overlap where the layer is a convolution, so that they are read where they are,
-//! and nothing is rearranged but the weights, once. Sums are fused multiplications and additions in the order of the inputs: the
-//! same bits with any vectors that have them (AVX2, AVX-512, Neon).
+//! A product is computed in tiles of a few positions and [`PANEL`] outputs, whose sums stay in registers from
+//! the first input to the last. In a convolution the inputs of neighbouring positions overlap. They are read
+//! in place; only the weights are rearranged, once. Sums are fused multiply-adds in the order of the inputs,
+//! so all vectors that have these give the same bits (AVX2, AVX-512, Neon).
 
 use std::{array, iter, ops::Range};
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Outputs that are computed together: two of the widest vectors.
+/// The outputs of a panel, which are computed together: two of the widest vectors.
 pub(crate) const PANEL: usize = 32;
 
-/// The weights of one input to the outputs of a panel, which start where vectors are loaded fastest.
+/// The weights from one input to the outputs of a panel, aligned to the widest vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
-struct Weights([f32; PANEL]);
+struct PanelWeights([f32; PANEL]);
 
-/// The weights and biases of a layer, in panels of [`PANEL`] outputs; those beyond the last output are 0.
+/// The weights and biases of a layer, in panels of [`PANEL`] outputs. The last panel is padded with 0.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Layer {
     inputs: usize,
     outputs: usize,
-    biases: Vec<Weights>,
-    /// Panel by panel, and in it input by input.
-    weights: Vec<Weights>,
+    biases: Vec<PanelWeights>,
+    /// Panel by panel, and within a panel input by input.
+    weights: Vec<PanelWeights>,
 }
 
 impl Layer {
@@ -33,7 +33,7 @@ impl Layer {
         let mut layer = Layer { inputs, outputs: biases.len(), biases: Vec::new(), weights: Vec::new() };
         for (panel, biases) in biases.chunks(PANEL).enumerate() {
             let fill = |value: &dyn Fn(usize) -> f32| {
-                let mut line = Weights([0.0; PANEL]);
+                let mut line = PanelWeights([0.0; PANEL]);
                 line.0[..biases.len()].iter_mut().enumerate().for_each(|(output, line)| *line = value(output));
                 line
             };
@@ -43,12 +43,14 @@ impl Layer {
         layer
     }
 
-    /// What the layer makes of a line of `count` positions, as a convolution of `SIDE` x `SIDE` pixels of so many channels: at
-    /// position `i`, output `n` is its bias and the sum of its weights times the inputs, which are the pixels `i` to `i + SIDE`
-    /// of one row after another. Of a fully connected layer, `SIDE` is 1. `out` has the outputs of one position after another.
+    /// Computes the outputs at `count` positions of a line, by a convolution of `SIDE` x `SIDE` pixels with
+    /// `CHANNELS` channels. `out` has the outputs position by position.
+    ///
+    /// The inputs of position `i` are the pixels `i` to `i + SIDE` of each of `rows`. An output is its bias
+    /// plus the sum of its weights times the inputs. For a fully connected layer, `SIDE` is 1.
     ///
     /// # Panics
-    /// If the rows are shorter than that, or the layer has another number of inputs, or `out` has another length.
+    /// If `rows` are too short, the layer has another number of inputs, or `out` has another length.
     pub fn apply<const SIDE: usize, const CHANNELS: usize>(
         &self,
         rows: [&[f32]; SIDE],
@@ -72,8 +74,9 @@ impl Layer {
         );
     }
 
-    /// As [`apply`](Layer::apply), but only those `panels` are computed which some positions next to each other need, and `take`
-    /// is called with each position, the first output of a panel, and the outputs of that panel.
+    /// Computes outputs as [`apply`](Layer::apply) does, but only the panels that are needed: `panels` tells
+    /// which those are for a range of positions. Calls `take` with a position, the index of the first output
+    /// of a panel, and the panel's outputs.
     pub fn products<const SIDE: usize, const CHANNELS: usize>(
         &self,
         rows: [&[f32]; SIDE],
@@ -85,16 +88,16 @@ impl Layer {
     }
 }
 
-/// What becomes of the sum of an output.
+/// The function that turns a sum into an output.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Activation {
-    /// Nothing.
+    /// The sum itself.
     Linear,
-    /// 0 where it is negative.
+    /// The sum, or 0 if it is negative.
     Relu,
 }
 
-/// A product to be computed with some vectors.
+/// A matrix product, which any vectors can compute.
 struct Products<'a, const SIDE: usize, const CHANNELS: usize, P, T> {
     layer: &'a Layer,
     rows: [&'a [f32]; SIDE],
@@ -112,7 +115,8 @@ where
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        // Sums, an input and its weights fill the registers: 32 of AVX-512 and Neon, 16 of AVX2.
+        // Tile sizes for which sums, an input and its weights fill the registers: 32 with AVX-512 and Neon,
+        // 16 with AVX2.
         match S::F32_LANES {
             16 => self.tiles::<S, 14, 2>(simd),
             8 => self.tiles::<S, 6, 2>(simd),
@@ -126,16 +130,16 @@ where
     P: Fn(Range<usize>) -> Range<usize>,
     T: FnMut(usize, usize, &[f32; PANEL]),
 {
-    /// Inputs of a position from a row.
+    /// The inputs of a position in one row.
     const LENGTH: usize = SIDE * CHANNELS;
 
-    /// Goes over tiles of `POSITIONS` x [`PANEL`] sums, which are computed in parts of `VECTORS` vectors a position.
+    /// Computes all tiles of `POSITIONS` x [`PANEL`] sums, each in parts of `VECTORS` vectors per position.
     #[inline(always)]
     fn tiles<S: Simd, const POSITIONS: usize, const VECTORS: usize>(self, simd: S) {
         let Products { layer, rows, count, panels, mut take } = self;
         assert_eq!(layer.inputs, SIDE * Self::LENGTH, "the inputs of a layer");
         let reach = (POSITIONS - 1) * CHANNELS + Self::LENGTH;
-        // A tile does not fit a shorter line.
+        // A line shorter than a tile is padded.
         let padded: [Vec<f32>; SIDE];
         let rows = if count < POSITIONS {
             padded = rows.map(|row| row.iter().copied().chain(iter::repeat(0.0)).take(reach).collect());
@@ -146,7 +150,7 @@ where
         let mut sums = [[0.0; PANEL]; POSITIONS];
         let mut done = 0;
         while done < count {
-            // The last tile goes back over positions that are done, rather than beyond the end.
+            // The last tile overlaps the one before, rather than reaching beyond the end.
             let first = done.min(count.saturating_sub(POSITIONS));
             let end = count.min(first + POSITIONS);
             for panel in panels(done..end) {
@@ -161,23 +165,23 @@ where
         }
     }
 
-    /// The sums of a tile.
+    /// Computes the sums of a tile.
     #[inline(always)]
     fn tile<S: Simd, const POSITIONS: usize, const VECTORS: usize>(
         simd: S,
         rows: [&[f32]; SIDE],
-        biases: &Weights,
-        weights: &[Weights],
+        biases: &PanelWeights,
+        weights: &[PanelWeights],
         sums: &mut [[f32; PANEL]; POSITIONS],
     ) {
         for part in 0..PANEL / S::F32_LANES / VECTORS {
-            let vectors = |weights: &Weights| -> [S::f32s; VECTORS] {
+            let vectors = |weights: &PanelWeights| -> [S::f32s; VECTORS] {
                 let vectors = S::as_simd_f32s(&weights.0).0;
                 array::from_fn(|i| vectors[part * VECTORS + i])
             };
             let mut accumulators = [vectors(biases); POSITIONS];
             for (row, weights) in rows.iter().zip(weights.chunks_exact(Self::LENGTH)) {
-                // The numbers of iterations are constants, without which the compiler moves sums to memory and back.
+                // Constant iteration counts let the compiler keep the sums in registers.
                 for (inputs, weights) in row.windows((POSITIONS - 1) * CHANNELS + 1).zip(weights) {
                     let weights = vectors(weights);
                     for (position, accumulators) in accumulators.iter_mut().enumerate() {
@@ -205,7 +209,7 @@ mod tests {
         (*seed >> 8) as f32 / (1 << 23) as f32 - 1.0
     }
 
-    /// What `simd` makes of the layer, for those panels that `panels` names.
+    /// The outputs of the layer by `simd`, for the panels that `panels` names.
     fn outputs<const SIDE: usize, const CHANNELS: usize>(
         simd: impl Simd,
         layer: &Layer,
@@ -225,7 +229,7 @@ mod tests {
         out
     }
 
-    /// Compares a random layer with direct sums in `f64`, and all vectors that there are with each other.
+    /// Compares a random layer with direct sums in `f64`, and all available vectors with each other.
     fn check<const SIDE: usize, const CHANNELS: usize>(outputs: usize, count: usize, seed: &mut u32) {
         let inputs = SIDE * SIDE * CHANNELS;
         let mut values = |count: usize| -> Vec<f32> { (0..count).map(|_| random(seed)).collect() };

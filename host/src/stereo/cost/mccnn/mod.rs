@@ -1,19 +1,22 @@
-//! Matching costs from the networks MC-CNN, fast and accurate, with their published weights for Middlebury's images.
+//! Matching costs from the networks MC-CNN, fast and accurate, with their published weights for Middlebury's
+//! images.
 //!
-//! Žbontar and LeCun, "Stereo Matching by Training a Convolutional Neural Network to Compare Image Patches", JMLR 17, 2016. The
-//! weights are those of the Python package `mccnn` (CNES, Apache-2.0), which [`package`] obtains. No Python runs but pip, to
-//! download it.
+//! Žbontar and LeCun, "Stereo Matching by Training a Convolutional Neural Network to Compare Image Patches",
+//! JMLR 17, 2016. The weights are those of the Python package `mccnn` (CNES, Apache-2.0), which [`package`]
+//! obtains. No Python runs but pip, to download it.
 //!
-//! - An image is normalised to mean 0 and standard deviation 1, and extends beyond its borders by replication, as it does for
-//!   block matching. (The package leaves out borders of 5 pixels; the paper's authors put zeros around each layer's input and
-//!   copy costs into the borders. Replication made the fewest mistakes there.)
-//! - Five convolutions of 3x3 pixels describe the patch of 11x11 around each pixel: [`Features`].
-//! - The cost of a match is 1 minus the similarity of two patches. The fast network takes the cosine between their features, the
-//!   accurate one asks four more layers: [`Costs`].
+//! - An image is normalised to mean 0 and standard deviation 1, and extended beyond its borders by
+//!   replication, as in block matching. (The package leaves out borders of 5 pixels. The paper's authors pad
+//!   each layer's input with zeros and copy costs into the borders. Replication made the fewest mistakes
+//!   there.)
+//! - Five 3x3 convolutions compute the [`Features`] of each pixel. Their receptive field is a patch of 11x11
+//!   pixels.
+//! - The matching cost is 1 minus the similarity of two patches: [`Costs`]. For the fast network that is the
+//!   cosine of their features. The accurate network computes it with four fully connected layers.
 //! - The costs of all views are fused: [`fused_costs`]. Aggregation and optimization follow.
 //!
-//! Arithmetic is in `f32`. Sums are fused and have a fixed order: features and costs are the same bits with AVX2, AVX-512 and
-//! Neon, and with any number of threads.
+//! Arithmetic is in `f32`. Sums are made of fused multiply-adds in a fixed order, so features and costs have
+//! the same bits with AVX2, AVX-512 and Neon, and with any number of threads.
 
 pub mod checkpoint;
 mod costs;
@@ -22,6 +25,7 @@ mod fused;
 mod layer;
 mod network;
 pub mod package;
+mod pickle;
 mod weights;
 
 pub use costs::Costs;

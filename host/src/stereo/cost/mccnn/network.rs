@@ -1,4 +1,4 @@
-//! The networks.
+//! The networks and their inputs.
 
 use std::{array, ops::Range};
 
@@ -12,22 +12,24 @@ use super::{
 };
 use crate::{error::Result, images::Raster};
 
-/// Pixels on each side of a pixel that its features depend on.
+/// The radius of the receptive field of features, in pixels.
 const BORDER: usize = 5;
-/// Rows whose features are computed at a time: every time, up to 8 more rows are, and kept in memory.
+/// The most rows whose features are computed at a time. The convolutions compute up to 8 rows more each time,
+/// and keep them in memory.
 const BAND: usize = 64;
 
-/// An image as the networks see it: of mean 0 and standard deviation 1, and extended by 5 pixels that repeat its border.
+/// An image as the networks see it: normalised to mean 0 and standard deviation 1, and padded by 5 pixels
+/// that replicate its border.
 #[derive(Clone, Debug)]
 pub struct Input {
     width: usize,
     height: usize,
-    /// With the border.
+    /// With the padding.
     pixels: Vec<f32>,
 }
 
 impl Input {
-    /// The image. If it is of one grey, its pixels are 0.
+    /// Normalises and pads an image. If all of its pixels are equal, they become 0.
     pub fn new(image: &GrayImage) -> Input {
         let [width, height] = [image.width(), image.height()].map(|side| side as usize);
         let count = (width * height) as f64;
@@ -59,13 +61,13 @@ impl Input {
         self.height
     }
 
-    /// The image without its border.
+    /// The normalised image without its padding.
     pub fn to_raster(&self) -> Raster<f32> {
         let rows = (BORDER..BORDER + self.height).flat_map(|y| &self.row(y)[BORDER..][..self.width]);
         Raster::new(self.width, self.height, rows.copied().collect())
     }
 
-    /// A row of the extended image.
+    /// A row of the padded image.
     fn row(&self, y: usize) -> &[f32] {
         let length = self.width + 2 * BORDER;
         &self.pixels[y * length..][..length]
@@ -83,22 +85,24 @@ pub struct Network {
 /// How features are compared.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Comparison {
-    /// By the cosine: they have length 1, so that it is their product.
+    /// By their cosine. Features have length 1, so it is their dot product.
     Cosine,
     /// By fully connected layers.
     Connected(Box<Connected>),
 }
 
-/// The fully connected layers. The first sees the features of both pixels side by side, so its sums have a part of the one and a
-/// part of the other, and each part is computed once for a pixel, not for each pair.
+/// The fully connected layers. The input of the first is the features of both pixels, one after the other. So
+/// each of its sums has a part for either pixel, and each part is computed once per pixel instead of once per
+/// pair.
 ///
-/// As published, the layers are not symmetric: what they like best lies 0.4 pixels to the left of the true match, whichever of both images
-/// that is in. So they are asked both ways round, and their answers averaged.
+/// The published layers are not symmetric: their best match lies 0.4 pixels to the left of the true one,
+/// whichever of the two images it is in. So each pair is compared both ways round, and the similarities are
+/// averaged.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Connected {
-    /// The part of the pixel that is seen first, without a bias.
+    /// The part of the first layer for the first pixel of a pair, without a bias.
     first: Layer,
-    /// The part of the other.
+    /// The part of the first layer for the second pixel.
     second: Layer,
     hidden: [Layer; 2],
     weights: Vec<f32>,
@@ -133,7 +137,7 @@ impl Network {
         Network { architecture, convolutions: array::from_fn(convolution), comparison }
     }
 
-    /// Which network it is.
+    /// The network's architecture.
     pub fn architecture(&self) -> Architecture {
         self.architecture
     }
@@ -142,7 +146,8 @@ impl Network {
         &self.comparison
     }
 
-    /// The features of `rows` of an image, computed by the threads of the current pool. Those of the fast network have length 1.
+    /// The features of `rows` of an image, computed on the threads of the current pool. Those of the fast
+    /// network have length 1.
     ///
     /// # Panics
     /// If the image does not have these rows.
@@ -150,8 +155,9 @@ impl Network {
         self.describe(input, rows, self.architecture.channels(), |features, out| out.copy_from_slice(&features))
     }
 
-    /// What of the features of `rows` enters comparisons: the features of the fast network; what the first connected layer makes of those of
-    /// the accurate one where they are seen first, and where they are seen second.
+    /// The operands of comparisons for `rows`. For the fast network these are the features. For the accurate
+    /// network these are the sums of the first connected layer, first as the first pixel of a pair, then as
+    /// the second.
     pub(super) fn operands(&self, input: &Input, rows: Range<usize>) -> Features {
         match &self.comparison {
             Comparison::Cosine => self.features(input, rows),
@@ -169,7 +175,8 @@ impl Network {
         }
     }
 
-    /// Computes the features of `rows` in bands, of which `finish` makes `channels` values for each pixel.
+    /// Computes the features of `rows` in bands. `finish` turns the features of a band into `channels` values
+    /// for each pixel.
     fn describe(
         &self,
         input: &Input,
@@ -195,7 +202,7 @@ impl Network {
     /// The features of `rows`, pixel by pixel.
     fn convolve<const CHANNELS: usize>(&self, input: &Input, rows: Range<usize>) -> Vec<f32> {
         let [first, deeper @ ..] = &self.convolutions;
-        // Each convolution takes a pixel off each border.
+        // Each convolution shrinks the image by a pixel on each side.
         let (mut width, mut height) = (input.width + 2 * BORDER - 2, rows.len() + 2 * BORDER - 2);
         let mut values = vec![0.0; height * width * CHANNELS];
         for (y, out) in values.chunks_exact_mut(width * CHANNELS).enumerate() {
@@ -213,7 +220,7 @@ impl Network {
             for y in 0..height {
                 let inputs = array::from_fn(|i| &values[(y + i) * before..][..before]);
                 layer.apply::<3, CHANNELS>(inputs, width, activation, out);
-                // Rows take the place of those that they were made of: further ones do not need these.
+                // The output overwrites input rows that later outputs do not need.
                 values[y * out.len()..][..out.len()].copy_from_slice(out);
             }
         }
@@ -226,7 +233,7 @@ impl Network {
 }
 
 impl Connected {
-    /// Inputs of the first layer from each of both pixels.
+    /// The inputs of the first layer from one pixel.
     const CHANNELS: usize = 112;
 
     fn new(weights: &Weights) -> Connected {
@@ -249,7 +256,8 @@ impl Connected {
         }
     }
 
-    /// The similarity of pairs, from 0 to 1. `pairs` has [`HIDDEN`] outputs of the first layer for each, and is used up.
+    /// Calls `take` with the index and similarity, from 0 to 1, of each pair. `pairs` has [`HIDDEN`] outputs
+    /// of the first layer for each pair. It is overwritten, as is `spare`, which has the same length.
     pub fn similarities(&self, pairs: &mut [f32], spare: &mut [f32], mut take: impl FnMut(usize, f32)) {
         let count = pairs.len() / HIDDEN;
         let [first, second] = &self.hidden;
@@ -262,7 +270,7 @@ impl Connected {
     }
 }
 
-/// The sum of products, in 16 sums side by side, whose order is the same on every machine.
+/// The dot product, by 16 partial sums: their order is the same on every machine.
 fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0f32; 16];
     for (a, b) in a.as_chunks::<16>().0.iter().zip(b.as_chunks::<16>().0) {
@@ -273,7 +281,7 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     sums.iter().sum()
 }
 
-/// Makes a vector's length 1, unless it has none.
+/// Scales a vector to length 1, unless it is 0.
 fn normalize(vector: &mut [f32]) {
     let length = dot(vector, vector).sqrt().max(1e-12);
     vector.iter_mut().for_each(|value| *value /= length);

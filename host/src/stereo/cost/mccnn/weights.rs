@@ -1,4 +1,4 @@
-//! The weights of a network, and the files that keep them.
+//! The weights of a network, and their files.
 
 use std::{
     borrow::Cow,
@@ -15,21 +15,21 @@ use crate::{
     files::{input, output},
 };
 
-/// Values in a number of dimensions, the last of which is contiguous.
+/// An array of any number of dimensions, the last of which is contiguous.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor {
-    /// How many there are in each dimension.
+    /// The size of each dimension.
     pub shape: Vec<usize>,
     /// As many values as the product of the shape.
     pub values: Vec<f32>,
 }
 
-/// Which network.
+/// The architecture of a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Architecture {
-    /// 64 features, compared by their cosine.
+    /// 64 features per pixel, compared by their cosine.
     Fast,
-    /// 112 features, compared by fully connected layers.
+    /// 112 features per pixel, compared by fully connected layers.
     Accurate,
 }
 
@@ -45,7 +45,7 @@ impl Architecture {
         }
     }
 
-    /// How often costs are aggregated before the paths and after them, as published for Middlebury.
+    /// How many times costs are aggregated before and after the optimization, as published for Middlebury.
     pub fn iterations(self) -> [usize; 2] {
         match self {
             Architecture::Fast => [0, 0],
@@ -53,7 +53,7 @@ impl Architecture {
         }
     }
 
-    /// Features of a pixel.
+    /// The number of features of a pixel.
     pub fn channels(self) -> usize {
         match self {
             Architecture::Fast => 64,
@@ -61,13 +61,13 @@ impl Architecture {
         }
     }
 
-    /// The name of its file of weights, and of the package's, but for the extension.
+    /// The name of the file of its weights, here and in the package, without the extension.
     pub(super) fn file_stem(self) -> String {
         format!("mc_cnn_{}_mb_weights", self.name())
     }
 
-    /// The names and shapes of its tensors: weights are `[outputs, inputs, 3, 3]` in convolutions and `[outputs, inputs]` in
-    /// fully connected layers.
+    /// The names and shapes of its tensors: weights are `[outputs, inputs, 3, 3]` in convolutions and
+    /// `[outputs, inputs]` in fully connected layers.
     pub(super) fn shapes(self) -> BTreeMap<String, Vec<usize>> {
         let channels = self.channels();
         let convolutions =
@@ -82,7 +82,7 @@ impl Architecture {
     }
 }
 
-/// Outputs of the accurate network's fully connected layers.
+/// The outputs of each hidden, fully connected layer of the accurate network.
 pub(super) const HIDDEN: usize = 384;
 
 /// The weights of a network: complete, of the right shapes, and finite.
@@ -93,8 +93,8 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// The folder of the weights: `$MULTISCOPIC_WEIGHTS`, else `multiscopic` in the user's folder for caches (`$XDG_CACHE_HOME`,
-    /// `~/.cache`).
+    /// The folder of the weights: `$MULTISCOPIC_WEIGHTS`, else `multiscopic` in the user's folder for caches
+    /// (`$XDG_CACHE_HOME`, `~/.cache`).
     ///
     /// # Errors
     /// If the user has no home.
@@ -116,7 +116,7 @@ impl Weights {
     /// Reads the installed weights.
     ///
     /// # Errors
-    /// As [`read`](Weights::read); if they are not installed, the error says how to.
+    /// As [`read`](Weights::read). If the weights are not installed, the error says how to install them.
     pub fn load(architecture: Architecture) -> Result<Weights> {
         let path = Weights::installed(architecture)?;
         Weights::read(&path, architecture)
@@ -125,7 +125,7 @@ impl Weights {
     /// The file of the installed weights.
     ///
     /// # Errors
-    /// If they are not installed: the error says how to.
+    /// If they are not installed. The error says how to install them.
     pub fn installed(architecture: Architecture) -> Result<PathBuf> {
         let path = Weights::file(&Weights::folder()?, architecture);
         if path.is_file() {
@@ -140,7 +140,8 @@ impl Weights {
     /// Reads a safetensors file.
     ///
     /// # Errors
-    /// If the file cannot be read, or does not have just the tensors of the network, in their shapes, of finite `f32` values.
+    /// If the file cannot be read, or does not have exactly the tensors of the network, in their shapes, with
+    /// finite `f32` values.
     pub fn read(path: &Path, architecture: Architecture) -> Result<Weights> {
         let bytes = input::read(path)?;
         let expected = || format!("the weights of mccnn-{}: run `multiscopic weights install`", architecture.name());
@@ -157,7 +158,10 @@ impl Weights {
         tensors.and_then(|tensors| Weights::new(architecture, tensors)).map_err(|found| Error::format(path, found, expected()))
     }
 
-    /// The weights made of `tensors`, or what is wrong with them.
+    /// The weights in `tensors`.
+    ///
+    /// # Errors
+    /// A description of the first fault.
     pub(super) fn new(architecture: Architecture, tensors: BTreeMap<String, Tensor>) -> std::result::Result<Weights, String> {
         let shapes = architecture.shapes();
         if let Some(name) = tensors.keys().find(|name| !shapes.contains_key(*name)) {
@@ -188,12 +192,12 @@ impl Weights {
         output::write(path, |writer| writer.write_all(&bytes))
     }
 
-    /// Whose weights they are.
+    /// The architecture that the weights are for.
     pub fn architecture(&self) -> Architecture {
         self.architecture
     }
 
-    /// The values of the weights and the biases of a layer, such as `conv_blocks.0`.
+    /// The weights and the biases of a layer, such as `conv_blocks.0`.
     ///
     /// # Panics
     /// If the network has no such layer.

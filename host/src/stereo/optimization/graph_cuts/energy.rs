@@ -1,78 +1,38 @@
-//! What a labelling costs.
+//! The energy of a labelling.
 
-use image::{GrayImage, Luma, Rgb, RgbImage};
 use multiscopic_core::{Frame, Fusion, MatchingCost, Search, View};
 
 use super::{
+    matched_image::MatchedImage,
     parameters::{GraphCuts, Occlusion, Smoothness},
-    pixel::{Label, OCCLUDED, Pair, Pixel},
+    pixel::{Label, NeighborPair, OCCLUDED, Pixel},
 };
 use crate::{
     images::Frames,
-    stereo::cost::{BirchfieldTomasi, birchfield_tomasi::Intervals, matches::RowMatches},
+    stereo::cost::{BirchfieldTomasi, birchfield_tomasi::Intervals},
 };
 
-/// The energy of the labellings of an image (paper, section III-C and IV-C).
+/// The energy of the labellings of an image (paper, section III-C and IV-C): its data terms and, in
+/// `smoothness.rs`, its smoothness terms.
 ///
-/// Energies are whole numbers, [`scale`](Energy::scale) to an intensity.
+/// Energies are integers in units of 1 / [`scale`](Energy::scale) of an intensity.
 #[derive(Debug)]
 pub struct Energy {
     width: usize,
     height: usize,
     fusion: Fusion,
-    center: Source,
-    views: Vec<(View, Source)>,
+    center: MatchedImage,
+    pub(super) views: Vec<(View, MatchedImage)>,
     scale: i32,
-    threshold: u8,
-    occlusion: i32,
-    occlusions: Occlusion,
-    smoothness: Smoothness,
-    /// Of pixels that look the same, and of those that do not.
-    weights: [i32; 2],
-    cutoff: i32,
-}
-
-/// Bits of two neighbours of whom one has a disparity: a view sees both with it, and they differ in the centre or there.
-const SEEN: u8 = 1;
-const DIFFERENT: u8 = 2;
-/// How far up these bits are for a pixel and the one to its right, and for a pixel and the one below: see [`Energy::sides`].
-const RIGHT: usize = 0;
-const BELOW: usize = 4;
-
-/// An image in the forms that the energy reads.
-#[derive(Debug)]
-struct Source {
-    intervals: Intervals,
-    /// Grey, or red, green and blue; the rest is 0.
-    samples: Vec<[u8; 4]>,
-    /// For each pixel, [`DIFFERENT`] if it differs from the one to its right ([`RIGHT`]) and from the one below ([`BELOW`]) by the threshold.
-    contrasts: Vec<u8>,
-}
-
-impl Source {
-    fn new(gray: &GrayImage, color: Option<&RgbImage>, threshold: u8) -> Source {
-        let (intervals, samples) = match color {
-            Some(color) => (Intervals::of_rgb(color), color.pixels().map(|&Rgb([r, g, b])| [r, g, b, 0]).collect()),
-            None => (Intervals::of_gray(gray), gray.pixels().map(|&Luma([luma])| [luma, 0, 0, 0]).collect()),
-        };
-        let mut source = Source { intervals, samples, contrasts: Vec::new() };
-        let (width, pixels) = (gray.width() as usize, source.samples.len());
-        let contrast = |i: usize| {
-            let right = !(i + 1).is_multiple_of(width) && source.differ(i, i + 1, threshold);
-            let below = i + width < pixels && source.differ(i, i + width, threshold);
-            DIFFERENT * (u8::from(right) << RIGHT | u8::from(below) << BELOW)
-        };
-        source.contrasts = (0..pixels).map(contrast).collect();
-        source
-    }
-
-    /// Whether two pixels differ in some channel by `threshold` or more.
-    #[inline(always)]
-    fn differ(&self, a: usize, b: usize, threshold: u8) -> bool {
-        let (a, b) = (self.samples[a], self.samples[b]);
-        let differences: [u8; 4] = std::array::from_fn(|i| a[i].abs_diff(b[i]));
-        differences.into_iter().fold(0, u8::max) >= threshold
-    }
+    /// From which difference in intensity on neighbours look different.
+    pub(super) threshold: u8,
+    occlusion_cost: i32,
+    occlusion_rule: Occlusion,
+    smoothness_rule: Smoothness,
+    /// The cost of a step between neighbours that look the same, and between those that look different.
+    pub(super) weights: [i32; 2],
+    /// The step above which neighbours pay no more.
+    pub(super) cutoff: i32,
 }
 
 impl Energy {
@@ -82,11 +42,11 @@ impl Energy {
     /// If a view of `search` is missing.
     pub fn new(method: &GraphCuts, cost: BirchfieldTomasi, frames: &Frames, search: &Search) -> Energy {
         let colored = cost.matches_color(frames);
-        let source = |frame| {
-            let gray = frames.get(frame).expect("the views of the parameters are there");
-            Source::new(gray, frames.color(frame).filter(|_| colored), method.threshold)
+        let image = |frame| {
+            let gray = frames.get(frame).expect("the frames have every view of the search");
+            MatchedImage::new(gray, frames.color(frame).filter(|_| colored), method.threshold)
         };
-        let center = source(Frame::Center);
+        let center = image(Frame::Center);
         let channels = center.intervals.channels();
         let scale = Intervals::STEPS * channels as i32 * search.fusion().scale() as i32;
         let scaled = |cost: f64| (cost.clamp(0.0, GraphCuts::MAX_COST) * f64::from(scale)).round() as i32;
@@ -94,246 +54,168 @@ impl Energy {
             width: frames.width(),
             height: frames.height(),
             fusion: search.fusion(),
-            views: search.views().iter().map(|view| (view, source(Frame::View(view)))).collect(),
+            views: search.views().iter().map(|view| (view, image(Frame::View(view)))).collect(),
             threshold: method.threshold,
             scale,
-            occlusion: 0,
-            occlusions: method.occlusions.unwrap_or(Occlusion::default_for(search.views().len())),
-            smoothness: method.smoothness,
+            occlusion_cost: 0,
+            occlusion_rule: method.occlusions.unwrap_or(Occlusion::default_for(search.views().len())),
+            smoothness_rule: method.smoothness,
             weights: [0; 2],
             cutoff: i32::from(method.cutoff.min(GraphCuts::MAX_STEP)),
             center,
         };
         let occlusion = method.occlusion.unwrap_or_else(|| energy.automatic_occlusion(search));
-        energy.occlusion = scaled(occlusion);
-        energy.weights = method.weights(energy.occlusions, occlusion).map(scaled);
+        energy.occlusion_cost = scaled(occlusion);
+        energy.weights = method.weights(energy.occlusion_rule, occlusion).map(scaled);
         energy
     }
 
-    /// Bytes for each pixel of an image with so many channels.
-    pub const fn image_bytes(channels: usize) -> usize {
-        channels * 3 * size_of::<i16>() + size_of::<[u8; 4]>() + size_of::<u8>()
-    }
-
-    /// How many units of energy are an intensity.
+    /// The units of energy in one intensity.
     pub fn scale(&self) -> i32 {
         self.scale
     }
 
-    /// What it costs to match no pixel.
-    pub fn occlusion(&self) -> i32 {
-        self.occlusion
+    /// The cost of an occluded pixel.
+    pub fn occlusion_cost(&self) -> i32 {
+        self.occlusion_cost
     }
 
-    /// What becomes of pixels that do not match.
-    pub fn occlusions(&self) -> Occlusion {
-        self.occlusions
+    /// How pixels without a match are treated.
+    pub fn occlusion_rule(&self) -> Occlusion {
+        self.occlusion_rule
     }
 
-    /// What neighbours with different labels pay.
-    pub fn steps(&self) -> Smoothness {
-        self.smoothness
+    /// How neighbours with different labels are charged.
+    pub fn smoothness_rule(&self) -> Smoothness {
+        self.smoothness_rule
     }
 
-    /// How the costs of the views become one.
+    /// The rule by which the costs of the views are fused.
     pub fn fusion(&self) -> Fusion {
         self.fusion
     }
 
-    /// The centre as it is matched.
+    /// The centre as the smoothness term reads it.
+    #[inline(always)]
+    pub(super) fn center_image(&self) -> &MatchedImage {
+        &self.center
+    }
+
+    /// The centre as the data term reads it.
     pub fn center(&self) -> &Intervals {
         &self.center.intervals
     }
 
-    /// The views as they are matched.
+    /// The views as the data term reads them.
     pub fn views(&self) -> impl Iterator<Item = (View, &Intervals)> {
-        self.views.iter().map(|(view, source)| (*view, &source.intervals))
+        self.views.iter().map(|(view, image)| (*view, &image.intervals))
     }
 
-    /// The size of the image.
+    /// The width and height of the image.
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
     }
 
-    /// The first view.
+    /// The first view: with unique matches the only one.
     pub fn view(&self) -> View {
         self.views[0].0
     }
 
-    /// The costs of giving `d` to the pixels of row `v`; `None`'s stand-in, [`i32::MAX`], where no view sees the match. With capped
-    /// occlusions none is above the cost of an occlusion.
-    pub fn data(&self, v: usize, d: Label, costs: &mut [i32]) {
+    /// The data costs of disparity `d` for the pixels of row `v`, or [`i32::MAX`] where no view sees the
+    /// match. With capped occlusions no cost is above that of an occlusion.
+    pub fn data_costs(&self, v: usize, d: Label, costs: &mut [i32]) {
         self.dissimilarities(v, d, costs);
-        if self.occlusions == Occlusion::Capped {
-            costs.iter_mut().for_each(|cost| *cost = (*cost).min(self.occlusion));
+        if self.occlusion_rule == Occlusion::Capped {
+            costs.iter_mut().for_each(|cost| *cost = (*cost).min(self.occlusion_cost));
         }
     }
 
-    /// How much the pixels of row `v` differ from their matches at `d`, fused over the views that see them (paper, eq. 11).
+    /// The dissimilarities of the pixels of row `v` and their matches at `d`, fused over the views that see
+    /// them (paper, eq. 11). [`i32::MAX`] where none does.
     fn dissimilarities(&self, v: usize, d: Label, costs: &mut [i32]) {
         let mut rows = [const { Vec::new() }; View::ALL.len()];
-        for ((view, source), row) in self.views.iter().zip(&mut rows) {
+        for ((view, image), row) in self.views.iter().zip(&mut rows) {
             row.resize(self.width, 0);
-            self.center.intervals.row_costs(&source.intervals, *view, v, d, row);
+            self.center.intervals.row_costs(&image.intervals, *view, v, d, row);
         }
         let rows = &rows[..self.views.len()];
         if self.fusion == Fusion::Min {
-            // The usual rule, in vectors.
+            // The most common rule, written so that it vectorises.
             costs.fill(Intervals::NONE.into());
             for row in rows {
-                costs.iter_mut().zip(row).for_each(|(cost, &other)| *cost = (*cost).min(other.into()));
+                costs.iter_mut().zip(row).for_each(|(cost, &view_cost)| *cost = (*cost).min(view_cost.into()));
             }
             costs.iter_mut().filter(|cost| **cost == i32::from(Intervals::NONE)).for_each(|cost| *cost = i32::MAX);
             return;
         }
         for (u, fused) in costs.iter_mut().enumerate() {
-            let mut seen = [u32::NONE; View::ALL.len()];
-            for (seen, row) in seen.iter_mut().zip(rows).filter(|(_, row)| row[u] != Intervals::NONE) {
-                *seen = row[u] as u32;
+            let mut view_costs = [u32::NONE; View::ALL.len()];
+            for (cost, row) in view_costs.iter_mut().zip(rows).filter(|(_, row)| row[u] != Intervals::NONE) {
+                *cost = row[u] as u32;
             }
-            *fused = i32::try_from(self.fusion.fuse(seen)).unwrap_or(i32::MAX);
+            *fused = i32::try_from(self.fusion.fuse(view_costs)).unwrap_or(i32::MAX);
         }
     }
 
-    /// The index of the match of a pixel in a view, if it is inside.
+    /// The index of a pixel's match in a view, row by row, if it lies inside.
     #[inline(always)]
-    pub fn matched(&self, view: View, pixel: Pixel, d: Label) -> Option<usize> {
+    pub fn match_index(&self, view: View, pixel: Pixel, d: Label) -> Option<usize> {
         let (u, v) = view.match_of((pixel.u, pixel.v), d, (self.width, self.height))?;
         Some(v * self.width + u)
     }
 
-    /// What neighbours pay for a step, per pixel of it: less where they differ in the centre or in a view that sees both.
-    #[inline(always)]
-    fn weight(&self, pair: Pair, d1: Label, d2: Label) -> i32 {
-        let side = DIFFERENT << if pair.down { BELOW } else { RIGHT };
-        let [same, different] = self.weights;
-        if self.center.contrasts[pair.first.index] & side != 0 {
-            return different;
-        }
-        for (view, source) in &self.views {
-            if let (Some(q1), Some(q2)) = (self.matched(*view, pair.first, d1), self.matched(*view, pair.second, d2)) {
-                let differ = match d1 == d2 {
-                    // Side by side there too.
-                    true => source.contrasts[q1] & side != 0,
-                    false => source.differ(q1, q2, self.threshold),
-                };
-                if differ {
-                    return different;
-                }
-            }
-        }
-        same
-    }
-
-    /// What two neighbours pay for their labels (paper, eq. 6 and 12).
-    #[inline(always)]
-    pub fn smoothness(&self, pair: Pair, label1: Label, label2: Label) -> i32 {
-        if label1 == label2 {
-            return 0;
-        }
-        match self.smoothness {
-            Smoothness::Linear => self.step(pair, label1, label2),
-            Smoothness::Potts => self.broken(pair, label1) + self.broken(pair, label2),
-        }
-    }
-
-    /// What is paid for a step between two disparities.
-    #[inline(always)]
-    fn step(&self, pair: Pair, label1: Label, label2: Label) -> i32 {
-        if label1 == label2 || label1 == OCCLUDED || label2 == OCCLUDED {
-            return 0;
-        }
-        let step = (i32::from(label1) - i32::from(label2)).abs().min(self.cutoff);
-        step * self.weight(pair, label1, label2)
-    }
-
-    /// What it costs that one of two neighbours has disparity `d` and the other has not, if both could (Kolmogorov and Zabih).
-    #[inline(always)]
-    fn broken(&self, pair: Pair, d: Label) -> i32 {
-        let sees = |view| self.matched(view, pair.first, d).is_some() && self.matched(view, pair.second, d).is_some();
-        let possible = d != OCCLUDED && self.views.iter().any(|(view, _)| sees(*view));
-        if possible { self.weight(pair, d, d) } else { 0 }
-    }
-
-    /// What is paid if one of two neighbours has `d` and the other has not, by Potts: for each pixel of row `v` two bits for it and the pixel to
-    /// its right and, four bits further up, two for it and the one below. [`side_costs`](Energy::side_costs) has what they cost.
-    pub fn sides(&self, v: usize, d: Label, sides: &mut [u8]) {
-        sides.fill(0);
-        for (view, source) in &self.views {
-            let Some(RowMatches { columns, first }) = RowMatches::new(self.size(), *view, v, d) else { continue };
-            let below = v.max(first / self.width) + 1 < self.height;
-            let seen = if below { (SEEN << RIGHT) | (SEEN << BELOW) } else { SEEN << RIGHT };
-            let contrasts = &source.contrasts[first..first + columns.len()];
-            let last = columns.end - 1;
-            let known = sides[last];
-            for (sides, contrasts) in sides[columns].iter_mut().zip(contrasts) {
-                *sides |= seen | contrasts & (seen * DIFFERENT);
-            }
-            // To its right is nothing, or no match.
-            let right = (SEEN | DIFFERENT) << RIGHT;
-            sides[last] = sides[last] & !right | known & right;
-        }
-        let contrasts = &self.center.contrasts[v * self.width..][..self.width];
-        sides.iter_mut().zip(contrasts).for_each(|(sides, contrasts)| *sides |= contrasts);
-    }
-
-    /// What two bits of [`sides`](Energy::sides) cost.
-    pub fn side_costs(&self) -> [i32; 4] {
-        let [same, different] = self.weights;
-        [0, same, 0, different]
-    }
-
-    /// The pairs of neighbours of the image.
-    fn pairs(&self) -> impl Iterator<Item = Pair> {
+    /// All pairs of neighbours in the image.
+    fn pairs(&self) -> impl Iterator<Item = NeighborPair> {
         let (width, height) = (self.width, self.height);
         (0..width * height).flat_map(move |index| {
             let first = Pixel::new(index, width);
-            let right = Pair { first, second: Pixel { u: first.u + 1, index: index + 1, ..first }, down: false };
-            let below = Pair { first, second: Pixel { v: first.v + 1, index: index + width, ..first }, down: true };
+            let right = NeighborPair { first, second: Pixel { u: first.u + 1, index: index + 1, ..first }, is_vertical: false };
+            let below =
+                NeighborPair { first, second: Pixel { v: first.v + 1, index: index + width, ..first }, is_vertical: true };
             [right, below].into_iter().filter(move |pair| pair.second.u < width && pair.second.v < height)
         })
     }
 
-    /// The energy of a labelling; `None` if it breaks a constraint: a match outside the image, or one that is not unique.
+    /// The energy of a labelling, or `None` if it breaks a constraint: a match lies outside all views, or is
+    /// not unique though it must be.
     pub fn of(&self, labels: &[Label]) -> Option<i64> {
         let mut sum = 0i64;
         let mut costs = vec![0; self.width];
-        let mut taken = vec![false; if self.occlusions == Occlusion::Unique { labels.len() } else { 0 }];
+        let mut taken = vec![false; if self.occlusion_rule == Occlusion::Unique { labels.len() } else { 0 }];
         for (v, row) in labels.chunks_exact(self.width).enumerate() {
-            let mut known = OCCLUDED;
+            // Pixels sorted by label, so that the costs of each label are computed once.
+            let mut costs_of = OCCLUDED;
             let mut sorted: Vec<(Label, usize)> = row.iter().copied().zip(0..).collect();
             sorted.sort_unstable();
             for (label, u) in sorted {
                 if label == OCCLUDED {
-                    sum += i64::from(self.occlusion);
+                    sum += i64::from(self.occlusion_cost);
                     continue;
                 }
-                if label != known {
-                    self.data(v, label, &mut costs);
-                    known = label;
+                if label != costs_of {
+                    self.data_costs(v, label, &mut costs);
+                    costs_of = label;
                 }
                 if costs[u] == i32::MAX {
                     return None;
                 }
                 sum += i64::from(costs[u]);
-                if self.occlusions == Occlusion::Unique {
-                    let place = self.matched(self.view(), Pixel::at(u, v, self.width), label)?;
-                    if std::mem::replace(&mut taken[place], true) {
+                if self.occlusion_rule == Occlusion::Unique {
+                    let matched = self.match_index(self.view(), Pixel::at(u, v, self.width), label)?;
+                    if std::mem::replace(&mut taken[matched], true) {
                         return None;
                     }
                 }
             }
         }
-        Some(
-            sum + self
-                .pairs()
-                .map(|pair| i64::from(self.smoothness(pair, labels[pair.first.index], labels[pair.second.index])))
-                .sum::<i64>(),
-        )
+        let smoothness = self.pairs().map(|pair| self.smoothness(pair, labels[pair.first.index], labels[pair.second.index]));
+        Some(sum + smoothness.map(i64::from).sum::<i64>())
     }
 
-    /// The cost of an occlusion by which about a quarter of the disparities of a pixel match it (Kolmogorov, Monasse and Tan, 2014): the mean
-    /// over the pixels of their k-th smallest cost, where k is a quarter of the disparities, and at least 3.
+    /// The cost of an occlusion found from the images, in intensities (Kolmogorov, Monasse and Tan, 2014):
+    /// the mean over the pixels of their k-th smallest cost, where k is a quarter of the number of
+    /// disparities, and at least 3. So about a quarter of the disparities of a pixel cost less than an
+    /// occlusion.
     fn automatic_occlusion(&self, search: &Search) -> f64 {
         let disparities = search.num_disparities();
         let k = (disparities / 4).max(3).min(disparities);
@@ -352,7 +234,7 @@ impl Energy {
                 }
             }
         }
-        // With less than half an intensity everything would be hidden.
+        // Below half an intensity everything would be occluded.
         (sum / count.max(1.0) / f64::from(self.scale)).max(0.5)
     }
 }

@@ -1,4 +1,4 @@
-//! Matching in enlarged images, whose whole disparities are parts of pixels of the images themselves.
+//! Matching in enlarged images, whose whole disparities are fractions of a pixel of the original images.
 
 use image::ImageBuffer;
 use multiscopic_core::{Disparity, Frame, Params, Search};
@@ -8,25 +8,26 @@ use crate::{
     images::{DisparityMap, Frames, Picture},
 };
 
-/// The frames of `search` so many times as large.
+/// The frames that `search` needs, enlarged by the factor `times`.
 pub fn frames(frames: &Frames, search: &Search, times: u8) -> Frames {
     let picture = |frame| match frames.color(frame) {
         Some(color) => Picture::Rgb(image(color, times)),
-        None => Picture::Gray(image(frames.get(frame).expect("the views of the parameters are there"), times)),
+        None => Picture::Gray(image(frames.get(frame).expect("the frames have every view of the search"), times)),
     };
     let center = Frames::of_picture(picture(Frame::Center));
     search.views().iter().fold(center, |frames, view| frames.with_picture(view, picture(Frame::View(view))))
 }
 
-/// An image so many times as large, by linear interpolation between the middles of its pixels, rounded to the nearest, halves up; it goes
-/// on beyond its borders by replication.
+/// An image enlarged by the factor `times`: linear interpolation between the centres of its pixels, rounded
+/// to the nearest, halves up. Beyond its borders the image is extended by replication.
 fn image<P: image::Pixel<Subpixel = u8>>(image: &ImageBuffer<P, Vec<u8>>, times: u8) -> ImageBuffer<P, Vec<u8>> {
     let times = u32::from(times);
-    // The pixels before and after a place, and how far it is from the first in parts of a pixel.
-    let around = |place: u32, size: u32| {
-        let (parts, of) = (2 * place as i32 + 1 - times as i32, 2 * times as i32);
+    // The pixels before and after a coordinate, and its distance to the first in steps of 1 / (2 * times)
+    // pixels.
+    let around = |coordinate: u32, size: u32| {
+        let (parts, of) = (2 * coordinate as i32 + 1 - times as i32, 2 * times as i32);
         let first = parts.div_euclid(of);
-        let inside = |place: i32| place.clamp(0, size as i32 - 1) as u32;
+        let inside = |pixel: i32| pixel.clamp(0, size as i32 - 1) as u32;
         ([inside(first), inside(first + 1)], parts.rem_euclid(of) as u32)
     };
     ImageBuffer::from_fn(times * image.width(), times * image.height(), |x, y| {
@@ -44,10 +45,11 @@ fn image<P: image::Pixel<Subpixel = u8>>(image: &ImageBuffer<P, Vec<u8>>, times:
     })
 }
 
-/// What is searched for in frames so many times as large. The block is as much larger as it can be.
+/// The parameters for frames enlarged by the factor `times`. The block grows by the same factor, up to the
+/// largest block there is.
 ///
 /// # Errors
-/// [`Error::Usage`] if the frames or their disparities are too large for that.
+/// [`Error::Usage`] if the enlarged frames or their disparities are too large.
 pub fn params(search: &Params, times: u8) -> Result<Params> {
     let factor = i32::from(times);
     let [width, height] = [search.width(), search.height()].map(|side| side * usize::from(times));
@@ -63,8 +65,9 @@ pub fn params(search: &Params, times: u8) -> Result<Params> {
     Ok(Params::new(side(width)?, side(height)?, search.views(), search.fusion(), least, count, block as u8)?)
 }
 
-/// The map of frames so many times as large, brought back to their size: of each block of pixels the median of its disparities, of an even
-/// number the greater one in the middle, rounded to the nearest step, halves away from zero; none if less than half of the block has one.
+/// The map of frames enlarged by the factor `times`, reduced to their original size. Each pixel has the
+/// median of its block of `times` x `times` disparities, of an even number the upper one, rounded to the
+/// nearest step, halves away from zero. It is invalid if more than half of the block is.
 pub fn reduced(map: &DisparityMap, times: u8) -> DisparityMap {
     let times = usize::from(times);
     let (width, height) = (map.width() / times, map.height() / times);
@@ -90,10 +93,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_enlarged_image_goes_from_middle_to_middle() {
+    fn interpolates_between_pixel_centres() {
         let row = GrayImage::from_raw(3, 1, vec![10, 30, 90]).unwrap();
         assert_eq!(image(&row, 1), row);
-        // Twice: the places are a quarter of a pixel before and after the middles.
+        // Enlarged twice, samples lie a quarter of a pixel before and after the centres.
         assert_eq!(image(&row, 2).rows().next().unwrap().map(|Luma([x])| *x).collect::<Vec<_>>(), [10, 15, 25, 45, 75, 90]);
         assert_eq!(image(&row, 3).as_raw()[9..18], [10, 10, 17, 23, 30, 50, 70, 90, 90]);
         let column = GrayImage::from_raw(1, 2, vec![0, 100]).unwrap();
@@ -101,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn a_block_has_its_median() {
+    fn reduces_blocks_to_their_medians() {
         let pixel = |bits: Option<i16>| bits.and_then(Disparity::from_bits);
         let map =
             DisparityMap::new(4, 2, [Some(64), Some(67), None, Some(-64), Some(200), None, None, Some(-67)].map(pixel).into());
@@ -111,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_large_is_refused() {
+    fn refuses_frames_that_are_too_large() {
         let search =
             |width: u16, least: i16, count: u16| Params::new(width, 10, Views::STEREO, Fusion::Min, least, count, 11).unwrap();
         let enlarged = params(&search(100, -3, 8), 4).unwrap();

@@ -1,35 +1,47 @@
-//! Graph cuts: the labelling of an image with disparities that minimises an energy.
+//! Graph cuts: the labelling of an image with disparities of least energy.
 //!
-//! It is the method of Kolmogorov and Zabih (Computing visual correspondence with occlusions using graph cuts, 2001; Kolmogorov, Monasse and
-//! Tan, Kolmogorov and Zabih's graph cuts stereo matching algorithm, 2014), with the energies of the paper for one and for several views.
+//! This is the method of Kolmogorov and Zabih (Computing visual correspondence with occlusions using graph
+//! cuts, 2001; Kolmogorov, Monasse and Tan, Kolmogorov and Zabih's graph cuts stereo matching algorithm,
+//! 2014), with the energies of the paper for one and for several views.
 //!
-//! In one view, two pixels cannot have the same match, and a pixel without a match is [occluded](Occlusion::Unique). In several views that would
-//! forbid what they are for: two pixels of the centre may have the same match in a view where one hides the other, and the hidden one is
-//! seen in the opposite view. There every pixel has a disparity, and what no view sees pays [no more](Occlusion::Capped) than an
-//! occlusion.
+//! With one view, matches are [unique](Occlusion::Unique): no two pixels have the same match, and a pixel
+//! without one is occluded. With several views that would defeat their purpose: two pixels of the centre may
+//! have the same match in a view where one hides the other, and the hidden one is seen in the opposite view.
+//! There every pixel has a disparity, and pays [at most](Occlusion::Capped) the cost of an occlusion for it.
 //!
-//! Costs of a disparity are computed when it is tried, so that the memory does not grow with the number of disparities: see
-//! [`GraphCuts::bytes`].
+//! The costs of a disparity are computed when it is tried, so the memory does not grow with the number of
+//! disparities: see [`GraphCuts::bytes`].
+//!
+//! | file | what it is |
+//! | --- | --- |
+//! | `parameters` | [`GraphCuts`] and its rules |
+//! | `pixel` | pixels and their labels |
+//! | `matched_image` | an image as the energy reads it |
+//! | `energy`, `smoothness` | data and smoothness terms |
+//! | `max_flow` | maximum flow and minimum cut |
+//! | `expansion` | moves that lower the energy |
+//! | `sub_pixel`, `occluded`, `enlarged` | what is done to disparities before and after |
 
-mod cells;
 mod energy;
 mod enlarged;
 mod expansion;
+mod matched_image;
 mod max_flow;
 mod occluded;
 mod parameters;
 mod pixel;
-mod problem;
+mod smoothness;
 mod sub_pixel;
-mod topology;
 
 pub use energy::Energy;
-pub use expansion::{Change, Labelling};
+pub use expansion::{LabelChange, Labelling};
 pub use max_flow::{MaxFlow, Topology};
 pub use parameters::{GraphCuts, Occlusion, Smoothness};
-pub use pixel::{Label, OCCLUDED, Pair, Pixel};
+pub use pixel::{Label, NeighborPair, OCCLUDED, Pixel};
 
 use multiscopic_core::{Params, Search};
+
+use matched_image::MatchedImage;
 
 use crate::{
     error::{Error, Result},
@@ -39,13 +51,14 @@ use crate::{
 };
 
 impl GraphCuts {
-    /// The memory in bytes, about, for images of so many pixels with a number of views, beside the images themselves. `colored` is
-    /// whether they have colours. Images of 512 rows and more are cut in bands, whose graphs may take a little more.
+    /// About how many bytes of memory it takes to match images of `pixels` pixels in a number of views,
+    /// beside the images themselves. `colored` is whether they have colours. Images of 512 rows and more are
+    /// split into bands, whose graphs may take a little more.
     pub fn bytes(&self, cost: BirchfieldTomasi, pixels: usize, views: usize, colored: bool) -> usize {
         let channels = if colored && cost.color { 3 } else { 1 };
-        // The enlarged image itself, in its colours and in grey.
+        // An enlarged image, in its colours and in grey.
         let copy = if self.upsample > 1 { 1 + if colored { 3 } else { 0 } } else { 0 };
-        let images = (1 + views) * (Energy::image_bytes(channels) + copy);
+        let images = (1 + views) * (MatchedImage::pixel_bytes(channels) + copy);
         let occlusions = self.occlusions.unwrap_or(Occlusion::default_for(views));
         pixels * usize::from(self.upsample).pow(2) * (images + Labelling::pixel_bytes(occlusions, self.smoothness))
     }
@@ -53,8 +66,8 @@ impl GraphCuts {
     /// Estimates the disparities of the centre of `frames`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if matches are to be unique in several views, if images are to be enlarged more than they can be, or if
-    /// `frames` do not fit `search`.
+    /// [`Error::Usage`] if matches must be unique but there are several views, if images cannot be enlarged
+    /// that much, or if `frames` do not fit `search`.
     pub fn disparities(
         &self,
         cost: BirchfieldTomasi,
@@ -84,7 +97,8 @@ impl GraphCuts {
         }
     }
 
-    /// The disparities of least energy at the frames' own size. The labelling starts from block matching with `params`.
+    /// The disparities of least energy, without enlarging. The initial labels come from block matching with
+    /// `params`.
     fn minimize(
         &self,
         cost: BirchfieldTomasi,
@@ -107,8 +121,8 @@ impl GraphCuts {
             false => labels.into_iter().map(sub_pixel::whole).collect(),
         };
         let map = DisparityMap::new(frames.width(), frames.height(), disparities);
-        Ok(match energy.occlusions() {
-            Occlusion::Unique if self.fill => occluded::filled(&map, energy.view().is_horizontal()),
+        Ok(match energy.occlusion_rule() {
+            Occlusion::Unique if self.fill => occluded::fill(&map, energy.view().is_horizontal()),
             _ => map,
         })
     }

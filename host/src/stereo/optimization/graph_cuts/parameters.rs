@@ -1,21 +1,22 @@
 //! The parameters of graph cuts.
 
-/// What becomes of pixels that do not match.
+/// How pixels without a match are treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Occlusion {
-    /// They are occluded, have no disparity and pay the cost of an occlusion; and no pixel of the view is the match of two. This is Kolmogorov
-    /// and Zabih's energy of two images.
+    /// Matches are unique: no pixel of the view is the match of two pixels. A pixel without a match is
+    /// occluded: it has no disparity and pays the cost of an occlusion. This is Kolmogorov and Zabih's energy
+    /// for two images.
     ///
-    /// It needs one view. With several, two pixels of the centre may well have the same match in a view: one of them hides the other there, and
-    /// the other is seen in the opposite view, for which there are several.
+    /// It works with one view only. With several, two pixels of the centre may well have the same match in
+    /// one view: one hides the other there, and the hidden one is seen in the opposite view.
     Unique,
-    /// They pay no more than the cost of an occlusion for their disparity, which then comes from their neighbours. Matches need not be
-    /// unique.
+    /// Every pixel has a disparity, and pays at most the cost of an occlusion for it. Where it pays that, its
+    /// neighbours determine its disparity. Matches need not be unique.
     Capped,
 }
 
 impl Occlusion {
-    /// Every kind.
+    /// All rules.
     pub const ALL: [Occlusion; 2] = [Occlusion::Unique, Occlusion::Capped];
 
     /// The name on command lines.
@@ -26,23 +27,25 @@ impl Occlusion {
         }
     }
 
-    /// The kind for a number of views.
+    /// The default for a number of views.
     pub fn default_for(views: usize) -> Occlusion {
         if views == 1 { Occlusion::Unique } else { Occlusion::Capped }
     }
 }
 
-/// What neighbours with different labels pay.
+/// How neighbours with different labels are charged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Smoothness {
-    /// In proportion to the step between their disparities, up to a limit; nothing if one of them is occluded (the paper).
+    /// In proportion to the step between their disparities, up to a limit. A pixel next to an occluded one
+    /// pays nothing (paper, eq. 6).
     Linear,
-    /// The same for every step, once for each disparity that one has and the other could have but has not (Kolmogorov and Zabih).
+    /// The same for every step: once for each disparity that just one of them has, if a view sees both at it
+    /// (Kolmogorov and Zabih).
     Potts,
 }
 
 impl Smoothness {
-    /// Every kind.
+    /// All rules.
     pub const ALL: [Smoothness; 2] = [Smoothness::Linear, Smoothness::Potts];
 
     /// The name on command lines.
@@ -54,38 +57,43 @@ impl Smoothness {
     }
 }
 
-/// The parameters.
+/// The parameters of graph cuts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GraphCuts {
-    /// The cost of an occlusion in intensities, the paper's K; `None` if it is found from the images.
+    /// The cost of an occlusion in intensities: the paper's K. If `None`, it is found from the images.
     pub occlusion: Option<f64>,
-    /// What becomes of pixels that do not match; `None` if it depends on the number of views.
+    /// How pixels without a match are treated. If `None`, [it depends](Occlusion::default_for) on the number
+    /// of views.
     pub occlusions: Option<Occlusion>,
-    /// What neighbours with different labels pay.
+    /// How neighbours with different labels are charged.
     pub smoothness: Smoothness,
-    /// The cost of a step between neighbours that look the same and that differ, in intensities: the paper's lambda 1 and 2. `None`: see
+    /// The cost of a step between neighbours that look the same, and between those that look different, in
+    /// intensities: the paper's lambda 1 and 2. If `None`, it is that of
     /// [`default_lambda`](GraphCuts::default_lambda).
     pub lambda: [Option<f64>; 2],
-    /// From which difference in intensity on neighbours differ: the paper's theta.
+    /// The difference in intensity from which on neighbours look different: the paper's theta.
     pub threshold: u8,
-    /// The step between neighbours above which they pay no more: the paper's d cut-off.
+    /// The step in disparity above which neighbours pay no more: the paper's d cut-off.
     pub cutoff: u16,
-    /// The block size of the block matching that gives the initial labelling: see [`Params`](multiscopic_core::Params).
+    /// The block size of the block matching that gives the initial labels: see
+    /// [`Params`](multiscopic_core::Params).
     pub start_block_size: u8,
-    /// At most so many times are all disparities tried.
+    /// How many times all disparities are tried at most.
     pub sweeps: usize,
-    /// For the order in which disparities are tried.
+    /// Determines the random order in which disparities are tried.
     pub seed: u64,
-    /// The disparities are moved between whole pixels by the costs of a window around them.
+    /// Whether disparities are refined to fractions of a pixel, by the costs of a window.
     pub refine: bool,
-    /// Occluded pixels take the smaller one, that of what is behind, of the nearest disparities on both sides in the direction of the view.
+    /// Whether occluded pixels are filled: with the smaller, that is the background's, of the nearest
+    /// disparities on both sides along the baseline.
     pub fill: bool,
-    /// The images are matched so many times as large, from 1 to [`MAX_UPSAMPLE`](GraphCuts::MAX_UPSAMPLE), so that disparities are finer.
+    /// The factor by which images are enlarged before they are matched, from 1 to
+    /// [`MAX_UPSAMPLE`](GraphCuts::MAX_UPSAMPLE). It makes disparities finer.
     pub upsample: u8,
 }
 
 impl Default for GraphCuts {
-    /// The paper's.
+    /// The parameters of the paper.
     fn default() -> GraphCuts {
         GraphCuts {
             occlusion: Some(10.0),
@@ -105,17 +113,22 @@ impl Default for GraphCuts {
 }
 
 impl GraphCuts {
-    /// The most that an occlusion or a step of one disparity costs, in intensities; more is the same.
+    /// The greatest cost of an occlusion or of a step by one pixel, in intensities. Greater ones are reduced
+    /// to it.
     pub const MAX_COST: f64 = 255.0;
-    /// The largest step that is paid for in proportion.
+    /// The greatest [`cutoff`](GraphCuts::cutoff). Greater ones are reduced to it.
     pub const MAX_STEP: u16 = 511;
 
-    /// The cost of a step between neighbours that look the same and that differ.
+    /// The default cost of a step between neighbours that look the same, and between those that look
+    /// different.
     ///
-    /// If the cost of an occlusion is found from the images, it is 3/5 and 1/5 of that (Kolmogorov, Monasse and Tan). Otherwise, where matches are
-    /// unique, it is 9 and 3 as in the paper. There, steps at occluded pixels are free, and with one view there are such at most edges of things.
-    /// Where every pixel has a disparity, each edge pays, so that a step costs 3/10 and 1/10 of an occlusion: what was best on the data sets, and near
-    /// to what the paper has where its images are enlarged four times, which gives a pixel's costs 16 times the weight and edges only 4 times.
+    /// - If the cost of an occlusion is found from the images: 3/5 and 1/5 of it (Kolmogorov, Monasse and
+    ///   Tan).
+    /// - With unique matches: 9 and 3, as in the paper. Steps at occluded pixels are free, and with one view
+    ///   most object edges have some.
+    /// - With capped occlusions: 3/10 and 1/10 of an occlusion, because every edge pays. This was the best on
+    ///   the data sets, and is close to the paper's values in images enlarged four times, where data terms
+    ///   weigh 16 times as much and edges only 4 times.
     pub fn default_lambda(&self, occlusions: Occlusion, occlusion: f64) -> [f64; 2] {
         match occlusions {
             _ if self.occlusion.is_none() => [0.6 * occlusion, 0.2 * occlusion],
@@ -124,12 +137,13 @@ impl GraphCuts {
         }
     }
 
-    /// The cost of a step, if an occlusion costs so much.
+    /// The cost of a step between neighbours that look the same, and between those that look different.
+    /// `occlusion` is the cost of an occlusion.
     pub(super) fn weights(&self, occlusions: Occlusion, occlusion: f64) -> [f64; 2] {
         let [same, different] = self.default_lambda(occlusions, occlusion);
         [self.lambda[0].unwrap_or(same), self.lambda[1].unwrap_or(different)]
     }
 
-    /// The most times by which images are enlarged.
+    /// The greatest factor by which images are enlarged.
     pub const MAX_UPSAMPLE: u8 = 4;
 }

@@ -1,19 +1,19 @@
-//! Pixels of the image, and what labels them.
+//! Pixels, pairs of them, and their labels.
 
 /// The label of a pixel: a disparity in pixels, or [`OCCLUDED`].
 pub type Label = i16;
 
-/// The label of a pixel that is not matched.
+/// The label of an occluded pixel.
 pub const OCCLUDED: Label = Label::MIN;
 
 /// A pixel of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pixel {
-    /// Its column.
+    /// The column.
     pub u: usize,
-    /// Its row.
+    /// The row.
     pub v: usize,
-    /// Its index among all pixels, row by row.
+    /// The index among all pixels, row by row.
     pub index: usize,
 }
 
@@ -32,11 +32,11 @@ impl Pixel {
 
 /// Two neighbouring pixels.
 #[derive(Clone, Copy, Debug)]
-pub struct Pair {
-    /// The left or upper one.
+pub struct NeighborPair {
+    /// The left or upper pixel.
     pub first: Pixel,
-    /// The right or lower one.
+    /// The right or lower pixel.
     pub second: Pixel,
-    /// Whether the second lies below the first, not to its right.
-    pub down: bool,
+    /// Whether the second pixel lies below the first, instead of to its right.
+    pub is_vertical: bool,
 }

@@ -1,19 +1,19 @@
 //! Semi-global matching: costs are summed along paths from all sides, which charge for changes of disparity.
 //!
-//! H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008. All arithmetic is in whole numbers: the
-//! bits do not depend on the threads or the vector instructions.
+//! H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008. All arithmetic
+//! is in whole numbers: the bits do not depend on the threads or the vector instructions.
 //!
-//! With five paths, each thread keeps a few rows. With four or eight paths, there is a volume of sums: two bytes for each pixel and
-//! disparity, the number of disparities rounded up to a multiple of [`LANES`].
+//! With five paths, each thread keeps a few rows. With four or eight paths, there is a volume of sums: two
+//! bytes for each pixel and disparity, the number of disparities rounded up to a multiple of [`LANES`].
 
-mod parameters;
 mod path;
-mod sweep;
+mod semi_global;
+mod wavefront;
 
-pub use parameters::{Paths, SemiGlobal};
+pub use semi_global::{Paths, SemiGlobal};
 
 use image::GrayImage;
-use sweep::{Pass, Row, Sweep};
+use wavefront::{Pass, RowTask, Wavefront};
 
 use crate::{
     error::Result,
@@ -22,7 +22,7 @@ use crate::{
     stereo::{
         cost::{CostRows, Volume},
         engine::Engine,
-        vector::LANES,
+        lanes::LANES,
     },
 };
 
@@ -37,8 +37,8 @@ impl Paths {
 }
 
 impl SemiGlobal {
-    /// Selects disparities by the sums of path costs. `center` is the image whose edges lower P2. Also returns the sums if
-    /// `keep_sums` is set, which takes the volume that several passes take.
+    /// Selects disparities by the sums of path costs. `center` is the image whose edges lower P2. Also
+    /// returns the sums if `keep_sums` is set, which takes the volume that several passes take.
     ///
     /// # Errors
     /// [`Error::Usage`](crate::Error::Usage) if the sums could leave 16 bits: see [`SemiGlobal::check_sums`].
@@ -53,7 +53,7 @@ impl SemiGlobal {
         let search = rows.search();
         self.check_sums(rows.max_cost(), search.fusion())?;
         let scale = search.fusion().scale() as u16;
-        let sweep = Sweep {
+        let wavefront = Wavefront {
             costs: rows,
             center,
             p1: scale * self.p1(),
@@ -64,20 +64,20 @@ impl SemiGlobal {
         let (width, height) = (search.width(), search.height());
         let passes = self.paths().passes();
         progress.begin((height * passes.len()) as u64, "lines");
-        let mut sums = (keep_sums || passes.len() > 1).then(|| Volume::filled(width, height, sweep.stride, 0));
+        let mut sums = (keep_sums || passes.len() > 1).then(|| Volume::filled(width, height, wavefront.stride, 0));
         let mut map = DisparityMap::filled(width, height, None);
         for (i, &pass) in passes.iter().enumerate() {
             let is_last = i + 1 == passes.len();
             let mut sums_of_rows = sums.iter_mut().flat_map(Volume::rows_mut);
-            let mut rows: Vec<Row> = map
+            let mut rows: Vec<RowTask> = map
                 .rows_mut()
                 .enumerate()
-                .map(|(v, disparities)| Row { v, sums: sums_of_rows.next(), disparities: is_last.then_some(disparities) })
+                .map(|(v, disparities)| RowTask { v, sums: sums_of_rows.next(), disparities: is_last.then_some(disparities) })
                 .collect();
             if pass.upwards {
                 rows.reverse();
             }
-            sweep.run(pass, rows, engine);
+            wavefront.run(pass, rows, engine);
         }
         Ok((map, sums.filter(|_| keep_sums)))
     }

@@ -1,88 +1,94 @@
 //! The recursion along paths.
 
-use crate::stereo::vector::{LANES, Vector, Vectors};
+use crate::stereo::lanes::{LANES, Vector, Vectors};
 
-/// The costs of paths up to pixels side by side: those of a pixel at each disparity, between costs that none exceeds.
+/// The costs of the paths up to each pixel of a row: those of each disparity, with `u16::MAX` before the
+/// first and after the last.
 #[derive(Debug)]
 pub(super) struct PathCosts {
-    lanes: usize,
+    /// The costs of a pixel, padded to whole vectors.
+    stride: usize,
     costs: Aligned,
-    /// The least of each pixel.
+    /// The least cost of each pixel.
     least: Vec<u16>,
 }
 
 impl PathCosts {
-    /// Those of paths that have not begun: 0.
-    pub fn new(width: usize, lanes: usize) -> PathCosts {
-        let mut paths = PathCosts { lanes, costs: Aligned::new((lanes + LANES) * width + LANES), least: vec![0; width] };
+    /// The costs of paths that have not started: all 0.
+    pub fn new(width: usize, stride: usize) -> PathCosts {
+        let mut paths = PathCosts { stride, costs: Aligned::new((stride + LANES) * width + LANES), least: vec![0; width] };
         paths.costs.get_mut().fill(u16::MAX);
         paths.clear();
         paths
     }
 
-    /// Begins anew.
+    /// Restarts the paths.
     pub fn clear(&mut self) {
-        let pixels = self.costs.get_mut().chunks_exact_mut(self.lanes + LANES);
+        let pixels = self.costs.get_mut().chunks_exact_mut(self.stride + LANES);
         pixels.for_each(|pixel| pixel[LANES..].fill(0));
         self.least.fill(0);
     }
 
-    /// All of them, to look at.
+    /// A reference to the costs.
     #[inline(always)]
-    pub fn paths(&self) -> Paths<'_> {
-        Paths { lanes: self.lanes, costs: self.costs.get(), least: &self.least }
+    pub fn shared(&self) -> PathCostsRef<'_> {
+        PathCostsRef { stride: self.stride, costs: self.costs.get(), least: &self.least }
     }
 
     #[inline(always)]
     fn at_mut(&mut self, u: usize) -> (&mut [u16], &mut u16) {
-        let start = (u + 1) * (self.lanes + LANES) - self.lanes;
-        (&mut self.costs.get_mut()[start..][..self.lanes], &mut self.least[u])
+        let start = (u + 1) * (self.stride + LANES) - self.stride;
+        (&mut self.costs.get_mut()[start..][..self.stride], &mut self.least[u])
     }
 }
 
-/// The costs of paths up to pixels side by side.
+/// A shared reference to [`PathCosts`].
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Paths<'a> {
-    lanes: usize,
+pub(super) struct PathCostsRef<'a> {
+    /// The costs of a pixel, padded to whole vectors.
+    stride: usize,
     costs: &'a [u16],
     least: &'a [u16],
 }
 
-impl<'a> Paths<'a> {
+impl<'a> PathCostsRef<'a> {
     /// The costs of the path up to pixel `u`.
     #[inline(always)]
-    pub fn at(&self, u: usize) -> Path<'a> {
-        let start = u * (self.lanes + LANES) + LANES - 1;
-        Path { costs: &self.costs[start..][..self.lanes + 2], least: self.least[u] }
+    pub fn at(&self, u: usize) -> PixelPathCosts<'a> {
+        let start = u * (self.stride + LANES) + LANES - 1;
+        PixelPathCosts { costs: &self.costs[start..][..self.stride + 2], least: self.least[u] }
     }
 }
 
-/// The costs of a path up to a pixel.
+/// The costs of a path up to one pixel.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Path<'a> {
-    /// At each disparity, and a cost that none exceeds before the first and after the last.
+pub(super) struct PixelPathCosts<'a> {
+    /// The costs of each disparity, with `u16::MAX` before the first and after the last.
     costs: &'a [u16],
     least: u16,
 }
 
-/// What a step on a path costs: of one disparity, and of more.
+/// What a step on a path costs.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Penalties {
+pub(super) struct StepPenalties {
+    /// A change by one disparity.
     pub p1: u16,
+    /// Any larger change.
     pub p2: u16,
 }
 
-/// Makes pixel `u` of each of `paths` the one after that of `before`, keeps its costs, and adds them to `sums`.
+/// Extends paths by pixel `u` from the pixels with the path costs `before`, stores its path costs, and adds
+/// them to `sums`.
 ///
-/// The cost of a path at `d` is that of the pixel, and the least of: the path before at `d`; at `d - 1` or `d + 1`, and P1; at any
-/// disparity, and P2; less the least of the path before, so that it stays small. What does not exist stays `u16::MAX`; where nothing
-/// exists a path begins anew.
+/// With `L` for the path costs before and `C` for the `costs` of the pixel, its path cost at `d` is `C(d) +
+/// min(L(d), L(d - 1) + P1, L(d + 1) + P1, min L + P2) - min L` (Hirschmüller 2008, eq. 13). Candidates that
+/// do not exist keep `u16::MAX`. Where none exists, the path restarts.
 #[inline(always)]
 pub(super) fn extend<I: Vectors, const N: usize>(
     isa: I,
     paths: &mut [&mut PathCosts; N],
     u: usize,
-    before: [(Path<'_>, Penalties); N],
+    before: [(PixelPathCosts<'_>, StepPenalties); N],
     costs: &[u16],
     sums: &mut [u16],
 ) {
@@ -103,25 +109,25 @@ pub(super) fn extend<I: Vectors, const N: usize>(
         let mut sum = isa.load(sums);
         for k in 0..N {
             let before = &before[k].0.costs[block * LANES..][..LANES + 2];
-            let load = |i: usize| isa.load(before[i..].first_chunk().expect("two more than lanes"));
-            let changed = load(0).min(load(2)).add(step[k]);
-            let cost = costs.add(load(1).min(changed).min(jump[k]).sub(least_before[k]));
+            let load = |i: usize| isa.load(before[i..].first_chunk().expect("the block has two costs more than lanes"));
+            let changed = load(0).min(load(2)).saturating_add(step[k]);
+            let cost = costs.saturating_add(load(1).min(changed).min(jump[k]).saturating_sub(least_before[k]));
             if let Some((after, _)) = &mut after[k] {
-                cost.store(after[block * LANES..].first_chunk_mut().expect("as many as costs"));
+                cost.store(after[block * LANES..].first_chunk_mut().expect("path costs are as many as costs"));
             }
-            sum = sum.add(cost);
+            sum = sum.saturating_add(cost);
             least[k] = least[k].min(cost);
         }
         sum.store(sums);
     }
     for (after, least) in after.into_iter().zip(least) {
         if let Some((_, after)) = after {
-            *after = least.least();
+            *after = least.min_lane();
         }
     }
 }
 
-/// Costs that begin where the widest vector may be loaded at once.
+/// Costs aligned to the widest vector.
 #[derive(Debug)]
 pub(super) struct Aligned {
     start: usize,
@@ -129,8 +135,9 @@ pub(super) struct Aligned {
 }
 
 impl Aligned {
-    /// So many costs of 0.
+    /// `len` costs of 0, or a few more.
     pub fn new(len: usize) -> Aligned {
+        /// In bytes.
         const ALIGNMENT: usize = 64;
         let costs = vec![0; len + ALIGNMENT / 2];
         Aligned { start: costs.as_ptr().align_offset(ALIGNMENT).min(ALIGNMENT / 2), costs }

@@ -39,7 +39,8 @@ pub struct SemiGlobal {
     p2_edge: Option<u8>,
 }
 
-// On the scale of any fusion, the sums of eight paths through census costs fit 16 bits. A path costs at most a cost and P2.
+// On the scale of any fusion, the sums of eight paths through census costs fit 16 bits. A path costs at most
+// a cost and P2.
 const _: () = assert!(8 * 12 * (SemiGlobal::MAX_PENALTY as u32 + Census::MAX_COST as u32) < u16::MAX as u32);
 
 impl Default for SemiGlobal {
@@ -57,11 +58,12 @@ impl SemiGlobal {
     /// The default change of brightness above which P2 is lowered.
     pub const DEFAULT_P2_EDGE: u8 = 10;
 
-    /// Semi-global matching with the penalties `p1` for a change by one disparity from a pixel to the next on a path, and `p2` for
-    /// any larger change. They are in units of the cost of one view (bits of the census), whatever the fusion.
+    /// Semi-global matching with the penalties `p1` for a change by one disparity from a pixel to the next on
+    /// a path, and `p2` for any larger change. They are in units of the cost of one view (bits of the
+    /// census), whatever the fusion.
     ///
-    /// Where the brightness changes by more than `p2_edge` from a pixel to the next, `p2` is lowered to `p2 * p2_edge / change`,
-    /// rounded down, but not below `p1`.
+    /// Where the brightness changes by more than `p2_edge` from a pixel to the next, `p2` is lowered to `p2 *
+    /// p2_edge / change`, rounded down, but not below `p1`.
     ///
     /// # Errors
     /// If `p2` is below `p1` or above [`MAX_PENALTY`](SemiGlobal::MAX_PENALTY).
@@ -91,7 +93,8 @@ impl SemiGlobal {
         }
     }
 
-    /// Checks that the sums of all paths stay below `u16::MAX`, if fused costs are at most `max_cost`. Census costs always pass.
+    /// Checks that the sums of all paths stay below `u16::MAX`, if fused costs are at most `max_cost`. Census
+    /// costs always pass.
     ///
     /// # Errors
     /// [`Error::Usage`] with the greatest sum.

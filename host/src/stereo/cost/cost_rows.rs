@@ -4,17 +4,18 @@ use std::fmt::Debug;
 
 use multiscopic_core::{Disparity, Search};
 
-use crate::stereo::vector::Vectors;
+use crate::stereo::lanes::Vectors;
 
 /// The fused matching cost of a candidate: a pixel at a disparity.
 ///
-/// A candidate that no view sees does not exist. Its cost is [`NONE`](Cost::NONE), which is above all others and never selected.
+/// A candidate that no view sees does not exist. Its cost is [`NONE`](Cost::NONE), which is above all others
+/// and never selected.
 pub trait Cost: Copy + PartialOrd + Debug + Send + Sync + 'static {
     /// The cost of a candidate that does not exist.
     const NONE: Self;
 
-    /// The vertex of the parabola through the costs at `d - 1`, `d` and `d + 1` pixels. All three exist, and neither neighbour is
-    /// below the cost in the middle.
+    /// The vertex of the parabola through the costs at `d - 1`, `d` and `d + 1` pixels. All three exist, and
+    /// neither neighbour is below the cost in the middle.
     fn refine(d: i16, costs: [Self; 3]) -> Option<Disparity>;
 }
 
@@ -39,7 +40,8 @@ impl Cost for f32 {
     }
 }
 
-/// The fused costs of an image, computed row by row as an optimizer asks for them, in any order and from any thread.
+/// The fused costs of an image, computed row by row as an optimizer asks for them, in any order and from any
+/// thread.
 pub trait CostRows: Sync {
     /// The type of a cost.
     type Cost: Cost;
@@ -50,7 +52,8 @@ pub trait CostRows: Sync {
     /// An upper bound of the costs that exist, on the scale of the fusion.
     fn max_cost(&self) -> Self::Cost;
 
-    /// Computes the costs of row `v`. `row` has `stride` costs for each pixel, at least as many as there are disparities and a
-    /// multiple of [`LANES`](crate::stereo::vector::LANES). Those past the last disparity become [`NONE`](Cost::NONE).
+    /// Computes the costs of row `v`. `row` has `stride` costs for each pixel, at least as many as there are
+    /// disparities and a multiple of [`LANES`](crate::stereo::lanes::LANES). Those past the last disparity
+    /// become [`NONE`](Cost::NONE).
     fn row<I: Vectors>(&self, isa: I, v: usize, stride: usize, row: &mut [Self::Cost]);
 }

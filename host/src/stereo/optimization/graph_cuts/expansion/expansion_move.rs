@@ -1,0 +1,246 @@
+//! A move: which pixels take one label, and what that costs.
+
+use std::ops::Range;
+
+use super::{
+    padding::{OUTSIDE, stride},
+    topology::{TO_BELOW, TO_RIGHT},
+};
+use crate::stereo::optimization::graph_cuts::{
+    energy::Energy,
+    max_flow::{MaxFlow, Topology},
+    parameters::Smoothness,
+    pixel::{Label, NeighborPair, OCCLUDED, Pixel},
+};
+
+/// The owner of a pixel of the view that is nobody's match.
+pub const NO_OWNER: u32 = u32::MAX;
+
+/// Successive pixels of a row.
+#[derive(Clone, Copy, Debug)]
+pub struct Run {
+    /// The column of the first.
+    pub u: usize,
+    /// The row.
+    pub v: usize,
+    /// The slot of the first.
+    pub slot: usize,
+    /// The number of pixels.
+    pub len: usize,
+}
+
+/// Two neighbours, at least one of which is free.
+#[derive(Clone, Copy, Debug)]
+pub struct Neighbors {
+    /// As pixels of the image.
+    pair: NeighborPair,
+    /// The slots of both.
+    pub first: usize,
+    pub second: usize,
+}
+
+impl Neighbors {
+    /// The arc from the first to the second. The next arc leads back.
+    pub fn arc(&self) -> usize {
+        if self.pair.is_vertical { TO_BELOW } else { TO_RIGHT }
+    }
+}
+
+/// What a move does to a pixel, in the order that cuts need.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// The pixel keeps its label.
+    Keep,
+    /// The pixel becomes occluded.
+    Occlude,
+    /// The pixel takes the new label.
+    Take,
+}
+
+use Outcome::{Keep, Occlude, Take};
+
+/// An expansion move of a band: which of its free pixels take `label`. Slices are in the padded layout,
+/// unless they say otherwise.
+#[derive(Debug)]
+pub struct ExpansionMove<'a> {
+    pub energy: &'a Energy,
+    /// The labels before the move.
+    pub labels: &'a [Label],
+    /// The data costs of `labels`.
+    pub data: &'a [i32],
+    /// The data costs of `label`.
+    pub proposed_data: &'a [i32],
+    /// The Potts codes of `labels`: two bits for each arc to a neighbour.
+    pub potts_codes: &'a [u8],
+    /// The Potts codes of `label`: see [`Energy::potts_codes`].
+    pub proposed_potts_codes: &'a [u8],
+    /// The cost of each Potts code: see [`Energy::potts_costs`].
+    pub potts_costs: [i32; 4],
+    /// Whether a pixel may change.
+    pub is_free: &'a [bool],
+    /// For each pixel of the view, row by row without padding: the slot of the pixel whose match it is, or
+    /// [`NO_OWNER`].
+    pub match_owners: &'a [u32],
+    /// The free pixels, from top to bottom.
+    pub runs: &'a [Run],
+    /// The first slot of the band's rows. The slices of next labels start there.
+    pub first_slot: usize,
+    /// The label that is tried.
+    pub label: Label,
+}
+
+impl ExpansionMove<'_> {
+    /// The pixels of a run and their slots.
+    pub fn pixels(&self, run: &Run) -> impl Iterator<Item = (Pixel, usize)> {
+        let [width, _] = self.energy.size();
+        let Run { u, v, slot, len } = *run;
+        (0..len).map(move |i| (Pixel::at(u + i, v, width), slot + i))
+    }
+
+    /// The nodes of a run's pixels.
+    pub fn nodes(&self, run: &Run, nodes_per_pixel: usize) -> Range<usize> {
+        nodes_per_pixel * self.node(run.slot)..nodes_per_pixel * self.node(run.slot + run.len)
+    }
+
+    /// The node of a slot, in graphs with one node per pixel. Their first row is the one above the band.
+    #[inline(always)]
+    pub fn node(&self, slot: usize) -> usize {
+        let [width, _] = self.energy.size();
+        slot + stride(width) - self.first_slot
+    }
+
+    /// A pixel with its neighbours to the right, below, to the left and above.
+    #[inline(always)]
+    fn neighbors(&self, pixel: Pixel, slot: usize) -> [Neighbors; 4] {
+        let [width, _] = self.energy.size();
+        let stride = stride(width);
+        let Pixel { u, v, index } = pixel;
+        let with_next = |second, second_slot, is_vertical| Neighbors {
+            pair: NeighborPair { first: pixel, second, is_vertical },
+            first: slot,
+            second: second_slot,
+        };
+        let with_previous = |first, first_slot, is_vertical| Neighbors {
+            pair: NeighborPair { first, second: pixel, is_vertical },
+            first: first_slot,
+            second: slot,
+        };
+        [
+            with_next(Pixel { u: u + 1, v, index: index + 1 }, slot + 1, false),
+            with_next(Pixel { u, v: v + 1, index: index + width }, slot + stride, true),
+            // In the first column and row these lie outside the image.
+            with_previous(Pixel { u: u.wrapping_sub(1), v, index: index.wrapping_sub(1) }, slot - 1, false),
+            with_previous(Pixel { u, v: v.wrapping_sub(1), index: index.wrapping_sub(width) }, slot - stride, true),
+        ]
+    }
+
+    /// Calls `f` once for every pair of neighbours with a free pixel in a run.
+    #[inline(always)]
+    pub fn for_each_pair(&self, run: &Run, mut f: impl FnMut(Neighbors)) {
+        for (pixel, slot) in self.pixels(run) {
+            let [right, below, left, above] = self.neighbors(pixel, slot);
+            for pair in [right, below] {
+                if self.labels[pair.second] != OUTSIDE {
+                    f(pair);
+                }
+            }
+            // A free pixel to the left or above has met this one as its right or lower neighbour.
+            for pair in [left, above] {
+                if !self.is_free[pair.first] && self.labels[pair.first] != OUTSIDE {
+                    f(pair);
+                }
+            }
+        }
+    }
+
+    /// The label of a slot after an outcome.
+    #[inline(always)]
+    fn label(&self, slot: usize, outcome: Outcome) -> Label {
+        match outcome {
+            Keep => self.labels[slot],
+            Occlude => OCCLUDED,
+            Take => self.label,
+        }
+    }
+
+    /// The smoothness term of two neighbours after their outcomes: [`Energy::smoothness`].
+    #[inline(always)]
+    pub fn pair_cost(&self, neighbors: Neighbors, outcome1: Outcome, outcome2: Outcome) -> i32 {
+        let Neighbors { pair, first, second } = neighbors;
+        let (label1, label2) = (self.label(first, outcome1), self.label(second, outcome2));
+        match self.energy.smoothness_rule() {
+            _ if label1 == label2 => 0,
+            Smoothness::Linear => self.energy.smoothness(pair, label1, label2),
+            Smoothness::Potts => self.potts_cost(neighbors, first, outcome1) + self.potts_cost(neighbors, second, outcome2),
+        }
+    }
+
+    /// What the pixel at `slot`, one of two neighbours with different labels, pays by Potts.
+    #[inline(always)]
+    pub fn potts_cost(&self, neighbors: Neighbors, slot: usize, outcome: Outcome) -> i32 {
+        let arc = neighbors.arc();
+        let code = match outcome {
+            Keep => self.potts_codes[slot] >> (2 * (arc + usize::from(slot == neighbors.second))),
+            Occlude => 0,
+            Take => self.proposed_potts_codes[neighbors.first] >> (2 * arc),
+        };
+        self.potts_costs[usize::from(code & 3)]
+    }
+
+    /// By how much the energy changes with the next labels of the band.
+    pub fn change_to(&self, next: &[Label]) -> i64 {
+        let outcome = |slot: usize| match self.is_free[slot].then(|| next[slot - self.first_slot]) {
+            Some(after) if after == self.labels[slot] => Keep,
+            Some(OCCLUDED) => Occlude,
+            Some(_) => Take,
+            None => Keep,
+        };
+        let mut change = 0;
+        for run in self.runs {
+            let part = run.slot - self.first_slot..run.slot - self.first_slot + run.len;
+            if next[part] == self.labels[run.slot..run.slot + run.len] {
+                continue;
+            }
+            for (pixel, slot) in self.pixels(run) {
+                let data = match outcome(slot) {
+                    Keep => continue,
+                    Occlude => self.energy.occlusion_cost(),
+                    Take => self.proposed_data[slot],
+                };
+                change += i64::from(data - self.data[slot]);
+                for neighbors in self.neighbors(pixel, slot) {
+                    let Neighbors { first, second, .. } = neighbors;
+                    // A pair whose pixels both change counts at its first pixel only.
+                    let is_counted = second == slot && outcome(first) != Keep;
+                    if !is_counted && self.labels[first] != OUTSIDE && self.labels[second] != OUTSIDE {
+                        let cost = self.pair_cost(neighbors, outcome(first), outcome(second));
+                        change += i64::from(cost - self.pair_cost(neighbors, Keep, Keep));
+                    }
+                }
+            }
+        }
+        change
+    }
+
+    /// Finds the minimum cut of a graph to which `add_run` gives its capacities, run by run.
+    pub fn cut<T: Topology>(
+        &self,
+        graph: &mut MaxFlow<T>,
+        nodes_per_pixel: usize,
+        mut add_run: impl FnMut(&mut MaxFlow<T>, &Run),
+    ) {
+        let mut waiting = self.runs;
+        for run in self.runs {
+            add_run(graph, run);
+            // The capacities of a row are complete once those of the next row are.
+            while let Some((first, rest)) = waiting.split_first().filter(|(first, _)| first.v + 1 < run.v) {
+                graph.push_to_neighbors(self.nodes(first, nodes_per_pixel));
+                waiting = rest;
+            }
+        }
+        for run in waiting {
+            graph.push_to_neighbors(self.nodes(run, nodes_per_pixel));
+        }
+        graph.run(self.runs.iter().map(|run| self.nodes(run, nodes_per_pixel)));
+    }
+}

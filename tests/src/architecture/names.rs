@@ -15,7 +15,7 @@ struct Shared {
     reason: &'static str,
 }
 
-const SHARED_MODULES: [Shared; 6] = [
+const SHARED_MODULES: [Shared; 7] = [
     Shared { name: "parameters", places: &["host/src/stereo/"], reason: "each method has its own" },
     Shared { name: "error", places: &[""], reason: "each crate and room has its own errors" },
     Shared {

@@ -1,4 +1,4 @@
-//! Circles: files that import from each other, directly or through others.
+//! Circles: files that import from each other, directly or through other files.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use petgraph::{
 
 use super::{crate_tree::CrateTree, imports::Edge, violation::Violation};
 
-/// The shortest circle through the first file of each group of files that cannot do without each other.
+/// Finds groups of files that depend on each other, and the shortest circle through the first file of each.
 pub(super) fn check(tree: &CrateTree, edges: &[Edge]) -> Vec<Violation> {
     let mut graph: DiGraph<(), &str> = DiGraph::new();
     for _ in &tree.files {

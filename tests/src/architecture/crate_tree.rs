@@ -1,4 +1,4 @@
-//! A crate's modules and the files that they are in.
+//! A crate's modules and files.
 
 use std::{
     error::Error,
@@ -13,28 +13,28 @@ pub(super) type FileId = usize;
 /// A module's index in [`CrateTree::modules`].
 pub(super) type ModuleId = usize;
 
-/// A crate: its files, and its modules with their items.
+/// A parsed crate.
 pub(super) struct CrateTree {
-    /// Relative to the workspace. The first is the crate's root.
+    /// Paths relative to the workspace. The first file is the crate's root.
     pub files: Vec<PathBuf>,
-    /// The first is the crate's root.
+    /// The first module is the crate's root.
     pub modules: Vec<Module>,
 }
 
-/// A module that is not for tests alone.
+/// A module. Modules for unit tests are left out.
 pub(super) struct Module {
     pub name: String,
     pub file: FileId,
     pub parent: Option<ModuleId>,
     pub children: Vec<ModuleId>,
-    /// Without those for tests alone, and without the contents of child modules.
+    /// Its items, without child modules and items for unit tests.
     pub items: Vec<Item>,
-    /// What its own file says of it.
+    /// Its attributes, such as its documentation.
     pub attributes: Vec<Attribute>,
 }
 
 impl CrateTree {
-    /// The crate whose first file is `path`, in the workspace at `root`.
+    /// Reads the crate whose root file is `path`, in the workspace at `root`.
     pub fn read(root: &Path, path: &Path) -> Result<CrateTree, Box<dyn Error>> {
         let mut tree = CrateTree { files: Vec::new(), modules: Vec::new() };
         let folder = path.parent().ok_or("a source file without a folder")?;
@@ -65,7 +65,7 @@ impl CrateTree {
         self.add(root, folder, module, file.items)
     }
 
-    /// Adds a module and those in it.
+    /// Adds a module and its child modules.
     fn add(&mut self, root: &Path, folder: &Path, module: Module, items: Vec<Item>) -> Result<ModuleId, Box<dyn Error>> {
         let (id, file) = (self.modules.len(), module.file);
         self.modules.push(module);
@@ -91,7 +91,7 @@ impl CrateTree {
                 None => {
                     let (path, folder) = match value(&inner.attrs, "path") {
                         Some(path) => {
-                            // Relative to the folder of the file, which has no module of its own in between.
+                            // The path is relative to the folder of the declaring file.
                             let here = root.join(&self.files[file]);
                             let path = here.parent().unwrap_or(root).join(path);
                             let folder = path.parent().unwrap_or(root).into();
@@ -107,7 +107,7 @@ impl CrateTree {
         Ok(id)
     }
 
-    /// The crate's first file, as violations name it.
+    /// The path of a file, as violations report it.
     pub fn place(&self, file: FileId) -> String {
         self.files[file].to_string_lossy().replace('\\', "/")
     }
@@ -128,7 +128,7 @@ impl CrateTree {
         self.modules[module].children.iter().copied().find(|&child| self.modules[child].name == name)
     }
 
-    /// Whether `module` is `ancestor` or inside of it.
+    /// Whether `module` is `ancestor` or a descendant of it.
     pub fn is_within(&self, mut module: ModuleId, ancestor: ModuleId) -> bool {
         while module != ancestor {
             match self.modules[module].parent {
@@ -146,7 +146,7 @@ fn module_file(folder: &Path, name: &str) -> (PathBuf, PathBuf) {
     if file.is_file() { (file, inner) } else { (inner.join("mod.rs"), inner) }
 }
 
-/// Whether an item is compiled for tests alone.
+/// Whether an item is compiled only for unit tests.
 fn is_for_tests(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| match &attribute.meta {
         Meta::List(list) if list.path.is_ident("cfg") => list.tokens.to_string() == "test",

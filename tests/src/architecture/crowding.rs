@@ -11,7 +11,7 @@ use super::{violation::Violation, workspace::CrateRoot};
 /// The most files that may be in a folder of sources, folders excluded.
 const MOST_FILES: usize = 13;
 
-/// The folders of the crates' sources that have too many files.
+/// Finds source folders with too many files.
 pub(super) fn check(root: &Path, crate_roots: &[CrateRoot]) -> io::Result<Vec<Violation>> {
     let mut unread: Vec<PathBuf> = crate_roots.iter().filter_map(|crate_root| Some(crate_root.path.parent()?.into())).collect();
     let mut folders = BTreeSet::new();

@@ -1,4 +1,4 @@
-//! Which file uses what another file defines.
+//! The imports of a crate: which file uses items that another file defines.
 
 use std::collections::HashSet;
 
@@ -14,7 +14,7 @@ use super::{
     violation::Violation,
 };
 
-/// A module that names something which a module in another file defines.
+/// A use of an item that another file defines.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) struct Edge {
     pub from: ModuleId,
@@ -27,13 +27,13 @@ pub(super) struct Edge {
 #[derive(Debug)]
 pub(super) struct Imports {
     pub edges: Vec<Edge>,
-    /// Paths within the crate that lead nowhere: what this check would be blind to.
+    /// Paths within the crate that could not be followed. They are violations, since the check is blind to them.
     pub unresolved: Vec<Violation>,
 }
 
-/// Every path in `tree` that names something in another file.
+/// Collects every use in `tree` of an item that another file defines.
 ///
-/// Declaring or re-exporting one's own child modules is no import, and neither is naming a module, but what is then named in it.
+/// Declaring child modules and re-exporting from them are not imports. Naming a module is not one either; naming an item in it is.
 pub(super) fn of(tree: &CrateTree) -> Imports {
     let resolver = Resolver::new(tree);
     let mut visitor = Visitor { tree, resolver: &resolver, module: 0, edges: HashSet::new(), unresolved: HashSet::new() };
@@ -61,7 +61,7 @@ impl Visitor<'_> {
         }
     }
 
-    /// Follows a path, and gives what it names.
+    /// Resolves a path, and notes it if it leads nowhere.
     fn resolve(&mut self, path: &[String]) -> HashSet<Target> {
         let targets = self.resolver.resolve(self.module, path);
         let is_internal = path.first().is_some_and(|first| ["crate", "self", "super"].contains(&first.as_str()));
@@ -80,7 +80,7 @@ impl Visitor<'_> {
         }
     }
 
-    /// The paths among a macro's tokens.
+    /// Finds paths among the tokens of a macro.
     fn scan(&mut self, tokens: TokenStream) {
         let tokens: Vec<TokenTree> = tokens.into_iter().collect();
         let is = |i: usize, wanted: char| matches!(tokens.get(i), Some(TokenTree::Punct(found)) if found.as_char() == wanted);
@@ -88,7 +88,7 @@ impl Visitor<'_> {
         while i < tokens.len() {
             match &tokens[i] {
                 TokenTree::Group(group) => self.scan(group.stream()),
-                // A field or method, or a variable of the macro.
+                // Skip fields, methods, and variables of the macro.
                 TokenTree::Ident(ident) if i > 0 && (is(i - 1, '.') || is(i - 1, '$') && ident != "crate") => {}
                 TokenTree::Ident(first) => {
                     let mut path = vec![text(first)];

@@ -1,4 +1,4 @@
-//! Rooms: a crate's top-level modules, which import from those listed before them only.
+//! Layers: a crate's top-level modules, its rooms, may import only from rooms listed before them.
 
 use super::{
     crate_tree::{CrateTree, ModuleId, text},
@@ -6,10 +6,10 @@ use super::{
     violation::Violation,
 };
 
-/// The head of the table of rooms in the crate's documentation.
+/// The header of the table of rooms in the crate's documentation.
 const HEAD: [&str; 2] = ["room", "what it is"];
 
-/// Compares the imports with the crate's table of rooms, which a library must have.
+/// Compares the imports with the crate's table of rooms, which libraries must have.
 pub(super) fn check(tree: &CrateTree, edges: &[Edge], must_list_rooms: bool) -> Vec<Violation> {
     let root = &tree.modules[0];
     let place = tree.place(root.file);
@@ -56,7 +56,7 @@ fn listed_rooms(documentation: &[String]) -> Option<Vec<String>> {
     };
     let lines: Vec<&str> = documentation.iter().flat_map(|text| text.lines()).collect();
     let head = lines.iter().position(|line| cells(line).is_some_and(|cells| cells == HEAD))?;
-    // The second line separates the head from the rows.
+    // The second line separates the header from the rows.
     let rows = lines[head..].iter().skip(2).map_while(|line| cells(line)?.into_iter().next());
     Some(rows.flat_map(|cell| cell.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>()).collect())
 }

@@ -1,7 +1,8 @@
-//! Checks the workspace's architecture: rooms whose imports run one way, no circles of files, short folders, and names that mean one thing.
+//! The workspace's architecture: imports between rooms run one way, files form no circles, folders are short, and names are
+//! unambiguous.
 //!
-//! Every source file is parsed, and every path in it is followed through modules and re-exports to the file that defines what it
-//! names. Test code (`#[cfg(test)]`) may import anything.
+//! The check parses every source file and follows every path in it, through modules and re-exports, to the file that defines the
+//! item. Code for unit tests (`#[cfg(test)]`) may import anything.
 
 mod circles;
 mod crate_tree;

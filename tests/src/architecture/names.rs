@@ -1,4 +1,4 @@
-//! Names that modules or public types of the workspace share.
+//! Names that several modules or public types of the workspace share.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,10 +6,10 @@ use syn::{Item, Visibility};
 
 use super::{crate_tree::CrateTree, violation::Violation, workspace::Use};
 
-/// A name that several modules or types may have.
+/// A name that several modules or types may share.
 struct Shared {
     name: &'static str,
-    /// What the paths of their files begin with.
+    /// The prefixes of their files' paths.
     places: &'static [&'static str],
     #[expect(dead_code, reason = "it is for the reader")]
     reason: &'static str,
@@ -51,7 +51,7 @@ const SHARED_TYPES: [Shared; 3] = [
     },
 ];
 
-/// Where names follow those of something else, and why.
+/// Folders whose names follow those of other parts, and the reason.
 const FOLLOWING: [(&str, &str); 5] = [
     ("core/src/kernel/arm/", "the kernels of each instruction set are divided alike"),
     ("host/src/command/", "commands and options are named for what they run and set"),
@@ -60,7 +60,7 @@ const FOLLOWING: [(&str, &str); 5] = [
     ("tests/src/test_images/real_data.rs", "it reads the data sets a second time"),
 ];
 
-/// The names that are not shared for a reason. Tests are named for what they test, and may share its name.
+/// Finds names that are shared without a stated reason. Tests are exempt, since they are named for what they test.
 pub(super) fn check(trees: &[(CrateTree, Use)]) -> Vec<Violation> {
     let mut modules: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     let mut types = modules.clone();

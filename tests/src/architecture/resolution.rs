@@ -1,4 +1,4 @@
-//! What paths name: names are looked up in modules, and followed through imports and re-exports.
+//! Resolution of paths: looks names up in modules and follows imports and re-exports.
 
 use std::collections::{HashMap, HashSet};
 
@@ -7,11 +7,11 @@ use syn::{Ident, Item, ItemUse, UseTree, Visibility, ext::IdentExt};
 
 use super::crate_tree::{CrateTree, ModuleId};
 
-/// What a path names.
+/// What a path refers to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Target {
     Module(ModuleId),
-    /// Something defined in this module, or a part of it, such as a variant.
+    /// An item that this module defines, or a part of one, such as a variant.
     Item(ModuleId),
 }
 
@@ -19,7 +19,7 @@ pub(super) enum Target {
 #[derive(Clone, Debug)]
 pub(super) struct Import {
     pub path: Vec<String>,
-    /// What it is called here; `None` imports all names in the module at `path`.
+    /// The name it gets; `None` for a glob import.
     pub name: Option<String>,
     pub is_reexport: bool,
 }
@@ -38,7 +38,7 @@ struct Scope {
 pub(super) struct Resolver<'a> {
     tree: &'a CrateTree,
     scopes: Vec<Scope>,
-    /// Where each macro is defined. Macros are found by where they are in the text, so they have no path.
+    /// The module that defines each macro. Macros are in scope by their position in the text, not by path.
     macros: HashMap<String, ModuleId>,
 }
 
@@ -62,8 +62,8 @@ impl<'a> Resolver<'a> {
         resolver
     }
 
-    /// What `path` names in `module`: several things if it is a type and a function, or depends on the target; nothing if it
-    /// leads out of the crate.
+    /// What `path` refers to in `module`. There are several targets if a type and a function share the name, or if it depends on the
+    /// platform; none if it leads out of the crate.
     pub fn resolve(&self, module: ModuleId, path: &[String]) -> HashSet<Target> {
         self.follow(module, path, &mut HashSet::new())
     }
@@ -137,10 +137,10 @@ impl Scope {
     }
 }
 
-/// The imports of a declaration.
+/// The imports of a `use` declaration.
 pub(super) fn imports(item: &ItemUse) -> Vec<Import> {
     let mut found = Vec::new();
-    // A path from `::` leads out of the crate.
+    // A path that begins with `::` leads out of the crate.
     if item.leading_colon.is_none() {
         collect(&item.tree, &mut Vec::new(), !matches!(item.vis, Visibility::Inherited), &mut found);
     }
@@ -177,7 +177,7 @@ fn identifiers(tokens: TokenStream, found: &mut HashSet<String>) {
     }
 }
 
-/// A name without the `r#` that keeps it from being a keyword.
+/// A name without the prefix `r#` of raw identifiers.
 pub(super) fn text(ident: &Ident) -> String {
     ident.unraw().to_string()
 }

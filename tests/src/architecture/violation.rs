@@ -1,8 +1,8 @@
-//! What breaks a rule.
+//! Violations of the rules.
 
 use std::fmt;
 
-/// A rule that the workspace breaks, and where.
+/// A violation of a rule.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Violation {
     /// The file or folder, relative to the workspace.

@@ -7,25 +7,25 @@ use std::{
     process::Command,
 };
 
-/// What a crate is for.
+/// The kind of a crate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Use {
     /// A library, which must list its rooms.
     Library,
     /// A program.
     Program,
-    /// Integration tests, examples and benchmarks, whose modules are named for what they test.
+    /// Integration tests, examples and benchmarks.
     Test,
 }
 
-/// A crate's first file.
+/// The root file of a crate.
 #[derive(Clone, Debug)]
 pub(super) struct CrateRoot {
     pub path: PathBuf,
     pub usage: Use,
 }
 
-/// Every crate of the workspace at `root`, except build scripts and generated bindings.
+/// Lists the crates of the workspace at `root`, except build scripts and generated bindings.
 pub(super) fn crate_roots(root: &Path) -> Result<Vec<CrateRoot>, Box<dyn Error>> {
     let cargo = env::var_os("CARGO").unwrap_or("cargo".into());
     let listed =

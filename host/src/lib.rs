@@ -8,7 +8,7 @@
 //! | [`images`] | rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth |
 //! | [`files`] | reading and writing them: PNG, JPEG, PNM, PFM, PLY, `rig.toml`; whole files or none |
 //! | [`scene`] | ray-traced scenes with known depth |
-//! | [`capture`] | cameras, stages, and the session in which one moves the other |
+//! | [`capture`] | cameras, the stages that move them, and the capture that runs both |
 //! | [`stereo`] | matching: cost, aggregation, optimization, refinement, and the engine that runs the core on all cores |
 //! | [`alignment`] | how far the views are from where they should be, estimated and taken out |
 //! | [`evaluation`] | data sets with ground truth, error metrics, and the tables made of them |

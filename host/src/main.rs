@@ -1,4 +1,4 @@
-//! The command line of multiscopic.
+//! The command line.
 
 mod command;
 
@@ -33,7 +33,7 @@ enum Command {
 fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        // Whoever gives no arguments asks for help, which is no error.
+        // Running without arguments shows the help and succeeds.
         Err(error) if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             let _ = terminal::print(&error.render().to_string());
             return ExitCode::SUCCESS;
@@ -64,7 +64,7 @@ mod tests {
     use clap::CommandFactory;
 
     #[test]
-    fn the_options_do_not_contradict_each_other() {
+    fn options_are_consistent() {
         super::Cli::command().debug_assert();
     }
 }

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Makes src/videodev2.rs anew from the header linux/videodev2.h of this machine: what crate v4l uses of it, and nothing else.
+# Generates src/videodev2.rs from this machine's linux/videodev2.h, limited to what the crate v4l uses.
 # Needs bindgen, libclang and the kernel's headers (Debian: bindgen, linux-libc-dev).
 set -eu
 cd "$(dirname "$0")"

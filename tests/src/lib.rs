@@ -17,7 +17,9 @@ pub mod simulated;
 pub mod split_mix;
 pub mod test_images;
 
-/// Compiles the README's code.
+/// Compiles and runs the code of the README and the guides.
 #[cfg(doctest)]
 #[doc = include_str!("../../README.md")]
-struct Readme;
+#[doc = include_str!("../../docs/architecture.md")]
+#[doc = include_str!("../../docs/firmware.md")]
+struct Guides;

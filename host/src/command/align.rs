@@ -1,4 +1,4 @@
-//! `multiscopic align`: how far views are from where they should be.
+//! `multiscopic align`: the misalignment of the views.
 
 use std::{path::PathBuf, process::ExitCode};
 
@@ -15,10 +15,10 @@ use super::{
     terminal,
 };
 
-/// Says how far each view is shifted across its baseline, how long its baseline is and how bright it is, beside the others
+/// Estimates each view's shift across its baseline, relative baseline length and relative brightness
 ///
-/// A shift is how far down a left or right view lies, and how far to the right a top or bottom view. Shifts and brightness can be taken out:
-/// into a new folder with -o, or on the way with `multiscopic match --align`.
+/// The shift is downwards for the left and right views, and to the right for the top and bottom views. Shift and
+/// brightness can be corrected: in a new folder with -o, or just before matching with `multiscopic match --align`.
 #[derive(Clone, Debug, Args)]
 pub struct Align {
     #[command(flatten)]
@@ -27,11 +27,11 @@ pub struct Align {
     #[command(flatten)]
     search: SearchOptions,
 
-    /// Folder for the capture with shifts and brightness put right
+    /// New folder for the capture with corrected shifts and brightness
     #[arg(short, long, value_name = "NEW_RIG_DIR")]
     output: Option<PathBuf>,
 
-    /// Print JSON
+    /// Print JSON instead of a table
     #[arg(long)]
     json: bool,
 
@@ -39,7 +39,7 @@ pub struct Align {
     engine: EngineOptions,
 }
 
-/// What is off in a view, by its name.
+/// A line of the table; `--json` prints these fields.
 #[derive(Debug, Serialize)]
 struct Line {
     view: &'static str,
@@ -51,15 +51,15 @@ impl Align {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         let Some((images, rig)) = self.source.capture()? else {
-            let message = "there is nothing to align, give RIG_DIR, a folder with a rig.toml, or --center and its neighbours";
+            let message = "there are no images to align: give RIG_DIR, a folder with a rig.toml, or --center and its neighbours";
             return Err(Error::Usage(message.into()));
         };
         if self.output.is_some() && rig.is_none() {
-            let message = "-o makes a folder with a rig.toml, of which only a folder with one knows enough: give RIG_DIR";
+            let message = "-o writes a folder with a rig.toml, which only a captured folder can provide: give RIG_DIR";
             return Err(Error::Usage(message.into()));
         }
         let (frames, _) = Frames::load(&images)?;
-        let params = self.search.params(frames.size(), frames.views(), None, SearchOptions::RANGE)?;
+        let params = self.search.params(frames.size(), frames.views(), None, SearchOptions::DEFAULT_RANGE)?;
         let alignment = Alignment::estimate(&frames, &params, &self.engine.engine()?)?;
         let lines: Vec<Line> =
             frames.views().iter().filter_map(|view| Some(Line { view: view.name(), residual: alignment.of(view)? })).collect();

@@ -1,6 +1,6 @@
-//! `multiscopic bench`: how fast this machine is.
+//! `multiscopic bench`: the speed of matching on this machine.
 
-use std::{process::ExitCode, time::Instant};
+use std::{fmt, process::ExitCode, time::Instant};
 
 use clap::Args;
 use image::{GrayImage, Luma};
@@ -8,12 +8,11 @@ use multiscopic::{Error, Frames, Method, Result};
 use multiscopic_core::{Fusion, View, Views};
 
 use super::{
-    methods::{MethodName, MethodOptions},
-    options::{EngineOptions, SearchOptions, named, views_of_count},
+    options::{EngineOptions, MethodName, MethodOptions, Named, SearchOptions, named, views_of_count},
     terminal,
 };
 
-/// Measures how fast this machine matches, on made frames
+/// Measures the speed of matching on this machine, with synthetic frames
 #[derive(Debug, Args)]
 pub struct Bench {
     /// Frame width in pixels
@@ -24,11 +23,11 @@ pub struct Bench {
     #[arg(long, value_name = "N", default_value_t = 1110)]
     height: u16,
 
-    /// Neighbours: 1 (right), 2 (left and right) or 4
+    /// Neighbours: right (1), left and right (2), top as well (3), or all (4)
     #[arg(long, value_name = "1|2|3|4", default_value_t = 2)]
     views: usize,
 
-    /// Runs, of which the fastest counts
+    /// Number of runs; the fastest counts
     #[arg(long, value_name = "N", default_value_t = 5)]
     repeat: usize,
 
@@ -36,12 +35,12 @@ pub struct Bench {
     #[arg(long)]
     json: bool,
 
-    /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
+    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with more]
     #[arg(long, value_parser = named::<Fusion>())]
     fusion: Option<Fusion>,
 
     /// Method
-    #[arg(long, value_enum, default_value = "bm", help_heading = "Matching")]
+    #[arg(long, value_parser = named::<MethodName>(), default_value = "bm", help_heading = "Matching")]
     method: MethodName,
 
     #[command(flatten)]
@@ -54,10 +53,10 @@ pub struct Bench {
     engine: EngineOptions,
 }
 
-/// What `bench` reports.
+/// The measurement; `--json` prints these fields.
 #[derive(Debug, serde::Serialize)]
-struct Report {
-    method: String,
+struct Measurement {
+    method: &'static str,
     width: usize,
     height: usize,
     num_disparities: usize,
@@ -77,7 +76,7 @@ impl Bench {
         if self.width == 0 || self.height == 0 || self.repeat == 0 {
             return Err(Error::Usage("--width, --height and --repeat must be at least 1".into()));
         }
-        let frames = made_frames(self.width.into(), self.height.into(), views);
+        let frames = noise_frames(self.width.into(), self.height.into(), views);
         let params = self.search.params(frames.size(), views, self.fusion, (1, 64))?;
         let engine = self.engine.engine()?;
         let method: Method = self.options.method(self.method, self.search.block_size())?;
@@ -87,7 +86,7 @@ impl Bench {
             std::hint::black_box(method.disparities(&engine, &frames, params.search(), &())?);
             seconds = seconds.min(start.elapsed().as_secs_f64());
         }
-        let report = Report {
+        let report = Measurement {
             method: self.method.name(),
             width: params.width(),
             height: params.height(),
@@ -100,24 +99,22 @@ impl Bench {
             seconds,
             gde_per_s: params.evaluations() as f64 / seconds / 1e9,
         };
-        let line = if self.json {
-            serde_json::to_string(&report).expect("numbers and strings")
-        } else {
-            let Report { method, width, height, num_disparities, block_size, views, fusion, threads, kernel, seconds, gde_per_s } =
-                report;
-            format!(
-                "{method}, {width}x{height}, {num_disparities} disparities, block {block_size}, views {views}, {fusion}, threads {threads}, kernel {kernel}: \
-                 {:.1} ms, {gde_per_s:.3} GDE/s",
-                seconds * 1e3
-            )
-        };
-        terminal::print(&format!("{line}\n"))?;
+        terminal::print_report(&report, self.json)?;
         Ok(ExitCode::SUCCESS)
     }
 }
 
-/// Frames of noise on a plane at a disparity of 20: the time does not depend on what they show.
-fn made_frames(width: u32, height: u32, views: Views) -> Frames {
+impl fmt::Display for Measurement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Measurement { method, width, height, num_disparities, block_size, views, fusion, threads, kernel, .. } = self;
+        write!(f, "{method}, {width}x{height}, {num_disparities} disparities, block {block_size}, views {views}, {fusion}, ")?;
+        let (milliseconds, gde_per_s) = (1e3 * self.seconds, self.gde_per_s);
+        writeln!(f, "threads {threads}, kernel {kernel}: {milliseconds:.1} ms, {gde_per_s:.3} GDE/s")
+    }
+}
+
+/// Frames of a noisy plane at disparity 20. The time does not depend on the content.
+fn noise_frames(width: u32, height: u32, views: Views) -> Frames {
     let noise = |u: i32, v: i32| {
         let mut hash = (u as u32).wrapping_mul(0x9E37_79B1) ^ (v as u32).wrapping_mul(0x85EB_CA77);
         hash = (hash ^ hash >> 15).wrapping_mul(0x2C1B_3C6D);

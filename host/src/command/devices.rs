@@ -1,13 +1,13 @@
-//! `multiscopic devices`: the cameras that there are.
+//! `multiscopic devices`: the cameras of this machine.
 
 use std::process::ExitCode;
 
 use clap::Args;
 use multiscopic::Result;
 
-/// Lists the cameras, with their formats and sizes
+/// Lists the cameras with their formats and sizes
 ///
-/// Cameras are the capture devices of Linux (V4L2), also those that cannot be used, with the reason.
+/// Cameras are the V4L2 capture devices of Linux. Those that cannot be used are listed with the reason.
 #[derive(Clone, Debug, Args)]
 pub struct Devices {
     /// Print a JSON list of {"device","card","driver","bus","problem","formats"} instead of text
@@ -27,7 +27,7 @@ impl Devices {
             let json = serde_json::to_string(&cameras).expect("names and numbers");
             terminal::print(&format!("{json}\n"))?;
         } else if cameras.is_empty() {
-            terminal::say("there are no cameras: no /dev/videoN takes pictures; plug one in, or load its driver");
+            terminal::say("there are no cameras: no /dev/videoN captures images; plug in a camera or load its driver");
         } else {
             terminal::print(&cameras.iter().map(text).collect::<String>())?;
         }
@@ -39,12 +39,12 @@ impl Devices {
 impl Devices {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
-        let message = "this program was built without cameras: build it on Linux, with the feature v4l2";
+        let message = "this build has no camera support: build multiscopic on Linux with the feature v4l2";
         Err(multiscopic::Error::Usage(message.into()))
     }
 }
 
-/// A camera in lines of text.
+/// A camera as lines of text.
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 fn text(camera: &multiscopic::capture::camera::CameraInfo) -> String {
     use multiscopic::capture::camera::FrameSizes;

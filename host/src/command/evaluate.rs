@@ -1,4 +1,4 @@
-//! `multiscopic evaluate`: how accurate methods are on data sets with ground truth.
+//! `multiscopic evaluate`: the accuracy of methods on data sets with ground truth.
 
 use std::{
     ops::RangeInclusive,
@@ -6,10 +6,7 @@ use std::{
     process::ExitCode,
 };
 
-use clap::{
-    Args,
-    builder::{PossibleValuesParser, TypedValueParser},
-};
+use clap::Args;
 use multiscopic::{
     Dataset, DisparityMap, Error, FloatImage, Picture, Result,
     evaluation::{Row, Scene, record},
@@ -19,8 +16,7 @@ use multiscopic::{
 use multiscopic_core::Fusion;
 
 use super::{
-    methods::{MethodName, MethodOptions},
-    options::{EngineOptions, SearchOptions, named, views_of_count},
+    options::{EngineOptions, MethodName, MethodOptions, SearchOptions, named, views_of_count},
     terminal,
     variant::{Subject, Variant},
 };
@@ -28,36 +24,35 @@ use super::{
 /// Measures the errors of stereo and multiscopic matching on a data set with ground truth
 #[derive(Debug, Args)]
 pub struct Evaluate {
-    /// Folder of the data set, of one of its scenes, or the one that the data set's folder is in
+    /// Folder of the data set, of one of its scenes, or the parent of the data set's folder
     #[arg(value_name = "DIR")]
     directory: PathBuf,
 
     /// Data set
-    #[arg(long, value_name = "NAME",
-        value_parser = PossibleValuesParser::new(Dataset::ALL.map(Dataset::name)).try_map(|name| name.parse::<Dataset>()))]
+    #[arg(long, value_name = "NAME", value_parser = named::<Dataset>())]
     dataset: Dataset,
 
     /// Scenes [default: all]
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     scenes: Vec<String>,
 
-    /// Numbers of neighbours: 1 (stereo), 2 or 4 [default: 1 and the most that the data set has]
+    /// Numbers of neighbours: 1 (stereo), 2 or 4 [default: 1 and as many as the data set has]
     #[arg(long, value_name = "1,2,4", value_delimiter = ',')]
     views: Vec<usize>,
 
-    /// List of the results in JSON
+    /// Write the results as a JSON list
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// Page with the table and pictures of every scene
+    /// Write a page with the table and with pictures of every scene
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
 
     /// Methods
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "bm", help_heading = "Matching")]
+    #[arg(long, value_parser = named::<MethodName>(), value_delimiter = ',', default_value = "bm", help_heading = "Matching")]
     methods: Vec<MethodName>,
 
-    /// Fusions of the views' costs [default: min with one or two neighbours, heuristic with more]
+    /// Fusion rules for the views' costs [default: min with one or two neighbours, heuristic with more]
     #[arg(long, value_parser = named::<Fusion>(), value_delimiter = ',', help_heading = "Matching")]
     fusion: Vec<Fusion>,
 
@@ -71,10 +66,10 @@ pub struct Evaluate {
     engine: EngineOptions,
 }
 
-/// The pictures of a scene.
+/// The pictures of a scene on the page.
 struct Gallery<'a> {
     truth: &'a FloatImage,
-    /// All maps of a scene have the colours of its truth.
+    /// All maps of a scene share the colour scale of its truth.
     range: Option<RangeInclusive<f32>>,
     figures: Vec<Figure>,
 }
@@ -88,7 +83,7 @@ impl Gallery<'_> {
         Gallery { truth, range, figures }
     }
 
-    /// Adds the disparities and errors of a variant.
+    /// Adds the disparities and the error map of a variant.
     fn add(&mut self, variant: &str, disparities: &DisparityMap) {
         let estimates = disparities.pixels().iter().map(|d| d.map(f32::from));
         let errors = error_map::draw(estimates, self.truth);
@@ -104,7 +99,7 @@ impl Evaluate {
         let options = self.options.clone().for_dataset(self.dataset);
         let method = |&name: &MethodName| Ok((name, options.method(name, self.search.block_size())?));
         let methods = self.methods.iter().map(method).collect::<Result<Vec<_>>>()?;
-        let scenes = self.chosen_scenes()?;
+        let scenes = self.selected_scenes()?;
         let outputs: Vec<&Path> = self.json.iter().chain(&self.report).map(PathBuf::as_path).collect();
         let inputs: Vec<&Path> = scenes.iter().flat_map(|scene| scene.images.paths().chain([scene.truth.as_path()])).collect();
         output::check(&outputs, &inputs)?;
@@ -120,7 +115,8 @@ impl Evaluate {
             let subject = Subject { dataset: scene.dataset.name(), scene: &scene.name, frames: &frames, truth: &truth };
             for variant in &variants {
                 let params = self.search.params(frames.size(), variant.views, Some(variant.fusion), self.dataset.range())?;
-                let (_, method) = methods.iter().find(|(name, _)| *name == variant.method).expect("every variant has its method");
+                let (_, method) =
+                    methods.iter().find(|(name, _)| *name == variant.method).expect("every variant has a method of --methods");
                 let (disparities, record) = variant.measure(method, &engine, &subject, params.search())?;
                 if let Some(gallery) = &mut gallery {
                     gallery.add(&record.variant(), &disparities);
@@ -147,13 +143,15 @@ impl Evaluate {
 
     fn page<'a>(&self, rows: &[Row], galleries: impl IntoIterator<Item = (&'a str, Vec<Figure>)>) -> Report {
         let page = Report::new(format!("Errors on {}", self.dataset))
-            .paragraph("RMS and AvgErr are in pixels, in brackets how far they are from stereo's; the rest is in percent.")
+            .paragraph(
+                "RMS and AvgErr are in pixels, with the change from stereo in brackets; the other columns are percentages.",
+            )
             .table(Row::HEADS, rows.iter().map(Row::cells))
-            .paragraph(&format!("Disparities: near is red, far is blue, none is black. Errors: {}.", error_map::LEGEND));
+            .paragraph(&format!("Disparities: red is near, blue is far, black is invalid. Errors: {}.", error_map::LEGEND));
         galleries.into_iter().fold(page, |page, (scene, figures)| page.gallery(scene, figures))
     }
 
-    /// Every method with every number of views, stereo first, and every fusion of several views.
+    /// Every method with every number of views, stereo first, and every fusion rule where there are several views.
     fn variants(&self) -> Result<Vec<Variant>> {
         let available = self.dataset.views();
         let mut counts = if self.views.is_empty() { vec![1, available.len()] } else { self.views.clone() };
@@ -165,12 +163,12 @@ impl Evaluate {
                 if views.len() > available.len() {
                     let (dataset, most) = (self.dataset, available.len());
                     return Err(Error::Usage(format!(
-                        "--views has {count}, but {dataset} has {most} neighbours: use 1 or {most}"
+                        "--views includes {count}, but {dataset} has only {most} neighbours: use 1 or {most}"
                     )));
                 }
                 let fusions = match (&self.fusion[..], count) {
                     ([], _) => vec![Fusion::default_for(count)],
-                    // One cost is the same by every rule.
+                    // All rules agree on a single cost.
                     ([first, ..], 1) => vec![*first],
                     (fusions, _) => fusions.to_vec(),
                 };
@@ -185,13 +183,13 @@ impl Evaluate {
         Ok(variants)
     }
 
-    /// The scenes that were asked for.
-    fn chosen_scenes(&self) -> Result<Vec<Scene>> {
+    /// The scenes that `--scenes` selects.
+    fn selected_scenes(&self) -> Result<Vec<Scene>> {
         let mut scenes = self.dataset.scenes(&self.directory)?;
         let names: Vec<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
         if let Some(unknown) = self.scenes.iter().find(|name| !names.contains(&name.as_str())) {
             let (directory, names) = (self.directory.display(), names.join(", "));
-            return Err(Error::Usage(format!("--scenes has {unknown}, which is not in {directory}: use {names}")));
+            return Err(Error::Usage(format!("--scenes includes {unknown}, which is not in {directory}: choose from {names}")));
         }
         scenes.retain(|scene| self.scenes.is_empty() || self.scenes.contains(&scene.name));
         Ok(scenes)

@@ -1,4 +1,4 @@
-//! `multiscopic listen`: from the packets of firmware to pictures.
+//! `multiscopic listen`: disparity maps from the firmware's packets.
 
 use std::{
     fs::File,
@@ -16,18 +16,18 @@ use multiscopic::{
 
 use super::{options::MapFiles, terminal};
 
-/// Receives a frame of disparities from firmware, and names every packet that is lost or damaged
+/// Receives a disparity map from the firmware, and reports every packet that is lost or damaged
 ///
-/// Reads packets until the one that ends the frame. A serial port is read as a file; set it up first, for example with
+/// Reads packets up to the end of the frame. A serial port is read like a file; configure it first, for example with
 ///
 ///     stty -F /dev/ttyACM0 raw 115200
 ///
-/// Exit codes: 0 if all came, 1 if something is lost or damaged (what came is written, the rest is invalid), 2 if the input brings no
-/// packets or cannot be read.
+/// Exit codes: 0 if everything arrived; 1 if packets are lost or damaged (their pixels are invalid, the rest
+/// is written); 2 if the input cannot be read or contains no packets.
 #[derive(Clone, Debug, Args)]
 #[command(verbatim_doc_comment)]
 pub struct Listen {
-    /// File, serial port or other device with the packets, - for standard input
+    /// File, serial port or other device to read packets from; - is standard input
     #[arg(value_name = "FILE|DEVICE|-", default_value = STANDARD_INPUT)]
     source: PathBuf,
 
@@ -35,7 +35,7 @@ pub struct Listen {
     maps: MapFiles,
 }
 
-/// How the command line names standard input.
+/// The name of standard input on the command line.
 const STANDARD_INPUT: &str = "-";
 
 impl Listen {
@@ -70,11 +70,17 @@ impl Listen {
     }
 }
 
-/// What came, in a line.
+/// One line about the received map.
 fn summary(received: &ReceivedFrame) -> String {
     let ReceivedFrame { disparities, pixels, stack } = received;
     let share = |count: usize| 100.0 * count as f64 / disparities.pixels().len() as f64;
     let valid = disparities.pixels().iter().flatten().count();
     let stack = stack.map(|bytes| format!(", {bytes} bytes of stack")).unwrap_or_default();
-    format!("{}x{}: {:.1} % came, {:.1} % valid{stack}", disparities.width(), disparities.height(), share(*pixels), share(valid))
+    format!(
+        "{}x{}: {:.1} % received, {:.1} % valid{stack}",
+        disparities.width(),
+        disparities.height(),
+        share(*pixels),
+        share(valid)
+    )
 }

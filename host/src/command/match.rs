@@ -1,4 +1,4 @@
-//! `multiscopic match`: images in, disparities out.
+//! `multiscopic match`: disparities from images.
 
 use std::{
     path::{Path, PathBuf},
@@ -18,22 +18,21 @@ use multiscopic::{
 use multiscopic_core::{Frame, Fusion, Params};
 
 use super::{
-    methods::{MethodName, MethodOptions},
-    options::{EngineOptions, GeometryOptions, MapFiles, SearchOptions, SourceOptions, named},
+    options::{EngineOptions, GeometryOptions, MapFiles, MethodName, MethodOptions, SearchOptions, SourceOptions, named},
     terminal::{self, Watch},
 };
 
-/// Estimates the disparity of every pixel of a centre image from its neighbours
+/// Estimates the disparity of each pixel of a centre image by matching it with its neighbours
 #[derive(Clone, Debug, Args)]
 pub struct Match {
     #[command(flatten)]
     source: SourceOptions,
 
     /// Method
-    #[arg(long, value_enum, default_value = "bm", help_heading = "Matching")]
+    #[arg(long, value_parser = named::<MethodName>(), default_value = "bm", help_heading = "Matching")]
     method: MethodName,
 
-    /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
+    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with more]
     #[arg(long, value_parser = named::<Fusion>(), help_heading = "Matching")]
     fusion: Option<Fusion>,
 
@@ -43,7 +42,7 @@ pub struct Match {
     #[command(flatten)]
     options: MethodOptions,
 
-    /// First take shifts across the baseline and differences of brightness out of the views, as `multiscopic align` finds them
+    /// Correct the views' shifts across the baseline and their brightness before matching, as `multiscopic align` does
     #[arg(long, help_heading = "Matching")]
     align: bool,
 
@@ -57,22 +56,22 @@ pub struct Match {
     engine: EngineOptions,
 }
 
-/// The files that are written.
+/// The files that the command writes.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Output")]
 struct Outputs {
     #[command(flatten)]
     maps: MapFiles,
 
-    /// Depths in metres, +inf where there is none; needs the camera's focal length and baseline
+    /// Depth in metres, +inf where unknown; needs the focal length and the baseline
     #[arg(long, value_name = "OUT.pfm")]
     depth: Option<PathBuf>,
 
-    /// Cloud of coloured points in metres; needs the camera's focal length and baseline
+    /// Coloured point cloud in metres; needs the focal length and the baseline
     #[arg(long, value_name = "OUT.ply")]
     ply: Option<PathBuf>,
 
-    /// Write the point cloud as text
+    /// Write the point cloud as text instead of binary
     #[arg(long, requires = "ply")]
     ply_ascii: bool,
 }
@@ -81,12 +80,12 @@ impl Match {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         let Some((images, rig)) = self.source.capture()? else {
-            let message = "there is no image to match, give --center and its neighbours, or RIG_DIR, a folder with a rig.toml";
+            let message = "there are no images to match: give --center and its neighbours, or RIG_DIR, a folder with a rig.toml";
             return Err(Error::Usage(message.into()));
         };
         let (mut frames, center) = Frames::load(&images)?;
         let center = self.outputs.ply.is_some().then_some(center);
-        let params = self.search.params(frames.size(), frames.views(), self.fusion, SearchOptions::RANGE)?;
+        let params = self.search.params(frames.size(), frames.views(), self.fusion, SearchOptions::DEFAULT_RANGE)?;
         let geometry = self.geometry.geometry(rig.as_ref(), &frames);
         self.outputs.check_geometry(geometry.is_some())?;
         let rig_file = self.source.rig_file();
@@ -104,7 +103,7 @@ impl Match {
             let colored = frames.color(Frame::Center).is_some();
             let bytes = cuts.bytes(*cost, params.width() * params.height(), params.views().len(), colored);
             let megabytes = bytes.div_ceil(1_000_000);
-            terminal::say(&format!("matching images {} times as large takes about {megabytes} MB", cuts.upsample));
+            terminal::say(&format!("matching at {} times the size takes about {megabytes} MB of memory", cuts.upsample));
         }
         let watch = Watch::new()?;
         let start = Instant::now();
@@ -132,12 +131,13 @@ impl Outputs {
         maps.paths().chain([depth, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
     }
 
-    /// Refuses an output for which the geometry is not known.
+    /// Refuses an output that needs the geometry if that is not known.
     fn check_geometry(&self, known: bool) -> Result<()> {
-        let needing = [("--depth", &self.depth), ("--ply", &self.ply)];
-        match needing.into_iter().find_map(|(option, path)| Some((option, path.as_ref()?))) {
+        let outputs = [("--depth", &self.depth), ("--ply", &self.ply)];
+        match outputs.into_iter().find_map(|(option, path)| Some((option, path.as_ref()?))) {
             Some((option, path)) if !known => Err(Error::Usage(format!(
-                "{option} {} needs the camera's focal length and baseline, give --focal-px and --baseline-mm, or a folder with a rig.toml",
+                "{option} {} needs the focal length and the baseline: give --focal-px and --baseline-mm, or a folder with \
+                 a rig.toml",
                 path.display()
             ))),
             _ => Ok(()),
@@ -145,7 +145,7 @@ impl Outputs {
     }
 }
 
-/// What was matched, how and with what result, in a line.
+/// One line about the match and its result.
 fn summary(params: &Params, disparities: &DisparityMap, seconds: f64) -> String {
     let valid = disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64;
     let views = match params.views().len() {

@@ -9,7 +9,6 @@ pub mod devices;
 pub mod evaluate;
 pub mod listen;
 pub mod r#match;
-mod methods;
 mod options;
 pub mod simulate;
 pub mod terminal;

@@ -1,4 +1,4 @@
-//! `multiscopic simulate`: what the firmware does, without it.
+//! `multiscopic simulate`: the firmware's pipeline on this machine.
 
 use std::{
     collections::BTreeMap,
@@ -26,21 +26,21 @@ use super::{
     terminal,
 };
 
-/// Runs the firmware's pipeline on this machine: its parameters, its memory, its order of lines, and its packets byte for byte
+/// Runs the firmware's pipeline on this machine: the same parameters, memory, order of lines and packets, byte for byte
 #[derive(Clone, Debug, Args)]
 pub struct Simulate {
     #[command(flatten)]
     source: SourceOptions,
 
-    /// Profile of the firmware; of larger frames the middle is matched, and without any the scene of `multiscopic demo`
+    /// Firmware profile; larger frames are cropped to the middle, and without frames the scene of `multiscopic demo` is rendered
     #[arg(long, value_name = "NAME", value_parser = profile::ALL.map(|profile| profile.name))]
     profile: String,
 
-    /// Fusion of the views' costs [default: min with one or two neighbours, heuristic with more]
+    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with more]
     #[arg(long, value_parser = named::<Fusion>())]
     fusion: Option<Fusion>,
 
-    /// Processor whose firmware is predicted
+    /// Processor for which memory and instructions are predicted
     #[arg(long, value_parser = named::<Processor>(), default_value = "cortex-m4")]
     core: Processor,
 
@@ -48,11 +48,11 @@ pub struct Simulate {
     #[arg(long)]
     json: bool,
 
-    /// Disparities in pixels, +inf where there is none
+    /// Disparities in pixels, +inf where invalid
     #[arg(short, long, value_name = "OUT.pfm", help_heading = "Output")]
     output: Option<PathBuf>,
 
-    /// Packets as the firmware sends them; but the end does not say how deep the stack was, which is not known here
+    /// Packets as the firmware sends them, except that the last one lacks the stack depth, which is unknown here
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     packets: Option<PathBuf>,
 }
@@ -61,7 +61,7 @@ impl Simulate {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         let profile = profile::ALL.into_iter().find(|profile| profile.name == self.profile);
-        let profile = profile.expect("the names are those of the profiles");
+        let profile = profile.expect("the parser admits the profiles' names alone");
         let views = profile.params(Fusion::Min).views();
         let fusion = self.fusion.unwrap_or(Fusion::default_for(views.len()));
         let params = profile.params(fusion);
@@ -78,15 +78,12 @@ impl Simulate {
             let received = reception::receive(&simulation.packets[..], Path::new("the simulated packets"), |_| ())?;
             received.disparities.write_pfm(path)?;
         }
-        let report = Report::new(&profile, &params, self.core, images, &simulation);
-        terminal::print(&match self.json {
-            true => serde_json::to_string(&report).expect("numbers and strings") + "\n",
-            false => report.to_string(),
-        })?;
+        let report = SimulationReport::new(&profile, &params, self.core, images, &simulation);
+        terminal::print_report(&report, self.json)?;
         Ok(ExitCode::SUCCESS)
     }
 
-    /// The frames, as large as the profile's, and what they are called.
+    /// The frames in the size of the profile, and `"demo"` or `"given"` for the report.
     fn frames(&self, profile: &Profile, params: &Params) -> Result<(Frames, &'static str)> {
         let outputs: Vec<&Path> = [&self.output, &self.packets].into_iter().flatten().map(PathBuf::as_path).collect();
         let [width, height] = [params.width(), params.height()];
@@ -99,7 +96,7 @@ impl Simulate {
         output::check(&outputs, &images.paths().chain(rig_file.as_deref()).collect::<Vec<_>>())?;
         if let Some(view) = params.views().iter().find(|&view| !images.views().contains(view)) {
             let message =
-                format!("profile {} matches with {}, the {} one is missing", profile.name, names(params.views()), view.name());
+                format!("profile {} needs the views {}: the {} one is missing", profile.name, names(params.views()), view.name());
             return Err(Error::Usage(message));
         }
         let (frames, _) = Frames::load(&images)?;
@@ -119,9 +116,9 @@ fn names(views: Views) -> String {
     views.iter().map(View::name).collect::<Vec<_>>().join(", ")
 }
 
-/// What `simulate` reports, under the names of `cargo xtask edge`.
+/// The simulation and the prediction. `--json` prints these fields, named as in `cargo xtask edge`.
 #[derive(Debug, Serialize)]
-struct Report<'a> {
+struct SimulationReport<'a> {
     profile: &'a str,
     core: &'a str,
     fusion: &'a str,
@@ -139,12 +136,17 @@ struct Report<'a> {
     packet_bytes: usize,
 }
 
-impl<'a> Report<'a> {
-    fn new(profile: &Profile, params: &Params, processor: Processor, images: &'a str, simulation: &Simulation) -> Report<'a> {
+impl<'a> SimulationReport<'a> {
+    fn new(
+        profile: &Profile,
+        params: &Params,
+        processor: Processor,
+        images: &'a str,
+        simulation: &Simulation,
+    ) -> SimulationReport<'a> {
         let ram = Ram::new(params, profile.tile_width(), processor);
-        let instructions = processor.instructions(params, profile.tile_width());
-        let instructions = instructions.round();
-        Report {
+        let instructions = processor.instructions(params, profile.tile_width()).round();
+        SimulationReport {
             profile: profile.name,
             core: processor.name(),
             fusion: params.fusion().name(),
@@ -164,18 +166,18 @@ impl<'a> Report<'a> {
     }
 }
 
-impl fmt::Display for Report<'_> {
+impl fmt::Display for SimulationReport<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{} with {} on the frames {}, as on a {}", self.profile, self.fusion, self.images, self.core)?;
-        let Report { ram_static, stack_max, ram_total, ram_budget, .. } = self;
-        writeln!(f, "RAM      {ram_total} bytes of {ram_budget}: {ram_static} of statics, {stack_max} of stack")?;
-        let Report { de, instructions, instructions_per_de, .. } = self;
+        writeln!(f, "profile {}, fusion {}, frames {}, processor {}", self.profile, self.fusion, self.images, self.core)?;
+        let SimulationReport { ram_static, stack_max, ram_total, ram_budget, .. } = self;
+        writeln!(f, "RAM      {ram_total} of {ram_budget} bytes: {ram_static} statics, {stack_max} stack")?;
+        let SimulationReport { de, instructions, instructions_per_de, .. } = self;
         writeln!(
             f,
             "work     {de} DE (pixel x disparity x view), {instructions} instructions: {instructions_per_de:.2} per DE, predicted"
         )?;
         let lines: Vec<String> = self.lines_read.iter().map(|(frame, lines)| format!("{frame} {lines}")).collect();
-        writeln!(f, "lines    {} read ahead; read in {} passes: {}", self.lines_latency, self.tile_passes, lines.join(", "))?;
+        writeln!(f, "lines    {} read ahead, {} passes; lines read: {}", self.lines_latency, self.tile_passes, lines.join(", "))?;
         writeln!(f, "packets  {} bytes", self.packet_bytes)
     }
 }

@@ -1,38 +1,38 @@
-//! Variants of matching, and how they are measured.
+//! Variants of matching, and their measurement.
 
 use std::time::Instant;
 
 use multiscopic::{DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Result, evaluation::Record};
 use multiscopic_core::{Fusion, Search, Views};
 
-use super::methods::MethodName;
+use super::options::{MethodName, Named};
 
-/// A method with the views it matches and how it fuses them.
+/// A method with the views that it matches and the rule that fuses their costs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Variant {
     /// The method.
     pub method: MethodName,
     /// The neighbours.
     pub views: Views,
-    /// How their costs are fused.
+    /// The fusion rule.
     pub fusion: Fusion,
 }
 
-/// Frames whose disparities are known.
+/// Frames with known disparities.
 #[derive(Clone, Copy, Debug)]
 pub struct Subject<'a> {
     /// The data set's name.
     pub dataset: &'a str,
     /// The scene's name.
     pub scene: &'a str,
-    /// What is matched.
+    /// The frames.
     pub frames: &'a Frames,
-    /// What should come out; some of it is known.
+    /// The true disparities, of which some are known.
     pub truth: &'a FloatImage,
 }
 
 impl Variant {
-    /// Matches `subject` by `method`, which is this variant's, and compares the result with the truth.
+    /// Matches `subject` with `method`, which is this variant's, and compares the result with the truth.
     pub fn measure(
         &self,
         method: &Method,
@@ -46,7 +46,7 @@ impl Variant {
         let record = Record {
             dataset: subject.dataset.into(),
             scene: subject.scene.into(),
-            method: self.method.name(),
+            method: self.method.name().into(),
             views: self.views.len(),
             fusion: self.fusion.name().into(),
             metrics: Metrics::new(&disparities, subject.truth).expect("some of the truth is known"),

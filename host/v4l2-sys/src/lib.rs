@@ -1,12 +1,12 @@
-//! The structures of Linux's V4L2, as crate `v4l` wants them: generated beforehand, so that its users need no libclang.
+//! Linux's V4L2 structures for the crate `v4l`, generated in advance by `generate.sh` so that building needs no libclang.
 //!
-//! `generate.sh` makes them. One file serves all architectures: it has C's types, whose sizes are the target's.
+//! One file serves all architectures, since it uses C types.
 #![cfg(target_os = "linux")]
 #![allow(missing_docs, nonstandard_style, clippy::all, reason = "names and documentation are the kernel's")]
 
 include!("videodev2.rs");
 
-/// The sizes that the kernel has in the numbers of its calls (`_IOC_SIZE`), on machines of 64 bits.
+/// The sizes that the kernel encodes in its ioctl numbers (`_IOC_SIZE`) on 64-bit machines.
 #[cfg(target_pointer_width = "64")]
 const _: () = {
     assert!(size_of::<v4l2_capability>() == 104);

@@ -15,13 +15,18 @@ struct Shared {
     reason: &'static str,
 }
 
-const SHARED_MODULES: [Shared; 6] = [
+const SHARED_MODULES: [Shared; 7] = [
     Shared { name: "parameters", places: &["host/src/stereo/"], reason: "each method has its own" },
     Shared { name: "error", places: &[""], reason: "each crate and room has its own errors" },
     Shared {
         name: "capture",
-        places: &["core/src/capture/", "host/src/capture/"],
-        reason: "the sequence, and the host's hardware for it",
+        places: &["core/src/capture/", "host/src/capture/", "host/src/command/"],
+        reason: "the sequence, the host's hardware for it, and the command",
+    },
+    Shared {
+        name: "weights",
+        places: &["host/src/stereo/cost/mccnn/", "host/src/command/"],
+        reason: "the command is named after what it installs",
     },
     Shared {
         name: "camera",

@@ -234,7 +234,9 @@ fn captures_and_matches(images: &ViewSet) -> Outcome {
     }
     let log = fs::read_to_string(folder.join("capture.log"))?;
     let toml = fs::read_to_string(folder.join("rig.toml"))?;
-    for (text, word) in [(&log, "has the bottom frame"), (&log, CAMERA), (&toml, "baseline_mm = 15"), (&toml, &rig.arm.spec())] {
+    for (text, word) in
+        [(&log, "captured the bottom frame"), (&log, CAMERA), (&toml, "baseline_mm = 15"), (&toml, &rig.arm.spec())]
+    {
         if !text.contains(word) {
             return Err(format!("{word} is not in {text}").into());
         }

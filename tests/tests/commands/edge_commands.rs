@@ -87,7 +87,7 @@ fn a_whole_stream_becomes_pictures() {
     let dir = folder();
     let (run, [pfm, png, raw16]) = listened(dir.path(), &packets().concat());
     run.assert_done();
-    assert!(run.stderr.contains("7x5: 100.0 % came, ") && run.stderr.contains("3000 bytes of stack"), "{run:#?}");
+    assert!(run.stderr.contains("7x5: 100.0 % received, ") && run.stderr.contains("3000 bytes of stack"), "{run:#?}");
     assert_eq!(read_raw16(&raw16), (7, 5, samples(&[])));
     let pixels = |raw: u16| if raw == 0 { f32::INFINITY } else { (f32::from(raw) - 32768.0) / 64.0 };
     assert_eq!(read_pfm(&pfm), (7, 5, samples(&[]).into_iter().map(pixels).collect()));
@@ -113,7 +113,7 @@ fn packets_come_through_standard_input() {
 fn lost_packets_are_named() {
     let mut one = packets();
     one.remove(6);
-    assert_lost(&one.concat(), &[6], &["line 1 (packet 6) is lost", "91.4 % came"]);
+    assert_lost(&one.concat(), &[6], &["line 1 (packet 6) is lost", "91.4 % received"]);
     let mut several = packets();
     several.drain(3..7);
     let words = ["lines 3 to 4 (packets 3 to 4) are lost", "lines 0 to 1 (packets 5 to 6) are lost"];
@@ -333,7 +333,7 @@ fn time_is_instructions_by_cycles_by_clock() {
         let report = json(&budget(&["--profile", "qvga", "--core", core]), 0);
         assert_eq!((&report["clock_mhz"], &report["cycles_per_instruction"]), (&clock.into(), &cycles.into()), "{core}");
         let text = Invocation::new(["budget", "--profile", "qvga", "--core", core]);
-        assert!(text.stdout.contains(&format!("at {clock} MHz, if an instruction takes {cycles} cycles")), "{text:#?}");
+        assert!(text.stdout.contains(&format!("at {clock} MHz and {cycles} cycles per instruction")), "{text:#?}");
     }
 }
 
@@ -348,12 +348,11 @@ fn an_exceeded_budget_fails_by_name() {
     json(&met, 0);
     let short = run(total - 1, 0.99 * fps);
     json(&short, 1);
-    let words =
-        format!("RAM: {total} bytes are 1 more than the {} of --ram; column tiles would fit: --tile-width 160", total - 1);
+    let words = format!("RAM: {total} bytes exceed --ram {} by 1; narrower column tiles would fit: --tile-width 160", total - 1);
     assert!(short.stderr.contains(&words) && !short.stderr.contains("--fps"), "{short:#?}");
     let slow = run(total, 2.0 * fps);
     json(&slow, 1);
-    assert!(slow.stderr.contains("2.00 times the speed is needed") && !slow.stderr.contains("--ram"), "{slow:#?}");
+    assert!(slow.stderr.contains("2.00 times as fast") && !slow.stderr.contains("--ram"), "{slow:#?}");
     json(&budget(&["--profile", "qvga", "--ram", "144KiB"]), 0);
     json(&budget(&["--profile", "qvga", "--ram", "48KiB"]), 1);
 }
@@ -377,17 +376,20 @@ fn a_budget_refuses_bad_usage() {
 }
 
 #[test]
-fn the_commands_of_the_readme_run() {
+fn the_commands_of_the_guides_run() {
     let dir = folder();
     let run = |words: &[&str]| {
         let output = Command::new(program::binary()).args(words).current_dir(dir.path()).output().expect("the command line runs");
         assert_eq!(output.status.code(), Some(0), "{words:?}: {output:?}");
     };
     run(&["demo", "-o", "out/demo", "--width", "180", "--height", "130", "--num-disparities", "1"]);
-    let readme = include_str!("../../../README.md");
-    for name in ["budget", "simulate", "listen"] {
-        let line = readme.lines().find_map(|line| line.strip_prefix("multiscopic ").filter(|rest| rest.starts_with(name)));
-        run(&line.unwrap_or_else(|| panic!("the README has a line for {name}")).split(' ').collect::<Vec<_>>());
+    let guides = [include_str!("../../../README.md"), include_str!("../../../docs/firmware.md")];
+    let commands = || guides.iter().flat_map(|guide| guide.lines()).filter_map(|line| line.strip_prefix("multiscopic "));
+    for name in ["match out/demo", "budget", "simulate", "listen"] {
+        assert!(commands().any(|command| command.starts_with(name)), "the guides have no line for {name}");
+        for command in commands().filter(|command| command.starts_with(name)) {
+            run(&command.split(' ').collect::<Vec<_>>());
+        }
     }
     assert_eq!(read_pfm(&dir.path().join("received.pfm")).0, 160);
 }

@@ -460,9 +460,9 @@ fn several_views_match_what_one_cannot() {
     assert!(2 * multiscopic.len() <= stereo.len(), "{} pixels are wrong by two views", multiscopic.len());
 }
 
-/// The README's numbers: graphs, costs and labels, and for each image its samples and three intervals a channel.
+/// The table in docs/methods.md: graphs, costs and labels, and for each image its samples and three intervals a channel.
 #[test]
-fn memory_is_what_the_readme_says() {
+fn memory_is_what_the_guide_says() {
     let linear = GraphCuts::default();
     let potts = GraphCuts { smoothness: Smoothness::Potts, ..GraphCuts::default() };
     assert_eq!(potts.bytes(COLOR, 1, 1, true), 161);

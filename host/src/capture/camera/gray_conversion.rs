@@ -44,7 +44,7 @@ impl FrameLayout {
     /// Decodes a JPEG image to grey.
     fn decode(&self, frame: &[u8]) -> Result<GrayImage, CameraFault> {
         let wrong = |found: String| CameraFault::Jpeg { found, layout: *self };
-        let picture = Picture::decode(Path::new(""), &jpeg::with_tables(frame)).map_err(|error| match error {
+        let picture = Picture::decode(Path::new(""), &jpeg::mark_without_tables(frame)).map_err(|error| match error {
             Error::Format { found, .. } => wrong(found),
             error => wrong(error.to_string()),
         })?;

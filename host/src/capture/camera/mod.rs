@@ -82,8 +82,8 @@ impl V4l2Camera {
     /// The first call starts the camera, lets it warm up, and locks its controls. Later calls discard the
     /// frames that are queued or already being exposed.
     ///
-    /// It returns within `timeout`, and within a tenth of a second once `is_cancelled` is set. The time that
-    /// the driver takes to start and stop the stream comes on top.
+    /// It returns within `timeout`, and within a tenth of a second once `is_cancelled` is set, not counting the
+    /// time that the driver takes to start and stop the stream.
     ///
     /// # Errors
     /// No frame arrived in time, a frame was damaged, the device is gone, or the call was cancelled.

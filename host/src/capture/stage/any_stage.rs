@@ -1,4 +1,4 @@
-//! A stage whose kind is known at run time only.
+//! A stage whose kind is only known at run time.
 
 use multiscopic_core::capture::{Position, Stage};
 

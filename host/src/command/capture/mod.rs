@@ -1,11 +1,17 @@
-//! `multiscopic capture`: a stage moves a camera, and the frames are written to a folder.
+//! `multiscopic capture`: a stage moves a camera, and the frames are written to a folder with a `rig.toml`.
 
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
-mod command;
+mod capture_log;
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
+mod capture_options;
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
+mod recorder;
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
+mod supported;
 #[cfg(not(all(target_os = "linux", feature = "v4l2")))]
-mod unavailable;
+mod unsupported;
 
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
-pub use command::Capture;
+pub use supported::Capture;
 #[cfg(not(all(target_os = "linux", feature = "v4l2")))]
-pub use unavailable::Capture;
+pub use unsupported::UnsupportedCapture as Capture;

@@ -1,16 +1,18 @@
 //! Options that several commands share.
 
-mod engine;
-mod geometry;
+mod engine_options;
+mod geometry_options;
 mod map_files;
+mod methods;
 mod named;
-mod search;
-mod source;
+mod search_options;
+mod source_options;
 pub mod value;
 
-pub use engine::EngineOptions;
-pub use geometry::GeometryOptions;
+pub use engine_options::EngineOptions;
+pub use geometry_options::GeometryOptions;
 pub use map_files::MapFiles;
+pub use methods::{MethodName, MethodOptions};
 pub use named::{Named, named};
-pub use search::{SearchOptions, views_of_count};
-pub use source::SourceOptions;
+pub use search_options::{SearchOptions, views_of_count};
+pub use source_options::SourceOptions;

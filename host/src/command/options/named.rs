@@ -1,7 +1,7 @@
 //! Values that are chosen by name on the command line.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use multiscopic::Processor;
+use multiscopic::{Dataset, Processor};
 use multiscopic_core::Fusion;
 
 /// A type with few values, each of which has a name on the command line.
@@ -57,11 +57,29 @@ impl Named for Processor {
     }
 }
 
+impl Named for Dataset {
+    const ALL: &'static [Dataset] = &Dataset::ALL;
+
+    fn name(&self) -> &'static str {
+        Dataset::name(*self)
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            Dataset::Middlebury2006Third => "Middlebury 2006 at a third of its size: three views in a row",
+            Dataset::Middlebury2005Full => "Middlebury 2005 at full size: three views in a row",
+            Dataset::Tsukuba => "Tsukuba's head and lamp: one scene, five views",
+            Dataset::Hci4d => "The HCI's 4D light fields: five views each",
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
+    use crate::command::options::MethodName;
 
     fn names<T: Named>() -> Vec<&'static str> {
         T::ALL.iter().map(Named::name).collect()
@@ -69,7 +87,7 @@ mod tests {
 
     #[test]
     fn no_two_values_of_a_type_share_a_name() {
-        for names in [names::<Fusion>(), names::<Processor>()] {
+        for names in [names::<Fusion>(), names::<Processor>(), names::<Dataset>(), names::<MethodName>()] {
             assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len(), "{names:?}");
         }
     }

@@ -2,18 +2,18 @@
 
 use multiscopic::{Error, Result};
 
-/// A finite number.
+/// Parses a finite number.
 pub fn finite(text: &str) -> Result<f64> {
     let number = text.trim().parse().ok().filter(|number: &f64| number.is_finite());
     number.ok_or_else(|| Error::Usage("it must be a number".into()))
 }
 
-/// A number above 0.
+/// Parses a positive number.
 pub fn positive(text: &str) -> Result<f64> {
     finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| Error::Usage("it must be a number above 0".into()))
 }
 
-/// Two numbers.
+/// Parses two numbers, separated by a comma.
 pub fn point(text: &str) -> Result<[f64; 2]> {
     match text.split_once(',').map(|(cx, cy)| (finite(cx), finite(cy))) {
         Some((Ok(cx), Ok(cy))) => Ok([cx, cy]),

@@ -1,4 +1,4 @@
-//! A person who watches work at the terminal, and may have had enough.
+//! Progress of long work on the terminal, and Ctrl-C.
 
 use std::{
     process,
@@ -11,8 +11,12 @@ use std::{
 use indicatif::ProgressBar;
 use multiscopic::{Error, Progress, Result};
 
-/// A bar on standard error, and Ctrl-C: it ends work that asks for interrupts with what that has so far. The second Ctrl-C ends the
-/// program, as does the first where nobody asks.
+use super::bar;
+
+/// A progress bar and a handler for Ctrl-C.
+///
+/// Work that polls [`is_interrupted`](Progress::is_interrupted) ends early with the result it has so far. A second
+/// Ctrl-C ends the program; so does the first if the work does not poll.
 #[derive(Debug)]
 pub struct Watch {
     bar: ProgressBar,
@@ -21,31 +25,31 @@ pub struct Watch {
 
 #[derive(Debug, Default)]
 struct Interrupts {
-    asked_for: AtomicBool,
-    came: AtomicBool,
+    polled: AtomicBool,
+    received: AtomicBool,
 }
 
 impl Watch {
-    /// Watches from now on; there is one in a program.
+    /// Installs the handler. A program can do so once.
     ///
     /// # Errors
-    /// If Ctrl-C is watched already.
+    /// A handler is installed already.
     pub fn new() -> Result<Watch> {
         let interrupts = Arc::new(Interrupts::default());
-        let watched = interrupts.clone();
+        let handled = interrupts.clone();
         ctrlc::set_handler(move || {
-            let Interrupts { asked_for, came } = &*watched;
-            if came.swap(true, Ordering::Relaxed) || !asked_for.load(Ordering::Relaxed) {
-                // As the shell does it: 128 and the number of the signal.
+            let Interrupts { polled, received } = &*handled;
+            if received.swap(true, Ordering::Relaxed) || !polled.load(Ordering::Relaxed) {
+                // The shell's convention: 128 plus the signal number.
                 process::exit(130);
             }
         })
-        .map_err(|error| Error::Usage(format!("Ctrl-C cannot be watched: {error}")))?;
-        let bar = super::progress(0, "");
+        .map_err(|error| Error::Usage(format!("cannot handle Ctrl-C: {error}")))?;
+        let bar = bar::progress(0, "");
         Ok(Watch { bar, interrupts })
     }
 
-    /// The work is done: the bar goes away.
+    /// Removes the bar.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }
@@ -55,7 +59,7 @@ impl Progress for Watch {
     fn begin(&self, steps: u64, name: &str) {
         self.bar.reset();
         self.bar.set_length(steps);
-        self.bar.set_style(super::style(name));
+        self.bar.set_style(bar::style(name));
     }
 
     fn advance(&self, steps: u64) {
@@ -67,7 +71,7 @@ impl Progress for Watch {
     }
 
     fn is_interrupted(&self) -> bool {
-        self.interrupts.asked_for.store(true, Ordering::Relaxed);
-        self.interrupts.came.load(Ordering::Relaxed)
+        self.interrupts.polled.store(true, Ordering::Relaxed);
+        self.interrupts.received.load(Ordering::Relaxed)
     }
 }

@@ -3,26 +3,26 @@
 use clap::Args;
 use multiscopic::{Engine, Error, Result, Simd};
 
-/// What the machine gives.
+/// The threads and vector instructions that matching may use.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Machine")]
 pub struct EngineOptions {
-    /// Threads, 0 for one per core
+    /// Number of threads, 0 for one per core
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub threads: usize,
 
-    /// Vector instructions, by default the fastest for the number of disparities that the processor has; the result is the same
+    /// Vector instructions; they do not change the result [default: the fastest available for the number of disparities]
     #[arg(long, value_name = "NAME")]
     pub simd: Option<String>,
 }
 
 impl EngineOptions {
-    /// The engine asked for.
+    /// The engine with these options.
     pub fn engine(&self) -> Result<Engine> {
         let named = |name: &String| {
             Simd::named(name).ok_or_else(|| {
                 let available: Vec<String> = Simd::available().iter().map(Simd::to_string).collect();
-                Error::Usage(format!("--simd is {name}, this processor has {}", available.join(", ")))
+                Error::Usage(format!("--simd is {name}, but this processor supports {}", available.join(", ")))
             })
         };
         Engine::new(self.simd.as_ref().map(named).transpose()?, self.threads)

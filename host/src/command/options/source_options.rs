@@ -1,40 +1,40 @@
-//! Where a command's frames come from.
+//! The frames that a command reads.
 
 use std::path::PathBuf;
 
 use clap::Args;
 use multiscopic::{Error, Result, Rig, files::FrameFiles};
 
-/// The files of a capture: a folder with all of them, or each by itself.
+/// The frames: a captured folder, or an image for each.
 #[derive(Clone, Debug, Args)]
 pub struct SourceOptions {
-    /// Folder of a capture, with its rig.toml
+    /// Captured folder with a rig.toml
     #[arg(value_name = "RIG_DIR", conflicts_with_all = ["center", "left", "right", "top", "bottom"])]
     rig: Option<PathBuf>,
 
-    /// Image in the centre: the reference
+    /// Centre image, the reference
     #[arg(long, value_name = "IMAGE")]
     center: Option<PathBuf>,
 
-    /// Image with the camera moved to the left
+    /// Image taken with the camera moved to the left
     #[arg(long, value_name = "IMAGE")]
     left: Option<PathBuf>,
 
-    /// Image with the camera moved to the right
+    /// Image taken with the camera moved to the right
     #[arg(long, value_name = "IMAGE")]
     right: Option<PathBuf>,
 
-    /// Image with the camera moved up
+    /// Image taken with the camera moved up
     #[arg(long, value_name = "IMAGE")]
     top: Option<PathBuf>,
 
-    /// Image with the camera moved down
+    /// Image taken with the camera moved down
     #[arg(long, value_name = "IMAGE")]
     bottom: Option<PathBuf>,
 }
 
 impl SourceOptions {
-    /// The files of the frames, and what is known of how they were captured; `None` if none is given.
+    /// The image files, and the rig of a captured folder. `None` if the command line names no images.
     pub fn capture(&self) -> Result<Option<(FrameFiles, Option<Rig>)>> {
         if let Some(directory) = &self.rig {
             let rig = Rig::load(directory)?;
@@ -45,19 +45,18 @@ impl SourceOptions {
         match (center, images.views().is_empty()) {
             (None, true) => Ok(None),
             (None, false) => {
-                let message =
-                    "the neighbours have no image to be matched with, give --center, or RIG_DIR, a folder with a rig.toml";
+                let message = "the neighbours have no centre to match: give --center, or RIG_DIR, a folder with a rig.toml";
                 Err(Error::Usage(message.into()))
             }
             (Some(_), true) => {
-                let message = "there is no neighbour to match with, give at least one of --left, --right, --top and --bottom";
+                let message = "there is no neighbour to match: give at least one of --left, --right, --top and --bottom";
                 Err(Error::Usage(message.into()))
             }
             (Some(_), false) => Ok(Some((images, None))),
         }
     }
 
-    /// What is read beside the frames.
+    /// The rig.toml that is read as well as the images.
     pub fn rig_file(&self) -> Option<PathBuf> {
         self.rig.as_ref().map(|directory| directory.join(Rig::FILE_NAME))
     }

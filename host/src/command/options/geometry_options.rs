@@ -5,29 +5,30 @@ use multiscopic::{Frames, Geometry, Rig};
 
 use super::value::{finite, point, positive};
 
-/// What turns disparities into places.
+/// The geometry that turns disparities into depth.
 #[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Camera (for --depth and --ply; a rig.toml has it, and what is given here comes first)")]
+#[command(next_help_heading = "Camera (for --depth and --ply; overrides rig.toml)")]
 pub struct GeometryOptions {
     /// Focal length in pixels
     #[arg(long, value_name = "PX", value_parser = positive, allow_negative_numbers = true)]
     focal_px: Option<f64>,
 
-    /// How far the camera was moved from the centre to each neighbour, in millimetres
+    /// Distance the camera moved from the centre to each neighbour, in millimetres
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     baseline_mm: Option<f64>,
 
-    /// The negated disparity of a point at infinity [default: 0]
+    /// Negated disparity of a point at infinity, in pixels [default: 0]
     #[arg(long, value_name = "PX", value_parser = finite, allow_negative_numbers = true)]
     doffs: Option<f64>,
 
-    /// Where the optical axis meets the image, in pixels from the centre of the first one [default: the middle of the image]
+    /// Point where the optical axis meets the image, in pixels from the centre of the top left pixel [default: the
+    /// middle of the image]
     #[arg(long, value_name = "CX,CY", value_parser = point, allow_negative_numbers = true)]
     principal_point: Option<[f64; 2]>,
 }
 
 impl GeometryOptions {
-    /// The geometry of frames like `frames`: what is given, else what the rig says. `None` if focal length or baseline is unknown.
+    /// The geometry of `frames`: options first, then `rig`. `None` if the focal length or the baseline is unknown.
     pub fn geometry(&self, rig: Option<&Rig>, frames: &Frames) -> Option<Geometry> {
         let middle = || [frames.width(), frames.height()].map(|side| (side as f64 - 1.0) / 2.0);
         Some(Geometry {
@@ -47,10 +48,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_given_comes_before_the_rig() {
+    fn options_override_the_rig() {
         let frames = Frames::new(GrayImage::new(640, 480));
-        let nothing = GeometryOptions { focal_px: None, baseline_mm: None, doffs: None, principal_point: None };
-        assert_eq!(nothing.geometry(None, &frames), None);
+        let no_options = GeometryOptions { focal_px: None, baseline_mm: None, doffs: None, principal_point: None };
+        assert_eq!(no_options.geometry(None, &frames), None);
         let rig = Rig {
             focal_px: Some(500.0),
             baseline_mm: 40.0,
@@ -59,13 +60,13 @@ mod tests {
             images: FrameFiles::default(),
             capture: Provenance::default(),
         };
-        assert_eq!(nothing.geometry(Some(&rig), &frames), rig.geometry());
+        assert_eq!(no_options.geometry(Some(&rig), &frames), rig.geometry());
 
-        let given = GeometryOptions { focal_px: Some(700.0), baseline_mm: Some(20.0), ..nothing };
+        let given = GeometryOptions { focal_px: Some(700.0), baseline_mm: Some(20.0), ..no_options };
         let expected = Geometry { focal_px: 700.0, baseline_mm: 20.0, principal_point: [1.0, 2.0], doffs: 3.0 };
         assert_eq!(given.geometry(Some(&rig), &frames), Some(expected));
         let unknown = Rig { focal_px: None, ..rig };
-        assert_eq!(nothing.geometry(Some(&unknown), &frames), None);
+        assert_eq!(no_options.geometry(Some(&unknown), &frames), None);
         assert_eq!(given.geometry(Some(&unknown), &frames), Some(expected));
         let middle = Geometry { principal_point: [319.5, 239.5], doffs: 0.0, ..expected };
         assert_eq!(given.geometry(None, &frames), Some(middle));

@@ -1,0 +1,109 @@
+//! The prediction, as a table or in JSON.
+
+use std::{collections::BTreeMap, fmt};
+
+use multiscopic::target::{Buffer, Ram};
+use multiscopic_core::{Params, Region};
+use serde::Serialize;
+
+use super::target_options::TargetOptions;
+
+/// The prediction; `--json` prints these fields.
+#[derive(Debug, Serialize)]
+pub struct Prediction {
+    width: usize,
+    height: usize,
+    views: usize,
+    fusion: &'static str,
+    min_disparity: i16,
+    num_disparities: usize,
+    block_size: usize,
+    /// Columns of a tile.
+    pub tile_width: usize,
+    core: &'static str,
+    ram: BTreeMap<&'static str, usize>,
+    ram_static: usize,
+    stack_max: usize,
+    /// Bytes of RAM in all.
+    pub ram_total: usize,
+    de: u64,
+    instructions: f64,
+    instructions_per_de: f64,
+    clock_mhz: f64,
+    cycles_per_instruction: f64,
+    seconds: f64,
+    /// Frames per second.
+    pub fps: f64,
+    lines_latency: usize,
+    tile_passes: usize,
+    #[serde(skip)]
+    buffers: Vec<Buffer>,
+}
+
+impl Prediction {
+    /// Predicts matching with `params` in column tiles on `target`.
+    pub fn new(target: &TargetOptions, params: &Params, tile_width: usize, ram: &Ram) -> Prediction {
+        let processor = target.core;
+        let clock_mhz = target.clock.unwrap_or(processor.clock_mhz());
+        let cycles_per_instruction = target.cpi.unwrap_or(processor.cycles_per_instruction());
+        let instructions = processor.instructions(params, tile_width).round();
+        let seconds = instructions * cycles_per_instruction / (clock_mhz * 1e6);
+        Prediction {
+            width: params.width(),
+            height: params.height(),
+            views: params.views().len(),
+            fusion: params.fusion().name(),
+            min_disparity: params.min_disparity(),
+            num_disparities: params.num_disparities(),
+            block_size: params.block_size(),
+            tile_width,
+            core: processor.name(),
+            ram: ram.buffers().iter().map(|buffer| (buffer.name, buffer.bytes)).collect(),
+            ram_static: ram.statics(),
+            stack_max: ram.stack,
+            ram_total: ram.bytes(),
+            de: params.evaluations(),
+            instructions,
+            instructions_per_de: instructions / params.evaluations() as f64,
+            clock_mhz,
+            cycles_per_instruction,
+            seconds,
+            fps: 1.0 / seconds,
+            lines_latency: params.latency_lines(),
+            tile_passes: Region::tiles(params, tile_width).count(),
+            buffers: ram.buffers().to_vec(),
+        }
+    }
+}
+
+impl fmt::Display for Prediction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Prediction { width, height, views, fusion, min_disparity, num_disparities, block_size, tile_width, core, .. } = self;
+        let last = i32::from(*min_disparity) + *num_disparities as i32 - 1;
+        writeln!(
+            f,
+            "{width}x{height}, views {views}, {fusion}, disparities {min_disparity}..={last}, block {block_size}, \
+             column tiles of {tile_width}"
+        )?;
+        for Buffer { name, bytes, contents } in &self.buffers {
+            writeln!(f, "{bytes:>12}  {name:<12}  {contents}")?;
+        }
+        writeln!(
+            f,
+            "{:>12}  bytes of RAM in total, without frames: {} statics, {} stack",
+            self.ram_total, self.ram_static, self.stack_max
+        )?;
+        writeln!(f, "{:>12}  evaluations (DE: pixel x disparity x view)", self.de)?;
+        writeln!(
+            f,
+            "{:>12.0}  instructions on a {core}, predicted: {:.2} per DE, without fetching lines",
+            self.instructions, self.instructions_per_de
+        )?;
+        writeln!(
+            f,
+            "{:>12.4}  s at {} MHz and {} cycles per instruction: {:.3} frames per second",
+            self.seconds, self.clock_mhz, self.cycles_per_instruction, self.fps
+        )?;
+        writeln!(f, "{:>12}  lines of latency, passes over the frames: {}", self.lines_latency, self.tile_passes)
+    }
+}

@@ -1,0 +1,85 @@
+//! The page with the results.
+
+use multiscopic::{
+    evaluation::{Record, Row},
+    files::FrameFiles,
+    report::{Figure, Report, error_map},
+};
+use multiscopic_core::Params;
+
+use super::{
+    results_folder::{FRAMES, TRUTH_PNG, errors_png, map_png},
+    variants::{VARIANTS, caption, stem},
+};
+use crate::command::variant::Variant;
+
+const ABOUT_THE_SCENE: &str = "The views are ray-traced: a still life on a brushed metal table, 0.4 m to 2.1 m from the camera. \
+                               It contains what makes matching hard: stems thinner than a block, a blank canvas on the wall, \
+                               reflections that move with the camera, repeated patterns, slanted and curved surfaces. The sensor \
+                               is noisy, and the stage misses its positions by up to 0.1 mm. The truth is exact: the depth at \
+                               which the ray through the middle of each pixel meets a surface.";
+
+const REPRODUCE: &str = "The first command makes this page and its files. The second matches the captured folder, as it would a \
+                         real one.";
+
+/// What the page reports.
+pub struct ResultsPage<'a> {
+    /// The commands that make the results again.
+    pub commands: &'a str,
+    /// The parameters of the first variant; all variants share range and block.
+    pub params: &'a Params,
+    /// The accuracy of each variant.
+    pub records: &'a [Record],
+    /// The rows of the table.
+    pub rows: &'a [Row],
+}
+
+impl ResultsPage<'_> {
+    /// The page in HTML.
+    pub fn to_html(&self) -> String {
+        let ResultsPage { params, .. } = self;
+        let (stereo, best) = (&VARIANTS[0], &VARIANTS[VARIANTS.len() - 1]);
+        let map = |variant: &Variant| Figure::linked(caption(variant), map_png(&stem(variant)));
+        let errors = |variant: &Variant| Figure::linked(caption(variant), errors_png(&stem(variant)));
+        let truth = Figure::linked("truth", TRUTH_PNG);
+        let block_size = params.block_size();
+        Report::new("Depth from one camera that moves")
+            .paragraph(&self.summary())
+            .compare("Stereo and multiscopic", map(stereo), map(best))
+            .heading("Errors")
+            .table(Row::HEADS, self.rows.iter().map(Row::cells))
+            .paragraph(&format!(
+                "Disparities from {} to {}, blocks of {block_size} x {block_size}. RMS and AvgErr are in pixels, with the \
+                 change from stereo in brackets; the other columns are percentages of pixels.",
+                params.min_disparity(),
+                params.max_disparity()
+            ))
+            .gallery("The five views", FRAMES.map(|(frame, caption)| Figure::linked(caption, FrameFiles::name_of(frame))))
+            .paragraph(ABOUT_THE_SCENE)
+            .gallery("Disparities", std::iter::once(truth).chain(VARIANTS.iter().map(map)))
+            .paragraph("Red is near, blue is far, black has no disparity. All maps share one colour scale.")
+            .gallery("Error maps", VARIANTS.iter().map(errors))
+            .paragraph(&format!("Difference from the truth: {}.", error_map::LEGEND))
+            .heading("Reproduce this")
+            .paragraph(REPRODUCE)
+            .code(self.commands)
+            .to_html()
+    }
+
+    /// The first and the last record in words.
+    fn summary(&self) -> String {
+        let [stereo, .., best] = self.records else { unreachable!("there are several variants") };
+        let accuracy = |record: &Record| {
+            let (rms, bad) = (record.metrics.rms, record.metrics.bad_1);
+            format!("an RMS error of {rms:.2} px, with {bad:.1} % of the pixels off by more than one")
+        };
+        format!(
+            "A camera takes a picture, moves one baseline to the left, to the right, up and down, and takes another each \
+             time. Matched with one neighbour, as in stereo, the centre gives disparities with {}. Matched with all {} at \
+             once, it gives {}.",
+            accuracy(stereo),
+            best.views,
+            accuracy(best)
+        )
+    }
+}

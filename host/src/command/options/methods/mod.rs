@@ -1,0 +1,107 @@
+//! The method and its options.
+
+mod graph_cuts_options;
+mod mc_cnn_options;
+mod refinement_options;
+mod semi_global_options;
+
+use clap::Args;
+use multiscopic::{
+    Dataset, Method, Result,
+    stereo::{CostFunction, Optimizer, cost::mccnn::Architecture},
+};
+
+use self::{
+    graph_cuts_options::GraphCutsOptions, mc_cnn_options::McCnnOptions, refinement_options::RefinementOptions,
+    semi_global_options::SemiGlobalOptions,
+};
+use super::named::Named;
+
+/// A method that the command line offers: a pipeline of steps that are known to work well together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MethodName {
+    /// Block matching.
+    Bm,
+    /// Graph cuts.
+    Gc,
+    /// Semi-global matching.
+    Sgm,
+    /// MC-CNN with the fast network.
+    MccnnFast,
+    /// MC-CNN with the accurate network.
+    MccnnAccurate,
+}
+
+impl Named for MethodName {
+    const ALL: &'static [MethodName] =
+        &[MethodName::Bm, MethodName::Gc, MethodName::Sgm, MethodName::MccnnFast, MethodName::MccnnAccurate];
+
+    fn name(&self) -> &'static str {
+        match self {
+            MethodName::Bm => "bm",
+            MethodName::Gc => "gc",
+            MethodName::Sgm => "sgm",
+            MethodName::MccnnFast => "mccnn-fast",
+            MethodName::MccnnAccurate => "mccnn-accurate",
+        }
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            MethodName::Bm => "Block matching: the least sum of absolute differences",
+            MethodName::Gc => "Graph cuts: the least energy of matching costs and smoothness",
+            MethodName::Sgm => "Semi-global matching: the least census costs along paths",
+            MethodName::MccnnFast => {
+                "The least costs along paths, with costs by the fast MC-CNN network; its weights: `multiscopic weights install`"
+            }
+            MethodName::MccnnAccurate => "The same with the accurate network, which takes a hundred times as long",
+        }
+    }
+}
+
+/// The options of all methods but block matching.
+#[derive(Clone, Debug, Args)]
+pub struct MethodOptions {
+    #[command(flatten)]
+    graph_cuts: GraphCutsOptions,
+
+    #[command(flatten)]
+    semi_global: SemiGlobalOptions,
+
+    #[command(flatten)]
+    mc_cnn: McCnnOptions,
+
+    #[command(flatten)]
+    refinement: RefinementOptions,
+}
+
+impl MethodOptions {
+    /// These options, with the data set's defaults.
+    pub fn for_dataset(mut self, dataset: Dataset) -> MethodOptions {
+        self.graph_cuts.occlusion_cost.get_or_insert(dataset.occlusion_cost());
+        self
+    }
+
+    /// The method with these options. `block_size` is that of block matching, with which graph cuts start.
+    pub fn method(&self, name: MethodName, block_size: u8) -> Result<Method> {
+        let MethodOptions { graph_cuts, semi_global, mc_cnn, refinement } = self;
+        let mc_cnn = |architecture| -> Result<Method> {
+            let optimizer = Optimizer::EdgeAware(mc_cnn.penalties(architecture));
+            Ok(Method::new(mc_cnn.cost(architecture)?, Some(mc_cnn.aggregation(architecture)), optimizer))
+        };
+        let method = match name {
+            MethodName::Bm => return Ok(Method::new(CostFunction::Sad { block_size }, None, Optimizer::WinnerTakesAll)),
+            MethodName::Gc => {
+                let optimizer = Optimizer::GraphCuts(graph_cuts.graph_cuts(block_size));
+                Method::new(CostFunction::BirchfieldTomasi(graph_cuts.cost()), None, optimizer)
+            }
+            MethodName::Sgm => {
+                let optimizer = Optimizer::SemiGlobal(semi_global.semi_global()?);
+                Method::new(CostFunction::Census(semi_global.census), None, optimizer)
+            }
+            MethodName::MccnnFast => mc_cnn(Architecture::Fast)?,
+            MethodName::MccnnAccurate => mc_cnn(Architecture::Accurate)?,
+        };
+        Ok(method.with_refinement(refinement.refinement()?))
+    }
+}

@@ -1,0 +1,32 @@
+//! Results on standard output and messages on standard error.
+
+use std::{
+    fmt::Display,
+    io::{self, ErrorKind, Write},
+};
+
+use multiscopic::{Error, Result};
+use serde::Serialize;
+
+/// Writes to standard output. It is not an error if the reader has closed it, as `| head` does.
+pub fn print(text: &str) -> Result<()> {
+    let mut stdout = io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(source) if source.kind() != ErrorKind::BrokenPipe => Err(Error::Write { path: "standard output".into(), source }),
+        _ => Ok(()),
+    }
+}
+
+/// Writes a report to standard output: as one line of JSON, or as text.
+pub fn print_report(report: &(impl Display + Serialize), json: bool) -> Result<()> {
+    let text = match json {
+        true => serde_json::to_string(report).expect("a report is numbers and strings") + "\n",
+        false => report.to_string(),
+    };
+    print(&text)
+}
+
+/// Writes a message to standard error, and ignores failure.
+pub fn say(message: &str) {
+    let _ = writeln!(io::stderr(), "multiscopic: {message}");
+}

@@ -1,6 +1,8 @@
-//! The speed of each stage of matching by kernel: alone, on sums in the first-level cache, and together in whole matches.
+//! The speed of each stage of matching by kernel: alone, on sums in the first-level cache, and together in
+//! whole matches.
 //!
-//! `cargo bench --package multiscopic-tests --bench stages`. Rates are in disparity evaluations (pixel x disparity x view) per second.
+//! `cargo bench --package multiscopic-tests --bench stages`. Rates are in disparity evaluations (pixel x
+//! disparity x view) per second.
 
 use std::{fmt, hint::black_box, sync::LazyLock, thread};
 
@@ -64,8 +66,8 @@ fn matches(bencher: Bencher, case: Case) {
     bench_match(bencher, case, 1, DISPARITIES, BLOCK_SIZE);
 }
 
-/// The time per pixel besides the sums: lines, selection and refinement. There are three disparities, and blocks of
-/// one pixel.
+/// The time per pixel besides the sums: lines, selection and refinement. There are three disparities, and
+/// blocks of one pixel.
 #[divan::bench(args = cases([(Views::STEREO, Fusion::Min)]), sample_count = 10, sample_size = 1)]
 fn refinement(bencher: Bencher, case: Case) {
     bench_match(bencher, case, 1, 3, 1);

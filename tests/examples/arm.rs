@@ -1,4 +1,5 @@
-//! The simulated arm as a server for clients in other languages: `cargo run -p multiscopic-tests --example arm -- --ip 127.0.0.2`
+//! The simulated arm as a server for clients in other languages: `cargo run -p multiscopic-tests --example
+//! arm -- --ip 127.0.0.2`
 //!
 //! It prints the argument for `--stage`, then the orders it receives, until it is killed.
 

@@ -1,4 +1,5 @@
-//! Times the MC-CNN networks on noise, as JSON: `cargo run --release -p multiscopic-tests --example mccnn -- --network fast`
+//! Times the MC-CNN networks on noise, as JSON: `cargo run --release -p multiscopic-tests --example mccnn --
+//! --network fast`
 //!
 //! It needs the weights: `multiscopic weights install`. Times are the best of several runs.
 
@@ -30,7 +31,8 @@ struct Options {
     #[arg(long, default_value_t = 480)]
     height: u16,
 
-    /// Also compute the costs of this many disparities for every view; 0 computes the features of one image only
+    /// Also compute the costs of this many disparities for every view; 0 computes the features of one image
+    /// only
     #[arg(long, default_value_t = 0)]
     num_disparities: u16,
 

@@ -21,7 +21,8 @@ pub fn binary() -> &'static Path {
         let profile = if profile == "debug" { "dev" } else { profile };
         let cargo = env::var_os("CARGO").unwrap_or("cargo".into());
         let built = Command::new(cargo)
-            // With the tests, whose features cargo unifies with its own: alone, all of its libraries would be built a second time.
+            // With the tests, whose features cargo unifies with its own: alone, all of its libraries would be
+            // built a second time.
             .args(["build", "--quiet", "--package", "multiscopic", "--package", "multiscopic-tests", "--bin", "multiscopic"])
             .args(["--message-format", "json", "--profile", profile])
             .current_dir(env!("CARGO_MANIFEST_DIR"))

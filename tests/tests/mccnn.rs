@@ -1,7 +1,9 @@
-//! The MC-CNN networks equal their definition with random weights, and the Python package with the published ones.
+//! The MC-CNN networks equal their definition with random weights, and the Python package with the published
+//! ones.
 //!
-//! Tests of the published weights are reported as ignored without these, see [`multiscopic_tests::test_images::weight_files::weights`],
-//! and the test of their conversion without a [wheel](multiscopic_tests::test_images::weight_files::wheel).
+//! Tests of the published weights are reported as ignored without these, see
+//! [`multiscopic_tests::test_images::weight_files::weights`], and the test of their conversion without a
+//! [wheel](multiscopic_tests::test_images::weight_files::wheel).
 
 use std::{
     collections::BTreeMap,

@@ -1,5 +1,5 @@
-//! Tests on real images, which are not in the repository: see [`multiscopic_tests::test_images::real_data`]. Without them, every test
-//! is reported as ignored.
+//! Tests on real images, which are not in the repository: see [`multiscopic_tests::test_images::real_data`].
+//! Without them, every test is reported as ignored.
 #![expect(clippy::approx_constant, reason = "errors that happen to look like pi")]
 
 use std::{error::Error, path::Path};
@@ -27,7 +27,8 @@ type Errors = [f64; 5];
 /// A test, given the folder of the data.
 type Test = Box<dyn Fn(&Path) -> Result<(), Failed> + Send>;
 
-/// A scene, its match, and its errors by number of views and fusion rule, computed by an independent implementation.
+/// A scene, its match, and its errors by number of views and fusion rule, computed by an independent
+/// implementation.
 struct Known {
     dataset: Dataset,
     scene: &'static str,
@@ -167,8 +168,8 @@ fn known_errors(root: &Path, known: &Known) -> Result<(), Failed> {
     Ok(())
 }
 
-/// On Middlebury 2006, two views reduce the error of stereo by a quarter: the mean of the scenes' reductions, which reach 90 % on
-/// textured scenes and nothing on plain ones.
+/// On Middlebury 2006, two views reduce the error of stereo by a quarter: the mean of the scenes' reductions,
+/// which reach 90 % on textured scenes and nothing on plain ones.
 fn reduction(root: &Path) -> Result<(), Failed> {
     let rows = evaluate(root, Dataset::Middlebury2006Third, &["--views", "1,2"])?;
     let of = |views: u64| rows.iter().filter(move |row| row.views == views && !row.scene.eq_ignore_ascii_case("mean"));
@@ -188,9 +189,9 @@ fn reduction(root: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-/// On a textured, a blank and a striped scene of Middlebury 2006, each method has lower mean AvgErr and Bad1 than those before it, and
-/// two views lower ones than stereo. Graph cuts are compared with block matching alone. MC-CNN is left out where its weights are not
-/// installed.
+/// On a textured, a blank and a striped scene of Middlebury 2006, each method has lower mean AvgErr and Bad1
+/// than those before it, and two views lower ones than stereo. Graph cuts are compared with block matching
+/// alone. MC-CNN is left out where its weights are not installed.
 fn methods(root: &Path) -> Result<(), Failed> {
     let mccnn = if weight_files::weights().is_some() { ",mccnn-fast" } else { "" };
     let methods = format!("bm,sgm,gc{mccnn}");
@@ -229,7 +230,8 @@ fn part(root: &Path, dataset: Dataset, scene: &str, left: usize, top: usize) -> 
     Ok(())
 }
 
-/// Scenes in whose images, at a quarter of their size, `align` recovers shifts and gains, and their number of disparities.
+/// Scenes in whose images, at a quarter of their size, `align` recovers shifts and gains, and their number of
+/// disparities.
 const ALIGNED: [(Dataset, &str, usize); 3] =
     [(Dataset::Middlebury2005Full, "Art", 60), (Dataset::Middlebury2005Full, "Dolls", 60), (Dataset::Hci4d, "cotton", 16)];
 

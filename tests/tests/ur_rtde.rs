@@ -1,6 +1,7 @@
 //! A third-party client understands the simulated arm: `ur-rtde` reads the poses that the driver commanded.
 //!
-//! The client is installed into the build folder. If that is impossible, the test is reported as ignored, with the reason in its name.
+//! The client is installed into the build folder. If that is impossible, the test is reported as ignored,
+//! with the reason in its name.
 
 use std::{
     error::Error,

@@ -27,13 +27,15 @@ pub(super) struct Edge {
 #[derive(Debug)]
 pub(super) struct Imports {
     pub edges: Vec<Edge>,
-    /// Paths within the crate that could not be followed. They are violations, since the check is blind to them.
+    /// Paths within the crate that could not be followed. They are violations, since the check is blind to
+    /// them.
     pub unresolved: Vec<Violation>,
 }
 
 /// Collects every use in `tree` of an item that another file defines.
 ///
-/// Declaring child modules and re-exporting from them are not imports. Naming a module is not one either; naming an item in it is.
+/// Declaring child modules and re-exporting from them are not imports. Naming a module is not one either;
+/// naming an item in it is.
 pub(super) fn of(tree: &CrateTree) -> Imports {
     let resolver = Resolver::new(tree);
     let mut visitor = Visitor { tree, resolver: &resolver, module: 0, edges: HashSet::new(), unresolved: HashSet::new() };

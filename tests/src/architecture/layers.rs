@@ -48,7 +48,8 @@ pub(super) fn check(tree: &CrateTree, edges: &[Edge], must_list_rooms: bool) -> 
     violations
 }
 
-/// The rooms in the first column of the table in `documentation`, in their order; `None` if there is no table.
+/// The rooms in the first column of the table in `documentation`, in their order; `None` if there is no
+/// table.
 fn listed_rooms(documentation: &[String]) -> Option<Vec<String>> {
     let cells = |line: &str| -> Option<Vec<String>> {
         let line = line.trim().strip_prefix('|')?.strip_suffix('|')?;

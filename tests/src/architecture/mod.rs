@@ -1,8 +1,8 @@
-//! The workspace's architecture: imports between rooms run one way, files form no circles, folders are short, and names are
-//! unambiguous.
+//! The workspace's architecture: imports between rooms run one way, files form no circles, folders are short,
+//! and names are unambiguous.
 //!
-//! The check parses every source file and follows every path in it, through modules and re-exports, to the file that defines the
-//! item. Code for unit tests (`#[cfg(test)]`) may import anything.
+//! The check parses every source file and follows every path in it, through modules and re-exports, to the
+//! file that defines the item. Code for unit tests (`#[cfg(test)]`) may import anything.
 
 mod circles;
 mod crate_tree;

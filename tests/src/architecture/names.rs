@@ -60,7 +60,8 @@ const FOLLOWING: [(&str, &str); 5] = [
     ("tests/src/test_images/real_data.rs", "it reads the data sets a second time"),
 ];
 
-/// Finds names that are shared without a stated reason. Tests are exempt, since they are named for what they test.
+/// Finds names that are shared without a stated reason. Tests are exempt, since they are named for what they
+/// test.
 pub(super) fn check(trees: &[(CrateTree, Use)]) -> Vec<Violation> {
     let mut modules: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     let mut types = modules.clone();

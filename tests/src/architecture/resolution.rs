@@ -62,8 +62,8 @@ impl<'a> Resolver<'a> {
         resolver
     }
 
-    /// What `path` refers to in `module`. There are several targets if a type and a function share the name, or if it depends on the
-    /// platform; none if it leads out of the crate.
+    /// What `path` refers to in `module`. There are several targets if a type and a function share the name,
+    /// or if it depends on the platform; none if it leads out of the crate.
     pub fn resolve(&self, module: ModuleId, path: &[String]) -> HashSet<Target> {
         self.follow(module, path, &mut HashSet::new())
     }

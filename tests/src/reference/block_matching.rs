@@ -1,7 +1,8 @@
 //! The float reference: an independent definition of block matching.
 //!
-//! It sums every block sample directly in `f64`. It keeps nothing from one pixel to the next and shares no code with the core.
-//! Every cost is an integer far below 2^53, so nothing rounds before the sub-pixel division.
+//! It sums every block sample directly in `f64`. It keeps nothing from one pixel to the next and shares no
+//! code with the core. Every cost is an integer far below 2^53, so nothing rounds before the sub-pixel
+//! division.
 
 /// The shift `(du, dv)` of a match per pixel of disparity, by view: left, right, top, bottom.
 const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
@@ -13,7 +14,8 @@ pub enum Fusion {
     Min,
     /// The mean of all costs.
     Mean,
-    /// The mean of the three least costs, or of the two least if the third is more than three times the second.
+    /// The mean of the three least costs, or of the two least if the third is more than three times the
+    /// second.
     Heuristic,
 }
 
@@ -72,7 +74,8 @@ impl Match<'_> {
         fuse(self.fusion, (0..4).filter_map(|view| self.cost(view, u, v, d)).collect())
     }
 
-    /// The sum of absolute differences over the block; `None` without the view, or if the match of the block's centre lies outside it.
+    /// The sum of absolute differences over the block; `None` without the view, or if the match of the
+    /// block's centre lies outside it.
     fn cost(&self, view: usize, u: i32, v: i32, d: i32) -> Option<f64> {
         let image = self.views[view]?;
         let (du, dv) = (SHIFTS[view].0 * d, SHIFTS[view].1 * d);
@@ -229,7 +232,8 @@ mod tests {
 
     #[test]
     fn unavailable_views_are_left_out() {
-        // The left view matches everywhere inside its image; the right view never does, and ends on the other side.
+        // The left view matches everywhere inside its image; the right view never does, and ends on the other
+        // side.
         let (center, left, right) = ([1, 2, 3], [0, 1, 2], [100, 100, 100]);
         let both = Match { views: [Some(&left), Some(&right), None, None], fusion: Fusion::Mean, ..line(&center, &right, 1, 2) };
         let fused = |u| [1, 2].map(|d| both.fused_cost(u, 0, d));

@@ -13,7 +13,8 @@ pub struct Energy {
     pub fusion: super::Fusion,
     /// The cost of an occlusion.
     pub occlusion: f64,
-    /// Whether matches are unique and pixels may be occluded. Otherwise the data cost is capped at the cost of an occlusion.
+    /// Whether matches are unique and pixels may be occluded. Otherwise the data cost is capped at the cost
+    /// of an occlusion.
     pub unique: bool,
     /// Whether the smoothness term is Potts: every step costs the same.
     pub potts: bool,
@@ -31,7 +32,8 @@ const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 type Place = (i32, i32);
 
 impl Energy {
-    /// The energy of a labelling, in which `None` is an occluded pixel; `None` if the labelling is not allowed.
+    /// The energy of a labelling, in which `None` is an occluded pixel; `None` if the labelling is not
+    /// allowed.
     pub fn of(&self, labels: &[Option<i32>]) -> Option<f64> {
         let (width, height) = (self.center.width() as i32, self.center.height() as i32);
         let places = || (0..height).flat_map(move |v| (0..width).map(move |u| (u, v)));
@@ -64,8 +66,9 @@ impl Energy {
         Some(sum)
     }
 
-    /// The sub-pixel disparity of a pixel with label `d`: the vertex of the parabola through the fused costs at `d - 1`, `d` and `d + 1`,
-    /// summed over windows of 7 x 7 pixels, if all exist. If `d` is not the least of the three, half a pixel towards the least.
+    /// The sub-pixel disparity of a pixel with label `d`: the vertex of the parabola through the fused costs
+    /// at `d - 1`, `d` and `d + 1`, summed over windows of 7 x 7 pixels, if all exist. If `d` is not the
+    /// least of the three, half a pixel towards the least.
     pub fn refined(&self, p: Place, d: i32, range: std::ops::RangeInclusive<i32>) -> f64 {
         if !range.contains(&(d - 1)) || !range.contains(&(d + 1)) {
             return f64::from(d);
@@ -88,7 +91,8 @@ impl Energy {
         }
     }
 
-    /// The sum of dissimilarities over the window around `p`, with borders replicated, in 1/72 of an intensity.
+    /// The sum of dissimilarities over the window around `p`, with borders replicated, in 1/72 of an
+    /// intensity.
     fn window_cost(&self, p: Place, d: i32) -> Option<f64> {
         let cost = |view: usize| {
             let (image, _) = (self.views[view].as_ref()?, self.matched(view, p, d)?);
@@ -139,7 +143,8 @@ impl Energy {
         inside.then_some((u, v))
     }
 
-    /// The fused dissimilarity of pixel `p` and its matches at `d`, in intensities; `None` if no view sees it.
+    /// The fused dissimilarity of pixel `p` and its matches at `d`, in intensities; `None` if no view sees
+    /// it.
     pub fn data(&self, p: Place, d: i32) -> Option<f64> {
         let cost = |view: usize| Some(dissimilarity(&self.center, p, self.views[view].as_ref()?, self.matched(view, p, d)?));
         let costs: Vec<f64> = (0..4).filter_map(cost).collect();
@@ -152,7 +157,8 @@ impl Energy {
     }
 }
 
-/// The dissimilarity of Birchfield and Tomasi with half pixels in four directions, as the mean over the channels.
+/// The dissimilarity of Birchfield and Tomasi with half pixels in four directions, as the mean over the
+/// channels.
 pub fn dissimilarity(a: &RgbImage, p: Place, b: &RgbImage, q: Place) -> f64 {
     let distance = |value: f64, [least, greatest]: [f64; 2]| (least - value).max(value - greatest).max(0.0);
     let one = |c: usize| {

@@ -1,4 +1,5 @@
-//! Reference for semi-global matching: the paper's recursion, pixel by pixel, in integers that never saturate.
+//! Reference for semi-global matching: the paper's recursion, pixel by pixel, in integers that never
+//! saturate.
 
 use crate::reference::{Fusion, fixed};
 
@@ -40,7 +41,8 @@ pub struct SemiGlobal<'a> {
 }
 
 impl SemiGlobal<'_> {
-    /// The disparity of each pixel, line by line; `None` where there is no candidate or the left-right check fails.
+    /// The disparity of each pixel, line by line; `None` where there is no candidate or the left-right check
+    /// fails.
     pub fn disparities(&self) -> Vec<Option<f64>> {
         let sums = self.sums();
         let views = [0, 1, 2, 3].map(|view| self.views[view].map(|_| self.of_view(view, &sums)));
@@ -61,7 +63,8 @@ impl SemiGlobal<'_> {
             .collect()
     }
 
-    /// The sum of the path costs at each pixel and disparity, in twelfths; `None` where there is no candidate.
+    /// The sum of the path costs at each pixel and disparity, in twelfths; `None` where there is no
+    /// candidate.
     fn sums(&self) -> Vec<Vec<Option<i64>>> {
         let pixels: Vec<(i32, i32)> = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect();
         let costs: Vec<Vec<Option<i64>>> = pixels.iter().map(|&(u, v)| self.costs(u, v)).collect();
@@ -126,7 +129,8 @@ impl SemiGlobal<'_> {
             .collect()
     }
 
-    /// The Hamming distance of the centre-symmetric census of a pixel and of its match; `None` if the match lies outside.
+    /// The Hamming distance of the centre-symmetric census of a pixel and of its match; `None` if the match
+    /// lies outside.
     fn cost(&self, view: usize, u: i32, v: i32, d: i32) -> Option<i64> {
         let image = self.views[view]?;
         let (x, y) = (u + SHIFTS[view].0 * d, v + SHIFTS[view].1 * d);

@@ -26,7 +26,8 @@ pub struct Producer {
 }
 
 impl Producer {
-    /// Feeds `device` with `frame`, which has the given layout, again and again. When this returns, the device is a camera.
+    /// Feeds `device` with `frame`, which has the given layout, again and again. When this returns, the
+    /// device is a camera.
     ///
     /// # Errors
     /// If the device does not accept the format or the frame.
@@ -48,7 +49,8 @@ impl Producer {
         let (next, must_end) = (frame.clone(), is_over.clone());
         let thread = thread::spawn(move || {
             while !must_end.load(Ordering::Relaxed) {
-                // Write whole frames, each in one call: with memory-mapped output, readers see halves of two frames.
+                // Write whole frames, each in one call: with memory-mapped output, readers see halves of two
+                // frames.
                 let bytes = next.lock().unwrap_or_else(PoisonError::into_inner).clone();
                 output.write_all(&bytes)?;
                 thread::sleep(INTERVAL);

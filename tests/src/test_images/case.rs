@@ -29,7 +29,8 @@ pub enum Appearance {
     Periodic(u8),
     /// Black against white, entirely or nearly: the largest sums.
     Opposite,
-    /// A black centre against grey stripes whose block costs, or sums of a few of them, are close to the 16-bit maximum.
+    /// A black centre against grey stripes whose block costs, or sums of a few of them, are close to the
+    /// 16-bit maximum.
     Brink,
 }
 
@@ -182,8 +183,8 @@ pub fn params(
         .expect("valid parameters")
 }
 
-/// The core's disparities in a region, in the 16-bit encoding. The source is strict; the memory has exactly the required
-/// length and is filled with random words.
+/// The core's disparities in a region, in the 16-bit encoding. The source is strict; the memory has exactly
+/// the required length and is filled with random words.
 pub fn matched<I>(isa: I, params: &Params, region: &Region, images: &ViewSet, random: &mut Random) -> Vec<u16>
 where
     I: Blocks<u16> + Blocks<u32>,
@@ -212,9 +213,11 @@ pub fn cut(pixels: &[u16], width: usize, region: &Region) -> Vec<u16> {
     region.rows().flat_map(|v| &pixels[v * width..][start..end]).copied().collect()
 }
 
-/// Valid matches that take the float reference at most `samples` samples and the core at most `evaluations` candidates.
+/// Valid matches that take the float reference at most `samples` samples and the core at most `evaluations`
+/// candidates.
 ///
-/// Frames are small, often smaller than the block or the search range. Ranges are near 0, wide, or far outside the frame.
+/// Frames are small, often smaller than the block or the search range. Ranges are near 0, wide, or far
+/// outside the frame.
 pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
     let sizes = prop_oneof![
         5 => (1..=12_usize, 1..=12_usize),
@@ -260,8 +263,8 @@ pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
 
 /// Runs a test with `count` random values and panics with the simplest value that fails.
 ///
-/// The values follow from `$MULTISCOPIC_SEED`, or from the clock if it is not set. The seed is printed and part of the failure's
-/// message. `$MULTISCOPIC_EFFORT` multiplies the number of values.
+/// The values follow from `$MULTISCOPIC_SEED`, or from the clock if it is not set. The seed is printed and
+/// part of the failure's message. `$MULTISCOPIC_EFFORT` multiplies the number of values.
 pub fn property<S: Strategy>(count: u32, strategy: S, test: impl Fn(&S::Value)) {
     let variable =
         |name| env::var(name).ok().map(|value| value.parse().unwrap_or_else(|_| panic!("{name} is {value}, not a number")));

@@ -18,7 +18,8 @@ pub fn draw(width: usize, disparities: &[Option<f64>]) -> String {
     disparities.chunks(width).map(|line| line.iter().map(letter).collect::<String>()).collect::<Vec<_>>().join("\n")
 }
 
-/// Renders a drawn scene without invalid pixels: a random texture in the centre, and what each of the four views sees of it.
+/// Renders a drawn scene without invalid pixels: a random texture in the centre, and what each of the four
+/// views sees of it.
 ///
 /// Near pixels occlude far ones. What the centre does not see is noise.
 pub fn synthesise(drawing: &str, seed: u64) -> ViewSet {

@@ -11,7 +11,8 @@ const MARGIN: usize = 16;
 /// The misalignment of a view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Off {
-    /// The shift across the baseline, down or to the right, in quarters of a pixel: whole pixels of the large image.
+    /// The shift across the baseline, down or to the right, in quarters of a pixel: whole pixels of the large
+    /// image.
     pub across_quarters: i32,
     /// The gain of its brightness.
     pub gain: f64,
@@ -27,8 +28,8 @@ impl Off {
     }
 }
 
-/// The images at a quarter of their size, each view misaligned. A pixel is the mean of a square, so shifts need no
-/// interpolation.
+/// The images at a quarter of their size, each view misaligned. A pixel is the mean of a square, so shifts
+/// need no interpolation.
 pub fn quarter(images: &ViewSet, off: [Off; 4]) -> ViewSet {
     let [width, height] = [images.width, images.height].map(|side| (side - 2 * MARGIN) / FACTOR);
     let shrunk = |pixels: &[u8], down: i32, right: i32, gain: f64| -> Vec<u8> {
@@ -73,8 +74,8 @@ pub fn align(folder: &Path, arguments: &[&str]) -> [Option<Found>; 4] {
     })
 }
 
-/// Panics unless `align` recovers the misalignments `offs`, relative to those that `images` already have: shifts within 0.1 pixels,
-/// brightness within 1 %.
+/// Panics unless `align` recovers the misalignments `offs`, relative to those that `images` already have:
+/// shifts within 0.1 pixels, brightness within 1 %.
 pub fn assert_recovers(images: &ViewSet, num_disparities: usize, offs: &[[Off; 4]]) {
     let found = |off: [Off; 4]| {
         let folder = tempfile::tempdir().expect("a folder for a test");

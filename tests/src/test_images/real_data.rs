@@ -7,7 +7,8 @@ use std::{
 
 use crate::test_images::view_set::{ViewSet, read_grey, read_pfm};
 
-/// The folder of the data: `$MULTISCOPIC_DATA`, or `../shared/data` beside the repository; `None` if neither exists.
+/// The folder of the data: `$MULTISCOPIC_DATA`, or `../shared/data` beside the repository; `None` if neither
+/// exists.
 pub fn root() -> Option<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
     env::var_os("MULTISCOPIC_DATA").map(PathBuf::from).into_iter().chain([beside]).find(|path| path.is_dir())

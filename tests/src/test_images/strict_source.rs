@@ -8,8 +8,8 @@ use crate::test_images::view_set::ViewSet;
 pub const FRAMES: [Frame; 5] =
     [Frame::Center, Frame::View(View::Left), Frame::View(View::Right), Frame::View(View::Top), Frame::View(View::Bottom)];
 
-/// A source that panics unless each line of each frame is requested once, in ascending order, and never further ahead
-/// than [`Params::lead`] allows.
+/// A source that panics unless each line of each frame is requested once, in ascending order, and never
+/// further ahead than [`Params::lead`] allows.
 #[derive(Debug)]
 pub struct StrictSource<'a> {
     images: &'a ViewSet,

@@ -7,8 +7,8 @@ use std::{
 
 use crate::reference::networks::file_name;
 
-/// The folder of the weights: `$MULTISCOPIC_WEIGHTS`, the cache of `multiscopic weights install`, or `../shared/weights` beside
-/// the repository, whichever has them first; `None` if none has.
+/// The folder of the weights: `$MULTISCOPIC_WEIGHTS`, the cache of `multiscopic weights install`, or
+/// `../shared/weights` beside the repository, whichever has them first; `None` if none has.
 pub fn weights() -> Option<PathBuf> {
     let given = env::var_os("MULTISCOPIC_WEIGHTS").map(PathBuf::from);
     let cache =

@@ -1,5 +1,5 @@
-//! `multiscopic capture` from end to end: a simulated arm moves a loopback camera, which is fed with the image that
-//! a camera would see there.
+//! `multiscopic capture` from end to end: a simulated arm moves a loopback camera, which is fed with the
+//! image that a camera would see there.
 
 use std::{
     error::Error,
@@ -38,7 +38,8 @@ type Strike = fn(&SimulatedArm);
 
 const CAMERA: &str = "/dev/video10";
 const BASELINE_MM: &str = "15";
-/// The camera's first pose. It looks aside, so that its image plane is not parallel to a plane of the base's axes.
+/// The camera's first pose. It looks aside, so that its image plane is not parallel to a plane of the base's
+/// axes.
 const START: Pose = [0.4, -0.2, 0.5, 0.3, FRAC_PI_2, -0.2];
 /// The time limit of a successful capture in an emulator.
 const LONG: Duration = Duration::from_secs(90);
@@ -278,7 +279,8 @@ fn live_captures() -> Outcome {
     Ok(())
 }
 
-/// A fault of the arm ends the capture with a message, and the arm rests. Once repaired, the next capture works.
+/// A fault of the arm ends the capture with a message, and the arm rests. Once repaired, the next capture
+/// works.
 fn arm_fault(strike: Strike, while_it_moves: bool, words: &[&str]) -> Outcome {
     let rig = Rig::new(&golden::images());
     if !while_it_moves {

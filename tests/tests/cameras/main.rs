@@ -1,5 +1,5 @@
-//! Captures from Linux's V4L2 drivers. `cargo xtask v4l2` runs these tests in a virtual machine; elsewhere each is
-//! reported as ignored.
+//! Captures from Linux's V4L2 drivers. `cargo xtask v4l2` runs these tests in a virtual machine; elsewhere
+//! each is reported as ignored.
 
 #[cfg(target_os = "linux")]
 mod capture_command;

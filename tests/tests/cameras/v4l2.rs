@@ -108,7 +108,8 @@ fn same(found: &GrayImage, expected: &GrayImage) -> Outcome {
     Err(format!("found {}, expected {}", summary(found), summary(expected)).into())
 }
 
-/// Captures. This must fail in time, with a fault that `is_expected` accepts and a one-line message that names the device.
+/// Captures. This must fail in time, with a fault that `is_expected` accepts and a one-line message that
+/// names the device.
 fn fails(camera: &mut V4l2Camera, device: &str, is_expected: impl Fn(&CameraFault) -> bool) -> Outcome {
     let start = Instant::now();
     let error = match camera.frame(SHORT, &AtomicBool::new(false)) {

@@ -122,7 +122,8 @@ fn stops(arm: &SimulatedArm) {
     }
 }
 
-/// Stops the stage after an error, checks that the arm received the order, and repairs it. The stage then works, with the same centre.
+/// Stops the stage after an error, checks that the arm received the order, and repairs it. The stage then
+/// works, with the same centre.
 fn recovers(stage: &mut AnyStage, arm: &SimulatedArm, start: Pose) {
     let _ = soon(|| stage.stop());
     stops(arm);

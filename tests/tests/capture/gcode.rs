@@ -18,7 +18,8 @@ const START: [f64; 2] = [120.5, 80.25];
 /// The tolerance of positions in millimetres: reports are rounded to 0.01 mm twice.
 const EXACTLY: f64 = 0.011;
 
-/// Fast motions. Time-outs are long, since a pseudo-terminal may take a second to pass data on while the system is busy.
+/// Fast motions. Time-outs are long, since a pseudo-terminal may take a second to pass data on while the
+/// system is busy.
 fn limits() -> Limits {
     Limits {
         speed_mm_s: 100.0,

@@ -260,7 +260,8 @@ impl World {
                     return Err(error);
                 }
             }
-            // Up to three attempts for each frame and for each of the six moves, which go by way of the start of the approach.
+            // Up to three attempts for each frame and for each of the six moves, which go by way of the start
+            // of the approach.
             let longest = 6 * 3 * (2 * POLICY.move_timeout + POLICY.settle + 3 * POLICY.frame_timeout);
             assert!(self.clock.get() - start < longest, "it takes too long");
         }

@@ -127,8 +127,8 @@ impl Bench {
         names
     }
 
-    /// Runs with `-o` to a missing file and then to an existing one. The message must contain `words` both times, and no
-    /// file may appear or change.
+    /// Runs with `-o` to a missing file and then to an existing one. The message must contain `words` both
+    /// times, and no file may appear or change.
     #[track_caller]
     fn refused(&mut self, words: &[&str]) {
         self.output("-o", "out.pfm");

@@ -70,7 +70,8 @@ fn listened(dir: &Path, bytes: &[u8]) -> (Invocation, [PathBuf; 3]) {
     (run, outputs)
 }
 
-/// Runs `listen` on `bytes` without the `lost` packets. It must end with exit code 1, name all `words`, and write the rest.
+/// Runs `listen` on `bytes` without the `lost` packets. It must end with exit code 1, name all `words`, and
+/// write the rest.
 #[track_caller]
 fn assert_lost(bytes: &[u8], lost: &[usize], words: &[&str]) {
     let dir = folder();

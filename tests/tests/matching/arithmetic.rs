@@ -36,7 +36,8 @@ fn fusion_is_exact() {
     });
 }
 
-/// The disparity of a pixel with these costs at three disparities and larger ones elsewhere, which tests the sub-pixel division.
+/// The disparity of a pixel with these costs at three disparities and larger ones elsewhere, which tests the
+/// sub-pixel division.
 fn refined(first: i32, costs: [u8; 3]) -> Option<Disparity> {
     let (width, u) = (1024, 512);
     let mut right = vec![255; width];

@@ -6,7 +6,8 @@ use multiscopic_tests::{
     test_images::case::{Case, cases, cut, matched, property},
 };
 
-/// Matches the whole frame in one pass, then in tiles, in bands, in a random rectangle, or with another number of lanes.
+/// Matches the whole frame in one pass, then in tiles, in bands, in a random rectangle, or with another
+/// number of lanes.
 fn equals_the_reference(case: &Case) {
     let (images, params) = (case.images(), case.params());
     let expected = case.reference(&images);

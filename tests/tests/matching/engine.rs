@@ -1,5 +1,5 @@
-//! The host's engine equals the float reference on every bit, with each kernel that this processor supports and any number of
-//! threads.
+//! The host's engine equals the float reference on every bit, with each kernel that this processor supports
+//! and any number of threads.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

@@ -1,7 +1,8 @@
-//! Golden images in `tests/golden/`: five views of a small scene, and their disparities by the float reference.
+//! Golden images in `tests/golden/`: five views of a small scene, and their disparities by the float
+//! reference.
 //!
-//! `UPDATE_GOLDEN=1 cargo test -p multiscopic-tests --test matching golden` generates them: the views from the formulas below, the
-//! disparities from the float reference, never from the core.
+//! `UPDATE_GOLDEN=1 cargo test -p multiscopic-tests --test matching golden` generates them: the views from
+//! the formulas below, the disparities from the float reference, never from the core.
 
 use std::{env, path::PathBuf, sync::Once};
 

@@ -149,8 +149,8 @@ fn disparities_below_zero_are_found() {
     );
 }
 
-/// With disparities from 3 on, the right view has no candidate in the three leftmost columns, and the top view none in the three
-/// lowest lines. Those pixels are invalid unless another view has a candidate.
+/// With disparities from 3 on, the right view has no candidate in the three leftmost columns, and the top
+/// view none in the three lowest lines. Those pixels are invalid unless another view has a candidate.
 #[test]
 fn a_pixel_without_a_candidate_is_invalid() {
     let wall = "

@@ -1,4 +1,5 @@
-//! Floating-point cost volumes: fusion, selection, cross-based aggregation and edge-aware paths equal slow references in `f64`.
+//! Floating-point cost volumes: fusion, selection, cross-based aggregation and edge-aware paths equal slow
+//! references in `f64`.
 
 use multiscopic::{
     Raster, Volume,
@@ -35,7 +36,8 @@ impl Problem {
         let set: Views =
             multiscopic_core::View::ALL.into_iter().enumerate().filter(|(i, _)| views.contains(i)).map(|(_, v)| v).collect();
         let search = Search::new(width as u16, height as u16, set, Fusion::Min, min, count).unwrap();
-        // Few levels, so that crosses have arms, and a little noise, so that no difference equals a threshold.
+        // Few levels, so that crosses have arms, and a little noise, so that no difference equals a
+        // threshold.
         let mut image = || {
             let pixels = (0..width * height).map(|_| random.below(3) as f32 + 0.01 * random.below(10) as f32).collect();
             Raster::new(width, height, pixels)
@@ -238,7 +240,8 @@ fn fusion_equals_the_cores() {
     }
 }
 
-/// Integer costs in `f32` give the same selection as in `u16`, which the reference for semi-global matching checks.
+/// Integer costs in `f32` give the same selection as in `u16`, which the reference for semi-global matching
+/// checks.
 #[test]
 fn selection_equals_that_of_integers() {
     let mut random = Random(4);

@@ -191,7 +191,8 @@ fn the_energy_equals_its_definition() {
     assert!(possible > 500, "{possible} labellings were possible");
 }
 
-/// The least energy after an expansion move: each pixel keeps its label, takes the new one, or is occluded if that is allowed.
+/// The least energy after an expansion move: each pixel keeps its label, takes the new one, or is occluded if
+/// that is allowed.
 fn best_move(made: &Case, energy: &Energy, labels: &[Label], label: Label) -> i64 {
     let states: &[usize] = if made.reference.unique { &[0, 1, 2] } else { &[0, 1] };
     let moves = states.len().pow(labels.len() as u32);
@@ -420,7 +421,8 @@ fn enlarged_images_give_sub_pixel_disparities() {
 
 #[test]
 fn several_views_match_what_one_cannot() {
-    // A square at disparity 6 in front of a wall at 2, with random colours every three pixels and interpolated ones between.
+    // A square at disparity 6 in front of a wall at 2, with random colours every three pixels and
+    // interpolated ones between.
     let mut random = Random(6);
     let texture: Vec<Vec<u8>> = (0..2).map(|_| (0..64 * 200).map(|_| random.byte()).collect()).collect();
     let near = |u: i32, v: i32| (20..44).contains(&u) && (16..40).contains(&v);
@@ -460,7 +462,8 @@ fn several_views_match_what_one_cannot() {
     assert!(2 * multiscopic.len() <= stereo.len(), "{} pixels are wrong by two views", multiscopic.len());
 }
 
-/// The table in docs/methods.md: graphs, costs and labels, and for each image its samples and three intervals a channel.
+/// The table in docs/methods.md: graphs, costs and labels, and for each image its samples and three intervals
+/// a channel.
 #[test]
 fn memory_is_what_the_guide_says() {
     let linear = GraphCuts::default();

@@ -20,7 +20,8 @@ use multiscopic_tests::{
 
 const BIRCHFIELD_TOMASI: CostFunction = CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: false });
 
-/// Paths that charge nothing sum to a multiple of the cost, so that they select what winner-takes-all selects.
+/// Paths that charge nothing sum to a multiple of the cost, so that they select what winner-takes-all
+/// selects.
 fn free_paths() -> Optimizer {
     Optimizer::SemiGlobal(SemiGlobal::new(Paths::Eight, [0, 0], None).expect("no penalties are in range"))
 }

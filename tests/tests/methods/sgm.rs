@@ -1,5 +1,5 @@
-//! Semi-global matching equals its reference on every bit, with each kernel that this processor supports and any number of
-//! threads.
+//! Semi-global matching equals its reference on every bit, with each kernel that this processor supports and
+//! any number of threads.
 
 use image::GrayImage;
 use multiscopic::{

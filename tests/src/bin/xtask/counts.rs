@@ -1,4 +1,5 @@
-//! The committed record of instructions per disparity evaluation, which guards against slowdowns without measuring time.
+//! The committed record of instructions per disparity evaluation, which guards against slowdowns without
+//! measuring time.
 
 use anyhow::{Context, Result, ensure};
 use std::{collections::BTreeMap, fs};

@@ -37,7 +37,8 @@ struct Cli {
 enum Task {
     /// Install what the firmware's tests need: the Arm targets and the emulator
     Setup,
-    /// Run the checks for every change, a minute or two: formatting, architecture, lints, unit tests, bit-exactness
+    /// Run the checks for every change, a minute or two: formatting, architecture, lints, unit tests,
+    /// bit-exactness
     Check,
     /// Run every test: debug and release builds, cameras in a virtual machine, firmware in the emulator
     Test,

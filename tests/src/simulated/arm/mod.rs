@@ -1,7 +1,7 @@
 //! A simulated arm of Universal Robots that listens on the same interfaces as a real one.
 //!
-//! Its protocols and poses were written from the manufacturer's documentation, without any code of the driver, and a third-party
-//! client must understand it too.
+//! Its protocols and poses were written from the manufacturer's documentation, without any code of the
+//! driver, and a third-party client must understand it too.
 
 mod fault;
 mod order;
@@ -41,7 +41,8 @@ impl SimulatedArm {
         SimulatedArm::listen(Ipv4Addr::LOCALHOST.into(), [0, 0], pose).expect("free ports")
     }
 
-    /// Starts an arm at a pose, listening for scripts and RTDE on these ports of `ip`. Port 0 stands for any free one.
+    /// Starts an arm at a pose, listening for scripts and RTDE on these ports of `ip`. Port 0 stands for any
+    /// free one.
     pub fn listen(ip: IpAddr, [script, rtde]: [u16; 2], pose: Pose) -> io::Result<SimulatedArm> {
         let [script, rtde] = [script, rtde].map(|port| TcpListener::bind((ip, port)));
         let (script, rtde) = (script?, rtde?);

@@ -1,4 +1,5 @@
-//! The part of Marlin that moves a machine, after its documentation. Without an emergency parser, each line waits for those before it.
+//! The part of Marlin that moves a machine, after its documentation. Without an emergency parser, each line
+//! waits for those before it.
 
 use std::{
     collections::VecDeque,

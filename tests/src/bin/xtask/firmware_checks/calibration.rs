@@ -40,10 +40,11 @@ const fn shape(
     Shape { width, height, min_disparity, num_disparities: num_disparities as u16, block_sizes, tile_width }
 }
 
-/// Shapes with much border and little, many disparities and few, whole vectors and partial ones, disparity counts with and without
-/// specialised loops, wide tiles and narrow ones, small and large blocks.
+/// Shapes with much border and little, many disparities and few, whole vectors and partial ones, disparity
+/// counts with and without specialised loops, wide tiles and narrow ones, small and large blocks.
 ///
-/// Blocks of 13 and 15 are left out: how often their mean costs saturate in 16 bits, and are computed again, depends on the images.
+/// Blocks of 13 and 15 are left out: how often their mean costs saturate in 16 bits, and are computed again,
+/// depends on the images.
 const SHAPES: [Shape; 12] = [
     shape([60, 48], [1, 16], [5, 17], 60),
     shape([240, 160], [1, 16], [7, 17], 240),

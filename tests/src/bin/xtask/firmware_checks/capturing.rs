@@ -93,7 +93,8 @@ impl Run<'_> {
         format!("{} on {}", self.case.0, self.board.name)
     }
 
-    /// Runs it and returns the matching line of its log. Fails unless the outcome is as expected and the second capture succeeds.
+    /// Runs it and returns the matching line of its log. Fails unless the outcome is as expected and the
+    /// second capture succeeds.
     fn check(&self, set: &ImageSet, expected: &[Option<Disparity>]) -> Result<String> {
         let (arguments, code, message) = self.case;
         let folder = folders::edge_target().join("runs/capture").join(self.board.name).join(arguments.replace(' ', "-"));

@@ -1,7 +1,7 @@
 //! Non-negative least squares.
 
-/// The non-negative `x` that minimises the relative error of `rows * x` against `measured`, where `rows[i]` has the counts of
-/// measurement `i`.
+/// The non-negative `x` that minimises the relative error of `rows * x` against `measured`, where `rows[i]`
+/// has the counts of measurement `i`.
 ///
 /// Projected coordinate descent: optimises one price at a time until nothing changes.
 pub fn prices(rows: &[Vec<f64>], measured: &[f64]) -> Vec<f64> {

@@ -1,4 +1,5 @@
-//! Runs the firmware of all profiles in the emulator, compares its packets with the host's results, and measures it.
+//! Runs the firmware of all profiles in the emulator, compares its packets with the host's results, and
+//! measures it.
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
@@ -44,7 +45,8 @@ pub struct Selection {
     /// Only this board
     #[arg(long, value_parser = emulated_board::ALL.map(|board| board.name))]
     board: Option<String>,
-    /// First fit the cost model of `multiscopic budget`, and write it and the measured RAM to host/src/target/measured.toml
+    /// First fit the cost model of `multiscopic budget`, and write it and the measured RAM to
+    /// host/src/target/measured.toml
     #[arg(long, conflicts_with_all = ["profile", "fusion", "board"])]
     fit: bool,
     /// Record the instructions per disparity evaluation instead of comparing them with the record

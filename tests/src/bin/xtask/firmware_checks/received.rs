@@ -8,8 +8,8 @@ use multiscopic::{
 use multiscopic_core::{Disparity, Params};
 use std::path::Path;
 
-/// The frame in `bytes`, which were read from `path`. Fails unless every pixel comes exactly once, undamaged, and nothing
-/// else follows.
+/// The frame in `bytes`, which were read from `path`. Fails unless every pixel comes exactly once, undamaged,
+/// and nothing else follows.
 pub fn whole(mut bytes: &[u8], path: &Path, params: &Params) -> Result<ReceivedFrame> {
     let mut flaws: Vec<Flaw> = Vec::new();
     let received = reception::receive(&mut bytes, path, |notice| match notice {
@@ -35,7 +35,8 @@ pub fn same(found: &DisparityMap, expected: &[Option<Disparity>]) -> Result<()> 
     Ok(())
 }
 
-/// Fails unless the packets of lines are equal. The last packet reports the depth of the stack, and may differ.
+/// Fails unless the packets of lines are equal. The last packet reports the depth of the stack, and may
+/// differ.
 pub fn same_lines(found: &[u8], simulated: &[u8]) -> Result<()> {
     let packets = |bytes: &[u8]| bytes.split_inclusive(|&byte| byte == 0).map(<[u8]>::to_vec).collect::<Vec<_>>();
     let (found, simulated) = (packets(found), packets(simulated));

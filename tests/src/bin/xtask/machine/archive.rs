@@ -15,7 +15,8 @@ use std::{
 /// Everybody may read and execute every file.
 const PERMISSIONS: u32 = 0o755;
 
-/// Files and folders by their path without a leading slash. In alphabetical order, folders come before their contents.
+/// Files and folders by their path without a leading slash. In alphabetical order, folders come before their
+/// contents.
 #[derive(Default)]
 pub struct Archive {
     entries: BTreeMap<String, Entry>,

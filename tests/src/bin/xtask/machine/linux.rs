@@ -23,7 +23,8 @@ use crate::{
 /// The tools that unpack the kernel and build its loopback module.
 pub const TOOLS: [Tool; 3] = [tool::CC, tool::MAKE, tool::XZ];
 
-/// The drivers and their parameters: vivid generates images and faults, v4l2loopback shows the frames it is fed.
+/// The drivers and their parameters: vivid generates images and faults, v4l2loopback shows the frames it is
+/// fed.
 const DRIVERS: [(&str, &str); 2] = [
     ("vivid", "n_devs=3 node_types=0x1,0x1,0x1 num_inputs=1,1,1 input_types=0,0,0 multiplanar=1,1,2"),
     ("v4l2loopback", "devices=5 video_nr=10,11,12,13,14 exclusive_caps=1,1,1,1,1 max_buffers=8"),
@@ -126,7 +127,8 @@ fn decompressed(files: &Path, version: &str) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The archive with busybox, the drivers and the modules they depend on, and the order in which they are loaded.
+/// The archive with busybox, the drivers and the modules they depend on, and the order in which they are
+/// loaded.
 fn system(files: &Path, version: &str, loopback: &Path) -> Result<Vec<u8>> {
     let modules = Modules { folder: files.join("lib/modules").join(version), loopback: loopback.into() };
     let mut archive = Archive::default();

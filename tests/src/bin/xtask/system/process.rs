@@ -56,7 +56,8 @@ pub fn read(command: &mut Command) -> Result<String> {
 
 /// Builds the command line, and returns its path.
 ///
-/// The tests are selected with it, so that cargo unifies their features and builds each library once for both.
+/// The tests are selected with it, so that cargo unifies their features and builds each library once for
+/// both.
 pub fn built_program(profile: &str) -> Result<PathBuf> {
     let packages = ["--package", "multiscopic", "--package", "multiscopic-tests"];
     built("build", &[packages.as_slice(), &["--bin", "multiscopic", "--profile", profile]].concat(), "multiscopic")

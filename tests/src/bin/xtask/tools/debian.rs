@@ -1,8 +1,8 @@
 //! Installs Debian's packages, and builds a toolchain for other targets from them.
 //!
-//! Where rustup reaches no server, Debian's compiler and library sources provide the targets: the library is compiled for each
-//! target, and a folder in rustup's layout combines it with Debian's compiler and the active toolchain's
-//! cargo and linker.
+//! Where rustup reaches no server, Debian's compiler and library sources provide the targets: the library is
+//! compiled for each target, and a folder in rustup's layout combines it with Debian's compiler and the
+//! active toolchain's cargo and linker.
 
 use anyhow::{Context, Result, ensure};
 use std::{
@@ -40,7 +40,8 @@ pub fn install(packages: &[&str]) -> Result<()> {
     run(apt_get(&["install", "-y", "--no-install-recommends", "--no-remove"]).args(packages))
 }
 
-/// Unpacks `packages` and their missing dependencies into `folder`, for systems on which they cannot be installed.
+/// Unpacks `packages` and their missing dependencies into `folder`, for systems on which they cannot be
+/// installed.
 pub fn unpack(packages: &[&str], folder: &Path) -> Result<()> {
     let plan = read(apt_get(&["install", "--simulate", "--no-install-recommends"]).args(packages))?;
     extract(plan.lines().filter_map(|line| line.strip_prefix("Inst ")?.split(' ').next()), folder)
@@ -113,7 +114,8 @@ fn make_programs(folder: &Path) -> Result<()> {
     link(&active.join("lib/rustlib").join(&host).join(linker), &libraries.join(linker))
 }
 
-/// Compiles the core library for `target` into `folder`; the whole standard library if the target has an operating system.
+/// Compiles the core library for `target` into `folder`; the whole standard library if the target has an
+/// operating system.
 fn make_core(folder: &Path, target: &str) -> Result<()> {
     let seed = folder.join("seed");
     fs::create_dir_all(seed.join("src"))?;

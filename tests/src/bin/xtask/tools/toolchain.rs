@@ -28,8 +28,8 @@ pub enum Toolchain {
 }
 
 impl Toolchain {
-    /// Finds or makes a toolchain for `targets`: the active one if it has them or rustup can add them, otherwise one made from
-    /// Debian's packages.
+    /// Finds or makes a toolchain for `targets`: the active one if it has them or rustup can add them,
+    /// otherwise one made from Debian's packages.
     pub fn install(targets: &[&str]) -> Result<Toolchain> {
         if Toolchain::Active.has(targets)? {
             return Ok(Toolchain::Active);

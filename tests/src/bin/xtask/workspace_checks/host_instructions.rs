@@ -1,4 +1,5 @@
-//! Counts the host's instructions per disparity evaluation, which do not vary between runs, and compares them with the record.
+//! Counts the host's instructions per disparity evaluation, which do not vary between runs, and compares them
+//! with the record.
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;

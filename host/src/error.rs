@@ -40,7 +40,8 @@ pub enum Error {
     /// A matching parameter is out of range.
     #[error(transparent)]
     Params(#[from] ParamsError),
-    /// A stage or a camera failed. It holds a [`StageError`](crate::capture::stage::StageError) or the camera's error.
+    /// A stage or a camera failed. It holds a [`StageError`](crate::capture::stage::StageError) or the
+    /// camera's error.
     #[error(transparent)]
     Device(Box<dyn std::error::Error + Send + Sync>),
     /// A capture failed. The stage has stopped.

@@ -1,21 +1,21 @@
-//! What long work tells of itself while it goes on.
+//! How long-running work reports its progress, and how it is interrupted.
 
-/// Whoever watches work, from any thread. Every method does nothing unless it is said otherwise.
+/// Receives reports from long-running work, on any thread. By default every method does nothing.
 pub trait Progress: Sync {
-    /// Work of so many steps begins; what a step is, in the plural.
+    /// A stage of `steps` steps begins. `name` is what a step is called, in the plural.
     fn begin(&self, _steps: u64, _name: &str) {}
 
-    /// So many steps more are done.
+    /// `steps` more steps are done.
     fn advance(&self, _steps: u64) {}
 
-    /// How it stands.
+    /// A message about the current state.
     fn say(&self, _message: &str) {}
 
-    /// Whether the work should end early, with the best that it has so far.
+    /// Whether the work should stop early and return its best result so far.
     fn is_interrupted(&self) -> bool {
         false
     }
 }
 
-/// Nobody watches.
+/// Ignores all reports and never interrupts.
 impl Progress for () {}

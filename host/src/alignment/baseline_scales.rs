@@ -5,8 +5,8 @@ use super::track::Track;
 /// The number of iterations. Each removes outliers by the scales of the one before.
 const ITERATIONS: usize = 20;
 
-/// The length of each view's baseline relative to their mean, from the disparities of the blocks that all views have found.
-/// All are 1 if there is no such block.
+/// The length of each view's baseline relative to their mean, from the disparities of the blocks that all
+/// views have found. All are 1 if there is no such block.
 pub fn baseline_scales(tracks: &[&Track]) -> Vec<f64> {
     let mut scales = vec![1.0; tracks.len()];
     let count = tracks.first().map_or(0, |track| track.disparities.len());

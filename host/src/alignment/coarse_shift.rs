@@ -16,7 +16,8 @@ pub const MAX_SHIFT: i32 = 5;
 /// The grey difference at which the cost of a pixel is capped. Pixels without a disparity cost this much too.
 const MAX_DIFFERENCE: f64 = 20.0;
 
-/// Matches `neighbor` with `center` at every shift up to [`MAX_SHIFT`]. Returns the shift of least cost, with its disparities.
+/// Matches `neighbor` with `center` at every shift up to [`MAX_SHIFT`]. Returns the shift of least cost, with
+/// its disparities.
 ///
 /// # Errors
 /// If `params` are for frames of another size.

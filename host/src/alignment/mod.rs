@@ -1,13 +1,15 @@
 //! Estimating and correcting how far each view is from where it should be.
 //!
-//! A camera that is moved by hand or by a cheap slide, or is not square to the slide, gives views that lie a little off the baseline,
-//! with baselines of different lengths and different brightness. Matching searches along the baseline only, and compares grey values,
-//! so it suffers from all of these. The estimate has three numbers for each view: the shift across the baseline, the gain in
-//! brightness, and the length of the baseline relative to the other views.
+//! A camera that is moved by hand or by a cheap slide, or is not square to the slide, gives views that lie a
+//! little off the baseline, with baselines of different lengths and different brightness. Matching searches
+//! along the baseline only, and compares grey values, so it suffers from all of these. The estimate has three
+//! numbers for each view: the shift across the baseline, the gain in brightness, and the length of the
+//! baseline relative to the other views.
 //!
-//! The whole pixels of the shift are found by block matching at every shift: the best one has the lowest cost. The fraction comes from
-//! least squares over small blocks, as in the optical flow of Lucas and Kanade (1981). The blocks share two unknowns, the shift and the
-//! gain. Each block also has an unknown of its own, the position of its match along the baseline, which is eliminated.
+//! The whole pixels of the shift are found by block matching at every shift: the best one has the lowest
+//! cost. The fraction comes from least squares over small blocks, as in the optical flow of Lucas and Kanade
+//! (1981). The blocks share two unknowns, the shift and the gain. Each block also has an unknown of its own,
+//! the position of its match along the baseline, which is eliminated.
 //!
 //! | file | what it holds |
 //! | --- | --- |

@@ -12,23 +12,25 @@ const MIN_CONTRAST: f64 = 2.0;
 /// Grey values from here on are saturated, and say nothing about brightness.
 const SATURATED: f64 = 254.0;
 
-/// The normal equations of a block for the unknowns that all blocks share, the shift across the baseline and the gain. The block's own
-/// unknown, the position of its match along the baseline, has been eliminated.
+/// The normal equations of a block for the unknowns that all blocks share, the shift across the baseline and
+/// the gain. The block's own unknown, the position of its match along the baseline, has been eliminated.
 #[derive(Clone, Copy, Default)]
 pub struct NormalEquations {
     /// The symmetric matrix for shift and gain.
     pub matrix: [[f64; 2]; 2],
     /// The right-hand side.
     pub right: [f64; 2],
-    /// The row of the block's own unknown: its coefficients of the position, the shift and the gain, and the right-hand side.
+    /// The row of the block's own unknown: its coefficients of the position, the shift and the gain, and the
+    /// right-hand side.
     own: [f64; 4],
     /// The root mean square difference of grey values between the block and its match.
     pub difference: f64,
 }
 
 impl NormalEquations {
-    /// The equations of the block with its corner at `corner`, whose match is `offset` away along the baseline and `across` it.
-    /// All coordinates are along and across the baseline. `None` if the block has too little texture, is saturated, or does not match.
+    /// The equations of the block with its corner at `corner`, whose match is `offset` away along the
+    /// baseline and `across` it. All coordinates are along and across the baseline. `None` if the block has
+    /// too little texture, is saturated, or does not match.
     pub fn of_block(
         [center, neighbor]: &[OrientedImage<'_>; 2],
         corner: [usize; 2],

@@ -8,7 +8,8 @@ pub fn along_and_across<T>([u, v]: [T; 2], view: View) -> [T; 2] {
     if view.is_horizontal() { [u, v] } else { [v, u] }
 }
 
-/// A grey image addressed by coordinates along and across the baseline of a view. It is extended beyond its borders by replication.
+/// A grey image addressed by coordinates along and across the baseline of a view. It is extended beyond its
+/// borders by replication.
 pub struct OrientedImage<'a> {
     pixels: &'a [u8],
     /// The distance in memory between neighbouring pixels, along and across.

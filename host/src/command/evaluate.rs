@@ -9,7 +9,7 @@ use std::{
 use clap::Args;
 use multiscopic::{
     Dataset, DisparityMap, Error, FloatImage, Picture, Result,
-    evaluation::{Row, Scene, record},
+    evaluation::{DatasetScene, ResultRow, results},
     files::output,
     report::{Figure, Report, error_map},
 };
@@ -128,7 +128,7 @@ impl Evaluate {
         }
         bar.finish_and_clear();
 
-        let rows = record::rows(&records);
+        let rows = results::rows(&records);
         if let Some(path) = &self.json {
             let json = serde_json::to_string_pretty(&records).expect("numbers and strings");
             output::write(path, |writer| writeln!(writer, "{json}"))?;
@@ -137,16 +137,16 @@ impl Evaluate {
             let html = self.page(&rows, galleries).to_html();
             output::write(path, |writer| writer.write_all(html.as_bytes()))?;
         }
-        terminal::print(&record::text(&rows))?;
+        terminal::print(&results::to_text(&rows))?;
         Ok(ExitCode::SUCCESS)
     }
 
-    fn page<'a>(&self, rows: &[Row], galleries: impl IntoIterator<Item = (&'a str, Vec<Figure>)>) -> Report {
+    fn page<'a>(&self, rows: &[ResultRow], galleries: impl IntoIterator<Item = (&'a str, Vec<Figure>)>) -> Report {
         let page = Report::new(format!("Errors on {}", self.dataset))
             .paragraph(
                 "RMS and AvgErr are in pixels, with the change from stereo in brackets; the other columns are percentages.",
             )
-            .table(Row::HEADS, rows.iter().map(Row::cells))
+            .table(ResultRow::HEADINGS, rows.iter().map(ResultRow::cells))
             .paragraph(&format!("Disparities: red is near, blue is far, black is invalid. Errors: {}.", error_map::LEGEND));
         galleries.into_iter().fold(page, |page, (scene, figures)| page.gallery(scene, figures))
     }
@@ -184,7 +184,7 @@ impl Evaluate {
     }
 
     /// The scenes that `--scenes` selects.
-    fn selected_scenes(&self) -> Result<Vec<Scene>> {
+    fn selected_scenes(&self) -> Result<Vec<DatasetScene>> {
         let mut scenes = self.dataset.scenes(&self.directory)?;
         let names: Vec<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
         if let Some(unknown) = self.scenes.iter().find(|name| !names.contains(&name.as_str())) {

@@ -1,44 +1,45 @@
-//! How far an estimate is from the truth.
+//! Error metrics of disparity maps.
 
 use multiscopic_core::Disparity;
 use serde::Serialize;
 
 use crate::images::{DisparityMap, FloatImage};
 
-/// The errors of disparities over all pixels whose true disparity is known.
+/// The errors of a disparity map over all pixels whose true disparity is known.
 ///
-/// An invalid estimate counts as bad, and enters the mean errors as a disparity of 0.
+/// An invalid pixel counts as bad, and enters the mean errors as a disparity of 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Metrics {
-    /// Root of the mean squared error, in pixels.
+    /// Root mean square error, in pixels.
     pub rms: f64,
     /// Mean absolute error, in pixels.
     pub avg_err: f64,
-    /// Pixels that are off by more than half a pixel, in percent.
+    /// The percentage of pixels with an error above 0.5 pixels.
     pub bad_0_5: f64,
-    /// Pixels that are off by more than one pixel, in percent.
+    /// The percentage of pixels with an error above 1 pixel.
     pub bad_1: f64,
-    /// Pixels that are off by more than two pixels, in percent.
+    /// The percentage of pixels with an error above 2 pixels.
     pub bad_2: f64,
-    /// The share of valid estimates, from 0 to 1.
+    /// The share of valid pixels, from 0 to 1.
     pub coverage: f64,
 }
 
 impl Metrics {
-    /// The errors of `estimate`. The disparities of `truth` are known where they are finite; `None` if none is.
+    /// The errors of `estimate`. A disparity of `truth` is known if it is finite; if none is, there are no
+    /// metrics.
     ///
     /// # Panics
-    /// If they differ in size.
+    /// If the two maps differ in size.
     pub fn new(estimate: &DisparityMap, truth: &FloatImage) -> Option<Metrics> {
         let size = (estimate.width(), estimate.height());
         assert_eq!((truth.width(), truth.height()), size, "the size of the ground truth");
         let pairs = estimate.pixels().iter().zip(truth.pixels());
-        let errors = || pairs.clone().filter(|(_, truth)| truth.is_finite()).map(|(&d, &truth)| Error::new(d, truth));
+        let errors = || pairs.clone().filter(|(_, truth)| truth.is_finite()).map(|(&d, &truth)| PixelError::new(d, truth));
         let count = errors().count();
         if count == 0 {
             return None;
         }
-        let mean = |value: &dyn Fn(Error) -> f64| errors().map(value).sum::<f64>() / count as f64;
+        let mean = |value: &dyn Fn(PixelError) -> f64| errors().map(value).sum::<f64>() / count as f64;
         let bad = |limit: f64| 100.0 * mean(&|error| f64::from(!error.valid || error.pixels > limit));
         Some(Metrics {
             rms: mean(&|error| error.pixels * error.pixels).sqrt(),
@@ -50,7 +51,7 @@ impl Metrics {
         })
     }
 
-    /// The mean of each metric; `None` of none.
+    /// The mean of each metric, or `None` if `all` is empty.
     pub fn mean(all: &[Metrics]) -> Option<Metrics> {
         let mean = |value: fn(&Metrics) -> f64| all.iter().map(value).sum::<f64>() / all.len() as f64;
         (!all.is_empty()).then(|| Metrics {
@@ -64,17 +65,17 @@ impl Metrics {
     }
 }
 
-/// How far the estimate of a pixel is off.
+/// The error of one pixel.
 #[derive(Clone, Copy)]
-struct Error {
+struct PixelError {
     valid: bool,
     pixels: f64,
 }
 
-impl Error {
-    fn new(d: Option<Disparity>, truth: f32) -> Error {
+impl PixelError {
+    fn new(d: Option<Disparity>, truth: f32) -> PixelError {
         let estimate = d.map_or(0.0, f32::from);
-        Error { valid: d.is_some(), pixels: (f64::from(estimate) - f64::from(truth)).abs() }
+        PixelError { valid: d.is_some(), pixels: (f64::from(estimate) - f64::from(truth)).abs() }
     }
 }
 
@@ -92,14 +93,14 @@ mod tests {
     }
 
     #[test]
-    fn by_hand() {
-        // Off by 0, 0.5, 1, 2.5 and, where invalid, 4; the last two have no truth.
+    fn metrics_match_a_calculation_by_hand() {
+        // The errors are 0, 0.5, 1, 2.5 and, for the invalid pixel, 4. The last two pixels have no truth.
         let estimate = map(&[Some(3.0), Some(3.5), Some(2.0), Some(-2.5), None, Some(9.0), None]);
         let truth = truth(&[3.0, 3.0, 3.0, -5.0, 4.0, f32::INFINITY, f32::NAN]);
         let metrics = Metrics::new(&estimate, &truth).unwrap();
         assert_eq!(metrics.rms, (23.5f64 / 5.0).sqrt());
         assert_eq!(metrics.avg_err, 1.6);
-        // Bad is what is off by more than the limit.
+        // An error equal to the threshold is not bad.
         assert_eq!((metrics.bad_0_5, metrics.bad_1, metrics.bad_2), (60.0, 40.0, 40.0));
         assert_eq!(metrics.coverage, 0.8);
     }
@@ -113,13 +114,13 @@ mod tests {
     }
 
     #[test]
-    fn without_truth_there_is_no_error() {
+    fn without_truth_there_are_no_metrics() {
         assert_eq!(Metrics::new(&map(&[Some(1.0)]), &truth(&[f32::INFINITY])), None);
         assert_eq!(Metrics::mean(&[]), None);
     }
 
     #[test]
-    fn mean_of_scenes() {
+    fn the_mean_is_taken_of_each_metric() {
         let scene = |x: f64| Metrics { rms: x, avg_err: 2.0 * x, bad_0_5: 3.0 * x, bad_1: 4.0 * x, bad_2: 5.0 * x, coverage: x };
         assert_eq!(Metrics::mean(&[scene(0.25), scene(0.75)]), Some(scene(0.5)));
     }

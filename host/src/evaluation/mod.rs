@@ -1,9 +1,15 @@
-//! Evaluation: data sets with ground truth, error metrics, and the tables made of them.
+//! Evaluation: data sets with ground truth, error metrics, and the table of results.
 
 mod dataset;
+mod dataset_scene;
+mod ground_truth;
 mod metrics;
-pub mod record;
+mod record;
+mod result_row;
+pub mod results;
 
-pub use dataset::{Dataset, Scene};
+pub use dataset::Dataset;
+pub use dataset_scene::DatasetScene;
 pub use metrics::Metrics;
-pub use record::{Record, Reduction, Row, Values};
+pub use record::{Record, Reduction};
+pub use result_row::{ResultRow, RowValues};

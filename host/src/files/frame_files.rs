@@ -81,10 +81,12 @@ impl FrameFiles {
 }
 
 impl Frames {
-    /// Reads the frames of a capture. The centre is also returned as the picture in its file, with its colours.
+    /// Reads the frames of a capture. The centre is also returned as the picture in its file, with its
+    /// colours.
     ///
     /// # Errors
-    /// [`Error::Read`], or [`Error::Format`] if a file is not a picture or a neighbour and the centre differ in size.
+    /// [`Error::Read`], or [`Error::Format`] if a file is not a picture or a neighbour and the centre differ
+    /// in size.
     pub fn load(files: &FrameFiles) -> Result<(Frames, Picture)> {
         let center = Picture::read(&files.center)?;
         let mut frames = Frames::of_picture(center.clone());

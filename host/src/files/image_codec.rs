@@ -1,4 +1,5 @@
-//! Reading and writing the formats of the `image` crate. Truncated files that the crate would accept are refused.
+//! Reading and writing the formats of the `image` crate. Truncated files that the crate would accept are
+//! refused.
 
 use std::{
     io::{self, Cursor},

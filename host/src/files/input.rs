@@ -6,7 +6,8 @@ use crate::error::{Error, Result};
 
 /// The longest side of a picture in pixels. It is the core's limit too.
 pub(crate) const MAX_SIDE: u32 = u16::MAX as u32;
-/// The largest size of a file or a decoded picture in bytes: far above any camera's, and far below a computer's memory.
+/// The largest size of a file or a decoded picture in bytes: far above any camera's, and far below a
+/// computer's memory.
 pub(crate) const MAX_BYTES: u64 = 1 << 30;
 
 /// The contents of the file `path`. An empty file is an error.
@@ -21,7 +22,8 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     }
 }
 
-/// Refuses an empty or absurdly large picture before any memory is allocated for it. `bytes` is its decoded size.
+/// Refuses an empty or absurdly large picture before any memory is allocated for it. `bytes` is its decoded
+/// size.
 pub(crate) fn check_size(path: &Path, width: u32, height: u32, bytes: u64) -> Result<()> {
     let side = 1..=MAX_SIDE;
     if side.contains(&width) && side.contains(&height) && bytes <= MAX_BYTES {

@@ -1,4 +1,5 @@
-//! Reading and writing files: pictures, frames, disparity maps, point clouds and rigs. An output is complete, or it is not there.
+//! Reading and writing files: pictures, frames, disparity maps, point clouds and rigs. An output is complete,
+//! or it is not there.
 
 mod disparity_files;
 mod frame_files;

@@ -14,7 +14,8 @@ impl FloatImage {
     /// As in the Middlebury tools, the sign of the scale gives the byte order, and its magnitude is ignored.
     ///
     /// # Errors
-    /// [`Error::Read`], or [`Error::Format`] if the file has another format, is shorter or longer than its header says, or is too large.
+    /// [`Error::Read`], or [`Error::Format`] if the file has another format, is shorter or longer than its
+    /// header says, or is too large.
     pub fn read_pfm(path: &Path) -> Result<FloatImage> {
         decode(path, &input::read(path)?)
     }
@@ -65,7 +66,8 @@ pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<FloatImage> {
     Ok(FloatImage::new(width, height, pixels))
 }
 
-/// Takes the next word of the header from the front of `rest`, and the one white-space character (or CR LF) that ends it.
+/// Takes the next word of the header from the front of `rest`, and the one white-space character (or CR LF)
+/// that ends it.
 fn next_word<'a>(rest: &mut &'a [u8]) -> Option<&'a str> {
     let start = rest.trim_ascii_start();
     let length = start.iter().position(u8::is_ascii_whitespace)?;

@@ -13,12 +13,12 @@ use crate::{
 impl Picture {
     /// Reads a PNG, PGM, PPM, JPEG or PFM file. The contents decide the format, not the name.
     ///
-    /// 16-bit samples keep their high byte; a PGM or PPM with another maximum above 255 is scaled to 16 bits first. A PFM holds grey
-    /// values from 0 to 1. Transparency and a JPEG's orientation tag are ignored.
+    /// 16-bit samples keep their high byte; a PGM or PPM with another maximum above 255 is scaled to 16 bits
+    /// first. A PFM holds grey values from 0 to 1. Transparency and a JPEG's orientation tag are ignored.
     ///
     /// # Errors
-    /// [`Error::Read`], or [`Error::Format`] if the file has another format, is truncated or damaged, or if the picture has a side of
-    /// 0 or more than 65535 pixels, or more than 1 GiB.
+    /// [`Error::Read`], or [`Error::Format`] if the file has another format, is truncated or damaged, or if
+    /// the picture has a side of 0 or more than 65535 pixels, or more than 1 GiB.
     pub fn read(path: &Path) -> Result<Picture> {
         Picture::decode(path, &input::read(path)?)
     }

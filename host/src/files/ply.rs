@@ -23,7 +23,8 @@ pub enum Encoding {
 /// Coordinates are in metres: x to the right, y down, z away from the camera.
 ///
 /// # Errors
-/// [`Error::Usage`] if `center` and the disparities differ in size, and [`Error::Write`]. Any previous version of the file is unchanged.
+/// [`Error::Usage`] if `center` and the disparities differ in size, and [`Error::Write`]. Any previous
+/// version of the file is unchanged.
 pub fn write(path: &Path, disparities: &DisparityMap, geometry: &Geometry, center: &Picture, encoding: Encoding) -> Result<()> {
     let size = (disparities.width() as u32, disparities.height() as u32);
     if center.dimensions() != size {

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     error::{Error, Result},
-    files::{FrameFiles, Provenance, input, output},
+    files::{frame_files::FrameFiles, input, output, provenance::Provenance},
     images::Geometry,
 };
 
@@ -36,7 +36,8 @@ pub struct Rig {
     pub baseline_mm: f64,
     /// Focal length in pixels, if known. Depth needs it.
     pub focal_px: Option<f64>,
-    /// Where the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is `[0, 0]`.
+    /// Where the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is `[0,
+    /// 0]`.
     pub principal_point: [f64; 2],
     /// The negated disparity of a point at infinity, in pixels.
     #[serde(default)]
@@ -55,7 +56,8 @@ impl Rig {
     /// Reads the `rig.toml` in `directory`.
     ///
     /// # Errors
-    /// [`Error::Read`], or [`Error::Format`] if a key is missing or unknown or a value is out of range. The message names the key.
+    /// [`Error::Read`], or [`Error::Format`] if a key is missing or unknown or a value is out of range. The
+    /// message names the key.
     pub fn load(directory: &Path) -> Result<Rig> {
         let path = directory.join(Rig::FILE_NAME);
         let bytes = input::read(&path)?;
@@ -68,7 +70,8 @@ impl Rig {
     /// Writes `rig.toml` into `directory`.
     ///
     /// # Errors
-    /// [`Error::Format`] if a value is out of range, and [`Error::Write`]. Any previous version of the file is unchanged.
+    /// [`Error::Format`] if a value is out of range, and [`Error::Write`]. Any previous version of the file
+    /// is unchanged.
     pub fn save(&self, directory: &Path) -> Result<()> {
         let path = directory.join(Rig::FILE_NAME);
         self.check(&path)?;

@@ -5,7 +5,11 @@ use std::ops::RangeInclusive;
 use image::{ImageBuffer, Rgb, RgbImage};
 use multiscopic_core::Disparity;
 
-use super::{FloatImage, Geometry, Raster, turbo};
+use super::{
+    geometry::Geometry,
+    raster::{FloatImage, Raster},
+    turbo,
+};
 
 /// The disparity of every pixel; `None` marks an invalid one.
 pub type DisparityMap = Raster<Option<Disparity>>;
@@ -21,7 +25,8 @@ impl DisparityMap {
         self.map(|pixel| pixel.and_then(|d| geometry.depth(d)).map_or(f32::INFINITY, |z| z as f32))
     }
 
-    /// Rounds disparities in pixels to the nearest step. A pixel that is not finite or does not fit a [`Disparity`] is invalid.
+    /// Rounds disparities in pixels to the nearest step. A pixel that is not finite or does not fit a
+    /// [`Disparity`] is invalid.
     pub fn from_float(pixels: &FloatImage) -> DisparityMap {
         let limits = f32::from(-i16::MAX)..=f32::from(i16::MAX);
         pixels.map(|d| {
@@ -36,9 +41,11 @@ impl DisparityMap {
         Some(valid().min()?.into()..=valid().max()?.into())
     }
 
-    /// Colours the map with Turbo: the far end of `range` (pixels of disparity) is blue, the near end red, and invalid pixels black.
+    /// Colours the map with Turbo: the far end of `range` (pixels of disparity) is blue, the near end red,
+    /// and invalid pixels black.
     ///
-    /// Disparities outside `range` are clamped to it. `None` uses the map's own [`range`](DisparityMap::range).
+    /// Disparities outside `range` are clamped to it. `None` uses the map's own
+    /// [`range`](DisparityMap::range).
     pub fn to_color(&self, range: Option<RangeInclusive<f32>>) -> RgbImage {
         let (far, near) = range.or_else(|| self.range()).map_or((0.0, 1.0), RangeInclusive::into_inner);
         let color = |d: Disparity| {

@@ -5,10 +5,10 @@ use std::convert::Infallible;
 use image::{GrayImage, RgbImage, imageops};
 use multiscopic_core::{Frame, Rewind, ScanlineSource, View, Views};
 
-use super::Picture;
+use super::picture::Picture;
 
-/// A centre frame and its neighbours, all of the same size, in 8-bit grey. If every frame has colours, they are kept as well, for
-/// the methods that use them.
+/// A centre frame and its neighbours, all of the same size, in 8-bit grey. If every frame has colours, they
+/// are kept as well, for the methods that use them.
 #[derive(Clone, Debug)]
 pub struct Frames {
     center: GrayImage,

@@ -9,9 +9,11 @@ pub struct Geometry {
     pub focal_px: f64,
     /// The distance from the centre to each neighbour, in millimetres.
     pub baseline_mm: f64,
-    /// Where the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is `[0, 0]`.
+    /// Where the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is `[0,
+    /// 0]`.
     pub principal_point: [f64; 2],
-    /// The negated disparity of a point at infinity, in pixels: 0 unless the images were shifted or cropped against each other.
+    /// The negated disparity of a point at infinity, in pixels: 0 unless the images were shifted or cropped
+    /// against each other.
     pub doffs: f64,
 }
 
@@ -22,8 +24,8 @@ impl Geometry {
         (shift > 0.0).then(|| self.focal_px * self.baseline_mm / 1000.0 / shift)
     }
 
-    /// The point seen by pixel `(u, v)`, in metres from the centre camera: x to the right, y down, z along the optical axis.
-    /// `None` if the pixel has no depth.
+    /// The point seen by pixel `(u, v)`, in metres from the centre camera: x to the right, y down, z along
+    /// the optical axis. `None` if the pixel has no depth.
     pub fn point(&self, u: usize, v: usize, d: Disparity) -> Option<[f64; 3]> {
         let z = self.depth(d)?;
         let [cx, cy] = self.principal_point;

@@ -1,4 +1,5 @@
-//! Images in memory: rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth.
+//! Images in memory: rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns
+//! disparity into depth.
 
 mod disparity_map;
 mod frames;

@@ -7,7 +7,8 @@ pub struct Raster<T> {
     pixels: Vec<T>,
 }
 
-/// A raster of floating-point numbers, such as disparities in pixels or depths in metres. +inf marks a pixel without a value.
+/// A raster of floating-point numbers, such as disparities in pixels or depths in metres. +inf marks a pixel
+/// without a value.
 pub type FloatImage = Raster<f32>;
 
 impl<T> Raster<T> {

@@ -2,7 +2,8 @@
 
 use std::array;
 
-/// Turbo's first colour. The polynomial of `colorous` is almost black there, and would look like an invalid pixel.
+/// Turbo's first colour. The polynomial of `colorous` is almost black there, and would look like an invalid
+/// pixel.
 const FIRST: [u8; 3] = [48, 18, 59];
 /// Below this the colour is interpolated from [`FIRST`]; above it the polynomial is close enough.
 const JOINT: f64 = 0.03;

@@ -15,8 +15,9 @@ pub const INVALID: Rgb<u8> = Rgb([0, 170, 255]);
 /// What the colours mean, for captions.
 pub const LEGEND: &str = "black: no error; purple, orange, yellow: up to 4 px and more; blue: no estimate; grey: truth unknown";
 
-/// Colours `|estimate - truth|` for every pixel, from black through purple and orange to light yellow at [`LIMIT_PX`] and above.
-/// The estimates come row by row, in pixels. A true disparity that is not finite is unknown.
+/// Colours `|estimate - truth|` for every pixel, from black through purple and orange to light yellow at
+/// [`LIMIT_PX`] and above. The estimates come row by row, in pixels. A true disparity that is not finite is
+/// unknown.
 ///
 /// ```
 /// use multiscopic::{FloatImage, report::error_map};

@@ -8,7 +8,8 @@ use image::{
 /// The gap between two pictures, in pixels.
 pub const GAP: u32 = 8;
 
-/// Puts `pictures` in a row from left to right, scaling down those wider than `max_width` pixels. The rest is transparent.
+/// Puts `pictures` in a row from left to right, scaling down those wider than `max_width` pixels. The rest is
+/// transparent.
 ///
 /// ```
 /// use image::RgbImage;

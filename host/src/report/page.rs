@@ -1,4 +1,5 @@
-//! A report as a single HTML file. It needs no network and no other file, and can be read with scripts disabled.
+//! A report as a single HTML file. It needs no network and no other file, and can be read with scripts
+//! disabled.
 //!
 //! ```
 //! use multiscopic::report::{Figure, Report};
@@ -12,7 +13,7 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::Figure;
+use super::figure::Figure;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("compare.js");
@@ -93,8 +94,8 @@ impl Report {
         })
     }
 
-    /// Adds a section that shows one of several pictures of the same size at a time, with a button for each. Switching between
-    /// them makes differences appear as motion.
+    /// Adds a section that shows one of several pictures of the same size at a time, with a button for each.
+    /// Switching between them makes differences appear as motion.
     pub fn flip(mut self, title: &str, figures: impl IntoIterator<Item = Figure>) -> Report {
         let group = format!("flip-{}", self.flips);
         self.flips += 1;
@@ -110,8 +111,8 @@ impl Report {
         })
     }
 
-    /// Adds a section with two pictures of the same size, one over the other, and a slider that moves the boundary between them.
-    /// Without scripts they are side by side.
+    /// Adds a section with two pictures of the same size, one over the other, and a slider that moves the
+    /// boundary between them. Without scripts they are side by side.
     pub fn compare(self, title: &str, before: Figure, after: Figure) -> Report {
         self.heading(title).part(html! {
             div class="gallery compare" { (before) (after) }
@@ -154,8 +155,8 @@ fn without_control_characters(html: String) -> String {
     if html.contains(is_forbidden) { html.replace(is_forbidden, "\u{FFFD}") } else { html }
 }
 
-/// Whether a table cell is a number. It may have a sign, a unit written without letters, and a second number in parentheses.
-/// A dash stands for a missing number.
+/// Whether a table cell is a number. It may have a sign, a unit written without letters, and a second number
+/// in parentheses. A dash stands for a missing number.
 fn is_number(cell: &str) -> bool {
     let number = |text: &str| text.trim().trim_end_matches(['%', '×', ' ']).replace('\u{2212}', "-").parse::<f64>().is_ok();
     match cell.trim().strip_suffix(')').and_then(|cell| cell.split_once(" (")) {

@@ -2,7 +2,8 @@
 
 use super::{object::Object, pose::Pose, vector::Vec3};
 
-/// A rectangular lamp. It shines towards `half_u x half_v` (the vector product), and only reflections show the lamp itself.
+/// A rectangular lamp. It shines towards `half_u x half_v` (the vector product), and only reflections show
+/// the lamp itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lamp {
     /// The centre of the rectangle.
@@ -15,7 +16,8 @@ pub struct Lamp {
     pub light: Vec3,
 }
 
-/// Objects, the light on them, and the viewpoint. Lengths are in millimetres, light is in linear red, green and blue.
+/// Objects, the light on them, and the viewpoint. Lengths are in millimetres, light is in linear red, green
+/// and blue.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     /// Everything that can be seen.

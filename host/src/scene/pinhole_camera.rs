@@ -9,8 +9,8 @@ use super::{
     vector::Vec3,
 };
 
-/// A pinhole camera on a stage that moves it in its image plane. Pixel `(u, v)` has its centre at whole coordinates, and the
-/// optical axis goes through the middle of the image.
+/// A pinhole camera on a stage that moves it in its image plane. Pixel `(u, v)` has its centre at whole
+/// coordinates, and the optical axis goes through the middle of the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PinholeCamera {
     /// Width of the image in pixels.
@@ -30,7 +30,8 @@ pub struct PinholeCamera {
 }
 
 impl PinholeCamera {
-    /// A camera with a 37 degree lens, the paper's baseline of 20 mm, a stage that repeats to 0.1 mm, and the noise of a small sensor.
+    /// A camera with a 37 degree lens, the paper's baseline of 20 mm, a stage that repeats to 0.1 mm, and the
+    /// noise of a small sensor.
     pub fn new(width: u32, height: u32) -> PinholeCamera {
         PinholeCamera {
             width,
@@ -58,7 +59,8 @@ impl PinholeCamera {
         position
     }
 
-    /// The ray through image point `(u, v)` of the camera at `position`, relative to `viewpoint`. Its `t` is the depth in millimetres.
+    /// The ray through image point `(u, v)` of the camera at `position`, relative to `viewpoint`. Its `t` is
+    /// the depth in millimetres.
     pub(super) fn ray(&self, viewpoint: &Pose, position: [f64; 2], u: f64, v: f64) -> Ray {
         let middle = |size: u32| (f64::from(size) - 1.0) / 2.0;
         let (x, y) = ((u - middle(self.width)) / self.focal_px, (v - middle(self.height)) / self.focal_px);

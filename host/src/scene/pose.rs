@@ -4,8 +4,8 @@ use super::vector::Vec3;
 
 /// A position and an orientation: an origin and three perpendicular unit axes.
 ///
-/// Rotations are given by the tangent of half their angle, which makes sine and cosine rational. So no library function is needed
-/// whose last bit might differ between machines.
+/// Rotations are given by the tangent of half their angle, which makes sine and cosine rational. So no
+/// library function is needed whose last bit might differ between machines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// The local origin, in world coordinates.
@@ -20,8 +20,8 @@ impl Pose {
         Pose { origin, axes: [Vec3::X, Vec3::Y, Vec3::Z] }
     }
 
-    /// The pose rotated by `2 atan(half_tangent)` about its own axis 0, 1 or 2. A positive angle turns the next axis towards the one
-    /// after it.
+    /// The pose rotated by `2 atan(half_tangent)` about its own axis 0, 1 or 2. A positive angle turns the
+    /// next axis towards the one after it.
     pub fn turned(mut self, axis: usize, half_tangent: f64) -> Pose {
         let square = half_tangent * half_tangent;
         let (cos, sin) = ((1.0 - square) / (1.0 + square), 2.0 * half_tangent / (1.0 + square));

@@ -13,13 +13,15 @@ pub fn unit(hash: u64) -> f64 {
     (hash >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// A roughly normal number with mean 0 and variance 1. It is the sum of four uniform numbers, so it never exceeds 3.5.
+/// A roughly normal number with mean 0 and variance 1. It is the sum of four uniform numbers, so it never
+/// exceeds 3.5.
 pub fn gaussian(hash: u64) -> f64 {
     let sum: u64 = (0..4).map(|i| (hash >> (16 * i)) & 0xFFFF).sum();
     (sum as f64 / 65535.0 - 2.0) * 3f64.sqrt()
 }
 
-/// Point `index` of a (0,2)-sequence in the unit square. The first 2^n points are evenly distributed for every n.
+/// Point `index` of a (0,2)-sequence in the unit square. The first 2^n points are evenly distributed for
+/// every n.
 pub fn even_square(index: u32) -> [f64; 2] {
     let mut sobol = 0;
     let (mut rest, mut column) = (index, 1u32 << 31);

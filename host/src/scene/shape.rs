@@ -2,8 +2,8 @@
 
 use super::{ray::Ray, vector::Vec3};
 
-/// The shortest distance at which a ray can meet a surface, in units of its direction. It keeps a ray from meeting the surface it
-/// starts on.
+/// The shortest distance at which a ray can meet a surface, in units of its direction. It keeps a ray from
+/// meeting the surface it starts on.
 const START: f64 = 1e-9;
 
 /// A convex shape around the origin. Lengths are in millimetres.
@@ -46,7 +46,8 @@ impl Shape {
         }
     }
 
-    /// The distance at which the ray first meets the surface, in units of its direction, and the outward unit normal there.
+    /// The distance at which the ray first meets the surface, in units of its direction, and the outward unit
+    /// normal there.
     pub fn hit(&self, ray: &Ray) -> Option<(f64, Vec3)> {
         match *self {
             Shape::Sphere { radius } => {

@@ -12,8 +12,8 @@ pub struct Shot {
     pub center: RgbImage,
     /// The neighbours, in the order of [`View::ALL`](multiscopic_core::View::ALL).
     pub neighbors: [RgbImage; 4],
-    /// The true disparity of every centre pixel, in pixels at the nominal baseline. It is that of the point which the ray through the
-    /// pixel's centre meets, and infinite if there is none.
+    /// The true disparity of every centre pixel, in pixels at the nominal baseline. It is that of the point
+    /// which the ray through the pixel's centre meets, and infinite if there is none.
     pub truth: FloatImage,
 }
 

@@ -1,8 +1,8 @@
 //! The scene of `multiscopic demo`: a still life that is hard to match.
 //!
-//! World axes: `x` to the right, `y` up, `z` away from the camera. The table top is at `y = 0`. The stems in front are thinner than a
-//! matching block, the canvas on the wall has no texture, the table reflects, the board leans, and the camera looks down a little, so
-//! that the wall and the table are slanted.
+//! World axes: `x` to the right, `y` up, `z` away from the camera. The table top is at `y = 0`. The stems in
+//! front are thinner than a matching block, the canvas on the wall has no texture, the table reflects, the
+//! board leans, and the camera looks down a little, so that the wall and the table are slanted.
 
 use super::{
     description::{Lamp, Scene},

@@ -10,7 +10,7 @@ use std::{path::PathBuf, process::ExitCode};
 use clap::{Args, value_parser};
 use multiscopic::{
     Method, Result,
-    evaluation::{Record, record},
+    evaluation::{Record, results},
     scene::{PinholeCamera, Scene, render},
     stereo::{CostFunction, Optimizer},
 };
@@ -77,14 +77,14 @@ impl Demo {
         }
         bar.set_message("writing");
         let records: Vec<Record> = outcomes.iter().map(|outcome| outcome.record.clone()).collect();
-        let rows = record::rows(&records);
+        let rows = results::rows(&records);
         folder.write_capture(&shot, &camera, self.seed)?;
         folder.write_maps(&shot, &camera, &outcomes)?;
         let page = ResultsPage { commands: &self.commands(&params[0]), params: &params[0], records: &records, rows: &rows };
         let page_path = folder.write_page(&page.to_html())?;
         bar.finish_and_clear();
 
-        terminal::print(&record::text(&rows))?;
+        terminal::print(&results::to_text(&rows))?;
         terminal::say(&format!("open {}", page_path.display()));
         Ok(ExitCode::SUCCESS)
     }

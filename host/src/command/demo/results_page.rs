@@ -1,7 +1,7 @@
 //! The page with the results.
 
 use multiscopic::{
-    evaluation::{Record, Row},
+    evaluation::{Record, ResultRow},
     files::FrameFiles,
     report::{Figure, Report, error_map},
 };
@@ -31,7 +31,7 @@ pub struct ResultsPage<'a> {
     /// The accuracy of each variant.
     pub records: &'a [Record],
     /// The rows of the table.
-    pub rows: &'a [Row],
+    pub rows: &'a [ResultRow],
 }
 
 impl ResultsPage<'_> {
@@ -47,7 +47,7 @@ impl ResultsPage<'_> {
             .paragraph(&self.summary())
             .compare("Stereo and multiscopic", map(stereo), map(best))
             .heading("Errors")
-            .table(Row::HEADS, self.rows.iter().map(Row::cells))
+            .table(ResultRow::HEADINGS, self.rows.iter().map(ResultRow::cells))
             .paragraph(&format!(
                 "Disparities from {} to {}, blocks of {block_size} x {block_size}. RMS and AvgErr are in pixels, with the \
                  change from stereo in brackets; the other columns are percentages of pixels.",

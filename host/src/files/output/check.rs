@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use super::{destination::Destination, temporary};
 use crate::error::{Error, Result};
 
-/// Checks, before the work whose results they take, that all `outputs` can be written, and that none is given twice or is also one
-/// of the `inputs`.
+/// Checks, before the work whose results they take, that all `outputs` can be written, and that none is given
+/// twice or is also one of the `inputs`.
 ///
 /// # Errors
-/// [`Error::Write`] as [`write`](super::write) would return it, and [`Error::Usage`] for a file that is given twice.
+/// [`Error::Write`] as [`write`](super::write) would return it, and [`Error::Usage`] for a file that is given
+/// twice.
 pub fn check(outputs: &[&Path], inputs: &[&Path]) -> Result<()> {
     for (i, path) in outputs.iter().enumerate() {
         let is_same = |other: &&&Path| absolute(other) == absolute(path);

@@ -20,7 +20,8 @@ impl Destination {
         match fs::metadata(path) {
             Ok(old) if old.is_dir() => Err(io::ErrorKind::IsADirectory.into()),
             Ok(old) if !old.is_file() || is_open_file(path) => Ok(Destination::Stream),
-            // Replacing a read-only file takes no more than write access to its folder, but its owner wants it kept.
+            // Replacing a read-only file takes no more than write access to its folder, but its owner wants
+            // it kept.
             Ok(old) if old.permissions().readonly() => Err(io::ErrorKind::PermissionDenied.into()),
             Ok(old) => Ok(Destination::File { path: fs::canonicalize(path)?, permissions: Some(old.permissions()) }),
             Err(_) => Ok(Destination::File { path: path.into(), permissions: None }),
@@ -28,7 +29,8 @@ impl Destination {
     }
 }
 
-/// Whether `path` names a file through one of this process's descriptors. Replacing that name would not replace the file.
+/// Whether `path` names a file through one of this process's descriptors. Replacing that name would not
+/// replace the file.
 fn is_open_file(path: &Path) -> bool {
     ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"].iter().any(|open| path.starts_with(open))
 }

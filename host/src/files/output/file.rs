@@ -11,9 +11,10 @@ use crate::error::{Error, Result};
 
 /// Writes the file `path`; `contents` writes its data.
 ///
-/// The data goes to a temporary file in the same folder, which replaces `path` only when it is complete. If anything fails, `path` is
-/// unchanged. Symbolic links are followed, and an existing file keeps its permissions. A pipe, a device or an open file
-/// (`/dev/stdout`) is written directly; a reader that closes its pipe early (`| head`) is not an error.
+/// The data goes to a temporary file in the same folder, which replaces `path` only when it is complete. If
+/// anything fails, `path` is unchanged. Symbolic links are followed, and an existing file keeps its
+/// permissions. A pipe, a device or an open file (`/dev/stdout`) is written directly; a reader that closes
+/// its pipe early (`| head`) is not an error.
 ///
 /// # Errors
 /// [`Error::Write`] with the error of the system or of `contents`.

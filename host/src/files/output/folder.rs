@@ -7,11 +7,13 @@ use crate::error::{Error, Result};
 
 /// Makes the folder `path`; `contents` writes its files into the folder that it is given.
 ///
-/// That is a temporary folder beside `path`, which is renamed to `path` only when it is complete. An interrupted command therefore
-/// leaves nothing that looks like a result. An existing folder is never replaced, unless it is empty.
+/// That is a temporary folder beside `path`, which is renamed to `path` only when it is complete. An
+/// interrupted command therefore leaves nothing that looks like a result. An existing folder is never
+/// replaced, unless it is empty.
 ///
 /// # Errors
-/// [`Error::Usage`] if `path` exists, the error of `contents`, or [`Error::Write`] with the error of the system.
+/// [`Error::Usage`] if `path` exists, the error of `contents`, or [`Error::Write`] with the error of the
+/// system.
 pub fn write_folder<T>(path: &Path, contents: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
     check_folder(path)?;
     let failed = |source| Error::Write { path: path.into(), source };

@@ -23,7 +23,8 @@ fn directory_of(target: &Path) -> &Path {
     target.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
 }
 
-/// `tempfile` makes its files private. These become the user's own, so they get the usual `mode`, less the umask.
+/// `tempfile` makes its files private. These become the user's own, so they get the usual `mode`, less the
+/// umask.
 #[cfg_attr(not(unix), expect(unused_variables, reason = "only Unix has modes"))]
 fn builder(mode: u32) -> Builder<'static, 'static> {
     let mut builder = Builder::new();

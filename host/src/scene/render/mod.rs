@@ -27,7 +27,8 @@ const EDGE_RAYS: u32 = 8;
 /// Adjacent pixels of a row that share one search for the objects in view.
 const RUN: u32 = 16;
 
-/// Renders the centre and the four neighbours of a scene. The seed decides the sensor's noise and where exactly the stage stops.
+/// Renders the centre and the four neighbours of a scene. The seed decides the sensor's noise and where
+/// exactly the stage stops.
 ///
 /// # Panics
 /// If the camera has no pixels.
@@ -81,7 +82,8 @@ fn light(tracer: &Tracer, camera: &PinholeCamera, objects: &[usize], position: [
     if let [Some(_), Some(middle), Some(_), Some(_)] = &hits
         && hits.iter().flatten().all(|hit| hit.is_same_surface(middle))
     {
-        // Light changes slowly across a surface, but texture does not: one lighting computation serves all four rays.
+        // Light changes slowly across a surface, but texture does not: one lighting computation serves all
+        // four rays.
         let light = tracer.illumination(&rays[1], middle);
         let samples = rays.iter().zip(hits.iter().flatten()).zip(0..);
         return samples.map(|((ray, hit), sample)| tracer.shade(ray, hit, &light, sample)).fold(Vec3::ZERO, Vec3::add) * 0.25;
@@ -179,7 +181,8 @@ mod tests {
         inside.then(|| row(y as u32) * (1.0 + y - v) + row(y as u32 + 1) * (v - y))
     }
 
-    /// The median grey difference between centre pixels and their matches in a view, at the true disparity plus `shift`.
+    /// The median grey difference between centre pixels and their matches in a view, at the true disparity
+    /// plus `shift`.
     fn residual(shot: &Shot, view: View, shift: f64) -> f64 {
         let width = shot.center.width() as usize;
         let mut differences: Vec<f64> = (0..shot.truth.pixels().len())

@@ -14,7 +14,8 @@ pub fn develop(camera: &PinholeCamera, light: Vec3, place: u64) -> [u8; 3] {
     })
 }
 
-/// Linear light to display brightness: a rational approximation of a film curve, which compresses highlights, then a gamma of 2.
+/// Linear light to display brightness: a rational approximation of a film curve, which compresses highlights,
+/// then a gamma of 2.
 fn tone(light: f64) -> f64 {
     let film = light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14);
     film.min(1.0).sqrt()

@@ -17,7 +17,8 @@ const FEW_LAMP_POINTS: u32 = 4;
 /// Points of the lamp that are sampled in a penumbra, where only some of them are visible.
 const LAMP_POINTS: u32 = 16;
 
-/// The brightness of the lamp's mirror image. More would be white as well, but would give highlights hard edges.
+/// The brightness of the lamp's mirror image. More would be white as well, but would give highlights hard
+/// edges.
 const LAMP_IN_MIRRORS: f64 = 5.0;
 
 /// The light that falls on a point of a surface.
@@ -30,7 +31,8 @@ pub struct Illumination {
 }
 
 impl Tracer<'_> {
-    /// The colour of the surface that `ray` meets at `hit`, lit by `light`. `sample` numbers the rays of a pixel.
+    /// The colour of the surface that `ray` meets at `hit`, lit by `light`. `sample` numbers the rays of a
+    /// pixel.
     pub fn shade(&self, ray: &Ray, hit: &Hit, light: &Illumination, sample: u32) -> Vec3 {
         let object = hit.object;
         let (point, view) = (ray.at(hit.t), ray.direction.normalized());
@@ -53,7 +55,8 @@ impl Tracer<'_> {
         scattered + self.mirrored(&Ray { origin: point, direction: view.reflect(normal) }, hit.index) * weight
     }
 
-    /// The reflection that object `mirror` shows along a ray from it. It is faint, so it has no shadows or reflections of its own.
+    /// The reflection that object `mirror` shows along a ray from it. It is faint, so it has no shadows or
+    /// reflections of its own.
     fn mirrored(&self, ray: &Ray, mirror: usize) -> Vec3 {
         let Scene { lamp, .. } = self.scene;
         let Some(hit) = self.nearest(ray, self.all().filter(|&index| index != mirror)) else {
@@ -109,7 +112,8 @@ impl Tracer<'_> {
     }
 }
 
-/// The share of the ambient light that a sphere leaves to a nearby surface. Other shapes are assumed to block none.
+/// The share of the ambient light that a sphere leaves to a nearby surface. Other shapes are assumed to block
+/// none.
 fn openness(object: &Object, point: Vec3, normal: Vec3) -> f64 {
     let Shape::Sphere { radius } = object.shape else { return 1.0 };
     let to = object.pose.origin - point;
@@ -117,7 +121,8 @@ fn openness(object: &Object, point: Vec3, normal: Vec3) -> f64 {
     if rise <= 0.0 { 1.0 } else { (1.0 - rise * radius * radius / (squared * squared.sqrt())).max(0.0) }
 }
 
-/// Schlick's approximation of the share of reflected light, from `head_on` at normal incidence to 1 at grazing incidence.
+/// Schlick's approximation of the share of reflected light, from `head_on` at normal incidence to 1 at
+/// grazing incidence.
 fn fresnel(head_on: f64, facing: f64) -> f64 {
     let x = (1.0 - facing).clamp(0.0, 1.0);
     head_on + (1.0 - head_on) * (x * x) * (x * x) * x

@@ -58,7 +58,8 @@ impl<'a> Tracer<'a> {
         0..self.bounds.len()
     }
 
-    /// The objects that a cone of rays may meet. The rays start at `axis.origin`, and at `t = 1` they are within `spread` of the axis.
+    /// The objects that a cone of rays may meet. The rays start at `axis.origin`, and at `t = 1` they are
+    /// within `spread` of the axis.
     pub fn in_cone(&self, axis: Ray, spread: f64) -> impl Iterator<Item = usize> {
         let inverse = 1.0 / axis.direction.dot(axis.direction);
         self.all().filter(move |&index| {
@@ -72,8 +73,9 @@ impl<'a> Tracer<'a> {
         })
     }
 
-    /// The objects that may cast a shadow on a point of object `index`. This leaves out the object itself, as all shapes are convex,
-    /// objects entirely behind the surface, and objects outside the cone towards the lamp.
+    /// The objects that may cast a shadow on a point of object `index`. This leaves out the object itself, as
+    /// all shapes are convex, objects entirely behind the surface, and objects outside the cone towards the
+    /// lamp.
     pub fn occluders(&self, index: usize, point: Vec3, normal: Vec3) -> impl Iterator<Item = usize> {
         let axis = Ray { origin: point, direction: self.scene.lamp.center - point };
         self.in_cone(axis, self.lamp_radius).filter(move |&other| {
@@ -106,7 +108,8 @@ impl<'a> Tracer<'a> {
         self.hit(ray, index).is_some_and(|(t, _)| t < 1.0)
     }
 
-    /// The distance at which the ray meets the object, and the outward normal there in the object's coordinates.
+    /// The distance at which the ray meets the object, and the outward normal there in the object's
+    /// coordinates.
     fn hit(&self, ray: &Ray, index: usize) -> Option<(f64, Vec3)> {
         let Bound { center, radius } = self.bounds[index];
         let to = center - ray.origin;

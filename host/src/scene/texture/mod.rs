@@ -6,7 +6,8 @@ pub mod patterns;
 use self::noise::{floor, fractal, fractal_flat};
 use super::vector::Vec3;
 
-/// A colour for every point of an object. Points are in the object's own coordinates, in millimetres; colours are linear.
+/// A colour for every point of an object. Points are in the object's own coordinates, in millimetres; colours
+/// are linear.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Texture {
     /// A single colour, which gives matching nothing to hold on to.
@@ -106,7 +107,8 @@ impl Texture {
             Texture::Wood { light, dark, ring } => patterns::wood(p, light, dark, ring),
             Texture::Marble { base, vein, size } => patterns::marble(p, base, vein, size),
             Texture::Checker { even, odd, side } => {
-                // Offset by half a cell, so that the faces of a box of whole cells do not lie on a colour change.
+                // Offset by half a cell, so that the faces of a box of whole cells do not lie on a colour
+                // change.
                 let q = p * (1.0 / side) + Vec3::splat(0.5);
                 let color = if (floor(q.x) ^ floor(q.y) ^ floor(q.z)) & 1 == 0 { even } else { odd };
                 color * (0.72 + 0.56 * fractal(p * 0.22, 3, 0.8))

@@ -20,7 +20,8 @@ fn mix_lattice(x: u32, y: u32, z: u32) -> f64 {
     f64::from(h ^ (h >> 16)) / 4_294_967_296.0
 }
 
-/// The largest integer not above `x`. `f64::floor` would be a function call on processors without an instruction for it.
+/// The largest integer not above `x`. `f64::floor` would be a function call on processors without an
+/// instruction for it.
 pub fn floor(x: f64) -> i32 {
     let towards_zero = x as i32;
     towards_zero - i32::from(f64::from(towards_zero) > x)
@@ -53,8 +54,8 @@ pub fn value_flat(x: f64, y: f64, plane: i32) -> f64 {
     a + (b - a) * f[1]
 }
 
-/// Fractal noise in `[0, 1)`: a sum of `octaves` of value noise. Each octave has twice the frequency of the one before, and `gain`
-/// times its amplitude.
+/// Fractal noise in `[0, 1)`: a sum of `octaves` of value noise. Each octave has twice the frequency of the
+/// one before, and `gain` times its amplitude.
 pub fn fractal(mut p: Vec3, octaves: u8, gain: f64) -> f64 {
     let (mut sum, mut total, mut strength) = (0.0, 0.0, 1.0);
     for _ in 0..octaves {

@@ -52,8 +52,9 @@ pub fn marble(p: Vec3, base: Vec3, vein: Vec3, size: f64) -> Vec3 {
     (base * (0.62 + 0.66 * clouds)).lerp(vein, (0.75 * broad + 0.45 * thin).min(0.9))
 }
 
-/// The nearest of the randomly placed seeds around `p`: its distance relative to its random radius, and a random number of its own.
-/// `None` if `p` is outside all radii. Seeds have three dimensions if `deep`, otherwise two.
+/// The nearest of the randomly placed seeds around `p`: its distance relative to its random radius, and a
+/// random number of its own. `None` if `p` is outside all radii. Seeds have three dimensions if `deep`,
+/// otherwise two.
 fn nearest_seed(p: Vec3, deep: bool, radius: impl Fn(f64) -> f64) -> Option<(f64, f64)> {
     let cell = [floor(p.x), floor(p.y), floor(p.z)];
     let mut nearest: Option<(f64, f64)> = None;

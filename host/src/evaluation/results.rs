@@ -1,0 +1,127 @@
+//! The table of results: all records and their means.
+
+use std::ops::RangeInclusive;
+
+use super::{
+    metrics::Metrics,
+    record::{Record, Reduction},
+    result_row::{ResultRow, RowValues},
+};
+
+/// The rows of an evaluation: one for each record and, if there are several scenes, the mean errors and mean
+/// reductions of each variant.
+pub fn rows(records: &[Record]) -> Vec<ResultRow> {
+    let row = |record: &Record| ResultRow {
+        scene: record.scene.clone(),
+        variant: record.variant(),
+        values: RowValues::Scene(record.metrics, record.reduction(records)),
+    };
+    let mut variants: Vec<String> = Vec::new();
+    for variant in records.iter().map(Record::variant) {
+        if !variants.contains(&variant) {
+            variants.push(variant);
+        }
+    }
+    let of = |variant: &String| records.iter().filter(|record| record.variant() == *variant).collect::<Vec<_>>();
+    let errors = variants.iter().filter_map(|variant| mean_errors(variant, &of(variant)));
+    let reductions = variants.iter().filter_map(|variant| mean_reduction(variant, &of(variant), records));
+    records.iter().map(row).chain(errors).chain(reductions).collect()
+}
+
+/// The mean errors of a variant, or `None` if it has a single scene.
+fn mean_errors(variant: &str, scenes: &[&Record]) -> Option<ResultRow> {
+    let metrics: Vec<Metrics> = scenes.iter().map(|record| record.metrics).collect();
+    let mean = Metrics::mean(&metrics).filter(|_| scenes.len() > 1)?;
+    let scene = format!("mean errors of {}", scenes.len());
+    Some(ResultRow { scene, variant: variant.into(), values: RowValues::MeanErrors(mean) })
+}
+
+/// The mean reductions of a variant, or `None` if fewer than two scenes have one.
+fn mean_reduction(variant: &str, scenes: &[&Record], records: &[Record]) -> Option<ResultRow> {
+    let reductions: Vec<Reduction> = scenes.iter().filter_map(|record| record.reduction(records)).collect();
+    let mean = |of: fn(&Reduction) -> f64| reductions.iter().map(of).sum::<f64>() / reductions.len() as f64;
+    (reductions.len() > 1).then(|| ResultRow {
+        scene: format!("mean reductions of {}", reductions.len()),
+        variant: variant.into(),
+        values: RowValues::MeanReduction(Reduction { rms: mean(|r| r.rms), avg_err: mean(|r| r.avg_err) }),
+    })
+}
+
+/// The rows as a table in plain text, with a line of dashes between scenes.
+pub fn to_text(rows: &[ResultRow]) -> String {
+    /// The columns of names, aligned left. Numbers are aligned right.
+    const NAMES: RangeInclusive<usize> = 0..=1;
+    let headings = ResultRow::HEADINGS.map(String::from);
+    let cells: Vec<[String; 8]> = rows.iter().map(ResultRow::cells).collect();
+    let width = |column: usize| {
+        let widths = [&headings].into_iter().chain(&cells).map(|cells| cells[column].chars().count());
+        widths.max().unwrap_or_default()
+    };
+    let widths: [usize; 8] = std::array::from_fn(width);
+    let line = |cells: &[String; 8]| {
+        let padded = cells.iter().zip(widths).enumerate().map(|(column, (cell, width))| match NAMES.contains(&column) {
+            true => format!("{cell:<width$}"),
+            false => format!("{cell:>width$}"),
+        });
+        padded.collect::<Vec<_>>().join("  ").trim_end().to_owned() + "\n"
+    };
+    let dashes = "-".repeat(widths.iter().sum::<usize>() + 2 * (widths.len() - 1)) + "\n";
+    let mut text = line(&headings);
+    for (i, cells) in cells.iter().enumerate() {
+        if i == 0 || rows[i].scene != rows[i - 1].scene {
+            text += &dashes;
+        }
+        text += &line(cells);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(scene: &str, views: usize, rms: f64, avg_err: f64) -> Record {
+        let metrics = Metrics { rms, avg_err, bad_0_5: 30.0, bad_1: 20.0, bad_2: 10.0, coverage: 0.98765 };
+        let [dataset, method, fusion] = ["made", "bm", "min"].map(String::from);
+        Record { dataset, scene: scene.into(), method, views, fusion, metrics, seconds: 0.25 }
+    }
+
+    fn records() -> Vec<Record> {
+        vec![record("A", 1, 2.0, 1.0), record("A", 2, 1.5, 0.5), record("B", 1, 4.0, 2.0), record("B", 2, 5.0, 0.5)]
+    }
+
+    #[test]
+    fn means_are_over_scenes() {
+        let rows = rows(&records());
+        let [stereo, multiscopic, reductions] = &rows[4..] else { panic!("{rows:?}") };
+        assert_eq!((stereo.scene.as_str(), stereo.variant.as_str()), ("mean errors of 2", "stereo bm"));
+        let RowValues::MeanErrors(Metrics { rms: 3.0, .. }) = stereo.values else { panic!("{stereo:?}") };
+        let RowValues::MeanErrors(Metrics { rms: 3.25, avg_err: 0.5, .. }) = multiscopic.values else {
+            panic!("{multiscopic:?}")
+        };
+        // The mean of the reductions, not the reduction of the means.
+        assert_eq!((&*reductions.scene, &reductions.variant), ("mean reductions of 2", &multiscopic.variant));
+        assert_eq!(reductions.values, RowValues::MeanReduction(Reduction { rms: 0.0, avg_err: 0.625 }));
+        assert_eq!(super::rows(&records()[..2]).len(), 2, "one scene is its own mean");
+    }
+
+    #[test]
+    fn columns_are_aligned() {
+        let expected = "\
+scene                 method                                     RMS           AvgErr  Bad0.5   Bad1   Bad2  coverage
+---------------------------------------------------------------------------------------------------------------------
+A                     stereo bm                                2.000            1.000   30.00  20.00  10.00     98.77
+A                     multiscopic bm (2 views, min)  1.500 (-25.0 %)  0.500 (-50.0 %)   30.00  20.00  10.00     98.77
+---------------------------------------------------------------------------------------------------------------------
+B                     stereo bm                                4.000            2.000   30.00  20.00  10.00     98.77
+B                     multiscopic bm (2 views, min)  5.000 (+25.0 %)  0.500 (-75.0 %)   30.00  20.00  10.00     98.77
+---------------------------------------------------------------------------------------------------------------------
+mean errors of 2      stereo bm                                3.000            1.500   30.00  20.00  10.00     98.77
+mean errors of 2      multiscopic bm (2 views, min)            3.250            0.500   30.00  20.00  10.00     98.77
+---------------------------------------------------------------------------------------------------------------------
+mean reductions of 2  multiscopic bm (2 views, min)           +0.0 %          -62.5 %
+";
+        let table = to_text(&rows(&records()));
+        assert_eq!(table, expected, "\n{table}");
+    }
+}

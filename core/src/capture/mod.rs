@@ -16,7 +16,7 @@
 //! ```
 //! use core::{convert::Infallible, time::Duration};
 //! use multiscopic_core::Views;
-//! use multiscopic_core::capture::{Camera, Plan, Policy, Position, Progress, Sequence, Stage};
+//! use multiscopic_core::capture::{Camera, Plan, Policy, Position, CaptureProgress, Sequence, Stage};
 //!
 //! /// A stage that arrives at once.
 //! struct Teleport(Option<Position>);
@@ -71,7 +71,7 @@
 //! let (mut stage, mut camera) = (Teleport(None), Counter(0));
 //! let mut sequence = Sequence::new(plan.positions(), policy);
 //! let mut now = Duration::ZERO;
-//! while sequence.poll(now, &mut stage, &mut camera).unwrap() != Progress::Done {
+//! while sequence.poll(now, &mut stage, &mut camera).unwrap() != CaptureProgress::Done {
 //!     now += Duration::from_millis(10); // a clock
 //! }
 //! assert_eq!((camera.0, stage.0), (5, Some(Position::CENTER)));
@@ -91,5 +91,5 @@ pub use error::CaptureError;
 pub use plan::Plan;
 pub use policy::Policy;
 pub use position::Position;
-pub use sequence::{Progress, Sequence};
+pub use sequence::{CaptureProgress, Sequence};
 pub use stage::Stage;

@@ -11,7 +11,7 @@ use super::{camera::Camera, error::CaptureError, policy::Policy, position::Posit
 /// error that is not the stage's own, it is back at the centre; after an error of the stage it is where it
 /// stopped.
 ///
-/// A frame can be used while it is being read out: [`Progress::Capturing`] names it, and the stage does not
+/// A frame can be used while it is being read out: [`CaptureProgress::Capturing`] names it, and the stage does not
 /// move until the camera reports the frame complete. So the last view can be matched line by line as it
 /// arrives.
 #[derive(Debug)]
@@ -33,7 +33,7 @@ pub struct Sequence<'p, S, C> {
 /// What a sequence is doing, with the index of the frame or position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Progress {
+pub enum CaptureProgress {
     /// The stage is moving.
     Moving(usize),
     /// Vibrations are fading.
@@ -88,7 +88,7 @@ impl<'p, S, C> Sequence<'p, S, C> {
     ///
     /// # Errors
     /// The capture failed, and has ended.
-    pub fn poll<A, B>(&mut self, now: Duration, stage: &mut A, camera: &mut B) -> Result<Progress, CaptureError<S, C>>
+    pub fn poll<A, B>(&mut self, now: Duration, stage: &mut A, camera: &mut B) -> Result<CaptureProgress, CaptureError<S, C>>
     where
         A: Stage<Error = S>,
         B: Camera<Error = C>,
@@ -105,7 +105,7 @@ impl<'p, S, C> Sequence<'p, S, C> {
         }
     }
 
-    fn step<A, B>(&mut self, now: Duration, stage: &mut A, camera: &mut B) -> Result<Progress, CaptureError<S, C>>
+    fn step<A, B>(&mut self, now: Duration, stage: &mut A, camera: &mut B) -> Result<CaptureProgress, CaptureError<S, C>>
     where
         A: Stage<Error = S>,
         B: Camera<Error = C>,
@@ -116,14 +116,14 @@ impl<'p, S, C> Sequence<'p, S, C> {
                 camera.begin().map_err(|error| CaptureError::Camera { index, error })?;
                 self.approach(now, stage)
             }
-            State::Approach if !self.has_arrived(now, stage)? => Ok(Progress::Moving(index)),
+            State::Approach if !self.has_arrived(now, stage)? => Ok(CaptureProgress::Moving(index)),
             State::Approach => self.go(now, stage),
-            State::Move if !self.has_arrived(now, stage)? => Ok(Progress::Moving(index)),
+            State::Move if !self.has_arrived(now, stage)? => Ok(CaptureProgress::Moving(index)),
             State::Move => {
                 (self.state, self.until) = (State::Settle, now + self.policy.settle);
-                Ok(Progress::Settling(index))
+                Ok(CaptureProgress::Settling(index))
             }
-            State::Settle if now < self.until => Ok(Progress::Settling(index)),
+            State::Settle if now < self.until => Ok(CaptureProgress::Settling(index)),
             State::Settle => match self.miss(stage)? {
                 Some(miss) => self.approach_again(miss, now, stage),
                 None => self.start(now, camera),
@@ -133,13 +133,13 @@ impl<'p, S, C> Sequence<'p, S, C> {
                 Ok(false) if now >= self.until => {
                     self.start_again(CaptureError::FrameTimeout { index, after: self.policy.frame_timeout }, now, camera)
                 }
-                Ok(false) => Ok(Progress::Capturing(index)),
+                Ok(false) => Ok(CaptureProgress::Capturing(index)),
                 // The frame is only useful if the stage stood still during the exposure.
                 Ok(true) => match self.miss(stage)? {
                     Some(miss) => self.approach_again(miss, now, stage),
                     None => {
                         self.state = State::Next;
-                        Ok(Progress::Captured(index))
+                        Ok(CaptureProgress::Captured(index))
                     }
                 },
             },
@@ -152,18 +152,18 @@ impl<'p, S, C> Sequence<'p, S, C> {
                 camera.end().map_err(|error| CaptureError::Camera { index, error })?;
                 self.go_back(now, stage)
             }
-            State::Return if !self.has_arrived(now, stage)? => Ok(Progress::Returning),
+            State::Return if !self.has_arrived(now, stage)? => Ok(CaptureProgress::Returning),
             State::Return | State::End => self.done(),
             State::Ended => Err(CaptureError::Ended),
         }
     }
 
     /// Starts towards the position, from the side that takes up backlash.
-    fn approach<A: Stage<Error = S>>(&mut self, now: Duration, stage: &mut A) -> Result<Progress, CaptureError<S, C>> {
+    fn approach<A: Stage<Error = S>>(&mut self, now: Duration, stage: &mut A) -> Result<CaptureProgress, CaptureError<S, C>> {
         match (self.policy.backlash_um, self.positions.get(self.index)) {
             (_, None) => {
                 self.state = State::Next;
-                Ok(Progress::Moving(self.index))
+                Ok(CaptureProgress::Moving(self.index))
             }
             (0, _) => self.go(now, stage),
             (backlash_um, Some(position)) => self.move_to(position.before(backlash_um), State::Approach, now, stage),
@@ -171,7 +171,7 @@ impl<'p, S, C> Sequence<'p, S, C> {
     }
 
     /// Starts towards the position itself.
-    fn go<A: Stage<Error = S>>(&mut self, now: Duration, stage: &mut A) -> Result<Progress, CaptureError<S, C>> {
+    fn go<A: Stage<Error = S>>(&mut self, now: Duration, stage: &mut A) -> Result<CaptureProgress, CaptureError<S, C>> {
         self.move_to(self.target(), State::Move, now, stage)
     }
 
@@ -181,10 +181,10 @@ impl<'p, S, C> Sequence<'p, S, C> {
         state: State,
         now: Duration,
         stage: &mut A,
-    ) -> Result<Progress, CaptureError<S, C>> {
+    ) -> Result<CaptureProgress, CaptureError<S, C>> {
         stage.move_to(position).map_err(CaptureError::Stage)?;
         (self.state, self.until) = (state, now + self.policy.move_timeout);
-        Ok(Progress::Moving(self.index))
+        Ok(CaptureProgress::Moving(self.index))
     }
 
     fn target(&self) -> Position {
@@ -207,15 +207,15 @@ impl<'p, S, C> Sequence<'p, S, C> {
     }
 
     /// Counts a retry, or fails with `error` if none is left.
-    fn retry(&mut self, error: CaptureError<S, C>) -> Result<Progress, CaptureError<S, C>> {
+    fn retry(&mut self, error: CaptureError<S, C>) -> Result<CaptureProgress, CaptureError<S, C>> {
         if self.retries >= self.policy.retries {
             return Err(error);
         }
         self.retries += 1;
-        Ok(Progress::Retrying(self.index))
+        Ok(CaptureProgress::Retrying(self.index))
     }
 
-    fn start<B: Camera<Error = C>>(&mut self, now: Duration, camera: &mut B) -> Result<Progress, CaptureError<S, C>> {
+    fn start<B: Camera<Error = C>>(&mut self, now: Duration, camera: &mut B) -> Result<CaptureProgress, CaptureError<S, C>> {
         let index = self.index;
         if let Err(error) = camera.start(index) {
             // The next poll tries again.
@@ -223,7 +223,7 @@ impl<'p, S, C> Sequence<'p, S, C> {
             return self.retry(CaptureError::Camera { index, error });
         }
         (self.state, self.until) = (State::Capture, now + self.policy.frame_timeout);
-        Ok(Progress::Capturing(index))
+        Ok(CaptureProgress::Capturing(index))
     }
 
     fn start_again<B: Camera<Error = C>>(
@@ -231,7 +231,7 @@ impl<'p, S, C> Sequence<'p, S, C> {
         error: CaptureError<S, C>,
         now: Duration,
         camera: &mut B,
-    ) -> Result<Progress, CaptureError<S, C>> {
+    ) -> Result<CaptureProgress, CaptureError<S, C>> {
         let retrying = self.retry(error)?;
         self.start(now, camera).map(|_| retrying)
     }
@@ -241,23 +241,23 @@ impl<'p, S, C> Sequence<'p, S, C> {
         error: CaptureError<S, C>,
         now: Duration,
         stage: &mut A,
-    ) -> Result<Progress, CaptureError<S, C>> {
+    ) -> Result<CaptureProgress, CaptureError<S, C>> {
         let retrying = self.retry(error)?;
         self.approach(now, stage).map(|_| retrying)
     }
 
     /// Starts towards the centre, after the last frame or an error.
-    fn go_back<A: Stage<Error = S>>(&mut self, now: Duration, stage: &mut A) -> Result<Progress, CaptureError<S, C>> {
+    fn go_back<A: Stage<Error = S>>(&mut self, now: Duration, stage: &mut A) -> Result<CaptureProgress, CaptureError<S, C>> {
         if !self.policy.return_to_center {
             return self.done();
         }
         self.state = State::Return;
-        self.move_to(Position::CENTER, State::Return, now, stage).map(|_| Progress::Returning)
+        self.move_to(Position::CENTER, State::Return, now, stage).map(|_| CaptureProgress::Returning)
     }
 
-    fn done(&mut self) -> Result<Progress, CaptureError<S, C>> {
+    fn done(&mut self) -> Result<CaptureProgress, CaptureError<S, C>> {
         self.state = State::Ended;
-        self.failure.take().map_or(Ok(Progress::Done), Err)
+        self.failure.take().map_or(Ok(CaptureProgress::Done), Err)
     }
 
     /// Stops the motion, releases the camera, and returns to the centre unless the stage has failed.
@@ -267,7 +267,7 @@ impl<'p, S, C> Sequence<'p, S, C> {
         now: Duration,
         stage: &mut A,
         camera: &mut B,
-    ) -> Result<Progress, CaptureError<S, C>>
+    ) -> Result<CaptureProgress, CaptureError<S, C>>
     where
         A: Stage<Error = S>,
         B: Camera<Error = C>,
@@ -285,7 +285,11 @@ impl<'p, S, C> Sequence<'p, S, C> {
     }
 
     /// Stops the motion and ends with the first error.
-    fn halt<A: Stage<Error = S>>(&mut self, error: CaptureError<S, C>, stage: &mut A) -> Result<Progress, CaptureError<S, C>> {
+    fn halt<A: Stage<Error = S>>(
+        &mut self,
+        error: CaptureError<S, C>,
+        stage: &mut A,
+    ) -> Result<CaptureProgress, CaptureError<S, C>> {
         self.state = State::Ended;
         // A stage that does not take the order to stop has already failed.
         let _ = stage.stop();

@@ -9,7 +9,7 @@ use std::{
 
 use multiscopic_core::{
     Frame,
-    capture::{CaptureError, Plan, Policy, Progress, Sequence, Stage},
+    capture::{CaptureError, CaptureProgress, Plan, Policy, Sequence, Stage},
 };
 
 use super::threaded_camera::{BlockingCamera, ThreadedCamera};
@@ -35,7 +35,7 @@ pub fn acquire_frames<S, C>(
     plan: &Plan,
     policy: Policy,
     interrupts: &AtomicUsize,
-    mut observe: impl FnMut(Duration, Progress),
+    mut observe: impl FnMut(Duration, CaptureProgress),
 ) -> Result<Frames>
 where
     S: Stage<Error: error::Error + Send + Sync + 'static>,
@@ -56,7 +56,7 @@ where
         if last_progress.replace(progress) != Some(progress) {
             observe(start.elapsed(), progress);
         }
-        if progress == Progress::Done {
+        if progress == CaptureProgress::Done {
             break;
         }
         thread::sleep(POLL_INTERVAL);

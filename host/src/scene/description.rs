@@ -1,6 +1,6 @@
 //! The description of a scene: its objects, its light, and where it is seen from.
 
-use super::{object::Object, pose::Pose, vector::Vec3};
+use super::{object::Object, pose::Pose, vec3::Vec3};
 
 /// A rectangular lamp. It shines towards `half_u x half_v` (the vector product), and only reflections show
 /// the lamp itself.

@@ -23,7 +23,7 @@ mod shape;
 mod shot;
 mod still_life;
 mod texture;
-mod vector;
+mod vec3;
 
 pub use description::{Lamp, Scene};
 pub use object::{Finish, Object};
@@ -34,4 +34,4 @@ pub use render::render;
 pub use shape::Shape;
 pub use shot::Shot;
 pub use texture::Texture;
-pub use vector::Vec3;
+pub use vec3::Vec3;

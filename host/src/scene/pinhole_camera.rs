@@ -6,7 +6,7 @@ use super::{
     pose::Pose,
     random::{hash, unit},
     ray::Ray,
-    vector::Vec3,
+    vec3::Vec3,
 };
 
 /// A pinhole camera on a stage that moves it in its image plane. Pixel `(u, v)` has its centre at whole

@@ -1,6 +1,6 @@
 //! Rigid placements in space.
 
-use super::vector::Vec3;
+use super::vec3::Vec3;
 
 /// A position and an orientation: an origin and three perpendicular unit axes.
 ///

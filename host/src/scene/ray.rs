@@ -1,6 +1,6 @@
 //! Rays of light.
 
-use super::vector::Vec3;
+use super::vec3::Vec3;
 
 /// The points `origin + t * direction` for `t > 0`. The direction need not have length 1.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,6 @@
 //! The shapes of objects, and where rays meet them.
 
-use super::{ray::Ray, vector::Vec3};
+use super::{ray::Ray, vec3::Vec3};
 
 /// The shortest distance at which a ray can meet a surface, in units of its direction. It keeps a ray from
 /// meeting the surface it starts on.

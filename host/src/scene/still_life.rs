@@ -10,7 +10,7 @@ use super::{
     pose::Pose,
     shape::Shape,
     texture::Texture,
-    vector::Vec3,
+    vec3::Vec3,
 };
 
 /// The tangent of half the angle by which the camera looks down: 10.4 degrees, with `sin = 11/61`.

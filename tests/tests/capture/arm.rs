@@ -12,7 +12,7 @@ use std::{
 use multiscopic::capture::stage::{self, AnyStage, Limits, SafetyMode, StageError, StageSpec};
 use multiscopic_core::{
     Views,
-    capture::{Camera, CaptureError, Plan, Policy, Position, Progress, Sequence, Stage},
+    capture::{Camera, CaptureError, CaptureProgress, Plan, Policy, Position, Sequence, Stage},
 };
 use multiscopic_tests::{
     simulated::{
@@ -428,7 +428,7 @@ fn capture(
     arm: &Arc<SimulatedArm>,
     stage: &mut AnyStage,
     plan: &Plan,
-    mut meanwhile: impl FnMut(Progress, &mut Sequence<'_, StageError, std::convert::Infallible>),
+    mut meanwhile: impl FnMut(CaptureProgress, &mut Sequence<'_, StageError, std::convert::Infallible>),
 ) -> (Result<(), Failure>, Vec<(usize, Pose)>) {
     let mut camera = Witness { arm: arm.clone(), seen: Vec::new(), polls: 0 };
     let policy = Policy { settle: Duration::from_millis(20), move_timeout: Duration::from_secs(10), ..Policy::default() };
@@ -436,7 +436,7 @@ fn capture(
     let begin = Instant::now();
     loop {
         match sequence.poll(begin.elapsed(), stage, &mut camera) {
-            Ok(Progress::Done) => return (Ok(()), camera.seen),
+            Ok(CaptureProgress::Done) => return (Ok(()), camera.seen),
             Ok(progress) => meanwhile(progress, &mut sequence),
             Err(error) => return (Err(error), camera.seen),
         }
@@ -465,7 +465,7 @@ fn an_aborted_sequence_returns_to_the_centre() {
     let mut stage = open(&arm).unwrap();
     let plan = Plan::cross(Views::HORIZONTAL, 50_000);
     // On the way to the left pose.
-    let far = |progress| progress == Progress::Moving(1) && distance(arm.pose(), DOWN) > 0.01;
+    let far = |progress| progress == CaptureProgress::Moving(1) && distance(arm.pose(), DOWN) > 0.01;
     let (aborted, seen) = capture(&arm, &mut stage, &plan, |progress, sequence| {
         if far(progress) {
             sequence.abort();

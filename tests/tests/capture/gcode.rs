@@ -8,7 +8,7 @@ use std::{
 use multiscopic::capture::stage::{self, AnyStage, Limits, StageError, StageSpec};
 use multiscopic_core::{
     Views,
-    capture::{Camera, CaptureError, Plan, Policy, Position, Progress, Sequence, Stage},
+    capture::{Camera, CaptureError, CaptureProgress, Plan, Policy, Position, Sequence, Stage},
 };
 use multiscopic_tests::simulated::machine::{Fault, Firmware, SimulatedMachine};
 
@@ -366,7 +366,7 @@ fn a_sequence_compensates_backlash() {
         let begin = Instant::now();
         let ended: Result<(), CaptureError<_, _>> = loop {
             match sequence.poll(begin.elapsed(), &mut stage, &mut camera) {
-                Ok(Progress::Done) => break Ok(()),
+                Ok(CaptureProgress::Done) => break Ok(()),
                 Ok(_) => thread::sleep(Duration::from_millis(2)),
                 Err(error) => break Err(error),
             }

@@ -2,7 +2,7 @@
 
 use multiscopic_core::{
     View, Views,
-    capture::{Camera, CaptureError, Plan, Policy, Position, Progress, Sequence, Stage},
+    capture::{Camera, CaptureError, CaptureProgress, Plan, Policy, Position, Sequence, Stage},
 };
 use multiscopic_tests::test_images::case::property;
 use proptest::prelude::*;
@@ -199,7 +199,7 @@ impl Camera for Eye {
     }
 }
 
-type Outcome = Result<Progress, CaptureError<&'static str, &'static str>>;
+type Outcome = Result<CaptureProgress, CaptureError<&'static str, &'static str>>;
 
 struct World {
     clock: Rc<Cell<Duration>>,
@@ -242,13 +242,13 @@ impl World {
     }
 
     /// Captures to the end. `each` is told every step, and may abort.
-    fn capture(&mut self, positions: &[Position], policy: Policy, mut each: impl FnMut(Progress) -> bool) -> Outcome {
+    fn capture(&mut self, positions: &[Position], policy: Policy, mut each: impl FnMut(CaptureProgress) -> bool) -> Outcome {
         let mut sequence = Sequence::new(positions, policy);
         let start = self.clock.get();
         loop {
             self.clock.set(self.clock.get() + TICK);
             match sequence.poll(self.clock.get(), &mut self.slide, &mut self.eye) {
-                Ok(Progress::Done) => return Ok(Progress::Done),
+                Ok(CaptureProgress::Done) => return Ok(CaptureProgress::Done),
                 Ok(progress) => {
                     if each(progress) {
                         sequence.abort();
@@ -303,12 +303,12 @@ fn frames_are_one_baseline_apart_despite_backlash() {
         world.slide.camera.set(lag);
         let mut captured = Vec::new();
         let outcome = world.capture(plan.positions(), POLICY, |progress| {
-            if let Progress::Captured(index) = progress {
+            if let CaptureProgress::Captured(index) = progress {
                 captured.push(index);
             }
             false
         });
-        assert_eq!(outcome, Ok(Progress::Done));
+        assert_eq!(outcome, Ok(CaptureProgress::Done));
         world.assert_at_rest(&outcome, 1);
         assert_eq!(captured, (0..plan.frames().len()).collect::<Vec<_>>());
         let (indices, places): (Vec<usize>, Vec<[f64; 2]>) = world.eye.frames.into_iter().unzip();
@@ -359,15 +359,15 @@ fn every_fault_ends_at_rest_and_the_next_capture_works() {
         let mut world = World::new(Some(fault));
         let (mut retries, mut captured) = (0, 0);
         let outcome = world.capture(plan.positions(), policy, |progress| {
-            retries += usize::from(matches!(progress, Progress::Retrying(_)));
-            captured += usize::from(matches!(progress, Progress::Captured(_)));
+            retries += usize::from(matches!(progress, CaptureProgress::Retrying(_)));
+            captured += usize::from(matches!(progress, CaptureProgress::Captured(_)));
             false
         });
         world.assert_at_rest(&outcome, 1);
         let Fault { kind, number, lasts } = fault;
         let index = number.wrapping_sub(1);
         let camera = |error| Err(CaptureError::Camera { index, error });
-        let whole = || assert_eq!((outcome, captured), (Ok(Progress::Done), frames), "{fault:?}");
+        let whole = || assert_eq!((outcome, captured), (Ok(CaptureProgress::Done), frames), "{fault:?}");
         match kind {
             Kind::Refused if number <= moves => assert_eq!(outcome, Err(CaptureError::Stage("refused"))),
             Kind::Protective if number <= moves => assert_eq!(outcome, Err(CaptureError::Stage("protective stop"))),
@@ -396,7 +396,7 @@ fn every_fault_ends_at_rest_and_the_next_capture_works() {
         (world.slide.fault, world.eye.fault) = (None, None);
         world.eye.frames.clear();
         let outcome = world.capture(plan.positions(), policy, |_| false);
-        assert_eq!(outcome, Ok(Progress::Done), "after {fault:?}");
+        assert_eq!(outcome, Ok(CaptureProgress::Done), "after {fault:?}");
         world.assert_at_rest(&outcome, 2);
         assert_eq!(world.eye.frames.len(), frames);
     });
@@ -410,11 +410,11 @@ fn an_abort_returns_and_a_second_one_stays() {
         let (mut polls, mut returning) = (0, false);
         let outcome = world.capture(plan.positions(), POLICY, |progress| {
             polls += 1;
-            returning |= progress == Progress::Returning;
+            returning |= progress == CaptureProgress::Returning;
             polls == first
         });
         match outcome {
-            Ok(progress) => assert!(progress == Progress::Done && polls < first),
+            Ok(progress) => assert!(progress == CaptureProgress::Done && polls < first),
             // On the way back, an abort only stops.
             Err(error) => assert_eq!(error, CaptureError::Aborted),
         }

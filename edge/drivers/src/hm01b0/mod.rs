@@ -10,7 +10,7 @@
 //! use embedded_hal::{delay::DelayNs, i2c::I2c};
 //! use multiscopic_core::{
 //!     Fusion, Matcher, Params, Views,
-//!     capture::{Camera, Plan, Policy, Progress, Sequence, Stage},
+//!     capture::{Camera, Plan, Policy, CaptureProgress, Sequence, Stage},
 //! };
 //! use multiscopic_drivers::hm01b0::{Configuration, FrameMemory, Gain, Hm01b0, LineReceiver, Size};
 //!
@@ -34,10 +34,10 @@
 //!     let (mut matcher, mut line) = (Matcher::new(&PARAMS, memory).ok()?, [None; PARAMS.width()]);
 //!     loop {
 //!         match sequence.poll(clock(), stage, &mut camera) {
-//!             Ok(Progress::Done) => return Some(()),
+//!             Ok(CaptureProgress::Done) => return Some(()),
 //!             // If the last frame is taken again, firmware may restart with a new matcher.
-//!             Ok(Progress::Retrying(_)) | Err(_) => return None,
-//!             Ok(Progress::Capturing(4)) => {}
+//!             Ok(CaptureProgress::Retrying(_)) | Err(_) => return None,
+//!             Ok(CaptureProgress::Capturing(4)) => {}
 //!             Ok(_) => continue,
 //!         }
 //!         // A line that has not arrived yet is requested again by the next call.

@@ -1,6 +1,6 @@
 //! The fault that is injected into a capture, as the command line names it.
 
-use multiscopic_core::capture::Progress;
+use multiscopic_core::capture::CaptureProgress;
 
 use super::slide::ScrewFault;
 
@@ -111,12 +111,12 @@ impl Injection {
     }
 
     /// Whether the capture is to be aborted now.
-    pub fn aborts(&self, progress: Progress) -> bool {
+    pub fn aborts(&self, progress: CaptureProgress) -> bool {
         let reached = match progress {
-            Progress::Moving(index) => (CaptureStage::Move, index),
-            Progress::Settling(index) => (CaptureStage::Settle, index),
-            Progress::Capturing(index) => (CaptureStage::Capture, index),
-            Progress::Returning => (CaptureStage::Return, self.frame),
+            CaptureProgress::Moving(index) => (CaptureStage::Move, index),
+            CaptureProgress::Settling(index) => (CaptureStage::Settle, index),
+            CaptureProgress::Capturing(index) => (CaptureStage::Capture, index),
+            CaptureProgress::Returning => (CaptureStage::Return, self.frame),
             _ => return false,
         };
         matches!(self.kind, FaultKind::Abort(stage) if (stage, self.frame) == reached)

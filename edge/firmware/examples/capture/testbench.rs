@@ -4,7 +4,7 @@ use core::{cell::RefCell, ffi::CStr, time::Duration};
 use embedded_io::Write;
 use multiscopic_core::{
     Disparity, Matcher, Region, View,
-    capture::{Plan, Policy, Progress, Sequence, Stage},
+    capture::{CaptureProgress, Plan, Policy, Sequence, Stage},
 };
 use multiscopic_drivers::{
     hm01b0::{FrameMemory, Hm01b0, LineReceiver},
@@ -127,11 +127,11 @@ impl Testbench<'_, '_> {
                 true => self.match_last_frame(buffers, &mut sequence, injection)?,
                 false => self.poll(&mut sequence, injection)?,
             };
-            is_streaming = matches!(progress, Progress::Capturing(LAST) | Progress::Retrying(LAST));
+            is_streaming = matches!(progress, CaptureProgress::Capturing(LAST) | CaptureProgress::Retrying(LAST));
             match progress {
-                Progress::Done => break,
-                Progress::Captured(index) => defmt::info!("frame {=usize} is there", index),
-                Progress::Retrying(index) => defmt::warn!("frame {=usize} is tried again", index),
+                CaptureProgress::Done => break,
+                CaptureProgress::Captured(index) => defmt::info!("frame {=usize} is there", index),
+                CaptureProgress::Retrying(index) => defmt::warn!("frame {=usize} is tried again", index),
                 _ => {}
             }
         }
@@ -147,7 +147,7 @@ impl Testbench<'_, '_> {
         &mut self,
         sequence: &mut Sequence<'_, StepperError, CameraError>,
         injection: Injection,
-    ) -> Result<Progress, CaptureFailure> {
+    ) -> Result<CaptureProgress, CaptureFailure> {
         self.turn();
         let progress = sequence.poll(self.now(), &mut self.stage, &mut self.camera).map_err(CaptureFailure::Capture)?;
         if injection.aborts(progress) {
@@ -162,7 +162,7 @@ impl Testbench<'_, '_> {
         buffers: &mut MatchBuffers,
         sequence: &mut Sequence<'_, StepperError, CameraError>,
         injection: Injection,
-    ) -> Result<Progress, CaptureFailure> {
+    ) -> Result<CaptureProgress, CaptureFailure> {
         // Replaces the packets of a damaged frame. On a serial port, a receiver would see them count from 0
         // again.
         let mut output = HostFile::create(buffers.path).map_err(CaptureFailure::Send)?;
@@ -172,8 +172,8 @@ impl Testbench<'_, '_> {
         let mut lines_during_readout = 0;
         loop {
             let progress = self.poll(sequence, injection)?;
-            let is_complete = progress == Progress::Captured(LAST);
-            if !is_complete && progress != Progress::Capturing(LAST) {
+            let is_complete = progress == CaptureProgress::Captured(LAST);
+            if !is_complete && progress != CaptureProgress::Capturing(LAST) {
                 return Ok(progress);
             }
             // During readout one disparity line a turn, as lines arrive; afterwards all that remain.

@@ -4,7 +4,7 @@ use std::{fmt::Write as _, time::Duration};
 
 use multiscopic_core::{
     Frame,
-    capture::{Plan, Progress},
+    capture::{CaptureProgress, Plan},
 };
 
 /// The text of `capture.log`: when and with what the capture was made, then its steps with their times.
@@ -32,19 +32,19 @@ impl CaptureLog {
 }
 
 /// A step of a capture of `plan`, in words.
-pub fn step(plan: &Plan, progress: Progress) -> String {
+pub fn step(plan: &Plan, progress: CaptureProgress) -> String {
     let name = |index: usize| plan.frames().get(index).copied().map_or("", Frame::name);
     match progress {
-        Progress::Moving(index) => {
+        CaptureProgress::Moving(index) => {
             let position = plan.positions().get(index).copied().unwrap_or_default();
             let [x, y] = [position.x_um, position.y_um].map(|um| f64::from(um) / 1000.0);
             format!("moving to ({x}, {y}) mm for the {} frame", name(index))
         }
-        Progress::Settling(index) => format!("settling for the {} frame", name(index)),
-        Progress::Capturing(index) => format!("capturing the {} frame", name(index)),
-        Progress::Captured(index) => format!("captured the {} frame", name(index)),
-        Progress::Retrying(index) => format!("retrying the {} frame", name(index)),
-        Progress::Returning => "returning to the centre".into(),
-        Progress::Done => "done".into(),
+        CaptureProgress::Settling(index) => format!("settling for the {} frame", name(index)),
+        CaptureProgress::Capturing(index) => format!("capturing the {} frame", name(index)),
+        CaptureProgress::Captured(index) => format!("captured the {} frame", name(index)),
+        CaptureProgress::Retrying(index) => format!("retrying the {} frame", name(index)),
+        CaptureProgress::Returning => "returning to the centre".into(),
+        CaptureProgress::Done => "done".into(),
     }
 }

@@ -8,7 +8,7 @@ use multiscopic::{
     capture::{ThreadedCamera, acquire_frames, camera::V4l2Camera, stage::AnyStage},
     files::{FrameFiles, Provenance, output},
 };
-use multiscopic_core::capture::{Plan, Policy, Progress};
+use multiscopic_core::capture::{CaptureProgress, Plan, Policy};
 
 use super::capture_log::{self, CaptureLog};
 use crate::command::terminal;
@@ -41,7 +41,7 @@ impl Recorder<'_> {
             let step = capture_log::step(&self.plan, progress);
             log.add(elapsed, &step);
             bar.set_message(step);
-            if let Progress::Captured(_) = progress {
+            if let CaptureProgress::Captured(_) = progress {
                 bar.inc(1);
             }
         });

@@ -17,7 +17,7 @@ use super::{
     random::{even_square, hash},
     ray::Ray,
     shot::Shot,
-    vector::Vec3,
+    vec3::Vec3,
 };
 use crate::images::FloatImage;
 

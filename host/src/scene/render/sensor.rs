@@ -1,6 +1,6 @@
 //! The simulated sensor: noise and the tone curve.
 
-use crate::scene::{pinhole_camera::PinholeCamera, random, vector::Vec3};
+use crate::scene::{pinhole_camera::PinholeCamera, random, vec3::Vec3};
 
 /// The pixel that the camera makes of `light`. The hash `place` decides its noise.
 pub fn develop(camera: &PinholeCamera, light: Vec3, place: u64) -> [u8; 3] {

@@ -8,7 +8,7 @@ use crate::scene::{
     ray::Ray,
     shape::Shape,
     texture::{noise::value_flat, patterns::along_and_across_strokes},
-    vector::Vec3,
+    vec3::Vec3,
 };
 
 /// Points of the lamp that are sampled first.

@@ -1,6 +1,6 @@
 //! Finding the object that a ray meets.
 
-use crate::scene::{description::Scene, object::Object, ray::Ray, vector::Vec3};
+use crate::scene::{description::Scene, object::Object, ray::Ray, vec3::Vec3};
 
 /// A bounding sphere.
 #[derive(Clone, Copy)]

@@ -4,7 +4,7 @@ pub mod noise;
 pub mod patterns;
 
 use self::noise::{floor, fractal, fractal_flat};
-use super::vector::Vec3;
+use super::vec3::Vec3;
 
 /// A colour for every point of an object. Points are in the object's own coordinates, in millimetres; colours
 /// are linear.

@@ -1,6 +1,6 @@
 //! Value noise and fractal noise.
 
-use crate::scene::vector::Vec3;
+use crate::scene::vec3::Vec3;
 
 /// A random number in `[0, 1)` for each point of the integer lattice.
 pub fn lattice(x: i32, y: i32, z: i32) -> f64 {

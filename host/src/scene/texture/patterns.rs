@@ -1,7 +1,7 @@
 //! The patterns of textures that take more than a line.
 
 use super::noise::{floor, fractal, fractal_flat, lattice, value, value_flat};
-use crate::scene::vector::Vec3;
+use crate::scene::vec3::Vec3;
 
 /// The brightness of brushed metal at a point of a panel, around 0.5.
 pub fn streaks(p: Vec3) -> f64 {

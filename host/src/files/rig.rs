@@ -36,8 +36,8 @@ pub struct Rig {
     pub baseline_mm: f64,
     /// Focal length in pixels, if known. Depth needs it.
     pub focal_px: Option<f64>,
-    /// Where the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is `[0,
-    /// 0]`.
+    /// Where the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is at
+    /// `[0, 0]`.
     pub principal_point: [f64; 2],
     /// The negated disparity of a point at infinity, in pixels.
     #[serde(default)]

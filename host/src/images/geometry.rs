@@ -9,8 +9,8 @@ pub struct Geometry {
     pub focal_px: f64,
     /// The distance from the centre to each neighbour, in millimetres.
     pub baseline_mm: f64,
-    /// Where the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is `[0,
-    /// 0]`.
+    /// Where the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is at
+    /// `[0, 0]`.
     pub principal_point: [f64; 2],
     /// The negated disparity of a point at infinity, in pixels: 0 unless the images were shifted or cropped
     /// against each other.

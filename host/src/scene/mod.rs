@@ -1,8 +1,8 @@
 //! Synthetic scenes with known depth: a small ray tracer, with a camera on a stage that takes the frames.
 //!
-//! Every machine renders the same bytes. The code uses only operations that IEEE 754 rounds exactly (`+ - *
-//! /` and square root, but no powers, logarithms or angles), every random number is a hash of its place and
-//! the seed, and no sum depends on the order of threads.
+//! Every machine renders the same bytes. The code uses only operations that IEEE 754 rounds exactly
+//! (`+ - * /` and square root, but no powers, logarithms or angles), every random number is a hash of its
+//! place and the seed, and no sum depends on the order of threads.
 //!
 //! ```
 //! use multiscopic::scene::{PinholeCamera, Scene, render};

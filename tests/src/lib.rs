@@ -3,7 +3,7 @@
 //! | room | what it is |
 //! | --- | --- |
 //! | [`split_mix`] | random numbers that are the same everywhere |
-//! | [`reference`] | the definitions that the product is compared with |
+//! | `reference` | the definitions that the product is compared with |
 //! | [`program`] | the command line as a process |
 //! | [`test_images`] | images and matches: golden, random, drawn and real |
 //! | [`simulated`] | arms, machines and cameras, with faults on demand |

@@ -258,7 +258,7 @@ fn a_simulation_refuses_what_does_not_fit() {
     let [center, left, right, ..] = golden::paths().map(|path| path.to_str().expect("UTF-8").to_owned());
     let small = ["simulate", "--profile", "qqvga", "--center", &center, "--left", &left, "--right", &right];
     Invocation::new(small).assert_refused(&["center.png: found 48x32 pixels", "at least 160x120"]);
-    Invocation::new(&small[..7]).assert_refused(&["profile qqvga matches with left, right, the right one is missing"]);
+    Invocation::new(&small[..7]).assert_refused(&["profile qqvga needs the views left, right: the right one is missing"]);
     Invocation::new(&small[..5]).assert_refused(&["--left", "--top"]);
     Invocation::new(["simulate", "--profile", "qqvga", "-o", "none/out.pfm"]).assert_refused(&["cannot write none/out.pfm"]);
 }

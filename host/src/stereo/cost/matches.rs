@@ -23,8 +23,11 @@ impl RowMatches {
         let row = v.checked_add_signed(dv).filter(|row| *row < height)?;
         let clamp = |column: isize| column.clamp(0, width as isize) as usize;
         let columns = clamp(-du)..clamp(width as isize - du);
+        if columns.is_empty() {
+            return None;
+        }
         let first = row * width + columns.start.wrapping_add_signed(du);
-        (!columns.is_empty()).then_some(RowMatches { columns, first })
+        Some(RowMatches { columns, first })
     }
 }
 

@@ -7,7 +7,7 @@
 //! | [`error`], [`progress`] | what every room reports: errors that name the file, and how far long work has come |
 //! | [`images`] | rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth |
 //! | [`files`] | reading and writing them: PNG, JPEG, PNM, PFM, PLY, `rig.toml`; whole files or none |
-//! | [`scene`] | ray-traced scenes with known depth |
+//! | `scene` | ray-traced scenes with known depth |
 //! | [`capture`] | cameras, the stages that move them, and the capture that runs both |
 //! | [`stereo`] | matching: cost, aggregation, optimization, refinement, and the engine that runs the core on all cores |
 //! | [`alignment`] | how far the views are from where they should be, estimated and taken out |
@@ -23,6 +23,7 @@ pub mod files;
 pub mod images;
 pub mod progress;
 pub mod report;
+#[cfg(feature = "scene")]
 pub mod scene;
 pub mod stereo;
 pub mod target;

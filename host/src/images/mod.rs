@@ -12,5 +12,6 @@ pub use disparity_map::DisparityMap;
 pub use frames::Frames;
 pub use geometry::Geometry;
 pub use picture::Picture;
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub(crate) use picture::gray_of;
 pub use raster::{FloatImage, Raster};

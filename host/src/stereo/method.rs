@@ -117,10 +117,11 @@ impl Method {
             (CostFunction::BirchfieldTomasi(cost), _) => {
                 self.optimize_rows(&cost.rows(frames, search), engine, frames, progress)?
             }
-            (CostFunction::McCnn(network), _) => engine.pool().install(|| {
+            // Other optimizers are refused before the network runs, which takes long.
+            (CostFunction::McCnn(network), Optimizer::WinnerTakesAll | Optimizer::EdgeAware(_)) => engine.pool().install(|| {
                 let costs = mccnn::fused_costs(network, frames, search, progress);
                 self.optimize_volume(costs, frames, search, progress)
-            })?,
+            }),
             _ => return Err(self.mismatch()),
         };
         Ok(engine.pool().install(|| self.refinement.filter(map)))
@@ -156,18 +157,8 @@ impl Method {
     }
 
     /// Selects disparities by real-valued costs, on the threads of the current pool.
-    fn optimize_volume(
-        &self,
-        mut costs: Volume<f32>,
-        frames: &Frames,
-        search: &Search,
-        progress: &dyn Progress,
-    ) -> Result<DisparityMap> {
-        let penalties = match &self.optimizer {
-            Optimizer::WinnerTakesAll => None,
-            Optimizer::EdgeAware(penalties) => Some(*penalties),
-            _ => return Err(self.mismatch()),
-        };
+    fn optimize_volume(&self, mut costs: Volume<f32>, frames: &Frames, search: &Search, progress: &dyn Progress) -> DisparityMap {
+        let penalties = if let Optimizer::EdgeAware(penalties) = self.optimizer { Some(penalties) } else { None };
         let image = |frame| mccnn::Input::new(frames.get(frame).expect("the frames were checked")).to_raster();
         let center = image(Frame::Center);
         let views: Vec<_> = search.views().iter().map(|view| image(Frame::View(view))).collect();
@@ -193,7 +184,7 @@ impl Method {
         (0..after).for_each(|_| pass(&aggregate));
         let mut map = costs.disparities(search);
         self.refinement.check(search, &costs, &mut map);
-        Ok(map)
+        map
     }
 
     /// The error of steps that do not go together.

@@ -2,7 +2,7 @@
 
 use core::{iter, mem, ops::Range};
 
-use crate::{Params, View};
+use crate::{Search, View};
 
 /// The disparities at which each view is available to a pixel: where the match lies inside the frame.
 ///
@@ -53,22 +53,22 @@ impl Reach {
 
 impl Availability {
     /// That of no pixel yet: no view is available.
-    pub fn new(params: &Params) -> Availability {
-        let mut views = params.views().iter();
+    pub fn new(search: &Search) -> Availability {
+        let mut views = search.views().iter();
         let views = View::ALL.map(|view| {
             let view = views.next().unwrap_or(view);
-            let size = if view.is_horizontal() { params.width() } else { params.height() };
+            let size = if view.is_horizontal() { search.width() } else { search.height() };
             Reach { view, size: size as u16, range: 0..0 }
         });
-        let len = params.views().len();
+        let len = search.views().len();
         Availability {
             views,
-            horizontal: params.views().iter().filter(|view| view.is_horizontal()).count() as u8,
+            horizontal: search.views().iter().filter(|view| view.is_horizontal()).count() as u8,
             len: len as u8,
-            min_disparity: params.min_disparity(),
-            num_disparities: params.num_disparities() as u16,
+            min_disparity: search.min_disparity(),
+            num_disparities: search.num_disparities() as u16,
             incomplete: (1 << len) - 1,
-            complete_columns: complete_columns(params),
+            complete_columns: complete_columns(search),
             constant_until: 0,
         }
     }
@@ -151,6 +151,16 @@ impl Availability {
         self.views.iter().all(|reach| reach.range.is_empty())
     }
 
+    /// The disparities at which the `k`-th view is available.
+    pub fn range(&self, k: usize) -> Range<u16> {
+        self.views.get(k).map(|reach| reach.range.clone()).unwrap_or_default()
+    }
+
+    /// Whether some view is available at all disparities, so that every candidate exists.
+    pub fn is_covered(&self) -> bool {
+        self.incomplete != (1 << self.len) - 1
+    }
+
     /// The views that are available at a disparity, as bits; none outside the search.
     pub fn views_at(&self, index: usize) -> u8 {
         let ranges = self.views.iter().map(|reach| reach.range.start.into()..reach.range.end.into());
@@ -183,10 +193,10 @@ impl Availability {
 }
 
 /// The columns in which every horizontal view is available at all disparities.
-fn complete_columns(params: &Params) -> Range<u16> {
-    let width = params.width() as i32;
-    let columns = params.views().iter().filter(|view| view.is_horizontal()).fold(0..width, |columns, view| {
-        let ((nearest, _), (furthest, _)) = (view.shift(params.min_disparity()), view.shift(params.max_disparity()));
+fn complete_columns(search: &Search) -> Range<u16> {
+    let width = search.width() as i32;
+    let columns = search.views().iter().filter(|view| view.is_horizontal()).fold(0..width, |columns, view| {
+        let ((nearest, _), (furthest, _)) = (view.shift(search.min_disparity()), view.shift(search.max_disparity()));
         columns.start.max(-nearest.min(furthest))..columns.end.min(width - nearest.max(furthest))
     });
     columns.start as u16..columns.end.max(columns.start) as u16

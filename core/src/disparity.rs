@@ -91,6 +91,25 @@ impl Disparity {
         dividend.checked_div(sum.wrapping_mul(2)).map_or(Disparity::STEPS / 2, |steps| steps as i32)
     }
 
+    /// The vertex of two lines of equal slope through the costs `a`, `c` and `b` (`before`, `at` and `after`)
+    /// at `d - 1`, `d` and `d + 1` pixels: `d + (a - b) / (2 max(a, b) - 2 c)`, or `d` where the denominator is
+    /// 0, rounded to the nearest step, halves away from zero (Shimizu and Okutomi, "Significance and
+    /// attributes of subpixel estimation on area-based matching", 2002).
+    ///
+    /// Costs must be below 2^21, and `at` not above the others. The result is arbitrary otherwise.
+    #[inline(always)]
+    pub fn refine_equiangular(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
+        let (fall, rise) = (before.wrapping_sub(at), after.wrapping_sub(at));
+        // Positive values are rounded half up, and negative ones half down.
+        let is_negative = d < 0 || (d == 0 && fall < rise);
+        let denominator = fall.max(rise);
+        // The floor of 64 shift + 32 + 1/2, which is not negative. The shift is (fall - rise) / (2 denominator).
+        let dividend = fall.wrapping_sub(rise).wrapping_mul(64).wrapping_add(denominator.wrapping_mul(65));
+        let dividend = dividend.wrapping_sub(is_negative.into());
+        let steps = dividend.checked_div(denominator.wrapping_mul(2)).map_or(Disparity::STEPS / 2, |steps| steps as i32);
+        Disparity::from_bits((i32::from(d) * Disparity::STEPS - Disparity::STEPS / 2 + steps) as i16)
+    }
+
     /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that vectorises.
     #[inline(always)]
     pub(crate) fn refine_all<const N: usize>(costs: &Around<N>) -> [Option<Disparity>; N] {
@@ -179,6 +198,19 @@ mod tests {
                     if fall + rise == 0 { 0.0 } else { f64::from(fall as i32 - rise as i32) / f64::from(2 * (fall + rise)) };
                 let exact = (f64::from(d) + shift) * 64.0;
                 let found = Disparity::refine(d, 7 + fall, 7, 7 + rise).map(Disparity::to_bits);
+                assert_eq!(found.map(f64::from), Some(exact.round()), "{d}, {fall}, {rise}");
+            }
+        }
+    }
+
+    #[test]
+    fn equiangular_refinement_rounds_halves_away_from_zero() {
+        for (fall, rise) in (0..140).flat_map(|fall| (0..140).map(move |rise| (fall, rise))) {
+            for d in [-511, -300, -2, -1, 0, 1, 2, 300, 511] {
+                let most = fall.max(rise);
+                let shift = if most == 0 { 0.0 } else { f64::from(fall as i32 - rise as i32) / f64::from(2 * most) };
+                let exact = (f64::from(d) + shift) * 64.0;
+                let found = Disparity::refine_equiangular(d, 7 + fall, 7, 7 + rise).map(Disparity::to_bits);
                 assert_eq!(found.map(f64::from), Some(exact.round()), "{d}, {fall}, {rise}");
             }
         }

@@ -1,5 +1,5 @@
-//! Multiscopic block matching for microcontrollers and hosts: scanlines in, disparity lines out, in fixed
-//! point and bounded memory.
+//! Multiscopic block matching and semi-global matching for microcontrollers and hosts: scanlines in, disparity
+//! lines out, in fixed point and bounded memory.
 //!
 //! One camera is moved in its image plane and takes a centre image and up to four neighbours, one baseline
 //! away to the left, right, top and bottom. A point has the same disparity to each of them, so the matching
@@ -15,14 +15,16 @@
 //! | `fusion` | [`Fusion`]: how the matching costs of several views become one |
 //! | `disparity` | [`Disparity`]: fixed point, and sub-pixel refinement |
 //! | `depth` | [`Triangulation`], [`Depth`]: from disparity to distance |
-//! | `search` | [`Search`]: frames, views and search range, whatever the method |
-//! | `params` | [`Params`]: a search by block matching |
+//! | `params` | [`Search`], [`Params`], [`SemiGlobalParams`]: what is searched, and by which method |
+//! | `error` | [`MatchError`], [`MemoryTooSmall`]: why lines could not be matched |
 //! | `region` | [`Region`]: the part of the frame that a pass computes |
 //! | `scanline` | [`ScanlineSource`], [`Rewind`]: where lines come from, such as memory, flash, a file or a sensor |
 //! | `availability` | the frame's borders: which views see a candidate |
 //! | [`kernel`] | the inner loops, for the vectors of each instruction set |
 //! | `memory` | [`Memory`]: the bytes of each buffer, which the caller lends |
-//! | `matcher` | [`Matcher`]: pulls lines, and computes disparity lines |
+//! | `lines` | the lines of all frames that a line is compared with |
+//! | `matcher` | [`Matcher`]: pulls lines, and computes disparity lines by block matching |
+//! | `semi_global` | [`SemiGlobalMatcher`]: the same by semi-global matching |
 //! | [`capture`] | how the frames are taken: the camera moves, settles and captures |
 //!
 //! The crate does not allocate, panic or recurse. Unsafe code is confined to modules of [`kernel`], each of
@@ -36,25 +38,28 @@ mod availability;
 pub mod capture;
 mod depth;
 mod disparity;
+mod error;
 mod fusion;
 pub mod kernel;
+mod lines;
 mod matcher;
 mod memory;
 mod params;
 mod region;
 mod scanline;
-mod search;
+mod semi_global;
 mod view;
 
 pub use fixed;
 
 pub use depth::{Depth, Triangulation};
 pub use disparity::Disparity;
+pub use error::{MatchError, MemoryTooSmall};
 pub use fusion::{Fusion, MatchingCost};
-pub use matcher::{MatchError, Matcher, MemoryTooSmall};
+pub use matcher::Matcher;
 pub use memory::Memory;
-pub use params::Params;
+pub use params::{Census, Params, ParamsError, PathPenalties, Search, SemiGlobalCost, SemiGlobalParams};
 pub use region::{Region, RegionError};
 pub use scanline::{Rewind, ScanlineSource};
-pub use search::{ParamsError, Search};
+pub use semi_global::{SemiGlobalMatcher, select_disparity};
 pub use view::{Frame, View, Views};

@@ -1,8 +1,10 @@
 //! The memory of a match: the one formula behind the firmware's statics, the checks and the printed budgets.
 
+use core::mem;
+
 use crate::{
-    Frame, Params, View,
-    kernel::{Isa, Rule},
+    Frame, MemoryTooSmall, Params, SemiGlobalCost, SemiGlobalParams, View,
+    kernel::{Isa, Rule, Slot},
 };
 
 /// The memory of a matcher by buffer, in bytes, for regions of up to a given number of columns.
@@ -21,6 +23,25 @@ use crate::{
 /// | `vertical` | `X (D + 2 rho + 16)` for each vertical view |
 /// | `zeros` | `2 D` for each view |
 /// | `line` | the frame's width |
+///
+/// Semi-global matching, which [`Memory::semi_global`] is for, has the same buffers if its costs are sums of
+/// absolute differences, and these besides. `W` is the frame's width.
+///
+/// | buffer | bytes |
+/// | --- | --- |
+/// | `costs` | `2 W D` |
+/// | `paths` | `(3 (W + 2) + 3) (D + 8)` |
+/// | `samples` | `2 W + 256` |
+///
+/// If its costs are Hamming distances of descriptors of `B` bytes, in a window that reaches `rx` to each side
+/// and `ry` up and down, it has these instead of those of block matching.
+///
+/// | buffer | bytes |
+/// | --- | --- |
+/// | `center` | `(2 ry + 1) (W + 2 rx)` for each frame, and `2 B W` |
+/// | `horizontal` | `2 B (W + D - 1)` for each horizontal view |
+/// | `vertical` | `B W (D + 16)` for each vertical view |
+/// | `line` | `W` |
 ///
 /// For comparison, OpenCV's StereoBM takes `(height + block + 2) D (block + 1)` bytes of scratch for its
 /// single view.
@@ -52,6 +73,12 @@ pub struct Memory {
     pub zeros: usize,
     /// A buffer for a line from the source.
     pub line: usize,
+    /// Matching costs of a line, and what paths add to them.
+    pub costs: usize,
+    /// Path costs of a line, for each path from above and disparity.
+    pub paths: usize,
+    /// The centre's samples of two lines, and the penalties by their change.
+    pub samples: usize,
 }
 
 impl Memory {
@@ -70,6 +97,38 @@ impl Memory {
             vertical: vertical_views * shape.align(shape.span * shape.stack),
             zeros: shape.align(2 * views * shape.depth),
             line: shape.align(params.width()),
+            costs: 0,
+            paths: 0,
+            samples: 0,
+        }
+    }
+
+    /// The memory for semi-global matching with an instruction set.
+    pub const fn semi_global<I: Isa>(params: &SemiGlobalParams) -> Memory {
+        let blocks = params.block_matching();
+        let (shape, width) = (Shape::new::<I>(&blocks, blocks.width()), blocks.width());
+        let matching = Memory::new::<I>(&blocks, width);
+        let matching = match params.cost() {
+            SemiGlobalCost::Sad { .. } => matching,
+            SemiGlobalCost::Census(census) => Memory {
+                column_sums: 0,
+                block_sums: 0,
+                masks: 0,
+                fused: 0,
+                zeros: 0,
+                center: (1 + params.search().views().len()) * shape.align(census.window_bytes(width))
+                    + 2 * shape.align(census.bytes() * width),
+                horizontal: census.bytes() * matching.horizontal,
+                vertical: census.bytes() * matching.vertical,
+                ..matching
+            },
+        };
+        let paths = PathShape::new::<I>(params);
+        Memory {
+            costs: 2 * shape.align(paths.line_bytes()),
+            paths: 3 * shape.align(paths.slots_bytes()) + 3 * shape.align(paths.stride()),
+            samples: 2 * shape.align(width) + shape.align(PathShape::PENALTIES),
+            ..matching
         }
     }
 
@@ -84,6 +143,9 @@ impl Memory {
             + self.vertical
             + self.zeros
             + self.line
+            + self.costs
+            + self.paths
+            + self.samples
     }
 
     /// The sum of all buffers in words: the length of the `[u32]` lent to the matcher.
@@ -134,7 +196,7 @@ impl Shape {
                 Rule::Sum | Rule::Heuristic if I::BATCH > 1 => I::BATCH,
                 _ => 0,
             },
-            vector_bytes: (2 * I::LANES).next_multiple_of(4),
+            vector_bytes: vector_bytes::<I>(),
         }
     }
 
@@ -153,10 +215,91 @@ impl Shape {
     }
 
     const fn align(&self, bytes: usize) -> usize {
-        // Not `next_multiple_of`, which panics for 0: the compiler cannot see that vectors are not empty.
-        match bytes.checked_next_multiple_of(self.vector_bytes) {
-            Some(bytes) => bytes,
-            None => bytes,
-        }
+        align(bytes, self.vector_bytes)
+    }
+}
+
+/// The sizes that determine the buffers of paths.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PathShape {
+    /// Pixels in a line.
+    pub width: usize,
+    /// Disparities, rounded up to whole vectors.
+    pub depth: usize,
+}
+
+impl PathShape {
+    /// The bytes of the table of penalties.
+    pub const PENALTIES: usize = 256;
+
+    pub const fn new<I: Isa>(params: &SemiGlobalParams) -> PathShape {
+        let search = params.search();
+        PathShape { width: search.width(), depth: search.num_disparities().next_multiple_of(I::LANES) }
+    }
+
+    /// The bytes of a line of costs.
+    pub const fn line_bytes(&self) -> usize {
+        self.width * self.depth
+    }
+
+    /// The bytes of a slot.
+    pub const fn stride(&self) -> usize {
+        Slot::bytes(self.depth)
+    }
+
+    /// The slots in the ring of a path from above: one for each pixel, and two to spare.
+    pub const fn slots(&self) -> usize {
+        self.width + 2
+    }
+
+    /// The bytes of these slots, and of a copy of the first.
+    pub const fn slots_bytes(&self) -> usize {
+        (self.slots() + 1) * self.stride()
+    }
+}
+
+/// Hands out pieces of the memory that was lent, each from the beginning of a vector on.
+#[derive(Debug)]
+pub(crate) struct Lender<'m> {
+    rest: &'m mut [u32],
+    vector_bytes: usize,
+    too_small: MemoryTooSmall,
+}
+
+impl<'m> Lender<'m> {
+    /// The first `needed` words of `memory`.
+    pub fn new<I: Isa>(memory: &'m mut [u32], needed: usize) -> Result<Lender<'m>, MemoryTooSmall> {
+        let too_small = MemoryTooSmall { needed, given: memory.len() };
+        let rest = memory.get_mut(..needed).ok_or(too_small)?;
+        Ok(Lender { rest, vector_bytes: vector_bytes::<I>(), too_small })
+    }
+
+    /// The next words, as many as `bytes` take.
+    pub fn words(&mut self, bytes: usize) -> Result<&'m mut [u32], MemoryTooSmall> {
+        let words = align(bytes, self.vector_bytes) / size_of::<u32>();
+        let (lent, rest) = mem::take(&mut self.rest).split_at_mut_checked(words).ok_or(self.too_small)?;
+        self.rest = rest;
+        Ok(lent)
+    }
+
+    /// The next bytes.
+    pub fn bytes(&mut self, bytes: usize) -> Result<&'m mut [u8], MemoryTooSmall> {
+        let too_small = self.too_small;
+        let lent: &'m mut [u8] = bytemuck::cast_slice_mut(self.words(bytes)?);
+        lent.get_mut(..bytes).ok_or(too_small)
+    }
+}
+
+/// The bytes of a vector of column sums, in whole words: the unit of every buffer.
+const fn vector_bytes<I: Isa>() -> usize {
+    (2 * I::LANES).next_multiple_of(size_of::<u32>())
+}
+
+/// The bytes rounded up to whole vectors.
+const fn align(bytes: usize, vector_bytes: usize) -> usize {
+    // Not `next_multiple_of`, which panics for 0: the compiler cannot see that vectors are not empty.
+    match bytes.checked_next_multiple_of(vector_bytes) {
+        Some(bytes) => bytes,
+        None => bytes,
     }
 }

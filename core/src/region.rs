@@ -2,7 +2,7 @@
 
 use core::{error, fmt, ops::Range};
 
-use crate::Params;
+use crate::Search;
 
 /// A rectangle of the centre frame whose disparities one pass of the matcher computes, not empty.
 ///
@@ -19,17 +19,17 @@ pub struct Region {
 
 impl Region {
     /// The whole frame.
-    pub const fn whole(params: &Params) -> Region {
-        Region { left: 0, right: params.width() as u16, top: 0, bottom: params.height() as u16 }
+    pub const fn whole(search: &Search) -> Region {
+        Region { left: 0, right: search.width() as u16, top: 0, bottom: search.height() as u16 }
     }
 
     /// The pixels in `columns` and `rows`.
     ///
     /// # Errors
     /// The rectangle is empty or leaves the frame.
-    pub const fn new(params: &Params, columns: Range<usize>, rows: Range<usize>) -> Result<Region, RegionError> {
+    pub const fn new(search: &Search, columns: Range<usize>, rows: Range<usize>) -> Result<Region, RegionError> {
         let inside =
-            columns.start < columns.end && columns.end <= params.width() && rows.start < rows.end && rows.end <= params.height();
+            columns.start < columns.end && columns.end <= search.width() && rows.start < rows.end && rows.end <= search.height();
         if !inside {
             return Err(RegionError { columns: (columns.start, columns.end), rows: (rows.start, rows.end) });
         }
@@ -37,15 +37,15 @@ impl Region {
     }
 
     /// Column tiles of `width` pixels that cover the frame, from left to right. The last one may be narrower.
-    pub fn tiles(params: &Params, width: usize) -> impl Iterator<Item = Region> + use<> {
-        let whole = Region::whole(params);
-        pieces(params.width(), width).map(move |(left, right)| Region { left, right, ..whole })
+    pub fn tiles(search: &Search, width: usize) -> impl Iterator<Item = Region> + use<> {
+        let whole = Region::whole(search);
+        pieces(search.width(), width).map(move |(left, right)| Region { left, right, ..whole })
     }
 
     /// Bands of `height` lines that cover the frame, from top to bottom. The last one may be lower.
-    pub fn bands(params: &Params, height: usize) -> impl Iterator<Item = Region> + use<> {
-        let whole = Region::whole(params);
-        pieces(params.height(), height).map(move |(top, bottom)| Region { top, bottom, ..whole })
+    pub fn bands(search: &Search, height: usize) -> impl Iterator<Item = Region> + use<> {
+        let whole = Region::whole(search);
+        pieces(search.height(), height).map(move |(top, bottom)| Region { top, bottom, ..whole })
     }
 
     /// Its columns in the frame.

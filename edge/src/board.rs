@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 use embedded_io::Write;
-use multiscopic_core::{Params, Rewind};
+use multiscopic_core::{Rewind, Search};
 
 /// A board: stored frames, an output for packets, and a clock.
 ///
@@ -11,8 +11,8 @@ use multiscopic_core::{Params, Rewind};
 /// ```
 /// use core::{convert::Infallible, time::Duration};
 /// use embedded_io::Write;
-/// use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, Views};
-/// use multiscopic_edge::{Board, Lengths, Phase, Workspace};
+/// use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, Search, Views};
+/// use multiscopic_edge::{Board, Lengths, Matching, Phase, Workspace};
 ///
 /// /// The kernel of the processor: `Dsp` for a Cortex-M4 or M7, `Mve` for a Cortex-M55.
 /// #[cfg(target_arch = "arm")]
@@ -26,11 +26,11 @@ use multiscopic_core::{Params, Rewind};
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
 /// /// All columns in one pass. Narrower tiles take less memory: `multiscopic budget` says how much.
-/// const TILE: usize = PARAMS.width();
-/// const LENGTHS: Lengths = Lengths::new::<Kernel>(&PARAMS, TILE);
+/// const MATCHING: Matching = Matching::Blocks { params: PARAMS, tile_width: PARAMS.width() };
+/// const LENGTHS: Lengths = MATCHING.lengths::<Kernel>();
 /// type Memory = Workspace<{ LENGTHS.matcher.words() }, { LENGTHS.columns }, { LENGTHS.packet }>;
 /// // Fails the build if the workspace is too large.
-/// const _: () = assert!(size_of::<Memory>() < 20 * 1024, "use narrower tiles: TILE");
+/// const _: () = assert!(size_of::<Memory>() < 20 * 1024, "use a smaller tile_width");
 ///
 /// /// Frames in flash, or in anything else that can be read by the line.
 /// struct Flash {
@@ -66,7 +66,7 @@ use multiscopic_core::{Params, Rewind};
 ///     type Output = Serial;
 ///     type Error = &'static str;
 ///
-///     fn frames(&mut self, _: &Params) -> Result<Flash, &'static str> {
+///     fn frames(&mut self, _: &Search) -> Result<Flash, &'static str> {
 ///         // In firmware: include_bytes!, a camera's buffers, external memory.
 ///         Ok(Flash { frames: [&[7; 96 * 64]; 3] })
 ///     }
@@ -83,9 +83,9 @@ use multiscopic_core::{Params, Rewind};
 /// }
 ///
 /// fn send_disparities<Serial: Write>(board: &mut MyBoard<Serial>, memory: &mut Memory) -> Result<(), &'static str> {
-///     let (mut frames, mut serial) = (board.frames(&PARAMS)?, board.output()?);
+///     let (mut frames, mut serial) = (board.frames(MATCHING.search())?, board.output()?);
 ///     let pipeline = memory.pipeline();
-///     let run = pipeline.run::<MyBoard<Serial>, _>(Kernel::default(), &PARAMS, TILE, &mut frames, &mut serial);
+///     let run = pipeline.run::<MyBoard<Serial>, _>(Kernel::default(), &MATCHING, &mut frames, &mut serial);
 ///     let mut sender = run.map_err(|_| "a line was not matched or sent")?;
 ///     let end = sender.end(None).map_err(|_| "the packet buffer is too small")?;
 ///     serial.write_all(end).map_err(|_| "the last packet was not sent")
@@ -110,7 +110,7 @@ pub trait Board {
     ///
     /// # Errors
     /// A frame is missing, or its size differs from that of `params`.
-    fn frames(&mut self, params: &Params) -> Result<Self::Frames, Self::Error>;
+    fn frames(&mut self, search: &Search) -> Result<Self::Frames, Self::Error>;
 
     /// Opens the output.
     ///

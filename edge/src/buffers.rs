@@ -1,11 +1,6 @@
 //! The memory of the pipeline, sized at compile time.
 
-use multiscopic_core::{
-    Disparity, Memory, Params,
-    kernel::{Isa, Portable},
-};
-
-use crate::packet;
+use multiscopic_core::{Disparity, Memory, kernel::Portable};
 
 /// The portable twin of the kernels for Arm: as many lanes, so the same memory layout, on any processor.
 pub type Wide = Portable<8>;
@@ -22,11 +17,6 @@ pub struct Lengths {
 }
 
 impl Lengths {
-    /// The lengths for a match in tiles of `tile_width` columns with the kernel `I`.
-    pub const fn new<I: Isa>(params: &Params, tile_width: usize) -> Lengths {
-        Lengths { matcher: Memory::new::<I>(params, tile_width), columns: tile_width, packet: packet::buffer_bytes(tile_width) }
-    }
-
     /// The size of the workspace in bytes.
     pub const fn bytes(&self) -> usize {
         (4 * self.matcher.words() + self.line_bytes() + self.packet).next_multiple_of(align_of::<u32>())
@@ -71,7 +61,7 @@ macro_rules! workspace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile;
+    use crate::{Matching, profile};
 
     #[test]
     fn lengths_predict_the_size_of_the_static() {
@@ -81,14 +71,19 @@ mod tests {
             size_of::<workspace!(Wide, profile::QVGA_TILED)>(),
             size_of::<workspace!(Wide, profile::VGA)>(),
             size_of::<workspace!(Wide, profile::VGA_TILED)>(),
+            size_of::<workspace!(Wide, profile::QQVGA_SGM)>(),
+            size_of::<workspace!(Wide, profile::QVGA_SGM)>(),
         ];
         assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths::<Wide>().bytes()));
     }
 
     #[test]
     fn lengths_are_rounded_up_to_words() {
-        const PARAMS: Params = profile::QQVGA.params(multiscopic_core::Fusion::Min);
-        const ODD: Lengths = Lengths::new::<Wide>(&PARAMS, 23);
+        const ODD: Lengths = match profile::QQVGA.matching(multiscopic_core::Fusion::Min) {
+            Matching::Blocks { params, .. } => Matching::Blocks { params, tile_width: 23 },
+            other => other,
+        }
+        .lengths::<Wide>();
         type Odd = Workspace<{ ODD.matcher.words() }, { ODD.columns }, { ODD.packet }>;
         assert_eq!(size_of::<Odd>(), ODD.bytes());
     }

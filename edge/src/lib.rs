@@ -11,6 +11,7 @@
 //! | [`frame_file`] | the names of the files of frames and packets |
 //! | [`packet`] | the packets that carry disparities to a host |
 //! | `buffers` | the memory of the pipeline, sized at compile time |
+//! | `matching` | what a pipeline computes: [`Matching`] |
 //! | [`profile`] | ready-made match sizes and their RAM budgets |
 //! | `pipeline` | matches the frames of a board and sends the disparities |
 #![no_std]
@@ -18,6 +19,7 @@
 mod board;
 mod buffers;
 pub mod frame_file;
+mod matching;
 pub mod packet;
 mod pipeline;
 pub mod profile;
@@ -25,6 +27,7 @@ mod streams;
 
 pub use board::{Board, Phase};
 pub use buffers::{Lengths, Wide, Workspace};
+pub use matching::Matching;
 pub use pipeline::{Pipeline, PipelineError, RunError};
 pub use profile::Profile;
 pub use streams::{Streams, StreamsError};

@@ -3,12 +3,14 @@
 use core::{error, fmt, marker::PhantomData};
 use embedded_io::{ErrorType, Write};
 use multiscopic_core::{
-    Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, Rewind, ScanlineSource, kernel::Blocks,
+    Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, Rewind, ScanlineSource, SemiGlobalMatcher,
+    SemiGlobalParams, kernel::Kernel,
 };
 
 use crate::{
     board::{Board, Phase},
     buffers::Workspace,
+    matching::Matching,
     packet::{BufferTooSmall, Sender},
 };
 
@@ -28,16 +30,48 @@ impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WO
 }
 
 impl<'w> Pipeline<'w> {
-    /// Matches the frames of `source` in tiles of `tile_width` columns and sends the disparities.
+    /// Matches the frames of `source` and sends the disparities.
     ///
     /// Each line is written to `output` as soon as it is known. The sender is returned for the packet that
     /// ends the frame.
     ///
-    /// Every kernel gives the same disparities, and kernels with as many lanes need the same memory.
+    /// Every kernel gives the same disparities, and kernels with as many lanes need the same memory. Firmware
+    /// with a single method calls [`match_blocks`](Pipeline::match_blocks) or
+    /// [`match_semi_globally`](Pipeline::match_semi_globally), and links that method alone: they are inlined, so
+    /// that constant parameters stay constant.
     ///
     /// # Errors
     /// Those of the source, the matcher and the output, and a workspace that is too small.
-    pub fn run<B: Board, I: Blocks<u16> + Blocks<u32>>(
+    pub fn run<B: Board, I: Kernel>(
+        self,
+        kernel: I,
+        matching: &Matching,
+        source: &mut B::Frames,
+        output: &mut B::Output,
+    ) -> Result<Sender<'w>, RunError<B>> {
+        // Functions of their own, so that the stack has to hold one matcher at a time.
+        #[inline(never)]
+        fn blocks<'w, B: Board, I: Kernel>(
+            pipeline: Pipeline<'w>,
+            kernel: I,
+            params: &Params,
+            tile_width: usize,
+            (source, output): (&mut B::Frames, &mut B::Output),
+        ) -> Result<Sender<'w>, RunError<B>> {
+            pipeline.match_blocks::<B, I>(kernel, params, tile_width, source, output)
+        }
+        match matching {
+            Matching::Blocks { params, tile_width } => blocks::<B, I>(self, kernel, params, *tile_width, (source, output)),
+            Matching::SemiGlobal(params) => self.match_semi_globally::<B, I>(kernel, params, source, output),
+        }
+    }
+
+    /// [`run`](Pipeline::run) for block matching in tiles of `tile_width` columns.
+    ///
+    /// # Errors
+    /// Those of [`run`](Pipeline::run).
+    #[inline(always)]
+    pub fn match_blocks<B: Board, I: Kernel>(
         self,
         kernel: I,
         params: &Params,
@@ -45,27 +79,82 @@ impl<'w> Pipeline<'w> {
         source: &mut B::Frames,
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
-        let mut sender = Sender::new(params, self.packet);
-        for (pass, tile) in Region::tiles(params, tile_width).enumerate() {
-            if pass > 0 {
+        let mut sender = Sender::new(params.search(), self.packet);
+        for (index, tile) in Region::tiles(params.search(), tile_width).enumerate() {
+            if index > 0 {
                 source.rewind().map_err(PipelineError::Rewind)?;
             }
-            B::enter(Phase::Matching);
-            let columns = tile.width();
-            let given = self.line.len();
-            let line = self.line.get_mut(..columns).ok_or(PipelineError::Line { needed: columns, given })?;
+            let pass = Pass::<B>::new(&tile, self.line, &mut sender, source, output)?;
             let mut matcher = Matcher::with_isa(kernel, params, &tile, self.matcher).map_err(PipelineError::Memory)?;
-            while let Some(v) = matcher.next_line(&mut Fetching::<B>::new(source), line).map_err(PipelineError::Match)? {
-                B::enter(Phase::Sending);
-                let packet = sender.line(&tile, v, line).map_err(PipelineError::Packet)?;
-                output.write_all(packet).map_err(PipelineError::Write)?;
-                B::enter(Phase::Matching);
-            }
-            B::enter(Phase::Idle);
+            pass.send(|source, line| matcher.next_line(source, line))?;
         }
         Ok(sender)
     }
+
+    /// [`run`](Pipeline::run) for semi-global matching.
+    ///
+    /// # Errors
+    /// Those of [`run`](Pipeline::run).
+    #[inline(always)]
+    pub fn match_semi_globally<B: Board, I: Kernel>(
+        self,
+        kernel: I,
+        params: &SemiGlobalParams,
+        source: &mut B::Frames,
+        output: &mut B::Output,
+    ) -> Result<Sender<'w>, RunError<B>> {
+        let mut sender = Sender::new(params.search(), self.packet);
+        let whole = Region::whole(params.search());
+        let pass = Pass::<B>::new(&whole, self.line, &mut sender, source, output)?;
+        let mut matcher = SemiGlobalMatcher::with_isa(kernel, params, self.matcher).map_err(PipelineError::Memory)?;
+        pass.send(|source, line| matcher.next_line(source, line))?;
+        Ok(sender)
+    }
 }
+
+/// A pass over a part of the frame.
+struct Pass<'a, 'w, B: Board> {
+    tile: &'a Region,
+    line: &'a mut [Option<Disparity>],
+    sender: &'a mut Sender<'w>,
+    source: &'a mut B::Frames,
+    output: &'a mut B::Output,
+}
+
+impl<'a, 'w, B: Board> Pass<'a, 'w, B> {
+    fn new(
+        tile: &'a Region,
+        line: &'a mut [Option<Disparity>],
+        sender: &'a mut Sender<'w>,
+        source: &'a mut B::Frames,
+        output: &'a mut B::Output,
+    ) -> Result<Pass<'a, 'w, B>, RunError<B>> {
+        let (needed, given) = (tile.width(), line.len());
+        let line = line.get_mut(..needed).ok_or(PipelineError::Line { needed, given })?;
+        B::enter(Phase::Matching);
+        Ok(Pass { tile, line, sender, source, output })
+    }
+
+    /// Sends every line that `next_line` computes.
+    #[inline(always)]
+    fn send(
+        self,
+        mut next_line: impl FnMut(&mut Fetching<'_, B>, &mut [Option<Disparity>]) -> Result<Option<usize>, FetchError<B>>,
+    ) -> Result<(), RunError<B>> {
+        let Pass { tile, line, sender, source, output } = self;
+        while let Some(v) = next_line(&mut Fetching::<B>::new(source), line).map_err(PipelineError::Match)? {
+            B::enter(Phase::Sending);
+            let packet = sender.line(tile, v, line).map_err(PipelineError::Packet)?;
+            output.write_all(packet).map_err(PipelineError::Write)?;
+            B::enter(Phase::Matching);
+        }
+        B::enter(Phase::Idle);
+        Ok(())
+    }
+}
+
+/// Why a line could not be matched on the board `B`.
+type FetchError<B> = MatchError<<<B as Board>::Frames as ScanlineSource>::Error>;
 
 /// A board's frames. Reading them is a phase of its own.
 struct Fetching<'a, B: Board> {
@@ -137,20 +226,24 @@ mod tests {
 
     use super::*;
     use crate::{
-        buffers::{Lengths, Wide},
+        buffers::Wide,
         packet::{Content, Packet},
     };
     use core::{convert::Infallible, time::Duration};
     use embedded_io::SliceWriteError;
-    use multiscopic_core::{Fusion, Views};
+    use multiscopic_core::{Fusion, Search, SemiGlobalCost, Views};
     use std::{vec, vec::Vec};
 
     const PARAMS: Params = match Params::new(24, 20, Views::ALL, Fusion::Heuristic, 1, 4, 3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
-    const WORDS: usize = Lengths::new::<Wide>(&PARAMS, PARAMS.width()).matcher.words();
-    const PACKET: usize = Lengths::new::<Wide>(&PARAMS, PARAMS.width()).packet;
+    const WORDS: usize = tiled(PARAMS.width()).lengths::<Wide>().matcher.words();
+    const PACKET: usize = tiled(PARAMS.width()).lengths::<Wide>().packet;
+
+    const fn tiled(tile_width: usize) -> Matching {
+        Matching::Blocks { params: PARAMS, tile_width }
+    }
 
     /// A slanted ramp of grey at a disparity of 2, which counts how often it is rewound.
     #[derive(Default)]
@@ -211,7 +304,7 @@ mod tests {
         type Output = Output;
         type Error = Infallible;
 
-        fn frames(&mut self, _: &Params) -> Result<Ramp, Infallible> {
+        fn frames(&mut self, _: &Search) -> Result<Ramp, Infallible> {
             Ok(Ramp::default())
         }
 
@@ -227,11 +320,11 @@ mod tests {
     }
 
     /// The pixels that a pipeline sends, and the number of rewinds.
-    fn sent_pixels(tile_width: usize) -> (Vec<Option<Option<Disparity>>>, usize) {
-        let Ok(mut source) = TestBoard.frames(&PARAMS);
+    fn sent_pixels(matching: &Matching) -> (Vec<Option<Option<Disparity>>>, usize) {
+        let Ok(mut source) = TestBoard.frames(PARAMS.search());
         let Ok(mut output) = TestBoard.output();
         let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
-        workspace.pipeline().run::<TestBoard, _>(Wide::default(), &PARAMS, tile_width, &mut source, &mut output).unwrap();
+        workspace.pipeline().run::<TestBoard, _>(Wide::default(), matching, &mut source, &mut output).unwrap();
         let mut pixels = vec![None; PARAMS.width() * PARAMS.height()];
         assert_eq!(output.sent.pop(), Some(0));
         for bytes in output.sent.split_mut(|&byte| byte == 0) {
@@ -247,7 +340,7 @@ mod tests {
 
     #[test]
     fn every_pixel_is_sent_once() {
-        let (pixels, rewinds) = sent_pixels(PARAMS.width());
+        let (pixels, rewinds) = sent_pixels(&tiled(PARAMS.width()));
         assert!(pixels.iter().all(Option::is_some));
         assert_eq!(pixels[10 * PARAMS.width() + 12], Some(Disparity::from_bits(128)));
         assert_eq!(rewinds, 0);
@@ -255,18 +348,28 @@ mod tests {
 
     #[test]
     fn tiles_give_the_same_frame() {
-        let (whole, _) = sent_pixels(PARAMS.width());
+        let (whole, _) = sent_pixels(&tiled(PARAMS.width()));
         for (tile_width, passes) in [(12, 2), (7, 4), (1, 24)] {
-            assert_eq!(sent_pixels(tile_width), (whole.clone(), passes - 1), "tiles of {tile_width} columns");
+            assert_eq!(sent_pixels(&tiled(tile_width)), (whole.clone(), passes - 1), "tiles of {tile_width} columns");
         }
+    }
+
+    #[test]
+    fn semi_global_matching_sends_every_pixel_once() {
+        let search = Search::new(24, 20, Views::HORIZONTAL, Fusion::Min, 1, 4).unwrap();
+        let params = SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size: 3 }).unwrap();
+        let (pixels, rewinds) = sent_pixels(&Matching::SemiGlobal(params));
+        assert!(pixels.iter().all(Option::is_some));
+        assert_eq!(pixels[10 * PARAMS.width() + 12], Some(Disparity::from_bits(128)));
+        assert_eq!(rewinds, 0);
     }
 
     #[test]
     fn a_full_output_stops_the_pipeline() {
         let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
         let mut output = Output { sent: Vec::new(), capacity: 150 };
-        let end =
-            workspace.pipeline().run::<TestBoard, _>(Wide::default(), &PARAMS, PARAMS.width(), &mut Ramp::default(), &mut output);
+        let whole = tiled(PARAMS.width());
+        let end = workspace.pipeline().run::<TestBoard, _>(Wide::default(), &whole, &mut Ramp::default(), &mut output);
         assert_eq!(end.err(), Some(PipelineError::Write(SliceWriteError::Full)));
     }
 }

@@ -1,8 +1,11 @@
 //! Ready-made match sizes and their RAM budgets.
 
-use multiscopic_core::{Fusion, Params, Views, kernel::Isa};
+use multiscopic_core::{Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa};
 
-use crate::buffers::{Lengths, Wide};
+use crate::{
+    buffers::{Lengths, Wide},
+    matching::Matching,
+};
 
 /// A named match size and the RAM that it may take.
 #[derive(Clone, Copy, Debug)]
@@ -12,7 +15,8 @@ pub struct Profile {
     /// The most RAM in bytes, statics and greatest stack together, frames excluded.
     pub ram_budget: usize,
     size: MatchSize,
-    tile_width: usize,
+    /// Columns of a tile, or `None` for semi-global matching.
+    tile_width: Option<usize>,
 }
 
 /// A small frame and its horizontal neighbours.
@@ -25,30 +29,35 @@ pub const QVGA_TILED: Profile = Profile::tiled("qvga-tiled", MatchSize::new(320,
 pub const VGA: Profile = Profile::whole("vga", MatchSize::new(640, 480, 64, 11), 480);
 /// The match of [`VGA`] in column tiles.
 pub const VGA_TILED: Profile = Profile::tiled("vga-tiled", MatchSize::new(640, 480, 64, 11), 96);
+/// The match of [`QQVGA`] by semi-global matching.
+pub const QQVGA_SGM: Profile =
+    Profile::semi_global("qqvga-sgm", MatchSize { views: Views::HORIZONTAL, ..MatchSize::new(160, 120, 16, 5) }, 48);
+/// The match of [`QVGA`] by semi-global matching.
+pub const QVGA_SGM: Profile = Profile::semi_global("qvga-sgm", MatchSize::new(320, 240, 32, 5), 192);
 
 /// The match of firmware that takes its own frames: a small frame and all four neighbours.
 pub const CAPTURE: Params = MatchSize::new(160, 120, 16, 7).params(Fusion::Heuristic);
 
 /// Every profile.
-pub const ALL: [Profile; 5] = [QQVGA, QVGA, QVGA_TILED, VGA, VGA_TILED];
+pub const ALL: [Profile; 7] = [QQVGA, QVGA, QVGA_TILED, VGA, VGA_TILED, QQVGA_SGM, QVGA_SGM];
 
 /// Bytes of a tiled profile's budget for the stack, the disparity line, its packet, and the runtime's
 /// statics.
 const RESERVE: usize = 6 * 1024;
 
 impl Profile {
-    /// A match in one pass over the whole frame.
+    /// Block matching in one pass over the whole frame.
     const fn whole(name: &'static str, size: MatchSize, budget_kib: usize) -> Profile {
-        Profile { name, ram_budget: 1024 * budget_kib, size, tile_width: size.width as usize }
+        Profile { name, ram_budget: 1024 * budget_kib, size, tile_width: Some(size.width as usize) }
     }
 
-    /// A match in the fewest column tiles of equal width that fit the budget.
+    /// Block matching in the fewest column tiles of equal width that fit the budget.
     const fn tiled(name: &'static str, size: MatchSize, budget_kib: usize) -> Profile {
         let whole = Profile::whole(name, size, budget_kib);
         let mut tiles = 1;
         loop {
-            let tile_width = whole.tile_width.div_ceil(tiles);
-            let profile = Profile { tile_width, ..whole };
+            let tile_width = (size.width as usize).div_ceil(tiles);
+            let profile = Profile { tile_width: Some(tile_width), ..whole };
             if profile.lengths::<Wide>().matcher.bytes() + RESERVE <= profile.ram_budget {
                 return profile;
             }
@@ -57,19 +66,22 @@ impl Profile {
         }
     }
 
-    /// The parameters of the match with `fusion`.
-    pub const fn params(&self, fusion: Fusion) -> Params {
-        self.size.params(fusion)
+    /// Semi-global matching, with the sum of absolute differences as its cost.
+    const fn semi_global(name: &'static str, size: MatchSize, budget_kib: usize) -> Profile {
+        Profile { name, ram_budget: 1024 * budget_kib, size, tile_width: None }
     }
 
-    /// Columns of a tile: all columns of the frame if it is matched in one pass.
-    pub const fn tile_width(&self) -> usize {
-        self.tile_width
+    /// What is computed, with `fusion`.
+    pub const fn matching(&self, fusion: Fusion) -> Matching {
+        match self.tile_width {
+            Some(tile_width) => Matching::Blocks { params: self.size.params(fusion), tile_width },
+            None => Matching::SemiGlobal(self.size.semi_global(fusion)),
+        }
     }
 
     /// The lengths of the workspace's buffers with the kernel `I`. They are the same for every fusion.
     pub const fn lengths<I: Isa>(&self) -> Lengths {
-        Lengths::new::<I>(&self.params(Fusion::Min), self.tile_width)
+        self.matching(Fusion::Min).lengths::<I>()
     }
 }
 
@@ -89,10 +101,24 @@ impl MatchSize {
         MatchSize { width, height, views: Views::ALL, num_disparities, block_size }
     }
 
+    const fn search(self, fusion: Fusion) -> Search {
+        match Search::new(self.width, self.height, self.views, fusion, 1, self.num_disparities) {
+            Ok(search) => search,
+            Err(_) => panic!("a profile's parameters are out of range: see Search::new"),
+        }
+    }
+
     const fn params(self, fusion: Fusion) -> Params {
-        match Params::new(self.width, self.height, self.views, fusion, 1, self.num_disparities, self.block_size) {
+        match Params::block_matching(self.search(fusion), self.block_size) {
             Ok(params) => params,
-            Err(_) => panic!("a profile's parameters are out of range: see Params::new"),
+            Err(_) => panic!("a profile's block size is out of range: see Params::block_matching"),
+        }
+    }
+
+    const fn semi_global(self, fusion: Fusion) -> SemiGlobalParams {
+        match SemiGlobalParams::new(self.search(fusion), SemiGlobalCost::Sad { block_size: self.block_size }) {
+            Ok(params) => params,
+            Err(_) => panic!("a profile's block size is out of range: see SemiGlobalCost::Sad"),
         }
     }
 }
@@ -103,11 +129,12 @@ mod tests {
 
     #[test]
     fn tiles_are_as_few_as_the_budget_allows() {
-        assert_eq!(QVGA.tile_width(), 320);
-        assert_eq!(VGA.tile_width(), 640);
+        let tile_width = |profile: Profile| profile.matching(Fusion::Min).tile_width();
+        assert_eq!((tile_width(QVGA), tile_width(VGA)), (320, 640));
         for tiled in [QVGA_TILED, VGA_TILED] {
             let width = usize::from(tiled.size.width);
-            let wider = Profile { tile_width: width.div_ceil(width.div_ceil(tiled.tile_width) - 1), ..tiled };
+            let tiles = width.div_ceil(tile_width(tiled));
+            let wider = Profile { tile_width: Some(width.div_ceil(tiles - 1)), ..tiled };
             assert!(wider.lengths::<Wide>().matcher.bytes() + RESERVE > tiled.ram_budget, "{}", tiled.name);
         }
     }
@@ -115,9 +142,8 @@ mod tests {
     #[test]
     fn memory_does_not_depend_on_the_fusion() {
         for profile in ALL {
-            for fusion in [Fusion::Min, Fusion::Mean, Fusion::Heuristic] {
-                let lengths = Lengths::new::<Wide>(&profile.params(fusion), profile.tile_width());
-                assert_eq!(lengths, profile.lengths::<Wide>(), "{}", profile.name);
+            for fusion in Fusion::ALL {
+                assert_eq!(profile.matching(fusion).lengths::<Wide>(), profile.lengths::<Wide>(), "{}", profile.name);
             }
         }
     }

@@ -14,7 +14,7 @@ use multiscopic::{
 };
 use multiscopic_core::{
     Fusion, Params, Views,
-    kernel::{Block, Blocks, Change, Column, Isa, Rule, Work},
+    kernel::{Block, Blocks, Change, Column, Isa, Kernel, Rule, Work},
 };
 use multiscopic_tests::split_mix::Random;
 
@@ -98,7 +98,7 @@ struct Columns<'a, 'b>(Bencher<'a, 'b>);
 impl Task for Columns<'_, '_> {
     type Output = ();
 
-    fn run<I: Blocks<u16> + Blocks<u32>>(self, isa: I) {
+    fn run<I: Kernel>(self, isa: I) {
         let (centers, samples) = (noise(2 * PIXELS), noise(2 * evaluations(1)));
         let mut sums = costs(evaluations(1));
         let sums: &mut [I::Sums] = bytemuck::cast_slice_mut(&mut sums);
@@ -142,7 +142,7 @@ struct BlockSums<'a, 'b>(Bencher<'a, 'b>);
 impl Task for BlockSums<'_, '_> {
     type Output = ();
 
-    fn run<I: Blocks<u16> + Blocks<u32>>(self, isa: I) {
+    fn run<I: Kernel>(self, isa: I) {
         let (columns, mut blocks) = (costs(2 * evaluations(1)), costs(usize::from(DISPARITIES)));
         let (entering, leaving) = bytemuck::cast_slice::<u16, I::Sums>(&columns).split_at(evaluations(1) / I::LANES);
         let blocks = bytemuck::cast_slice_mut(&mut blocks);
@@ -185,7 +185,7 @@ struct FusedCosts<'a, 'b>(Bencher<'a, 'b>, Rule);
 impl Task for FusedCosts<'_, '_> {
     type Output = ();
 
-    fn run<I: Blocks<u16> + Blocks<u32>>(self, isa: I) {
+    fn run<I: Kernel>(self, isa: I) {
         let (blocks, mut fused) = (costs(evaluations(VIEWS)), costs(usize::from(DISPARITIES)));
         let (blocks, fused) = (bytemuck::cast_slice(&blocks), bytemuck::cast_slice_mut(&mut fused));
         let stage = self.0.counter(ItemsCount::new(evaluations(VIEWS)));
@@ -220,7 +220,7 @@ struct Winner<'a, 'b>(Bencher<'a, 'b>);
 impl Task for Winner<'_, '_> {
     type Output = ();
 
-    fn run<I: Blocks<u16> + Blocks<u32>>(self, isa: I) {
+    fn run<I: Kernel>(self, isa: I) {
         let fused = costs(evaluations(1));
         let fused = bytemuck::cast_slice(&fused);
         let stage = self.0.counter(ItemsCount::new(evaluations(1)));

@@ -221,7 +221,7 @@ fn part(root: &Path, dataset: Dataset, scene: &str, left: usize, top: usize) -> 
     for fusion in [Min, Mean, Heuristic] {
         let reference = images.reference(fusion, -2, 20, 7).disparities();
         let params = params(48, 32, views, fusion, -2, 20, 7);
-        let found = matched(Portable::<16, 1>, &params, &Region::whole(&params), &images, &mut Random(1));
+        let found = matched(Portable::<16, 1>, &params, &Region::whole(params.search()), &images, &mut Random(1));
         let expected: Vec<u16> = reference.into_iter().map(raw16).collect();
         if let Some(i) = (0..expected.len()).find(|&i| found[i] != expected[i]) {
             return Err(format!("{fusion:?}, pixel ({}, {}): {} instead of {}", i % 48, i / 48, found[i], expected[i]).into());

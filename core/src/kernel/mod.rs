@@ -13,6 +13,7 @@
 //! | `samples` | the samples of a line, as the loops read them |
 //! | `steps` | steps along a line, from column to column: [`Steps`] |
 //! | `blocks` | the inner loops: [`Blocks`] |
+//! | `bytes` | costs in 8-bit lanes, and their loops: [`Bytes`], [`PixelLoops`], [`RunLoops`] |
 //! | `masks` | masks that hide block sums where a view is not available |
 //! | `batch` | batches of pixels with their block sums in registers |
 //! | `winners` | winner-takes-all over a batch |
@@ -27,6 +28,7 @@ mod aarch64;
 mod arm;
 mod batch;
 mod blocks;
+mod bytes;
 mod isa;
 mod masks;
 mod portable;
@@ -44,6 +46,10 @@ pub use aarch64::Neon;
 pub use arm::{Dsp, Mve};
 pub(crate) use batch::Batch;
 pub use blocks::Blocks;
+pub use bytes::{
+    Along, BackwardRun, ByteVector, Bytes, Candidates, Divisor, ForwardRun, Kernel, PixelLoops, Reached, RunLoops, RunPenalties,
+    Slot, Step, as_vectors, as_vectors_mut,
+};
 pub use isa::{Change, Isa, MAX_BATCH, Work};
 pub(crate) use masks::Masks;
 pub use portable::Portable;

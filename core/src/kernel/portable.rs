@@ -4,6 +4,7 @@ use core::array;
 
 use super::{
     blocks::Blocks,
+    bytes::{ByteVector, Bytes, PixelLoops, RunLoops},
     isa::{Change, Isa, sealed::Sealed},
     vector::{Block, Column},
 };
@@ -30,7 +31,8 @@ impl<const N: usize, const B: usize> Isa for Portable<N, B> {
 
     #[inline(always)]
     fn differences(self, center: u8, view: &[u8; N]) -> [u16; N] {
-        view.map(|sample| center.abs_diff(sample).into())
+        // In bytes, then widened: twice as many fit a register.
+        view.map(|sample| center.max(sample) - center.min(sample)).map(u16::from)
     }
 
     #[inline(always)]
@@ -123,3 +125,101 @@ macro_rules! blocks {
 
 blocks!(u16, saturating_add);
 blocks!(u32, wrapping_add);
+
+impl<const N: usize, const B: usize> Bytes for Portable<N, B> {
+    type Bytes = [u8; N];
+
+    #[inline(always)]
+    fn load_bytes(self, costs: &[u8; N]) -> [u8; N] {
+        *costs
+    }
+
+    #[inline(always)]
+    fn splat_byte(self, cost: u8) -> [u8; N] {
+        [cost; N]
+    }
+
+    #[inline(always)]
+    fn byte_indices(self) -> [u8; N] {
+        array::from_fn(|i| i as u8)
+    }
+
+    #[inline(always)]
+    fn hamming_distances<const M: usize>(self, descriptor: [u8; M], others: [&[u8; N]; M]) -> [u8; N] {
+        let mut distances = [0; N];
+        for (byte, others) in descriptor.into_iter().zip(others) {
+            for (distance, other) in distances.iter_mut().zip(others) {
+                *distance += (byte ^ other).count_ones() as u8;
+            }
+        }
+        distances
+    }
+}
+
+impl<const N: usize, const B: usize> PixelLoops for Portable<N, B> {}
+
+impl<const N: usize, const B: usize> RunLoops for Portable<N, B> {}
+
+impl<const N: usize> ByteVector for [u8; N] {
+    type Memory = [u8; N];
+
+    #[inline(always)]
+    fn store(self, costs: &mut [u8; N]) {
+        *costs = self;
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        array::from_fn(|i| self[i].saturating_add(other[i]))
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        array::from_fn(|i| self[i].saturating_sub(other[i]))
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        array::from_fn(|i| self[i].min(other[i]))
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        array::from_fn(|i| self[i].max(other[i]))
+    }
+
+    #[inline(always)]
+    fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
+        array::from_fn(|i| if self[i] > other[i] { then[i] } else { otherwise[i] })
+    }
+
+    #[inline(always)]
+    fn halved(self) -> Self {
+        self.map(|lane| lane / 2)
+    }
+
+    #[inline(always)]
+    fn third(self) -> Self {
+        self.map(|lane| lane / 3)
+    }
+
+    #[inline(always)]
+    fn least(self) -> u8 {
+        self.into_iter().fold(u8::MAX, u8::min)
+    }
+
+    #[inline(always)]
+    fn least_in_each(self) -> Self {
+        [self.least(); N]
+    }
+
+    #[inline(always)]
+    fn moved_up(self, previous: Self) -> Self {
+        array::from_fn(|i| if i == 0 { previous[N - 1] } else { self[i - 1] })
+    }
+
+    #[inline(always)]
+    fn moved_down(self, next: Self) -> Self {
+        array::from_fn(|i| if i == N - 1 { next[0] } else { self[i + 1] })
+    }
+}

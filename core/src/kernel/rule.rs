@@ -40,6 +40,18 @@ impl Rule {
         }
     }
 
+    /// The factor from the cost of one view to the costs fused in lanes, of `views` views: of all of them by
+    /// [`fuse`](Rule::fuse), of those available otherwise. The heuristic rule has the same for both.
+    pub(crate) const fn scale(self, views: usize, is_complete: bool) -> u32 {
+        match (self, views) {
+            (Rule::Min, _) => 1,
+            (Rule::Heuristic, _) => 6,
+            (Rule::Sum, 2) => 2,
+            (Rule::Sum, _) if is_complete => views as u32,
+            (Rule::Sum, _) => 12,
+        }
+    }
+
     /// Fuses the costs of views that are all available.
     #[inline(always)]
     pub(crate) fn fuse<L: Lane, B: Block<L>, const V: usize>(self, costs: [B; V]) -> B {

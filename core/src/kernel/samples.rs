@@ -14,7 +14,14 @@ pub(crate) struct Samples<'a> {
     pub depth: usize,
 }
 
-impl Samples<'_> {
+impl<'a> Samples<'a> {
+    /// The samples of a column.
+    #[inline(always)]
+    pub fn column(&self, u: usize) -> &'a [u8] {
+        let start = self.start.wrapping_add_signed(u as isize * self.step);
+        self.memory.get(start..start + self.depth).unwrap_or_default()
+    }
+
     /// Where the first column begins, if the memory holds all the samples of `columns` columns.
     pub fn first(&self, columns: usize) -> Option<*const u8> {
         let last = self.step.checked_mul(columns.checked_sub(1)? as isize)?;

@@ -48,7 +48,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
     }
 
     fn availability(&self) -> Availability {
-        let mut availability = Availability::new(self.params);
+        let mut availability = Availability::new(self.params.search());
         availability.enter_line(self.u, self.v, |_, _, _| {});
         availability
     }

@@ -2,31 +2,32 @@
 //!
 //! | room | what it is |
 //! | --- | --- |
-//! | `error` | errors of the matcher |
-//! | `lines` | the lines of all frames under the blocks |
 //! | `exact` | exact fused costs, for the pixels whose lanes do not suffice |
 //! | `selection` | winner-takes-all, and sub-pixel refinement |
-//! | `sweep` | the sweep along a disparity line |
+//! | `sweep` | the sweep along a line |
+//! | `cost_line` | a line of matching costs, from a sweep |
+//! | `disparity_line` | a line of disparities, from a sweep |
 
-mod error;
+mod cost_line;
+mod disparity_line;
 mod exact;
-mod lines;
 mod selection;
 mod sweep;
 
-use core::{marker::PhantomData, mem};
+use core::marker::PhantomData;
 
 use bytemuck::Pod;
 
 use crate::{
-    Disparity, Frame, Memory, Params, Region, ScanlineSource,
+    Disparity, Frame, MatchError, Memory, MemoryTooSmall, Params, Region, ScanlineSource,
     availability::Availability,
-    kernel::{Blocks, Change, Isa, Lane, Portable},
-    memory::Shape,
+    kernel::{Blocks, Change, Isa, Kernel, Lane, Portable},
+    lines::{Frames, Lines},
+    memory::{Lender, Shape},
 };
-pub use error::{MatchError, MemoryTooSmall};
-use lines::{Frames, Lines};
-use sweep::{Priming, Sweep};
+use cost_line::CostLine;
+use disparity_line::DisparityLine;
+use sweep::{Output, Priming, Sweep};
 
 /// A pass over a region of a frame, one disparity line at a time.
 ///
@@ -119,7 +120,7 @@ impl<'m> Matcher<'m> {
     /// # Errors
     /// [`MemoryTooSmall`].
     pub fn new(params: &Params, memory: &'m mut [u32]) -> Result<Matcher<'m>, MemoryTooSmall> {
-        Matcher::with_isa(Portable, params, &Region::whole(params), memory)
+        Matcher::with_isa(Portable, params, &Region::whole(params.search()), memory)
     }
 }
 
@@ -132,15 +133,20 @@ impl<'m, I: Isa> Matcher<'m, I> {
     /// # Errors
     /// [`MemoryTooSmall`].
     pub fn with_isa(isa: I, params: &Params, region: &Region, memory: &'m mut [u32]) -> Result<Matcher<'m, I>, MemoryTooSmall> {
+        let needed = Memory::new::<I>(params, region.width()).words();
+        Matcher::in_lent_memory(isa, params, region, &mut Lender::new::<I>(memory, needed)?)
+    }
+
+    /// [`with_isa`](Matcher::with_isa), in memory of which other parts may be lent to others.
+    pub(crate) fn in_lent_memory(
+        isa: I,
+        params: &Params,
+        region: &Region,
+        lender: &mut Lender<'m>,
+    ) -> Result<Matcher<'m, I>, MemoryTooSmall> {
         let shape = Shape::new::<I>(params, region.width());
         let sizes = Memory::new::<I>(params, region.width());
-        let too_small = MemoryTooSmall { needed: sizes.words(), given: memory.len() };
-        let mut rest = memory.get_mut(..sizes.words()).ok_or(too_small)?;
-        let mut lend = |bytes: usize| {
-            let (lent, unlent) = mem::take(&mut rest).split_at_mut_checked(bytes.div_ceil(4)).ok_or(too_small)?;
-            rest = unlent;
-            Ok(lent)
-        };
+        let mut lend = |bytes| lender.words(bytes);
         let columns = lend(sizes.column_sums)?;
         let blocks = lend(sizes.block_sums)?;
         let masks = lend(sizes.masks)?;
@@ -166,7 +172,7 @@ impl<'m, I: Isa> Matcher<'m, I> {
             shape,
             frames: Frames { center, views },
             sums: Sums { columns, blocks, masks, fused, zeros },
-            availability: Availability::new(params),
+            availability: Availability::new(params.search()),
             line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
             next: region.rows().start,
             primed: region.rows().start as i32 - params.radius() as i32,
@@ -176,6 +182,13 @@ impl<'m, I: Isa> Matcher<'m, I> {
     /// The parameters of the match.
     pub fn params(&self) -> &Params {
         &self.params
+    }
+
+    /// The samples of the centre in line `v`, which was computed last.
+    pub(crate) fn center(&self, v: usize) -> &[u8] {
+        let line = self.frames.center.at(v as i32);
+        let start = line.start + self.params.radius();
+        line.memory.get(start..start + self.params.width()).unwrap_or_default()
     }
 
     /// The region that this pass computes.
@@ -205,28 +218,59 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
         if v >= self.region.rows().end {
             return Ok(None);
         }
+        let out = DisparityLine(out);
         match (self.shape.lane_bytes, self.params.views().len()) {
-            (2, 1) => self.compute::<S, u16, 1>(source, out)?,
-            (2, 2) => self.compute::<S, u16, 2>(source, out)?,
-            (2, 3) => self.compute::<S, u16, 3>(source, out)?,
-            (2, _) => self.compute::<S, u16, 4>(source, out)?,
-            (_, 1) => self.compute::<S, u32, 1>(source, out)?,
-            (_, 2) => self.compute::<S, u32, 2>(source, out)?,
-            (_, 3) => self.compute::<S, u32, 3>(source, out)?,
-            (_, _) => self.compute::<S, u32, 4>(source, out)?,
+            (2, 1) => self.compute::<S, u16, 1, _>(source, out)?,
+            (2, 2) => self.compute::<S, u16, 2, _>(source, out)?,
+            (2, 3) => self.compute::<S, u16, 3, _>(source, out)?,
+            (2, _) => self.compute::<S, u16, 4, _>(source, out)?,
+            (_, 1) => self.compute::<S, u32, 1, _>(source, out)?,
+            (_, 2) => self.compute::<S, u32, 2, _>(source, out)?,
+            (_, 3) => self.compute::<S, u32, 3, _>(source, out)?,
+            (_, _) => self.compute::<S, u32, 4, _>(source, out)?,
         }
         self.next += 1;
         Ok(Some(v))
     }
 }
 
+impl<I: Kernel> Matcher<'_, I> {
+    /// Computes the next line of the region, and instead of its disparities the matching costs of
+    /// [semi-global matching](crate::SemiGlobalParams) into `costs`: fused sums, divided by `2^shift`.
+    ///
+    /// There are `depth` costs for each pixel, the number of disparities rounded up to whole vectors; 255
+    /// where a candidate does not exist. Costs are wrong for blocks above
+    /// [`SemiGlobalCost::MAX_BLOCK_SIZE`](crate::SemiGlobalCost::MAX_BLOCK_SIZE), and past the last line.
+    ///
+    /// # Errors
+    /// [`MatchError::Source`]. No line is lost, and the call can be repeated.
+    #[cfg_attr(target_arch = "arm", inline(always))]
+    pub fn next_costs<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        shift: u32,
+        costs: &mut [u8],
+        depth: usize,
+    ) -> Result<(), MatchError<S::Error>> {
+        let out = CostLine { costs, depth, shift };
+        match self.params.views().len() {
+            1 => self.compute::<S, u16, 1, _>(source, out)?,
+            2 => self.compute::<S, u16, 2, _>(source, out)?,
+            3 => self.compute::<S, u16, 3, _>(source, out)?,
+            _ => self.compute::<S, u16, 4, _>(source, out)?,
+        }
+        self.next += 1;
+        Ok(())
+    }
+}
+
 impl<I: Isa> Matcher<'_, I> {
     /// Computes the next line, in `V` views and with block sums in lanes of type `L`.
     #[cfg_attr(target_arch = "arm", inline(always))]
-    fn compute<S: ScanlineSource, L: Lane, const V: usize>(
+    fn compute<S: ScanlineSource, L: Lane, const V: usize, O: Output<L, I>>(
         &mut self,
         source: &mut S,
-        out: &mut [Option<Disparity>],
+        out: O,
     ) -> Result<(), MatchError<S::Error>>
     where
         I: Blocks<L>,
@@ -255,7 +299,7 @@ impl<I: Isa> Matcher<'_, I> {
             self.frames.read_rest(source, &self.params, self.line)?;
         }
         let (blocks, kept) = cast_mut(self.sums.blocks).split_at_mut_checked(vectors).unwrap_or_default();
-        let sweep = Sweep::<L, I, V> {
+        let sweep = Sweep::<L, I, V, O> {
             isa: self.isa,
             params: &self.params,
             region: &self.region,

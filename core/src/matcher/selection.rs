@@ -108,17 +108,10 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
     }
 
-    /// [`hide_padding`](Selection::hide_padding) for pixels whose costs, `vectors` for each, are in the order
-    /// of the disparities.
+    /// The padding in the order of the disparities.
     #[inline(always)]
-    pub fn hide_ordered_padding(&self, fused: &mut [I::Costs], vectors: usize) {
-        let Some(mut padding) = self.padding else { return };
-        self.isa.order(slice::from_mut(&mut padding));
-        for costs in fused.chunks_exact_mut(vectors.max(1)) {
-            if let Some(last) = costs.last_mut() {
-                self.isa.load_block(last).max(self.isa.load_block(&padding)).store(last);
-            }
-        }
+    pub fn ordered_padding(&self) -> Option<I::Block> {
+        self.padding.map(|padding| self.isa.load_block(&padding).ordered())
     }
 
     /// The disparities of a batch of pixels, refined if both neighbours exist; by `exact` costs where lanes

@@ -13,7 +13,10 @@ mod image {
     use super::board_kernel::BoardKernel;
     use core::{convert::Infallible, hint::black_box, panic::PanicInfo};
     use cortex_m as _; // Provides the critical section.
-    use multiscopic_core::{Disparity, Frame, Fusion, Matcher, Params, Region, ScanlineSource, Views};
+    use multiscopic_core::{
+        Census, Disparity, Frame, Fusion, Matcher, Params, Region, ScanlineSource, SemiGlobalCost, SemiGlobalMatcher,
+        SemiGlobalParams, Views,
+    };
     use static_cell::ConstStaticCell;
 
     static MEMORY: ConstStaticCell<[u32; 10_000]> = ConstStaticCell::new([0; 10_000]);
@@ -46,9 +49,17 @@ mod image {
         let (min_disparity, num_disparities, block_size) = black_box((1, 16, 11));
         let params = Params::new(width, height, views, fusion, min_disparity, num_disparities, block_size).ok()?;
         let (memory, line) = (MEMORY.try_take()?, LINE.try_take()?);
-        for tile in Region::tiles(&params, black_box(20)) {
+        for tile in Region::tiles(params.search(), black_box(20)) {
             let mut matcher = Matcher::with_isa(BoardKernel::default(), &params, &tile, &mut memory[..]).ok()?;
             let line = line.get_mut(..tile.width())?;
+            while matcher.next_line(&mut Opaque, line).ok()?.is_some() {
+                black_box(&mut *line);
+            }
+        }
+        for cost in black_box([SemiGlobalCost::Sad { block_size: 5 }, SemiGlobalCost::Census(Census::Window9x7)]) {
+            let params = SemiGlobalParams::new(*params.search(), cost).ok()?;
+            let mut matcher = SemiGlobalMatcher::with_isa(BoardKernel::default(), &params, &mut memory[..]).ok()?;
+            let line = line.get_mut(..params.search().width())?;
             while matcher.next_line(&mut Opaque, line).ok()?.is_some() {
                 black_box(&mut *line);
             }

@@ -1,6 +1,7 @@
 //! The command line that the firmware is started with.
 
-use multiscopic_core::{Fusion, Params, Views};
+use multiscopic_core::{Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams, Views};
+use multiscopic_edge::Matching;
 use semihosting::experimental::env;
 
 use crate::{error::FirmwareError, host_file::HostError};
@@ -22,14 +23,14 @@ pub fn fusion() -> Result<Fusion, FirmwareError> {
     (&words).nth(1).and_then(Result::ok).and_then(fusion_of).ok_or(FirmwareError::Fusion)
 }
 
-/// The parameters and the tile width of a calibration.
+/// What a calibration computes.
 ///
 /// The arguments are width, height, number of views (1 to 4), smallest disparity, number of disparities,
-/// block size, fusion, and columns of a tile.
+/// block size, fusion, columns of a tile, and the method: `bm`, or `sgm` with sums of absolute differences.
 ///
 /// Not inlined, like [`fusion`].
 #[inline(never)]
-pub fn calibration() -> Option<(Params, usize)> {
+pub fn calibration() -> Option<Matching> {
     let words = words().ok()?;
     let mut words = (&words).into_iter().skip(1).map_while(Result::ok);
     let (width, height) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
@@ -42,8 +43,13 @@ pub fn calibration() -> Option<(Params, usize)> {
     };
     let (min_disparity, num_disparities) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
     let block_size = words.next()?.parse().ok()?;
-    let params = Params::new(width, height, views, fusion_of(words.next()?)?, min_disparity, num_disparities, block_size);
-    Some((params.ok()?, words.next()?.parse().ok()?))
+    let search = Search::new(width, height, views, fusion_of(words.next()?)?, min_disparity, num_disparities).ok()?;
+    let tile_width = words.next()?.parse().ok()?;
+    Some(match words.next()? {
+        "bm" => Matching::Blocks { params: Params::block_matching(search, block_size).ok()?, tile_width },
+        "sgm" => Matching::SemiGlobal(SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size }).ok()?),
+        _ => return None,
+    })
 }
 
 fn fusion_of(name: &str) -> Option<Fusion> {

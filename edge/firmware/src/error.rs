@@ -38,7 +38,7 @@ impl fmt::Display for FirmwareError {
             FirmwareError::Fusion => write!(f, "start it with one word: min, mean or heuristic"),
             FirmwareError::Calibration => write!(
                 f,
-                "start it with: width, height, views (1 to 4), smallest disparity, disparities, block size, fusion, columns of a tile"
+                "start it with: width, height, views (1 to 4), smallest disparity, disparities, block size, fusion, columns of a tile, bm or sgm"
             ),
             FirmwareError::File(path, error) => write!(f, "cannot open {}: {error}", name(path)),
             FirmwareError::Size { path, found, expected } => {

@@ -40,7 +40,7 @@ mod semihosted;
 #[cfg(target_os = "none")]
 pub use board_kernel::BoardKernel;
 #[cfg(target_os = "none")]
-pub use entry_points::{calibrate, run};
+pub use entry_points::{calibrate, match_blocks, match_semi_globally};
 #[cfg(target_os = "none")]
 pub use fault::fail;
 #[cfg(target_os = "none")]
@@ -52,7 +52,8 @@ macro_rules! firmware {
     ($profile:path) => {
         #[cfg(target_os = "none")]
         mod image {
-            use multiscopic_edge::{Profile, Workspace, workspace};
+            use multiscopic_core::Fusion;
+            use multiscopic_edge::{Matching, Profile, Workspace, workspace};
             use multiscopic_firmware::BoardKernel;
             use static_cell::ConstStaticCell;
 
@@ -62,7 +63,13 @@ macro_rules! firmware {
 
             #[cortex_m_rt::entry]
             fn main() -> ! {
-                multiscopic_firmware::run(&PROFILE, WORKSPACE.take().pipeline())
+                let pipeline = WORKSPACE.take().pipeline();
+                match const { PROFILE.matching(Fusion::Min) } {
+                    Matching::Blocks { params, tile_width } => {
+                        multiscopic_firmware::match_blocks(PROFILE.name, params, tile_width, pipeline)
+                    }
+                    Matching::SemiGlobal(params) => multiscopic_firmware::match_semi_globally(PROFILE.name, params, pipeline),
+                }
             }
         }
 

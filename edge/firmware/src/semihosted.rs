@@ -1,7 +1,7 @@
 //! The board that a debugger or an emulator lends.
 
 use core::time::Duration;
-use multiscopic_core::{Frame, Params};
+use multiscopic_core::{Frame, Search};
 use multiscopic_edge::{Board, Phase, Streams, frame_file};
 use semihosting::sys::arm_compat::sys_clock;
 
@@ -20,9 +20,9 @@ impl Board for Semihosted {
     type Output = HostFile;
     type Error = FirmwareError;
 
-    fn frames(&mut self, params: &Params) -> Result<Streams<HostFile>, FirmwareError> {
-        let expected = (params.width() * params.height()) as u64;
-        Streams::open(params.views(), |frame: Frame| {
+    fn frames(&mut self, search: &Search) -> Result<Streams<HostFile>, FirmwareError> {
+        let expected = (search.width() * search.height()) as u64;
+        Streams::open(search.views(), |frame: Frame| {
             let path = frame_file::name(frame);
             let file = HostFile::open(path).map_err(|error| FirmwareError::File(path, error))?;
             match file.bytes().map_err(|error| FirmwareError::File(path, error))? {

@@ -136,8 +136,8 @@ mod tests {
         let sample = |u: u32| (2731 * u % 65536) as u16 & if u.is_multiple_of(3) { 0xff00 } else { 0xffff };
         let line: Vec<_> = (0..30).map(|u| Disparity::from_raw16(sample(u))).collect();
         let mut buffer = vec![0; buffer_bytes(30)];
-        let region = Region::new(&PARAMS, 3..33, 0..20).unwrap();
-        let mut sender = Sender::new(&PARAMS, &mut buffer);
+        let region = Region::new(PARAMS.search(), 3..33, 0..20).unwrap();
+        let mut sender = Sender::new(PARAMS.search(), &mut buffer);
         let (&zero, bytes) = sender.line(&region, 7, &line).unwrap().split_last().unwrap();
         assert_eq!(zero, 0);
         for bit in 0..8 * bytes.len() {

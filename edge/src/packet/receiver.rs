@@ -59,9 +59,10 @@ mod tests {
     /// The headers of a frame's packets, as a sender numbers them.
     fn headers() -> Vec<Header> {
         let mut buffer = vec![0; buffer_bytes(8)];
-        let mut sender = Sender::new(&PARAMS, &mut buffer);
+        let mut sender = Sender::new(PARAMS.search(), &mut buffer);
         let header = |packet: &[u8]| Packet::decode(&mut packet[..packet.len() - 1].to_vec()).unwrap().header;
-        let mut headers: Vec<_> = (0..4).map(|v| header(sender.line(&Region::whole(&PARAMS), v, &[None; 8]).unwrap())).collect();
+        let mut headers: Vec<_> =
+            (0..4).map(|v| header(sender.line(&Region::whole(PARAMS.search()), v, &[None; 8]).unwrap())).collect();
         headers.push(header(sender.end(None).unwrap()));
         headers
     }

@@ -1,7 +1,7 @@
 //! Encodes packets.
 
 use core::{error, fmt};
-use multiscopic_core::{Disparity, Params, Region};
+use multiscopic_core::{Disparity, Region, Search};
 
 use super::{
     checksum::{CHECKSUM_BYTES, checksum},
@@ -35,9 +35,9 @@ pub struct Sender<'b> {
 }
 
 impl<'b> Sender<'b> {
-    /// A sender for a frame of the size in `params`. The buffer needs [`buffer_bytes`] of the widest line.
-    pub fn new(params: &Params, buffer: &'b mut [u8]) -> Sender<'b> {
-        Sender { buffer, width: params.width() as u16, height: params.height() as u16, sequence: 0 }
+    /// A sender for a frame of the size in `search`. The buffer needs [`buffer_bytes`] of the widest line.
+    pub fn new(search: &Search, buffer: &'b mut [u8]) -> Sender<'b> {
+        Sender { buffer, width: search.width() as u16, height: search.height() as u16, sequence: 0 }
     }
 
     /// Encodes the disparities of `line` in the columns of `region`.
@@ -102,7 +102,7 @@ mod tests {
 
     use super::*;
     use crate::packet::Packet;
-    use multiscopic_core::{Fusion, Views};
+    use multiscopic_core::{Fusion, Params, Views};
     use std::{vec, vec::Vec};
 
     const PARAMS: Params = match Params::new(700, 20, Views::ALL, Fusion::Heuristic, 1, 4, 3) {
@@ -119,8 +119,8 @@ mod tests {
 
     fn sent(columns: usize) -> Vec<u8> {
         let mut buffer = vec![0; buffer_bytes(columns)];
-        let region = Region::new(&PARAMS, 3..3 + columns, 0..20).unwrap();
-        let mut sender = Sender { sequence: u32::MAX - 1, ..Sender::new(&PARAMS, &mut buffer) };
+        let region = Region::new(PARAMS.search(), 3..3 + columns, 0..20).unwrap();
+        let mut sender = Sender { sequence: u32::MAX - 1, ..Sender::new(PARAMS.search(), &mut buffer) };
         sender.line(&region, 7, &line(columns)).unwrap().to_vec()
     }
 
@@ -142,8 +142,8 @@ mod tests {
     fn a_small_buffer_is_refused() {
         let mut buffer = vec![0; buffer_bytes(3)];
         let given = buffer.len();
-        let region = Region::new(&PARAMS, 0..4, 0..20).unwrap();
-        let error = Sender::new(&PARAMS, &mut buffer).line(&region, 0, &line(4)).map(<[u8]>::len);
+        let region = Region::new(PARAMS.search(), 0..4, 0..20).unwrap();
+        let error = Sender::new(PARAMS.search(), &mut buffer).line(&region, 0, &line(4)).map(<[u8]>::len);
         assert_eq!(error, Err(BufferTooSmall { needed: buffer_bytes(4), given }));
     }
 }

@@ -5,7 +5,7 @@ use std::{fmt, process::ExitCode, time::Instant};
 use clap::Args;
 use image::{GrayImage, Luma};
 use multiscopic::{Error, Frames, Method, Result};
-use multiscopic_core::{Fusion, View, Views};
+use multiscopic_core::{Fusion, Params};
 
 use super::{
     options::{EngineOptions, MethodName, MethodOptions, Named, SearchOptions, named, views_of_count},
@@ -76,10 +76,11 @@ impl Bench {
         if self.width == 0 || self.height == 0 || self.repeat == 0 {
             return Err(Error::Usage("--width, --height and --repeat must be at least 1".into()));
         }
-        let frames = noise_frames(self.width.into(), self.height.into(), views);
-        let params = self.search.params(frames.size(), views, self.fusion, (1, 64))?;
+        let size = [self.width, self.height].map(usize::from);
+        let params = self.search.params(size, views, self.fusion, (1, 64))?;
+        let frames = noise_frames(&params);
         let engine = self.engine.engine()?;
-        let method: Method = self.options.method(self.method, self.search.block_size())?;
+        let method: Method = self.options.method(self.method, self.search.block_size)?;
         let mut seconds = f64::INFINITY;
         for _ in 0..self.repeat {
             let start = Instant::now();
@@ -113,19 +114,18 @@ impl fmt::Display for Measurement {
     }
 }
 
-/// Frames of a noisy plane at disparity 20. The time does not depend on the content.
-fn noise_frames(width: u32, height: u32, views: Views) -> Frames {
+/// Frames of a noisy plane in the middle of the search, so that searches of all sizes are alike.
+///
+/// A search without a match would take longer: fused costs of noise often exceed 16 bits, and are then computed
+/// again.
+fn noise_frames(params: &Params) -> Frames {
     let noise = |u: i32, v: i32| {
         let mut hash = (u as u32).wrapping_mul(0x9E37_79B1) ^ (v as u32).wrapping_mul(0x85EB_CA77);
         hash = (hash ^ hash >> 15).wrapping_mul(0x2C1B_3C6D);
         (hash >> 24) as u8
     };
-    let shifted = |du: i32, dv: i32| GrayImage::from_fn(width, height, |u, v| Luma([noise(u as i32 - du, v as i32 - dv)]));
-    views.iter().fold(Frames::new(shifted(0, 0)), |frames, view| {
-        let (du, dv) = match view {
-            View::Left | View::Right => (20 * view.sign(), 0),
-            View::Top | View::Bottom => (0, 20 * view.sign()),
-        };
-        frames.with(view, shifted(du, dv))
-    })
+    let (width, height) = (params.width() as u32, params.height() as u32);
+    let shifted = |(du, dv): (i32, i32)| GrayImage::from_fn(width, height, |u, v| Luma([noise(u as i32 - du, v as i32 - dv)]));
+    let middle = i16::midpoint(params.min_disparity(), params.max_disparity());
+    params.views().iter().fold(Frames::new(shifted((0, 0))), |frames, view| frames.with(view, shifted(view.shift(middle))))
 }

@@ -97,7 +97,7 @@ impl Evaluate {
     pub fn run(&self) -> Result<ExitCode> {
         let variants = self.variants()?;
         let options = self.options.clone().for_dataset(self.dataset);
-        let method = |&name: &MethodName| Ok((name, options.method(name, self.search.block_size())?));
+        let method = |&name: &MethodName| Ok((name, options.method(name, self.search.block_size)?));
         let methods = self.methods.iter().map(method).collect::<Result<Vec<_>>>()?;
         let scenes = self.selected_scenes()?;
         let outputs: Vec<&Path> = self.json.iter().chain(&self.report).map(PathBuf::as_path).collect();

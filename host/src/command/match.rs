@@ -96,7 +96,10 @@ impl Match {
             frames = Alignment::estimate(&frames, &params, &engine)?.compensate(&frames);
         }
 
-        let method = self.options.method(self.method, self.search.block_size())?;
+        let method = self.options.method(self.method, self.search.block_size)?;
+        if !method.cost.matches_color() {
+            frames = frames.without_color();
+        }
         if let (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) = (&method.cost, &method.optimizer)
             && cuts.upsample > 1
         {

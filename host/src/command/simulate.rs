@@ -17,8 +17,8 @@ use multiscopic::{
         simulation::{self, Simulation},
     },
 };
-use multiscopic_core::{Fusion, Params, Region, View, Views};
-use multiscopic_edge::{Profile, profile};
+use multiscopic_core::{Fusion, Search, View, Views};
+use multiscopic_edge::{Matching, Profile, profile};
 use serde::Serialize;
 
 use super::{
@@ -62,13 +62,13 @@ impl Simulate {
     pub fn run(&self) -> Result<ExitCode> {
         let profile = profile::ALL.into_iter().find(|profile| profile.name == self.profile);
         let profile = profile.expect("the parser admits the profiles' names alone");
-        let views = profile.params(Fusion::Min).views();
+        let views = profile.matching(Fusion::Min).search().views();
         let fusion = self.fusion.unwrap_or(Fusion::default_for(views.len()));
-        let params = profile.params(fusion);
-        let (frames, images) = self.frames(&profile, &params)?;
+        let matching = profile.matching(fusion);
+        let (frames, images) = self.frames(&profile, matching.search())?;
 
-        let passes = Region::tiles(&params, profile.tile_width()).count();
-        let bar = terminal::progress((passes * params.height()) as u64, "lines");
+        let lines = matching.tiles().count() * matching.search().height();
+        let bar = terminal::progress(lines as u64, "lines");
         let simulation = simulation::simulate(&profile, fusion, &frames, &|| bar.inc(1))?;
         bar.finish_and_clear();
         if let Some(path) = &self.packets {
@@ -78,25 +78,25 @@ impl Simulate {
             let received = reception::receive(&simulation.packets[..], Path::new("the simulated packets"), |_| ())?;
             received.disparities.write_pfm(path)?;
         }
-        let report = SimulationReport::new(&profile, &params, self.core, images, &simulation);
+        let report = SimulationReport::new(&profile, &matching, self.core, images, &simulation);
         terminal::print_report(&report, self.json)?;
         Ok(ExitCode::SUCCESS)
     }
 
     /// The frames in the size of the profile, and `"demo"` or `"given"` for the report.
-    fn frames(&self, profile: &Profile, params: &Params) -> Result<(Frames, &'static str)> {
+    fn frames(&self, profile: &Profile, search: &Search) -> Result<(Frames, &'static str)> {
         let outputs: Vec<&Path> = [&self.output, &self.packets].into_iter().flatten().map(PathBuf::as_path).collect();
-        let [width, height] = [params.width(), params.height()];
+        let [width, height] = [search.width(), search.height()];
         let Some((images, _)) = self.source.frame_files()? else {
             output::check(&outputs, &[])?;
             let camera = PinholeCamera::new(width as u32, height as u32);
-            return Ok((render(&Scene::demo(), &camera, 1).frames(params.views()), "demo"));
+            return Ok((render(&Scene::demo(), &camera, 1).frames(search.views()), "demo"));
         };
         let rig_file = self.source.rig_file();
         output::check(&outputs, &images.paths().chain(rig_file.as_deref()).collect::<Vec<_>>())?;
-        if let Some(view) = params.views().iter().find(|&view| !images.views().contains(view)) {
+        if let Some(view) = search.views().iter().find(|&view| !images.views().contains(view)) {
             let message =
-                format!("profile {} needs the views {}: the {} one is missing", profile.name, names(params.views()), view.name());
+                format!("profile {} needs the views {}: the {} one is missing", profile.name, names(search.views()), view.name());
             return Err(Error::Usage(message));
         }
         let (frames, _) = Frames::load(&images)?;
@@ -108,7 +108,7 @@ impl Simulate {
                 expected: format!("at least {width}x{height}, the frame of profile {}", profile.name),
             });
         }
-        Ok((frames.middle([width, height], params.views()), "given"))
+        Ok((frames.middle([width, height], search.views()), "given"))
     }
 }
 
@@ -139,26 +139,26 @@ struct SimulationReport<'a> {
 impl<'a> SimulationReport<'a> {
     fn new(
         profile: &Profile,
-        params: &Params,
+        matching: &Matching,
         processor: Processor,
         images: &'a str,
         simulation: &Simulation,
     ) -> SimulationReport<'a> {
-        let ram = Ram::new(params, profile.tile_width(), processor);
-        let instructions = processor.instructions(params, profile.tile_width()).round();
+        let (search, ram) = (matching.search(), Ram::new(matching, processor));
+        let instructions = processor.instructions(matching).expect("no profile has census costs").round();
         SimulationReport {
             profile: profile.name,
             core: processor.name(),
-            fusion: params.fusion().name(),
+            fusion: search.fusion().name(),
             images,
             ram_static: simulation.workspace + ram.other_statics,
             stack_max: ram.stack,
             ram_total: simulation.workspace + ram.other_statics + ram.stack,
             ram_budget: profile.ram_budget,
-            de: params.evaluations(),
+            de: search.evaluations(),
             instructions,
-            instructions_per_de: instructions / params.evaluations() as f64,
-            lines_latency: params.latency_lines(),
+            instructions_per_de: instructions / search.evaluations() as f64,
+            lines_latency: matching.latency_lines(),
             tile_passes: simulation.passes,
             lines_read: simulation.lines_read.iter().map(|&(of, lines)| (of.name(), lines)).collect(),
             packet_bytes: simulation.packets.len(),

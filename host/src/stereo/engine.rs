@@ -1,12 +1,9 @@
 //! The machine that matches: threads and vector instructions, and the core's block matching on both.
 
-use multiscopic_core::{Disparity, Frame, Matcher, Memory, Params, Region, Search, View, kernel::Blocks};
+use multiscopic_core::{Disparity, Frame, Matcher, Memory, Params, Region, Search, View, kernel::Kernel};
 use rayon::prelude::*;
 
-use super::{
-    lanes::Vectors,
-    simd::{Simd, Task},
-};
+use super::simd::{Simd, Task};
 use crate::{
     error::{Error, Result},
     images::{DisparityMap, Frames},
@@ -73,7 +70,7 @@ impl Engine {
         // Each band primes its column sums with a block's height of lines. The fewer the bands, the less of
         // that.
         let height = params.height().div_ceil(self.threads());
-        let bands: Vec<Region> = Region::bands(params, height).collect();
+        let bands: Vec<Region> = Region::bands(params.search(), height).collect();
         let simd = self.simd(params.search());
         let pixels = map.pixels_mut().par_chunks_mut(height * params.width());
         self.pool.install(|| {
@@ -97,7 +94,7 @@ struct MatchRegion<'a, F> {
 impl<F: Fn()> Task for MatchRegion<'_, F> {
     type Output = ();
 
-    fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, isa: I) {
+    fn run<I: Kernel>(self, isa: I) {
         /// Bytes of the widest vector. Sums are aligned to it.
         const ALIGNMENT: usize = 64;
         let MatchRegion { mut frames, params, region, out, line_done } = self;

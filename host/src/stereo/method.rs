@@ -1,11 +1,11 @@
 //! Stereo methods as pipelines of four steps: matching cost, aggregation, optimization, refinement.
 
-use multiscopic_core::{Frame, Params, Search};
+use multiscopic_core::{Census, Frame, Params, Search};
 
 use super::{
     aggregation::{Aggregation, CrossBased},
     cost::{
-        BirchfieldTomasi, Census, CostRows, Volume,
+        BirchfieldTomasi, CensusRows, Cost, CostRows, SadRows, Volume,
         mccnn::{self, Network},
     },
     engine::Engine,
@@ -29,13 +29,13 @@ use crate::{
 /// | method | cost | aggregation | optimizer |
 /// | --- | --- | --- | --- |
 /// | `bm` | [`Sad`](CostFunction::Sad) | the block of the sum | [`WinnerTakesAll`](Optimizer::WinnerTakesAll) |
-/// | `sgm` | [`Census`](CostFunction::Census) | none | [`SemiGlobal`](Optimizer::SemiGlobal) |
+/// | `sgm` | [`Census`](CostFunction::Census) or [`Sad`](CostFunction::Sad) | none | [`SemiGlobal`](Optimizer::SemiGlobal) |
 /// | `gc` | [`BirchfieldTomasi`](CostFunction::BirchfieldTomasi) | none | [`GraphCuts`](Optimizer::GraphCuts) |
 /// | `mccnn-fast` | [`McCnn`](CostFunction::McCnn) | none | [`EdgeAware`](Optimizer::EdgeAware) |
 /// | `mccnn-accurate` | [`McCnn`](CostFunction::McCnn) | [`Aggregation`] | [`EdgeAware`](Optimizer::EdgeAware) |
 ///
-/// Other pairs work too: the census and Birchfield-Tomasi costs with winner-takes-all and semi-global
-/// matching, and those of MC-CNN with winner-takes-all, with or without aggregation.
+/// Other pairs work too: the census and Birchfield-Tomasi costs with winner-takes-all, and those of MC-CNN with
+/// winner-takes-all, with or without aggregation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Method {
     /// How much a pixel differs from its match.
@@ -53,7 +53,8 @@ pub struct Method {
 pub enum CostFunction {
     /// The sum of absolute differences over a block, by the core.
     Sad {
-        /// The side of the block in pixels: see [`Params`].
+        /// The side of the block in pixels: see [`Params`], and for semi-global matching
+        /// [`SemiGlobalCost`](multiscopic_core::SemiGlobalCost).
         block_size: u8,
     },
     /// The Hamming distance of census transforms.
@@ -62,6 +63,13 @@ pub enum CostFunction {
     BirchfieldTomasi(BirchfieldTomasi),
     /// The dissimilarity of patches by a network of MC-CNN.
     McCnn(Box<Network>),
+}
+
+impl CostFunction {
+    /// Whether colours are matched, where all frames have them.
+    pub fn matches_color(&self) -> bool {
+        matches!(self, CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: true }))
+    }
 }
 
 /// The third step: the optimizer.
@@ -110,12 +118,19 @@ impl Method {
             (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) if self.aggregation.is_none() => {
                 cuts.disparities(*cost, engine, frames, search, progress)?
             }
-            (CostFunction::Census(census), _) => {
-                let rows = engine.pool().install(|| census.rows(frames, search));
-                self.optimize_rows(&rows, engine, frames, progress)?
+            (CostFunction::Sad { block_size }, Optimizer::SemiGlobal(sgm)) if self.aggregation.is_none() => {
+                self.along_paths(sgm, &SadRows::new(engine, frames, search, *block_size)?, engine, frames, progress)
             }
-            (CostFunction::BirchfieldTomasi(cost), _) => {
-                self.optimize_rows(&cost.rows(frames, search), engine, frames, progress)?
+            (CostFunction::Census(census), Optimizer::SemiGlobal(sgm)) if self.aggregation.is_none() => {
+                let rows = engine.pool().install(|| CensusRows::new(frames, search, *census));
+                self.along_paths(sgm, &rows, engine, frames, progress)
+            }
+            (CostFunction::Census(census), Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
+                let rows = engine.pool().install(|| CensusRows::new(frames, search, *census));
+                self.take_winners(&rows, engine, progress)
+            }
+            (CostFunction::BirchfieldTomasi(cost), Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
+                self.take_winners(&cost.rows(frames, search), engine, progress)
             }
             // Other optimizers are refused before the network runs, which takes long.
             (CostFunction::McCnn(network), Optimizer::WinnerTakesAll | Optimizer::EdgeAware(_)) => engine.pool().install(|| {
@@ -127,33 +142,32 @@ impl Method {
         Ok(engine.pool().install(|| self.refinement.filter(map)))
     }
 
-    /// Selects disparities by integer costs, which come row by row.
-    fn optimize_rows(
+    /// Selects the least costs, which come row by row.
+    fn take_winners<C: Cost>(&self, rows: &impl CostRows<Cost = C>, engine: &Engine, progress: &dyn Progress) -> DisparityMap {
+        if !self.refinement.needs_costs() {
+            return winner::disparities(rows, engine, progress);
+        }
+        let costs = winner::collect(rows, engine, progress);
+        let mut map = costs.disparities(rows.search());
+        self.refinement.check(rows.search(), &costs, &mut map);
+        map
+    }
+
+    /// Selects the least sums of path costs.
+    fn along_paths(
         &self,
-        rows: &impl CostRows<Cost = u16>,
+        sgm: &SemiGlobal,
+        rows: &impl CostRows<Cost = u8>,
         engine: &Engine,
         frames: &Frames,
         progress: &dyn Progress,
-    ) -> Result<DisparityMap> {
+    ) -> DisparityMap {
         let center = frames.get(Frame::Center).expect("every set of frames has a centre");
-        match &self.optimizer {
-            _ if self.aggregation.is_some() => Err(self.mismatch()),
-            Optimizer::WinnerTakesAll if self.refinement.needs_costs() => {
-                let costs = winner::collect(rows, engine, progress);
-                let mut map = costs.disparities(rows.search());
-                self.refinement.check(rows.search(), &costs, &mut map);
-                Ok(map)
-            }
-            Optimizer::WinnerTakesAll => Ok(winner::disparities(rows, engine, progress)),
-            Optimizer::SemiGlobal(sgm) => {
-                let (mut map, sums) = sgm.optimize(rows, center, engine, self.refinement.needs_costs(), progress)?;
-                if let Some(sums) = sums {
-                    self.refinement.check(rows.search(), &sums, &mut map);
-                }
-                Ok(map)
-            }
-            _ => Err(self.mismatch()),
+        let (mut map, sums) = sgm.optimize(rows, center, engine, self.refinement.needs_costs(), progress);
+        if let Some(sums) = sums {
+            self.refinement.check(rows.search(), &sums, &mut map);
         }
+        map
     }
 
     /// Selects disparities by real-valued costs, on the threads of the current pool.

@@ -3,7 +3,6 @@
 //!
 //! | room | what it is |
 //! | --- | --- |
-//! | [`lanes`] | vectors of 32 lanes |
 //! | [`Simd`] | the vector instructions of this processor |
 //! | [`Engine`] | threads and vectors; block matching by the core, which is all four steps in one |
 //! | [`cost`] | how much a pixel differs from its match, fused over the views |
@@ -15,7 +14,6 @@
 pub mod aggregation;
 pub mod cost;
 mod engine;
-pub mod lanes;
 mod method;
 pub mod optimization;
 pub mod refinement;

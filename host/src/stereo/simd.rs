@@ -10,12 +10,11 @@ use std::fmt;
 use multiscopic_core::kernel::Neon;
 #[cfg(target_arch = "x86_64")]
 use multiscopic_core::kernel::{Avx2, Avx512};
-use multiscopic_core::kernel::{Blocks, Portable};
+use multiscopic_core::kernel::{Isa, Kernel, MAX_BATCH, Portable};
 
-use super::lanes::Vectors;
-
-/// The portable kernel, with lanes that the compiler vectorises on any processor.
-type Baseline = Portable<8>;
+/// The portable kernel, which the compiler vectorises on any processor. The samples of a vector fill a register
+/// of 16 bytes.
+type Baseline = Portable<16, MAX_BATCH>;
 
 /// Whether this processor has a feature that a kernel needs.
 #[cfg(target_arch = "x86_64")]
@@ -52,7 +51,7 @@ pub trait Task {
     type Output;
 
     /// Computes it with `isa`.
-    fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, isa: I) -> Self::Output;
+    fn run<I: Kernel>(self, isa: I) -> Self::Output;
 }
 
 impl Simd {
@@ -77,15 +76,35 @@ impl Simd {
         levels
     }
 
-    /// The fastest set for a number of disparities: the widest of which more than half of the lanes are used.
+    /// The fastest set for a number of disparities: the one with the fewest vectors for them, and of several
+    /// the one with the fewest lanes.
+    ///
+    /// A vector takes about as many instructions with any set, however many of its lanes are used, so the time
+    /// follows the number of vectors. Where that is the same, fewer lanes take less memory. No search has more
+    /// vectors, or as many but wider ones, than a larger search.
+    ///
+    /// The baseline lacks instructions that the other sets have. It is for processors without any of them.
     pub fn fastest(num_disparities: usize) -> Simd {
-        let available = Simd::available();
-        available.iter().copied().find(|simd| num_disparities > simd.lanes() / 2).unwrap_or(available[available.len() - 1])
+        Simd::fastest_of(&Simd::available(), num_disparities)
     }
 
-    /// The number of disparities that are computed at a time.
-    fn lanes(self) -> usize {
-        self.run(CountLanes)
+    /// The [`fastest`](Simd::fastest) of `available` sets.
+    fn fastest_of(available: &[Simd], num_disparities: usize) -> Simd {
+        let sets = available.iter().copied().filter(|&simd| simd != Simd::BASELINE);
+        sets.min_by_key(|simd| (num_disparities.div_ceil(simd.lanes()), simd.lanes())).unwrap_or(Simd::BASELINE)
+    }
+
+    /// The number of disparities in a vector.
+    pub fn lanes(self) -> usize {
+        match self.0 {
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => Avx512::LANES,
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => Avx2::LANES,
+            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+            Level::Neon => Neon::LANES,
+            Level::Baseline => Baseline::LANES,
+        }
     }
 
     /// The set called `name`, if this processor has it.
@@ -124,13 +143,32 @@ impl fmt::Display for Simd {
     }
 }
 
-/// Counts the disparities that are computed at a time.
-struct CountLanes;
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-impl Task for CountLanes {
-    type Output = usize;
-
-    fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, _isa: I) -> usize {
-        I::LANES
+    #[test]
+    fn no_search_has_more_vectors_than_a_larger_one() {
+        #[cfg(target_arch = "x86_64")]
+        let wide = [Simd(Level::Avx512), Simd(Level::Avx2), Simd::BASELINE];
+        #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+        let wide = [Simd(Level::Neon), Simd::BASELINE];
+        #[cfg(not(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon"))))]
+        let wide = [Simd::BASELINE];
+        // Each processor has the sets from one of them on.
+        for first in 0..wide.len() {
+            let available = &wide[first..];
+            let mut smaller = (0, 0);
+            for num_disparities in 1..=512 {
+                let simd = Simd::fastest_of(available, num_disparities);
+                let vectors = (num_disparities.div_ceil(simd.lanes()), simd.lanes());
+                assert!(
+                    smaller <= vectors,
+                    "{num_disparities} disparities in {vectors:?}, one less in {smaller:?} with {available:?}"
+                );
+                assert_eq!(simd == Simd::BASELINE, available.len() == 1, "{num_disparities} disparities with {available:?}");
+                smaller = vectors;
+            }
+        }
     }
 }

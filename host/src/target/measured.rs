@@ -1,15 +1,14 @@
 //! What no formula gives: what the firmware was measured to take in the emulator.
 
-use std::sync::LazyLock;
+use std::{collections::BTreeMap, sync::LazyLock};
 
-use multiscopic_core::Params;
+use multiscopic_edge::Matching;
 use serde::{Deserialize, Serialize};
 
 use super::{instruction_model::Prices, processor::Processor};
 
 /// The measurements in `measured.toml`.
-pub static MEASURED: LazyLock<FirmwareCostTable> =
-    LazyLock::new(|| toml::from_str(TEXT).expect("`cargo xtask edge --fit` wrote it"));
+pub static MEASURED: LazyLock<FirmwareCostTable> = LazyLock::new(|| toml::from_str(TEXT).expect("`cargo xtask` wrote it"));
 
 const TEXT: &str = include_str!("measured.toml");
 
@@ -21,6 +20,9 @@ pub struct FirmwareCostTable {
     pub date: String,
     /// The emulator and the compiler.
     pub machine: String,
+    /// Cycles per instruction by the name of the processor, on average over the firmware of the profile `qvga` with
+    /// each fusion rule.
+    pub cycles_per_instruction: BTreeMap<String, f64>,
     /// Cortex-M4 and M7.
     #[serde(rename = "armv7e-m")]
     pub armv7e_m: FirmwareCosts,
@@ -35,10 +37,31 @@ pub struct FirmwareCostTable {
 pub struct FirmwareCosts {
     /// Bytes of statics beside the workspace: the state of the runtime and of the log.
     pub statics: usize,
-    /// Greatest depth of the stack in bytes, over all profiles and fusion rules.
+    /// Greatest depth of the stack in bytes with block matching, over all profiles and fusion rules.
     pub stack: usize,
+    /// The same with semi-global matching.
+    pub path_stack: usize,
     /// The prices of the instruction model.
     pub prices: Prices,
+}
+
+impl FirmwareCosts {
+    /// The greatest depth of the stack in bytes.
+    pub fn stack_of(&self, matching: &Matching) -> usize {
+        match matching {
+            Matching::Blocks { .. } => self.stack,
+            Matching::SemiGlobal(_) => self.path_stack,
+        }
+    }
+
+    /// Notes a depth of the stack that was measured.
+    pub fn note_stack(&mut self, matching: &Matching, bytes: usize) {
+        let noted = match matching {
+            Matching::Blocks { .. } => &mut self.stack,
+            Matching::SemiGlobal(_) => &mut self.path_stack,
+        };
+        *noted = bytes.max(*noted);
+    }
 }
 
 impl FirmwareCostTable {
@@ -61,7 +84,10 @@ impl FirmwareCostTable {
     /// The contents of `measured.toml`.
     pub fn to_toml(&self) -> String {
         let table = toml::to_string(self).expect("it has only numbers, strings and tables of them");
-        format!("# Written by `cargo xtask edge --fit`: bytes, and prices in instructions (see instruction_model).\n{table}")
+        format!(
+            "# Written by `cargo xtask edge --fit`: bytes, and prices in instructions (see instruction_model).\n\
+             # Cycles per instruction are written by `cargo xtask cycles --update`.\n{table}"
+        )
     }
 }
 
@@ -71,18 +97,27 @@ impl Processor {
         MEASURED.of(self)
     }
 
-    /// The instructions that a match in column tiles takes by the model, including sending but not fetching
-    /// lines.
-    pub fn instructions(self, params: &Params, tile_width: usize) -> f64 {
-        let instructions = self.firmware_costs().prices.instructions(params, tile_width, self.lanes());
-        instructions.expect("prices are fitted for every kernel")
+    /// Average cycles per instruction.
+    ///
+    /// `cargo xtask cycles` measures them: the emulator counts how often each block of the firmware runs, and each
+    /// block takes the cycles of Arm's manual (Cortex-M4) or of LLVM's model of the processor (M7, M55). They leave out
+    /// wait states and caches, the branches that a Cortex-M7 predicts wrongly, and the unaligned words that a Cortex-M7 or
+    /// M55 loads in two accesses. If you have measured your part, use `multiscopic budget --cpi` instead.
+    pub fn cycles_per_instruction(self) -> f64 {
+        MEASURED.cycles_per_instruction[self.name()]
+    }
+
+    /// The instructions that a match takes by the model, including sending but not fetching lines. `None` for
+    /// the census, to which the model is not fitted.
+    pub fn instructions(self, matching: &Matching) -> Option<f64> {
+        self.firmware_costs().prices.instructions(matching, self.lanes())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Fusion, Views};
+    use multiscopic_core::{Census, Fusion, Params, SemiGlobalCost, SemiGlobalParams, Views};
 
     #[test]
     fn the_table_survives_a_round_trip_through_toml() {
@@ -90,6 +125,7 @@ mod tests {
         for processor in Processor::ALL {
             let costs = MEASURED.of(processor);
             assert!(costs.stack > 0 && costs.prices.candidates.len() == 19, "{}", processor.name());
+            assert!((0.5..3.0).contains(&processor.cycles_per_instruction()), "{}", processor.name());
         }
     }
 
@@ -99,9 +135,24 @@ mod tests {
             for (fusion, block_size) in Fusion::ALL.into_iter().flat_map(|fusion| [(fusion, 3), (fusion, 21)]) {
                 let params = Params::new(40, 30, views, fusion, 1, 8, block_size).unwrap();
                 for processor in Processor::ALL {
+                    let matching = Matching::Blocks { params, tile_width: 40 };
                     // More than one instruction per pixel.
-                    assert!(processor.instructions(&params, 40) > 40.0 * 30.0, "{processor:?} {params:?}");
+                    assert!(processor.instructions(&matching) > Some(40.0 * 30.0), "{processor:?} {params:?}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn semi_global_matching_has_a_price_unless_its_cost_is_the_census() {
+        for (views, fusion) in [Views::STEREO, Views::ALL].into_iter().flat_map(|views| Fusion::ALL.map(|fusion| (views, fusion)))
+        {
+            let search = *Params::new(40, 30, views, fusion, 1, 8, 1).unwrap().search();
+            let matching = |cost| Matching::SemiGlobal(SemiGlobalParams::new(search, cost).unwrap());
+            for processor in Processor::ALL {
+                let sad = processor.instructions(&matching(SemiGlobalCost::Sad { block_size: 5 }));
+                assert!(sad > Some(40.0 * 30.0), "{processor:?} {search:?}");
+                assert_eq!(processor.instructions(&matching(SemiGlobalCost::Census(Census::Window5x5))), None);
             }
         }
     }

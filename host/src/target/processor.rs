@@ -1,7 +1,7 @@
 //! The processors that budgets are predicted for.
 
-use multiscopic_core::{Params, kernel::Isa};
-use multiscopic_edge::{Lengths, Wide};
+use multiscopic_core::kernel::Isa;
+use multiscopic_edge::{Lengths, Matching, Wide};
 
 /// A processor, by its core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,31 +37,13 @@ impl Processor {
         }
     }
 
-    /// Average cycles per instruction. The emulator counts instructions, not cycles, so this is an
-    /// assumption, for code and data in memory without wait states or in caches:
-    ///
-    /// - Cortex-M4, 1.4: arithmetic takes 1 cycle, an isolated load 2, a taken branch 2 to 4.
-    /// - Cortex-M7, 0.8: it issues up to two instructions per cycle, unless one depends on the other or both
-    ///   are loads.
-    /// - Cortex-M55, 1.5: a vector instruction takes 2 cycles; alternating arithmetic and loads overlap by one
-    ///   cycle.
-    ///
-    /// If you have measured your part, use `multiscopic budget --cpi` instead.
-    pub fn cycles_per_instruction(self) -> f64 {
-        match self {
-            Processor::CortexM4 => 1.4,
-            Processor::CortexM7 => 0.8,
-            Processor::CortexM55 => 1.5,
-        }
-    }
-
     /// Lanes of its kernel. The number of disparities is rounded up to a multiple of it.
     pub fn lanes(self) -> usize {
         Wide::LANES
     }
 
     /// The lengths of its workspace.
-    pub fn lengths(self, params: &Params, tile_width: usize) -> Lengths {
-        Lengths::new::<Wide>(params, tile_width)
+    pub fn lengths(self, matching: &Matching) -> Lengths {
+        matching.lengths::<Wide>()
     }
 }

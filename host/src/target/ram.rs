@@ -1,7 +1,7 @@
 //! The RAM that a match takes on a microcontroller, buffer by buffer.
 
 use multiscopic_core::Params;
-use multiscopic_edge::Lengths;
+use multiscopic_edge::{Lengths, Matching};
 
 use super::processor::Processor;
 
@@ -28,10 +28,10 @@ pub struct Buffer {
 }
 
 impl Ram {
-    /// For a match in column tiles of `tile_width` columns. The workspace is computed, the rest was measured.
-    pub fn new(params: &Params, tile_width: usize, processor: Processor) -> Ram {
+    /// For a match. The workspace is computed, the rest was measured.
+    pub fn new(matching: &Matching, processor: Processor) -> Ram {
         let costs = processor.firmware_costs();
-        Ram { workspace: processor.lengths(params, tile_width), other_statics: costs.statics, stack: costs.stack }
+        Ram { workspace: processor.lengths(matching), other_statics: costs.statics, stack: costs.stack_of(matching) }
     }
 
     /// Bytes of all statics.
@@ -44,8 +44,8 @@ impl Ram {
         self.statics() + self.stack
     }
 
-    /// Every buffer. The sizes add up to [`bytes`](Ram::bytes).
-    pub fn buffers(&self) -> [Buffer; 13] {
+    /// Every buffer that the method has. The sizes add up to [`bytes`](Ram::bytes).
+    pub fn buffers(&self) -> Vec<Buffer> {
         let Lengths { matcher, packet, .. } = self.workspace;
         let line = self.workspace.line_bytes();
         let padding = self.workspace.bytes() - (matcher.bytes() + line + packet);
@@ -59,12 +59,18 @@ impl Ram {
             ("vertical", matcher.vertical, "lines of the top and bottom views under the block, at all disparities"),
             ("zeros", matcher.zeros, "zeros, subtracted while the first block fills"),
             ("line", matcher.line, "the line being read"),
+            ("costs", matcher.costs, "matching costs of a line, and what paths add to them"),
+            ("paths", matcher.paths, "path costs of a line, by path and disparity"),
+            ("samples", matcher.samples, "the centre's samples in two lines, and the penalties by their change"),
             ("disparities", line, "the disparity line being computed"),
             ("packet", packet + padding, "the packet of a line, before and after COBS encoding"),
             ("runtime", self.other_statics, "all other statics, measured"),
             ("stack", self.stack, "greatest depth of the stack, measured"),
         ]
+        .into_iter()
+        .filter(|(_, bytes, _)| *bytes > 0)
         .map(|(name, bytes, contents)| Buffer { name, bytes, contents })
+        .collect()
     }
 }
 
@@ -72,24 +78,26 @@ impl Ram {
 /// evenly. `None` if not even tiles of one column fit.
 pub fn widest_tile(params: &Params, processor: Processor, limit: usize) -> Option<usize> {
     let widths = (1..=params.width()).map(|tiles| params.width().div_ceil(tiles));
-    widths.into_iter().find(|&width| Ram::new(params, width, processor).bytes() <= limit)
+    let ram = |tile_width| Ram::new(&Matching::Blocks { params: *params, tile_width }, processor);
+    widths.into_iter().find(|&width| ram(width).bytes() <= limit)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Fusion, Memory};
+    use multiscopic_core::Fusion;
     use multiscopic_edge::{Wide, profile};
 
     #[test]
     fn buffers_add_up_to_the_total() {
         for (profile, processor) in profile::ALL.into_iter().flat_map(|profile| Processor::ALL.map(|core| (profile, core))) {
-            let params = profile.params(Fusion::Heuristic);
-            let ram = Ram::new(&params, profile.tile_width(), processor);
+            let matching = profile.matching(Fusion::Heuristic);
+            let ram = Ram::new(&matching, processor);
             assert_eq!(ram.buffers().iter().map(|buffer| buffer.bytes).sum::<usize>(), ram.bytes());
-            let matcher = ram.buffers()[..9].iter().map(|buffer| buffer.bytes).sum::<usize>();
-            let (memory, lengths) = (Memory::new::<Wide>(&params, profile.tile_width()), profile.lengths::<Wide>());
-            assert_eq!((matcher, ram.workspace), (memory.bytes(), lengths));
+            let others = ["disparities", "packet", "runtime", "stack"];
+            let matcher = ram.buffers().into_iter().filter(|buffer| !others.contains(&buffer.name));
+            let lengths = profile.lengths::<Wide>();
+            assert_eq!((matcher.map(|buffer| buffer.bytes).sum(), ram.workspace), (lengths.matcher.bytes(), lengths));
             assert_eq!(ram.statics(), lengths.bytes() + processor.firmware_costs().statics);
             assert!(ram.bytes() <= profile.ram_budget, "{}", profile.name);
         }
@@ -97,8 +105,8 @@ mod tests {
 
     #[test]
     fn the_widest_tile_fits_and_the_next_wider_does_not() {
-        let params = profile::QVGA.params(Fusion::Min);
-        let bytes = |width| Ram::new(&params, width, Processor::CortexM4).bytes();
+        let Matching::Blocks { params, .. } = profile::QVGA.matching(Fusion::Min) else { panic!("it matches blocks") };
+        let bytes = |tile_width| Ram::new(&Matching::Blocks { params, tile_width }, Processor::CortexM4).bytes();
         for limit in [20_000, 48 * 1024, 100_000] {
             let width = widest_tile(&params, Processor::CortexM4, limit).unwrap();
             let tiles = params.width().div_ceil(width);

@@ -3,8 +3,8 @@
 
 use std::{convert::Infallible, time::Duration};
 
-use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, View, Views, kernel::Blocks};
-use multiscopic_edge::{Board, Phase, Profile, Streams, StreamsError, Wide, Workspace, profile, workspace};
+use multiscopic_core::{Frame, Fusion, Rewind, ScanlineSource, Search, View, Views, kernel::Kernel};
+use multiscopic_edge::{Board, Matching, Phase, Profile, Streams, StreamsError, Wide, Workspace, profile, workspace};
 
 use crate::{error::Error, images::Frames};
 
@@ -62,8 +62,8 @@ impl From<SimulationError> for Error {
 /// # Errors
 /// The frames have another size than the profile's, a view is missing, or the profile is unknown.
 pub fn simulate(profile: &Profile, fusion: Fusion, frames: &Frames, on_line: &dyn Fn()) -> Result<Simulation, SimulationError> {
-    let params = profile.params(fusion);
-    let (found, expected) = (frames.size(), [params.width(), params.height()]);
+    let matching = profile.matching(fusion);
+    let (found, expected) = (frames.size(), [matching.search().width(), matching.search().height()]);
     if found != expected {
         return Err(SimulationError::FrameSize { profile: profile.name, found, expected });
     }
@@ -74,27 +74,34 @@ pub fn simulate(profile: &Profile, fusion: Fusion, frames: &Frames, on_line: &dy
             match profile.name {
                 $(name if name == $known.name => {
                     let mut workspace = Box::<workspace!(Wide, $known)>::new(Workspace::new());
-                    run(Wide::default(), &mut *workspace, &params, profile.tile_width(), &mut board)
+                    run(Wide::default(), &mut *workspace, &matching, &mut board)
                 })*
                 name => Err(SimulationError::UnknownProfile { name }),
             }
         };
     }
-    run!(profile::QQVGA, profile::QVGA, profile::QVGA_TILED, profile::VGA, profile::VGA_TILED)
+    run!(
+        profile::QQVGA,
+        profile::QVGA,
+        profile::QVGA_TILED,
+        profile::VGA,
+        profile::VGA_TILED,
+        profile::QQVGA_SGM,
+        profile::QVGA_SGM
+    )
 }
 
-fn run<I: Blocks<u16> + Blocks<u32>, const WORDS: usize, const COLUMNS: usize, const PACKET: usize>(
+fn run<I: Kernel, const WORDS: usize, const COLUMNS: usize, const PACKET: usize>(
     kernel: I,
     workspace: &mut Workspace<WORDS, COLUMNS, PACKET>,
-    params: &Params,
-    tile_width: usize,
+    matching: &Matching,
     board: &mut SimulatedBoard<'_>,
 ) -> Result<Simulation, SimulationError> {
-    let (mut source, mut packets) = (board.frames(params)?, board.output()?);
-    let run = workspace.pipeline().run::<SimulatedBoard<'_>, I>(kernel, params, tile_width, &mut source, &mut packets);
+    let (mut source, mut packets) = (board.frames(matching.search())?, board.output()?);
+    let run = workspace.pipeline().run::<SimulatedBoard<'_>, I>(kernel, matching, &mut source, &mut packets);
     let mut sender = run.unwrap_or_else(|error| panic!("the workspace fits the profile and memory can be read: {error}"));
     packets.extend_from_slice(sender.end(None).expect("the end is shorter than a line"));
-    let frames = [Frame::Center].into_iter().chain(params.views().iter().map(Frame::View));
+    let frames = [Frame::Center].into_iter().chain(matching.search().views().iter().map(Frame::View));
     Ok(Simulation {
         packets,
         passes: source.passes,
@@ -114,8 +121,8 @@ impl<'a> Board for SimulatedBoard<'a> {
     type Output = Vec<u8>;
     type Error = SimulationError;
 
-    fn frames(&mut self, params: &Params) -> Result<CountedStreams<'a>, SimulationError> {
-        let (frames, views) = (self.frames, params.views());
+    fn frames(&mut self, search: &Search) -> Result<CountedStreams<'a>, SimulationError> {
+        let (frames, views) = (self.frames, search.views());
         if let Some(view) = views.iter().find(|&view| frames.get(Frame::View(view)).is_none()) {
             return Err(SimulationError::MissingView { view });
         }
@@ -194,7 +201,7 @@ mod tests {
     #[test]
     fn the_pipeline_runs_in_its_workspace() {
         let profile = profile::QQVGA;
-        let frames = demo_frames(160, profile.params(Fusion::Min).views());
+        let frames = demo_frames(160, profile.matching(Fusion::Min).search().views());
         let simulation = simulate(&profile, Fusion::Min, &frames, &|| ()).unwrap();
         assert_eq!(simulation.workspace, profile.lengths::<Wide>().bytes());
         assert_eq!(simulation.passes, 1);

@@ -1,5 +1,5 @@
 //! Reference for semi-global matching: the paper's recursion, pixel by pixel, in integers that never
-//! saturate.
+//! saturate. [`multiscopic_core::SemiGlobalParams`] has the definition that it follows.
 
 use crate::reference::{Fusion, fixed};
 
@@ -8,6 +8,15 @@ pub const PATHS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, 1), (1, 1), (-1, 1), (0
 
 /// The shift `(du, dv)` of a match per pixel of disparity, by view: left, right, top, bottom.
 const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
+
+/// How much a pixel differs from its match.
+#[derive(Clone, Copy, Debug)]
+pub enum Cost {
+    /// The Hamming distance of census transforms, by the horizontal and vertical radius of the window.
+    Census(i32, i32),
+    /// The sum of absolute differences over a block, by its radius.
+    Sad(i32),
+}
 
 /// Images and the parameters of their match.
 #[derive(Clone, Debug)]
@@ -26,8 +35,8 @@ pub struct SemiGlobal<'a> {
     pub min_disparity: i32,
     /// The number of disparities searched.
     pub num_disparities: i32,
-    /// The horizontal and vertical radius of the census window.
-    pub radius: (i32, i32),
+    /// The matching cost.
+    pub cost: Cost,
     /// The paths, as indices into [`PATHS`].
     pub paths: Vec<(i32, i32)>,
     /// The penalty for a change by one disparity.
@@ -38,6 +47,8 @@ pub struct SemiGlobal<'a> {
     pub p2_edge: Option<i64>,
     /// The largest difference that the left-right check tolerates.
     pub left_right: Option<i32>,
+    /// Whether lines of equal slope refine disparities, instead of a parabola.
+    pub equiangular: bool,
 }
 
 impl SemiGlobal<'_> {
@@ -63,8 +74,7 @@ impl SemiGlobal<'_> {
             .collect()
     }
 
-    /// The sum of the path costs at each pixel and disparity, in twelfths; `None` where there is no
-    /// candidate.
+    /// The sum of the path costs at each pixel and disparity; `None` where there is no candidate.
     fn sums(&self) -> Vec<Vec<Option<i64>>> {
         let pixels: Vec<(i32, i32)> = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect();
         let costs: Vec<Vec<Option<i64>>> = pixels.iter().map(|&(u, v)| self.costs(u, v)).collect();
@@ -93,8 +103,8 @@ impl SemiGlobal<'_> {
                     let steps = before.iter().enumerate().filter_map(|(j, before)| {
                         let penalty = match i.abs_diff(j) {
                             0 => 0,
-                            1 => 12 * self.p1,
-                            _ => 12 * p2,
+                            1 => self.p1,
+                            _ => p2,
                         };
                         before.map(|before| before + penalty)
                     });
@@ -110,38 +120,56 @@ impl SemiGlobal<'_> {
         sums
     }
 
-    /// The fused costs of a pixel at each disparity.
+    /// The fused costs of a pixel at each disparity, as whole numbers from 0 to 127.
     fn costs(&self, u: i32, v: i32) -> Vec<Option<i64>> {
         let disparities = self.min_disparity..self.min_disparity + self.num_disparities;
+        let unit = match self.cost {
+            Cost::Census(..) => 1,
+            // The greatest power of two that is at most a third of the block's pixels, but at least 1.
+            Cost::Sad(radius) => {
+                (0..).map(|shift| 1 << shift).take_while(|unit| 3 * unit <= (2 * radius + 1).pow(2)).last().unwrap_or(1)
+            }
+        };
         disparities
             .map(|d| {
                 let mut costs: Vec<i64> = (0..4).filter_map(|view| self.cost(view, u, v, d)).collect();
                 costs.sort();
-                Some(match (self.fusion, &costs[..]) {
+                let twelfths = match (self.fusion, &costs[..]) {
                     (_, []) => return None,
                     (Fusion::Min, costs) => 12 * costs[0],
                     (Fusion::Mean, costs) => 12 / costs.len() as i64 * costs.iter().sum::<i64>(),
                     (Fusion::Heuristic, [a]) => 12 * a,
                     (Fusion::Heuristic, [a, b, c, ..]) if *c <= 3 * b => 4 * (a + b + c),
                     (Fusion::Heuristic, [a, b, ..]) => 6 * (a + b),
-                })
+                };
+                Some((twelfths / (12 * i64::from(unit))).min(127))
             })
             .collect()
     }
 
-    /// The Hamming distance of the centre-symmetric census of a pixel and of its match; `None` if the match
-    /// lies outside.
+    /// The cost of a match in a view; `None` if the match lies outside.
     fn cost(&self, view: usize, u: i32, v: i32, d: i32) -> Option<i64> {
         let image = self.views[view]?;
-        let (x, y) = (u + SHIFTS[view].0 * d, v + SHIFTS[view].1 * d);
+        let (du, dv) = (SHIFTS[view].0 * d, SHIFTS[view].1 * d);
+        let (x, y) = (u + du, v + dv);
         if !self.is_inside(x, y) {
             return None;
         }
-        let sample = |image: &[u8], u: i32, v: i32| image[self.at(u.clamp(0, self.width - 1), v.clamp(0, self.height - 1))];
-        let brighter = |image: &[u8], u: i32, v: i32, (du, dv)| sample(image, u + du, v + dv) < sample(image, u - du, v - dv);
-        let (rx, ry) = self.radius;
-        let half = (-ry..=0).flat_map(|dv| (-rx..=rx).map(move |du| (du, dv))).filter(|&(du, dv)| (dv, du) < (0, 0));
-        Some(half.filter(|&offset| brighter(self.center, u, v, offset) != brighter(image, x, y, offset)).count() as i64)
+        let (last_column, last_line) = (self.width - 1, self.height - 1);
+        let sample = |image: &[u8], u: i32, v: i32| image[self.at(u.clamp(0, last_column), v.clamp(0, last_line))];
+        Some(match self.cost {
+            Cost::Census(rx, ry) => {
+                let darker =
+                    |image: &[u8], u: i32, v: i32, (du, dv)| sample(image, u + du, v + dv) < sample(image, u - du, v - dv);
+                let half = (-ry..=0).flat_map(|dv| (-rx..=rx).map(move |du| (du, dv))).filter(|&(du, dv)| (dv, du) < (0, 0));
+                half.filter(|&offset| darker(self.center, u, v, offset) != darker(image, x, y, offset)).count() as i64
+            }
+            Cost::Sad(radius) => {
+                let block = (-radius..=radius).flat_map(|y| (-radius..=radius).map(move |x| (u + x, v + y)));
+                let differences = block.map(|(x, y)| sample(self.center, x, y).abs_diff(sample(image, x + du, y + dv)));
+                differences.map(i64::from).sum()
+            }
+        })
     }
 
     /// The disparity of least cost, refined between its neighbours.
@@ -151,7 +179,7 @@ impl SemiGlobal<'_> {
         let d = f64::from(self.min_disparity) + i as f64;
         let before = i.checked_sub(1).and_then(|i| costs[i]);
         let (Some(a), Some(b)) = (before, costs.get(i + 1).copied().flatten()) else { return Some(d) };
-        let denominator = 2 * a + 2 * b - 4 * c;
+        let denominator = if self.equiangular { 2 * (a.max(b) - c) } else { 2 * a + 2 * b - 4 * c };
         Some(if denominator == 0 { d } else { d + (a - b) as f64 / denominator as f64 })
     }
 

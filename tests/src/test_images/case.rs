@@ -2,7 +2,7 @@
 
 use std::{env, ops::Range, time::SystemTime};
 
-use multiscopic_core::{Disparity, Matcher, Memory, Params, Region, Views, kernel::Blocks};
+use multiscopic_core::{Disparity, Matcher, Memory, Params, Region, Views, kernel::Kernel};
 use proptest::{
     prelude::*,
     test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner},
@@ -187,7 +187,7 @@ pub fn params(
 /// the required length and is filled with random words.
 pub fn matched<I>(isa: I, params: &Params, region: &Region, images: &ViewSet, random: &mut Random) -> Vec<u16>
 where
-    I: Blocks<u16> + Blocks<u32>,
+    I: Kernel,
 {
     let words = Memory::new::<I>(params, region.width()).words();
     let mut memory: Vec<u32> = (0..words).map(|_| random.bits() as u32).collect();

@@ -3,7 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use crate::{
-    reference::Fusion::{self, Heuristic, Mean, Min},
+    reference::{
+        Fusion::{self, Heuristic, Mean, Min},
+        raw16,
+        semi_global::Cost,
+    },
     test_images::view_set::ViewSet,
 };
 
@@ -25,19 +29,40 @@ pub struct Golden {
     pub min_disparity: i32,
     /// How many disparities are searched.
     pub num_disparities: i32,
-    /// The side length of the block in pixels.
-    pub block_size: i32,
+    /// How they are matched.
+    pub method: GoldenMethod,
+}
+
+/// The method of a golden match.
+#[derive(Clone, Copy, Debug)]
+pub enum GoldenMethod {
+    /// Block matching.
+    Blocks {
+        /// The side length of the block in pixels.
+        block_size: i32,
+    },
+    /// Semi-global matching.
+    SemiGlobal {
+        /// The matching cost.
+        cost: Cost,
+        /// P1 and P2.
+        penalties: [i64; 2],
+    },
 }
 
 /// The matches of the golden views.
-pub const GOLDEN: [Golden; 7] = [
-    golden("stereo-min", [false, true, false, false], Min, -3, 11, 7),
-    golden("two-min", [true, true, false, false], Min, -3, 11, 7),
-    golden("four-min", [true; 4], Min, -3, 11, 7),
-    golden("four-mean", [true; 4], Mean, -3, 11, 7),
-    golden("four-heuristic", [true; 4], Heuristic, -3, 11, 7),
-    golden("top-positive", [false, false, true, false], Heuristic, 1, 60, 5),
-    golden("bottom-left-wide-block", [true, false, false, true], Mean, -20, 30, 21),
+pub const GOLDEN: [Golden; 11] = [
+    golden("stereo-min", [false, true, false, false], Min, -3, 11, blocks(7)),
+    golden("two-min", [true, true, false, false], Min, -3, 11, blocks(7)),
+    golden("four-min", [true; 4], Min, -3, 11, blocks(7)),
+    golden("four-mean", [true; 4], Mean, -3, 11, blocks(7)),
+    golden("four-heuristic", [true; 4], Heuristic, -3, 11, blocks(7)),
+    golden("top-positive", [false, false, true, false], Heuristic, 1, 60, blocks(5)),
+    golden("bottom-left-wide-block", [true, false, false, true], Mean, -20, 30, blocks(21)),
+    golden("two-sgm-sad", [true, true, false, false], Min, -3, 11, sgm(Cost::Sad(2), [6, 48])),
+    golden("four-sgm-sad", [true; 4], Heuristic, -3, 11, sgm(Cost::Sad(4), [2, 51])),
+    golden("two-sgm-census", [true, true, false, false], Min, -3, 11, sgm(Cost::Census(2, 2), [3, 18])),
+    golden("four-sgm-census", [true; 4], Mean, -3, 11, sgm(Cost::Census(4, 3), [8, 48])),
 ];
 
 const fn golden(
@@ -46,9 +71,33 @@ const fn golden(
     fusion: Fusion,
     min_disparity: i32,
     num_disparities: i32,
-    block_size: i32,
+    method: GoldenMethod,
 ) -> Golden {
-    Golden { name, views, fusion, min_disparity, num_disparities, block_size }
+    Golden { name, views, fusion, min_disparity, num_disparities, method }
+}
+
+const fn blocks(block_size: i32) -> GoldenMethod {
+    GoldenMethod::Blocks { block_size }
+}
+
+const fn sgm(cost: Cost, penalties: [i64; 2]) -> GoldenMethod {
+    GoldenMethod::SemiGlobal { cost, penalties }
+}
+
+impl Golden {
+    /// The disparities of the golden views by the reference, in the 16-bit encoding.
+    pub fn reference(&self) -> Vec<u16> {
+        let (images, &Golden { fusion, min_disparity, num_disparities, .. }) = (images().only(self.views), self);
+        let disparities = match self.method {
+            GoldenMethod::Blocks { block_size } => {
+                images.reference(fusion, min_disparity, num_disparities, block_size).disparities()
+            }
+            GoldenMethod::SemiGlobal { cost, penalties } => {
+                images.semi_global(fusion, min_disparity, num_disparities, cost, penalties).disparities()
+            }
+        };
+        disparities.into_iter().map(raw16).collect()
+    }
 }
 
 /// The folder of the golden images.

@@ -3,9 +3,9 @@
 pub mod case;
 pub mod drawing;
 pub mod golden;
-
 pub mod misaligned;
 pub mod real_data;
+pub mod semi_global_case;
 pub mod strict_source;
 pub mod view_set;
 pub mod weight_files;

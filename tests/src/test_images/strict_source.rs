@@ -1,6 +1,6 @@
 //! A source of scanlines that holds the matcher to its contract.
 
-use multiscopic_core::{Frame, Params, Region, ScanlineSource, View};
+use multiscopic_core::{Frame, Params, Region, ScanlineSource, Search, SemiGlobalParams, View};
 
 use crate::test_images::view_set::ViewSet;
 
@@ -9,12 +9,14 @@ pub const FRAMES: [Frame; 5] =
     [Frame::Center, Frame::View(View::Left), Frame::View(View::Right), Frame::View(View::Top), Frame::View(View::Bottom)];
 
 /// A source that panics unless each line of each frame is requested once, in ascending order, and never
-/// further ahead than [`Params::lead`] allows.
+/// further ahead than [`Params::lead`] or [`SemiGlobalParams::lead`] allows.
 #[derive(Debug)]
 pub struct StrictSource<'a> {
     images: &'a ViewSet,
-    params: Params,
+    search: Search,
     region: Region,
+    /// How many lines of each frame past its own a disparity line needs.
+    leads: [i32; 5],
     /// The number of disparity lines produced so far.
     done: usize,
     /// The line expected next of each frame; `None` before the first.
@@ -24,7 +26,14 @@ pub struct StrictSource<'a> {
 impl<'a> StrictSource<'a> {
     /// A source for one pass over `region`.
     pub fn new(images: &'a ViewSet, params: &Params, region: &Region) -> StrictSource<'a> {
-        StrictSource { images, params: *params, region: *region, done: 0, next: [None; 5] }
+        let leads = FRAMES.map(|frame| params.lead(frame));
+        StrictSource { images, search: *params.search(), region: *region, leads, done: 0, next: [None; 5] }
+    }
+
+    /// A source for a pass of semi-global matching.
+    pub fn semi_global(images: &'a ViewSet, params: &SemiGlobalParams) -> StrictSource<'a> {
+        let (search, leads) = (*params.search(), FRAMES.map(|frame| params.lead(frame)));
+        StrictSource { images, search, region: Region::whole(&search), leads, done: 0, next: [None; 5] }
     }
 
     /// Notes that another disparity line was produced.
@@ -42,8 +51,8 @@ impl<'a> StrictSource<'a> {
         assert_eq!(self.done, self.region.height(), "disparity lines of the region");
         for (frame, next) in FRAMES.into_iter().zip(self.next) {
             let expected = self.image(frame).is_some().then(|| {
-                let at_the_bottom = self.region.rows().end == self.params.height();
-                if at_the_bottom { self.params.height() } else { self.furthest(frame) + 1 }
+                let at_the_bottom = self.region.rows().end == self.search.height();
+                if at_the_bottom { self.search.height() } else { self.furthest(frame) + 1 }
             });
             assert_eq!(next, expected, "lines of {frame:?} that were read");
         }
@@ -59,22 +68,23 @@ impl<'a> StrictSource<'a> {
     /// The first line of `frame` that the region needs.
     fn first(&self, frame: Frame) -> usize {
         let shift = match frame {
-            Frame::View(View::Top) => i32::from(self.params.min_disparity()),
-            Frame::View(View::Bottom) => -i32::from(self.params.max_disparity()),
+            Frame::View(View::Top) => i32::from(self.search.min_disparity()),
+            Frame::View(View::Bottom) => -i32::from(self.search.max_disparity()),
             _ => 0,
         };
         let top = self.region.rows().start as i32;
-        if top == 0 { 0 } else { self.inside(top - self.params.radius() as i32 + shift) }
+        if top == 0 { 0 } else { self.inside(top - self.leads[0] + shift) }
     }
 
     /// The last line of `frame` that the next disparity line needs, or that the last one needed.
     fn furthest(&self, frame: Frame) -> usize {
         let v = self.region.rows().start + self.done.min(self.region.height() - 1);
-        self.inside(v as i32 + self.params.lead(frame))
+        let frame = FRAMES.iter().position(|&other| other == frame).expect("a frame");
+        self.inside(v as i32 + self.leads[frame])
     }
 
     fn inside(&self, v: i32) -> usize {
-        v.clamp(0, self.params.height() as i32 - 1) as usize
+        v.clamp(0, self.search.height() as i32 - 1) as usize
     }
 }
 
@@ -83,12 +93,12 @@ impl ScanlineSource for StrictSource<'_> {
 
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
         let Some(image) = self.image(frame) else { panic!("{frame:?} is not one of the views") };
-        assert!(v < self.params.height(), "line {v} of {frame:?} is outside the frame");
-        assert_eq!(line.len(), self.params.width(), "pixels in line {v} of {frame:?}");
+        assert!(v < self.search.height(), "line {v} of {frame:?} is outside the frame");
+        assert_eq!(line.len(), self.search.width(), "pixels in line {v} of {frame:?}");
         let index = FRAMES.iter().position(|&other| other == frame).expect("a frame");
         let expected = self.next[index].unwrap_or_else(|| self.first(frame));
         assert_eq!(v, expected, "the line of {frame:?} that comes next");
-        let last_line = self.region.rows().start + self.done + 1 == self.params.height();
+        let last_line = self.region.rows().start + self.done + 1 == self.search.height();
         assert!(last_line || v <= self.furthest(frame), "line {v} of {frame:?} is read with only {} lines out", self.done);
         self.next[index] = Some(v + 1);
         line.copy_from_slice(&image[v * line.len()..][..line.len()]);

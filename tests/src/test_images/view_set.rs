@@ -2,7 +2,14 @@
 
 use std::{fmt, fs, path::Path};
 
-use crate::reference::{Fusion, Match};
+use image::GrayImage;
+use multiscopic::Frames;
+use multiscopic_core::View;
+
+use crate::reference::{
+    Fusion, Match,
+    semi_global::{Cost, PATHS, SemiGlobal},
+};
 
 /// A centre image and the views that exist.
 #[derive(Clone, PartialEq, Eq)]
@@ -30,6 +37,46 @@ impl ViewSet {
             num_disparities,
             block_size,
         }
+    }
+
+    /// These images as a match for the reference of semi-global matching: along the core's paths, with
+    /// penalties P1 and P2, of which P2 is lowered at edges as it is by default.
+    pub fn semi_global(
+        &self,
+        fusion: Fusion,
+        min_disparity: i32,
+        num_disparities: i32,
+        cost: Cost,
+        [p1, p2]: [i64; 2],
+    ) -> SemiGlobal<'_> {
+        SemiGlobal {
+            width: self.width as i32,
+            height: self.height as i32,
+            center: &self.center,
+            views: self.views.each_ref().map(Option::as_deref),
+            fusion,
+            min_disparity,
+            num_disparities,
+            cost,
+            paths: PATHS[..5].to_vec(),
+            p1,
+            p2,
+            p2_edge: Some(10),
+            left_right: None,
+            equiangular: true,
+        }
+    }
+
+    /// These images as the host's frames.
+    pub fn frames(&self) -> Frames {
+        let gray = |pixels: &[u8]| {
+            GrayImage::from_raw(self.width as u32, self.height as u32, pixels.into()).expect("the size of the images")
+        };
+        let views = [View::Left, View::Right, View::Top, View::Bottom].into_iter().zip(&self.views);
+        views.fold(Frames::new(gray(&self.center)), |frames, (view, pixels)| match pixels {
+            Some(pixels) => frames.with(view, gray(pixels)),
+            None => frames,
+        })
     }
 
     /// The rectangle of `width` x `height` pixels at `(left, top)`.

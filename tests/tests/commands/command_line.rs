@@ -7,9 +7,9 @@ use std::{
 
 use multiscopic_tests::{
     program::Invocation,
-    reference::{Fusion, raw16},
+    reference::{Fusion, raw16, semi_global::Cost},
     test_images::{
-        golden::{self, GOLDEN, Golden},
+        golden::{self, GOLDEN, Golden, GoldenMethod},
         view_set::{read_pfm, read_raw16},
     },
 };
@@ -179,13 +179,25 @@ fn help_names_the_spellings_of_opencv_and_ros() {
 }
 
 #[test]
-fn results_are_those_of_the_float_reference() {
-    for Golden { name: golden, views, fusion, min_disparity, num_disparities, block_size } in GOLDEN {
+fn results_are_those_of_the_references() {
+    for Golden { name: golden, views, fusion, min_disparity, num_disparities, method } in GOLDEN {
         let mut bench = Bench::new(views);
         let pfm = bench.output("-o", "out.pfm");
         let raw = bench.output("--raw16", "raw.png");
         bench.add("--fusion", name(fusion)).add("--min-disparity", min_disparity.to_string());
-        bench.add("--num-disparities", num_disparities.to_string()).add("--block-size", block_size.to_string());
+        bench.add("--num-disparities", num_disparities.to_string());
+        match method {
+            GoldenMethod::Blocks { block_size } => {
+                bench.add("--block-size", block_size.to_string());
+            }
+            GoldenMethod::SemiGlobal { cost, penalties: [p1, p2] } => {
+                bench.add("--method", "sgm").add("--p1", p1.to_string()).add("--p2", p2.to_string());
+                match cost {
+                    Cost::Sad(radius) => bench.add("--cost", "sad").add("--block-size", (2 * radius + 1).to_string()),
+                    Cost::Census(rx, ry) => bench.add("--census", format!("{}x{}", 2 * rx + 1, 2 * ry + 1)),
+                };
+            }
+        }
         bench.run().assert_done();
         assert_eq!(bench.files(), ["out.pfm", "raw.png"]);
 

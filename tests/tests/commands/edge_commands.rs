@@ -7,9 +7,10 @@ use std::{
     process::{Command, Stdio},
 };
 
-use multiscopic_core::{Disparity, Fusion, Memory, Params, Region, Views};
+use multiscopic::Processor;
+use multiscopic_core::{Disparity, Fusion, Memory, Params, Region, SemiGlobalCost, Views};
 use multiscopic_edge::{
-    Profile, Wide,
+    Matching, Profile, Wide,
     packet::{Sender, buffer_bytes},
     profile,
 };
@@ -41,9 +42,9 @@ fn sample(u: usize, v: usize) -> u16 {
 /// The packets of the frame: its lines, then its end.
 fn packets() -> Vec<Vec<u8>> {
     let mut buffer = vec![0; buffer_bytes(TILE)];
-    let mut sender = Sender::new(&PARAMS, &mut buffer);
+    let mut sender = Sender::new(PARAMS.search(), &mut buffer);
     let mut packets = Vec::new();
-    for tile in Region::tiles(&PARAMS, TILE) {
+    for tile in Region::tiles(PARAMS.search(), TILE) {
         for v in 0..PARAMS.height() {
             let line: Vec<_> = tile.columns().map(|u| Disparity::from_raw16(sample(u, v))).collect();
             packets.push(sender.line(&tile, v, &line).expect("the buffer is for it").to_vec());
@@ -147,8 +148,10 @@ fn a_truncated_stream_is_reported() {
 fn foreign_packets_are_named_and_skipped() {
     let other = Params::new(9, 2, Views::HORIZONTAL, Fusion::Min, 1, 8, 3).expect("they are in range");
     let mut buffer = vec![0; buffer_bytes(9)];
-    let line =
-        Sender::new(&other, &mut buffer).line(&Region::whole(&other), 0, &[None; 9]).expect("the buffer is for it").to_vec();
+    let line = Sender::new(other.search(), &mut buffer)
+        .line(&Region::whole(other.search()), 0, &[None; 9])
+        .expect("the buffer is for it")
+        .to_vec();
     let mut mixed = packets();
     mixed.insert(4, line);
     let dir = folder();
@@ -190,29 +193,37 @@ fn json(run: &Invocation, code: i32) -> serde_json::Value {
 fn assert_simulated_as_matched(profile: &Profile) {
     let dir = folder();
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
-    let params = profile.params(Fusion::Min);
-    let size = [("--width", params.width() + 7), ("--height", params.height() + 4)];
+    let matching = profile.matching(Fusion::Min);
+    let search = matching.search();
+    let size = [("--width", search.width() + 7), ("--height", search.height() + 4)];
     let size = size.map(|(option, side)| [option.to_owned(), side.to_string()]).concat();
     let demo = ["demo".to_owned(), "-o".into(), path("demo"), "--num-disparities".into(), "1".into()];
     assert_eq!(Invocation::new(demo.into_iter().chain(size)).code, Some(0));
     let mut views = Vec::new();
     for view in ["center", "left", "right", "top", "bottom"] {
         let (w, h, pixels) = multiscopic_tests::test_images::view_set::read_grey(Path::new(&path(&format!("demo/{view}.png"))));
-        let lines = pixels.chunks_exact(w).skip((h - params.height()) / 2).take(params.height());
-        let left = (w - params.width()) / 2;
-        let mut pgm = format!("P5 {} {} 255\n", params.width(), params.height()).into_bytes();
-        pgm.extend(lines.flat_map(|line| &line[left..left + params.width()]));
+        let lines = pixels.chunks_exact(w).skip((h - search.height()) / 2).take(search.height());
+        let left = (w - search.width()) / 2;
+        let mut pgm = format!("P5 {} {} 255\n", search.width(), search.height()).into_bytes();
+        pgm.extend(lines.flat_map(|line| &line[left..left + search.width()]));
         fs::write(path(&format!("{view}.pgm")), pgm).expect("a view for the test");
-        if view == "center" || params.views().iter().any(|of| format!("{of:?}").to_lowercase() == view) {
+        if view == "center" || search.views().iter().any(|of| format!("{of:?}").to_lowercase() == view) {
             views.extend([format!("--{view}"), path(&format!("{view}.pgm"))]);
         }
     }
+    let method = match matching {
+        Matching::Blocks { params, .. } => format!("--block-size {}", params.block_size()),
+        Matching::SemiGlobal(params) => match params.cost() {
+            SemiGlobalCost::Sad { block_size } => format!("--method sgm --cost sad --block-size {block_size}"),
+            SemiGlobalCost::Census(census) => format!("--method sgm --census {}", census.name()),
+        },
+    };
     for fusion in Fusion::ALL.map(Fusion::name) {
         let common = ["--fusion", fusion, "-o"].map(str::to_owned);
         let mut matched = vec!["match".to_owned()];
         matched.extend(views.iter().cloned().chain(common.clone()).chain([path("matched.pfm")]));
-        matched.extend(["--num-disparities".into(), params.num_disparities().to_string()]);
-        matched.extend(["--block-size".into(), params.block_size().to_string()]);
+        matched.extend(["--num-disparities".into(), search.num_disparities().to_string()]);
+        matched.extend(method.split(' ').map(str::to_owned));
         Invocation::new(&matched).assert_done();
         let mut simulated = ["simulate", "--json", "--profile", profile.name].map(str::to_owned).to_vec();
         simulated.extend(common.into_iter().chain([path("simulated.pfm"), "--packets".into(), path("packets")]));
@@ -224,13 +235,13 @@ fn assert_simulated_as_matched(profile: &Profile) {
         assert_eq!(read_pfm(Path::new(&path("listened.pfm"))), expected, "{} with {fusion}", profile.name);
 
         assert_eq!(report["packet_bytes"], fs::metadata(path("packets")).expect("packets").len());
-        assert_eq!(report["de"], params.evaluations());
-        assert_eq!(report["lines_latency"], params.latency_lines());
-        let passes = params.width().div_ceil(profile.tile_width());
+        assert_eq!(report["de"], search.evaluations());
+        assert_eq!(report["lines_latency"], matching.latency_lines());
+        let passes = search.width().div_ceil(matching.tile_width());
         assert_eq!(report["tile_passes"], passes);
         let lines = report["lines_read"].as_object().expect("lines by frame");
-        assert_eq!(lines.len(), 1 + params.views().len());
-        assert!(lines.values().all(|read| *read == passes * params.height()), "{report:#}");
+        assert_eq!(lines.len(), 1 + search.views().len());
+        assert!(lines.values().all(|read| *read == passes * search.height()), "{report:#}");
         let statics = report["ram_static"].as_u64().expect("bytes");
         assert!(statics >= profile.lengths::<Wide>().bytes() as u64, "{report:#}");
         assert!(report["ram_total"].as_u64() > Some(statics), "{report:#}");
@@ -238,15 +249,18 @@ fn assert_simulated_as_matched(profile: &Profile) {
     }
 }
 
+/// The profiles that are simulated in seconds without optimisation.
+const SMALL: [Profile; 2] = [profile::QQVGA, profile::QQVGA_SGM];
+
 #[test]
-fn a_small_profile_is_simulated() {
-    assert_simulated_as_matched(&profile::QQVGA);
+fn small_profiles_are_simulated() {
+    SMALL.iter().for_each(assert_simulated_as_matched);
 }
 
 #[test]
 #[cfg_attr(debug_assertions, ignore = "takes minutes without optimisation")]
 fn every_other_profile_is_simulated() {
-    for profile in profile::ALL.iter().filter(|profile| profile.name != profile::QQVGA.name) {
+    for profile in profile::ALL.iter().filter(|profile| SMALL.iter().all(|small| small.name != profile.name)) {
         assert_simulated_as_matched(profile);
     }
 }
@@ -272,8 +286,12 @@ fn budget(options: &[&str]) -> Invocation {
 fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
     for profile in profile::ALL {
         let report = json(&budget(&["--profile", profile.name]), 0);
-        let params = profile.params(Fusion::Min);
-        let memory = Memory::new::<Wide>(&params, profile.tile_width());
+        let matching = profile.matching(Fusion::Min);
+        let memory = match matching {
+            Matching::Blocks { params, tile_width } => Memory::new::<Wide>(&params, tile_width),
+            Matching::SemiGlobal(params) => Memory::semi_global::<Wide>(&params),
+        };
+        assert_eq!(report["method"], matching.name(), "{}", profile.name);
         for (buffer, bytes) in [
             ("column_sums", memory.column_sums),
             ("block_sums", memory.block_sums),
@@ -284,9 +302,14 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
             ("vertical", memory.vertical),
             ("zeros", memory.zeros),
             ("line", memory.line),
-            ("disparities", 2 * profile.tile_width()),
+            ("costs", memory.costs),
+            ("paths", memory.paths),
+            ("samples", memory.samples),
+            ("disparities", 2 * matching.tile_width()),
         ] {
-            assert_eq!(report["ram"][buffer], bytes, "{buffer} of {}", profile.name);
+            // A buffer that the method does not have is not listed.
+            let expected = (bytes > 0).then_some(bytes as u64);
+            assert_eq!(report["ram"][buffer].as_u64(), expected, "{buffer} of {}", profile.name);
         }
         let bytes = |name: &str| report[name].as_u64().expect("bytes");
         let buffers = report["ram"].as_object().expect("buffers").values();
@@ -308,17 +331,33 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
 fn any_match_has_a_budget() {
     let given = "--width 320 --height 240 --num-disparities 32 --core cortex-m7 --tile-width 80 --fusion min";
     let mut own = json(&budget(&given.split(' ').collect::<Vec<_>>()), 0);
-    let tile = profile::QVGA_TILED.tile_width().to_string();
+    let tile = profile::QVGA_TILED.matching(Fusion::Min).tile_width().to_string();
     assert_eq!((own["views"].as_u64(), own["tile_passes"].as_u64()), (Some(4), Some(4)));
     let given = given.replace("80", &tile);
     own = json(&budget(&given.split(' ').collect::<Vec<_>>()), 0);
     assert_eq!(own, json(&budget(&["--profile", "qvga-tiled", "--core", "cortex-m7", "--fusion", "min"]), 0));
+    for block_size in ["", " --block-size 5"] {
+        let given =
+            format!("--width 320 --height 240 --num-disparities 32 --core cortex-m7 --fusion min --method sgm{block_size}");
+        own = json(&budget(&given.split(' ').collect::<Vec<_>>()), 0);
+        assert_eq!(own, json(&budget(&["--profile", "qvga-sgm", "--core", "cortex-m7", "--fusion", "min"]), 0));
+    }
     for views in ["1", "2", "4"] {
-        for (fusion, block) in [("min", "11"), ("mean", "17"), ("heuristic", "21")] {
+        for (method, fusion, block) in [
+            ("bm", "min", "11"),
+            ("bm", "mean", "17"),
+            ("bm", "heuristic", "21"),
+            ("sgm", "min", "1"),
+            ("sgm", "mean", "5"),
+            ("sgm", "heuristic", "11"),
+        ] {
             let options = ["--width", "99", "--height", "77", "--views", views, "--fusion", fusion, "--block-size", block];
-            let report = json(&budget(&options), 0);
+            let report = json(&budget(&[&options[..], &["--method", method]].concat()), 0);
             let per_de = report["instructions_per_de"].as_f64().expect("a number");
             assert!(per_de > 1.0 && per_de < 500.0, "{report:#}");
+            if method == "bm" {
+                assert_eq!(report, json(&budget(&options), 0), "block matching is the default");
+            }
         }
     }
 }
@@ -330,7 +369,8 @@ fn time_is_instructions_by_cycles_by_clock() {
     let seconds = number("instructions") * 1.25 / 200e6;
     assert!((number("seconds") / seconds - 1.0).abs() < 1e-9, "{report:#}");
     assert!((number("fps") * seconds - 1.0).abs() < 1e-9, "{report:#}");
-    for (core, clock, cycles) in [("cortex-m4", 64.0, 1.4), ("cortex-m7", 480.0, 0.8), ("cortex-m55", 32.0, 1.5)] {
+    for processor in Processor::ALL {
+        let (core, clock, cycles) = (processor.name(), processor.clock_mhz(), processor.cycles_per_instruction());
         let report = json(&budget(&["--profile", "qvga", "--core", core]), 0);
         assert_eq!((&report["clock_mhz"], &report["cycles_per_instruction"]), (&clock.into(), &cycles.into()), "{core}");
         let text = Invocation::new(["budget", "--profile", "qvga", "--core", core]);
@@ -356,6 +396,9 @@ fn an_exceeded_budget_fails_by_name() {
     assert!(slow.stderr.contains("2.00 times as fast") && !slow.stderr.contains("--ram"), "{slow:#?}");
     json(&budget(&["--profile", "qvga", "--ram", "144KiB"]), 0);
     json(&budget(&["--profile", "qvga", "--ram", "48KiB"]), 1);
+    let short = budget(&["--profile", "qvga-sgm", "--ram", "48KiB"]);
+    json(&short, 1);
+    assert!(short.stderr.contains("exceed --ram 49152") && !short.stderr.contains("--tile-width"), "{short:#?}");
 }
 
 #[test]
@@ -369,6 +412,14 @@ fn a_budget_refuses_bad_usage() {
     refused(&["--width", "64", "--height", "48", "--block-size", "8"], &["block size is 8"]);
     refused(&["--width", "64", "--height", "48", "--tile-width", "65"], &["--tile-width is 65", "64"]);
     refused(&["--width", "64", "--height", "48", "--tile-width", "0"], &["--tile-width is 0"]);
+    refused(&["--profile", "qvga", "--method", "sgm"], &["--profile", "--method"]);
+    let sgm = |options: &[&str], words: &[&str]| {
+        refused(&[&["--width", "64", "--height", "48", "--method", "sgm"], options].concat(), words);
+    };
+    sgm(&["--tile-width", "32"], &["--tile-width", "block matching"]);
+    sgm(&["--block-size", "13"], &["block size is 13", "11"]);
+    sgm(&["--block-size", "4"], &["block size is 4"]);
+    refused(&["--width", "64", "--height", "48", "--method", "gc"], &["gc", "bm", "sgm"]);
     refused(&["--profile", "qvga", "--core", "cortex-m0"], &["cortex-m0", "cortex-m55"]);
     refused(&["--profile", "qvga", "--ram", "12G"], &["12G", "144KiB"]);
     refused(&["--profile", "qvga", "--clock", "0"], &["--clock", "above 0"]);

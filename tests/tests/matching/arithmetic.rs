@@ -46,7 +46,7 @@ fn refined(first: i32, costs: [u8; 3]) -> Option<Disparity> {
     }
     let images = ViewSet { width, height: 1, center: vec![0; width], views: [None, Some(right), None, None] };
     let params = params(width, 1, [false, true, false, false], reference::Fusion::Min, first, 3, 1);
-    let pixel = Region::new(&params, u as usize..u as usize + 1, 0..1).expect("a pixel of the frame");
+    let pixel = Region::new(params.search(), u as usize..u as usize + 1, 0..1).expect("a pixel of the frame");
     Disparity::from_raw16(matched(Portable::<4, 1>, &params, &pixel, &images, &mut Random(0))[0])
 }
 

@@ -13,7 +13,7 @@ fn equals_the_reference(case: &Case) {
     let expected = case.reference(&images);
     let random = &mut Random(case.seed);
 
-    let whole = Region::whole(&params);
+    let whole = Region::whole(params.search());
     let check = |found: Vec<u16>, region: &Region, what: &str| {
         let expected = cut(&expected, case.width, region);
         if let Some(i) = (0..expected.len()).find(|&i| found.get(i) != Some(&expected[i])) {
@@ -35,10 +35,10 @@ fn equals_the_reference(case: &Case) {
         start..start + 1 + random.below(length - start)
     };
     match random.below(11) {
-        0 => parts(&mut Region::tiles(&params, at_most_four(case.width, random)), random),
-        1 => parts(&mut Region::bands(&params, at_most_four(case.height, random)), random),
+        0 => parts(&mut Region::tiles(params.search(), at_most_four(case.width, random)), random),
+        1 => parts(&mut Region::bands(params.search(), at_most_four(case.height, random)), random),
         2 => {
-            let any = Region::new(&params, part(case.width, random), part(case.height, random));
+            let any = Region::new(params.search(), part(case.width, random), part(case.height, random));
             parts(&mut any.into_iter(), random);
         }
         3 => check(matched(Portable::<1, 1>, &params, &whole, &images, random), &whole, "1 lane"),

@@ -3,21 +3,9 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use image::GrayImage;
-use multiscopic::{Engine, Frames, Simd};
-use multiscopic_core::{Disparity, View};
+use multiscopic::{Engine, Simd};
+use multiscopic_core::Disparity;
 use multiscopic_tests::test_images::case::{Case, cases, property};
-
-fn frames(case: &Case) -> Frames {
-    let images = case.images();
-    let grey =
-        |pixels: Vec<u8>| GrayImage::from_raw(case.width as u32, case.height as u32, pixels).expect("the size of the image");
-    let views = [View::Left, View::Right, View::Top, View::Bottom].into_iter().zip(images.views);
-    views.fold(Frames::new(grey(images.center)), |frames, (view, pixels)| match pixels {
-        Some(pixels) => frames.with(view, grey(pixels)),
-        None => frames,
-    })
-}
 
 #[test]
 fn equals_the_reference() {
@@ -26,7 +14,8 @@ fn equals_the_reference() {
         .flat_map(|simd| [1, 2, 5].map(|threads| Engine::new(Some(simd), threads).expect("threads")))
         .collect();
     property(500, cases(30_000, 10_000), |case: &Case| {
-        let (frames, expected) = (frames(case), case.reference(&case.images()));
+        let images = case.images();
+        let (frames, expected) = (images.frames(), case.reference(&images));
         let first = case.seed as usize % 3;
         for engine in engines.iter().skip(first).step_by(3) {
             let lines = AtomicUsize::new(0);

@@ -1,19 +1,18 @@
-//! Golden images in `tests/golden/`: five views of a small scene, and their disparities by the float
-//! reference.
+//! Golden images in `tests/golden/`: five views of a small scene, and their disparities by the references.
 //!
 //! `UPDATE_GOLDEN=1 cargo test -p multiscopic-tests --test matching golden` generates them: the views from
-//! the formulas below, the disparities from the float reference, never from the core.
+//! the formulas below, the disparities from the references, never from the core.
 
 use std::{env, path::PathBuf, sync::Once};
 
 use multiscopic_core::{Region, kernel::Portable};
 use multiscopic_tests::{
-    reference::raw16,
     split_mix::Random,
     test_images::{
         case::{matched, params},
-        golden::{self, GOLDEN, Golden},
-        view_set::{ViewSet, read_raw16},
+        golden::{self, GOLDEN, Golden, GoldenMethod},
+        semi_global_case::{semi_global_params, semi_globally_matched},
+        view_set::read_raw16,
     },
 };
 
@@ -69,9 +68,8 @@ fn update() {
             let image = image::GrayImage::from_raw(width, height, seen(du, dv)).expect("the size of the image");
             image.save(path).expect("a golden image is written");
         }
-        let images = golden::images();
         for golden in GOLDEN {
-            let pixels = reference(&golden, &images);
+            let pixels = golden.reference();
             let image =
                 image::ImageBuffer::<image::Luma<u16>, _>::from_raw(width, height, pixels).expect("the size of the image");
             image.save(expected_path(&golden)).expect("a golden image is written");
@@ -79,20 +77,13 @@ fn update() {
     });
 }
 
-fn reference(golden: &Golden, images: &ViewSet) -> Vec<u16> {
-    let images = images.only(golden.views);
-    let reference = images.reference(golden.fusion, golden.min_disparity, golden.num_disparities, golden.block_size);
-    reference.disparities().into_iter().map(raw16).collect()
-}
-
 /// Compares with the golden image, and reports the first difference.
-fn check(what: &str, found: impl Fn(&Golden, &ViewSet) -> Vec<u16>) {
+fn check(what: &str, found: impl Fn(&Golden) -> Vec<u16>) {
     update();
-    let images = golden::images();
     for golden in GOLDEN {
         let (width, height, expected) = read_raw16(&expected_path(&golden));
         assert_eq!((width, height), (golden::WIDTH, golden::HEIGHT), "{}", golden.name);
-        let found = found(&golden, &images);
+        let found = found(&golden);
         assert_eq!(found.len(), expected.len(), "{}: pixels", golden.name);
         let different: Vec<usize> = (0..found.len()).filter(|&i| found[i] != expected[i]).collect();
         if let Some(&i) = different.first() {
@@ -104,17 +95,25 @@ fn check(what: &str, found: impl Fn(&Golden, &ViewSet) -> Vec<u16>) {
 }
 
 #[test]
-fn the_reference_reproduces_the_golden_images() {
-    check("the float reference", reference);
+fn the_references_reproduce_the_golden_images() {
+    check("the reference", Golden::reference);
 }
 
 #[test]
 fn the_core_reproduces_the_golden_images() {
-    check("the core", |golden, images| {
-        let images = images.only(golden.views);
-        let Golden { views, fusion, min_disparity, num_disparities, block_size, .. } = *golden;
-        let params = params(images.width, images.height, views, fusion, min_disparity, num_disparities, block_size);
-        matched(Portable::<4, 1>, &params, &Region::whole(&params), &images, &mut Random(3))
+    check("the core", |golden| {
+        let Golden { views, fusion, min_disparity, num_disparities, .. } = *golden;
+        let (images, random) = (golden::images().only(views), &mut Random(3));
+        match golden.method {
+            GoldenMethod::Blocks { block_size } => {
+                let params = params(images.width, images.height, views, fusion, min_disparity, num_disparities, block_size);
+                matched(Portable::<4, 1>, &params, &Region::whole(params.search()), &images, random)
+            }
+            GoldenMethod::SemiGlobal { cost, penalties } => {
+                let params = images.semi_global(fusion, min_disparity, num_disparities, cost, penalties);
+                semi_globally_matched(Portable::<4, 1>, &semi_global_params(&params), &images, random)
+            }
+        }
     });
 }
 
@@ -122,10 +121,12 @@ fn the_core_reproduces_the_golden_images() {
 #[test]
 fn the_golden_images_show_the_scene() {
     update();
-    let (width, _, pixels) = read_raw16(&expected_path(&GOLDEN[4]));
-    assert_eq!(GOLDEN[4].name, "four-heuristic");
-    let at = |u: usize, v: usize| (f64::from(pixels[v * width + u]) - 32768.0) / 64.0;
-    for (u, v, disparity) in [(26, 14, 5.5), (22, 12, 5.5), (8, 8, -1.125), (40, 26, 1.71875), (8, 26, -0.28125)] {
-        assert!((at(u, v) - disparity).abs() < 0.4, "({u}, {v}): {} instead of {disparity}", at(u, v));
+    for name in ["four-heuristic", "four-sgm-sad", "four-sgm-census"] {
+        let golden = GOLDEN.iter().find(|golden| golden.name == name).expect("a golden match");
+        let (width, _, pixels) = read_raw16(&expected_path(golden));
+        let at = |u: usize, v: usize| (f64::from(pixels[v * width + u]) - 32768.0) / 64.0;
+        for (u, v, disparity) in [(26, 14, 5.5), (22, 12, 5.5), (8, 8, -1.125), (40, 26, 1.71875), (8, 26, -0.28125)] {
+            assert!((at(u, v) - disparity).abs() < 0.4, "{name}, ({u}, {v}): {} instead of {disparity}", at(u, v));
+        }
     }
 }

@@ -7,3 +7,6 @@ mod engine;
 mod golden;
 mod patterns;
 mod scanlines;
+mod semi_global;
+mod semi_global_patterns;
+mod semi_global_scanlines;

@@ -10,11 +10,11 @@ use multiscopic_tests::{
     },
 };
 
-const STEREO: [bool; 4] = [false, true, false, false];
-const ALL: [bool; 4] = [true; 4];
+pub(super) const STEREO: [bool; 4] = [false, true, false, false];
+pub(super) const ALL: [bool; 4] = [true; 4];
 
 /// A square in front of a wall.
-const NEAR: &str = "
+pub(super) const NEAR: &str = "
     1111111111111111
     1111111111111111
     1111144444411111
@@ -42,7 +42,7 @@ fn check(scene: &str, views: [bool; 4], fusion: Fusion, min_disparity: i32, num_
     assert_drawn("the float reference", expected, &draw(images.width, &reference));
 
     let params = params(images.width, images.height, views, fusion, min_disparity, num_disparities, 3);
-    let found = matched(Portable::<4, 1>, &params, &Region::whole(&params), &images, &mut Random(7));
+    let found = matched(Portable::<4, 1>, &params, &Region::whole(params.search()), &images, &mut Random(7));
     let pixels = |raw| Disparity::from_raw16(raw).map(|d| f64::from(f32::from(d)));
     assert_drawn("the core", expected, &draw(images.width, &found.into_iter().map(pixels).collect::<Vec<_>>()));
 }

@@ -14,7 +14,7 @@ use multiscopic_tests::{
     },
 };
 
-const CASE: Case = Case {
+pub(super) const CASE: Case = Case {
     width: 9,
     height: 30,
     views: [true; 4],
@@ -27,19 +27,47 @@ const CASE: Case = Case {
 };
 
 /// A source that counts its lines and fails at random.
-struct Failing<'a> {
+pub(super) struct Failing<'a> {
     source: StrictSource<'a>,
     random: Random,
     /// How many of ten calls fail, and which call failed last.
     rate: usize,
     failed: Option<(Frame, usize)>,
     failures: usize,
-    lines: [usize; 5],
+    pub(super) lines: [usize; 5],
 }
 
 impl<'a> Failing<'a> {
-    fn new(source: StrictSource<'a>, rate: usize, seed: u64) -> Failing<'a> {
+    pub(super) fn new(source: StrictSource<'a>, rate: usize, seed: u64) -> Failing<'a> {
         Failing { source, random: Random(seed), rate, failed: None, failures: 0, lines: [0; 5] }
+    }
+
+    /// The disparities of a whole match, in the 16-bit encoding. Calls that fail are repeated.
+    pub(super) fn matched(
+        mut self,
+        width: usize,
+        mut next_line: impl FnMut(&mut Self, &mut [Option<Disparity>]) -> Result<Option<usize>, MatchError<(Frame, usize)>>,
+    ) -> Vec<u16> {
+        let mut line = vec![None; width];
+        let (mut found, mut errors) = (Vec::new(), 0);
+        loop {
+            match next_line(&mut self, &mut line) {
+                Ok(None) => break,
+                Ok(Some(v)) => {
+                    assert_eq!(v, found.len() / width, "the number of the disparity line");
+                    assert_eq!(self.failed, None, "a disparity line in spite of an error");
+                    self.source.line_done();
+                    found.extend(line.iter().map(|&pixel| Disparity::to_raw16(pixel)));
+                }
+                Err(error) => {
+                    assert_eq!(Some(error), self.failed.map(MatchError::Source), "the source's own error");
+                    errors += 1;
+                }
+            }
+        }
+        self.source.assert_finished();
+        assert_eq!(errors, self.failures, "every error is handed on once");
+        found
     }
 }
 
@@ -70,27 +98,9 @@ fn a_failing_source_loses_nothing() {
         let (images, params) = (case.images(), case.params());
         let mut memory = vec![u32::MAX; params.memory_words()];
         let mut matcher = Matcher::new(&params, &mut memory).expect("enough memory");
-        let strict = StrictSource::new(&images, &params, &Region::whole(&params));
-        let mut source = Failing::new(strict, 3, case.seed);
-        let mut line = vec![None; case.width];
-        let (mut found, mut errors) = (Vec::new(), 0);
-        loop {
-            match matcher.next_line(&mut source, &mut line) {
-                Ok(None) => break,
-                Ok(Some(v)) => {
-                    assert_eq!(v, found.len() / case.width, "the number of the disparity line");
-                    assert_eq!(source.failed, None, "a disparity line in spite of an error");
-                    source.source.line_done();
-                    found.extend(line.iter().map(|&pixel| Disparity::to_raw16(pixel)));
-                }
-                Err(error) => {
-                    assert_eq!(Some(error), source.failed.map(MatchError::Source), "the source's own error");
-                    errors += 1;
-                }
-            }
-        }
-        source.source.assert_finished();
-        assert_eq!(errors, source.failures, "every error is handed on once");
+        let strict = StrictSource::new(&images, &params, &Region::whole(params.search()));
+        let source = Failing::new(strict, 3, case.seed);
+        let found = source.matched(case.width, |source, line| matcher.next_line(source, line));
         assert_eq!(found, case.reference(&images));
     });
 }
@@ -104,7 +114,7 @@ fn the_first_disparity_line_waits_for_the_latency_and_no_longer() {
             let (images, params) = (case.images(), case.params());
             let mut memory = vec![0; params.memory_words()];
             let mut matcher = Matcher::new(&params, &mut memory).expect("enough memory");
-            let mut source = Failing::new(StrictSource::new(&images, &params, &Region::whole(&params)), 0, 0);
+            let mut source = Failing::new(StrictSource::new(&images, &params, &Region::whole(params.search())), 0, 0);
             let mut line = vec![None; case.width];
             assert_eq!(matcher.next_line(&mut source, &mut line), Ok(Some(0)));
             assert_eq!(source.lines.iter().max(), Some(&params.latency_lines()), "{case:?}: lines before the first");
@@ -127,7 +137,7 @@ fn a_line_of_the_wrong_length_is_refused_and_nothing_is_read() {
     let (images, params) = (CASE.images(), CASE.params());
     let mut memory = vec![0; params.memory_words()];
     let mut matcher = Matcher::new(&params, &mut memory).expect("enough memory");
-    let mut source = Failing::new(StrictSource::new(&images, &params, &Region::whole(&params)), 0, 0);
+    let mut source = Failing::new(StrictSource::new(&images, &params, &Region::whole(params.search())), 0, 0);
     for given in [0, 8, 10] {
         let error = matcher.next_line(&mut source, &mut vec![None; given]).expect_err("a line of the wrong length");
         assert_eq!(error, MatchError::OutputLength { needed: 9, given });
@@ -140,7 +150,7 @@ fn one_word_less_than_needed_is_refused() {
     property(300, cases(i64::MAX, 10_000), |case: &Case| {
         let params = case.params();
         let mut random = Random(case.seed);
-        let tile = Region::tiles(&params, 1 + random.below(case.width)).next().expect("a tile");
+        let tile = Region::tiles(params.search(), 1 + random.below(case.width)).next().expect("a tile");
         let memory = Memory::new::<Portable<4>>(&params, tile.width());
         let mut lent = vec![0_u32; memory.words()];
         assert_eq!(size_of_val(&lent[..]), memory.bytes().next_multiple_of(4), "the formula, in bytes");
@@ -161,7 +171,7 @@ fn more_memory_than_needed_changes_nothing() {
     let (images, params) = (CASE.images(), CASE.params());
     let mut memory = vec![0x5555_5555; params.memory_words() + 3];
     let mut matcher = Matcher::new(&params, &mut memory).expect("enough memory");
-    let mut source = StrictSource::new(&images, &params, &Region::whole(&params));
+    let mut source = StrictSource::new(&images, &params, &Region::whole(params.search()));
     let mut line = vec![None; CASE.width];
     let mut found = Vec::new();
     while matcher.next_line(&mut source, &mut line).expect("a source that does not fail").is_some() {
@@ -183,7 +193,7 @@ fn every_tile_width_gives_the_same_bits() {
         let words = Memory::new::<Portable<4>>(&params, width).words();
         assert!(words < least, "a narrower tile takes less memory");
         least = words;
-        for tile in Region::tiles(&params, width) {
+        for tile in Region::tiles(params.search(), width) {
             let found = matched(Portable::<4, 1>, &params, &tile, &images, &mut Random(1));
             assert_eq!(found, cut(&expected, 23, &tile), "{tile:?}");
         }
@@ -194,7 +204,7 @@ fn every_tile_width_gives_the_same_bits() {
 #[should_panic(expected = "is read with only 0 lines out")]
 fn the_strict_source_refuses_a_line_that_is_too_far_ahead() {
     let (images, params) = (CASE.images(), CASE.params());
-    let mut source = StrictSource::new(&images, &params, &Region::whole(&params));
+    let mut source = StrictSource::new(&images, &params, &Region::whole(params.search()));
     for v in 0..=3 {
         let Ok(()) = source.read_line(Frame::Center, v, &mut [0; 9]);
     }
@@ -204,7 +214,7 @@ fn the_strict_source_refuses_a_line_that_is_too_far_ahead() {
 #[should_panic(expected = "the line of View(Top) that comes next")]
 fn the_strict_source_refuses_a_repeated_line() {
     let (images, params) = (CASE.images(), CASE.params());
-    let mut source = StrictSource::new(&images, &params, &Region::whole(&params));
+    let mut source = StrictSource::new(&images, &params, &Region::whole(params.search()));
     for v in [0, 0] {
         let Ok(()) = source.read_line(Frame::View(View::Top), v, &mut [0; 9]);
     }
@@ -215,6 +225,6 @@ fn the_strict_source_refuses_a_repeated_line() {
 fn the_strict_source_refuses_a_missing_view() {
     let case = Case { views: [false, true, true, true], ..CASE };
     let (images, params): (_, Params) = (case.images(), case.params());
-    let mut source = StrictSource::new(&images, &params, &Region::whole(&params));
+    let mut source = StrictSource::new(&images, &params, &Region::whole(params.search()));
     let Ok(()) = source.read_line(Frame::View(View::Left), 0, &mut [0; 9]);
 }

@@ -2,29 +2,25 @@
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use multiscopic::{
-    Engine, Error, Frames, GraphCuts, Method, SemiGlobal,
+    Engine, Error, Frames, GraphCuts, Method,
     stereo::{
         CostFunction, Optimizer,
         aggregation::{Aggregation, SupportRegion},
-        cost::{BirchfieldTomasi, Census},
-        optimization::sgm::Paths,
+        cost::BirchfieldTomasi,
         refinement::Refinement,
     },
 };
-use multiscopic_core::{Disparity, Fusion, Search, View, Views};
+use multiscopic_core::{Census, Disparity, Fusion, Search, SemiGlobalCost, View, Views};
 use multiscopic_tests::{
-    reference::{self, energy, raw16, semi_global},
+    reference::{
+        self, energy, raw16,
+        semi_global::{Cost, PATHS, SemiGlobal},
+    },
     split_mix::Random,
     test_images::case::{Case, cases, property},
 };
 
 const BIRCHFIELD_TOMASI: CostFunction = CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: false });
-
-/// Paths that charge nothing sum to a multiple of the cost, so that they select what winner-takes-all
-/// selects.
-fn free_paths() -> Optimizer {
-    Optimizer::SemiGlobal(SemiGlobal::new(Paths::Eight, [0, 0], None).expect("no penalties are in range"))
-}
 
 fn raw(map: &multiscopic::DisparityMap) -> Vec<u16> {
     map.pixels().iter().map(|&pixel| Disparity::to_raw16(pixel)).collect()
@@ -35,31 +31,20 @@ fn census_costs_with_winner_takes_all_equal_the_reference() {
     let engines = [1, 3].map(|threads| Engine::new(None, threads).expect("threads"));
     property(100, cases(100_000, 12_000), |case: &Case| {
         let images = case.images();
-        let gray =
-            |pixels: &[u8]| GrayImage::from_raw(case.width as u32, case.height as u32, pixels.into()).expect("the image's size");
-        let views = [View::Left, View::Right, View::Top, View::Bottom].into_iter().zip(&images.views);
-        let frames = views.fold(Frames::new(gray(&images.center)), |frames, (view, pixels)| match pixels {
-            Some(pixels) => frames.with(view, gray(pixels)),
-            None => frames,
-        });
+        let frames = images.frames();
         let mut random = Random(case.seed);
-        let (census, radius) =
-            [(Census::Window5x5, (2, 2)), (Census::Window7x7, (3, 3)), (Census::Window9x7, (4, 3))][random.below(3)];
+        let (census, cost) = [
+            (Census::Window5x5, Cost::Census(2, 2)),
+            (Census::Window7x7, Cost::Census(3, 3)),
+            (Census::Window9x7, Cost::Census(4, 3)),
+        ][random.below(3)];
         let left_right = [None, Some(random.below(3) as u16)][random.below(2)];
-        let reference = semi_global::SemiGlobal {
-            width: case.width as i32,
-            height: case.height as i32,
-            center: &images.center,
-            views: images.views.each_ref().map(|view| view.as_deref()),
-            fusion: case.fusion,
-            min_disparity: case.min_disparity,
-            num_disparities: case.num_disparities,
-            radius,
-            paths: vec![(1, 0)],
-            p1: 0,
-            p2: 0,
+        let reference = SemiGlobal {
+            paths: vec![PATHS[0]],
             p2_edge: None,
             left_right: left_right.map(i32::from),
+            equiangular: false,
+            ..images.semi_global(case.fusion, case.min_disparity, case.num_disparities, cost, [0, 0])
         };
         let expected: Vec<u16> = reference.disparities().into_iter().map(raw16).collect();
         let method = Method::new(CostFunction::Census(census), None, Optimizer::WinnerTakesAll)
@@ -88,7 +73,7 @@ fn random_frames(random: &mut Random) -> (Frames, RgbImage, [Option<RgbImage>; 4
 }
 
 #[test]
-fn birchfield_tomasi_costs_with_either_optimizer_equal_the_reference() {
+fn birchfield_tomasi_costs_with_winner_takes_all_equal_the_reference() {
     let engine = Engine::new(None, 2).expect("threads");
     let mut random = Random(21);
     for _ in 0..150 {
@@ -122,16 +107,9 @@ fn birchfield_tomasi_costs_with_either_optimizer_equal_the_reference() {
             Some(f64::from(d) + if curvature > 0.0 { (before - after) / curvature } else { 0.0 })
         };
         let expected: Vec<u16> = (0..width * height).map(|i| raw16(pixel(i))).collect();
-        let optimizers = match fusion {
-            Fusion::Min => vec![Optimizer::WinnerTakesAll, free_paths()],
-            // Sums of means leave 16 bits.
-            _ => vec![Optimizer::WinnerTakesAll],
-        };
-        for optimizer in optimizers {
-            let method = Method::new(BIRCHFIELD_TOMASI, None, optimizer);
-            let map = method.disparities(&engine, &frames, &search, &()).expect("the frames fit the search");
-            assert!(raw(&map) == expected, "{method:?}, {search:?}");
-        }
+        let method = Method::new(BIRCHFIELD_TOMASI, None, Optimizer::WinnerTakesAll);
+        let map = method.disparities(&engine, &frames, &search, &()).expect("the frames fit the search");
+        assert!(raw(&map) == expected, "{method:?}, {search:?}");
     }
 }
 
@@ -146,9 +124,11 @@ fn what_does_not_go_together_is_refused() {
     };
     let sad = || CostFunction::Sad { block_size: 5 };
     let cuts = || Optimizer::GraphCuts(GraphCuts::default());
+    let paths = || Optimizer::SemiGlobal(multiscopic::SemiGlobal::default_for(SemiGlobalCost::Sad { block_size: 5 }));
     let aggregation = Some(Aggregation { region: SupportRegion::ACCURATE, iterations: [1, 0] });
     for (method, parts) in [
-        (Method::new(sad(), None, free_paths()), ["SAD", "semi-global"]),
+        (Method::new(BIRCHFIELD_TOMASI, None, paths()), ["Birchfield-Tomasi", "semi-global"]),
+        (Method::new(sad(), aggregation, paths()), ["cross-based", "semi-global"]),
         (Method::new(sad(), aggregation, Optimizer::WinnerTakesAll), ["SAD", "cross-based"]),
         (Method::new(CostFunction::Census(Census::default()), None, cuts()), ["census", "graph cuts"]),
         (Method::new(BIRCHFIELD_TOMASI, aggregation, Optimizer::WinnerTakesAll), ["Birchfield-Tomasi", "cross-based"]),

@@ -1,87 +1,130 @@
 //! Semi-global matching equals its reference on every bit, with each kernel that this processor supports and
 //! any number of threads.
 
-use image::GrayImage;
 use multiscopic::{
-    Engine, Frames, Method, SemiGlobal, Simd,
-    stereo::{CostFunction, Optimizer, cost::Census, optimization::sgm::Paths, refinement::Refinement},
+    DisparityMap, Engine, Method, Simd,
+    stereo::{CostFunction, Optimizer, Task, optimization::sgm::Paths, refinement::Refinement},
 };
-use multiscopic_core::{Disparity, View};
+use multiscopic_core::{Disparity, PathPenalties, SemiGlobalCost, SemiGlobalParams, kernel::Kernel};
 use multiscopic_tests::{
     reference::{
-        raw16,
-        semi_global::{self, PATHS},
+        Fusion, raw16,
+        semi_global::{Cost, PATHS, SemiGlobal},
     },
     split_mix::Random,
-    test_images::case::{Case, cases, property},
+    test_images::{
+        case::{Appearance, Case, cases, property},
+        semi_global_case::{semi_global_params, semi_globally_matched},
+        view_set::ViewSet,
+    },
 };
+
+/// The host's method with the core's parameters.
+fn method(params: &SemiGlobalParams, paths: Paths) -> Method {
+    let cost = match params.cost() {
+        SemiGlobalCost::Sad { block_size } => CostFunction::Sad { block_size },
+        SemiGlobalCost::Census(census) => CostFunction::Census(census),
+    };
+    let optimizer = multiscopic::SemiGlobal { paths, penalties: params.penalties() };
+    Method::new(cost, None, Optimizer::SemiGlobal(optimizer))
+}
+
+/// Engines with every instruction set and each number of threads.
+fn engines(threads: [usize; 3]) -> Vec<Engine> {
+    let engines = Simd::available().into_iter().flat_map(|simd| threads.map(|threads| Engine::new(Some(simd), threads)));
+    engines.collect::<Result<_, _>>().expect("threads")
+}
+
+#[track_caller]
+fn assert_equal(map: &DisparityMap, expected: &[u16], what: &str) {
+    let found: Vec<u16> = map.pixels().iter().map(|&pixel| Disparity::to_raw16(pixel)).collect();
+    let different = (0..expected.len()).find(|&i| found[i] != expected[i]);
+    let place = different.map(|i| (i % map.width(), i / map.width(), found[i], expected[i]));
+    assert_eq!(place, None, "{what}: pixel, found and expected");
+}
 
 #[test]
 fn equals_the_reference() {
-    let engines: Vec<Engine> = Simd::available()
-        .into_iter()
-        .flat_map(|simd| [1, 2, 5].map(|threads| Engine::new(Some(simd), threads).expect("threads")))
-        .collect();
+    let engines = engines([1, 2, 5]);
     property(200, cases(300_000, 12_000), |case: &Case| {
-        let images = case.images();
-        let grey = |pixels: &[u8]| {
-            GrayImage::from_raw(case.width as u32, case.height as u32, pixels.into()).expect("the size of the image")
-        };
-        let neighbors = [View::Left, View::Right, View::Top, View::Bottom].into_iter().zip(&images.views);
-        let frames = neighbors.fold(Frames::new(grey(&images.center)), |frames, (view, pixels)| match pixels {
-            Some(pixels) => frames.with(view, grey(pixels)),
-            None => frames,
-        });
-
-        let mut random = Random(case.seed);
-        let (census, radius) =
-            [(Census::Window5x5, (2, 2)), (Census::Window7x7, (3, 3)), (Census::Window9x7, (4, 3))][random.below(3)];
+        let (images, mut random) = (case.images(), Random(case.seed));
         let (paths, steps) = [
             (Paths::Four, vec![PATHS[0], PATHS[1], PATHS[2], PATHS[5]]),
             (Paths::Five, PATHS[..5].to_vec()),
             (Paths::Eight, PATHS.to_vec()),
         ][random.below(3)]
         .clone();
-        let p2 = [random.below(20), random.below(100), SemiGlobal::MAX_PENALTY.into()][random.below(3)] as u16;
-        let p1 = random.below(usize::from(p2) + 1) as u16;
-        let p2_edge = [None, Some(random.byte() / 8)][random.below(2)];
         let left_right = [None, Some(random.below(3) as u16)][random.below(2)];
-        let sgm = SemiGlobal::new(paths, [p1, p2], p2_edge).expect("these are in range");
-        let method = Method::new(CostFunction::Census(census), None, Optimizer::SemiGlobal(sgm))
-            .with_refinement(Refinement { left_right, ..Refinement::NONE });
-
-        let reference = semi_global::SemiGlobal {
-            width: case.width as i32,
-            height: case.height as i32,
-            center: &images.center,
-            views: images.views.each_ref().map(|view| view.as_deref()),
-            fusion: case.fusion,
-            min_disparity: case.min_disparity,
-            num_disparities: case.num_disparities,
-            radius,
-            paths: steps,
-            p1: p1.into(),
-            p2: p2.into(),
-            p2_edge: p2_edge.map(i64::from),
-            left_right: left_right.map(i32::from),
-        };
+        let reference = case.semi_global(&images, &mut random);
+        let reference = SemiGlobal { paths: steps, left_right: left_right.map(i32::from), ..reference };
         let expected: Vec<u16> = reference.disparities().into_iter().map(raw16).collect();
+        let params = semi_global_params(&reference);
+        let method = method(&params, paths).with_refinement(Refinement { left_right, ..Refinement::NONE });
         for engine in engines.iter().skip(case.seed as usize % 3).step_by(3) {
-            let params = case.params();
-            let map = method.disparities(engine, &frames, params.search(), &()).expect("the frames fit the search");
-            let found: Vec<u16> = map.pixels().iter().map(|&pixel| Disparity::to_raw16(pixel)).collect();
-            let different = (0..expected.len()).find(|&i| found[i] != expected[i]);
-            let place = different.map(|i| (i % case.width, i / case.width, found[i], expected[i]));
-            assert_eq!(place, None, "{} on {} threads, {method:?}", engine.simd(params.search()), engine.threads());
+            let map = method.disparities(engine, &images.frames(), params.search(), &()).expect("the frames fit the search");
+            let what = format!("{} on {} threads, {method:?}", engine.simd(params.search()), engine.threads());
+            assert_equal(&map, &expected, &what);
         }
     });
 }
 
+/// A match by the core.
+struct CoreMatch<'a> {
+    params: &'a SemiGlobalParams,
+    images: &'a ViewSet,
+}
+
+impl Task for CoreMatch<'_> {
+    type Output = Vec<u16>;
+
+    fn run<I: Kernel>(self, isa: I) -> Vec<u16> {
+        semi_globally_matched(isa, self.params, self.images, &mut Random(5))
+    }
+}
+
+/// Frames too large for the reference, in which all threads have work and vectors do not divide the lines.
+#[test]
+fn equals_the_core_on_larger_images() {
+    let engines = engines([1, 2, 3]);
+    let appearances = [Appearance::Shifted, Appearance::Noise, Appearance::Smooth, Appearance::Levels(3), Appearance::Opposite];
+    let costs = [Cost::Sad(2), Cost::Sad(5), Cost::Sad(0), Cost::Census(2, 2), Cost::Census(3, 3), Cost::Census(4, 3)];
+    let fusions = [Fusion::Min, Fusion::Mean, Fusion::Heuristic];
+    for (i, cost) in costs.into_iter().enumerate() {
+        for (j, views) in [[false, true, false, false], [true, true, false, false], [true; 4]].into_iter().enumerate() {
+            let case = Case {
+                width: 97,
+                height: 61,
+                views,
+                fusion: fusions[(i + j) % 3],
+                min_disparity: [1, -9, 0][i % 3],
+                num_disparities: 40,
+                block_size: 5,
+                texture: appearances[(i + 2 * j) % 5],
+                seed: (3 * i + j) as u64,
+            };
+            let images = case.images();
+            let penalties = [[6, 48], [0, 51], [51, 51]][(i + j) % 3];
+            let reference = images.semi_global(case.fusion, case.min_disparity, case.num_disparities, cost, penalties);
+            let params = semi_global_params(&reference);
+            let method = method(&params, Paths::Five);
+            let expected = Simd::BASELINE.run(CoreMatch { params: &params, images: &images });
+            for simd in Simd::available() {
+                assert!(simd.run(CoreMatch { params: &params, images: &images }) == expected, "the core with {simd}, {params:?}");
+            }
+            for engine in &engines {
+                let map = method.disparities(engine, &images.frames(), params.search(), &()).expect("the frames fit the search");
+                let what = format!("{} on {} threads, {params:?}", engine.simd(params.search()), engine.threads());
+                assert_equal(&map, &expected, &what);
+            }
+        }
+    }
+}
+
 #[test]
 fn penalties_out_of_range_are_refused() {
-    let new = |p1, p2| SemiGlobal::new(Paths::default(), [p1, p2], None);
-    assert!(new(8, 650).is_ok() && new(3, 3).is_ok());
-    for (p1, p2) in [(9, 8), (8, 651)] {
+    let new = |p1, p2| PathPenalties::new(p1, p2, None);
+    assert!(new(8, 51).is_ok() && new(3, 3).is_ok());
+    for (p1, p2) in [(9, 8), (8, 52)] {
         let message = new(p1, p2).unwrap_err().to_string();
         assert!(message.contains(&format!("P1 is {p1} and P2 is {p2}")), "{message}");
     }

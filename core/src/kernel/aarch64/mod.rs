@@ -1,5 +1,6 @@
 //! The vector instructions of 64-bit Arm.
 
 mod neon;
+mod neon_bytes;
 
 pub use neon::Neon;

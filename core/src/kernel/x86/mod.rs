@@ -37,7 +37,9 @@ macro_rules! token {
 }
 
 mod avx2;
+mod avx2_bytes;
 mod avx512;
+mod avx512_bytes;
 
 pub use avx2::Avx2;
 pub use avx512::Avx512;

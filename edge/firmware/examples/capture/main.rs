@@ -34,7 +34,7 @@ mod image {
         hm01b0::{Configuration, FrameMemory, Hm01b0, LineQueue},
         stepper::{Axis, Stepper},
     };
-    use multiscopic_edge::{Lengths, frame_file, profile::CAPTURE};
+    use multiscopic_edge::{Lengths, Matching, frame_file, profile::CAPTURE};
     use multiscopic_firmware::{BoardKernel, fail};
     use semihosting::{experimental::env, process};
     use static_cell::ConstStaticCell;
@@ -63,7 +63,7 @@ mod image {
     };
     /// The number of line buffers between the interrupt and the program.
     const LINE_BUFFERS: usize = 6;
-    const LENGTHS: Lengths = Lengths::new::<BoardKernel>(&CAPTURE, CAPTURE.width());
+    const LENGTHS: Lengths = Matching::Blocks { params: CAPTURE, tile_width: CAPTURE.width() }.lengths::<BoardKernel>();
     /// Every frame but the last one is stored.
     const STORED_BYTES: usize = LAST * CAPTURE.width() * CAPTURE.height();
 

@@ -166,9 +166,9 @@ impl Testbench<'_, '_> {
         // Replaces the packets of a damaged frame. On a serial port, a receiver would see them count from 0
         // again.
         let mut output = HostFile::create(buffers.path).map_err(CaptureFailure::Send)?;
-        let whole = Region::whole(&CAPTURE);
+        let whole = Region::whole(CAPTURE.search());
         let matcher = Matcher::with_isa(BoardKernel::default(), &CAPTURE, &whole, buffers.memory);
-        let (mut matcher, mut sender) = (matcher.map_err(CaptureFailure::Memory)?, Sender::new(&CAPTURE, buffers.packet));
+        let (mut matcher, mut sender) = (matcher.map_err(CaptureFailure::Memory)?, Sender::new(CAPTURE.search(), buffers.packet));
         let mut lines_during_readout = 0;
         loop {
             let progress = self.poll(sequence, injection)?;

@@ -12,10 +12,10 @@ use super::{
 /// How often each operation is tried.
 pub const TRIALS: usize = 1000;
 /// The most vectors in a run.
-const MAX_RUN: usize = 8;
+pub const MAX_RUN: usize = 8;
 
 /// Packs lanes, given in the order of the disparities, into a vector of the kernel.
-fn vector<L: Lane, T: bytemuck::Pod>(lanes: &[L; LANES]) -> T {
+pub fn vector<L: Lane, T: bytemuck::Pod>(lanes: &[L; LANES]) -> T {
     let mut ordered = [L::default(); LANES];
     for (index, &lane) in lanes.iter().enumerate() {
         ordered[BoardKernel::lane(index)] = lane;

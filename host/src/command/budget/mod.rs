@@ -10,8 +10,8 @@ use multiscopic::{
     Error, Result,
     target::{Ram, ram::widest_tile},
 };
-use multiscopic_core::{Fusion, Params};
-use multiscopic_edge::{Profile, profile};
+use multiscopic_core::{Fusion, SemiGlobalCost, SemiGlobalParams};
+use multiscopic_edge::{Matching, Profile, profile};
 
 use self::{prediction::Prediction, target_options::TargetOptions};
 use super::{
@@ -28,7 +28,8 @@ use super::{
 /// include sending packets, but not fetching lines. With --fusion mean and blocks of 13 or 15, high-contrast images
 /// take up to a third more.
 ///
-/// Time depends on the average cycles per instruction, which are assumed: pass --cpi if you have measured them.
+/// Time depends on the average cycles per instruction. They come from Arm's manual (M4) and LLVM's models of the
+/// processors (M7, M55), with memory that never waits: pass --cpi if you have measured your part.
 ///
 /// Exit code 1 if --ram or --fps is not met.
 #[derive(Clone, Debug, Args)]
@@ -54,6 +55,10 @@ pub struct Budget {
     #[arg(long, value_name = "N")]
     tile_width: Option<usize>,
 
+    /// Method: block matching, or semi-global matching with sums of absolute differences
+    #[arg(long, value_name = "METHOD", value_parser = ["bm", "sgm"], default_value = "bm")]
+    method: String,
+
     /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with more]
     #[arg(long, value_parser = named::<Fusion>())]
     fusion: Option<Fusion>,
@@ -70,53 +75,59 @@ pub struct Budget {
 }
 
 /// The options that a profile sets.
-const SET_BY_PROFILE: [&str; 7] = ["width", "height", "views", "tile_width", "min_disparity", "num_disparities", "block_size"];
+const SET_BY_PROFILE: [&str; 8] =
+    ["width", "height", "views", "tile_width", "method", "min_disparity", "num_disparities", "block_size"];
 
 impl Budget {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         let profile = profile::ALL.into_iter().find(|profile| Some(profile.name) == self.profile.as_deref());
-        let (params, tile_width) = match profile {
-            Some(profile) => (self.profile_params(&profile), profile.tile_width()),
-            None => self.custom_params()?,
+        let matching = match profile {
+            Some(profile) => self.profile_matching(&profile),
+            None => self.custom_matching()?,
         };
-        let processor = self.target.core;
-        let ram = Ram::new(&params, tile_width, processor);
-        let prediction = Prediction::new(&self.target, &params, tile_width, &ram);
+        let prediction = Prediction::new(&self.target, &matching, &Ram::new(&matching, self.target.core));
         terminal::print_report(&prediction, self.json)?;
-        let failures = self.failures(&prediction, &params);
+        let failures = self.failures(&prediction, &matching);
         failures.iter().for_each(|failure| terminal::say(failure));
         Ok(ExitCode::from(if failures.is_empty() { 0 } else { 1 }))
     }
 
-    fn profile_params(&self, profile: &Profile) -> Params {
-        let views = profile.params(Fusion::Min).views().len();
-        profile.params(self.fusion.unwrap_or(Fusion::default_for(views)))
+    fn profile_matching(&self, profile: &Profile) -> Matching {
+        let views = profile.matching(Fusion::Min).search().views().len();
+        profile.matching(self.fusion.unwrap_or(Fusion::default_for(views)))
     }
 
-    /// The parameters without a profile, and the tile width.
-    fn custom_params(&self) -> Result<(Params, usize)> {
+    /// What is computed without a profile.
+    fn custom_matching(&self) -> Result<Matching> {
         let size = [self.width, self.height].map(|side| usize::from(side.unwrap_or_default()));
         let views = views_of_count(self.views.unwrap_or(4))?;
         let params = self.search.params(size, views, self.fusion, SearchOptions::DEFAULT_RANGE)?;
+        if self.method == "sgm" {
+            if self.tile_width.is_some() {
+                return Err(Error::Usage("--tile-width is for block matching: paths lead through the whole line".into()));
+            }
+            let cost = SemiGlobalCost::Sad { block_size: self.search.block_size.unwrap_or(SemiGlobalCost::DEFAULT_BLOCK_SIZE) };
+            return Ok(Matching::SemiGlobal(SemiGlobalParams::new(*params.search(), cost)?));
+        }
         let tile_width = self.tile_width.unwrap_or(params.width());
         if !(1..=params.width()).contains(&tile_width) {
             let message = format!("--tile-width is {tile_width}, it must be from 1 to the frame's width, {}", params.width());
             return Err(Error::Usage(message));
         }
-        Ok((params, tile_width))
+        Ok(Matching::Blocks { params, tile_width })
     }
 
     /// A message for each requirement that is not met.
-    fn failures(&self, prediction: &Prediction, params: &Params) -> Vec<String> {
+    fn failures(&self, prediction: &Prediction, matching: &Matching) -> Vec<String> {
         let mut failures = Vec::new();
         if let Some(limit) = self.target.ram.filter(|limit| prediction.ram_total > *limit) {
-            let hint = match widest_tile(params, self.target.core, limit) {
-                Some(width) if width < prediction.tile_width => {
-                    format!("; narrower column tiles would fit: --tile-width {width}")
-                }
-                _ => String::new(),
+            let tile = match matching {
+                Matching::Blocks { params, .. } => widest_tile(params, self.target.core, limit),
+                Matching::SemiGlobal(_) => None,
             };
+            let tile = tile.filter(|&width| width < prediction.tile_width);
+            let hint = tile.map(|width| format!("; narrower column tiles would fit: --tile-width {width}")).unwrap_or_default();
             let (total, excess) = (prediction.ram_total, prediction.ram_total - limit);
             failures.push(format!("RAM: {total} bytes exceed --ram {limit} by {excess}{hint}"));
         }

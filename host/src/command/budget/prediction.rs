@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, fmt};
 
 use multiscopic::target::{Buffer, Ram};
-use multiscopic_core::{Params, Region};
+use multiscopic_edge::Matching;
 use serde::Serialize;
 
 use super::target_options::TargetOptions;
@@ -11,6 +11,7 @@ use super::target_options::TargetOptions;
 /// The prediction; `--json` prints these fields.
 #[derive(Debug, Serialize)]
 pub struct Prediction {
+    method: &'static str,
     width: usize,
     height: usize,
     views: usize,
@@ -41,36 +42,39 @@ pub struct Prediction {
 }
 
 impl Prediction {
-    /// Predicts matching with `params` in column tiles on `target`.
-    pub fn new(target: &TargetOptions, params: &Params, tile_width: usize, ram: &Ram) -> Prediction {
+    /// Predicts a match on `target`.
+    pub fn new(target: &TargetOptions, matching: &Matching, ram: &Ram) -> Prediction {
+        let search = matching.search();
+        let blocks = matching.block_matching().expect("the cost is not the census");
         let processor = target.core;
         let clock_mhz = target.clock.unwrap_or(processor.clock_mhz());
         let cycles_per_instruction = target.cpi.unwrap_or(processor.cycles_per_instruction());
-        let instructions = processor.instructions(params, tile_width).round();
+        let instructions = processor.instructions(matching).expect("the cost is not the census").round();
         let seconds = instructions * cycles_per_instruction / (clock_mhz * 1e6);
         Prediction {
-            width: params.width(),
-            height: params.height(),
-            views: params.views().len(),
-            fusion: params.fusion().name(),
-            min_disparity: params.min_disparity(),
-            num_disparities: params.num_disparities(),
-            block_size: params.block_size(),
-            tile_width,
+            method: matching.name(),
+            width: search.width(),
+            height: search.height(),
+            views: search.views().len(),
+            fusion: search.fusion().name(),
+            min_disparity: search.min_disparity(),
+            num_disparities: search.num_disparities(),
+            block_size: blocks.block_size(),
+            tile_width: matching.tile_width(),
             core: processor.name(),
             ram: ram.buffers().iter().map(|buffer| (buffer.name, buffer.bytes)).collect(),
             ram_static: ram.statics(),
             stack_max: ram.stack,
             ram_total: ram.bytes(),
-            de: params.evaluations(),
+            de: search.evaluations(),
             instructions,
-            instructions_per_de: instructions / params.evaluations() as f64,
+            instructions_per_de: instructions / search.evaluations() as f64,
             clock_mhz,
             cycles_per_instruction,
             seconds,
             fps: 1.0 / seconds,
-            lines_latency: params.latency_lines(),
-            tile_passes: Region::tiles(params, tile_width).count(),
+            lines_latency: matching.latency_lines(),
+            tile_passes: matching.tiles().count(),
             buffers: ram.buffers().to_vec(),
         }
     }
@@ -78,11 +82,13 @@ impl Prediction {
 
 impl fmt::Display for Prediction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Prediction { width, height, views, fusion, min_disparity, num_disparities, block_size, tile_width, core, .. } = self;
+        let Prediction {
+            method, width, height, views, fusion, min_disparity, num_disparities, block_size, tile_width, core, ..
+        } = self;
         let last = i32::from(*min_disparity) + *num_disparities as i32 - 1;
         writeln!(
             f,
-            "{width}x{height}, views {views}, {fusion}, disparities {min_disparity}..={last}, block {block_size}, \
+            "{method}, {width}x{height}, views {views}, {fusion}, disparities {min_disparity}..={last}, block {block_size}, \
              column tiles of {tile_width}"
         )?;
         for Buffer { name, bytes, contents } in &self.buffers {

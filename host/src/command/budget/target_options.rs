@@ -17,7 +17,7 @@ pub struct TargetOptions {
     #[arg(long, value_name = "MHZ", value_parser = positive, allow_negative_numbers = true)]
     pub clock: Option<f64>,
 
-    /// Average cycles per instruction [default: 1.4 (M4), 0.8 (M7) or 1.5 (M55), assumed for memory without wait states]
+    /// Average cycles per instruction [default: that of the profile qvga, with memory that never waits]
     #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
     pub cpi: Option<f64>,
 

@@ -67,7 +67,7 @@ impl Demo {
         let frames = shot.frames(Views::ALL);
         let subject = Subject { dataset: "demo", scene: "demo", frames: &frames, truth: &shot.truth };
         bar.set_message("matching");
-        let cost = CostFunction::Sad { block_size: self.search.block_size() };
+        let cost = CostFunction::Sad { block_size: self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE) };
         let method = Method::new(cost, None, Optimizer::WinnerTakesAll);
         let mut outcomes = Vec::new();
         for (variant, params) in VARIANTS.iter().zip(&params) {

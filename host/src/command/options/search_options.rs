@@ -28,7 +28,7 @@ pub struct SearchOptions {
     #[arg(long, visible_alias = "disparity_range", value_name = "N", allow_negative_numbers = true)]
     pub num_disparities: Option<u16>,
 
-    /// Side of the block in pixels, odd, from 1 to 21 (OpenCV: blockSize, ROS: correlation_window_size) [default: 11]
+    /// Side of the block in pixels, odd, from 1 to 21 (OpenCV: blockSize, ROS: correlation_window_size) [default: 11; 5 for --cost sad]
     #[arg(long, visible_alias = "correlation_window_size", value_name = "N", allow_negative_numbers = true)]
     pub block_size: Option<u8>,
 }
@@ -37,12 +37,7 @@ impl SearchOptions {
     /// The paper's search range: the smallest disparity and the number of disparities.
     pub const DEFAULT_RANGE: (i16, u16) = (1, 60);
     /// The paper's block size.
-    const DEFAULT_BLOCK_SIZE: u8 = 11;
-
-    /// The side of the block in pixels.
-    pub fn block_size(&self) -> u8 {
-        self.block_size.unwrap_or(Self::DEFAULT_BLOCK_SIZE)
-    }
+    pub const DEFAULT_BLOCK_SIZE: u8 = 11;
 
     /// The parameters for matching frames of `width` x `height` with `views`. `default_range` is the smallest
     /// disparity and the number of disparities that apply unless options override them.
@@ -63,7 +58,7 @@ impl SearchOptions {
             fusion.unwrap_or(Fusion::default_for(views.len())),
             self.min_disparity.unwrap_or(default_range.0),
             self.num_disparities.unwrap_or(default_range.1),
-            self.block_size(),
+            self.block_size.unwrap_or(Self::DEFAULT_BLOCK_SIZE),
         )?)
     }
 }

@@ -7,13 +7,13 @@
 //! insensitive to image sampling", 1998). Channels of colour are summed.
 
 use image::{GrayImage, RgbImage};
-use multiscopic_core::{Frame, Search, View};
+use multiscopic_core::{Frame, Search, View, kernel::Kernel};
 
 use super::{
     cost_rows::{Cost, CostRows},
     matches::RowMatches,
 };
-use crate::{images::Frames, stereo::lanes::Vectors};
+use crate::images::Frames;
 
 /// The matching cost, and what it is computed of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,11 +64,7 @@ impl CostRows for BirchfieldTomasiRows<'_> {
         self.search
     }
 
-    fn max_cost(&self) -> u16 {
-        (Intervals::MAX_COST * self.center.channels() as u32 * self.search.fusion().scale()) as u16
-    }
-
-    fn row<I: Vectors>(&self, _isa: I, v: usize, stride: usize, row: &mut [u16]) {
+    fn row<I: Kernel>(&self, _isa: I, v: usize, stride: usize, row: &mut [u16]) {
         row.fill(u16::NONE);
         let mut views = vec![vec![Intervals::NONE; self.search.width()]; self.views.len()];
         for (index, d) in (self.search.min_disparity()..=self.search.max_disparity()).enumerate() {

@@ -2,9 +2,7 @@
 
 use std::fmt::Debug;
 
-use multiscopic_core::{Disparity, Search};
-
-use crate::stereo::lanes::Vectors;
+use multiscopic_core::{Disparity, Search, kernel::Kernel};
 
 /// The fused matching cost of a candidate: a pixel at a disparity.
 ///
@@ -17,6 +15,15 @@ pub trait Cost: Copy + PartialOrd + Debug + Send + Sync + 'static {
     /// The vertex of the parabola through the costs at `d - 1`, `d` and `d + 1` pixels. All three exist, and
     /// neither neighbour is below the cost in the middle.
     fn refine(d: i16, costs: [Self; 3]) -> Option<Disparity>;
+}
+
+impl Cost for u8 {
+    const NONE: u8 = u8::MAX;
+
+    #[inline(always)]
+    fn refine(d: i16, [before, at, after]: [u8; 3]) -> Option<Disparity> {
+        Disparity::refine(d, before.into(), at.into(), after.into())
+    }
 }
 
 impl Cost for u16 {
@@ -49,11 +56,8 @@ pub trait CostRows: Sync {
     /// What is searched for.
     fn search(&self) -> &Search;
 
-    /// An upper bound of the costs that exist, on the scale of the fusion.
-    fn max_cost(&self) -> Self::Cost;
-
     /// Computes the costs of row `v`. `row` has `stride` costs for each pixel, at least as many as there are
-    /// disparities and a multiple of [`LANES`](crate::stereo::lanes::LANES). Those past the last disparity
-    /// become [`NONE`](Cost::NONE).
-    fn row<I: Vectors>(&self, isa: I, v: usize, stride: usize, row: &mut [Self::Cost]);
+    /// disparities and a multiple of the lanes of `isa`. Those past the last disparity become
+    /// [`NONE`](Cost::NONE).
+    fn row<I: Kernel>(&self, isa: I, v: usize, stride: usize, row: &mut [Self::Cost]);
 }

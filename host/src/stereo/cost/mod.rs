@@ -4,13 +4,15 @@
 //! that several passes go over, is kept in a [`Volume`].
 
 pub mod birchfield_tomasi;
-pub mod census;
+mod census_rows;
 mod cost_rows;
 pub mod matches;
 pub mod mccnn;
+mod sad;
 pub mod volume;
 
 pub use birchfield_tomasi::BirchfieldTomasi;
-pub use census::Census;
+pub use census_rows::CensusRows;
 pub use cost_rows::{Cost, CostRows};
+pub use sad::SadRows;
 pub use volume::Volume;

@@ -1,6 +1,6 @@
 //! Winner-takes-all: each pixel takes the disparity of least cost.
 
-use multiscopic_core::{Disparity, Search, kernel::Blocks};
+use multiscopic_core::{Disparity, Search, kernel::Kernel};
 use rayon::prelude::*;
 
 use crate::{
@@ -9,7 +9,6 @@ use crate::{
     stereo::{
         cost::{Cost, CostRows, Volume},
         engine::Engine,
-        lanes::{LANES, Vectors},
         simd::Task,
     },
 };
@@ -17,8 +16,8 @@ use crate::{
 /// The disparities of least cost, by the rules of [`disparity`]. Keeps one row of costs per thread.
 pub fn disparities<R: CostRows>(rows: &R, engine: &Engine, progress: &dyn Progress) -> DisparityMap {
     let search = rows.search();
-    let stride = search.num_disparities().next_multiple_of(LANES);
     let simd = engine.simd(search);
+    let stride = search.num_disparities().next_multiple_of(simd.lanes());
     let mut map = DisparityMap::filled(search.width(), search.height(), None);
     progress.begin(search.height() as u64, "lines");
     engine.pool().install(|| {
@@ -38,8 +37,8 @@ pub fn disparities<R: CostRows>(rows: &R, engine: &Engine, progress: &dyn Progre
 /// All costs, kept in a volume.
 pub fn collect<R: CostRows>(rows: &R, engine: &Engine, progress: &dyn Progress) -> Volume<R::Cost> {
     let search = rows.search();
-    let stride = search.num_disparities().next_multiple_of(LANES);
     let simd = engine.simd(search);
+    let stride = search.num_disparities().next_multiple_of(simd.lanes());
     let mut volume = Volume::filled(search.width(), search.height(), stride, R::Cost::NONE);
     progress.begin(search.height() as u64, "lines");
     let row_len = volume.row_len();
@@ -63,7 +62,7 @@ struct ComputeRow<'a, R: CostRows> {
 impl<R: CostRows> Task for ComputeRow<'_, R> {
     type Output = ();
 
-    fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, isa: I) {
+    fn run<I: Kernel>(self, isa: I) {
         self.rows.row(isa, self.v, self.stride, self.costs);
     }
 }
@@ -84,6 +83,16 @@ impl<C: Cost> Volume<C> {
 /// of the parabola through its neighbours if both are in range and exist. These are the core's rules.
 #[inline(always)]
 pub fn disparity<C: Cost>(search: &Search, costs: &[C]) -> Option<Disparity> {
+    disparity_refined_by(search, costs, C::refine)
+}
+
+/// [`disparity`] with another refinement by the costs at `d - 1`, `d` and `d + 1`.
+#[inline(always)]
+pub fn disparity_refined_by<C: Cost>(
+    search: &Search,
+    costs: &[C],
+    refine: impl Fn(i16, [C; 3]) -> Option<Disparity>,
+) -> Option<Disparity> {
     let costs = &costs[..search.num_disparities()];
     let mut least = C::NONE;
     for &cost in costs {
@@ -92,17 +101,12 @@ pub fn disparity<C: Cost>(search: &Search, costs: &[C]) -> Option<Disparity> {
     if least == C::NONE {
         return None;
     }
-    disparity_at(search, costs, costs.iter().position(|&cost| cost == least)?)
-}
-
-/// The refined disparity of a pixel whose least cost is at `index`.
-#[inline(always)]
-pub fn disparity_at<C: Cost>(search: &Search, costs: &[C], index: usize) -> Option<Disparity> {
+    let index = costs.iter().position(|&cost| cost == least)?;
     let d = search.min_disparity() + index as i16;
-    if index > 0 && index + 1 < search.num_disparities() {
+    if index > 0 && index + 1 < costs.len() {
         let around = [costs[index - 1], costs[index], costs[index + 1]];
         if around[0] != C::NONE && around[2] != C::NONE {
-            return C::refine(d, around);
+            return refine(d, around);
         }
     }
     Disparity::whole(d)

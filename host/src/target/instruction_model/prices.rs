@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use multiscopic_core::Params;
+use multiscopic_edge::Matching;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -21,12 +21,11 @@ pub struct Prices {
 }
 
 impl Prices {
-    /// The instructions of a match in column tiles of `tile_width` columns, with a kernel of `lanes` lanes.
-    /// Sending is included, fetching lines is not.
+    /// The instructions of a match with a kernel of `lanes` lanes. Sending is included, fetching lines is not.
     ///
     /// `None` if there are no prices for the kernel.
-    pub fn instructions(&self, params: &Params, tile_width: usize, lanes: usize) -> Option<f64> {
-        let Workload { units, candidates, kernel } = Workload::new(params, tile_width, lanes);
+    pub fn instructions(&self, matching: &Matching, lanes: usize) -> Option<f64> {
+        let Workload { units, candidates, kernel } = Workload::new(matching, lanes)?;
         let candidate_prices = self.candidates.get(&kernel)?;
         let units = units.to_array().into_iter().zip(self.units.to_array());
         let candidates = candidates.to_array().into_iter().zip(candidate_prices.to_array());
@@ -37,14 +36,15 @@ impl Prices {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Fusion, Views};
+    use multiscopic_core::{Fusion, Params, Views};
 
     #[test]
     fn instructions_are_counts_times_prices() {
         let params = Params::new(20, 17, Views::HORIZONTAL, Fusion::Min, 1, 4, 3).unwrap();
         let mut prices = Prices { units: WorkUnits { pixel: 10.0, packet: 3.0, ..WorkUnits::default() }, ..Prices::default() };
-        assert_eq!(prices.instructions(&params, 20, 4), None);
+        let matching = Matching::Blocks { params, tile_width: 20 };
+        assert_eq!(prices.instructions(&matching, 4), None);
         prices.candidates.insert("2-min".into(), CandidateUnits { moved: 2.0, ..CandidateUnits::default() });
-        assert_eq!(prices.instructions(&params, 20, 4), Some(10.0 * 340.0 + 3.0 * 17.0 + 2.0 * 22.0 * 17.0 * 4.0));
+        assert_eq!(prices.instructions(&matching, 4), Some(10.0 * 340.0 + 3.0 * 17.0 + 2.0 * 22.0 * 17.0 * 4.0));
     }
 }

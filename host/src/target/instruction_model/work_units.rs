@@ -13,8 +13,15 @@ pub struct WorkUnits {
     pub column: f64,
     /// The same for each view: samples are read, and running sums updated.
     pub column_view: f64,
-    /// Pixels.
+    /// Pixels of block matching.
     pub pixel: f64,
+    /// Pixels of semi-global matching.
+    pub path_pixel: f64,
+    /// Candidates of semi-global matching, through which paths lead. Their number is rounded up to whole
+    /// vectors.
+    pub path: f64,
+    /// The same where there are four vectors, for which kernels have separate loops.
+    pub path_unrolled: f64,
     /// Pixels at which some view is unavailable at some disparity.
     pub border_pixel: f64,
     /// Segments in pixels that are fused by segments: runs of disparities at which the same views are
@@ -30,19 +37,46 @@ pub struct WorkUnits {
 
 impl WorkUnits {
     /// The names of the units, in the order of the fields.
-    pub const NAMES: [&str; 9] =
-        ["line", "column", "column_view", "pixel", "border_pixel", "segment", "primed", "packet", "sent"];
+    pub const NAMES: [&str; 12] = [
+        "line",
+        "column",
+        "column_view",
+        "pixel",
+        "path_pixel",
+        "path",
+        "path_unrolled",
+        "border_pixel",
+        "segment",
+        "primed",
+        "packet",
+        "sent",
+    ];
 
     /// The numbers, in the order of the fields.
     pub fn to_array(&self) -> [f64; Self::NAMES.len()] {
-        let WorkUnits { line, column, column_view, pixel, border_pixel, segment, primed, packet, sent } = *self;
-        [line, column, column_view, pixel, border_pixel, segment, primed, packet, sent]
+        let WorkUnits { line, column, column_view, pixel, path_pixel, path, path_unrolled, .. } = *self;
+        let WorkUnits { border_pixel, segment, primed, packet, sent, .. } = *self;
+        [line, column, column_view, pixel, path_pixel, path, path_unrolled, border_pixel, segment, primed, packet, sent]
     }
 
     /// Takes numbers in the order of the fields.
     pub fn from_array(numbers: [f64; Self::NAMES.len()]) -> WorkUnits {
-        let [line, column, column_view, pixel, border_pixel, segment, primed, packet, sent] = numbers;
-        WorkUnits { line, column, column_view, pixel, border_pixel, segment, primed, packet, sent }
+        let [line, column, column_view, pixel, path_pixel, path, path_unrolled, rest @ ..] = numbers;
+        let [border_pixel, segment, primed, packet, sent] = rest;
+        WorkUnits {
+            line,
+            column,
+            column_view,
+            pixel,
+            path_pixel,
+            path,
+            path_unrolled,
+            border_pixel,
+            segment,
+            primed,
+            packet,
+            sent,
+        }
     }
 }
 
@@ -79,7 +113,7 @@ mod tests {
 
     #[test]
     fn names_and_arrays_follow_the_fields() {
-        let numbers: [f64; 9] = std::array::from_fn(|i| i as f64);
+        let numbers: [f64; WorkUnits::NAMES.len()] = std::array::from_fn(|i| i as f64);
         let units = WorkUnits::from_array(numbers);
         assert_eq!(units.to_array(), numbers);
         let fields = serde_json::to_value(units).unwrap();

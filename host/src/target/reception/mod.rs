@@ -68,8 +68,8 @@ mod tests {
     /// The packets of a frame in two tiles, of two columns and one, and its end. All disparities are 2.
     fn sent() -> Vec<Vec<u8>> {
         let mut buffer = vec![0; buffer_bytes(3)];
-        let mut sender = Sender::new(&PARAMS, &mut buffer);
-        let lines = Region::tiles(&PARAMS, 2).flat_map(|tile| (0..4).map(move |v| (tile, v)));
+        let mut sender = Sender::new(PARAMS.search(), &mut buffer);
+        let lines = Region::tiles(PARAMS.search(), 2).flat_map(|tile| (0..4).map(move |v| (tile, v)));
         let two = Disparity::from_bits(128);
         let mut packets: Vec<_> =
             lines.map(|(tile, v)| sender.line(&tile, v, &vec![two; tile.width()]).unwrap().to_vec()).collect();
@@ -153,7 +153,7 @@ mod tests {
         let mut packets = sent();
         let other = Params::new(9, 9, Views::ALL, Fusion::Min, 1, 4, 3).unwrap();
         let mut buffer = vec![0; buffer_bytes(9)];
-        let line = Sender::new(&other, &mut buffer).line(&Region::whole(&other), 0, &[None; 9]).unwrap().to_vec();
+        let line = Sender::new(other.search(), &mut buffer).line(&Region::whole(other.search()), 0, &[None; 9]).unwrap().to_vec();
         packets.insert(3, line);
         packets.insert(1, vec![0; 5]);
         let (received, flaws, is_harmed) = received(&packets);

@@ -4,7 +4,8 @@
 //! | --- | --- |
 //! | `system` | other programs, threads, and where things are |
 //! | `tools` | the programs that checks run, and how they are installed |
-//! | `counts` | the recorded counts of instructions |
+//! | `counts` | the recorded counts of instructions and cycles |
+//! | `timing` | how many cycles instructions take |
 //! | `machine` | the virtual machine with cameras |
 //! | `emulation` | emulated boards: firmware is built for them, run and measured |
 //! | `firmware_checks` | what the firmware must do on the boards |
@@ -15,6 +16,7 @@ mod emulation;
 mod firmware_checks;
 mod machine;
 mod system;
+mod timing;
 mod tools;
 mod workspace_checks;
 
@@ -22,7 +24,7 @@ use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
 use emulation::setup;
-use firmware_checks::{capturing, faults, kernel_twins, profiles};
+use firmware_checks::{capturing, cycles, faults, kernel_twins, profiles};
 use workspace_checks::{emulated_arm64, host_instructions, packaging, suite, v4l2};
 
 /// Runs the project's checks, tests and firmware.
@@ -46,6 +48,8 @@ enum Task {
     Lint,
     /// Build the firmware, run it in the emulator, compare it with the host bit for bit, and measure it
     Edge(profiles::Selection),
+    /// Add up the cycles that the firmware takes on each processor, and compare them with the record
+    Cycles(cycles::Accounting),
     /// Run the firmware that moves a camera and captures, with every fault
     Capture,
     /// Run firmware that must fail: too large, out of stack, without its frames
@@ -91,6 +95,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Capture => capturing::run(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),
+        Task::Cycles(accounting) => accounting.run(&setup::run()?),
         Task::Edge(selection) => profiles::run(&setup::run()?, &selection),
     }
 }

@@ -13,14 +13,47 @@ use crate::kernel::{
     blocks::{Blocks, fuse_loop, fuse_masked_loop},
     isa::Isa,
     rule::Rule,
-    steps::Steps,
+    steps::{RawStep, Steps},
     vector::Block,
 };
 
-/// Whether there are four vectors of each.
+/// Whether there are four views, and four vectors of each.
 #[inline(always)]
-fn are_four<const V: usize>(steps: &Steps<'_, Dsp, V>, blocks: &[[Costs; V]], masks: &[[Costs; V]], fused: &[Costs]) -> bool {
-    (blocks.len() == 4) & (masks.len() == 4) & (fused.len() == 4) & (steps.vectors() == 4)
+pub(super) fn are_four<const V: usize>(
+    steps: &Steps<'_, Dsp, V>,
+    blocks: &[[Costs; V]],
+    masks: &[[Costs; V]],
+    fused: &[Costs],
+) -> bool {
+    (V == 4) & (blocks.len() == 4) & (masks.len() == 4) & (fused.len() == 4) & (steps.vectors() == 4)
+}
+
+/// Slides the blocks of a pixel, and fuses them by the minimum. Returns the least fused cost in each half of a
+/// word; any word if `LEAST` is not set.
+///
+/// # Safety
+/// There are four views, and four vectors of each.
+#[inline(always)]
+pub(super) unsafe fn slide_to_min<const V: usize, const LEAST: bool>(
+    masked: u8,
+    step: RawStep<'_, Dsp, V>,
+    blocks: &mut [[Costs; V]],
+    masks: &[[Costs; V]],
+    fused: &mut [Costs],
+) -> u32 {
+    // SAFETY: the step has as many vectors as there are blocks, masks and fused costs.
+    unsafe {
+        slide::slide::<V, 4>(step, blocks);
+        let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
+        match masked {
+            0 => fuse::min_of_four::<4, LEAST>(blocks.cast(), fused),
+            1 => fuse::min_with_one_masked::<V, 0, LEAST>(blocks, masks, fused),
+            2 => fuse::min_with_one_masked::<V, 1, LEAST>(blocks, masks, fused),
+            4 => fuse::min_with_one_masked::<V, 2, LEAST>(blocks, masks, fused),
+            8 => fuse::min_with_one_masked::<V, 3, LEAST>(blocks, masks, fused),
+            _ => fuse::min_masked(blocks, masks, fused),
+        }
+    }
 }
 
 /// The lesser half of a word.
@@ -129,21 +162,10 @@ impl Blocks<u16> for Dsp {
         masks: &[[[u32; 4]; V]],
         fused: &mut [[u32; 4]],
     ) -> u16 {
-        if V == 4 && rule == Rule::Min && are_four(steps, blocks, masks, fused) {
+        if rule == Rule::Min && are_four(steps, blocks, masks, fused) {
             let Some(step) = steps.next_raw() else { return u16::MAX };
             // SAFETY: there are four views, and four vectors of each.
-            let least = unsafe {
-                slide::slide::<V, 4>(step, blocks);
-                let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
-                match masked {
-                    0 => fuse::min_of_four::<4>(blocks.cast(), fused),
-                    1 => fuse::min_with_one_masked::<V, 0>(blocks, masks, fused),
-                    2 => fuse::min_with_one_masked::<V, 1>(blocks, masks, fused),
-                    4 => fuse::min_with_one_masked::<V, 2>(blocks, masks, fused),
-                    8 => fuse::min_with_one_masked::<V, 3>(blocks, masks, fused),
-                    _ => fuse::min_masked(blocks, masks, fused),
-                }
-            };
+            let least = unsafe { slide_to_min::<V, true>(masked, step, blocks, masks, fused) };
             return lesser_half(least);
         }
         Blocks::<u16>::slide(self, steps, blocks);
@@ -161,8 +183,8 @@ impl Blocks<u16> for Dsp {
         lesser_half(unsafe {
             match fused.len() {
                 _ if rule == Rule::Heuristic => fuse::heuristic_of_four(blocks, fused),
-                n if n % 4 == 0 => fuse::min_of_four::<4>(blocks, fused),
-                _ => fuse::min_of_four::<1>(blocks, fused),
+                n if n % 4 == 0 => fuse::min_of_four::<4, true>(blocks, fused),
+                _ => fuse::min_of_four::<1, true>(blocks, fused),
             }
         })
     }
@@ -205,10 +227,10 @@ fn fuse_masked<const V: usize>(
         Rule::Min if fits => unsafe {
             let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
             match (masked, fused.len()) {
-                (1, 4) => fuse::min_with_one_masked::<V, 0>(blocks, masks, fused),
-                (2, 4) if V > 1 => fuse::min_with_one_masked::<V, 1>(blocks, masks, fused),
-                (4, 4) if V > 2 => fuse::min_with_one_masked::<V, 2>(blocks, masks, fused),
-                (8, 4) if V > 3 => fuse::min_with_one_masked::<V, 3>(blocks, masks, fused),
+                (1, 4) => fuse::min_with_one_masked::<V, 0, true>(blocks, masks, fused),
+                (2, 4) if V > 1 => fuse::min_with_one_masked::<V, 1, true>(blocks, masks, fused),
+                (4, 4) if V > 2 => fuse::min_with_one_masked::<V, 2, true>(blocks, masks, fused),
+                (8, 4) if V > 3 => fuse::min_with_one_masked::<V, 3, true>(blocks, masks, fused),
                 _ => fuse::min_masked(blocks, masks, fused),
             }
         },

@@ -1,7 +1,7 @@
 //! Fused costs in the DSP extension, with the least of all.
 //!
 //! Every function takes the block sums of a pixel, `V` views in each vector, and returns the least fused cost
-//! in each half of a word.
+//! in each half of a word; any word if `LEAST` is not set.
 #![allow(unsafe_code)]
 
 use super::isa::VECTOR;
@@ -22,15 +22,17 @@ macro_rules! min {
     };
 }
 
-/// Stores the fused costs of a vector, and lowers the least of all.
+/// Stores the fused costs of a vector, and lowers the least of all if it is asked for.
 macro_rules! store_and_lower {
     () => {
         concat!(
             "stm {fused}!, {{r0, r1, r2, r3}}\n",
+            ".if {lower}\n",
             min!("{least}", "r0"),
             min!("{least}", "r1"),
             min!("{least}", "r2"),
             min!("{least}", "r3"),
+            ".endif\n",
         )
     };
 }
@@ -57,15 +59,15 @@ macro_rules! heuristic {
             usub16 "{t}", $b, $a;
             sel $c, $a, $b;
             sel $a, $b, $a;
-            // The sum of two in d, of three in b, and three times the second in t.
+            // The sum of two in d, of three in b, and three times the second in t; then three times the sum of two,
+            // and twice the sum of three. A Cortex-M7 takes a saturated sum a cycle later.
             uqadd16 $d, $d, $c;
-            uqadd16 $b, $d, $a;
             uqadd16 "{t}", $c, $c;
+            uqadd16 $b, $d, $a;
             uqadd16 "{t}", "{t}", $c;
-            // Three times the sum of two, and twice the sum of three.
             uqadd16 $c, $d, $d;
-            uqadd16 $d, $c, $d;
             uqadd16 $b, $b, $b;
+            uqadd16 $d, $c, $d;
             usub16 "{t}", "{t}", $a;
             sel $a, $b, $d;
         }
@@ -93,7 +95,10 @@ macro_rules! mask {
 /// # Safety
 /// There are as many blocks as fused costs: a multiple of `UNROLLED`, not 0.
 #[inline(always)]
-pub(super) unsafe fn min_of_four<const UNROLLED: usize>(blocks: *const [Costs; 4], fused: &mut [Costs]) -> u32 {
+pub(super) unsafe fn min_of_four<const UNROLLED: usize, const LEAST: bool>(
+    blocks: *const [Costs; 4],
+    fused: &mut [Costs],
+) -> u32 {
     let mut least = u32::MAX;
     // SAFETY: reads so many blocks and writes as many fused costs. Every register that changes is an output.
     unsafe {
@@ -117,6 +122,7 @@ pub(super) unsafe fn min_of_four<const UNROLLED: usize>(blocks: *const [Costs; 4
             t = out(reg) _,
             out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
             unrolled = const UNROLLED,
+            lower = const LEAST as u8,
             options(nostack),
         );
     }
@@ -265,7 +271,7 @@ pub(super) unsafe fn min_masked<const V: usize>(blocks: *const [Costs; V], masks
 /// # Safety
 /// There are four blocks, masks and fused costs, and `K < V`.
 #[inline(always)]
-pub(super) unsafe fn min_with_one_masked<const V: usize, const K: usize>(
+pub(super) unsafe fn min_with_one_masked<const V: usize, const K: usize, const LEAST: bool>(
     blocks: *const [Costs; V],
     masks: *const [Costs; V],
     fused: &mut [Costs],
@@ -299,6 +305,7 @@ pub(super) unsafe fn min_with_one_masked<const V: usize, const K: usize>(
             out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
             views = const V,
             masked = const K,
+            lower = const LEAST as u8,
             // From the last word of the view's masks in a vector to the first in the next vector.
             next = const V * VECTOR - 12,
             options(nostack),

@@ -24,6 +24,7 @@ macro_rules! instruction {
     };
 }
 
+instruction!(uqadd8);
 instruction!(uqsub8);
 instruction!(uadd16);
 instruction!(usub16);
@@ -43,10 +44,27 @@ pub(super) fn if_not_less(a: u32, b: u32, then: u32, otherwise: u32) -> u32 {
     result
 }
 
+/// `then` in the bytes where `a >= b`, and `otherwise` elsewhere.
+#[inline(always)]
+pub(super) fn if_byte_not_less(a: u32, b: u32, then: u32, otherwise: u32) -> u32 {
+    let result;
+    unsafe {
+        asm!("usub8 {result}, {a}, {b}", "sel {result}, {then}, {otherwise}", result = out(reg) result, a = in(reg) a, b = in(reg) b,
+             then = in(reg) then, otherwise = in(reg) otherwise, options(pure, nomem, nostack));
+    }
+    result
+}
+
 /// A byte four times.
 #[inline(always)]
 pub(super) fn splat(byte: u8) -> u32 {
     u32::from(byte) * 0x0101_0101
+}
+
+/// A half twice.
+#[inline(always)]
+pub(super) fn splat_half(half: u16) -> u32 {
+    u32::from(half) * 0x1_0001
 }
 
 /// Samples four by four.

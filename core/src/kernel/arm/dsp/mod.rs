@@ -11,12 +11,28 @@
 //! | `isa` | the token, and the operations on column sums |
 //! | `slide` | column sums move down, and blocks slide |
 //! | `fuse` | fused costs, with the least of all |
-//! | `blocks` | the inner loops, put together |
+//! | `blocks` | the inner loops of block matching, put together |
+//! | `divide` | fused sums become 8-bit costs |
+//! | `byte_vector` | 8-bit costs in words |
+//! | `paths` | the paths of semi-global matching through a pixel |
+//! | `winner` | the least sum over all paths |
+//! | `runs` | paths and winners of many pixels of 32 disparities |
+//! | `bytes` | the operations on 8-bit costs, put together |
+
+// Their macros serve `runs` as well.
+#[macro_use]
+mod paths;
+#[macro_use]
+mod winner;
 
 mod blocks;
+mod byte_vector;
+mod bytes;
+mod divide;
 mod fuse;
 mod instruction;
 mod isa;
+mod runs;
 mod slide;
 mod vector;
 

@@ -6,7 +6,7 @@ use core::arch::asm;
 use super::{
     fuse,
     isa::{Mve, TWIN},
-    slide,
+    slide, slide_to_min,
 };
 use crate::kernel::{
     blocks::{Blocks, fuse_loop, fuse_masked_loop},
@@ -108,20 +108,10 @@ impl Blocks<u16> for Mve {
         masks: &[[[u16; 8]; V]],
         fused: &mut [[u16; 8]],
     ) -> u16 {
-        let four = (blocks.len() == 4) & (masks.len() == 4) & (fused.len() == 4) & (steps.vectors() == 4);
-        if V == 4 && rule == Rule::Min && four {
+        if slide_to_min::suits(rule, steps, blocks, masks) && fused.len() == 4 {
             let Some(step) = steps.next_raw() else { return u16::MAX };
             // SAFETY: there are four views, and four vectors of each.
-            return unsafe {
-                match masked {
-                    0 => slide::slide_to_min::<V, 0>(step, blocks, masks, fused),
-                    1 => slide::slide_to_min::<V, 1>(step, blocks, masks, fused),
-                    2 => slide::slide_to_min::<V, 2>(step, blocks, masks, fused),
-                    4 => slide::slide_to_min::<V, 4>(step, blocks, masks, fused),
-                    8 => slide::slide_to_min::<V, 8>(step, blocks, masks, fused),
-                    _ => slide::slide_to_min::<V, 15>(step, blocks, masks, fused),
-                }
-            };
+            return unsafe { by_mask!(masked, slide_to_min::slide_to_min(step, blocks, masks, fused)) };
         }
         slide_along(steps, blocks);
         self.fuse_masked(rule, masked, blocks, masks, fused)

@@ -3,20 +3,27 @@
 
 use super::isa::VECTOR;
 
-/// Loads the costs of the views into `q0` to `q3`, raised to their masks.
-macro_rules! load_views {
+/// Loads the costs of a view into `q\q`, if there is such a view, raised to their mask.
+///
+/// Arithmetic stands between the loads of two views: vector instructions overlap only if they take different
+/// pipelines.
+macro_rules! load_view {
     () => {
-        "
-        .irp q, 0, 1, 2, 3
-        .if \\q < {views}
+        ".if \\q < {views}
         vldrh.u16 q\\q, [{block}], #16
         .if ({masked} >> \\q) & 1
         vldrh.u16 q5, [{mask}, #16 * \\q]
         vorr q\\q, q\\q, q5
         .endif
         .endif
-        .endr
-        .if {masked}
+        "
+    };
+}
+
+/// Advances to the masks of the next vector.
+macro_rules! to_next_masks {
+    () => {
+        ".if {masked}
         add {mask}, {mask}, #{stride}
         .endif
         "
@@ -40,12 +47,13 @@ pub(super) unsafe fn min<const V: usize, const MASKED: u8>(
         asm_up_to!(100 bytes,
             "dls lr, {n}",
             "2:",
-            load_views!(),
-            ".irp q, 1, 2, 3",
-            ".if \\q < {views}",
+            ".irp q, 0, 1, 2, 3",
+            load_view!(),
+            ".if \\q && (\\q < {views})",
             "vmin.u16 q0, q0, q\\q",
             ".endif",
             ".endr",
+            to_next_masks!(),
             "vstrh.16 q0, [{fused}], #16",
             "vminv.u16 {least}, q0",
             "le lr, 2b";
@@ -83,11 +91,22 @@ pub(super) unsafe fn heuristic<const V: usize, const MASKED: u8>(
             "vmrs {before}, p0",
             "dls lr, {n}",
             "2:",
-            // Without a fourth view, its cost is the greatest.
-            "vmov.i8 q3, #255",
-            load_views!(),
+            ".irp q, 0, 1",
+            load_view!(),
+            ".endr",
             "vmin.u16 q4, q0, q1",
+            ".irp q, 2",
+            load_view!(),
+            ".endr",
             "vmax.u16 q0, q0, q1",
+            // Without a fourth view, its cost is the greatest.
+            ".if {views} < 4",
+            "vmov.i8 q3, #255",
+            ".endif",
+            ".irp q, 3",
+            load_view!(),
+            ".endr",
+            to_next_masks!(),
             "vmin.u16 q1, q2, q3",
             "vmax.u16 q2, q2, q3",
             // The second and the third lie between the greater minimum and the lesser maximum.

@@ -1,4 +1,7 @@
 //! Column sums move down, and blocks slide, in MVE.
+//!
+//! Loads and arithmetic take turns wherever registers allow: vector instructions overlap only if they take different
+//! pipelines.
 #![allow(unsafe_code)]
 
 use core::arch::asm;
@@ -21,12 +24,12 @@ macro_rules! track {
 macro_rules! advance_column {
     () => {
         "vldrb.u16 q0, [r2, #(8 * \\j)]
-        vldrb.u16 q1, [r3, #(8 * \\j)]
         vabd.u16 q0, q0, q2
-        vabd.u16 q1, q1, q3
-        vsub.i16 q0, q0, q1
         vldrh.u16 q1, [{column}, #(16 * ({vectors} * \\k + \\j))]
         vadd.i16 q0, q0, q1
+        vldrb.u16 q1, [r3, #(8 * \\j)]
+        vabd.u16 q1, q1, q3
+        vsub.i16 q0, q0, q1
         vstrh.16 q0, [{column}, #(16 * ({vectors} * \\k + \\j))]
         vldrh.u16 q1, [{leaving_column}, #(16 * ({vectors} * \\k + \\j))]
         vsub.i16 q0, q0, q1
@@ -89,7 +92,17 @@ pub(super) unsafe fn slide_unrolled<const V: usize, const N: usize>(step: RawSte
             track!(),
             ".irp j, 0, 1, 2, 3, 4, 5, 6, 7",
             ".if \\j < {vectors}",
-            advance_column!(),
+            "vldrb.u16 q0, [r2, #(8 * \\j)]",
+            "vabd.u16 q0, q0, q2",
+            "vldrb.u16 q1, [r3, #(8 * \\j)]",
+            "vabd.u16 q1, q1, q3",
+            "vldrh.u16 q4, [{column}, #(16 * ({vectors} * \\k + \\j))]",
+            "vsub.i16 q0, q0, q1",
+            "vldrh.u16 q1, [{leaving_column}, #(16 * ({vectors} * \\k + \\j))]",
+            "vadd.i16 q0, q0, q4",
+            "vstrh.16 q0, [{column}, #(16 * ({vectors} * \\k + \\j))]",
+            "vsub.i16 q0, q0, q1",
+            "vldrh.u16 q1, [{block}, #(16 * ({views} * \\j + \\k))]",
             "vadd.i16 q0, q0, q1",
             "vstrh.16 q0, [{block}, #(16 * ({views} * \\j + \\k))]",
             ".endif",
@@ -104,93 +117,12 @@ pub(super) unsafe fn slide_unrolled<const V: usize, const N: usize>(step: RawSte
             // Loads that widen take their addresses from low registers.
             inout("r2") u32::from(center.entering) => _,
             inout("r3") u32::from(center.leaving) => _,
-            out("r4") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
+            out("r4") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _,
             views = const V,
             vectors = const N,
             options(nostack),
         );
     }
-}
-
-/// Raises costs to their masks, if their view has any: vector `j` of view `k`.
-macro_rules! mask_view {
-    ($costs:literal) => {
-        concat!(
-            ".if ({masked} >> \\k) & 1\n",
-            "vldrh.u16 q1, [{mask}, #(16 * ({views} * \\j + \\k))]\n",
-            concat!("vorr ", $costs, ", ", $costs, ", q1\n"),
-            ".endif"
-        )
-    };
-}
-
-/// Moves a column down by a line, slides the blocks by it, and fuses their sums to the minimum, those of the
-/// views whose bits are set in `MASKED` being masked. Returns the least fused cost.
-///
-/// # Safety
-/// The step has four vectors in a view, and there are four blocks, masks and fused costs.
-#[inline(always)]
-pub(super) unsafe fn slide_to_min<const V: usize, const MASKED: u8>(
-    step: RawStep<'_, Mve, V>,
-    blocks: &mut [[[u16; 8]; V]],
-    masks: &[[[u16; 8]; V]],
-    fused: &mut [[u16; 8]],
-) -> u16 {
-    let RawStep { center, index, tracks, entering, leaving, .. } = step;
-    let mut least = u32::from(u16::MAX);
-    // SAFETY: the step has samples and sums of `V` views in that many vectors. Every register that changes is
-    // an output.
-    unsafe {
-        asm_up_to!(1200 bytes,
-            "vdup.16 q2, r2",
-            "vdup.16 q3, r3",
-            ".irp k, 0, 1, 2, 3",
-            ".if \\k < {views}",
-            track!(),
-            // The fused costs are in q4 to q7.
-            ".irp j, 0, 1, 2, 3",
-            advance_column!(),
-            ".irp to, 4, 5, 6, 7",
-            ".if \\to == \\j + 4",
-            ".if \\k",
-            "vadd.i16 q0, q0, q1",
-            "vstrh.16 q0, [{block}, #(16 * ({views} * \\j + \\k))]",
-            mask_view!("q0"),
-            "vmin.u16 q\\to, q\\to, q0",
-            ".else",
-            "vadd.i16 q\\to, q0, q1",
-            "vstrh.16 q\\to, [{block}, #(16 * ({views} * \\j + \\k))]",
-            mask_view!("q\\to"),
-            ".endif",
-            ".endif",
-            ".endr",
-            ".endr",
-            ".endif",
-            ".endr",
-            ".irp from, 4, 5, 6, 7",
-            "vstrh.16 q\\from, [{fused}, #(16 * (\\from - 4))]",
-            "vminv.u16 {least}, q\\from",
-            ".endr";
-            index = in(reg) index,
-            tracks = inout(reg) tracks => _,
-            column = in(reg) entering,
-            leaving_column = in(reg) leaving,
-            block = in(reg) blocks.as_mut_ptr(),
-            mask = in(reg) masks.as_ptr(),
-            fused = in(reg) fused.as_mut_ptr(),
-            least = inout(reg) least,
-            // Loads that widen take their addresses from low registers.
-            inout("r2") u32::from(center.entering) => _,
-            inout("r3") u32::from(center.leaving) => _,
-            out("r4") _,
-            out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _, out("q6") _, out("q7") _,
-            views = const V,
-            vectors = const 4,
-            masked = const MASKED,
-            options(nostack),
-        );
-    }
-    least as u16
 }
 
 /// Moves a column down by a line and slides the blocks by it.
@@ -211,14 +143,14 @@ pub(super) unsafe fn slide<const V: usize>(step: RawStep<'_, Mve, V>, blocks: &m
             "dls lr, {n}",
             "3:",
             "vldrb.u16 q0, [r2], #8",
-            "vldrb.u16 q1, [r3], #8",
             "vabd.u16 q0, q0, q2",
+            "vldrb.u16 q1, [r3], #8",
             "vabd.u16 q1, q1, q3",
+            "vldrh.u16 q4, [{column}]",
             "vsub.i16 q0, q0, q1",
-            "vldrh.u16 q1, [{column}]",
-            "vadd.i16 q0, q0, q1",
-            "vstrh.16 q0, [{column}], #16",
             "vldrh.u16 q1, [{leaving_column}], #16",
+            "vadd.i16 q0, q0, q4",
+            "vstrh.16 q0, [{column}], #16",
             "vsub.i16 q0, q0, q1",
             "vldrh.u16 q1, [{block}]",
             "vadd.i16 q0, q0, q1",
@@ -238,7 +170,7 @@ pub(super) unsafe fn slide<const V: usize>(step: RawStep<'_, Mve, V>, blocks: &m
             // Loads that widen take their addresses from low registers.
             inout("r2") u32::from(center.entering) => _,
             inout("r3") u32::from(center.leaving) => _,
-            out("r4") _, out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
+            out("r4") _, out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _,
             stride = const VECTOR * V,
             options(nostack),
         );

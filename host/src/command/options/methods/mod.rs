@@ -15,7 +15,7 @@ use self::{
     graph_cuts_options::GraphCutsOptions, mc_cnn_options::McCnnOptions, refinement_options::RefinementOptions,
     semi_global_options::SemiGlobalOptions,
 };
-use super::named::Named;
+use super::{named::Named, search_options::SearchOptions};
 
 /// A method that the command line offers: a pipeline of steps that are known to work well together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,7 +50,7 @@ impl Named for MethodName {
         match self {
             MethodName::Bm => "Block matching: the least sum of absolute differences",
             MethodName::Gc => "Graph cuts: the least energy of matching costs and smoothness",
-            MethodName::Sgm => "Semi-global matching: the least census costs along paths",
+            MethodName::Sgm => "Semi-global matching: the least costs along paths, by the census or by blocks",
             MethodName::MccnnFast => {
                 "The least costs along paths, with costs by the fast MC-CNN network; its weights: `multiscopic weights install`"
             }
@@ -82,22 +82,27 @@ impl MethodOptions {
         self
     }
 
-    /// The method with these options. `block_size` is that of block matching, with which graph cuts start.
-    pub fn method(&self, name: MethodName, block_size: u8) -> Result<Method> {
+    /// The method with these options. `block_size` is that of block matching, with which graph cuts start, and
+    /// of sums of absolute differences, if one was asked for.
+    pub fn method(&self, name: MethodName, block_size: Option<u8>) -> Result<Method> {
         let MethodOptions { graph_cuts, semi_global, mc_cnn, refinement } = self;
         let mc_cnn = |architecture| -> Result<Method> {
             let optimizer = Optimizer::EdgeAware(mc_cnn.penalties(architecture));
             Ok(Method::new(mc_cnn.cost(architecture)?, Some(mc_cnn.aggregation(architecture)), optimizer))
         };
         let method = match name {
-            MethodName::Bm => return Ok(Method::new(CostFunction::Sad { block_size }, None, Optimizer::WinnerTakesAll)),
+            MethodName::Bm => {
+                let block_size = block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
+                return Ok(Method::new(CostFunction::Sad { block_size }, None, Optimizer::WinnerTakesAll));
+            }
             MethodName::Gc => {
-                let optimizer = Optimizer::GraphCuts(graph_cuts.graph_cuts(block_size));
+                let optimizer =
+                    Optimizer::GraphCuts(graph_cuts.graph_cuts(block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE)));
                 Method::new(CostFunction::BirchfieldTomasi(graph_cuts.cost()), None, optimizer)
             }
             MethodName::Sgm => {
-                let optimizer = Optimizer::SemiGlobal(semi_global.semi_global()?);
-                Method::new(CostFunction::Census(semi_global.census), None, optimizer)
+                let optimizer = Optimizer::SemiGlobal(semi_global.semi_global(block_size)?);
+                Method::new(semi_global.cost(block_size)?, None, optimizer)
             }
             MethodName::MccnnFast => mc_cnn(Architecture::Fast)?,
             MethodName::MccnnAccurate => mc_cnn(Architecture::Accurate)?,

@@ -3,8 +3,9 @@
 use clap::Args;
 use multiscopic::{
     Error, Result, SemiGlobal,
-    stereo::{cost::Census, optimization::sgm::Paths},
+    stereo::{CostFunction, optimization::sgm::Paths},
 };
+use multiscopic_core::{Census, PathPenalties, SemiGlobalCost};
 
 use crate::command::options::named::{Named, named};
 
@@ -12,19 +13,23 @@ use crate::command::options::named::{Named, named};
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Semi-global matching (--method sgm)")]
 pub struct SemiGlobalOptions {
-    /// Penalty for a disparity change of one between neighbouring pixels, in census bits (OpenCV: P1)
-    /// [default: a quarter of the window's bits, 8 for 9x7]
-    #[arg(long, visible_alias = "P1", value_name = "N")]
-    p1: Option<u16>,
+    /// Matching cost
+    #[arg(long, value_name = "COST", value_parser = named::<CostName>(), default_value = "census")]
+    cost: CostName,
 
-    /// Penalty for larger changes, from P1 to 650 (OpenCV: P2) [default: 6 times P1, 48 for 9x7]
+    /// Penalty for a disparity change of one between neighbouring pixels, in units of the cost (OpenCV: P1)
+    /// [default: census: a quarter of the window's bits, 8 for 9x7; sad: 6]
+    #[arg(long, visible_alias = "P1", value_name = "N")]
+    p1: Option<u8>,
+
+    /// Penalty for larger changes, from P1 to 51 (OpenCV: P2) [default: census: 6 times P1, 48 for 9x7; sad: 48]
     #[arg(long, visible_alias = "P2", value_name = "N")]
-    p2: Option<u16>,
+    p2: Option<u8>,
 
     /// Lower P2 where neighbouring pixels differ in brightness by more than this, in inverse proportion to the difference,
-    /// but not below P1; 255 turns this off
-    #[arg(long, value_name = "N", default_value_t = SemiGlobal::DEFAULT_P2_EDGE)]
-    p2_edge: u8,
+    /// but not below P1; 255 turns this off [default: 10]
+    #[arg(long, value_name = "N")]
+    p2_edge: Option<u8>,
 
     /// Number of paths: 4, 5 or 8 (OpenCV: MODE_HH4, MODE_SGBM or MODE_HH); 4 and 8 keep all costs in memory
     #[arg(long, value_name = "4|5|8", default_value = "5", value_parser = paths)]
@@ -32,15 +37,46 @@ pub struct SemiGlobalOptions {
 
     /// Window of the census transform
     #[arg(long, value_name = "SIZE", value_parser = named::<Census>(), default_value = "9x7")]
-    pub census: Census,
+    census: Census,
+}
+
+/// A matching cost of semi-global matching.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum CostName {
+    Census,
+    Sad,
 }
 
 impl SemiGlobalOptions {
+    /// The matching cost. `block_size` is the block's, if one was asked for.
+    pub fn cost(&self, block_size: Option<u8>) -> Result<CostFunction> {
+        Ok(match self.core_cost(block_size)? {
+            SemiGlobalCost::Sad { block_size } => CostFunction::Sad { block_size },
+            SemiGlobalCost::Census(census) => CostFunction::Census(census),
+        })
+    }
+
     /// The optimizer.
-    pub fn semi_global(&self) -> Result<SemiGlobal> {
-        let p1 = self.p1.unwrap_or(self.census.default_penalties()[0]);
-        let p2 = self.p2.unwrap_or(p1.saturating_mul(6).min(SemiGlobal::MAX_PENALTY));
-        SemiGlobal::new(self.paths, [p1, p2], Some(self.p2_edge))
+    pub fn semi_global(&self, block_size: Option<u8>) -> Result<SemiGlobal> {
+        let default = SemiGlobal::default_for(self.core_cost(block_size)?);
+        let p1 = self.p1.unwrap_or(default.penalties.p1());
+        let p2 = match self.p1 {
+            Some(p1) => p1.saturating_mul(6).min(PathPenalties::MAX),
+            None => default.penalties.p2(0),
+        };
+        let p2_edge = self.p2_edge.or(default.penalties.p2_edge());
+        let penalties = PathPenalties::new(p1, self.p2.unwrap_or(p2), p2_edge)?;
+        Ok(SemiGlobal { paths: self.paths, penalties })
+    }
+
+    fn core_cost(&self, block_size: Option<u8>) -> Result<SemiGlobalCost> {
+        Ok(match self.cost {
+            CostName::Census => SemiGlobalCost::Census(self.census),
+            CostName::Sad => {
+                let block_size = block_size.unwrap_or(SemiGlobalCost::DEFAULT_BLOCK_SIZE);
+                SemiGlobalCost::Sad { block_size }.checked()?
+            }
+        })
     }
 }
 
@@ -48,6 +84,24 @@ fn paths(text: &str) -> Result<Paths> {
     let all = [Paths::Four, Paths::Five, Paths::Eight];
     let paths = all.into_iter().find(|paths| paths.count().to_string() == text);
     paths.ok_or_else(|| Error::Usage("it must be 4, 5 or 8".into()))
+}
+
+impl Named for CostName {
+    const ALL: &'static [CostName] = &[CostName::Census, CostName::Sad];
+
+    fn name(&self) -> &'static str {
+        match self {
+            CostName::Census => "census",
+            CostName::Sad => "sad",
+        }
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            CostName::Census => "Bits in which the census transforms differ",
+            CostName::Sad => "The sum of absolute differences over a block, of 5 x 5 pixels unless --block-size is given",
+        }
+    }
 }
 
 impl Named for Census {

@@ -1,28 +1,35 @@
 //! Semi-global matching: costs are summed along paths from all sides, which charge for changes of disparity.
 //!
-//! H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", 2008. All arithmetic
-//! is in whole numbers: the bits do not depend on the threads or the vector instructions.
+//! The step along a path, the selection and their arithmetic are the core's:
+//! [`SemiGlobalParams`](multiscopic_core::SemiGlobalParams) defines them. With five paths the result is that of
+//! [`SemiGlobalMatcher`](multiscopic_core::SemiGlobalMatcher), bit for bit, whatever the threads and the vector
+//! instructions: see `wavefront`. Each thread keeps a few rows. With four or eight paths, there is a volume
+//! of sums: two bytes for each pixel and disparity.
 //!
-//! With five paths, each thread keeps a few rows. With four or eight paths, there is a volume of sums: two
-//! bytes for each pixel and disparity, the number of disparities rounded up to a multiple of [`LANES`].
+//! | room | what it is |
+//! | --- | --- |
+//! | `parameters` | the parameters |
+//! | `path_block` | the paths of a few columns, as a row sends them to the next |
+//! | `row_sweep` | the paths through a row |
+//! | `wavefront` | a pass over the rows, on several threads |
 
-mod path;
-mod semi_global;
+mod parameters;
+mod path_block;
+mod row_sweep;
 mod wavefront;
 
-pub use semi_global::{Paths, SemiGlobal};
+pub use parameters::{Paths, SemiGlobal};
 
 use image::GrayImage;
-use wavefront::{Pass, RowTask, Wavefront};
+use row_sweep::Pass;
+use wavefront::{RowTask, Wavefront};
 
 use crate::{
-    error::Result,
     images::DisparityMap,
     progress::Progress,
     stereo::{
         cost::{CostRows, Volume},
         engine::Engine,
-        lanes::LANES,
     },
 };
 
@@ -39,30 +46,26 @@ impl Paths {
 impl SemiGlobal {
     /// Selects disparities by the sums of path costs. `center` is the image whose edges lower P2. Also
     /// returns the sums if `keep_sums` is set, which takes the volume that several passes take.
-    ///
-    /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) if the sums could leave 16 bits: see [`SemiGlobal::check_sums`].
-    pub fn optimize<R: CostRows<Cost = u16>>(
+    pub fn optimize<R: CostRows<Cost = u8>>(
         &self,
         rows: &R,
         center: &GrayImage,
         engine: &Engine,
         keep_sums: bool,
         progress: &dyn Progress,
-    ) -> Result<(DisparityMap, Option<Volume<u16>>)> {
+    ) -> (DisparityMap, Option<Volume<u16>>) {
         let search = rows.search();
-        self.check_sums(rows.max_cost(), search.fusion())?;
-        let scale = search.fusion().scale() as u16;
+        let (width, height) = (search.width(), search.height());
         let wavefront = Wavefront {
             costs: rows,
             center,
-            p1: scale * self.p1(),
-            p2: std::array::from_fn(|change| scale * self.p2(change as u8)),
-            stride: search.num_disparities().next_multiple_of(LANES),
+            p1: self.penalties.p1(),
+            p2: std::array::from_fn(|change| self.penalties.p2(change as u8)),
+            stride: search.num_disparities().next_multiple_of(engine.simd(search).lanes()),
+            paths: self.paths.count() as u16,
             progress,
         };
-        let (width, height) = (search.width(), search.height());
-        let passes = self.paths().passes();
+        let passes = self.paths.passes();
         progress.begin((height * passes.len()) as u64, "lines");
         let mut sums = (keep_sums || passes.len() > 1).then(|| Volume::filled(width, height, wavefront.stride, 0));
         let mut map = DisparityMap::filled(width, height, None);
@@ -79,6 +82,6 @@ impl SemiGlobal {
             }
             wavefront.run(pass, rows, engine);
         }
-        Ok((map, sums.filter(|_| keep_sums)))
+        (map, sums.filter(|_| keep_sums))
     }
 }

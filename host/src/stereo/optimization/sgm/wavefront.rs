@@ -5,46 +5,26 @@
 //! of the next one, a block of columns at a time. So the threads work on successive rows, each a little
 //! behind the one above. The result does not depend on their number.
 
-use std::{
-    mem,
-    ops::Range,
-    sync::{
-        Mutex,
-        mpsc::{self, Receiver, Sender},
-    },
+use std::sync::{
+    Mutex,
+    mpsc::{self, Receiver, Sender},
 };
 
 use image::GrayImage;
 use multiscopic_core::{
-    Disparity, Search,
-    kernel::{Blocks, Work},
+    Disparity,
+    kernel::{Along, Kernel, Slot, Work},
+    select_disparity,
 };
 
-use super::path::{Aligned, PathCosts, StepPenalties, extend};
+use super::{
+    path_block::{COLUMNS, PathBlock, start},
+    row_sweep::{Pass, Penalties, RowCosts, add_to_sums, select_by_sums},
+};
 use crate::{
     progress::Progress,
-    stereo::{
-        cost::CostRows,
-        engine::Engine,
-        lanes::{LANES, Vector, Vectors},
-        optimization::winner,
-        simd::Task,
-    },
+    stereo::{cost::CostRows, engine::Engine, simd::Task},
 };
-
-/// The columns that a row sends to the next at a time.
-const COLUMNS: usize = 32;
-
-/// The paths of a pass.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Pass {
-    /// Whether the pass starts at the last row.
-    pub upwards: bool,
-    /// Whether there are paths along the row, in both directions.
-    pub along_rows: bool,
-    /// Whether there are diagonal paths from row to row.
-    pub diagonals: bool,
-}
 
 /// The input and parameters that all rows share.
 pub(super) struct Wavefront<'a, R> {
@@ -53,11 +33,13 @@ pub(super) struct Wavefront<'a, R> {
     /// The image whose edges lower P2.
     pub center: &'a GrayImage,
     /// The penalty of a step by one disparity.
-    pub p1: u16,
+    pub p1: u8,
     /// The penalty of any larger step, by the change of brightness.
-    pub p2: [u16; 256],
+    pub p2: [u8; 256],
     /// The costs of a pixel, padded to whole vectors.
     pub stride: usize,
+    /// The paths of all passes.
+    pub paths: u16,
     pub progress: &'a dyn Progress,
 }
 
@@ -65,17 +47,17 @@ pub(super) struct Wavefront<'a, R> {
 #[derive(Debug)]
 pub(super) struct RowTask<'a> {
     pub v: usize,
-    /// The sums of the previous passes, to which this one adds its own. If `None`, sums start from 0 and are
-    /// not kept.
+    /// What the previous passes add to the costs, to which this one adds its own; in the end, the sums of all
+    /// path costs. If `None`, this is the only pass, and sums are not kept.
     pub sums: Option<&'a mut [u16]>,
     /// Where the selected disparities go, in the last pass.
     pub disparities: Option<&'a mut [Option<Disparity>]>,
 }
 
 /// The paths of a block of columns, one for each slope: what a row sends to the next.
-type Columns = Vec<PathCosts>;
+type Columns = Vec<PathBlock>;
 
-impl<R: CostRows<Cost = u16>> Wavefront<'_, R> {
+impl<R: CostRows<Cost = u8>> Wavefront<'_, R> {
     /// Computes all `rows`, which are in the order of the pass, on the threads of `engine`.
     pub fn run(&self, pass: Pass, rows: Vec<RowTask<'_>>, engine: &Engine) {
         let count = rows.len();
@@ -115,10 +97,10 @@ struct Worker<'a, 'b, R> {
     sender: Sender<Columns>,
 }
 
-impl<R: CostRows<Cost = u16>> Task for Worker<'_, '_, R> {
+impl<R: CostRows<Cost = u8>> Task for Worker<'_, '_, R> {
     type Output = ();
 
-    fn run<I: Blocks<u16> + Blocks<u32> + Vectors>(self, isa: I) {
+    fn run<I: Kernel>(self, isa: I) {
         isa.compiled(Compiled { worker: self, isa });
     }
 }
@@ -129,166 +111,108 @@ struct Compiled<'a, 'b, R, I> {
     isa: I,
 }
 
-impl<R: CostRows<Cost = u16>, I: Vectors> Work for Compiled<'_, '_, R, I> {
+impl<R: CostRows<Cost = u8>, I: Kernel> Work for Compiled<'_, '_, R, I> {
     #[inline(always)]
     fn run(self) {
-        let Compiled { worker, isa } = self;
-        let Wavefront { costs, center, stride, progress, .. } = *worker.wavefront;
-        let search = costs.search();
-        let width = search.width();
-        let samples = |v: usize| &center.as_raw()[v * width..][..width];
-        let (mut fused, mut row_sums) = (Aligned::new(width * stride), Aligned::new(width * stride));
-        let mut along = [(); 4].map(|_| PathCosts::new(1, stride));
-        let start = PathCosts::new(1, stride);
+        let Compiled { mut worker, isa } = self;
+        let &Wavefront { costs: rows, stride, progress, .. } = worker.wavefront;
+        let search = rows.search();
+        let (mut costs, mut excess) = (vec![u8::MAX; search.width() * stride], vec![0; search.width() * stride]);
+        let start = start(search.num_disparities(), stride);
         // Blocks of columns to reuse.
         let mut free: Vec<Columns> = Vec::new();
-        let (count, last_block) = (worker.rows.len(), (width - 1) / COLUMNS);
-        for (i, row) in worker.rows.into_iter().enumerate() {
-            let (is_first, is_last) = (worker.has_first && i == 0, worker.has_last && i + 1 == count);
-            let sums = match row.sums {
-                Some(sums) => sums,
-                None => {
-                    row_sums.get_mut().fill(0);
-                    row_sums.get_mut()
-                }
+        let tasks = std::mem::take(&mut worker.rows);
+        let count = tasks.len();
+        for (i, task) in tasks.into_iter().enumerate() {
+            let ends = [worker.has_first && i == 0, worker.has_last && i + 1 == count];
+            rows.row(isa, task.v, stride, &mut costs);
+            let row = RowCosts { stride, costs: &costs, excess: &mut excess };
+            // The usual numbers of vectors as constants.
+            let connected = match stride / I::LANES {
+                1 => worker.sweep::<I, 1>(isa, task, ends, row, &start, &mut free),
+                2 => worker.sweep::<I, 2>(isa, task, ends, row, &start, &mut free),
+                3 | 4 => worker.sweep::<I, 4>(isa, task, ends, row, &start, &mut free),
+                _ => worker.sweep::<I, MOST_VECTORS>(isa, task, ends, row, &start, &mut free),
             };
-            costs.row(isa, row.v, stride, &mut fused.get_mut()[..width * stride]);
-            let fused = &fused.get()[..width * stride];
-            if worker.pass.along_rows {
-                worker.wavefront.along_row(isa, samples(row.v), fused, &mut along, sums);
-            }
-            let v_above = match (is_first, worker.pass.upwards) {
-                (true, _) => row.v,
-                (false, true) => row.v + 1,
-                (false, false) => row.v - 1,
-            };
-            let mut above: Vec<Columns> = Vec::new();
-            for index in 0..=last_block {
-                // Diagonal paths come from the next block as well.
-                while !is_first && above.len() <= last_block.min(index + 1) {
-                    let Ok(columns) = worker.receiver.recv() else { return };
-                    above.push(columns);
-                }
-                let slopes = if worker.pass.diagonals { 3 } else { 1 };
-                let new = || (0..slopes).map(|_| PathCosts::new(COLUMNS, stride)).collect();
-                let mut columns = free.pop().unwrap_or_else(new);
-                let here = index * COLUMNS..width.min((index + 1) * COLUMNS);
-                let above = Above { blocks: &above, start: &start, is_first };
-                let rows = [samples(row.v), samples(v_above)];
-                match &mut columns[..] {
-                    [path] => worker.wavefront.down(isa, [path], [0], above, rows, here, fused, sums),
-                    [a, b, c] => worker.wavefront.down(isa, [a, b, c], [1, 0, -1], above, rows, here, fused, sums),
-                    _ => unreachable!("one or three slopes"),
-                }
-                if is_last {
-                    free.push(columns);
-                } else if worker.sender.send(columns).is_err() {
-                    return;
-                }
-            }
-            free.append(&mut above);
-            for (pixel, sums) in row.disparities.into_iter().flatten().zip(sums.chunks_exact(stride)) {
-                *pixel = disparity(isa, search, sums);
+            if connected.is_none() {
+                return;
             }
             progress.advance(1);
         }
     }
 }
 
-/// The paths of the previous row.
-#[derive(Clone, Copy)]
-struct Above<'a> {
-    /// Blocks of columns, as far as they have arrived.
-    blocks: &'a [Columns],
-    /// The costs of a path that starts.
-    start: &'a PathCosts,
-    /// Whether there is no previous row.
-    is_first: bool,
-}
+/// The vectors of the longest search, with the fewest lanes.
+const MOST_VECTORS: usize = 128;
 
-impl<R> Wavefront<'_, R> {
-    /// The paths along a row of `samples`, from both ends. Their steps alternate, because they do not depend
-    /// on each other.
+impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
+    /// Sweeps through a row, in up to `M` vectors for each pixel. `None` if another worker has ended early.
     #[inline(always)]
-    fn along_row<I: Vectors>(&self, isa: I, samples: &[u8], costs: &[u16], paths: &mut [PathCosts; 4], sums: &mut [u16]) {
-        let [mut forward, mut next_forward, mut backward, mut next_backward] = paths.each_mut();
-        forward.clear();
-        backward.clear();
-        let last = samples.len() - 1;
-        for u in 0..=last {
-            let pixel = u * self.stride..(u + 1) * self.stride;
-            let before = [(forward.shared().at(0), self.penalties(samples[u], samples[u.saturating_sub(1)]))];
-            extend(isa, &mut [next_forward], 0, before, &costs[pixel.clone()], &mut sums[pixel]);
-            mem::swap(&mut forward, &mut next_forward);
-
-            let u = last - u;
-            let pixel = u * self.stride..(u + 1) * self.stride;
-            let before = [(backward.shared().at(0), self.penalties(samples[u], samples[last.min(u + 1)]))];
-            extend(isa, &mut [next_backward], 0, before, &costs[pixel.clone()], &mut sums[pixel]);
-            mem::swap(&mut backward, &mut next_backward);
-        }
-    }
-
-    /// The paths from the previous row to the columns `here`. `rows` are the samples of this row and of the
-    /// previous one.
-    #[allow(clippy::too_many_arguments)]
-    #[inline(always)]
-    fn down<I: Vectors, const N: usize>(
+    fn sweep<I: Kernel, const M: usize>(
         &self,
         isa: I,
-        mut paths: [&mut PathCosts; N],
-        slopes: [isize; N],
-        above: Above<'_>,
-        rows: [&[u8]; 2],
-        here: Range<usize>,
-        costs: &[u16],
-        sums: &mut [u16],
-    ) {
-        let first = here.start;
-        let start = (above.start.shared().at(0), StepPenalties { p1: 0, p2: 0 });
-        // The block straight above, from which nearly all paths come.
-        let mut straight = [above.start.shared(); N];
-        for (straight, paths) in straight.iter_mut().zip(above.blocks.get(first / COLUMNS).into_iter().flatten()) {
-            *straight = paths.shared();
+        mut task: RowTask<'_>,
+        [is_first, is_last]: [bool; 2],
+        mut row: RowCosts<'_>,
+        start: &[u8],
+        free: &mut Vec<Columns>,
+    ) -> Option<()> {
+        let Wavefront { costs: rows, center, p1, ref p2, stride, paths, .. } = *self.wavefront;
+        let (search, pass) = (rows.search(), self.pass);
+        let width = search.width();
+        let samples = |v: usize| &center.as_raw()[v * width..][..width];
+        let v_above = match (is_first, pass.upwards) {
+            (true, _) => task.v,
+            (false, true) => task.v + 1,
+            (false, false) => task.v - 1,
+        };
+        let penalties = Penalties { p1, p2, here: samples(task.v), above: samples(v_above) };
+        let along = Along::<I, M>::begin(isa, &start[Slot::LEAD..][..stride]);
+        let mut from_left = pass.along_rows.then_some(along);
+        let mut above: Vec<Columns> = Vec::new();
+        let last_block = (width - 1) / COLUMNS;
+        for index in 0..=last_block {
+            // Diagonal paths come from the next block as well.
+            while !is_first && above.len() <= last_block.min(index + 1) {
+                above.push(self.receiver.recv().ok()?);
+            }
+            let slopes = if pass.diagonals { 3 } else { 1 };
+            let mut columns = free.pop().unwrap_or_else(|| (0..slopes).map(|_| PathBlock::new(stride)).collect());
+            let here = index * COLUMNS..width.min((index + 1) * COLUMNS);
+            let (above, from_left) = ((!is_first).then_some(&above[..]), from_left.as_mut());
+            match &mut columns[..] {
+                [a, b, c] => row.forward(isa, penalties, from_left, above, start, here, [a, b, c]),
+                [a] => row.forward(isa, penalties, from_left, above, start, here, [a]),
+                _ => unreachable!("one or three slopes"),
+            }
+            if is_last {
+                free.push(columns);
+            } else {
+                self.sender.send(columns).ok()?;
+            }
         }
-        let (costs, sums) = (&costs[first * self.stride..], &mut sums[first * self.stride..]);
-        let pixels = here.clone().zip(costs.chunks_exact(self.stride)).zip(sums.chunks_exact_mut(self.stride));
-        for ((u, costs), sums) in pixels {
-            let mut before = [start; N];
-            if !above.is_first {
-                for (k, slope) in slopes.into_iter().enumerate() {
-                    let from = u.wrapping_add_signed(-slope);
-                    if from >= rows[1].len() {
-                        continue;
+        free.append(&mut above);
+        match (&mut task.sums, &mut task.disparities) {
+            (None, Some(disparities)) => row.backward(isa, penalties, along, |u, costs, excess| {
+                disparities[u] = select_disparity(isa, search, costs, excess);
+            }),
+            (Some(sums), disparities) => {
+                let paths = disparities.as_ref().map(|_| paths);
+                let mut add = |u: usize, costs: &[u8], excess: &[u8]| {
+                    let sums = &mut sums[u * stride..][..stride];
+                    add_to_sums(sums, costs, excess, paths);
+                    if let Some(disparities) = disparities {
+                        disparities[u] = select_by_sums(search, sums);
                     }
-                    let path = match here.contains(&from) {
-                        true => straight[k].at(from - first),
-                        false => above.blocks[from / COLUMNS][k].shared().at(from % COLUMNS),
-                    };
-                    before[k] = (path, self.penalties(rows[0][u], rows[1][from]));
+                };
+                if pass.along_rows {
+                    row.backward(isa, penalties, along, add);
+                } else {
+                    row.each(&mut add);
                 }
             }
-            extend(isa, &mut paths, u - first, before, costs, sums);
+            (None, None) => unreachable!("a pass either keeps sums or selects"),
         }
+        Some(())
     }
-
-    /// The penalties between two samples.
-    #[inline(always)]
-    fn penalties(&self, a: u8, b: u8) -> StepPenalties {
-        StepPenalties { p1: self.p1, p2: self.p2[usize::from(a.abs_diff(b))] }
-    }
-}
-
-/// The disparity of a pixel by its sums: [`winner::disparity`], vectorised.
-#[inline(always)]
-fn disparity<I: Vectors>(isa: I, search: &Search, sums: &[u16]) -> Option<Disparity> {
-    let blocks = || sums.as_chunks::<LANES>().0.iter().map(|sums| isa.load(sums));
-    let least = blocks().fold(isa.splat(u16::MAX), |least, sums| least.min(sums)).min_lane();
-    if least == u16::MAX {
-        return None;
-    }
-    let equal = isa.splat(least);
-    let lanes = blocks().map(|sums| sums.equal_mask(equal)).enumerate().find(|(_, lanes)| *lanes != 0);
-    let (block, lanes) = lanes.expect("one lane has the minimum");
-    winner::disparity_at(search, sums, block * LANES + lanes.trailing_zeros() as usize)
 }

@@ -16,7 +16,10 @@ use crate::{
 };
 
 /// The functions that mark the beginning of a phase.
-const PHASES: [&str; 4] = ["phase_idle", "phase_matching", "phase_fetching", "phase_sending"];
+pub const PHASES: [&str; 4] = ["phase_idle", "phase_matching", "phase_fetching", "phase_sending"];
+
+/// The phases of the pipeline: all but fetching lines, whose cost depends on where they are stored.
+pub const PIPELINE: [&str; 2] = ["phase_matching", "phase_sending"];
 
 /// The file that the plugin writes.
 const REPORT: &str = "instructions.txt";
@@ -81,7 +84,7 @@ impl Instructions {
         Ok(Instructions { matching: counts[1], fetching: counts[2], sending: counts[3] })
     }
 
-    /// The whole pipeline except for fetching lines, whose cost depends on where they are stored.
+    /// Those of the [pipeline](PIPELINE).
     pub fn pipeline(&self) -> u64 {
         self.matching + self.sending
     }

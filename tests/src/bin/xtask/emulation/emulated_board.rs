@@ -63,6 +63,11 @@ pub const ALL: [EmulatedBoard; 4] = [
     VECTORS,
 ];
 
+/// One board per processor.
+pub fn one_per_processor() -> impl Iterator<Item = &'static EmulatedBoard> {
+    Processor::ALL.into_iter().filter_map(|processor| ALL.iter().find(|board| board.processor == processor))
+}
+
 /// The Rust targets of all boards.
 pub fn targets() -> Vec<&'static str> {
     let mut targets: Vec<_> = ALL.iter().map(|board| board.target).collect();

@@ -1,5 +1,6 @@
 //! Emulated boards: builds firmware for them, runs and measures it.
 
+pub mod block_trace;
 pub mod build;
 pub mod counter;
 pub mod emulated_board;

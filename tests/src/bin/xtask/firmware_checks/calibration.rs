@@ -2,7 +2,8 @@
 
 use anyhow::{Context, Result, ensure};
 use multiscopic::target::instruction_model::{CandidateUnits, Prices, WorkUnits, Workload};
-use multiscopic_core::{Fusion, Params, Views};
+use multiscopic_core::{Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams, Views};
+use multiscopic_edge::{Matching, Wide};
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
@@ -73,10 +74,15 @@ const VARIANTS: [(Views, Fusion); 9] = [
     (Views::ALL, Fusion::Heuristic),
 ];
 
+/// Blocks of semi-global matching, by shape in turn.
+const PATH_BLOCKS: [u8; 3] = [5, 3, 7];
+
+/// The words of memory that the calibrating firmware has for the matcher.
+const WORKSPACE_WORDS: usize = 50 * 1024;
+
 /// A match to measure.
 struct Run<'a> {
-    params: Params,
-    tile_width: usize,
+    matching: Matching,
     images: &'a ImageSet,
 }
 
@@ -89,7 +95,7 @@ pub fn prices(toolchain: &Toolchain, board: &EmulatedBoard, counter: &Counter) -
     let lanes = board.processor.lanes();
     let prices = fit(&runs, &counted, lanes);
     let off = runs.iter().zip(&counted).filter_map(|(run, counted)| {
-        let predicted = prices.instructions(&run.params, run.tile_width, lanes)?;
+        let predicted = prices.instructions(&run.matching, lanes)?;
         Some(((100.0 * (predicted / counted.pipeline() as f64 - 1.0)), run))
     });
     if let Some((percent, run)) = off.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs())) {
@@ -119,7 +125,19 @@ fn runs(images: &[ImageSet]) -> Result<Vec<Run<'_>>> {
         for block_size in shape.block_sizes {
             let Shape { width, height, min_disparity, num_disparities, tile_width, .. } = *shape;
             let params = Params::new(width, height, views, fusion, min_disparity, num_disparities, block_size)?;
-            runs.push(Run { params, tile_width, images });
+            runs.push(Run { matching: Matching::Blocks { params, tile_width }, images });
+        }
+    }
+    // Paths lead through the whole line, so that some of these frames do not fit the workspace.
+    for ((shape, images), block_size) in SHAPES.iter().zip(images).zip(PATH_BLOCKS.into_iter().cycle()) {
+        let Shape { width, height, min_disparity, num_disparities, .. } = shape;
+        for (views, fusion) in VARIANTS {
+            let search = Search::new(*width, *height, views, fusion, *min_disparity, *num_disparities)?;
+            let params = SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size })?;
+            let matching = Matching::SemiGlobal(params);
+            if matching.lengths::<Wide>().matcher.words() <= WORKSPACE_WORDS {
+                runs.push(Run { matching, images });
+            }
         }
     }
     Ok(runs)
@@ -127,20 +145,32 @@ fn runs(images: &[ImageSet]) -> Result<Vec<Run<'_>>> {
 
 impl Run<'_> {
     fn name(&self, board: &EmulatedBoard) -> String {
-        let p = &self.params;
-        let (width, height, views, d) = (p.width(), p.height(), p.views().len(), p.num_disparities());
-        format!("{}-{width}x{height}-{views}-{}-{}-{d}-{}", board.name, p.fusion().name(), p.min_disparity(), p.block_size())
+        format!("{}-{}", board.name, self.arguments().join("-"))
+    }
+
+    /// The arguments of the firmware.
+    fn arguments(&self) -> [String; 9] {
+        let (search, tile_width) = (self.matching.search(), self.matching.tile_width());
+        let blocks = self.matching.block_matching().expect("the firmware is calibrated with sums of absolute differences");
+        [
+            search.width().to_string(),
+            search.height().to_string(),
+            search.views().len().to_string(),
+            search.min_disparity().to_string(),
+            search.num_disparities().to_string(),
+            blocks.block_size().to_string(),
+            search.fusion().name().to_owned(),
+            tile_width.to_string(),
+            self.matching.name().to_owned(),
+        ]
     }
 
     /// Counts its instructions.
     fn count(&self, board: &EmulatedBoard, image: &Path, counter: &Counter) -> Result<Instructions> {
-        let params = &self.params;
         let folder: PathBuf = folders::edge_target().join("runs/calibration").join(self.name(board));
         self.images.write(&folder)?;
-        let numbers = [params.width(), params.height(), params.views().len()].map(|number| number.to_string());
-        let search = [params.min_disparity().to_string(), params.num_disparities().to_string(), params.block_size().to_string()];
-        let rest = [params.fusion().name().to_owned(), self.tile_width.to_string()];
-        let args: Vec<&str> = numbers.iter().chain(&search).chain(&rest).map(String::as_str).collect();
+        let arguments = self.arguments();
+        let args: Vec<&str> = arguments.iter().map(String::as_str).collect();
         let exit = emulator::run(board, image, &args, &folder, Some(&counter.plugin(image)?))?;
         ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
         Instructions::read(&folder)
@@ -149,7 +179,7 @@ impl Run<'_> {
 
 /// The prices that fit the counts best. Matching and sending are counted and fitted separately.
 fn fit(runs: &[Run<'_>], counted: &[Instructions], lanes: usize) -> Prices {
-    let works: Vec<Workload> = runs.iter().map(|run| Workload::new(&run.params, run.tile_width, lanes)).collect();
+    let works: Vec<Workload> = runs.iter().filter_map(|run| Workload::new(&run.matching, lanes)).collect();
     let mut kernels: Vec<&str> = works.iter().map(|work| work.kernel.as_str()).collect();
     kernels.sort_unstable();
     kernels.dedup();

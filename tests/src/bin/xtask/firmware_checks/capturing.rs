@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 use multiscopic_core::{Disparity, Params};
-use multiscopic_edge::{frame_file, profile::CAPTURE};
+use multiscopic_edge::{Matching, frame_file, profile::CAPTURE};
 use std::{fs, path::Path};
 
 use crate::{
@@ -76,8 +76,9 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
         Ok((board, image.context("one program gives one image")?))
     });
     let images = images.collect::<Result<Vec<_>>>()?;
-    let set = ImageSet::tsukuba(&CAPTURE).unwrap_or_else(|| ImageSet::demo(&CAPTURE));
-    let expected = set.disparities(&CAPTURE)?;
+    let matching = Matching::Blocks { params: CAPTURE, tile_width: CAPTURE.width() };
+    let set = ImageSet::tsukuba(CAPTURE.search()).unwrap_or_else(|| ImageSet::demo(CAPTURE.search()));
+    let expected = set.disparities(&matching)?;
     let whole = images.iter().map(|(board, image)| Run { board, image, case: WHOLE });
     let faults = images.iter().take(1).flat_map(|(board, image)| FAULTS.map(|case| Run { board, image, case }));
     let runs: Vec<_> = whole.chain(faults).collect();
@@ -119,5 +120,5 @@ impl Run<'_> {
 /// Fails unless the packets at `path` are a complete frame of the expected disparities.
 fn same(path: &Path, params: &Params, expected: &[Option<Disparity>]) -> Result<()> {
     let bytes = fs::read(path).with_context(|| format!("the firmware sent no {}", path.display()))?;
-    received::same(&received::whole(&bytes, path, params)?.disparities, expected)
+    received::same(&received::whole(&bytes, path, params.search())?.disparities, expected)
 }

@@ -6,8 +6,8 @@ use multiscopic::{
     Frames, Picture,
     scene::{PinholeCamera, Scene, render},
 };
-use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, View, Views};
-use multiscopic_edge::frame_file;
+use multiscopic_core::{Disparity, Frame, Matcher, Region, Search, SemiGlobalMatcher, View, Views};
+use multiscopic_edge::{Matching, frame_file};
 use multiscopic_tests::test_images::{
     real_data::{self, Dataset},
     strict_source::StrictSource,
@@ -24,11 +24,11 @@ pub struct ImageSet {
 
 impl ImageSet {
     /// The synthetic scene of `multiscopic demo`, which is the same on every machine.
-    pub fn demo(params: &Params) -> ImageSet {
-        let (width, height) = (params.width(), params.height());
+    pub fn demo(search: &Search) -> ImageSet {
+        let (width, height) = (search.width(), search.height());
         let shot = render(&Scene::demo(), &PinholeCamera::new(width as u32, height as u32), 1);
         let gray = |frame| Picture::Rgb(shot.frame(frame).clone()).to_gray().into_raw();
-        let views = View::ALL.map(|view| params.views().contains(view).then(|| gray(Frame::View(view))));
+        let views = View::ALL.map(|view| search.views().contains(view).then(|| gray(Frame::View(view))));
         ImageSet { name: "demo", images: ViewSet { width, height, center: gray(Frame::Center), views } }
     }
 
@@ -43,11 +43,11 @@ impl ImageSet {
     }
 
     /// The centre of the Tsukuba scene, if it is available and large enough.
-    pub fn tsukuba(params: &Params) -> Option<ImageSet> {
+    pub fn tsukuba(search: &Search) -> Option<ImageSet> {
         let root = real_data::root().filter(|root| root.join(Dataset::Tsukuba.name()).is_dir())?;
-        let all = Dataset::Tsukuba.read(&root, "").images.only(View::ALL.map(|view| params.views().contains(view)));
-        let (left, top) = (all.width.checked_sub(params.width())? / 2, all.height.checked_sub(params.height())? / 2);
-        Some(ImageSet { name: Dataset::Tsukuba.name(), images: all.crop(left, top, params.width(), params.height()) })
+        let all = Dataset::Tsukuba.read(&root, "").images.only(View::ALL.map(|view| search.views().contains(view)));
+        let (left, top) = (all.width.checked_sub(search.width())? / 2, all.height.checked_sub(search.height())? / 2);
+        Some(ImageSet { name: Dataset::Tsukuba.name(), images: all.crop(left, top, search.width(), search.height()) })
     }
 
     /// Writes the frames as files that the firmware reads.
@@ -74,14 +74,27 @@ impl ImageSet {
     }
 
     /// The disparities that the core computes on this machine, line by line.
-    pub fn disparities(&self, params: &Params) -> Result<Vec<Option<Disparity>>> {
-        let mut source = StrictSource::new(&self.images, params, &Region::whole(params));
-        let mut memory = vec![0; params.memory_words()];
-        let mut matcher = Matcher::new(params, &mut memory)?;
-        let (mut line, mut disparities) = (vec![None; params.width()], Vec::new());
-        while matcher.next_line(&mut source, &mut line)?.is_some() {
-            source.line_done();
-            disparities.extend_from_slice(&line);
+    pub fn disparities(&self, matching: &Matching) -> Result<Vec<Option<Disparity>>> {
+        let (mut line, mut disparities) = (vec![None; matching.search().width()], Vec::new());
+        match matching {
+            Matching::Blocks { params, .. } => {
+                let mut source = StrictSource::new(&self.images, params, &Region::whole(params.search()));
+                let mut memory = vec![0; params.memory_words()];
+                let mut matcher = Matcher::new(params, &mut memory)?;
+                while matcher.next_line(&mut source, &mut line)?.is_some() {
+                    source.line_done();
+                    disparities.extend_from_slice(&line);
+                }
+            }
+            Matching::SemiGlobal(params) => {
+                let mut source = StrictSource::semi_global(&self.images, params);
+                let mut memory = vec![0; params.memory_words()];
+                let mut matcher = SemiGlobalMatcher::new(params, &mut memory)?;
+                while matcher.next_line(&mut source, &mut line)?.is_some() {
+                    source.line_done();
+                    disparities.extend_from_slice(&line);
+                }
+            }
         }
         Ok(disparities)
     }

@@ -12,12 +12,9 @@ use crate::{
     tools::toolchain::Toolchain,
 };
 
-/// One board per processor.
-const BOARDS: [&str; 3] = [emulated_board::REFERENCE.name, "stm32h743", "an547"];
-
 /// Runs the comparison on one board per processor.
 pub fn run(toolchain: &Toolchain) -> Result<()> {
-    for board in emulated_board::ALL.iter().filter(|board| BOARDS.contains(&board.name)) {
+    for board in emulated_board::one_per_processor() {
         let folder = folders::edge_target().join("runs").join("kernels").join(board.name);
         fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
         for image in build::build(toolchain, board, &[Program::Example("kernels")])? {

@@ -2,6 +2,7 @@
 
 pub mod calibration;
 pub mod capturing;
+pub mod cycles;
 pub mod faults;
 pub mod image_set;
 pub mod kernel_twins;

@@ -123,7 +123,7 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
         fs::write(path, json + "\n").with_context(|| format!("cannot write {}", path.display()))?;
     }
     check(&runs, &measurements, &table)?;
-    counts::hold(&counts(&measurements), selection.update, "cargo xtask edge --update")
+    counts::INSTRUCTIONS.hold(&counts(&measurements), selection.update, "cargo xtask edge --update")
 }
 
 /// The counts under their names in the record. They depend on the images by less than the record's tolerance.
@@ -141,6 +141,7 @@ fn fitted(toolchain: &Toolchain, counter: &Counter) -> Result<FirmwareCostTable>
     Ok(FirmwareCostTable {
         date: read(&mut command("date", ["-u", "+%Y-%m-%d"]))?,
         machine: format!("{}, {compiler}", counter.emulator()),
+        cycles_per_instruction: MEASURED.cycles_per_instruction.clone(),
         armv7e_m: of(&emulated_board::REFERENCE)?,
         armv8_1_m: of(&emulated_board::VECTORS)?,
     })
@@ -151,7 +152,7 @@ fn note_ram(table: &mut FirmwareCostTable, runs: &[Run], measurements: &[Measure
     for (run, measurement) in runs.iter().zip(measurements) {
         let noted = table.of_mut(run.board.processor);
         noted.statics = noted.statics.max(measurement.ram_static - run.workspace_bytes());
-        noted.stack = noted.stack.max(measurement.stack_max);
+        noted.note_stack(&run.profile.matching(run.fusion), measurement.stack_max);
     }
 }
 
@@ -179,19 +180,20 @@ impl Run {
 
     /// The size of its workspace in bytes.
     fn workspace_bytes(&self) -> usize {
-        self.board.processor.lengths(&self.profile.params(self.fusion), self.profile.tile_width()).bytes()
+        self.board.processor.lengths(&self.profile.matching(self.fusion)).bytes()
     }
 
     /// Runs the image and measures it. Fails unless its packets equal the host's.
     fn measure(&self, counter: &Counter) -> Result<Measurement> {
-        let params = self.profile.params(self.fusion);
+        let matching = self.profile.matching(self.fusion);
+        let search = matching.search();
         let folder = folders::edge_target().join("runs").join(self.board.name).join(self.profile.name).join(self.fusion.name());
-        let images = ImageSet::tsukuba(&params).unwrap_or_else(|| ImageSet::demo(&params));
+        let images = ImageSet::tsukuba(search).unwrap_or_else(|| ImageSet::demo(search));
         images.write(&folder)?;
         let (bytes, received) = self.received(&folder, counter)?;
         let simulation = simulate(&self.profile, self.fusion, &images.frames()?, &|| ())?;
         received::same_lines(&bytes, &simulation.packets)?;
-        received::same(&received.disparities, &images.disparities(&params)?)?;
+        received::same(&received.disparities, &images.disparities(&matching)?)?;
         let stack_max = received.stack.context("the firmware did not measure its stack")?;
         let (footprint, instructions) = (Footprint::of(&self.image)?, Instructions::read(&folder)?);
         let ram_static = footprint.ram() as usize;
@@ -205,13 +207,13 @@ impl Run {
             ram_total: ram_static + stack_max,
             ram_budget: self.profile.ram_budget,
             text: footprint.text,
-            de: params.evaluations(),
+            de: search.evaluations(),
             instructions: instructions.pipeline(),
-            instructions_per_de: instructions.pipeline() as f64 / params.evaluations() as f64,
+            instructions_per_de: instructions.pipeline() as f64 / search.evaluations() as f64,
             instructions_matching: instructions.matching,
             instructions_sending: instructions.sending,
             instructions_predicted: 0.0,
-            lines_latency: params.latency_lines(),
+            lines_latency: matching.latency_lines(),
             identical_to_host: true,
         })
     }
@@ -226,8 +228,8 @@ impl Run {
         let exit = emulator::run(self.board, &self.image, &[self.fusion.name()], folder, Some(&plugin))?;
         ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
         let bytes = fs::read(&packets).with_context(|| format!("the firmware sent no {}", packets.display()))?;
-        let params = self.profile.params(self.fusion);
-        let received = received::whole(&bytes, &packets, &params).with_context(|| packets.display().to_string())?;
+        let matching = self.profile.matching(self.fusion);
+        let received = received::whole(&bytes, &packets, matching.search()).with_context(|| packets.display().to_string())?;
         Ok((bytes, received))
     }
 }
@@ -236,8 +238,7 @@ impl Measurement {
     /// Adds the prediction of the cost model.
     fn predict(&mut self, run: &Run, table: &FirmwareCostTable) -> Result<()> {
         let prices = &table.of(run.board.processor).prices;
-        let (params, lanes) = (run.profile.params(run.fusion), run.board.processor.lanes());
-        let predicted = prices.instructions(&params, run.profile.tile_width(), lanes);
+        let predicted = prices.instructions(&run.profile.matching(run.fusion), run.board.processor.lanes());
         self.instructions_predicted =
             predicted.context("the cost model has no prices for a profile: run cargo xtask edge --fit")?;
         Ok(())
@@ -307,8 +308,9 @@ fn check(runs: &[Run], measurements: &[Measurement], table: &FirmwareCostTable) 
         if m.ram_static != statics {
             fail(run, format!("{} bytes of statics, the formula says {statics}: run cargo xtask edge --fit", m.ram_static));
         }
-        if m.stack_max > measured.stack || 10 * m.stack_max < 9 * measured.stack {
-            let (found, noted) = (m.stack_max, measured.stack);
+        let noted = measured.stack_of(&run.profile.matching(run.fusion));
+        if m.stack_max > noted || 10 * m.stack_max < 9 * noted {
+            let found = m.stack_max;
             fail(run, format!("{found} bytes of stack, budgets are made with {noted}: run cargo xtask edge --fit"));
         }
         if m.error().abs() > MOST_OFF {

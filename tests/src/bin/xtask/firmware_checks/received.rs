@@ -5,12 +5,12 @@ use multiscopic::{
     DisparityMap,
     target::reception::{self, Flaw, Notice, ReceivedFrame},
 };
-use multiscopic_core::{Disparity, Params};
+use multiscopic_core::{Disparity, Search};
 use std::path::Path;
 
 /// The frame in `bytes`, which were read from `path`. Fails unless every pixel comes exactly once, undamaged,
 /// and nothing else follows.
-pub fn whole(mut bytes: &[u8], path: &Path, params: &Params) -> Result<ReceivedFrame> {
+pub fn whole(mut bytes: &[u8], path: &Path, search: &Search) -> Result<ReceivedFrame> {
     let mut flaws: Vec<Flaw> = Vec::new();
     let received = reception::receive(&mut bytes, path, |notice| match notice {
         Notice::Flaw(flaw) => flaws.push(flaw),
@@ -18,7 +18,7 @@ pub fn whole(mut bytes: &[u8], path: &Path, params: &Params) -> Result<ReceivedF
     })?;
     ensure!(flaws.is_empty(), "{}", flaws.iter().map(Flaw::to_string).collect::<Vec<_>>().join("; "));
     let size = |map: &DisparityMap| (map.width(), map.height());
-    let (found, expected) = (size(&received.disparities), (params.width(), params.height()));
+    let (found, expected) = (size(&received.disparities), (search.width(), search.height()));
     ensure!(found == expected, "a frame of {found:?} pixels, expected {expected:?}");
     ensure!(received.is_complete(), "{} pixels of {found:?} were received", received.pixels);
     ensure!(bytes.is_empty(), "{} bytes follow the end of the frame", bytes.len());
@@ -50,7 +50,7 @@ pub fn same_lines(found: &[u8], simulated: &[u8]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Fusion, Region, Views};
+    use multiscopic_core::{Fusion, Params, Region, Views};
     use multiscopic_edge::packet::{Sender, buffer_bytes};
 
     const PARAMS: Params = match Params::new(3, 2, Views::ALL, Fusion::Min, 1, 4, 3) {
@@ -61,9 +61,10 @@ mod tests {
     /// The packets of a frame of twos, without the packet `without`, followed by `noise`.
     fn sent(without: Option<usize>, noise: &[u8]) -> Vec<u8> {
         let mut buffer = vec![0; buffer_bytes(3)];
-        let mut sender = Sender::new(&PARAMS, &mut buffer);
+        let mut sender = Sender::new(PARAMS.search(), &mut buffer);
         let line = [Disparity::from_bits(128); 3];
-        let mut packets: Vec<_> = (0..2).map(|v| sender.line(&Region::whole(&PARAMS), v, &line).unwrap().to_vec()).collect();
+        let mut packets: Vec<_> =
+            (0..2).map(|v| sender.line(&Region::whole(PARAMS.search()), v, &line).unwrap().to_vec()).collect();
         packets.push(sender.end(Some(77)).unwrap().to_vec());
         packets.push(noise.to_vec());
         let packets = packets.into_iter().enumerate().filter(|&(i, _)| Some(i) != without);
@@ -71,12 +72,12 @@ mod tests {
     }
 
     fn error(bytes: &[u8], params: &Params) -> String {
-        whole(bytes, Path::new("packets"), params).unwrap_err().to_string()
+        whole(bytes, Path::new("packets"), params.search()).unwrap_err().to_string()
     }
 
     #[test]
     fn a_whole_frame_is_received() {
-        let received = whole(&sent(None, b""), Path::new("packets"), &PARAMS).unwrap();
+        let received = whole(&sent(None, b""), Path::new("packets"), PARAMS.search()).unwrap();
         assert_eq!(received.stack, Some(77));
         let mut expected = [Disparity::from_bits(128); 6];
         assert!(same(&received.disparities, &expected).is_ok());

@@ -56,6 +56,12 @@ pub const QEMU_AARCH64: Tool =
 /// The instruction counter.
 pub const VALGRIND: Tool = Tool { program: "valgrind", debian: &["valgrind"], fedora: Some("valgrind"), homebrew: None };
 
+/// LLVM's simulation of processors' pipelines. The record of cycles depends on its version.
+pub const LLVM_MCA: Tool = Tool { program: "llvm-mca-19", debian: &["llvm-19"], fedora: None, homebrew: None };
+
+/// The disassembler of the same version.
+pub const LLVM_OBJDUMP: Tool = Tool { program: "llvm-objdump-19", ..LLVM_MCA };
+
 /// Every program that the firmware's tests need.
 pub const ALL: [Tool; 2] = [QEMU, CC];
 

@@ -58,7 +58,7 @@ impl Guard {
                 counts.insert(name, counted);
             }
         }
-        counts::hold(&counts, self.update, "cargo xtask instructions --update")
+        counts::INSTRUCTIONS.hold(&counts, self.update, "cargo xtask instructions --update")
     }
 }
 

@@ -6,7 +6,7 @@ use std::{process::Command, time::Instant};
 use super::{emulated_arm64, host_instructions, packaging, v4l2};
 use crate::{
     emulation::{emulated_board, setup},
-    firmware_checks::{capturing, faults, kernel_twins, profiles},
+    firmware_checks::{capturing, cycles, faults, kernel_twins, profiles},
     system::{
         folders,
         process::{built_program, command, run},
@@ -67,6 +67,7 @@ pub fn test() -> Result<()> {
     step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
     step("the kernels in the emulator", || kernel_twins::run(&toolchain))?;
     step("the firmware in the emulator", || profiles::run(&toolchain, &profiles::Selection::default()))?;
+    step("the firmware's cycles", || cycles::Accounting::compare().run(&toolchain))?;
     step("the firmware that captures", || capturing::run(&toolchain))?;
     step("the firmware's faults", || faults::run(&toolchain))?;
     println!("\nevery test passed");

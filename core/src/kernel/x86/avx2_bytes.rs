@@ -1,0 +1,212 @@
+//! AVX2: costs in 8-bit lanes. The safety contract is that of [`avx2`](super::avx2).
+#![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
+
+use core::arch::x86_64::*;
+
+use super::Avx2;
+use crate::kernel::bytes::{ByteVector, Bytes, Divisor, PixelLoops, RunLoops};
+
+/// 32 lanes of 8 bits.
+#[derive(Clone, Copy, Debug)]
+pub struct U8x32(__m256i);
+
+impl U8x32 {
+    /// The least of all lanes, in the first.
+    #[inline(always)]
+    unsafe fn least_first(self) -> __m128i {
+        unsafe {
+            let half = _mm_min_epu8(_mm256_castsi256_si128(self.0), _mm256_extracti128_si256::<1>(self.0));
+            _mm_minpos_epu16(_mm_min_epu8(half, _mm_srli_epi16::<8>(half)))
+        }
+    }
+
+    /// Half of the lanes, in 16 bits.
+    #[inline(always)]
+    fn widen(self) -> [__m256i; 2] {
+        unsafe {
+            let [low, high] = [_mm256_castsi256_si128(self.0), _mm256_extracti128_si256::<1>(self.0)];
+            [_mm256_cvtepu8_epi16(low), _mm256_cvtepu8_epi16(high)]
+        }
+    }
+}
+
+/// `paths` times the costs, plus the excess, in 16 bits.
+#[inline(always)]
+unsafe fn path_sums(costs: U8x32, excess: U8x32, paths: __m256i) -> [__m256i; 2] {
+    unsafe {
+        let ([a, b], [c, d]) = (costs.widen(), excess.widen());
+        [_mm256_add_epi16(_mm256_mullo_epi16(a, paths), c), _mm256_add_epi16(_mm256_mullo_epi16(b, paths), d)]
+    }
+}
+
+/// Divides sums: [`Divisor::divide`], but for the limit of quotients of three.
+#[inline(always)]
+unsafe fn divide(divisor: Divisor, sums: *const u16) -> __m256i {
+    unsafe {
+        let sums = _mm256_loadu_si256(sums.cast());
+        let shifted = _mm256_srl_epi16(sums, _mm_cvtsi32_si128(divisor.shift as i32));
+        if divisor.by_three {
+            let limited = _mm256_min_epu16(shifted, _mm256_set1_epi16(Divisor::MOST_THIRDS as i16));
+            _mm256_srli_epi16::<9>(_mm256_mullo_epi16(limited, _mm256_set1_epi16(171)))
+        } else {
+            _mm256_min_epu16(shifted, _mm256_set1_epi16(Divisor::LIMIT.into()))
+        }
+    }
+}
+
+impl Bytes for Avx2 {
+    type Bytes = U8x32;
+
+    #[inline(always)]
+    fn load_bytes(self, costs: &[u8; 32]) -> U8x32 {
+        U8x32(unsafe { _mm256_loadu_si256(costs.as_ptr().cast()) })
+    }
+
+    #[inline(always)]
+    fn splat_byte(self, cost: u8) -> U8x32 {
+        U8x32(unsafe { _mm256_set1_epi8(cost as i8) })
+    }
+
+    #[inline(always)]
+    fn byte_indices(self) -> U8x32 {
+        self.load_bytes(&core::array::from_fn(|i| i as u8))
+    }
+
+    #[inline(always)]
+    fn hamming_distances<const N: usize>(self, descriptor: [u8; N], others: [&[u8; 32]; N]) -> U8x32 {
+        unsafe {
+            // The number of set bits of each four-bit number.
+            let counts = _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4));
+            let low = _mm256_set1_epi8(0xf);
+            let mut sum = _mm256_setzero_si256();
+            for byte in 0..N {
+                let others = _mm256_loadu_si256(others[byte].as_ptr().cast());
+                let bits = _mm256_xor_si256(_mm256_set1_epi8(descriptor[byte] as i8), others);
+                let lower = _mm256_shuffle_epi8(counts, _mm256_and_si256(bits, low));
+                let upper = _mm256_shuffle_epi8(counts, _mm256_and_si256(_mm256_srli_epi16::<4>(bits), low));
+                sum = _mm256_add_epi8(sum, _mm256_add_epi8(lower, upper));
+            }
+            U8x32(sum)
+        }
+    }
+}
+
+impl PixelLoops for Avx2 {
+    #[inline(always)]
+    fn divide(self, divisor: Divisor, sums: &[[u16; 32]], quotients: &mut [u8]) {
+        for (sums, quotients) in sums.iter().zip(quotients.as_chunks_mut().0) {
+            // SAFETY: each half has as many sums as a register.
+            let [low, high] = unsafe { [divide(divisor, sums.as_ptr()), divide(divisor, sums[16..].as_ptr())] };
+            // Packing within halves restores the order of the disparities.
+            unsafe {
+                let packed = _mm256_min_epu8(_mm256_packus_epi16(low, high), _mm256_set1_epi8(Divisor::LIMIT as i8));
+                U8x32(packed).store(quotients);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn winner(self, paths: u16, costs: &[[u8; 32]], excess: &[[u8; 32]]) -> (u16, usize) {
+        unsafe {
+            let paths = _mm256_set1_epi16(paths as i16);
+            let mut least = _mm256_set1_epi16(-1);
+            for (costs, excess) in costs.iter().zip(excess) {
+                let [low, high] = path_sums(self.load_bytes(costs), self.load_bytes(excess), paths);
+                least = _mm256_min_epu16(least, _mm256_min_epu16(low, high));
+            }
+            let half = _mm_min_epu16(_mm256_castsi256_si128(least), _mm256_extracti128_si256::<1>(least));
+            let least = _mm_cvtsi128_si32(_mm_minpos_epu16(half)) as u16;
+            let equal = _mm256_set1_epi16(least as i16);
+            let mut first = 0;
+            for (j, (costs, excess)) in costs.iter().zip(excess).enumerate().rev() {
+                let [low, high] = path_sums(self.load_bytes(costs), self.load_bytes(excess), paths);
+                let packed = _mm256_packs_epi16(_mm256_cmpeq_epi16(low, equal), _mm256_cmpeq_epi16(high, equal));
+                let mask = _mm256_movemask_epi8(_mm256_permute4x64_epi64::<0b11_01_10_00>(packed)) as u32;
+                first = if mask != 0 { 32 * j + mask.trailing_zeros() as usize } else { first };
+            }
+            (least, first)
+        }
+    }
+}
+
+impl RunLoops for Avx2 {}
+
+impl ByteVector for U8x32 {
+    type Memory = [u8; 32];
+
+    #[inline(always)]
+    fn store(self, costs: &mut [u8; 32]) {
+        unsafe { _mm256_storeu_si256(costs.as_mut_ptr().cast(), self.0) }
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        U8x32(unsafe { _mm256_adds_epu8(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        U8x32(unsafe { _mm256_subs_epu8(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        U8x32(unsafe { _mm256_min_epu8(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        U8x32(unsafe { _mm256_max_epu8(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
+        unsafe {
+            let not_greater = _mm256_cmpeq_epi8(_mm256_max_epu8(self.0, other.0), other.0);
+            U8x32(_mm256_blendv_epi8(then.0, otherwise.0, not_greater))
+        }
+    }
+
+    #[inline(always)]
+    fn halved(self) -> Self {
+        U8x32(unsafe { _mm256_and_si256(_mm256_srli_epi16::<1>(self.0), _mm256_set1_epi8(0x7f)) })
+    }
+
+    #[inline(always)]
+    fn third(self) -> Self {
+        unsafe {
+            // 43 / 128 is exact up to 127. A product has 16 bits.
+            let factor = _mm256_set1_epi16(43);
+            let even = _mm256_mullo_epi16(_mm256_and_si256(self.0, _mm256_set1_epi16(0xff)), factor);
+            let odd = _mm256_mullo_epi16(_mm256_srli_epi16::<8>(self.0), factor);
+            let odd = _mm256_andnot_si256(_mm256_set1_epi16(0xff), _mm256_slli_epi16::<1>(odd));
+            U8x32(_mm256_or_si256(_mm256_srli_epi16::<7>(even), odd))
+        }
+    }
+
+    #[inline(always)]
+    fn least(self) -> u8 {
+        unsafe { _mm_cvtsi128_si32(self.least_first()) as u8 }
+    }
+
+    #[inline(always)]
+    fn least_in_each(self) -> Self {
+        U8x32(unsafe { _mm256_broadcastb_epi8(self.least_first()) })
+    }
+
+    #[inline(always)]
+    fn moved_up(self, previous: Self) -> Self {
+        unsafe {
+            let across = _mm256_permute2x128_si256::<0x21>(previous.0, self.0);
+            U8x32(_mm256_alignr_epi8::<15>(self.0, across))
+        }
+    }
+
+    #[inline(always)]
+    fn moved_down(self, next: Self) -> Self {
+        unsafe {
+            let across = _mm256_permute2x128_si256::<0x21>(self.0, next.0);
+            U8x32(_mm256_alignr_epi8::<1>(across, self.0))
+        }
+    }
+}

@@ -1,0 +1,211 @@
+//! AVX-512: costs in 8-bit lanes. The safety contract is that of [`avx512`](super::avx512).
+#![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
+
+use core::arch::x86_64::*;
+
+use super::Avx512;
+use crate::kernel::bytes::{ByteVector, Bytes, Divisor, PixelLoops, RunLoops};
+
+/// 64 lanes of 8 bits.
+#[derive(Clone, Copy, Debug)]
+pub struct U8x64(__m512i);
+
+impl U8x64 {
+    /// The least of all lanes, in the first.
+    #[inline(always)]
+    unsafe fn least_first(self) -> __m128i {
+        unsafe {
+            let half = _mm256_min_epu8(_mm512_castsi512_si256(self.0), _mm512_extracti64x4_epi64::<1>(self.0));
+            let quarter = _mm_min_epu8(_mm256_castsi256_si128(half), _mm256_extracti128_si256::<1>(half));
+            _mm_minpos_epu16(_mm_min_epu8(quarter, _mm_srli_epi16::<8>(quarter)))
+        }
+    }
+
+    /// Half of the lanes, in 16 bits.
+    #[inline(always)]
+    fn widen(self) -> [__m512i; 2] {
+        unsafe {
+            let [low, high] = [_mm512_castsi512_si256(self.0), _mm512_extracti64x4_epi64::<1>(self.0)];
+            [_mm512_cvtepu8_epi16(low), _mm512_cvtepu8_epi16(high)]
+        }
+    }
+}
+
+/// `paths` times the costs, plus the excess, in 16 bits.
+#[inline(always)]
+unsafe fn path_sums(costs: U8x64, excess: U8x64, paths: __m512i) -> [__m512i; 2] {
+    unsafe {
+        let ([a, b], [c, d]) = (costs.widen(), excess.widen());
+        [_mm512_add_epi16(_mm512_mullo_epi16(a, paths), c), _mm512_add_epi16(_mm512_mullo_epi16(b, paths), d)]
+    }
+}
+
+/// Divides sums: [`Divisor::divide`], but for the limit of quotients of three.
+#[inline(always)]
+unsafe fn divide(divisor: Divisor, sums: *const u16) -> __m512i {
+    unsafe {
+        let sums = _mm512_loadu_si512(sums.cast());
+        let shifted = _mm512_srl_epi16(sums, _mm_cvtsi32_si128(divisor.shift as i32));
+        if divisor.by_three {
+            let limited = _mm512_min_epu16(shifted, _mm512_set1_epi16(Divisor::MOST_THIRDS as i16));
+            _mm512_srli_epi16::<9>(_mm512_mullo_epi16(limited, _mm512_set1_epi16(171)))
+        } else {
+            _mm512_min_epu16(shifted, _mm512_set1_epi16(Divisor::LIMIT.into()))
+        }
+    }
+}
+
+impl Bytes for Avx512 {
+    type Bytes = U8x64;
+
+    #[inline(always)]
+    fn load_bytes(self, costs: &[u8; 64]) -> U8x64 {
+        U8x64(unsafe { _mm512_loadu_si512(costs.as_ptr().cast()) })
+    }
+
+    #[inline(always)]
+    fn splat_byte(self, cost: u8) -> U8x64 {
+        U8x64(unsafe { _mm512_set1_epi8(cost as i8) })
+    }
+
+    #[inline(always)]
+    fn byte_indices(self) -> U8x64 {
+        self.load_bytes(&core::array::from_fn(|i| i as u8))
+    }
+
+    #[inline(always)]
+    fn hamming_distances<const N: usize>(self, descriptor: [u8; N], others: [&[u8; 64]; N]) -> U8x64 {
+        unsafe {
+            // The number of set bits of each four-bit number.
+            let counts = _mm512_broadcast_i32x4(_mm_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4));
+            let low = _mm512_set1_epi8(0xf);
+            let mut sum = _mm512_setzero_si512();
+            for byte in 0..N {
+                let others = _mm512_loadu_si512(others[byte].as_ptr().cast());
+                let bits = _mm512_xor_si512(_mm512_set1_epi8(descriptor[byte] as i8), others);
+                let lower = _mm512_shuffle_epi8(counts, _mm512_and_si512(bits, low));
+                let upper = _mm512_shuffle_epi8(counts, _mm512_and_si512(_mm512_srli_epi16::<4>(bits), low));
+                sum = _mm512_add_epi8(sum, _mm512_add_epi8(lower, upper));
+            }
+            U8x64(sum)
+        }
+    }
+}
+
+impl PixelLoops for Avx512 {
+    #[inline(always)]
+    fn divide(self, divisor: Divisor, sums: &[[u16; 64]], quotients: &mut [u8]) {
+        for (sums, quotients) in sums.iter().zip(quotients.as_chunks_mut().0) {
+            // SAFETY: each half has as many sums as a register.
+            let [low, high] = unsafe { [divide(divisor, sums.as_ptr()), divide(divisor, sums[32..].as_ptr())] };
+            // Packing within quarters restores the order of the disparities.
+            unsafe {
+                let packed = _mm512_min_epu8(_mm512_packus_epi16(low, high), _mm512_set1_epi8(Divisor::LIMIT as i8));
+                U8x64(packed).store(quotients);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn winner(self, paths: u16, costs: &[[u8; 64]], excess: &[[u8; 64]]) -> (u16, usize) {
+        unsafe {
+            let paths = _mm512_set1_epi16(paths as i16);
+            let mut least = _mm512_set1_epi16(-1);
+            for (costs, excess) in costs.iter().zip(excess) {
+                let [low, high] = path_sums(self.load_bytes(costs), self.load_bytes(excess), paths);
+                least = _mm512_min_epu16(least, _mm512_min_epu16(low, high));
+            }
+            let half = _mm256_min_epu16(_mm512_castsi512_si256(least), _mm512_extracti64x4_epi64::<1>(least));
+            let quarter = _mm_min_epu16(_mm256_castsi256_si128(half), _mm256_extracti128_si256::<1>(half));
+            let least = _mm_cvtsi128_si32(_mm_minpos_epu16(quarter)) as u16;
+            let equal = _mm512_set1_epi16(least as i16);
+            let mut first = 0;
+            for (j, (costs, excess)) in costs.iter().zip(excess).enumerate().rev() {
+                let [low, high] = path_sums(self.load_bytes(costs), self.load_bytes(excess), paths);
+                let [low, high] = [_mm512_cmpeq_epi16_mask(low, equal), _mm512_cmpeq_epi16_mask(high, equal)];
+                let mask = u64::from(low) | u64::from(high) << 32;
+                first = if mask != 0 { 64 * j + mask.trailing_zeros() as usize } else { first };
+            }
+            (least, first)
+        }
+    }
+}
+
+impl RunLoops for Avx512 {}
+
+impl ByteVector for U8x64 {
+    type Memory = [u8; 64];
+
+    #[inline(always)]
+    fn store(self, costs: &mut [u8; 64]) {
+        unsafe { _mm512_storeu_si512(costs.as_mut_ptr().cast(), self.0) }
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        U8x64(unsafe { _mm512_adds_epu8(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        U8x64(unsafe { _mm512_subs_epu8(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        U8x64(unsafe { _mm512_min_epu8(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        U8x64(unsafe { _mm512_max_epu8(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self {
+        unsafe { U8x64(_mm512_mask_blend_epi8(_mm512_cmpgt_epu8_mask(self.0, other.0), otherwise.0, then.0)) }
+    }
+
+    #[inline(always)]
+    fn halved(self) -> Self {
+        U8x64(unsafe { _mm512_and_si512(_mm512_srli_epi16::<1>(self.0), _mm512_set1_epi8(0x7f)) })
+    }
+
+    #[inline(always)]
+    fn third(self) -> Self {
+        unsafe {
+            // 43 / 128 is exact up to 127. A product has 16 bits.
+            let factor = _mm512_set1_epi16(43);
+            let even = _mm512_mullo_epi16(_mm512_and_si512(self.0, _mm512_set1_epi16(0xff)), factor);
+            let odd = _mm512_mullo_epi16(_mm512_srli_epi16::<8>(self.0), factor);
+            let odd = _mm512_andnot_si512(_mm512_set1_epi16(0xff), _mm512_slli_epi16::<1>(odd));
+            U8x64(_mm512_or_si512(_mm512_srli_epi16::<7>(even), odd))
+        }
+    }
+
+    #[inline(always)]
+    fn least(self) -> u8 {
+        unsafe { _mm_cvtsi128_si32(self.least_first()) as u8 }
+    }
+
+    #[inline(always)]
+    fn least_in_each(self) -> Self {
+        U8x64(unsafe { _mm512_broadcastb_epi8(self.least_first()) })
+    }
+
+    #[inline(always)]
+    fn moved_up(self, previous: Self) -> Self {
+        unsafe {
+            let across = _mm512_alignr_epi64::<6>(self.0, previous.0);
+            U8x64(_mm512_alignr_epi8::<15>(self.0, across))
+        }
+    }
+
+    #[inline(always)]
+    fn moved_down(self, next: Self) -> Self {
+        unsafe {
+            let across = _mm512_alignr_epi64::<2>(next.0, self.0);
+            U8x64(_mm512_alignr_epi8::<1>(across, self.0))
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! The lines of all frames under the blocks of a disparity line.
+//!
+//! They are stored so that a column's samples at ascending disparities are contiguous: a horizontal view by
+//! line, mirrored if matches move to the left; a vertical view by column. Frames are extended beyond their
+//! borders by replication: *virtual* lines below 0 repeat the first line, those past the end the last.
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | `replication` | extends a line beyond its borders |
+//! | `rows` | a ring of lines |
+//! | `columns` | a stack of samples for each column |
+
+mod columns;
+mod replication;
+mod rows;
+
+use core::iter;
+
+use crate::{Frame, MatchError, Params, Region, ScanlineSource, View, kernel::Samples, memory::Shape};
+use columns::Columns;
+pub(crate) use replication::replicate;
+use rows::Rows;
+
+/// The stored lines of all frames of a match.
+#[derive(Debug)]
+pub(crate) struct Frames<'m> {
+    pub center: Lines<'m>,
+    /// One for each view of the match, in their order.
+    pub views: [Option<Lines<'m>>; 4],
+}
+
+impl<'m> Frames<'m> {
+    /// Reads the lines that blocks need to reach down to line `v` of the centre. `line` is a buffer for a
+    /// line.
+    pub fn read_ahead<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        params: &Params,
+        line: &mut [u8],
+        v: i32,
+    ) -> Result<(), MatchError<S::Error>> {
+        for (frame, lines) in self.frames(params) {
+            while let Some(row) = lines.wanted(v) {
+                source.read_line(frame, row, line).map_err(MatchError::Source)?;
+                lines.take(v, line, params.width());
+            }
+            lines.extend(v);
+        }
+        Ok(())
+    }
+
+    /// Reads the lines that no block needs, so that every line of every frame is read once.
+    pub fn read_rest<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        params: &Params,
+        line: &mut [u8],
+    ) -> Result<(), MatchError<S::Error>> {
+        for (frame, lines) in self.frames(params) {
+            while let Some(row) = lines.unread() {
+                source.read_line(frame, row, line).map_err(MatchError::Source)?;
+                lines.skip();
+            }
+        }
+        Ok(())
+    }
+
+    /// The frames and their lines, the centre first.
+    fn frames(&mut self, params: &Params) -> impl Iterator<Item = (Frame, &mut Lines<'m>)> {
+        let views = params.views().iter().map(Frame::View).zip(self.views.iter_mut().flatten());
+        iter::once((Frame::Center, &mut self.center)).chain(views)
+    }
+}
+
+/// The stored lines of one frame.
+#[derive(Debug)]
+pub(crate) struct Lines<'m> {
+    store: Store<'m>,
+    /// The frame's last line.
+    last: i32,
+    /// The next line of the frame to be read.
+    next: i32,
+    /// How far below the centre's line the view's lowest match lies.
+    lead: i32,
+}
+
+#[derive(Debug)]
+enum Store<'m> {
+    Rows(Rows<'m>),
+    Columns(Columns<'m>),
+}
+
+impl<'m> Lines<'m> {
+    /// No lines of `frame` yet. `samples`, of [`Shape::frame_bytes`] bytes for each plane, will store them. A
+    /// plane has a byte of each pixel: its grey value, or one of its descriptor.
+    pub fn new(frame: Frame, params: &Params, region: &Region, shape: Shape, samples: &'m mut [u8]) -> Lines<'m> {
+        let radius = params.radius() as i32;
+        let last = params.height() as i32 - 1;
+        let lead = params.lead(frame) - radius;
+        let left = region.columns().start as i32 - radius;
+        let top = region.rows().start as i32 - radius;
+        let min_disparity = i32::from(params.min_disparity());
+        let plane_bytes = shape.frame_bytes(frame);
+        let rows = |samples: &'m mut [u8], depth, mirrored, shift| {
+            let reach = shape.span + depth - 1;
+            Store::Rows(Rows {
+                samples,
+                plane_bytes,
+                span: shape.span,
+                reach,
+                count: shape.ring_lines,
+                depth,
+                mirrored,
+                left: left + shift,
+            })
+        };
+        let first_virtual = match frame {
+            Frame::View(View::Top | View::Bottom) => top + lead + 1 - params.num_disparities() as i32,
+            _ => top,
+        };
+        let store = match frame {
+            Frame::Center => rows(samples, 1, false, 0),
+            Frame::View(View::Left) => rows(samples, shape.depth, false, min_disparity),
+            // A mirrored line ends with the leftmost sample: the first column's match at the largest
+            // disparity.
+            Frame::View(View::Right) => rows(samples, shape.depth, true, 1 - min_disparity - shape.depth as i32),
+            Frame::View(view) => {
+                let sign = view.sign();
+                let usable = shape.live + Shape::SLACK;
+                let edge = if sign > 0 { 0 } else { usable };
+                Store::Columns(Columns {
+                    samples,
+                    plane_bytes,
+                    stack: shape.stack,
+                    usable,
+                    keep: shape.live - 1,
+                    depth: shape.depth,
+                    mirrored: sign < 0,
+                    left,
+                    nearest: sign * min_disparity,
+                    next: first_virtual,
+                    edge,
+                })
+            }
+        };
+        // Not `clamp`, here and below: it panics if the frame is empty, and the compiler cannot see that it
+        // is not.
+        let next = if region.rows().start == 0 { 0 } else { first_virtual.min(last).max(0) };
+        Lines { store, last, next, lead }
+    }
+
+    /// The next line of the frame to read before blocks can reach down to line `v` of the centre, or `None`
+    /// if no line is missing.
+    pub fn wanted(&self, v: i32) -> Option<usize> {
+        (self.next <= (v + self.lead).min(self.last).max(0)).then_some(self.next as usize)
+    }
+
+    /// The first line of the frame that has not been read, or `None` after the last.
+    pub fn unread(&self) -> Option<usize> {
+        (self.next <= self.last).then_some(self.next as usize)
+    }
+
+    /// Skips the line that was [`unread`](Lines::unread).
+    pub fn skip(&mut self) {
+        self.next += 1;
+    }
+
+    /// Stores the line that was [`wanted`](Lines::wanted) for line `v` of the centre: one plane of `width` pixels
+    /// after the other.
+    pub fn take(&mut self, v: i32, line: &[u8], width: usize) {
+        let planes = || line.chunks_exact(width.max(1));
+        match &mut self.store {
+            Store::Rows(rows) => rows.put(self.next, planes()),
+            Store::Columns(columns) => {
+                while columns.next <= v + self.lead && columns.next.min(self.last).max(0) == self.next {
+                    columns.push(planes());
+                }
+            }
+        }
+        self.next += 1;
+    }
+
+    /// Extends the frame beyond its first or last line, as far as line `v` of the centre needs.
+    pub fn extend(&mut self, v: i32) {
+        if let Store::Columns(columns) = &mut self.store {
+            while columns.next <= v + self.lead {
+                columns.repeat();
+            }
+        }
+    }
+
+    /// The samples that line `v` of the centre, which may be virtual, is compared with.
+    pub fn at(&self, v: i32) -> Samples<'_> {
+        self.plane_at(v, 0)
+    }
+
+    /// The samples of a plane that line `v` of the centre, which may be virtual, is compared with.
+    pub fn plane_at(&self, v: i32, plane: usize) -> Samples<'_> {
+        match &self.store {
+            Store::Rows(rows) => rows.at(v.min(self.last).max(0), plane),
+            Store::Columns(columns) => columns.at(v, plane),
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! A line of disparities: the winner of each pixel.
+
+use super::{
+    exact::Exact,
+    selection::Selection,
+    sweep::{Output, Sweep, slide_to_first},
+};
+use crate::{
+    Disparity,
+    kernel::{Batch, Blocks, Lane, Masks, Rule, Winners},
+};
+
+/// The disparities of a line, to be computed.
+pub(super) struct DisparityLine<'a>(pub &'a mut [Option<Disparity>]);
+
+impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn fill<const V: usize>(sweep: Sweep<'_, L, I, V, Self>) {
+        if const { I::BATCH == 1 } { sweep.by_pixel() } else { sweep.by_batch() }
+    }
+}
+
+// Both drivers share steps, masks and fusion, and differ in selection. A microcontroller selects the winner
+// while the least cost is in a register, where the fusing loop left it. An out-of-order processor hides the
+// latency of selection, but only across a batch.
+impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>> {
+    /// Pixel by pixel. A function of its own, since small processors have few registers.
+    #[inline(never)]
+    fn by_pixel(self) {
+        let Sweep { isa, params, region, v, mut steps, blocks, masks, availability, fused, out: DisparityLine(out), .. } = self;
+        let Some(fused) = fused.get_mut(..blocks.len()) else { return };
+        slide_to_first(isa, params.radius(), &mut steps, blocks);
+        let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
+        let mut masks = selection.masks(masks, availability);
+        let start = region.columns().start;
+        masks.enter_line(start, v);
+        let mut masked = masks.masked(selection.rule);
+        for (pixel, u) in out.iter_mut().zip(start..) {
+            if masks.enter(u) {
+                masked = masks.masked(selection.rule);
+            }
+            let least = selection.slide_and_fuse(masked, &masks, &mut steps, blocks, fused);
+            *pixel = selection.disparity(least, fused, || Exact { params, u, v, blocks });
+        }
+    }
+
+    /// In batches of pixels.
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn by_batch(self) {
+        let Sweep {
+            isa,
+            params,
+            region,
+            v,
+            mut steps,
+            blocks,
+            kept,
+            masks,
+            availability,
+            fused: padded,
+            out: DisparityLine(out),
+            ..
+        } = self;
+        let vectors = blocks.len();
+        slide_to_first(isa, params.radius(), &mut steps, blocks);
+        let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
+        let rule = selection.rule;
+        let padding = selection.ordered_padding();
+        let mut masks = selection.masks(masks, availability);
+        let mut winners = Winners::NONE;
+        let mut u = region.columns().start;
+        masks.enter_line(u, v);
+        for pixels in out.chunks_mut(I::BATCH) {
+            let Some(padded) = padded.get_mut(..pixels.len() * vectors + 2) else { return };
+            let [_, fused @ .., _] = &mut *padded else { return };
+            let incomplete = masks.availability.incomplete_in(u..u + pixels.len());
+            if Batch::<L, I, V>::has_registers(vectors) && Masks::<L, I, V>::can_hide(rule, incomplete) {
+                let masks = (incomplete != 0).then_some((&mut masks, u));
+                Batch { rule, blocks, kept, fused, padding, masks }.fuse(isa, &mut steps);
+            } else {
+                for (i, fused) in fused.chunks_exact_mut(vectors.max(1)).enumerate() {
+                    masks.enter(u + i);
+                    selection.slide_and_fuse(masks.masked(rule), &masks, &mut steps, blocks, fused);
+                    isa.order(fused);
+                    if let Some(kept) = kept.get_mut(i * vectors..(i + 1) * vectors) {
+                        kept.copy_from_slice(blocks);
+                    }
+                }
+            }
+            winners.find(isa, padded, vectors);
+            let of_pixel = |i: usize| kept.get(i * vectors..).unwrap_or_default();
+            selection.disparities(&winners, pixels, |i| Exact { params, u: u + i, v, blocks: of_pixel(i) });
+            u += pixels.len();
+        }
+    }
+}

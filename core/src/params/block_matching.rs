@@ -1,0 +1,163 @@
+//! The parameters of block matching.
+
+use super::search::{ParamsError, Search};
+use crate::{Frame, Fusion, Views};
+
+/// The parameters of block matching: a [`Search`] and the size of the block. Every value of this type is
+/// valid.
+///
+/// ```
+/// use multiscopic_core::{Fusion, Params, Views};
+/// const QVGA: Params = match Params::new(320, 240, Views::ALL, Fusion::Heuristic, 1, 32, 11) {
+///     Ok(params) => params,
+///     Err(_) => panic!("the parameters are out of range"),
+/// };
+/// assert_eq!(QVGA.max_disparity(), 32);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Params {
+    search: Search,
+    block_size: u8,
+}
+
+impl Params {
+    /// The largest block, 21 x 21 pixels.
+    pub const MAX_BLOCK_SIZE: u8 = 21;
+
+    /// [`Search::new`] and [`Params::block_matching`] in one.
+    ///
+    /// # Errors
+    /// The first parameter that is out of its range, with its value.
+    pub const fn new(
+        width: u16,
+        height: u16,
+        views: Views,
+        fusion: Fusion,
+        min_disparity: i16,
+        num_disparities: u16,
+        block_size: u8,
+    ) -> Result<Params, ParamsError> {
+        match Search::new(width, height, views, fusion, min_disparity, num_disparities) {
+            Ok(search) => Params::block_matching(search, block_size),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Parameters that compare blocks of `block_size` x `block_size` pixels, which is odd, from 1 to 21.
+    ///
+    /// # Errors
+    /// [`ParamsError::BlockSize`].
+    pub const fn block_matching(search: Search, block_size: u8) -> Result<Params, ParamsError> {
+        if block_size.is_multiple_of(2) || block_size > Params::MAX_BLOCK_SIZE {
+            return Err(ParamsError::BlockSize { given: block_size, largest: Params::MAX_BLOCK_SIZE });
+        }
+        Ok(Params::of(search, block_size))
+    }
+
+    /// Parameters of a block whose size is known to be valid.
+    pub(crate) const fn of(search: Search, block_size: u8) -> Params {
+        Params { search, block_size }
+    }
+
+    /// The same with another fusion rule.
+    #[inline(always)]
+    pub const fn with_fusion(self, fusion: Fusion) -> Params {
+        Params { search: self.search.with_fusion(fusion), ..self }
+    }
+
+    /// What is searched, whatever the size of the block.
+    pub const fn search(&self) -> &Search {
+        &self.search
+    }
+
+    /// Pixels in a line.
+    pub const fn width(&self) -> usize {
+        self.search.width()
+    }
+
+    /// Lines in a frame.
+    pub const fn height(&self) -> usize {
+        self.search.height()
+    }
+
+    /// The neighbouring views to match with, at least one.
+    pub const fn views(&self) -> Views {
+        self.search.views()
+    }
+
+    /// How the costs of the views are fused.
+    pub const fn fusion(&self) -> Fusion {
+        self.search.fusion()
+    }
+
+    /// The smallest disparity of the search, in pixels.
+    pub const fn min_disparity(&self) -> i16 {
+        self.search.min_disparity()
+    }
+
+    /// The largest disparity of the search, in pixels.
+    pub const fn max_disparity(&self) -> i16 {
+        self.search.max_disparity()
+    }
+
+    /// The number of disparities searched, at least one.
+    pub const fn num_disparities(&self) -> usize {
+        self.search.num_disparities()
+    }
+
+    /// The number of disparity evaluations (pixel x disparity x view) of a match.
+    pub const fn evaluations(&self) -> u64 {
+        self.search.evaluations()
+    }
+
+    /// The side of the block, in pixels.
+    pub const fn block_size(&self) -> usize {
+        self.block_size as usize
+    }
+
+    /// How far the block reaches to each side of its centre, in pixels: the paper's rho.
+    pub const fn radius(&self) -> usize {
+        self.block_size() / 2
+    }
+
+    /// The largest sum of absolute differences over a block.
+    pub const fn max_block_sum(&self) -> u32 {
+        255 * self.block_size as u32 * self.block_size as u32
+    }
+
+    /// How many lines of `frame` past its own a disparity line needs; negative if the frame lags behind.
+    ///
+    /// Until disparity line `v` is out, no line of the frame after `max(0, v + lead)` has been read. With the
+    /// last disparity line the rest of the frame is read too. The centre and the horizontal views are read
+    /// ahead by the block's radius, a top view by the largest disparity more, a bottom view by the negated
+    /// smallest disparity more.
+    pub const fn lead(&self, frame: Frame) -> i32 {
+        lead(&self.search, self.radius(), frame)
+    }
+
+    /// The latency in lines: how many lines of the frame that is read furthest ahead are read before the
+    /// first disparity line is out.
+    pub fn latency_lines(&self) -> usize {
+        latency_lines(&self.search, self.radius())
+    }
+}
+
+/// [`Params::lead`], for costs that reach `radius` lines up and down.
+pub(crate) const fn lead(search: &Search, radius: usize, frame: Frame) -> i32 {
+    let below = match frame {
+        Frame::Center => 0,
+        Frame::View(view) => {
+            let (nearest, furthest) = (view.shift(search.min_disparity()).1, view.shift(search.max_disparity()).1);
+            if nearest > furthest { nearest } else { furthest }
+        }
+    };
+    radius as i32 + below
+}
+
+/// [`Params::latency_lines`], for costs that reach `radius` lines up and down.
+pub(crate) fn latency_lines(search: &Search, radius: usize) -> usize {
+    let of = |frame| lead(search, radius, frame);
+    let lead = search.views().iter().map(Frame::View).fold(of(Frame::Center), |most, frame| most.max(of(frame)));
+    (lead as usize + 1).min(search.height())
+}

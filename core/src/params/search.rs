@@ -1,0 +1,169 @@
+//! What every matching method needs to know: the frames, the views, and the disparities to search.
+
+use core::{error, fmt};
+
+use crate::{Disparity, Fusion, Views};
+
+/// A search for disparities: the size of the frames, the views to match with, how their costs are fused, and
+/// the search range. Every value of this type is valid.
+///
+/// ```
+/// use multiscopic_core::{Fusion, Search, Views};
+/// let search = Search::new(320, 240, Views::ALL, Fusion::Heuristic, 1, 32)?;
+/// assert_eq!(search.max_disparity(), 32);
+/// # Ok::<(), multiscopic_core::ParamsError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Search {
+    width: u16,
+    height: u16,
+    views: Views,
+    fusion: Fusion,
+    min_disparity: i16,
+    num_disparities: u16,
+}
+
+impl Search {
+    /// A search in frames of `width` x `height` pixels.
+    ///
+    /// The disparities `d` with `min_disparity <= d < min_disparity + num_disparities` are searched, all
+    /// within -511..=511.
+    ///
+    /// # Errors
+    /// The first parameter that is out of its range, with its value.
+    pub const fn new(
+        width: u16,
+        height: u16,
+        views: Views,
+        fusion: Fusion,
+        min_disparity: i16,
+        num_disparities: u16,
+    ) -> Result<Search, ParamsError> {
+        if width == 0 || height == 0 {
+            return Err(ParamsError::EmptyFrame { width, height });
+        }
+        if views.is_empty() {
+            return Err(ParamsError::NoViews);
+        }
+        let last = min_disparity as i32 + num_disparities as i32 - 1;
+        if num_disparities == 0 || min_disparity < Disparity::MIN_SEARCH || last > Disparity::MAX_SEARCH as i32 {
+            return Err(ParamsError::Range { min_disparity, num_disparities });
+        }
+        Ok(Search { width, height, views, fusion, min_disparity, num_disparities })
+    }
+
+    /// The same with another fusion rule.
+    #[inline(always)]
+    pub const fn with_fusion(self, fusion: Fusion) -> Search {
+        Search { fusion, ..self }
+    }
+
+    /// Pixels in a line.
+    pub const fn width(&self) -> usize {
+        self.width as usize
+    }
+
+    /// Lines in a frame.
+    pub const fn height(&self) -> usize {
+        self.height as usize
+    }
+
+    /// The neighbouring views to match with, at least one.
+    pub const fn views(&self) -> Views {
+        self.views
+    }
+
+    /// How the costs of the views are fused.
+    pub const fn fusion(&self) -> Fusion {
+        self.fusion
+    }
+
+    /// The smallest disparity of the search, in pixels.
+    pub const fn min_disparity(&self) -> i16 {
+        self.min_disparity
+    }
+
+    /// The largest disparity of the search, in pixels.
+    pub const fn max_disparity(&self) -> i16 {
+        self.min_disparity + (self.num_disparities - 1) as i16
+    }
+
+    /// The number of disparities searched, at least one.
+    pub const fn num_disparities(&self) -> usize {
+        self.num_disparities as usize
+    }
+
+    /// The number of disparity evaluations (pixel x disparity x view) of a match.
+    pub const fn evaluations(&self) -> u64 {
+        self.width as u64 * self.height as u64 * self.num_disparities as u64 * self.views.len() as u64
+    }
+}
+
+/// Why parameters were refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum ParamsError {
+    /// The frames have no pixels.
+    EmptyFrame {
+        /// Pixels in a line.
+        width: u16,
+        /// Lines.
+        height: u16,
+    },
+    /// There is no neighbour to match with.
+    NoViews,
+    /// The block size is even, 0 or too large.
+    BlockSize {
+        /// The block size that was asked for.
+        given: u8,
+        /// The largest there is.
+        largest: u8,
+    },
+    /// P2 is below P1, or too large.
+    Penalties {
+        /// The penalty P1 that was asked for.
+        p1: u8,
+        /// The penalty P2 that was asked for.
+        p2: u8,
+        /// The largest there is.
+        largest: u8,
+    },
+    /// The search range is empty or leaves -511..=511.
+    Range {
+        /// The smallest disparity that was asked for.
+        min_disparity: i16,
+        /// The number of disparities that was asked for.
+        num_disparities: u16,
+    },
+}
+
+impl fmt::Display for ParamsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            ParamsError::EmptyFrame { width, height } => {
+                write!(f, "the frames have {width}x{height} pixels, at least 1x1 is needed")
+            }
+            ParamsError::NoViews => write!(f, "there is no neighbouring view, at least one is needed"),
+            ParamsError::BlockSize { given, largest } => {
+                write!(f, "the block size is {given}, it must be odd and from 1 to {largest}")
+            }
+            ParamsError::Penalties { p1, p2, largest } => {
+                write!(f, "P1 is {p1} and P2 is {p2}, it must be P1 <= P2 <= {largest}")
+            }
+            ParamsError::Range { min_disparity, num_disparities: 0 } => {
+                write!(f, "the search from {min_disparity} has 0 disparities, at least 1 is needed")
+            }
+            ParamsError::Range { min_disparity, num_disparities } => write!(
+                f,
+                "the search from {min_disparity} to {} leaves {}..={}",
+                i32::from(min_disparity) + i32::from(num_disparities) - 1,
+                Disparity::MIN_SEARCH,
+                Disparity::MAX_SEARCH
+            ),
+        }
+    }
+}
+
+impl error::Error for ParamsError {}

@@ -1,0 +1,151 @@
+//! Semi-global matching: scanlines in, disparity lines out. Each room knows only those above it:
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | `census_window` | the lines of a frame under the census window, and their transform |
+//! | `census_lines` | costs by Hamming distances |
+//! | `cost_lines` | costs of a line, by either cost function |
+//! | `slots` | the paths from the line above |
+//! | `path_lines` | the paths through a line, and the selection |
+
+mod census_lines;
+mod census_window;
+mod cost_lines;
+mod path_lines;
+mod slots;
+
+use crate::{
+    Disparity, MatchError, Memory, MemoryTooSmall, Params, ScanlineSource, SemiGlobalParams,
+    kernel::{Isa, Kernel, Portable},
+    memory::{Lender, PathShape},
+};
+use cost_lines::CostLines;
+pub use path_lines::select_disparity;
+use path_lines::{PathLines, PathSweep};
+
+/// A pass of semi-global matching over the whole frame, one disparity line at a time.
+///
+/// [`SemiGlobalParams`] defines the result. Of each line, the matching costs are computed first. One sweep to
+/// the right extends the paths from the left and from above, another to the left those from the right, and
+/// selects disparities. The caller lends the memory.
+///
+/// ```
+/// use multiscopic_core::{Census, Frame, Fusion, ScanlineSource, Search, SemiGlobalCost};
+/// use multiscopic_core::{SemiGlobalMatcher, SemiGlobalParams, Views};
+///
+/// /// A texture, seen three pixels further to each side.
+/// struct Texture;
+///
+/// impl ScanlineSource for Texture {
+///     type Error = core::convert::Infallible;
+///
+///     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
+///         let shift = match frame {
+///             Frame::Center => 0,
+///             Frame::View(view) => view.shift(3).0,
+///         };
+///         for (pixel, u) in line.iter_mut().zip(0..) {
+///             *pixel = ((u - shift) * (u - shift + 3 * v as i32) % 61) as u8;
+///         }
+///         Ok(())
+///     }
+/// }
+///
+/// const PARAMS: SemiGlobalParams = {
+///     let Ok(search) = Search::new(40, 30, Views::HORIZONTAL, Fusion::Min, 0, 8) else { panic!("out of range") };
+///     let Ok(params) = SemiGlobalParams::new(search, SemiGlobalCost::Census(Census::Window5x5)) else { panic!("out of range") };
+///     params
+/// };
+/// let mut memory = [0; PARAMS.memory_words()];
+/// let mut matcher = SemiGlobalMatcher::new(&PARAMS, &mut memory)?;
+/// let mut line = [None; 40];
+/// while let Some(_v) = matcher.next_line(&mut Texture, &mut line)? {
+///     assert_eq!(line[20].map(|d| f32::from(d).round()), Some(3.0));
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct SemiGlobalMatcher<'m, I = Portable<{ Params::LANES }>> {
+    isa: I,
+    params: SemiGlobalParams,
+    costs: CostLines<'m, I>,
+    paths: PathLines<'m>,
+    /// The next disparity line.
+    next: usize,
+}
+
+impl SemiGlobalParams {
+    /// The words of memory that [`SemiGlobalMatcher::new`] needs: see [`Memory`].
+    pub const fn memory_words(&self) -> usize {
+        Memory::semi_global::<Portable<{ Params::LANES }>>(self).words()
+    }
+}
+
+impl<'m> SemiGlobalMatcher<'m> {
+    /// A pass with portable instructions.
+    ///
+    /// `memory` has at least [`SemiGlobalParams::memory_words`] words, with any content.
+    ///
+    /// # Errors
+    /// [`MemoryTooSmall`].
+    pub fn new(params: &SemiGlobalParams, memory: &'m mut [u32]) -> Result<SemiGlobalMatcher<'m>, MemoryTooSmall> {
+        SemiGlobalMatcher::with_isa(Portable, params, memory)
+    }
+}
+
+impl<'m, I: Isa> SemiGlobalMatcher<'m, I> {
+    /// A pass with an instruction set.
+    ///
+    /// `memory` has at least the [`words`](Memory::words) that [`Memory::semi_global`] states, with any
+    /// content.
+    ///
+    /// # Errors
+    /// [`MemoryTooSmall`].
+    #[cfg_attr(target_arch = "arm", inline(always))]
+    pub fn with_isa(
+        isa: I,
+        params: &SemiGlobalParams,
+        memory: &'m mut [u32],
+    ) -> Result<SemiGlobalMatcher<'m, I>, MemoryTooSmall> {
+        let shape = PathShape::new::<I>(params);
+        let mut lender = Lender::new::<I>(memory, Memory::semi_global::<I>(params).words())?;
+        let costs = CostLines::new(isa, params, &mut lender)?;
+        let paths = PathLines::new(params, shape, |bytes| lender.bytes(bytes))?;
+        Ok(SemiGlobalMatcher { isa, params: *params, costs, paths, next: 0 })
+    }
+
+    /// The parameters of the match.
+    pub fn params(&self) -> &SemiGlobalParams {
+        &self.params
+    }
+}
+
+impl<I: Kernel> SemiGlobalMatcher<'_, I> {
+    /// Computes the next disparity line into `out`, a pixel for each column of the frame, and returns the
+    /// line's index, or `None` after the last.
+    ///
+    /// # Errors
+    /// [`MatchError`]: the source failed, or `out` has the wrong length. No line is lost, and the call can be
+    /// repeated.
+    // Inlined in firmware, which has a single matcher, so that the compiler knows its parameters.
+    #[cfg_attr(target_arch = "arm", inline(always))]
+    pub fn next_line<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        out: &mut [Option<Disparity>],
+    ) -> Result<Option<usize>, MatchError<S::Error>> {
+        let (v, search) = (self.next, self.params.search());
+        if out.len() != search.width() {
+            return Err(MatchError::OutputLength { needed: search.width(), given: out.len() });
+        }
+        if v >= search.height() {
+            return Ok(None);
+        }
+        self.costs.next(source, &self.params, v, self.paths.costs, self.paths.shape.depth)?;
+        self.paths.enter_line(self.costs.center(v));
+        let sweep = PathSweep { isa: self.isa, params: &self.params, paths: &mut self.paths, out };
+        self.isa.compiled(sweep);
+        self.next += 1;
+        Ok(Some(v))
+    }
+}

@@ -1,0 +1,158 @@
+//! The paths through a line: forward to its end, and back.
+
+use super::slots::Slots;
+use crate::{
+    Disparity, Search, SemiGlobalParams,
+    kernel::{BackwardRun, ForwardRun, Kernel, Reached, RunPenalties, Slot, Work, as_vectors},
+    memory::PathShape,
+};
+
+/// The paths of the lines so far, the costs of a line, and what the paths add to them.
+#[derive(Debug)]
+pub(super) struct PathLines<'m> {
+    pub shape: PathShape,
+    /// The matching costs of the line, pixel by pixel; 255 where a candidate does not exist, and past the
+    /// last disparity.
+    pub costs: &'m mut [u8],
+    /// The sum of what the paths add to them.
+    excess: &'m mut [u8],
+    /// The paths from the top left, the top and the top right.
+    from_above: [Slots<'m>; 3],
+    /// The path along the line, at a pixel and at the one before.
+    along: [&'m mut [u8]; 2],
+    /// A path that begins.
+    start: &'m mut [u8],
+    /// The centre's samples in the line and in the one above.
+    samples: [&'m mut [u8]; 2],
+    /// The penalty P2 by the change of brightness.
+    p2: &'m mut [u8],
+}
+
+impl<'m> PathLines<'m> {
+    /// No lines yet. `lend` lends that many bytes.
+    pub fn new<E>(
+        params: &SemiGlobalParams,
+        shape: PathShape,
+        mut lend: impl FnMut(usize) -> Result<&'m mut [u8], E>,
+    ) -> Result<PathLines<'m>, E> {
+        let costs = lend(shape.line_bytes())?;
+        let excess = lend(shape.line_bytes())?;
+        let start = lend(shape.stride())?;
+        Slot::begin(start, params.search().num_disparities());
+        let mut slots = |slope| Ok(Slots::new(slope, shape, lend(shape.slots_bytes())?, start));
+        let from_above = [slots(1)?, slots(0)?, slots(-1)?];
+        let along = [lend(shape.stride())?, lend(shape.stride())?];
+        let samples = [lend(shape.width)?, lend(shape.width)?];
+        let p2 = lend(PathShape::PENALTIES)?;
+        costs.fill(u8::MAX);
+        Slot::clear(along[0]);
+        Slot::clear(along[1]);
+        for (p2, change) in p2.iter_mut().zip(0..=u8::MAX) {
+            *p2 = params.penalties().p2(change);
+        }
+        Ok(PathLines { shape, costs, excess, from_above, along, start, samples, p2 })
+    }
+
+    /// Goes to the next line, of these samples.
+    pub fn enter_line(&mut self, line: &[u8]) {
+        self.samples.reverse();
+        let [here, _] = &mut self.samples;
+        here.iter_mut().zip(line).for_each(|(here, &sample)| *here = sample);
+        self.from_above.iter_mut().for_each(|slots| slots.enter_line(self.start));
+    }
+}
+
+/// Extends all paths by a line, and selects its disparities.
+pub(super) struct PathSweep<'a, 'm, I> {
+    pub isa: I,
+    pub params: &'a SemiGlobalParams,
+    pub paths: &'a mut PathLines<'m>,
+    /// The disparities of the line.
+    pub out: &'a mut [Option<Disparity>],
+}
+
+impl<I: Kernel> Work for PathSweep<'_, '_, I> {
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn run(mut self) {
+        self.forward();
+        self.backward();
+    }
+}
+
+impl<I: Kernel> PathSweep<'_, '_, I> {
+    /// The paths from the left and from above.
+    #[cfg_attr(target_arch = "arm", inline(never))]
+    #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
+    fn forward(&mut self) {
+        let PathLines { shape, costs, excess, from_above, along, start, samples: [here, above], p2 } = &mut *self.paths;
+        let (PathShape { width, depth }, p1) = (*shape, self.params.penalties().p1());
+        Slot::copy(along[0], start);
+        let mut start = 0;
+        while start < width {
+            let length = from_above.iter().map(|slots| slots.run_length(start)).fold(width - start, usize::min);
+            let pixels = start * depth..(start + length) * depth;
+            self.isa.extend_forward(ForwardRun {
+                start,
+                depth,
+                costs: costs.get(pixels.clone()).unwrap_or_default(),
+                excess: excess.get_mut(pixels).unwrap_or_default(),
+                along,
+                from_above: from_above.each_mut().map(|slots| slots.run(start, length)),
+                penalties: RunPenalties { p1, p2, here, above },
+            });
+            start += length;
+        }
+    }
+
+    /// The path from the right, and the selection.
+    #[cfg_attr(target_arch = "arm", inline(never))]
+    #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
+    fn backward(&mut self) {
+        let PathLines { shape, costs, excess, along, start, samples: [here, above], p2, .. } = &mut *self.paths;
+        let (min_disparity, out) = (self.params.search().min_disparity(), &mut *self.out);
+        Slot::copy(along[0], start);
+        let penalties = RunPenalties { p1: self.params.penalties().p1(), p2, here, above };
+        let run = BackwardRun { depth: shape.depth, costs, excess, along, penalties };
+        self.isa.extend_backward(PATHS, run, |reached| {
+            if let Some(out) = out.get_mut(reached.column) {
+                *out = select(min_disparity, reached);
+            }
+        });
+    }
+}
+
+const PATHS: u16 = SemiGlobalParams::PATHS as u16;
+
+/// The disparity of a pixel by its costs and what five paths add to them, as [`SemiGlobalParams`] defines it.
+/// Costs past the last disparity are 255.
+#[inline(always)]
+pub fn select_disparity<I: Kernel>(isa: I, search: &Search, costs: &[u8], excess: &[u8]) -> Option<Disparity> {
+    let winner = isa.winner(PATHS, as_vectors::<I>(costs), as_vectors::<I>(excess));
+    select(search.min_disparity(), Reached { column: 0, costs, excess, winner })
+}
+
+/// The disparity of a pixel with a winner.
+#[inline(always)]
+fn select(min_disparity: i16, pixel: Reached<'_>) -> Option<Disparity> {
+    let Reached { costs, excess, winner: (least, index), .. } = pixel;
+    if least >= PATHS * u16::from(u8::MAX) {
+        return None;
+    }
+    let d = min_disparity.wrapping_add(index as i16);
+    let (Some(&[cost_before, _, cost_after]), Some(&[excess_before, _, excess_after])) =
+        (around(costs, index), around(excess, index))
+    else {
+        return Disparity::whole(d);
+    };
+    if cost_before.max(cost_after) == u8::MAX {
+        return Disparity::whole(d);
+    }
+    let sum = |cost: u8, excess: u8| u32::from(PATHS) * u32::from(cost) + u32::from(excess);
+    Disparity::refine_equiangular(d, sum(cost_before, excess_before), least.into(), sum(cost_after, excess_after))
+}
+
+/// The values before, at and after an index.
+#[inline(always)]
+fn around(values: &[u8], index: usize) -> Option<&[u8; 3]> {
+    values.get(index.checked_sub(1)?..)?.first_chunk()
+}

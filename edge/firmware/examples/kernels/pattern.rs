@@ -1,0 +1,47 @@
+//! Frames without memory.
+
+use core::convert::Infallible;
+use multiscopic_core::{Frame, ScanlineSource};
+
+use super::xorshift::Xorshift;
+
+/// Frames that are computed, since there is no memory to store them.
+#[derive(Clone, Copy, Debug)]
+pub enum Pattern {
+    /// Random samples.
+    Noise,
+    /// Random samples of 0 and 255.
+    Extremes,
+    /// A random texture at a disparity of 3.
+    Shifted,
+    /// The same sample everywhere.
+    Flat,
+}
+
+impl ScanlineSource for Pattern {
+    type Error = Infallible;
+
+    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Infallible> {
+        let (seed, (du, dv)) = match (&self, frame) {
+            (Pattern::Shifted, Frame::View(view)) => (0, view.shift(3)),
+            (Pattern::Shifted, Frame::Center) => (0, (0, 0)),
+            (_, Frame::Center) => (1, (0, 0)),
+            (_, Frame::View(view)) => (2 + view as u32, (0, 0)),
+        };
+        for (sample, u) in line.iter_mut().zip(0..) {
+            let place = seed << 16 ^ ((u - du) as u32 & 0xff) << 8 ^ (v as i32 - dv) as u32 & 0xff;
+            let noise = Xorshift(place.wrapping_mul(0x9e37_79b9) | 1).number() >> 13;
+            *sample = match self {
+                Pattern::Noise | Pattern::Shifted => noise as u8,
+                Pattern::Extremes => ((noise & 1) * 255) as u8,
+                Pattern::Flat => 7,
+            };
+        }
+        Ok(())
+    }
+}
+
+impl Pattern {
+    /// Every pattern.
+    pub const ALL: [Pattern; 4] = [Pattern::Noise, Pattern::Extremes, Pattern::Shifted, Pattern::Flat];
+}

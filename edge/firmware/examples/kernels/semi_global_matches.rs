@@ -1,0 +1,78 @@
+//! Compares whole matches by semi-global matching, line by line.
+
+use multiscopic_core::{
+    Census, Disparity, Fusion, PathPenalties, Search, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
+    kernel::Kernel,
+};
+use multiscopic_firmware::BoardKernel;
+use semihosting::eprintln;
+use static_cell::ConstStaticCell;
+
+use super::{
+    pattern::Pattern,
+    twin::{Difference, Twin, same},
+    whole_matches::{HEIGHT, WIDTH},
+};
+
+/// The disparities of a match.
+type Image = [[Option<Disparity>; WIDTH as usize]; HEIGHT as usize];
+
+static IMAGES: ConstStaticCell<[Image; 2]> = ConstStaticCell::new([[[None; WIDTH as usize]; HEIGHT as usize]; 2]);
+
+/// Compares matches of every set of views with every fusion, in several sizes, with different costs and
+/// penalties. Returns their number.
+#[inline(never)]
+pub fn compare_semi_global_matches(memory: &mut [u32]) -> Result<usize, Difference> {
+    let sizes: [(i16, u16, u8); 5] = [(0, 1, 1), (-3, 16, 5), (1, 32, 5), (2, 17, 11), (1, 33, 3)];
+    let Some(images) = IMAGES.try_take() else { return Err(Difference) };
+    let mut count = 0;
+    for (min_disparity, num_disparities, block_size) in sizes {
+        for (bits, fusion) in (1..16).flat_map(|bits| Fusion::ALL.map(|fusion| (bits, fusion))) {
+            let views: Views = View::ALL.into_iter().filter(|&view| bits >> view as u32 & 1 != 0).collect();
+            let search = Search::new(WIDTH, HEIGHT, views, fusion, min_disparity, num_disparities);
+            let cost = match count % 5 {
+                0 => SemiGlobalCost::Census(Census::ALL[count / 5 % Census::ALL.len()]),
+                _ => SemiGlobalCost::Sad { block_size },
+            };
+            let penalties = cost.default_penalties();
+            let (p1, p2) = (penalties.p1(), penalties.p2(0));
+            let (p1, p2, p2_edge) =
+                [(p1, p2, None), (p1, p2, Some(10)), (0, 0, None), (3, 51, Some(1)), (51, 51, None)][count % 7 % 5];
+            let penalties = PathPenalties::new(p1, p2, p2_edge);
+            let (Ok(search), Ok(penalties)) = (search, penalties) else { return Err(Difference) };
+            let Ok(params) = SemiGlobalParams::with_penalties(search, cost, penalties) else { return Err(Difference) };
+            compare(&params, Pattern::ALL[count % Pattern::ALL.len()], memory, images)?;
+            count += 1;
+        }
+    }
+    Ok(count)
+}
+
+/// Compares a match. Only one matcher at a time fits the stack.
+fn compare(
+    params: &SemiGlobalParams,
+    pattern: Pattern,
+    memory: &mut [u32],
+    [found, expected]: &mut [Image; 2],
+) -> Result<(), Difference> {
+    if !compute(BoardKernel::default(), params, pattern, memory, found)
+        || !compute(Twin::default(), params, pattern, memory, expected)
+    {
+        eprintln!("kernels: {params:?} needs more memory");
+        return Err(Difference);
+    }
+    for (v, (line, line_of_twin)) in found.iter().zip(expected).enumerate() {
+        if line != line_of_twin {
+            eprintln!("kernels: {pattern:?}, {params:?}, line {v}:");
+        }
+        same("a line", line, line_of_twin)?;
+    }
+    Ok(())
+}
+
+/// Computes a match. Returns whether the memory suffices.
+#[inline(never)]
+fn compute<I: Kernel>(isa: I, params: &SemiGlobalParams, mut pattern: Pattern, memory: &mut [u32], image: &mut Image) -> bool {
+    let Ok(mut matcher) = SemiGlobalMatcher::with_isa(isa, params, memory) else { return false };
+    image.iter_mut().all(|line| matches!(matcher.next_line(&mut pattern, line), Ok(Some(_))))
+}

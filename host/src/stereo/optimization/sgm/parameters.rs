@@ -1,0 +1,42 @@
+//! What semi-global matching charges, and along which paths.
+
+use multiscopic_core::{PathPenalties, SemiGlobalCost};
+
+/// Where paths come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Paths {
+    /// Left, right, top and bottom, in two passes.
+    Four,
+    /// Left, right, and from the top straight and along both diagonals, in one pass. These are the core's.
+    #[default]
+    Five,
+    /// All eight sides, in two passes.
+    Eight,
+}
+
+impl Paths {
+    /// The number of paths.
+    pub const fn count(self) -> usize {
+        match self {
+            Paths::Four => 4,
+            Paths::Five => 5,
+            Paths::Eight => 8,
+        }
+    }
+}
+
+/// The parameters of semi-global matching. Every value of this type is valid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SemiGlobal {
+    /// Where paths come from.
+    pub paths: Paths,
+    /// What they charge, in units of the matching cost, whatever the fusion.
+    pub penalties: PathPenalties,
+}
+
+impl SemiGlobal {
+    /// Five paths, and the penalties that suit a cost.
+    pub fn default_for(cost: SemiGlobalCost) -> SemiGlobal {
+        SemiGlobal { paths: Paths::default(), penalties: cost.default_penalties() }
+    }
+}

@@ -1,0 +1,69 @@
+//! The core's semi-global matching equals its reference on every bit, with every instruction set that this
+//! processor has.
+
+use multiscopic::{Simd, stereo::Task};
+use multiscopic_core::{
+    Census, PathPenalties, SemiGlobalCost, SemiGlobalParams,
+    kernel::{Kernel, Portable},
+};
+use multiscopic_tests::{
+    reference::raw16,
+    split_mix::Random,
+    test_images::{
+        case::{Case, cases, property},
+        semi_global_case::{semi_global_params, semi_globally_matched},
+        view_set::ViewSet,
+    },
+};
+
+/// A match by the core.
+struct Match<'a> {
+    params: &'a SemiGlobalParams,
+    images: &'a ViewSet,
+    seed: u64,
+}
+
+impl Task for Match<'_> {
+    type Output = Vec<u16>;
+
+    fn run<I: Kernel>(self, isa: I) -> Vec<u16> {
+        semi_globally_matched(isa, self.params, self.images, &mut Random(self.seed))
+    }
+}
+
+#[test]
+fn semi_global_matches_equal_the_reference() {
+    property(1000, cases(300_000, 12_000), |case: &Case| {
+        let images = case.images();
+        let reference = case.semi_global(&images, &mut Random(case.seed));
+        let params = semi_global_params(&reference);
+        let expected: Vec<u16> = reference.disparities().into_iter().map(raw16).collect();
+        let task = || Match { params: &params, images: &images, seed: case.seed };
+        let mut found: Vec<(String, Vec<u16>)> =
+            Simd::available().into_iter().map(|simd| (simd.to_string(), simd.run(task()))).collect();
+        found.push(match case.seed % 4 {
+            0 => ("3 lanes".into(), task().run(Portable::<3>)),
+            1 => ("4 lanes".into(), task().run(Portable::<4>)),
+            2 => ("8 lanes".into(), task().run(Portable::<8>)),
+            _ => ("16 lanes, batches of 5".into(), task().run(Portable::<16, 5>)),
+        });
+        for (kernel, found) in found {
+            let different = (0..expected.len()).find(|&i| found[i] != expected[i]);
+            let place = different.map(|i| (i % case.width, i / case.width, found[i], expected[i]));
+            assert_eq!(place, None, "{kernel}, {params:?}: pixel, found and expected");
+        }
+    });
+}
+
+/// Firmware and the command line rely on these.
+#[test]
+fn default_penalties_follow_from_the_cost() {
+    for (cost, p1, p2) in [
+        (SemiGlobalCost::Sad { block_size: 5 }, 6, 48),
+        (SemiGlobalCost::Census(Census::Window5x5), 3, 18),
+        (SemiGlobalCost::Census(Census::Window7x7), 6, 36),
+        (SemiGlobalCost::Census(Census::Window9x7), 8, 48),
+    ] {
+        assert_eq!(Ok(cost.default_penalties()), PathPenalties::new(p1, p2, Some(10)), "{cost:?}");
+    }
+}

@@ -113,24 +113,34 @@ impl Disparity {
     /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that vectorises.
     #[inline(always)]
     pub(crate) fn refine_all<const N: usize>(costs: &Around<N>) -> [Option<Disparity>; N] {
-        const TWO_TO_23: f32 = 8_388_608.0;
         let mut refined = [None; N];
         for (i, refined) in refined.iter_mut().enumerate() {
             let (d, steps) = (i32::from(costs.d[i]), Disparity::STEPS);
-            // Arbitrary costs may wrap, and yield arbitrary disparities.
-            let (fall, rise) =
-                (costs.before[i].wrapping_sub(costs.at[i]) as i32, costs.after[i].wrapping_sub(costs.at[i]) as i32);
+            let [fall, rise] = costs.slopes(i);
             let sign = if d < 0 || (d == 0 && fall < rise) { -1 } else { 1 };
             let sum = fall.wrapping_add(rise).max(1);
-            let divisor = sum.wrapping_mul(2);
             let numerator = fall.wrapping_sub(rise).wrapping_mul(steps * sign);
             let dividend = numerator.wrapping_add(sum.wrapping_mul(steps + 1));
-            // The float quotient is less than half a step off, so the integer quotient is the nearest integer
-            // or one less. Adding 2^23 rounds to an integer; a cast from float would not vectorise.
-            let nearest = (dividend as f32 / divisor as f32 + TWO_TO_23).to_bits() as i32 - TWO_TO_23.to_bits() as i32;
-            let above = dividend.wrapping_sub(nearest.wrapping_mul(divisor)) < 0;
-            let shift = nearest - i32::from(above) - steps / 2;
+            let shift = floor_of_quotient(dividend, sum.wrapping_mul(2)) - steps / 2;
             *refined = Disparity::from_bits(d.wrapping_mul(steps).wrapping_add(shift.wrapping_mul(sign)) as i16);
+        }
+        refined
+    }
+
+    /// [`refine_equiangular`](Disparity::refine_equiangular) for a batch of pixels, in arithmetic that
+    /// vectorises.
+    #[inline(always)]
+    pub(crate) fn refine_all_equiangular<const N: usize>(costs: &Around<N>) -> [Option<Disparity>; N] {
+        let mut refined = [None; N];
+        for (i, refined) in refined.iter_mut().enumerate() {
+            let (d, steps) = (i32::from(costs.d[i]), Disparity::STEPS);
+            let [fall, rise] = costs.slopes(i);
+            let is_negative = d < 0 || (d == 0 && fall < rise);
+            let denominator = fall.max(rise).max(1);
+            let numerator = fall.wrapping_sub(rise).wrapping_mul(steps);
+            let dividend = numerator.wrapping_add(denominator.wrapping_mul(steps + 1)).wrapping_sub(is_negative.into());
+            let shift = floor_of_quotient(dividend, denominator.wrapping_mul(2)) - steps / 2;
+            *refined = Disparity::from_bits(d.wrapping_mul(steps).wrapping_add(shift) as i16);
         }
         refined
     }
@@ -180,6 +190,25 @@ pub(crate) struct Around<const N: usize> {
     pub before: [u32; N],
     pub at: [u32; N],
     pub after: [u32; N],
+}
+
+impl<const N: usize> Around<N> {
+    /// By how much costs fall to the disparity of a pixel, and rise after it. Arbitrary costs may wrap.
+    #[inline(always)]
+    fn slopes(&self, i: usize) -> [i32; 2] {
+        [self.before[i].wrapping_sub(self.at[i]) as i32, self.after[i].wrapping_sub(self.at[i]) as i32]
+    }
+}
+
+/// The floor of a quotient that is not negative and below 2^16. The divisor is positive; any others yield arbitrary
+/// results.
+#[inline(always)]
+fn floor_of_quotient(dividend: i32, divisor: i32) -> i32 {
+    const TWO_TO_23: f32 = 8_388_608.0;
+    // The float quotient is less than half a step off, so the floor is the nearest integer or one less. Adding
+    // 2^23 rounds to an integer; a cast from float would not vectorise.
+    let nearest = (dividend as f32 / divisor as f32 + TWO_TO_23).to_bits() as i32 - TWO_TO_23.to_bits() as i32;
+    nearest - i32::from(dividend.wrapping_sub(nearest.wrapping_mul(divisor)) < 0)
 }
 
 #[cfg(test)]
@@ -235,6 +264,8 @@ mod tests {
                 }
                 let one = |i: usize| Disparity::refine(costs.d[i], costs.before[i], costs.at[i], costs.after[i]);
                 assert_eq!(Disparity::refine_all(&costs), core::array::from_fn(one), "{costs:?}");
+                let one = |i: usize| Disparity::refine_equiangular(costs.d[i], costs.before[i], costs.at[i], costs.after[i]);
+                assert_eq!(Disparity::refine_all_equiangular(&costs), core::array::from_fn(one), "{costs:?}");
             }
         }
     }

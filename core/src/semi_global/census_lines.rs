@@ -173,10 +173,10 @@ impl<I: Kernel, const N: usize, const V: usize> Work for Fused<'_, '_, I, N, V> 
             for (byte, plane) in descriptor.iter_mut().zip(here.chunks_exact(width.max(1))) {
                 *byte = plane.get(u).copied().unwrap_or_default();
             }
-            let mut candidates = [const { None }; V];
+            let mut candidates: [Candidates<'_, N>; V] = core::array::from_fn(|_| Candidates::default());
             for (k, (candidates, samples)) in candidates.iter_mut().zip(&samples).enumerate().take(params.views().len()) {
                 let planes = samples.map(|samples| samples.map_or(&[][..], |samples| samples.column(u)));
-                *candidates = Some(Candidates { planes, available: availability.range(k) });
+                *candidates = Candidates { planes, available: availability.range(k) };
             }
             isa.hamming_costs::<N, V>(params.fusion(), descriptor, &candidates, count, as_vectors_mut::<I>(costs));
         }

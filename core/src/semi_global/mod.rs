@@ -6,12 +6,14 @@
 //! | `census_lines` | costs by Hamming distances |
 //! | `cost_lines` | costs of a line, by either cost function |
 //! | `slots` | the paths from the line above |
-//! | `path_lines` | the paths through a line, and the selection |
+//! | `selection` | disparities by the sums of path costs |
+//! | `path_lines` | the paths through a line |
 
 mod census_lines;
 mod census_window;
 mod cost_lines;
 mod path_lines;
+mod selection;
 mod slots;
 
 use crate::{
@@ -20,8 +22,8 @@ use crate::{
     memory::{Lender, PathShape},
 };
 use cost_lines::CostLines;
-pub use path_lines::select_disparity;
 use path_lines::{PathLines, PathSweep};
+pub use selection::{path_winner, select_disparities};
 
 /// A pass of semi-global matching over the whole frame, one disparity line at a time.
 ///

@@ -1,9 +1,12 @@
-//! The paths through a line: forward to its end, and back.
+//! The paths through a line: forward to its end, and back with the selection.
 
-use super::slots::Slots;
+use super::{
+    selection::{PATHS, select},
+    slots::Slots,
+};
 use crate::{
-    Disparity, Search, SemiGlobalParams,
-    kernel::{BackwardRun, ForwardRun, Kernel, Reached, RunPenalties, Slot, Work, as_vectors},
+    Disparity, SemiGlobalParams,
+    kernel::{BackwardRun, ForwardRun, Kernel, RunPenalties, Slot, Work},
     memory::PathShape,
 };
 
@@ -119,40 +122,4 @@ impl<I: Kernel> PathSweep<'_, '_, I> {
             }
         });
     }
-}
-
-const PATHS: u16 = SemiGlobalParams::PATHS as u16;
-
-/// The disparity of a pixel by its costs and what five paths add to them, as [`SemiGlobalParams`] defines it.
-/// Costs past the last disparity are 255.
-#[inline(always)]
-pub fn select_disparity<I: Kernel>(isa: I, search: &Search, costs: &[u8], excess: &[u8]) -> Option<Disparity> {
-    let winner = isa.winner(PATHS, as_vectors::<I>(costs), as_vectors::<I>(excess));
-    select(search.min_disparity(), Reached { column: 0, costs, excess, winner })
-}
-
-/// The disparity of a pixel with a winner.
-#[inline(always)]
-fn select(min_disparity: i16, pixel: Reached<'_>) -> Option<Disparity> {
-    let Reached { costs, excess, winner: (least, index), .. } = pixel;
-    if least >= PATHS * u16::from(u8::MAX) {
-        return None;
-    }
-    let d = min_disparity.wrapping_add(index as i16);
-    let (Some(&[cost_before, _, cost_after]), Some(&[excess_before, _, excess_after])) =
-        (around(costs, index), around(excess, index))
-    else {
-        return Disparity::whole(d);
-    };
-    if cost_before.max(cost_after) == u8::MAX {
-        return Disparity::whole(d);
-    }
-    let sum = |cost: u8, excess: u8| u32::from(PATHS) * u32::from(cost) + u32::from(excess);
-    Disparity::refine_equiangular(d, sum(cost_before, excess_before), least.into(), sum(cost_after, excess_after))
-}
-
-/// The values before, at and after an index.
-#[inline(always)]
-fn around(values: &[u8], index: usize) -> Option<&[u8; 3]> {
-    values.get(index.checked_sub(1)?..)?.first_chunk()
 }

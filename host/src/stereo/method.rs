@@ -122,11 +122,11 @@ impl Method {
                 self.along_paths(sgm, &SadRows::new(engine, frames, search, *block_size)?, engine, frames, progress)
             }
             (CostFunction::Census(census), Optimizer::SemiGlobal(sgm)) if self.aggregation.is_none() => {
-                let rows = engine.pool().install(|| CensusRows::new(frames, search, *census));
+                let rows = CensusRows::new(frames, search, *census, engine);
                 self.along_paths(sgm, &rows, engine, frames, progress)
             }
             (CostFunction::Census(census), Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
-                let rows = engine.pool().install(|| CensusRows::new(frames, search, *census));
+                let rows = CensusRows::new(frames, search, *census, engine);
                 self.take_winners(&rows, engine, progress)
             }
             (CostFunction::BirchfieldTomasi(cost), Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {

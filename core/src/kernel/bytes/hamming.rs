@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 use super::lanes::{ByteVector, Bytes, as_vectors};
 use crate::Fusion;
 
-/// The candidates of a pixel in a view, with descriptors of `N` bytes.
+/// The candidates of a pixel in a view, with descriptors of `N` bytes. By default there are none.
 #[derive(Clone, Debug)]
 pub struct Candidates<'a, const N: usize> {
     /// The bytes of the descriptors, a plane each, from the smallest disparity on and to the end of the last
@@ -23,7 +23,7 @@ pub(in crate::kernel) fn hamming_loop<I: Bytes, const N: usize, const V: usize>(
     isa: I,
     fusion: Fusion,
     descriptor: [u8; N],
-    views: &[Option<Candidates<'_, N>>; V],
+    views: &[Candidates<'_, N>; V],
     count: usize,
     costs: &mut [I::Samples],
 ) {
@@ -31,11 +31,15 @@ pub(in crate::kernel) fn hamming_loop<I: Bytes, const N: usize, const V: usize>(
     for (j, fused) in costs.iter_mut().enumerate() {
         let mut distances = [none; V];
         for (distances, view) in distances.iter_mut().zip(views) {
-            if let Some(view) = view {
-                *distances = view.distances(isa, descriptor, j, count);
-            }
+            *distances = view.distances(isa, descriptor, j, count);
         }
         fuse(isa, fusion, distances).store(fused);
+    }
+}
+
+impl<const N: usize> Default for Candidates<'_, N> {
+    fn default() -> Self {
+        Candidates { planes: [&[]; N], available: 0..0 }
     }
 }
 

@@ -47,7 +47,7 @@ impl PixelLoops for Mve {
         self,
         fusion: Fusion,
         descriptor: [u8; N],
-        views: &[Option<Candidates<'_, N>>; V],
+        views: &[Candidates<'_, N>; V],
         count: usize,
         costs: &mut [[u8; 8]],
     ) {
@@ -56,7 +56,7 @@ impl PixelLoops for Mve {
         }
         let costs = costs.as_flattened_mut();
         costs.fill(u8::MAX);
-        for Candidates { planes, available } in views.iter().flatten() {
+        for Candidates { planes, available } in views {
             let range = usize::from(available.start)..usize::from(available.end);
             let planes = planes.map(|plane| plane.get(range.clone()).unwrap_or_default());
             let costs = costs.get_mut(range).unwrap_or_default();

@@ -5,36 +5,49 @@ use multiscopic_core::kernel::Slot;
 /// The columns of a block.
 pub(super) const COLUMNS: usize = 32;
 
-/// The paths of one slope up to each pixel of a block of columns: a [slot](Slot) for each.
+/// The paths up to the pixels of a block of columns: for each column a record of as many [slots](Slot) as there are
+/// slopes. The records of the columns on either side come with them.
 #[derive(Debug)]
 pub(super) struct PathBlock {
-    slots: Vec<u8>,
-    bytes: usize,
+    records: Vec<u8>,
+    /// Bytes of a record.
+    record: usize,
 }
 
 impl PathBlock {
-    /// A block whose path costs are still to be computed, with `stride` costs for each pixel.
-    pub fn new(stride: usize) -> PathBlock {
-        let bytes = Slot::bytes(stride);
-        PathBlock { slots: vec![u8::MAX; COLUMNS * bytes], bytes }
+    /// A block of paths that begin, of a number of slopes, with `stride` costs for each pixel, of which `count`
+    /// are those of disparities.
+    pub fn new(slopes: usize, stride: usize, count: usize) -> PathBlock {
+        let record = slopes * Slot::bytes(stride);
+        let mut records = vec![0; (COLUMNS + 2) * record];
+        records.chunks_exact_mut(Slot::bytes(stride)).for_each(|slot| Slot::begin(slot, count));
+        PathBlock { records, record }
     }
 
-    /// The slot of a column, counted from the block's first.
-    #[inline(always)]
-    pub fn at(&self, column: usize) -> &[u8] {
-        &self.slots[column * self.bytes..][..self.bytes]
+    /// The first record, the one of the column before the block.
+    pub fn first(&self) -> &[u8] {
+        &self.records[..self.record]
     }
 
-    /// The slot of a column, counted from the block's first.
-    #[inline(always)]
-    pub fn at_mut(&mut self, column: usize) -> &mut [u8] {
-        &mut self.slots[column * self.bytes..][..self.bytes]
+    /// The records from the one of the column before the block on.
+    pub fn records(&self) -> &[u8] {
+        &self.records
     }
-}
 
-/// A slot in which a path of `count` disparities begins.
-pub(super) fn start(count: usize, stride: usize) -> Vec<u8> {
-    let mut slot = vec![0; Slot::bytes(stride)];
-    Slot::begin(&mut slot, count);
-    slot
+    /// The records of the block's own columns.
+    pub fn own_records_mut(&mut self) -> &mut [u8] {
+        &mut self.records[self.record..(1 + COLUMNS) * self.record]
+    }
+
+    /// Copies the records next to the border between this block and the one to its right.
+    pub fn join(&mut self, right: &mut PathBlock) {
+        let (record, border) = (self.record, COLUMNS * self.record);
+        right.records[..record].copy_from_slice(&self.records[border..][..record]);
+        self.records[border + record..].copy_from_slice(&right.records[record..][..record]);
+    }
+
+    /// Overwrites the record of a `column`, counted from the one before the block.
+    pub fn copy_to(&mut self, column: usize, record: &[u8]) {
+        self.records[column * self.record..][..self.record].copy_from_slice(record);
+    }
 }

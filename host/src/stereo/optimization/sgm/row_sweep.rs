@@ -4,11 +4,14 @@ use std::ops::Range;
 
 use multiscopic_core::{
     Disparity, Search,
-    kernel::{Along, ByteVector, Kernel, Step, as_vectors, as_vectors_mut},
+    kernel::{Along, ByteVector, Kernel, Slot, Step, as_vectors, as_vectors_mut},
 };
 
-use super::path_block::{COLUMNS, PathBlock};
+use super::path_block::PathBlock;
 use crate::stereo::{cost::Cost, optimization::winner};
+
+/// The vectors of the longest search, with the fewest lanes.
+pub(super) const MOST_VECTORS: usize = 128;
 
 /// The paths of a pass.
 #[derive(Clone, Copy, Debug)]
@@ -21,28 +24,33 @@ pub(super) struct Pass {
     pub diagonals: bool,
 }
 
-/// What paths charge, and the samples of the centre by which P2 is lowered.
-#[derive(Clone, Copy)]
-pub(super) struct Penalties<'a> {
+/// What paths charge at the pixels of a row.
+pub(super) struct Penalties {
     pub p1: u8,
-    /// By the change of brightness.
-    pub p2: &'a [u8; 256],
-    /// The samples of the row.
-    pub here: &'a [u8],
-    /// The samples of the row before in the pass.
-    pub above: &'a [u8],
+    /// The penalties P2 of the paths from the left, the top left, the top and the top right to each pixel.
+    p2: Vec<[u8; 4]>,
 }
 
-impl Penalties<'_> {
-    /// P2 between a pixel of the row and another sample.
+impl Penalties {
+    pub fn new(p1: u8, width: usize) -> Penalties {
+        Penalties { p1, p2: vec![[0; 4]; width] }
+    }
+
+    /// Goes to a row of samples, after the row `above` in the pass. `p2` is by the change of brightness. Beside
+    /// the image, where paths begin, it does not matter.
     #[inline(always)]
-    fn p2(&self, u: usize, other: u8) -> u8 {
-        self.p2[usize::from(self.here[u].abs_diff(other))]
+    pub fn enter_row(&mut self, p2: &[u8; 256], here: &[u8], above: &[u8]) {
+        let pairs = |a: &[u8], b: &[u8], to: &mut [[u8; 4]], k: usize| {
+            for ((to, &a), &b) in to.iter_mut().zip(a).zip(b) {
+                to[k] = p2[usize::from(a.abs_diff(b))];
+            }
+        };
+        pairs(&here[1..], here, &mut self.p2[1..], 0);
+        pairs(&here[1..], above, &mut self.p2[1..], 1);
+        pairs(here, above, &mut self.p2, 2);
+        pairs(here, &above[1..], &mut self.p2, 3);
     }
 }
-
-/// The paths of the row before, block by block as far as they have arrived; `None` if the row is the first.
-pub(super) type Above<'a> = Option<&'a [Vec<PathBlock>]>;
 
 /// A row's costs, and what its paths add to them.
 pub(super) struct RowCosts<'a> {
@@ -53,60 +61,72 @@ pub(super) struct RowCosts<'a> {
 
 impl RowCosts<'_> {
     /// Extends the paths from the row before through the columns `here`, a block, and the one from the left
-    /// unless it is `None`.
-    #[allow(clippy::too_many_arguments)]
+    /// unless it is `None`. If `DIAGONAL` is set, there are diagonal paths.
     #[inline(always)]
-    pub fn forward<I: Kernel, const SLOPES: usize, const M: usize>(
+    pub fn forward<I: Kernel, const DIAGONAL: bool, const M: usize>(
         &mut self,
         isa: I,
-        penalties: Penalties<'_>,
+        penalties: &Penalties,
         mut from_left: Option<&mut Along<I, M>>,
-        above: Above<'_>,
-        start: &[u8],
+        above: &PathBlock,
         here: Range<usize>,
-        mut blocks: [&mut PathBlock; SLOPES],
+        block: &mut PathBlock,
     ) {
-        let (first, width) = (here.start, penalties.here.len());
-        for u in here {
-            let mut steps = [const { None }; SLOPES];
-            for (k, (step, block)) in steps.iter_mut().zip(&mut blocks).enumerate() {
-                // One path straight down, or three with slopes of 1, 0 and -1.
-                let slope = if SLOPES == 1 { 0 } else { 1 - k as isize };
-                let (column, after) = (u.wrapping_add_signed(-slope), block.at_mut(u - first));
-                *step = Some(match above {
-                    Some(above) if column < width => {
-                        let before = above[column / COLUMNS][k].at(column % COLUMNS);
-                        Step { before, after, p2: penalties.p2(u, penalties.above[column]) }
-                    }
-                    _ => Step { before: start, after, p2: 0 },
-                });
+        // A constant for the usual numbers of vectors, so that the compiler checks lengths once.
+        let stride = if M == MOST_VECTORS { self.stride } else { M * I::LANES };
+        let bytes = Slot::bytes(stride);
+        let record = if DIAGONAL { 3 * bytes } else { bytes };
+        let pixels = here.start * stride..here.end * stride;
+        let excess = self.excess[pixels.clone()].chunks_exact_mut(stride);
+        let costs = self.costs[pixels].chunks_exact(stride);
+        let after = block.own_records_mut().chunks_exact_mut(record);
+        // The records of the columns to the left, above and to the right.
+        let before = above.records().windows(3 * record).step_by(record);
+        for ((((costs, excess), after), before), p2) in costs.zip(excess).zip(after).zip(before).zip(&penalties.p2[here]) {
+            let (costs, excess) = (as_vectors::<I>(costs), as_vectors_mut::<I>(excess));
+            if DIAGONAL {
+                let (a, after) = after.split_at_mut(bytes);
+                let (b, c) = after.split_at_mut(bytes);
+                let before = |k: usize| &before[k * (record + bytes)..][..bytes];
+                let steps = [
+                    Step { before: before(0), after: a, p2: p2[1] },
+                    Step { before: before(1), after: b, p2: p2[2] },
+                    Step { before: before(2), after: c, p2: p2[3] },
+                ];
+                isa.extend::<3, true>(costs, steps, penalties.p1, excess);
+            } else {
+                isa.extend::<1, true>(
+                    costs,
+                    [Step { before: &before[record..][..bytes], after, p2: p2[2] }],
+                    penalties.p1,
+                    excess,
+                );
             }
-            let steps = steps.map(|step| step.expect("there is a step for each path"));
-            let (costs, excess) = self.pixel::<I>(u);
-            isa.extend::<SLOPES, true>(costs, steps, penalties.p1, excess);
             if let Some(from_left) = from_left.as_mut() {
-                let p2 = penalties.p2(u, penalties.here[u.saturating_sub(1)]);
-                add(isa, excess, from_left.step(isa, costs, penalties.p1, p2));
+                add(isa, excess, from_left.step(isa, costs, penalties.p1, p2[0]));
             }
         }
     }
 
-    /// Extends the path from the right through the row, and calls `done` with each pixel's costs and excess.
+    /// Extends the path from the right through the columns `here`, and calls `done` with each pixel's costs and
+    /// excess.
     #[inline(always)]
     pub fn backward<I: Kernel, const M: usize>(
         &mut self,
         isa: I,
-        penalties: Penalties<'_>,
-        mut from_right: Along<I, M>,
+        penalties: &Penalties,
+        from_right: &mut Along<I, M>,
+        here: Range<usize>,
         mut done: impl FnMut(usize, &[u8], &[u8]),
     ) {
-        let last = penalties.here.len() - 1;
-        for u in (0..=last).rev() {
-            let (costs, excess) = self.pixel::<I>(u);
-            let p2 = penalties.p2(u, penalties.here[last.min(u + 1)]);
-            add(isa, excess, from_right.step(isa, costs, penalties.p1, p2));
-            let pixel = u * self.stride..(u + 1) * self.stride;
-            done(u, &self.costs[pixel.clone()], &self.excess[pixel]);
+        let stride = if M == MOST_VECTORS { self.stride } else { M * I::LANES };
+        let pixels = here.start * stride..here.end * stride;
+        let excess = self.excess[pixels.clone()].chunks_exact_mut(stride);
+        let pixels = self.costs[pixels].chunks_exact(stride).zip(excess);
+        for (u, (costs, excess)) in here.zip(pixels).rev() {
+            let p2 = penalties.p2.get(u + 1).map_or(0, |p2| p2[0]);
+            add(isa, as_vectors_mut::<I>(excess), from_right.step(isa, as_vectors::<I>(costs), penalties.p1, p2));
+            done(u, costs, excess);
         }
     }
 
@@ -114,13 +134,6 @@ impl RowCosts<'_> {
     pub fn each(&self, mut done: impl FnMut(usize, &[u8], &[u8])) {
         let pixels = self.costs.chunks_exact(self.stride).zip(self.excess.chunks_exact(self.stride));
         pixels.enumerate().for_each(|(u, (costs, excess))| done(u, costs, excess));
-    }
-
-    /// The costs and the excess of a pixel.
-    #[inline(always)]
-    fn pixel<I: Kernel>(&mut self, u: usize) -> (&[I::Samples], &mut [I::Samples]) {
-        let pixel = u * self.stride..(u + 1) * self.stride;
-        (as_vectors::<I>(&self.costs[pixel.clone()]), as_vectors_mut::<I>(&mut self.excess[pixel]))
     }
 }
 
@@ -145,7 +158,7 @@ pub(super) fn add_to_sums(sums: &mut [u16], costs: &[u8], excess: &[u8], paths: 
     }
 }
 
-/// The disparity of a pixel by its sums, as [`select_disparity`](multiscopic_core::select_disparity) selects it.
+/// The disparity of a pixel by its sums, as [`SemiGlobalParams`](multiscopic_core::SemiGlobalParams) defines it.
 pub(super) fn select_by_sums(search: &Search, sums: &[u16]) -> Option<Disparity> {
     winner::disparity_refined_by(search, sums, |d, [before, at, after]| {
         Disparity::refine_equiangular(d, before.into(), at.into(), after.into())

@@ -13,13 +13,13 @@ use std::sync::{
 use image::GrayImage;
 use multiscopic_core::{
     Disparity,
-    kernel::{Along, Kernel, Slot, Work},
-    select_disparity,
+    kernel::{Along, Kernel, MAX_BATCH, Slot, Work},
+    path_winner, select_disparities,
 };
 
 use super::{
-    path_block::{COLUMNS, PathBlock, start},
-    row_sweep::{Pass, Penalties, RowCosts, add_to_sums, select_by_sums},
+    path_block::{COLUMNS, PathBlock},
+    row_sweep::{MOST_VECTORS, Pass, Penalties, RowCosts, add_to_sums, select_by_sums},
 };
 use crate::{
     progress::Progress,
@@ -53,9 +53,6 @@ pub(super) struct RowTask<'a> {
     /// Where the selected disparities go, in the last pass.
     pub disparities: Option<&'a mut [Option<Disparity>]>,
 }
-
-/// The paths of a block of columns, one for each slope: what a row sends to the next.
-type Columns = Vec<PathBlock>;
 
 impl<R: CostRows<Cost = u8>> Wavefront<'_, R> {
     /// Computes all `rows`, which are in the order of the pass, on the threads of `engine`.
@@ -93,8 +90,8 @@ struct Worker<'a, 'b, R> {
     has_first: bool,
     /// Whether its last row is the last of the pass.
     has_last: bool,
-    receiver: Receiver<Columns>,
-    sender: Sender<Columns>,
+    receiver: Receiver<PathBlock>,
+    sender: Sender<PathBlock>,
 }
 
 impl<R: CostRows<Cost = u8>> Task for Worker<'_, '_, R> {
@@ -115,24 +112,29 @@ impl<R: CostRows<Cost = u8>, I: Kernel> Work for Compiled<'_, '_, R, I> {
     #[inline(always)]
     fn run(self) {
         let Compiled { mut worker, isa } = self;
-        let &Wavefront { costs: rows, stride, progress, .. } = worker.wavefront;
-        let search = rows.search();
-        let (mut costs, mut excess) = (vec![u8::MAX; search.width() * stride], vec![0; search.width() * stride]);
-        let start = start(search.num_disparities(), stride);
-        // Blocks of columns to reuse.
-        let mut free: Vec<Columns> = Vec::new();
+        let &Wavefront { costs: rows, center, p1, ref p2, stride, progress, .. } = worker.wavefront;
+        let (width, count) = (rows.search().width(), rows.search().num_disparities());
+        let (mut costs, mut excess) = (vec![u8::MAX; width * stride], vec![0; width * stride]);
+        let mut penalties = Penalties::new(p1, width);
+        let slopes = if worker.pass.diagonals { 3 } else { 1 };
+        let mut blocks = Blocks { start: PathBlock::new(slopes, stride, count), slopes, stride, count, free: Vec::new() };
+        let samples = |v: usize| &center.as_raw()[v * width..][..width];
         let tasks = std::mem::take(&mut worker.rows);
-        let count = tasks.len();
+        let last = tasks.len() - 1;
         for (i, task) in tasks.into_iter().enumerate() {
-            let ends = [worker.has_first && i == 0, worker.has_last && i + 1 == count];
-            rows.row(isa, task.v, stride, &mut costs);
+            let v = task.v;
+            let v_above = if worker.pass.upwards { (v + 1).min(rows.search().height() - 1) } else { v.saturating_sub(1) };
+            penalties.enter_row(p2, samples(v), samples(v_above));
+            rows.row(isa, v, stride, &mut costs);
+            let ends = [worker.has_first && i == 0, worker.has_last && i == last];
             let row = RowCosts { stride, costs: &costs, excess: &mut excess };
             // The usual numbers of vectors as constants.
             let connected = match stride / I::LANES {
-                1 => worker.sweep::<I, 1>(isa, task, ends, row, &start, &mut free),
-                2 => worker.sweep::<I, 2>(isa, task, ends, row, &start, &mut free),
-                3 | 4 => worker.sweep::<I, 4>(isa, task, ends, row, &start, &mut free),
-                _ => worker.sweep::<I, MOST_VECTORS>(isa, task, ends, row, &start, &mut free),
+                1 => worker.sweep::<I, 1>(isa, task, ends, row, &penalties, &mut blocks),
+                2 => worker.sweep::<I, 2>(isa, task, ends, row, &penalties, &mut blocks),
+                3 => worker.sweep::<I, 3>(isa, task, ends, row, &penalties, &mut blocks),
+                4 => worker.sweep::<I, 4>(isa, task, ends, row, &penalties, &mut blocks),
+                _ => worker.sweep::<I, MOST_VECTORS>(isa, task, ends, row, &penalties, &mut blocks),
             };
             if connected.is_none() {
                 return;
@@ -142,8 +144,23 @@ impl<R: CostRows<Cost = u8>, I: Kernel> Work for Compiled<'_, '_, R, I> {
     }
 }
 
-/// The vectors of the longest search, with the fewest lanes.
-const MOST_VECTORS: usize = 128;
+/// The blocks of a thread.
+struct Blocks {
+    /// A block of paths that begin.
+    start: PathBlock,
+    slopes: usize,
+    stride: usize,
+    count: usize,
+    /// Blocks to reuse, the last one first, which is in the cache.
+    free: Vec<PathBlock>,
+}
+
+impl Blocks {
+    /// A block with any content.
+    fn take(&mut self) -> PathBlock {
+        self.free.pop().unwrap_or_else(|| PathBlock::new(self.slopes, self.stride, self.count))
+    }
+}
 
 impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
     /// Sweeps through a row, in up to `M` vectors for each pixel. `None` if another worker has ended early.
@@ -151,51 +168,76 @@ impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
     fn sweep<I: Kernel, const M: usize>(
         &self,
         isa: I,
-        mut task: RowTask<'_>,
+        task: RowTask<'_>,
         [is_first, is_last]: [bool; 2],
         mut row: RowCosts<'_>,
-        start: &[u8],
-        free: &mut Vec<Columns>,
+        penalties: &Penalties,
+        blocks: &mut Blocks,
     ) -> Option<()> {
-        let Wavefront { costs: rows, center, p1, ref p2, stride, paths, .. } = *self.wavefront;
-        let (search, pass) = (rows.search(), self.pass);
-        let width = search.width();
-        let samples = |v: usize| &center.as_raw()[v * width..][..width];
-        let v_above = match (is_first, pass.upwards) {
-            (true, _) => task.v,
-            (false, true) => task.v + 1,
-            (false, false) => task.v - 1,
-        };
-        let penalties = Penalties { p1, p2, here: samples(task.v), above: samples(v_above) };
-        let along = Along::<I, M>::begin(isa, &start[Slot::LEAD..][..stride]);
-        let mut from_left = pass.along_rows.then_some(along);
-        let mut above: Vec<Columns> = Vec::new();
-        let last_block = (width - 1) / COLUMNS;
-        for index in 0..=last_block {
-            // Diagonal paths come from the next block as well.
-            while !is_first && above.len() <= last_block.min(index + 1) {
-                above.push(self.receiver.recv().ok()?);
+        let Wavefront { costs: rows, stride, .. } = *self.wavefront;
+        let width = rows.search().width();
+        let along = Along::<I, M>::begin(isa, &blocks.start.first()[Slot::LEAD..][..stride]);
+        let mut from_left = self.pass.along_rows.then_some(along);
+        // The paths of the row before, at a block of columns.
+        let mut above = if is_first { None } else { Some(self.receiver.recv().ok()?) };
+        if let Some(above) = &mut above {
+            above.copy_to(0, blocks.start.first());
+        }
+        for first in (0..width).step_by(COLUMNS) {
+            let here = first..width.min(first + COLUMNS);
+            let mut next = None;
+            if let Some(above) = &mut above {
+                if here.end < width {
+                    // Diagonal paths come from the next block as well.
+                    above.join(next.insert(self.receiver.recv().ok()?));
+                } else {
+                    above.copy_to(here.len() + 1, blocks.start.first());
+                }
             }
-            let slopes = if pass.diagonals { 3 } else { 1 };
-            let mut columns = free.pop().unwrap_or_else(|| (0..slopes).map(|_| PathBlock::new(stride)).collect());
-            let here = index * COLUMNS..width.min((index + 1) * COLUMNS);
-            let (above, from_left) = ((!is_first).then_some(&above[..]), from_left.as_mut());
-            match &mut columns[..] {
-                [a, b, c] => row.forward(isa, penalties, from_left, above, start, here, [a, b, c]),
-                [a] => row.forward(isa, penalties, from_left, above, start, here, [a]),
-                _ => unreachable!("one or three slopes"),
+            let mut block = blocks.take();
+            let before = above.as_ref().unwrap_or(&blocks.start);
+            match self.pass.diagonals {
+                true => row.forward::<I, true, M>(isa, penalties, from_left.as_mut(), before, here, &mut block),
+                false => row.forward::<I, false, M>(isa, penalties, from_left.as_mut(), before, here, &mut block),
             }
+            blocks.free.extend(above);
+            above = next;
             if is_last {
-                free.push(columns);
+                blocks.free.push(block);
             } else {
-                self.sender.send(columns).ok()?;
+                self.sender.send(block).ok()?;
             }
         }
-        free.append(&mut above);
+        self.select(isa, task, along, row, penalties);
+        Some(())
+    }
+
+    /// Sweeps back through a row, and selects its disparities or keeps the sums.
+    #[inline(always)]
+    fn select<I: Kernel, const M: usize>(
+        &self,
+        isa: I,
+        mut task: RowTask<'_>,
+        mut from_right: Along<I, M>,
+        mut row: RowCosts<'_>,
+        penalties: &Penalties,
+    ) {
+        let Wavefront { costs: rows, stride, paths, .. } = *self.wavefront;
+        let search = rows.search();
+        let width = search.width();
         match (&mut task.sums, &mut task.disparities) {
-            (None, Some(disparities)) => row.backward(isa, penalties, along, |u, costs, excess| {
-                disparities[u] = select_disparity(isa, search, costs, excess);
-            }),
+            (None, Some(disparities)) => {
+                for first in (0..width).step_by(MAX_BATCH).rev() {
+                    let here = first..width.min(first + MAX_BATCH);
+                    let mut winners = [(0, 0); MAX_BATCH];
+                    row.backward(isa, penalties, &mut from_right, here.clone(), |u, costs, excess| {
+                        winners[u - first] = path_winner(isa, costs, excess);
+                    });
+                    let pixels = first * stride..here.end * stride;
+                    let (costs, excess) = (&row.costs[pixels.clone()], &row.excess[pixels]);
+                    select_disparities(search, &winners, costs, excess, stride, &mut disparities[here]);
+                }
+            }
             (Some(sums), disparities) => {
                 let paths = disparities.as_ref().map(|_| paths);
                 let mut add = |u: usize, costs: &[u8], excess: &[u8]| {
@@ -205,14 +247,13 @@ impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
                         disparities[u] = select_by_sums(search, sums);
                     }
                 };
-                if pass.along_rows {
-                    row.backward(isa, penalties, along, add);
+                if self.pass.along_rows {
+                    row.backward(isa, penalties, &mut from_right, 0..width, add);
                 } else {
                     row.each(&mut add);
                 }
             }
             (None, None) => unreachable!("a pass either keeps sums or selects"),
         }
-        Some(())
     }
 }

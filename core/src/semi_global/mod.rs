@@ -6,14 +6,14 @@
 //! | `census_lines` | costs by Hamming distances |
 //! | `cost_lines` | costs of a line, by either cost function |
 //! | `slots` | the paths from the line above |
-//! | `selection` | disparities by the sums of path costs |
+//! | `path_selection` | disparities by the sums of path costs |
 //! | `path_lines` | the paths through a line |
 
 mod census_lines;
 mod census_window;
 mod cost_lines;
 mod path_lines;
-mod selection;
+mod path_selection;
 mod slots;
 
 use crate::{
@@ -23,7 +23,7 @@ use crate::{
 };
 use cost_lines::CostLines;
 use path_lines::{PathLines, PathSweep};
-pub use selection::{path_winner, select_disparities};
+pub use path_selection::{path_winner, select_disparities};
 
 /// A pass of semi-global matching over the whole frame, one disparity line at a time.
 ///

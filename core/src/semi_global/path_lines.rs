@@ -1,7 +1,7 @@
 //! The paths through a line: forward to its end, and back with the selection.
 
 use super::{
-    selection::{PATHS, select},
+    path_selection::{PATHS, select},
     slots::Slots,
 };
 use crate::{

@@ -5,9 +5,12 @@
 //! of the next one, a block of columns at a time. So the threads work on successive rows, each a little
 //! behind the one above. The result does not depend on their number.
 
-use std::sync::{
-    Mutex,
-    mpsc::{self, Receiver, Sender},
+use std::{
+    sync::{
+        Mutex,
+        mpsc::{self, Receiver, Sender, TryRecvError},
+    },
+    thread,
 };
 
 use image::GrayImage;
@@ -162,6 +165,26 @@ impl Blocks {
     }
 }
 
+impl<R> Worker<'_, '_, R> {
+    /// Receives a block of the row before. `None` if its worker has ended early.
+    ///
+    /// That row is often less than a block ahead. To sleep and be woken would take longer than to compute a block, for
+    /// both threads, so this asks again for a while first.
+    fn receive(&self) -> Option<PathBlock> {
+        for _ in 0..ATTEMPTS {
+            match self.receiver.try_recv() {
+                Ok(block) => return Some(block),
+                Err(TryRecvError::Disconnected) => return None,
+                Err(TryRecvError::Empty) => thread::yield_now(),
+            }
+        }
+        self.receiver.recv().ok()
+    }
+}
+
+/// How often a thread asks for a block before it sleeps: for a fraction of a millisecond.
+const ATTEMPTS: usize = 500;
+
 impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
     /// Sweeps through a row, in up to `M` vectors for each pixel. `None` if another worker has ended early.
     #[inline(always)]
@@ -179,7 +202,7 @@ impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
         let along = Along::<I, M>::begin(isa, &blocks.start.first()[Slot::LEAD..][..stride]);
         let mut from_left = self.pass.along_rows.then_some(along);
         // The paths of the row before, at a block of columns.
-        let mut above = if is_first { None } else { Some(self.receiver.recv().ok()?) };
+        let mut above = if is_first { None } else { Some(self.receive()?) };
         if let Some(above) = &mut above {
             above.copy_to(0, blocks.start.first());
         }
@@ -189,7 +212,7 @@ impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
             if let Some(above) = &mut above {
                 if here.end < width {
                     // Diagonal paths come from the next block as well.
-                    above.join(next.insert(self.receiver.recv().ok()?));
+                    above.join(next.insert(self.receive()?));
                 } else {
                     above.copy_to(here.len() + 1, blocks.start.first());
                 }

@@ -17,7 +17,8 @@ use crate::{
 ///
 /// The provided loops are their definition. An instruction set that overrides one computes the same.
 pub trait PixelLoops: Bytes {
-    /// Fuses the Hamming distances of a pixel's `descriptor` to the candidates of `V` views, rounded down. Costs past the last of `count` disparities are 255.
+    /// Fuses the Hamming distances of a pixel's `descriptor` to the candidates of `V` views, rounded down. Costs past
+    /// the last of `count` disparities are 255.
     #[inline(always)]
     fn hamming_costs<const N: usize, const V: usize>(
         self,

@@ -61,5 +61,5 @@ pub use memory::Memory;
 pub use params::{Census, Params, ParamsError, PathPenalties, Search, SemiGlobalCost, SemiGlobalParams};
 pub use region::{Region, RegionError};
 pub use scanline::{Rewind, ScanlineSource};
-pub use semi_global::{SemiGlobalMatcher, path_winner, select_disparities};
+pub use semi_global::{PathWinners, SemiGlobalMatcher};
 pub use view::{Frame, View, Views};

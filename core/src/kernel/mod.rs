@@ -47,8 +47,8 @@ pub use arm::{Dsp, Mve};
 pub(crate) use batch::Batch;
 pub use blocks::Blocks;
 pub use bytes::{
-    Along, BackwardRun, ByteVector, Bytes, Candidates, Divisor, ForwardRun, Kernel, PixelLoops, Reached, RunLoops, RunPenalties,
-    Slot, Step, as_vectors, as_vectors_mut,
+    Along, BackwardRun, ByteVector, Bytes, CandidateRun, Candidates, Divisor, ForwardRun, Kernel, PixelLoops, Reached, RunLoops,
+    RunPenalties, Slot, Step, as_vectors, as_vectors_mut, hamming_run,
 };
 pub use isa::{Change, Isa, MAX_BATCH, Work};
 pub(crate) use masks::Masks;

@@ -173,7 +173,7 @@ impl<I: Kernel, const N: usize, const V: usize> Work for Fused<'_, '_, I, N, V> 
             for (byte, plane) in descriptor.iter_mut().zip(here.chunks_exact(width.max(1))) {
                 *byte = plane.get(u).copied().unwrap_or_default();
             }
-            let mut candidates: [Candidates<'_, N>; V] = core::array::from_fn(|_| Candidates::default());
+            let mut candidates = [const { Candidates::NONE }; V];
             for (k, (candidates, samples)) in candidates.iter_mut().zip(&samples).enumerate().take(params.views().len()) {
                 let planes = samples.map(|samples| samples.map_or(&[][..], |samples| samples.column(u)));
                 *candidates = Candidates { planes, available: availability.range(k) };

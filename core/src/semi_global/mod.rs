@@ -23,7 +23,7 @@ use crate::{
 };
 use cost_lines::CostLines;
 use path_lines::{PathLines, PathSweep};
-pub use path_selection::{path_winner, select_disparities};
+pub use path_selection::PathWinners;
 
 /// A pass of semi-global matching over the whole frame, one disparity line at a time.
 ///

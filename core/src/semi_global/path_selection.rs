@@ -1,44 +1,50 @@
 //! The selection of disparities by the sums of path costs.
 
 use crate::{
-    Disparity, Search, SemiGlobalParams,
+    Disparity, SemiGlobalParams,
     disparity::Around,
     kernel::{Kernel, MAX_BATCH, Reached, as_vectors},
 };
 
 pub(super) const PATHS: u16 = SemiGlobalParams::PATHS as u16;
 
-/// The least sum of five path costs of a pixel, and the index of its disparity: the smallest if several tie.
+/// The pixels of a batch: the candidates with the least sums of path costs, and the sums around them.
 ///
 /// The sums are five times the costs, plus the excess. Costs past the last disparity are 255. A candidate exists if
-/// the sum is below five times 255.
-#[inline(always)]
-pub fn path_winner<I: Kernel>(isa: I, costs: &[u8], excess: &[u8]) -> (u16, usize) {
-    isa.winner(PATHS, as_vectors::<I>(costs), as_vectors::<I>(excess))
+/// its sum is below five times 255.
+#[derive(Debug)]
+pub struct PathWinners {
+    around: Around<MAX_BATCH>,
 }
 
-/// The disparities of a run of pixels by their [winners](path_winner), as [`SemiGlobalParams`] defines them, for as
-/// many as `disparities` holds. There are `depth` costs and excess for each pixel.
-#[inline(always)]
-pub fn select_disparities(
-    search: &Search,
-    winners: &[(u16, usize); MAX_BATCH],
-    costs: &[u8],
-    excess: &[u8],
-    depth: usize,
-    disparities: &mut [Option<Disparity>],
-) {
-    const NONE: [u32; MAX_BATCH] = [0; MAX_BATCH];
-    let mut around = Around { d: [0; MAX_BATCH], before: NONE, at: NONE, after: NONE };
-    let pixels = costs.chunks_exact(depth.max(1)).zip(excess.chunks_exact(depth.max(1)));
-    for (i, (&(least, index), (costs, excess))) in winners.iter().zip(pixels).enumerate() {
+impl PathWinners {
+    /// No pixels yet.
+    pub const NONE: PathWinners = {
+        let sums = [0; MAX_BATCH];
+        PathWinners { around: Around { d: [0; MAX_BATCH], before: sums, at: sums, after: sums } }
+    };
+
+    /// Finds the winner of pixel `i` of the batch by its costs and excess, from the smallest disparity on.
+    #[inline(always)]
+    pub fn find<I: Kernel>(&mut self, isa: I, min_disparity: i16, i: usize, costs: &[u8], excess: &[u8]) {
+        let (least, index) = isa.winner(PATHS, as_vectors::<I>(costs), as_vectors::<I>(excess));
         let [before, after] = neighbours(costs, excess, index).unwrap_or([least; 2]);
-        around.d[i] = search.min_disparity().wrapping_add(index as i16);
-        (around.before[i], around.at[i], around.after[i]) = (before.into(), least.into(), after.into());
+        let Around { d, before: all_before, at, after: all_after } = &mut self.around;
+        if let (Some(d), Some(to_before), Some(at), Some(to_after)) =
+            (d.get_mut(i), all_before.get_mut(i), at.get_mut(i), all_after.get_mut(i))
+        {
+            *d = min_disparity.wrapping_add(index as i16);
+            (*to_before, *at, *to_after) = (before.into(), least.into(), after.into());
+        }
     }
-    let refined = Disparity::refine_all_equiangular(&around);
-    for ((disparity, refined), &(least, _)) in disparities.iter_mut().zip(refined).zip(winners) {
-        *disparity = if exists(least) { refined } else { None };
+
+    /// The disparities of the first pixels, as many as `disparities`, as [`SemiGlobalParams`] defines them.
+    #[inline(always)]
+    pub fn select(&self, disparities: &mut [Option<Disparity>]) {
+        let refined = Disparity::refine_all_equiangular(&self.around);
+        for ((disparity, refined), &least) in disparities.iter_mut().zip(refined).zip(&self.around.at) {
+            *disparity = if exists(least as u16) { refined } else { None };
+        }
     }
 }
 

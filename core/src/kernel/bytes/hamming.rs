@@ -1,13 +1,14 @@
 //! Matching costs by the census transform: Hamming distances, fused over the views.
+#![allow(unsafe_code)]
 
-use core::ops::Range;
+use core::{ops::Range, ptr};
 
 use bytemuck::Zeroable;
 
-use super::lanes::{ByteVector, Bytes, as_vectors};
+use super::lanes::{ByteVector, Bytes, as_vectors, as_vectors_mut};
 use crate::Fusion;
 
-/// The candidates of a pixel in a view, with descriptors of `N` bytes. By default there are none.
+/// The candidates of a pixel in a view, with descriptors of `N` bytes.
 #[derive(Clone, Debug)]
 pub struct Candidates<'a, const N: usize> {
     /// The bytes of the descriptors, a plane each, from the smallest disparity on and to the end of the last
@@ -37,13 +38,10 @@ pub(in crate::kernel) fn hamming_loop<I: Bytes, const N: usize, const V: usize>(
     }
 }
 
-impl<const N: usize> Default for Candidates<'_, N> {
-    fn default() -> Self {
-        Candidates { planes: [&[]; N], available: 0..0 }
-    }
-}
-
 impl<const N: usize> Candidates<'_, N> {
+    /// No candidates.
+    pub const NONE: Self = Candidates { planes: [&[]; N], available: 0..0 };
+
     /// The distances in the `j`-th vector of `count` disparities.
     #[inline(always)]
     fn distances<I: Bytes>(&self, isa: I, descriptor: [u8; N], j: usize, count: usize) -> I::Bytes {
@@ -65,6 +63,101 @@ impl<const N: usize> Candidates<'_, N> {
         let indices = isa.byte_indices();
         start.if_greater(indices, none, end.if_greater(indices, distances, none))
     }
+}
+
+/// The candidates of a run of pixels in a view that is available at all disparities, with descriptors of `N` bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct CandidateRun<'a, const N: usize> {
+    /// The bytes of the descriptors, a plane each.
+    pub planes: [&'a [u8]; N],
+    /// The index of the first pixel's candidate at the smallest disparity.
+    pub first: usize,
+    /// From a pixel's candidates to those of the next.
+    pub step: isize,
+}
+
+impl<'a, const N: usize> CandidateRun<'a, N> {
+    /// No candidates.
+    pub const NONE: Self = CandidateRun { planes: [&[]; N], first: 0, step: 0 };
+
+    /// The run from pixel `u` on.
+    #[inline(always)]
+    pub fn from(self, u: usize) -> Self {
+        CandidateRun { first: self.first.wrapping_add_signed(self.step * u as isize), ..self }
+    }
+
+    /// The first pixel's `depth` candidates. `None` if a plane is too short.
+    #[inline(always)]
+    pub fn candidates(&self, depth: usize, available: Range<u16>) -> Option<Candidates<'a, N>> {
+        let mut planes = self.planes;
+        for plane in &mut planes {
+            *plane = plane.get(self.first..self.first + depth)?;
+        }
+        Some(Candidates { planes, available })
+    }
+
+    /// The first pixel's candidates in each plane, if the planes hold `depth` of each of so many pixels.
+    fn starts(&self, pixels: usize, depth: usize) -> Option<[*const u8; N]> {
+        let steps = isize::try_from(pixels.checked_sub(1)?).ok()?;
+        let last = self.first.checked_add_signed(self.step.checked_mul(steps)?)?;
+        let end = self.first.max(last).checked_add(depth)?;
+        let mut starts = [ptr::null(); N];
+        for (start, plane) in starts.iter_mut().zip(self.planes) {
+            *start = plane.get(..end)?.as_ptr().wrapping_add(self.first);
+        }
+        Some(starts)
+    }
+}
+
+/// [`PixelLoops::hamming_costs`](super::PixelLoops::hamming_costs) of a run of pixels, by the planes of their
+/// `descriptors`. `None`, and nothing is done, if a plane is too short for as many pixels as there are `costs`.
+#[inline(always)]
+pub fn hamming_run<I: Bytes, const N: usize, const V: usize>(
+    isa: I,
+    fusion: Fusion,
+    descriptors: [&[u8]; N],
+    views: &[CandidateRun<'_, N>; V],
+    count: usize,
+    costs: &mut [u8],
+) -> Option<()> {
+    let vectors = count.div_ceil(I::LANES);
+    let depth = vectors * I::LANES;
+    let pixels = costs.len().checked_div(depth)?;
+    let mut starts = [[ptr::null(); N]; V];
+    for (starts, view) in starts.iter_mut().zip(views) {
+        *starts = view.starts(pixels, depth)?;
+    }
+    let mut own = [ptr::null(); N];
+    for (own, plane) in own.iter_mut().zip(descriptors) {
+        *own = plane.get(..pixels)?.as_ptr();
+    }
+    let zeroed = <I::Samples as Zeroable>::zeroed();
+    // 255 in the lanes past the last disparity.
+    let (none, zero) = (isa.splat_byte(u8::MAX), isa.splat_byte(0));
+    let past = isa.byte_indices().if_greater(isa.splat_byte(lane_bound(count as u16, depth - I::LANES) - 1), none, zero);
+    for (u, costs) in costs.chunks_exact_mut(depth).enumerate() {
+        let mut descriptor = [0; N];
+        for (byte, own) in descriptor.iter_mut().zip(own) {
+            // SAFETY: there is a byte for each pixel in each plane.
+            *byte = unsafe { *own.add(u) };
+        }
+        let costs = as_vectors_mut::<I>(costs);
+        for (j, fused) in costs.iter_mut().enumerate() {
+            let mut distances = [none; V];
+            for k in 0..V {
+                let step = views[k].step * u as isize;
+                let mut others = [&zeroed; N];
+                for (others, start) in others.iter_mut().zip(starts[k]) {
+                    // SAFETY: each plane has `depth` candidates of each pixel, in whole vectors, which are bytes.
+                    *others = unsafe { &*start.wrapping_offset(step).cast::<I::Samples>().wrapping_add(j) };
+                }
+                distances[k] = isa.hamming_distances(descriptor, others);
+            }
+            let costs = fuse(isa, fusion, distances);
+            if j + 1 == vectors { costs.max(past) } else { costs }.store(fused);
+        }
+    }
+    Some(())
 }
 
 /// The lane of a disparity in the vector that begins at `first`. Lanes are fewer than 255, so that bounds beyond

@@ -9,7 +9,7 @@
 //! | `divisor` | from fused sums to matching costs: [`Divisor`] |
 //! | `paths` | the recursion along the paths of semi-global matching: [`Slot`], [`Step`] |
 //! | `along` | a path along a line in registers: [`Along`] |
-//! | `hamming` | matching costs by the census transform: [`Candidates`] |
+//! | `hamming` | matching costs by the census transform: [`Candidates`], [`hamming_run`] |
 //! | `pixel_loops` | the loops over the disparities of a pixel: [`PixelLoops`] |
 //! | `runs` | paths through many pixels: [`ForwardRun`], [`BackwardRun`], [`RunLoops`] |
 
@@ -23,9 +23,9 @@ mod runs;
 
 pub use along::Along;
 pub use divisor::Divisor;
-pub use hamming::Candidates;
 #[cfg(target_arch = "arm")]
 pub(super) use hamming::hamming_loop;
+pub use hamming::{CandidateRun, Candidates, hamming_run};
 pub use lanes::{ByteVector, Bytes, as_vectors, as_vectors_mut};
 pub use paths::{Slot, Step};
 pub use pixel_loops::PixelLoops;

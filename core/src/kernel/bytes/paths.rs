@@ -115,7 +115,8 @@ impl<I: Bytes> Paths<'_, I> {
         let (Some(before), Some(after)) = (step.before.get(..bytes), step.after.get_mut(..bytes)) else { return };
         let (isa, p1) = (self.isa, self.isa.splat_byte(self.p1));
         let least_before = before.first().copied().unwrap_or(u8::MAX);
-        let (jump, base) = (isa.splat_byte(least_before.saturating_add(step.p2)), isa.splat_byte(least_before));
+        let base = isa.splat_byte(least_before);
+        let jump = base.add(isa.splat_byte(step.p2));
         let mut least = isa.splat_byte(u8::MAX);
         for (j, sum) in sums.iter_mut().enumerate() {
             let (Some(cost), Some(before)) = (self.costs.get(j), around(isa, before, j)) else { return };

@@ -76,8 +76,8 @@ pub trait PixelLoops: Bytes {
         extend_loop::<Self, N, FIRST>(self, costs, steps, p1, excess);
     }
 
-    /// The least of `paths` times the cost plus the excess, over all lanes, and the index of the first lane
-    /// that has it.
+    /// The least of `paths`, at most 127, times the cost plus the excess, over all lanes, and the index of the
+    /// first lane that has it.
     #[inline(always)]
     fn winner(self, paths: u16, costs: &[Self::Samples], excess: &[Self::Samples]) -> (u16, usize) {
         let (costs, excess): (&[u8], &[u8]) = (bytemuck::cast_slice(costs), bytemuck::cast_slice(excess));

@@ -19,23 +19,15 @@ impl U8x32 {
             _mm_minpos_epu16(_mm_min_epu8(half, _mm_srli_epi16::<8>(half)))
         }
     }
-
-    /// Half of the lanes, in 16 bits.
-    #[inline(always)]
-    fn widen(self) -> [__m256i; 2] {
-        unsafe {
-            let [low, high] = [_mm256_castsi256_si128(self.0), _mm256_extracti128_si256::<1>(self.0)];
-            [_mm256_cvtepu8_epi16(low), _mm256_cvtepu8_epi16(high)]
-        }
-    }
 }
 
-/// `paths` times the costs, plus the excess, in 16 bits.
+/// `factors` are 1 and the number of paths, in turns. Those times the excess and the costs, in 16 bits: the sums of
+/// the lower and the upper half of each half of the lanes.
 #[inline(always)]
-unsafe fn path_sums(costs: U8x32, excess: U8x32, paths: __m256i) -> [__m256i; 2] {
+unsafe fn path_sums(costs: U8x32, excess: U8x32, factors: __m256i) -> [__m256i; 2] {
     unsafe {
-        let ([a, b], [c, d]) = (costs.widen(), excess.widen());
-        [_mm256_add_epi16(_mm256_mullo_epi16(a, paths), c), _mm256_add_epi16(_mm256_mullo_epi16(b, paths), d)]
+        let (low, high) = (_mm256_unpacklo_epi8(excess.0, costs.0), _mm256_unpackhi_epi8(excess.0, costs.0));
+        [_mm256_maddubs_epi16(low, factors), _mm256_maddubs_epi16(high, factors)]
     }
 }
 
@@ -108,22 +100,24 @@ impl PixelLoops for Avx2 {
     #[inline(always)]
     fn winner(self, paths: u16, costs: &[[u8; 32]], excess: &[[u8; 32]]) -> (u16, usize) {
         unsafe {
-            let paths = _mm256_set1_epi16(paths as i16);
+            let factors = _mm256_set1_epi16((paths << 8 | 1) as i16);
             let mut least = _mm256_set1_epi16(-1);
             for (costs, excess) in costs.iter().zip(excess) {
-                let [low, high] = path_sums(self.load_bytes(costs), self.load_bytes(excess), paths);
+                let [low, high] = path_sums(self.load_bytes(costs), self.load_bytes(excess), factors);
                 least = _mm256_min_epu16(least, _mm256_min_epu16(low, high));
             }
             let half = _mm_min_epu16(_mm256_castsi256_si128(least), _mm256_extracti128_si256::<1>(least));
-            let least = _mm_cvtsi128_si32(_mm_minpos_epu16(half)) as u16;
-            let equal = _mm256_set1_epi16(least as i16);
+            let least = _mm_minpos_epu16(half);
+            let equal = _mm256_broadcastw_epi16(least);
             let mut first = 0;
             for (j, (costs, excess)) in costs.iter().zip(excess).enumerate().rev() {
-                let [low, high] = path_sums(self.load_bytes(costs), self.load_bytes(excess), paths);
-                let packed = _mm256_packs_epi16(_mm256_cmpeq_epi16(low, equal), _mm256_cmpeq_epi16(high, equal));
-                let mask = _mm256_movemask_epi8(_mm256_permute4x64_epi64::<0b11_01_10_00>(packed)) as u32;
+                let [low, high] = path_sums(self.load_bytes(costs), self.load_bytes(excess), factors);
+                // Packing within halves restores the order.
+                let equal = _mm256_packs_epi16(_mm256_cmpeq_epi16(low, equal), _mm256_cmpeq_epi16(high, equal));
+                let mask = _mm256_movemask_epi8(equal) as u32;
                 first = if mask != 0 { 32 * j + mask.trailing_zeros() as usize } else { first };
             }
+            let least = _mm_cvtsi128_si32(least) as u16;
             (least, first)
         }
     }

@@ -20,23 +20,15 @@ impl U8x64 {
             _mm_minpos_epu16(_mm_min_epu8(quarter, _mm_srli_epi16::<8>(quarter)))
         }
     }
-
-    /// Half of the lanes, in 16 bits.
-    #[inline(always)]
-    fn widen(self) -> [__m512i; 2] {
-        unsafe {
-            let [low, high] = [_mm512_castsi512_si256(self.0), _mm512_extracti64x4_epi64::<1>(self.0)];
-            [_mm512_cvtepu8_epi16(low), _mm512_cvtepu8_epi16(high)]
-        }
-    }
 }
 
-/// `paths` times the costs, plus the excess, in 16 bits.
+/// `factors` are 1 and the number of paths, in turns. Those times the excess and the costs, in 16 bits: the sums of
+/// the lower and the upper half of each quarter of the lanes.
 #[inline(always)]
-unsafe fn path_sums(costs: U8x64, excess: U8x64, paths: __m512i) -> [__m512i; 2] {
+unsafe fn path_sums(costs: U8x64, excess: U8x64, factors: __m512i) -> [__m512i; 2] {
     unsafe {
-        let ([a, b], [c, d]) = (costs.widen(), excess.widen());
-        [_mm512_add_epi16(_mm512_mullo_epi16(a, paths), c), _mm512_add_epi16(_mm512_mullo_epi16(b, paths), d)]
+        let (low, high) = (_mm512_unpacklo_epi8(excess.0, costs.0), _mm512_unpackhi_epi8(excess.0, costs.0));
+        [_mm512_maddubs_epi16(low, factors), _mm512_maddubs_epi16(high, factors)]
     }
 }
 
@@ -109,23 +101,25 @@ impl PixelLoops for Avx512 {
     #[inline(always)]
     fn winner(self, paths: u16, costs: &[[u8; 64]], excess: &[[u8; 64]]) -> (u16, usize) {
         unsafe {
-            let paths = _mm512_set1_epi16(paths as i16);
+            let factors = _mm512_set1_epi16((paths << 8 | 1) as i16);
             let mut least = _mm512_set1_epi16(-1);
             for (costs, excess) in costs.iter().zip(excess) {
-                let [low, high] = path_sums(self.load_bytes(costs), self.load_bytes(excess), paths);
+                let [low, high] = path_sums(self.load_bytes(costs), self.load_bytes(excess), factors);
                 least = _mm512_min_epu16(least, _mm512_min_epu16(low, high));
             }
             let half = _mm256_min_epu16(_mm512_castsi512_si256(least), _mm512_extracti64x4_epi64::<1>(least));
             let quarter = _mm_min_epu16(_mm256_castsi256_si128(half), _mm256_extracti128_si256::<1>(half));
-            let least = _mm_cvtsi128_si32(_mm_minpos_epu16(quarter)) as u16;
-            let equal = _mm512_set1_epi16(least as i16);
+            let least = _mm_minpos_epu16(quarter);
+            let equal = _mm512_broadcastw_epi16(least);
             let mut first = 0;
             for (j, (costs, excess)) in costs.iter().zip(excess).enumerate().rev() {
-                let [low, high] = path_sums(self.load_bytes(costs), self.load_bytes(excess), paths);
-                let [low, high] = [_mm512_cmpeq_epi16_mask(low, equal), _mm512_cmpeq_epi16_mask(high, equal)];
-                let mask = u64::from(low) | u64::from(high) << 32;
+                let [low, high] = path_sums(self.load_bytes(costs), self.load_bytes(excess), factors);
+                // Packing within quarters restores the order. Zero where the sum is the least.
+                let above = _mm512_packus_epi16(_mm512_sub_epi16(low, equal), _mm512_sub_epi16(high, equal));
+                let mask = _mm512_testn_epi8_mask(above, above);
                 first = if mask != 0 { 64 * j + mask.trailing_zeros() as usize } else { first };
             }
+            let least = _mm_cvtsi128_si32(least) as u16;
             (least, first)
         }
     }

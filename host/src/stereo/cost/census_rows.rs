@@ -2,217 +2,73 @@
 
 use std::ops::Range;
 
-use image::GrayImage;
 use multiscopic_core::{
     Census, Frame, Search, View,
-    kernel::{Candidates, Kernel, Work, as_vectors_mut},
-};
-use rayon::prelude::*;
-
-use super::cost_rows::CostRows;
-use crate::{
-    images::Frames,
-    stereo::{
-        engine::Engine,
-        simd::{Simd, Task},
-    },
+    kernel::{CandidateRun, Candidates, Kernel, as_vectors_mut, hamming_run},
 };
 
-/// How an image is turned so that matches of ascending disparity are contiguous in its lines.
-#[derive(Clone, Copy, Debug)]
-enum Orientation {
-    Upright,
-    /// The last column comes first.
-    Mirrored,
-    /// Columns become lines.
-    Transposed,
-    /// Columns become lines, and the last row comes first.
-    TransposedMirrored,
-}
+use super::{
+    census_image::{CensusImage, LineShape, Orientation},
+    cost_rows::CostRows,
+};
+use crate::{images::Frames, stereo::engine::Engine};
 
-impl Orientation {
-    fn of(view: View) -> Orientation {
-        match (view.is_horizontal(), view.sign() > 0) {
-            (true, true) => Orientation::Upright,
-            (true, false) => Orientation::Mirrored,
-            (false, true) => Orientation::Transposed,
-            (false, false) => Orientation::TransposedMirrored,
-        }
-    }
-
-    fn is_transposed(self) -> bool {
-        matches!(self, Orientation::Transposed | Orientation::TransposedMirrored)
-    }
-
-    fn is_mirrored(self) -> bool {
-        matches!(self, Orientation::Mirrored | Orientation::TransposedMirrored)
-    }
-
-    /// An offset in the turned image.
-    fn turn(self, [dx, dy]: [isize; 2]) -> [isize; 2] {
-        let [dx, dy] = if self.is_transposed() { [dy, dx] } else { [dx, dy] };
-        [if self.is_mirrored() { -dx } else { dx }, dy]
-    }
-}
-
-/// The census transform of an image: a descriptor for each pixel, line by line. The bytes of a line are
-/// planar: all first bytes, then all second bytes, and so on.
+/// A view to compare with.
 #[derive(Debug)]
-struct Descriptors {
-    /// Pixels in a line.
-    length: usize,
-    /// Pixels in a line with its padding.
-    stride: usize,
-    /// Pixels of padding before a line.
-    front: usize,
-    /// Bytes of a descriptor.
-    bytes: usize,
-    data: Vec<u8>,
-}
-
-impl Descriptors {
-    /// The transform of an image turned to an `orientation`, with `[front, back]` pixels of zero padding
-    /// around each line, on the threads of the current pool.
-    fn new(image: &GrayImage, census: Census, orientation: Orientation, [front, back]: [usize; 2], simd: Simd) -> Descriptors {
-        let reach = census.radius().into_iter().max().unwrap_or_default();
-        let samples = TurnedImage::new(image, orientation, reach);
-        let TurnedImage { length, count, .. } = samples;
-        let (bytes, stride) = (census.bits().div_ceil(8), front + length + back);
-        let mut data = vec![0; count * bytes * stride];
-        data.par_chunks_exact_mut(bytes * stride).enumerate().for_each(|(y, planes)| {
-            simd.run(Transform { samples: &samples, census, orientation, y, planes, stride, front });
-        });
-        Descriptors { length, stride, front, bytes, data }
-    }
-}
-
-/// An image turned to an orientation, and extended beyond its borders by replication.
-struct TurnedImage {
-    /// Pixels in a line, without its extension.
-    length: usize,
-    /// Lines, without their extension.
-    count: usize,
-    /// Pixels of the extension on each side.
-    reach: usize,
-    samples: Vec<u8>,
-}
-
-impl TurnedImage {
-    fn new(image: &GrayImage, orientation: Orientation, reach: usize) -> TurnedImage {
-        let (width, height) = (image.width() as usize, image.height() as usize);
-        let [length, count] = if orientation.is_transposed() { [height, width] } else { [width, height] };
-        let padded = length + 2 * reach;
-        let mut samples = vec![0; padded * (count + 2 * reach)];
-        samples.par_chunks_exact_mut(padded).enumerate().for_each(|(y, padded)| {
-            let y = y.saturating_sub(reach).min(count - 1);
-            let line = &mut padded[reach..][..length];
-            if orientation.is_transposed() {
-                let column = image.as_raw()[y..].iter().step_by(width);
-                line.iter_mut().zip(column).for_each(|(sample, &from)| *sample = from);
-            } else {
-                line.copy_from_slice(&image.as_raw()[y * width..][..width]);
-            }
-            if orientation.is_mirrored() {
-                line.reverse();
-            }
-            let (first, last) = (line[0], line[length - 1]);
-            padded[..reach].fill(first);
-            padded[reach + length..].fill(last);
-        });
-        TurnedImage { length, count, reach, samples }
-    }
-
-    /// A line of the image as seen from an `[x, y]` offset.
-    #[inline(always)]
-    fn line_at(&self, y: usize, [dx, dy]: [isize; 2]) -> &[u8] {
-        let (x, y) = (self.reach.wrapping_add_signed(dx), (y + self.reach).wrapping_add_signed(dy));
-        &self.samples[y * (self.length + 2 * self.reach) + x..][..self.length]
-    }
-}
-
-/// Computes the descriptors of line `y`, whose planes lie `stride` apart and begin with `front` pixels of
-/// padding.
-struct Transform<'a> {
-    samples: &'a TurnedImage,
-    census: Census,
-    orientation: Orientation,
-    y: usize,
-    planes: &'a mut [u8],
-    stride: usize,
-    front: usize,
-}
-
-impl Task for Transform<'_> {
-    type Output = ();
-
-    fn run<I: Kernel>(self, isa: I) {
-        isa.compiled(self);
-    }
-}
-
-impl Work for Transform<'_> {
-    #[inline(always)]
-    fn run(self) {
-        let Transform { samples, census, orientation, y, planes, stride, front } = self;
-        for (bit, offset) in census.offsets().enumerate() {
-            let [dx, dy] = orientation.turn(offset);
-            let (ones, others) = (samples.line_at(y, [dx, dy]), samples.line_at(y, [-dx, -dy]));
-            let plane = &mut planes[bit / 8 * stride + front..][..samples.length];
-            let bit = 1 << (bit % 8);
-            for ((byte, a), b) in plane.iter_mut().zip(ones).zip(others) {
-                *byte |= if a < b { bit } else { 0 };
-            }
-        }
-    }
-}
-
-/// A view's descriptors.
-#[derive(Debug)]
-struct ViewDescriptors {
+struct CensusView {
     view: View,
-    descriptors: Descriptors,
+    image: CensusImage,
+    /// The descriptors of all lines, if a row of the centre meets all of them.
+    all_lines: Option<Vec<u8>>,
     /// The indices of the disparities at which the view is available, by the pixel's coordinate along the view.
     available: Vec<Range<u16>>,
 }
 
 /// A view's descriptors as the pixels of a row are compared with them.
+#[derive(Clone, Copy)]
 struct ViewRow<'a, const BYTES: usize> {
-    /// The bytes of all descriptors.
-    planes: [&'a [u8]; BYTES],
-    /// The index of the first pixel's candidates.
-    first: usize,
-    /// From a pixel's candidates to those of the next.
-    step: isize,
+    candidates: CandidateRun<'a, BYTES>,
     /// The availability of the pixels, or the same for all.
     available: &'a [Range<u16>],
 }
 
-impl ViewDescriptors {
-    /// The row `v` of the centre.
-    fn row<const BYTES: usize>(&self, search: &Search, v: usize) -> ViewRow<'_, BYTES> {
-        let Descriptors { length, stride, front, ref data, bytes } = self.descriptors;
+impl CensusView {
+    /// What the row `v` of the centre is compared with. `line` has the descriptors of the same line, unless there are
+    /// those of all.
+    fn row<'a, const BYTES: usize>(&'a self, search: &Search, v: usize, line: &'a [u8]) -> ViewRow<'a, BYTES> {
+        let LineShape { length, stride, front, bytes } = self.image.shape;
         let is_forward = self.view.sign() > 0;
         let position = |coordinate: usize| if is_forward { coordinate } else { length - 1 - coordinate };
-        let (line, position, step, available) = match self.view.is_horizontal() {
-            true => (v, position(0), if is_forward { 1 } else { -1 }, &self.available[..]),
-            false => (0, position(v), (bytes * stride) as isize, &self.available[v..][..1]),
+        let (data, position, step, available) = match &self.all_lines {
+            None => (line, position(0), if is_forward { 1 } else { -1 }, &self.available[..]),
+            Some(lines) => (&lines[..], position(v), (bytes * stride) as isize, &self.available[v..][..1]),
         };
-        let first = (line * bytes * stride + position + front).wrapping_add_signed(search.min_disparity().into());
-        ViewRow { planes: std::array::from_fn(|byte| &data[byte * stride..]), first, step, available }
+        let first = (position + front).wrapping_add_signed(search.min_disparity().into());
+        let planes = std::array::from_fn(|byte| &data[byte * stride..]);
+        ViewRow { candidates: CandidateRun { planes, first, step }, available }
+    }
+
+    /// The columns of row `v` at which the view is available for `count` disparities.
+    fn columns_of_all(&self, v: usize, count: usize, width: usize) -> Range<usize> {
+        let is_all = |available: &Range<u16>| *available == (0..count as u16);
+        match self.view.is_horizontal() {
+            true => {
+                let start = self.available.iter().position(is_all).unwrap_or(width);
+                start..self.available.iter().rposition(is_all).map_or(start, |last| last + 1)
+            }
+            false => 0..if is_all(&self.available[v]) { width } else { 0 },
+        }
     }
 }
 
 impl<const BYTES: usize> ViewRow<'_, BYTES> {
+    const NONE: Self = ViewRow { candidates: CandidateRun::NONE, available: &[] };
+
     /// The candidates of the pixel in column `u`, `stride` in all.
     #[inline(always)]
     fn candidates(&self, u: usize, stride: usize) -> Option<Candidates<'_, BYTES>> {
-        let first = self.first.wrapping_add_signed(self.step * u as isize);
-        let mut planes = self.planes;
-        for plane in &mut planes {
-            *plane = plane.get(first..first + stride)?;
-        }
-        let available = self.available.get(u).or(self.available.last())?.clone();
-        Some(Candidates { planes, available })
+        let available = self.available.get(u).or(self.available.last())?;
+        self.candidates.from(u).candidates(stride, available.clone())
     }
 }
 
@@ -220,8 +76,16 @@ impl<const BYTES: usize> ViewRow<'_, BYTES> {
 #[derive(Debug)]
 pub struct CensusRows<'a> {
     search: &'a Search,
-    center: Descriptors,
-    views: Vec<ViewDescriptors>,
+    center: CensusImage,
+    views: Vec<CensusView>,
+}
+
+/// The descriptors of a row `v`: of the centre, and of those views of which not all lines are at hand.
+#[derive(Clone, Copy)]
+struct RowLines<'a> {
+    v: usize,
+    center: &'a [u8],
+    views: &'a [Vec<u8>],
 }
 
 impl CostRows for CensusRows<'_> {
@@ -233,19 +97,26 @@ impl CostRows for CensusRows<'_> {
 
     #[inline(always)]
     fn row<I: Kernel>(&self, isa: I, v: usize, stride: usize, row: &mut [u8]) {
+        let center = self.center.line(v);
+        let mut lines = vec![Vec::new(); self.views.len()];
+        for (line, view) in lines.iter_mut().zip(&self.views).filter(|(_, view)| view.all_lines.is_none()) {
+            *line = view.image.line(v);
+        }
+        let lines = RowLines { v, center: &center, views: &lines };
         // By descriptor size and number of views, so that the inner loops unroll.
-        match (self.center.bytes, &self.views[..]) {
-            (2, _) => self.fuse_row::<I, 2, 4>(isa, v, stride, row),
-            (3, _) => self.fuse_row::<I, 3, 4>(isa, v, stride, row),
-            (_, [_]) => self.fuse_row::<I, 4, 1>(isa, v, stride, row),
-            (_, [_, _]) => self.fuse_row::<I, 4, 2>(isa, v, stride, row),
-            _ => self.fuse_row::<I, 4, 4>(isa, v, stride, row),
+        match (self.center.shape.bytes, &self.views[..]) {
+            (2, _) => self.fuse_row::<I, 2, 4>(isa, lines, stride, row),
+            (3, _) => self.fuse_row::<I, 3, 4>(isa, lines, stride, row),
+            (_, [_]) => self.fuse_row::<I, 4, 1>(isa, lines, stride, row),
+            (_, [_, _]) => self.fuse_row::<I, 4, 2>(isa, lines, stride, row),
+            (_, [_, _, _]) => self.fuse_row::<I, 4, 3>(isa, lines, stride, row),
+            _ => self.fuse_row::<I, 4, 4>(isa, lines, stride, row),
         }
     }
 }
 
 impl<'a> CensusRows<'a> {
-    /// Computes the descriptors of all frames, on the threads of the engine.
+    /// Prepares all frames, on the threads of the engine.
     ///
     /// # Panics
     /// If a view of `search` is missing.
@@ -255,42 +126,61 @@ impl<'a> CensusRows<'a> {
         // The candidates of the first and the last pixel of a line reach into the padding.
         let front = (-isize::from(least)).max(0) as usize;
         let padding = [front, isize::from(least).max(0) as usize + count.next_multiple_of(MOST_LANES)];
-        let descriptors = |frame, orientation, padding| Descriptors::new(image(frame), census, orientation, padding, simd);
+        let census_image = |frame, orientation, padding| CensusImage::new(image(frame), census, orientation, padding);
+        let view = |view: View| {
+            let image = census_image(Frame::View(view), Orientation::of(view), padding);
+            let all_lines = (!view.is_horizontal()).then(|| image.all_lines(simd));
+            let length = image.shape.length;
+            let available = (0..length).map(|coordinate| view.available(coordinate, length, least, count)).collect();
+            CensusView { view, image, all_lines, available }
+        };
         engine.pool().install(|| CensusRows {
             search,
-            center: descriptors(Frame::Center, Orientation::Upright, [0, 0]),
-            views: search
-                .views()
-                .iter()
-                .map(|view| {
-                    let descriptors = descriptors(Frame::View(view), Orientation::of(view), padding);
-                    let length = descriptors.length;
-                    let available = (0..length).map(|coordinate| view.available(coordinate, length, least, count)).collect();
-                    ViewDescriptors { view, descriptors, available }
-                })
-                .collect(),
+            center: census_image(Frame::Center, Orientation::Upright, [0, 0]),
+            views: search.views().iter().map(view).collect(),
         })
     }
 
-    /// Computes the fused costs of row `v`, of descriptors of `BYTES` bytes and at most `V` views.
+    /// Computes the fused costs of a row, of descriptors of `BYTES` bytes and at most `V` views.
     #[inline(always)]
-    fn fuse_row<I: Kernel, const BYTES: usize, const V: usize>(&self, isa: I, v: usize, stride: usize, row: &mut [u8]) {
+    fn fuse_row<I: Kernel, const BYTES: usize, const V: usize>(
+        &self,
+        isa: I,
+        RowLines { v, center, views: lines }: RowLines<'_>,
+        stride: usize,
+        row: &mut [u8],
+    ) {
         let (width, count, fusion) = (self.search.width(), self.search.num_disparities(), self.search.fusion());
-        let center = &self.center.data[v * BYTES * width..][..BYTES * width];
-        let mut views = [const { None }; V];
-        for (row, view) in views.iter_mut().zip(&self.views) {
-            *row = Some(view.row::<BYTES>(self.search, v));
+        let mut center = center.chunks_exact(width);
+        let center: [&[u8]; BYTES] = std::array::from_fn(|_| center.next().expect("a plane for each byte"));
+        let mut views = [ViewRow::NONE; V];
+        let mut run = if self.views.len() == V { 0..width } else { 0..0 };
+        for ((row, view), line) in views.iter_mut().zip(&self.views).zip(lines) {
+            *row = view.row::<BYTES>(self.search, v, line);
+            let columns = view.columns_of_all(v, count, width);
+            run = run.start.max(columns.start)..run.end.min(columns.end);
         }
-        for (u, fused) in row.chunks_exact_mut(stride).enumerate() {
+        // Pixels that see all candidates of all views need no masks.
+        if run.is_empty() {
+            run = 0..0;
+        } else {
+            let descriptors = center.map(|plane| &plane[run.clone()]);
+            let candidates = views.map(|view| view.candidates.from(run.start));
+            let costs = &mut row[run.start * stride..run.end * stride];
+            hamming_run(isa, fusion, descriptors, &candidates, count, costs).expect("descriptors are padded");
+        }
+        for u in (0..run.start).chain(run.end..width) {
             let mut descriptor = [0; BYTES];
-            for (byte, plane) in descriptor.iter_mut().enumerate() {
-                *plane = center[byte * width + u];
+            for (byte, plane) in descriptor.iter_mut().zip(center) {
+                *byte = plane[u];
             }
-            let candidates = views.each_ref().map(|view| match view {
-                Some(view) => view.candidates(u, stride).unwrap_or_default(),
-                None => Candidates::default(),
-            });
-            isa.hamming_costs(fusion, descriptor, &candidates, count, as_vectors_mut::<I>(fused));
+            let mut candidates = [const { Candidates::NONE }; V];
+            for (candidates, view) in candidates.iter_mut().zip(&views) {
+                if let Some(found) = view.candidates(u, stride) {
+                    *candidates = found;
+                }
+            }
+            isa.hamming_costs(fusion, descriptor, &candidates, count, as_vectors_mut::<I>(&mut row[u * stride..][..stride]));
         }
     }
 }

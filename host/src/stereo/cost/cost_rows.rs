@@ -56,8 +56,8 @@ pub trait CostRows: Sync {
     /// What is searched for.
     fn search(&self) -> &Search;
 
-    /// Computes the costs of row `v`. `row` has `stride` costs for each pixel, at least as many as there are
-    /// disparities and a multiple of the lanes of `isa`. Those past the last disparity become
+    /// Computes the costs of row `v`. `row` has `stride` costs for each pixel: as many as there are disparities,
+    /// rounded up to a multiple of the lanes of `isa`. Those past the last disparity become
     /// [`NONE`](Cost::NONE).
     fn row<I: Kernel>(&self, isa: I, v: usize, stride: usize, row: &mut [Self::Cost]);
 }

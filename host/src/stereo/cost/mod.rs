@@ -4,6 +4,7 @@
 //! that several passes go over, is kept in a [`Volume`].
 
 pub mod birchfield_tomasi;
+mod census_image;
 mod census_rows;
 mod cost_rows;
 pub mod matches;

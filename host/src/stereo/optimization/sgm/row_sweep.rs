@@ -24,49 +24,51 @@ pub(super) struct Pass {
     pub diagonals: bool,
 }
 
-/// What paths charge at the pixels of a row.
-pub(super) struct Penalties {
-    pub p1: u8,
-    /// The penalties P2 of the paths from the left, the top left, the top and the top right to each pixel.
-    p2: Vec<[u8; 4]>,
+/// A row's costs, what paths charge at its pixels, and what they add to the costs.
+pub(super) struct RowSweep<'a> {
+    stride: usize,
+    /// The matching costs, `stride` for each pixel.
+    pub costs: Vec<u8>,
+    excess: Vec<u8>,
+    p1: u8,
+    /// The penalty P2 by the change of brightness.
+    p2: &'a [u8; 256],
+    /// The changes of brightness from the left, the top left, the top and the top right to each pixel.
+    changes: [Vec<u8>; 4],
 }
 
-impl Penalties {
-    pub fn new(p1: u8, width: usize) -> Penalties {
-        Penalties { p1, p2: vec![[0; 4]; width] }
+/// The absolute differences of samples.
+#[inline(always)]
+fn changes(samples: &[u8], others: &[u8], changes: &mut [u8]) {
+    for ((change, &sample), &other) in changes.iter_mut().zip(samples).zip(others) {
+        *change = sample.abs_diff(other);
+    }
+}
+
+impl<'a> RowSweep<'a> {
+    /// No row as yet. Paths charge the penalty `p1`, and `p2` by the change of brightness.
+    pub fn new(stride: usize, p1: u8, p2: &'a [u8; 256], width: usize) -> RowSweep<'a> {
+        let (costs, excess) = (vec![u8::MAX; width * stride], vec![0; width * stride]);
+        RowSweep { stride, costs, excess, p1, p2, changes: std::array::from_fn(|_| vec![0; width]) }
     }
 
-    /// Goes to a row of samples, after the row `above` in the pass. `p2` is by the change of brightness. Beside
-    /// the image, where paths begin, it does not matter.
+    /// Goes to a row of samples, after the row `above` in the pass. Beside the image, where paths begin, penalties
+    /// do not matter.
     #[inline(always)]
-    pub fn enter_row(&mut self, p2: &[u8; 256], here: &[u8], above: &[u8]) {
-        let pairs = |a: &[u8], b: &[u8], to: &mut [[u8; 4]], k: usize| {
-            for ((to, &a), &b) in to.iter_mut().zip(a).zip(b) {
-                to[k] = p2[usize::from(a.abs_diff(b))];
-            }
-        };
-        pairs(&here[1..], here, &mut self.p2[1..], 0);
-        pairs(&here[1..], above, &mut self.p2[1..], 1);
-        pairs(here, above, &mut self.p2, 2);
-        pairs(here, &above[1..], &mut self.p2, 3);
+    pub fn enter(&mut self, here: &[u8], above: &[u8]) {
+        let [left, top_left, top, top_right] = &mut self.changes;
+        changes(&here[1..], here, &mut left[1..]);
+        changes(&here[1..], above, &mut top_left[1..]);
+        changes(here, above, top);
+        changes(here, &above[1..], top_right);
     }
-}
 
-/// A row's costs, and what its paths add to them.
-pub(super) struct RowCosts<'a> {
-    pub stride: usize,
-    pub costs: &'a [u8],
-    pub excess: &'a mut [u8],
-}
-
-impl RowCosts<'_> {
     /// Extends the paths from the row before through the columns `here`, a block, and the one from the left
     /// unless it is `None`. If `DIAGONAL` is set, there are diagonal paths.
     #[inline(always)]
     pub fn forward<I: Kernel, const DIAGONAL: bool, const M: usize>(
         &mut self,
         isa: I,
-        penalties: &Penalties,
         mut from_left: Option<&mut Along<I, M>>,
         above: &PathBlock,
         here: Range<usize>,
@@ -82,28 +84,28 @@ impl RowCosts<'_> {
         let after = block.own_records_mut().chunks_exact_mut(record);
         // The records of the columns to the left, above and to the right.
         let before = above.records().windows(3 * record).step_by(record);
-        for ((((costs, excess), after), before), p2) in costs.zip(excess).zip(after).zip(before).zip(&penalties.p2[here]) {
+        let [left, top_left, top, top_right] = self.changes.each_ref().map(|changes| &changes[here.clone()]);
+        let changes = left.iter().zip(top_left).zip(top).zip(top_right);
+        for ((((costs, excess), after), before), (((left, top_left), top), top_right)) in
+            costs.zip(excess).zip(after).zip(before).zip(changes)
+        {
+            let [p2_left, p2_a, p2_b, p2_c] = [left, top_left, top, top_right].map(|&change| self.p2[usize::from(change)]);
             let (costs, excess) = (as_vectors::<I>(costs), as_vectors_mut::<I>(excess));
             if DIAGONAL {
                 let (a, after) = after.split_at_mut(bytes);
                 let (b, c) = after.split_at_mut(bytes);
                 let before = |k: usize| &before[k * (record + bytes)..][..bytes];
                 let steps = [
-                    Step { before: before(0), after: a, p2: p2[1] },
-                    Step { before: before(1), after: b, p2: p2[2] },
-                    Step { before: before(2), after: c, p2: p2[3] },
+                    Step { before: before(0), after: a, p2: p2_a },
+                    Step { before: before(1), after: b, p2: p2_b },
+                    Step { before: before(2), after: c, p2: p2_c },
                 ];
-                isa.extend::<3, true>(costs, steps, penalties.p1, excess);
+                isa.extend::<3, true>(costs, steps, self.p1, excess);
             } else {
-                isa.extend::<1, true>(
-                    costs,
-                    [Step { before: &before[record..][..bytes], after, p2: p2[2] }],
-                    penalties.p1,
-                    excess,
-                );
+                isa.extend::<1, true>(costs, [Step { before: &before[record..][..bytes], after, p2: p2_b }], self.p1, excess);
             }
             if let Some(from_left) = from_left.as_mut() {
-                add(isa, excess, from_left.step(isa, costs, penalties.p1, p2[0]));
+                add(isa, excess, from_left.step(isa, costs, self.p1, p2_left));
             }
         }
     }
@@ -114,7 +116,6 @@ impl RowCosts<'_> {
     pub fn backward<I: Kernel, const M: usize>(
         &mut self,
         isa: I,
-        penalties: &Penalties,
         from_right: &mut Along<I, M>,
         here: Range<usize>,
         mut done: impl FnMut(usize, &[u8], &[u8]),
@@ -124,8 +125,8 @@ impl RowCosts<'_> {
         let excess = self.excess[pixels.clone()].chunks_exact_mut(stride);
         let pixels = self.costs[pixels].chunks_exact(stride).zip(excess);
         for (u, (costs, excess)) in here.zip(pixels).rev() {
-            let p2 = penalties.p2.get(u + 1).map_or(0, |p2| p2[0]);
-            add(isa, as_vectors_mut::<I>(excess), from_right.step(isa, as_vectors::<I>(costs), penalties.p1, p2));
+            let p2 = self.changes[0].get(u + 1).map_or(0, |&change| self.p2[usize::from(change)]);
+            add(isa, as_vectors_mut::<I>(excess), from_right.step(isa, as_vectors::<I>(costs), self.p1, p2));
             done(u, costs, excess);
         }
     }

@@ -1,11 +1,12 @@
 //! A pass over the rows of an image, on several threads.
 //!
 //! Paths along a row need only that row. Paths from row to row need the previous row's paths at the same
-//! column and its neighbours. Each thread takes every n-th row, and sends the paths of its row to the thread
-//! of the next one, a block of columns at a time. So the threads work on successive rows, each a little
-//! behind the one above. The result does not depend on their number.
+//! column and its neighbours. Each thread takes every n-th strip of rows, and sends the paths of the strip's last
+//! row to the thread of the next one, a block of columns at a time. So the threads work on successive strips, each
+//! a little behind the one above. The result does not depend on their number.
 
 use std::{
+    collections::VecDeque,
     sync::{
         Mutex,
         mpsc::{self, Receiver, Sender, TryRecvError},
@@ -15,19 +16,22 @@ use std::{
 
 use image::GrayImage;
 use multiscopic_core::{
-    Disparity,
+    Disparity, PathWinners,
     kernel::{Along, Kernel, MAX_BATCH, Slot, Work},
-    path_winner, select_disparities,
 };
 
 use super::{
     path_block::{COLUMNS, PathBlock},
-    row_sweep::{MOST_VECTORS, Pass, Penalties, RowCosts, add_to_sums, select_by_sums},
+    row_sweep::{MOST_VECTORS, Pass, RowSweep, add_to_sums, select_by_sums},
 };
 use crate::{
     progress::Progress,
     stereo::{cost::CostRows, engine::Engine, simd::Task},
 };
+
+/// The rows of a strip, at most. The paths of one in as many go to another thread. Those of the others stay in the
+/// cache.
+const STRIP: usize = 4;
 
 /// The input and parameters that all rows share.
 pub(super) struct Wavefront<'a, R> {
@@ -60,19 +64,23 @@ pub(super) struct RowTask<'a> {
 impl<R: CostRows<Cost = u8>> Wavefront<'_, R> {
     /// Computes all `rows`, which are in the order of the pass, on the threads of `engine`.
     pub fn run(&self, pass: Pass, rows: Vec<RowTask<'_>>, engine: &Engine) {
-        let count = rows.len();
+        // Strips are behind one another by a block for each row. All threads have work if there are enough blocks.
+        let blocks = self.costs.search().width().div_ceil(COLUMNS);
+        let strip = (blocks / engine.threads()).clamp(1, STRIP);
+        let count = rows.len().div_ceil(strip);
         let threads = engine.threads().min(count);
         let (mut shares, links): (Vec<_>, Vec<_>) = (0..threads).map(|_| (Vec::new(), mpsc::channel())).unzip();
-        for (i, row) in rows.into_iter().enumerate() {
-            shares[i % threads].push(row);
+        let mut rows = rows.into_iter();
+        for i in 0..count {
+            shares[i % threads].push(rows.by_ref().take(strip).collect());
         }
         // Each worker receives from the one before it, and sends to the one after it.
         let (mut senders, receivers): (Vec<_>, Vec<_>) = links.into_iter().unzip();
         senders.rotate_left(1);
         let last = (count - 1) % threads;
-        let workers = shares.into_iter().zip(senders).zip(receivers).enumerate().map(|(index, ((rows, sender), receiver))| {
+        let workers = shares.into_iter().zip(senders).zip(receivers).enumerate().map(|(index, ((strips, sender), receiver))| {
             let (has_first, has_last) = (index == 0, index == last);
-            Mutex::new(Some(Worker { wavefront: self, pass, rows, has_first, has_last, sender, receiver }))
+            Mutex::new(Some(Worker { wavefront: self, pass, strips, has_first, has_last, sender, receiver }))
         });
         let workers: Vec<_> = workers.collect();
         let simd = engine.simd(self.costs.search());
@@ -84,14 +92,14 @@ impl<R: CostRows<Cost = u8>> Wavefront<'_, R> {
     }
 }
 
-/// The rows of a thread, and its links to the threads of the rows before and after them.
+/// The strips of a thread, and its links to the threads of the strips before and after them.
 struct Worker<'a, 'b, R> {
     wavefront: &'a Wavefront<'a, R>,
     pass: Pass,
-    rows: Vec<RowTask<'b>>,
-    /// Whether its first row is the first of the pass.
+    strips: Vec<Vec<RowTask<'b>>>,
+    /// Whether its first strip is the first of the pass.
     has_first: bool,
-    /// Whether its last row is the last of the pass.
+    /// Whether its last strip is the last of the pass.
     has_last: bool,
     receiver: Receiver<PathBlock>,
     sender: Sender<PathBlock>,
@@ -117,33 +125,49 @@ impl<R: CostRows<Cost = u8>, I: Kernel> Work for Compiled<'_, '_, R, I> {
         let Compiled { mut worker, isa } = self;
         let &Wavefront { costs: rows, center, p1, ref p2, stride, progress, .. } = worker.wavefront;
         let (width, count) = (rows.search().width(), rows.search().num_disparities());
-        let (mut costs, mut excess) = (vec![u8::MAX; width * stride], vec![0; width * stride]);
-        let mut penalties = Penalties::new(p1, width);
         let slopes = if worker.pass.diagonals { 3 } else { 1 };
         let mut blocks = Blocks { start: PathBlock::new(slopes, stride, count), slopes, stride, count, free: Vec::new() };
         let samples = |v: usize| &center.as_raw()[v * width..][..width];
-        let tasks = std::mem::take(&mut worker.rows);
-        let last = tasks.len() - 1;
-        for (i, task) in tasks.into_iter().enumerate() {
-            let v = task.v;
-            let v_above = if worker.pass.upwards { (v + 1).min(rows.search().height() - 1) } else { v.saturating_sub(1) };
-            penalties.enter_row(p2, samples(v), samples(v_above));
-            rows.row(isa, v, stride, &mut costs);
+        let strips = std::mem::take(&mut worker.strips);
+        let mut lanes: Vec<_> = strips[0].iter().map(|_| Lane::new(RowSweep::new(stride, p1, p2, width))).collect();
+        let last = strips.len() - 1;
+        for (i, strip) in strips.into_iter().enumerate() {
+            for (task, lane) in strip.iter().zip(&mut lanes) {
+                let v = task.v;
+                let v_above = if worker.pass.upwards { (v + 1).min(rows.search().height() - 1) } else { v.saturating_sub(1) };
+                lane.row.enter(samples(v), samples(v_above));
+                rows.row(isa, v, stride, &mut lane.row.costs);
+            }
             let ends = [worker.has_first && i == 0, worker.has_last && i == last];
-            let row = RowCosts { stride, costs: &costs, excess: &mut excess };
+            let lines = strip.len() as u64;
             // The usual numbers of vectors as constants.
             let connected = match stride / I::LANES {
-                1 => worker.sweep::<I, 1>(isa, task, ends, row, &penalties, &mut blocks),
-                2 => worker.sweep::<I, 2>(isa, task, ends, row, &penalties, &mut blocks),
-                3 => worker.sweep::<I, 3>(isa, task, ends, row, &penalties, &mut blocks),
-                4 => worker.sweep::<I, 4>(isa, task, ends, row, &penalties, &mut blocks),
-                _ => worker.sweep::<I, MOST_VECTORS>(isa, task, ends, row, &penalties, &mut blocks),
+                1 => worker.sweep::<I, 1>(isa, strip, ends, &mut lanes, &mut blocks),
+                2 => worker.sweep::<I, 2>(isa, strip, ends, &mut lanes, &mut blocks),
+                3 => worker.sweep::<I, 3>(isa, strip, ends, &mut lanes, &mut blocks),
+                4 => worker.sweep::<I, 4>(isa, strip, ends, &mut lanes, &mut blocks),
+                _ => worker.sweep::<I, MOST_VECTORS>(isa, strip, ends, &mut lanes, &mut blocks),
             };
             if connected.is_none() {
                 return;
             }
-            progress.advance(1);
+            progress.advance(lines);
         }
+    }
+}
+
+/// A row of a strip on its way.
+struct Lane<'a> {
+    row: RowSweep<'a>,
+    /// The paths of the row before at the next block of columns.
+    above: Option<PathBlock>,
+    /// The blocks after that one, if that row is of the same strip.
+    following: VecDeque<PathBlock>,
+}
+
+impl Lane<'_> {
+    fn new(row: RowSweep<'_>) -> Lane<'_> {
+        Lane { row, above: None, following: VecDeque::new() }
     }
 }
 
@@ -186,52 +210,62 @@ impl<R> Worker<'_, '_, R> {
 const ATTEMPTS: usize = 500;
 
 impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
-    /// Sweeps through a row, in up to `M` vectors for each pixel. `None` if another worker has ended early.
+    /// Sweeps through the rows of a strip, in up to `M` vectors for each pixel. `None` if another worker has ended
+    /// early.
     #[inline(always)]
     fn sweep<I: Kernel, const M: usize>(
         &self,
         isa: I,
-        task: RowTask<'_>,
+        strip: Vec<RowTask<'_>>,
         [is_first, is_last]: [bool; 2],
-        mut row: RowCosts<'_>,
-        penalties: &Penalties,
+        lanes: &mut [Lane<'_>],
         blocks: &mut Blocks,
     ) -> Option<()> {
         let Wavefront { costs: rows, stride, .. } = *self.wavefront;
-        let width = rows.search().width();
+        let (width, count) = (rows.search().width(), strip.len());
         let along = Along::<I, M>::begin(isa, &blocks.start.first()[Slot::LEAD..][..stride]);
-        let mut from_left = self.pass.along_rows.then_some(along);
-        // The paths of the row before, at a block of columns.
-        let mut above = if is_first { None } else { Some(self.receive()?) };
-        if let Some(above) = &mut above {
-            above.copy_to(0, blocks.start.first());
-        }
-        for first in (0..width).step_by(COLUMNS) {
-            let here = first..width.min(first + COLUMNS);
-            let mut next = None;
-            if let Some(above) = &mut above {
-                if here.end < width {
-                    // Diagonal paths come from the next block as well.
-                    above.join(next.insert(self.receive()?));
-                } else {
-                    above.copy_to(here.len() + 1, blocks.start.first());
+        let mut from_left = [self.pass.along_rows.then_some(along); STRIP];
+        let columns = width.div_ceil(COLUMNS);
+        // Each row is a block behind the one above.
+        for step in 0..columns + count - 1 {
+            for (k, from_left) in from_left.iter_mut().enumerate().take(count) {
+                let Some(first) = step.checked_sub(k).filter(|&column| column < columns).map(|column| column * COLUMNS) else {
+                    continue;
+                };
+                let (lane, below) = lanes[k..].split_first_mut()?;
+                let here = first..width.min(first + COLUMNS);
+                let mut next = None;
+                if !(is_first && k == 0) {
+                    let mut receive = || if k == 0 { self.receive() } else { lane.following.pop_front() };
+                    if first == 0 {
+                        lane.above.insert(receive()?).copy_to(0, blocks.start.first());
+                    }
+                    let above = lane.above.as_mut()?;
+                    if here.end < width {
+                        // Diagonal paths come from the next block as well.
+                        above.join(next.insert(receive()?));
+                    } else {
+                        above.copy_to(here.len() + 1, blocks.start.first());
+                    }
+                }
+                let mut block = blocks.take();
+                let above = lane.above.as_ref().unwrap_or(&blocks.start);
+                match self.pass.diagonals {
+                    true => lane.row.forward::<I, true, M>(isa, from_left.as_mut(), above, here, &mut block),
+                    false => lane.row.forward::<I, false, M>(isa, from_left.as_mut(), above, here, &mut block),
+                }
+                blocks.free.extend(lane.above.take());
+                lane.above = next;
+                match below.first_mut() {
+                    Some(below) if k + 1 < count => below.following.push_back(block),
+                    _ if is_last => blocks.free.push(block),
+                    _ => self.sender.send(block).ok()?,
                 }
             }
-            let mut block = blocks.take();
-            let before = above.as_ref().unwrap_or(&blocks.start);
-            match self.pass.diagonals {
-                true => row.forward::<I, true, M>(isa, penalties, from_left.as_mut(), before, here, &mut block),
-                false => row.forward::<I, false, M>(isa, penalties, from_left.as_mut(), before, here, &mut block),
-            }
-            blocks.free.extend(above);
-            above = next;
-            if is_last {
-                blocks.free.push(block);
-            } else {
-                self.sender.send(block).ok()?;
-            }
         }
-        self.select(isa, task, along, row, penalties);
+        for (task, lane) in strip.into_iter().zip(lanes) {
+            self.select(isa, task, along, &mut lane.row);
+        }
         Some(())
     }
 
@@ -242,8 +276,7 @@ impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
         isa: I,
         mut task: RowTask<'_>,
         mut from_right: Along<I, M>,
-        mut row: RowCosts<'_>,
-        penalties: &Penalties,
+        row: &mut RowSweep<'_>,
     ) {
         let Wavefront { costs: rows, stride, paths, .. } = *self.wavefront;
         let search = rows.search();
@@ -252,13 +285,11 @@ impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
             (None, Some(disparities)) => {
                 for first in (0..width).step_by(MAX_BATCH).rev() {
                     let here = first..width.min(first + MAX_BATCH);
-                    let mut winners = [(0, 0); MAX_BATCH];
-                    row.backward(isa, penalties, &mut from_right, here.clone(), |u, costs, excess| {
-                        winners[u - first] = path_winner(isa, costs, excess);
+                    let mut winners = PathWinners::NONE;
+                    row.backward(isa, &mut from_right, here.clone(), |u, costs, excess| {
+                        winners.find(isa, search.min_disparity(), u - first, costs, excess);
                     });
-                    let pixels = first * stride..here.end * stride;
-                    let (costs, excess) = (&row.costs[pixels.clone()], &row.excess[pixels]);
-                    select_disparities(search, &winners, costs, excess, stride, &mut disparities[here]);
+                    winners.select(&mut disparities[here]);
                 }
             }
             (Some(sums), disparities) => {
@@ -271,7 +302,7 @@ impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
                     }
                 };
                 if self.pass.along_rows {
-                    row.backward(isa, penalties, &mut from_right, 0..width, add);
+                    row.backward(isa, &mut from_right, 0..width, add);
                 } else {
                     row.each(&mut add);
                 }

@@ -80,12 +80,15 @@ pub struct CensusRows<'a> {
     views: Vec<CensusView>,
 }
 
-/// The descriptors of a row `v`: of the centre, and of those views of which not all lines are at hand.
-#[derive(Clone, Copy)]
-struct RowLines<'a> {
+/// The descriptors of row `v`.
+struct RowLines {
     v: usize,
-    center: &'a [u8],
-    views: &'a [Vec<u8>],
+    /// Of the centre.
+    center: Vec<u8>,
+    /// Of those views of which not all lines are at hand.
+    views: Vec<Vec<u8>>,
+    /// The columns at which all views are available at all disparities.
+    complete: Range<usize>,
 }
 
 impl CostRows for CensusRows<'_> {
@@ -97,20 +100,23 @@ impl CostRows for CensusRows<'_> {
 
     #[inline(always)]
     fn row<I: Kernel>(&self, isa: I, v: usize, stride: usize, row: &mut [u8]) {
-        let center = self.center.line(v);
-        let mut lines = vec![Vec::new(); self.views.len()];
-        for (line, view) in lines.iter_mut().zip(&self.views).filter(|(_, view)| view.all_lines.is_none()) {
-            *line = view.image.line(v);
+        self.rows(isa, stride, &mut [(v, row)]);
+    }
+
+    #[inline(always)]
+    fn rows<I: Kernel>(&self, isa: I, stride: usize, rows: &mut [(usize, &mut [u8])]) {
+        let mut lines = Vec::with_capacity(rows.len());
+        for (v, _) in &*rows {
+            lines.push(self.lines(*v));
         }
-        let lines = RowLines { v, center: &center, views: &lines };
         // By descriptor size and number of views, so that the inner loops unroll.
         match (self.center.shape.bytes, &self.views[..]) {
-            (2, _) => self.fuse_row::<I, 2, 4>(isa, lines, stride, row),
-            (3, _) => self.fuse_row::<I, 3, 4>(isa, lines, stride, row),
-            (_, [_]) => self.fuse_row::<I, 4, 1>(isa, lines, stride, row),
-            (_, [_, _]) => self.fuse_row::<I, 4, 2>(isa, lines, stride, row),
-            (_, [_, _, _]) => self.fuse_row::<I, 4, 3>(isa, lines, stride, row),
-            _ => self.fuse_row::<I, 4, 4>(isa, lines, stride, row),
+            (2, _) => self.fuse_rows::<I, 2, 4>(isa, &lines, stride, rows),
+            (3, _) => self.fuse_rows::<I, 3, 4>(isa, &lines, stride, rows),
+            (_, [_]) => self.fuse_rows::<I, 4, 1>(isa, &lines, stride, rows),
+            (_, [_, _]) => self.fuse_rows::<I, 4, 2>(isa, &lines, stride, rows),
+            (_, [_, _, _]) => self.fuse_rows::<I, 4, 3>(isa, &lines, stride, rows),
+            _ => self.fuse_rows::<I, 4, 4>(isa, &lines, stride, rows),
         }
     }
 }
@@ -141,35 +147,70 @@ impl<'a> CensusRows<'a> {
         })
     }
 
-    /// Computes the fused costs of a row, of descriptors of `BYTES` bytes and at most `V` views.
+    /// The descriptors of row `v`.
     #[inline(always)]
-    fn fuse_row<I: Kernel, const BYTES: usize, const V: usize>(
+    fn lines(&self, v: usize) -> RowLines {
+        let (width, count) = (self.search.width(), self.search.num_disparities());
+        let mut views = vec![Vec::new(); self.views.len()];
+        let mut complete = 0..width;
+        for (line, view) in views.iter_mut().zip(&self.views) {
+            if view.all_lines.is_none() {
+                *line = view.image.line(v);
+            }
+            let columns = view.columns_of_all(v, count, width);
+            complete = complete.start.max(columns.start)..complete.end.min(columns.end);
+        }
+        RowLines { v, center: self.center.line(v), views, complete }
+    }
+
+    /// Computes the fused costs of rows, of descriptors of `BYTES` bytes and at most `V` views.
+    #[inline(always)]
+    fn fuse_rows<I: Kernel, const BYTES: usize, const V: usize>(
         &self,
         isa: I,
-        RowLines { v, center, views: lines }: RowLines<'_>,
+        lines: &[RowLines],
+        stride: usize,
+        rows: &mut [(usize, &mut [u8])],
+    ) {
+        // A few columns of all rows after the other: the candidates in vertical views of a pixel and of that below
+        // are nearly the same, and far from those of the next column.
+        let width = self.search.width();
+        for first in (0..width).step_by(COLUMNS) {
+            let columns = first..width.min(first + COLUMNS);
+            for (lines, (_, row)) in lines.iter().zip(&mut *rows) {
+                self.fuse_columns::<I, BYTES, V>(isa, lines, columns.clone(), stride, row);
+            }
+        }
+    }
+
+    /// Computes the fused costs of a few columns of a row.
+    #[inline(always)]
+    fn fuse_columns<I: Kernel, const BYTES: usize, const V: usize>(
+        &self,
+        isa: I,
+        lines: &RowLines,
+        columns: Range<usize>,
         stride: usize,
         row: &mut [u8],
     ) {
         let (width, count, fusion) = (self.search.width(), self.search.num_disparities(), self.search.fusion());
-        let mut center = center.chunks_exact(width);
+        let mut center = lines.center.chunks_exact(width);
         let center: [&[u8]; BYTES] = std::array::from_fn(|_| center.next().expect("a plane for each byte"));
         let mut views = [ViewRow::NONE; V];
-        let mut run = if self.views.len() == V { 0..width } else { 0..0 };
-        for ((row, view), line) in views.iter_mut().zip(&self.views).zip(lines) {
-            *row = view.row::<BYTES>(self.search, v, line);
-            let columns = view.columns_of_all(v, count, width);
-            run = run.start.max(columns.start)..run.end.min(columns.end);
+        for ((row, view), line) in views.iter_mut().zip(&self.views).zip(&lines.views) {
+            *row = view.row::<BYTES>(self.search, lines.v, line);
         }
+        let mut run = columns.start.max(lines.complete.start)..columns.end.min(lines.complete.end);
         // Pixels that see all candidates of all views need no masks.
-        if run.is_empty() {
-            run = 0..0;
+        if run.is_empty() || self.views.len() < V {
+            run = columns.start..columns.start;
         } else {
             let descriptors = center.map(|plane| &plane[run.clone()]);
             let candidates = views.map(|view| view.candidates.from(run.start));
             let costs = &mut row[run.start * stride..run.end * stride];
             hamming_run(isa, fusion, descriptors, &candidates, count, costs).expect("descriptors are padded");
         }
-        for u in (0..run.start).chain(run.end..width) {
+        for u in (columns.start..run.start).chain(run.end..columns.end) {
             let mut descriptor = [0; BYTES];
             for (byte, plane) in descriptor.iter_mut().zip(center) {
                 *byte = plane[u];
@@ -184,6 +225,9 @@ impl<'a> CensusRows<'a> {
         }
     }
 }
+
+/// The columns that are computed of all rows before the next ones.
+const COLUMNS: usize = 32;
 
 /// The lanes of the widest vectors.
 const MOST_LANES: usize = 64;

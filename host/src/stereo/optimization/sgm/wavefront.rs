@@ -136,8 +136,9 @@ impl<R: CostRows<Cost = u8>, I: Kernel> Work for Compiled<'_, '_, R, I> {
                 let v = task.v;
                 let v_above = if worker.pass.upwards { (v + 1).min(rows.search().height() - 1) } else { v.saturating_sub(1) };
                 lane.row.enter(samples(v), samples(v_above));
-                rows.row(isa, v, stride, &mut lane.row.costs);
             }
+            let mut costs: Vec<_> = strip.iter().zip(&mut lanes).map(|(task, lane)| (task.v, &mut lane.row.costs[..])).collect();
+            rows.rows(isa, stride, &mut costs);
             let ends = [worker.has_first && i == 0, worker.has_last && i == last];
             let lines = strip.len() as u64;
             // The usual numbers of vectors as constants.

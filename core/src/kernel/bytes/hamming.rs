@@ -83,7 +83,7 @@ impl<'a, const N: usize> CandidateRun<'a, N> {
     /// The run from pixel `u` on.
     #[inline(always)]
     pub fn from(self, u: usize) -> Self {
-        CandidateRun { first: self.first.wrapping_add_signed(self.step * u as isize), ..self }
+        CandidateRun { first: self.first.wrapping_add_signed(self.step.wrapping_mul(u as isize)), ..self }
     }
 
     /// The first pixel's `depth` candidates. `None` if a plane is too short.
@@ -91,7 +91,7 @@ impl<'a, const N: usize> CandidateRun<'a, N> {
     pub fn candidates(&self, depth: usize, available: Range<u16>) -> Option<Candidates<'a, N>> {
         let mut planes = self.planes;
         for plane in &mut planes {
-            *plane = plane.get(self.first..self.first + depth)?;
+            *plane = plane.get(self.first..self.first.wrapping_add(depth))?;
         }
         Some(Candidates { planes, available })
     }

@@ -1,32 +1,48 @@
 //! Packages the published crates as a registry would receive them, and builds each from its package.
+//!
+//! Cargo can build packages itself, but it keeps what it unpacks by name, version and folder: after an edit
+//! it would build against the core of the last check.
 
-use std::{fs, time::UNIX_EPOCH};
+use std::fs;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
 use crate::system::{
     folders,
-    process::{command, run},
+    process::{command, read, run},
 };
 
 /// The crates in the order of their dependencies.
 const PUBLISHED: [&str; 4] = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", "multiscopic"];
 
-/// The workspace's bindings for V4L2. A `[patch]` in the manifest does not apply to packages, one on the
-/// command line does; without it, building the host's package needs libclang, as it does for whoever depends
-/// on the published crate.
-const BINDINGS: &str = "patch.crates-io.v4l2-sys-mit.path=\"host/v4l2-sys\"";
+/// The bindings for V4L2, which are patched in the packages as in the workspace. Without them, building the
+/// host's package needs libclang, as it does for whoever depends on the published crate.
+const BINDINGS: &str = "v4l2-sys-mit";
 
 /// Packages and builds every published crate.
 pub fn check() -> Result<()> {
-    let packages = PUBLISHED.map(|name| format!("--package={name}"));
-    let mut cargo = command("cargo", ["package", "--quiet", "--allow-dirty", "--config", BINDINGS]);
-    // Cargo takes a package of the same version in the same folder for the one that it has built before.
-    if folders::target().join("package/tmp-registry").exists() {
-        let again = folders::target().join("packages");
-        let _ = fs::remove_dir_all(&again);
-        let folder = again.join(UNIX_EPOCH.elapsed()?.as_secs().to_string());
-        cargo.args(["--config", &format!("build.build-dir={folder:?}")]);
+    let selected = PUBLISHED.map(|name| format!("--package={name}"));
+    run(command("cargo", ["package", "--quiet", "--no-verify", "--allow-dirty"]).args(selected))?;
+    let unpacked = folders::target().join("unpacked");
+    let _ = fs::remove_dir_all(&unpacked);
+    fs::create_dir_all(&unpacked)?;
+    let mut patches = format!("[patch.crates-io]\n{BINDINGS}.path = {:?}\n", folders::root().join("host/v4l2-sys"));
+    for name in PUBLISHED {
+        let package = format!("{name}-{}", env!("CARGO_PKG_VERSION"));
+        let archive = folders::target().join(format!("package/{package}.crate"));
+        // `-m`: the files in a package are dated 2006, older than what cargo has built.
+        read(command("tar", ["-x", "-z", "-m", "-f"]).arg(archive).arg("-C").arg(&unpacked))?;
+        patches += &format!("{name}.path = {package:?}\n");
     }
-    run(cargo.args(packages))
+    let manifest = unpacked.join("Cargo.toml");
+    // Debug information as in the workspace, so that the dependencies need no second build.
+    let workspace = "[workspace]\nresolver = \"3\"\nmembers = [\"multiscopic*\"]\n[profile.dev]\ndebug = \"line-tables-only\"\n";
+    fs::write(&manifest, format!("{workspace}{patches}")).with_context(|| format!("cannot write {}", manifest.display()))?;
+    // The versions that the workspace was tested with.
+    fs::copy(folders::root().join("Cargo.lock"), unpacked.join("Cargo.lock"))?;
+    for name in PUBLISHED {
+        let mut cargo = command("cargo", ["build", "--quiet", "--package", name, "--manifest-path"]);
+        run(cargo.arg(&manifest).arg("--target-dir").arg(folders::target()))?;
+    }
+    Ok(())
 }

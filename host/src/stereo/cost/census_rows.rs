@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use multiscopic_core::{
     Census, Frame, Search, View,
-    kernel::{CandidateRun, Candidates, Kernel, as_vectors_mut, hamming_run},
+    kernel::{CandidateRun, Candidates, Kernel, Work, as_vectors_mut, hamming_run},
 };
 
 use super::{
@@ -98,12 +98,10 @@ impl CostRows for CensusRows<'_> {
         self.search
     }
 
-    #[inline(always)]
     fn row<I: Kernel>(&self, isa: I, v: usize, stride: usize, row: &mut [u8]) {
         self.rows(isa, stride, &mut [(v, row)]);
     }
 
-    #[inline(always)]
     fn rows<I: Kernel>(&self, isa: I, stride: usize, rows: &mut [(usize, &mut [u8])]) {
         let mut lines = Vec::with_capacity(rows.len());
         for (v, _) in &*rows {
@@ -148,7 +146,6 @@ impl<'a> CensusRows<'a> {
     }
 
     /// The descriptors of row `v`.
-    #[inline(always)]
     fn lines(&self, v: usize) -> RowLines {
         let (width, count) = (self.search.width(), self.search.num_disparities());
         let mut views = vec![Vec::new(); self.views.len()];
@@ -164,7 +161,6 @@ impl<'a> CensusRows<'a> {
     }
 
     /// Computes the fused costs of rows, of descriptors of `BYTES` bytes and at most `V` views.
-    #[inline(always)]
     fn fuse_rows<I: Kernel, const BYTES: usize, const V: usize>(
         &self,
         isa: I,
@@ -184,7 +180,8 @@ impl<'a> CensusRows<'a> {
     }
 
     /// Computes the fused costs of a few columns of a row.
-    #[inline(always)]
+    // A function of its own, not inlined: compiling one large function takes minutes.
+    #[inline(never)]
     fn fuse_columns<I: Kernel, const BYTES: usize, const V: usize>(
         &self,
         isa: I,
@@ -193,16 +190,34 @@ impl<'a> CensusRows<'a> {
         stride: usize,
         row: &mut [u8],
     ) {
-        let (width, count, fusion) = (self.search.width(), self.search.num_disparities(), self.search.fusion());
+        isa.compiled(FuseColumns::<I, BYTES, V> { isa, rows: self, lines, columns, stride, row });
+    }
+}
+
+/// [`CensusRows::fuse_columns`], compiled for vector instructions.
+struct FuseColumns<'a, I, const BYTES: usize, const V: usize> {
+    isa: I,
+    rows: &'a CensusRows<'a>,
+    lines: &'a RowLines,
+    columns: Range<usize>,
+    stride: usize,
+    row: &'a mut [u8],
+}
+
+impl<I: Kernel, const BYTES: usize, const V: usize> Work for FuseColumns<'_, I, BYTES, V> {
+    #[inline(always)]
+    fn run(self) {
+        let FuseColumns { isa, rows: CensusRows { search, views: all_views, .. }, lines, columns, stride, row } = self;
+        let (width, count, fusion) = (search.width(), search.num_disparities(), search.fusion());
         let mut center = lines.center.chunks_exact(width);
         let center: [&[u8]; BYTES] = std::array::from_fn(|_| center.next().expect("a plane for each byte"));
         let mut views = [ViewRow::NONE; V];
-        for ((row, view), line) in views.iter_mut().zip(&self.views).zip(&lines.views) {
-            *row = view.row::<BYTES>(self.search, lines.v, line);
+        for ((row, view), line) in views.iter_mut().zip(all_views).zip(&lines.views) {
+            *row = view.row::<BYTES>(search, lines.v, line);
         }
         let mut run = columns.start.max(lines.complete.start)..columns.end.min(lines.complete.end);
         // Pixels that see all candidates of all views need no masks.
-        if run.is_empty() || self.views.len() < V {
+        if run.is_empty() || all_views.len() < V {
             run = columns.start..columns.start;
         } else {
             let descriptors = center.map(|plane| &plane[run.clone()]);

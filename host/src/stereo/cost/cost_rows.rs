@@ -62,7 +62,6 @@ pub trait CostRows: Sync {
     fn row<I: Kernel>(&self, isa: I, v: usize, stride: usize, row: &mut [Self::Cost]);
 
     /// Computes the costs of several rows, each with its `v`, as [`row`](CostRows::row) does.
-    #[inline(always)]
     fn rows<I: Kernel>(&self, isa: I, stride: usize, rows: &mut [(usize, &mut [Self::Cost])]) {
         for (v, row) in rows {
             self.row(isa, *v, stride, row);

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use multiscopic_core::{
-    Disparity, Search,
-    kernel::{Along, ByteVector, Kernel, Slot, Step, as_vectors, as_vectors_mut},
+    Disparity, PathWinners, Search,
+    kernel::{Along, ByteVector, Kernel, MAX_BATCH, Slot, Step, Work, as_vectors, as_vectors_mut},
 };
 
 use super::path_block::PathBlock;
@@ -64,9 +64,34 @@ impl<'a> RowSweep<'a> {
     }
 
     /// Extends the paths from the row before through the columns `here`, a block, and the one from the left
-    /// unless it is `None`. If `DIAGONAL` is set, there are diagonal paths.
+    /// unless it is `None`.
+    // A function of its own, not inlined: compiling one large function takes minutes.
+    #[inline(never)]
+    pub fn forward<I: Kernel, const M: usize>(
+        &mut self,
+        isa: I,
+        diagonals: bool,
+        from_left: Option<&mut Along<I, M>>,
+        above: &PathBlock,
+        here: Range<usize>,
+        block: &mut PathBlock,
+    ) {
+        let row = self;
+        match diagonals {
+            true => isa.compiled(Forward::<_, true, _> { isa, row, from_left, above, here, block }),
+            false => isa.compiled(Forward::<_, false, _> { isa, row, from_left, above, here, block }),
+        }
+    }
+
+    /// Extends the path from the right through the row, unless it is `None`, and computes the results.
+    #[inline(never)]
+    pub fn finish<I: Kernel, const M: usize>(&mut self, isa: I, from_right: Option<Along<I, M>>, results: Results<'_>) {
+        isa.compiled(Finish { isa, row: self, from_right, results });
+    }
+
+    /// [`forward`](RowSweep::forward), with diagonal paths if `DIAGONAL` is set.
     #[inline(always)]
-    pub fn forward<I: Kernel, const DIAGONAL: bool, const M: usize>(
+    fn extend<I: Kernel, const DIAGONAL: bool, const M: usize>(
         &mut self,
         isa: I,
         mut from_left: Option<&mut Along<I, M>>,
@@ -113,7 +138,7 @@ impl<'a> RowSweep<'a> {
     /// Extends the path from the right through the columns `here`, and calls `done` with each pixel's costs and
     /// excess.
     #[inline(always)]
-    pub fn backward<I: Kernel, const M: usize>(
+    fn backward<I: Kernel, const M: usize>(
         &mut self,
         isa: I,
         from_right: &mut Along<I, M>,
@@ -132,9 +157,80 @@ impl<'a> RowSweep<'a> {
     }
 
     /// Calls `done` with each pixel's costs and excess.
-    pub fn each(&self, mut done: impl FnMut(usize, &[u8], &[u8])) {
+    fn each(&self, mut done: impl FnMut(usize, &[u8], &[u8])) {
         let pixels = self.costs.chunks_exact(self.stride).zip(self.excess.chunks_exact(self.stride));
         pixels.enumerate().for_each(|(u, (costs, excess))| done(u, costs, excess));
+    }
+}
+
+/// What to compute of a row whose paths are complete.
+pub(super) struct Results<'a> {
+    pub search: &'a Search,
+    /// The paths of all passes.
+    pub paths: u16,
+    /// As in [`RowTask`](super::wavefront::RowTask).
+    pub sums: Option<&'a mut [u16]>,
+    /// As in [`RowTask`](super::wavefront::RowTask).
+    pub disparities: Option<&'a mut [Option<Disparity>]>,
+}
+
+/// [`RowSweep::forward`], compiled for vector instructions.
+struct Forward<'r, 'a, I: Kernel, const DIAGONAL: bool, const M: usize> {
+    isa: I,
+    row: &'r mut RowSweep<'a>,
+    from_left: Option<&'r mut Along<I, M>>,
+    above: &'r PathBlock,
+    here: Range<usize>,
+    block: &'r mut PathBlock,
+}
+
+impl<I: Kernel, const DIAGONAL: bool, const M: usize> Work for Forward<'_, '_, I, DIAGONAL, M> {
+    #[inline(always)]
+    fn run(self) {
+        self.row.extend::<I, DIAGONAL, M>(self.isa, self.from_left, self.above, self.here, self.block);
+    }
+}
+
+/// [`RowSweep::finish`], compiled for vector instructions.
+struct Finish<'r, 'a, I: Kernel, const M: usize> {
+    isa: I,
+    row: &'r mut RowSweep<'a>,
+    from_right: Option<Along<I, M>>,
+    results: Results<'r>,
+}
+
+impl<I: Kernel, const M: usize> Work for Finish<'_, '_, I, M> {
+    #[inline(always)]
+    fn run(self) {
+        let Finish { isa, row, mut from_right, results: Results { search, paths, sums, mut disparities } } = self;
+        let (width, stride) = (search.width(), row.stride);
+        match (sums, &mut disparities, &mut from_right) {
+            (None, Some(disparities), Some(from_right)) => {
+                for first in (0..width).step_by(MAX_BATCH).rev() {
+                    let here = first..width.min(first + MAX_BATCH);
+                    let mut winners = PathWinners::NONE;
+                    row.backward(isa, from_right, here.clone(), |u, costs, excess| {
+                        winners.find(isa, search.min_disparity(), u - first, costs, excess);
+                    });
+                    winners.select(&mut disparities[here]);
+                }
+            }
+            (Some(sums), disparities, from_right) => {
+                let paths = disparities.as_ref().map(|_| paths);
+                let mut add = |u: usize, costs: &[u8], excess: &[u8]| {
+                    let sums = &mut sums[u * stride..][..stride];
+                    add_to_sums(sums, costs, excess, paths);
+                    if let Some(disparities) = disparities {
+                        disparities[u] = select_by_sums(search, sums);
+                    }
+                };
+                match from_right {
+                    Some(from_right) => row.backward(isa, from_right, 0..width, add),
+                    None => row.each(&mut add),
+                }
+            }
+            _ => unreachable!("a pass keeps sums, or it is the only one and has paths along the row"),
+        }
     }
 }
 
@@ -149,7 +245,7 @@ fn add<I: Kernel, const M: usize>(isa: I, excess: &mut [I::Samples], added: [I::
 /// Adds what the paths of a pass add to the costs of a pixel. In the last pass, its costs are added once for
 /// each of `paths`; where there is no candidate, the sum is [`NONE`](Cost::NONE).
 #[inline(always)]
-pub(super) fn add_to_sums(sums: &mut [u16], costs: &[u8], excess: &[u8], paths: Option<u16>) {
+fn add_to_sums(sums: &mut [u16], costs: &[u8], excess: &[u8], paths: Option<u16>) {
     for ((sum, &cost), &excess) in sums.iter_mut().zip(costs).zip(excess) {
         *sum = match paths {
             Some(_) if cost == u8::NONE => u16::NONE,
@@ -160,7 +256,7 @@ pub(super) fn add_to_sums(sums: &mut [u16], costs: &[u8], excess: &[u8], paths: 
 }
 
 /// The disparity of a pixel by its sums, as [`SemiGlobalParams`](multiscopic_core::SemiGlobalParams) defines it.
-pub(super) fn select_by_sums(search: &Search, sums: &[u16]) -> Option<Disparity> {
+fn select_by_sums(search: &Search, sums: &[u16]) -> Option<Disparity> {
     winner::disparity_refined_by(search, sums, |d, [before, at, after]| {
         Disparity::refine_equiangular(d, before.into(), at.into(), after.into())
     })

@@ -16,13 +16,13 @@ use std::{
 
 use image::GrayImage;
 use multiscopic_core::{
-    Disparity, PathWinners,
-    kernel::{Along, Kernel, MAX_BATCH, Slot, Work},
+    Disparity,
+    kernel::{Along, Kernel, Slot},
 };
 
 use super::{
     path_block::{COLUMNS, PathBlock},
-    row_sweep::{MOST_VECTORS, Pass, RowSweep, add_to_sums, select_by_sums},
+    row_sweep::{MOST_VECTORS, Pass, Results, RowSweep},
 };
 use crate::{
     progress::Progress,
@@ -108,46 +108,32 @@ struct Worker<'a, 'b, R> {
 impl<R: CostRows<Cost = u8>> Task for Worker<'_, '_, R> {
     type Output = ();
 
-    fn run<I: Kernel>(self, isa: I) {
-        isa.compiled(Compiled { worker: self, isa });
-    }
-}
-
-/// A worker, compiled for its vector instructions.
-struct Compiled<'a, 'b, R, I> {
-    worker: Worker<'a, 'b, R>,
-    isa: I,
-}
-
-impl<R: CostRows<Cost = u8>, I: Kernel> Work for Compiled<'_, '_, R, I> {
-    #[inline(always)]
-    fn run(self) {
-        let Compiled { mut worker, isa } = self;
-        let &Wavefront { costs: rows, center, p1, ref p2, stride, progress, .. } = worker.wavefront;
+    fn run<I: Kernel>(mut self, isa: I) {
+        let &Wavefront { costs: rows, center, p1, ref p2, stride, progress, .. } = self.wavefront;
         let (width, count) = (rows.search().width(), rows.search().num_disparities());
-        let slopes = if worker.pass.diagonals { 3 } else { 1 };
+        let slopes = if self.pass.diagonals { 3 } else { 1 };
         let mut blocks = Blocks { start: PathBlock::new(slopes, stride, count), slopes, stride, count, free: Vec::new() };
         let samples = |v: usize| &center.as_raw()[v * width..][..width];
-        let strips = std::mem::take(&mut worker.strips);
+        let strips = std::mem::take(&mut self.strips);
         let mut lanes: Vec<_> = strips[0].iter().map(|_| Lane::new(RowSweep::new(stride, p1, p2, width))).collect();
         let last = strips.len() - 1;
         for (i, strip) in strips.into_iter().enumerate() {
             for (task, lane) in strip.iter().zip(&mut lanes) {
                 let v = task.v;
-                let v_above = if worker.pass.upwards { (v + 1).min(rows.search().height() - 1) } else { v.saturating_sub(1) };
+                let v_above = if self.pass.upwards { (v + 1).min(rows.search().height() - 1) } else { v.saturating_sub(1) };
                 lane.row.enter(samples(v), samples(v_above));
             }
             let mut costs: Vec<_> = strip.iter().zip(&mut lanes).map(|(task, lane)| (task.v, &mut lane.row.costs[..])).collect();
             rows.rows(isa, stride, &mut costs);
-            let ends = [worker.has_first && i == 0, worker.has_last && i == last];
+            let ends = [self.has_first && i == 0, self.has_last && i == last];
             let lines = strip.len() as u64;
             // The usual numbers of vectors as constants.
             let connected = match stride / I::LANES {
-                1 => worker.sweep::<I, 1>(isa, strip, ends, &mut lanes, &mut blocks),
-                2 => worker.sweep::<I, 2>(isa, strip, ends, &mut lanes, &mut blocks),
-                3 => worker.sweep::<I, 3>(isa, strip, ends, &mut lanes, &mut blocks),
-                4 => worker.sweep::<I, 4>(isa, strip, ends, &mut lanes, &mut blocks),
-                _ => worker.sweep::<I, MOST_VECTORS>(isa, strip, ends, &mut lanes, &mut blocks),
+                1 => self.sweep::<I, 1>(isa, strip, ends, &mut lanes, &mut blocks),
+                2 => self.sweep::<I, 2>(isa, strip, ends, &mut lanes, &mut blocks),
+                3 => self.sweep::<I, 3>(isa, strip, ends, &mut lanes, &mut blocks),
+                4 => self.sweep::<I, 4>(isa, strip, ends, &mut lanes, &mut blocks),
+                _ => self.sweep::<I, MOST_VECTORS>(isa, strip, ends, &mut lanes, &mut blocks),
             };
             if connected.is_none() {
                 return;
@@ -213,7 +199,6 @@ const ATTEMPTS: usize = 500;
 impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
     /// Sweeps through the rows of a strip, in up to `M` vectors for each pixel. `None` if another worker has ended
     /// early.
-    #[inline(always)]
     fn sweep<I: Kernel, const M: usize>(
         &self,
         isa: I,
@@ -251,10 +236,7 @@ impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
                 }
                 let mut block = blocks.take();
                 let above = lane.above.as_ref().unwrap_or(&blocks.start);
-                match self.pass.diagonals {
-                    true => lane.row.forward::<I, true, M>(isa, from_left.as_mut(), above, here, &mut block),
-                    false => lane.row.forward::<I, false, M>(isa, from_left.as_mut(), above, here, &mut block),
-                }
+                lane.row.forward(isa, self.pass.diagonals, from_left.as_mut(), above, here, &mut block);
                 blocks.free.extend(lane.above.take());
                 lane.above = next;
                 match below.first_mut() {
@@ -264,51 +246,11 @@ impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
                 }
             }
         }
+        let Wavefront { paths, .. } = *self.wavefront;
         for (task, lane) in strip.into_iter().zip(lanes) {
-            self.select(isa, task, along, &mut lane.row);
+            let results = Results { search: rows.search(), paths, sums: task.sums, disparities: task.disparities };
+            lane.row.finish(isa, self.pass.along_rows.then_some(along), results);
         }
         Some(())
-    }
-
-    /// Sweeps back through a row, and selects its disparities or keeps the sums.
-    #[inline(always)]
-    fn select<I: Kernel, const M: usize>(
-        &self,
-        isa: I,
-        mut task: RowTask<'_>,
-        mut from_right: Along<I, M>,
-        row: &mut RowSweep<'_>,
-    ) {
-        let Wavefront { costs: rows, stride, paths, .. } = *self.wavefront;
-        let search = rows.search();
-        let width = search.width();
-        match (&mut task.sums, &mut task.disparities) {
-            (None, Some(disparities)) => {
-                for first in (0..width).step_by(MAX_BATCH).rev() {
-                    let here = first..width.min(first + MAX_BATCH);
-                    let mut winners = PathWinners::NONE;
-                    row.backward(isa, &mut from_right, here.clone(), |u, costs, excess| {
-                        winners.find(isa, search.min_disparity(), u - first, costs, excess);
-                    });
-                    winners.select(&mut disparities[here]);
-                }
-            }
-            (Some(sums), disparities) => {
-                let paths = disparities.as_ref().map(|_| paths);
-                let mut add = |u: usize, costs: &[u8], excess: &[u8]| {
-                    let sums = &mut sums[u * stride..][..stride];
-                    add_to_sums(sums, costs, excess, paths);
-                    if let Some(disparities) = disparities {
-                        disparities[u] = select_by_sums(search, sums);
-                    }
-                };
-                if self.pass.along_rows {
-                    row.backward(isa, &mut from_right, 0..width, add);
-                } else {
-                    row.each(&mut add);
-                }
-            }
-            (None, None) => unreachable!("a pass either keeps sums or selects"),
-        }
     }
 }

@@ -2,7 +2,7 @@
 
 use core::{iter, mem, ops::Range};
 
-use crate::{Search, View};
+use crate::{Search, View, Views};
 
 /// The disparities at which each view is available to a pixel: where the match lies inside the frame.
 ///
@@ -11,17 +11,20 @@ use crate::{Search, View};
 /// smallest.
 #[derive(Clone, Debug)]
 pub(crate) struct Availability {
-    /// The views of the match, in their order: horizontal ones first.
-    views: [Reach; View::ALL.len()],
-    horizontal: u8,
+    /// The views of the match, in their order: those whose matches leave the column come first.
+    views: [Reach; Views::MAX_MATCHED],
+    /// How many of them leave the column.
+    sideways: u8,
     len: u8,
+    /// Views, with those past the last, which are never available.
+    places: u8,
+    width: u16,
+    height: u16,
     min_disparity: i16,
     num_disparities: u16,
     /// The views that are not available at all disparities, as bits.
     incomplete: u8,
-    /// The columns in which every horizontal view is available at all disparities.
-    complete_columns: Range<u16>,
-    /// Until this column of the line, nothing changes.
+    /// Until this column of the line, nothing changes for any view.
     constant_until: u16,
 }
 
@@ -29,8 +32,12 @@ pub(crate) struct Availability {
 #[derive(Clone, Debug)]
 struct Reach {
     view: View,
-    /// The frame's size in the direction of the view.
-    size: u16,
+    /// The columns that keep no match from being inside the frame.
+    complete_columns: Range<u16>,
+    /// Until this column of the line, nothing changes.
+    constant_until: u16,
+    /// As far as the line limits them.
+    rows: Range<u16>,
     range: Range<u16>,
 }
 
@@ -44,10 +51,36 @@ pub(crate) struct Segment {
 }
 
 impl Reach {
-    /// The disparities at which a pixel at this coordinate sees the view.
+    /// The disparities at which a pixel of the line in this column sees the view.
     #[inline(always)]
-    fn at(&self, coordinate: usize, min_disparity: i16, num_disparities: u16) -> Range<u16> {
-        self.view.available(coordinate, self.size.into(), min_disparity, num_disparities.into())
+    fn at(&self, u: usize, width: u16, min_disparity: i16, num_disparities: u16) -> Range<u16> {
+        let columns = self.view.available_in_columns(u, width.into(), min_disparity, num_disparities.into());
+        if self.view.is_horizontal() {
+            return columns;
+        }
+        let start = columns.start.max(self.rows.start);
+        start..columns.end.min(self.rows.end).max(start)
+    }
+
+    /// Notes until which column nothing changes, at column `u`.
+    #[inline(always)]
+    fn expect_change_after(&mut self, u: usize) {
+        let complete = &self.complete_columns;
+        self.constant_until = if complete.contains(&(u as u16)) { complete.end } else { 0 };
+    }
+
+    /// Makes the view available at the disparities of `range`.
+    #[inline(always)]
+    fn follow(&mut self, range: Range<u16>, mut change: impl FnMut(usize, bool)) {
+        let before = mem::replace(&mut self.range, range.clone());
+        // Only between the two starts and between the two ends can anything change.
+        for (from, to) in [(before.start, range.start), (before.end, range.end)] {
+            let (mut index, end) = (from.min(to), from.max(to));
+            while index < end {
+                change(index.into(), range.contains(&index));
+                index += 1;
+            }
+        }
     }
 }
 
@@ -55,20 +88,22 @@ impl Availability {
     /// That of no pixel yet: no view is available.
     pub fn new(search: &Search) -> Availability {
         let mut views = search.views().iter();
-        let views = View::ALL.map(|view| {
-            let view = views.next().unwrap_or(view);
-            let size = if view.is_horizontal() { search.width() } else { search.height() };
-            Reach { view, size: size as u16, range: 0..0 }
+        let views = [const { 0..0 }; Views::MAX_MATCHED].map(|range| {
+            let view = views.next().unwrap_or(View::LEFT);
+            let complete_columns = complete_columns(search, view);
+            Reach { view, complete_columns, constant_until: 0, rows: range.clone(), range }
         });
-        let len = search.views().len();
+        let places = search.views().places() as u8;
         Availability {
             views,
-            horizontal: search.views().iter().filter(|view| view.is_horizontal()).count() as u8,
-            len: len as u8,
+            sideways: search.views().iter().filter(|view| !view.is_vertical()).count() as u8,
+            len: search.views().len() as u8,
+            places,
+            width: search.width() as u16,
+            height: search.height() as u16,
             min_disparity: search.min_disparity(),
             num_disparities: search.num_disparities() as u16,
-            incomplete: (1 << len) - 1,
-            complete_columns: complete_columns(search),
+            incomplete: all_views(places),
             constant_until: 0,
         }
     }
@@ -77,10 +112,19 @@ impl Availability {
     /// availability changes.
     #[inline(never)]
     pub fn enter_line(&mut self, u: usize, v: usize, mut change: impl FnMut(usize, usize, bool)) {
-        for k in 0..self.len {
-            self.follow(k.into(), if k < self.horizontal { u } else { v }, &mut change);
+        let (least, count) = (self.min_disparity, self.num_disparities);
+        self.constant_until = self.width;
+        for (k, reach) in self.views.iter_mut().enumerate().take(self.len.into()) {
+            reach.rows = reach.view.available_in_rows(v, self.height.into(), least, count.into());
+            let range = if reach.view.is_vertical() { reach.rows.clone() } else { reach.at(u, self.width, least, count) };
+            let is_complete = range == (0..count);
+            reach.follow(range, |index, available| change(k, index, available));
+            self.incomplete = self.incomplete & !(1 << k) | u8::from(!is_complete) << k;
+            if k < usize::from(self.sideways) {
+                reach.expect_change_after(u);
+                self.constant_until = self.constant_until.min(reach.constant_until);
+            }
         }
-        self.expect_changes_after(u);
     }
 
     /// Goes to the pixel at `u`, further to the right in the same line. Calls `change` as
@@ -96,36 +140,26 @@ impl Availability {
 
     #[inline(never)]
     fn enter_column(&mut self, u: usize, mut change: impl FnMut(usize, usize, bool)) {
-        for k in 0..self.horizontal {
-            self.follow(k.into(), u, &mut change);
-        }
-        self.expect_changes_after(u);
-    }
-
-    #[inline(always)]
-    fn expect_changes_after(&mut self, u: usize) {
-        let complete = self.complete_columns.contains(&(u as u16));
-        self.constant_until = if complete { self.complete_columns.end } else { 0 };
-    }
-
-    /// Goes to a coordinate in the direction of the `k`-th view.
-    #[inline(always)]
-    fn follow(&mut self, k: usize, coordinate: usize, mut change: impl FnMut(usize, usize, bool)) {
-        let Some(reach) = self.views.get_mut(k) else { return };
-        let range = reach.at(coordinate, self.min_disparity, self.num_disparities);
-        let before = mem::replace(&mut reach.range, range.clone());
-        if range == before {
-            return;
-        }
-        // Only between the two starts and between the two ends can anything change.
-        for (from, to) in [(before.start, range.start), (before.end, range.end)] {
-            let (mut index, end) = (from.min(to), from.max(to));
-            while index < end {
-                change(k, index.into(), range.contains(&index));
-                index += 1;
+        let (least, count) = (self.min_disparity, self.num_disparities);
+        let (mut incomplete, mut constant_until) = (self.incomplete, self.width);
+        for (k, reach) in self.views.iter_mut().enumerate().take(self.sideways.into()) {
+            if u >= usize::from(reach.constant_until) {
+                let range = reach.at(u, self.width, least, count);
+                let is_complete = range == (0..count);
+                reach.follow(range, |index, available| change(k, index, available));
+                incomplete = incomplete & !(1 << k) | u8::from(!is_complete) << k;
+                reach.expect_change_after(u);
             }
+            constant_until = constant_until.min(reach.constant_until);
         }
-        self.incomplete = self.incomplete & !(1 << k) | u8::from(range != (0..self.num_disparities)) << k;
+        (self.incomplete, self.constant_until) = (incomplete, constant_until);
+    }
+
+    /// The disparities at which a pixel of the line in column `u` sees the `k`-th view, which leaves the column.
+    #[inline(always)]
+    fn at(&self, k: u8, u: usize) -> Range<u16> {
+        let reach = self.views.get(usize::from(k));
+        reach.map(|reach| reach.at(u, self.width, self.min_disparity, self.num_disparities)).unwrap_or_default()
     }
 
     /// The views that are not available at all disparities, as bits.
@@ -136,19 +170,25 @@ impl Availability {
     /// The views that are not available at all disparities in all of these columns of the line, as bits.
     #[inline(always)]
     pub fn incomplete_in(&self, columns: Range<usize>) -> u8 {
-        let vertical = self.incomplete >> self.horizontal << self.horizontal;
+        let all = 0..self.num_disparities;
         // What is available at both ends is available in between.
         let ends = [columns.start, columns.end.saturating_sub(1)];
-        let horizontal = self.views.iter().take(self.horizontal.into()).zip(0..);
-        horizontal.fold(vertical, |incomplete, (reach, k)| {
-            let complete = ends.map(|u| reach.at(u, self.min_disparity, self.num_disparities) == (0..self.num_disparities));
+        let vertical = self.incomplete & !all_views(self.sideways);
+        (0..self.sideways).fold(vertical, |incomplete, k| {
+            let complete = ends.map(|u| self.at(k, u) == all);
             incomplete | u8::from(complete != [true; 2]) << k
         })
     }
 
+    /// The views of the match.
+    #[inline(always)]
+    fn reaches(&self) -> impl Iterator<Item = &Reach> {
+        self.views.iter().take(self.len.into())
+    }
+
     /// Whether no view is available at any disparity.
     pub fn is_empty(&self) -> bool {
-        self.views.iter().all(|reach| reach.range.is_empty())
+        self.reaches().all(|reach| reach.range.is_empty())
     }
 
     /// The disparities at which the `k`-th view is available.
@@ -158,12 +198,12 @@ impl Availability {
 
     /// Whether some view is available at all disparities, so that every candidate exists.
     pub fn is_covered(&self) -> bool {
-        self.incomplete != (1 << self.len) - 1
+        self.incomplete != all_views(self.places)
     }
 
     /// The views that are available at a disparity, as bits; none outside the search.
     pub fn views_at(&self, index: usize) -> u8 {
-        let ranges = self.views.iter().map(|reach| reach.range.start.into()..reach.range.end.into());
+        let ranges = self.reaches().map(|reach| reach.range.start.into()..reach.range.end.into());
         ranges.zip(0..).fold(0, |views, (range, k): (Range<usize>, u8)| views | u8::from(range.contains(&index)) << k)
     }
 
@@ -178,7 +218,7 @@ impl Availability {
             }
             let first = start;
             let mut views = 0;
-            for (Reach { range, .. }, k) in self.views.iter().zip(0..) {
+            for (Reach { range, .. }, k) in self.reaches().zip(0..) {
                 if first < range.start {
                     end = end.min(range.start);
                 } else if first < range.end {
@@ -192,12 +232,15 @@ impl Availability {
     }
 }
 
-/// The columns in which every horizontal view is available at all disparities.
-fn complete_columns(search: &Search) -> Range<u16> {
+/// A bit for each of `len` views.
+const fn all_views(len: u8) -> u8 {
+    ((1_u16 << len) - 1) as u8
+}
+
+/// The columns that keep no match in a view from being inside the frame.
+fn complete_columns(search: &Search, view: View) -> Range<u16> {
     let width = search.width() as i32;
-    let columns = search.views().iter().filter(|view| view.is_horizontal()).fold(0..width, |columns, view| {
-        let ((nearest, _), (furthest, _)) = (view.shift(search.min_disparity()), view.shift(search.max_disparity()));
-        columns.start.max(-nearest.min(furthest))..columns.end.min(width - nearest.max(furthest))
-    });
-    columns.start as u16..columns.end.max(columns.start) as u16
+    let ((nearest, _), (furthest, _)) = (view.shift(search.min_disparity()), view.shift(search.max_disparity()));
+    let (start, end) = ((-nearest.min(furthest)).max(0), (width - nearest.max(furthest)).min(width));
+    start as u16..end.max(start) as u16
 }

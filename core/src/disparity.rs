@@ -91,6 +91,17 @@ impl Disparity {
         dividend.checked_div(sum.wrapping_mul(2)).map_or(Disparity::STEPS / 2, |steps| steps as i32)
     }
 
+    /// [`refine`](Disparity::refine) for costs up to 2^53.
+    pub fn refine_wide(d: i16, before: u64, at: u64, after: u64) -> Option<Disparity> {
+        let [fall, rise] = [before, after].map(|cost| cost.wrapping_sub(at) as i64);
+        let (steps, sum) = (i64::from(Disparity::STEPS), fall + rise);
+        let sign = if d < 0 || (d == 0 && fall < rise) { -1 } else { 1 };
+        // The floor of 64 (1/2 + shift) + 1/2, which is never negative, as in `steps`.
+        let dividend = steps * sign * (fall - rise) + sum * (steps + 1);
+        let shift = dividend.checked_div(2 * sum).unwrap_or(steps / 2) - steps / 2;
+        Disparity::from_bits((i64::from(d) * steps + sign * shift) as i16)
+    }
+
     /// The vertex of two lines of equal slope through the costs `a`, `c` and `b` (`before`, `at` and `after`)
     /// at `d - 1`, `d` and `d + 1` pixels: `d + (a - b) / (2 max(a, b) - 2 c)`, or `d` where the denominator is
     /// 0, rounded to the nearest step, halves away from zero (Shimizu and Okutomi, "Significance and

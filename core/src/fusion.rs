@@ -2,6 +2,8 @@
 
 use core::mem;
 
+use crate::Views;
+
 /// The rule that fuses the matching costs `c1 <= c2 <= ...` of the views in which a candidate is available.
 ///
 /// [`fuse`](Fusion::fuse) defines the rules for single costs. The [`kernel`](crate::kernel) states the same
@@ -18,11 +20,14 @@ pub enum Fusion {
     /// The paper's heuristic rule (eq. 9): the mean of the three least costs, or of the two least if
     /// `c3 > 3 c2`. With two views it is their mean, with one view that view's cost.
     Heuristic,
+    /// The mean of the least half of the costs: of `n` costs the least `n / 2`, rounded up. A point that some views
+    /// do not see is seen by those on the other side, so half of an array is enough and quiet.
+    Half,
 }
 
 impl Fusion {
     /// Every rule.
-    pub const ALL: [Fusion; 3] = [Fusion::Min, Fusion::Mean, Fusion::Heuristic];
+    pub const ALL: [Fusion; 4] = [Fusion::Min, Fusion::Mean, Fusion::Heuristic, Fusion::Half];
 
     /// The rule's name on command lines and in reports.
     pub const fn name(self) -> &'static str {
@@ -30,45 +35,67 @@ impl Fusion {
             Fusion::Min => "min",
             Fusion::Mean => "mean",
             Fusion::Heuristic => "heuristic",
+            Fusion::Half => "half",
         }
     }
 
-    /// The rule the paper uses for a number of views: the minimum for up to two, the heuristic rule for more.
+    /// The rule for a number of views: the paper's, which is the minimum for one or two and the heuristic rule for
+    /// three or four, and [`Half`](Fusion::Half) for more.
     pub const fn default_for(views: usize) -> Fusion {
-        if views <= 2 { Fusion::Min } else { Fusion::Heuristic }
+        match views {
+            0..=2 => Fusion::Min,
+            3 | 4 => Fusion::Heuristic,
+            _ => Fusion::Half,
+        }
     }
 
-    /// The factor from the cost of one view to this rule's integer scale: 1, 12 or 6.
+    /// The factor from the cost of one view to this rule's integer scale for so many views, at most
+    /// [`Views::MAX`].
     ///
     /// On that scale every mean is a whole number, so candidates seen in different numbers of views compare
-    /// exactly.
-    pub const fn scale(self) -> u32 {
+    /// exactly: it is a multiple of every number of costs that are averaged.
+    pub const fn scale(self, views: usize) -> u64 {
         match self {
             Fusion::Min => 1,
-            Fusion::Mean => 12,
+            Fusion::Mean if views <= 4 => 12,
+            Fusion::Mean if views <= 8 => 840,
+            Fusion::Mean => 5_354_228_880,
             Fusion::Heuristic => 6,
+            Fusion::Half if views <= 4 => 2,
+            Fusion::Half if views <= 8 => 12,
+            Fusion::Half => 27_720,
         }
     }
 
-    /// Fuses the costs of one to four views, [`NONE`](MatchingCost::NONE) where a view is not available, in
+    /// Fuses the costs of all views, [`NONE`](MatchingCost::NONE) where a view is not available, in
     /// any order.
     ///
     /// The result is `NONE` if no view is available. Integers come out on this rule's
     /// [`scale`](Fusion::scale); each must be at most 21 x 21 x 255, the largest block sum, so that no sum
-    /// leaves 32 bits. Floats stay on the scale of one view.
+    /// leaves 32 bits for [`Views::MAX_MATCHED`] views, and 53 bits for
+    /// [`Views::MAX`]. Floats stay on the scale of one view.
     #[inline]
     pub fn fuse<C: MatchingCost, const V: usize>(self, costs: [C; V]) -> C {
         match self {
             Fusion::Min => least(costs),
             Fusion::Mean => mean(costs),
             Fusion::Heuristic => heuristic(costs),
+            Fusion::Half => half(costs),
         }
     }
 }
 
+/// The greatest fused cost on the greatest scale is less than that of a candidate that does not exist, and can be
+/// refined.
+const _: () = {
+    let largest = 255 * 21 * 21;
+    assert!(largest * Fusion::Mean.scale(Views::MAX_MATCHED) < u32::MAX as u64);
+    assert!(largest * Fusion::Mean.scale(Views::MAX) < 1 << 53);
+};
+
 /// A matching cost of one candidate, as [`Fusion`] needs it.
 ///
-/// `u32` costs are fused exactly, on the rule's scale. `f32` costs are fused on the scale of one view.
+/// `u32` and `u64` costs are fused exactly, on the rule's scale. `f32` costs are fused on the scale of one view.
 pub trait MatchingCost: Copy + PartialOrd {
     /// The cost of a candidate that is not available. It compares above all others.
     const NONE: Self;
@@ -88,7 +115,7 @@ pub trait MatchingCost: Copy + PartialOrd {
     fn tripled(self) -> Self;
 
     /// The mean of `count` costs with this sum, times `scale` if costs are integers. `count` divides `scale`.
-    fn mean(self, count: u32, scale: u32) -> Self;
+    fn mean(self, count: u32, scale: u64) -> Self;
 }
 
 impl MatchingCost for u32 {
@@ -106,8 +133,28 @@ impl MatchingCost for u32 {
     }
 
     #[inline]
-    fn mean(self, count: u32, scale: u32) -> u32 {
-        self.wrapping_mul(scale / count.max(1))
+    fn mean(self, count: u32, scale: u64) -> u32 {
+        self.wrapping_mul(scale as u32 / count.max(1))
+    }
+}
+
+impl MatchingCost for u64 {
+    const NONE: u64 = u64::MAX;
+    const ZERO: u64 = 0;
+
+    #[inline]
+    fn plus(self, other: u64) -> u64 {
+        self.wrapping_add(other)
+    }
+
+    #[inline]
+    fn tripled(self) -> u64 {
+        self.wrapping_mul(3)
+    }
+
+    #[inline]
+    fn mean(self, count: u32, scale: u64) -> u64 {
+        self.wrapping_mul(scale / u64::from(count.max(1)))
     }
 }
 
@@ -126,7 +173,7 @@ impl MatchingCost for f32 {
     }
 
     #[inline]
-    fn mean(self, count: u32, _scale: u32) -> f32 {
+    fn mean(self, count: u32, _scale: u64) -> f32 {
         self / count as f32
     }
 }
@@ -147,14 +194,14 @@ fn mean<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
             count += 1;
         }
     }
-    if count == 0 { C::NONE } else { sum.mean(count, Fusion::Mean.scale()) }
+    if count == 0 { C::NONE } else { sum.mean(count, Fusion::Mean.scale(V)) }
 }
 
 /// Paper, eq. 9.
 #[inline]
 fn heuristic<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
-    let [c1, c2, c3] = three_least(costs);
-    let mean = |sum: C, count| sum.mean(count, Fusion::Heuristic.scale());
+    let [c1, c2, c3] = least_of(costs);
+    let mean = |sum: C, count| sum.mean(count, Fusion::Heuristic.scale(V));
     if !c1.exists() {
         C::NONE
     } else if !c2.exists() {
@@ -166,10 +213,22 @@ fn heuristic<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
     }
 }
 
-/// The three least costs in ascending order, by insertion: the standard library's sort is large.
+/// The mean of the least half. Adds in ascending order.
 #[inline]
-fn three_least<C: MatchingCost, const V: usize>(costs: [C; V]) -> [C; 3] {
-    let mut least = [C::NONE; 3];
+fn half<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
+    let sorted: [C; V] = least_of(costs);
+    let available = sorted.iter().filter(|cost| cost.exists()).count();
+    let (mut sum, count) = (C::ZERO, available.div_ceil(2));
+    for &cost in sorted.iter().take(count) {
+        sum = sum.plus(cost);
+    }
+    if count == 0 { C::NONE } else { sum.mean(count as u32, Fusion::Half.scale(V)) }
+}
+
+/// The `N` least costs in ascending order, by insertion: the standard library's sort is large.
+#[inline]
+fn least_of<C: MatchingCost, const V: usize, const N: usize>(costs: [C; V]) -> [C; N] {
+    let mut least = [C::NONE; N];
     for mut cost in costs {
         for sorted in &mut least {
             if cost < *sorted {

@@ -1,9 +1,9 @@
 //! Multiscopic block matching and semi-global matching for microcontrollers and hosts: scanlines in, disparity
 //! lines out, in fixed point and bounded memory.
 //!
-//! One camera is moved in its image plane and takes a centre image and up to four neighbours, one baseline
-//! away to the left, right, top and bottom. A point has the same disparity to each of them, so the matching
-//! costs of the pairs are fused into one. The method is that of *Active Perception with A Monocular Camera
+//! One camera is moved in its image plane and takes a centre image and neighbours, whole baselines away to the left,
+//! right, top and bottom. A point has the same disparity for each baseline to all of them, so the matching costs of
+//! the pairs are fused into one. The method is that of *Active Perception with A Monocular Camera
 //! for Multiscopic Vision* (Yuan, Fan, Wang, Chen). The documentation of [`View`], [`Fusion`], [`Search`],
 //! [`Params`] and [`Disparity`] defines the result, bit for bit.
 //!
@@ -11,7 +11,8 @@
 //!
 //! | room | what it is |
 //! | --- | --- |
-//! | `view` | [`View`], [`Views`], [`Frame`]: where the camera was, and where matches lie |
+//! | `view` | [`View`], [`Frame`]: where the camera was, and where matches lie |
+//! | `views` | [`Views`]: a set of views, in order |
 //! | `fusion` | [`Fusion`]: how the matching costs of several views become one |
 //! | `disparity` | [`Disparity`]: fixed point, and sub-pixel refinement |
 //! | `depth` | [`Triangulation`], [`Depth`]: from disparity to distance |
@@ -31,6 +32,8 @@
 //! which states why it is sound.
 //!
 //! # Features
+//! `array`: matchers take up to eight views instead of four.
+//!
 //! `defmt`: parameters, results and errors implement `defmt::Format`.
 #![no_std]
 
@@ -49,6 +52,7 @@ mod region;
 mod scanline;
 mod semi_global;
 mod view;
+mod views;
 
 pub use fixed;
 
@@ -62,4 +66,5 @@ pub use params::{Census, Params, ParamsError, PathPenalties, Search, SemiGlobalC
 pub use region::{Region, RegionError};
 pub use scanline::{Rewind, ScanlineSource};
 pub use semi_global::{PathWinners, SemiGlobalMatcher};
-pub use view::{Frame, View, Views};
+pub use view::{Frame, ParseViewError, View, ViewError};
+pub use views::Views;

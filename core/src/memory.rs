@@ -19,10 +19,14 @@ use crate::{
 /// | `masks` | `2 D` for each view, `4 D` from a block size of 17 |
 /// | `fused` | `2 D` for each pixel of a [batch](Isa::BATCH), `4 D` from a block size of 17; two vectors more if a batch has several |
 /// | `center` | `(2 rho + 2) X` |
-/// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each horizontal view |
-/// | `vertical` | `X (D + 2 rho + 16)` for each vertical view |
+/// | `horizontal` | `(2 rho + 2) (X + D - 1)` for each view one baseline to the left or right; `(2 rho + 2) X D` for one several baselines away |
+/// | `vertical` | `X (D + 2 rho + 16)` for each view above or below the centre; more for a view elsewhere, see below |
 /// | `zeros` | `2 D` for each view |
 /// | `line` | the frame's width |
+///
+/// A view `i` columns and `j` rows of the array away from the centre has the samples of `|j|` lines in turn. With
+/// `L = D + ceil((2 rho + 1) / |j|) + 15`, in which `D` is not rounded up, they take `|j| (X + |i| (D + L - 2)) L`
+/// bytes, and as many more as `D` is rounded up by for each of their stacks.
 ///
 /// Semi-global matching, which [`Memory::semi_global`] is for, has the same buffers if its costs are sums of
 /// absolute differences, and these besides. `W` is the frame's width.
@@ -39,8 +43,8 @@ use crate::{
 /// | buffer | bytes |
 /// | --- | --- |
 /// | `center` | `(2 ry + 1) (W + 2 rx)` for each frame, and `2 B W` |
-/// | `horizontal` | `2 B (W + D - 1)` for each horizontal view |
-/// | `vertical` | `B W (D + 16)` for each vertical view |
+/// | `horizontal` | `B` times that of blocks of one pixel: `2 B (W + D - 1)` one baseline away |
+/// | `vertical` | the same: `B W (D + 16)` above or below the centre |
 /// | `line` | `W` |
 ///
 /// For comparison, OpenCV's StereoBM takes `(height + block + 2) D (block + 1)` bytes of scratch for its
@@ -48,7 +52,7 @@ use crate::{
 ///
 /// ```
 /// use multiscopic_core::{Fusion, Memory, Params, Views, kernel::Portable};
-/// let params = Params::new(320, 240, Views::ALL, Fusion::Min, 1, 32, 11).unwrap();
+/// let params = Params::new(320, 240, Views::CROSS, Fusion::Min, 1, 32, 11).unwrap();
 /// assert!(Memory::new::<Portable<4>>(&params, 320).bytes() < 144 * 1024);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,9 +69,9 @@ pub struct Memory {
     pub fused: usize,
     /// Lines of the centre under the block.
     pub center: usize,
-    /// Lines of the horizontal views under the block.
+    /// Lines of the views in the centre's row of the array under the block.
     pub horizontal: usize,
-    /// Lines of the vertical views under the block and the search range, by column.
+    /// Lines of all other views under the block and the search range, by column.
     pub vertical: usize,
     /// The empty column, which leaves a block that is not full yet.
     pub zeros: usize,
@@ -85,16 +89,26 @@ impl Memory {
     /// The memory for regions of up to `columns` columns with an instruction set.
     pub const fn new<I: Isa>(params: &Params, columns: usize) -> Memory {
         let shape = Shape::new::<I>(params, columns);
-        let views = params.views().len();
-        let vertical_views = params.views().contains(View::Top) as usize + params.views().contains(View::Bottom) as usize;
+        let views = params.views().places();
+        let (mut horizontal, mut vertical) = (0, 0);
+        let mut k = 0;
+        while let Some(view) = params.views().get(k) {
+            let bytes = shape.frame_bytes(Frame::View(view));
+            if view.is_horizontal() {
+                horizontal += bytes;
+            } else {
+                vertical += bytes;
+            }
+            k += 1;
+        }
         Memory {
             column_sums: shape.align(2 * shape.span * views * shape.depth),
             block_sums: (1 + shape.kept_blocks) * shape.align(shape.lane_bytes * views * shape.depth),
             masks: shape.align(shape.lane_bytes * views * shape.depth),
             fused: shape.align(shape.lane_bytes * (I::BATCH * shape.depth + if I::BATCH > 1 { 2 * I::LANES } else { 0 })),
-            center: shape.align(shape.ring_lines * shape.span),
-            horizontal: (views - vertical_views) * shape.align(shape.ring_lines * shape.reach()),
-            vertical: vertical_views * shape.align(shape.span * shape.stack),
+            center: shape.frame_bytes(Frame::Center),
+            horizontal,
+            vertical,
             zeros: shape.align(2 * views * shape.depth),
             line: shape.align(params.width()),
             costs: 0,
@@ -164,10 +178,8 @@ pub(crate) struct Shape {
     pub depth: usize,
     /// Lines stored for a block: its own, and the one that leaves.
     pub ring_lines: usize,
-    /// Bytes of the stack of each column of a vertical view.
-    pub stack: usize,
-    /// Samples of a stack that a block needs: from its first line that leaves to its last that enters.
-    pub live: usize,
+    /// Disparities.
+    pub disparities: usize,
     /// Bytes of a block sum.
     pub lane_bytes: usize,
     /// Pixels of a batch whose block sums are kept for exact costs: all, if the rule can saturate.
@@ -177,30 +189,25 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
-    /// Free samples in a stack: lines that enter between two moves of its samples, less one. A move is by
-    /// whole words.
-    pub const SLACK: usize = 15;
-
     pub const fn new<I: Isa>(params: &Params, columns: usize) -> Shape {
         let depth = params.num_disparities().next_multiple_of(I::LANES);
         let ring_lines = params.block_size() + 1;
-        let live = params.num_disparities() + params.block_size();
         Shape {
             span: columns + 2 * params.radius(),
             depth,
             ring_lines,
-            stack: live + (depth - params.num_disparities()) + Shape::SLACK,
-            live,
+            disparities: params.num_disparities(),
             lane_bytes: if params.max_block_sum() < u16::MAX as u32 { 2 } else { 4 },
             kept_blocks: match Rule::new(params.fusion(), params.views().len()) {
-                Rule::Sum | Rule::Heuristic if I::BATCH > 1 => I::BATCH,
+                Rule::Sum | Rule::Heuristic | Rule::Half if I::BATCH > 1 => I::BATCH,
                 _ => 0,
             },
             vector_bytes: vector_bytes::<I>(),
         }
     }
 
-    /// Samples in a line of a horizontal view: the matches of every column at all disparities.
+    /// Samples in a line of a view one baseline to the left or right: the matches of every column at all
+    /// disparities.
     pub const fn reach(&self) -> usize {
         self.span + self.depth - 1
     }
@@ -209,13 +216,66 @@ impl Shape {
     pub const fn frame_bytes(&self, frame: Frame) -> usize {
         self.align(match frame {
             Frame::Center => self.ring_lines * self.span,
-            Frame::View(view) if view.is_horizontal() => self.ring_lines * self.reach(),
-            Frame::View(_) => self.span * self.stack,
+            Frame::View(View::LEFT | View::RIGHT) => self.ring_lines * self.reach(),
+            Frame::View(view) if view.is_horizontal() => self.ring_lines * self.span * self.depth,
+            Frame::View(view) => StackShape::new(self, view).bytes(),
         })
     }
 
     const fn align(&self, bytes: usize) -> usize {
         align(bytes, self.vector_bytes)
+    }
+}
+
+/// The sizes of the stacks that hold the samples of a view in another row of the array.
+///
+/// The match of a pixel at the next disparity is that of another pixel, `i` columns and `j` lines away, at the same
+/// disparity. So a stack serves a whole line of pixels in the direction of the view.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StackShape {
+    /// Lines from a match to that at the next disparity. As many sets of stacks take turns.
+    pub sets: usize,
+    /// Columns by which a stack moves to the right from one line of its set to the next.
+    pub slope: isize,
+    /// Columns of a line that get a sample.
+    pub columns: usize,
+    /// Samples that a block needs: from its first line that leaves to its last that enters.
+    pub live: usize,
+    /// Samples that fit a stack.
+    pub usable: usize,
+    /// Bytes of a stack, including those by which disparities are rounded up to whole vectors.
+    pub stack: usize,
+}
+
+impl StackShape {
+    /// Free samples in a stack: lines that enter between two moves of its samples, less one. A move is by
+    /// whole words.
+    const SLACK: usize = 15;
+
+    /// The stacks of `view`.
+    pub const fn new(shape: &Shape, view: View) -> StackShape {
+        let sets = view.down().unsigned_abs() as usize;
+        let block_size = shape.ring_lines - 1;
+        let live = shape.disparities + block_size.div_ceil(if sets > 0 { sets } else { 1 });
+        let usable = live + StackShape::SLACK;
+        StackShape {
+            sets,
+            slope: (view.right() * view.down().signum()) as isize,
+            columns: shape.span + view.right().unsigned_abs() as usize * (shape.disparities - 1),
+            live,
+            usable,
+            stack: usable + shape.depth - shape.disparities,
+        }
+    }
+
+    /// Bytes of a set of stacks.
+    pub const fn set_bytes(&self) -> usize {
+        (self.columns + self.slope.unsigned_abs() * (self.usable - 1)) * self.stack
+    }
+
+    /// Bytes of all sets.
+    const fn bytes(&self) -> usize {
+        self.sets * self.set_bytes()
     }
 }
 

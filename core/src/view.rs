@@ -1,46 +1,85 @@
 //! Views: where the camera was, and where matches lie.
 
-use core::ops::Range;
+use core::{cmp::Ordering, error, fmt, ops::Range, str::FromStr};
 
-/// A neighbouring position of the camera, one baseline away from the centre in the image plane.
+/// A neighbouring position of the camera: an offset from the centre in the image plane, in baselines to the
+/// right and down.
 ///
-/// With `u` to the right and `v` down, the match of centre pixel `(u, v)` at disparity `d` is
+/// With `u` to the right and `v` down, the match of centre pixel `(u, v)` at disparity `d` is `(u - i d, v - j d)`
+/// in the view `(i, j)`:
 ///
-/// | view | match |
-/// | --- | --- |
-/// | [`Right`](View::Right) | `(u - d, v)` |
-/// | [`Left`](View::Left) | `(u + d, v)` |
-/// | [`Top`](View::Top) | `(u, v + d)` |
-/// | [`Bottom`](View::Bottom) | `(u, v - d)` |
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// | view | offset | match |
+/// | --- | --- | --- |
+/// | [`LEFT`](View::LEFT) | `(-1, 0)` | `(u + d, v)` |
+/// | [`RIGHT`](View::RIGHT) | `(1, 0)` | `(u - d, v)` |
+/// | [`TOP`](View::TOP) | `(0, -1)` | `(u, v + d)` |
+/// | [`BOTTOM`](View::BOTTOM) | `(0, 1)` | `(u, v - d)` |
+///
+/// These four are written by their names, such as `left`, and all others as their offsets, such as `1,-1`.
+///
+/// ```
+/// use multiscopic_core::View;
+/// const TOP_RIGHT: View = match View::new(1, -1) {
+///     Ok(view) => view,
+///     Err(_) => panic!("the offset is out of range"),
+/// };
+/// assert_eq!(TOP_RIGHT.match_of((5, 5), 2, (10, 10)), Some((3, 7)));
+/// assert_eq!("1,-1".parse(), Ok(TOP_RIGHT));
+/// assert_eq!("left".parse(), Ok(View::LEFT));
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum View {
-    /// The camera moved to the left.
-    Left,
-    /// The camera moved to the right.
-    Right,
-    /// The camera moved up.
-    Top,
-    /// The camera moved down.
-    Bottom,
+pub struct View {
+    right: i8,
+    down: i8,
 }
 
 impl View {
-    /// Every view, in the order of the matcher.
-    pub const ALL: [View; 4] = [View::Left, View::Right, View::Top, View::Bottom];
+    /// The camera moved to the left by a baseline.
+    pub const LEFT: View = View { right: -1, down: 0 };
+    /// The camera moved to the right by a baseline.
+    pub const RIGHT: View = View { right: 1, down: 0 };
+    /// The camera moved up by a baseline.
+    pub const TOP: View = View { right: 0, down: -1 };
+    /// The camera moved down by a baseline.
+    pub const BOTTOM: View = View { right: 0, down: 1 };
+
+    /// The four nearest views, in the order of [`Views`](crate::Views).
+    pub const CROSS: [View; 4] = [View::LEFT, View::RIGHT, View::TOP, View::BOTTOM];
+
+    /// The most baselines from the centre, in each direction. At any disparity, coordinates of matches then fit
+    /// 16 bits.
+    pub const MAX_OFFSET: i8 = 8;
+
+    /// The view `right` baselines to the right of the centre and `down` baselines below it.
+    ///
+    /// # Errors
+    /// The offset is `(0, 0)`, which is the centre, or leaves -8..=8.
+    pub const fn new(right: i8, down: i8) -> Result<View, ViewError> {
+        let most = View::MAX_OFFSET;
+        let is_within = -most <= right && right <= most && -most <= down && down <= most;
+        if !is_within || (right == 0 && down == 0) {
+            return Err(ViewError { right, down });
+        }
+        Ok(View { right, down })
+    }
+
+    /// Baselines to the right of the centre.
+    pub const fn right(self) -> i8 {
+        self.right
+    }
+
+    /// Baselines below the centre.
+    pub const fn down(self) -> i8 {
+        self.down
+    }
 
     /// How far the match of a pixel lies from that pixel at a disparity of `d` pixels: `(du, dv)`.
     ///
     /// This is the one definition of the table above.
     #[inline(always)]
     pub const fn shift(self, d: i16) -> (i32, i32) {
-        let d = d as i32;
-        match self {
-            View::Left => (d, 0),
-            View::Right => (-d, 0),
-            View::Top => (0, d),
-            View::Bottom => (0, -d),
-        }
+        (-(self.right as i32) * d as i32, -(self.down as i32) * d as i32)
     }
 
     /// The match of pixel `(u, v)` at a disparity of `d` pixels, or `None` if it lies outside a frame of
@@ -48,8 +87,8 @@ impl View {
     ///
     /// ```
     /// use multiscopic_core::View;
-    /// assert_eq!(View::Right.match_of((5, 7), 3, (10, 10)), Some((2, 7)));
-    /// assert_eq!(View::Right.match_of((5, 7), 6, (10, 10)), None);
+    /// assert_eq!(View::RIGHT.match_of((5, 7), 3, (10, 10)), Some((2, 7)));
+    /// assert_eq!(View::RIGHT.match_of((5, 7), 6, (10, 10)), None);
     /// ```
     #[inline(always)]
     pub const fn match_of(self, (u, v): (usize, usize), d: i16, (width, height): (usize, usize)) -> Option<(usize, usize)> {
@@ -63,106 +102,168 @@ impl View {
     /// Whether the camera moved along the image's rows, so that matches lie in the same line.
     #[inline(always)]
     pub const fn is_horizontal(self) -> bool {
-        self.shift(1).1 == 0
+        self.down == 0
     }
 
-    /// `+1` where a match's coordinate grows with the disparity, `-1` where it falls.
+    /// Whether the camera moved along the image's columns, so that matches lie in the same column.
     #[inline(always)]
-    pub const fn sign(self) -> i32 {
-        let (du, dv) = self.shift(1);
-        du + dv
+    pub const fn is_vertical(self) -> bool {
+        self.right == 0
     }
 
-    /// The view's name, in lower case.
-    pub const fn name(self) -> &'static str {
+    /// The view's name, in lower case, if it is one of the [`CROSS`](View::CROSS).
+    pub const fn name(self) -> Option<&'static str> {
         match self {
-            View::Left => "left",
-            View::Right => "right",
-            View::Top => "top",
-            View::Bottom => "bottom",
+            View::LEFT => Some("left"),
+            View::RIGHT => Some("right"),
+            View::TOP => Some("top"),
+            View::BOTTOM => Some("bottom"),
+            _ => None,
         }
     }
 
-    /// The disparities at which the match of a pixel lies inside the image, as indices into the `count`
-    /// disparities from `least` on. `coordinate` and `size` are those of the pixel and the image in the
-    /// direction of the view.
+    /// The disparities at which the match of pixel `(u, v)` lies inside a frame of `(width, height)` pixels, as
+    /// indices into the `count` disparities from `least` on.
     ///
     /// ```
     /// use multiscopic_core::View;
     /// // From column 2, matches move to the left: those at the disparities 0, 1 and 2 are inside.
-    /// assert_eq!(View::Right.available(2, 100, 0, 8), 0..3);
+    /// assert_eq!(View::RIGHT.available((2, 7), (100, 100), 0, 8), 0..3);
     /// ```
     #[inline(always)]
-    pub fn available(self, coordinate: usize, size: usize, least: i16, count: usize) -> Range<u16> {
-        let (coordinate, size) = (coordinate as i32, size as i32);
-        let (from, to) = match self.sign() {
-            1 => (-coordinate, size - coordinate),
-            _ => (coordinate - size + 1, coordinate + 1),
-        };
-        let index = |d: i32| (d - i32::from(least)).max(0).min(count as i32) as u16;
-        index(from)..index(to)
+    pub fn available(self, (u, v): (usize, usize), (width, height): (usize, usize), least: i16, count: usize) -> Range<u16> {
+        let columns = self.available_in_columns(u, width, least, count);
+        let rows = self.available_in_rows(v, height, least, count);
+        let start = columns.start.max(rows.start);
+        start..columns.end.min(rows.end).max(start)
     }
 
-    const fn bit(self) -> u8 {
-        1 << self as u8
+    /// [`available`](View::available), as far as columns limit it.
+    #[inline(always)]
+    pub(crate) fn available_in_columns(self, u: usize, width: usize, least: i16, count: usize) -> Range<u16> {
+        available_along(self.right, u, width, least, count)
+    }
+
+    /// [`available`](View::available), as far as rows limit it.
+    #[inline(always)]
+    pub(crate) fn available_in_rows(self, v: usize, height: usize, least: i16, count: usize) -> Range<u16> {
+        available_along(self.down, v, height, least, count)
+    }
+
+    /// What [`Views`](crate::Views) are ordered by: views whose matches leave the column come first, of those the
+    /// ones whose matches stay in the line, and the nearest of each.
+    pub(crate) const fn rank(self) -> u32 {
+        let distance = self.right.unsigned_abs() as u32 + self.down.unsigned_abs() as u32;
+        let place = (self.down + View::MAX_OFFSET) as u32 * 32 + (self.right + View::MAX_OFFSET) as u32;
+        (self.is_vertical() as u32) << 21 | (!self.is_horizontal() as u32) << 20 | distance << 10 | place
     }
 }
 
-/// A set of neighbouring views.
-///
-/// ```
-/// use multiscopic_core::{View, Views};
-/// const PAIR: Views = Views::NONE.with(View::Left).with(View::Right);
-/// assert_eq!(PAIR.len(), 2);
-/// assert!(PAIR.iter().eq([View::Left, View::Right]));
-/// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+/// The disparities, as indices into the `count` ones from `least` on, at which a match stays inside the frame in
+/// one direction, in which a view lies `step` baselines from the centre. `coordinate` and `size` are those of the
+/// pixel and the frame in that direction.
+#[inline(always)]
+fn available_along(step: i8, coordinate: usize, size: usize, least: i16, count: usize) -> Range<u16> {
+    // The pixels from this one to the side that matches move to with the disparity, and to the other side.
+    let (coordinate, size) = (coordinate as i32, size as i32);
+    let opposite = size - 1 - coordinate;
+    let (ahead, behind) = match step {
+        0 => return 0..count as u16,
+        1.. => (coordinate, opposite),
+        _ => (opposite, coordinate),
+    };
+    let distance = i32::from(step.unsigned_abs());
+    let steps = |pixels: i32| if distance == 1 { pixels } else { pixels.checked_div(distance).unwrap_or_default() };
+    let index = |d: i32| (d - i32::from(least)).max(0).min(count as i32) as u16;
+    index(-steps(behind))..index(steps(ahead) + 1)
+}
+
+/// The order of [`Views`](crate::Views).
+impl Ord for View {
+    fn cmp(&self, other: &View) -> Ordering {
+        self.rank().cmp(&other.rank())
+    }
+}
+
+impl PartialOrd for View {
+    fn partial_cmp(&self, other: &View) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl fmt::Display for View {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.name() {
+            Some(name) => f.pad(name),
+            None => write!(f, "{},{}", self.right, self.down),
+        }
+    }
+}
+
+impl fmt::Debug for View {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl FromStr for View {
+    type Err = ParseViewError;
+
+    /// Parses a name or an offset, as they are displayed.
+    fn from_str(text: &str) -> Result<View, ParseViewError> {
+        if let Some(view) = View::CROSS.into_iter().find(|view| view.name() == Some(text)) {
+            return Ok(view);
+        }
+        let (right, down) = text.split_once(',').ok_or(ParseViewError::Syntax)?;
+        match (right.trim().parse(), down.trim().parse()) {
+            (Ok(right), Ok(down)) => View::new(right, down).map_err(ParseViewError::Offset),
+            _ => Err(ParseViewError::Syntax),
+        }
+    }
+}
+
+/// An offset that is no view's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Views(u8);
+pub struct ViewError {
+    right: i8,
+    down: i8,
+}
 
-impl Views {
-    /// No view.
-    pub const NONE: Views = Views(0);
-    /// The classic stereo pair: centre and right.
-    pub const STEREO: Views = Views::NONE.with(View::Right);
-    /// Left and right.
-    pub const HORIZONTAL: Views = Views::STEREO.with(View::Left);
-    /// Left, right and top.
-    pub const THREE: Views = Views::HORIZONTAL.with(View::Top);
-    /// All four neighbours.
-    pub const ALL: Views = Views::THREE.with(View::Bottom);
-
-    /// This set with `view` added.
-    pub const fn with(self, view: View) -> Views {
-        Views(self.0 | view.bit())
-    }
-
-    /// Whether `view` is in the set.
-    pub const fn contains(self, view: View) -> bool {
-        self.0 & view.bit() != 0
-    }
-
-    /// The number of views in the set, 0 to 4.
-    pub const fn len(self) -> usize {
-        self.0.count_ones() as usize
-    }
-
-    /// Whether the set is empty.
-    pub const fn is_empty(self) -> bool {
-        self.0 == 0
-    }
-
-    /// The views in the set, in the order of [`View::ALL`].
-    pub fn iter(self) -> impl Iterator<Item = View> {
-        View::ALL.into_iter().filter(move |&view| self.contains(view))
+impl fmt::Display for ViewError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (right, down, most) = (self.right, self.down, View::MAX_OFFSET);
+        match (right, down) {
+            (0, 0) => write!(f, "the offset 0,0 is the centre's"),
+            _ => write!(f, "the offset {right},{down} leaves -{most}..={most}"),
+        }
     }
 }
 
-impl FromIterator<View> for Views {
-    fn from_iter<I: IntoIterator<Item = View>>(views: I) -> Views {
-        views.into_iter().fold(Views::NONE, Views::with)
+impl error::Error for ViewError {}
+
+/// Why a text is not a view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ParseViewError {
+    /// It is neither a name nor two numbers.
+    Syntax,
+    /// The offset is no view's.
+    Offset(ViewError),
+}
+
+impl fmt::Display for ParseViewError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ParseViewError::Syntax => {
+                write!(f, "a view is left, right, top, bottom, or its baselines to the right and down, such as 1,-1")
+            }
+            ParseViewError::Offset(error) => error.fmt(f),
+        }
     }
 }
+
+impl error::Error for ParseViewError {}
 
 /// One of the frames of a capture: the reference in the centre or a neighbouring view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -174,12 +275,11 @@ pub enum Frame {
     View(View),
 }
 
-impl Frame {
-    /// The frame's name, in lower case.
-    pub const fn name(self) -> &'static str {
+impl fmt::Display for Frame {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Frame::Center => "center",
-            Frame::View(view) => view.name(),
+            Frame::Center => f.pad("center"),
+            Frame::View(view) => view.fmt(f),
         }
     }
 }

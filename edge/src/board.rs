@@ -11,7 +11,7 @@ use multiscopic_core::{Rewind, Search};
 /// ```
 /// use core::{convert::Infallible, time::Duration};
 /// use embedded_io::Write;
-/// use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, Search, Views};
+/// use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, Search, View, Views};
 /// use multiscopic_edge::{Board, Lengths, Matching, Phase, Workspace};
 ///
 /// /// The kernel of the processor: `Dsp` for a Cortex-M4 or M7, `Mve` for a Cortex-M55.
@@ -43,7 +43,8 @@ use multiscopic_core::{Rewind, Search};
 ///     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Infallible> {
 ///         let frame = match frame {
 ///             Frame::Center => self.frames[0],
-///             Frame::View(view) => self.frames[1 + view as usize],
+///             Frame::View(View::LEFT) => self.frames[1],
+///             Frame::View(_) => self.frames[2],
 ///         };
 ///         line.copy_from_slice(&frame[v * PARAMS.width()..][..PARAMS.width()]);
 ///         Ok(())

@@ -98,7 +98,7 @@ struct MatchSize {
 impl MatchSize {
     /// A match against all four neighbours.
     const fn new(width: u16, height: u16, num_disparities: u16, block_size: u8) -> MatchSize {
-        MatchSize { width, height, views: Views::ALL, num_disparities, block_size }
+        MatchSize { width, height, views: Views::CROSS, num_disparities, block_size }
     }
 
     const fn search(self, fusion: Fusion) -> Search {

@@ -7,7 +7,7 @@ use multiscopic_core::{Frame, Rewind, ScanlineSource, View, Views};
 /// A stream for each frame, which gives the frame's lines from top to bottom, one byte a pixel.
 pub struct Streams<R> {
     center: FrameStream<R>,
-    views: [Option<FrameStream<R>>; View::ALL.len()],
+    views: [Option<(View, FrameStream<R>)>; Views::MAX_MATCHED],
 }
 
 impl<R: Read> Streams<R> {
@@ -16,9 +16,9 @@ impl<R: Read> Streams<R> {
     /// # Errors
     /// The first error that `open` returns.
     pub fn open<E>(views: Views, mut open: impl FnMut(Frame) -> Result<R, E>) -> Result<Streams<R>, E> {
-        let mut streams = Streams { center: FrameStream::new(open(Frame::Center)?), views: [const { None }; View::ALL.len()] };
-        for view in views.iter() {
-            streams.views[view as usize] = Some(FrameStream::new(open(Frame::View(view))?));
+        let mut streams = Streams { center: FrameStream::new(open(Frame::Center)?), views: [const { None }; Views::MAX_MATCHED] };
+        for (stream, view) in streams.views.iter_mut().zip(views.iter()) {
+            *stream = Some((view, FrameStream::new(open(Frame::View(view))?)));
         }
         Ok(streams)
     }
@@ -26,7 +26,10 @@ impl<R: Read> Streams<R> {
     fn get_mut(&mut self, frame: Frame) -> Option<&mut FrameStream<R>> {
         match frame {
             Frame::Center => Some(&mut self.center),
-            Frame::View(view) => self.views[view as usize].as_mut(),
+            Frame::View(view) => {
+                let mut streams = self.views.iter_mut().flatten();
+                streams.find_map(|(of_view, stream)| (*of_view == view).then_some(stream))
+            }
         }
     }
 }
@@ -51,8 +54,7 @@ impl<R: Read> ScanlineSource for Streams<R> {
 /// For matching in column tiles, which reads every frame once for each tile.
 impl<R: Read + Seek> Rewind for Streams<R> {
     fn rewind(&mut self) -> Result<(), Self::Error> {
-        let views = View::ALL.map(Frame::View).into_iter().zip(self.views.iter_mut().map(Option::as_mut));
-        let views = views.filter_map(|(frame, stream)| Some((frame, stream?)));
+        let views = self.views.iter_mut().flatten().map(|(view, stream)| (Frame::View(*view), stream));
         for (frame, stream) in [(Frame::Center, &mut self.center)].into_iter().chain(views) {
             stream.reader.rewind().map_err(|error| StreamsError::Rewind { frame, error })?;
             stream.next = 0;
@@ -143,12 +145,12 @@ impl<E: error::Error + 'static> error::Error for StreamsError<E> {
 mod tests {
     use super::*;
 
-    const LEFT: Frame = Frame::View(View::Left);
+    const LEFT: Frame = Frame::View(View::LEFT);
 
     /// Lines of three pixels: two of the centre, one of the left view.
     fn streams() -> Streams<&'static [u8]> {
         let pixels = |frame| if frame == Frame::Center { &[1, 2, 3, 4, 5, 6][..] } else { &[7, 8, 9][..] };
-        Streams::open(Views::NONE.with(View::Left), |frame| Ok::<_, ()>(pixels(frame))).unwrap()
+        Streams::open(Views::NONE.with(View::LEFT), |frame| Ok::<_, ()>(pixels(frame))).unwrap()
     }
 
     #[test]
@@ -169,7 +171,7 @@ mod tests {
     #[test]
     fn a_short_stream_and_a_missing_one_have_errors_of_their_own() {
         assert_eq!(streams().read_line(LEFT, 0, &mut [0; 4]), Err(StreamsError::Ended { frame: LEFT, line: 0 }));
-        let top = Frame::View(View::Top);
+        let top = Frame::View(View::TOP);
         assert_eq!(streams().read_line(top, 0, &mut [0; 3]), Err(StreamsError::NoStream { frame: top }));
     }
 }

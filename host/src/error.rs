@@ -45,7 +45,7 @@ pub enum Error {
     #[error(transparent)]
     Device(Box<dyn std::error::Error + Send + Sync>),
     /// A capture failed. The stage has stopped.
-    #[error("{}{source}", frame.map_or(String::new(), |frame| format!("{} frame: ", frame.name())))]
+    #[error("{}{source}", frame.map_or(String::new(), |frame| format!("{frame} frame: ")))]
     Capture {
         /// The frame that was being captured, if any.
         frame: Option<Frame>,

@@ -28,7 +28,7 @@ const PIXELS: usize = 32;
 const SIZE: [u16; 2] = [640, 240];
 
 static FRAMES: LazyLock<Frames> =
-    LazyLock::new(|| render(&Scene::demo(), &PinholeCamera::new(SIZE[0].into(), SIZE[1].into()), 1).frames(Views::ALL));
+    LazyLock::new(|| render(&Scene::demo(), &PinholeCamera::new(SIZE[0].into(), SIZE[1].into()), 1).frames(Views::CROSS));
 
 fn main() {
     divan::main();
@@ -58,9 +58,9 @@ fn cases<const N: usize>(matches: [(Views, Fusion); N]) -> impl Iterator<Item = 
 #[divan::bench(args = cases([
     (Views::STEREO, Fusion::Min),
     (Views::HORIZONTAL, Fusion::Min),
-    (Views::ALL, Fusion::Min),
-    (Views::ALL, Fusion::Mean),
-    (Views::ALL, Fusion::Heuristic),
+    (Views::CROSS, Fusion::Min),
+    (Views::CROSS, Fusion::Mean),
+    (Views::CROSS, Fusion::Heuristic),
 ]), sample_count = 10, sample_size = 1)]
 fn matches(bencher: Bencher, case: Case) {
     bench_match(bencher, case, 1, DISPARITIES, BLOCK_SIZE);
@@ -77,7 +77,7 @@ fn refinement(bencher: Bencher, case: Case) {
 #[divan::bench(args = [1, thread::available_parallelism().map_or(1, usize::from)], sample_count = 20, sample_size = 1)]
 fn threads(bencher: Bencher, threads: usize) {
     let simd = Simd::fastest(DISPARITIES.into());
-    bench_match(bencher, Case { simd, views: Views::ALL, fusion: Fusion::Heuristic }, threads, DISPARITIES, BLOCK_SIZE);
+    bench_match(bencher, Case { simd, views: Views::CROSS, fusion: Fusion::Heuristic }, threads, DISPARITIES, BLOCK_SIZE);
 }
 
 fn bench_match(bencher: Bencher, case: Case, threads: usize, disparities: u16, block_size: u8) {
@@ -172,13 +172,13 @@ impl<I: Blocks<u16>> Work for BlocksWork<'_, I> {
 }
 
 /// Fuses the costs of four views.
-#[divan::bench(args = cases(Fusion::ALL.map(|fusion| (Views::ALL, fusion))))]
+#[divan::bench(args = cases(Fusion::ALL.map(|fusion| (Views::CROSS, fusion))))]
 fn fusion(bencher: Bencher, case: Case) {
     case.simd.run(FusedCosts(bencher, Rule::new(case.fusion, VIEWS)));
 }
 
 /// The views of [`fusion`].
-const VIEWS: usize = Views::ALL.len();
+const VIEWS: usize = Views::CROSS.len();
 
 struct FusedCosts<'a, 'b>(Bencher<'a, 'b>, Rule);
 

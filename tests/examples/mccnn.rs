@@ -58,7 +58,7 @@ fn main() -> Result<()> {
         let pixels = (0..usize::from(options.width) * usize::from(options.height)).map(|_| random.byte()).collect();
         image::GrayImage::from_raw(options.width.into(), options.height.into(), pixels).expect("the size of the image")
     };
-    let views: Views = [View::Right, View::Left, View::Bottom, View::Top].into_iter().take(options.views).collect();
+    let views: Views = [View::RIGHT, View::LEFT, View::BOTTOM, View::TOP].into_iter().take(options.views).collect();
     let frames = views.iter().fold(Frames::new(noise()), |frames, view| frames.with(view, noise()));
 
     let run = || {

@@ -96,6 +96,7 @@ fn name(fusion: Fusion) -> &'static str {
         Min => "min",
         Mean => "mean",
         Heuristic => "heuristic",
+        Fusion::Half => "half",
     }
 }
 

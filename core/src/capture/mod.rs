@@ -66,7 +66,7 @@
 //!     }
 //! }
 //!
-//! let plan = Plan::cross(Views::ALL, 20_000);
+//! let plan = Plan::new(Views::CROSS, 20_000);
 //! let policy = Policy { settle: Duration::from_millis(300), ..Policy::default() };
 //! let (mut stage, mut camera) = (Teleport(None), Counter(0));
 //! let mut sequence = Sequence::new(plan.positions(), policy);

@@ -24,7 +24,7 @@ impl Position {
             Frame::View(view) => {
                 // A match moves against the camera.
                 let (du, dv) = view.shift(1);
-                Position { x_um: -du * baseline_um, y_um: -dv * baseline_um }
+                Position { x_um: baseline_um.saturating_mul(-du), y_um: baseline_um.saturating_mul(-dv) }
             }
         }
     }

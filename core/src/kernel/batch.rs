@@ -30,17 +30,20 @@ pub(crate) struct Batch<'a, 'm, L: Lane, I: Blocks<L>, const V: usize> {
 }
 
 impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
-    /// Whether blocks of so many vectors in each view stay in registers.
-    pub const fn has_registers(vectors: usize) -> bool {
-        I::IN_REGISTERS && (vectors == 1 || vectors == 2)
-    }
+    /// The most vectors in each view of blocks that stay in registers.
+    pub const VECTORS: usize = match V {
+        _ if !I::IN_REGISTERS => 0,
+        1..=4 => 2,
+        _ => 1,
+    };
 
     /// Slides the block along the pixels and fuses its sums.
     #[cfg_attr(not(debug_assertions), inline(always))]
     pub fn fuse(self, isa: I, steps: &mut Steps<'_, I, V>) {
-        match self.blocks.len() {
-            1 => self.fuse_vectors::<1>(isa, steps),
-            _ => self.fuse_vectors::<2>(isa, steps),
+        if const { Self::VECTORS > 1 } && self.blocks.len() > 1 {
+            self.fuse_vectors::<2>(isa, steps);
+        } else {
+            self.fuse_vectors::<1>(isa, steps);
         }
     }
 
@@ -59,6 +62,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
         match self.rule {
             // Masks cannot hide views from a sum.
             Rule::Sum if V > 1 && !MASKED => self.fuse_by_rule::<J, MASKED, PADDED>(isa, Rule::Sum, steps),
+            Rule::Half if Rule::HAS_HALF && V > 2 => self.fuse_by_rule::<J, MASKED, PADDED>(isa, Rule::Half, steps),
             Rule::Heuristic if V > 2 => self.fuse_by_rule::<J, MASKED, PADDED>(isa, Rule::Heuristic, steps),
             _ => self.fuse_by_rule::<J, MASKED, PADDED>(isa, Rule::Min, steps),
         }
@@ -117,7 +121,8 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
                             costs[k] = costs[k].max(masks[j][k]);
                         }
                     }
-                    let costs = rule.fuse(costs).ordered();
+                    let costs = if MASKED { rule.fuse_masked(costs, isa.splat(L::MAX)) } else { rule.fuse(costs) };
+                    let costs = costs.ordered();
                     let costs = if PADDED && j + 1 == J { costs.max(padding) } else { costs };
                     costs.store(fused);
                 }

@@ -1,7 +1,7 @@
 //! The fusion rules in lanes.
 
 use super::vector::{Block, Lane};
-use crate::Fusion;
+use crate::{Fusion, Views};
 
 /// How the costs of the views are fused in lanes.
 ///
@@ -14,17 +14,23 @@ pub enum Rule {
     Min,
     /// The sum of all costs.
     Sum,
-    /// Six times the mean of the least three or two costs, of three or four views.
+    /// Six times the mean of the least three or two costs, of three views or more.
     Heuristic,
+    /// The sum of the least half of the costs, of three views or more.
+    Half,
 }
 
 impl Rule {
-    /// The rule for one to four views.
+    /// Whether [`Rule::Half`] is fused in lanes. Otherwise exact costs do, one by one.
+    pub(crate) const HAS_HALF: bool = Views::MAX_MATCHED > 4;
+
+    /// The rule for one to eight views.
     pub const fn new(fusion: Fusion, views: usize) -> Rule {
         match (fusion, views) {
-            (Fusion::Min, _) | (_, ..=1) => Rule::Min,
+            (Fusion::Min, _) | (_, ..=1) | (Fusion::Half, 2) => Rule::Min,
             (Fusion::Mean, _) | (Fusion::Heuristic, 2) => Rule::Sum,
             (Fusion::Heuristic, _) => Rule::Heuristic,
+            (Fusion::Half, _) => Rule::Half,
         }
     }
 
@@ -34,7 +40,7 @@ impl Rule {
     /// A sum has no such cost. The heuristic rule ignores it, unless it is left with a single view.
     pub const fn masks(self, views: usize, incomplete: usize) -> bool {
         match self {
-            Rule::Min => true,
+            Rule::Min | Rule::Half => true,
             Rule::Sum => false,
             Rule::Heuristic => views >= incomplete + 2,
         }
@@ -46,9 +52,11 @@ impl Rule {
         match (self, views) {
             (Rule::Min, _) => 1,
             (Rule::Heuristic, _) => 6,
+            (Rule::Half, _) if is_complete => views.div_ceil(2) as u32,
+            (Rule::Half, _) => Fusion::Half.scale(views) as u32,
             (Rule::Sum, 2) => 2,
             (Rule::Sum, _) if is_complete => views as u32,
-            (Rule::Sum, _) => 12,
+            (Rule::Sum, _) => Fusion::Mean.scale(views) as u32,
         }
     }
 
@@ -59,6 +67,7 @@ impl Rule {
             (Rule::Sum, &[a, b]) => a.add(b),
             (Rule::Sum, &[a, b, c]) => a.add(b).add(c),
             (Rule::Sum, &[a, b, c, d]) => a.add(b).add(c).add(d),
+            (Rule::Sum, &[a, ref rest @ ..]) => sum(a, rest),
             (Rule::Heuristic, &[a, b, c]) => {
                 let (low, high) = (a.min(b), a.max(b));
                 heuristic(low.min(c), low.max(c).min(high), high.max(c))
@@ -69,6 +78,15 @@ impl Rule {
                 let (x, y) = (a.max(c), b.min(d));
                 heuristic(a.min(c), x.min(y), x.max(y))
             }
+            (Rule::Heuristic, &[a, b, c, ref rest @ ..]) => {
+                let [mut c1, mut c2, mut c3] = sorted_three([a, b, c]);
+                for &cost in rest {
+                    let (second, third) = (cost.max(c1), cost.max(c1).max(c2));
+                    (c1, c2, c3) = (c1.min(cost), c2.min(second), c3.min(third));
+                }
+                heuristic(c1, c2, c3)
+            }
+            (Rule::Half, _) if Rule::HAS_HALF && V > 2 => half_of_all(costs),
             _ => {
                 let mut least = costs[0];
                 for &cost in costs.iter().skip(1) {
@@ -79,16 +97,25 @@ impl Rule {
         }
     }
 
+    /// Fuses costs of which some may be `maximum`, [`Lane::MAX`] in every lane, where a mask hides the view.
+    #[inline(always)]
+    pub(crate) fn fuse_masked<L: Lane, B: Block<L>, const V: usize>(self, costs: [B; V], maximum: B) -> B {
+        if Rule::HAS_HALF && V > 2 && self == Rule::Half { half_of_available(costs, maximum) } else { self.fuse(costs) }
+    }
+
     /// Fuses the costs of the `available` views, a bit for each, on one scale whatever their number. An
     /// unavailable view has the cost [`Rule::neutral`]. `maximum` is [`Lane::MAX`] in every lane: the cost if
-    /// no view is available.
+    /// no view is available, and for the sum of some of five views or more, whose scale is too large for lanes.
     #[inline(always)]
     pub(super) fn fuse_available<L: Lane, B: Block<L>, const V: usize>(self, available: u8, costs: [B; V], maximum: B) -> B {
         match (self, available.count_ones()) {
             (_, 0) => maximum,
-            (Rule::Min, _) => Rule::Min.fuse(costs),
+            (Rule::Half, _) if Rule::HAS_HALF && V > 2 => half_of_available(costs, maximum),
+            // Of two costs, the least half is the least.
+            (Rule::Min | Rule::Half, _) => Rule::Min.fuse(costs),
             (Rule::Heuristic, 1) => six_times(Rule::Min.fuse(costs)),
             (Rule::Heuristic, _) => Rule::Heuristic.fuse(costs),
+            (Rule::Sum, _) if V > 4 => maximum,
             (Rule::Sum, count) => {
                 let sum = Rule::Sum.fuse(costs);
                 match (V, count) {
@@ -126,4 +153,89 @@ fn heuristic<L, B: Block<L>>(c1: B, c2: B, c3: B) -> B {
 fn six_times<L, B: Block<L>>(cost: B) -> B {
     let twice = cost.add(cost);
     twice.add(twice).add(twice)
+}
+
+/// The sum of costs.
+#[inline(always)]
+fn sum<L, B: Block<L>>(first: B, rest: &[B]) -> B {
+    let mut sum = first;
+    for &cost in rest {
+        sum = sum.add(cost);
+    }
+    sum
+}
+
+/// Three costs in ascending order.
+#[inline(always)]
+fn sorted_three<L, B: Block<L>>([a, b, c]: [B; 3]) -> [B; 3] {
+    let (low, high) = (a.min(b), a.max(b));
+    let middle = low.max(c);
+    [low.min(c), middle.min(high), middle.max(high)]
+}
+
+/// Four costs in ascending order.
+#[inline(always)]
+fn sorted_four<L, B: Block<L>>([a, b, c, d]: [B; 4]) -> [B; 4] {
+    let ((a, b), (c, d)) = ((a.min(b), a.max(b)), (c.min(d), c.max(d)));
+    let (x, y) = (a.max(c), b.min(d));
+    [a.min(c), x.min(y), x.max(y), b.max(d)]
+}
+
+// Of two ascending sequences of n costs, the n least of all are the lesser of each cost in one and its counterpart
+// in the other, counted from the end.
+
+/// The sum of the least two of three or four costs.
+#[inline(always)]
+fn least_two<L, B: Block<L>>([a, b]: [B; 2], c: B, d: Option<B>) -> B {
+    let (a, b) = (a.min(b), a.max(b));
+    match d {
+        Some(d) => a.min(c.max(d)).add(b.min(c.min(d))),
+        None => a.add(b.min(c)),
+    }
+}
+
+/// The sum of the least four of two times four costs.
+#[inline(always)]
+fn least_four<L, B: Block<L>>(first: [B; 4], second: [B; 4]) -> B {
+    let ([a, b, c, d], [e, f, g, h]) = (sorted_four(first), sorted_four(second));
+    a.min(h).add(b.min(g)).add(c.min(f).add(d.min(e)))
+}
+
+/// The sum of the least half of three costs or more.
+#[inline(always)]
+fn half_of_all<L: Lane, B: Block<L>, const V: usize>(costs: [B; V]) -> B {
+    match costs[..] {
+        [a, b, c] => least_two([a, b], c, None),
+        [a, b, c, d] => least_two([a, b], c, Some(d)),
+        [a, b, c, d, e, f, g, h] => least_four([a, b, c, d], [e, f, g, h]),
+        _ => costs[0],
+    }
+}
+
+/// The mean of the least half of the available costs, on the scale of [`Fusion::scale`]: [`Lane::MAX`], which is
+/// `maximum`, where a view is not available, and if none is.
+///
+/// The costs of single views do not saturate, so a cost is that of an available view if it is below the maximum.
+// Not inlined in firmware: it is long, and no profile uses it by default.
+#[cfg_attr(target_arch = "arm", inline(never))]
+#[cfg_attr(not(target_arch = "arm"), inline(always))]
+fn half_of_available<L: Lane, B: Block<L>, const V: usize>(mut costs: [B; V], maximum: B) -> B {
+    for i in 0..V {
+        for j in i + 1..V {
+            (costs[i], costs[j]) = (costs[i].min(costs[j]), costs[i].max(costs[j]));
+        }
+    }
+    // Beyond the last cost there is none.
+    let cost = |k: usize| if k < V { costs[k % V] } else { maximum };
+    let twice = |cost: B| cost.add(cost);
+    let (one, two) = (cost(0), cost(0).add(cost(1)));
+    if V <= 4 {
+        let several = maximum.if_greater(cost(2), two, twice(one));
+        return maximum.if_greater(one, several, maximum);
+    }
+    let (three, four) = (two.add(cost(2)), two.add(cost(2)).add(cost(3)));
+    let fused = maximum.if_greater(cost(2), six_times(two), six_times(twice(one)));
+    let fused = maximum.if_greater(cost(4), twice(twice(three)), fused);
+    let fused = maximum.if_greater(cost(6), twice(four).add(four), fused);
+    maximum.if_greater(one, fused, maximum)
 }

@@ -1,88 +1,115 @@
-//! Vertical views, by column.
+//! Views in other rows of the array, by column.
 
 use super::replication::replicate;
-use crate::kernel::Samples;
+use crate::{kernel::Samples, memory::StackShape};
 
-/// A stack of samples for each column, for matches in the same column.
+/// A stack of samples for each column, whose matches at ascending disparities follow each other.
 ///
-/// Each line pushes a sample on every stack. When the edge reaches one end of the stack, the samples still
-/// needed move to the other end.
+/// Each line of the view pushes a sample on every stack of its set: lines a match's step apart share a set. From one
+/// line of a set to the next, its stacks move to the side with the matches, so that each stays with the pixels whose
+/// matches it holds. When the newest samples reach the end of the memory, those still needed move to the other end.
 #[derive(Debug)]
 pub(super) struct Columns<'m> {
     pub samples: &'m mut [u8],
     /// Bytes of a plane of samples.
     pub plane_bytes: usize,
-    /// Bytes of a stack, including those by which disparities are rounded up to whole vectors.
-    pub stack: usize,
-    /// Samples that a stack can hold.
-    pub usable: usize,
-    /// Samples of a stack that are still needed when a line is pushed.
-    pub keep: usize,
+    pub shape: StackShape,
     /// Samples that a column is compared with.
     pub depth: usize,
     /// Whether stacks grow towards their beginning, since matches move up with the disparity.
     pub mirrored: bool,
-    /// The first virtual column.
+    /// The leftmost column that gets a sample, possibly outside the frame.
     pub left: i32,
-    /// How far below a line of the centre the match at the smallest disparity lies.
-    pub nearest: i32,
+    /// How many columns to the right of it, and how far below a line of the centre, the first pixel's match at the
+    /// smallest disparity lies.
+    pub nearest: (usize, i32),
+    /// The first virtual line.
+    pub first: i32,
     /// The next virtual line to be pushed.
     pub next: i32,
-    /// One past the newest sample, or the newest sample itself if mirrored.
-    pub edge: usize,
+    /// How many lines of each set the samples have moved by.
+    pub moved: usize,
 }
 
 impl Columns<'_> {
     /// Pushes the next virtual line, plane by plane.
     pub fn push<'l>(&mut self, planes: impl Iterator<Item = &'l [u8]>) {
         let newest = self.advance();
+        let StackShape { stack, columns, .. } = self.shape;
         for (samples, line) in self.samples.chunks_exact_mut(self.plane_bytes.max(1)).zip(planes) {
-            let samples = samples.get_mut(newest..).unwrap_or_default();
-            replicate(samples.iter_mut().step_by(self.stack.max(1)), line, self.left);
+            let end = newest.wrapping_add(columns.saturating_sub(1) * stack + 1);
+            let samples = samples.get_mut(newest..end).unwrap_or_default();
+            replicate(samples.iter_mut().step_by(stack.max(1)), line, self.left);
         }
     }
 
     /// Pushes the next virtual line, which repeats the previous one.
     pub fn repeat(&mut self) {
         let newest = self.advance();
-        let previous = if self.mirrored { newest + 1 } else { newest.wrapping_sub(1) };
-        let planes = self.samples.chunks_exact_mut(self.plane_bytes.max(1));
-        for stack in planes.flat_map(|samples| samples.chunks_exact_mut(self.stack.max(1))) {
-            let previous = stack.get(previous).copied();
-            if let (Some(previous), Some(newest)) = (previous, stack.get_mut(newest)) {
-                *newest = previous;
+        let previous = self.index(self.next - 2);
+        for samples in self.samples.chunks_exact_mut(self.plane_bytes.max(1)) {
+            for column in 0..self.shape.columns {
+                let offset = column * self.shape.stack;
+                let sample = samples.get(previous.wrapping_add(offset)).copied();
+                if let (Some(sample), Some(newest)) = (sample, samples.get_mut(newest.wrapping_add(offset))) {
+                    *newest = sample;
+                }
             }
         }
     }
 
-    /// Goes to the next virtual line, and returns the index of its sample in each stack.
+    /// Goes to the next virtual line, and returns the index of its leftmost sample in a plane.
     fn advance(&mut self) -> usize {
-        // All stacks move at once. The samples that thereby cross into a neighbouring stack are no longer
-        // needed, and they land where nothing is needed yet.
-        let moved = self.usable - self.keep;
-        match (self.mirrored, self.edge) {
-            (false, edge) if edge == self.usable => {
-                copy_within(self.samples, moved, 0);
-                self.edge = self.keep;
+        let StackShape { live, usable, .. } = self.shape;
+        if self.set_and_place(self.next) == (0, usable) {
+            // All stacks move at once. The samples that thereby cross into others are no longer needed, and they
+            // land where nothing is needed yet.
+            let places = usable + 1 - live;
+            let (from, to) = (self.index_in_set(places), self.index_in_set(0));
+            // Two calls, in each of which the compiler sees that it cannot panic.
+            match from.checked_sub(to) {
+                Some(back) => copy_within(self.samples, back, 0),
+                None => copy_within(self.samples, 0, to.wrapping_sub(from)),
             }
-            (true, 0) => {
-                copy_within(self.samples, 0, moved);
-                self.edge = moved;
-            }
-            _ => {}
+            self.moved += places;
         }
-        self.edge = if self.mirrored { self.edge - 1 } else { self.edge + 1 };
         self.next += 1;
-        if self.mirrored { self.edge } else { self.edge - 1 }
+        self.index(self.next - 1)
+    }
+
+    /// The set of a virtual line, and the line's place among those of its set.
+    fn set_and_place(&self, v: i32) -> (usize, usize) {
+        let line = (v - self.first) as usize;
+        match self.shape.sets {
+            1 => (0, line.wrapping_sub(self.moved)),
+            sets => {
+                let place = line.checked_div(sets).unwrap_or_default();
+                (line - place * sets, place.wrapping_sub(self.moved))
+            }
+        }
+    }
+
+    /// The index of the leftmost sample of a virtual line in a plane.
+    fn index(&self, v: i32) -> usize {
+        let (set, place) = self.set_and_place(v);
+        (set * self.shape.set_bytes()).wrapping_add(self.index_in_set(place))
+    }
+
+    /// The index of the leftmost sample at a place in a set.
+    fn index_in_set(&self, place: usize) -> usize {
+        let StackShape { slope, usable, stack, .. } = self.shape;
+        let opposite = (usable - 1).wrapping_sub(place);
+        let columns = slope.unsigned_abs().wrapping_mul(if slope > 0 { opposite } else { place });
+        columns.wrapping_mul(stack).wrapping_add(if self.mirrored { opposite } else { place })
     }
 
     /// The samples of a plane that line `v` of the centre, which may be virtual, is compared with.
     pub fn at(&self, v: i32, plane: usize) -> Samples<'_> {
-        // The lines pushed since the one of the match at the smallest disparity.
-        let age = (self.next - 1 - (v + self.nearest)) as usize;
-        let start = if self.mirrored { self.edge + age } else { (self.edge - 1).wrapping_sub(age) };
+        let (column, line) = self.nearest;
+        let stack = self.shape.stack;
+        let start = self.index(v + line).wrapping_add(column * stack);
         let memory = self.samples.get(plane * self.plane_bytes..).unwrap_or_default();
-        Samples { memory, start, step: self.stack as isize, depth: self.depth }
+        Samples { memory, start, step: stack as isize, depth: self.depth }
     }
 }
 

@@ -1,32 +1,39 @@
 //! The lines of all frames under the blocks of a disparity line.
 //!
-//! They are stored so that a column's samples at ascending disparities are contiguous: a horizontal view by
-//! line, mirrored if matches move to the left; a vertical view by column. Frames are extended beyond their
+//! They are stored so that a column's samples at ascending disparities are contiguous: a view in the centre's row of
+//! the array by line, mirrored if matches move to the left; any other by column. Frames are extended beyond their
 //! borders by replication: *virtual* lines below 0 repeat the first line, those past the end the last.
 //!
 //! | room | what it is |
 //! | --- | --- |
 //! | `replication` | extends a line beyond its borders |
 //! | `rows` | a ring of lines |
+//! | `spread_rows` | a ring of lines, with samples of its own for each column |
 //! | `columns` | a stack of samples for each column |
 
 mod columns;
 mod replication;
 mod rows;
+mod spread_rows;
 
 use core::iter;
 
-use crate::{Frame, MatchError, Params, Region, ScanlineSource, View, kernel::Samples, memory::Shape};
+use crate::{
+    Frame, MatchError, Params, Region, ScanlineSource, View, Views,
+    kernel::Samples,
+    memory::{Shape, StackShape},
+};
 use columns::Columns;
 pub(crate) use replication::replicate;
 use rows::Rows;
+use spread_rows::SpreadRows;
 
 /// The stored lines of all frames of a match.
 #[derive(Debug)]
 pub(crate) struct Frames<'m> {
     pub center: Lines<'m>,
     /// One for each view of the match, in their order.
-    pub views: [Option<Lines<'m>>; 4],
+    pub views: [Option<Lines<'m>>; Views::MAX_MATCHED],
 }
 
 impl<'m> Frames<'m> {
@@ -87,6 +94,7 @@ pub(crate) struct Lines<'m> {
 #[derive(Debug)]
 enum Store<'m> {
     Rows(Rows<'m>),
+    SpreadRows(SpreadRows<'m>),
     Columns(Columns<'m>),
 }
 
@@ -114,32 +122,38 @@ impl<'m> Lines<'m> {
                 left: left + shift,
             })
         };
-        let first_virtual = match frame {
-            Frame::View(View::Top | View::Bottom) => top + lead + 1 - params.num_disparities() as i32,
-            _ => top,
-        };
+        let mut first_virtual = top;
         let store = match frame {
             Frame::Center => rows(samples, 1, false, 0),
-            Frame::View(View::Left) => rows(samples, shape.depth, false, min_disparity),
+            Frame::View(View::LEFT) => rows(samples, shape.depth, false, min_disparity),
             // A mirrored line ends with the leftmost sample: the first column's match at the largest
             // disparity.
-            Frame::View(View::Right) => rows(samples, shape.depth, true, 1 - min_disparity - shape.depth as i32),
+            Frame::View(View::RIGHT) => rows(samples, shape.depth, true, 1 - min_disparity - shape.depth as i32),
+            Frame::View(view) if view.is_horizontal() => Store::SpreadRows(SpreadRows {
+                samples,
+                plane_bytes,
+                span: shape.span,
+                count: shape.ring_lines,
+                depth: shape.depth,
+                left: left + view.shift(params.min_disparity()).0,
+                step: view.shift(1).0,
+            }),
             Frame::View(view) => {
-                let sign = view.sign();
-                let usable = shape.live + Shape::SLACK;
-                let edge = if sign > 0 { 0 } else { usable };
+                let stacks = StackShape::new(&shape, view);
+                first_virtual = top + lead - (stacks.sets * (params.num_disparities() - 1)) as i32;
+                let (nearest, furthest) = (view.shift(params.min_disparity()), view.shift(params.max_disparity()));
+                let leftmost = nearest.0.min(furthest.0);
                 Store::Columns(Columns {
                     samples,
                     plane_bytes,
-                    stack: shape.stack,
-                    usable,
-                    keep: shape.live - 1,
+                    shape: stacks,
                     depth: shape.depth,
-                    mirrored: sign < 0,
-                    left,
-                    nearest: sign * min_disparity,
+                    mirrored: view.down() > 0,
+                    left: left + leftmost,
+                    nearest: ((nearest.0 - leftmost) as usize, nearest.1),
+                    first: first_virtual,
                     next: first_virtual,
-                    edge,
+                    moved: 0,
                 })
             }
         };
@@ -171,6 +185,7 @@ impl<'m> Lines<'m> {
         let planes = || line.chunks_exact(width.max(1));
         match &mut self.store {
             Store::Rows(rows) => rows.put(self.next, planes()),
+            Store::SpreadRows(rows) => rows.put(self.next, planes()),
             Store::Columns(columns) => {
                 while columns.next <= v + self.lead && columns.next.min(self.last).max(0) == self.next {
                     columns.push(planes());
@@ -198,6 +213,7 @@ impl<'m> Lines<'m> {
     pub fn plane_at(&self, v: i32, plane: usize) -> Samples<'_> {
         match &self.store {
             Store::Rows(rows) => rows.at(v.min(self.last).max(0), plane),
+            Store::SpreadRows(rows) => rows.at(v.min(self.last).max(0), plane),
             Store::Columns(columns) => columns.at(v, plane),
         }
     }

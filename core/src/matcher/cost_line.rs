@@ -1,13 +1,14 @@
 //! A line of matching costs, as semi-global matching takes them.
 
 use super::{
+    exact::Exact,
     selection::Selection,
     sweep::{Output, Sweep, slide_to_first},
 };
 use crate::{
     Fusion,
     availability::Availability,
-    kernel::{Divisor, Kernel, Masks, Rule},
+    kernel::{Blocks, Divisor, Kernel, Masks, Rule},
 };
 
 /// The matching costs of a line, to be computed: fused sums, divided by `2^shift`.
@@ -27,7 +28,16 @@ impl<I: Kernel> Output<u16, I> for CostLine<'_> {
         let CostLine { costs, depth, shift } = out;
         let Some(fused) = fused.get_mut(..blocks.len()) else { return };
         slide_to_first::<u16, I, V>(isa, params.radius(), &mut steps, blocks);
-        let selection = Selection::<u16, I>::new(isa, params, Rule::new(params.fusion(), V));
+        let rule = Rule::new(params.fusion(), V);
+        // Lanes do not divide by five or seven.
+        if (const { V > 4 } && rule == Rule::Sum) || (const { !Rule::HAS_HALF && V > 2 } && rule == Rule::Half) {
+            for (costs, u) in costs.chunks_exact_mut(depth.max(1)).zip(region.columns()) {
+                Blocks::<u16>::slide(isa, &mut steps, blocks);
+                Exact::<u16, I, V> { params, u, v, blocks }.quotients(shift, costs);
+            }
+            return;
+        }
+        let selection = Selection::<u16, I>::new(isa, params, rule);
         let mut masks = selection.masks(masks, availability);
         let start = region.columns().start;
         masks.enter_line(start, v);

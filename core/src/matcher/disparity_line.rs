@@ -16,6 +16,9 @@ pub(super) struct DisparityLine<'a>(pub &'a mut [Option<Disparity>]);
 impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
     #[cfg_attr(not(debug_assertions), inline(always))]
     fn fill<const V: usize>(sweep: Sweep<'_, L, I, V, Self>) {
+        if const { !Rule::HAS_HALF && V > 2 } && Rule::new(sweep.params.fusion(), V) == Rule::Half {
+            return sweep.by_exact_costs();
+        }
         if const { I::BATCH == 1 } { sweep.by_pixel() } else { sweep.by_batch() }
     }
 }
@@ -41,6 +44,17 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             }
             let least = selection.slide_and_fuse(masked, &masks, &mut steps, blocks, fused);
             *pixel = selection.disparity(least, fused, || Exact { params, u, v, blocks });
+        }
+    }
+
+    /// Pixel by pixel, by exact costs.
+    #[inline(never)]
+    fn by_exact_costs(self) {
+        let Sweep { isa, params, region, v, mut steps, blocks, out: DisparityLine(out), .. } = self;
+        slide_to_first::<L, I, V>(isa, params.radius(), &mut steps, blocks);
+        for (pixel, u) in out.iter_mut().zip(region.columns()) {
+            Blocks::<L>::slide(isa, &mut steps, blocks);
+            *pixel = Exact::<L, I, V> { params, u, v, blocks }.disparity();
         }
     }
 
@@ -74,7 +88,10 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             let Some(padded) = padded.get_mut(..pixels.len() * vectors + 2) else { return };
             let [_, fused @ .., _] = &mut *padded else { return };
             let incomplete = masks.availability.incomplete_in(u..u + pixels.len());
-            if Batch::<L, I, V>::has_registers(vectors) && Masks::<L, I, V>::can_hide(rule, incomplete) {
+            if const { Batch::<L, I, V>::VECTORS > 0 }
+                && (1..=Batch::<L, I, V>::VECTORS).contains(&vectors)
+                && Masks::<L, I, V>::can_hide(rule, incomplete)
+            {
                 let masks = (incomplete != 0).then_some((&mut masks, u));
                 Batch { rule, blocks, kept, fused, padding, masks }.fuse(isa, &mut steps);
             } else {

@@ -3,7 +3,7 @@
 use core::slice;
 
 use crate::{
-    Disparity, MatchingCost, Params,
+    Disparity, MatchingCost, Params, SemiGlobalParams,
     availability::Availability,
     kernel::{Blocks, Lane},
 };
@@ -42,8 +42,24 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
         let cost = |index| self.cost(&availability, index);
         let d = self.params.min_disparity() + index as i16;
         match (cost(index.wrapping_sub(1)), cost(index), cost(index + 1)) {
+            // The mean of five views or more has a larger scale.
+            (Some(before), Some(at), Some(after)) if V > 4 => Disparity::refine_wide(d, before.into(), at.into(), after.into()),
             (Some(before), Some(at), Some(after)) => Disparity::refine(d, before, at, after),
             _ => Disparity::whole(d),
+        }
+    }
+
+    /// The fused costs of all disparities as matching costs of [semi-global matching](crate::SemiGlobalParams):
+    /// divided by `2^shift`, and 255 where a candidate does not exist and past the last disparity.
+    pub fn quotients(&self, shift: u32, costs: &mut [u8]) {
+        let availability = self.availability();
+        let scale = self.params.fusion().scale(V) as u32;
+        costs.fill(u8::MAX);
+        for (index, quotient) in costs.iter_mut().enumerate().take(self.params.num_disparities()) {
+            if let Some(cost) = self.cost(&availability, index) {
+                let cost = cost.checked_div(scale << shift).unwrap_or_default();
+                *quotient = cost.min(SemiGlobalParams::MAX_COST.into()) as u8;
+            }
         }
     }
 

@@ -19,7 +19,7 @@ use core::marker::PhantomData;
 use bytemuck::Pod;
 
 use crate::{
-    Disparity, Frame, MatchError, Memory, MemoryTooSmall, Params, Region, ScanlineSource,
+    Disparity, Frame, MatchError, Memory, MemoryTooSmall, Params, Region, ScanlineSource, Views,
     availability::Availability,
     kernel::{Blocks, Change, Isa, Kernel, Lane, Portable},
     lines::{Frames, Lines},
@@ -47,7 +47,7 @@ use sweep::{Output, Priming, Sweep};
 ///     fn read_line(&mut self, frame: Frame, _v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
 ///         let shift = match frame {
 ///             Frame::Center => 0,
-///             Frame::View(view) => 3 * view.sign(),
+///             Frame::View(view) => view.shift(3).0,
 ///         };
 ///         for (pixel, u) in line.iter_mut().zip(0..) {
 ///             *pixel = (5 * (u - shift)).clamp(0, 255) as u8;
@@ -161,7 +161,7 @@ impl<'m, I: Isa> Matcher<'m, I> {
             Ok(Lines::new(frame, params, region, shape, samples))
         };
         let center = lines(Frame::Center)?;
-        let mut views = [const { None }; 4];
+        let mut views = [const { None }; Views::MAX_MATCHED];
         for (lent, view) in views.iter_mut().zip(params.views().iter()) {
             *lent = Some(lines(Frame::View(view))?);
         }
@@ -219,14 +219,16 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
             return Ok(None);
         }
         let out = DisparityLine(out);
-        match (self.shape.lane_bytes, self.params.views().len()) {
+        match (self.shape.lane_bytes, self.params.views().places()) {
             (2, 1) => self.compute::<S, u16, 1, _>(source, out)?,
             (2, 2) => self.compute::<S, u16, 2, _>(source, out)?,
             (2, 3) => self.compute::<S, u16, 3, _>(source, out)?,
+            (2, 8) if const { Views::MAX_MATCHED > 4 } => self.compute::<S, u16, 8, _>(source, out)?,
             (2, _) => self.compute::<S, u16, 4, _>(source, out)?,
             (_, 1) => self.compute::<S, u32, 1, _>(source, out)?,
             (_, 2) => self.compute::<S, u32, 2, _>(source, out)?,
             (_, 3) => self.compute::<S, u32, 3, _>(source, out)?,
+            (_, 8) if const { Views::MAX_MATCHED > 4 } => self.compute::<S, u32, 8, _>(source, out)?,
             (_, _) => self.compute::<S, u32, 4, _>(source, out)?,
         }
         self.next += 1;
@@ -253,10 +255,11 @@ impl<I: Kernel> Matcher<'_, I> {
         depth: usize,
     ) -> Result<(), MatchError<S::Error>> {
         let out = CostLine { costs, depth, shift };
-        match self.params.views().len() {
+        match self.params.views().places() {
             1 => self.compute::<S, u16, 1, _>(source, out)?,
             2 => self.compute::<S, u16, 2, _>(source, out)?,
             3 => self.compute::<S, u16, 3, _>(source, out)?,
+            8 if const { Views::MAX_MATCHED > 4 } => self.compute::<S, u16, 8, _>(source, out)?,
             _ => self.compute::<S, u16, 4, _>(source, out)?,
         }
         self.next += 1;

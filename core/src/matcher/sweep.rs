@@ -21,7 +21,9 @@ pub(super) fn steps<'a, I: Isa, const V: usize>(
 ) -> Steps<'a, I, V> {
     let at = |frame: &'a Lines<'_>| Change { entering: frame.at(lines.entering), leaving: frame.at(lines.leaving) };
     let mut views = frames.views.iter().flatten();
-    let views = array::from_fn(|_| at(views.next().unwrap_or(&frames.center)));
+    // What is never available may be any view.
+    let any = if const { V > 4 } { frames.views.iter().flatten().next() } else { None };
+    let views = array::from_fn(|_| at(views.next().or(any).unwrap_or(&frames.center)));
     Steps::new(at(&frames.center), views, sums, empty_column, block_size)
 }
 

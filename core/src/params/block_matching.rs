@@ -8,7 +8,7 @@ use crate::{Frame, Fusion, Views};
 ///
 /// ```
 /// use multiscopic_core::{Fusion, Params, Views};
-/// const QVGA: Params = match Params::new(320, 240, Views::ALL, Fusion::Heuristic, 1, 32, 11) {
+/// const QVGA: Params = match Params::new(320, 240, Views::CROSS, Fusion::Heuristic, 1, 32, 11) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
@@ -47,8 +47,11 @@ impl Params {
     /// Parameters that compare blocks of `block_size` x `block_size` pixels, which is odd, from 1 to 21.
     ///
     /// # Errors
-    /// [`ParamsError::BlockSize`].
+    /// [`ParamsError::TooManyViews`] or [`ParamsError::BlockSize`].
     pub const fn block_matching(search: Search, block_size: u8) -> Result<Params, ParamsError> {
+        if let Err(error) = search.check_views() {
+            return Err(error);
+        }
         if block_size.is_multiple_of(2) || block_size > Params::MAX_BLOCK_SIZE {
             return Err(ParamsError::BlockSize { given: block_size, largest: Params::MAX_BLOCK_SIZE });
         }
@@ -130,8 +133,8 @@ impl Params {
     ///
     /// Until disparity line `v` is out, no line of the frame after `max(0, v + lead)` has been read. With the
     /// last disparity line the rest of the frame is read too. The centre and the horizontal views are read
-    /// ahead by the block's radius, a top view by the largest disparity more, a bottom view by the negated
-    /// smallest disparity more.
+    /// ahead by the block's radius, a view `j` rows above the centre by `j` times the largest disparity more, one below
+    /// by `j` times the negated smallest disparity more.
     pub const fn lead(&self, frame: Frame) -> i32 {
         lead(&self.search, self.radius(), frame)
     }

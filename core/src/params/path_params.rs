@@ -26,7 +26,7 @@ use crate::{Frame, Fusion};
 ///
 /// ```
 /// use multiscopic_core::{SemiGlobalCost, Fusion, Search, SemiGlobalParams, Views};
-/// let search = Search::new(320, 240, Views::ALL, Fusion::Min, 1, 32)?;
+/// let search = Search::new(320, 240, Views::CROSS, Fusion::Min, 1, 32)?;
 /// let params = SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size: 5 })?;
 /// assert_eq!((params.penalties().p1(), params.penalties().p2(0)), (6, 48));
 /// # Ok::<(), multiscopic_core::ParamsError>(())
@@ -174,7 +174,7 @@ impl SemiGlobalParams {
     /// Semi-global matching with the [penalties](SemiGlobalCost::default_penalties) that suit the cost.
     ///
     /// # Errors
-    /// [`ParamsError::BlockSize`].
+    /// [`ParamsError::TooManyViews`] or [`ParamsError::BlockSize`].
     pub const fn new(search: Search, cost: SemiGlobalCost) -> Result<SemiGlobalParams, ParamsError> {
         SemiGlobalParams::with_penalties(search, cost, cost.default_penalties())
     }
@@ -182,12 +182,15 @@ impl SemiGlobalParams {
     /// Semi-global matching with any penalties.
     ///
     /// # Errors
-    /// [`ParamsError::BlockSize`].
+    /// [`ParamsError::TooManyViews`] or [`ParamsError::BlockSize`].
     pub const fn with_penalties(
         search: Search,
         cost: SemiGlobalCost,
         penalties: PathPenalties,
     ) -> Result<SemiGlobalParams, ParamsError> {
+        if let Err(error) = search.check_views() {
+            return Err(error);
+        }
         match cost.checked() {
             Ok(cost) => Ok(SemiGlobalParams { search, cost, penalties }),
             Err(error) => Err(error),

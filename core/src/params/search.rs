@@ -9,7 +9,7 @@ use crate::{Disparity, Fusion, Views};
 ///
 /// ```
 /// use multiscopic_core::{Fusion, Search, Views};
-/// let search = Search::new(320, 240, Views::ALL, Fusion::Heuristic, 1, 32)?;
+/// let search = Search::new(320, 240, Views::CROSS, Fusion::Heuristic, 1, 32)?;
 /// assert_eq!(search.max_disparity(), 32);
 /// # Ok::<(), multiscopic_core::ParamsError>(())
 /// ```
@@ -51,6 +51,17 @@ impl Search {
             return Err(ParamsError::Range { min_disparity, num_disparities });
         }
         Ok(Search { width, height, views, fusion, min_disparity, num_disparities })
+    }
+
+    /// Checks that the matchers of this crate take so many views, as their parameters do.
+    ///
+    /// # Errors
+    /// [`ParamsError::TooManyViews`].
+    pub const fn check_views(&self) -> Result<(), ParamsError> {
+        match self.views.len() {
+            given if given > Views::MAX_MATCHED => Err(ParamsError::TooManyViews { given, most: Views::MAX_MATCHED }),
+            _ => Ok(()),
+        }
     }
 
     /// The same with another fusion rule.
@@ -114,6 +125,13 @@ pub enum ParamsError {
     },
     /// There is no neighbour to match with.
     NoViews,
+    /// There are more neighbours than a matcher takes.
+    TooManyViews {
+        /// The number of views that was asked for.
+        given: usize,
+        /// The most there can be.
+        most: usize,
+    },
     /// The block size is even, 0 or too large.
     BlockSize {
         /// The block size that was asked for.
@@ -146,6 +164,9 @@ impl fmt::Display for ParamsError {
                 write!(f, "the frames have {width}x{height} pixels, at least 1x1 is needed")
             }
             ParamsError::NoViews => write!(f, "there is no neighbouring view, at least one is needed"),
+            ParamsError::TooManyViews { given, most } => {
+                write!(f, "there are {given} neighbouring views, at most {most} can be matched with")
+            }
             ParamsError::BlockSize { given, largest } => {
                 write!(f, "the block size is {given}, it must be odd and from 1 to {largest}")
             }

@@ -2,7 +2,7 @@
 
 use super::census_window::CensusWindow;
 use crate::{
-    Census, Frame, MatchError, MemoryTooSmall, Params, Region, ScanlineSource, View,
+    Census, Frame, MatchError, MemoryTooSmall, Params, Region, ScanlineSource, View, Views,
     availability::Availability,
     kernel::{Candidates, Isa, Kernel, Work, as_vectors_mut},
     lines::Lines,
@@ -19,7 +19,7 @@ pub(super) struct CensusLines<'m, I> {
     params: Params,
     census: Census,
     center: CensusWindow<'m>,
-    views: [Option<ViewDescriptors<'m>>; View::ALL.len()],
+    views: [Option<ViewDescriptors<'m>>; Views::MAX_MATCHED],
     availability: Availability,
     /// The descriptors of the centre's line, one plane after the other.
     here: &'m mut [u8],
@@ -48,7 +48,7 @@ impl<'m, I: Isa> CensusLines<'m, I> {
             Ok(CensusWindow::new(census, params.search(), samples))
         };
         let center = window(lender)?;
-        let mut views = [const { None }; View::ALL.len()];
+        let mut views = [const { None }; Views::MAX_MATCHED];
         for (descriptors, view) in views.iter_mut().zip(params.views().iter()) {
             let window = window(lender)?;
             let frame = Frame::View(view);
@@ -114,6 +114,9 @@ impl<I: Kernel> CensusLines<'_, I> {
         };
         // By the size of descriptors and the number of views, so that the inner loops unroll.
         match (self.census.bytes(), self.params.views().len()) {
+            (2, 5..) if const { Views::MAX_MATCHED > 4 } => self.isa.compiled(Fused::<'_, '_, I, 2, 8>(row)),
+            (3, 5..) if const { Views::MAX_MATCHED > 4 } => self.isa.compiled(Fused::<'_, '_, I, 3, 8>(row)),
+            (_, 5..) if const { Views::MAX_MATCHED > 4 } => self.isa.compiled(Fused::<'_, '_, I, 4, 8>(row)),
             (2, _) => self.isa.compiled(Fused::<'_, '_, I, 2, 4>(row)),
             (3, _) => self.isa.compiled(Fused::<'_, '_, I, 3, 4>(row)),
             (_, 1) => self.isa.compiled(Fused::<'_, '_, I, 4, 1>(row)),

@@ -8,6 +8,7 @@ use crate::{
 };
 
 /// The state that matching costs are computed from.
+#[allow(clippy::large_enum_variant, reason = "there is no heap to put the larger one on, and a match has one of these")]
 #[derive(Debug)]
 pub(super) enum CostLines<'m, I> {
     /// Sums of absolute differences.

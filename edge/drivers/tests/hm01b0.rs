@@ -18,12 +18,12 @@ const PARAMS: Params = match Params::new(160, 120, Views::HORIZONTAL, Fusion::Mi
     Ok(params) => params,
     Err(_) => panic!("the parameters are out of range"),
 };
-const LEFT: Frame = Frame::View(View::Left);
-const RIGHT: Frame = Frame::View(View::Right);
+const LEFT: Frame = Frame::View(View::LEFT);
+const RIGHT: Frame = Frame::View(View::RIGHT);
 const NO_RESPONSE: ErrorKind = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
 
 fn plan() -> Plan {
-    Plan::cross(PARAMS.views(), 20_000)
+    Plan::new(PARAMS.views(), 20_000)
 }
 
 fn write(register: u16, value: u8) -> Transaction {

@@ -9,7 +9,7 @@ mod image {
     use static_cell::ConstStaticCell;
 
     /// A VGA frame in one pass; the memory below is twice what it needs.
-    const PARAMS: Params = match Params::new(640, 480, Views::ALL, Fusion::Heuristic, 1, 64, 11) {
+    const PARAMS: Params = match Params::new(640, 480, Views::CROSS, Fusion::Heuristic, 1, 64, 11) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };

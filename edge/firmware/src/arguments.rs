@@ -38,7 +38,7 @@ pub fn calibration() -> Option<Matching> {
         "1" => Views::STEREO,
         "2" => Views::HORIZONTAL,
         "3" => Views::THREE,
-        "4" => Views::ALL,
+        "4" => Views::CROSS,
         _ => return None,
     };
     let (min_disparity, num_disparities) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);

@@ -1,6 +1,7 @@
 //! Why the firmware failed.
 
-use core::{ffi::CStr, fmt};
+use core::fmt;
+use multiscopic_core::Frame;
 use multiscopic_edge::{PipelineError, StreamsError, packet::BufferTooSmall};
 
 use crate::host_file::HostError;
@@ -13,12 +14,14 @@ pub enum FirmwareError {
     Fusion,
     /// The arguments are not those of a calibration.
     Calibration,
-    /// A file could not be opened.
-    File(&'static CStr, HostError),
+    /// The file of packets could not be created.
+    Packets(HostError),
+    /// The file of a frame could not be opened.
+    Frame(Frame, HostError),
     /// A frame has the wrong size.
     Size {
-        /// Its file.
-        path: &'static CStr,
+        /// The frame.
+        frame: Frame,
         /// Its size in bytes.
         found: u64,
         /// The size that the profile needs.
@@ -32,17 +35,17 @@ pub enum FirmwareError {
 
 impl fmt::Display for FirmwareError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = |path: &'static CStr| path.to_str().unwrap_or("a file");
         match self {
             FirmwareError::CommandLine(error) => write!(f, "cannot read the command line: {error}"),
-            FirmwareError::Fusion => write!(f, "start it with one word: min, mean or heuristic"),
+            FirmwareError::Fusion => write!(f, "start it with one word: min, mean, heuristic or half"),
             FirmwareError::Calibration => write!(
                 f,
                 "start it with: width, height, views (1 to 4), smallest disparity, disparities, block size, fusion, columns of a tile, bm or sgm"
             ),
-            FirmwareError::File(path, error) => write!(f, "cannot open {}: {error}", name(path)),
-            FirmwareError::Size { path, found, expected } => {
-                write!(f, "{} has {found} bytes, a frame of this profile has {expected}", name(path))
+            FirmwareError::Packets(error) => write!(f, "cannot create the file of packets: {error}"),
+            FirmwareError::Frame(frame, error) => write!(f, "cannot open {frame}.gray: {error}"),
+            FirmwareError::Size { frame, found, expected } => {
+                write!(f, "{frame}.gray has {found} bytes, a frame of this profile has {expected}")
             }
             FirmwareError::Pipeline(error) => write!(f, "{error}"),
             FirmwareError::Packet(error) => write!(f, "{error}"),

@@ -2,7 +2,10 @@
 
 use core::time::Duration;
 use multiscopic_core::{Frame, Search};
-use multiscopic_edge::{Board, Phase, Streams, frame_file};
+use multiscopic_edge::{
+    Board, Phase, Streams,
+    frame_file::{self, FrameFile},
+};
 use semihosting::sys::arm_compat::sys_clock;
 
 use crate::{error::FirmwareError, host_file::HostFile, phase_marker};
@@ -23,17 +26,17 @@ impl Board for Semihosted {
     fn frames(&mut self, search: &Search) -> Result<Streams<HostFile>, FirmwareError> {
         let expected = (search.width() * search.height()) as u64;
         Streams::open(search.views(), |frame: Frame| {
-            let path = frame_file::name(frame);
-            let file = HostFile::open(path).map_err(|error| FirmwareError::File(path, error))?;
-            match file.bytes().map_err(|error| FirmwareError::File(path, error))? {
+            let cannot_open = |error| FirmwareError::Frame(frame, error);
+            let file = HostFile::open(FrameFile::new(frame).name()).map_err(cannot_open)?;
+            match file.bytes().map_err(cannot_open)? {
                 found if found == expected => Ok(file),
-                found => Err(FirmwareError::Size { path, found, expected }),
+                found => Err(FirmwareError::Size { frame, found, expected }),
             }
         })
     }
 
     fn output(&mut self) -> Result<HostFile, FirmwareError> {
-        HostFile::create(frame_file::PACKETS).map_err(|error| FirmwareError::File(frame_file::PACKETS, error))
+        HostFile::create(frame_file::PACKETS).map_err(FirmwareError::Packets)
     }
 
     fn elapsed(&self) -> Duration {

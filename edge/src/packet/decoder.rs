@@ -125,7 +125,7 @@ mod tests {
     use multiscopic_core::{Fusion, Params, Region, Views};
     use std::{vec, vec::Vec};
 
-    const PARAMS: Params = match Params::new(40, 20, Views::ALL, Fusion::Heuristic, 1, 4, 3) {
+    const PARAMS: Params = match Params::new(40, 20, Views::CROSS, Fusion::Heuristic, 1, 4, 3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };

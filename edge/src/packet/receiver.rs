@@ -51,7 +51,7 @@ mod tests {
     use multiscopic_core::{Fusion, Params, Region, Views};
     use std::{vec, vec::Vec};
 
-    const PARAMS: Params = match Params::new(8, 4, Views::ALL, Fusion::Heuristic, 1, 4, 3) {
+    const PARAMS: Params = match Params::new(8, 4, Views::CROSS, Fusion::Heuristic, 1, 4, 3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };

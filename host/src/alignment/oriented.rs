@@ -54,15 +54,15 @@ mod tests {
     #[test]
     fn coordinates_run_along_and_across_the_baseline() {
         let image = GrayImage::from_fn(4, 3, |u, v| Luma([(10 * v + u) as u8]));
-        assert_eq!(OrientedImage::new(&image, View::Left).pixel(3, 1), 13.0);
-        assert_eq!(OrientedImage::new(&image, View::Top).pixel(1, 3), 13.0);
-        assert_eq!(OrientedImage::new(&image, View::Top).pixel(-5, 9), 3.0, "borders are replicated");
+        assert_eq!(OrientedImage::new(&image, View::LEFT).pixel(3, 1), 13.0);
+        assert_eq!(OrientedImage::new(&image, View::TOP).pixel(1, 3), 13.0);
+        assert_eq!(OrientedImage::new(&image, View::TOP).pixel(-5, 9), 3.0, "borders are replicated");
     }
 
     #[test]
     fn interpolation_is_exact_on_a_ramp() {
         let image = GrayImage::from_fn(8, 8, |u, v| Luma([(10 * v + 3 * u) as u8]));
-        let image = OrientedImage::new(&image, View::Right);
+        let image = OrientedImage::new(&image, View::RIGHT);
         for (along, across) in [(2.0, 3.0), (2.25, 3.5), (4.75, 2.125)] {
             assert!((image.interpolate(along, across) - (10.0 * across + 3.0 * along)).abs() < 1e-12);
         }

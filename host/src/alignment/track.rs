@@ -39,6 +39,10 @@ impl Track {
     /// # Errors
     /// If the two images have too little texture in common, or `params` are for images of another size.
     pub fn new([center, neighbor]: [&GrayImage; 2], view: View, params: &Params, engine: &Engine) -> Result<Track> {
+        if !view.is_horizontal() && !view.is_vertical() {
+            let message = format!("the {view} view cannot be aligned: only views in the row or the column of the centre can");
+            return Err(Error::Usage(message));
+        }
         let mut gain = mean(neighbor) / mean(center).max(1.0);
         let (across, map) = coarse_shift([center, neighbor], view, params, engine, gain)?;
         let mut across = f64::from(across);
@@ -46,7 +50,8 @@ impl Track {
         let corners: Vec<[usize; 2]> = block_corners([params.width(), params.height()]).collect();
         let mut disparities: Vec<Option<f64>> =
             corners.iter().map(|&[u, v]| map.get(u + BLOCK / 2, v + BLOCK / 2).map(|d| f64::from(d.to_fixed()))).collect();
-        let sign = f64::from(view.sign());
+        let (du, dv) = view.shift(1);
+        let step = f64::from(du + dv);
         let range = f64::from(params.min_disparity()) - 1.0..=f64::from(params.max_disparity()) + 1.0;
         for iteration in 1..=MAX_ITERATIONS {
             let blocks: Vec<Option<NormalEquations>> = corners
@@ -54,7 +59,7 @@ impl Track {
                 .zip(&disparities)
                 .map(|(&corner, disparity)| {
                     let corner = along_and_across(corner, view);
-                    NormalEquations::of_block(&images, corner, sign * (*disparity)?, across, gain)
+                    NormalEquations::of_block(&images, corner, step * (*disparity)?, across, gain)
                 })
                 .collect();
             let mut sum = NormalEquations::default();
@@ -64,9 +69,8 @@ impl Track {
             let count = blocks.iter().flatten().count();
             let Some([shift, brightness]) = sum.solve().filter(|_| count >= MIN_BLOCKS) else {
                 return Err(Error::Usage(format!(
-                    "the {} view has {count} textured blocks of {BLOCK}x{BLOCK} pixels in common with the centre, and alignment needs \
-                     {MIN_BLOCKS}: check the images and the range of disparities",
-                    view.name()
+                    "the {view} view has {count} textured blocks of {BLOCK}x{BLOCK} pixels in common with the centre, and alignment needs \
+                     {MIN_BLOCKS}: check the images and the range of disparities"
                 )));
             };
             across += shift;
@@ -74,7 +78,7 @@ impl Track {
             for (disparity, block) in disparities.iter_mut().zip(&blocks) {
                 *disparity = disparity
                     .zip(*block)
-                    .map(|(disparity, block)| disparity + sign * block.position([shift, brightness]))
+                    .map(|(disparity, block)| disparity + block.position([shift, brightness]) / step)
                     // A block that leaves the search range was matched wrongly.
                     .filter(|disparity| range.contains(disparity));
             }

@@ -42,7 +42,7 @@ pub struct Align {
 /// A line of the table; `--json` prints these fields.
 #[derive(Debug, Serialize)]
 struct Line {
-    view: &'static str,
+    view: String,
     #[serde(flatten)]
     residual: Residual,
 }
@@ -59,10 +59,14 @@ impl Align {
             return Err(Error::Usage(message.into()));
         }
         let (frames, _) = Frames::load(&images)?;
-        let params = self.search.params(frames.size(), frames.views(), None, SearchOptions::DEFAULT_RANGE)?;
+        let search = self.search.search(frames.size(), frames.views(), None, SearchOptions::DEFAULT_RANGE)?;
+        let params = self.search.params(search)?;
         let alignment = Alignment::estimate(&frames, &params, &self.engine.engine()?)?;
-        let lines: Vec<Line> =
-            frames.views().iter().filter_map(|view| Some(Line { view: view.name(), residual: alignment.of(view)? })).collect();
+        let lines: Vec<Line> = frames
+            .views()
+            .iter()
+            .filter_map(|view| Some(Line { view: view.to_string(), residual: alignment.of(view)? }))
+            .collect();
         if let (Some(folder), Some(rig)) = (&self.output, rig) {
             let images = FrameFiles::of_capture(frames.views());
             let compensated = alignment.compensate(&frames);

@@ -23,8 +23,8 @@ pub struct Bench {
     #[arg(long, value_name = "N", default_value_t = 1110)]
     height: u16,
 
-    /// Neighbours: right (1), left and right (2), top as well (3), or all (4)
-    #[arg(long, value_name = "1|2|3|4", default_value_t = 2)]
+    /// Neighbours: right (1), left and right (2), top as well (3), all of a cross (4), or all of a 3x3 array (8)
+    #[arg(long, value_name = "1|2|3|4|8", default_value_t = 2)]
     views: usize,
 
     /// Number of runs; the fastest counts
@@ -35,7 +35,7 @@ pub struct Bench {
     #[arg(long)]
     json: bool,
 
-    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with more]
+    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
     #[arg(long, value_parser = named::<Fusion>())]
     fusion: Option<Fusion>,
 
@@ -77,7 +77,8 @@ impl Bench {
             return Err(Error::Usage("--width, --height and --repeat must be at least 1".into()));
         }
         let size = [self.width, self.height].map(usize::from);
-        let params = self.search.params(size, views, self.fusion, (1, 64))?;
+        let search = self.search.search(size, views, self.fusion, (1, 64))?;
+        let params = self.search.params(search)?;
         let frames = noise_frames(&params);
         let engine = self.engine.engine()?;
         let method: Method = self.options.method(self.method, self.search.block_size)?;

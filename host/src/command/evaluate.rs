@@ -36,8 +36,8 @@ pub struct Evaluate {
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     scenes: Vec<String>,
 
-    /// Numbers of neighbours: 1 (stereo), 2 or 4 [default: 1 and as many as the data set has]
-    #[arg(long, value_name = "1,2,4", value_delimiter = ',')]
+    /// Numbers of neighbours: 1 (stereo), 2, 4, or 8 for all of a 3x3 array [default: 1 and 2 or 4, as the data set has]
+    #[arg(long, value_name = "1,2,4,8", value_delimiter = ',')]
     views: Vec<usize>,
 
     /// Write the results as a JSON list
@@ -52,7 +52,7 @@ pub struct Evaluate {
     #[arg(long, value_parser = named::<MethodName>(), value_delimiter = ',', default_value = "bm", help_heading = "Matching")]
     methods: Vec<MethodName>,
 
-    /// Fusion rules for the views' costs [default: min with one or two neighbours, heuristic with more]
+    /// Fusion rules for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
     #[arg(long, value_parser = named::<Fusion>(), value_delimiter = ',', help_heading = "Matching")]
     fusion: Vec<Fusion>,
 
@@ -105,19 +105,20 @@ impl Evaluate {
         output::check(&outputs, &inputs)?;
         let engine = self.engine.engine()?;
 
+        let most = variants.iter().flat_map(|variant| variant.views.iter()).collect();
         let bar = terminal::progress((scenes.len() * variants.len()) as u64, "maps");
         let mut records = Vec::new();
         let mut galleries = Vec::new();
         for scene in &scenes {
             bar.set_message(scene.name.clone());
-            let (frames, center, truth) = scene.load()?;
+            let (frames, center, truth) = scene.load(most)?;
             let mut gallery = self.report.as_ref().map(|_| Gallery::new(&center, &truth));
             let subject = Subject { dataset: scene.dataset.name(), scene: &scene.name, frames: &frames, truth: &truth };
             for variant in &variants {
-                let params = self.search.params(frames.size(), variant.views, Some(variant.fusion), self.dataset.range())?;
+                let search = self.search.search(frames.size(), variant.views, Some(variant.fusion), self.dataset.range())?;
                 let (_, method) =
                     methods.iter().find(|(name, _)| *name == variant.method).expect("every variant has a method of --methods");
-                let (disparities, record) = variant.measure(method, &engine, &subject, params.search())?;
+                let (disparities, record) = variant.measure(method, &engine, &subject, &search)?;
                 if let Some(gallery) = &mut gallery {
                     gallery.add(&record.variant(), &disparities);
                 }
@@ -153,8 +154,9 @@ impl Evaluate {
 
     /// Every method with every number of views, stereo first, and every fusion rule where there are several views.
     fn variants(&self) -> Result<Vec<Variant>> {
-        let available = self.dataset.views();
-        let mut counts = if self.views.is_empty() { vec![1, available.len()] } else { self.views.clone() };
+        let available = self.dataset.all_views();
+        let nearest = self.dataset.views().len();
+        let mut counts = if self.views.is_empty() { vec![1, nearest] } else { self.views.clone() };
         counts.sort_unstable();
         let mut variants = Vec::new();
         for &method in &self.methods {

@@ -15,10 +15,10 @@ use multiscopic::{
         ply::{self, Encoding},
     },
 };
-use multiscopic_core::{Frame, Fusion, Params};
+use multiscopic_core::{Frame, Fusion, Search};
 
 use super::{
-    options::{EngineOptions, GeometryOptions, MapFiles, MethodName, MethodOptions, SearchOptions, SourceOptions, named},
+    options::{EngineOptions, GeometryOptions, MapFiles, MethodName, MethodOptions, Named, SearchOptions, SourceOptions, named},
     terminal::{self, Watch},
 };
 
@@ -32,7 +32,7 @@ pub struct Match {
     #[arg(long, value_parser = named::<MethodName>(), default_value = "bm", help_heading = "Matching")]
     method: MethodName,
 
-    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with more]
+    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
     #[arg(long, value_parser = named::<Fusion>(), help_heading = "Matching")]
     fusion: Option<Fusion>,
 
@@ -85,7 +85,7 @@ impl Match {
         };
         let (mut frames, center) = Frames::load(&images)?;
         let center = self.outputs.ply.is_some().then_some(center);
-        let params = self.search.params(frames.size(), frames.views(), self.fusion, SearchOptions::DEFAULT_RANGE)?;
+        let search = self.search.search(frames.size(), frames.views(), self.fusion, SearchOptions::DEFAULT_RANGE)?;
         let geometry = self.geometry.geometry(rig.as_ref(), &frames);
         self.outputs.check_geometry(geometry.is_some())?;
         let rig_file = self.source.rig_file();
@@ -93,7 +93,7 @@ impl Match {
         output::check(&self.outputs.paths(), &inputs)?;
         let engine = self.engine.engine()?;
         if self.align {
-            frames = Alignment::estimate(&frames, &params, &engine)?.compensate(&frames);
+            frames = Alignment::estimate(&frames, &self.search.params(search)?, &engine)?.compensate(&frames);
         }
 
         let method = self.options.method(self.method, self.search.block_size)?;
@@ -104,13 +104,13 @@ impl Match {
             && cuts.upsample > 1
         {
             let colored = frames.color(Frame::Center).is_some();
-            let bytes = cuts.bytes(*cost, params.width() * params.height(), params.views().len(), colored);
+            let bytes = cuts.bytes(*cost, search.width() * search.height(), search.views().len(), colored);
             let megabytes = bytes.div_ceil(1_000_000);
             terminal::say(&format!("matching at {} times the size takes about {megabytes} MB of memory", cuts.upsample));
         }
         let watch = Watch::new()?;
         let start = Instant::now();
-        let disparities = method.disparities(&engine, &frames, params.search(), &watch)?;
+        let disparities = method.disparities(&engine, &frames, &search, &watch)?;
         let seconds = start.elapsed().as_secs_f64();
         watch.finish();
 
@@ -123,7 +123,7 @@ impl Match {
             let encoding = if outputs.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
             ply::write(path, &disparities, geometry, center, encoding)?;
         }
-        terminal::say(&summary(&params, &disparities, seconds));
+        terminal::say(&summary(self.method.name(), &search, &disparities, seconds));
         Ok(ExitCode::SUCCESS)
     }
 }
@@ -149,20 +149,19 @@ impl Outputs {
 }
 
 /// One line about the match and its result.
-fn summary(params: &Params, disparities: &DisparityMap, seconds: f64) -> String {
+fn summary(method: &str, search: &Search, disparities: &DisparityMap, seconds: f64) -> String {
     let valid = disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64;
-    let views = match params.views().len() {
+    let views = match search.views().len() {
         1 => "1 view".into(),
         views => format!("{views} views"),
     };
     format!(
-        "{}x{}, {views}, {}, {}..={}, block {}: {:.1} % valid, {:.0} ms",
-        params.width(),
-        params.height(),
-        params.fusion().name(),
-        params.min_disparity(),
-        params.max_disparity(),
-        params.block_size(),
+        "{}x{}, {method}, {views}, {}, {}..={}: {:.1} % valid, {:.0} ms",
+        search.width(),
+        search.height(),
+        search.fusion().name(),
+        search.min_disparity(),
+        search.max_disparity(),
         100.0 * valid,
         1e3 * seconds
     )

@@ -17,11 +17,12 @@ use multiscopic::{
         simulation::{self, Simulation},
     },
 };
-use multiscopic_core::{Fusion, Search, View, Views};
+use multiscopic_core::{Fusion, Search, Views};
 use multiscopic_edge::{Matching, Profile, profile};
 use serde::Serialize;
 
 use super::{
+    budget::check_measured,
     options::{SourceOptions, named},
     terminal,
 };
@@ -36,7 +37,7 @@ pub struct Simulate {
     #[arg(long, value_name = "NAME", value_parser = profile::ALL.map(|profile| profile.name))]
     profile: String,
 
-    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with more]
+    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
     #[arg(long, value_parser = named::<Fusion>())]
     fusion: Option<Fusion>,
 
@@ -65,6 +66,7 @@ impl Simulate {
         let views = profile.matching(Fusion::Min).search().views();
         let fusion = self.fusion.unwrap_or(Fusion::default_for(views.len()));
         let matching = profile.matching(fusion);
+        check_measured(self.core, &matching)?;
         let (frames, images) = self.frames(&profile, matching.search())?;
 
         let lines = matching.tiles().count() * matching.search().height();
@@ -96,7 +98,7 @@ impl Simulate {
         output::check(&outputs, &images.paths().chain(rig_file.as_deref()).collect::<Vec<_>>())?;
         if let Some(view) = search.views().iter().find(|&view| !images.views().contains(view)) {
             let message =
-                format!("profile {} needs the views {}: the {} one is missing", profile.name, names(search.views()), view.name());
+                format!("profile {} needs the views {}: the {view} one is missing", profile.name, names(search.views()));
             return Err(Error::Usage(message));
         }
         let (frames, _) = Frames::load(&images)?;
@@ -113,7 +115,7 @@ impl Simulate {
 }
 
 fn names(views: Views) -> String {
-    views.iter().map(View::name).collect::<Vec<_>>().join(", ")
+    views.iter().map(|view| view.to_string()).collect::<Vec<_>>().join(", ")
 }
 
 /// The simulation and the prediction. `--json` prints these fields, named as in `cargo xtask edge`.
@@ -132,7 +134,7 @@ struct SimulationReport<'a> {
     instructions_per_de: f64,
     lines_latency: usize,
     tile_passes: usize,
-    lines_read: BTreeMap<&'a str, usize>,
+    lines_read: BTreeMap<String, usize>,
     packet_bytes: usize,
 }
 
@@ -160,7 +162,7 @@ impl<'a> SimulationReport<'a> {
             instructions_per_de: instructions / search.evaluations() as f64,
             lines_latency: matching.latency_lines(),
             tile_passes: simulation.passes,
-            lines_read: simulation.lines_read.iter().map(|&(of, lines)| (of.name(), lines)).collect(),
+            lines_read: simulation.lines_read.iter().map(|(frame, lines)| (frame.to_string(), *lines)).collect(),
             packet_bytes: simulation.packets.len(),
         }
     }

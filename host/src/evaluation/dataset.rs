@@ -15,8 +15,8 @@ use crate::{
 /// | --- | --- | --- |
 /// | `middlebury2006-third` | `view1` / `view0` / `view2` / - / - | `disp1.png`, grey / 12, 0 = unknown |
 /// | `middlebury2005-full` | as above | `disp1.png`, grey / 4, 0 = unknown |
-/// | `tsukuba` | `scene1.rowR.colC`, R.C = 3.3 / 3.2 / 3.4 / 2.3 / 4.3 | `truedisp.row3.col3.pgm`, grey / 16, 0 = unknown |
-/// | `hci4d` | `input_CamN`, N = 040 / 036 / 044 / 004 / 076 | `gt_disp_lowres.pfm`, times the 4 camera steps of the baseline |
+/// | `tsukuba` | `scene1.rowR.colC`, R.C = 3.3 / 3.2 / 3.4 / 2.3 / 4.3, and the corners 2.2 to 4.4 | `truedisp.row3.col3.pgm`, grey / 16, 0 = unknown |
+/// | `hci4d` | `input_CamN`, N = 040 / 036 / 044 / 004 / 076, and the corners 000, 008, 072 and 080 | `gt_disp_lowres.pfm`, times the 4 camera steps of the baseline |
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dataset {
     /// Middlebury 2006 at a third of its full size: three views in a row.
@@ -43,11 +43,19 @@ impl Dataset {
         }
     }
 
-    /// The neighbours in each scene.
+    /// The nearest neighbours in each scene.
     pub const fn views(self) -> Views {
         match self {
             Dataset::Middlebury2006Third | Dataset::Middlebury2005Full => Views::HORIZONTAL,
-            Dataset::Tsukuba | Dataset::Hci4d => Views::ALL,
+            Dataset::Tsukuba | Dataset::Hci4d => Views::CROSS,
+        }
+    }
+
+    /// All neighbours in each scene that can be used.
+    pub const fn all_views(self) -> Views {
+        match self {
+            Dataset::Middlebury2006Third | Dataset::Middlebury2005Full => Views::HORIZONTAL,
+            Dataset::Tsukuba | Dataset::Hci4d => Views::ARRAY,
         }
     }
 
@@ -73,21 +81,14 @@ impl Dataset {
 
     /// The image files of a scene, relative to its folder.
     pub(super) fn images(self) -> FrameFiles {
-        let [center, left, right, top, bottom] = match self {
-            Dataset::Middlebury2006Third | Dataset::Middlebury2005Full => ["view1.png", "view0.png", "view2.png", "", ""],
-            Dataset::Tsukuba => [
-                "scene1.row3.col3.ppm",
-                "scene1.row3.col2.ppm",
-                "scene1.row3.col4.ppm",
-                "scene1.row2.col3.ppm",
-                "scene1.row4.col3.ppm",
-            ],
-            Dataset::Hci4d => {
-                ["input_Cam040.png", "input_Cam036.png", "input_Cam044.png", "input_Cam004.png", "input_Cam076.png"]
-            }
+        let name = |right: i32, down: i32| match self {
+            Dataset::Middlebury2006Third | Dataset::Middlebury2005Full => format!("view{}.png", 1 + right),
+            Dataset::Tsukuba => format!("scene1.row{}.col{}.ppm", 3 + down, 3 + right),
+            // Nine cameras in a row, of which every fourth is used.
+            Dataset::Hci4d => format!("input_Cam{:03}.png", 40 + 4 * right + 36 * down),
         };
-        let file = |name: &str| (!name.is_empty()).then(|| name.into());
-        FrameFiles { center: center.into(), left: file(left), right: file(right), top: file(top), bottom: file(bottom) }
+        let center = FrameFiles { center: name(0, 0).into(), ..FrameFiles::default() };
+        self.all_views().iter().fold(center, |files, view| files.with(view, name(view.right().into(), view.down().into()).into()))
     }
 
     /// The ground truth file of a scene, relative to its folder.
@@ -126,6 +127,6 @@ mod tests {
         assert!(Dataset::ALL.iter().all(|dataset| dataset.to_string().parse::<Dataset>().unwrap() == *dataset));
         let message = "middlebury".parse::<Dataset>().unwrap_err().to_string();
         assert!(message.contains("middlebury2006-third, middlebury2005-full, tsukuba, hci4d"), "{message}");
-        assert!(Dataset::ALL.iter().all(|dataset| dataset.images().views() == dataset.views()));
+        assert!(Dataset::ALL.iter().all(|dataset| dataset.images().views() == dataset.all_views()));
     }
 }

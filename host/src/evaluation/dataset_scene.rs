@@ -5,6 +5,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use multiscopic_core::Views;
+
 use super::{dataset::Dataset, ground_truth};
 use crate::{
     error::{Error, Result},
@@ -42,14 +44,14 @@ impl DatasetScene {
         self.images.paths().chain([self.truth.as_path()]).any(Path::exists)
     }
 
-    /// Reads the frames, the centre as the picture in its file, and the true disparities in pixels, +inf
+    /// Reads the frames of `views`, the centre as the picture in its file, and the true disparities in pixels, +inf
     /// where unknown.
     ///
     /// # Errors
     /// [`Error::Read`], or [`Error::Format`] if a file has the wrong contents, sizes differ, or no disparity
     /// is known.
-    pub fn load(&self) -> Result<(Frames, Picture, FloatImage)> {
-        let (frames, center) = Frames::load(&self.images)?;
+    pub fn load(&self, views: Views) -> Result<(Frames, Picture, FloatImage)> {
+        let (frames, center) = Frames::load(&self.images.only(views))?;
         let truth = ground_truth::read(self.dataset, &self.truth)?;
         let ((w, h), (width, height)) = ((truth.width(), truth.height()), (frames.width(), frames.height()));
         if (w, h) != (width, height) {
@@ -103,7 +105,7 @@ impl Dataset {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Frame, View};
+    use multiscopic_core::Frame;
 
     fn write_gray(path: PathBuf, pixels: &[u8]) {
         fs::write(path, [format!("P5 {} 1 255\n", pixels.len()).as_bytes(), pixels].concat()).unwrap();
@@ -126,7 +128,7 @@ mod tests {
     }
 
     fn message(dataset: Dataset, directory: &Path) -> String {
-        dataset.scenes(directory).and_then(|scenes| scenes[0].load()).unwrap_err().to_string()
+        dataset.scenes(directory).and_then(|scenes| scenes[0].load(dataset.all_views())).unwrap_err().to_string()
     }
 
     #[test]
@@ -165,13 +167,13 @@ mod tests {
         for (dataset, file, expected) in cases {
             let dir = tempfile::tempdir().unwrap();
             make(dataset, dir.path(), 3, file);
-            let (frames, center, truth) = dataset.scenes(dir.path()).unwrap()[0].load().unwrap();
+            let (frames, center, truth) = dataset.scenes(dir.path()).unwrap()[0].load(dataset.all_views()).unwrap();
             assert_eq!(truth.pixels(), expected, "{dataset}");
             assert_eq!(center.dimensions(), (3, 1));
             let frame = |frame| frames.get(frame).map(|image| image.as_raw()[0]);
             assert_eq!(frame(Frame::Center), Some(0));
-            let views: Vec<u8> = View::ALL.into_iter().filter_map(|view| frame(Frame::View(view))).collect();
-            assert!(views.into_iter().eq(1..=dataset.views().len() as u8), "{dataset}");
+            let views: Vec<u8> = dataset.all_views().iter().filter_map(|view| frame(Frame::View(view))).collect();
+            assert!(views.into_iter().eq(1..=dataset.all_views().len() as u8), "{dataset}");
         }
     }
 

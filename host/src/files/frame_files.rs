@@ -1,6 +1,9 @@
 //! The image files of a capture, one for each frame.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use multiscopic_core::{Frame, View, Views};
 use serde::{Deserialize, Serialize};
@@ -25,46 +28,89 @@ pub struct FrameFiles {
     pub top: Option<PathBuf>,
     /// The frame taken with the camera moved down.
     pub bottom: Option<PathBuf>,
+    /// The frames taken elsewhere, by their offsets in baselines to the right and down, such as `1,-1`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty", with = "by_offset")]
+    pub views: BTreeMap<View, PathBuf>,
+}
+
+/// Views as keys of a table: `[images.views]`.
+mod by_offset {
+    use std::{collections::BTreeMap, path::PathBuf};
+
+    use multiscopic_core::View;
+    use serde::{Deserialize, Deserializer, Serializer, de::Error};
+
+    pub fn serialize<S: Serializer>(views: &BTreeMap<View, PathBuf>, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(views.iter().map(|(view, path)| (view.to_string(), path)))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<BTreeMap<View, PathBuf>, D::Error> {
+        let named = BTreeMap::<String, PathBuf>::deserialize(deserializer)?.into_iter();
+        let views = named.map(|(name, path)| {
+            let view: View = name.parse().map_err(|error| D::Error::custom(format!("{name}: {error}")))?;
+            match view.name() {
+                Some(key) => Err(D::Error::custom(format!("the view {name} has a key of its own, {key}"))),
+                None => Ok((view, path)),
+            }
+        });
+        views.collect()
+    }
 }
 
 impl FrameFiles {
     /// The name of the file that a capture writes a frame to: `center.png`, `left.png` and so on.
     pub fn name_of(frame: Frame) -> String {
-        format!("{}.png", frame.name())
+        format!("{frame}.png")
     }
 
     /// The files that a capture of the centre and `views` writes.
     pub fn of_capture(views: Views) -> FrameFiles {
         let file = |frame| PathBuf::from(FrameFiles::name_of(frame));
-        let neighbor = |view| views.contains(view).then(|| file(Frame::View(view)));
-        FrameFiles {
-            center: file(Frame::Center),
-            left: neighbor(View::Left),
-            right: neighbor(View::Right),
-            top: neighbor(View::Top),
-            bottom: neighbor(View::Bottom),
+        let center = FrameFiles { center: file(Frame::Center), ..FrameFiles::default() };
+        views.iter().fold(center, |files, view| files.with(view, file(Frame::View(view))))
+    }
+
+    /// Adds or replaces the file of a view.
+    pub fn with(mut self, view: View, path: PathBuf) -> FrameFiles {
+        match view {
+            View::LEFT => self.left = Some(path),
+            View::RIGHT => self.right = Some(path),
+            View::TOP => self.top = Some(path),
+            View::BOTTOM => self.bottom = Some(path),
+            _ => _ = self.views.insert(view, path),
         }
+        self
+    }
+
+    /// The files of the centre and of `views`.
+    pub fn only(&self, views: Views) -> FrameFiles {
+        let center = FrameFiles { center: self.center.clone(), ..FrameFiles::default() };
+        let kept = self.views().iter().filter(|&view| views.contains(view));
+        kept.filter_map(|view| Some((view, self.get(Frame::View(view))?)))
+            .fold(center, |files, (view, path)| files.with(view, path.into()))
     }
 
     /// The file of a frame, if it has one.
     pub fn get(&self, frame: Frame) -> Option<&Path> {
         match frame {
             Frame::Center => Some(&self.center),
-            Frame::View(View::Left) => self.left.as_deref(),
-            Frame::View(View::Right) => self.right.as_deref(),
-            Frame::View(View::Top) => self.top.as_deref(),
-            Frame::View(View::Bottom) => self.bottom.as_deref(),
+            Frame::View(View::LEFT) => self.left.as_deref(),
+            Frame::View(View::RIGHT) => self.right.as_deref(),
+            Frame::View(View::TOP) => self.top.as_deref(),
+            Frame::View(View::BOTTOM) => self.bottom.as_deref(),
+            Frame::View(view) => self.views.get(&view).map(PathBuf::as_path),
         }
     }
 
     /// The neighbours that have a file.
     pub fn views(&self) -> Views {
-        View::ALL.into_iter().filter(|&view| self.get(Frame::View(view)).is_some()).collect()
+        let nearest = View::CROSS.into_iter().filter(|&view| self.get(Frame::View(view)).is_some());
+        nearest.chain(self.views.keys().copied()).collect()
     }
 
     /// All files, beginning with the centre's.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
-        std::iter::once(Frame::Center).chain(View::ALL.map(Frame::View)).filter_map(|frame| self.get(frame))
+        std::iter::once(Frame::Center).chain(self.views().iter().map(Frame::View)).filter_map(|frame| self.get(frame))
     }
 
     /// The files with relative paths resolved against `directory`.
@@ -76,6 +122,7 @@ impl FrameFiles {
             right: join(&self.right),
             top: join(&self.top),
             bottom: join(&self.bottom),
+            views: self.views.iter().map(|(view, file)| (*view, directory.join(file))).collect(),
         }
     }
 }
@@ -123,6 +170,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn views_elsewhere_have_a_table_of_their_own() {
+        let text = "center = \"c.png\"\nleft = \"l.png\"\n\n[views]\n\"1,-1\" = \"r.png\"\n";
+        let files: FrameFiles = toml::from_str(text).unwrap();
+        let corner = View::new(1, -1).unwrap();
+        assert_eq!(files.views(), Views::NONE.with(View::LEFT).with(corner));
+        assert_eq!(files.get(Frame::View(corner)), Some(Path::new("r.png")));
+        assert_eq!(toml::to_string(&files).unwrap(), text);
+        assert_eq!(files.only(Views::NONE.with(corner)).views(), Views::NONE.with(corner));
+        let error = |view: &str| toml::from_str::<FrameFiles>(&text.replace("1,-1", view)).unwrap_err().to_string();
+        assert!(error("0,0").contains("the offset 0,0 is the centre's"), "{}", error("0,0"));
+        assert!(error("-1,0").contains("has a key of its own, left"), "{}", error("-1,0"));
+    }
+
+    #[test]
     fn loads_the_files_of_a_capture() {
         let dir = tempfile::tempdir().unwrap();
         let file = |name: &str, bytes: &[u8]| {
@@ -134,21 +195,21 @@ mod tests {
         let top = file("top.pgm", b"P5 2 1 255 \x05\x06");
         let mut files = FrameFiles { center, top: Some(top), ..FrameFiles::default() };
         let (frames, color) = Frames::load(&files).unwrap();
-        assert_eq!((frames.size(), frames.views()), ([2, 1], Views::NONE.with(View::Top)));
+        assert_eq!((frames.size(), frames.views()), ([2, 1], Views::NONE.with(View::TOP)));
         assert_eq!(frames.get(Frame::Center).unwrap().as_raw(), &[77, 0]);
-        assert_eq!(frames.get(Frame::View(View::Top)).unwrap().as_raw(), &[5, 6]);
+        assert_eq!(frames.get(Frame::View(View::TOP)).unwrap().as_raw(), &[5, 6]);
         assert_eq!(color.color(0, 0), [255, 0, 0]);
         assert_eq!(frames.color(Frame::Center), None, "one of them is grey");
 
         let saved = FrameFiles::of_capture(frames.views()).within(dir.path());
         frames.save(&saved).unwrap();
-        assert_eq!(Frames::load(&saved).unwrap().0.get(Frame::View(View::Top)), frames.get(Frame::View(View::Top)));
+        assert_eq!(Frames::load(&saved).unwrap().0.get(Frame::View(View::TOP)), frames.get(Frame::View(View::TOP)));
 
         let mut colored = FrameFiles { top: Some(file("top.ppm", b"P6 2 1 255 \0\xFF\0\0\0\xFF")), ..files.clone() };
         let (frames, _) = Frames::load(&colored).unwrap();
-        let top = frames.color(Frame::View(View::Top)).unwrap();
+        let top = frames.color(Frame::View(View::TOP)).unwrap();
         assert_eq!(
-            (frames.get(Frame::View(View::Top)).unwrap().as_raw(), top.as_raw()),
+            (frames.get(Frame::View(View::TOP)).unwrap().as_raw(), top.as_raw()),
             (&vec![149, 29], &vec![0, 255, 0, 0, 0, 255])
         );
         assert_eq!(frames.color(Frame::Center).unwrap().as_raw(), &[255, 0, 0, 0, 0, 0]);

@@ -23,6 +23,9 @@ use crate::{
 /// left = "left.png"
 /// right = "right.png"
 ///
+/// [images.views]                  # optional: neighbours elsewhere, by their baselines to the right and down
+/// "1,-1" = "top-right.png"
+///
 /// [capture]                       # optional, like each of its lines
 /// camera = "/dev/video0"
 /// stage = "gcode:/dev/ttyUSB0"
@@ -158,7 +161,7 @@ mod tests {
         assert_eq!(rig.capture.stage.as_deref(), Some("manual"));
         let images = rig.images.within(Path::new("rig"));
         assert!(images.paths().eq(["rig/center.png", "/data/right.png"].map(Path::new)));
-        assert_eq!(images.get(Frame::View(View::Top)), None);
+        assert_eq!(images.get(Frame::View(View::TOP)), None);
     }
 
     #[test]
@@ -186,7 +189,7 @@ mod tests {
         let (_, rest) = source.split_once("/// ```toml\n").unwrap();
         let (example, _) = rest.split_once("/// ```\n").unwrap();
         let rig = load(&example.replace("/// ", "").replace("///", "")).unwrap();
-        assert_eq!(rig.images.views(), Views::HORIZONTAL);
+        assert_eq!(rig.images.views(), Views::HORIZONTAL.with(View::new(1, -1).unwrap()));
         assert_eq!(rig.capture.repeatability_mm, Some(0.02));
     }
 

@@ -1,6 +1,6 @@
 //! The frames of one capture, in memory.
 
-use std::convert::Infallible;
+use std::{collections::BTreeMap, convert::Infallible};
 
 use image::{GrayImage, RgbImage, imageops};
 use multiscopic_core::{Frame, Rewind, ScanlineSource, View, Views};
@@ -12,7 +12,7 @@ use super::picture::Picture;
 #[derive(Clone, Debug)]
 pub struct Frames {
     center: GrayImage,
-    neighbors: [Option<GrayImage>; 4],
+    neighbors: BTreeMap<View, GrayImage>,
     /// Present only if every frame has colours.
     colors: Option<Colors>,
 }
@@ -21,22 +21,23 @@ pub struct Frames {
 #[derive(Clone, Debug)]
 struct Colors {
     center: RgbImage,
-    neighbors: [Option<RgbImage>; 4],
+    neighbors: BTreeMap<View, RgbImage>,
 }
 
 impl Frames {
     /// A grey centre frame without neighbours.
     pub fn new(center: GrayImage) -> Frames {
-        Frames { center, neighbors: [const { None }; 4], colors: None }
+        Frames { center, neighbors: BTreeMap::new(), colors: None }
     }
 
     /// Adds or replaces a grey neighbour. This drops the colours of all frames.
     ///
     /// # Panics
-    /// If the neighbour and the centre differ in size.
+    /// If the neighbour and the centre differ in size, or there are more than [`Views::MAX`] neighbours.
     pub fn with(mut self, view: View, image: GrayImage) -> Frames {
-        assert_eq!(image.dimensions(), self.center.dimensions(), "the size of the {view:?} view");
-        self.neighbors[view as usize] = Some(image);
+        assert_eq!(image.dimensions(), self.center.dimensions(), "the size of the {view} view");
+        self.neighbors.insert(view, image);
+        assert!(self.neighbors.len() <= Views::MAX, "{} views", self.neighbors.len());
         self.colors = None;
         self
     }
@@ -51,7 +52,7 @@ impl Frames {
         let gray = center.to_gray();
         let colors = match center {
             Picture::Gray(_) => None,
-            Picture::Rgb(center) => Some(Colors { center, neighbors: [const { None }; 4] }),
+            Picture::Rgb(center) => Some(Colors { center, neighbors: BTreeMap::new() }),
         };
         Frames { colors, ..Frames::new(gray) }
     }
@@ -65,7 +66,7 @@ impl Frames {
         let frames = self.with(view, picture.to_gray());
         let colors = match (colors, picture) {
             (Some(mut colors), Picture::Rgb(image)) => {
-                colors.neighbors[view as usize] = Some(image);
+                colors.neighbors.insert(view, image);
                 Some(colors)
             }
             _ => None,
@@ -80,7 +81,7 @@ impl Frames {
     pub fn middle(&self, [width, height]: [usize; 2], views: Views) -> Frames {
         let [left, top] = [self.width() - width, self.height() - height].map(|rest| rest as u32 / 2);
         let cut = |frame| {
-            let image = self.get(frame).unwrap_or_else(|| panic!("no {} frame", frame.name()));
+            let image = self.get(frame).unwrap_or_else(|| panic!("no {frame} frame"));
             imageops::crop_imm(image, left, top, width as u32, height as u32).to_image()
         };
         views.iter().fold(Frames::new(cut(Frame::Center)), |frames, view| frames.with(view, cut(Frame::View(view))))
@@ -103,7 +104,7 @@ impl Frames {
 
     /// The neighbours present.
     pub fn views(&self) -> Views {
-        View::ALL.into_iter().filter(|&view| self.neighbors[view as usize].is_some()).collect()
+        self.neighbors.keys().copied().collect()
     }
 
     /// The colours of a frame, or `None` if it is missing or some frame is grey.
@@ -111,7 +112,7 @@ impl Frames {
         let colors = self.colors.as_ref()?;
         match frame {
             Frame::Center => Some(&colors.center),
-            Frame::View(view) => colors.neighbors[view as usize].as_ref(),
+            Frame::View(view) => colors.neighbors.get(&view),
         }
     }
 
@@ -119,7 +120,7 @@ impl Frames {
     pub fn get(&self, frame: Frame) -> Option<&GrayImage> {
         match frame {
             Frame::Center => Some(&self.center),
-            Frame::View(view) => self.neighbors[view as usize].as_ref(),
+            Frame::View(view) => self.neighbors.get(&view),
         }
     }
 }
@@ -148,10 +149,10 @@ mod tests {
     #[test]
     fn the_middle_is_cropped_from_every_view() {
         let image = |first: u8| GrayImage::from_raw(4, 3, (first..first + 12).collect()).unwrap();
-        let frames = Frames::new(image(0)).with(View::Left, image(50)).with(View::Top, image(100));
-        let middle = frames.middle([2, 2], Views::NONE.with(View::Left));
-        assert_eq!((middle.size(), middle.views()), ([2, 2], Views::NONE.with(View::Left)));
+        let frames = Frames::new(image(0)).with(View::LEFT, image(50)).with(View::TOP, image(100));
+        let middle = frames.middle([2, 2], Views::NONE.with(View::LEFT));
+        assert_eq!((middle.size(), middle.views()), ([2, 2], Views::NONE.with(View::LEFT)));
         assert_eq!(middle.get(Frame::Center).unwrap().as_raw(), &[1, 2, 5, 6]);
-        assert_eq!(middle.get(Frame::View(View::Left)).unwrap().as_raw(), &[51, 52, 55, 56]);
+        assert_eq!(middle.get(Frame::View(View::LEFT)).unwrap().as_raw(), &[51, 52, 55, 56]);
     }
 }

@@ -1,6 +1,6 @@
 //! The machine that matches: threads and vector instructions, and the core's block matching on both.
 
-use multiscopic_core::{Disparity, Frame, Matcher, Memory, Params, Region, Search, View, kernel::Kernel};
+use multiscopic_core::{Disparity, Frame, Matcher, Memory, Params, Region, Search, kernel::Kernel};
 use rayon::prelude::*;
 
 use super::simd::{Simd, Task};
@@ -54,7 +54,7 @@ impl Engine {
             return Err(Error::Usage(format!("the frames have {width}x{height} pixels, the search is for {w}x{h}")));
         }
         match search.views().iter().find(|&view| frames.get(Frame::View(view)).is_none()) {
-            Some(view) => Err(Error::Usage(format!("the search is in the {} view, which is missing", View::name(view)))),
+            Some(view) => Err(Error::Usage(format!("the search is in the {view} view, which is missing"))),
             None => Ok(()),
         }
     }

@@ -5,7 +5,7 @@ use multiscopic_core::{Census, Frame, Params, Search};
 use super::{
     aggregation::{Aggregation, CrossBased},
     cost::{
-        BirchfieldTomasi, CensusRows, Cost, CostRows, SadRows, Volume,
+        BirchfieldTomasi, BlockRows, CensusRows, Cost, CostRows, SadRows, Volume,
         mccnn::{self, Network},
     },
     engine::Engine,
@@ -110,10 +110,18 @@ impl Method {
     ) -> Result<DisparityMap> {
         engine.check(frames, search)?;
         let map = match (&self.cost, &self.optimizer) {
+            (CostFunction::Sad { block_size }, Optimizer::WinnerTakesAll)
+                if self.aggregation.is_none() && search.check_views().is_err() =>
+            {
+                self.take_winners(&BlockRows::new(frames, search, *block_size)?, engine, progress)
+            }
             (CostFunction::Sad { block_size }, Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
                 progress.begin(search.height() as u64, "lines");
                 let params = Params::block_matching(*search, *block_size)?;
                 engine.disparities(frames, &params, || progress.advance(1))?
+            }
+            (CostFunction::BirchfieldTomasi(_) | CostFunction::McCnn(_), _) if let Err(error) = search.check_views() => {
+                return Err(error.into());
             }
             (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) if self.aggregation.is_none() => {
                 cuts.disparities(*cost, engine, frames, search, progress)?

@@ -120,6 +120,8 @@ mod tests {
     use super::*;
     use multiscopic_core::{Census, Fusion, Params, SemiGlobalCost, SemiGlobalParams, Views};
 
+    const MEASURED_RULES: [Fusion; 3] = [Fusion::Min, Fusion::Mean, Fusion::Heuristic];
+
     #[test]
     fn the_table_survives_a_round_trip_through_toml() {
         assert_eq!(toml::from_str::<FirmwareCostTable>(&MEASURED.to_toml()).unwrap(), *MEASURED);
@@ -132,8 +134,8 @@ mod tests {
 
     #[test]
     fn every_kernel_has_a_price() {
-        for views in [Views::STEREO, Views::HORIZONTAL, Views::THREE, Views::ALL] {
-            for (fusion, block_size) in Fusion::ALL.into_iter().flat_map(|fusion| [(fusion, 3), (fusion, 21)]) {
+        for views in [Views::STEREO, Views::HORIZONTAL, Views::THREE, Views::CROSS] {
+            for (fusion, block_size) in MEASURED_RULES.into_iter().flat_map(|fusion| [(fusion, 3), (fusion, 21)]) {
                 let params = Params::new(40, 30, views, fusion, 1, 8, block_size).unwrap();
                 for processor in Processor::ALL {
                     let matching = Matching::Blocks { params, tile_width: 40 };
@@ -146,7 +148,8 @@ mod tests {
 
     #[test]
     fn semi_global_matching_has_a_price_unless_its_cost_is_the_census() {
-        for (views, fusion) in [Views::STEREO, Views::ALL].into_iter().flat_map(|views| Fusion::ALL.map(|fusion| (views, fusion)))
+        for (views, fusion) in
+            [Views::STEREO, Views::CROSS].into_iter().flat_map(|views| MEASURED_RULES.map(|fusion| (views, fusion)))
         {
             let search = *Params::new(40, 30, views, fusion, 1, 8, 1).unwrap().search();
             let matching = |cost| Matching::SemiGlobal(SemiGlobalParams::new(search, cost).unwrap());

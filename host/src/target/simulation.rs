@@ -1,7 +1,7 @@
 //! The firmware's pipeline on the host: the same parameters, memory, order of lines and packets, with frames
 //! in memory.
 
-use std::{convert::Infallible, time::Duration};
+use std::{convert::Infallible, iter, time::Duration};
 
 use multiscopic_core::{Frame, Fusion, Rewind, ScanlineSource, Search, View, Views, kernel::Kernel};
 use multiscopic_edge::{Board, Matching, Phase, Profile, Streams, StreamsError, Wide, Workspace, profile, workspace};
@@ -43,7 +43,7 @@ pub enum SimulationError {
         expected: [usize; 2],
     },
     /// A view of the profile is missing.
-    #[error("the {} view is missing", view.name())]
+    #[error("the {view} view is missing")]
     MissingView {
         /// The view.
         view: View,
@@ -101,13 +101,7 @@ fn run<I: Kernel, const WORDS: usize, const COLUMNS: usize, const PACKET: usize>
     let run = workspace.pipeline().run::<SimulatedBoard<'_>, I>(kernel, matching, &mut source, &mut packets);
     let mut sender = run.unwrap_or_else(|error| panic!("the workspace fits the profile and memory can be read: {error}"));
     packets.extend_from_slice(sender.end(None).expect("the end is shorter than a line"));
-    let frames = [Frame::Center].into_iter().chain(matching.search().views().iter().map(Frame::View));
-    Ok(Simulation {
-        packets,
-        passes: source.passes,
-        lines_read: frames.map(|frame| (frame, source.lines_read[frame_index(frame)])).collect(),
-        workspace: size_of_val(workspace),
-    })
+    Ok(Simulation { packets, passes: source.passes, lines_read: source.lines_read, workspace: size_of_val(workspace) })
 }
 
 /// A board whose frames are in memory.
@@ -127,7 +121,8 @@ impl<'a> Board for SimulatedBoard<'a> {
             return Err(SimulationError::MissingView { view });
         }
         let streams = open_streams(frames, views);
-        Ok(CountedStreams { frames, views, streams, lines_read: [0; 5], passes: 1, on_line: self.on_line })
+        let lines_read = iter::once(Frame::Center).chain(views.iter().map(Frame::View)).map(|frame| (frame, 0)).collect();
+        Ok(CountedStreams { frames, views, streams, lines_read, passes: 1, on_line: self.on_line })
     }
 
     fn output(&mut self) -> Result<Vec<u8>, SimulationError> {
@@ -146,7 +141,7 @@ struct CountedStreams<'a> {
     frames: &'a Frames,
     views: Views,
     streams: Streams<&'a [u8]>,
-    lines_read: [usize; 1 + View::ALL.len()],
+    lines_read: Vec<(Frame, usize)>,
     passes: usize,
     on_line: &'a dyn Fn(),
 }
@@ -155,7 +150,8 @@ impl ScanlineSource for CountedStreams<'_> {
     type Error = StreamsError<Infallible>;
 
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
-        self.lines_read[frame_index(frame)] += 1;
+        let lines_read = self.lines_read.iter_mut().find(|(other, _)| *other == frame);
+        lines_read.expect("the board has every view").1 += 1;
         if frame == Frame::Center {
             (self.on_line)();
         }
@@ -175,13 +171,6 @@ fn open_streams(frames: &Frames, views: Views) -> Streams<&[u8]> {
     let pixels = |frame| Ok::<_, Infallible>(frames.get(frame).expect("the board has every view").as_raw().as_slice());
     let Ok(streams) = Streams::open(views, pixels);
     streams
-}
-
-const fn frame_index(frame: Frame) -> usize {
-    match frame {
-        Frame::Center => 0,
-        Frame::View(view) => 1 + view as usize,
-    }
 }
 
 #[cfg(test)]
@@ -205,7 +194,7 @@ mod tests {
         let simulation = simulate(&profile, Fusion::Min, &frames, &|| ()).unwrap();
         assert_eq!(simulation.workspace, profile.lengths::<Wide>().bytes());
         assert_eq!(simulation.passes, 1);
-        let views = [View::Left, View::Right].map(Frame::View);
+        let views = [View::LEFT, View::RIGHT].map(Frame::View);
         assert_eq!(simulation.lines_read, [(Frame::Center, 120), (views[0], 120), (views[1], 120)]);
         let received = receive(&simulation.packets[..], Path::new("simulation"), |notice| {
             assert!(matches!(notice, Notice::Line { .. }), "{notice:?}");
@@ -218,7 +207,7 @@ mod tests {
     fn frames_that_do_not_fit_the_profile_are_refused() {
         let refusal = |frames| simulate(&profile::QQVGA, Fusion::Min, &frames, &|| ()).unwrap_err();
         let missing = refusal(demo_frames(160, Views::STEREO));
-        assert_eq!(missing, SimulationError::MissingView { view: View::Left });
+        assert_eq!(missing, SimulationError::MissingView { view: View::LEFT });
         let small = refusal(demo_frames(80, Views::HORIZONTAL));
         let expected = SimulationError::FrameSize { profile: "qqvga", found: [80, 120], expected: [160, 120] };
         assert_eq!(small, expected);

@@ -17,6 +17,8 @@ pub enum Fusion {
     /// The mean of the three least costs, or of the two least if the third is more than three times the
     /// second.
     Heuristic,
+    /// The mean of the least half of all costs, rounded up.
+    Half,
 }
 
 /// Images and the parameters of their match.
@@ -30,6 +32,8 @@ pub struct Match<'a> {
     pub center: &'a [u8],
     /// The views: left, right, top, bottom.
     pub views: [Option<&'a [u8]>; 4],
+    /// Views elsewhere, by their offsets `(i, j)`: baselines to the right and down.
+    pub others: &'a [((i32, i32), Vec<u8>)],
     /// The fusion rule.
     pub fusion: Fusion,
     /// The smallest disparity of the search.
@@ -71,14 +75,23 @@ impl Match<'_> {
 
     /// The fused cost of a candidate; `None` if no view is available.
     fn fused_cost(&self, u: i32, v: i32, d: i32) -> Option<f64> {
-        fuse(self.fusion, (0..4).filter_map(|view| self.cost(view, u, v, d)).collect())
+        let nearest = self.views.iter().zip(SHIFTS).filter_map(|(image, shift)| Some(((*image)?, shift)));
+        let others = self.others.iter().map(|((i, j), image)| (&image[..], (-i, -j)));
+        let costs = nearest.chain(others).filter_map(|(image, shift)| self.cost(image, shift, u, v, d)).collect();
+        // Of more than eight views, means of up to 24 costs and of up to 12 are whole.
+        let factor = match self.fusion {
+            _ if self.views.iter().flatten().count() + self.others.len() <= 8 => 1.0,
+            Fusion::Mean => 5_354_228_880.0 / 840.0,
+            Fusion::Half => 27_720.0 / 12.0,
+            _ => 1.0,
+        };
+        fuse_on(factor, self.fusion, costs)
     }
 
-    /// The sum of absolute differences over the block; `None` without the view, or if the match of the
-    /// block's centre lies outside it.
-    fn cost(&self, view: usize, u: i32, v: i32, d: i32) -> Option<f64> {
-        let image = self.views[view]?;
-        let (du, dv) = (SHIFTS[view].0 * d, SHIFTS[view].1 * d);
+    /// The sum of absolute differences over the block to a view with this shift per pixel of disparity; `None` if
+    /// the match of the block's centre lies outside it.
+    fn cost(&self, image: &[u8], shift: (i32, i32), u: i32, v: i32, d: i32) -> Option<f64> {
+        let (du, dv) = (shift.0 * d, shift.1 * d);
         let inside = (0..self.width as i32).contains(&(u + du)) && (0..self.height as i32).contains(&(v + dv));
         if !inside {
             return None;
@@ -101,18 +114,24 @@ impl Match<'_> {
     }
 }
 
-/// The fused cost on the rule's scale (1, 12 or 6), on which it is an integer; `None` if there are no costs.
-pub fn fuse(fusion: Fusion, mut costs: Vec<f64>) -> Option<f64> {
+/// The fused cost on a scale of the rule (1, 840, 6 or 12) on which it is an integer; `None` if there are no costs.
+pub fn fuse(fusion: Fusion, costs: Vec<f64>) -> Option<f64> {
+    fuse_on(1.0, fusion, costs)
+}
+
+/// [`fuse`] on a multiple of the rule's scale.
+fn fuse_on(factor: f64, fusion: Fusion, mut costs: Vec<f64>) -> Option<f64> {
     costs.sort_by(f64::total_cmp);
     let (scale, averaged) = match (fusion, costs.len()) {
         (_, 0) => return None,
         (Fusion::Min, _) => (1.0, 1),
-        (Fusion::Mean, n) => (12.0, n),
+        (Fusion::Mean, n) => (840.0, n),
+        (Fusion::Half, n) => (12.0, n - n / 2),
         (Fusion::Heuristic, n) if n >= 3 && costs[2] > 3.0 * costs[1] => (6.0, 2),
         (Fusion::Heuristic, n) => (6.0, n.min(3)),
     };
     // Multiply before dividing, so that the quotient is exact.
-    Some(scale * costs[..averaged].iter().sum::<f64>() / averaged as f64)
+    Some(factor * scale * costs[..averaged].iter().sum::<f64>() / averaged as f64)
 }
 
 /// A disparity in 64ths of a pixel, rounded to nearest, halves away from zero.
@@ -136,6 +155,7 @@ mod tests {
             height: 1,
             center,
             views: [None, Some(right), None, None],
+            others: &[],
             fusion: Fusion::Min,
             min_disparity,
             num_disparities,
@@ -184,6 +204,7 @@ mod tests {
                     height: 7,
                     center: &center,
                     views,
+                    others: &[],
                     fusion: Fusion::Min,
                     min_disparity: -3,
                     num_disparities: 7,
@@ -195,26 +216,54 @@ mod tests {
     }
 
     #[test]
+    fn a_view_shifts_by_its_offset() {
+        let image = |places: &[(i32, i32)]| {
+            let mut image = vec![0; 81];
+            places.iter().for_each(|&(u, v)| image[(9 * v + u) as usize] = 200);
+            image
+        };
+        for (offset, d) in [((1, 1), 3), ((-1, 1), -2), ((2, -1), 2), ((-3, 0), 1), ((0, 2), -2)] {
+            let (i, j) = offset;
+            let (center, others) = (image(&[(4, 4)]), [(offset, image(&[(4 - i * d, 4 - j * d)]))]);
+            let pair = Match {
+                width: 9,
+                height: 9,
+                center: &center,
+                views: [None; 4],
+                others: &others,
+                fusion: Fusion::Min,
+                min_disparity: -3,
+                num_disparities: 7,
+                block_size: 1,
+            };
+            assert_eq!(pair.disparity(4, 4), Some(f64::from(d)), "the view {offset:?}");
+        }
+    }
+
+    #[test]
     fn borders_replicate_and_samples_move_before_they_are_clamped() {
-        let pair = Match { block_size: 3, ..line(&[0, 10], &[3, 10], 0, 2) };
+        let right = [3, 10];
+        let pair = Match { block_size: 3, ..line(&[0, 10], &right, 0, 2) };
+        let cost = |u, d| pair.cost(&right, (-1, 0), u, 0, d);
         // Three equal rows of samples, at -1, 0, 1 and at 0, 1, 2.
-        assert_eq!(pair.cost(1, 0, 0, 0), Some(3.0 * (3.0 + 3.0 + 0.0)));
-        assert_eq!(pair.cost(1, 0, 0, 1), None);
-        assert_eq!(pair.cost(1, 1, 0, 0), Some(3.0 * (3.0 + 0.0 + 0.0)));
-        assert_eq!(pair.cost(1, 1, 0, 1), Some(3.0 * (3.0 + 7.0 + 0.0)));
+        assert_eq!(cost(0, 0), Some(3.0 * (3.0 + 3.0 + 0.0)));
+        assert_eq!(cost(0, 1), None);
+        assert_eq!(cost(1, 0), Some(3.0 * (3.0 + 0.0 + 0.0)));
+        assert_eq!(cost(1, 1), Some(3.0 * (3.0 + 7.0 + 0.0)));
     }
 
     #[test]
     fn fusion_is_on_the_rules_scale() {
-        let cases: [(Fusion, &[f64], Option<f64>); 17] = [
+        let cases: [(Fusion, &[f64], Option<f64>); 23] = [
             (Fusion::Min, &[], None),
             (Fusion::Min, &[5.0], Some(5.0)),
             (Fusion::Min, &[9.0, 5.0, 7.0, 6.0], Some(5.0)),
             (Fusion::Mean, &[], None),
-            (Fusion::Mean, &[5.0], Some(60.0)),
-            (Fusion::Mean, &[5.0, 6.0], Some(66.0)),
-            (Fusion::Mean, &[5.0, 6.0, 8.0], Some(76.0)),
-            (Fusion::Mean, &[5.0, 6.0, 8.0, 100.0], Some(357.0)),
+            (Fusion::Mean, &[5.0], Some(4200.0)),
+            (Fusion::Mean, &[5.0, 6.0], Some(4620.0)),
+            (Fusion::Mean, &[5.0, 6.0, 8.0], Some(5320.0)),
+            (Fusion::Mean, &[5.0, 6.0, 8.0, 100.0], Some(24990.0)),
+            (Fusion::Mean, &[5.0, 6.0, 8.0, 100.0, 1.0, 2.0, 3.0], Some(15000.0)),
             (Fusion::Heuristic, &[], None),
             (Fusion::Heuristic, &[5.0], Some(30.0)),
             (Fusion::Heuristic, &[100.0, 5.0], Some(315.0)),
@@ -224,6 +273,11 @@ mod tests {
             (Fusion::Heuristic, &[0.0, 0.0, 0.0, 9.0], Some(0.0)),
             (Fusion::Heuristic, &[0.0, 0.0, 1.0, 9.0], Some(0.0)),
             (Fusion::Heuristic, &[0.0, 1.0, 3.0, 9.0], Some(8.0)),
+            (Fusion::Half, &[], None),
+            (Fusion::Half, &[9.0, 7.0], Some(84.0)),
+            (Fusion::Half, &[9.0, 7.0, 8.0], Some(90.0)),
+            (Fusion::Half, &[9.0, 7.0, 8.0, 7.0, 9.0], Some(88.0)),
+            (Fusion::Half, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0], Some(18.0)),
         ];
         for (fusion, costs, fused) in cases {
             assert_eq!(fuse(fusion, costs.to_vec()), fused, "{fusion:?} of {costs:?}");
@@ -237,9 +291,9 @@ mod tests {
         let (center, left, right) = ([1, 2, 3], [0, 1, 2], [100, 100, 100]);
         let both = Match { views: [Some(&left), Some(&right), None, None], fusion: Fusion::Mean, ..line(&center, &right, 1, 2) };
         let fused = |u| [1, 2].map(|d| both.fused_cost(u, 0, d));
-        assert_eq!(fused(0), [Some(0.0), Some(12.0)]);
-        assert_eq!(fused(1), [Some(6.0 * 98.0), None]);
-        assert_eq!(fused(2), [Some(12.0 * 97.0), Some(12.0 * 97.0)]);
+        assert_eq!(fused(0), [Some(0.0), Some(840.0)]);
+        assert_eq!(fused(1), [Some(420.0 * 98.0), None]);
+        assert_eq!(fused(2), [Some(840.0 * 97.0), Some(840.0 * 97.0)]);
     }
 
     #[test]

@@ -7,8 +7,8 @@ use image::{Rgb, RgbImage};
 pub struct Energy {
     /// The centre image. Grey images have three equal channels.
     pub center: RgbImage,
-    /// The views: left, right, top, bottom.
-    pub views: [Option<RgbImage>; 4],
+    /// The views, by their offsets `(i, j)`: baselines to the right and down.
+    pub views: Vec<((i32, i32), RgbImage)>,
     /// The fusion rule.
     pub fusion: super::Fusion,
     /// The cost of an occlusion.
@@ -25,9 +25,6 @@ pub struct Energy {
     /// The step at which the smoothness cost is truncated.
     pub cutoff: i32,
 }
-
-/// The shift `(du, dv)` of a match per pixel of disparity, by view: left, right, top, bottom.
-const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
 type Place = (i32, i32);
 
@@ -48,8 +45,7 @@ impl Energy {
             let cost = self.data(p, d);
             if self.unique {
                 sum += cost?;
-                let view = (0..4).find(|view| self.views[*view].is_some())?;
-                let q = self.matched(view, p, d)?;
+                let q = self.matched(self.views.first()?.0, p, d)?;
                 if taken.contains(&q) {
                     return None;
                 }
@@ -94,16 +90,16 @@ impl Energy {
     /// The sum of dissimilarities over the window around `p`, with borders replicated, in 1/72 of an
     /// intensity.
     fn window_cost(&self, p: Place, d: i32) -> Option<f64> {
-        let cost = |view: usize| {
-            let (image, _) = (self.views[view].as_ref()?, self.matched(view, p, d)?);
+        let cost = |(offset, image): &((i32, i32), RgbImage)| {
+            self.matched(*offset, p, d)?;
             let around = (-3..=3).flat_map(|dv| (-3..=3).map(move |du| (p.0 + du, p.1 + dv)));
             let clamp = |(u, v): Place| (u.clamp(0, image.width() as i32 - 1), v.clamp(0, image.height() as i32 - 1));
-            let matched = |(u, v): Place| (u + SHIFTS[view].0 * d, v + SHIFTS[view].1 * d);
+            let matched = |(u, v): Place| (u - offset.0 * d, v - offset.1 * d);
             let costs = around.map(|q| 6.0 * dissimilarity(&self.center, clamp(q), image, clamp(matched(q))));
             // The values are integers.
             Some(costs.map(f64::round).sum())
         };
-        super::fuse(self.fusion, (0..4).filter_map(cost).collect())
+        super::fuse(self.fusion, self.views.iter().filter_map(cost).collect())
     }
 
     fn smoothness(&self, p: Place, q: Place, label1: Option<i32>, label2: Option<i32>) -> f64 {
@@ -116,8 +112,8 @@ impl Energy {
         }
         // A disparity costs once if one of the two pixels has it, the other does not, and both could.
         let broken = |d: i32| {
-            let sees = |view: usize| self.matched(view, p, d).is_some() && self.matched(view, q, d).is_some();
-            let possible = (0..4).any(|view| self.views[view].is_some() && sees(view));
+            let sees = |offset: (i32, i32)| self.matched(offset, p, d).is_some() && self.matched(offset, q, d).is_some();
+            let possible = self.views.iter().any(|(offset, _)| sees(*offset));
             if possible { self.weight(p, q, d, d) } else { 0.0 }
         };
         label1.map_or(0.0, broken) + label2.map_or(0.0, broken)
@@ -129,16 +125,16 @@ impl Energy {
             (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f64::max)
         };
         let mut most = contrast(&self.center, p, q);
-        for view in 0..4 {
-            if let (Some(image), Some(a), Some(b)) = (&self.views[view], self.matched(view, p, d1), self.matched(view, q, d2)) {
+        for (offset, image) in &self.views {
+            if let (Some(a), Some(b)) = (self.matched(*offset, p, d1), self.matched(*offset, q, d2)) {
                 most = most.max(contrast(image, a, b));
             }
         }
         if most < f64::from(self.theta) { self.lambda[0] } else { self.lambda[1] }
     }
 
-    fn matched(&self, view: usize, (u, v): Place, d: i32) -> Option<Place> {
-        let (u, v) = (u + SHIFTS[view].0 * d, v + SHIFTS[view].1 * d);
+    fn matched(&self, (i, j): (i32, i32), (u, v): Place, d: i32) -> Option<Place> {
+        let (u, v) = (u - i * d, v - j * d);
         let inside = (0..self.center.width() as i32).contains(&u) && (0..self.center.height() as i32).contains(&v);
         inside.then_some((u, v))
     }
@@ -146,11 +142,13 @@ impl Energy {
     /// The fused dissimilarity of pixel `p` and its matches at `d`, in intensities; `None` if no view sees
     /// it.
     pub fn data(&self, p: Place, d: i32) -> Option<f64> {
-        let cost = |view: usize| Some(dissimilarity(&self.center, p, self.views[view].as_ref()?, self.matched(view, p, d)?));
-        let costs: Vec<f64> = (0..4).filter_map(cost).collect();
+        let cost =
+            |(offset, image): &((i32, i32), RgbImage)| Some(dissimilarity(&self.center, p, image, self.matched(*offset, p, d)?));
+        let costs: Vec<f64> = self.views.iter().filter_map(cost).collect();
         let scale = match self.fusion {
             super::Fusion::Min => 1.0,
-            super::Fusion::Mean => 12.0,
+            super::Fusion::Mean => 840.0,
+            super::Fusion::Half => 12.0,
             super::Fusion::Heuristic => 6.0,
         };
         super::fuse(self.fusion, costs).map(|cost| cost / scale)

@@ -29,6 +29,8 @@ pub struct SemiGlobal<'a> {
     pub center: &'a [u8],
     /// The views: left, right, top, bottom.
     pub views: [Option<&'a [u8]>; 4],
+    /// Views elsewhere, by their offsets `(i, j)`: baselines to the right and down.
+    pub others: &'a [((i32, i32), Vec<u8>)],
     /// The fusion rule.
     pub fusion: Fusion,
     /// The smallest disparity of the search.
@@ -56,7 +58,7 @@ impl SemiGlobal<'_> {
     /// fails.
     pub fn disparities(&self) -> Vec<Option<f64>> {
         let sums = self.sums();
-        let views = [0, 1, 2, 3].map(|view| self.views[view].map(|_| self.of_view(view, &sums)));
+        let views: Vec<_> = self.images().map(|(_, shift)| (shift, self.of_view(shift, &sums))).collect();
         let pixels = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v)));
         pixels
             .map(|(u, v)| {
@@ -64,9 +66,9 @@ impl SemiGlobal<'_> {
                 // The check is on the rounded disparity, in steps of 1/64 pixel.
                 let nearest = (f64::from(fixed(d)) / 64.0).round() as i32;
                 let Some(tolerance) = self.left_right else { return Some(d) };
-                let confirmed = (0..4).any(|view| {
-                    let (x, y) = (u + SHIFTS[view].0 * nearest, v + SHIFTS[view].1 * nearest);
-                    let other = views[view].as_ref().filter(|_| self.is_inside(x, y)).and_then(|view| view[self.at(x, y)]);
+                let confirmed = views.iter().any(|((du, dv), view)| {
+                    let (x, y) = (u + du * nearest, v + dv * nearest);
+                    let other = if self.is_inside(x, y) { view[self.at(x, y)] } else { None };
                     other.is_some_and(|other| (other - nearest).abs() <= tolerance)
                 });
                 confirmed.then_some(d)
@@ -132,25 +134,31 @@ impl SemiGlobal<'_> {
         };
         disparities
             .map(|d| {
-                let mut costs: Vec<i64> = (0..4).filter_map(|view| self.cost(view, u, v, d)).collect();
+                let mut costs: Vec<i64> = self.images().filter_map(|(image, shift)| self.cost(image, shift, u, v, d)).collect();
                 costs.sort();
-                let twelfths = match (self.fusion, &costs[..]) {
+                let mean = |costs: &[i64]| (costs.iter().sum::<i64>(), costs.len() as i64);
+                let (sum, count) = match (self.fusion, &costs[..]) {
                     (_, []) => return None,
-                    (Fusion::Min, costs) => 12 * costs[0],
-                    (Fusion::Mean, costs) => 12 / costs.len() as i64 * costs.iter().sum::<i64>(),
-                    (Fusion::Heuristic, [a]) => 12 * a,
-                    (Fusion::Heuristic, [a, b, c, ..]) if *c <= 3 * b => 4 * (a + b + c),
-                    (Fusion::Heuristic, [a, b, ..]) => 6 * (a + b),
+                    (Fusion::Min, [a, ..]) | (Fusion::Heuristic, [a]) => (*a, 1),
+                    (Fusion::Mean, costs) => mean(costs),
+                    (Fusion::Half, costs) => mean(&costs[..costs.len().div_ceil(2)]),
+                    (Fusion::Heuristic, [a, b, c, ..]) if *c <= 3 * b => mean(&[*a, *b, *c]),
+                    (Fusion::Heuristic, [a, b, ..]) => mean(&[*a, *b]),
                 };
-                Some((twelfths / (12 * i64::from(unit))).min(127))
+                Some((sum / (count * i64::from(unit))).min(127))
             })
             .collect()
     }
 
+    /// The views' images, and the shift `(du, dv)` of a match per pixel of disparity.
+    fn images(&self) -> impl Iterator<Item = (&[u8], (i32, i32))> {
+        let nearest = self.views.iter().zip(SHIFTS).filter_map(|(image, shift)| Some(((*image)?, shift)));
+        nearest.chain(self.others.iter().map(|((i, j), image)| (&image[..], (-i, -j))))
+    }
+
     /// The cost of a match in a view; `None` if the match lies outside.
-    fn cost(&self, view: usize, u: i32, v: i32, d: i32) -> Option<i64> {
-        let image = self.views[view]?;
-        let (du, dv) = (SHIFTS[view].0 * d, SHIFTS[view].1 * d);
+    fn cost(&self, image: &[u8], shift: (i32, i32), u: i32, v: i32, d: i32) -> Option<i64> {
+        let (du, dv) = (shift.0 * d, shift.1 * d);
         let (x, y) = (u + du, v + dv);
         if !self.is_inside(x, y) {
             return None;
@@ -184,13 +192,13 @@ impl SemiGlobal<'_> {
     }
 
     /// The disparities of a view, selected from the centre's costs.
-    fn of_view(&self, view: usize, sums: &[Vec<Option<i64>>]) -> Vec<Option<i32>> {
+    fn of_view(&self, (du, dv): (i32, i32), sums: &[Vec<Option<i64>>]) -> Vec<Option<i32>> {
         let pixels = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v)));
         pixels
             .map(|(x, y)| {
                 let candidates = (0..self.num_disparities).filter_map(|i| {
                     let d = self.min_disparity + i;
-                    let (u, v) = (x - SHIFTS[view].0 * d, y - SHIFTS[view].1 * d);
+                    let (u, v) = (x - du * d, y - dv * d);
                     let cost = if self.is_inside(u, v) { sums[self.at(u, v)][i as usize] } else { None };
                     Some((cost?, d))
                 });

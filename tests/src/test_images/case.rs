@@ -2,7 +2,7 @@
 
 use std::{env, ops::Range, time::SystemTime};
 
-use multiscopic_core::{Disparity, Matcher, Memory, Params, Region, Views, kernel::Kernel};
+use multiscopic_core::{Disparity, Fusion as CoreFusion, Matcher, Memory, Params, Region, View, Views, kernel::Kernel};
 use proptest::{
     prelude::*,
     test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner},
@@ -11,7 +11,10 @@ use proptest::{
 use crate::{
     reference::{Fusion, raw16},
     split_mix::Random,
-    test_images::{strict_source::StrictSource, view_set::ViewSet},
+    test_images::{
+        strict_source::StrictSource,
+        view_set::{ViewSet, view_at},
+    },
 };
 
 /// The content of generated images.
@@ -43,6 +46,8 @@ pub struct Case {
     pub height: usize,
     /// Whether there are a left, right, top and bottom view.
     pub views: [bool; 4],
+    /// The offsets of views elsewhere: baselines to the right and down.
+    pub others: Vec<(i32, i32)>,
     /// How costs are fused.
     pub fusion: Fusion,
     /// The smallest disparity of the search.
@@ -66,22 +71,27 @@ impl Case {
             (0..width * height).map(|i| pixel(&mut random, (i % width) as i32, (i / width) as i32)).collect()
         };
         let levels = |count: u8| move |random: &mut Random| (255 * random.below(count.into()) / (usize::from(count) - 1)) as u8;
-        let (center, views): (Vec<u8>, [Vec<u8>; 4]) = match self.texture {
-            Appearance::Noise => (fill(&mut |r, _, _| r.byte()), [(); 4].map(|()| fill(&mut |r, _, _| r.byte()))),
+        let others = self.others.len();
+        let (center, views): (Vec<u8>, Vec<Vec<u8>>) = match self.texture {
+            Appearance::Noise => {
+                (fill(&mut |r, _, _| r.byte()), (0..4 + others).map(|_| fill(&mut |r, _, _| r.byte())).collect())
+            }
             Appearance::Levels(count) => {
                 let level = levels(count);
-                (fill(&mut |r, _, _| level(r)), [(); 4].map(|()| fill(&mut |r, _, _| level(r))))
+                (fill(&mut |r, _, _| level(r)), (0..4 + others).map(|_| fill(&mut |r, _, _| level(r))).collect())
             }
             Appearance::Shifted => {
                 let center = fill(&mut |r, _, _| r.byte());
                 let d = self.min_disparity + (self.seed % self.num_disparities as u64) as i32;
-                let views = [(-d, 0), (d, 0), (0, -d), (0, d)].map(|(du, dv)| {
+                let offsets = [(-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().chain(self.others.iter().copied());
+                let views = offsets.map(|(i, j)| (i * d, j * d)).map(|(du, dv)| {
                     fill(&mut |r, x, y| {
                         let x = (x + du).clamp(0, width as i32 - 1) as usize;
                         let y = (y + dv).clamp(0, height as i32 - 1) as usize;
                         center[y * width + x].saturating_add(r.below(5) as u8)
                     })
                 });
+                let views = views.collect();
                 (center, views)
             }
             Appearance::Smooth => {
@@ -94,7 +104,7 @@ impl Case {
                         (offset + (across * x + down * y) / 2 + r.below(2) as i32).min(255) as u8
                     })
                 };
-                (ramp(), [(); 4].map(|()| ramp()))
+                (ramp(), (0..4 + others).map(|_| ramp()).collect())
             }
             Appearance::Periodic(period) => {
                 let (period, shear) = (i32::from(period), (self.seed % 4) as i32);
@@ -107,7 +117,7 @@ impl Case {
                         ((x + shear * y + phase) % period * (255 / (period - 1))) as u8
                     })
                 };
-                (pattern(), [(); 4].map(|()| pattern()))
+                (pattern(), (0..4 + others).map(|_| pattern()).collect())
             }
             Appearance::Brink => {
                 let costs = [1, 2, 3, 4, 6][(self.seed % 5) as usize];
@@ -119,22 +129,24 @@ impl Case {
                         (grey + column + row - 30 + r.below(3) as i32).clamp(0, 255) as u8
                     })
                 };
-                (vec![0; width * height], [(); 4].map(|()| stripes()))
+                (vec![0; width * height], (0..4 + others).map(|_| stripes()).collect())
             }
             Appearance::Opposite => {
                 let (dark, rare) = (self.seed & 1 == 0, self.seed >> 1 & 7);
                 let white = |center: bool| u8::from(center == dark).wrapping_sub(1);
                 let mut extreme = |center: bool| fill(&mut |r, _, _| white(center != (rare > 0 && r.below(64) < rare as usize)));
-                (extreme(true), [(); 4].map(|()| extreme(false)))
+                (extreme(true), (0..4 + others).map(|_| extreme(false)).collect())
             }
         };
-        let mut keep = self.views.into_iter();
-        ViewSet { width, height, center, views: views.map(|view| keep.next().and_then(|keep| keep.then_some(view))) }
+        let mut views = views.into_iter();
+        let nearest = self.views.map(|keep| views.next().filter(|_| keep));
+        ViewSet { width, height, center, views: nearest, others: self.others.iter().copied().zip(views).collect() }
     }
 
     /// The parameters in the core's types.
     pub fn params(&self) -> Params {
-        params(self.width, self.height, self.views, self.fusion, self.min_disparity, self.num_disparities, self.block_size)
+        let search = (self.min_disparity, self.num_disparities);
+        params_in(self.width, self.height, views(self.views, &self.others), self.fusion, search, self.block_size)
     }
 
     /// The float reference's disparities in the 16-bit encoding.
@@ -150,7 +162,9 @@ impl Case {
             search.clone().map(|d| (moved as i64 - i64::from(d.abs())).max(0) * along as i64).sum()
         };
         let (across, down) = (candidates(self.width, self.height), candidates(self.height, self.width));
-        let all: i64 = self.views.into_iter().zip([across, across, down, down]).filter(|view| view.0).map(|view| view.1).sum();
+        let nearest: i64 =
+            self.views.into_iter().zip([across, across, down, down]).filter(|view| view.0).map(|view| view.1).sum();
+        let all = nearest + self.others.len() as i64 * across.min(down);
         all * i64::from(self.block_size).pow(2)
     }
 
@@ -170,14 +184,31 @@ pub fn params(
     num_disparities: i32,
     block_size: i32,
 ) -> Params {
-    use multiscopic_core::{Fusion as CoreFusion, View};
+    params_in(width, height, self::views(views, &[]), fusion, (min_disparity, num_disparities), block_size)
+}
+
+/// The core's set of the views that exist of left, right, top and bottom, and of others by their offsets.
+pub fn views(nearest: [bool; 4], others: &[(i32, i32)]) -> Views {
+    let order = [View::LEFT, View::RIGHT, View::TOP, View::BOTTOM];
+    let nearest = order.into_iter().zip(nearest).filter(|view| view.1).map(|view| view.0);
+    nearest.chain(others.iter().map(|&offset| view_at(offset))).collect()
+}
+
+/// [`params`] for any views.
+pub fn params_in(
+    width: usize,
+    height: usize,
+    views: Views,
+    fusion: Fusion,
+    (min_disparity, num_disparities): (i32, i32),
+    block_size: i32,
+) -> Params {
     let fusion = match fusion {
         Fusion::Min => CoreFusion::Min,
         Fusion::Mean => CoreFusion::Mean,
         Fusion::Heuristic => CoreFusion::Heuristic,
+        Fusion::Half => CoreFusion::Half,
     };
-    let order = [View::Left, View::Right, View::Top, View::Bottom];
-    let views: Views = order.into_iter().zip(views).filter(|view| view.1).map(|view| view.0).collect();
     let narrow = |value: i32| value.try_into().expect("a parameter's type");
     Params::new(width as u16, height as u16, views, fusion, min_disparity as i16, num_disparities as u16, narrow(block_size))
         .expect("valid parameters")
@@ -234,8 +265,16 @@ pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
         1 => Just((-511, 1023)),
     ];
     let block_size = prop_oneof![5 => 0..=3_i32, 3 => 4..=10_i32, 1 => 7..=10_i32].prop_map(|radius| 2 * radius + 1);
-    let fusion = prop_oneof![Just(Fusion::Min), Just(Fusion::Mean), Just(Fusion::Heuristic)];
-    let views = (1..16_u8).prop_map(|views| [0, 1, 2, 3].map(|i| views >> i & 1 != 0));
+    let fusion = prop_oneof![Just(Fusion::Min), Just(Fusion::Mean), Just(Fusion::Heuristic), Just(Fusion::Half)];
+    let nearest = (1..16_u8).prop_map(|views| ([0, 1, 2, 3].map(|i| views >> i & 1 != 0), Vec::new()));
+    let offset = prop_oneof![3 => (-1..=1_i32, -1..=1_i32), 2 => (-3..=3_i32, -3..=3_i32), 1 => (-8..=8_i32, -8..=8_i32)]
+        .prop_filter("the centre", |offset| *offset != (0, 0));
+    let anywhere = prop::collection::btree_set(offset, 1..=Views::MAX_MATCHED).prop_map(|offsets| {
+        let cross = [(-1, 0), (1, 0), (0, -1), (0, 1)];
+        let others = offsets.iter().filter(|offset| !cross.contains(offset)).copied().collect();
+        (cross.map(|offset| offsets.contains(&offset)), others)
+    });
+    let views = prop_oneof![nearest, anywhere];
     let texture = prop_oneof![
         2 => Just(Appearance::Noise),
         3 => (2..=4_u8).prop_map(Appearance::Levels),
@@ -246,10 +285,11 @@ pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
         3 => Just(Appearance::Brink),
     ];
     let case = (sizes, views, fusion, search, block_size, texture, any::<u64>()).prop_map(
-        |((width, height), views, fusion, (min_disparity, num_disparities), block_size, texture, seed)| Case {
+        |((width, height), (views, others), fusion, (min_disparity, num_disparities), block_size, texture, seed)| Case {
             width,
             height,
             views,
+            others,
             fusion,
             min_disparity,
             num_disparities,

@@ -44,7 +44,7 @@ pub fn synthesise(drawing: &str, seed: u64) -> ViewSet {
         }
         Some(view)
     });
-    ViewSet { width, height, center, views }
+    ViewSet { width, height, center, views, others: Vec::new() }
 }
 
 fn disparity(letter: u8) -> i32 {

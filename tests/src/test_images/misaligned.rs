@@ -47,7 +47,7 @@ pub fn quarter(images: &ViewSet, off: [Off; 4]) -> ViewSet {
         let [down, right] = if k < 2 { [across_quarters, 0] } else { [0, across_quarters] };
         images.views[k].as_ref().map(|view| shrunk(view, down, right, gain))
     });
-    ViewSet { width, height, center: shrunk(&images.center, 0, 0, 1.0), views }
+    ViewSet { width, height, center: shrunk(&images.center, 0, 0, 1.0), views, others: Vec::new() }
 }
 
 /// What `multiscopic align` reports about a view.

@@ -8,7 +8,7 @@ use crate::{
     reference::semi_global::{Cost, SemiGlobal},
     split_mix::Random,
     test_images::{
-        case::{Case, params},
+        case::{Case, params_in, views as views_of},
         strict_source::StrictSource,
         view_set::ViewSet,
     },
@@ -34,9 +34,12 @@ impl Case {
 
 /// The core's parameters for the match that `reference` describes.
 pub fn semi_global_params(reference: &SemiGlobal) -> SemiGlobalParams {
-    let &SemiGlobal { width, height, views, fusion, min_disparity, num_disparities, cost, p1, p2, p2_edge, .. } = reference;
-    let views = views.map(|view| view.is_some());
-    let search = *params(width as usize, height as usize, views, fusion, min_disparity, num_disparities, 1).search();
+    let &SemiGlobal { width, height, views, others, fusion, min_disparity, num_disparities, cost, p1, p2, p2_edge, .. } =
+        reference;
+    let others: Vec<(i32, i32)> = others.iter().map(|(offset, _)| *offset).collect();
+    let views = views_of(views.map(|view| view.is_some()), &others);
+    let range = (min_disparity, num_disparities);
+    let search = *params_in(width as usize, height as usize, views, fusion, range, 1).search();
     let cost = match cost {
         Cost::Census(rx, ry) => {
             let window = Census::ALL.into_iter().find(|census| census.radius() == [rx as usize, ry as usize]);

@@ -22,6 +22,8 @@ pub struct ViewSet {
     pub center: Vec<u8>,
     /// Its neighbours: left, right, top, bottom.
     pub views: [Option<Vec<u8>>; 4],
+    /// Views elsewhere, by their offsets: baselines to the right and down.
+    pub others: Vec<((i32, i32), Vec<u8>)>,
 }
 
 impl ViewSet {
@@ -32,6 +34,7 @@ impl ViewSet {
             height: self.height,
             center: &self.center,
             views: self.views.each_ref().map(Option::as_deref),
+            others: &self.others,
             fusion,
             min_disparity,
             num_disparities,
@@ -54,6 +57,7 @@ impl ViewSet {
             height: self.height as i32,
             center: &self.center,
             views: self.views.each_ref().map(Option::as_deref),
+            others: &self.others,
             fusion,
             min_disparity,
             num_disparities,
@@ -72,11 +76,18 @@ impl ViewSet {
         let gray = |pixels: &[u8]| {
             GrayImage::from_raw(self.width as u32, self.height as u32, pixels.into()).expect("the size of the images")
         };
-        let views = [View::Left, View::Right, View::Top, View::Bottom].into_iter().zip(&self.views);
-        views.fold(Frames::new(gray(&self.center)), |frames, (view, pixels)| match pixels {
-            Some(pixels) => frames.with(view, gray(pixels)),
-            None => frames,
-        })
+        let views = [View::LEFT, View::RIGHT, View::TOP, View::BOTTOM].into_iter().zip(&self.views);
+        let nearest = views.filter_map(|(view, pixels)| Some((view, pixels.as_ref()?)));
+        let others = self.others.iter().map(|(offset, pixels)| (view_at(*offset), pixels));
+        nearest.chain(others).fold(Frames::new(gray(&self.center)), |frames, (view, pixels)| frames.with(view, gray(pixels)))
+    }
+
+    /// The image of a view.
+    pub fn view(&self, view: View) -> Option<&[u8]> {
+        match View::CROSS.into_iter().position(|other| other == view) {
+            Some(place) => self.views[place].as_deref(),
+            None => self.others.iter().find(|(offset, _)| view_at(*offset) == view).map(|(_, pixels)| &pixels[..]),
+        }
     }
 
     /// The rectangle of `width` x `height` pixels at `(left, top)`.
@@ -85,7 +96,9 @@ impl ViewSet {
             let lines = image.chunks_exact(self.width).skip(top).take(height);
             lines.flat_map(|line| &line[left..left + width]).copied().collect()
         };
-        ViewSet { width, height, center: cut(&self.center), views: self.views.each_ref().map(|view| view.as_ref().map(cut)) }
+        let others = self.others.iter().map(|(offset, pixels)| (*offset, cut(pixels))).collect();
+        let views = self.views.each_ref().map(|view| view.as_ref().map(cut));
+        ViewSet { width, height, center: cut(&self.center), views, others }
     }
 
     /// These images with only the views that `keep` (left, right, top, bottom) selects.
@@ -109,10 +122,10 @@ impl ViewSet {
                 pixels
             })
         });
-        ViewSet { width, height, center, views }
+        ViewSet { width, height, center, views, others: Vec::new() }
     }
 
-    /// Writes `center.pgm`, `left.pgm` and so on, and a `rig.toml`, to a folder.
+    /// Writes `center.pgm`, `left.pgm` and so on, those elsewhere as `1,-1.pgm`, and a `rig.toml`, to a folder.
     pub fn write_rig(&self, folder: &Path) {
         let file = |name: &str, pixels: &[u8]| {
             let header = format!("P5 {} {} 255\n", self.width, self.height);
@@ -127,14 +140,26 @@ impl ViewSet {
                 toml += &format!("{name} = \"{name}.pgm\"\n");
             }
         }
+        toml += "[images.views]\n";
+        for ((right, down), pixels) in &self.others {
+            let name = format!("{right},{down}");
+            file(&name, pixels);
+            toml += &format!("\"{name}\" = \"{name}.pgm\"\n");
+        }
         fs::write(folder.join("rig.toml"), toml).expect("the folder is there");
     }
 }
 
 impl fmt::Debug for ViewSet {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}x{} with {:?}", self.width, self.height, self.views.each_ref().map(Option::is_some))
+        let others: Vec<(i32, i32)> = self.others.iter().map(|(offset, _)| *offset).collect();
+        write!(f, "{}x{} with {:?} and {others:?}", self.width, self.height, self.views.each_ref().map(Option::is_some))
     }
+}
+
+/// The core's view at an offset.
+pub fn view_at((right, down): (i32, i32)) -> View {
+    View::new(right as i8, down as i8).expect("the offset of a view")
 }
 
 /// Reads a PNG, PGM or PPM as 8-bit grey: width, height and pixels.

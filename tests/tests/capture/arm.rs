@@ -448,7 +448,7 @@ fn capture(
 fn a_sequence_takes_five_frames() {
     let arm = Arc::new(SimulatedArm::start(ASKEW));
     let mut stage = open(&arm).unwrap();
-    let plan = Plan::cross(Views::ALL, 20_000);
+    let plan = Plan::new(Views::CROSS, 20_000);
     let (ended, seen) = capture(&arm, &mut stage, &plan, |_, _| ());
     ended.unwrap();
     assert_eq!(seen.len(), 5);
@@ -463,7 +463,7 @@ fn a_sequence_takes_five_frames() {
 fn an_aborted_sequence_returns_to_the_centre() {
     let arm = Arc::new(SimulatedArm::start(DOWN));
     let mut stage = open(&arm).unwrap();
-    let plan = Plan::cross(Views::HORIZONTAL, 50_000);
+    let plan = Plan::new(Views::HORIZONTAL, 50_000);
     // On the way to the left pose.
     let far = |progress| progress == CaptureProgress::Moving(1) && distance(arm.pose(), DOWN) > 0.01;
     let (aborted, seen) = capture(&arm, &mut stage, &plan, |progress, sequence| {

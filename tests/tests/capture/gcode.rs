@@ -359,7 +359,7 @@ fn a_sequence_compensates_backlash() {
     each(|firmware| {
         let machine = machine(firmware);
         let mut stage = open(&machine).unwrap();
-        let plan = Plan::cross(Views::HORIZONTAL, 15_000);
+        let plan = Plan::new(Views::HORIZONTAL, 15_000);
         let policy = Policy { settle: Duration::from_millis(5), backlash_um: 500, ..Policy::default() };
         let mut camera = Witness(&machine, Vec::new());
         let mut sequence: Sequence<'_, StageError, _> = Sequence::new(plan.positions(), policy);

@@ -1,7 +1,7 @@
 //! The capture sequence with a simulated slide that vibrates, has backlash, and fails.
 
 use multiscopic_core::{
-    View, Views,
+    Views,
     capture::{Camera, CaptureError, CaptureProgress, Plan, Policy, Position, Sequence, Stage},
 };
 use multiscopic_tests::test_images::case::property;
@@ -291,14 +291,16 @@ fn faults() -> impl Strategy<Value = Fault> {
     })
 }
 
+/// Views of an array of three by three.
 fn views() -> impl Strategy<Value = Views> {
-    (1..16_u8).prop_map(|bits| View::ALL.into_iter().filter(|&view| bits & 1 << view as u8 != 0).collect())
+    (1..=255_u8)
+        .prop_map(|bits| (0..).zip(Views::ARRAY.iter()).filter(|(k, _)| bits >> k & 1 != 0).map(|(_, view)| view).collect())
 }
 
 #[test]
 fn frames_are_one_baseline_apart_despite_backlash() {
     property(64, (views(), prop::array::uniform2(-PLAY_UM..PLAY_UM)), |&(views, lag)| {
-        let plan = Plan::cross(views, BASELINE_UM);
+        let plan = Plan::new(views, BASELINE_UM);
         let mut world = World::new(None);
         world.slide.camera.set(lag);
         let mut captured = Vec::new();
@@ -315,12 +317,7 @@ fn frames_are_one_baseline_apart_despite_backlash() {
         assert_eq!(indices, captured);
         let baseline = f64::from(BASELINE_UM);
         for (view, place) in views.iter().zip(&places[1..]) {
-            let [dx, dy] = match view {
-                View::Left => [-baseline, 0.0],
-                View::Right => [baseline, 0.0],
-                View::Top => [0.0, -baseline],
-                View::Bottom => [0.0, baseline],
-            };
+            let [dx, dy] = [view.right(), view.down()].map(|baselines| f64::from(baselines) * baseline);
             assert_eq!(*place, [places[0][0] + dx, places[0][1] + dy], "{view:?}");
         }
     });
@@ -329,7 +326,7 @@ fn frames_are_one_baseline_apart_despite_backlash() {
 #[test]
 fn without_a_one_sided_approach_backlash_shows() {
     let mut world = World::new(None);
-    let plan = Plan::cross(Views::HORIZONTAL, BASELINE_UM);
+    let plan = Plan::new(Views::HORIZONTAL, BASELINE_UM);
     assert!(world.capture(plan.positions(), Policy { backlash_um: 0, ..POLICY }, |_| false).is_ok());
     let [center, left] = [0, 1].map(|i| world.eye.frames[i].1[0]);
     assert_eq!(center - left, f64::from(BASELINE_UM) - PLAY_UM);
@@ -351,7 +348,7 @@ fn an_array_of_nine_takes_the_same_sequence() {
 #[test]
 fn every_fault_ends_at_rest_and_the_next_capture_works() {
     property(2000, (views(), faults(), any::<bool>()), |&(views, fault, backlash)| {
-        let plan = Plan::cross(views, BASELINE_UM);
+        let plan = Plan::new(views, BASELINE_UM);
         let policy = Policy { backlash_um: if backlash { POLICY.backlash_um } else { 0 }, ..POLICY };
         let frames = plan.frames().len();
         // Including the way back.
@@ -405,7 +402,7 @@ fn every_fault_ends_at_rest_and_the_next_capture_works() {
 #[test]
 fn an_abort_returns_and_a_second_one_stays() {
     property(500, (views(), 1..700_usize, 1..60_usize), |&(views, first, between)| {
-        let plan = Plan::cross(views, BASELINE_UM);
+        let plan = Plan::new(views, BASELINE_UM);
         let mut world = World::new(None);
         let (mut polls, mut returning) = (0, false);
         let outcome = world.capture(plan.positions(), POLICY, |progress| {

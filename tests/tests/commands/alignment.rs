@@ -20,7 +20,13 @@ fn scene(baseline_mm: f64) -> ViewSet {
     let camera = PinholeCamera { baseline_mm, ..PinholeCamera::new(width as u32, height as u32).ideal() };
     let shot = render(&Scene::demo(), &camera, 1);
     let gray = |frame| Picture::Rgb(shot.frame(frame).clone()).to_gray().into_raw();
-    ViewSet { width, height, center: gray(Frame::Center), views: View::ALL.map(|view| Some(gray(Frame::View(view)))) }
+    ViewSet {
+        width,
+        height,
+        center: gray(Frame::Center),
+        views: View::CROSS.map(|view| Some(gray(Frame::View(view)))),
+        others: Vec::new(),
+    }
 }
 
 /// All views have the same baseline.
@@ -80,7 +86,7 @@ fn misalignment_is_corrected() {
 fn what_cannot_be_aligned_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let gray = || vec![90; 64 * 48];
-    let plain = ViewSet { width: 64, height: 48, center: gray(), views: [Some(gray()), None, None, None] };
+    let plain = ViewSet { width: 64, height: 48, center: gray(), views: [Some(gray()), None, None, None], others: Vec::new() };
     plain.write_rig(folder.path());
     let rig = folder.path().to_str().unwrap();
     Invocation::new(["align", rig]).assert_refused(&["left", "0 textured blocks", "range of disparities"]);

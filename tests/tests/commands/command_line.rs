@@ -155,6 +155,7 @@ fn name(fusion: Fusion) -> &'static str {
         Fusion::Min => "min",
         Fusion::Mean => "mean",
         Fusion::Heuristic => "heuristic",
+        Fusion::Half => "half",
     }
 }
 

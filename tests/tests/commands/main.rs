@@ -1,5 +1,6 @@
 //! The command line as users run it.
 
 mod alignment;
+mod arrays;
 mod command_line;
 mod edge_commands;

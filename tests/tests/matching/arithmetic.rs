@@ -20,18 +20,25 @@ fn fusion_is_exact() {
     // The heuristic rule switches where the third cost is three times the second.
     let near = (cost(), 0..=GREATEST / 3, -2..=2_i32)
         .prop_map(|(c, second, off)| vec![second, (3 * second).saturating_add_signed(off).min(GREATEST), c, c / 2]);
-    let costs = prop_oneof![3 => prop::collection::vec(cost(), 0..=4), 1 => near];
+    let costs = prop_oneof![3 => prop::collection::vec(cost(), 0..=8), 1 => near];
     property(20_000, costs, |costs: &Vec<u32>| {
         for (core, rule) in [
             (Fusion::Min, reference::Fusion::Min),
             (Fusion::Mean, reference::Fusion::Mean),
             (Fusion::Heuristic, reference::Fusion::Heuristic),
+            (Fusion::Half, reference::Fusion::Half),
         ] {
             let expected = reference::fuse(rule, costs.iter().copied().map(f64::from).collect());
-            let mut views = [u32::NONE; 4];
+            let mut views = [u32::NONE; 8];
             views[..costs.len()].copy_from_slice(costs);
             let found = Some(core.fuse(views)).filter(|cost| cost.exists());
             assert_eq!(found.map(f64::from), expected, "{core:?}");
+            if let Some(views) = views.first_chunk::<4>().filter(|_| costs.len() <= 4) {
+                // On the scale of eight views.
+                let found = Some(core.fuse(*views)).filter(|cost| cost.exists()).map(f64::from);
+                let found = found.map(|found| found * core.scale(8) as f64 / core.scale(4) as f64);
+                assert_eq!(found, expected, "{core:?} of four views");
+            }
         }
     });
 }
@@ -44,7 +51,7 @@ fn refined(first: i32, costs: [u8; 3]) -> Option<Disparity> {
     for (d, cost) in (first..).zip(costs) {
         right[(u - d) as usize] = cost;
     }
-    let images = ViewSet { width, height: 1, center: vec![0; width], views: [None, Some(right), None, None] };
+    let images = ViewSet { width, height: 1, center: vec![0; width], views: [None, Some(right), None, None], others: Vec::new() };
     let params = params(width, 1, [false, true, false, false], reference::Fusion::Min, first, 3, 1);
     let pixel = Region::new(params.search(), u as usize..u as usize + 1, 0..1).expect("a pixel of the frame");
     Disparity::from_raw16(matched(Portable::<4, 1>, &params, &pixel, &images, &mut Random(0))[0])

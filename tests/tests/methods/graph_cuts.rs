@@ -103,21 +103,22 @@ impl Case {
             })
         };
         let center = image();
-        let images = View::ALL.map(|view| views.contains(view).then(&mut image));
+        let images: Vec<_> = views.iter().map(|view| ((view.right().into(), view.down().into()), image())).collect();
         let picture = |image: &RgbImage| match colored {
             true => Picture::Rgb(image.clone()),
             false => Picture::Gray(GrayImage::from_fn(width, height, |u, v| Luma([image.get_pixel(u, v).0[0]]))),
         };
         let mut frames = Frames::of_picture(picture(&center));
-        for (view, image) in View::ALL.into_iter().zip(&images).filter_map(|(view, image)| Some((view, image.as_ref()?))) {
+        for (view, (_, image)) in views.iter().zip(&images) {
             frames = frames.with_picture(view, picture(image));
         }
         let fusions = [
             (Fusion::Min, reference::Fusion::Min),
             (Fusion::Mean, reference::Fusion::Mean),
             (Fusion::Heuristic, reference::Fusion::Heuristic),
+            (Fusion::Half, reference::Fusion::Half),
         ];
-        let (fusion, slow_fusion) = fusions[random.below(3)];
+        let (fusion, slow_fusion) = fusions[random.below(4)];
         let unique = views.len() == 1 && random.below(2) == 0;
         let potts = random.below(2) == 0;
         // Integers, which no scale rounds.
@@ -149,7 +150,17 @@ impl Case {
     }
 
     fn random(random: &mut Random, largest: usize) -> Case {
-        let choices = [Views::STEREO, Views::NONE.with(View::Top), Views::HORIZONTAL, Views::THREE, Views::ALL];
+        let [corner, far] = [(1, -1), (-2, 1)].map(|(right, down)| View::new(right, down).expect("the offset of a view"));
+        let choices = [
+            Views::STEREO,
+            Views::NONE.with(View::TOP),
+            Views::NONE.with(corner),
+            Views::HORIZONTAL,
+            Views::THREE,
+            Views::CROSS,
+            Views::CROSS.with(corner).with(far),
+            Views::ARRAY,
+        ];
         let views = choices[random.below(choices.len())];
         Case::new(random, largest, views)
     }
@@ -302,8 +313,8 @@ fn bands_do_not_depend_on_threads() {
                 Luma([texture[((v as i32 - d * dv + 20) * 60 + u as i32 - d * du + 10) as usize]])
             })
         };
-        let frames = Frames::new(image(0, 0)).with(View::Left, image(1, 0)).with(View::Right, image(-1, 0));
-        let frames = frames.with(View::Top, image(0, 1));
+        let frames = Frames::new(image(0, 0)).with(View::LEFT, image(1, 0)).with(View::RIGHT, image(-1, 0));
+        let frames = frames.with(View::TOP, image(0, 1));
         let search = Search::new(width as u16, height as u16, views, Fusion::Min, 0, 7).unwrap();
         let method = GraphCuts { occlusions: Some(occlusions), ..GraphCuts::default() };
         let energy = Energy::new(&method, COLOR, &frames, &search);
@@ -360,7 +371,7 @@ fn occluded_pixels_take_the_disparity_behind() {
     let engine = Engine::new(None, 1).unwrap();
     let mut occluded = 0;
     for case in 0..100 {
-        let views = [Views::STEREO, Views::NONE.with(View::Top)][case % 2];
+        let views = [Views::STEREO, Views::NONE.with(View::TOP)][case % 2];
         let mut made = Case::new(&mut random, 14, views);
         made.method.occlusions = Some(Occlusion::Unique);
         // In random images most pixels are occluded if that costs little.
@@ -392,7 +403,7 @@ fn enlarged_images_give_sub_pixel_disparities() {
     // The view shows at `u - d` what the centre shows at `u`. To first order, `d` is the disparity at either.
     let center = GrayImage::from_fn(72, 24, |u, v| Luma([wave(u.into(), v.into()) as u8]));
     let right = GrayImage::from_fn(72, 24, |u, v| Luma([wave(f64::from(u) + disparity(f64::from(u) + 2.5), v.into()) as u8]));
-    let frames = Frames::new(center).with(View::Right, right);
+    let frames = Frames::new(center).with(View::RIGHT, right);
     let search = Search::new(72, 24, Views::STEREO, Fusion::Min, 1, 5).unwrap();
     let engine = Engine::new(None, 1).unwrap();
     let map = |upsample: u8| {
@@ -437,7 +448,7 @@ fn several_views_match_what_one_cannot() {
             Luma([(((3 - down) * row(y) + down * row(y + 1)) / 9) as u8])
         })
     };
-    let frames = Frames::new(image(0)).with(View::Left, image(1)).with(View::Right, image(-1));
+    let frames = Frames::new(image(0)).with(View::LEFT, image(1)).with(View::RIGHT, image(-1));
     let engine = Engine::new(None, 2).unwrap();
     let wrong = |views: Views| {
         let search = Search::new(64, 56, views, Fusion::Min, 1, 9).unwrap();

@@ -2,5 +2,6 @@
 
 mod cost_volumes;
 mod graph_cuts;
+mod many_views;
 mod pairs;
 mod sgm;

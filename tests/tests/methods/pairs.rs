@@ -55,18 +55,22 @@ fn census_costs_with_winner_takes_all_equal_the_reference() {
     });
 }
 
+/// A view by its baselines to the right and down.
+type OffsetImage = ((i32, i32), RgbImage);
+
 /// Random frames of one size, grey, with a view at random beside the right one.
-fn random_frames(random: &mut Random) -> (Frames, RgbImage, [Option<RgbImage>; 4]) {
+fn random_frames(random: &mut Random) -> (Frames, RgbImage, Vec<OffsetImage>) {
     let [width, height] = [0, 1].map(|_| 1 + random.below(20) as u32);
     let range = [8, 40, 256][random.below(3)];
     let mut image = || GrayImage::from_fn(width, height, |_, _| Luma([random.below(range) as u8]));
     let color = |image: &GrayImage| RgbImage::from_fn(width, height, |u, v| Rgb([image.get_pixel(u, v).0[0]; 3]));
     let center = image();
     let mut frames = Frames::new(center.clone());
-    let mut views = [const { None }; 4];
-    for view in [View::Right, [View::Left, View::Top, View::Bottom][width as usize % 3]] {
+    let mut views = Vec::new();
+    let corner = View::new(1, -1).expect("the offset of a view");
+    for view in [View::RIGHT, [View::LEFT, View::TOP, View::BOTTOM, corner][width as usize % 4]] {
         let image = image();
-        views[view as usize] = Some(color(&image));
+        views.push(((view.right().into(), view.down().into()), color(&image)));
         frames = frames.with(view, image);
     }
     (frames, color(&center), views)
@@ -116,7 +120,7 @@ fn birchfield_tomasi_costs_with_winner_takes_all_equal_the_reference() {
 #[test]
 fn what_does_not_go_together_is_refused() {
     let engine = Engine::new(None, 1).expect("threads");
-    let frames = Frames::new(GrayImage::new(20, 10)).with(View::Right, GrayImage::new(20, 10));
+    let frames = Frames::new(GrayImage::new(20, 10)).with(View::RIGHT, GrayImage::new(20, 10));
     let search = |width, views| Search::new(width, 10, views, Fusion::Min, 0, 4).expect("in range");
     let message = |method: Method, search: Search| match method.disparities(&engine, &frames, &search, &()) {
         Err(Error::Usage(message)) => message,

@@ -95,6 +95,7 @@ fn equals_the_core_on_larger_images() {
                 width: 97,
                 height: 61,
                 views,
+                others: Vec::new(),
                 fusion: fusions[(i + j) % 3],
                 min_disparity: [1, -9, 0][i % 3],
                 num_disparities: 40,

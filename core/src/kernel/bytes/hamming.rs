@@ -3,7 +3,7 @@
 
 use core::{ops::Range, ptr};
 
-use bytemuck::Zeroable;
+use bytemuck::{Zeroable, bytes_of, bytes_of_mut};
 
 use super::lanes::{ByteVector, Bytes, as_vectors, as_vectors_mut};
 use crate::Fusion;
@@ -180,6 +180,23 @@ fn fuse<I: Bytes, const V: usize>(isa: I, fusion: Fusion, mut costs: [I::Bytes; 
             }
             least
         }
+        Fusion::Mean if V > 4 => {
+            // One by one: there are no lanes that divide by five or seven.
+            let (mut sums, mut counts) = (<I::Samples as Zeroable>::zeroed(), <I::Samples as Zeroable>::zeroed());
+            let (zero, one) = (isa.splat_byte(0), isa.splat_byte(1));
+            let (mut sum, mut count) = (zero, zero);
+            for cost in costs {
+                sum = sum.add(none.if_greater(cost, cost, zero));
+                count = count.add(none.if_greater(cost, one, zero));
+            }
+            sum.store(&mut sums);
+            count.store(&mut counts);
+            let (bytes, counts) = (bytes_of_mut(&mut sums), bytes_of(&counts));
+            for (sum, count) in bytes.iter_mut().zip(counts) {
+                *sum = sum.checked_div(*count).unwrap_or(u8::MAX);
+            }
+            isa.load_bytes(&sums)
+        }
         Fusion::Mean => {
             let (zero, one) = (isa.splat_byte(0), isa.splat_byte(1));
             let (mut sum, mut count) = (zero, zero);
@@ -192,21 +209,32 @@ fn fuse<I: Bytes, const V: usize>(isa: I, fusion: Fusion, mut costs: [I::Bytes; 
             let mean = count.if_greater(isa.splat_byte(2), sum.third(), mean);
             count.if_greater(isa.splat_byte(3), sum.halved().halved(), mean)
         }
-        Fusion::Heuristic => {
-            // An exchange sort.
-            for i in 0..V {
-                for j in i + 1..V {
-                    (costs[i], costs[j]) = (costs[i].min(costs[j]), costs[i].max(costs[j]));
-                }
-            }
-            let c1 = costs[0];
-            let c2 = if V > 1 { costs[1 % V] } else { none };
-            let c3 = if V > 2 { costs[2 % V] } else { none };
+        Fusion::Heuristic | Fusion::Half => {
+            sort(&mut costs);
+            // Beyond the last cost there is none.
+            let cost = |k: usize| if k < V { costs[k % V] } else { none };
+            let (c1, c2, c3) = (cost(0), cost(1), cost(2));
             let two = c1.add(c2);
+            let three = two.add(c3);
+            if fusion == Fusion::Half {
+                let half = none.if_greater(c3, two.halved(), c1);
+                let half = none.if_greater(cost(4), three.third(), half);
+                return none.if_greater(cost(6), three.add(cost(3)).halved().halved(), half);
+            }
             // A third cost that does not exist is above three times any second one, so the rule of two
             // applies. Three that do not exist are left at 255.
-            let several = c3.if_greater(c2.add(c2).add(c2), two.halved(), two.add(c3).third());
+            let several = c3.if_greater(c2.add(c2).add(c2), two.halved(), three.third());
             none.if_greater(c2, several, c1)
+        }
+    }
+}
+
+/// An exchange sort.
+#[inline(always)]
+fn sort<B: ByteVector, const V: usize>(costs: &mut [B; V]) {
+    for i in 0..V {
+        for j in i + 1..V {
+            (costs[i], costs[j]) = (costs[i].min(costs[j]), costs[i].max(costs[j]));
         }
     }
 }

@@ -13,7 +13,7 @@ pub trait FrameStore: ScanlineSource {
 }
 
 /// Frames in memory, one after the other: the centre, then the views of the match in the order of
-/// [`View::ALL`](multiscopic_core::View::ALL).
+/// [`Views`](multiscopic_core::Views).
 ///
 /// ```
 /// use multiscopic_core::{Frame, Fusion, Params, Views};

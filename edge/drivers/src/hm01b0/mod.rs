@@ -14,7 +14,7 @@
 //! };
 //! use multiscopic_drivers::hm01b0::{Configuration, FrameMemory, Gain, Hm01b0, LineReceiver, Size};
 //!
-//! const PARAMS: Params = match Params::new(160, 120, Views::ALL, Fusion::Heuristic, 1, 16, 7) {
+//! const PARAMS: Params = match Params::new(160, 120, Views::CROSS, Fusion::Heuristic, 1, 16, 7) {
 //!     Ok(params) => params,
 //!     Err(_) => panic!("the parameters are out of range"),
 //! };
@@ -28,7 +28,7 @@
 //!     (frames, memory): (&mut [u8], &mut [u32]), // statics in firmware
 //!     clock: impl Fn() -> Duration,
 //! ) -> Option<()> {
-//!     let plan = Plan::cross(PARAMS.views(), 20_000);
+//!     let plan = Plan::new(PARAMS.views(), 20_000);
 //!     let mut camera = Hm01b0::new(i2c, delay, lines, FrameMemory::new(&PARAMS, frames), CONFIGURATION, plan);
 //!     let mut sequence = Sequence::new(plan.positions(), Policy::default());
 //!     let (mut matcher, mut line) = (Matcher::new(&PARAMS, memory).ok()?, [None; PARAMS.width()]);

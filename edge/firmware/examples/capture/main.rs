@@ -83,7 +83,7 @@ mod image {
         let Some(injection) = injection() else {
             fail("start it with: a fault, the index of a frame, and once or always");
         };
-        let plan = Plan::cross(CAPTURE.views(), BASELINE_UM);
+        let plan = Plan::new(CAPTURE.views(), BASELINE_UM);
         let slide = RefCell::new(Slide::new([-40_000, 3000], [-49_601, 49_601], 31_250));
         let places = core::array::from_fn(|i| {
             let place: Position = plan.positions().get(i).copied().unwrap_or_default();

@@ -3,7 +3,7 @@
 use core::cell::RefCell;
 use embedded_hal::i2c::{ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
 use multiscopic_core::{Frame, capture::Plan};
-use multiscopic_edge::frame_file;
+use multiscopic_edge::frame_file::FrameFile;
 use multiscopic_firmware::HostFile;
 
 use super::{
@@ -94,7 +94,7 @@ impl<'s> Sensor<'s> {
         }
         let lines = if self.is_hit(FaultKind::Torn, exposure) { SIZE.lines() / 2 } else { SIZE.lines() };
         let short_line = self.is_hit(FaultKind::Short, exposure).then_some(SIZE.lines() / 3);
-        let scene = self.frame_in_view().and_then(|frame| HostFile::open(frame_file::name(frame)).ok());
+        let scene = self.frame_in_view().and_then(|frame| HostFile::open(FrameFile::new(frame).name()).ok());
         simulated_bus::begin(Transmission { scene, lines, short_line });
         lines
     }

@@ -23,7 +23,7 @@ use super::{
 /// The baseline in micrometres.
 pub const BASELINE_UM: u32 = 20_000;
 /// The index of the last frame, which is matched during readout.
-pub const LAST: usize = View::ALL.len();
+pub const LAST: usize = View::CROSS.len();
 
 const POLICY: Policy = Policy {
     settle: Duration::from_millis(200),
@@ -119,7 +119,7 @@ impl Testbench<'_, '_> {
         self.home()?;
         self.inject(injection, true);
         let baseline_um = if injection.kind == FaultKind::Beyond { 2 * BASELINE_UM } else { BASELINE_UM };
-        let plan = Plan::cross(CAPTURE.views(), baseline_um);
+        let plan = Plan::new(CAPTURE.views(), baseline_um);
         let mut sequence = Sequence::new(plan.positions(), POLICY);
         let mut is_streaming = false;
         loop {

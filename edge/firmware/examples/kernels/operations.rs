@@ -111,7 +111,7 @@ where
     let twin = Twin::default();
     let mut twins = [[[L::default(); LANES]; V]; MAX_RUN];
     twins.as_flattened_mut().fill_with(|| random.lanes(most, narrow));
-    let blocks = twins.map(|views| views.map(|lanes| vector::<L, K::Costs>(&lanes)));
+    let blocks = vectors::<L, K::Costs, V>(&twins);
     let length = 1 + trial % MAX_RUN;
     let rule = [Rule::Min, Rule::Sum, Rule::Heuristic][random.number() as usize % 3];
     let rule = if rule == Rule::Heuristic && V < 3 { Rule::Sum } else { rule };
@@ -119,7 +119,7 @@ where
     let mut fused_by_twin = [[L::default(); LANES]; MAX_RUN];
     let least = kernel.fuse(rule, &blocks[..length], &mut fused[..length]);
     let least_of_twin = twin.fuse(rule, &twins[..length], &mut fused_by_twin[..length]);
-    same("fusing costs", fused.map(|costs| lanes(&costs)), fused_by_twin)?;
+    same("fusing costs", all_lanes(&fused), fused_by_twin)?;
     same("the least of fused costs", least, least_of_twin)?;
     same("the least of costs", kernel.least(&fused[..length]), twin.least(&fused_by_twin[..length]))?;
     let position = kernel.position(&fused[..length], least);
@@ -129,13 +129,33 @@ where
     for view in masks_of_twin.iter_mut().flat_map(|views| views.iter_mut().zip(0..)).filter(|(_, k)| masked >> k & 1 != 0) {
         view.0.fill_with(|| narrow(if random.number().is_multiple_of(4) { u32::MAX } else { 0 }));
     }
-    let masks = masks_of_twin.map(|views| views.map(|lanes| vector::<L, K::Costs>(&lanes)));
+    let masks = vectors::<L, K::Costs, V>(&masks_of_twin);
     let least = kernel.fuse_masked(rule, masked, &blocks[..length], &masks[..length], &mut fused[..length]);
     let least_of_twin = twin.fuse_masked(rule, masked, &twins[..length], &masks_of_twin[..length], &mut fused_by_twin[..length]);
-    same("fusing masked costs", fused.map(|costs| lanes(&costs)), fused_by_twin)?;
+    same("fusing masked costs", all_lanes(&fused), fused_by_twin)?;
     same("the least of masked costs", least, least_of_twin)?;
     let available = random.number() as u8 % (1 << V);
     kernel.fuse_available(rule, available, &blocks[..length], &mut fused[..length]);
     twin.fuse_available(rule, available, &twins[..length], &mut fused_by_twin[..length]);
-    same("fusing available costs", fused.map(|costs| lanes(&costs)), fused_by_twin)
+    same("fusing available costs", all_lanes(&fused), fused_by_twin)
+}
+
+/// Vectors from their lanes. A loop, since `map` is unrolled, and there are many of these functions.
+#[inline(never)]
+fn vectors<L: Lane, C: bytemuck::Pod, const V: usize>(lanes: &[[[L; LANES]; V]; MAX_RUN]) -> [[C; V]; MAX_RUN] {
+    let mut vectors = [[<C as bytemuck::Zeroable>::zeroed(); V]; MAX_RUN];
+    for (vector_of, lanes) in vectors.as_flattened_mut().iter_mut().zip(lanes.as_flattened()) {
+        *vector_of = vector(lanes);
+    }
+    vectors
+}
+
+/// The lanes of vectors.
+#[inline(never)]
+fn all_lanes<L: Lane, C: bytemuck::Pod>(vectors: &[C; MAX_RUN]) -> [[L; LANES]; MAX_RUN] {
+    let mut all = [[L::default(); LANES]; MAX_RUN];
+    for (lanes_of, vector) in all.iter_mut().zip(vectors) {
+        *lanes_of = lanes(vector);
+    }
+    all
 }

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 use multiscopic::{
-    Error, Result,
+    Error, Processor, Result,
     target::{Ram, ram::widest_tile},
 };
 use multiscopic_core::{Fusion, SemiGlobalCost, SemiGlobalParams};
@@ -59,7 +59,7 @@ pub struct Budget {
     #[arg(long, value_name = "METHOD", value_parser = ["bm", "sgm"], default_value = "bm")]
     method: String,
 
-    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with more]
+    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
     #[arg(long, value_parser = named::<Fusion>())]
     fusion: Option<Fusion>,
 
@@ -86,6 +86,7 @@ impl Budget {
             Some(profile) => self.profile_matching(&profile),
             None => self.custom_matching()?,
         };
+        check_measured(self.target.core, &matching)?;
         let prediction = Prediction::new(&self.target, &matching, &Ram::new(&matching, self.target.core));
         terminal::print_report(&prediction, self.json)?;
         let failures = self.failures(&prediction, &matching);
@@ -102,7 +103,7 @@ impl Budget {
     fn custom_matching(&self) -> Result<Matching> {
         let size = [self.width, self.height].map(|side| usize::from(side.unwrap_or_default()));
         let views = views_of_count(self.views.unwrap_or(4))?;
-        let params = self.search.params(size, views, self.fusion, SearchOptions::DEFAULT_RANGE)?;
+        let params = self.search.params(self.search.search(size, views, self.fusion, SearchOptions::DEFAULT_RANGE)?)?;
         if self.method == "sgm" {
             if self.tile_width.is_some() {
                 return Err(Error::Usage("--tile-width is for block matching: paths lead through the whole line".into()));
@@ -139,4 +140,17 @@ impl Budget {
         }
         failures
     }
+}
+
+/// Checks that the instructions of a matching are known.
+///
+/// # Errors
+/// [`Error::Usage`] if its number of views or its fusion rule has not been measured.
+pub fn check_measured(processor: Processor, matching: &Matching) -> Result<()> {
+    if processor.instructions(matching).is_some() {
+        return Ok(());
+    }
+    let (views, fusion) = (matching.search().views().len(), matching.search().fusion().name());
+    let message = "the instructions are known for up to four views with the fusion min, mean or heuristic";
+    Err(Error::Usage(format!("{message}, not for {views} with {fusion}")))
 }

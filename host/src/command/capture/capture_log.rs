@@ -2,10 +2,7 @@
 
 use std::{fmt::Write as _, time::Duration};
 
-use multiscopic_core::{
-    Frame,
-    capture::{CaptureProgress, Plan},
-};
+use multiscopic_core::capture::{CaptureProgress, Plan};
 
 /// The text of `capture.log`: when and with what the capture was made, then its steps with their times.
 #[derive(Clone, Debug)]
@@ -33,7 +30,7 @@ impl CaptureLog {
 
 /// A step of a capture of `plan`, in words.
 pub fn step(plan: &Plan, progress: CaptureProgress) -> String {
-    let name = |index: usize| plan.frames().get(index).copied().map_or("", Frame::name);
+    let name = |index: usize| plan.frames().get(index).copied().map_or(String::new(), |frame| frame.to_string());
     match progress {
         CaptureProgress::Moving(index) => {
             let position = plan.positions().get(index).copied().unwrap_or_default();

@@ -85,7 +85,7 @@ impl Capture {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         let views = views_of_count(self.views)?;
-        let plan = Plan::cross(views, micrometres("--baseline", self.baseline)?);
+        let plan = Plan::new(views, micrometres("--baseline", self.baseline)?);
         let camera_timeout = self.settings.frame_timeout()?;
         let policy = self.sequence.policy(&self.stage, camera_timeout + CAMERA_FIRST)?;
         let limits = self.limits.limits()?;

@@ -64,7 +64,7 @@ impl Demo {
         let camera = PinholeCamera::new(self.width, self.height);
         let shot = render(&Scene::demo(), &camera, self.seed);
         bar.inc(1);
-        let frames = shot.frames(Views::ALL);
+        let frames = shot.frames(Views::CROSS);
         let subject = Subject { dataset: "demo", scene: "demo", frames: &frames, truth: &shot.truth };
         bar.set_message("matching");
         let cost = CostFunction::Sad { block_size: self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE) };
@@ -97,7 +97,10 @@ impl Demo {
         let size = [self.width as usize, self.height as usize];
         VARIANTS
             .iter()
-            .map(|variant| self.search.params(size, variant.views, Some(variant.fusion), (min_disparity, num_disparities)))
+            .map(|variant| {
+                let range = (min_disparity, num_disparities);
+                self.search.params(self.search.search(size, variant.views, Some(variant.fusion), range)?)
+            })
             .collect()
     }
 

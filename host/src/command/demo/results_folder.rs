@@ -26,10 +26,10 @@ use super::{
 /// The frames, with their captions.
 pub const FRAMES: [(Frame, &str); 5] = [
     (Frame::Center, "centre, the reference"),
-    (Frame::View(View::Left), "left"),
-    (Frame::View(View::Right), "right"),
-    (Frame::View(View::Top), "top"),
-    (Frame::View(View::Bottom), "bottom"),
+    (Frame::View(View::LEFT), "left"),
+    (Frame::View(View::RIGHT), "right"),
+    (Frame::View(View::TOP), "top"),
+    (Frame::View(View::BOTTOM), "bottom"),
 ];
 
 /// The picture of the truth.
@@ -123,7 +123,7 @@ fn rig(camera: &PinholeCamera, seed: u64) -> Rig {
         focal_px: Some(camera.focal_px),
         principal_point: [middle(camera.width), middle(camera.height)],
         doffs: 0.0,
-        images: FrameFiles::of_capture(Views::ALL),
+        images: FrameFiles::of_capture(Views::CROSS),
         capture: Provenance {
             camera: Some("ray tracer".into()),
             stage: Some("simulated".into()),

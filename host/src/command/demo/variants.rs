@@ -9,9 +9,9 @@ pub static VARIANTS: [Variant; 6] = [
     variant(Views::STEREO, Fusion::Min),
     variant(Views::HORIZONTAL, Fusion::Min),
     variant(Views::HORIZONTAL, Fusion::Mean),
-    variant(Views::ALL, Fusion::Min),
-    variant(Views::ALL, Fusion::Mean),
-    variant(Views::ALL, Fusion::Heuristic),
+    variant(Views::CROSS, Fusion::Min),
+    variant(Views::CROSS, Fusion::Mean),
+    variant(Views::CROSS, Fusion::Heuristic),
 ];
 
 const fn variant(views: Views, fusion: Fusion) -> Variant {

@@ -37,6 +37,7 @@ impl Named for Fusion {
             Fusion::Min => "The least cost of the views: sharp at occlusions",
             Fusion::Mean => "The mean cost of the views: quiet",
             Fusion::Heuristic => "The mean of the two or three least costs (the paper's rule for four views)",
+            Fusion::Half => "The mean of the least half of the costs, rounded up: for arrays of views",
         }
     }
 }

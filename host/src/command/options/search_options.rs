@@ -2,7 +2,7 @@
 
 use clap::Args;
 use multiscopic::{Error, Result};
-use multiscopic_core::{Fusion, Params, Views};
+use multiscopic_core::{Fusion, Params, Search, Views};
 
 /// The views that `--views` stands for.
 pub fn views_of_count(count: usize) -> Result<Views> {
@@ -10,8 +10,9 @@ pub fn views_of_count(count: usize) -> Result<Views> {
         1 => Ok(Views::STEREO),
         2 => Ok(Views::HORIZONTAL),
         3 => Ok(Views::THREE),
-        4 => Ok(Views::ALL),
-        other => Err(Error::Usage(format!("--views is {other}, it must be from 1 to 4"))),
+        4 => Ok(Views::CROSS),
+        8 => Ok(Views::ARRAY),
+        other => Err(Error::Usage(format!("--views is {other}, it must be from 1 to 4, or 8"))),
     }
 }
 
@@ -39,26 +40,30 @@ impl SearchOptions {
     /// The paper's block size.
     pub const DEFAULT_BLOCK_SIZE: u8 = 11;
 
-    /// The parameters for matching frames of `width` x `height` with `views`. `default_range` is the smallest
-    /// disparity and the number of disparities that apply unless options override them.
-    pub fn params(
+    /// The search in frames of `width` x `height` with `views`. `default_range` is the smallest disparity and the
+    /// number of disparities that apply unless options override them.
+    pub fn search(
         &self,
         [width, height]: [usize; 2],
         views: Views,
         fusion: Option<Fusion>,
         default_range: (i16, u16),
-    ) -> Result<Params> {
+    ) -> Result<Search> {
         let side = |length: usize| {
             u16::try_from(length).map_err(|_| Error::Usage(format!("a frame has a side of {length} pixels, the limit is 65535")))
         };
-        Ok(Params::new(
+        Ok(Search::new(
             side(width)?,
             side(height)?,
             views,
             fusion.unwrap_or(Fusion::default_for(views.len())),
             self.min_disparity.unwrap_or(default_range.0),
             self.num_disparities.unwrap_or(default_range.1),
-            self.block_size.unwrap_or(Self::DEFAULT_BLOCK_SIZE),
         )?)
+    }
+
+    /// The parameters of block matching for a search.
+    pub fn params(&self, search: Search) -> Result<Params> {
+        Ok(Params::block_matching(search, self.block_size.unwrap_or(Self::DEFAULT_BLOCK_SIZE))?)
     }
 }

@@ -11,6 +11,7 @@ use multiscopic_core::{Frame, Search, View, kernel::Kernel};
 
 use super::{
     cost_rows::{Cost, CostRows},
+    fused_cost::fused_cost,
     matches::RowMatches,
 };
 use crate::images::Frames;
@@ -58,25 +59,22 @@ pub struct BirchfieldTomasiRows<'a> {
 }
 
 impl CostRows for BirchfieldTomasiRows<'_> {
-    type Cost = u16;
+    type Cost = u32;
 
     fn search(&self) -> &Search {
         self.search
     }
 
-    fn row<I: Kernel>(&self, _isa: I, v: usize, stride: usize, row: &mut [u16]) {
-        row.fill(u16::NONE);
+    fn row<I: Kernel>(&self, _isa: I, v: usize, stride: usize, row: &mut [u32]) {
+        row.fill(u32::NONE);
         let mut views = vec![vec![Intervals::NONE; self.search.width()]; self.views.len()];
         for (index, d) in (self.search.min_disparity()..=self.search.max_disparity()).enumerate() {
             for ((view, intervals), costs) in self.views.iter().zip(&mut views) {
                 self.center.row_costs(intervals, *view, v, d, costs);
             }
             for (u, pixel) in row.chunks_exact_mut(stride).enumerate() {
-                let mut costs = [u32::MAX; View::ALL.len()];
-                for (cost, view) in costs.iter_mut().zip(&views).filter(|(_, view)| view[u] != Intervals::NONE) {
-                    *cost = view[u] as u32;
-                }
-                pixel[index] = u16::try_from(self.search.fusion().fuse(costs)).unwrap_or(u16::NONE);
+                let costs = views.iter().map(|view| if view[u] == Intervals::NONE { u32::NONE } else { view[u] as u32 });
+                pixel[index] = fused_cost(self.search.fusion(), costs);
             }
         }
     }

@@ -22,12 +22,13 @@ pub(super) enum Orientation {
 }
 
 impl Orientation {
+    /// The orientation for a view. None makes the matches of those outside the cross contiguous: they stay upright.
     pub fn of(view: View) -> Orientation {
-        match (view.is_horizontal(), view.sign() > 0) {
-            (true, true) => Orientation::Upright,
-            (true, false) => Orientation::Mirrored,
-            (false, true) => Orientation::Transposed,
-            (false, false) => Orientation::TransposedMirrored,
+        match view {
+            View::RIGHT => Orientation::Mirrored,
+            View::TOP => Orientation::Transposed,
+            View::BOTTOM => Orientation::TransposedMirrored,
+            _ => Orientation::Upright,
         }
     }
 
@@ -35,7 +36,7 @@ impl Orientation {
         matches!(self, Orientation::Transposed | Orientation::TransposedMirrored)
     }
 
-    fn is_mirrored(self) -> bool {
+    pub fn is_mirrored(self) -> bool {
         matches!(self, Orientation::Mirrored | Orientation::TransposedMirrored)
     }
 

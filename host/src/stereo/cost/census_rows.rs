@@ -3,13 +3,14 @@
 use std::ops::Range;
 
 use multiscopic_core::{
-    Census, Frame, Search, View,
+    Census, Frame, MatchingCost, Search, View, Views,
     kernel::{CandidateRun, Candidates, Kernel, Work, as_vectors_mut, hamming_run},
 };
 
 use super::{
     census_image::{CensusImage, LineShape, Orientation},
-    cost_rows::CostRows,
+    cost_rows::{Cost, CostRows},
+    matches::RowMatches,
 };
 use crate::{images::Frames, stereo::engine::Engine};
 
@@ -18,9 +19,18 @@ use crate::{images::Frames, stereo::engine::Engine};
 struct CensusView {
     view: View,
     image: CensusImage,
-    /// The descriptors of all lines, if a row of the centre meets all of them.
+    /// The descriptors of all lines, unless a row of the centre meets a single one.
     all_lines: Option<Vec<u8>>,
-    /// The indices of the disparities at which the view is available, by the pixel's coordinate along the view.
+    /// The indices of the disparities at which each pixel of any row sees a horizontal view.
+    available: Vec<Range<u16>>,
+}
+
+/// What a view has for a row of the centre.
+#[derive(Default)]
+struct ViewLine {
+    /// Descriptors, unless those of all lines of the view are needed.
+    descriptors: Vec<u8>,
+    /// The indices of the disparities at which each pixel sees the view, or the same for all; none if the view knows.
     available: Vec<Range<u16>>,
 }
 
@@ -32,32 +42,66 @@ struct ViewRow<'a, const BYTES: usize> {
     available: &'a [Range<u16>],
 }
 
+/// The indices of the disparities at which a pixel sees a view.
+fn available(search: &Search, view: View, pixel: (usize, usize)) -> Range<u16> {
+    view.available(pixel, (search.width(), search.height()), search.min_disparity(), search.num_disparities())
+}
+
 impl CensusView {
-    /// What the row `v` of the centre is compared with. `line` has the descriptors of the same line, unless there are
-    /// those of all.
-    fn row<'a, const BYTES: usize>(&'a self, search: &Search, v: usize, line: &'a [u8]) -> ViewRow<'a, BYTES> {
-        let LineShape { length, stride, front, bytes } = self.image.shape;
-        let is_forward = self.view.sign() > 0;
-        let position = |coordinate: usize| if is_forward { coordinate } else { length - 1 - coordinate };
-        let (data, position, step, available) = match &self.all_lines {
-            None => (line, position(0), if is_forward { 1 } else { -1 }, &self.available[..]),
-            Some(lines) => (&lines[..], position(v), (bytes * stride) as isize, &self.available[v..][..1]),
+    /// What row `v` of the centre needs, with `stride` candidates for each pixel.
+    #[inline(always)]
+    fn line(&self, search: &Search, v: usize, stride: usize) -> ViewLine {
+        let columns = match (self.view.is_horizontal(), self.view.is_vertical()) {
+            (true, _) => 0..0,
+            (_, true) => 0..1,
+            _ => 0..search.width(),
         };
-        let first = (position + front).wrapping_add_signed(search.min_disparity().into());
-        let planes = std::array::from_fn(|byte| &data[byte * stride..]);
-        ViewRow { candidates: CandidateRun { planes, first, step }, available }
+        let descriptors = match &self.all_lines {
+            None => self.image.line(v),
+            Some(_) if View::CROSS.contains(&self.view) => Vec::new(),
+            Some(lines) => self.gather(lines, search, v, stride),
+        };
+        ViewLine { descriptors, available: columns.map(|u| available(search, self.view, (u, v))).collect() }
     }
 
-    /// The columns of row `v` at which the view is available for `count` disparities.
-    fn columns_of_all(&self, v: usize, count: usize, width: usize) -> Range<usize> {
-        let is_all = |available: &Range<u16>| *available == (0..count as u16);
-        match self.view.is_horizontal() {
-            true => {
-                let start = self.available.iter().position(is_all).unwrap_or(width);
-                start..self.available.iter().rposition(is_all).map_or(start, |last| last + 1)
+    /// The descriptors of all candidates of row `v` of the centre. Those of a pixel lie side by side, `stride` of each
+    /// byte; those past the last disparity and outside the frame are zero.
+    fn gather(&self, lines: &[u8], search: &Search, v: usize, stride: usize) -> Vec<u8> {
+        let (shape, [width, height]) = (self.image.shape, [search.width(), search.height()]);
+        let mut gathered = vec![0; width * shape.bytes * stride];
+        for (index, d) in (search.min_disparity()..=search.max_disparity()).enumerate() {
+            let Some(RowMatches { columns, first }) = RowMatches::new([width, height], self.view, v, d) else { continue };
+            let line = &lines[first / width * shape.bytes * shape.stride..];
+            for (byte, plane) in line.chunks_exact(shape.stride).enumerate().take(shape.bytes) {
+                let matched = &plane[shape.front + first % width..];
+                for (u, &matched) in columns.clone().zip(matched) {
+                    gathered[(u * shape.bytes + byte) * stride + index] = matched;
+                }
             }
-            false => 0..if is_all(&self.available[v]) { width } else { 0 },
         }
+        gathered
+    }
+
+    /// What row `v` of the centre is compared with, by its `line`.
+    fn row<'a, const BYTES: usize>(&'a self, search: &Search, v: usize, line: &'a ViewLine, depth: usize) -> ViewRow<'a, BYTES> {
+        let LineShape { length, stride, front, bytes } = self.image.shape;
+        let is_mirrored = Orientation::of(self.view).is_mirrored();
+        let position = |coordinate: usize| {
+            let position = if is_mirrored { length - 1 - coordinate } else { coordinate };
+            (position + front).wrapping_add_signed(search.min_disparity().into())
+        };
+        let (data, plane, first, step) = match &self.all_lines {
+            None => (&line.descriptors, stride, position(0), if is_mirrored { -1 } else { 1 }),
+            Some(lines) if View::CROSS.contains(&self.view) => (lines, stride, position(v), (bytes * stride) as isize),
+            Some(_) => (&line.descriptors, depth, 0, (bytes * depth) as isize),
+        };
+        let planes = std::array::from_fn(|byte| &data[byte * plane..]);
+        ViewRow { candidates: CandidateRun { planes, first, step }, available: self.available(line) }
+    }
+
+    /// The availability of a row's pixels, or the same for all.
+    fn available<'a>(&'a self, line: &'a ViewLine) -> &'a [Range<u16>] {
+        if self.view.is_horizontal() { &self.available } else { &line.available }
     }
 }
 
@@ -72,6 +116,16 @@ impl<const BYTES: usize> ViewRow<'_, BYTES> {
     }
 }
 
+/// The columns of `width` at which a view is available for `count` disparities.
+fn columns_of_all(available: &[Range<u16>], width: usize, count: usize) -> Range<usize> {
+    let is_all = |available: &Range<u16>| *available == (0..count as u16);
+    if let [available] = available {
+        return 0..if is_all(available) { width } else { 0 };
+    }
+    let start = available.iter().position(is_all).unwrap_or(available.len());
+    start..available.iter().rposition(is_all).map_or(start, |last| last + 1)
+}
+
 /// The fused costs of a centre and its views: the Hamming distances of their descriptors, rounded down.
 #[derive(Debug)]
 pub struct CensusRows<'a> {
@@ -80,13 +134,12 @@ pub struct CensusRows<'a> {
     views: Vec<CensusView>,
 }
 
-/// The descriptors of row `v`.
+/// What is compared for row `v`.
 struct RowLines {
     v: usize,
-    /// Of the centre.
+    /// The descriptors of the centre.
     center: Vec<u8>,
-    /// Of those views of which not all lines are at hand.
-    views: Vec<Vec<u8>>,
+    views: Vec<ViewLine>,
     /// The columns at which all views are available at all disparities.
     complete: Range<usize>,
 }
@@ -105,10 +158,14 @@ impl CostRows for CensusRows<'_> {
     fn rows<I: Kernel>(&self, isa: I, stride: usize, rows: &mut [(usize, &mut [u8])]) {
         let mut lines = Vec::with_capacity(rows.len());
         for (v, _) in &*rows {
-            lines.push(self.lines(*v));
+            lines.push(self.lines(*v, stride));
         }
         // By descriptor size and number of views, so that the inner loops unroll.
         match (self.center.shape.bytes, &self.views[..]) {
+            (_, [_, _, _, _, _, _, _, _, _, ..]) => self.fuse_one_by_one(&lines, stride, rows),
+            (2, [_, _, _, _, _, ..]) => self.fuse_rows::<I, 2, 8>(isa, &lines, stride, rows),
+            (3, [_, _, _, _, _, ..]) => self.fuse_rows::<I, 3, 8>(isa, &lines, stride, rows),
+            (_, [_, _, _, _, _, ..]) => self.fuse_rows::<I, 4, 8>(isa, &lines, stride, rows),
             (2, _) => self.fuse_rows::<I, 2, 4>(isa, &lines, stride, rows),
             (3, _) => self.fuse_rows::<I, 3, 4>(isa, &lines, stride, rows),
             (_, [_]) => self.fuse_rows::<I, 4, 1>(isa, &lines, stride, rows),
@@ -133,9 +190,9 @@ impl<'a> CensusRows<'a> {
         let census_image = |frame, orientation, padding| CensusImage::new(image(frame), census, orientation, padding);
         let view = |view: View| {
             let image = census_image(Frame::View(view), Orientation::of(view), padding);
-            let all_lines = (!view.is_horizontal()).then(|| image.all_lines(simd));
-            let length = image.shape.length;
-            let available = (0..length).map(|coordinate| view.available(coordinate, length, least, count)).collect();
+            let all_lines = (view != View::LEFT && view != View::RIGHT).then(|| image.all_lines(simd));
+            let columns = if view.is_horizontal() { 0..search.width() } else { 0..0 };
+            let available = columns.map(|u| available(search, view, (u, 0))).collect();
             CensusView { view, image, all_lines, available }
         };
         engine.pool().install(|| CensusRows {
@@ -145,17 +202,16 @@ impl<'a> CensusRows<'a> {
         })
     }
 
-    /// The descriptors of row `v`.
-    fn lines(&self, v: usize) -> RowLines {
+    /// What is compared for row `v`, with `stride` candidates for each pixel.
+    fn lines(&self, v: usize, stride: usize) -> RowLines {
         let (width, count) = (self.search.width(), self.search.num_disparities());
-        let mut views = vec![Vec::new(); self.views.len()];
+        let mut views = Vec::with_capacity(self.views.len());
         let mut complete = 0..width;
-        for (line, view) in views.iter_mut().zip(&self.views) {
-            if view.all_lines.is_none() {
-                *line = view.image.line(v);
-            }
-            let columns = view.columns_of_all(v, count, width);
+        for view in &self.views {
+            let line = view.line(self.search, v, stride);
+            let columns = columns_of_all(view.available(&line), width, count);
             complete = complete.start.max(columns.start)..complete.end.min(columns.end);
+            views.push(line);
         }
         RowLines { v, center: self.center.line(v), views, complete }
     }
@@ -192,6 +248,40 @@ impl<'a> CensusRows<'a> {
     ) {
         isa.compiled(FuseColumns::<I, BYTES, V> { isa, rows: self, lines, columns, stride, row });
     }
+
+    /// Computes the fused costs of rows for more views than there are loops for.
+    fn fuse_one_by_one(&self, lines: &[RowLines], stride: usize, rows: &mut [(usize, &mut [u8])]) {
+        for (lines, (_, row)) in lines.iter().zip(rows) {
+            match self.center.shape.bytes {
+                2 => self.fuse_pixels::<2>(lines, stride, row),
+                3 => self.fuse_pixels::<3>(lines, stride, row),
+                _ => self.fuse_pixels::<4>(lines, stride, row),
+            }
+        }
+    }
+
+    fn fuse_pixels<const BYTES: usize>(&self, lines: &RowLines, stride: usize, row: &mut [u8]) {
+        let (width, fusion) = (self.search.width(), self.search.fusion());
+        let views = self.views.iter().zip(&lines.views).map(|(view, line)| view.row::<BYTES>(self.search, lines.v, line, stride));
+        let views: Vec<_> = views.collect();
+        row.fill(u8::NONE);
+        for (u, fused) in row.chunks_exact_mut(stride).enumerate() {
+            let candidates: Vec<_> = views.iter().map(|view| view.candidates(u, stride)).collect();
+            for (index, fused) in fused.iter_mut().enumerate().take(self.search.num_disparities()) {
+                let mut costs = [u64::MAX; Views::MAX];
+                for (cost, candidates) in costs.iter_mut().zip(candidates.iter().flatten()) {
+                    if candidates.available.contains(&(index as u16)) {
+                        let bytes = candidates.planes.iter().zip(lines.center.chunks_exact(width));
+                        *cost = bytes.map(|(plane, center)| u64::from((plane[index] ^ center[u]).count_ones())).sum();
+                    }
+                }
+                let cost = fusion.fuse(costs);
+                if cost.exists() {
+                    *fused = (cost / fusion.scale(Views::MAX)) as u8;
+                }
+            }
+        }
+    }
 }
 
 /// [`CensusRows::fuse_columns`], compiled for vector instructions.
@@ -213,7 +303,7 @@ impl<I: Kernel, const BYTES: usize, const V: usize> Work for FuseColumns<'_, I, 
         let center: [&[u8]; BYTES] = std::array::from_fn(|_| center.next().expect("a plane for each byte"));
         let mut views = [ViewRow::NONE; V];
         for ((row, view), line) in views.iter_mut().zip(all_views).zip(&lines.views) {
-            *row = view.row::<BYTES>(search, lines.v, line);
+            *row = view.row::<BYTES>(search, lines.v, line, stride);
         }
         let mut run = columns.start.max(lines.complete.start)..columns.end.min(lines.complete.end);
         // Pixels that see all candidates of all views need no masks.

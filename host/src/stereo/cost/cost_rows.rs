@@ -35,6 +35,23 @@ impl Cost for u16 {
     }
 }
 
+impl Cost for u32 {
+    const NONE: u32 = u32::MAX;
+
+    #[inline(always)]
+    fn refine(d: i16, [before, at, after]: [u32; 3]) -> Option<Disparity> {
+        Disparity::refine_wide(d, before.into(), at.into(), after.into())
+    }
+}
+
+impl Cost for u64 {
+    const NONE: u64 = u64::MAX;
+
+    fn refine(d: i16, [before, at, after]: [u64; 3]) -> Option<Disparity> {
+        Disparity::refine_wide(d, before, at, after)
+    }
+}
+
 impl Cost for f32 {
     const NONE: f32 = f32::INFINITY;
 

@@ -38,7 +38,7 @@ mod tests {
     #[test]
     fn are_the_matches_of_each_pixel() {
         let (width, height) = (7, 5);
-        for (view, d) in View::ALL.into_iter().flat_map(|view| (-9..=9).map(move |d| (view, d))) {
+        for (view, d) in View::CROSS.into_iter().flat_map(|view| (-9..=9).map(move |d| (view, d))) {
             for v in 0..height {
                 let matches = |u| view.match_of((u, v), d, (width, height)).map(|(x, y)| y * width + x);
                 let expected: Vec<(usize, usize)> = (0..width).filter_map(|u| Some((u, matches(u)?))).collect();

@@ -4,18 +4,22 @@ use multiscopic_core::Fusion;
 
 use super::cost_rows::Cost;
 
-/// Fuses the costs of one to four `views`, each as long as `fused`, by [`Fusion::fuse`].
+/// Fuses the costs of one to eight `views`, each as long as `fused`, by [`Fusion::fuse`].
 ///
-/// Costs that exist are finite, and not negative if the rule compares them (`heuristic`).
+/// Costs that exist are finite, and not negative if the rule multiplies them (`heuristic`).
 ///
 /// # Panics
-/// If there is no view or more than four, or if lengths differ.
+/// If there is no view or more than eight, or if lengths differ.
 pub fn fuse(fusion: Fusion, views: &[&[f32]], fused: &mut [f32]) {
     match *views {
         [a] => fuse_views(fusion, [a], fused),
         [a, b] => fuse_views(fusion, [a, b], fused),
         [a, b, c] => fuse_views(fusion, [a, b, c], fused),
         [a, b, c, d] => fuse_views(fusion, [a, b, c, d], fused),
+        [a, b, c, d, e] => fuse_views(fusion, [a, b, c, d, e], fused),
+        [a, b, c, d, e, f] => fuse_views(fusion, [a, b, c, d, e, f], fused),
+        [a, b, c, d, e, f, g] => fuse_views(fusion, [a, b, c, d, e, f, g], fused),
+        [a, b, c, d, e, f, g, h] => fuse_views(fusion, [a, b, c, d, e, f, g, h], fused),
         _ => panic!("{} views", views.len()),
     }
 }
@@ -34,6 +38,7 @@ fn fuse_views<const V: usize>(fusion: Fusion, views: [&[f32]; V], fused: &mut [f
         Fusion::Min => fuse_by!(Fusion::Min),
         Fusion::Mean => fuse_by!(Fusion::Mean),
         Fusion::Heuristic => fuse_by!(Fusion::Heuristic),
+        Fusion::Half => fuse_by!(Fusion::Half),
     }
 }
 

@@ -43,8 +43,7 @@ impl PixelCounts {
 
 /// The disparities, counted from the least, at which a view is available at a pixel.
 fn available(params: &Params, view: View, u: usize, v: usize) -> Range<u16> {
-    let (at, size) = if view.is_horizontal() { (u, params.width()) } else { (v, params.height()) };
-    view.available(at, size, params.min_disparity(), params.num_disparities())
+    view.available((u, v), (params.width(), params.height()), params.min_disparity(), params.num_disparities())
 }
 
 #[cfg(test)]
@@ -60,11 +59,12 @@ mod tests {
     fn available_views(params: &Params, u: usize, v: usize, d: i16) -> Vec<View> {
         let (u, v, d) = (u as i32, v as i32, i32::from(d));
         let is_available = |view: &View| {
-            let (x, y) = match view {
-                View::Right => (u - d, v),
-                View::Left => (u + d, v),
-                View::Top => (u, v + d),
-                View::Bottom => (u, v - d),
+            let (x, y) = match *view {
+                View::RIGHT => (u - d, v),
+                View::LEFT => (u + d, v),
+                View::TOP => (u, v + d),
+                View::BOTTOM => (u, v - d),
+                view => (u - i32::from(view.right()) * d, v - i32::from(view.down()) * d),
             };
             (0..params.width() as i32).contains(&x) && (0..params.height() as i32).contains(&y)
         };
@@ -73,7 +73,8 @@ mod tests {
 
     #[test]
     fn counts_agree_with_the_definition_at_each_pixel() {
-        let sets = [Views::STEREO, Views::HORIZONTAL, Views::ALL, Views::NONE.with(View::Top)];
+        let corner = View::new(-2, 1).unwrap();
+        let sets = [Views::STEREO, Views::HORIZONTAL, Views::CROSS, Views::NONE.with(View::TOP), Views::STEREO.with(corner)];
         let searches = [(1, 4), (0, 9), (-3, 5), (-6, 3), (2, 40)];
         for (views, (min, num)) in sets.into_iter().flat_map(|views| searches.map(|search| (views, search))) {
             let mean = params(views, Fusion::Mean, min, num, 3);
@@ -93,7 +94,7 @@ mod tests {
             assert_eq!(PixelCounts::new(&mean), expected, "{mean:?}");
             assert_eq!(PixelCounts::new(&params(views, Fusion::Min, min, num, 3)), masked);
         }
-        let heuristic = PixelCounts::new(&params(Views::ALL, Fusion::Heuristic, 1, 12, 3));
+        let heuristic = PixelCounts::new(&params(Views::CROSS, Fusion::Heuristic, 1, 12, 3));
         assert!(heuristic.masked > 0 && heuristic.segmented > 0, "{heuristic:?}");
     }
 }

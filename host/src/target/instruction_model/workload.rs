@@ -77,6 +77,7 @@ pub fn kernel_name(params: &Params, lanes: usize) -> String {
         Rule::Min => "min",
         Rule::Sum => "mean",
         Rule::Heuristic => "heuristic",
+        Rule::Half => "half",
     };
     let suffix = match (rule, views, is_unrolled(params.search(), lanes)) {
         _ if params.max_block_sum() >= u32::from(u16::MAX) => "-wide",
@@ -97,7 +98,7 @@ mod tests {
 
     #[test]
     fn tiles_repeat_the_columns_where_their_blocks_overlap() {
-        let params = params(Views::ALL, Fusion::Heuristic, 1, 6, 5);
+        let params = params(Views::CROSS, Fusion::Heuristic, 1, 6, 5);
         let [whole, tiled] = [20, 8].map(|tile_width| Workload::new(&Matching::Blocks { params, tile_width }, 4).unwrap());
         assert_eq!((whole.units.line, whole.units.column), (17.0, 24.0 * 17.0));
         assert_eq!((tiled.units.line, tiled.units.column), (51.0, 32.0 * 17.0));
@@ -107,7 +108,7 @@ mod tests {
 
     #[test]
     fn paths_take_the_place_of_winners() {
-        let search = *params(Views::ALL, Fusion::Min, 1, 6, 5).search();
+        let search = *params(Views::CROSS, Fusion::Min, 1, 6, 5).search();
         let params = SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size: 5 }).unwrap();
         let [work, unrolled] = [4, 2].map(|lanes| Workload::new(&Matching::SemiGlobal(params), lanes).unwrap().units);
         assert_eq!((work.pixel, work.path_pixel, work.path, work.path_unrolled), (0.0, 340.0, 340.0 * 8.0, 0.0));
@@ -119,9 +120,9 @@ mod tests {
         let name = |views, fusion, block_size| kernel_name(&params(views, fusion, 1, 4, block_size), 4);
         assert_eq!(name(Views::STEREO, Fusion::Mean, 3), "1-min");
         assert_eq!(name(Views::HORIZONTAL, Fusion::Heuristic, 15), "2-mean");
-        assert_eq!(name(Views::ALL, Fusion::Heuristic, 17), "4-heuristic-wide");
-        assert_eq!(name(Views::ALL, Fusion::Min, 3), "4-min");
-        assert_eq!(kernel_name(&params(Views::ALL, Fusion::Min, 1, 4, 3), 1), "4-min-unrolled");
-        assert_eq!(kernel_name(&params(Views::ALL, Fusion::Min, 1, 4, 17), 1), "4-min-wide");
+        assert_eq!(name(Views::CROSS, Fusion::Heuristic, 17), "4-heuristic-wide");
+        assert_eq!(name(Views::CROSS, Fusion::Min, 3), "4-min");
+        assert_eq!(kernel_name(&params(Views::CROSS, Fusion::Min, 1, 4, 3), 1), "4-min-unrolled");
+        assert_eq!(kernel_name(&params(Views::CROSS, Fusion::Min, 1, 4, 17), 1), "4-min-wide");
     }
 }

@@ -60,7 +60,7 @@ mod tests {
     use multiscopic_core::{Disparity, Fusion, Params, Region, Views};
     use multiscopic_edge::packet::{Sender, buffer_bytes};
 
-    const PARAMS: Params = match Params::new(3, 4, Views::ALL, Fusion::Min, 1, 4, 3) {
+    const PARAMS: Params = match Params::new(3, 4, Views::CROSS, Fusion::Min, 1, 4, 3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn packets_of_other_frames_do_no_harm() {
         let mut packets = sent();
-        let other = Params::new(9, 9, Views::ALL, Fusion::Min, 1, 4, 3).unwrap();
+        let other = Params::new(9, 9, Views::CROSS, Fusion::Min, 1, 4, 3).unwrap();
         let mut buffer = vec![0; buffer_bytes(9)];
         let line = Sender::new(other.search(), &mut buffer).line(&Region::whole(other.search()), 0, &[None; 9]).unwrap().to_vec();
         packets.insert(3, line);

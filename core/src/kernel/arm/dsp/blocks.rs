@@ -146,7 +146,7 @@ impl Blocks<u16> for Dsp {
             match blocks.len() {
                 2 => slide::slide::<V, 2>(step, blocks),
                 4 => slide::slide::<V, 4>(step, blocks),
-                8 => slide::slide::<V, 8>(step, blocks),
+                8 if const { V <= 4 } => slide::slide::<V, 8>(step, blocks),
                 _ => slide::slide::<V, 0>(step, blocks),
             }
         }
@@ -174,7 +174,8 @@ impl Blocks<u16> for Dsp {
 
     #[inline(never)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 4]; V]], fused: &mut [[u32; 4]]) -> u16 {
-        if V != 4 || rule == Rule::Sum || blocks.len() != fused.len() || blocks.is_empty() {
+        if V != 4 || rule == Rule::Sum || Rule::HAS_HALF && rule == Rule::Half || blocks.len() != fused.len() || blocks.is_empty()
+        {
             return fuse_loop(self, rule, blocks, fused);
         }
         let blocks = blocks.as_ptr().cast();
@@ -224,7 +225,7 @@ fn fuse_masked<const V: usize>(
     let least = match rule {
         // SAFETY: there are as many blocks and masks as fused costs, not 0, and four where one view is
         // masked, which is one of them.
-        Rule::Min if fits => unsafe {
+        Rule::Min if fits && V <= 4 => unsafe {
             let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
             match (masked, fused.len()) {
                 (1, 4) => fuse::min_with_one_masked::<V, 0, true>(blocks, masks, fused),

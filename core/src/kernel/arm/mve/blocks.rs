@@ -32,6 +32,9 @@ fn slide_along<const V: usize>(steps: &mut Steps<'_, Mve, V>, blocks: &mut [[[u1
     let Some(step) = steps.next_raw() else { return };
     // SAFETY: the step has as many vectors in a view as there are blocks, not 0.
     unsafe {
+        if const { V > 4 } {
+            return slide::slide(step, blocks);
+        }
         match blocks.len() {
             2 => slide::slide_unrolled::<V, 2>(step, blocks),
             4 => slide::slide_unrolled::<V, 4>(step, blocks),
@@ -108,7 +111,7 @@ impl Blocks<u16> for Mve {
         masks: &[[[u16; 8]; V]],
         fused: &mut [[u16; 8]],
     ) -> u16 {
-        if slide_to_min::suits(rule, steps, blocks, masks) && fused.len() == 4 {
+        if const { V == 4 } && slide_to_min::suits(rule, steps, blocks, masks) && fused.len() == 4 {
             let Some(step) = steps.next_raw() else { return u16::MAX };
             // SAFETY: there are four views, and four vectors of each.
             return unsafe { by_mask!(masked, slide_to_min::slide_to_min(step, blocks, masks, fused)) };
@@ -126,7 +129,7 @@ impl Blocks<u16> for Mve {
         // SAFETY: there are as many blocks as fused costs, not 0. Nothing is masked.
         unsafe {
             match (rule, V) {
-                (Rule::Min, _) => fuse::min::<V, 0>(first, first, fused),
+                (Rule::Min, ..=4) => fuse::min::<V, 0>(first, first, fused),
                 (Rule::Heuristic, 3 | 4) => fuse::heuristic::<V, 0>(first, first, fused),
                 _ => fuse_loop(self, rule, blocks, fused),
             }
@@ -152,11 +155,11 @@ impl Blocks<u16> for Mve {
         // SAFETY: there are as many blocks and masks as fused costs, not 0.
         unsafe {
             match (rule, V, masked) {
-                (Rule::Min, _, 1) => fuse::min::<V, 1>(first, mask, fused),
-                (Rule::Min, _, 2) => fuse::min::<V, 2>(first, mask, fused),
-                (Rule::Min, _, 4) => fuse::min::<V, 4>(first, mask, fused),
-                (Rule::Min, _, 8) => fuse::min::<V, 8>(first, mask, fused),
-                (Rule::Min, ..) => fuse::min::<V, 15>(first, mask, fused),
+                (Rule::Min, ..=4, 1) => fuse::min::<V, 1>(first, mask, fused),
+                (Rule::Min, ..=4, 2) => fuse::min::<V, 2>(first, mask, fused),
+                (Rule::Min, ..=4, 4) => fuse::min::<V, 4>(first, mask, fused),
+                (Rule::Min, ..=4, 8) => fuse::min::<V, 8>(first, mask, fused),
+                (Rule::Min, ..=4, _) => fuse::min::<V, 15>(first, mask, fused),
                 (Rule::Heuristic, 3 | 4, 1) => fuse::heuristic::<V, 1>(first, mask, fused),
                 (Rule::Heuristic, 3 | 4, 2) => fuse::heuristic::<V, 2>(first, mask, fused),
                 (Rule::Heuristic, 3 | 4, 4) => fuse::heuristic::<V, 4>(first, mask, fused),

@@ -96,7 +96,7 @@ impl PixelLoops for Mve {
         quotients: &mut [u8],
     ) {
         let suits = slide_to_min::suits(rule, steps, blocks, masks) && !divisor.by_three;
-        if !suits || quotients.len() != 32 {
+        if const { V != 4 } || !suits || quotients.len() != 32 {
             Blocks::<u16>::slide_and_fuse(self, rule, masked, steps, blocks, masks, fused);
             return self.divide(divisor, fused, quotients);
         }

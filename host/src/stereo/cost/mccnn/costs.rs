@@ -11,7 +11,7 @@ use super::{
     network::{Comparison, Connected},
     weights::HIDDEN,
 };
-use crate::images::Frames;
+use crate::{images::Frames, stereo::cost::matches::RowMatches};
 
 /// The pairs of pixels that fully connected layers compare at a time. As many fit the second-level cache
 /// beside a layer's weights.
@@ -150,9 +150,13 @@ impl ViewCosts<'_> {
     /// columns: disparities move matches along them.
     fn cosines(&self, rows: Range<usize>, out: &mut [f32]) {
         let (width, depth) = (self.center.width(), self.num_disparities);
-        if self.view.is_horizontal() {
+        if View::CROSS.contains(&self.view) && self.view.is_horizontal() {
             for (v, out) in rows.zip(out.chunks_exact_mut(width * depth)) {
                 self.line(self.center.row(v), 0, width, |u| self.matched.pixel(u, v), depth, out);
+            }
+        } else if !View::CROSS.contains(&self.view) {
+            for (v, out) in rows.zip(out.chunks_exact_mut(width * depth)) {
+                self.row(v, out);
             }
         } else {
             for u in 0..width {
@@ -161,6 +165,20 @@ impl ViewCosts<'_> {
                 let offset = first as i32 - rows.start as i32;
                 let matched = |i| self.matched.pixel(u, first + i);
                 self.line(&center, offset, self.matched.rows().len(), matched, width * depth, &mut out[u * depth..]);
+            }
+        }
+    }
+
+    /// Computes the costs of row `v` one by one: 1 minus the products of features.
+    fn row(&self, v: usize, out: &mut [f32]) {
+        let (width, depth) = (self.center.width(), self.num_disparities);
+        for index in 0..depth {
+            let d = (self.min_disparity + index as i32) as i16;
+            let Some(RowMatches { columns, first }) = RowMatches::new([width, self.height], self.view, v, d) else { continue };
+            for (u, place) in columns.zip(first..) {
+                let matched = self.matched.pixel(place % width, place / width);
+                let product: f32 = self.center.pixel(u, v).iter().zip(matched).map(|(a, b)| a * b).sum();
+                out[u * depth + index] = 1.0 - product;
             }
         }
     }
@@ -178,7 +196,8 @@ impl ViewCosts<'_> {
         out: &mut [f32],
     ) {
         let channels = self.center.channels();
-        let (sign, least, depth) = (self.view.sign(), self.min_disparity, self.num_disparities as i32);
+        let (du, dv) = self.view.shift(1);
+        let (sign, least, depth) = (du + dv, self.min_disparity, self.num_disparities as i32);
         let matched: Vec<&[f32]> = (0..count).map(matched).collect();
         let layer = Layer::new(channels, &vec![0.0; count], |channel, i| matched[i][channel]);
         // The index in `matched` of a pixel's match at the smallest disparity. The others follow in the
@@ -226,12 +245,10 @@ impl ViewCosts<'_> {
             candidates.clear();
         };
         for (u, v) in rows.flat_map(|v| (0..width).map(move |u| (u, v))) {
-            let (at, size) = if self.view.is_horizontal() { (u, width) } else { (v, self.height) };
             let center = self.center.pixel(u, v);
-            for candidate in self.view.available(at, size, self.min_disparity as i16, depth) {
-                let match_at = (at as i32 + self.view.sign() * (self.min_disparity + i32::from(candidate))) as usize;
-                let matched =
-                    if self.view.is_horizontal() { self.matched.pixel(match_at, v) } else { self.matched.pixel(u, match_at) };
+            for candidate in self.view.available((u, v), (width, self.height), self.min_disparity as i16, depth) {
+                let (du, dv) = self.view.shift(self.min_disparity as i16 + candidate as i16);
+                let matched = self.matched.pixel(u.wrapping_add_signed(du as isize), v.wrapping_add_signed(dv as isize));
                 for [first, second] in [[center, matched], [matched, center]] {
                     let both = first[..HIDDEN].iter().zip(&second[HIDDEN..]);
                     pairs.extend(both.map(|(first, second)| (first + second).max(0.0)));

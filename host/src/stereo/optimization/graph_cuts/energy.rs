@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     images::Frames,
-    stereo::cost::{BirchfieldTomasi, birchfield_tomasi::Intervals},
+    stereo::cost::{BirchfieldTomasi, birchfield_tomasi::Intervals, fused_cost},
 };
 
 /// The energy of the labellings of an image (paper, section III-C and IV-C): its data terms and, in
@@ -48,7 +48,7 @@ impl Energy {
         };
         let center = image(Frame::Center);
         let channels = center.intervals.channels();
-        let scale = Intervals::STEPS * channels as i32 * search.fusion().scale() as i32;
+        let scale = Intervals::STEPS * channels as i32 * search.fusion().scale(search.views().len()) as i32;
         let scaled = |cost: f64| (cost.clamp(0.0, GraphCuts::MAX_COST) * f64::from(scale)).round() as i32;
         let mut energy = Energy {
             width: frames.width(),
@@ -133,27 +133,22 @@ impl Energy {
     /// The dissimilarities of the pixels of row `v` and their matches at `d`, fused over the views that see
     /// them (paper, eq. 11). [`i32::MAX`] where none does.
     fn dissimilarities(&self, v: usize, d: Label, costs: &mut [i32]) {
-        let mut rows = [const { Vec::new() }; View::ALL.len()];
+        let mut rows = vec![vec![0; self.width]; self.views.len()];
         for ((view, image), row) in self.views.iter().zip(&mut rows) {
-            row.resize(self.width, 0);
             self.center.intervals.row_costs(&image.intervals, *view, v, d, row);
         }
-        let rows = &rows[..self.views.len()];
         if self.fusion == Fusion::Min {
             // The most common rule, written so that it vectorises.
             costs.fill(Intervals::NONE.into());
-            for row in rows {
+            for row in &rows {
                 costs.iter_mut().zip(row).for_each(|(cost, &view_cost)| *cost = (*cost).min(view_cost.into()));
             }
             costs.iter_mut().filter(|cost| **cost == i32::from(Intervals::NONE)).for_each(|cost| *cost = i32::MAX);
             return;
         }
         for (u, fused) in costs.iter_mut().enumerate() {
-            let mut view_costs = [u32::NONE; View::ALL.len()];
-            for (cost, row) in view_costs.iter_mut().zip(rows).filter(|(_, row)| row[u] != Intervals::NONE) {
-                *cost = row[u] as u32;
-            }
-            *fused = i32::try_from(self.fusion.fuse(view_costs)).unwrap_or(i32::MAX);
+            let view_costs = rows.iter().map(|row| if row[u] == Intervals::NONE { u32::NONE } else { row[u] as u32 });
+            *fused = i32::try_from(fused_cost(self.fusion, view_costs)).unwrap_or(i32::MAX);
         }
     }
 

@@ -7,14 +7,14 @@
 
 use std::cmp::Ordering;
 
-use multiscopic_core::{Disparity, Fusion, View};
+use multiscopic_core::{Disparity, Fusion};
 use rayon::prelude::*;
 
 use super::{
     energy::Energy,
     pixel::{Label, OCCLUDED},
 };
-use crate::stereo::cost::{birchfield_tomasi::Intervals, matches::RowMatches};
+use crate::stereo::cost::{birchfield_tomasi::Intervals, fused_cost, matches::RowMatches};
 
 /// The pixels on each side of the window's centre.
 const RADIUS: usize = 3;
@@ -84,7 +84,7 @@ fn refine_band(energy: &Energy, top: usize, labels: &[Label], [least, most]: [La
 /// The disparity of a label with these costs before, at and after it.
 fn refine_label(label: Label, before: u32, at: u32, after: u32) -> Option<Disparity> {
     if at <= before.min(after) {
-        return Disparity::refine(label, before, at, after);
+        return Disparity::refine_wide(label, before.into(), at.into(), after.into());
     }
     let half = Disparity::STEPS / 2;
     let shift = match before.cmp(&after) {
@@ -147,9 +147,7 @@ impl WindowSums {
             return;
         }
         for (i, fused) in fused.iter_mut().enumerate() {
-            let mut costs = [NONE; View::ALL.len()];
-            costs.iter_mut().zip(sums.iter()).for_each(|(cost, sums)| *cost = sums[i]);
-            *fused = energy.fusion().fuse(costs);
+            *fused = fused_cost(energy.fusion(), sums.iter().map(|sums| sums[i]));
         }
     }
 }

@@ -69,9 +69,9 @@ const VARIANTS: [(Views, Fusion); 9] = [
     (Views::THREE, Fusion::Min),
     (Views::THREE, Fusion::Mean),
     (Views::THREE, Fusion::Heuristic),
-    (Views::ALL, Fusion::Min),
-    (Views::ALL, Fusion::Mean),
-    (Views::ALL, Fusion::Heuristic),
+    (Views::CROSS, Fusion::Min),
+    (Views::CROSS, Fusion::Mean),
+    (Views::CROSS, Fusion::Heuristic),
 ];
 
 /// Blocks of semi-global matching, by shape in turn.

@@ -16,7 +16,7 @@ use crate::{
         emulated_board::{self, EmulatedBoard},
         emulator,
     },
-    firmware_checks::image_set::ImageSet,
+    firmware_checks::{image_set::ImageSet, profiles},
     system::folders,
     timing::{disassembly::Disassembly, price},
     tools::toolchain::Toolchain,
@@ -66,7 +66,7 @@ impl Accounting {
             let image = build::build(toolchain, board, &[Program::Profile(profile.name)])?.pop().context("one image")?;
             let disassembly = Disassembly::of(&image, board.processor)?;
             let mut sum = Cost::default();
-            for fusion in Fusion::ALL {
+            for fusion in profiles::FUSIONS {
                 let run = format!("{}, {}, {}", board.name, profile.name, fusion.name());
                 let functions = costs(board, &profile, fusion, &image, &disassembly, &counter).context(run.clone())?;
                 let total: Cost = functions.values().copied().sum();

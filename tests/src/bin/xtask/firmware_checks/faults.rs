@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use multiscopic_core::{Frame, Fusion, View};
-use multiscopic_edge::{frame_file, profile};
+use multiscopic_edge::{frame_file::FrameFile, profile};
 use std::{
     fs::{self, OpenOptions},
     path::{Path, PathBuf},
@@ -83,11 +83,11 @@ fn bad_input(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
     let fresh = |name: &str| -> Result<(PathBuf, PathBuf)> {
         let folder = folder(name)?;
         frames.write(&folder)?;
-        let left = folder.join(frame_file::name(Frame::View(View::Left)).to_str()?);
+        let left = folder.join(FrameFile::new(Frame::View(View::LEFT)).name().to_str()?);
         Ok((folder, left))
     };
     let (folder, _) = fresh("bad_word")?;
-    ends(board, image, "median", &folder, FAILED, "start it with one word: min, mean or heuristic")?;
+    ends(board, image, "median", &folder, FAILED, "start it with one word: min, mean, heuristic or half")?;
     let (folder, left) = fresh("missing_frame")?;
     fs::remove_file(left)?;
     ends(board, image, "min", &folder, FAILED, "cannot open left.gray")?;

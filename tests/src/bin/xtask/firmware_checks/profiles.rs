@@ -33,6 +33,10 @@ use crate::{
 /// The largest error of the cost model, in percent.
 const MOST_OFF: f64 = 10.0;
 
+/// The rules that are measured: those for which microcontrollers have loops. They fuse [`Fusion::Half`] exactly, one
+/// candidate at a time.
+pub const FUSIONS: [Fusion; 3] = [Fusion::Min, Fusion::Mean, Fusion::Heuristic];
+
 /// The selection of runs; all by default.
 #[derive(Args, Default)]
 pub struct Selection {
@@ -40,7 +44,7 @@ pub struct Selection {
     #[arg(long, value_parser = profile::ALL.map(|profile| profile.name))]
     profile: Option<String>,
     /// Only this fusion rule
-    #[arg(long, value_parser = Fusion::ALL.map(Fusion::name))]
+    #[arg(long, value_parser = FUSIONS.map(Fusion::name))]
     fusion: Option<String>,
     /// Only this board
     #[arg(long, value_parser = emulated_board::ALL.map(|board| board.name))]
@@ -166,7 +170,7 @@ fn build(toolchain: &Toolchain, selection: &Selection) -> Result<Vec<Run>> {
         }
         let programs: Vec<_> = profiles.iter().map(|profile| Program::Profile(profile.name)).collect();
         for (profile, image) in profiles.into_iter().zip(build::build(toolchain, board, &programs)?) {
-            let fusions = Fusion::ALL.into_iter().filter(|fusion| wanted(&selection.fusion, fusion.name()));
+            let fusions = FUSIONS.into_iter().filter(|fusion| wanted(&selection.fusion, fusion.name()));
             runs.extend(fusions.map(|fusion| Run { board, profile, fusion, image: image.clone() }));
         }
     }
@@ -309,7 +313,8 @@ fn check(runs: &[Run], measurements: &[Measurement], table: &FirmwareCostTable) 
             fail(run, format!("{} bytes of statics, the formula says {statics}: run cargo xtask edge --fit", m.ram_static));
         }
         let noted = measured.stack_of(&run.profile.matching(run.fusion));
-        if m.stack_max > noted || 10 * m.stack_max < 9 * noted {
+        // Stacks differ: where lanes saturate, exact costs need some.
+        if m.stack_max > noted || 8 * m.stack_max < 7 * noted {
             let found = m.stack_max;
             fail(run, format!("{found} bytes of stack, budgets are made with {noted}: run cargo xtask edge --fit"));
         }

@@ -53,7 +53,7 @@ mod tests {
     use multiscopic_core::{Fusion, Params, Region, Views};
     use multiscopic_edge::packet::{Sender, buffer_bytes};
 
-    const PARAMS: Params = match Params::new(3, 2, Views::ALL, Fusion::Min, 1, 4, 3) {
+    const PARAMS: Params = match Params::new(3, 2, Views::CROSS, Fusion::Min, 1, 4, 3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
@@ -103,7 +103,7 @@ mod tests {
         assert_eq!(error(&sent(Some(1), b""), &PARAMS), "line 1 (packet 1) is lost");
         assert!(error(&sent(Some(2), b""), &PARAMS).starts_with("the end of the frame is lost"));
         assert_eq!(error(&sent(None, b"more"), &PARAMS), "4 bytes follow the end of the frame");
-        let other = Params::new(2, 3, Views::ALL, Fusion::Min, 1, 4, 3).unwrap();
+        let other = Params::new(2, 3, Views::CROSS, Fusion::Min, 1, 4, 3).unwrap();
         assert_eq!(error(&sent(None, b""), &other), "a frame of (3, 2) pixels, expected (2, 3)");
     }
 }

@@ -20,7 +20,7 @@ pub fn compare_matches([memory, memory_of_twin]: &mut [&mut [u32]; 2]) -> Result
     let mut count = 0;
     for (min_disparity, num_disparities, block_size) in sizes {
         for (bits, fusion) in (1..16).flat_map(|bits| Fusion::ALL.map(|fusion| (bits, fusion))) {
-            let views: Views = View::ALL.into_iter().filter(|&view| bits >> view as u32 & 1 != 0).collect();
+            let views: Views = (0..).zip(View::CROSS).filter(|(k, _)| bits >> k & 1 != 0).map(|(_, view)| view).collect();
             let pattern = Pattern::ALL[count % Pattern::ALL.len()];
             let params = Params::new(WIDTH, HEIGHT, views, fusion, min_disparity, num_disparities, block_size);
             let Ok(params) = params else { return Err(Difference) };

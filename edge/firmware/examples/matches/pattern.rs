@@ -26,7 +26,7 @@ impl ScanlineSource for Pattern {
             (Pattern::Shifted, Frame::View(view)) => (0, view.shift(3)),
             (Pattern::Shifted, Frame::Center) => (0, (0, 0)),
             (_, Frame::Center) => (1, (0, 0)),
-            (_, Frame::View(view)) => (2 + view as u32, (0, 0)),
+            (_, Frame::View(view)) => ((10 + view.right() + 3 * view.down()) as u32, (0, 0)),
         };
         for (sample, u) in line.iter_mut().zip(0..) {
             let place = seed << 16 ^ ((u - du) as u32 & 0xff) << 8 ^ (v as i32 - dv) as u32 & 0xff;

@@ -1,0 +1,82 @@
+//! Exact matching costs by sums of absolute differences, for more views than the core's kernels take.
+
+use image::GrayImage;
+use multiscopic_core::{Frame, Fusion, MatchingCost, Params, Search, View, Views, kernel::Kernel};
+
+use super::cost_rows::CostRows;
+use crate::{error::Result, images::Frames};
+
+/// The fused costs of a centre and its views: sums over blocks, fused exactly, in 64 bits.
+#[derive(Debug)]
+pub struct BlockRows<'a> {
+    search: &'a Search,
+    frames: &'a Frames,
+    radius: isize,
+}
+
+impl<'a> BlockRows<'a> {
+    /// The costs of blocks of `block_size` x `block_size` pixels.
+    ///
+    /// # Errors
+    /// [`Error::Usage`](crate::Error::Usage) if the core has no such block.
+    pub fn new(frames: &'a Frames, search: &'a Search, block_size: u8) -> Result<BlockRows<'a>> {
+        let one_view = Search::new(
+            search.width() as u16,
+            search.height() as u16,
+            Views::STEREO,
+            Fusion::Min,
+            search.min_disparity(),
+            search.num_disparities() as u16,
+        )?;
+        let params = Params::block_matching(one_view, block_size)?;
+        Ok(BlockRows { search, frames, radius: params.radius() as isize })
+    }
+
+    fn image(&self, frame: Frame) -> &GrayImage {
+        self.frames.get(frame).expect("the frames have every view of the search")
+    }
+
+    /// The sums over the blocks of row `v` to `view` at disparity `d`, whether or not the matches lie inside.
+    fn block_sums(&self, view: View, v: usize, d: i16, sums: &mut [u64]) {
+        let (center, other) = (self.image(Frame::Center).as_raw(), self.image(Frame::View(view)).as_raw());
+        let [width, height] = [self.search.width() as isize, self.search.height() as isize];
+        let (du, dv) = view.shift(d);
+        let index = |u: isize, v: isize| (v.clamp(0, height - 1) * width + u.clamp(0, width - 1)) as usize;
+        let column_sum = |u: isize| -> u64 {
+            let rows = v as isize - self.radius..=v as isize + self.radius;
+            let difference = |v: isize| center[index(u, v)].abs_diff(other[index(u + du as isize, v + dv as isize)]);
+            rows.map(|v| u64::from(difference(v))).sum()
+        };
+        let columns: Vec<u64> = (-self.radius..width + self.radius).map(column_sum).collect();
+        let blocks = columns.windows(2 * self.radius as usize + 1);
+        sums.iter_mut().zip(blocks).for_each(|(sum, columns)| *sum = columns.iter().sum());
+    }
+}
+
+impl CostRows for BlockRows<'_> {
+    type Cost = u64;
+
+    fn search(&self) -> &Search {
+        self.search
+    }
+
+    fn row<I: Kernel>(&self, _isa: I, v: usize, stride: usize, row: &mut [u64]) {
+        row.fill(u64::NONE);
+        let (search, size) = (self.search, (self.search.width(), self.search.height()));
+        let mut sums = vec![vec![0; search.width()]; search.views().len()];
+        for (index, d) in (search.min_disparity()..=search.max_disparity()).enumerate() {
+            for (view, sums) in search.views().iter().zip(&mut sums) {
+                self.block_sums(view, v, d, sums);
+            }
+            for (u, pixel) in row.chunks_exact_mut(stride).enumerate() {
+                let mut costs = [u64::NONE; Views::MAX];
+                for ((cost, view), sums) in costs.iter_mut().zip(search.views().iter()).zip(&sums) {
+                    if view.match_of((u, v), d, size).is_some() {
+                        *cost = sums[u];
+                    }
+                }
+                pixel[index] = search.fusion().fuse(costs);
+            }
+        }
+    }
+}

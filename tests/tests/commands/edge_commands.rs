@@ -218,7 +218,9 @@ fn assert_simulated_as_matched(profile: &Profile) {
             SemiGlobalCost::Census(census) => format!("--method sgm --census {}", census.name()),
         },
     };
-    for fusion in Fusion::ALL.map(Fusion::name) {
+    // Its instructions were not measured, so a simulation of more views refuses it.
+    let is_measured = |fusion: &Fusion| *fusion != Fusion::Half || search.views().len() <= 2;
+    for fusion in Fusion::ALL.into_iter().filter(is_measured).map(Fusion::name) {
         let common = ["--fusion", fusion, "-o"].map(str::to_owned);
         let mut matched = vec!["match".to_owned()];
         matched.extend(views.iter().cloned().chain(common.clone()).chain([path("matched.pfm")]));

@@ -186,11 +186,6 @@ impl Availability {
         self.views.iter().take(self.len.into())
     }
 
-    /// Whether no view is available at any disparity.
-    pub fn is_empty(&self) -> bool {
-        self.reaches().all(|reach| reach.range.is_empty())
-    }
-
     /// The disparities at which the `k`-th view is available.
     pub fn range(&self, k: usize) -> Range<u16> {
         self.views.get(k).map(|reach| reach.range.clone()).unwrap_or_default()
@@ -199,12 +194,6 @@ impl Availability {
     /// Whether some view is available at all disparities, so that every candidate exists.
     pub fn is_covered(&self) -> bool {
         self.incomplete != all_views(self.places)
-    }
-
-    /// The views that are available at a disparity, as bits; none outside the search.
-    pub fn views_at(&self, index: usize) -> u8 {
-        let ranges = self.reaches().map(|reach| reach.range.start.into()..reach.range.end.into());
-        ranges.zip(0..).fold(0, |views, (range, k): (Range<usize>, u8)| views | u8::from(range.contains(&index)) << k)
     }
 
     /// The disparities in runs that are available in the same views, in ascending order.

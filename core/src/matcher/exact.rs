@@ -1,10 +1,9 @@
 //! Exact fused costs, for the pixels whose lanes do not suffice.
 
-use core::slice;
+use core::{ops::Range, slice};
 
 use crate::{
     Disparity, MatchingCost, Params, SemiGlobalParams,
-    availability::Availability,
     kernel::{Blocks, Lane},
 };
 
@@ -25,12 +24,12 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
     /// both neighbours exist.
     #[cold]
     pub fn disparity(&self) -> Option<Disparity> {
-        let availability = self.availability();
-        if availability.is_empty() {
+        let available = self.available();
+        if available.iter().all(Range::is_empty) {
             return None;
         }
         let all = 0..self.params.num_disparities();
-        let costs = all.filter_map(|index| Some((self.cost(&availability, index)?, index)));
+        let costs = all.filter_map(|index| Some((self.cost(&available, index)?, index)));
         let (_, index) = costs.min_by_key(|&(cost, _)| cost)?;
         self.refined(index)
     }
@@ -38,8 +37,8 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
     /// The disparity at `index`, refined if both neighbours exist.
     #[cold]
     pub fn refined(&self, index: usize) -> Option<Disparity> {
-        let availability = self.availability();
-        let cost = |index| self.cost(&availability, index);
+        let available = self.available();
+        let cost = |index| self.cost(&available, index);
         let d = self.params.min_disparity() + index as i16;
         match (cost(index.wrapping_sub(1)), cost(index), cost(index + 1)) {
             // The mean of five views or more has a larger scale.
@@ -52,29 +51,35 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
     /// The fused costs of all disparities as matching costs of [semi-global matching](crate::SemiGlobalParams):
     /// divided by `2^shift`, and 255 where a candidate does not exist and past the last disparity.
     pub fn quotients(&self, shift: u32, costs: &mut [u8]) {
-        let availability = self.availability();
+        let available = self.available();
         let scale = self.params.fusion().scale(V) as u32;
         costs.fill(u8::MAX);
         for (index, quotient) in costs.iter_mut().enumerate().take(self.params.num_disparities()) {
-            if let Some(cost) = self.cost(&availability, index) {
+            if let Some(cost) = self.cost(&available, index) {
                 let cost = cost.checked_div(scale << shift).unwrap_or_default();
                 *quotient = cost.min(SemiGlobalParams::MAX_COST.into()) as u8;
             }
         }
     }
 
-    fn availability(&self) -> Availability {
-        let mut availability = Availability::new(self.params.search());
-        availability.enter_line(self.u, self.v, |_, _, _| {});
-        availability
+    /// The indices of the disparities at which the pixel sees each view.
+    fn available(&self) -> [Range<u16>; V] {
+        let (params, views) = (self.params, self.params.views());
+        let mut available = [const { 0..0 }; V];
+        for (k, available) in available.iter_mut().enumerate() {
+            if let Some(view) = views.get(k) {
+                let size = (params.width(), params.height());
+                *available = view.available((self.u, self.v), size, params.min_disparity(), params.num_disparities());
+            }
+        }
+        available
     }
 
     /// The fused cost of a candidate, if it exists.
-    fn cost(&self, availability: &Availability, index: usize) -> Option<u32> {
-        let available = availability.views_at(index);
+    fn cost(&self, available: &[Range<u16>; V], index: usize) -> Option<u32> {
         let views = self.blocks.get(index / I::LANES)?;
         let mut costs = [u32::NONE; V];
-        for (_, (cost, sums)) in costs.iter_mut().zip(views).enumerate().filter(|(k, _)| available >> k & 1 != 0) {
+        for ((cost, sums), _) in costs.iter_mut().zip(views).zip(available).filter(|(_, range)| range.contains(&(index as u16))) {
             let lanes: &[L] = bytemuck::try_cast_slice(slice::from_ref(sums)).ok()?;
             *cost = lanes.get(I::lane(index % I::LANES))?.widen();
         }

@@ -172,12 +172,10 @@ impl Availability {
     pub fn incomplete_in(&self, columns: Range<usize>) -> u8 {
         let all = 0..self.num_disparities;
         // What is available at both ends is available in between.
-        let ends = [columns.start, columns.end.saturating_sub(1)];
+        let (first, last) = (columns.start, columns.end.saturating_sub(1));
         let vertical = self.incomplete & !all_views(self.sideways);
-        (0..self.sideways).fold(vertical, |incomplete, k| {
-            let complete = ends.map(|u| self.at(k, u) == all);
-            incomplete | u8::from(complete != [true; 2]) << k
-        })
+        (0..self.sideways)
+            .fold(vertical, |incomplete, k| incomplete | u8::from(self.at(k, first) != all || self.at(k, last) != all) << k)
     }
 
     /// The views of the match.

@@ -21,8 +21,8 @@ mod wavefront;
 pub use parameters::{Paths, SemiGlobal};
 
 use image::GrayImage;
-use row_sweep::Pass;
-use wavefront::{RowTask, Wavefront};
+use row_sweep::{Pass, RowTask};
+use wavefront::Wavefront;
 
 use crate::{
     images::DisparityMap,

@@ -24,6 +24,17 @@ pub(super) struct Pass {
     pub diagonals: bool,
 }
 
+/// A row to compute, and where its results go.
+#[derive(Debug)]
+pub(super) struct RowTask<'a> {
+    pub v: usize,
+    /// What the previous passes add to the costs, to which this one adds its own; in the end, the sums of all
+    /// path costs. If `None`, this is the only pass, and sums are not kept.
+    pub sums: Option<&'a mut [u16]>,
+    /// Where the selected disparities go, in the last pass.
+    pub disparities: Option<&'a mut [Option<Disparity>]>,
+}
+
 /// A row's costs, what paths charge at its pixels, and what they add to the costs.
 pub(super) struct RowSweep<'a> {
     stride: usize,
@@ -83,10 +94,18 @@ impl<'a> RowSweep<'a> {
         }
     }
 
-    /// Extends the path from the right through the row, unless it is `None`, and computes the results.
+    /// Extends the path from the right through the row, unless it is `None`, and completes `task`. `paths` are
+    /// those of all passes.
     #[inline(never)]
-    pub fn finish<I: Kernel, const M: usize>(&mut self, isa: I, from_right: Option<Along<I, M>>, results: Results<'_>) {
-        isa.compiled(Finish { isa, row: self, from_right, results });
+    pub fn finish<I: Kernel, const M: usize>(
+        &mut self,
+        isa: I,
+        from_right: Option<Along<I, M>>,
+        search: &Search,
+        paths: u16,
+        task: RowTask<'_>,
+    ) {
+        isa.compiled(Finish { isa, row: self, from_right, search, paths, task });
     }
 
     /// [`forward`](RowSweep::forward), with diagonal paths if `DIAGONAL` is set.
@@ -163,17 +182,6 @@ impl<'a> RowSweep<'a> {
     }
 }
 
-/// What to compute of a row whose paths are complete.
-pub(super) struct Results<'a> {
-    pub search: &'a Search,
-    /// The paths of all passes.
-    pub paths: u16,
-    /// As in [`RowTask`](super::wavefront::RowTask).
-    pub sums: Option<&'a mut [u16]>,
-    /// As in [`RowTask`](super::wavefront::RowTask).
-    pub disparities: Option<&'a mut [Option<Disparity>]>,
-}
-
 /// [`RowSweep::forward`], compiled for vector instructions.
 struct Forward<'r, 'a, I: Kernel, const DIAGONAL: bool, const M: usize> {
     isa: I,
@@ -196,13 +204,15 @@ struct Finish<'r, 'a, I: Kernel, const M: usize> {
     isa: I,
     row: &'r mut RowSweep<'a>,
     from_right: Option<Along<I, M>>,
-    results: Results<'r>,
+    search: &'r Search,
+    paths: u16,
+    task: RowTask<'r>,
 }
 
 impl<I: Kernel, const M: usize> Work for Finish<'_, '_, I, M> {
     #[inline(always)]
     fn run(self) {
-        let Finish { isa, row, mut from_right, results: Results { search, paths, sums, mut disparities } } = self;
+        let Finish { isa, row, mut from_right, search, paths, task: RowTask { sums, mut disparities, .. } } = self;
         let (width, stride) = (search.width(), row.stride);
         match (sums, &mut disparities, &mut from_right) {
             (None, Some(disparities), Some(from_right)) => {

@@ -15,14 +15,11 @@ use std::{
 };
 
 use image::GrayImage;
-use multiscopic_core::{
-    Disparity,
-    kernel::{Along, Kernel, Slot},
-};
+use multiscopic_core::kernel::{Along, Kernel, Slot};
 
 use super::{
     path_block::{COLUMNS, PathBlock},
-    row_sweep::{MOST_VECTORS, Pass, Results, RowSweep},
+    row_sweep::{MOST_VECTORS, Pass, RowSweep, RowTask},
 };
 use crate::{
     progress::Progress,
@@ -48,17 +45,6 @@ pub(super) struct Wavefront<'a, R> {
     /// The paths of all passes.
     pub paths: u16,
     pub progress: &'a dyn Progress,
-}
-
-/// A row to compute, and where its results go.
-#[derive(Debug)]
-pub(super) struct RowTask<'a> {
-    pub v: usize,
-    /// What the previous passes add to the costs, to which this one adds its own; in the end, the sums of all
-    /// path costs. If `None`, this is the only pass, and sums are not kept.
-    pub sums: Option<&'a mut [u16]>,
-    /// Where the selected disparities go, in the last pass.
-    pub disparities: Option<&'a mut [Option<Disparity>]>,
 }
 
 impl<R: CostRows<Cost = u8>> Wavefront<'_, R> {
@@ -248,8 +234,7 @@ impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
         }
         let Wavefront { paths, .. } = *self.wavefront;
         for (task, lane) in strip.into_iter().zip(lanes) {
-            let results = Results { search: rows.search(), paths, sums: task.sums, disparities: task.disparities };
-            lane.row.finish(isa, self.pass.along_rows.then_some(along), results);
+            lane.row.finish(isa, self.pass.along_rows.then_some(along), rows.search(), paths, task);
         }
         Some(())
     }

@@ -2,7 +2,7 @@
 
 use core::{iter, mem, ops::Range};
 
-use crate::{Search, View, Views};
+use crate::{Search, View, Views, prior_line::PriorLine};
 
 /// The disparities at which each view is available to a pixel: where the match lies inside the frame.
 ///
@@ -11,6 +11,7 @@ use crate::{Search, View, Views};
 /// smallest.
 #[derive(Clone, Debug)]
 pub(crate) struct Availability {
+    search: Search,
     /// The views of the match, in their order: those whose matches leave the column come first.
     views: [Reach; Views::MAX_MATCHED],
     /// How many of them leave the column.
@@ -26,6 +27,8 @@ pub(crate) struct Availability {
     incomplete: u8,
     /// Until this column of the line, nothing changes for any view.
     constant_until: u16,
+    /// The line.
+    v: u16,
 }
 
 /// The disparities at which a view is available.
@@ -95,6 +98,7 @@ impl Availability {
         });
         let places = search.views().places() as u8;
         Availability {
+            search: *search,
             views,
             sideways: search.views().iter().filter(|view| !view.is_vertical()).count() as u8,
             len: search.views().len() as u8,
@@ -105,13 +109,19 @@ impl Availability {
             num_disparities: search.num_disparities() as u16,
             incomplete: all_views(places),
             constant_until: 0,
+            v: 0,
         }
     }
 
-    /// Goes to pixel `(u, v)`. Calls `change(k, index, available)` for every view and disparity whose
-    /// availability changes.
+    /// Goes to pixel `(u, v)`, around `prior` if there is one. Calls `change(k, index, available)` for every view and
+    /// disparity whose availability changes.
     #[inline(never)]
-    pub fn enter_line(&mut self, u: usize, v: usize, mut change: impl FnMut(usize, usize, bool)) {
+    pub fn enter_line(&mut self, u: usize, v: usize, prior: Option<PriorLine<'_>>, mut change: impl FnMut(usize, usize, bool)) {
+        self.v = v as u16;
+        if let Some(prior) = prior {
+            self.constant_until = 0;
+            return self.enter_around(u, prior, change);
+        }
         let (least, count) = (self.min_disparity, self.num_disparities);
         self.constant_until = self.width;
         for (k, reach) in self.views.iter_mut().enumerate().take(self.len.into()) {
@@ -130,16 +140,19 @@ impl Availability {
     /// Goes to the pixel at `u`, further to the right in the same line. Calls `change` as
     /// [`enter_line`](Availability::enter_line) does, and returns whether there may have been a change.
     #[inline(always)]
-    pub fn enter(&mut self, u: usize, change: impl FnMut(usize, usize, bool)) -> bool {
+    pub fn enter(&mut self, u: usize, prior: Option<PriorLine<'_>>, change: impl FnMut(usize, usize, bool)) -> bool {
         let changes = u >= usize::from(self.constant_until);
         if changes {
-            self.enter_column(u, change);
+            self.enter_column(u, prior, change);
         }
         changes
     }
 
     #[inline(never)]
-    fn enter_column(&mut self, u: usize, mut change: impl FnMut(usize, usize, bool)) {
+    fn enter_column(&mut self, u: usize, prior: Option<PriorLine<'_>>, mut change: impl FnMut(usize, usize, bool)) {
+        if let Some(prior) = prior {
+            return self.enter_around(u, prior, change);
+        }
         let (least, count) = (self.min_disparity, self.num_disparities);
         let (mut incomplete, mut constant_until) = (self.incomplete, self.width);
         for (k, reach) in self.views.iter_mut().enumerate().take(self.sideways.into()) {
@@ -153,6 +166,18 @@ impl Availability {
             constant_until = constant_until.min(reach.constant_until);
         }
         (self.incomplete, self.constant_until) = (incomplete, constant_until);
+    }
+
+    /// Goes to the pixel at `u` of the line, where it is searched around `prior`. Neighbours may differ by any
+    /// disparity.
+    #[inline(always)]
+    fn enter_around(&mut self, u: usize, prior: PriorLine<'_>, mut change: impl FnMut(usize, usize, bool)) {
+        for (k, reach) in self.views.iter_mut().enumerate().take(self.len.into()) {
+            let range = prior.available(reach.view, (u, self.v.into()), &self.search);
+            let is_complete = range == (0..self.num_disparities);
+            reach.follow(range, |index, available| change(k, index, available));
+            self.incomplete = self.incomplete & !(1 << k) | u8::from(!is_complete) << k;
+        }
     }
 
     /// The disparities at which a pixel of the line in column `u` sees the `k`-th view, which leaves the column.
@@ -169,8 +194,14 @@ impl Availability {
 
     /// The views that are not available at all disparities in all of these columns of the line, as bits.
     #[inline(always)]
-    pub fn incomplete_in(&self, columns: Range<usize>) -> u8 {
+    pub fn incomplete_in(&self, columns: Range<usize>, prior: Option<PriorLine<'_>>) -> u8 {
         let all = 0..self.num_disparities;
+        if let Some(prior) = prior {
+            let incomplete = |view, u| prior.available(view, (u, self.v.into()), &self.search) != all;
+            return self.reaches().zip(0..).fold(self.incomplete & !all_views(self.len), |views, (reach, k)| {
+                views | u8::from(columns.clone().any(|u| incomplete(reach.view, u))) << k
+            });
+        }
         // What is available at both ends is available in between.
         let (first, last) = (columns.start, columns.end.saturating_sub(1));
         let vertical = self.incomplete & !all_views(self.sideways);

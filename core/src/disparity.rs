@@ -2,6 +2,7 @@
 
 use core::{fmt, num::NonZeroU16};
 
+use bytemuck::{PodInOption, ZeroableInOption};
 use fixed::types::I10F6;
 
 /// A disparity in pixels: signed fixed point in steps of 1/64, from -511 63/64 to 511 63/64.
@@ -17,6 +18,14 @@ use fixed::types::I10F6;
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(transparent)]
 pub struct Disparity(NonZeroU16);
+
+// SAFETY: a transparent wrapper of `NonZeroU16`, whose `None` is zero.
+#[allow(unsafe_code)]
+unsafe impl ZeroableInOption for Disparity {}
+
+// SAFETY: a transparent wrapper of `NonZeroU16`, and every `u16` is one of its values or `None`.
+#[allow(unsafe_code)]
+unsafe impl PodInOption for Disparity {}
 
 impl Disparity {
     /// The smallest disparity of any search, in pixels.
@@ -132,7 +141,7 @@ impl Disparity {
             let sum = fall.wrapping_add(rise).max(1);
             let numerator = fall.wrapping_sub(rise).wrapping_mul(steps * sign);
             let dividend = numerator.wrapping_add(sum.wrapping_mul(steps + 1));
-            let shift = floor_of_quotient(dividend, sum.wrapping_mul(2)) - steps / 2;
+            let shift = floor_of_quotient(dividend, sum.wrapping_mul(2)).wrapping_sub(steps / 2);
             *refined = Disparity::from_bits(d.wrapping_mul(steps).wrapping_add(shift.wrapping_mul(sign)) as i16);
         }
         refined
@@ -150,7 +159,7 @@ impl Disparity {
             let denominator = fall.max(rise).max(1);
             let numerator = fall.wrapping_sub(rise).wrapping_mul(steps);
             let dividend = numerator.wrapping_add(denominator.wrapping_mul(steps + 1)).wrapping_sub(is_negative.into());
-            let shift = floor_of_quotient(dividend, denominator.wrapping_mul(2)) - steps / 2;
+            let shift = floor_of_quotient(dividend, denominator.wrapping_mul(2)).wrapping_sub(steps / 2);
             *refined = Disparity::from_bits(d.wrapping_mul(steps).wrapping_add(shift) as i16);
         }
         refined
@@ -218,8 +227,8 @@ fn floor_of_quotient(dividend: i32, divisor: i32) -> i32 {
     const TWO_TO_23: f32 = 8_388_608.0;
     // The float quotient is less than half a step off, so the floor is the nearest integer or one less. Adding
     // 2^23 rounds to an integer; a cast from float would not vectorise.
-    let nearest = (dividend as f32 / divisor as f32 + TWO_TO_23).to_bits() as i32 - TWO_TO_23.to_bits() as i32;
-    nearest - i32::from(dividend.wrapping_sub(nearest.wrapping_mul(divisor)) < 0)
+    let nearest = ((dividend as f32 / divisor as f32 + TWO_TO_23).to_bits() as i32).wrapping_sub(TWO_TO_23.to_bits() as i32);
+    nearest.wrapping_sub(i32::from(dividend.wrapping_sub(nearest.wrapping_mul(divisor)) < 0))
 }
 
 #[cfg(test)]

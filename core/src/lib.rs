@@ -20,6 +20,7 @@
 //! | `error` | [`MatchError`], [`MemoryTooSmall`]: why lines could not be matched |
 //! | `region` | [`Region`]: the part of the frame that a pass computes |
 //! | `scanline` | [`ScanlineSource`], [`Rewind`]: where lines come from, such as memory, flash, a file or a sensor |
+//! | `prior_line` | a line of the disparities around which is searched |
 //! | `availability` | the frame's borders: which views see a candidate |
 //! | [`kernel`] | the inner loops, for the vectors of each instruction set |
 //! | `memory` | [`Memory`]: the bytes of each buffer, which the caller lends |
@@ -48,6 +49,7 @@ mod lines;
 mod matcher;
 mod memory;
 mod params;
+mod prior_line;
 mod region;
 mod scanline;
 mod semi_global;
@@ -62,7 +64,7 @@ pub use error::{MatchError, MemoryTooSmall};
 pub use fusion::{Fusion, MatchingCost};
 pub use matcher::Matcher;
 pub use memory::Memory;
-pub use params::{Census, Params, ParamsError, PathPenalties, Search, SemiGlobalCost, SemiGlobalParams};
+pub use params::{Census, Params, ParamsError, PathPenalties, Prior, Search, SemiGlobalCost, SemiGlobalParams};
 pub use region::{Region, RegionError};
 pub use scanline::{Rewind, ScanlineSource};
 pub use semi_global::{PathWinners, SemiGlobalMatcher};

@@ -24,6 +24,10 @@ use crate::{
 /// | `zeros` | `2 D` for each view |
 /// | `line` | the frame's width |
 ///
+/// Around a [prior](Params::around), every view takes `(2 rho + 2) X D` bytes and `1 + |j| r` lines of the frame, where
+/// `r` is the difference of the smallest and the largest disparity that may be searched; and the prior takes `2 (rho + 2)`
+/// times the frame's width.
+///
 /// A view `i` columns and `j` rows of the array away from the centre has the samples of `|j|` lines in turn. With
 /// `L = D + ceil((2 rho + 1) / |j|) + 15`, in which `D` is not rounded up, they take `|j| (X + |i| (D + L - 2)) L`
 /// bytes, and as many more as `D` is rounded up by for each of their stacks.
@@ -75,6 +79,8 @@ pub struct Memory {
     pub vertical: usize,
     /// The empty column, which leaves a block that is not full yet.
     pub zeros: usize,
+    /// Lines of the prior, and the offsets of one.
+    pub prior: usize,
     /// A buffer for a line from the source.
     pub line: usize,
     /// Matching costs of a line, and what paths add to them.
@@ -110,6 +116,7 @@ impl Memory {
             horizontal,
             vertical,
             zeros: shape.align(2 * views * shape.depth),
+            prior: shape.prior_bytes() + shape.offset_bytes(),
             line: shape.align(params.width()),
             costs: 0,
             paths: 0,
@@ -156,6 +163,7 @@ impl Memory {
             + self.horizontal
             + self.vertical
             + self.zeros
+            + self.prior
             + self.line
             + self.costs
             + self.paths
@@ -180,6 +188,10 @@ pub(crate) struct Shape {
     pub ring_lines: usize,
     /// Disparities.
     pub disparities: usize,
+    /// Pixels in a line of the frame.
+    pub width: usize,
+    /// The smallest and the largest disparity that may be searched around a prior.
+    pub around: Option<(i16, i16)>,
     /// Bytes of a block sum.
     pub lane_bytes: usize,
     /// Pixels of a batch whose block sums are kept for exact costs: all, if the rule can saturate.
@@ -197,6 +209,8 @@ impl Shape {
             depth,
             ring_lines,
             disparities: params.num_disparities(),
+            width: params.width(),
+            around: if params.prior().is_some() { Some(params.reach()) } else { None },
             lane_bytes: if params.max_block_sum() < u16::MAX as u32 { 2 } else { 4 },
             kept_blocks: match Rule::new(params.fusion(), params.views().len()) {
                 Rule::Sum | Rule::Heuristic | Rule::Half if I::BATCH > 1 => I::BATCH,
@@ -216,10 +230,32 @@ impl Shape {
     pub const fn frame_bytes(&self, frame: Frame) -> usize {
         self.align(match frame {
             Frame::Center => self.ring_lines * self.span,
+            Frame::View(view) if self.around.is_some() => {
+                self.ring_lines * self.span * self.depth + self.warped_lines(view) * self.width
+            }
             Frame::View(View::LEFT | View::RIGHT) => self.ring_lines * self.reach(),
             Frame::View(view) if view.is_horizontal() => self.ring_lines * self.span * self.depth,
             Frame::View(view) => StackShape::new(self, view).bytes(),
         })
+    }
+
+    /// Lines of a view that may hold the matches of a line of the centre around its prior.
+    pub const fn warped_lines(&self, view: View) -> usize {
+        match self.around {
+            Some((least, most)) => 1 + view.down().unsigned_abs() as usize * (most - least) as usize,
+            None => 0,
+        }
+    }
+
+    /// Bytes of the stored lines of the prior.
+    pub const fn prior_bytes(&self) -> usize {
+        let lines = if self.around.is_some() { self.ring_lines / 2 } else { 0 };
+        self.align(lines * self.offset_bytes())
+    }
+
+    /// Bytes of a line of offsets, or of the prior.
+    pub const fn offset_bytes(&self) -> usize {
+        self.align(if self.around.is_some() { 2 * self.width } else { 0 })
     }
 
     const fn align(&self, bytes: usize) -> usize {

@@ -1,6 +1,6 @@
 //! The sources of pixels.
 
-use crate::Frame;
+use crate::{Disparity, Frame};
 
 /// A source of scanlines, such as memory, flash, a file, a decompressor, a UART or a sensor.
 ///
@@ -17,6 +17,18 @@ pub trait ScanlineSource {
     /// # Errors
     /// The source's own. The matcher returns it, and reads the same line when it is called again.
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error>;
+
+    /// Fills `line`, whose length is the width of the frame, with line `v` of the disparities around which is searched:
+    /// see [`Params::around`](crate::Params::around). They are read as the lines of the centre are. A source of a
+    /// search without a prior need not define this: it has none.
+    ///
+    /// # Errors
+    /// As [`read_line`](ScanlineSource::read_line).
+    fn read_prior(&mut self, v: usize, line: &mut [Option<Disparity>]) -> Result<(), Self::Error> {
+        let _ = v;
+        line.fill(None);
+        Ok(())
+    }
 }
 
 /// A source that can be read more than once, as matching in column tiles or in bands of lines requires.
@@ -36,5 +48,9 @@ impl<S: ScanlineSource + ?Sized> ScanlineSource for &mut S {
 
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), S::Error> {
         (**self).read_line(frame, v, line)
+    }
+
+    fn read_prior(&mut self, v: usize, line: &mut [Option<Disparity>]) -> Result<(), S::Error> {
+        (**self).read_prior(v, line)
     }
 }

@@ -74,6 +74,41 @@ impl View {
         self.down
     }
 
+    /// The most baselines that both of the offset's parts are whole multiples of.
+    ///
+    /// ```
+    /// use multiscopic_core::View;
+    /// let view = |i, j| View::new(i, j).unwrap();
+    /// assert_eq!([view(4, 0), view(-2, 4), view(3, 1)].map(View::multiple), [4, 2, 1]);
+    /// ```
+    pub const fn multiple(self) -> u8 {
+        greatest_common_divisor(self.right.unsigned_abs(), self.down.unsigned_abs())
+    }
+
+    /// The view in the same direction at `multiple` times the distance, or `None` if that is out of range.
+    pub const fn times(self, multiple: u8) -> Option<View> {
+        if multiple == 0 || multiple > View::MAX_OFFSET as u8 {
+            return None;
+        }
+        match (self.right.checked_mul(multiple as i8), self.down.checked_mul(multiple as i8)) {
+            (Some(right), Some(down)) => match View::new(right, down) {
+                Ok(view) => Some(view),
+                Err(_) => None,
+            },
+            _ => None,
+        }
+    }
+
+    /// The view in the same direction at the distance divided by `divisor`, or `None` if that is not whole.
+    pub const fn divided_by(self, divisor: u8) -> Option<View> {
+        if divisor == 0 || !self.multiple().is_multiple_of(divisor) {
+            return None;
+        }
+        // Not above the multiple, which is at most 8.
+        let divisor = divisor as i8;
+        Some(View { right: self.right / divisor, down: self.down / divisor })
+    }
+
     /// How far the match of a pixel lies from that pixel at a disparity of `d` pixels: `(du, dv)`.
     ///
     /// This is the one definition of the table above.
@@ -157,6 +192,14 @@ impl View {
         let place = (self.down + View::MAX_OFFSET) as u32 * 32 + (self.right + View::MAX_OFFSET) as u32;
         (self.is_vertical() as u32) << 21 | (!self.is_horizontal() as u32) << 20 | distance << 10 | place
     }
+}
+
+/// The greatest common divisor; that of 0 and `a` is `a`.
+pub(crate) const fn greatest_common_divisor(mut a: u8, mut b: u8) -> u8 {
+    while let Some(rest) = a.checked_rem(b) {
+        (a, b) = (b, rest);
+    }
+    a
 }
 
 /// The disparities, as indices into the `count` ones from `least` on, at which a match stays inside the frame in

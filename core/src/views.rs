@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::View;
+use crate::{View, view::greatest_common_divisor};
 
 /// A set of neighbouring views, at most [`Views::MAX`].
 ///
@@ -96,6 +96,29 @@ impl Views {
     /// The `k`-th view.
     pub const fn get(self, k: usize) -> Option<View> {
         if k < Views::MAX && k < self.len() { Some(self.views[k]) } else { None }
+    }
+
+    /// The most baselines that the offsets of all views are whole multiples of; 0 for no view.
+    pub const fn multiple(self) -> u8 {
+        let (mut multiple, mut k) = (0, 0);
+        while let Some(view) = self.get(k) {
+            multiple = greatest_common_divisor(multiple, view.multiple());
+            k += 1;
+        }
+        multiple
+    }
+
+    /// The views in the same directions at their distances divided by `divisor`, without those for which they are not
+    /// whole.
+    pub const fn divided_by(self, divisor: u8) -> Views {
+        let (mut divided, mut k) = (Views::NONE, 0);
+        while let Some(view) = self.get(k) {
+            if let Some(view) = view.divided_by(divisor) {
+                divided = divided.with(view);
+            }
+            k += 1;
+        }
+        divided
     }
 
     /// The views that the matchers' loops go over: eight for five and more, of which those past the last are never

@@ -1,9 +1,9 @@
 //! Masks that hide block sums where a view is not available.
 
-use core::slice;
+use core::{ops::Range, slice};
 
 use super::{blocks::Blocks, rule::Rule, vector::Lane};
-use crate::availability::Availability;
+use crate::{availability::Availability, prior_line::PriorLine};
 
 /// Masks for the block sums of a pixel: [`Lane::MAX`] where a view is not available, and in lanes past the
 /// last disparity; zero elsewhere.
@@ -14,6 +14,8 @@ pub(crate) struct Masks<'a, L: Lane, I: Blocks<L>, const V: usize> {
     /// All [`Lane::MAX`] at first.
     pub vectors: &'a mut [[I::Costs; V]],
     pub availability: &'a mut Availability,
+    /// Around which the line is searched.
+    pub prior: Option<PriorLine<'a>>,
     /// Whether there are lanes past the last disparity.
     pub padded: bool,
 }
@@ -21,14 +23,20 @@ pub(crate) struct Masks<'a, L: Lane, I: Blocks<L>, const V: usize> {
 impl<L: Lane, I: Blocks<L>, const V: usize> Masks<'_, L, I, V> {
     /// Goes to pixel `(u, v)`.
     pub fn enter_line(&mut self, u: usize, v: usize) {
-        self.availability.enter_line(u, v, |k, index, available| set::<L, I, V>(self.vectors, k, index, available));
+        self.availability.enter_line(u, v, self.prior, |k, index, available| set::<L, I, V>(self.vectors, k, index, available));
     }
 
     /// Goes to the pixel at `u`, to the right in the same line, and returns whether anything may have
     /// changed.
     #[inline(always)]
     pub fn enter(&mut self, u: usize) -> bool {
-        self.availability.enter(u, |k, index, available| set::<L, I, V>(self.vectors, k, index, available))
+        self.availability.enter(u, self.prior, |k, index, available| set::<L, I, V>(self.vectors, k, index, available))
+    }
+
+    /// The views that are not available at all disparities in all of these columns of the line, as bits.
+    #[inline(always)]
+    pub fn incomplete_in(&self, columns: Range<usize>) -> u8 {
+        self.availability.incomplete_in(columns, self.prior)
     }
 
     /// The views whose masks are not zero, as bits, or `None` if masks cannot hide views from `rule` here. If

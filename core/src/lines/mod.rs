@@ -10,11 +10,15 @@
 //! | `rows` | a ring of lines |
 //! | `spread_rows` | a ring of lines, with samples of its own for each column |
 //! | `columns` | a stack of samples for each column |
+//! | `prior_lines` | a ring of lines of the prior |
+//! | `warped_rows` | a ring of lines, with the samples of each column that its prior foretells |
 
 mod columns;
+mod prior_lines;
 mod replication;
 mod rows;
 mod spread_rows;
+mod warped_rows;
 
 use core::iter;
 
@@ -24,9 +28,11 @@ use crate::{
     memory::{Shape, StackShape},
 };
 use columns::Columns;
+pub(crate) use prior_lines::PriorLines;
 pub(crate) use replication::replicate;
 use rows::Rows;
 use spread_rows::SpreadRows;
+use warped_rows::WarpedRows;
 
 /// The stored lines of all frames of a match.
 #[derive(Debug)]
@@ -34,6 +40,8 @@ pub(crate) struct Frames<'m> {
     pub center: Lines<'m>,
     /// One for each view of the match, in their order.
     pub views: [Option<Lines<'m>>; Views::MAX_MATCHED],
+    /// Around which is searched.
+    pub priors: Option<PriorLines<'m>>,
 }
 
 impl<'m> Frames<'m> {
@@ -46,12 +54,20 @@ impl<'m> Frames<'m> {
         line: &mut [u8],
         v: i32,
     ) -> Result<(), MatchError<S::Error>> {
+        // Around a prior, virtual lines are those nearest to them inside the frame.
+        let v = if self.priors.is_some() { v.min(params.height() as i32 - 1).max(0) } else { v };
+        if let Some(priors) = &mut self.priors {
+            priors.read_ahead(source, v as usize)?;
+        }
         for (frame, lines) in self.frames(params) {
             while let Some(row) = lines.wanted(v) {
                 source.read_line(frame, row, line).map_err(MatchError::Source)?;
                 lines.take(v, line, params.width());
             }
             lines.extend(v);
+        }
+        if let Some(priors) = &self.priors {
+            self.views.iter_mut().flatten().for_each(|lines| lines.warp(v, priors.offsets()));
         }
         Ok(())
     }
@@ -74,7 +90,7 @@ impl<'m> Frames<'m> {
 
     /// The frames and their lines, the centre first.
     fn frames(&mut self, params: &Params) -> impl Iterator<Item = (Frame, &mut Lines<'m>)> {
-        let views = params.views().iter().map(Frame::View).zip(self.views.iter_mut().flatten());
+        let views = params.views().iter().map(|view| params.frame(view)).zip(self.views.iter_mut().flatten());
         iter::once((Frame::Center, &mut self.center)).chain(views)
     }
 }
@@ -96,15 +112,16 @@ enum Store<'m> {
     Rows(Rows<'m>),
     SpreadRows(SpreadRows<'m>),
     Columns(Columns<'m>),
+    WarpedRows(WarpedRows<'m>),
 }
 
 impl<'m> Lines<'m> {
-    /// No lines of `frame` yet. `samples`, of [`Shape::frame_bytes`] bytes for each plane, will store them. A
+    /// No lines yet of the centre or, if `frame` is one of the views of `params`, of its frame. `samples`, of [`Shape::frame_bytes`] bytes for each plane, will store them. A
     /// plane has a byte of each pixel: its grey value, or one of its descriptor.
     pub fn new(frame: Frame, params: &Params, region: &Region, shape: Shape, samples: &'m mut [u8]) -> Lines<'m> {
         let radius = params.radius() as i32;
         let last = params.height() as i32 - 1;
-        let lead = params.lead(frame) - radius;
+        let lead = params.lead_of(frame) - radius;
         let left = region.columns().start as i32 - radius;
         let top = region.rows().start as i32 - radius;
         let min_disparity = i32::from(params.min_disparity());
@@ -125,6 +142,23 @@ impl<'m> Lines<'m> {
         let mut first_virtual = top;
         let store = match frame {
             Frame::Center => rows(samples, 1, false, 0),
+            Frame::View(view) if params.prior().is_some() => {
+                let reach = shape.warped_lines(view);
+                first_virtual = top.max(0) + lead - (reach as i32 - 1);
+                Store::WarpedRows(WarpedRows {
+                    samples,
+                    view,
+                    span: shape.span,
+                    count: shape.ring_lines,
+                    depth: shape.depth,
+                    left,
+                    width: params.width(),
+                    last,
+                    reach,
+                    min_disparity: params.min_disparity(),
+                    next: top.max(0),
+                })
+            }
             Frame::View(View::LEFT) => rows(samples, shape.depth, false, min_disparity),
             // A mirrored line ends with the leftmost sample: the first column's match at the largest
             // disparity.
@@ -186,6 +220,7 @@ impl<'m> Lines<'m> {
         match &mut self.store {
             Store::Rows(rows) => rows.put(self.next, planes()),
             Store::SpreadRows(rows) => rows.put(self.next, planes()),
+            Store::WarpedRows(rows) => rows.put(self.next, line),
             Store::Columns(columns) => {
                 while columns.next <= v + self.lead && columns.next.min(self.last).max(0) == self.next {
                     columns.push(planes());
@@ -204,6 +239,13 @@ impl<'m> Lines<'m> {
         }
     }
 
+    /// Finds the samples of line `v` of the centre around its prior, which has these `offsets`.
+    pub fn warp(&mut self, v: i32, offsets: &[i16]) {
+        if let Store::WarpedRows(rows) = &mut self.store {
+            rows.warp(v, offsets);
+        }
+    }
+
     /// The samples that line `v` of the centre, which may be virtual, is compared with.
     pub fn at(&self, v: i32) -> Samples<'_> {
         self.plane_at(v, 0)
@@ -214,6 +256,7 @@ impl<'m> Lines<'m> {
         match &self.store {
             Store::Rows(rows) => rows.at(v.min(self.last).max(0), plane),
             Store::SpreadRows(rows) => rows.at(v.min(self.last).max(0), plane),
+            Store::WarpedRows(rows) => rows.at(v.min(self.last).max(0)),
             Store::Columns(columns) => columns.at(v, plane),
         }
     }

@@ -33,12 +33,12 @@ impl<I: Kernel> Output<u16, I> for CostLine<'_> {
         if (const { V > 4 } && rule == Rule::Sum) || (const { !Rule::HAS_HALF && V > 2 } && rule == Rule::Half) {
             for (costs, u) in costs.chunks_exact_mut(depth.max(1)).zip(region.columns()) {
                 Blocks::<u16>::slide(isa, &mut steps, blocks);
-                Exact::<u16, I, V> { params, u, v, blocks }.quotients(shift, costs);
+                Exact::<u16, I, V> { params, u, v, prior: None, blocks }.quotients(shift, costs);
             }
             return;
         }
         let selection = Selection::<u16, I>::new(isa, params, rule);
-        let mut masks = selection.masks(masks, availability);
+        let mut masks = selection.masks(masks, availability, None);
         let start = region.columns().start;
         masks.enter_line(start, v);
         let divisor = |is_complete| divisor(params.fusion(), V, is_complete, shift);

@@ -30,11 +30,13 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
     /// Pixel by pixel. A function of its own, since small processors have few registers.
     #[inline(never)]
     fn by_pixel(self) {
-        let Sweep { isa, params, region, v, mut steps, blocks, masks, availability, fused, out: DisparityLine(out), .. } = self;
+        let Sweep {
+            isa, params, region, v, prior, mut steps, blocks, masks, availability, fused, out: DisparityLine(out), ..
+        } = self;
         let Some(fused) = fused.get_mut(..blocks.len()) else { return };
         slide_to_first(isa, params.radius(), &mut steps, blocks);
         let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
-        let mut masks = selection.masks(masks, availability);
+        let mut masks = selection.masks(masks, availability, prior);
         let start = region.columns().start;
         masks.enter_line(start, v);
         let mut masked = masks.masked(selection.rule);
@@ -43,18 +45,18 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
                 masked = masks.masked(selection.rule);
             }
             let least = selection.slide_and_fuse(masked, &masks, &mut steps, blocks, fused);
-            *pixel = selection.disparity(least, fused, || Exact { params, u, v, blocks });
+            *pixel = selection.disparity(least, fused, || Exact { params, u, v, prior, blocks });
         }
     }
 
     /// Pixel by pixel, by exact costs.
     #[inline(never)]
     fn by_exact_costs(self) {
-        let Sweep { isa, params, region, v, mut steps, blocks, out: DisparityLine(out), .. } = self;
+        let Sweep { isa, params, region, v, prior, mut steps, blocks, out: DisparityLine(out), .. } = self;
         slide_to_first::<L, I, V>(isa, params.radius(), &mut steps, blocks);
         for (pixel, u) in out.iter_mut().zip(region.columns()) {
             Blocks::<L>::slide(isa, &mut steps, blocks);
-            *pixel = Exact::<L, I, V> { params, u, v, blocks }.disparity();
+            *pixel = Exact::<L, I, V> { params, u, v, prior, blocks }.disparity();
         }
     }
 
@@ -66,6 +68,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             params,
             region,
             v,
+            prior,
             mut steps,
             blocks,
             kept,
@@ -80,14 +83,14 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
         let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
         let rule = selection.rule;
         let padding = selection.ordered_padding();
-        let mut masks = selection.masks(masks, availability);
+        let mut masks = selection.masks(masks, availability, prior);
         let mut winners = Winners::NONE;
         let mut u = region.columns().start;
         masks.enter_line(u, v);
         for pixels in out.chunks_mut(I::BATCH) {
             let Some(padded) = padded.get_mut(..pixels.len() * vectors + 2) else { return };
             let [_, fused @ .., _] = &mut *padded else { return };
-            let incomplete = masks.availability.incomplete_in(u..u + pixels.len());
+            let incomplete = masks.incomplete_in(u..u + pixels.len());
             if const { Batch::<L, I, V>::VECTORS > 0 }
                 && (1..=Batch::<L, I, V>::VECTORS).contains(&vectors)
                 && Masks::<L, I, V>::can_hide(rule, incomplete)
@@ -106,7 +109,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             }
             winners.find(isa, padded, vectors);
             let of_pixel = |i: usize| kept.get(i * vectors..).unwrap_or_default();
-            selection.disparities(&winners, pixels, |i| Exact { params, u: u + i, v, blocks: of_pixel(i) });
+            selection.disparities(&winners, pixels, |i| Exact { params, u: u + i, v, prior, blocks: of_pixel(i) });
             u += pixels.len();
         }
     }

@@ -5,6 +5,7 @@ use core::{ops::Range, slice};
 use crate::{
     Disparity, MatchingCost, Params, SemiGlobalParams,
     kernel::{Blocks, Lane},
+    prior_line::PriorLine,
 };
 
 /// The fused costs of a pixel in 32 bits, one by one. They are needed where lanes have saturated, and next to
@@ -15,6 +16,8 @@ pub(crate) struct Exact<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub u: usize,
     /// The pixel's line.
     pub v: usize,
+    /// Around which its line is searched.
+    pub prior: Option<PriorLine<'a>>,
     /// The sums of its block.
     pub blocks: &'a [[I::Costs; V]],
 }
@@ -67,7 +70,9 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
         let (params, views) = (self.params, self.params.views());
         let mut available = [const { 0..0 }; V];
         for (k, available) in available.iter_mut().enumerate() {
-            if let Some(view) = views.get(k) {
+            if let (Some(view), Some(prior)) = (views.get(k), &self.prior) {
+                *available = prior.available(view, (self.u, self.v), params.search());
+            } else if let Some(view) = views.get(k) {
                 let size = (params.width(), params.height());
                 *available = view.available((self.u, self.v), size, params.min_disparity(), params.num_disparities());
             }

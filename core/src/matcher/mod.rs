@@ -22,7 +22,7 @@ use crate::{
     Disparity, Frame, MatchError, Memory, MemoryTooSmall, Params, Region, ScanlineSource, Views,
     availability::Availability,
     kernel::{Blocks, Change, Isa, Kernel, Lane, Portable},
-    lines::{Frames, Lines},
+    lines::{Frames, Lines, PriorLines},
     memory::{Lender, Shape},
 };
 use cost_line::CostLine;
@@ -165,12 +165,21 @@ impl<'m, I: Isa> Matcher<'m, I> {
         for (lent, view) in views.iter_mut().zip(params.views().iter()) {
             *lent = Some(lines(Frame::View(view))?);
         }
+        let priors = match params.prior() {
+            Some(prior) => {
+                let ring = cast_mut(lend(shape.prior_bytes())?);
+                let ring = ring.get_mut(..(params.radius() + 1) * params.width()).unwrap_or_default();
+                let offsets = cast_mut(lend(shape.offset_bytes())?).get_mut(..params.width()).unwrap_or_default();
+                Some(PriorLines::new(prior, ring, offsets, region.rows().start.saturating_sub(params.radius())))
+            }
+            None => None,
+        };
         Ok(Matcher {
             isa,
             params: *params,
             region: *region,
             shape,
-            frames: Frames { center, views },
+            frames: Frames { center, views, priors },
             sums: Sums { columns, blocks, masks, fused, zeros },
             availability: Availability::new(params.search()),
             line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
@@ -218,21 +227,36 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
         if v >= self.region.rows().end {
             return Ok(None);
         }
-        let out = DisparityLine(out);
-        match (self.shape.lane_bytes, self.params.views().places()) {
-            (2, 1) => self.compute::<S, u16, 1, _>(source, out)?,
-            (2, 2) => self.compute::<S, u16, 2, _>(source, out)?,
-            (2, 3) => self.compute::<S, u16, 3, _>(source, out)?,
-            (2, 8) if const { Views::MAX_MATCHED > 4 } => self.compute::<S, u16, 8, _>(source, out)?,
-            (2, _) => self.compute::<S, u16, 4, _>(source, out)?,
-            (_, 1) => self.compute::<S, u32, 1, _>(source, out)?,
-            (_, 2) => self.compute::<S, u32, 2, _>(source, out)?,
-            (_, 3) => self.compute::<S, u32, 3, _>(source, out)?,
-            (_, 8) if const { Views::MAX_MATCHED > 4 } => self.compute::<S, u32, 8, _>(source, out)?,
-            (_, _) => self.compute::<S, u32, 4, _>(source, out)?,
+        self.compute_disparities(source, out)?;
+        if let Some(prior) = self.frames.priors.as_ref().map(|priors| priors.line(v)) {
+            for (pixel, u) in out.iter_mut().zip(self.region.columns()) {
+                *pixel = prior.refined(u, self.params.search(), *pixel);
+            }
         }
         self.next += 1;
         Ok(Some(v))
+    }
+
+    /// Computes the next disparity line, or with a prior those from its offsets.
+    #[cfg_attr(target_arch = "arm", inline(always))]
+    fn compute_disparities<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        out: &mut [Option<Disparity>],
+    ) -> Result<(), MatchError<S::Error>> {
+        let out = DisparityLine(out);
+        match (self.shape.lane_bytes, self.params.views().places()) {
+            (2, 1) => self.compute::<S, u16, 1, _>(source, out),
+            (2, 2) => self.compute::<S, u16, 2, _>(source, out),
+            (2, 3) => self.compute::<S, u16, 3, _>(source, out),
+            (2, 8) if const { Views::MAX_MATCHED > 4 } => self.compute::<S, u16, 8, _>(source, out),
+            (2, _) => self.compute::<S, u16, 4, _>(source, out),
+            (_, 1) => self.compute::<S, u32, 1, _>(source, out),
+            (_, 2) => self.compute::<S, u32, 2, _>(source, out),
+            (_, 3) => self.compute::<S, u32, 3, _>(source, out),
+            (_, 8) if const { Views::MAX_MATCHED > 4 } => self.compute::<S, u32, 8, _>(source, out),
+            (_, _) => self.compute::<S, u32, 4, _>(source, out),
+        }
     }
 }
 
@@ -304,6 +328,7 @@ impl<I: Isa> Matcher<'_, I> {
         let (blocks, kept) = cast_mut(self.sums.blocks).split_at_mut_checked(vectors).unwrap_or_default();
         let sweep = Sweep::<L, I, V, O> {
             isa: self.isa,
+            prior: self.frames.priors.as_ref().map(|priors| priors.line(v)),
             params: &self.params,
             region: &self.region,
             v,

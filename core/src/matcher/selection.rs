@@ -8,6 +8,7 @@ use crate::{
     availability::Availability,
     disparity::Around,
     kernel::{Block, Blocks, Isa, Lane, MAX_BATCH, Masks, Rule, Steps, Winners},
+    prior_line::PriorLine,
 };
 
 /// Selects disparities by their fused costs in lanes.
@@ -48,8 +49,9 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         &self,
         vectors: &'m mut [[I::Costs; V]],
         availability: &'m mut Availability,
+        prior: Option<PriorLine<'m>>,
     ) -> Masks<'m, L, I, V> {
-        Masks { vectors, availability, padded: self.padding.is_some() }
+        Masks { vectors, availability, prior, padded: self.padding.is_some() }
     }
 
     /// Slides the block to the next pixel, fuses its sums, and returns the least fused cost. `masks` are at

@@ -7,6 +7,7 @@ use crate::{
     availability::Availability,
     kernel::{Block, Blocks, Change, Isa, Lane, Steps, Work},
     lines::{Frames, Lines},
+    prior_line::PriorLine,
 };
 
 /// The steps along a disparity line, at which `lines` of the centre, which may be virtual, enter and leave
@@ -57,6 +58,8 @@ pub(super) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize, O> {
     pub region: &'a Region,
     /// The line.
     pub v: usize,
+    /// Around which it is searched.
+    pub prior: Option<PriorLine<'a>>,
     pub steps: Steps<'a, I, V>,
     /// The sums of a block.
     pub blocks: &'a mut [[I::Costs; V]],

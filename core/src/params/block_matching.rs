@@ -1,7 +1,10 @@
 //! The parameters of block matching.
 
-use super::search::{ParamsError, Search};
-use crate::{Frame, Fusion, Views};
+use super::{
+    prior::Prior,
+    search::{ParamsError, Search},
+};
+use crate::{Frame, Fusion, View, Views};
 
 /// The parameters of block matching: a [`Search`] and the size of the block. Every value of this type is
 /// valid.
@@ -19,6 +22,7 @@ use crate::{Frame, Fusion, Views};
 pub struct Params {
     search: Search,
     block_size: u8,
+    prior: Option<Prior>,
 }
 
 impl Params {
@@ -60,7 +64,71 @@ impl Params {
 
     /// Parameters of a block whose size is known to be valid.
     pub(crate) const fn of(search: Search, block_size: u8) -> Params {
-        Params { search, block_size }
+        Params { search, block_size, prior: None }
+    }
+
+    /// The same search, at each pixel around a disparity that is known beforehand: its *prior*, which an earlier match
+    /// of the same centre found, usually at a shorter baseline, with the disparities of `earlier`.
+    ///
+    /// What the offsets of the views have in common is their *multiple*: 4 for `(4, 0)` and `(-4, 0)`. The search is
+    /// in pixels of that longer baseline, in which [`views`](Params::views) are nearest neighbours. There the prior
+    /// `p` of a pixel is the offset `o = floor(multiple p + 1/2)`, and the disparities `o + r` are searched, with
+    /// each `r` of this search's range, such as -4 to 3.
+    ///
+    /// A block compares each of its pixels at that pixel's own offset: `(x, y)` with the sample of the view `(i, j)`
+    /// at `(x - i (o + r), y - j (o + r))`. Where that is outside the frame, the nearest sample inside takes its
+    /// place; for pixels of the block outside the frame, so does the nearest pixel inside. A pixel without a prior
+    /// has the offset of the last one to its left that has a prior, or else the offset nearest to 0 that there may be.
+    ///
+    /// A view is available where the match of the block's own pixel lies inside its frame. The result is in pixels
+    /// of the prior: `(o + r) / multiple`, rounded to the nearest step. The prior remains where no view is available,
+    /// and where the least cost is that of the first or the last `r`. A pixel without a prior stays invalid.
+    ///
+    /// ```
+    /// use multiscopic_core::{Frame, Fusion, Params, View, Views};
+    /// const SHORT: Params = match Params::new(320, 240, Views::HORIZONTAL, Fusion::Min, 1, 32, 11) {
+    ///     Ok(params) => params,
+    ///     Err(_) => panic!("the parameters are out of range"),
+    /// };
+    /// let views = [-4, 4].into_iter().filter_map(|i| View::new(i, 0).ok()).collect();
+    /// let long = Params::new(320, 240, views, Fusion::Min, -4, 8, 11)?.around(SHORT.search());
+    /// assert_eq!(long.views(), Views::HORIZONTAL);
+    /// assert_eq!(long.frame(View::RIGHT).to_string(), "4,0");
+    /// # Ok::<(), multiscopic_core::ParamsError>(())
+    /// ```
+    pub const fn around(self, earlier: &Search) -> Params {
+        let multiple = self.search.views().multiple();
+        let (min_disparity, max_disparity) = (earlier.min_disparity(), earlier.max_disparity());
+        let search = self.search.with_views(self.search.views().divided_by(multiple));
+        Params { search, prior: Some(Prior { multiple, min_disparity, max_disparity }), ..self }
+    }
+
+    /// The prior around which is searched.
+    pub const fn prior(&self) -> Option<Prior> {
+        self.prior
+    }
+
+    /// The frame of one of the [`views`](Params::views): that view, or around a prior the one at its multiple.
+    pub const fn frame(&self, view: View) -> Frame {
+        let multiple = match self.prior {
+            Some(prior) => prior.multiple(),
+            None => 1,
+        };
+        match view.times(multiple) {
+            Some(view) => Frame::View(view),
+            None => Frame::View(view),
+        }
+    }
+
+    /// The smallest and the largest disparity at which any pixel is compared, in pixels of the search.
+    pub(crate) const fn reach(&self) -> (i16, i16) {
+        let (least, most) = self.search.range();
+        match self.prior {
+            Some(Prior { multiple, min_disparity, max_disparity }) => {
+                (least + multiple as i16 * min_disparity, most + multiple as i16 * max_disparity)
+            }
+            None => (least, most),
+        }
     }
 
     /// The same with another fusion rule.
@@ -136,31 +204,43 @@ impl Params {
     /// ahead by the block's radius, a view `j` rows above the centre by `j` times the largest disparity more, one below
     /// by `j` times the negated smallest disparity more.
     pub const fn lead(&self, frame: Frame) -> i32 {
-        lead(&self.search, self.radius(), frame)
+        let frame = match (frame, self.prior) {
+            (Frame::View(view), Some(prior)) => match view.divided_by(prior.multiple()) {
+                Some(view) => Frame::View(view),
+                None => Frame::Center,
+            },
+            _ => frame,
+        };
+        self.lead_of(frame)
+    }
+
+    /// [`lead`](Params::lead) of the frame of one of the views.
+    pub(crate) const fn lead_of(&self, frame: Frame) -> i32 {
+        lead(self.reach(), self.radius(), frame)
     }
 
     /// The latency in lines: how many lines of the frame that is read furthest ahead are read before the
     /// first disparity line is out.
     pub fn latency_lines(&self) -> usize {
-        latency_lines(&self.search, self.radius())
+        latency_lines(&self.search, self.reach(), self.radius())
     }
 }
 
-/// [`Params::lead`], for costs that reach `radius` lines up and down.
-pub(crate) const fn lead(search: &Search, radius: usize, frame: Frame) -> i32 {
+/// [`Params::lead`], for costs that reach `radius` lines up and down, at disparities from `least` to `most`.
+pub(crate) const fn lead((least, most): (i16, i16), radius: usize, frame: Frame) -> i32 {
     let below = match frame {
         Frame::Center => 0,
         Frame::View(view) => {
-            let (nearest, furthest) = (view.shift(search.min_disparity()).1, view.shift(search.max_disparity()).1);
+            let (nearest, furthest) = (view.shift(least).1, view.shift(most).1);
             if nearest > furthest { nearest } else { furthest }
         }
     };
     radius as i32 + below
 }
 
-/// [`Params::latency_lines`], for costs that reach `radius` lines up and down.
-pub(crate) fn latency_lines(search: &Search, radius: usize) -> usize {
-    let of = |frame| lead(search, radius, frame);
+/// [`Params::latency_lines`], for costs that reach `radius` lines up and down, at disparities in `range`.
+pub(crate) fn latency_lines(search: &Search, range: (i16, i16), radius: usize) -> usize {
+    let of = |frame| lead(range, radius, frame);
     let lead = search.views().iter().map(Frame::View).fold(of(Frame::Center), |most, frame| most.max(of(frame)));
     (lead as usize + 1).min(search.height())
 }

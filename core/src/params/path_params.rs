@@ -237,11 +237,11 @@ impl SemiGlobalParams {
     /// How many lines of `frame` past its own a disparity line needs: as [`Params::lead`], with the radius
     /// of the block or of the census window.
     pub const fn lead(&self, frame: Frame) -> i32 {
-        block_matching::lead(&self.search, self.reach(), frame)
+        block_matching::lead(self.search.range(), self.reach(), frame)
     }
 
     /// The latency in lines: as [`Params::latency_lines`].
     pub fn latency_lines(&self) -> usize {
-        block_matching::latency_lines(&self.search, self.reach())
+        block_matching::latency_lines(&self.search, self.search.range(), self.reach())
     }
 }

@@ -64,6 +64,11 @@ impl Search {
         }
     }
 
+    /// The same with other views, of which there are some.
+    pub(super) const fn with_views(self, views: Views) -> Search {
+        Search { views, ..self }
+    }
+
     /// The same with another fusion rule.
     #[inline(always)]
     pub const fn with_fusion(self, fusion: Fusion) -> Search {
@@ -98,6 +103,11 @@ impl Search {
     /// The largest disparity of the search, in pixels.
     pub const fn max_disparity(&self) -> i16 {
         self.min_disparity + (self.num_disparities - 1) as i16
+    }
+
+    /// The smallest and the largest disparity of the search.
+    pub(super) const fn range(&self) -> (i16, i16) {
+        (self.min_disparity, self.max_disparity())
     }
 
     /// The number of disparities searched, at least one.

@@ -163,7 +163,7 @@ impl<I: Kernel, const N: usize, const V: usize> Work for Fused<'_, '_, I, N, V> 
     fn run(self) {
         let CostRow { isa, params, here, views, availability, v, costs, depth } = self.0;
         let (width, count) = (params.width(), params.num_disparities());
-        availability.enter_line(0, v, |_, _, _| {});
+        availability.enter_line(0, v, None, |_, _, _| {});
         let mut samples = [[None; N]; V];
         for (samples, view) in samples.iter_mut().zip(views.iter().flatten()) {
             for (plane, samples) in samples.iter_mut().enumerate() {
@@ -171,7 +171,7 @@ impl<I: Kernel, const N: usize, const V: usize> Work for Fused<'_, '_, I, N, V> 
             }
         }
         for (u, costs) in costs.chunks_exact_mut(depth.max(1)).enumerate().take(width) {
-            availability.enter(u, |_, _, _| {});
+            availability.enter(u, None, |_, _, _| {});
             let mut descriptor = [0; N];
             for (byte, plane) in descriptor.iter_mut().zip(here.chunks_exact(width.max(1))) {
                 *byte = plane.get(u).copied().unwrap_or_default();

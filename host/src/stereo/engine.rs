@@ -1,6 +1,8 @@
 //! The machine that matches: threads and vector instructions, and the core's block matching on both.
 
-use multiscopic_core::{Disparity, Frame, Matcher, Memory, Params, Region, Search, kernel::Kernel};
+use std::convert::Infallible;
+
+use multiscopic_core::{Disparity, Frame, Matcher, Memory, Params, Region, ScanlineSource, Search, kernel::Kernel};
 use rayon::prelude::*;
 
 use super::simd::{Simd, Task};
@@ -48,15 +50,8 @@ impl Engine {
     /// # Errors
     /// [`Error::Usage`] with what was found and what was expected.
     pub fn check(&self, frames: &Frames, search: &Search) -> Result<()> {
-        let ([width, height], expected) = (frames.size(), [search.width(), search.height()]);
-        if [width, height] != expected {
-            let [w, h] = expected;
-            return Err(Error::Usage(format!("the frames have {width}x{height} pixels, the search is for {w}x{h}")));
-        }
-        match search.views().iter().find(|&view| frames.get(Frame::View(view)).is_none()) {
-            Some(view) => Err(Error::Usage(format!("the search is in the {view} view, which is missing"))),
-            None => Ok(()),
-        }
+        check_size(frames, search)?;
+        check_frames(frames, search.views().iter().map(Frame::View))
     }
 
     /// Block matching by the core: the centre of `frames` with the views of `params`. Calls `line_done` after
@@ -65,7 +60,30 @@ impl Engine {
     /// # Errors
     /// As [`check`](Engine::check).
     pub fn disparities(&self, frames: &Frames, params: &Params, line_done: impl Fn() + Sync) -> Result<DisparityMap> {
-        self.check(frames, params.search())?;
+        self.run(Input { frames, prior: None }, params, line_done)
+    }
+
+    /// The same [around](Params::around) the disparities `prior`.
+    ///
+    /// # Errors
+    /// As [`check`](Engine::check), or if the size of `prior` is another one.
+    pub fn disparities_around(
+        &self,
+        frames: &Frames,
+        prior: &DisparityMap,
+        params: &Params,
+        line_done: impl Fn() + Sync,
+    ) -> Result<DisparityMap> {
+        let ([width, height], [w, h]) = ([prior.width(), prior.height()], frames.size());
+        if [width, height] != [w, h] {
+            return Err(Error::Usage(format!("the prior has {width}x{height} pixels, the frames have {w}x{h}")));
+        }
+        self.run(Input { frames, prior: Some(prior) }, params, line_done)
+    }
+
+    fn run(&self, input: Input<'_>, params: &Params, line_done: impl Fn() + Sync) -> Result<DisparityMap> {
+        check_size(input.frames, params.search())?;
+        check_frames(input.frames, params.views().iter().map(|view| params.frame(view)))?;
         let mut map = DisparityMap::filled(params.width(), params.height(), None);
         // Each band primes its column sums with a block's height of lines. The fewer the bands, the less of
         // that.
@@ -75,16 +93,57 @@ impl Engine {
         let pixels = map.pixels_mut().par_chunks_mut(height * params.width());
         self.pool.install(|| {
             pixels.zip(bands).for_each(|(out, region)| {
-                simd.run(MatchRegion { frames, params, region: &region, out, line_done: &line_done });
+                simd.run(MatchRegion { input, params, region: &region, out, line_done: &line_done });
             });
         });
         Ok(map)
     }
 }
 
-/// Matches a region of `frames` into `out`, line by line.
-struct MatchRegion<'a, F> {
+/// Checks that `frames` have the size of `search`.
+fn check_size(frames: &Frames, search: &Search) -> Result<()> {
+    let ([width, height], [w, h]) = (frames.size(), [search.width(), search.height()]);
+    if [width, height] != [w, h] {
+        return Err(Error::Usage(format!("the frames have {width}x{height} pixels, the search is for {w}x{h}")));
+    }
+    Ok(())
+}
+
+/// Checks that no frame of `searched` is missing.
+fn check_frames(frames: &Frames, mut searched: impl Iterator<Item = Frame>) -> Result<()> {
+    match searched.find(|&frame| frames.get(frame).is_none()) {
+        Some(view) => Err(Error::Usage(format!("the search is in the {view} view, which is missing"))),
+        None => Ok(()),
+    }
+}
+
+/// What is matched.
+#[derive(Clone, Copy, Debug)]
+struct Input<'a> {
     frames: &'a Frames,
+    /// Around which is searched.
+    prior: Option<&'a DisparityMap>,
+}
+
+impl ScanlineSource for Input<'_> {
+    type Error = Infallible;
+
+    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> std::result::Result<(), Infallible> {
+        self.frames.read_line(frame, v, line)
+    }
+
+    fn read_prior(&mut self, v: usize, line: &mut [Option<Disparity>]) -> std::result::Result<(), Infallible> {
+        let prior = self.prior.map_or(&[][..], DisparityMap::pixels);
+        if let Some(pixels) = prior.get(v * line.len()..(v + 1) * line.len()) {
+            line.copy_from_slice(pixels);
+        }
+        Ok(())
+    }
+}
+
+/// Matches a region of the input into `out`, line by line.
+struct MatchRegion<'a, F> {
+    input: Input<'a>,
     params: &'a Params,
     region: &'a Region,
     out: &'a mut [Option<Disparity>],
@@ -97,14 +156,14 @@ impl<F: Fn()> Task for MatchRegion<'_, F> {
     fn run<I: Kernel>(self, isa: I) {
         /// Bytes of the widest vector. Sums are aligned to it.
         const ALIGNMENT: usize = 64;
-        let MatchRegion { mut frames, params, region, out, line_done } = self;
+        let MatchRegion { mut input, params, region, out, line_done } = self;
         let words = Memory::new::<I>(params, region.width()).words();
         let mut memory = vec![0u32; words + ALIGNMENT / 4];
         let start = memory.as_ptr().align_offset(ALIGNMENT);
         let mut matcher =
             Matcher::with_isa(isa, params, region, &mut memory[start..]).expect("the memory has the matcher's own size");
         for line in out.chunks_exact_mut(region.width()) {
-            matcher.next_line(&mut frames, line).expect("lines in memory do not fail");
+            matcher.next_line(&mut input, line).expect("lines in memory do not fail");
             line_done();
         }
     }

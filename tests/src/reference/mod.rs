@@ -1,5 +1,6 @@
 //! Independent definitions of what the product computes: plain, slow, and without any code under test.
 
+mod around_prior;
 mod block_matching;
 pub mod energy;
 #[cfg(target_os = "linux")]
@@ -7,4 +8,5 @@ pub mod luma;
 pub mod networks;
 pub mod semi_global;
 
+pub use around_prior::AroundPrior;
 pub use block_matching::{Fusion, Match, fixed, fuse, raw16};

@@ -6,6 +6,7 @@ mod depth;
 mod engine;
 mod golden;
 mod patterns;
+mod priors;
 mod scanlines;
 mod semi_global;
 mod semi_global_patterns;

@@ -1,0 +1,128 @@
+//! Matching around a prior equals the reference on every bit.
+
+use image::GrayImage;
+use multiscopic::{DisparityMap, Engine, Frames, Simd};
+use multiscopic_core::{Disparity, Params, Search, View, Views};
+use multiscopic_tests::{
+    reference::{AroundPrior, Fusion},
+    split_mix::Random,
+    test_images::case::params_in,
+};
+
+const FUSIONS: [Fusion; 4] = [Fusion::Min, Fusion::Mean, Fusion::Heuristic, Fusion::Half];
+/// Offsets in multiples.
+const OFFSETS: [(i32, i32); 9] = [(-1, 0), (1, 0), (0, -1), (0, 1), (1, 1), (-1, 1), (2, 0), (-1, 2), (0, -2)];
+
+/// A match around a prior.
+#[derive(Debug)]
+struct Case {
+    width: usize,
+    height: usize,
+    center: Vec<u8>,
+    views: Vec<((i32, i32), Vec<u8>)>,
+    multiple: i32,
+    prior: Vec<Option<i32>>,
+    priors: (i32, i32),
+    fusion: Fusion,
+    search: (i32, i32),
+    block_size: i32,
+}
+
+impl Case {
+    fn random(random: &mut Random, case: usize) -> Case {
+        let (width, height) = (1 + random.below(30), 1 + random.below(16));
+        let levels = [2, 4, 255][random.below(3)];
+        let size = width * height;
+        let image = |random: &mut Random| (0..size).map(|_| (random.below(levels) * (255 / levels)) as u8).collect::<Vec<u8>>();
+        let center = image(random);
+        // A common divisor of one: every set has an offset that is no multiple of two.
+        let first = random.below(4);
+        let chosen = (0..OFFSETS.len()).filter(|&k| k == first || random.below(3) == 0);
+        let views: Vec<_> = chosen.take(Views::MAX_MATCHED).map(|k| OFFSETS[k]).collect();
+        let views = views.into_iter().map(|offset| (offset, image(random))).collect();
+        let least = random.below(5) as i32 - 3;
+        let priors = (least, least + random.below(6) as i32);
+        let whole = random.below(2) == 0;
+        let prior = (0..size).map(|_| {
+            // Some out of range, and some missing.
+            let steps = 64 * (priors.0 - 1) + random.below((64 * (priors.1 - priors.0 + 2)) as usize) as i32;
+            (random.below(8) > 0).then_some(if whole { steps / 64 * 64 } else { steps })
+        });
+        let prior = prior.collect();
+        Case {
+            width,
+            height,
+            center,
+            views,
+            multiple: 1 + random.below(4) as i32,
+            prior,
+            priors,
+            fusion: FUSIONS[case % 4],
+            search: (random.below(6) as i32 - 5, 1 + random.below(10) as i32),
+            block_size: [1, 3, 5, 7, 21][random.below(5)],
+        }
+    }
+
+    fn view(&self, (i, j): (i32, i32)) -> View {
+        View::new((i * self.multiple) as i8, (j * self.multiple) as i8).expect("near enough")
+    }
+
+    fn params(&self) -> Params {
+        let views = self.views.iter().map(|(offset, _)| self.view(*offset)).collect();
+        let params = params_in(self.width, self.height, views, self.fusion, self.search, self.block_size);
+        let (least, most) = self.priors;
+        let earlier = Search::new(1, 1, Views::STEREO, multiscopic_core::Fusion::Min, least as i16, (most - least + 1) as u16)
+            .expect("valid");
+        params.around(&earlier)
+    }
+
+    fn frames(&self) -> Frames {
+        let gray = |pixels: &[u8]| GrayImage::from_raw(self.width as u32, self.height as u32, pixels.into()).expect("the size");
+        let frames = Frames::new(gray(&self.center));
+        self.views.iter().fold(frames, |frames, (offset, pixels)| frames.with(self.view(*offset), gray(pixels)))
+    }
+
+    fn prior_map(&self) -> DisparityMap {
+        let pixels = self.prior.iter().map(|steps| Disparity::from_bits((*steps)? as i16)).collect();
+        DisparityMap::new(self.width, self.height, pixels)
+    }
+
+    fn reference(&self) -> Vec<Option<i32>> {
+        let reference = AroundPrior {
+            width: self.width as i32,
+            height: self.height as i32,
+            center: &self.center,
+            views: &self.views,
+            multiple: self.multiple,
+            prior: &self.prior,
+            priors: self.priors,
+            fusion: self.fusion,
+            min_disparity: self.search.0,
+            num_disparities: self.search.1,
+            block_size: self.block_size,
+        };
+        reference.disparities()
+    }
+}
+
+#[test]
+fn equals_the_reference() {
+    let engines: Vec<Engine> = Simd::available()
+        .into_iter()
+        .flat_map(|simd| [1, 3].map(|threads| Engine::new(Some(simd), threads).expect("threads")))
+        .collect();
+    let mut random = Random(15);
+    let mut refined = 0;
+    for index in 0..500 {
+        let case = Case::random(&mut random, index);
+        let expected = case.reference();
+        refined += expected.iter().zip(&case.prior).filter(|(found, prior)| found != prior).count();
+        let engine = &engines[index % engines.len()];
+        let map = engine.disparities_around(&case.frames(), &case.prior_map(), &case.params(), || {});
+        let found: Vec<_> = map.expect("the frames fit").pixels().iter().map(|d| Some(i32::from((*d)?.to_bits()))).collect();
+        let different = (0..expected.len()).find(|&i| found[i] != expected[i]);
+        let place = different.map(|i| (i % case.width, i / case.width, found[i], expected[i]));
+        assert_eq!(place, None, "case {index} with {}: {case:?}", engine.simd(case.params().search()));
+    }
+    assert!(refined > 5_000, "only {refined} pixels differ from their prior");
+}

@@ -11,7 +11,6 @@ use crate::{Search, View, Views, prior_line::PriorLine};
 /// smallest.
 #[derive(Clone, Debug)]
 pub(crate) struct Availability {
-    search: Search,
     /// The views of the match, in their order: those whose matches leave the column come first.
     views: [Reach; Views::MAX_MATCHED],
     /// How many of them leave the column.
@@ -98,7 +97,6 @@ impl Availability {
         });
         let places = search.views().places() as u8;
         Availability {
-            search: *search,
             views,
             sideways: search.views().iter().filter(|view| !view.is_vertical()).count() as u8,
             len: search.views().len() as u8,
@@ -172,9 +170,10 @@ impl Availability {
     /// disparity.
     #[inline(always)]
     fn enter_around(&mut self, u: usize, prior: PriorLine<'_>, mut change: impl FnMut(usize, usize, bool)) {
+        let (size, count) = ((self.width.into(), self.height.into()), self.num_disparities);
         for (k, reach) in self.views.iter_mut().enumerate().take(self.len.into()) {
-            let range = prior.available(reach.view, (u, self.v.into()), &self.search);
-            let is_complete = range == (0..self.num_disparities);
+            let range = prior.available(reach.view, (u, self.v.into()), size, self.min_disparity, count.into());
+            let is_complete = range == (0..count);
             reach.follow(range, |index, available| change(k, index, available));
             self.incomplete = self.incomplete & !(1 << k) | u8::from(!is_complete) << k;
         }
@@ -197,7 +196,8 @@ impl Availability {
     pub fn incomplete_in(&self, columns: Range<usize>, prior: Option<PriorLine<'_>>) -> u8 {
         let all = 0..self.num_disparities;
         if let Some(prior) = prior {
-            let incomplete = |view, u| prior.available(view, (u, self.v.into()), &self.search) != all;
+            let (size, count) = ((self.width.into(), self.height.into()), self.num_disparities.into());
+            let incomplete = |view, u| prior.available(view, (u, self.v.into()), size, self.min_disparity, count) != all;
             return self.reaches().zip(0..).fold(self.incomplete & !all_views(self.len), |views, (reach, k)| {
                 views | u8::from(columns.clone().any(|u| incomplete(reach.view, u))) << k
             });

@@ -20,6 +20,7 @@
 //! | `error` | [`MatchError`], [`MemoryTooSmall`]: why lines could not be matched |
 //! | `region` | [`Region`]: the part of the frame that a pass computes |
 //! | `scanline` | [`ScanlineSource`], [`Rewind`]: where lines come from, such as memory, flash, a file or a sensor |
+//! | `gradients` | [`Gradients`]: the gradients of a source's lines |
 //! | `prior_line` | a line of the disparities around which is searched |
 //! | `availability` | the frame's borders: which views see a candidate |
 //! | [`kernel`] | the inner loops, for the vectors of each instruction set |
@@ -44,6 +45,7 @@ mod depth;
 mod disparity;
 mod error;
 mod fusion;
+mod gradients;
 pub mod kernel;
 mod lines;
 mod matcher;
@@ -62,6 +64,7 @@ pub use depth::{Depth, Triangulation};
 pub use disparity::Disparity;
 pub use error::{MatchError, MemoryTooSmall};
 pub use fusion::{Fusion, MatchingCost};
+pub use gradients::Gradients;
 pub use matcher::Matcher;
 pub use memory::Memory;
 pub use params::{Census, Params, ParamsError, PathPenalties, Prior, Search, SemiGlobalCost, SemiGlobalParams};

@@ -18,13 +18,14 @@ impl PriorLine<'_> {
         self.prior.offset((*self.pixels.get(u)?)?)
     }
 
-    /// The disparities of the search at which the match of pixel `(u, v)` of this line lies inside the frame of `view`,
-    /// as indices. A pixel without a prior has none.
+    /// The disparities at which the match of pixel `(u, v)` of this line lies inside a frame of `size`, as indices into
+    /// the `count` disparities from `least` on. A pixel without a prior has none.
     #[inline(always)]
-    pub fn available(&self, view: View, (u, v): (usize, usize), search: &Search) -> Range<u16> {
-        let Some(offset) = self.offset(u) else { return 0..0 };
-        let size = (search.width(), search.height());
-        view.available((u, v), size, search.min_disparity().wrapping_add(offset), search.num_disparities())
+    pub fn available(&self, view: View, pixel: (usize, usize), size: (usize, usize), least: i16, count: usize) -> Range<u16> {
+        match self.offset(pixel.0) {
+            Some(offset) => view.available(pixel, size, least.wrapping_add(offset), count),
+            None => 0..0,
+        }
     }
 
     /// The disparity of column `u`, where `search` found this one around the prior's. It stays the prior's if none was

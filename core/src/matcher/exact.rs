@@ -70,12 +70,13 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
         let (params, views) = (self.params, self.params.views());
         let mut available = [const { 0..0 }; V];
         for (k, available) in available.iter_mut().enumerate() {
-            if let (Some(view), Some(prior)) = (views.get(k), &self.prior) {
-                *available = prior.available(view, (self.u, self.v), params.search());
-            } else if let Some(view) = views.get(k) {
-                let size = (params.width(), params.height());
-                *available = view.available((self.u, self.v), size, params.min_disparity(), params.num_disparities());
-            }
+            let Some(view) = views.get(k) else { break };
+            let (pixel, size) = ((self.u, self.v), (params.width(), params.height()));
+            let (least, count) = (params.min_disparity(), params.num_disparities());
+            *available = match &self.prior {
+                Some(prior) => prior.available(view, pixel, size, least, count),
+                None => view.available(pixel, size, least, count),
+            };
         }
         available
     }

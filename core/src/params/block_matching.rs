@@ -99,7 +99,10 @@ impl Params {
     pub const fn around(self, earlier: &Search) -> Params {
         let multiple = self.search.views().multiple();
         let (min_disparity, max_disparity) = (earlier.min_disparity(), earlier.max_disparity());
-        let search = self.search.with_views(self.search.views().divided_by(multiple));
+        let search = match self.search.with_views(self.search.views().divided_by(multiple)) {
+            Ok(search) => search,
+            Err(_) => self.search,
+        };
         Params { search, prior: Some(Prior { multiple, min_disparity, max_disparity }), ..self }
     }
 

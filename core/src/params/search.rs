@@ -64,9 +64,15 @@ impl Search {
         }
     }
 
-    /// The same with other views, of which there are some.
-    pub(super) const fn with_views(self, views: Views) -> Search {
-        Search { views, ..self }
+    /// The same with other views.
+    ///
+    /// # Errors
+    /// [`ParamsError::NoViews`].
+    pub const fn with_views(self, views: Views) -> Result<Search, ParamsError> {
+        if views.is_empty() {
+            return Err(ParamsError::NoViews);
+        }
+        Ok(Search { views, ..self })
     }
 
     /// The same with another fusion rule.

@@ -1,6 +1,7 @@
 //! `multiscopic evaluate`: the accuracy of methods on data sets with ground truth.
 
 use std::{
+    iter,
     ops::RangeInclusive,
     path::{Path, PathBuf},
     process::ExitCode,
@@ -8,15 +9,15 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    Dataset, DisparityMap, Error, FloatImage, Picture, Result,
+    Dataset, DisparityMap, Error, FloatImage, Method, Picture, Result,
     evaluation::{DatasetScene, ResultRow, results},
     files::output,
     report::{Figure, Report, error_map},
 };
-use multiscopic_core::Fusion;
+use multiscopic_core::{Fusion, Views};
 
 use super::{
-    options::{EngineOptions, MethodName, MethodOptions, SearchOptions, named, views_of_count},
+    options::{BaselineOptions, EngineOptions, MethodName, MethodOptions, SearchOptions, named, views_of_count},
     terminal,
     variant::{Subject, Variant},
 };
@@ -40,6 +41,11 @@ pub struct Evaluate {
     #[arg(long, value_name = "1,2,4,8", value_delimiter = ',')]
     views: Vec<usize>,
 
+    /// Baselines that are matched from short to long besides, such as 3,5: for each number of neighbours also with the views
+    /// in the centre's row and column that the data set has at these multiples
+    #[arg(long, value_name = "3,5", value_delimiter = ',')]
+    baselines: Vec<u8>,
+
     /// Write the results as a JSON list
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -61,6 +67,9 @@ pub struct Evaluate {
 
     #[command(flatten)]
     options: MethodOptions,
+
+    #[command(flatten)]
+    long_baselines: BaselineOptions,
 
     #[command(flatten)]
     engine: EngineOptions,
@@ -97,7 +106,11 @@ impl Evaluate {
     pub fn run(&self) -> Result<ExitCode> {
         let variants = self.variants()?;
         let options = self.options.clone().for_dataset(self.dataset);
-        let method = |&name: &MethodName| Ok((name, options.method(name, self.search.block_size)?));
+        let long_baselines = self.long_baselines.long_baselines()?;
+        let method = |&name: &MethodName| {
+            let method = options.method(name, self.search.block_size)?;
+            Ok((name, Method { long_baselines, ..method }))
+        };
         let methods = self.methods.iter().map(method).collect::<Result<Vec<_>>>()?;
         let scenes = self.selected_scenes()?;
         let outputs: Vec<&Path> = self.json.iter().chain(&self.report).map(PathBuf::as_path).collect();
@@ -162,7 +175,7 @@ impl Evaluate {
         for &method in &self.methods {
             for &count in &counts {
                 let views = views_of_count(count)?;
-                if views.len() > available.len() {
+                if !views.iter().all(|view| available.contains(view)) {
                     let (dataset, most) = (self.dataset, available.len());
                     return Err(Error::Usage(format!(
                         "--views includes {count}, but {dataset} has only {most} neighbours: use 1 or {most}"
@@ -174,10 +187,17 @@ impl Evaluate {
                     ([first, ..], 1) => vec![*first],
                     (fusions, _) => fusions.to_vec(),
                 };
-                for fusion in fusions {
-                    let variant = Variant { method, views, fusion };
-                    if !variants.contains(&variant) {
-                        variants.push(variant);
+                let at_baselines = |multiples: &[u8]| {
+                    let longer = available.iter().filter(|view| view.is_horizontal() || view.is_vertical());
+                    views.iter().chain(longer.filter(|view| multiples.contains(&view.multiple()))).collect::<Views>()
+                };
+                let longer = (1..=self.baselines.len()).map(|count| at_baselines(&self.baselines[..count]));
+                for views in iter::once(views).chain(longer) {
+                    for &fusion in &fusions {
+                        let variant = Variant { method, views, fusion };
+                        if !variants.contains(&variant) {
+                            variants.push(variant);
+                        }
                     }
                 }
             }

@@ -9,7 +9,7 @@ use std::{
 use clap::Args;
 use multiscopic::stereo::{CostFunction, Optimizer};
 use multiscopic::{
-    Alignment, DisparityMap, Error, Frames, Result,
+    Alignment, DisparityMap, Error, Frames, Method, Result,
     files::{
         output,
         ply::{self, Encoding},
@@ -18,7 +18,10 @@ use multiscopic::{
 use multiscopic_core::{Frame, Fusion, Search};
 
 use super::{
-    options::{EngineOptions, GeometryOptions, MapFiles, MethodName, MethodOptions, Named, SearchOptions, SourceOptions, named},
+    options::{
+        BaselineOptions, EngineOptions, GeometryOptions, MapFiles, MethodName, MethodOptions, Named, SearchOptions,
+        SourceOptions, named,
+    },
     terminal::{self, Watch},
 };
 
@@ -41,6 +44,14 @@ pub struct Match {
 
     #[command(flatten)]
     options: MethodOptions,
+
+    #[command(flatten)]
+    baselines: BaselineOptions,
+
+    /// Disparities around which all views are searched, instead of over the whole range: a 16-bit image as --raw16 writes,
+    /// in pixels of one baseline [default: those of the views at the shortest of several baselines]
+    #[arg(long, value_name = "PRIOR.png", conflicts_with = "together", help_heading = "Several baselines")]
+    prior: Option<PathBuf>,
 
     /// Correct the views' shifts across the baseline and their brightness before matching, as `multiscopic align` does
     #[arg(long, help_heading = "Matching")]
@@ -89,14 +100,16 @@ impl Match {
         let geometry = self.geometry.geometry(rig.as_ref(), &frames);
         self.outputs.check_geometry(geometry.is_some())?;
         let rig_file = self.source.rig_file();
-        let inputs: Vec<&Path> = images.paths().chain(rig_file.as_deref()).collect();
+        let inputs: Vec<&Path> = images.paths().chain(rig_file.as_deref()).chain(self.prior.as_deref()).collect();
         output::check(&self.outputs.paths(), &inputs)?;
         let engine = self.engine.engine()?;
+        let prior = self.prior.as_deref().map(DisparityMap::read_raw16).transpose()?;
         if self.align {
             frames = Alignment::estimate(&frames, &self.search.params(search)?, &engine)?.compensate(&frames);
         }
 
         let method = self.options.method(self.method, self.search.block_size)?;
+        let method = Method { long_baselines: self.baselines.long_baselines()?, ..method };
         if !method.cost.matches_color() {
             frames = frames.without_color();
         }
@@ -110,7 +123,10 @@ impl Match {
         }
         let watch = Watch::new()?;
         let start = Instant::now();
-        let disparities = method.disparities(&engine, &frames, &search, &watch)?;
+        let disparities = match (prior, method.long_baselines) {
+            (Some(prior), Some(long)) => long.refine_prior(&engine, &frames, prior, &watch)?,
+            _ => method.disparities(&engine, &frames, &search, &watch)?,
+        };
         let seconds = start.elapsed().as_secs_f64();
         watch.finish();
 

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use multiscopic::{DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Result, evaluation::Record};
+use multiscopic::{DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Result, evaluation::Record, stereo::LongBaselines};
 use multiscopic_core::{Fusion, Search, Views};
 
 use super::options::{MethodName, Named};
@@ -48,6 +48,10 @@ impl Variant {
             scene: subject.scene.into(),
             method: self.method.name().into(),
             views: self.views.len(),
+            baselines: match &LongBaselines::sets(self.views)[..] {
+                [_] => Vec::new(),
+                sets => sets.iter().map(|views| views.multiple()).collect(),
+            },
             fusion: self.fusion.name().into(),
             metrics: Metrics::new(&disparities, subject.truth).expect("some of the truth is known"),
             seconds,

@@ -2,7 +2,7 @@
 
 use std::{fmt, str::FromStr};
 
-use multiscopic_core::Views;
+use multiscopic_core::{View, Views};
 
 use crate::{
     error::{Error, Result},
@@ -14,7 +14,7 @@ use crate::{
 /// | name | centre / left / right / top / bottom | ground truth |
 /// | --- | --- | --- |
 /// | `middlebury2006-third` | `view1` / `view0` / `view2` / - / - | `disp1.png`, grey / 12, 0 = unknown |
-/// | `middlebury2005-full` | as above | `disp1.png`, grey / 4, 0 = unknown |
+/// | `middlebury2005-full` | as above, and `view3` to `view6` 2 to 5 baselines to the right | `disp1.png`, grey / 4, 0 = unknown |
 /// | `tsukuba` | `scene1.rowR.colC`, R.C = 3.3 / 3.2 / 3.4 / 2.3 / 4.3, and the corners 2.2 to 4.4 | `truedisp.row3.col3.pgm`, grey / 16, 0 = unknown |
 /// | `hci4d` | `input_CamN`, N = 040 / 036 / 044 / 004 / 076, and the corners 000, 008, 072 and 080 | `gt_disp_lowres.pfm`, times the 4 camera steps of the baseline |
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,9 +52,12 @@ impl Dataset {
     }
 
     /// All neighbours in each scene that can be used.
-    pub const fn all_views(self) -> Views {
+    pub fn all_views(self) -> Views {
         match self {
-            Dataset::Middlebury2006Third | Dataset::Middlebury2005Full => Views::HORIZONTAL,
+            Dataset::Middlebury2006Third => Views::HORIZONTAL,
+            Dataset::Middlebury2005Full => {
+                (2..=5).filter_map(|right| View::new(right, 0).ok()).fold(Views::HORIZONTAL, Views::with)
+            }
             Dataset::Tsukuba | Dataset::Hci4d => Views::ARRAY,
         }
     }

@@ -15,6 +15,9 @@ pub struct Record {
     pub method: String,
     /// The number of neighbours that were matched: 1 is stereo.
     pub views: usize,
+    /// The baselines of the views, if they are at several, the shortest first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub baselines: Vec<u8>,
     /// The name of the rule that fused their costs.
     pub fusion: String,
     /// The errors.
@@ -29,7 +32,11 @@ impl Record {
     pub fn variant(&self) -> String {
         match self.views {
             1 => format!("stereo {}", self.method),
-            views => format!("multiscopic {} ({views} views, {})", self.method, self.fusion),
+            views if self.baselines.is_empty() => format!("multiscopic {} ({views} views, {})", self.method, self.fusion),
+            views => {
+                let baselines: Vec<String> = self.baselines.iter().map(u8::to_string).collect();
+                format!("multiscopic {} ({views} views, {}, baselines {})", self.method, self.fusion, baselines.join(" "))
+            }
         }
     }
 
@@ -61,7 +68,7 @@ mod tests {
     fn record(scene: &str, views: usize, rms: f64, avg_err: f64) -> Record {
         let metrics = Metrics { rms, avg_err, bad_0_5: 30.0, bad_1: 20.0, bad_2: 10.0, coverage: 0.98765 };
         let [dataset, method, fusion] = ["made", "bm", "min"].map(String::from);
-        Record { dataset, scene: scene.into(), method, views, fusion, metrics, seconds: 0.25 }
+        Record { dataset, scene: scene.into(), method, views, baselines: Vec::new(), fusion, metrics, seconds: 0.25 }
     }
 
     fn records() -> Vec<Record> {

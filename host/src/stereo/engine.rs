@@ -2,7 +2,7 @@
 
 use std::convert::Infallible;
 
-use multiscopic_core::{Disparity, Frame, Matcher, Memory, Params, Region, ScanlineSource, Search, kernel::Kernel};
+use multiscopic_core::{Disparity, Frame, Gradients, Matcher, Memory, Params, Region, ScanlineSource, Search, kernel::Kernel};
 use rayon::prelude::*;
 
 use super::simd::{Simd, Task};
@@ -63,7 +63,7 @@ impl Engine {
         self.run(Input { frames, prior: None }, params, line_done)
     }
 
-    /// The same [around](Params::around) the disparities `prior`.
+    /// The same [around](Params::around) the disparities `prior`, comparing [gradients](Gradients).
     ///
     /// # Errors
     /// As [`check`](Engine::check), or if the size of `prior` is another one.
@@ -121,7 +121,7 @@ fn check_frames(frames: &Frames, mut searched: impl Iterator<Item = Frame>) -> R
 #[derive(Clone, Copy, Debug)]
 struct Input<'a> {
     frames: &'a Frames,
-    /// Around which is searched.
+    /// Around which gradients are matched, instead of grey values over the whole range.
     prior: Option<&'a DisparityMap>,
 }
 
@@ -129,7 +129,10 @@ impl ScanlineSource for Input<'_> {
     type Error = Infallible;
 
     fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> std::result::Result<(), Infallible> {
-        self.frames.read_line(frame, v, line)
+        match self.prior {
+            Some(_) => Gradients(self.frames).read_line(frame, v, line),
+            None => self.frames.read_line(frame, v, line),
+        }
     }
 
     fn read_prior(&mut self, v: usize, line: &mut [Option<Disparity>]) -> std::result::Result<(), Infallible> {

@@ -4,6 +4,7 @@ use multiscopic_core::{Census, Frame, Params, Search};
 
 use super::{
     aggregation::{Aggregation, CrossBased},
+    baselines::LongBaselines,
     cost::{
         BirchfieldTomasi, BlockRows, CensusRows, Cost, CostRows, SadRows, Volume,
         mccnn::{self, Network},
@@ -46,6 +47,8 @@ pub struct Method {
     pub optimizer: Optimizer,
     /// What is done to the selected disparities.
     pub refinement: Refinement,
+    /// How views at longer baselines refine what those at the shortest found. `None` matches all views together.
+    pub long_baselines: Option<LongBaselines>,
 }
 
 /// The first step: the matching cost.
@@ -86,9 +89,9 @@ pub enum Optimizer {
 }
 
 impl Method {
-    /// A method without refinement.
+    /// A method without refinement, by which views at longer baselines refine what those at the shortest find.
     pub fn new(cost: CostFunction, aggregation: Option<Aggregation>, optimizer: Optimizer) -> Method {
-        Method { cost, aggregation, optimizer, refinement: Refinement::NONE }
+        Method { cost, aggregation, optimizer, refinement: Refinement::NONE, long_baselines: Some(LongBaselines::DEFAULT) }
     }
 
     /// The same method with a refinement.
@@ -96,7 +99,8 @@ impl Method {
         Method { refinement, ..self }
     }
 
-    /// Estimates the disparities of the centre of `frames`.
+    /// Estimates the disparities of the centre of `frames`, by the views of the shortest baseline first, if they are
+    /// at [several](LongBaselines::sets).
     ///
     /// # Errors
     /// If `search` asks for frames of another size or for views that are missing, if a step's parameters do
@@ -109,6 +113,26 @@ impl Method {
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
         engine.check(frames, search)?;
+        let sets = LongBaselines::sets(search.views());
+        let (Some(long_baselines), [shortest, longer @ ..]) = (self.long_baselines, &sets[..]) else {
+            return self.disparities_together(engine, frames, search, progress);
+        };
+        if longer.is_empty() {
+            return self.disparities_together(engine, frames, search, progress);
+        }
+        let search = search.with_views(*shortest)?;
+        let map = self.disparities_together(engine, frames, &search, progress)?;
+        long_baselines.refine(engine, frames, &search, longer, map, progress)
+    }
+
+    /// The same by all views together.
+    fn disparities_together(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        search: &Search,
+        progress: &dyn Progress,
+    ) -> Result<DisparityMap> {
         let map = match (&self.cost, &self.optimizer) {
             (CostFunction::Sad { block_size }, Optimizer::WinnerTakesAll)
                 if self.aggregation.is_none() && search.check_views().is_err() =>

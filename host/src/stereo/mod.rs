@@ -9,9 +9,11 @@
 //! | [`aggregation`] | costs averaged over a support region |
 //! | [`optimization`] | from costs to disparities |
 //! | [`refinement`] | checks and filters of the disparities |
+//! | [`LongBaselines`] | how views at longer baselines refine what those at the shortest found |
 //! | [`Method`] | a choice for each of the four steps |
 
 pub mod aggregation;
+mod baselines;
 pub mod cost;
 mod engine;
 mod method;
@@ -19,6 +21,7 @@ pub mod optimization;
 pub mod refinement;
 mod simd;
 
+pub use baselines::LongBaselines;
 pub use cost::Volume;
 pub use engine::Engine;
 pub use method::{CostFunction, Method, Optimizer};

@@ -1,5 +1,6 @@
 //! Options that several commands share.
 
+mod baseline_options;
 mod engine_options;
 mod geometry_options;
 mod map_files;
@@ -9,6 +10,7 @@ mod search_options;
 mod source_options;
 pub mod value;
 
+pub use baseline_options::BaselineOptions;
 pub use engine_options::EngineOptions;
 pub use geometry_options::GeometryOptions;
 pub use map_files::MapFiles;

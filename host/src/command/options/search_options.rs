@@ -1,7 +1,7 @@
 //! The search range and the block.
 
 use clap::Args;
-use multiscopic::{Error, Result};
+use multiscopic::{Error, Result, stereo::LongBaselines};
 use multiscopic_core::{Fusion, Params, Search, Views};
 
 /// The views that `--views` stands for.
@@ -52,11 +52,12 @@ impl SearchOptions {
         let side = |length: usize| {
             u16::try_from(length).map_err(|_| Error::Usage(format!("a frame has a side of {length} pixels, the limit is 65535")))
         };
+        let shortest = LongBaselines::sets(views).first().copied().unwrap_or_default();
         Ok(Search::new(
             side(width)?,
             side(height)?,
             views,
-            fusion.unwrap_or(Fusion::default_for(views.len())),
+            fusion.unwrap_or(Fusion::default_for(shortest.len())),
             self.min_disparity.unwrap_or(default_range.0),
             self.num_disparities.unwrap_or(default_range.1),
         )?)

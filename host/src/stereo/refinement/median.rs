@@ -1,40 +1,104 @@
 //! The median filter.
 
-use super::window::{filter_valid, valid_in_window};
+use multiscopic_core::Disparity;
+use rayon::prelude::*;
+
 use crate::{
     error::{Error, Result},
     images::DisparityMap,
 };
 
-/// A median filter over a square window. Of an even number of disparities it takes the upper median.
+/// A median filter over a square window. Invalid pixels stay invalid and never count; of an even number of
+/// disparities it takes the upper median.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Median {
     radius: usize,
 }
 
 impl Median {
+    /// The largest window, 31 x 31 pixels.
+    pub const MAX_SIZE: u8 = 31;
+
     /// With a window of `size` x `size` pixels.
     ///
     /// # Errors
-    /// If the size is neither 3 nor 5.
+    /// If the size is not odd and from 3 to [`MAX_SIZE`](Median::MAX_SIZE).
     pub fn new(size: u8) -> Result<Median> {
+        let largest = Median::MAX_SIZE;
         match size {
-            3 | 5 => Ok(Median { radius: usize::from(size) / 2 }),
-            _ => Err(Error::Usage(format!("the size of the median filter is {size}, it must be 3 or 5"))),
+            3..=Median::MAX_SIZE if size % 2 == 1 => Ok(Median::of_radius(size as usize / 2)),
+            _ => Err(Error::Usage(format!("the size of the median filter is {size}, it must be odd and from 3 to {largest}"))),
         }
+    }
+
+    /// With a window that reaches `radius` pixels to each side.
+    pub(in crate::stereo) const fn of_radius(radius: usize) -> Median {
+        Median { radius }
+    }
+
+    /// The side of the window in pixels.
+    pub const fn size(self) -> u8 {
+        2 * self.radius as u8 + 1
     }
 
     /// The filtered map, computed on the threads of the current pool.
     pub fn apply(self, map: &DisparityMap) -> DisparityMap {
-        filter_valid(map, |u, v, _| {
-            let mut window = [None; 25];
-            let mut count = 0;
-            for (_, _, d) in valid_in_window(map, u, v, self.radius) {
-                window[count] = Some(d);
-                count += 1;
+        let (width, height, radius) = (map.width(), map.height(), self.radius);
+        let mut filtered = map.clone();
+        filtered.pixels_mut().par_chunks_mut(width.max(1)).enumerate().for_each_init(Histogram::new, |histogram, (v, line)| {
+            let rows = v.saturating_sub(radius)..height.min(v + radius + 1);
+            let column = |x: usize| rows.clone().filter_map(move |y| map.get(x, y));
+            (0..width.min(radius)).flat_map(column).for_each(|d| histogram.add(d));
+            for (u, pixel) in line.iter_mut().enumerate() {
+                (u + radius < width).then(|| column(u + radius)).into_iter().flatten().for_each(|d| histogram.add(d));
+                (u > radius).then(|| column(u - radius - 1)).into_iter().flatten().for_each(|d| histogram.remove(d));
+                *pixel = pixel.and_then(|_| histogram.upper_median());
             }
-            *window[..count].select_nth_unstable(count / 2).1
-        })
+            (width.saturating_sub(radius + 1)..width).flat_map(column).for_each(|d| histogram.remove(d));
+        });
+        filtered
+    }
+}
+
+/// How often each disparity occurs in a window, and those that share the upper half of their bits.
+struct Histogram {
+    fine: Vec<u16>,
+    coarse: [u16; 256],
+    count: u16,
+}
+
+impl Histogram {
+    fn new() -> Histogram {
+        Histogram { fine: vec![0; 1 << 16], coarse: [0; 256], count: 0 }
+    }
+
+    fn add(&mut self, d: Disparity) {
+        let raw = usize::from(Disparity::to_raw16(Some(d)));
+        self.fine[raw] += 1;
+        self.coarse[raw >> 8] += 1;
+        self.count += 1;
+    }
+
+    fn remove(&mut self, d: Disparity) {
+        let raw = usize::from(Disparity::to_raw16(Some(d)));
+        self.fine[raw] -= 1;
+        self.coarse[raw >> 8] -= 1;
+        self.count -= 1;
+    }
+
+    /// The least disparity above which there are fewer than half.
+    fn upper_median(&self) -> Option<Disparity> {
+        let mut rest = self.count / 2;
+        let mut place = |counts: &[u16]| {
+            counts.iter().position(|&count| {
+                let is_here = rest < count;
+                rest -= if is_here { 0 } else { count };
+                is_here
+            })
+        };
+        let upper = place(&self.coarse)?;
+        let lower = place(&self.fine[upper << 8..(upper + 1) << 8])?;
+        Disparity::from_raw16((upper << 8 | lower) as u16)
     }
 }
 
@@ -42,7 +106,6 @@ impl Median {
 mod tests {
     use super::*;
     use crate::images::Raster;
-    use multiscopic_core::Disparity;
 
     fn map(width: usize, bits: &[i16]) -> DisparityMap {
         // -1 stands for none.
@@ -55,6 +118,31 @@ mod tests {
         let found = Median::new(3).unwrap().apply(&map(3, &[9, 1, 2, -1, 90, 3, 4, 5, -1]));
         // The middle has 1 2 3 4 5 9 90; the first 1 9 90; the last of the first row 1 2 3 90.
         assert_eq!(found, map(3, &[9, 3, 3, -1, 4, 3, 5, 5, -1]));
-        assert!(Median::new(4).is_err());
+        assert!([0, 1, 4, 32, 33].into_iter().all(|size| Median::new(size).is_err()));
+    }
+
+    #[test]
+    fn equals_the_sorted_window() {
+        let mut random = 1_u32;
+        let mut below = |limit: u32| {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (random >> 8) % limit
+        };
+        for _ in 0..60 {
+            let (width, height, size) = (1 + below(30) as usize, 1 + below(12) as usize, 3 + 2 * below(15) as u8);
+            let levels = [4, 3000][below(2) as usize];
+            let bits: Vec<i16> = (0..width * height).map(|_| if below(5) == 0 { -1 } else { below(levels) as i16 }).collect();
+            let radius = usize::from(size) / 2;
+            let expected: Vec<i16> = (0..width * height)
+                .map(|i| {
+                    let (u, v) = (i % width, i / width);
+                    let near = |&j: &usize| (j % width).abs_diff(u) <= radius && (j / width).abs_diff(v) <= radius;
+                    let mut window: Vec<i16> = (0..bits.len()).filter(near).map(|j| bits[j]).filter(|&d| d >= 0).collect();
+                    window.sort_unstable();
+                    if bits[i] < 0 { -1 } else { window[window.len() / 2] }
+                })
+                .collect();
+            assert_eq!(Median::new(size).unwrap().apply(&map(width, &bits)), map(width, &expected), "{width}x{height}, {size}");
+        }
     }
 }

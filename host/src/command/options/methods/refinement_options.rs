@@ -17,8 +17,8 @@ pub struct RefinementOptions {
     #[arg(long, value_name = "N")]
     disp12_max_diff: Option<u16>,
 
-    /// Median filter with a window of this size, 3 or 5 pixels [default: none]
-    #[arg(long, value_name = "3|5")]
+    /// Median filter with a window of this size, odd, from 3 to 31 pixels [default: none]
+    #[arg(long, value_name = "N")]
     median: Option<u8>,
 
     /// Bilateral filter: mean of the disparities that differ by less than THRESHOLD, weighted by a Gaussian of SIGMA pixels

@@ -1,0 +1,98 @@
+//! From short baselines to long ones.
+
+use multiscopic_core::{Fusion, Params, Search, Views};
+
+use super::{engine::Engine, refinement::Median};
+use crate::{
+    error::{Error, Result},
+    images::{DisparityMap, Frames},
+    progress::Progress,
+};
+
+/// How views at longer baselines refine what those at the shortest found: block matching of gradients around its
+/// disparities, as [`Params::around`] defines it.
+///
+/// Long baselines are precise but hard to match, short ones easy. A long view is searched only a few of its pixels around
+/// the multiple of the disparity that the short views found, and the result is in fractions of their pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LongBaselines {
+    /// How many disparities are searched around those of the short views, in pixels of the long baseline.
+    pub num_disparities: u16,
+    /// The side of the block in pixels, as [`Params`] has it.
+    pub block_size: u8,
+    /// The filter of the short views' disparities, before they are searched around: what they got wrong by more than
+    /// the search around them, the long views cannot mend.
+    pub median: Option<Median>,
+}
+
+impl LongBaselines {
+    /// Eight disparities, blocks of 11 pixels, and a median over 21.
+    pub const DEFAULT: LongBaselines = LongBaselines { num_disparities: 8, block_size: 11, median: Some(Median::of_radius(10)) };
+
+    /// The views by their baselines, the shortest first. Views in the centre's row and column of the array are in the
+    /// same set if they are the same multiple of a baseline away. If there are views elsewhere, all are in one set, since they
+    /// are an array, and are matched together.
+    pub fn sets(views: Views) -> Vec<Views> {
+        if views.iter().any(|view| !view.is_horizontal() && !view.is_vertical()) {
+            return vec![views];
+        }
+        let mut multiples: Vec<u8> = views.iter().map(|view| view.multiple()).collect();
+        multiples.sort_unstable();
+        multiples.dedup();
+        multiples.into_iter().map(|multiple| views.iter().filter(|view| view.multiple() == multiple).collect()).collect()
+    }
+
+    /// Refines `map`, which a match with `earlier` found, by the `sets` of views at longer baselines, in ascending order.
+    /// All of them are searched around `map`; where several find a disparity, that of the longest baseline counts.
+    ///
+    /// # Errors
+    /// If a view is missing, or a parameter is out of its range.
+    pub fn refine(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        earlier: &Search,
+        sets: &[Views],
+        map: DisparityMap,
+        progress: &dyn Progress,
+    ) -> Result<DisparityMap> {
+        let prior = match self.median {
+            Some(median) => engine.pool().install(|| median.apply(&map)),
+            None => map,
+        };
+        let mut refined = prior.clone();
+        for &views in sets {
+            let least = -i16::try_from(self.num_disparities / 2).unwrap_or(i16::MAX);
+            let (width, height) = (earlier.width() as u16, earlier.height() as u16);
+            let fusion = Fusion::default_for(views.len());
+            let search = Search::new(width, height, views, fusion, least, self.num_disparities)?;
+            let params = Params::block_matching(search, self.block_size)?.around(earlier);
+            progress.begin(search.height() as u64, "lines");
+            let found = engine.disparities_around(frames, &prior, &params, || progress.advance(1))?;
+            for ((refined, found), prior) in refined.pixels_mut().iter_mut().zip(found.pixels()).zip(prior.pixels()) {
+                if found != prior {
+                    *refined = *found;
+                }
+            }
+        }
+        Ok(refined)
+    }
+
+    /// Refines disparities that are known beforehand, in pixels of one baseline, by all views of `frames`.
+    ///
+    /// # Errors
+    /// If `prior` has no disparity or another size than the frames, or a parameter is out of its range.
+    pub fn refine_prior(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        prior: DisparityMap,
+        progress: &dyn Progress,
+    ) -> Result<DisparityMap> {
+        let range = prior.range().ok_or_else(|| Error::Usage("no pixel of the prior has a disparity".into()))?;
+        let (least, most) = (range.start().floor() as i16, range.end().ceil() as i16);
+        let (width, height) = (prior.width() as u16, prior.height() as u16);
+        let earlier = Search::new(width, height, frames.views(), Fusion::Min, least, (most - least + 1) as u16)?;
+        self.refine(engine, frames, &earlier, &LongBaselines::sets(frames.views()), prior, progress)
+    }
+}

@@ -130,6 +130,17 @@ impl Disparity {
         Disparity::from_bits((i32::from(d) * Disparity::STEPS - Disparity::STEPS / 2 + steps) as i16)
     }
 
+    /// [`refine_equiangular`](Disparity::refine_equiangular) for costs up to 2^53.
+    pub fn refine_equiangular_wide(d: i16, before: u64, at: u64, after: u64) -> Option<Disparity> {
+        let [fall, rise] = [before, after].map(|cost| cost.wrapping_sub(at) as i64);
+        let (steps, denominator) = (i64::from(Disparity::STEPS), fall.max(rise));
+        let is_negative = d < 0 || (d == 0 && fall < rise);
+        // The floor of 64 shift + 32 + 1/2, as above.
+        let dividend = steps * (fall - rise) + denominator * (steps + 1) - i64::from(is_negative);
+        let shift = dividend.checked_div(2 * denominator).unwrap_or(steps / 2) - steps / 2;
+        Disparity::from_bits((i64::from(d) * steps + shift) as i16)
+    }
+
     /// [`refine`](Disparity::refine) for a batch of pixels, in arithmetic that vectorises.
     #[inline(always)]
     pub(crate) fn refine_all<const N: usize>(costs: &Around<N>) -> [Option<Disparity>; N] {
@@ -261,6 +272,9 @@ mod tests {
                 let exact = (f64::from(d) + shift) * 64.0;
                 let found = Disparity::refine_equiangular(d, 7 + fall, 7, 7 + rise).map(Disparity::to_bits);
                 assert_eq!(found.map(f64::from), Some(exact.round()), "{d}, {fall}, {rise}");
+                let [before, at, after] = [fall, 0, rise].map(|cost| 840 * 441 * (7 + u64::from(cost)));
+                let wide = Disparity::refine_equiangular_wide(d, before, at, after).map(Disparity::to_bits);
+                assert_eq!(wide, found, "{d}, {fall}, {rise}");
             }
         }
     }

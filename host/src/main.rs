@@ -18,7 +18,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Demo(command::demo::Demo),
-    Match(command::r#match::Match),
+    Match(Box<command::r#match::Match>),
     Evaluate(command::evaluate::Evaluate),
     Capture(command::capture::Capture),
     Align(command::align::Align),

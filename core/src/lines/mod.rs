@@ -67,7 +67,7 @@ impl<'m> Frames<'m> {
             lines.extend(v);
         }
         if let Some(priors) = &self.priors {
-            self.views.iter_mut().flatten().for_each(|lines| lines.warp(v, priors.offsets()));
+            self.views.iter_mut().flatten().for_each(|lines| lines.warp(v, priors.steps()));
         }
         Ok(())
     }
@@ -142,12 +142,13 @@ impl<'m> Lines<'m> {
         let mut first_virtual = top;
         let store = match frame {
             Frame::Center => rows(samples, 1, false, 0),
-            Frame::View(view) if params.prior().is_some() => {
+            Frame::View(view) if let Some(prior) = params.prior() => {
                 let reach = shape.warped_lines(view);
                 first_virtual = top.max(0) + lead - (reach as i32 - 1);
                 Store::WarpedRows(WarpedRows {
                     samples,
                     view,
+                    prior,
                     span: shape.span,
                     count: shape.ring_lines,
                     depth: shape.depth,
@@ -239,10 +240,10 @@ impl<'m> Lines<'m> {
         }
     }
 
-    /// Finds the samples of line `v` of the centre around its prior, which has these `offsets`.
-    pub fn warp(&mut self, v: i32, offsets: &[i16]) {
+    /// Finds the samples of line `v` of the centre around its prior, which has these `steps`.
+    pub fn warp(&mut self, v: i32, steps: &[i16]) {
         if let Store::WarpedRows(rows) = &mut self.store {
-            rows.warp(v, offsets);
+            rows.warp(v, steps);
         }
     }
 

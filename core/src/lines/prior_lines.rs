@@ -8,42 +8,43 @@ pub(crate) struct PriorLines<'m> {
     prior: Prior,
     /// From the line that is computed to the lowest under its blocks.
     lines: &'m mut [Option<Disparity>],
-    /// The offsets of the line that was read last, one for each pixel.
-    offsets: &'m mut [i16],
+    /// The steps of the line that was read last, one for each pixel whether it has a prior or not.
+    steps: &'m mut [i16],
     /// The next line to be read.
     next: usize,
 }
 
 impl<'m> PriorLines<'m> {
-    /// No lines yet; the first to be read is `next`. `lines` has room for whole lines of as many pixels as `offsets` has.
-    pub fn new(prior: Prior, lines: &'m mut [Option<Disparity>], offsets: &'m mut [i16], next: usize) -> PriorLines<'m> {
-        PriorLines { prior, lines, offsets, next }
+    /// No lines yet; the first to be read is `next`. `lines` has room for whole lines of as many pixels as `steps` has.
+    pub fn new(prior: Prior, lines: &'m mut [Option<Disparity>], steps: &'m mut [i16], next: usize) -> PriorLines<'m> {
+        PriorLines { prior, lines, steps, next }
     }
 
     /// Reads the lines up to `v`.
     pub fn read_ahead<S: ScanlineSource>(&mut self, source: &mut S, v: usize) -> Result<(), MatchError<S::Error>> {
         while self.next <= v {
-            let line = place(self.next, self.lines.len(), self.offsets.len());
+            let line = place(self.next, self.lines.len(), self.steps.len());
             let Some(line) = self.lines.get_mut(line) else { return Ok(()) };
             source.read_prior(self.next, line).map_err(MatchError::Source)?;
             let mut last = self.prior.nearest_to_zero();
-            for (offset, pixel) in self.offsets.iter_mut().zip(line) {
-                last = pixel.and_then(|d| self.prior.offset(d)).unwrap_or(last);
-                *offset = last;
+            for (steps, pixel) in self.steps.iter_mut().zip(line) {
+                last = pixel.filter(|&d| self.prior.contains(d)).map_or(last, Disparity::to_bits);
+                *steps = last;
             }
             self.next += 1;
         }
         Ok(())
     }
 
-    /// The offsets of the line that was read last.
-    pub fn offsets(&self) -> &[i16] {
-        self.offsets
+    /// The steps of each pixel of the line that was read last: its own prior, or that of the last pixel to its left which
+    /// has one, or the nearest to 0 that there may be.
+    pub fn steps(&self) -> &[i16] {
+        self.steps
     }
 
     /// Line `v`.
     pub fn line(&self, v: usize) -> PriorLine<'_> {
-        let line = place(v, self.lines.len(), self.offsets.len());
+        let line = place(v, self.lines.len(), self.steps.len());
         PriorLine { prior: self.prior, pixels: self.lines.get(line).unwrap_or_default() }
     }
 }

@@ -1,15 +1,17 @@
 //! Views that are searched around a prior, by line.
 
-use crate::{View, kernel::Samples};
+use crate::{Disparity, View, kernel::Samples, params::Prior};
 
 /// A ring buffer of lines in which each column has all of its samples to itself: those around the match that the prior
-/// foretells.
+/// foretells, each between two of the view's.
 #[derive(Debug)]
 pub(super) struct WarpedRows<'m> {
     /// The samples under a block, and after them `reach` lines of the view.
     pub samples: &'m mut [u8],
     /// The view.
     pub view: View,
+    /// The prior.
+    pub prior: Prior,
     /// Columns under the blocks of a disparity line.
     pub span: usize,
     /// Lines in the ring.
@@ -51,16 +53,15 @@ impl WarpedRows<'_> {
         (row as usize).checked_rem(self.reach).unwrap_or_default() * self.width
     }
 
-    /// Finds the samples of line `v` of the centre, if that is the next, by the `offsets` of its pixels.
-    pub fn warp(&mut self, v: i32, offsets: &[i16]) {
+    /// Finds the samples of line `v` of the centre, if that is the next, by the `steps` of its pixels' priors.
+    pub fn warp(&mut self, v: i32, steps: &[i16]) {
         if v != self.next {
             return;
         }
         self.next += 1;
         let start = self.start(v);
-        let &mut WarpedRows { view, span, count, depth, left, width, last, min_disparity, .. } = self;
-        let (step, step_down) = view.shift(1);
-        let (reach, last_column) = (self.reach, width as i32 - 1);
+        let &mut WarpedRows { view, prior, span, count, depth, left, width, last, reach, min_disparity, .. } = self;
+        let ((step, step_down), last_column) = (view.shift(1), width as i32 - 1);
         let Some((ring, lines)) = self.samples.split_at_mut_checked(count * span * depth) else { return };
         let line = |row: i32| {
             let start = (row.min(last).max(0) as usize).checked_rem(reach).unwrap_or_default() * width;
@@ -69,24 +70,20 @@ impl WarpedRows<'_> {
         let Some(ring) = ring.get_mut(start..start + span * depth) else { return };
         for (samples, u) in ring.chunks_exact_mut(depth.max(1)).zip(left..) {
             let u = u.min(last_column).max(0);
-            let offset = offsets.get(u as usize).copied().unwrap_or_default();
+            let (offset, rest) = prior.offset(steps.get(u as usize).copied().unwrap_or_default());
             let (du, dv) = view.shift(offset.wrapping_add(min_disparity));
             let (column, row) = (u + du, v + dv);
-            if step_down == 0 {
-                let line = line(row);
-                match (step, usize::try_from(column).ok().and_then(|start| line.get(start..start + depth))) {
-                    (1, Some(line)) => copy(samples, line.iter()),
-                    _ => match (
-                        step,
-                        usize::try_from(column + 1 - depth as i32).ok().and_then(|start| line.get(start..start + depth)),
-                    ) {
-                        (-1, Some(line)) => copy(samples, line.iter().rev()),
-                        _ => copy(samples, (0..).map_while(|k| line.get((column + k * step).min(last_column).max(0) as usize))),
-                    },
+            let here = line(row);
+            let inside = |first: i32| usize::try_from(first).ok().and_then(|first| here.get(first..first + depth + 1));
+            let forward = if step == 1 { inside(column) } else { None };
+            let backward = if step == -1 { inside(column - depth as i32) } else { None };
+            match (forward, backward) {
+                (Some(line), _) if step_down == 0 => blend(samples, line.iter(), rest),
+                (_, Some(line)) if step_down == 0 => blend(samples, line.iter().rev(), rest),
+                _ => {
+                    let sample = |k: i32| line(row + k * step_down).get((column + k * step).min(last_column).max(0) as usize);
+                    blend(samples, (0..).map_while(sample), rest);
                 }
-            } else {
-                let sample = |k: i32| line(row + k * step_down).get((column + k * step).min(last_column).max(0) as usize);
-                copy(samples, (0..).map_while(sample));
             }
         }
     }
@@ -97,8 +94,14 @@ impl WarpedRows<'_> {
     }
 }
 
-/// Copies samples, as many as there are.
+/// Fills samples with those between neighbours of `from`, of which there is one more, `rest` steps from each to the next.
 #[inline(always)]
-fn copy<'l>(samples: &mut [u8], from: impl Iterator<Item = &'l u8>) {
-    samples.iter_mut().zip(from).for_each(|(sample, from)| *sample = *from);
+fn blend<'l>(samples: &mut [u8], mut from: impl Iterator<Item = &'l u8>, rest: u8) {
+    let steps = Disparity::STEPS as u32;
+    let Some(mut near) = from.next().copied().map(u32::from) else { return };
+    for (sample, far) in samples.iter_mut().zip(from) {
+        let far = u32::from(*far);
+        *sample = ((near * (steps - u32::from(rest)) + far * u32::from(rest) + steps / 2) / steps) as u8;
+        near = far;
+    }
 }

@@ -45,8 +45,14 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
         let d = self.params.min_disparity() + index as i16;
         match (cost(index.wrapping_sub(1)), cost(index), cost(index + 1)) {
             // The mean of five views or more has a larger scale.
-            (Some(before), Some(at), Some(after)) if V > 4 => Disparity::refine_wide(d, before.into(), at.into(), after.into()),
-            (Some(before), Some(at), Some(after)) => Disparity::refine(d, before, at, after),
+            (Some(before), Some(at), Some(after)) if V > 4 => {
+                let refine = if self.prior.is_some() { Disparity::refine_equiangular_wide } else { Disparity::refine_wide };
+                refine(d, before.into(), at.into(), after.into())
+            }
+            (Some(before), Some(at), Some(after)) => {
+                let refine = if self.prior.is_some() { Disparity::refine_equiangular } else { Disparity::refine };
+                refine(d, before, at, after)
+            }
             _ => Disparity::whole(d),
         }
     }

@@ -141,7 +141,10 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             around.at[i] = at.widen();
             around.after[i] = if inner { after } else { at }.widen();
         }
-        let refined = Disparity::refine_all(&around);
+        let refined = match self.params.prior() {
+            Some(_) => Disparity::refine_all_equiangular(&around),
+            None => Disparity::refine_all(&around),
+        };
         match <&mut [_; MAX_BATCH]>::try_from(&mut *pixels) {
             Ok(pixels) => *pixels = refined,
             Err(_) => pixels.iter_mut().zip(refined).for_each(|(pixel, refined)| *pixel = refined),
@@ -183,7 +186,11 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
         match (lanes.get(lane::<I>(before)), lanes.get(lane::<I>(index + 1))) {
             (Some(&before), Some(&after)) if before.max(after) != L::MAX => {
-                Disparity::refine(d, before.widen(), cost.widen(), after.widen())
+                let (before, at, after) = (before.widen(), cost.widen(), after.widen());
+                match self.params.prior() {
+                    Some(_) => Disparity::refine_equiangular(d, before, at, after),
+                    None => Disparity::refine(d, before, at, after),
+                }
             }
             _ => exact().refined(index),
         }

@@ -72,17 +72,21 @@ impl Params {
     ///
     /// What the offsets of the views have in common is their *multiple*: 4 for `(4, 0)` and `(-4, 0)`. The search is
     /// in pixels of that longer baseline, in which [`views`](Params::views) are nearest neighbours. There the prior
-    /// `p` of a pixel is the offset `o = floor(multiple p + 1/2)`, and the disparities `o + r` are searched, with
-    /// each `r` of this search's range, such as -4 to 3.
+    /// `p` of a pixel is the disparity `multiple p`, in steps of 1/64, and the disparities `multiple p + r` are searched,
+    /// with each `r` of this search's range, such as -4 to 3.
     ///
-    /// A block compares each of its pixels at that pixel's own offset: `(x, y)` with the sample of the view `(i, j)`
-    /// at `(x - i (o + r), y - j (o + r))`. Where that is outside the frame, the nearest sample inside takes its
-    /// place; for pixels of the block outside the frame, so does the nearest pixel inside. A pixel without a prior
-    /// has the offset of the last one to its left that has a prior, or else the offset nearest to 0 that there may be.
+    /// A block compares each of its pixels at that pixel's own prior, so that it follows slanted surfaces. With `o` for the
+    /// whole pixels of `multiple p` and `f` for its other steps, the sample of the view `(i, j)` for pixel `(x, y)` is
+    /// `((64 - f) s(o + r) + f s(o + r + 1) + 32) / 64`, rounded down, between the samples `s(d)` at `(x - i d, y - j d)`.
+    /// Where that is outside the frame, the nearest sample inside takes its place; for pixels of the block outside the
+    /// frame, so does the nearest pixel inside. A pixel without a prior takes that of the last one to its left that has a
+    /// prior, or else the disparity nearest to 0 that there may be.
     ///
-    /// A view is available where the match of the block's own pixel lies inside its frame. The result is in pixels
-    /// of the prior: `(o + r) / multiple`, rounded to the nearest step. The prior remains where no view is available,
-    /// and where the least cost is that of the first or the last `r`. A pixel without a prior stays invalid.
+    /// A candidate is available in a view where both samples of the block's own pixel lie inside its frame. The result is
+    /// in pixels of the prior: `p + r / multiple`, in which `r` is refined by
+    /// [two lines](crate::Disparity::refine_equiangular) and the quotient rounded to the nearest step, halves away from
+    /// zero. The prior remains where no candidate exists, and where the least cost is that of the first or the last `r`. A
+    /// pixel without a prior, or whose prior is outside the range of `earlier`, stays invalid.
     ///
     /// ```
     /// use multiscopic_core::{Frame, Fusion, Params, View, Views};
@@ -128,7 +132,7 @@ impl Params {
         let (least, most) = self.search.range();
         match self.prior {
             Some(Prior { multiple, min_disparity, max_disparity }) => {
-                (least + multiple as i16 * min_disparity, most + multiple as i16 * max_disparity)
+                (least + multiple as i16 * min_disparity, most + multiple as i16 * max_disparity + 1)
             }
             None => (least, most),
         }

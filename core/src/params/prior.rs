@@ -29,37 +29,37 @@ impl Prior {
         self.max_disparity
     }
 
-    /// The disparity around which is searched, in whole pixels of the search: the multiple of the prior's `d`, halves
-    /// rounded up. `None` if `d` is out of range.
+    /// Whether the prior may have the disparity `d`.
     #[inline(always)]
-    pub(crate) const fn offset(&self, d: Disparity) -> Option<i16> {
+    pub(crate) const fn contains(&self, d: Disparity) -> bool {
         let (bits, steps) = (d.to_bits() as i32, Disparity::STEPS);
-        if bits < self.min_disparity as i32 * steps || bits > self.max_disparity as i32 * steps {
-            return None;
-        }
-        Some((self.multiple as i32 * bits + steps / 2).div_euclid(steps) as i16)
+        self.min_disparity as i32 * steps <= bits && bits <= self.max_disparity as i32 * steps
     }
 
-    /// The offset nearest to 0.
+    /// The steps of the disparity nearest to 0 that the prior may have.
     #[inline(always)]
     pub(crate) const fn nearest_to_zero(&self) -> i16 {
-        let (least, most, multiple) = (self.min_disparity, self.max_disparity, self.multiple as i16);
-        if least > 0 {
-            multiple * least
-        } else if most < 0 {
-            multiple * most
-        } else {
-            0
-        }
+        let nearest = match self.min_disparity > 0 {
+            true => self.min_disparity,
+            false if self.max_disparity < 0 => self.max_disparity,
+            false => 0,
+        };
+        nearest.wrapping_mul(Disparity::STEPS as i16)
     }
 
-    /// The disparity in pixels of the prior that is `found` pixels of the search from `offset`, rounded to the nearest
-    /// step, halves away from zero.
+    /// The disparity in pixels of the search at a prior of `bits` steps: whole pixels, and the steps that remain.
     #[inline(always)]
-    pub(crate) fn disparity(&self, offset: i16, found: Disparity) -> Option<Disparity> {
-        let bits = i32::from(offset) * Disparity::STEPS + i32::from(found.to_bits());
-        let multiple = i32::from(self.multiple);
+    pub(crate) const fn offset(&self, bits: i16) -> (i16, u8) {
+        let steps = self.multiple as i32 * bits as i32;
+        (steps.div_euclid(Disparity::STEPS) as i16, steps.rem_euclid(Disparity::STEPS) as u8)
+    }
+
+    /// The prior `d`, moved by what a search `found` around it, in pixels of the search. That is rounded to the nearest
+    /// step of the prior, halves away from zero.
+    #[inline(always)]
+    pub(crate) fn moved(&self, d: Disparity, found: Disparity) -> Option<Disparity> {
+        let (bits, multiple) = (i32::from(found.to_bits()), i32::from(self.multiple));
         let half = if bits < 0 { -(multiple / 2) } else { multiple / 2 };
-        Disparity::from_bits((bits + half).checked_div(multiple)? as i16)
+        Disparity::from_bits((i32::from(d.to_bits()) + (bits + half).checked_div(multiple)?) as i16)
     }
 }

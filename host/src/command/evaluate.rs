@@ -13,6 +13,7 @@ use multiscopic::{
     evaluation::{DatasetScene, ResultRow, results},
     files::output,
     report::{Figure, Report, error_map},
+    stereo::LongBaselines,
 };
 use multiscopic_core::{Fusion, Views};
 
@@ -107,11 +108,15 @@ impl Evaluate {
         let variants = self.variants()?;
         let options = self.options.clone().for_dataset(self.dataset);
         let long_baselines = self.long_baselines.long_baselines()?;
-        let method = |&name: &MethodName| {
-            let method = options.method(name, self.search.block_size)?;
-            Ok((name, Method { long_baselines, ..method }))
-        };
-        let methods = self.methods.iter().map(method).collect::<Result<Vec<_>>>()?;
+        // Penalties depend on the number of views.
+        let key = |variant: &Variant| (variant.method, LongBaselines::shortest(variant.views).len());
+        let mut methods = Vec::new();
+        for variant in &variants {
+            if !methods.iter().any(|(other, _)| *other == key(variant)) {
+                let method = options.method(variant.method, self.search.block_size, variant.views)?;
+                methods.push((key(variant), Method { long_baselines, ..method }));
+            }
+        }
         let scenes = self.selected_scenes()?;
         let outputs: Vec<&Path> = self.json.iter().chain(&self.report).map(PathBuf::as_path).collect();
         let inputs: Vec<&Path> = scenes.iter().flat_map(|scene| scene.images.paths().chain([scene.truth.as_path()])).collect();
@@ -129,8 +134,7 @@ impl Evaluate {
             let subject = Subject { dataset: scene.dataset.name(), scene: &scene.name, frames: &frames, truth: &truth };
             for variant in &variants {
                 let search = self.search.search(frames.size(), variant.views, Some(variant.fusion), self.dataset.range())?;
-                let (_, method) =
-                    methods.iter().find(|(name, _)| *name == variant.method).expect("every variant has a method of --methods");
+                let (_, method) = methods.iter().find(|(other, _)| *other == key(variant)).expect("every variant has its method");
                 let (disparities, record) = variant.measure(method, &engine, &subject, &search)?;
                 if let Some(gallery) = &mut gallery {
                     gallery.add(&record.variant(), &disparities);
@@ -175,8 +179,10 @@ impl Evaluate {
         for &method in &self.methods {
             for &count in &counts {
                 let views = views_of_count(count)?;
-                if !views.iter().all(|view| available.contains(view)) {
-                    let (dataset, most) = (self.dataset, available.len());
+                if !is_available(views, available) {
+                    let dataset = self.dataset;
+                    let has = |count: &usize| views_of_count(*count).is_ok_and(|views| is_available(views, available));
+                    let most = [8, 4, 2, 1].into_iter().find(has).unwrap_or_default();
                     return Err(Error::Usage(format!(
                         "--views includes {count}, but {dataset} has only {most} neighbours: use 1 or {most}"
                     )));
@@ -216,4 +222,9 @@ impl Evaluate {
         scenes.retain(|scene| self.scenes.is_empty() || self.scenes.contains(&scene.name));
         Ok(scenes)
     }
+}
+
+/// Whether a data set with the views `available` has `views`.
+fn is_available(views: Views, available: Views) -> bool {
+    views.iter().all(|view| available.contains(view))
 }

@@ -7,7 +7,7 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::stereo::{CostFunction, Optimizer};
+use multiscopic::stereo::{CostFunction, LongBaselines, Optimizer};
 use multiscopic::{
     Alignment, DisparityMap, Error, Frames, Method, Result,
     files::{
@@ -108,7 +108,7 @@ impl Match {
             frames = Alignment::estimate(&frames, &self.search.params(search)?, &engine)?.compensate(&frames);
         }
 
-        let method = self.options.method(self.method, self.search.block_size)?;
+        let method = self.options.method(self.method, self.search.block_size, search.views())?;
         let method = Method { long_baselines: self.baselines.long_baselines()?, ..method };
         if !method.cost.matches_color() {
             frames = frames.without_color();
@@ -139,7 +139,8 @@ impl Match {
             let encoding = if outputs.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
             ply::write(path, &disparities, geometry, center, encoding)?;
         }
-        terminal::say(&summary(self.method.name(), &search, &disparities, seconds));
+        let method = if self.prior.is_some() { "around a prior" } else { self.method.name() };
+        terminal::say(&summary(method, &search, &disparities, seconds));
         Ok(ExitCode::SUCCESS)
     }
 }
@@ -167,9 +168,11 @@ impl Outputs {
 /// One line about the match and its result.
 fn summary(method: &str, search: &Search, disparities: &DisparityMap, seconds: f64) -> String {
     let valid = disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64;
-    let views = match search.views().len() {
-        1 => "1 view".into(),
-        views => format!("{views} views"),
+    let baselines: Vec<String> = LongBaselines::sets(search.views()).iter().map(|views| views.multiple().to_string()).collect();
+    let views = match (search.views().len(), &baselines[..]) {
+        (1, _) => "1 view".into(),
+        (views, [_]) => format!("{views} views"),
+        (views, baselines) => format!("{views} views at baselines {}", baselines.join(", ")),
     };
     format!(
         "{}x{}, {method}, {views}, {}, {}..={}: {:.1} % valid, {:.0} ms",

@@ -42,6 +42,11 @@ impl LongBaselines {
         multiples.into_iter().map(|multiple| views.iter().filter(|view| view.multiple() == multiple).collect()).collect()
     }
 
+    /// The views at the shortest baseline, which are matched first.
+    pub fn shortest(views: Views) -> Views {
+        LongBaselines::sets(views).first().copied().unwrap_or_default()
+    }
+
     /// Refines `map`, which a match with `earlier` found, by the `sets` of views at longer baselines, in ascending order.
     /// All of them are searched around `map`; where several find a disparity, that of the longest baseline counts.
     ///

@@ -33,12 +33,14 @@ impl AroundPrior<'_> {
     /// The disparity of each pixel in 64ths of a pixel of the short baseline.
     pub fn disparities(&self) -> Vec<Option<i32>> {
         let pixels = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v)));
-        pixels.map(|(u, v)| self.disparity(u, v)).collect()
+        let offsets: Vec<i32> = pixels.clone().map(|(u, v)| self.offset(u, v)).collect();
+        pixels.map(|(u, v)| self.disparity(&offsets, u, v)).collect()
     }
 
-    fn disparity(&self, u: i32, v: i32) -> Option<i32> {
+    fn disparity(&self, offsets: &[i32], u: i32, v: i32) -> Option<i32> {
         let prior = self.prior_at(u, v)?;
-        let costs: Vec<Option<f64>> = (0..self.num_disparities).map(|i| self.fused_cost(u, v, self.min_disparity + i)).collect();
+        let costs: Vec<Option<f64>> =
+            (0..self.num_disparities).map(|i| self.fused_cost(offsets, u, v, self.min_disparity + i)).collect();
         let candidates = costs.iter().enumerate().filter_map(|(i, cost)| Some((i, (*cost)?)));
         let best = candidates.reduce(|best, other| if other.1 < best.1 { other } else { best });
         let Some((i, c)) = best else { return Some(prior) };
@@ -46,12 +48,11 @@ impl AroundPrior<'_> {
             return Some(prior);
         }
         let shift = match (costs[i - 1], costs[i + 1]) {
-            (Some(a), Some(b)) if a + b > 2.0 * c => (a - b) / (2.0 * a + 2.0 * b - 4.0 * c),
+            (Some(a), Some(b)) if a.max(b) > c => (a - b) / (2.0 * a.max(b) - 2.0 * c),
             _ => 0.0,
         };
-        let found = i32::from(fixed(f64::from(self.min_disparity) + i as f64 + shift));
-        let steps = f64::from(64 * self.offset(u, v) + found) / f64::from(self.multiple);
-        Some(steps.round() as i32)
+        let found = f64::from(fixed(f64::from(self.min_disparity) + i as f64 + shift));
+        Some(prior + (found / f64::from(self.multiple)).round() as i32)
     }
 
     /// The prior of a pixel, if it has one in range.
@@ -60,21 +61,20 @@ impl AroundPrior<'_> {
         self.prior[(v * self.width + u) as usize].filter(|steps| (64 * least..=64 * most).contains(steps))
     }
 
-    /// The offset of a pixel: that of the nearest prior to its left.
+    /// The offset of a pixel in 64ths of a pixel of the long baseline: by the nearest prior to its left.
     fn offset(&self, u: i32, v: i32) -> i32 {
-        let prior = (0..=u).rev().find_map(|u| self.prior_at(u, v));
-        let nearest_to_zero = self.multiple * 0.clamp(self.priors.0, self.priors.1);
-        prior.map_or(nearest_to_zero, |steps| (f64::from(self.multiple * steps) / 64.0 + 0.5).floor() as i32)
+        let nearest_to_zero = 64 * 0.clamp(self.priors.0, self.priors.1);
+        self.multiple * (0..=u).rev().find_map(|u| self.prior_at(u, v)).unwrap_or(nearest_to_zero)
     }
 
-    fn fused_cost(&self, u: i32, v: i32, r: i32) -> Option<f64> {
-        fuse(self.fusion, self.views.iter().filter_map(|(offset, image)| self.cost(image, *offset, u, v, r)).collect())
+    fn fused_cost(&self, offsets: &[i32], u: i32, v: i32, r: i32) -> Option<f64> {
+        fuse(self.fusion, self.views.iter().filter_map(|(offset, image)| self.cost(image, *offset, offsets, (u, v), r)).collect())
     }
 
-    fn cost(&self, image: &[u8], (i, j): (i32, i32), u: i32, v: i32, r: i32) -> Option<f64> {
-        let d = self.offset(u, v) + r;
-        let inside = (0..self.width).contains(&(u - i * d)) && (0..self.height).contains(&(v - j * d));
-        if !inside {
+    fn cost(&self, image: &[u8], (i, j): (i32, i32), offsets: &[i32], (u, v): (i32, i32), r: i32) -> Option<f64> {
+        let d = offsets[(v * self.width + u) as usize].div_euclid(64) + r;
+        let is_inside = |d: i32| (0..self.width).contains(&(u - i * d)) && (0..self.height).contains(&(v - j * d));
+        if !is_inside(d) || !is_inside(d + 1) {
             return None;
         }
         let rho = self.block_size / 2;
@@ -82,10 +82,12 @@ impl AroundPrior<'_> {
         for y in v - rho..=v + rho {
             for x in u - rho..=u + rho {
                 let (x, y) = self.clamp(x, y);
-                let d = self.offset(x, y) + r;
-                let (x2, y2) = self.clamp(x - i * d, y - j * d);
-                let at = |image: &[u8], x: i32, y: i32| f64::from(image[(y * self.width + x) as usize]);
-                sum += (at(self.center, x, y) - at(image, x2, y2)).abs();
+                let offset = offsets[(y * self.width + x) as usize] + 64 * r;
+                let at = |image: &[u8], (x, y): (i32, i32)| f64::from(image[(y * self.width + x) as usize]);
+                let sample = |d: i32| at(image, self.clamp(x - i * d, y - j * d));
+                let (d, rest) = (offset.div_euclid(64), f64::from(offset.rem_euclid(64)) / 64.0);
+                let between = ((1.0 - rest) * sample(d) + rest * sample(d + 1) + 0.5).floor();
+                sum += (at(self.center, (x, y)) - between).abs();
             }
         }
         Some(sum)
@@ -94,4 +96,25 @@ impl AroundPrior<'_> {
     fn clamp(&self, x: i32, y: i32) -> (i32, i32) {
         (x.clamp(0, self.width - 1), y.clamp(0, self.height - 1))
     }
+}
+
+/// Half the difference of each pixel's neighbours in the line, rounded down, plus 128.
+pub fn gradients(image: &[u8], width: usize) -> Vec<u8> {
+    let gradient = |i: usize| {
+        let u = i % width;
+        let [before, after] = [u.saturating_sub(1), (u + 1).min(width - 1)].map(|x| i32::from(image[i - u + x]));
+        ((after - before).div_euclid(2) + 128) as u8
+    };
+    (0..image.len()).map(gradient).collect()
+}
+
+/// The upper median of the values that exist in a window of `size` x `size` pixels, where there is one.
+pub fn medians(map: &[Option<i32>], width: usize, size: usize) -> Vec<Option<i32>> {
+    let median = |i: usize| {
+        let near = |j: &usize| (j % width).abs_diff(i % width) <= size / 2 && (j / width).abs_diff(i / width) <= size / 2;
+        let mut window: Vec<i32> = (0..map.len()).filter(near).filter_map(|j| map[j]).collect();
+        window.sort_unstable();
+        map[i].map(|_| window[window.len() / 2])
+    };
+    (0..map.len()).map(median).collect()
 }

@@ -8,5 +8,5 @@ pub mod luma;
 pub mod networks;
 pub mod semi_global;
 
-pub use around_prior::AroundPrior;
+pub use around_prior::{AroundPrior, gradients, medians};
 pub use block_matching::{Fusion, Match, fixed, fuse, raw16};

@@ -26,7 +26,7 @@ fn array(reach: i32) -> Vec<(i32, i32)> {
     all.filter(|&offset| offset != (0, 0)).collect()
 }
 
-const SEARCH: [&str; 6] = ["--min-disparity", "-2", "--num-disparities", "5", "--block-size", "3"];
+const SEARCH: [&str; 7] = ["--min-disparity", "-2", "--num-disparities", "5", "--block-size", "3", "--together"];
 
 /// The disparities of a match of `source`, and what it said.
 #[track_caller]

@@ -2,5 +2,6 @@
 
 mod alignment;
 mod arrays;
+mod baselines;
 mod command_line;
 mod edge_commands;

@@ -58,12 +58,14 @@ fn semi_global_matches_equal_the_reference() {
 /// Firmware and the command line rely on these.
 #[test]
 fn default_penalties_follow_from_the_cost() {
-    for (cost, p1, p2) in [
-        (SemiGlobalCost::Sad { block_size: 5 }, 6, 48),
-        (SemiGlobalCost::Census(Census::Window5x5), 3, 18),
-        (SemiGlobalCost::Census(Census::Window7x7), 6, 36),
-        (SemiGlobalCost::Census(Census::Window9x7), 8, 48),
+    for (cost, few, many) in [
+        (SemiGlobalCost::Sad { block_size: 5 }, (6, 48), (4, 30)),
+        (SemiGlobalCost::Census(Census::Window5x5), (3, 18), (2, 11)),
+        (SemiGlobalCost::Census(Census::Window7x7), (6, 36), (4, 23)),
+        (SemiGlobalCost::Census(Census::Window9x7), (8, 48), (5, 30)),
     ] {
-        assert_eq!(Ok(cost.default_penalties()), PathPenalties::new(p1, p2, Some(10)), "{cost:?}");
+        for (views, (p1, p2)) in [(1, few), (4, few), (5, many), (24, many)] {
+            assert_eq!(Ok(cost.default_penalties(views)), PathPenalties::new(p1, p2, Some(10)), "{cost:?}, {views} views");
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! The host's other methods equal their definitions.
 
+mod baseline_noise;
 mod cost_volumes;
 mod graph_cuts;
 mod many_views;

@@ -72,8 +72,8 @@ fn semi_global_matching_equals_the_reference() {
         let search = search(&images, fusion, min, count);
         let (census, radii) = [(Census::Window5x5, (2, 2)), (Census::Window7x7, (3, 3)), (Census::Window9x7, (4, 3))][case % 3];
         let cost = SemiGlobalCost::Census(census);
-        let penalties = cost.default_penalties();
-        let sgm = SemiGlobal::default_for(cost);
+        let penalties = cost.default_penalties(search.views().len());
+        let sgm = SemiGlobal::default_for(cost, search.views().len());
         let method = Method::new(CostFunction::Census(census), None, Optimizer::SemiGlobal(sgm));
         let (p1, p2) = (penalties.p1().into(), penalties.p2(0).into());
         let reference = images.semi_global(slow, min, count, Cost::Census(radii.0, radii.1), [p1, p2]);

@@ -128,7 +128,7 @@ fn what_does_not_go_together_is_refused() {
     };
     let sad = || CostFunction::Sad { block_size: 5 };
     let cuts = || Optimizer::GraphCuts(GraphCuts::default());
-    let paths = || Optimizer::SemiGlobal(multiscopic::SemiGlobal::default_for(SemiGlobalCost::Sad { block_size: 5 }));
+    let paths = || Optimizer::SemiGlobal(multiscopic::SemiGlobal::default_for(SemiGlobalCost::Sad { block_size: 5 }, 1));
     let aggregation = Some(Aggregation { region: SupportRegion::ACCURATE, iterations: [1, 0] });
     for (method, parts) in [
         (Method::new(BIRCHFIELD_TOMASI, None, paths()), ["Birchfield-Tomasi", "semi-global"]),

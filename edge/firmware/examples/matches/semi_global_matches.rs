@@ -34,7 +34,7 @@ pub fn compare_semi_global_matches(memory: &mut [u32]) -> Result<usize, Differen
                 0 => SemiGlobalCost::Census(Census::ALL[count / 5 % Census::ALL.len()]),
                 _ => SemiGlobalCost::Sad { block_size },
             };
-            let penalties = cost.default_penalties();
+            let penalties = cost.default_penalties(views.len());
             let (p1, p2) = (penalties.p1(), penalties.p2(0));
             let (p1, p2, p2_edge) =
                 [(p1, p2, None), (p1, p2, Some(10)), (0, 0, None), (3, 51, Some(1)), (51, 51, None)][count % 7 % 5];

@@ -52,12 +52,11 @@ impl SearchOptions {
         let side = |length: usize| {
             u16::try_from(length).map_err(|_| Error::Usage(format!("a frame has a side of {length} pixels, the limit is 65535")))
         };
-        let shortest = LongBaselines::sets(views).first().copied().unwrap_or_default();
         Ok(Search::new(
             side(width)?,
             side(height)?,
             views,
-            fusion.unwrap_or(Fusion::default_for(shortest.len())),
+            fusion.unwrap_or(Fusion::default_for(LongBaselines::shortest(views).len())),
             self.min_disparity.unwrap_or(default_range.0),
             self.num_disparities.unwrap_or(default_range.1),
         )?)

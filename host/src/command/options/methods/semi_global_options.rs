@@ -18,11 +18,11 @@ pub struct SemiGlobalOptions {
     cost: CostName,
 
     /// Penalty for a disparity change of one between neighbouring pixels, in units of the cost (OpenCV: P1)
-    /// [default: census: a quarter of the window's bits, 8 for 9x7; sad: 6]
+    /// [default: census: a quarter of the window's bits, 8 for 9x7; sad: 6; with five neighbours or more 5/8 of that]
     #[arg(long, visible_alias = "P1", value_name = "N")]
     p1: Option<u8>,
 
-    /// Penalty for larger changes, from P1 to 51 (OpenCV: P2) [default: census: 6 times P1, 48 for 9x7; sad: 48]
+    /// Penalty for larger changes, from P1 to 51 (OpenCV: P2) [default: 6 times P1; sad: 48, with five neighbours or more 30]
     #[arg(long, visible_alias = "P2", value_name = "N")]
     p2: Option<u8>,
 
@@ -56,9 +56,9 @@ impl SemiGlobalOptions {
         })
     }
 
-    /// The optimizer.
-    pub fn semi_global(&self, block_size: Option<u8>) -> Result<SemiGlobal> {
-        let default = SemiGlobal::default_for(self.core_cost(block_size)?);
+    /// The optimizer of costs that are fused over a number of views.
+    pub fn semi_global(&self, block_size: Option<u8>, views: usize) -> Result<SemiGlobal> {
+        let default = SemiGlobal::default_for(self.core_cost(block_size)?, views);
         let p1 = self.p1.unwrap_or(default.penalties.p1());
         let p2 = match self.p1 {
             Some(p1) => p1.saturating_mul(6).min(PathPenalties::MAX),

@@ -35,8 +35,8 @@ pub struct SemiGlobal {
 }
 
 impl SemiGlobal {
-    /// Five paths, and the penalties that suit a cost.
-    pub fn default_for(cost: SemiGlobalCost) -> SemiGlobal {
-        SemiGlobal { paths: Paths::default(), penalties: cost.default_penalties() }
+    /// Five paths, and the penalties that suit a cost, fused over a number of views.
+    pub fn default_for(cost: SemiGlobalCost, views: usize) -> SemiGlobal {
+        SemiGlobal { paths: Paths::default(), penalties: cost.default_penalties(views) }
     }
 }

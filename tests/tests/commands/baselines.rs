@@ -1,0 +1,139 @@
+//! Rigs with several baselines: `match` goes from short to long, as the references do.
+
+use std::path::Path;
+
+use multiscopic_tests::{
+    program::Invocation,
+    reference::{AroundPrior, Fusion, fixed, gradients, medians},
+    split_mix::Random,
+    test_images::view_set::{ViewSet, read_raw16},
+};
+
+const WIDTH: usize = 72;
+const HEIGHT: usize = 13;
+/// The search of the short views.
+const RANGE: (i32, i32) = (1, 8);
+/// The views, by their baselines to the right and down.
+const SHORT: [(i32, i32); 2] = [(-1, 0), (1, 0)];
+const LONG: [(i32, &[(i32, i32)]); 2] = [(3, &[(3, 0), (0, -3)]), (5, &[(5, 0)])];
+
+/// A random texture with a slope of 2.5 to 5.5 pixels of disparity, seen from everywhere.
+fn images() -> ViewSet {
+    let mut random = Random(3);
+    let texture: Vec<f64> = (0..4096).map(|_| random.below(256) as f64).collect();
+    let noise = |x: f64, row: i64| {
+        let at = |column: i64| texture[((column * 7 + row * 131).rem_euclid(4096)) as usize];
+        let (column, rest) = (x.floor(), x - x.floor());
+        (1.0 - rest) * at(column as i64) + rest * at(column as i64 + 1)
+    };
+    let image = |(i, j): (i32, i32)| -> Vec<u8> {
+        let pixel = |k: usize| {
+            let (u, v) = ((k % WIDTH) as f64, (k / WIDTH) as f64);
+            // The disparity of the point of the centre that is seen here, which is (u + i d, v + j d).
+            let mut d = 4.0;
+            for _ in 0..30 {
+                d = 2.5 + 3.0 * (u + f64::from(i) * d) / WIDTH as f64;
+            }
+            let y = v + f64::from(j) * d;
+            let (row, rest) = (y.floor(), y - y.floor());
+            let x = u + f64::from(i) * d;
+            ((1.0 - rest) * noise(x, row as i64) + rest * noise(x, row as i64 + 1)).round() as u8
+        };
+        (0..WIDTH * HEIGHT).map(pixel).collect()
+    };
+    let views = [Some(image(SHORT[0])), Some(image(SHORT[1])), None, None];
+    let others = LONG.iter().flat_map(|(_, offsets)| offsets.iter()).map(|&offset| (offset, image(offset))).collect();
+    ViewSet { width: WIDTH, height: HEIGHT, center: image((0, 0)), views, others }
+}
+
+/// `map`, refined by the views at longer baselines, by the references.
+fn refined(images: &ViewSet, map: &[Option<i32>]) -> Vec<Option<i32>> {
+    let prior = medians(map, WIDTH, 21);
+    let center = gradients(&images.center, WIDTH);
+    let mut refined = prior.clone();
+    for (multiple, offsets) in LONG {
+        let of = |offset: &(i32, i32)| {
+            let (_, image) = images.others.iter().find(|(other, _)| other == offset).expect("a view");
+            ((offset.0 / multiple, offset.1 / multiple), gradients(image, WIDTH))
+        };
+        let views: Vec<_> = offsets.iter().map(of).collect();
+        let found = AroundPrior {
+            width: WIDTH as i32,
+            height: HEIGHT as i32,
+            center: &center,
+            views: &views,
+            multiple,
+            prior: &prior,
+            priors: (RANGE.0, RANGE.0 + RANGE.1 - 1),
+            fusion: Fusion::Min,
+            min_disparity: -4,
+            num_disparities: 8,
+            block_size: 11,
+        };
+        for ((refined, found), prior) in refined.iter_mut().zip(found.disparities()).zip(&prior) {
+            if found != *prior {
+                *refined = found;
+            }
+        }
+    }
+    refined
+}
+
+/// Runs `match` with the centre and the views at `offsets` in `folder`, and returns the disparities in 64ths of a pixel.
+#[track_caller]
+fn matched(folder: &Path, offsets: &[(i32, i32)], arguments: &[&str]) -> Vec<Option<i32>> {
+    let path = |name: &str| folder.join(format!("{name}.pgm")).display().to_string();
+    let mut all = vec!["match".to_owned(), "--center".into(), path("center")];
+    for &(right, down) in offsets {
+        let name = match (right, down) {
+            (-1, 0) => "left",
+            (1, 0) => "right",
+            _ => &format!("{right},{down}"),
+        };
+        all.extend(["--view".to_owned(), format!("{right},{down}={}", path(name))]);
+    }
+    let (raw, map) = (folder.join("raw.png"), folder.join("out.pfm"));
+    all.extend(["-o", &map.display().to_string(), "--raw16", &raw.display().to_string()].map(String::from));
+    all.extend(arguments.iter().copied().map(String::from));
+    Invocation::new(all).assert_done();
+    read_raw16(&raw).2.into_iter().map(|raw| (raw != 0).then(|| i32::from(raw) - 32768)).collect()
+}
+
+#[test]
+fn views_at_longer_baselines_refine_what_short_ones_find() {
+    let images = images();
+    let folder = tempfile::tempdir().expect("a folder for the test");
+    images.write_rig(folder.path());
+    let all: Vec<(i32, i32)> = LONG.iter().flat_map(|(_, offsets)| offsets.iter().copied()).chain(SHORT).collect();
+
+    let range = ["--min-disparity", &RANGE.0.to_string(), "--num-disparities", &RANGE.1.to_string()];
+    let short = ViewSet { others: Vec::new(), ..images.clone() }.reference(Fusion::Min, RANGE.0, RANGE.1, 11).disparities();
+    let short: Vec<Option<i32>> = short.into_iter().map(|d| d.map(|d| i32::from(fixed(d)))).collect();
+    assert_eq!(matched(folder.path(), &SHORT, &range), short, "the short views alone");
+    let expected = refined(&images, &short);
+    assert_eq!(matched(folder.path(), &all, &range), expected, "all views");
+
+    // Towards the truth: the error falls by half where it can, away from the border.
+    let error = |map: &[Option<i32>]| {
+        let inner = (0..WIDTH * HEIGHT).filter(|k| (36..66).contains(&(k % WIDTH)));
+        let errors =
+            inner.map(|k| (f64::from(map[k].expect("a disparity")) / 64.0 - 2.5 - 3.0 * (k % WIDTH) as f64 / WIDTH as f64).abs());
+        errors.sum::<f64>() / (30 * HEIGHT) as f64
+    };
+    assert!(error(&expected) < 0.5 * error(&short), "{} with long baselines, {} without", error(&expected), error(&short));
+}
+
+#[test]
+fn a_prior_from_a_file_takes_the_place_of_short_views() {
+    let images = images();
+    let folder = tempfile::tempdir().expect("a folder for the test");
+    images.write_rig(folder.path());
+    let range = ["--min-disparity", &RANGE.0.to_string(), "--num-disparities", &RANGE.1.to_string()];
+    let short = matched(folder.path(), &SHORT, &range);
+    let prior = folder.path().join("prior.png");
+    std::fs::rename(folder.path().join("raw.png"), &prior).expect("a prior");
+    let long: Vec<(i32, i32)> = LONG.iter().flat_map(|(_, offsets)| offsets.iter().copied()).collect();
+    let found = matched(folder.path(), &long, &["--prior", &prior.display().to_string()]);
+    // The search may reach as far as the prior's own disparities do, which no pixel's median leaves.
+    assert_eq!(found, refined(&images, &short));
+}

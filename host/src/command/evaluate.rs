@@ -13,7 +13,6 @@ use multiscopic::{
     evaluation::{DatasetScene, ResultRow, results},
     files::output,
     report::{Figure, Report, error_map},
-    stereo::LongBaselines,
 };
 use multiscopic_core::{Fusion, Views};
 
@@ -109,12 +108,13 @@ impl Evaluate {
         let options = self.options.clone().for_dataset(self.dataset);
         let long_baselines = self.long_baselines.long_baselines()?;
         // Penalties depend on the number of views.
-        let key = |variant: &Variant| (variant.method, LongBaselines::shortest(variant.views).len());
+        let key = |variant: &Variant| (variant.method, self.long_baselines.first(variant.views).len());
         let mut methods = Vec::new();
         for variant in &variants {
             if !methods.iter().any(|(other, _)| *other == key(variant)) {
-                let method = options.method(variant.method, self.search.block_size, variant.views)?;
-                methods.push((key(variant), Method { long_baselines, ..method }));
+                let (name, views) = key(variant);
+                let method = options.method(name, self.search.block_size, views)?;
+                methods.push(((name, views), Method { long_baselines, ..method }));
             }
         }
         let scenes = self.selected_scenes()?;

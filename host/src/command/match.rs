@@ -96,7 +96,9 @@ impl Match {
         };
         let (mut frames, center) = Frames::load(&images)?;
         let center = self.outputs.ply.is_some().then_some(center);
-        let search = self.search.search(frames.size(), frames.views(), self.fusion, SearchOptions::DEFAULT_RANGE)?;
+        let first = self.baselines.first(frames.views()).len();
+        let fusion = self.fusion.unwrap_or(Fusion::default_for(first));
+        let search = self.search.search(frames.size(), frames.views(), Some(fusion), SearchOptions::DEFAULT_RANGE)?;
         let geometry = self.geometry.geometry(rig.as_ref(), &frames);
         self.outputs.check_geometry(geometry.is_some())?;
         let rig_file = self.source.rig_file();
@@ -108,7 +110,7 @@ impl Match {
             frames = Alignment::estimate(&frames, &self.search.params(search)?, &engine)?.compensate(&frames);
         }
 
-        let method = self.options.method(self.method, self.search.block_size, search.views())?;
+        let method = self.options.method(self.method, self.search.block_size, first)?;
         let method = Method { long_baselines: self.baselines.long_baselines()?, ..method };
         if !method.cost.matches_color() {
             frames = frames.without_color();

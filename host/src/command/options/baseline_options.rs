@@ -5,6 +5,7 @@ use multiscopic::{
     Result,
     stereo::{LongBaselines, refinement::Median},
 };
+use multiscopic_core::Views;
 
 /// How views at longer baselines are matched.
 #[derive(Clone, Debug, Args)]
@@ -24,6 +25,11 @@ pub struct BaselineOptions {
 }
 
 impl BaselineOptions {
+    /// Those of `views` that are matched first: at the shortest baseline, unless all are matched together.
+    pub fn first(&self, views: Views) -> Views {
+        if self.together { views } else { LongBaselines::shortest(views) }
+    }
+
     /// How views at longer baselines refine what those at the shortest found, or `None` to match all together.
     pub fn long_baselines(&self) -> Result<Option<LongBaselines>> {
         let median = if self.prior_median == 0 { None } else { Some(Median::new(self.prior_median)?) };

@@ -1,7 +1,7 @@
 //! The search range and the block.
 
 use clap::Args;
-use multiscopic::{Error, Result, stereo::LongBaselines};
+use multiscopic::{Error, Result};
 use multiscopic_core::{Fusion, Params, Search, Views};
 
 /// The views that `--views` stands for.
@@ -56,7 +56,7 @@ impl SearchOptions {
             side(width)?,
             side(height)?,
             views,
-            fusion.unwrap_or(Fusion::default_for(LongBaselines::shortest(views).len())),
+            fusion.unwrap_or(Fusion::default_for(views.len())),
             self.min_disparity.unwrap_or(default_range.0),
             self.num_disparities.unwrap_or(default_range.1),
         )?)

@@ -8,9 +8,8 @@ mod semi_global_options;
 use clap::Args;
 use multiscopic::{
     Dataset, Method, Result,
-    stereo::{CostFunction, LongBaselines, Optimizer, cost::mccnn::Architecture},
+    stereo::{CostFunction, Optimizer, cost::mccnn::Architecture},
 };
-use multiscopic_core::Views;
 
 use self::{
     graph_cuts_options::GraphCutsOptions, mc_cnn_options::McCnnOptions, refinement_options::RefinementOptions,
@@ -83,10 +82,9 @@ impl MethodOptions {
         self
     }
 
-    /// The method with these options, for matches in `views`. `block_size` is that of block matching, with which graph
+    /// The method with these options, for a match in a number of `views`. `block_size` is that of block matching, with which graph
     /// cuts start, and of sums of absolute differences, if one was asked for.
-    pub fn method(&self, name: MethodName, block_size: Option<u8>, views: Views) -> Result<Method> {
-        let views = LongBaselines::shortest(views);
+    pub fn method(&self, name: MethodName, block_size: Option<u8>, views: usize) -> Result<Method> {
         let MethodOptions { graph_cuts, semi_global, mc_cnn, refinement } = self;
         let mc_cnn = |architecture| -> Result<Method> {
             let optimizer = Optimizer::EdgeAware(mc_cnn.penalties(architecture));
@@ -103,7 +101,7 @@ impl MethodOptions {
                 Method::new(CostFunction::BirchfieldTomasi(graph_cuts.cost()), None, optimizer)
             }
             MethodName::Sgm => {
-                let optimizer = Optimizer::SemiGlobal(semi_global.semi_global(block_size, views.len())?);
+                let optimizer = Optimizer::SemiGlobal(semi_global.semi_global(block_size, views)?);
                 Method::new(semi_global.cost(block_size)?, None, optimizer)
             }
             MethodName::MccnnFast => mc_cnn(Architecture::Fast)?,

@@ -105,7 +105,7 @@ impl Match {
         let inputs: Vec<&Path> = images.paths().chain(rig_file.as_deref()).chain(self.prior.as_deref()).collect();
         output::check(&self.outputs.paths(), &inputs)?;
         let engine = self.engine.engine()?;
-        let prior = self.prior.as_deref().map(DisparityMap::read_raw16).transpose()?;
+        let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size())).transpose()?;
         if self.align {
             frames = Alignment::estimate(&frames, &self.search.params(search)?, &engine)?.compensate(&frames);
         }

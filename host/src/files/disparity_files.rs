@@ -55,6 +55,24 @@ impl DisparityMap {
             }
         }
     }
+
+    /// Reads a file that [`write_raw16`](DisparityMap::write_raw16) wrote, to search around its disparities in frames of
+    /// `width` x `height` pixels.
+    ///
+    /// # Errors
+    /// As [`read_raw16`](DisparityMap::read_raw16), and [`Error::Format`] if the map has another size or no valid pixel.
+    pub fn read_prior(path: &Path, [width, height]: [usize; 2]) -> Result<DisparityMap> {
+        let prior = DisparityMap::read_raw16(path)?;
+        let [w, h] = [prior.width(), prior.height()];
+        if [w, h] != [width, height] {
+            let expected = format!("{width}x{height} as the images have");
+            return Err(Error::format(path, format!("disparities of {w}x{h} pixels"), expected));
+        }
+        if prior.range().is_none() {
+            return Err(Error::format(path, "no pixel with a disparity", "disparities to search around"));
+        }
+        Ok(prior)
+    }
 }
 
 #[cfg(test)]

@@ -137,3 +137,30 @@ fn a_prior_from_a_file_takes_the_place_of_short_views() {
     // The search may reach as far as the prior's own disparities do, which no pixel's median leaves.
     assert_eq!(found, refined(&images, &short));
 }
+
+#[test]
+fn a_prior_that_does_not_fit_is_refused() {
+    let images = images();
+    let folder = tempfile::tempdir().expect("a folder for the test");
+    images.write_rig(folder.path());
+    let prior = folder.path().join("prior.png").display().to_string();
+    let refused = |words: &[&str]| {
+        let rig = folder.path().display().to_string();
+        let map = folder.path().join("out.pfm").display().to_string();
+        let run = Invocation::new(["match", &rig, "-o", &map, "--prior", &prior]);
+        assert_eq!(run.code, Some(2), "{run:?}");
+        assert!(words.iter().all(|word| run.stderr.contains(word)), "{words:?} in {}", run.stderr);
+        assert!(!folder.path().join("out.pfm").exists(), "a map in spite of {words:?}");
+    };
+    let write = |width: u32, height: u32, raw: u16| {
+        let image = image::ImageBuffer::from_pixel(width, height, image::Luma([raw]));
+        image.save(&prior).expect("the folder is there");
+    };
+    refused(&[&prior, "cannot read"]);
+    write(10, 4, 32768);
+    refused(&[&prior, "10x4", "72x13"]);
+    write(WIDTH as u32, HEIGHT as u32, 0);
+    refused(&[&prior, "no pixel with a disparity"]);
+    std::fs::copy(folder.path().join("left.pgm"), &prior).expect("a file");
+    refused(&[&prior, "16-bit grey image"]);
+}

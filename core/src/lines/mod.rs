@@ -116,8 +116,9 @@ enum Store<'m> {
 }
 
 impl<'m> Lines<'m> {
-    /// No lines yet of the centre or, if `frame` is one of the views of `params`, of its frame. `samples`, of [`Shape::frame_bytes`] bytes for each plane, will store them. A
-    /// plane has a byte of each pixel: its grey value, or one of its descriptor.
+    /// No lines of `frame` yet, which is the centre or stands for one of the views of `params`. `samples`, of
+    /// [`Shape::frame_bytes`] bytes for each plane, will store them. A plane has a byte of each pixel: its grey value, or
+    /// one of its descriptor.
     pub fn new(frame: Frame, params: &Params, region: &Region, shape: Shape, samples: &'m mut [u8]) -> Lines<'m> {
         let radius = params.radius() as i32;
         let last = params.height() as i32 - 1;

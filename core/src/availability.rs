@@ -204,9 +204,14 @@ impl Availability {
         }
         // What is available at both ends is available in between.
         let (first, last) = (columns.start, columns.end.saturating_sub(1));
-        let vertical = self.incomplete & !all_views(self.sideways);
-        (0..self.sideways)
-            .fold(vertical, |incomplete, k| incomplete | u8::from(self.at(k, first) != all || self.at(k, last) != all) << k)
+        let mut incomplete = self.incomplete & !all_views(self.sideways);
+        // Not `fold`, which is not inlined.
+        let mut k = 0;
+        while k < self.sideways {
+            incomplete |= u8::from(self.at(k, first) != all || self.at(k, last) != all) << k;
+            k += 1;
+        }
+        incomplete
     }
 
     /// The views of the match.

@@ -104,9 +104,11 @@ impl View {
         if divisor == 0 || !self.multiple().is_multiple_of(divisor) {
             return None;
         }
-        // Not above the multiple, which is at most 8.
-        let divisor = divisor as i8;
-        Some(View { right: self.right / divisor, down: self.down / divisor })
+        // The divisor is not above the multiple, which is at most 8.
+        match (self.right.checked_div(divisor as i8), self.down.checked_div(divisor as i8)) {
+            (Some(right), Some(down)) => Some(View { right, down }),
+            _ => None,
+        }
     }
 
     /// How far the match of a pixel lies from that pixel at a disparity of `d` pixels: `(du, dv)`.

@@ -49,7 +49,9 @@ mod image {
         let (min_disparity, num_disparities, block_size) = black_box((1, 16, 11));
         let params = Params::new(width, height, views, fusion, min_disparity, num_disparities, block_size).ok()?;
         let (memory, line) = (MEMORY.try_take()?, LINE.try_take()?);
-        for tile in Region::tiles(params.search(), black_box(20)) {
+        let matches = black_box([params, params.around(params.search())]);
+        let tiles = |params: Params| Region::tiles(params.search(), black_box(20)).map(move |tile| (params, tile));
+        for (params, tile) in matches.into_iter().flat_map(tiles) {
             let mut matcher = Matcher::with_isa(BoardKernel::default(), &params, &tile, &mut memory[..]).ok()?;
             let line = line.get_mut(..tile.width())?;
             while matcher.next_line(&mut Opaque, line).ok()?.is_some() {

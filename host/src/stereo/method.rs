@@ -114,15 +114,14 @@ impl Method {
     ) -> Result<DisparityMap> {
         engine.check(frames, search)?;
         let sets = LongBaselines::sets(search.views());
-        let (Some(long_baselines), [shortest, longer @ ..]) = (self.long_baselines, &sets[..]) else {
-            return self.disparities_together(engine, frames, search, progress);
-        };
-        if longer.is_empty() {
-            return self.disparities_together(engine, frames, search, progress);
+        match (self.long_baselines, &sets[..]) {
+            (Some(long_baselines), [shortest, longer @ ..]) if !longer.is_empty() => {
+                let search = search.with_views(*shortest)?;
+                let map = self.disparities_together(engine, frames, &search, progress)?;
+                long_baselines.refine(engine, frames, &search, longer, map, progress)
+            }
+            _ => self.disparities_together(engine, frames, search, progress),
         }
-        let search = search.with_views(*shortest)?;
-        let map = self.disparities_together(engine, frames, &search, progress)?;
-        long_baselines.refine(engine, frames, &search, longer, map, progress)
     }
 
     /// The same by all views together.

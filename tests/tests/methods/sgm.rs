@@ -19,14 +19,14 @@ use multiscopic_tests::{
     },
 };
 
-/// The host's method with the core's parameters.
+/// The host's method with the core's parameters. Views at several baselines are matched together, as the reference does.
 fn method(params: &SemiGlobalParams, paths: Paths) -> Method {
     let cost = match params.cost() {
         SemiGlobalCost::Sad { block_size } => CostFunction::Sad { block_size },
         SemiGlobalCost::Census(census) => CostFunction::Census(census),
     };
     let optimizer = multiscopic::SemiGlobal { paths, penalties: params.penalties() };
-    Method::new(cost, None, Optimizer::SemiGlobal(optimizer))
+    Method { long_baselines: None, ..Method::new(cost, None, Optimizer::SemiGlobal(optimizer)) }
 }
 
 /// Engines with every instruction set and each number of threads.

@@ -49,12 +49,12 @@ impl View {
 
     /// The most baselines from the centre, in each direction. At any disparity, coordinates of matches then fit
     /// 16 bits.
-    pub const MAX_OFFSET: i8 = 8;
+    pub const MAX_OFFSET: i8 = 16;
 
     /// The view `right` baselines to the right of the centre and `down` baselines below it.
     ///
     /// # Errors
-    /// The offset is `(0, 0)`, which is the centre, or leaves -8..=8.
+    /// The offset is `(0, 0)`, which is the centre, or leaves -16..=16.
     pub const fn new(right: i8, down: i8) -> Result<View, ViewError> {
         let most = View::MAX_OFFSET;
         let is_within = -most <= right && right <= most && -most <= down && down <= most;
@@ -104,7 +104,7 @@ impl View {
         if divisor == 0 || !self.multiple().is_multiple_of(divisor) {
             return None;
         }
-        // The divisor is not above the multiple, which is at most 8.
+        // The divisor is not above the multiple, which is at most 16.
         match (self.right.checked_div(divisor as i8), self.down.checked_div(divisor as i8)) {
             (Some(right), Some(down)) => Some(View { right, down }),
             _ => None,
@@ -191,8 +191,8 @@ impl View {
     /// ones whose matches stay in the line, and the nearest of each.
     pub(crate) const fn rank(self) -> u32 {
         let distance = self.right.unsigned_abs() as u32 + self.down.unsigned_abs() as u32;
-        let place = (self.down + View::MAX_OFFSET) as u32 * 32 + (self.right + View::MAX_OFFSET) as u32;
-        (self.is_vertical() as u32) << 21 | (!self.is_horizontal() as u32) << 20 | distance << 10 | place
+        let place = (self.down + View::MAX_OFFSET) as u32 * 64 + (self.right + View::MAX_OFFSET) as u32;
+        (self.is_vertical() as u32) << 25 | (!self.is_horizontal() as u32) << 24 | distance << 12 | place
     }
 }
 

@@ -35,6 +35,13 @@ impl Position {
         if x > y { x } else { y }
     }
 
+    /// The distance in a straight line, in micrometres, rounded down.
+    pub const fn length_um(self, other: Position) -> u64 {
+        let (x, y) = (self.x_um.abs_diff(other.x_um) as u64, self.y_um.abs_diff(other.y_um) as u64);
+        // The square of a distance in 32 bits fits 64. The sum saturates beyond 4 km.
+        x.pow(2).saturating_add(y.pow(2)).isqrt()
+    }
+
     /// The position `distance_um` micrometres to the left and `distance_um` up.
     pub const fn before(self, distance_um: u32) -> Position {
         Position { x_um: self.x_um.saturating_sub_unsigned(distance_um), y_um: self.y_um.saturating_sub_unsigned(distance_um) }

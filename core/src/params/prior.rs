@@ -14,7 +14,7 @@ pub struct Prior {
 }
 
 impl Prior {
-    /// How many baselines of the prior there are in one of the search around it: 1 to 8.
+    /// How many baselines of the prior there are in one of the search around it: 1 to 16.
     pub const fn multiple(&self) -> u8 {
         self.multiple
     }

@@ -267,7 +267,7 @@ pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
     let block_size = prop_oneof![5 => 0..=3_i32, 3 => 4..=10_i32, 1 => 7..=10_i32].prop_map(|radius| 2 * radius + 1);
     let fusion = prop_oneof![Just(Fusion::Min), Just(Fusion::Mean), Just(Fusion::Heuristic), Just(Fusion::Half)];
     let nearest = (1..16_u8).prop_map(|views| ([0, 1, 2, 3].map(|i| views >> i & 1 != 0), Vec::new()));
-    let offset = prop_oneof![3 => (-1..=1_i32, -1..=1_i32), 2 => (-3..=3_i32, -3..=3_i32), 1 => (-8..=8_i32, -8..=8_i32)]
+    let offset = prop_oneof![3 => (-1..=1_i32, -1..=1_i32), 2 => (-3..=3_i32, -3..=3_i32), 1 => (-16..=16_i32, -16..=16_i32)]
         .prop_filter("the centre", |offset| *offset != (0, 0));
     let anywhere = prop::collection::btree_set(offset, 1..=Views::MAX_MATCHED).prop_map(|offsets| {
         let cross = [(-1, 0), (1, 0), (0, -1), (0, 1)];

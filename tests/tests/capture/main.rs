@@ -5,4 +5,5 @@ mod arm;
 mod camera;
 #[cfg(unix)]
 mod gcode;
+mod path;
 mod sequence;

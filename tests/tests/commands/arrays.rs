@@ -83,7 +83,7 @@ fn what_is_no_view_is_refused() {
         Invocation::new(arguments).assert_refused(words);
     };
     refused(&["0,0="], &["0,0", "centre"]);
-    refused(&["9,0="], &["9,0", "-8..=8"]);
+    refused(&["17,0="], &["17,0", "-16..=16"]);
     refused(&["above="], &["left, right, top, bottom", "1,-1"]);
     refused(&[""], &["no ="]);
     refused(&["1,0="], &["two images of the right view"]);

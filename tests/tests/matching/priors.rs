@@ -54,7 +54,7 @@ impl Case {
             height,
             center,
             views,
-            multiple: 1 + random.below(4) as i32,
+            multiple: [1, 2, 3, 4, 8][random.below(5)],
             prior,
             priors,
             fusion: FUSIONS[case % 4],

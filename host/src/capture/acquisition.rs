@@ -7,6 +7,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use image::GrayImage;
 use multiscopic_core::{
     Frame,
     capture::{CaptureError, CaptureProgress, Plan, Policy, Sequence, Stage},
@@ -21,7 +22,7 @@ use crate::{
 /// How often the stage and the camera are polled.
 const POLL_INTERVAL: Duration = Duration::from_millis(2);
 
-/// Takes the frames of `plan`. Calls `observe` for each change of progress, with the time since the start.
+/// Takes the frames of `plan`, of which one is the centre. Calls `observe` for each change of progress, with the time since the start.
 ///
 /// The capture is aborted when `interrupts` increases: at the first increase the stage returns to the centre
 /// if that is safe, at the second it stops where it is.
@@ -29,14 +30,42 @@ const POLL_INTERVAL: Duration = Duration::from_millis(2);
 /// # Errors
 /// [`Error::Capture`] if the stage or the camera failed, or the capture was aborted. The stage has stopped by
 /// then.
+///
+/// # Panics
+/// If the plan has no centre.
 pub fn acquire_frames<S, C>(
     stage: &mut S,
     camera: &mut ThreadedCamera<C>,
     plan: &Plan,
     policy: Policy,
     interrupts: &AtomicUsize,
-    mut observe: impl FnMut(Duration, CaptureProgress),
+    observe: impl FnMut(Duration, CaptureProgress),
 ) -> Result<Frames>
+where
+    S: Stage<Error: error::Error + Send + Sync + 'static>,
+    C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
+{
+    let mut images = acquire_images(stage, camera, plan, policy, interrupts, observe)?;
+    let center = images.iter().position(|(frame, _)| *frame == Frame::Center).expect("the plan has a centre");
+    let (_, center) = images.swap_remove(center);
+    Ok(images.into_iter().fold(Frames::new(center), |frames, (frame, image)| match frame {
+        Frame::Center => frames,
+        Frame::View(view) => frames.with(view, image),
+    }))
+}
+
+/// Takes the frames of `plan`, which need not have a centre, as [`acquire_frames`] does.
+///
+/// # Errors
+/// As [`acquire_frames`].
+pub fn acquire_images<S, C>(
+    stage: &mut S,
+    camera: &mut ThreadedCamera<C>,
+    plan: &Plan,
+    policy: Policy,
+    interrupts: &AtomicUsize,
+    mut observe: impl FnMut(Duration, CaptureProgress),
+) -> Result<Vec<(Frame, GrayImage)>>
 where
     S: Stage<Error: error::Error + Send + Sync + 'static>,
     C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
@@ -62,11 +91,7 @@ where
         thread::sleep(POLL_INTERVAL);
     }
     let mut image = |index| camera.take_image(index).expect("a finished sequence has taken every frame");
-    let center = image(0);
-    Ok(plan.frames().iter().enumerate().fold(Frames::new(center), |frames, (index, frame)| match frame {
-        Frame::Center => frames,
-        Frame::View(view) => frames.with(*view, image(index)),
-    }))
+    Ok(plan.frames().iter().enumerate().map(|(index, frame)| (*frame, image(index))).collect())
 }
 
 /// The frame that the error is about. `None` if it is not about one.

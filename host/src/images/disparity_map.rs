@@ -41,6 +41,32 @@ impl DisparityMap {
         Some(valid().min()?.into()..=valid().max()?.into())
     }
 
+    /// The noise of the disparities in pixels: the standard deviation of their errors on smooth surfaces, estimated without
+    /// the truth. `None` if too few pixels are valid.
+    ///
+    /// Where a surface is smooth, a disparity is the mean of those `spacing` pixels to both sides, apart from noise. With a
+    /// spacing of at least the block, the three have noise of their own, and the difference has sqrt(3/2) times
+    /// the noise. The larger half of the differences does not count: edges, curved surfaces and mismatches are among them.
+    pub fn noise(&self, spacing: usize) -> Option<f64> {
+        /// The standard deviation of the least half of normally distributed numbers, with a standard deviation of 1 in all.
+        const LEAST_HALF: f64 = 0.377_7;
+        const FEWEST: usize = 100;
+        let mut differences: Vec<f64> = Vec::new();
+        for line in self.rows() {
+            let ahead = line.iter().skip(spacing).zip(line.iter().skip(2 * spacing));
+            for (before, (at, after)) in line.iter().zip(ahead) {
+                if let (Some(before), Some(at), Some(after)) = (before, at, after) {
+                    let [before, at, after] = [before, at, after].map(|d| f64::from(f32::from(*d)));
+                    differences.push((at - (before + after) / 2.0).powi(2));
+                }
+            }
+        }
+        differences.sort_unstable_by(f64::total_cmp);
+        let kept = &differences[..differences.len() / 2];
+        let square = kept.iter().sum::<f64>() / kept.len() as f64 / 1.5;
+        (kept.len() >= FEWEST).then(|| square.sqrt() / LEAST_HALF)
+    }
+
     /// Colours the map with Turbo: the far end of `range` (pixels of disparity) is blue, the near end red,
     /// and invalid pixels black.
     ///
@@ -73,6 +99,27 @@ mod tests {
             2,
             vec![disparity(-2.5), None, disparity(60.0), disparity(0.0), disparity(511.984_4), disparity(-511.984_4)],
         )
+    }
+
+    #[test]
+    fn noise_is_that_of_smooth_surfaces() {
+        // Two slanted planes with an edge between them, with the sum of twelve uniform numbers as noise, and gaps.
+        for expected in [0.02, 0.1, 0.5] {
+            let mut state = 1_u64;
+            let mut uniform = || {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (state >> 40) as f64 / (1 << 24) as f64
+            };
+            let pixels = (0..200 * 150).map(|i| {
+                let (u, v) = (f64::from(i % 200), f64::from(i / 200));
+                let plane = if u < 90.0 { 5.0 + 0.03 * u - 0.01 * v } else { 20.0 - 0.02 * u };
+                let noise = (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+                if uniform() < 0.1 { None } else { disparity((plane + expected * noise) as f32) }
+            });
+            let found = DisparityMap::new(200, 150, pixels.collect()).noise(11).unwrap();
+            assert!((found / expected - 1.0).abs() < 0.1, "{found} instead of {expected}");
+        }
+        assert_eq!(map().noise(11), None);
     }
 
     #[test]

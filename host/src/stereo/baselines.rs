@@ -1,6 +1,6 @@
 //! From short baselines to long ones.
 
-use multiscopic_core::{Fusion, Params, Search, Views};
+use multiscopic_core::{Fusion, Params, Search, View, Views};
 
 use super::{engine::Engine, refinement::Median};
 use crate::{
@@ -29,17 +29,22 @@ impl LongBaselines {
     /// Eight disparities, blocks of 11 pixels, and a median over 21.
     pub const DEFAULT: LongBaselines = LongBaselines { num_disparities: 8, block_size: 11, median: Some(Median::of_radius(10)) };
 
-    /// The views by their baselines, the shortest first. Views in the centre's row and column of the array are in the
-    /// same set if they are the same multiple of a baseline away. If there are views elsewhere, all are in one set, since they
-    /// are an array, and are matched together.
+    /// The views by their baselines, the shortest first. Views in the centre's row and column are in the same set if they are
+    /// the same multiple of a baseline away. Views elsewhere are an array: they, and those in the row and the column
+    /// that are not farther away than they, are matched together, before all others.
     pub fn sets(views: Views) -> Vec<Views> {
-        if views.iter().any(|view| !view.is_horizontal() && !view.is_vertical()) {
-            return vec![views];
-        }
-        let mut multiples: Vec<u8> = views.iter().map(|view| view.multiple()).collect();
+        let is_elsewhere = |view: &View| !view.is_horizontal() && !view.is_vertical();
+        let distance = |view: View| view.right().unsigned_abs().max(view.down().unsigned_abs());
+        let array = views.iter().filter(is_elsewhere).map(distance).max();
+        let is_in_array = |view: View| array.is_some_and(|array| distance(view) <= array);
+        let mut multiples: Vec<u8> = views.iter().filter(|view| !is_in_array(*view)).map(distance).collect();
         multiples.sort_unstable();
         multiples.dedup();
-        multiples.into_iter().map(|multiple| views.iter().filter(|view| view.multiple() == multiple).collect()).collect()
+        let array = views.iter().filter(|view| is_in_array(*view)).collect::<Views>();
+        let longer = multiples.into_iter().map(|multiple| {
+            views.iter().filter(|view| !is_in_array(*view) && distance(*view) == multiple).collect()
+        });
+        (!array.is_empty()).then_some(array).into_iter().chain(longer).collect()
     }
 
     /// The views at the shortest baseline, which are matched first.

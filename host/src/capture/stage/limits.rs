@@ -48,6 +48,16 @@ impl Limits {
     const SPEED_MM_S: RangeInclusive<f64> = 1e-3..=250.0;
     const ACCELERATION_MM_S2: RangeInclusive<f64> = 1e-3..=1200.0;
 
+    /// How long a move of `distance_mm` takes from rest to rest, at this acceleration and speed.
+    pub fn travel_time(&self, distance_mm: f64) -> Duration {
+        let Limits { speed_mm_s: speed, acceleration_mm_s2: acceleration, .. } = *self;
+        let seconds = match distance_mm * acceleration < speed.powi(2) {
+            true => 2.0 * (distance_mm / acceleration).sqrt(),
+            false => distance_mm / speed + speed / acceleration,
+        };
+        Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
+    }
+
     /// Fails if a limit is out of range.
     pub(super) fn check(&self) -> Result<(), StageError> {
         let numbers = [
@@ -83,6 +93,15 @@ mod tests {
             refusal,
             "(0, 6) mm is beyond the reach of 5 mm from where the stage started; allow a longer reach if that is safe"
         );
+    }
+
+    #[test]
+    fn moves_speed_up_and_slow_down() {
+        let limits = Limits { speed_mm_s: 50.0, acceleration_mm_s2: 100.0, ..Limits::default() };
+        let seconds = |mm| limits.travel_time(mm).as_secs_f64();
+        // Half a second and 12.5 mm to reach the speed, and as much to stop.
+        assert_eq!([seconds(0.0), seconds(25.0), seconds(75.0)], [0.0, 1.0, 2.0]);
+        assert!((seconds(1.0) - 0.2).abs() < 1e-9);
     }
 
     #[test]

@@ -8,6 +8,7 @@
 //! | [`Arm`] | an arm of Universal Robots |
 //! | [`gcode`] | machines with Grbl or Marlin on a serial port |
 //! | [`ManualStage`] | a person who is prompted |
+//! | [`SimulatedStage`] | none: for trying things out |
 //! | [`StageError`] | what went wrong, and what to do |
 //!
 //! A stage's [centre](multiscopic_core::capture::Position::CENTER) is where it is when it is opened. All
@@ -20,6 +21,7 @@ mod limits;
 mod manual;
 pub mod robot_arm;
 mod safety_mode;
+mod simulated;
 mod spec;
 mod stall_timer;
 
@@ -29,6 +31,7 @@ pub use limits::Limits;
 pub use manual::ManualStage;
 pub use robot_arm::{Arm, ArmAddress};
 pub use safety_mode::SafetyMode;
+pub use simulated::{SimulatedPlace, SimulatedStage};
 pub use spec::StageSpec;
 
 /// Opens the stage that `spec` names.
@@ -40,5 +43,6 @@ pub fn open(spec: &StageSpec, limits: &Limits) -> Result<AnyStage, StageError> {
         StageSpec::Ur10(address) => Arm::connect(address, limits).map(AnyStage::new),
         StageSpec::Gcode { path, baud } => gcode::open(path, *baud, limits),
         StageSpec::Manual => ManualStage::at_terminal(limits).map(AnyStage::new),
+        StageSpec::Simulated => SimulatedStage::new(limits).map(AnyStage::new),
     }
 }

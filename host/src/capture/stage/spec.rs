@@ -28,6 +28,8 @@ pub enum StageSpec {
     },
     /// `manual`: a person is asked to move the camera.
     Manual,
+    /// `sim`: a simulated stage.
+    Simulated,
 }
 
 impl FromStr for StageSpec {
@@ -38,6 +40,7 @@ impl FromStr for StageSpec {
             Some(("ur10", address)) => arm_address(address).map(StageSpec::Ur10),
             Some(("gcode", port)) => serial_port(port),
             None if text == "manual" => Ok(StageSpec::Manual),
+            None if text == "sim" => Ok(StageSpec::Simulated),
             None if text == "ur10" => Err("the arm's host is missing"),
             None if text == "gcode" => Err("the serial port is missing"),
             _ => Err("its kind is unknown"),
@@ -52,6 +55,7 @@ impl fmt::Display for StageSpec {
             StageSpec::Ur10(address) => write!(f, "ur10:{address}"),
             StageSpec::Gcode { path, baud } => write!(f, "gcode:{path}@{baud}"),
             StageSpec::Manual => f.write_str("manual"),
+            StageSpec::Simulated => f.write_str("sim"),
         }
     }
 }

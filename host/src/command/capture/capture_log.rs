@@ -22,6 +22,11 @@ impl CaptureLog {
         let _ = writeln!(self.0, "{:9.3} s  {step}", elapsed.as_secs_f64());
     }
 
+    /// Adds a line about the capture as a whole.
+    pub fn note(&mut self, note: &str) {
+        let _ = writeln!(self.0, "{note}");
+    }
+
     /// The text.
     pub fn as_bytes(&self) -> &[u8] {
         self.0.as_bytes()

@@ -135,7 +135,7 @@ impl SequenceOptions {
     pub fn policy(&self, stage: &StageSpec, frame_timeout: Duration) -> Result<Policy> {
         let backlash_um = match stage {
             StageSpec::Gcode { .. } => GCODE_BACKLASH_UM,
-            StageSpec::Ur10(_) | StageSpec::Manual => 0,
+            StageSpec::Ur10(_) | StageSpec::Manual | StageSpec::Simulated => 0,
         };
         Ok(Policy {
             settle: Duration::from_secs_f64(self.settle),

@@ -5,6 +5,10 @@ mod capture_log;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 mod capture_options;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
+mod layout_options;
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
+mod long_baseline;
+#[cfg(all(target_os = "linux", feature = "v4l2"))]
 mod recorder;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 mod supported;

@@ -42,19 +42,27 @@ pub fn render(scene: &Scene, camera: &PinholeCamera, seed: u64) -> Shot {
     }
 }
 
+/// Renders what the camera sees of a scene from `position`, in millimetres to the right of the centre and below it. The seed
+/// decides the sensor's noise.
+pub fn render_at(scene: &Scene, camera: &PinholeCamera, position: [f64; 2], seed: u64) -> RgbImage {
+    render_image(&Tracer::new(scene), camera, position, hash(seed))
+}
+
 fn render_frame(tracer: &Tracer, camera: &PinholeCamera, frame: Frame, seed: u64) -> RgbImage {
-    let position = camera.position(frame, seed);
     let number = match frame {
         Frame::Center => 0,
         Frame::View(view) => 1 + place(view) as u64,
     };
-    let frame_seed = hash(seed.wrapping_mul(8).wrapping_add(number));
+    render_image(tracer, camera, camera.position(frame, seed), hash(seed.wrapping_mul(8).wrapping_add(number)))
+}
+
+fn render_image(tracer: &Tracer, camera: &PinholeCamera, position: [f64; 2], seed: u64) -> RgbImage {
     let mut image = RgbImage::new(camera.width, camera.height);
     image.par_chunks_exact_mut(3 * camera.width as usize).zip(0..camera.height).for_each(|(row, v)| {
         for (run, first) in row.chunks_mut(3 * RUN as usize).zip((0..).step_by(RUN as usize)) {
             let objects = objects_in_run(tracer, camera, position, first, v);
             for (pixel, u) in run.chunks_exact_mut(3).zip(first..) {
-                let place = hash(frame_seed ^ (u64::from(v) << 32 | u64::from(u)));
+                let place = hash(seed ^ (u64::from(v) << 32 | u64::from(u)));
                 pixel.copy_from_slice(&sensor::develop(camera, light(tracer, camera, &objects, position, u, v), place));
             }
         }

@@ -1,0 +1,116 @@
+//! Views at longer baselines, taken where the shortest is not accurate enough.
+
+use multiscopic::{
+    DisparityMap, Engine, Frames, Geometry, Method, Result,
+    capture::{Accuracy, Choice, Survey},
+    stereo::{CostFunction, LongBaselines, Optimizer},
+};
+use multiscopic_core::{Search, Views};
+
+use super::layout_options::at_multiple;
+use crate::command::options::SearchOptions;
+
+/// How the views at longer baselines are chosen.
+pub struct LongBaseline {
+    /// What is asked for.
+    pub accuracy: Accuracy,
+    /// The range in which the views at the shortest baseline are matched, and the block.
+    pub search: SearchOptions,
+    /// What matches them.
+    pub engine: Engine,
+    /// How far the stage goes from the centre, in micrometres.
+    pub reach_um: u32,
+}
+
+/// The disparities of a capture that longer baselines make more accurate, step by step.
+pub struct Refinement<'a> {
+    options: &'a LongBaseline,
+    search: Search,
+    /// The disparities by the views at the shortest baseline, and what they are searched around by the others.
+    short: DisparityMap,
+    prior: DisparityMap,
+    survey: Survey,
+    choice: Choice,
+}
+
+impl LongBaseline {
+    /// Matches frames at the shortest baseline, whose geometry this is, and chooses the next.
+    pub fn begin(&self, frames: &Frames, geometry: Geometry) -> Result<Refinement<'_>> {
+        let search = self.search.search(frames.size(), frames.views(), None, SearchOptions::DEFAULT_RANGE)?;
+        let block_size = self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
+        let method = Method::new(CostFunction::Sad { block_size }, None, Optimizer::WinnerTakesAll);
+        let short = method.disparities(&self.engine, frames, &search, &())?;
+        let survey = Survey::new(&short, geometry, block_size.into())?;
+        let prior = LongBaselines::DEFAULT.median.map_or_else(|| short.clone(), |median| median.apply(&short));
+        let choice = self.choose(&survey, &search);
+        Ok(Refinement { options: self, search, short, prior, survey, choice })
+    }
+
+    fn choose(&self, survey: &Survey, search: &Search) -> Choice {
+        let nearest = at_multiple(search.views(), 1);
+        survey.choose(self.accuracy, nearest, LongBaselines::DEFAULT.num_disparities, self.reach_um)
+    }
+}
+
+impl Refinement<'_> {
+    /// The views to take next; none if the accuracy is reached or no longer baseline is possible.
+    pub fn next_views(&self) -> Views {
+        match self.choice.multiple > self.survey.reached.0 {
+            true => at_multiple(self.search.views(), self.choice.multiple),
+            false => Views::NONE,
+        }
+    }
+
+    /// Refines the disparities by all views of `frames`, and chooses the next. Returns what was reached, in words.
+    pub fn refine(&mut self, frames: &Frames) -> Result<String> {
+        let long = LongBaselines::DEFAULT;
+        let [_, longer @ ..] = &LongBaselines::sets(frames.views())[..] else { return Ok("reached: no longer baseline".into()) };
+        let refined = long.refine(&self.options.engine, frames, &self.search, longer, self.short.clone(), &())?;
+        // Where the long views found nothing, the prior stays, whose noise says nothing about them.
+        let pixels = refined.pixels().iter().zip(self.prior.pixels()).map(|(found, prior)| found.filter(|_| found != prior));
+        let found = DisparityMap::new(refined.width(), refined.height(), pixels.collect());
+        let share = found.pixels().iter().flatten().count() as f64 / found.pixels().len() as f64;
+        let Some(noise) = found.noise(long.block_size.into()) else {
+            self.choice.multiple = self.survey.reached.0;
+            return Ok("reached: unknown, as the longer baseline refined hardly any pixel".into());
+        };
+        self.survey.reached = (self.choice.multiple, noise);
+        let reached = format!("reached: {}, on {:.0} % of the pixels", self.noise(noise), 100.0 * share);
+        self.choice = self.options.choose(&self.survey, &self.search);
+        Ok(reached)
+    }
+
+    /// What the shortest baseline showed, in words.
+    pub fn found(&self) -> String {
+        let (baseline_mm, [near, far]) = (self.survey.geometry.baseline_mm, self.survey.distances_mm());
+        let noise = self.noise(self.survey.noise);
+        format!("found at {baseline_mm} mm: distances from {near:.0} to {far:.0} mm, {noise}")
+    }
+
+    /// What was chosen, and why, and what is expected of it, in words.
+    pub fn chosen(&self) -> String {
+        let Refinement { survey, choice, options: LongBaseline { accuracy, .. }, .. } = self;
+        let length = |multiple: u8| match multiple {
+            1 => format!("{} mm", survey.geometry.baseline_mm),
+            _ => format!("{} mm, {multiple} baselines", f64::from(multiple) * survey.geometry.baseline_mm),
+        };
+        let (is_longer, multiple) = (choice.multiple > survey.reached.0, length(choice.multiple));
+        match choice.bound {
+            None if is_longer => format!(
+                "chosen: {multiple}, the shortest that gives {accuracy}; predicted: {}",
+                self.noise(survey.predicted_noise(choice.multiple))
+            ),
+            Some(bound) if is_longer => format!(
+                "chosen: {multiple}, although {accuracy} needs more, which {bound} forbids; predicted: {}",
+                self.noise(survey.predicted_noise(choice.multiple))
+            ),
+            None => format!("chosen: to stay at {multiple}, which gives {accuracy}"),
+            Some(bound) => format!("chosen: to stay at {multiple}, although {accuracy} needs more, which {bound} forbids"),
+        }
+    }
+
+    fn noise(&self, noise: f64) -> String {
+        let distance = self.choice.distance_mm;
+        format!("a noise of {noise:.4} pixels, {:.2} mm at {distance:.0} mm", self.survey.depth_mm(noise, distance))
+    }
+}

@@ -2,7 +2,12 @@
 
 use std::time::Instant;
 
-use multiscopic::{DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Result, evaluation::Record, stereo::LongBaselines};
+use multiscopic::{
+    DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Result,
+    evaluation::{CameraSteps, Record},
+    images::Layout,
+    stereo::LongBaselines,
+};
 use multiscopic_core::{Fusion, Search, Views};
 
 use super::options::{MethodName, Named};
@@ -12,6 +17,8 @@ use super::options::{MethodName, Named};
 pub struct Variant {
     /// The method.
     pub method: MethodName,
+    /// The layout of the neighbours at the shortest baseline, if it is not that of `--views N`.
+    pub layout: Option<Layout>,
     /// The neighbours.
     pub views: Views,
     /// The fusion rule.
@@ -25,14 +32,17 @@ pub struct Subject<'a> {
     pub dataset: &'a str,
     /// The scene's name.
     pub scene: &'a str,
+    /// The baseline in camera steps, if it is not the data set's default.
+    pub camera_steps: Option<CameraSteps>,
     /// The frames.
     pub frames: &'a Frames,
-    /// The true disparities, of which some are known.
+    /// The true disparities at the default baseline, of which some are known.
     pub truth: &'a FloatImage,
 }
 
 impl Variant {
-    /// Matches `subject` with `method`, which is this variant's, and compares the result with the truth.
+    /// Matches `subject` with `method`, which is this variant's, and compares the result with the truth. Disparities are those
+    /// at the default baseline.
     pub fn measure(
         &self,
         method: &Method,
@@ -43,15 +53,21 @@ impl Variant {
         let start = Instant::now();
         let disparities = method.disparities(engine, subject.frames, search, &())?;
         let seconds = start.elapsed().as_secs_f64();
+        let disparities = match subject.camera_steps {
+            Some(steps) => disparities.times(steps.disparity_scale()),
+            None => disparities,
+        };
         let record = Record {
             dataset: subject.dataset.into(),
             scene: subject.scene.into(),
             method: self.method.name().into(),
             views: self.views.len(),
+            layout: self.layout.map(|layout| layout.to_string()),
             baselines: match &LongBaselines::sets(self.views)[..] {
                 [_] => Vec::new(),
                 sets => sets.iter().map(|views| views.multiple()).collect(),
             },
+            camera_steps: subject.camera_steps.map(CameraSteps::count),
             fusion: self.fusion.name().into(),
             metrics: Metrics::new(&disparities, subject.truth).expect("some of the truth is known"),
             seconds,

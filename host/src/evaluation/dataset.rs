@@ -4,6 +4,7 @@ use std::{fmt, str::FromStr};
 
 use multiscopic_core::{View, Views};
 
+use super::camera_steps::CameraSteps;
 use crate::{
     error::{Error, Result},
     files::FrameFiles,
@@ -15,8 +16,10 @@ use crate::{
 /// | --- | --- | --- |
 /// | `middlebury2006-third` | `view1` / `view0` / `view2` / - / - | `disp1.png`, grey / 12, 0 = unknown |
 /// | `middlebury2005-full` | as above, and `view3` to `view6` 2 to 5 baselines to the right | `disp1.png`, grey / 4, 0 = unknown |
-/// | `tsukuba` | `scene1.rowR.colC`, R.C = 3.3 / 3.2 / 3.4 / 2.3 / 4.3, and the corners 2.2 to 4.4 | `truedisp.row3.col3.pgm`, grey / 16, 0 = unknown |
-/// | `hci4d` | `input_CamN`, N = 040 / 036 / 044 / 004 / 076, and the corners 000, 008, 072 and 080 | `gt_disp_lowres.pfm`, times the 4 camera steps of the baseline |
+/// | `tsukuba` | `scene1.rowR.colC`, R.C = 3.3 / 3.2 / 3.4 / 2.3 / 4.3, and the rest of the array from 1.1 to 5.5 | `truedisp.row3.col3.pgm`, grey / 16, 0 = unknown |
+/// | `hci4d` | `input_CamN`, N = 040 / 036 / 044 / 004 / 076, and the rest of the array, 9 cameras a row | `gt_disp_lowres.pfm`, times 4, which are camera steps |
+///
+/// The cameras of `hci4d` are four steps from the centre by default, and one or two with other [`CameraSteps`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dataset {
     /// Middlebury 2006 at a third of its full size: three views in a row.
@@ -25,13 +28,14 @@ pub enum Dataset {
     Middlebury2005Full,
     /// Tsukuba's head and lamp: a grid of cameras, and a single scene.
     Tsukuba,
-    /// The HCI 4D light fields: a grid of 9 x 9 cameras, of which every fourth is used.
-    Hci4d,
+    /// The HCI 4D light fields: a grid of 9 x 9 cameras, and how many steps of them are a baseline.
+    Hci4d(CameraSteps),
 }
 
 impl Dataset {
-    /// Every supported data set.
-    pub const ALL: [Dataset; 4] = [Dataset::Middlebury2006Third, Dataset::Middlebury2005Full, Dataset::Tsukuba, Dataset::Hci4d];
+    /// Every supported data set, with the baseline that it has by default.
+    pub const ALL: [Dataset; 4] =
+        [Dataset::Middlebury2006Third, Dataset::Middlebury2005Full, Dataset::Tsukuba, Dataset::Hci4d(CameraSteps::Four)];
 
     /// The name of the data set.
     pub const fn name(self) -> &'static str {
@@ -39,7 +43,7 @@ impl Dataset {
             Dataset::Middlebury2006Third => "middlebury2006-third",
             Dataset::Middlebury2005Full => "middlebury2005-full",
             Dataset::Tsukuba => "tsukuba",
-            Dataset::Hci4d => "hci4d",
+            Dataset::Hci4d(_) => "hci4d",
         }
     }
 
@@ -47,18 +51,38 @@ impl Dataset {
     pub const fn views(self) -> Views {
         match self {
             Dataset::Middlebury2006Third | Dataset::Middlebury2005Full => Views::HORIZONTAL,
-            Dataset::Tsukuba | Dataset::Hci4d => Views::CROSS,
+            Dataset::Tsukuba | Dataset::Hci4d(_) => Views::CROSS,
         }
     }
 
-    /// All neighbours in each scene that can be used.
-    pub fn all_views(self) -> Views {
+    /// Whether the scenes have a neighbour.
+    pub fn has(self, view: View) -> bool {
+        let (right, down) = (view.right(), view.down());
+        let in_array = |reach: u8| right.unsigned_abs() <= reach && down.unsigned_abs() <= reach;
         match self {
-            Dataset::Middlebury2006Third => Views::HORIZONTAL,
-            Dataset::Middlebury2005Full => {
-                (2..=5).filter_map(|right| View::new(right, 0).ok()).fold(Views::HORIZONTAL, Views::with)
-            }
-            Dataset::Tsukuba | Dataset::Hci4d => Views::ARRAY,
+            Dataset::Middlebury2006Third => down == 0 && right.abs() == 1,
+            Dataset::Middlebury2005Full => down == 0 && -1 <= right && right <= 5,
+            Dataset::Tsukuba => in_array(2),
+            Dataset::Hci4d(steps) => in_array(4 / steps.count()),
+        }
+    }
+
+    /// The same data set with another baseline, in camera steps.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if its scenes are no light fields.
+    pub fn with_camera_steps(self, steps: CameraSteps) -> Result<Dataset> {
+        match self {
+            Dataset::Hci4d(_) => Ok(Dataset::Hci4d(steps)),
+            other => Err(Error::Usage(format!("{other} has one baseline: the camera steps of a baseline are for hci4d"))),
+        }
+    }
+
+    /// The baseline in camera steps, unless it is the data set's default.
+    pub fn camera_steps(self) -> Option<CameraSteps> {
+        match self {
+            Dataset::Hci4d(steps) if steps != CameraSteps::Four => Some(steps),
+            _ => None,
         }
     }
 
@@ -67,7 +91,7 @@ impl Dataset {
     pub const fn occlusion_cost(self) -> Option<f64> {
         match self {
             Dataset::Middlebury2006Third | Dataset::Middlebury2005Full | Dataset::Tsukuba => Some(10.0),
-            Dataset::Hci4d => None,
+            Dataset::Hci4d(_) => None,
         }
     }
 
@@ -78,20 +102,21 @@ impl Dataset {
             Dataset::Middlebury2006Third => (1, 20),
             Dataset::Middlebury2005Full => (1, 60),
             Dataset::Tsukuba => (1, 18),
-            Dataset::Hci4d => (-8, 17),
+            // -8 to 8 at four steps.
+            Dataset::Hci4d(steps) => (-2 * steps.count() as i16, 4 * steps.count() as u16 + 1),
         }
     }
 
-    /// The image files of a scene, relative to its folder.
-    pub(super) fn images(self) -> FrameFiles {
+    /// The image files of the centre and `views` of a scene, relative to its folder.
+    pub(super) fn images(self, views: Views) -> FrameFiles {
         let name = |right: i32, down: i32| match self {
             Dataset::Middlebury2006Third | Dataset::Middlebury2005Full => format!("view{}.png", 1 + right),
             Dataset::Tsukuba => format!("scene1.row{}.col{}.ppm", 3 + down, 3 + right),
-            // Nine cameras in a row, of which every fourth is used.
-            Dataset::Hci4d => format!("input_Cam{:03}.png", 40 + 4 * right + 36 * down),
+            // Nine cameras in a row.
+            Dataset::Hci4d(steps) => format!("input_Cam{:03}.png", 40 + i32::from(steps.count()) * (right + 9 * down)),
         };
         let center = FrameFiles { center: name(0, 0).into(), ..FrameFiles::default() };
-        self.all_views().iter().fold(center, |files, view| files.with(view, name(view.right().into(), view.down().into()).into()))
+        views.iter().fold(center, |files, view| files.with(view, name(view.right().into(), view.down().into()).into()))
     }
 
     /// The ground truth file of a scene, relative to its folder.
@@ -99,7 +124,7 @@ impl Dataset {
         match self {
             Dataset::Middlebury2006Third | Dataset::Middlebury2005Full => "disp1.png",
             Dataset::Tsukuba => "truedisp.row3.col3.pgm",
-            Dataset::Hci4d => "gt_disp_lowres.pfm",
+            Dataset::Hci4d(_) => "gt_disp_lowres.pfm",
         }
     }
 }
@@ -123,6 +148,8 @@ impl FromStr for Dataset {
 
 #[cfg(test)]
 mod tests {
+    use multiscopic_core::Frame;
+
     use super::*;
 
     #[test]
@@ -130,6 +157,27 @@ mod tests {
         assert!(Dataset::ALL.iter().all(|dataset| dataset.to_string().parse::<Dataset>().unwrap() == *dataset));
         let message = "middlebury".parse::<Dataset>().unwrap_err().to_string();
         assert!(message.contains("middlebury2006-third, middlebury2005-full, tsukuba, hci4d"), "{message}");
-        assert!(Dataset::ALL.iter().all(|dataset| dataset.images().views() == dataset.all_views()));
+    }
+
+    #[test]
+    fn a_light_field_is_used_at_several_baselines() {
+        let cameras = |steps: CameraSteps, view: View| {
+            let dataset = Dataset::ALL[3].with_camera_steps(steps).unwrap();
+            let file = dataset.images(Views::NONE.with(view)).get(Frame::View(view)).unwrap().to_owned();
+            dataset.has(view).then(|| file.to_str().unwrap().to_owned())
+        };
+        let view = |right, down| View::new(right, down).unwrap();
+        let expected = |number: &str| Some(format!("input_Cam{number}.png"));
+        assert_eq!(cameras(CameraSteps::Four, View::LEFT), expected("036"));
+        assert_eq!(cameras(CameraSteps::Four, view(1, 1)), expected("080"));
+        assert_eq!(cameras(CameraSteps::Four, view(2, 0)), None);
+        assert_eq!(cameras(CameraSteps::Two, view(-2, 1)), expected("054"));
+        assert_eq!(cameras(CameraSteps::Two, view(0, 3)), None);
+        assert_eq!(cameras(CameraSteps::One, view(-4, -4)), expected("000"));
+        assert_eq!(cameras(CameraSteps::One, view(0, 1)), expected("049"));
+        assert_eq!(cameras(CameraSteps::One, view(0, -5)), None);
+        let ranges = CameraSteps::ALL.map(|steps| Dataset::Hci4d(steps).range());
+        assert_eq!(ranges, [(-2, 5), (-4, 9), (-8, 17)], "-8 to 8 pixels at four steps");
+        assert!(Dataset::Tsukuba.with_camera_steps(CameraSteps::Two).is_err());
     }
 }

@@ -21,10 +21,8 @@ pub struct DatasetScene {
     pub dataset: Dataset,
     /// The name of the scene, which is that of its folder.
     pub name: String,
-    /// The image files.
-    pub images: FrameFiles,
-    /// The ground truth file.
-    pub truth: PathBuf,
+    /// The folder of its files.
+    pub folder: PathBuf,
 }
 
 impl DatasetScene {
@@ -35,31 +33,43 @@ impl DatasetScene {
             Dataset::Tsukuba => dataset.name().into(),
             _ => named.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         };
-        DatasetScene { dataset, name, images: dataset.images().within(folder), truth: folder.join(dataset.truth_file()) }
+        DatasetScene { dataset, name, folder: folder.into() }
+    }
+
+    /// The image files of the centre and `views`.
+    pub fn images(&self, views: Views) -> FrameFiles {
+        self.dataset.images(views).within(&self.folder)
+    }
+
+    /// The ground truth file.
+    pub fn truth(&self) -> PathBuf {
+        self.folder.join(self.dataset.truth_file())
     }
 
     /// Whether any of the files exists. A scene with a missing file counts, so that loading it reports the
     /// file.
     fn exists(&self) -> bool {
-        self.images.paths().chain([self.truth.as_path()]).any(Path::exists)
+        self.images(self.dataset.views()).paths().chain([self.truth().as_path()]).any(Path::exists)
     }
 
-    /// Reads the frames of `views`, the centre as the picture in its file, and the true disparities in pixels, +inf
-    /// where unknown.
+    /// Reads the frames of `views`, the centre as the picture in its file, and the true disparities in pixels at the
+    /// data set's default baseline, +inf where unknown.
     ///
     /// # Errors
     /// [`Error::Read`], or [`Error::Format`] if a file has the wrong contents, sizes differ, or no disparity
     /// is known.
     pub fn load(&self, views: Views) -> Result<(Frames, Picture, FloatImage)> {
-        let (frames, center) = Frames::load(&self.images.only(views))?;
-        let truth = ground_truth::read(self.dataset, &self.truth)?;
+        let images = self.images(views);
+        let (frames, center) = Frames::load(&images)?;
+        let path = self.truth();
+        let truth = ground_truth::read(self.dataset, &path)?;
         let ((w, h), (width, height)) = ((truth.width(), truth.height()), (frames.width(), frames.height()));
         if (w, h) != (width, height) {
-            let expected = format!("{width}x{height} as in {}", self.images.center.display());
-            return Err(Error::format(&self.truth, format!("disparities of {w}x{h} pixels"), expected));
+            let expected = format!("{width}x{height} as in {}", images.center.display());
+            return Err(Error::format(&path, format!("disparities of {w}x{h} pixels"), expected));
         }
         if !truth.pixels().iter().any(|d| d.is_finite()) {
-            return Err(Error::format(&self.truth, "no pixel with a disparity", "the ground truth of the centre image"));
+            return Err(Error::format(&path, "no pixel with a disparity", "the ground truth of the centre image"));
         }
         Ok((frames, center, truth))
     }
@@ -94,7 +104,7 @@ impl Dataset {
         }
         scenes.sort_by(|a, b| a.name.cmp(&b.name));
         if scenes.is_empty() {
-            let files: Vec<_> = self.images().paths().map(|path| path.display().to_string()).collect();
+            let files: Vec<_> = self.images(self.views()).paths().map(|path| path.display().to_string()).collect();
             let expected = format!("folders with {} and {}", files.join(", "), self.truth_file());
             return Err(Error::format(folder, format!("no scene of {self}"), expected));
         }
@@ -105,6 +115,7 @@ impl Dataset {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evaluation::CameraSteps;
     use multiscopic_core::Frame;
 
     fn write_gray(path: PathBuf, pixels: &[u8]) {
@@ -114,11 +125,11 @@ mod tests {
     /// Writes a scene of `dataset` to `folder`, with images of `width` x 1 pixels.
     fn make(dataset: Dataset, folder: &Path, width: usize, truth: &[u8]) {
         fs::create_dir_all(folder).unwrap();
-        for (grey, path) in dataset.images().paths().enumerate() {
+        for (grey, path) in dataset.images(dataset.views()).paths().enumerate() {
             write_gray(folder.join(path), &vec![grey as u8; width]);
         }
         match dataset {
-            Dataset::Hci4d => fs::write(folder.join(dataset.truth_file()), truth).unwrap(),
+            Dataset::Hci4d(_) => fs::write(folder.join(dataset.truth_file()), truth).unwrap(),
             _ => write_gray(folder.join(dataset.truth_file()), truth),
         }
     }
@@ -128,7 +139,7 @@ mod tests {
     }
 
     fn message(dataset: Dataset, directory: &Path) -> String {
-        dataset.scenes(directory).and_then(|scenes| scenes[0].load(dataset.all_views())).unwrap_err().to_string()
+        dataset.scenes(directory).and_then(|scenes| scenes[0].load(dataset.views())).unwrap_err().to_string()
     }
 
     #[test]
@@ -148,9 +159,9 @@ mod tests {
         assert_eq!(names(Dataset::Tsukuba, dir.path()), ["tsukuba"]);
         assert_eq!(names(Dataset::Tsukuba, &dir.path().join("tsukuba")), ["tsukuba"]);
 
-        let none = message(Dataset::Hci4d, dir.path());
+        let none = message(Dataset::Hci4d(CameraSteps::Four), dir.path());
         assert!(none.contains("found no scene of hci4d, expected folders with input_Cam040.png, "), "{none}");
-        let none = message(Dataset::Hci4d, &dir.path().join("none"));
+        let none = message(Dataset::Hci4d(CameraSteps::Four), &dir.path().join("none"));
         assert!(none.starts_with(&format!("cannot read {}: ", dir.path().join("none").display())), "{none}");
     }
 
@@ -162,18 +173,18 @@ mod tests {
             (Dataset::Middlebury2006Third, &[0, 12, 255], [inf, 1.0, 21.25]),
             (Dataset::Middlebury2005Full, &[0, 1, 240], [inf, 0.25, 60.0]),
             (Dataset::Tsukuba, &[0, 80, 224], [inf, 5.0, 14.0]),
-            (Dataset::Hci4d, &signed, [1.0, -6.0, 0.0]),
+            (Dataset::Hci4d(CameraSteps::Four), &signed, [1.0, -6.0, 0.0]),
         ];
         for (dataset, file, expected) in cases {
             let dir = tempfile::tempdir().unwrap();
             make(dataset, dir.path(), 3, file);
-            let (frames, center, truth) = dataset.scenes(dir.path()).unwrap()[0].load(dataset.all_views()).unwrap();
+            let (frames, center, truth) = dataset.scenes(dir.path()).unwrap()[0].load(dataset.views()).unwrap();
             assert_eq!(truth.pixels(), expected, "{dataset}");
             assert_eq!(center.dimensions(), (3, 1));
             let frame = |frame| frames.get(frame).map(|image| image.as_raw()[0]);
             assert_eq!(frame(Frame::Center), Some(0));
-            let views: Vec<u8> = dataset.all_views().iter().filter_map(|view| frame(Frame::View(view))).collect();
-            assert!(views.into_iter().eq(1..=dataset.all_views().len() as u8), "{dataset}");
+            let views: Vec<u8> = dataset.views().iter().filter_map(|view| frame(Frame::View(view))).collect();
+            assert!(views.into_iter().eq(1..=dataset.views().len() as u8), "{dataset}");
         }
     }
 

@@ -11,7 +11,7 @@ use crate::{
     images::FloatImage,
 };
 
-/// Reads a ground truth file of a data set: disparities in pixels, +inf where unknown.
+/// Reads a ground truth file of a data set: disparities in pixels at the default baseline, +inf where unknown.
 ///
 /// # Errors
 /// [`Error::Read`], or [`Error::Format`] if the file is not what the data set uses.
@@ -20,8 +20,8 @@ pub fn read(dataset: Dataset, path: &Path) -> Result<FloatImage> {
         Dataset::Middlebury2006Third => read_gray(path, 12.0),
         Dataset::Middlebury2005Full => read_gray(path, 4.0),
         Dataset::Tsukuba => read_gray(path, 16.0),
-        // The file counts pixels per camera step, and the baseline is four steps.
-        Dataset::Hci4d => Ok(FloatImage::read_pfm(path)?.map(|step| 4.0 * step)),
+        // The file counts pixels per camera step, and the default baseline is four steps.
+        Dataset::Hci4d(_) => Ok(FloatImage::read_pfm(path)?.map(|step| 4.0 * step)),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Evaluation: data sets with ground truth, error metrics, and the table of results.
 
+mod camera_steps;
 mod dataset;
 mod dataset_scene;
 mod ground_truth;
@@ -8,6 +9,7 @@ mod record;
 mod result_row;
 pub mod results;
 
+pub use camera_steps::CameraSteps;
 pub use dataset::Dataset;
 pub use dataset_scene::DatasetScene;
 pub use metrics::Metrics;

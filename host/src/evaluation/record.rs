@@ -15,9 +15,15 @@ pub struct Record {
     pub method: String,
     /// The number of neighbours that were matched: 1 is stereo.
     pub views: usize,
+    /// The layout of the views at the shortest baseline, if it is not that of `--views N`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layout: Option<String>,
     /// The baselines of the views, if they are at several, the shortest first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub baselines: Vec<u8>,
+    /// The baseline in camera steps, if it is not the data set's default. Errors are in pixels at the default baseline.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera_steps: Option<u8>,
     /// The name of the rule that fused their costs.
     pub fusion: String,
     /// The errors.
@@ -30,14 +36,13 @@ pub struct Record {
 impl Record {
     /// The name of the variant, such as `stereo bm` or `multiscopic bm (2 views, min)`.
     pub fn variant(&self) -> String {
-        match self.views {
-            1 => format!("stereo {}", self.method),
-            views if self.baselines.is_empty() => format!("multiscopic {} ({views} views, {})", self.method, self.fusion),
-            views => {
-                let baselines: Vec<String> = self.baselines.iter().map(u8::to_string).collect();
-                format!("multiscopic {} ({views} views, {}, baselines {})", self.method, self.fusion, baselines.join(" "))
-            }
+        if self.views == 1 {
+            return format!("stereo {}", self.method);
         }
+        let layout = self.layout.as_ref().map(|layout| format!(", {layout}")).unwrap_or_default();
+        let baselines: Vec<String> = self.baselines.iter().map(u8::to_string).collect();
+        let baselines = if baselines.is_empty() { String::new() } else { format!(", baselines {}", baselines.join(" ")) };
+        format!("multiscopic {} ({} views, {}{layout}{baselines})", self.method, self.views, self.fusion)
     }
 
     /// How much smaller the errors are than those of stereo. `records` must contain the record of stereo with
@@ -68,7 +73,18 @@ mod tests {
     fn record(scene: &str, views: usize, rms: f64, avg_err: f64) -> Record {
         let metrics = Metrics { rms, avg_err, bad_0_5: 30.0, bad_1: 20.0, bad_2: 10.0, coverage: 0.98765 };
         let [dataset, method, fusion] = ["made", "bm", "min"].map(String::from);
-        Record { dataset, scene: scene.into(), method, views, baselines: Vec::new(), fusion, metrics, seconds: 0.25 }
+        Record {
+            dataset,
+            scene: scene.into(),
+            method,
+            views,
+            layout: None,
+            baselines: Vec::new(),
+            camera_steps: None,
+            fusion,
+            metrics,
+            seconds: 0.25,
+        }
     }
 
     fn records() -> Vec<Record> {
@@ -82,6 +98,15 @@ mod tests {
         assert_eq!(records[1].reduction(&records), Some(Reduction { rms: 0.25, avg_err: 0.5 }));
         assert_eq!(records[3].reduction(&records), Some(Reduction { rms: -0.25, avg_err: 0.75 }));
         assert_eq!(records[1].reduction(&records[1..]), None, "without stereo");
+    }
+
+    #[test]
+    fn a_variant_has_a_name_of_its_own() {
+        let cross = record("A", 4, 2.0, 1.0);
+        assert_eq!(cross.variant(), "multiscopic bm (4 views, min)");
+        let column = Record { layout: Some("9x1".into()), baselines: vec![1, 2, 3, 4], ..record("A", 8, 2.0, 1.0) };
+        assert_eq!(column.variant(), "multiscopic bm (8 views, min, 9x1, baselines 1 2 3 4)");
+        assert_eq!(record("A", 1, 2.0, 1.0).variant(), "stereo bm");
     }
 
     #[test]

@@ -83,7 +83,18 @@ mod tests {
     fn record(scene: &str, views: usize, rms: f64, avg_err: f64) -> Record {
         let metrics = Metrics { rms, avg_err, bad_0_5: 30.0, bad_1: 20.0, bad_2: 10.0, coverage: 0.98765 };
         let [dataset, method, fusion] = ["made", "bm", "min"].map(String::from);
-        Record { dataset, scene: scene.into(), method, views, baselines: Vec::new(), fusion, metrics, seconds: 0.25 }
+        Record {
+            dataset,
+            scene: scene.into(),
+            method,
+            views,
+            layout: None,
+            baselines: Vec::new(),
+            camera_steps: None,
+            fusion,
+            metrics,
+            seconds: 0.25,
+        }
     }
 
     fn records() -> Vec<Record> {

@@ -82,14 +82,6 @@ impl FrameFiles {
         self
     }
 
-    /// The files of the centre and of `views`.
-    pub fn only(&self, views: Views) -> FrameFiles {
-        let center = FrameFiles { center: self.center.clone(), ..FrameFiles::default() };
-        let kept = self.views().iter().filter(|&view| views.contains(view));
-        kept.filter_map(|view| Some((view, self.get(Frame::View(view))?)))
-            .fold(center, |files, (view, path)| files.with(view, path.into()))
-    }
-
     /// The file of a frame, if it has one.
     pub fn get(&self, frame: Frame) -> Option<&Path> {
         match frame {
@@ -177,7 +169,6 @@ mod tests {
         assert_eq!(files.views(), Views::NONE.with(View::LEFT).with(corner));
         assert_eq!(files.get(Frame::View(corner)), Some(Path::new("r.png")));
         assert_eq!(toml::to_string(&files).unwrap(), text);
-        assert_eq!(files.only(Views::NONE.with(corner)).views(), Views::NONE.with(corner));
         let error = |view: &str| toml::from_str::<FrameFiles>(&text.replace("1,-1", view)).unwrap_err().to_string();
         assert!(error("0,0").contains("the offset 0,0 is the centre's"), "{}", error("0,0"));
         assert!(error("-1,0").contains("has a key of its own, left"), "{}", error("-1,0"));

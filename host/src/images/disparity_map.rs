@@ -35,6 +35,13 @@ impl DisparityMap {
         })
     }
 
+    /// The disparities at a baseline `factor` times as long. Those beyond the range of a [`Disparity`] become its ends.
+    pub fn times(&self, factor: u8) -> DisparityMap {
+        let limit = i32::from(i16::MAX);
+        let times = |d: Disparity| (i32::from(d.to_bits()) * i32::from(factor)).clamp(-limit, limit);
+        self.map(|pixel| pixel.and_then(|d| Disparity::from_bits(times(d) as i16)))
+    }
+
     /// The smallest and largest valid disparity in pixels, or `None` if all pixels are invalid.
     pub fn range(&self) -> Option<RangeInclusive<f32>> {
         let valid = || self.pixels().iter().flatten().copied();
@@ -128,6 +135,14 @@ mod tests {
         let pixels = FloatImage::new(3, 2, vec![0.0079, -0.0079, 0.0077, f32::NAN, 512.0, -600.0]);
         let bits = DisparityMap::from_float(&pixels).map(|d| d.map(Disparity::to_bits)).into_pixels();
         assert_eq!(bits, [Some(1), Some(-1), Some(0), None, None, None]);
+    }
+
+    #[test]
+    fn a_longer_baseline_has_larger_disparities() {
+        let pixels = map().times(4).map(|d| d.map(f32::from)).into_pixels();
+        let most = 32767.0 / 64.0;
+        assert_eq!(pixels, [Some(-10.0), None, Some(240.0), Some(0.0), Some(most), Some(-most)]);
+        assert_eq!(map().times(1), map());
     }
 
     #[test]

@@ -13,9 +13,9 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::figure::Figure;
+use super::{chart::Chart, figure::Figure};
 
-const STYLE: &str = include_str!("page.css");
+const STYLE: &str = concat!(include_str!("page.css"), include_str!("chart.css"));
 const SCRIPT: &str = include_str!("compare.js");
 
 /// A report. It shows its parts in the order in which they were added.
@@ -83,6 +83,11 @@ impl Report {
                 }
             }
         })
+    }
+
+    /// Adds a chart.
+    pub fn chart(self, chart: &Chart) -> Report {
+        self.part(html! { div class="scroll" { (chart) } })
     }
 
     /// Adds a section of pictures side by side.
@@ -168,6 +173,7 @@ fn is_number(cell: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::ChartLine;
     use image::RgbImage;
 
     /// Asserts that every opening tag has its closing tag, properly nested.
@@ -192,6 +198,12 @@ mod tests {
         Report::new("All parts")
             .paragraph("Text")
             .table(["scene", "RMS"], [["Art", "1.25"], ["Dolls", "-"]])
+            .chart(&Chart {
+                title: "Chart".into(),
+                x: "views".into(),
+                y: "pixels".into(),
+                lines: vec![ChartLine { name: "Art".into(), points: vec![(1.0, 0.5), (2.0, 0.25)] }],
+            })
             .gallery("Views", [figure(), Figure::linked("Left", "left.png")])
             .flip("Flip", [figure(), figure()])
             .flip("Flip again", [figure()])
@@ -210,7 +222,7 @@ mod tests {
     #[test]
     fn parts_keep_their_order() {
         let html = report_with_every_part().to_html();
-        let places = ["<h1>All parts", "<p>Text", "<table>", ">Views", ">Flip<", ">Flip again", ">Compare"];
+        let places = ["<h1>All parts", "<p>Text", "<table>", ">Chart", ">Views", ">Flip<", ">Flip again", ">Compare"];
         assert!(places.map(|place| html.find(place).unwrap_or_else(|| panic!("no {place}"))).is_sorted());
     }
 

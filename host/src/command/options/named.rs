@@ -69,8 +69,8 @@ impl Named for Dataset {
         match self {
             Dataset::Middlebury2006Third => "Middlebury 2006 at a third of its size: three views in a row",
             Dataset::Middlebury2005Full => "Middlebury 2005 at full size: three views in a row",
-            Dataset::Tsukuba => "Tsukuba's head and lamp: one scene, five views",
-            Dataset::Hci4d => "The HCI's 4D light fields: five views each",
+            Dataset::Tsukuba => "Tsukuba's head and lamp: one scene, an array of 5x5 views",
+            Dataset::Hci4d(_) => "The HCI's 4D light fields: arrays of 9x9 cameras, of which every fourth is used by default",
         }
     }
 }

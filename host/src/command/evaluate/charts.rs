@@ -1,0 +1,101 @@
+//! The error over the number of views, and over the longest baseline.
+
+use multiscopic::{
+    evaluation::Record,
+    report::{Chart, ChartLine},
+    stereo::LongBaselines,
+};
+use multiscopic_core::{Fusion, Views};
+
+use crate::command::{options::Named, variant::Variant};
+
+/// What is compared with what else: the variants, the records of each in every scene, and what the charts need to name them.
+pub struct Errors<'a> {
+    pub variants: &'a [Variant],
+    /// Every variant's record, for one scene after the other.
+    pub records: &'a [Record],
+    /// Whether each number of views has the fusion rule that it has by default.
+    pub has_default_fusion: bool,
+    /// The name of a baseline, in the plural.
+    pub baselines: &'a str,
+}
+
+impl Errors<'_> {
+    /// The charts for which there are several points.
+    pub fn charts(&self) -> Vec<Chart> {
+        [self.over_views(), self.over_baselines()].into_iter().flatten().collect()
+    }
+
+    /// The mean error of the variant with an index, over all scenes.
+    fn mean(&self, index: usize) -> f64 {
+        let errors = self.records.iter().skip(index).step_by(self.variants.len()).map(|record| record.metrics.avg_err);
+        let scenes = self.records.len() / self.variants.len();
+        errors.sum::<f64>() / scenes as f64
+    }
+
+    /// One line for each method and fusion rule, through the sets of views at one baseline.
+    fn over_views(&self) -> Option<Chart> {
+        let single = |variant: &Variant| LongBaselines::sets(variant.views).len() == 1;
+        let mut lines = Vec::new();
+        for &(method, fusion) in &distinct(self.variants.iter().map(|variant| (variant.method, self.chosen(variant)))) {
+            // The rules agree on a single view.
+            let same = |variant: &Variant| variant.views.len() == 1 || self.chosen(variant) == fusion;
+            let points = self.points(|variant| {
+                let is_on_line = single(variant) && variant.method == method && same(variant);
+                is_on_line.then_some(variant.views.len())
+            });
+            lines.push(ChartLine { name: self.named(method.name(), fusion), points });
+        }
+        chart("Error over the number of views", "views", lines)
+    }
+
+    /// One line for each method, fusion rule and set of views at the shortest baseline, through the sets of baselines.
+    fn over_baselines(&self) -> Option<Chart> {
+        let group = |variant: &Variant| (variant.method, self.chosen(variant), LongBaselines::shortest(variant.views));
+        let groups = distinct(self.variants.iter().map(group));
+        let line = |key: &(_, Option<Fusion>, Views)| {
+            let longest =
+                |variant: &Variant| LongBaselines::sets(variant.views).last().map(|views| usize::from(views.multiple()));
+            let points = self.points(|variant| longest(variant).filter(|_| group(variant) == *key));
+            let (views, plural) = (key.2.len(), if key.2.len() == 1 { "" } else { "s" });
+            ChartLine { name: self.named(&format!("{}, {views} view{plural} each", Named::name(&key.0)), key.1), points }
+        };
+        let lines = groups.iter().map(line).filter(|line| line.points.len() > 1).collect();
+        chart("Error over the longest baseline", &format!("longest baseline, in {}", self.baselines), lines)
+    }
+
+    /// The fusion rule of a variant, unless each number of views has its own.
+    fn chosen(&self, variant: &Variant) -> Option<Fusion> {
+        (!self.has_default_fusion).then_some(variant.fusion)
+    }
+
+    fn named(&self, line: &str, fusion: Option<Fusion>) -> String {
+        fusion.map_or_else(|| line.to_owned(), |fusion| format!("{line}, {}", fusion.name()))
+    }
+
+    /// The mean errors of the variants for which there is a place, in ascending order.
+    fn points(&self, place: impl Fn(&Variant) -> Option<usize>) -> Vec<(f64, f64)> {
+        let places = self.variants.iter().enumerate().filter_map(|(index, variant)| Some((place(variant)?, index)));
+        let mut places: Vec<(usize, usize)> = places.collect();
+        places.sort_unstable();
+        places.into_iter().map(|(place, index)| (place as f64, self.mean(index))).collect()
+    }
+}
+
+/// A chart of `lines`, if any of them has two different places.
+fn chart(title: &str, x: &str, lines: Vec<ChartLine>) -> Option<Chart> {
+    let extends = |line: &ChartLine| line.points.first().map(|point| point.0) < line.points.last().map(|point| point.0);
+    let y = "AvgErr in pixels, mean over scenes".into();
+    lines.iter().any(extends).then(|| Chart { title: title.into(), x: x.into(), y, lines })
+}
+
+/// Each item once, in the order of first appearance.
+fn distinct<T: PartialEq>(items: impl Iterator<Item = T>) -> Vec<T> {
+    let mut distinct = Vec::new();
+    for item in items {
+        if !distinct.contains(&item) {
+            distinct.push(item);
+        }
+    }
+    distinct
+}

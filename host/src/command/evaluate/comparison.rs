@@ -1,0 +1,140 @@
+//! What an evaluation compares: methods, sets of views, and fusion rules.
+
+use clap::Args;
+use multiscopic::{Dataset, Error, Result, evaluation::CameraSteps, images::Layout};
+use multiscopic_core::{Fusion, View, Views};
+
+use crate::command::{
+    options::{BaselineOptions, MethodName, named, views_of_count},
+    variant::Variant,
+};
+
+/// The methods, views and fusion rules.
+#[derive(Clone, Debug, Args)]
+pub struct Comparison {
+    /// Numbers of neighbours: 1 (stereo), 2, 4, or 8 for all of a 3x3 array [default: 1 and 2 or 4, as the data set has]
+    #[arg(long, value_name = "1,2,4,8", value_delimiter = ',')]
+    views: Vec<usize>,
+
+    /// Layouts of neighbours: cross, or rows and columns of an array such as 3x3, 5x5 or 1x9
+    #[arg(long, value_name = "3x3,5x5", value_delimiter = ',')]
+    layout: Vec<Layout>,
+
+    /// Baselines that are matched from short to long besides, such as 3,5: for each number of neighbours also with the views
+    /// in the centre's row and column that the data set has at these multiples
+    #[arg(long, value_name = "3,5", value_delimiter = ',')]
+    baselines: Vec<u8>,
+
+    /// Camera steps in a baseline, for hci4d: 1, 2 or 4. With 1, views are at 1 to 4 baselines. Errors remain in pixels at 4 steps
+    /// [default: 4]
+    #[arg(long, value_name = "N")]
+    camera_steps: Option<CameraSteps>,
+
+    /// Methods
+    #[arg(long, value_parser = named::<MethodName>(), value_delimiter = ',', default_value = "bm", help_heading = "Matching")]
+    methods: Vec<MethodName>,
+
+    /// Fusion rules for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
+    #[arg(long, value_parser = named::<Fusion>(), value_delimiter = ',', help_heading = "Matching")]
+    fusion: Vec<Fusion>,
+}
+
+impl Comparison {
+    /// The data set with the baseline that is asked for.
+    pub fn dataset(&self, dataset: Dataset) -> Result<Dataset> {
+        self.camera_steps.map_or(Ok(dataset), |steps| dataset.with_camera_steps(steps))
+    }
+
+    /// Whether each number of views has the fusion rule that it has by default.
+    pub fn has_default_fusion(&self) -> bool {
+        self.fusion.is_empty()
+    }
+
+    /// Every method with every set of views, those of `--views` first and stereo before all others, and every fusion rule where
+    /// there are several views.
+    pub fn variants(&self, dataset: Dataset, long: &BaselineOptions) -> Result<Vec<Variant>> {
+        let nearest = self.nearest(dataset)?;
+        let has_none = |&&multiple: &&u8| !in_directions(multiple).any(|view| dataset.has(view));
+        if let Some(multiple) = self.baselines.iter().find(has_none) {
+            let steps = if matches!(dataset, Dataset::Hci4d(_)) { ": use --camera-steps 1 or 2" } else { "" };
+            return Err(Error::Usage(format!("--baselines includes {multiple}, but {dataset} has no view there{steps}")));
+        }
+        let mut variants = Vec::new();
+        for &method in &self.methods {
+            for &(layout, views) in &nearest {
+                let first = long.first(views).len();
+                let fusions = match (&self.fusion[..], views.len()) {
+                    ([], _) => vec![Fusion::default_for(first)],
+                    // All rules agree on a single cost.
+                    ([first, ..], 1) => vec![*first],
+                    (fusions, _) => fusions.to_vec(),
+                };
+                for count in 0..=self.baselines.len() {
+                    let views = at_baselines(dataset, views, &self.baselines[..count])?;
+                    for &fusion in &fusions {
+                        let variant = Variant { method, layout, views, fusion };
+                        if !variants.contains(&variant) {
+                            variants.push(variant);
+                        }
+                    }
+                }
+            }
+        }
+        Ok(variants)
+    }
+
+    /// The views of `--views` and `--layout`, the latter with their layout unless it is one of the former's.
+    fn nearest(&self, dataset: Dataset) -> Result<Vec<(Option<Layout>, Views)>> {
+        let mut counts = self.views.clone();
+        if counts.is_empty() && self.layout.is_empty() {
+            counts = vec![1, dataset.views().len()];
+        }
+        counts.sort_unstable();
+        let mut nearest = Vec::new();
+        for &count in &counts {
+            let views = views_of_count(count)?;
+            if !has_all(dataset, views) {
+                let has = |count: &usize| views_of_count(*count).is_ok_and(|views| has_all(dataset, views));
+                let most = [8, 4, 2, 1].into_iter().find(has).unwrap_or_default();
+                return Err(Error::Usage(format!(
+                    "--views includes {count}, but {dataset} has only {most} neighbours: use 1 or {most}"
+                )));
+            }
+            nearest.push((None, views));
+        }
+        for &layout in &self.layout {
+            let views = layout.views();
+            if let Some(view) = views.iter().find(|&view| !dataset.has(view)) {
+                let steps = match dataset {
+                    Dataset::Hci4d(steps) => format!(" at {steps} camera steps"),
+                    _ => String::new(),
+                };
+                return Err(Error::Usage(format!("--layout includes {layout}, but {dataset} has no view {view}{steps}")));
+            }
+            let is_of_count = views_of_count(views.len()).is_ok_and(|same| same == views);
+            nearest.push(((!is_of_count).then_some(layout), views));
+        }
+        Ok(nearest)
+    }
+}
+
+/// `views`, and those in the centre's row and column that the data set has at `multiples` of the baseline.
+fn at_baselines(dataset: Dataset, views: Views, multiples: &[u8]) -> Result<Views> {
+    let longer: Vec<View> = multiples.iter().copied().flat_map(in_directions).filter(|&view| dataset.has(view)).collect();
+    let missing = longer.iter().filter(|&&view| !views.contains(view)).count();
+    if views.len() + missing > Views::MAX {
+        let (count, most) = (views.len(), Views::MAX);
+        return Err(Error::Usage(format!("{missing} views at longer baselines besides {count} are more than {most} in all")));
+    }
+    Ok(views.iter().chain(longer).collect())
+}
+
+/// The views at a multiple of the baseline, in the centre's row and column.
+fn in_directions(multiple: u8) -> impl Iterator<Item = View> {
+    View::CROSS.into_iter().filter_map(move |view| view.times(multiple))
+}
+
+/// Whether a data set has all of `views`.
+fn has_all(dataset: Dataset, views: Views) -> bool {
+    views.iter().all(|view| dataset.has(view))
+}

@@ -18,8 +18,7 @@ impl Alignment {
     /// Estimates the misalignment of every view of `frames`. `params` give the disparity range to search.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) if a view is neither in the row nor in the column of the centre or has too
-    /// little texture in common with it, or `params` are for frames of another size.
+    /// [`Error::Usage`](crate::Error::Usage) if a view has too little texture in common with the centre, or `params` are for frames of another size.
     pub fn estimate(frames: &Frames, params: &Params, engine: &Engine) -> Result<Alignment> {
         let mut tracks = Vec::new();
         for (view, images) in pairs(frames) {

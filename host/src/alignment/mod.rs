@@ -13,7 +13,8 @@
 //!
 //! | file | what it holds |
 //! | --- | --- |
-//! | `oriented` | an image addressed along and across a baseline, with interpolation |
+//! | `direction` | the directions along and across a baseline |
+//! | `interpolated` | an image addressed between pixels |
 //! | `correction` | shifting a view across its baseline and dividing by its gain |
 //! | `coarse_shift` | the shift in whole pixels |
 //! | `normal_equations` | what one block contributes to least squares |
@@ -24,9 +25,10 @@
 mod baseline_scales;
 mod coarse_shift;
 mod correction;
+mod direction;
 mod estimate;
+mod interpolated;
 mod normal_equations;
-mod oriented;
 mod residual;
 mod track;
 

@@ -1,6 +1,6 @@
 //! The normal equations of one image block.
 
-use super::oriented::OrientedImage;
+use super::{direction::Direction, interpolated::InterpolatedImage};
 
 /// The side of a block, in pixels.
 pub const BLOCK: usize = 9;
@@ -28,20 +28,21 @@ pub struct NormalEquations {
 }
 
 impl NormalEquations {
-    /// The equations of the block with its corner at `corner`, whose match is `offset` away along the
-    /// baseline and `across` it. All coordinates are along and across the baseline. `None` if the block has
-    /// too little texture, is saturated, or does not match.
+    /// The equations of the block with its corner at `corner`, whose match is `offset` pixels away along and across the
+    /// baseline in this direction. `None` if the block has too little texture, is saturated, or does not match.
     pub fn of_block(
-        [center, neighbor]: &[OrientedImage<'_>; 2],
+        [center, neighbor]: &[InterpolatedImage<'_>; 2],
         corner: [usize; 2],
-        offset: f64,
-        across: f64,
+        direction: Direction,
+        offset: [f64; 2],
         gain: f64,
     ) -> Option<NormalEquations> {
+        let Direction { along: [ax, ay], across: [cx, cy], .. } = direction;
+        let (du, dv) = (offset[0] * ax + offset[1] * cx, offset[0] * ay + offset[1] * cy);
         let mut sums = [[0.0; 4]; 4];
         for (i, j) in (0..BLOCK).flat_map(|j| (0..BLOCK).map(move |i| (i, j))) {
             let (x, y) = ((corner[0] + i) as isize, (corner[1] + j) as isize);
-            let (u, v) = (x as f64 + offset, y as f64 + across);
+            let (u, v) = (x as f64 + du, y as f64 + dv);
             let (gray, matched) = (center.pixel(x, y), neighbor.interpolate(u, v));
             if gray >= SATURATED || matched >= SATURATED {
                 return None;
@@ -50,7 +51,7 @@ impl NormalEquations {
             let gradient = |before: f64, after: f64, center_before: f64, center_after: f64| {
                 (after - before + gain * (center_after - center_before)) / 4.0
             };
-            let along = gradient(
+            let right = gradient(
                 neighbor.interpolate(u - 1.0, v),
                 neighbor.interpolate(u + 1.0, v),
                 center.pixel(x - 1, y),
@@ -62,8 +63,9 @@ impl NormalEquations {
                 center.pixel(x, y - 1),
                 center.pixel(x, y + 1),
             );
-            // matched + along * position + down * shift = (gain + gain change) * gray
-            let row = [along, down, -gray, gain * gray - matched];
+            let (along, across) = (right * ax + down * ay, right * cx + down * cy);
+            // matched + along * position + across * shift = (gain + gain change) * gray
+            let row = [along, across, -gray, gain * gray - matched];
             for (sums, a) in sums.iter_mut().zip(row) {
                 sums.iter_mut().zip(row).for_each(|(sum, b)| *sum += a * b);
             }

@@ -5,8 +5,8 @@ use serde::Serialize;
 /// How far a view is from where it should be.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Residual {
-    /// The shift of the image across the baseline, in pixels: down for a left or right view, to the right for
-    /// a top or bottom view.
+    /// The shift of the image across the baseline, in pixels: to the right for views in the
+    /// centre's column, and down for others.
     pub across_px: f64,
     /// The length of the baseline relative to the mean of all views; 1 if there is only one view.
     pub baseline_scale: f64,

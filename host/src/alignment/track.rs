@@ -6,8 +6,9 @@ use rayon::prelude::*;
 
 use super::{
     coarse_shift::coarse_shift,
+    direction::Direction,
+    interpolated::InterpolatedImage,
     normal_equations::{BLOCK, NormalEquations},
-    oriented::{OrientedImage, along_and_across},
 };
 use crate::{
     error::{Error, Result},
@@ -39,27 +40,21 @@ impl Track {
     /// # Errors
     /// If the two images have too little texture in common, or `params` are for images of another size.
     pub fn new([center, neighbor]: [&GrayImage; 2], view: View, params: &Params, engine: &Engine) -> Result<Track> {
-        if !view.is_horizontal() && !view.is_vertical() {
-            let message = format!("the {view} view cannot be aligned: only views in the row or the column of the centre can");
-            return Err(Error::Usage(message));
-        }
         let mut gain = mean(neighbor) / mean(center).max(1.0);
         let (across, map) = coarse_shift([center, neighbor], view, params, engine, gain)?;
         let mut across = f64::from(across);
-        let images = [center, neighbor].map(|image| OrientedImage::new(image, view));
+        let images = [center, neighbor].map(InterpolatedImage);
         let corners: Vec<[usize; 2]> = block_corners([params.width(), params.height()]).collect();
         let mut disparities: Vec<Option<f64>> =
             corners.iter().map(|&[u, v]| map.get(u + BLOCK / 2, v + BLOCK / 2).map(|d| f64::from(d.to_fixed()))).collect();
-        let (du, dv) = view.shift(1);
-        let step = f64::from(du + dv);
+        let direction @ Direction { step, .. } = Direction::of(view);
         let range = f64::from(params.min_disparity()) - 1.0..=f64::from(params.max_disparity()) + 1.0;
         for iteration in 1..=MAX_ITERATIONS {
             let blocks: Vec<Option<NormalEquations>> = corners
                 .par_iter()
                 .zip(&disparities)
                 .map(|(&corner, disparity)| {
-                    let corner = along_and_across(corner, view);
-                    NormalEquations::of_block(&images, corner, step * (*disparity)?, across, gain)
+                    NormalEquations::of_block(&images, corner, direction, [step * (*disparity)?, across], gain)
                 })
                 .collect();
             let mut sum = NormalEquations::default();

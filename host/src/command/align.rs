@@ -17,7 +17,7 @@ use super::{
 
 /// Estimates each view's shift across its baseline, relative baseline length and relative brightness
 ///
-/// The shift is downwards for the left and right views, and to the right for the top and bottom views. Shift and
+/// The shift is to the right for views in the centre's column, and downwards across the baseline for others. Shift and
 /// brightness can be corrected: in a new folder with -o, or just before matching with `multiscopic match --align`.
 #[derive(Clone, Debug, Args)]
 pub struct Align {

@@ -1,10 +1,11 @@
 //! `multiscopic align` on captures that are misaligned by known amounts.
 
+use image::{GrayImage, Luma};
 use multiscopic::{
-    Picture,
+    Alignment, Engine, Frames, Picture,
     scene::{PinholeCamera, Scene, render},
 };
-use multiscopic_core::{Frame, View};
+use multiscopic_core::{Frame, Fusion, Params, Search, View};
 use multiscopic_tests::{
     program::Invocation,
     test_images::{
@@ -46,6 +47,47 @@ fn shifts_brightness_and_baselines_are_found() {
         let found = found.expect("all views are there");
         assert!((found.scale - expected).abs() < 0.005, "{found:?} instead of {expected}");
         assert!(found.across_px.abs() < 0.05 && (found.gain - 1.0).abs() < 0.005, "{found:?}");
+    }
+}
+
+#[test]
+fn views_of_arrays_are_aligned() {
+    // A plane at one disparity, painted with waves, each view shifted across its baseline and brightened.
+    const DISPARITY: f64 = 4.25;
+    let waves = |x: f64, y: f64| {
+        let wave = |(k, (a, b)): (usize, (f64, f64))| (a * x + b * y + k as f64).sin();
+        let directions = [(0.31, 0.17), (-0.23, 0.41), (0.52, -0.29), (0.13, 0.61), (0.71, 0.37), (-0.43, 0.55)];
+        120.0 + 18.0 * directions.into_iter().enumerate().map(wave).sum::<f64>()
+    };
+    let image = |value: &dyn Fn(f64, f64) -> f64| {
+        GrayImage::from_fn(200, 150, |u, v| Luma([value(u.into(), v.into()).round() as u8]))
+    };
+    // The view, where its shift is to, the shift, and the gain.
+    let (diagonal, knight) = (0.5_f64.sqrt(), 0.2_f64.sqrt());
+    let cases = [
+        ((1, 1), (-diagonal, diagonal), 1.3, 1.04),
+        ((-1, 1), (diagonal, diagonal), -0.7, 0.97),
+        ((-1, -1), (-diagonal, diagonal), -2.2, 1.0),
+        ((2, -1), (knight, 2.0 * knight), 0.4, 0.95),
+        ((3, 0), (0.0, 1.0), 1.6, 1.02),
+        ((0, -2), (1.0, 0.0), -1.1, 1.0),
+    ];
+    let mut frames = Frames::new(image(&waves));
+    for ((i, j), (nx, ny), shift, gain) in cases {
+        let (i, j): (i8, i8) = (i, j);
+        let (dx, dy) = (f64::from(i) * DISPARITY - nx * shift, f64::from(j) * DISPARITY - ny * shift);
+        frames = frames.with(View::new(i, j).unwrap(), image(&|u, v| gain * waves(u + dx, v + dy)));
+    }
+    let search = Search::new(200, 150, frames.views(), Fusion::Min, 1, 8).unwrap();
+    let params = Params::block_matching(search, 11).unwrap();
+    let alignment = Alignment::estimate(&frames, &params, &Engine::new(None, 2).unwrap()).unwrap();
+    let aligned = Alignment::estimate(&alignment.compensate(&frames), &params, &Engine::new(None, 2).unwrap()).unwrap();
+    for ((i, j), _, shift, gain) in cases {
+        let view = View::new(i, j).unwrap();
+        let (found, left) = (alignment.of(view).unwrap(), aligned.of(view).unwrap());
+        assert!((found.across_px - shift).abs() < 0.03 && (found.gain - gain).abs() < 0.003, "{view}: {found:?}");
+        assert!((found.baseline_scale - 1.0).abs() < 0.005, "{view}: {found:?}");
+        assert!(left.across_px.abs() < 0.03 && (left.gain - 1.0).abs() < 0.003, "{view}: {left:?}");
     }
 }
 

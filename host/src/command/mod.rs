@@ -4,6 +4,7 @@ pub mod align;
 pub mod bench;
 pub mod budget;
 pub mod capture;
+mod charts;
 pub mod demo;
 pub mod devices;
 pub mod evaluate;

@@ -1,6 +1,6 @@
 //! Variants of matching, and their measurement.
 
-use std::time::Instant;
+use std::{collections::BTreeSet, time::Instant};
 
 use multiscopic::{
     DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Result,
@@ -8,7 +8,7 @@ use multiscopic::{
     images::Layout,
     stereo::LongBaselines,
 };
-use multiscopic_core::{Fusion, Search, Views};
+use multiscopic_core::{Fusion, Search, View, Views};
 
 use super::options::{MethodName, Named};
 
@@ -41,6 +41,18 @@ pub struct Subject<'a> {
 }
 
 impl Variant {
+    /// The baselines of the views in ascending order, if they are a cross or an array at several.
+    pub fn baselines(&self) -> Vec<u8> {
+        let reach = |along: fn(View) -> i8| self.views.iter().map(|view| along(view).unsigned_abs()).max().unwrap_or_default();
+        let array = (2 * usize::from(reach(View::right)) + 1) * (2 * usize::from(reach(View::down)) + 1);
+        let sets = LongBaselines::sets(self.views);
+        if sets.len() == 1 && self.views.len() + 1 == array {
+            return Vec::new();
+        }
+        let multiples: BTreeSet<u8> = self.views.iter().map(View::multiple).collect();
+        if multiples.len() > 1 { multiples.into_iter().collect() } else { Vec::new() }
+    }
+
     /// Matches `subject` with `method`, which is this variant's, and compares the result with the truth. Disparities are those
     /// at the default baseline.
     pub fn measure(
@@ -63,10 +75,7 @@ impl Variant {
             method: self.method.name().into(),
             views: self.views.len(),
             layout: self.layout.map(|layout| layout.to_string()),
-            baselines: match &LongBaselines::sets(self.views)[..] {
-                [_] => Vec::new(),
-                sets => sets.iter().map(|views| views.multiple()).collect(),
-            },
+            baselines: self.baselines(),
             camera_steps: subject.camera_steps.map(CameraSteps::count),
             fusion: self.fusion.name().into(),
             metrics: Metrics::new(&disparities, subject.truth).expect("some of the truth is known"),

@@ -2,13 +2,14 @@
 
 use maud::{Markup, PreEscaped, Render, html};
 
-const STYLE: &str = include_str!("chart.css");
+/// The style of charts and of other SVG files.
+pub(super) const STYLE: &str = include_str!("chart.css");
 
-/// The size of a chart, and the place of its plot, in pixels.
+/// The size of a chart, which is higher for many lines, and the place of its plot, in pixels.
 const WIDTH: f64 = 760.0;
-const HEIGHT: f64 = 340.0;
+const LEAST_HEIGHT: f64 = 340.0;
 const LEFT: f64 = 62.0;
-const RIGHT: f64 = 500.0;
+const RIGHT: f64 = 450.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 290.0;
 /// The distance between two rows of the legend.
@@ -49,10 +50,15 @@ pub struct ChartLine {
 impl Chart {
     /// The chart as a file of its own.
     pub fn to_svg(&self) -> String {
-        let head = format!(r#"<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{HEIGHT}" "#);
+        let head = format!(r#"<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{}" "#, self.height());
         let style = html! { style { (PreEscaped(STYLE)) } }.into_string();
         let svg = self.render().into_string().replacen("<svg ", &head, 1);
         svg.replacen('>', &format!(">{style}"), 1) + "\n"
+    }
+
+    /// The height in pixels, which has room for the legend.
+    fn height(&self) -> f64 {
+        LEAST_HEIGHT.max(TOP + LEGEND_ROW * (self.lines.len() as f64 + 1.0))
     }
 
     /// The ticks of the horizontal axis: every value that a line has, in ascending order.
@@ -89,18 +95,15 @@ impl Render for Chart {
         let highest = rows.last().map_or(1.0, |tick| tick.value);
         let across = |x: f64| format!("{:.1}", LEFT + (RIGHT - LEFT) * x / most);
         let up = |y: f64| format!("{:.1}", BOTTOM - (BOTTOM - TOP) * y / highest);
-        let stroke = |line: usize| {
-            let dash = DASHES[line / COLORS % DASHES.len()];
-            format!("stroke: var(--s{}); stroke-dasharray: {dash}", line % COLORS)
-        };
-        let fill = |line: usize| format!("fill: var(--s{})", line % COLORS);
+        let class = |part: &str, line: usize| format!("{part} s{}", line % COLORS);
+        let dash = |line: usize| DASHES[line / COLORS % DASHES.len()];
         let path = |points: &[(f64, f64)]| {
             let points: Vec<String> = points.iter().map(|&(x, y)| format!("{},{}", across(x), up(y))).collect();
             points.join(" ")
         };
         let (middle, center) = ((LEFT + RIGHT) / 2.0, (TOP + BOTTOM) / 2.0);
         html! {
-            svg class="chart" viewBox=(format!("0 0 {WIDTH} {HEIGHT}")) role="img" {
+            svg class="chart" viewBox=(format!("0 0 {WIDTH} {}", self.height())) role="img" {
                 title { (self.title) }
                 text x=(LEFT) y="18" font-weight="600" { (self.title) }
                 @for Tick { value, label } in &rows {
@@ -115,15 +118,15 @@ impl Render for Chart {
                 text x=(middle) y=(BOTTOM + 40.0) text-anchor="middle" { (self.x) }
                 text x="16" y=(center) text-anchor="middle" transform=(format!("rotate(-90 16 {center})")) { (self.y) }
                 @for (index, line) in self.lines.iter().enumerate() {
-                    polyline class="series" style=(stroke(index)) points=(path(&line.points)) {}
+                    polyline class=(class("series", index)) stroke-dasharray=(dash(index)) points=(path(&line.points)) {}
                     @for &(x, y) in &line.points {
-                        circle class="marker" style=(fill(index)) cx=(across(x)) cy=(up(y)) r="4" {
+                        circle class=(class("marker", index)) cx=(across(x)) cy=(up(y)) r="4" {
                             title { (line.name) ": " (format!("{y:.3}")) " at " (x) }
                         }
                     }
                     @let row = TOP + 8.0 + LEGEND_ROW * index as f64;
-                    line class="series" style=(stroke(index)) x1=(RIGHT + 24.0) x2=(RIGHT + 50.0) y1=(row) y2=(row) {}
-                    circle class="marker" style=(fill(index)) cx=(RIGHT + 37.0) cy=(row) r="4" {}
+                    line class=(class("series", index)) stroke-dasharray=(dash(index)) x1=(RIGHT + 24.0) x2=(RIGHT + 50.0) y1=(row) y2=(row) {}
+                    circle class=(class("marker", index)) cx=(RIGHT + 37.0) cy=(row) r="4" {}
                     text x=(RIGHT + 58.0) y=(row) dy="4" { (line.name) }
                 }
             }

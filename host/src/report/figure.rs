@@ -42,6 +42,11 @@ impl Figure {
         Figure::png(caption, bytes.into_inner())
     }
 
+    /// The picture's URL, which holds the picture if it is embedded.
+    pub(super) fn url(&self) -> String {
+        self.source.url()
+    }
+
     /// What the picture shows.
     pub fn caption(&self) -> &str {
         &self.caption
@@ -75,7 +80,7 @@ impl Render for Figure {
     fn render(&self) -> Markup {
         html! {
             figure {
-                img src=(self.source.url()) alt=(self.caption);
+                img src=(self.url()) alt=(self.caption);
                 figcaption { (self.caption) }
             }
         }

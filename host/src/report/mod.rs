@@ -1,6 +1,7 @@
-//! Results for people to look at: HTML pages, charts, error maps and montages.
+//! Results for people to look at: HTML pages, charts, error maps, montages and contact sheets.
 
 mod chart;
+pub mod contact_sheet;
 pub mod error_map;
 mod figure;
 pub mod montage;

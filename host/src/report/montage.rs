@@ -36,7 +36,8 @@ pub fn row<'a>(pictures: impl IntoIterator<Item = &'a RgbImage>, max_width: u32)
     row
 }
 
-fn scaled_down(picture: &RgbImage, max_width: u32) -> RgbImage {
+/// The picture, scaled down if it is wider than `max_width` pixels.
+pub(super) fn scaled_down(picture: &RgbImage, max_width: u32) -> RgbImage {
     let (width, height) = picture.dimensions();
     assert!(width > 0 && height > 0, "the picture is {width}x{height} pixels");
     if width <= max_width {

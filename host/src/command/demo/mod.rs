@@ -11,24 +11,33 @@ use clap::{Args, value_parser};
 use multiscopic::{
     Method, Result,
     evaluation::{Record, results},
-    scene::{PinholeCamera, Scene, render},
+    images::Layout,
+    scene::{PinholeCamera, Scene, render_views},
     stereo::{CostFunction, Optimizer},
 };
-use multiscopic_core::{Params, Views};
+use multiscopic_core::{Params, Search, Views};
 
-use self::{outcome::Outcome, results_folder::ResultsFolder, results_page::ResultsPage, variants::VARIANTS};
+use self::{outcome::Outcome, results_folder::ResultsFolder, results_page::ResultsPage, variants::variants};
 use super::{
     options::{EngineOptions, SearchOptions},
     terminal,
-    variant::Subject,
+    variant::{Subject, Variant},
 };
 
-/// Renders five views of a scene with known depth, matches and evaluates them, and writes pictures and a page with the results
+/// Renders views of a scene with known depth, matches and evaluates them, and writes pictures and a page with the results
 #[derive(Debug, Args)]
 pub struct Demo {
     /// Folder for the results, created if missing
     #[arg(short, long, value_name = "DIR", default_value = "out/demo")]
     output: PathBuf,
+
+    /// Layout of the neighbours: cross, or rows and columns of an array such as 3x3
+    #[arg(long, value_name = "cross|RxC", default_value_t = Layout::CROSS)]
+    layout: Layout,
+
+    /// Longer baselines at which the layout is rendered besides, such as 1,3,5; a cross or a row is matched from short to long
+    #[arg(long, value_name = "1,3,5", value_delimiter = ',')]
+    baselines: Vec<u8>,
 
     /// Width of the views in pixels
     #[arg(long, value_name = "N", default_value_t = DEFAULT_WIDTH, value_parser = value_parser!(u32).range(16..=4096))]
@@ -55,24 +64,27 @@ const DEFAULT_WIDTH: u32 = 640;
 impl Demo {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
-        let params = self.params()?;
+        let variants = variants(self.layout, &self.baselines)?;
+        let searches = self.searches(&variants)?;
+        let params = self.search.params(searches[0])?;
         let engine = self.engine.engine()?;
-        let folder = ResultsFolder::create(&self.output)?;
+        let views: Views = variants.iter().flat_map(|variant| variant.views.iter()).collect();
+        let folder = ResultsFolder::create(&self.output, views, &variants)?;
 
-        let bar = terminal::progress(1 + VARIANTS.len() as u64, "steps");
+        let bar = terminal::progress(1 + variants.len() as u64, "steps");
         bar.set_message("rendering");
         let camera = PinholeCamera::new(self.width, self.height);
-        let shot = render(&Scene::demo(), &camera, self.seed);
+        let shot = render_views(&Scene::demo(), &camera, views, self.seed);
         bar.inc(1);
-        let frames = shot.frames(Views::CROSS);
+        let frames = shot.frames(views);
         let subject = Subject { dataset: "demo", scene: "demo", camera_steps: None, frames: &frames, truth: &shot.truth };
         bar.set_message("matching");
         let cost = CostFunction::Sad { block_size: self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE) };
         let method = Method::new(cost, None, Optimizer::WinnerTakesAll);
         let mut outcomes = Vec::new();
-        for (variant, params) in VARIANTS.iter().zip(&params) {
-            let (disparities, record) = variant.measure(&method, &engine, &subject, params.search())?;
-            outcomes.push(Outcome { stem: variants::stem(variant), disparities, record });
+        for (&variant, search) in variants.iter().zip(&searches) {
+            let (disparities, record) = variant.measure(&method, &engine, &subject, search)?;
+            outcomes.push(Outcome { variant, disparities, record });
             bar.inc(1);
         }
         bar.set_message("writing");
@@ -80,7 +92,8 @@ impl Demo {
         let rows = results::rows(&records);
         folder.write_capture(&shot, &camera, self.seed)?;
         folder.write_maps(&shot, &camera, &outcomes)?;
-        let page = ResultsPage { commands: &self.commands(&params[0]), params: &params[0], records: &records, rows: &rows };
+        let commands = &self.commands(&params);
+        let page = ResultsPage { commands, views, variants: &variants, params: &params, records: &records, rows: &rows };
         let page_path = folder.write_page(&page.to_html())?;
         bar.finish_and_clear();
 
@@ -89,25 +102,28 @@ impl Demo {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// The parameters of each variant.
-    fn params(&self) -> Result<Vec<Params>> {
+    /// The search of each variant.
+    fn searches(&self, variants: &[Variant]) -> Result<Vec<Search>> {
         let (min_disparity, num_disparities) = SearchOptions::DEFAULT_RANGE;
         // Disparities are proportional to the width.
         let num_disparities = (u32::from(num_disparities) * self.width).div_ceil(DEFAULT_WIDTH) as u16;
         let size = [self.width as usize, self.height as usize];
-        VARIANTS
-            .iter()
-            .map(|variant| {
-                let range = (min_disparity, num_disparities);
-                self.search.params(self.search.search(size, variant.views, Some(variant.fusion), range)?)
-            })
-            .collect()
+        let range = (min_disparity, num_disparities);
+        variants.iter().map(|variant| self.search.search(size, variant.views, Some(variant.fusion), range)).collect()
     }
 
     /// The commands that make the results again.
     fn commands(&self, params: &Params) -> String {
         let Demo { output, width, height, seed, .. } = self;
         let output = output.display();
+        let mut layout = String::new();
+        if self.layout != Layout::CROSS {
+            layout = format!(" --layout {}", self.layout);
+        }
+        if !self.baselines.is_empty() {
+            let baselines: Vec<String> = self.baselines.iter().map(u8::to_string).collect();
+            layout += &format!(" --baselines {}", baselines.join(","));
+        }
         let search = format!(
             "--min-disparity {} --num-disparities {} --block-size {}",
             params.min_disparity(),
@@ -115,7 +131,7 @@ impl Demo {
             params.block_size()
         );
         format!(
-            "multiscopic demo --width {width} --height {height} --seed {seed} {search} -o {output}\n\
+            "multiscopic demo{layout} --width {width} --height {height} --seed {seed} {search} -o {output}\n\
              multiscopic match {output} {search} -o disparities.pfm --png disparities.png"
         )
     }

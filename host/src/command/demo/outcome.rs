@@ -2,10 +2,12 @@
 
 use multiscopic::{DisparityMap, evaluation::Record};
 
+use crate::command::variant::Variant;
+
 /// What a variant estimated, and how accurate it is.
 pub struct Outcome {
-    /// The stem of the variant's files.
-    pub stem: String,
+    /// The variant.
+    pub variant: Variant,
     /// The estimate.
     pub disparities: DisparityMap,
     /// The errors.

@@ -13,89 +13,108 @@ use multiscopic::{
         output,
         ply::{self, Encoding},
     },
-    report::{error_map, montage},
+    report::{
+        contact_sheet::{self, Column},
+        error_map, montage,
+    },
     scene::{PinholeCamera, Shot},
 };
 use multiscopic_core::{Frame, View, Views};
 
-use super::{
-    outcome::Outcome,
-    variants::{self, VARIANTS},
-};
+use super::{outcome::Outcome, variants};
+use crate::command::variant::Variant;
 
 /// The frames, with their captions.
-pub const FRAMES: [(Frame, &str); 5] = [
-    (Frame::Center, "centre, the reference"),
-    (Frame::View(View::LEFT), "left"),
-    (Frame::View(View::RIGHT), "right"),
-    (Frame::View(View::TOP), "top"),
-    (Frame::View(View::BOTTOM), "bottom"),
-];
+pub fn frames(views: Views) -> Vec<(Frame, String)> {
+    let caption = |view: View| match view.name() {
+        Some(name) => name.to_owned(),
+        None => format!("{view}: baselines to the right and down"),
+    };
+    let center = (Frame::Center, "centre, the reference".to_owned());
+    std::iter::once(center).chain(views.iter().map(|view| (Frame::View(view), caption(view)))).collect()
+}
 
 /// The picture of the truth.
 pub const TRUTH_PNG: &str = "truth.png";
 const TRUTH_PFM: &str = "truth.pfm";
 const CLOUD: &str = "cloud.ply";
 const OVERVIEW: &str = "overview.png";
+const SHEET: &str = "views.svg";
 const PAGE: &str = "index.html";
 
 /// The greatest width of each of the overview's four pictures.
 const OVERVIEW_PANEL: u32 = 360;
+/// The greatest width of the pictures in the sheet.
+const SHEET_PANEL: u32 = 200;
 
 /// A folder in which every result can be written.
-pub struct ResultsFolder(PathBuf);
+pub struct ResultsFolder {
+    path: PathBuf,
+    /// All views of the capture.
+    views: Views,
+}
 
 impl ResultsFolder {
-    /// Creates the folder if it is missing, and checks that the results can be written to it.
-    pub fn create(path: &Path) -> Result<ResultsFolder> {
+    /// Creates the folder if it is missing, and checks that the results of `variants`, which are captured in `views`, can be
+    /// written to it.
+    pub fn create(path: &Path, views: Views, variants: &[Variant]) -> Result<ResultsFolder> {
         fs::create_dir_all(path).map_err(|source| Error::Write { path: path.into(), source })?;
-        let folder = ResultsFolder(path.into());
-        let maps = VARIANTS.iter().map(variants::stem).flat_map(|stem| [map_pfm(&stem), map_png(&stem), errors_png(&stem)]);
-        let single = [Rig::FILE_NAME, TRUTH_PFM, TRUTH_PNG, CLOUD, OVERVIEW, PAGE].map(String::from);
-        let frames = FRAMES.map(|(frame, _)| FrameFiles::name_of(frame));
-        let paths: Vec<PathBuf> = frames.into_iter().chain(single).chain(maps).map(|name| folder.path(&name)).collect();
+        let folder = ResultsFolder { path: path.into(), views };
+        let maps = variants.iter().map(variants::stem).flat_map(|stem| [map_pfm(&stem), map_png(&stem), errors_png(&stem)]);
+        let single = [Rig::FILE_NAME, TRUTH_PFM, TRUTH_PNG, CLOUD, OVERVIEW, SHEET, PAGE].map(String::from);
+        let frames = frames(views).into_iter().map(|(frame, _)| FrameFiles::name_of(frame));
+        let paths: Vec<PathBuf> = frames.chain(single).chain(maps).map(|name| folder.file(&name)).collect();
         output::check(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[])?;
         Ok(folder)
     }
 
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.join(name)
+    fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
     }
 
     /// Writes the frames and `rig.toml`, as after a capture, and the truth.
     pub fn write_capture(&self, shot: &Shot, camera: &PinholeCamera, seed: u64) -> Result<()> {
-        for (frame, _) in FRAMES {
-            write_png(&self.path(&FrameFiles::name_of(frame)), shot.frame(frame))?;
+        for (frame, _) in frames(self.views) {
+            write_png(&self.file(&FrameFiles::name_of(frame)), shot.frame(frame))?;
         }
-        rig(camera, seed).save(&self.0)?;
-        shot.truth.write_pfm(&self.path(TRUTH_PFM))
+        rig(camera, self.views, seed).save(&self.path)?;
+        shot.truth.write_pfm(&self.file(TRUTH_PFM))
     }
 
-    /// Writes the maps of all variants, their pictures and errors, the overview, and the best map's point cloud.
+    /// Writes the maps of all variants, their pictures and errors, the overview, what each set of views adds, and the best
+    /// map's point cloud.
     pub fn write_maps(&self, shot: &Shot, camera: &PinholeCamera, outcomes: &[Outcome]) -> Result<()> {
         let truth = DisparityMap::from_float(&shot.truth);
         let range = truth.range();
         let color = |map: &DisparityMap| map.to_color(range.clone());
-        write_png(&self.path(TRUTH_PNG), &color(&truth))?;
-        for Outcome { stem, disparities, .. } in outcomes {
+        write_png(&self.file(TRUTH_PNG), &color(&truth))?;
+        let mut columns = Vec::new();
+        for Outcome { variant, disparities, record } in outcomes {
+            let stem = &variants::stem(variant);
             let errors = error_map::draw(disparities.pixels().iter().map(|d| d.map(f32::from)), &shot.truth);
-            disparities.write_pfm(&self.path(&map_pfm(stem)))?;
-            write_png(&self.path(&map_png(stem)), &color(disparities))?;
-            write_png(&self.path(&errors_png(stem)), &errors)?;
+            disparities.write_pfm(&self.file(&map_pfm(stem)))?;
+            write_png(&self.file(&map_png(stem)), &color(disparities))?;
+            write_png(&self.file(&errors_png(stem)), &errors)?;
+            if variants::is_default(variant) {
+                let note = format!("AvgErr {:.3}", record.metrics.avg_err);
+                columns.push(Column { heading: variants::heading(variant), pictures: vec![color(disparities), errors], note });
+            }
         }
+        let sheet = contact_sheet::to_svg(&columns, SHEET_PANEL);
+        output::write(&self.file(SHEET), |writer| writer.write_all(sheet.as_bytes()))?;
         let [Outcome { disparities: stereo, .. }, .., Outcome { disparities: best, .. }] = outcomes else {
             unreachable!("there are several variants")
         };
         let center = Picture::Rgb(shot.center.clone());
-        let geometry = rig(camera, 0).geometry().expect("the camera has a focal length");
-        ply::write(&self.path(CLOUD), best, &geometry, &center, Encoding::Binary)?;
+        let geometry = rig(camera, self.views, 0).geometry().expect("the camera has a focal length");
+        ply::write(&self.file(CLOUD), best, &geometry, &center, Encoding::Binary)?;
         let panels = [&shot.center, &color(stereo), &color(best), &color(&truth)];
-        write_png(&self.path(OVERVIEW), &montage::row(panels, OVERVIEW_PANEL))
+        write_png(&self.file(OVERVIEW), &montage::row(panels, OVERVIEW_PANEL))
     }
 
     /// Writes the page and returns its path.
     pub fn write_page(&self, html: &str) -> Result<PathBuf> {
-        let path = self.path(PAGE);
+        let path = self.file(PAGE);
         output::write(&path, |writer| writer.write_all(html.as_bytes()))?;
         Ok(path)
     }
@@ -116,14 +135,14 @@ pub fn errors_png(stem: &str) -> String {
 }
 
 /// The rig of the rendered capture.
-fn rig(camera: &PinholeCamera, seed: u64) -> Rig {
+fn rig(camera: &PinholeCamera, views: Views, seed: u64) -> Rig {
     let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
     Rig {
         baseline_mm: camera.baseline_mm,
         focal_px: Some(camera.focal_px),
         principal_point: [middle(camera.width), middle(camera.height)],
         doffs: 0.0,
-        images: FrameFiles::of_capture(Views::CROSS),
+        images: FrameFiles::of_capture(views),
         capture: Provenance {
             camera: Some("ray tracer".into()),
             stage: Some("simulated".into()),

@@ -5,13 +5,13 @@ use multiscopic::{
     files::FrameFiles,
     report::{Figure, Report, error_map},
 };
-use multiscopic_core::Params;
+use multiscopic_core::{Params, Views};
 
 use super::{
-    results_folder::{FRAMES, TRUTH_PNG, errors_png, map_png},
-    variants::{VARIANTS, caption, stem},
+    results_folder::{TRUTH_PNG, errors_png, frames, map_png},
+    variants::{caption, stem},
 };
-use crate::command::variant::Variant;
+use crate::command::{charts::Errors, variant::Variant};
 
 const ABOUT_THE_SCENE: &str = "The views are ray-traced: a still life on a brushed metal table, 0.4 m to 2.1 m from the camera. \
                                It contains what makes matching hard: stems thinner than a block, a blank canvas on the wall, \
@@ -26,6 +26,10 @@ const REPRODUCE: &str = "The first command makes this page and its files. The se
 pub struct ResultsPage<'a> {
     /// The commands that make the results again.
     pub commands: &'a str,
+    /// All views of the capture.
+    pub views: Views,
+    /// What is compared.
+    pub variants: &'a [Variant],
     /// The parameters of the first variant; all variants share range and block.
     pub params: &'a Params,
     /// The accuracy of each variant.
@@ -37,13 +41,16 @@ pub struct ResultsPage<'a> {
 impl ResultsPage<'_> {
     /// The page in HTML.
     pub fn to_html(&self) -> String {
-        let ResultsPage { params, .. } = self;
-        let (stereo, best) = (&VARIANTS[0], &VARIANTS[VARIANTS.len() - 1]);
+        let ResultsPage { params, variants, records, .. } = self;
+        let [stereo, .., best] = variants else { unreachable!("there are several variants") };
         let map = |variant: &Variant| Figure::linked(caption(variant), map_png(&stem(variant)));
         let errors = |variant: &Variant| Figure::linked(caption(variant), errors_png(&stem(variant)));
         let truth = Figure::linked("truth", TRUTH_PNG);
         let block_size = params.block_size();
-        Report::new("Depth from one camera that moves")
+        let pictures = frames(self.views).into_iter().map(|(frame, caption)| Figure::linked(caption, FrameFiles::name_of(frame)));
+        let title = if self.views == Views::CROSS { "The five views".into() } else { format!("The {} views", pictures.len()) };
+        let errors_over = Errors { variants, records, has_default_fusion: false, baselines: "baselines" };
+        let page = Report::new("Depth from one camera that moves")
             .paragraph(&self.summary())
             .compare("Stereo and multiscopic", map(stereo), map(best))
             .heading("Errors")
@@ -53,12 +60,16 @@ impl ResultsPage<'_> {
                  change from stereo in brackets; the other columns are percentages of pixels.",
                 params.min_disparity(),
                 params.max_disparity()
-            ))
-            .gallery("The five views", FRAMES.map(|(frame, caption)| Figure::linked(caption, FrameFiles::name_of(frame))))
+            ));
+        errors_over
+            .charts()
+            .iter()
+            .fold(page, Report::chart)
+            .gallery(&title, pictures)
             .paragraph(ABOUT_THE_SCENE)
-            .gallery("Disparities", std::iter::once(truth).chain(VARIANTS.iter().map(map)))
+            .gallery("Disparities", std::iter::once(truth).chain(variants.iter().map(map)))
             .paragraph("Red is near, blue is far, black has no disparity. All maps share one colour scale.")
-            .gallery("Error maps", VARIANTS.iter().map(errors))
+            .gallery("Error maps", variants.iter().map(errors))
             .paragraph(&format!("Difference from the truth: {}.", error_map::LEGEND))
             .heading("Reproduce this")
             .paragraph(REPRODUCE)
@@ -73,10 +84,15 @@ impl ResultsPage<'_> {
             let (rms, bad) = (record.metrics.rms, record.metrics.bad_1);
             format!("an RMS error of {rms:.2} px, with {bad:.1} % of the pixels off by more than one")
         };
+        let moves = if self.views == Views::CROSS {
+            "A camera takes a picture, moves one baseline to the left, to the right, up and down, and takes another each time."
+        } else {
+            "A camera takes a picture, moves in its image plane by whole baselines, and takes another each time."
+        };
+        let all = if best.baselines.is_empty() { "at once" } else { "at several baselines" };
         format!(
-            "A camera takes a picture, moves one baseline to the left, to the right, up and down, and takes another each \
-             time. Matched with one neighbour, as in stereo, the centre gives disparities with {}. Matched with all {} at \
-             once, it gives {}.",
+            "{moves} Matched with one neighbour, as in stereo, the centre gives disparities with {}. Matched with all {} {all}, \
+             it gives {}.",
             accuracy(stereo),
             best.views,
             accuracy(best)

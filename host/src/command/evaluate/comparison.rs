@@ -20,8 +20,8 @@ pub struct Comparison {
     #[arg(long, value_name = "3x3,5x5", value_delimiter = ',')]
     layout: Vec<Layout>,
 
-    /// Baselines that are matched from short to long besides, such as 3,5: for each number of neighbours also with the views
-    /// in the centre's row and column that the data set has at these multiples
+    /// Baselines that are matched from short to long besides, such as 3,5: every set of neighbours also with those that the
+    /// data set has in the same directions at these multiples
     #[arg(long, value_name = "3,5", value_delimiter = ',')]
     baselines: Vec<u8>,
 
@@ -54,7 +54,7 @@ impl Comparison {
     /// there are several views.
     pub fn variants(&self, dataset: Dataset, long: &BaselineOptions) -> Result<Vec<Variant>> {
         let nearest = self.nearest(dataset)?;
-        let has_none = |&&multiple: &&u8| !in_directions(multiple).any(|view| dataset.has(view));
+        let has_none = |&&multiple: &&u8| !further(Views::CROSS, multiple).any(|view| dataset.has(view));
         if let Some(multiple) = self.baselines.iter().find(has_none) {
             let steps = if matches!(dataset, Dataset::Hci4d(_)) { ": use --camera-steps 1 or 2" } else { "" };
             return Err(Error::Usage(format!("--baselines includes {multiple}, but {dataset} has no view there{steps}")));
@@ -118,20 +118,22 @@ impl Comparison {
     }
 }
 
-/// `views`, and those in the centre's row and column that the data set has at `multiples` of the baseline.
+/// `views`, and those that the data set has in the same directions at `multiples` of their distances.
 fn at_baselines(dataset: Dataset, views: Views, multiples: &[u8]) -> Result<Views> {
-    let longer: Vec<View> = multiples.iter().copied().flat_map(in_directions).filter(|&view| dataset.has(view)).collect();
-    let missing = longer.iter().filter(|&&view| !views.contains(view)).count();
-    if views.len() + missing > Views::MAX {
-        let (count, most) = (views.len(), Views::MAX);
-        return Err(Error::Usage(format!("{missing} views at longer baselines besides {count} are more than {most} in all")));
+    let mut all = views;
+    for view in multiples.iter().flat_map(|&multiple| further(views, multiple)).filter(|&view| dataset.has(view)) {
+        if !all.contains(view) && all.len() == Views::MAX {
+            let (count, most) = (views.len(), Views::MAX);
+            return Err(Error::Usage(format!("{count} views at all of --baselines are more than {most} in all")));
+        }
+        all = all.with(view);
     }
-    Ok(views.iter().chain(longer).collect())
+    Ok(all)
 }
 
-/// The views at a multiple of the baseline, in the centre's row and column.
-fn in_directions(multiple: u8) -> impl Iterator<Item = View> {
-    View::CROSS.into_iter().filter_map(move |view| view.times(multiple))
+/// The views in the same directions at a multiple of their distances.
+fn further(views: Views, multiple: u8) -> impl Iterator<Item = View> {
+    views.iter().filter_map(move |view| view.times(multiple))
 }
 
 /// Whether a data set has all of `views`.

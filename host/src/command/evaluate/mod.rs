@@ -1,6 +1,5 @@
 //! `multiscopic evaluate`: the accuracy of methods on data sets with ground truth.
 
-mod charts;
 mod comparison;
 mod gallery;
 
@@ -18,8 +17,9 @@ use multiscopic::{
 };
 use multiscopic_core::Views;
 
-use self::{charts::Errors, comparison::Comparison, gallery::Gallery};
+use self::{comparison::Comparison, gallery::Gallery};
 use super::{
+    charts::Errors,
     options::{BaselineOptions, EngineOptions, MethodOptions, SearchOptions, named},
     terminal,
     variant::{Subject, Variant},

@@ -7,7 +7,7 @@ use multiscopic::{
 };
 use multiscopic_core::{Fusion, Views};
 
-use crate::command::{options::Named, variant::Variant};
+use super::{options::Named, variant::Variant};
 
 /// What is compared with what else: the variants, the records of each in every scene, and what the charts need to name them.
 pub struct Errors<'a> {
@@ -33,15 +33,14 @@ impl Errors<'_> {
         errors.sum::<f64>() / scenes as f64
     }
 
-    /// One line for each method and fusion rule, through the sets of views at one baseline.
+    /// One line for each method and fusion rule, through the sets of views at a single baseline.
     fn over_views(&self) -> Option<Chart> {
-        let single = |variant: &Variant| LongBaselines::sets(variant.views).len() == 1;
         let mut lines = Vec::new();
         for &(method, fusion) in &distinct(self.variants.iter().map(|variant| (variant.method, self.chosen(variant)))) {
             // The rules agree on a single view.
             let same = |variant: &Variant| variant.views.len() == 1 || self.chosen(variant) == fusion;
             let points = self.points(|variant| {
-                let is_on_line = single(variant) && variant.method == method && same(variant);
+                let is_on_line = variant.baselines().is_empty() && variant.method == method && same(variant);
                 is_on_line.then_some(variant.views.len())
             });
             lines.push(ChartLine { name: self.named(method.name(), fusion), points });

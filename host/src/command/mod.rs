@@ -11,6 +11,7 @@ pub mod evaluate;
 pub mod listen;
 pub mod r#match;
 mod options;
+pub mod rig;
 pub mod simulate;
 pub mod terminal;
 mod variant;

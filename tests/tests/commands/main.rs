@@ -6,3 +6,4 @@ mod baselines;
 mod command_line;
 mod edge_commands;
 mod layouts;
+mod photos;

@@ -106,3 +106,22 @@ impl LongBaselines {
         self.refine(engine, frames, &earlier, &LongBaselines::sets(frames.views()), prior, progress)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arrays_come_before_longer_baselines() {
+        let views = |offsets: &[(i8, i8)]| offsets.iter().filter_map(|(i, j)| View::new(*i, *j).ok()).collect::<Views>();
+        let far = views(&[(4, 0), (-4, 0), (0, 4)]);
+        let both = |views: Views, other: Views| views.iter().chain(other.iter()).collect::<Views>();
+        assert_eq!(LongBaselines::sets(far), [far]);
+        assert_eq!(LongBaselines::sets(both(Views::STEREO, far)), [Views::STEREO, far]);
+        assert_eq!(LongBaselines::sets(both(Views::ARRAY, far)), [Views::ARRAY, far]);
+        // A row and a column within the array belong to it.
+        let wide = views(&[(1, 0), (2, 0), (3, 0), (2, 1)]);
+        assert_eq!(LongBaselines::sets(wide), [views(&[(1, 0), (2, 0), (2, 1)]), views(&[(3, 0)])]);
+        assert_eq!(LongBaselines::sets(Views::NONE), []);
+    }
+}

@@ -62,6 +62,13 @@ impl SimulatedStage {
         self.place.set([self.from[0] + share * way[0], self.from[1] + share * way[1]]);
         share >= 1.0
     }
+
+    /// Where the camera is, in whole micrometres.
+    fn measured(&mut self) -> Position {
+        self.update();
+        let [x_um, y_um] = self.place.get().map(|mm| (1000.0 * mm).round() as i32);
+        Position { x_um, y_um }
+    }
 }
 
 impl Stage for SimulatedStage {
@@ -79,15 +86,13 @@ impl Stage for SimulatedStage {
     }
 
     fn position(&mut self) -> Result<Option<Position>, StageError> {
-        self.update();
-        let [x_um, y_um] = self.place.get().map(|mm| (1000.0 * mm).round() as i32);
-        Ok(Some(Position { x_um, y_um }))
+        Ok(Some(self.measured()))
     }
 
     fn stop(&mut self) -> Result<(), StageError> {
-        self.update();
-        let [x_um, y_um] = self.place.get().map(|mm| (1000.0 * mm).round() as i32);
-        (self.from, self.target, self.departure) = (self.place.get(), Position { x_um, y_um }, Instant::now());
+        let here = self.measured();
+        self.place.set([here.x_um, here.y_um].map(|um| f64::from(um) / 1000.0));
+        (self.from, self.target, self.departure) = (self.place.get(), here, Instant::now());
         Ok(())
     }
 }

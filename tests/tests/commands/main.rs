@@ -5,3 +5,4 @@ mod arrays;
 mod baselines;
 mod command_line;
 mod edge_commands;
+mod evaluation;

@@ -29,12 +29,22 @@ impl Errors<'_> {
     /// The mean error of the variant with an index, over all scenes.
     fn mean(&self, index: usize) -> f64 {
         let errors = self.records.iter().skip(index).step_by(self.variants.len()).map(|record| record.metrics.avg_err);
-        let scenes = self.records.len() / self.variants.len();
-        errors.sum::<f64>() / scenes as f64
+        errors.sum::<f64>() / self.scenes() as f64
+    }
+
+    fn scenes(&self) -> usize {
+        self.records.len() / self.variants.len()
+    }
+
+    /// A chart of `lines`, if any of them has two different places.
+    fn chart(&self, title: &str, x: &str, lines: Vec<ChartLine>) -> Option<Chart> {
+        let extends = |line: &ChartLine| line.points.first().map(|point| point.0) < line.points.last().map(|point| point.0);
+        let y = if self.scenes() == 1 { "AvgErr in pixels" } else { "AvgErr in pixels, mean over scenes" };
+        lines.iter().any(extends).then(|| Chart { title: title.into(), x: x.into(), y: y.into(), lines })
     }
 
     /// One line for each method and fusion rule, through the sets of views at a single baseline.
-    fn over_views(&self) -> Option<Chart> {
+    pub fn over_views(&self) -> Option<Chart> {
         let mut lines = Vec::new();
         for &(method, fusion) in &distinct(self.variants.iter().map(|variant| (variant.method, self.chosen(variant)))) {
             // The rules agree on a single view.
@@ -45,11 +55,11 @@ impl Errors<'_> {
             });
             lines.push(ChartLine { name: self.named(method.name(), fusion), points });
         }
-        chart("Error over the number of views", "views", lines)
+        self.chart("Error over the number of views", "views", lines)
     }
 
     /// One line for each method, fusion rule and set of views at the shortest baseline, through the sets of baselines.
-    fn over_baselines(&self) -> Option<Chart> {
+    pub fn over_baselines(&self) -> Option<Chart> {
         let group = |variant: &Variant| (variant.method, self.chosen(variant), LongBaselines::shortest(variant.views));
         let groups = distinct(self.variants.iter().map(group));
         let line = |key: &(_, Option<Fusion>, Views)| {
@@ -60,7 +70,7 @@ impl Errors<'_> {
             ChartLine { name: self.named(&format!("{}, {views} view{plural} each", Named::name(&key.0)), key.1), points }
         };
         let lines = groups.iter().map(line).filter(|line| line.points.len() > 1).collect();
-        chart("Error over the longest baseline", &format!("longest baseline, in {}", self.baselines), lines)
+        self.chart("Error over the longest baseline", &format!("longest baseline, in {}", self.baselines), lines)
     }
 
     /// The fusion rule of a variant, unless each number of views has its own.
@@ -79,13 +89,6 @@ impl Errors<'_> {
         places.sort_unstable();
         places.into_iter().map(|(place, index)| (place as f64, self.mean(index))).collect()
     }
-}
-
-/// A chart of `lines`, if any of them has two different places.
-fn chart(title: &str, x: &str, lines: Vec<ChartLine>) -> Option<Chart> {
-    let extends = |line: &ChartLine| line.points.first().map(|point| point.0) < line.points.last().map(|point| point.0);
-    let y = "AvgErr in pixels, mean over scenes".into();
-    lines.iter().any(extends).then(|| Chart { title: title.into(), x: x.into(), y, lines })
 }
 
 /// Each item once, in the order of first appearance.

@@ -70,6 +70,49 @@ fn a_folder_matches_in_all_its_views_like_its_images() {
 }
 
 #[test]
+fn the_demo_takes_any_layout_and_longer_baselines() {
+    let folder = tempfile::tempdir().expect("a folder for the test");
+    let cases: [(&[&str], usize, &str, bool); 4] = [
+        (&["--layout", "3x3"], 8, "8-views-half", false),
+        (&["--layout", "1x3", "--baselines", "1,3"], 4, "4-views-min-baselines-1-3", true),
+        (&["--baselines", "2"], 8, "8-views-heuristic-baselines-1-2", true),
+        (&["--layout", "3x5"], 14, "14-views-half-3x5", false),
+    ];
+    for (options, views, last, has_baselines) in cases {
+        let demo = folder.path().join(last);
+        let output = demo.display().to_string();
+        let run = Invocation::new([&["demo", "--width", "96", "--height", "64", "-o", &output], options].concat());
+        assert_eq!(run.code, Some(0), "{run:#?}");
+        let rig = std::fs::read_to_string(demo.join("rig.toml")).expect("rig.toml");
+        assert_eq!(rig.matches(".png\"").count(), 1 + views, "{rig}");
+        let rows = run.stdout.lines().filter(|line| line.starts_with("demo "));
+        assert!(rows.last().is_some_and(|row| row.contains(&format!("({views} views, "))), "{}", run.stdout);
+        let sheet = std::fs::read_to_string(demo.join("views.svg")).expect("the sheet of views");
+        assert!(sheet.matches("<image").count() >= 6, "stereo, two views and all: maps and errors");
+        assert!(demo.join("errors-over-views.svg").is_file());
+        assert_eq!(demo.join("errors-over-baselines.svg").is_file(), has_baselines);
+        let page = std::fs::read_to_string(demo.join("index.html")).expect("the page");
+        let links: Vec<&str> = page.split("src=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+        assert!(links.iter().all(|link| demo.join(link.replace("%2C", ",")).is_file()), "{links:?}");
+
+        let again = folder.path().join("again.pfm").display().to_string();
+        Invocation::new(["match", &output, "--num-disparities", "9", "-o", &again]).assert_done();
+        let read = |path: &Path| std::fs::read(path).expect("a map");
+        assert!(read(again.as_ref()) == read(&demo.join(format!("{last}.pfm"))), "a match of the folder, {last}");
+    }
+    let output = folder.path().join("none").display().to_string();
+    for (option, value, words) in [
+        ("--layout", "3x1", "to the right"),
+        ("--layout", "2x2", "odd"),
+        ("--layout", "7x7", "48 neighbours"),
+        ("--baselines", "9", "--baselines includes 9"),
+    ] {
+        Invocation::new(["demo", "-o", &output, option, value]).assert_refused(&[words]);
+    }
+    assert!(!Path::new(&output).exists(), "nothing is made for a demo that cannot be");
+}
+
+#[test]
 fn what_is_no_view_is_refused() {
     let folder = tempfile::tempdir().expect("a folder for the test");
     images(&[(1, 0)]).write_rig(folder.path());

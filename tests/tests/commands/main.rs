@@ -5,5 +5,6 @@ mod arrays;
 mod baselines;
 mod command_line;
 mod edge_commands;
+mod evaluation;
 mod layouts;
 mod photos;

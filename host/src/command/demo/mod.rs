@@ -19,6 +19,7 @@ use multiscopic_core::{Params, Search, Views};
 
 use self::{outcome::Outcome, results_folder::ResultsFolder, results_page::ResultsPage, variants::variants};
 use super::{
+    charts::Errors,
     options::{EngineOptions, SearchOptions},
     terminal,
     variant::{Subject, Variant},
@@ -92,8 +93,9 @@ impl Demo {
         let rows = results::rows(&records);
         folder.write_capture(&shot, &camera, self.seed)?;
         folder.write_maps(&shot, &camera, &outcomes)?;
-        let commands = &self.commands(&params);
-        let page = ResultsPage { commands, views, variants: &variants, params: &params, records: &records, rows: &rows };
+        let errors = Errors { variants: &variants, records: &records, has_default_fusion: false, baselines: "baselines" };
+        folder.write_charts(&errors)?;
+        let page = ResultsPage { commands: &self.commands(&params), views, errors: &errors, params: &params, rows: &rows };
         let page_path = folder.write_page(&page.to_html())?;
         bar.finish_and_clear();
 

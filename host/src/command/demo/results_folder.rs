@@ -22,7 +22,7 @@ use multiscopic::{
 use multiscopic_core::{Frame, View, Views};
 
 use super::{outcome::Outcome, variants};
-use crate::command::variant::Variant;
+use crate::command::{charts::Errors, variant::Variant};
 
 /// The frames, with their captions.
 pub fn frames(views: Views) -> Vec<(Frame, String)> {
@@ -40,12 +40,14 @@ const TRUTH_PFM: &str = "truth.pfm";
 const CLOUD: &str = "cloud.ply";
 const OVERVIEW: &str = "overview.png";
 const SHEET: &str = "views.svg";
+const OVER_VIEWS: &str = "errors-over-views.svg";
+const OVER_BASELINES: &str = "errors-over-baselines.svg";
 const PAGE: &str = "index.html";
 
 /// The greatest width of each of the overview's four pictures.
 const OVERVIEW_PANEL: u32 = 360;
 /// The greatest width of the pictures in the sheet.
-const SHEET_PANEL: u32 = 200;
+const SHEET_PANEL: u32 = 168;
 
 /// A folder in which every result can be written.
 pub struct ResultsFolder {
@@ -61,7 +63,8 @@ impl ResultsFolder {
         fs::create_dir_all(path).map_err(|source| Error::Write { path: path.into(), source })?;
         let folder = ResultsFolder { path: path.into(), views };
         let maps = variants.iter().map(variants::stem).flat_map(|stem| [map_pfm(&stem), map_png(&stem), errors_png(&stem)]);
-        let single = [Rig::FILE_NAME, TRUTH_PFM, TRUTH_PNG, CLOUD, OVERVIEW, SHEET, PAGE].map(String::from);
+        let single =
+            [Rig::FILE_NAME, TRUTH_PFM, TRUTH_PNG, CLOUD, OVERVIEW, SHEET, OVER_VIEWS, OVER_BASELINES, PAGE].map(String::from);
         let frames = frames(views).into_iter().map(|(frame, _)| FrameFiles::name_of(frame));
         let paths: Vec<PathBuf> = frames.chain(single).chain(maps).map(|name| folder.file(&name)).collect();
         output::check(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[])?;
@@ -110,6 +113,15 @@ impl ResultsFolder {
         ply::write(&self.file(CLOUD), best, &geometry, &center, Encoding::Binary)?;
         let panels = [&shot.center, &color(stereo), &color(best), &color(&truth)];
         write_png(&self.file(OVERVIEW), &montage::row(panels, OVERVIEW_PANEL))
+    }
+
+    /// Writes the charts that there are.
+    pub fn write_charts(&self, errors: &Errors) -> Result<()> {
+        let charts = [(OVER_VIEWS, errors.over_views()), (OVER_BASELINES, errors.over_baselines())];
+        for (name, chart) in charts.into_iter().filter_map(|(name, chart)| Some((name, chart?))) {
+            output::write(&self.file(name), |writer| writer.write_all(chart.to_svg().as_bytes()))?;
+        }
+        Ok(())
     }
 
     /// Writes the page and returns its path.

@@ -28,12 +28,10 @@ pub struct ResultsPage<'a> {
     pub commands: &'a str,
     /// All views of the capture.
     pub views: Views,
-    /// What is compared.
-    pub variants: &'a [Variant],
+    /// What is compared, and how accurate it is.
+    pub errors: &'a Errors<'a>,
     /// The parameters of the first variant; all variants share range and block.
     pub params: &'a Params,
-    /// The accuracy of each variant.
-    pub records: &'a [Record],
     /// The rows of the table.
     pub rows: &'a [ResultRow],
 }
@@ -41,15 +39,14 @@ pub struct ResultsPage<'a> {
 impl ResultsPage<'_> {
     /// The page in HTML.
     pub fn to_html(&self) -> String {
-        let ResultsPage { params, variants, records, .. } = self;
-        let [stereo, .., best] = variants else { unreachable!("there are several variants") };
+        let ResultsPage { params, errors: Errors { variants, .. }, .. } = self;
+        let [stereo, .., best] = *variants else { unreachable!("there are several variants") };
         let map = |variant: &Variant| Figure::linked(caption(variant), map_png(&stem(variant)));
-        let errors = |variant: &Variant| Figure::linked(caption(variant), errors_png(&stem(variant)));
+        let error_map = |variant: &Variant| Figure::linked(caption(variant), errors_png(&stem(variant)));
         let truth = Figure::linked("truth", TRUTH_PNG);
         let block_size = params.block_size();
         let pictures = frames(self.views).into_iter().map(|(frame, caption)| Figure::linked(caption, FrameFiles::name_of(frame)));
         let title = if self.views == Views::CROSS { "The five views".into() } else { format!("The {} views", pictures.len()) };
-        let errors_over = Errors { variants, records, has_default_fusion: false, baselines: "baselines" };
         let page = Report::new("Depth from one camera that moves")
             .paragraph(&self.summary())
             .compare("Stereo and multiscopic", map(stereo), map(best))
@@ -61,7 +58,7 @@ impl ResultsPage<'_> {
                 params.min_disparity(),
                 params.max_disparity()
             ));
-        errors_over
+        self.errors
             .charts()
             .iter()
             .fold(page, Report::chart)
@@ -69,7 +66,7 @@ impl ResultsPage<'_> {
             .paragraph(ABOUT_THE_SCENE)
             .gallery("Disparities", std::iter::once(truth).chain(variants.iter().map(map)))
             .paragraph("Red is near, blue is far, black has no disparity. All maps share one colour scale.")
-            .gallery("Error maps", variants.iter().map(errors))
+            .gallery("Error maps", variants.iter().map(error_map))
             .paragraph(&format!("Difference from the truth: {}.", error_map::LEGEND))
             .heading("Reproduce this")
             .paragraph(REPRODUCE)
@@ -79,7 +76,7 @@ impl ResultsPage<'_> {
 
     /// The first and the last record in words.
     fn summary(&self) -> String {
-        let [stereo, .., best] = self.records else { unreachable!("there are several variants") };
+        let [stereo, .., best] = self.errors.records else { unreachable!("there are several variants") };
         let accuracy = |record: &Record| {
             let (rms, bad) = (record.metrics.rms, record.metrics.bad_1);
             format!("an RMS error of {rms:.2} px, with {bad:.1} % of the pixels off by more than one")

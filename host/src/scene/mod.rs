@@ -30,7 +30,7 @@ pub use object::{Finish, Object};
 pub use pinhole_camera::PinholeCamera;
 pub use pose::Pose;
 pub use ray::Ray;
-pub use render::render;
+pub use render::{render, render_views};
 pub use shape::Shape;
 pub use shot::Shot;
 pub use texture::Texture;

@@ -52,7 +52,7 @@ impl PinholeCamera {
     /// Where the stage puts the camera for a frame: millimetres to the right of the centre and below it.
     pub(super) fn position(&self, frame: Frame, seed: u64) -> [f64; 2] {
         let Frame::View(view) = frame else { return [0.0; 2] };
-        let random = |axis: u64| 2.0 * unit(hash(hash(seed) ^ hash(2 * place(view) as u64 + axis))) - 1.0;
+        let random = |axis: u64| 2.0 * unit(hash(hash(seed) ^ hash(2 * number(view) + axis))) - 1.0;
         let target = [view.right(), view.down()].map(|baselines| f64::from(baselines) * self.baseline_mm);
         [target[0] + random(0) * self.repeatability_mm, target[1] + random(1) * self.repeatability_mm]
     }
@@ -69,12 +69,11 @@ impl PinholeCamera {
     }
 }
 
-/// The place of a view in [`View::CROSS`].
-///
-/// # Panics
-/// If it is none of them.
-pub(super) fn place(view: View) -> usize {
-    View::CROSS.into_iter().position(|other| other == view).expect("scenes are seen from the cross")
+/// A number for each view: its place in [`View::CROSS`], and a greater one for any other.
+pub(super) fn number(view: View) -> u64 {
+    let place = View::CROSS.into_iter().position(|other| other == view);
+    let index = |baselines: i8| (baselines + View::MAX_OFFSET) as u64;
+    place.map_or_else(|| 4 + 32 * index(view.down()) + index(view.right()), |place| place as u64)
 }
 
 #[cfg(test)]
@@ -97,5 +96,6 @@ mod tests {
         assert!(farthest > 0.09 && farthest <= 0.1, "{farthest}");
         assert_eq!(camera.ideal().position(Frame::View(View::TOP), 0), [0.0, -20.0]);
         assert_eq!(camera.ideal().position(Frame::View(View::RIGHT), 0), [20.0, 0.0]);
+        assert_eq!(camera.ideal().position(Frame::View(View::new(-3, 2).unwrap()), 0), [-60.0, 40.0]);
     }
 }

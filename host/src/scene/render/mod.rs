@@ -7,13 +7,13 @@ mod tracer;
 use std::ops::Add;
 
 use image::RgbImage;
-use multiscopic_core::{Frame, View};
+use multiscopic_core::{Frame, Views};
 use rayon::prelude::*;
 
 use self::tracer::Tracer;
 use super::{
     description::Scene,
-    pinhole_camera::{PinholeCamera, place},
+    pinhole_camera::{PinholeCamera, number},
     random::{even_square, hash},
     ray::Ray,
     shot::Shot,
@@ -33,11 +33,19 @@ const RUN: u32 = 16;
 /// # Panics
 /// If the camera has no pixels.
 pub fn render(scene: &Scene, camera: &PinholeCamera, seed: u64) -> Shot {
+    render_views(scene, camera, Views::CROSS, seed)
+}
+
+/// Renders the centre and the neighbours `views` of a scene, as [`render`] does. A frame is the same whatever the others are.
+///
+/// # Panics
+/// If the camera has no pixels.
+pub fn render_views(scene: &Scene, camera: &PinholeCamera, views: Views, seed: u64) -> Shot {
     let tracer = Tracer::new(scene);
     assert!(camera.width > 0 && camera.height > 0, "a camera of {}x{} pixels", camera.width, camera.height);
     Shot {
         center: render_frame(&tracer, camera, Frame::Center, seed),
-        neighbors: View::CROSS.map(|view| render_frame(&tracer, camera, Frame::View(view), seed)),
+        neighbors: views.iter().map(|view| (view, render_frame(&tracer, camera, Frame::View(view), seed))).collect(),
         truth: true_disparity(&tracer, camera),
     }
 }
@@ -46,9 +54,13 @@ fn render_frame(tracer: &Tracer, camera: &PinholeCamera, frame: Frame, seed: u64
     let position = camera.position(frame, seed);
     let number = match frame {
         Frame::Center => 0,
-        Frame::View(view) => 1 + place(view) as u64,
+        Frame::View(view) => 1 + number(view),
     };
-    let frame_seed = hash(seed.wrapping_mul(8).wrapping_add(number));
+    let frame_seed = match number {
+        0..8 => hash(seed.wrapping_mul(8).wrapping_add(number)),
+        // Eight frames have seeds beside those of the next scene.
+        _ => hash(hash(seed) ^ number << 32),
+    };
     let mut image = RgbImage::new(camera.width, camera.height);
     image.par_chunks_exact_mut(3 * camera.width as usize).zip(0..camera.height).for_each(|(row, v)| {
         for (run, first) in row.chunks_mut(3 * RUN as usize).zip((0..).step_by(RUN as usize)) {
@@ -114,6 +126,8 @@ fn true_disparity(tracer: &Tracer, camera: &PinholeCamera) -> FloatImage {
 
 #[cfg(test)]
 mod tests {
+    use multiscopic_core::View;
+
     use super::*;
     use crate::scene::{Finish, Lamp, Object, Pose, Shape, Texture};
 
@@ -200,8 +214,10 @@ mod tests {
 
     #[test]
     fn the_true_disparity_finds_the_same_colour_in_every_view() {
-        let shot = render(&Scene::demo(), &PinholeCamera::new(240, 180).ideal(), 0);
-        for view in View::CROSS {
+        let elsewhere = [(1, -1), (-3, 0)].map(|(right, down)| View::new(right, down).unwrap());
+        let views = elsewhere.into_iter().fold(Views::CROSS, Views::with);
+        let shot = render_views(&Scene::demo(), &PinholeCamera::new(240, 180).ideal(), views, 0);
+        for view in views.iter() {
             let [exact, less, more] = [0.0, -2.0, 2.0].map(|shift| residual(&shot, view, shift));
             assert!(exact < 2.5, "{view:?}: median difference {exact}");
             assert!(less > 3.0 * exact && more > 3.0 * exact, "{view:?}: {exact}, 2 px off {less} and {more}");
@@ -224,7 +240,9 @@ mod tests {
     #[test]
     fn bytes_are_the_same_on_every_machine() {
         let shot = render(&Scene::demo(), &PinholeCamera::new(64, 48), 1);
-        let frames = std::iter::once(&shot.center).chain(&shot.neighbors).flat_map(|image| image.as_raw().iter().copied());
+        let frames = std::iter::once(&shot.center)
+            .chain(View::CROSS.map(|view| &shot.neighbors[&view]))
+            .flat_map(|image| image.as_raw().iter().copied());
         let truth = shot.truth.pixels().iter().flat_map(|d| d.to_bits().to_le_bytes());
         assert_eq!(frames.chain(truth).fold(0, |sum, byte| hash(sum ^ u64::from(byte))), 11_751_516_164_657_235_580);
     }

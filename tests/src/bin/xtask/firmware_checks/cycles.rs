@@ -63,7 +63,7 @@ impl Accounting {
         let counter = Counter::build()?;
         let (mut counts, mut ratios) = (Counts::new(), Counts::new());
         for board in emulated_board::one_per_processor().filter(|board| profile.ram_budget <= board.ram) {
-            let image = build::build(toolchain, board, &[Program::Profile(profile.name)])?.pop().context("one image")?;
+            let image = build::build(toolchain, board, &[Program::of(&profile)])?.pop().context("one image")?;
             let disassembly = Disassembly::of(&image, board.processor)?;
             let mut sum = Cost::default();
             for fusion in profiles::FUSIONS {

@@ -168,7 +168,7 @@ fn build(toolchain: &Toolchain, selection: &Selection) -> Result<Vec<Run>> {
         if profiles.is_empty() {
             continue;
         }
-        let programs: Vec<_> = profiles.iter().map(|profile| Program::Profile(profile.name)).collect();
+        let programs: Vec<_> = profiles.iter().map(Program::of).collect();
         for (profile, image) in profiles.into_iter().zip(build::build(toolchain, board, &programs)?) {
             let fusions = FUSIONS.into_iter().filter(|fusion| wanted(&selection.fusion, fusion.name()));
             runs.extend(fusions.map(|fusion| Run { board, profile, fusion, image: image.clone() }));

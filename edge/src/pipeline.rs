@@ -278,7 +278,9 @@ impl<S: fmt::Display, W: fmt::Display> fmt::Display for PipelineError<S, W> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             PipelineError::Line { needed, given } => write!(f, "a tile has {needed} columns, the line of the workspace {given}"),
-            PipelineError::Sources { needed, given } => write!(f, "the match needs {needed} sources of frames, {given} were given"),
+            PipelineError::Sources { needed, given } => {
+                write!(f, "the match needs {needed} sources of frames, {given} were given")
+            }
             PipelineError::Memory(error) => write!(f, "{error}"),
             PipelineError::Rewind(error) => write!(f, "cannot rewind to the first line: {error}"),
             PipelineError::Match(error) => write!(f, "{error}"),

@@ -25,9 +25,7 @@ pub fn match_blocks(name: &str, params: Params, tile_width: usize, pipeline: Pip
     end(|| {
         let params = params.with_fusion(arguments::fusion()?);
         let mut frames = open(name, tile_width, params.search())?;
-        send(|output| {
-            pipeline.match_blocks::<Semihosted, _>(BoardKernel::default(), &params, tile_width, &mut frames, output)
-        })
+        send(|output| pipeline.match_blocks::<Semihosted, _>(BoardKernel::default(), &params, tile_width, &mut frames, output))
     })
 }
 
@@ -83,9 +81,7 @@ fn open(name: &str, tile_width: usize, search: &Search) -> Result<Streams<HostFi
 
 /// Runs a pipeline with the output of the board.
 #[inline(always)]
-fn send<'w>(
-    run: impl FnOnce(&mut HostFile) -> Result<Sender<'w>, RunError<Semihosted>>,
-) -> Result<(), FirmwareError> {
+fn send<'w>(run: impl FnOnce(&mut HostFile) -> Result<Sender<'w>, RunError<Semihosted>>) -> Result<(), FirmwareError> {
     let mut output = Semihosted.output()?;
     let mut sender = run(&mut output).map_err(FirmwareError::Pipeline)?;
     let stack = cortex_m_stack::stack_size() as usize - cortex_m_stack::stack_painted() as usize;

@@ -65,7 +65,7 @@ impl Demo {
         let shot = render(&Scene::demo(), &camera, self.seed);
         bar.inc(1);
         let frames = shot.frames(Views::CROSS);
-        let subject = Subject { dataset: "demo", scene: "demo", camera_steps: None, frames: &frames, truth: &shot.truth };
+        let subject = Subject { dataset: "demo", scene: "demo", frames: &frames, truth: &shot.truth };
         bar.set_message("matching");
         let cost = CostFunction::Sad { block_size: self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE) };
         let method = Method::new(cost, None, Optimizer::WinnerTakesAll);

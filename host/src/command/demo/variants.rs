@@ -15,7 +15,7 @@ pub static VARIANTS: [Variant; 6] = [
 ];
 
 const fn variant(views: Views, fusion: Fusion) -> Variant {
-    Variant { method: MethodName::Bm, layout: None, views, fusion }
+    Variant { method: MethodName::Bm, views, fusion }
 }
 
 /// The stem of a variant's files.

@@ -79,7 +79,7 @@ fn bad_input(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
     let profile = profile::QQVGA;
     let images = build::build(toolchain, board, &[Program::of(&profile)])?;
     let image = images.first().context("one program gives one image")?;
-    let frames = ImageSet::demo(profile.matching(Fusion::Min).search());
+    let frames = ImageSet::demo(&profile.matching(Fusion::Min));
     let fresh = |name: &str| -> Result<(PathBuf, PathBuf)> {
         let folder = folder(name)?;
         frames.write(&folder)?;

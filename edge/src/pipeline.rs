@@ -303,14 +303,15 @@ mod tests {
     };
     use core::{convert::Infallible, time::Duration};
     use embedded_io::SliceWriteError;
-    use multiscopic_core::{Fusion, Search, SemiGlobalCost, Views};
+    use multiscopic_core::{Fusion, Search, SemiGlobalCost, View, Views};
     use std::{vec, vec::Vec};
 
     const PARAMS: Params = match Params::new(24, 20, Views::CROSS, Fusion::Heuristic, 1, 4, 3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
-    const WORDS: usize = tiled(PARAMS.width()).lengths::<Wide>().matcher.words();
+    /// For two matches side by side as well.
+    const WORDS: usize = 2 * tiled(PARAMS.width()).lengths::<Wide>().matcher.words();
     const PACKET: usize = tiled(PARAMS.width()).lengths::<Wide>().packet;
 
     const fn tiled(tile_width: usize) -> Matching {
@@ -393,8 +394,7 @@ mod tests {
 
     /// The pixels that a pipeline sends, and the number of rewinds.
     fn sent_pixels(matching: &Matching) -> (Vec<Option<Option<Disparity>>>, usize) {
-        let Ok(source) = TestBoard.frames(PARAMS.search());
-        let mut sources = [source];
+        let mut sources: Vec<_> = matching.searches().map(|search| TestBoard.frames(search).unwrap()).collect();
         let Ok(mut output) = TestBoard.output();
         let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
         workspace.pipeline().run::<TestBoard, _>(Wide::default(), matching, &mut sources, &mut output).unwrap();
@@ -435,6 +435,51 @@ mod tests {
         assert!(pixels.iter().all(Option::is_some));
         assert_eq!(pixels[10 * PARAMS.width() + 12], Some(Disparity::from_bits(128)));
         assert_eq!(rewinds, 0);
+    }
+
+    /// A search at twice the baseline of [`PARAMS`].
+    fn long() -> Params {
+        let views = [-2, 2].into_iter().filter_map(|right| View::new(right, 0).ok()).collect();
+        Params::new(24, 20, views, Fusion::Min, -2, 4, 5).unwrap()
+    }
+
+    #[test]
+    fn short_and_long_matches_side_by_side_are_those_one_after_the_other() {
+        let (short, long) = (Params::new(24, 20, Views::HORIZONTAL, Fusion::Min, 1, 4, 3).unwrap(), long());
+        let disparities = |params: &Params, source: &mut dyn ScanlineSource<Error = Infallible>| {
+            let (mut memory, mut line, mut lines) = (vec![0; params.memory_words()], [None; 24], Vec::new());
+            let mut matcher = Matcher::new(params, &mut memory).unwrap();
+            while matcher.next_line(&mut &mut *source, &mut line).unwrap().is_some() {
+                lines.extend(line);
+            }
+            lines
+        };
+        /// The ramp, and a prior for it.
+        struct Around(Vec<Option<Disparity>>);
+        impl ScanlineSource for Around {
+            type Error = Infallible;
+            fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Infallible> {
+                Ramp::default().read_line(frame, v, line)
+            }
+            fn read_prior(&mut self, v: usize, line: &mut [Option<Disparity>]) -> Result<(), Infallible> {
+                line.copy_from_slice(&self.0[24 * v..][..24]);
+                Ok(())
+            }
+        }
+        let prior = disparities(&short, &mut Ramp::default());
+        let expected = disparities(&long.around(short.search()), &mut Gradients(Around(prior)));
+        let (pixels, rewinds) = sent_pixels(&Matching::AroundPrior { short, long });
+        assert_eq!(pixels, expected.into_iter().map(Some).collect::<Vec<_>>());
+        assert_eq!(rewinds, 0);
+    }
+
+    #[test]
+    fn each_search_has_a_source() {
+        let matching = Matching::AroundPrior { short: PARAMS, long: long() };
+        let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
+        let mut output = Output { sent: Vec::new(), capacity: usize::MAX };
+        let end = workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, &mut [Ramp::default()], &mut output);
+        assert_eq!(end.err(), Some(PipelineError::Sources { needed: 2, given: 1 }));
     }
 
     #[test]

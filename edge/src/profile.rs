@@ -47,7 +47,7 @@ pub const QVGA_SGM: Profile = Profile::semi_global("qvga-sgm", MatchSize::new(32
 /// A small frame and all eight neighbours in an array of three by three. Its firmware is built with the feature `array` of
 /// `multiscopic-core`.
 pub const QQVGA_3X3: Profile =
-    Profile::whole("qqvga-3x3", MatchSize { views: Views::ARRAY, ..MatchSize::new(160, 120, 16, 7) }, 104);
+    Profile::whole("qqvga-3x3", MatchSize { views: Views::ARRAY, ..MatchSize::new(160, 120, 16, 7) }, 100);
 /// A medium frame and its horizontal neighbours, and then the views at four baselines around their disparities.
 ///
 /// The disparities are not filtered in between, so they are those of the host's `match` without its median filter.

@@ -302,7 +302,7 @@ fn simulated(profile: &Profile, fusion: Fusion, images: &ViewSet) -> (Vec<Option
     let (rig, packets) = (path(""), path("packets"));
     let simulate = ["simulate", "--json", "--profile", profile.name, "--fusion", fusion.name(), "--packets", &packets, &rig];
     let report = json(&Invocation::new(simulate), 0);
-    Invocation::new(["listen", &packets, "--raw16", &path("raw.png")]).assert_done();
+    Invocation::new(["listen", &packets, "-o", &path("listened.pfm"), "--raw16", &path("raw.png")]).assert_done();
     let samples = read_raw16(Path::new(&path("raw.png"))).2;
     (samples.into_iter().map(|raw| (raw != 0).then(|| i32::from(raw) - 32768)).collect(), report)
 }

@@ -23,6 +23,8 @@ pub enum Program {
     ArrayProfile(&'static str),
     /// An example.
     Example(&'static str),
+    /// An example, with the feature `array`.
+    ArrayExample(&'static str),
 }
 
 impl Program {
@@ -32,7 +34,7 @@ impl Program {
     }
 
     fn is_for_array(&self) -> bool {
-        matches!(self, Program::ArrayProfile(_))
+        matches!(self, Program::ArrayProfile(_) | Program::ArrayExample(_))
     }
 }
 
@@ -45,7 +47,7 @@ pub fn command(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program
     cargo.args(board.feature.into_iter().chain(array).map(|feature| format!("--features={feature}")));
     cargo.args(programs.iter().map(|program| match program {
         Program::Profile(name) | Program::ArrayProfile(name) => format!("--bin={name}"),
-        Program::Example(name) => format!("--example={name}"),
+        Program::Example(name) | Program::ArrayExample(name) => format!("--example={name}"),
     }));
     cargo
 }
@@ -67,7 +69,7 @@ pub fn build(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program])
 fn keep(built: &Path, kept: &Path, program: Program) -> Result<PathBuf> {
     let (from, to) = match program {
         Program::Profile(name) | Program::ArrayProfile(name) => (built.join(name), kept.join(name)),
-        Program::Example(name) => (built.join("examples").join(name), kept.join(name)),
+        Program::Example(name) | Program::ArrayExample(name) => (built.join("examples").join(name), kept.join(name)),
     };
     fs::copy(&from, &to).with_context(|| format!("cannot copy {}", from.display()))?;
     Ok(to)

@@ -60,9 +60,11 @@ fn two_boards(toolchain: &Toolchain) -> Result<()> {
 /// Links the matcher alone for every target, which fails if any path leads to a panic.
 pub fn no_panic(toolchain: &Toolchain) -> Result<()> {
     for board in emulated_board::ALL.iter().filter(|board| [emulated_board::REFERENCE.name, "an547"].contains(&board.name)) {
-        process::run(&mut build::command(toolchain, board, &[Program::Example("no_panic")]))
-            .with_context(|| format!("the matcher can panic on a {}", board.core))?;
-        println!("faults: {}: the matcher cannot panic", board.name);
+        for (program, views) in [(Program::Example("no_panic"), "four"), (Program::ArrayExample("no_panic"), "eight")] {
+            process::run(&mut build::command(toolchain, board, &[program]))
+                .with_context(|| format!("the matcher of up to {views} views can panic on a {}", board.core))?;
+            println!("faults: {}: the matcher of up to {views} views cannot panic", board.name);
+        }
     }
     Ok(())
 }

@@ -3,7 +3,9 @@
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use multiscopic::target::{FirmwareCostTable, FirmwareCosts, MEASURED, reception::ReceivedFrame, simulation::simulate};
+use multiscopic::target::{
+    FirmwareCostTable, FirmwareCosts, MEASURED, instruction_model::Workload, reception::ReceivedFrame, simulation::simulate,
+};
 use multiscopic_core::Fusion;
 use multiscopic_edge::{Profile, frame_file, profile};
 use serde::Serialize;
@@ -186,6 +188,12 @@ impl Run {
         format!("{} on {}, {}", self.profile.name, self.board.name, self.fusion.name())
     }
 
+    /// Whether the cost model covers it. Its kernels take up to four views.
+    fn is_modelled(&self) -> bool {
+        let (matching, lanes) = (self.profile.matching(self.fusion), self.board.processor.lanes());
+        !self.profile.needs_array() && Workload::new(&matching, lanes).is_some()
+    }
+
     /// The size of its workspace in bytes.
     fn workspace_bytes(&self) -> usize {
         self.board.processor.lengths(&self.profile.matching(self.fusion)).bytes()
@@ -317,6 +325,9 @@ fn check(runs: &[Run], measurements: &[Measurement], table: &FirmwareCostTable) 
         if m.stack_max > noted || 8 * m.stack_max < 7 * noted {
             let found = m.stack_max;
             fail(run, format!("{found} bytes of stack, budgets are made with {noted}: run cargo xtask edge --fit"));
+        }
+        if m.instructions_predicted.is_none() && run.is_modelled() {
+            fail(run, "the cost model has no prices for it: run cargo xtask edge --fit".into());
         }
         if let (Some(predicted), Some(error)) = (m.instructions_predicted, m.error())
             && error.abs() > MOST_OFF

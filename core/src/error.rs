@@ -36,6 +36,16 @@ pub enum MatchError<E> {
     },
 }
 
+impl<E> MatchError<MatchError<E>> {
+    /// The same error, where the source of a match is another match.
+    pub fn flatten(self) -> MatchError<E> {
+        match self {
+            MatchError::Source(error) => error,
+            MatchError::OutputLength { needed, given } => MatchError::OutputLength { needed, given },
+        }
+    }
+}
+
 impl<E: fmt::Display> fmt::Display for MatchError<E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

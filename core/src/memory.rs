@@ -153,6 +153,25 @@ impl Memory {
         }
     }
 
+    /// The memory of two matchers side by side.
+    pub const fn plus(&self, other: &Memory) -> Memory {
+        Memory {
+            column_sums: self.column_sums + other.column_sums,
+            block_sums: self.block_sums + other.block_sums,
+            masks: self.masks + other.masks,
+            fused: self.fused + other.fused,
+            center: self.center + other.center,
+            horizontal: self.horizontal + other.horizontal,
+            vertical: self.vertical + other.vertical,
+            zeros: self.zeros + other.zeros,
+            prior: self.prior + other.prior,
+            line: self.line + other.line,
+            costs: self.costs + other.costs,
+            paths: self.paths + other.paths,
+            samples: self.samples + other.samples,
+        }
+    }
+
     /// The sum of all buffers, in bytes.
     pub const fn bytes(&self) -> usize {
         self.column_sums

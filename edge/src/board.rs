@@ -84,9 +84,9 @@ use multiscopic_core::{Rewind, Search};
 /// }
 ///
 /// fn send_disparities<Serial: Write>(board: &mut MyBoard<Serial>, memory: &mut Memory) -> Result<(), &'static str> {
-///     let (mut frames, mut serial) = (board.frames(MATCHING.search())?, board.output()?);
+///     let (frames, mut serial) = (board.frames(MATCHING.search())?, board.output()?);
 ///     let pipeline = memory.pipeline();
-///     let run = pipeline.run::<MyBoard<Serial>, _>(Kernel::default(), &MATCHING, &mut frames, &mut serial);
+///     let run = pipeline.run::<MyBoard<Serial>, _>(Kernel::default(), &MATCHING, &mut [frames], &mut serial);
 ///     let mut sender = run.map_err(|_| "a line was not matched or sent")?;
 ///     let end = sender.end(None).map_err(|_| "the packet buffer is too small")?;
 ///     serial.write_all(end).map_err(|_| "the last packet was not sent")
@@ -100,17 +100,18 @@ use multiscopic_core::{Rewind, Search};
 /// In firmware the workspace is a static, for example a `static_cell::ConstStaticCell`. On the host,
 /// `multiscopic listen` shows what the port sends.
 pub trait Board {
-    /// The stored frames. Lines are read in ascending order, once for each column tile.
+    /// The stored frames. Lines are read in ascending order, once for each column tile and each of the
+    /// [searches](crate::Matching::searches).
     type Frames: Rewind;
     /// Where packets are written.
     type Output: Write;
     /// Why the frames or the output are not available.
     type Error;
 
-    /// Opens the frames to match.
+    /// Opens the frames of a search: the centre, and the views of `search`. Each search opens its own.
     ///
     /// # Errors
-    /// A frame is missing, or its size differs from that of `params`.
+    /// A frame is missing, or its size differs from that of `search`.
     fn frames(&mut self, search: &Search) -> Result<Self::Frames, Self::Error>;
 
     /// Opens the output.

@@ -8,7 +8,7 @@ pub type Wide = Portable<8>;
 /// The lengths of the buffers of a [`Workspace`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lengths {
-    /// The matcher's memory, by buffer.
+    /// The matcher's memory by buffer, or that of both matchers from short baselines to long ones.
     pub matcher: Memory,
     /// Disparities of a line.
     pub columns: usize,
@@ -73,6 +73,8 @@ mod tests {
             size_of::<workspace!(Wide, profile::VGA_TILED)>(),
             size_of::<workspace!(Wide, profile::QQVGA_SGM)>(),
             size_of::<workspace!(Wide, profile::QVGA_SGM)>(),
+            size_of::<workspace!(Wide, profile::QQVGA_3X3)>(),
+            size_of::<workspace!(Wide, profile::QVGA_PRIOR)>(),
         ];
         assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths::<Wide>().bytes()));
     }

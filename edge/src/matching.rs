@@ -1,6 +1,6 @@
 //! What a pipeline computes.
 
-use multiscopic_core::{Memory, Params, Region, Search, SemiGlobalCost, SemiGlobalParams, kernel::Isa};
+use multiscopic_core::{Memory, Params, Region, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa};
 
 use crate::{Lengths, packet};
 
@@ -16,21 +16,56 @@ pub enum Matching {
     },
     /// Semi-global matching, in one pass.
     SemiGlobal(SemiGlobalParams),
+    /// Block matching from short baselines to long ones, in one pass: [`Params::around`].
+    ///
+    /// Both matches run side by side: each disparity line of the short one is the prior line of the long one, which
+    /// matches [gradients](multiscopic_core::Gradients). Unlike the host's `match`, no median filter comes between them,
+    /// because it would take many more lines.
+    AroundPrior {
+        /// The match at short baselines, over the whole range.
+        short: Params,
+        /// The search at long baselines around its disparities, in pixels of the long baseline. Its views stand where they
+        /// were taken, before [`Params::around`] divides their offsets.
+        long: Params,
+    },
 }
 
 impl Matching {
-    /// What is searched.
+    /// What is searched; from short baselines to long ones, the search at the short ones.
     pub const fn search(&self) -> &Search {
         match self {
-            Matching::Blocks { params, .. } => params.search(),
+            Matching::Blocks { params, .. } | Matching::AroundPrior { short: params, .. } => params.search(),
             Matching::SemiGlobal(params) => params.search(),
         }
     }
 
-    /// The block matching whose sums are the costs; `None` for the census.
+    /// The search at long baselines around the disparities of [`search`](Matching::search).
+    pub const fn long_search(&self) -> Option<&Search> {
+        match self {
+            Matching::Blocks { .. } | Matching::SemiGlobal(_) => None,
+            Matching::AroundPrior { long, .. } => Some(long.search()),
+        }
+    }
+
+    /// All searches. Each reads the centre and its own views.
+    pub fn searches(&self) -> impl Iterator<Item = &Search> {
+        [self.search()].into_iter().chain(self.long_search())
+    }
+
+    /// The views of all searches.
+    pub fn views(&self) -> Views {
+        self.searches().flat_map(|search| search.views().iter()).collect()
+    }
+
+    /// The number of disparity evaluations (pixel x disparity x view).
+    pub fn evaluations(&self) -> u64 {
+        self.searches().map(Search::evaluations).sum()
+    }
+
+    /// The block matching whose sums are the costs, at short baselines if there are long ones too; `None` for the census.
     pub fn block_matching(&self) -> Option<Params> {
         match self {
-            Matching::Blocks { params, .. } => Some(*params),
+            Matching::Blocks { params, .. } | Matching::AroundPrior { short: params, .. } => Some(*params),
             Matching::SemiGlobal(params) => match params.cost() {
                 SemiGlobalCost::Sad { block_size } => Params::block_matching(*params.search(), block_size).ok(),
                 SemiGlobalCost::Census(_) => None,
@@ -41,7 +76,7 @@ impl Matching {
     /// The method's name on command lines and in reports.
     pub const fn name(&self) -> &'static str {
         match self {
-            Matching::Blocks { .. } => "bm",
+            Matching::Blocks { .. } | Matching::AroundPrior { .. } => "bm",
             Matching::SemiGlobal(_) => "sgm",
         }
     }
@@ -50,7 +85,7 @@ impl Matching {
     pub const fn tile_width(&self) -> usize {
         match self {
             Matching::Blocks { tile_width, .. } => *tile_width,
-            Matching::SemiGlobal(params) => params.search().width(),
+            Matching::SemiGlobal(_) | Matching::AroundPrior { .. } => self.search().width(),
         }
     }
 
@@ -65,6 +100,10 @@ impl Matching {
         match self {
             Matching::Blocks { params, .. } => params.latency_lines(),
             Matching::SemiGlobal(params) => params.latency_lines(),
+            // The first blocks of the long match need as many lines of the prior as their radius, and one more.
+            Matching::AroundPrior { short, long } => {
+                (short.latency_lines() + long.radius()).min(short.height()).max(long.around(short.search()).latency_lines())
+            }
         }
     }
 
@@ -73,6 +112,10 @@ impl Matching {
         let matcher = match self {
             Matching::Blocks { params, tile_width } => Memory::new::<I>(params, *tile_width),
             Matching::SemiGlobal(params) => Memory::semi_global::<I>(params),
+            Matching::AroundPrior { short, long } => {
+                let around = Memory::new::<I>(&long.around(short.search()), long.width());
+                Memory::new::<I>(short, short.width()).plus(&around)
+            }
         };
         let columns = self.tile_width();
         Lengths { matcher, columns, packet: packet::buffer_bytes(columns) }

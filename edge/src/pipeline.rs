@@ -3,8 +3,8 @@
 use core::{error, fmt, marker::PhantomData};
 use embedded_io::{ErrorType, Write};
 use multiscopic_core::{
-    Disparity, Frame, MatchError, Matcher, MemoryTooSmall, Params, Region, Rewind, ScanlineSource, SemiGlobalMatcher,
-    SemiGlobalParams, kernel::Kernel,
+    Disparity, Frame, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, Rewind, ScanlineSource,
+    SemiGlobalMatcher, SemiGlobalParams, kernel::Kernel,
 };
 
 use crate::{
@@ -30,23 +30,24 @@ impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WO
 }
 
 impl<'w> Pipeline<'w> {
-    /// Matches the frames of `source` and sends the disparities.
+    /// Matches the frames of `sources` and sends the disparities. There is a source for each of the
+    /// [searches](Matching::searches): several read the centre, at different lines.
     ///
     /// Each line is written to `output` as soon as it is known. The sender is returned for the packet that
     /// ends the frame.
     ///
     /// Every kernel gives the same disparities, and kernels with as many lanes need the same memory. Firmware
-    /// with a single method calls [`match_blocks`](Pipeline::match_blocks) or
-    /// [`match_semi_globally`](Pipeline::match_semi_globally), and links that method alone: they are inlined, so
-    /// that constant parameters stay constant.
+    /// with a single method calls [`match_blocks`](Pipeline::match_blocks),
+    /// [`match_semi_globally`](Pipeline::match_semi_globally) or [`match_around_prior`](Pipeline::match_around_prior), and
+    /// links that method alone: they are inlined, so that constant parameters stay constant.
     ///
     /// # Errors
-    /// Those of the source, the matcher and the output, and a workspace that is too small.
+    /// Those of the sources, the matcher and the output, a workspace that is too small, and too few sources.
     pub fn run<B: Board, I: Kernel>(
         self,
         kernel: I,
         matching: &Matching,
-        source: &mut B::Frames,
+        sources: &mut [B::Frames],
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
         // Functions of their own, so that the stack has to hold one matcher at a time.
@@ -60,9 +61,25 @@ impl<'w> Pipeline<'w> {
         ) -> Result<Sender<'w>, RunError<B>> {
             pipeline.match_blocks::<B, I>(kernel, params, tile_width, source, output)
         }
-        match matching {
-            Matching::Blocks { params, tile_width } => blocks::<B, I>(self, kernel, params, *tile_width, (source, output)),
-            Matching::SemiGlobal(params) => self.match_semi_globally::<B, I>(kernel, params, source, output),
+        #[inline(never)]
+        fn around_prior<'w, B: Board, I: Kernel>(
+            pipeline: Pipeline<'w>,
+            kernel: I,
+            (short, long): (&Params, &Params),
+            sources: [&mut B::Frames; 2],
+            output: &mut B::Output,
+        ) -> Result<Sender<'w>, RunError<B>> {
+            pipeline.match_around_prior::<B, I>(kernel, (short, long), sources, output)
+        }
+        match (matching, sources) {
+            (Matching::Blocks { params, tile_width }, [source, ..]) => {
+                blocks::<B, I>(self, kernel, params, *tile_width, (source, output))
+            }
+            (Matching::SemiGlobal(params), [source, ..]) => self.match_semi_globally::<B, I>(kernel, params, source, output),
+            (Matching::AroundPrior { short, long }, [first, second, ..]) => {
+                around_prior::<B, I>(self, kernel, (short, long), [first, second], output)
+            }
+            (_, sources) => Err(PipelineError::Sources { needed: matching.searches().count(), given: sources.len() }),
         }
     }
 
@@ -84,9 +101,9 @@ impl<'w> Pipeline<'w> {
             if index > 0 {
                 source.rewind().map_err(PipelineError::Rewind)?;
             }
-            let pass = Pass::<B>::new(&tile, self.line, &mut sender, source, output)?;
+            let pass = Pass::<B>::new(&tile, self.line, &mut sender, output)?;
             let mut matcher = Matcher::with_isa(kernel, params, &tile, self.matcher).map_err(PipelineError::Memory)?;
-            pass.send(|source, line| matcher.next_line(source, line))?;
+            pass.send(|line| matcher.next_line(&mut Fetching::<B>::new(source), line))?;
         }
         Ok(sender)
     }
@@ -105,9 +122,35 @@ impl<'w> Pipeline<'w> {
     ) -> Result<Sender<'w>, RunError<B>> {
         let mut sender = Sender::new(params.search(), self.packet);
         let whole = Region::whole(params.search());
-        let pass = Pass::<B>::new(&whole, self.line, &mut sender, source, output)?;
+        let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
         let mut matcher = SemiGlobalMatcher::with_isa(kernel, params, self.matcher).map_err(PipelineError::Memory)?;
-        pass.send(|source, line| matcher.next_line(source, line))?;
+        pass.send(|line| matcher.next_line(&mut Fetching::<B>::new(source), line))?;
+        Ok(sender)
+    }
+
+    /// [`run`](Pipeline::run) from short baselines to long ones: the parameters are those of
+    /// [`Matching::AroundPrior`], and each match has a source of its own.
+    ///
+    /// # Errors
+    /// Those of [`run`](Pipeline::run).
+    #[inline(always)]
+    pub fn match_around_prior<B: Board, I: Kernel>(
+        self,
+        kernel: I,
+        (short, long): (&Params, &Params),
+        [short_frames, long_frames]: [&mut B::Frames; 2],
+        output: &mut B::Output,
+    ) -> Result<Sender<'w>, RunError<B>> {
+        let mut sender = Sender::new(short.search(), self.packet);
+        let whole = Region::whole(short.search());
+        let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
+        let words = Memory::new::<I>(short, short.width()).words().min(self.matcher.len());
+        let (memory, rest) = self.matcher.split_at_mut_checked(words).unwrap_or_default();
+        let short = Matcher::with_isa(kernel, short, &whole, memory).map_err(PipelineError::Memory)?;
+        let around = long.around(short.params().search());
+        let mut long = Matcher::with_isa(kernel, &around, &whole, rest).map_err(PipelineError::Memory)?;
+        let mut source = Gradients(LongFrames::<B, I> { frames: long_frames, short, short_frames });
+        pass.send(|line| long.next_line(&mut source, line).map_err(MatchError::flatten))?;
         Ok(sender)
     }
 }
@@ -117,7 +160,6 @@ struct Pass<'a, 'w, B: Board> {
     tile: &'a Region,
     line: &'a mut [Option<Disparity>],
     sender: &'a mut Sender<'w>,
-    source: &'a mut B::Frames,
     output: &'a mut B::Output,
 }
 
@@ -126,23 +168,22 @@ impl<'a, 'w, B: Board> Pass<'a, 'w, B> {
         tile: &'a Region,
         line: &'a mut [Option<Disparity>],
         sender: &'a mut Sender<'w>,
-        source: &'a mut B::Frames,
         output: &'a mut B::Output,
     ) -> Result<Pass<'a, 'w, B>, RunError<B>> {
         let (needed, given) = (tile.width(), line.len());
         let line = line.get_mut(..needed).ok_or(PipelineError::Line { needed, given })?;
         B::enter(Phase::Matching);
-        Ok(Pass { tile, line, sender, source, output })
+        Ok(Pass { tile, line, sender, output })
     }
 
     /// Sends every line that `next_line` computes.
     #[inline(always)]
     fn send(
         self,
-        mut next_line: impl FnMut(&mut Fetching<'_, B>, &mut [Option<Disparity>]) -> Result<Option<usize>, FetchError<B>>,
+        mut next_line: impl FnMut(&mut [Option<Disparity>]) -> Result<Option<usize>, FetchError<B>>,
     ) -> Result<(), RunError<B>> {
-        let Pass { tile, line, sender, source, output } = self;
-        while let Some(v) = next_line(&mut Fetching::<B>::new(source), line).map_err(PipelineError::Match)? {
+        let Pass { tile, line, sender, output } = self;
+        while let Some(v) = next_line(line).map_err(PipelineError::Match)? {
             B::enter(Phase::Sending);
             let packet = sender.line(tile, v, line).map_err(PipelineError::Packet)?;
             output.write_all(packet).map_err(PipelineError::Write)?;
@@ -179,6 +220,27 @@ impl<B: Board> ScanlineSource for Fetching<'_, B> {
     }
 }
 
+/// The frames of a long match, whose prior is a short match of other frames of the board.
+struct LongFrames<'a, 'm, B: Board, I> {
+    frames: &'a mut B::Frames,
+    short: Matcher<'m, I>,
+    short_frames: &'a mut B::Frames,
+}
+
+impl<B: Board, I: Kernel> ScanlineSource for LongFrames<'_, '_, B, I> {
+    type Error = FetchError<B>;
+
+    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
+        Fetching::<B>::new(self.frames).read_line(frame, v, line).map_err(MatchError::Source)
+    }
+
+    /// Matches the next line: the prior's lines are read in order, each once.
+    #[inline(always)]
+    fn read_prior(&mut self, _: usize, line: &mut [Option<Disparity>]) -> Result<(), Self::Error> {
+        self.short.next_line(&mut Fetching::<B>::new(self.short_frames), line).map(drop)
+    }
+}
+
 /// Why a pipeline on the board `B` stopped before its last line.
 pub type RunError<B> = PipelineError<<<B as Board>::Frames as ScanlineSource>::Error, <<B as Board>::Output as ErrorType>::Error>;
 
@@ -191,6 +253,13 @@ pub enum PipelineError<S, W> {
         /// Columns of the tile.
         needed: usize,
         /// Columns of the workspace's line.
+        given: usize,
+    },
+    /// There are too few sources of frames.
+    Sources {
+        /// Sources needed: one for each search.
+        needed: usize,
+        /// Sources given.
         given: usize,
     },
     /// The matcher's memory in the workspace is too small.
@@ -209,6 +278,9 @@ impl<S: fmt::Display, W: fmt::Display> fmt::Display for PipelineError<S, W> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             PipelineError::Line { needed, given } => write!(f, "a tile has {needed} columns, the line of the workspace {given}"),
+            PipelineError::Sources { needed, given } => {
+                write!(f, "the match needs {needed} sources of frames, {given} were given")
+            }
             PipelineError::Memory(error) => write!(f, "{error}"),
             PipelineError::Rewind(error) => write!(f, "cannot rewind to the first line: {error}"),
             PipelineError::Match(error) => write!(f, "{error}"),
@@ -231,14 +303,15 @@ mod tests {
     };
     use core::{convert::Infallible, time::Duration};
     use embedded_io::SliceWriteError;
-    use multiscopic_core::{Fusion, Search, SemiGlobalCost, Views};
+    use multiscopic_core::{Fusion, Search, SemiGlobalCost, View, Views};
     use std::{vec, vec::Vec};
 
     const PARAMS: Params = match Params::new(24, 20, Views::CROSS, Fusion::Heuristic, 1, 4, 3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
-    const WORDS: usize = tiled(PARAMS.width()).lengths::<Wide>().matcher.words();
+    /// For two matches side by side as well.
+    const WORDS: usize = 2 * tiled(PARAMS.width()).lengths::<Wide>().matcher.words();
     const PACKET: usize = tiled(PARAMS.width()).lengths::<Wide>().packet;
 
     const fn tiled(tile_width: usize) -> Matching {
@@ -321,10 +394,10 @@ mod tests {
 
     /// The pixels that a pipeline sends, and the number of rewinds.
     fn sent_pixels(matching: &Matching) -> (Vec<Option<Option<Disparity>>>, usize) {
-        let Ok(mut source) = TestBoard.frames(PARAMS.search());
+        let mut sources: Vec<_> = matching.searches().map(|search| TestBoard.frames(search).unwrap()).collect();
         let Ok(mut output) = TestBoard.output();
         let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
-        workspace.pipeline().run::<TestBoard, _>(Wide::default(), matching, &mut source, &mut output).unwrap();
+        workspace.pipeline().run::<TestBoard, _>(Wide::default(), matching, &mut sources, &mut output).unwrap();
         let mut pixels = vec![None; PARAMS.width() * PARAMS.height()];
         assert_eq!(output.sent.pop(), Some(0));
         for bytes in output.sent.split_mut(|&byte| byte == 0) {
@@ -335,7 +408,7 @@ mod tests {
                 assert_eq!(pixel.replace(disparity), None);
             }
         }
-        (pixels, source.rewinds)
+        (pixels, sources[0].rewinds)
     }
 
     #[test]
@@ -364,12 +437,57 @@ mod tests {
         assert_eq!(rewinds, 0);
     }
 
+    /// A search at twice the baseline of [`PARAMS`].
+    fn long() -> Params {
+        let views = [-2, 2].into_iter().filter_map(|right| View::new(right, 0).ok()).collect();
+        Params::new(24, 20, views, Fusion::Min, -2, 4, 5).unwrap()
+    }
+
+    #[test]
+    fn short_and_long_matches_side_by_side_are_those_one_after_the_other() {
+        let (short, long) = (Params::new(24, 20, Views::HORIZONTAL, Fusion::Min, 1, 4, 3).unwrap(), long());
+        let disparities = |params: &Params, source: &mut dyn ScanlineSource<Error = Infallible>| {
+            let (mut memory, mut line, mut lines) = (vec![0; params.memory_words()], [None; 24], Vec::new());
+            let mut matcher = Matcher::new(params, &mut memory).unwrap();
+            while matcher.next_line(&mut &mut *source, &mut line).unwrap().is_some() {
+                lines.extend(line);
+            }
+            lines
+        };
+        /// The ramp, and a prior for it.
+        struct Around(Vec<Option<Disparity>>);
+        impl ScanlineSource for Around {
+            type Error = Infallible;
+            fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Infallible> {
+                Ramp::default().read_line(frame, v, line)
+            }
+            fn read_prior(&mut self, v: usize, line: &mut [Option<Disparity>]) -> Result<(), Infallible> {
+                line.copy_from_slice(&self.0[24 * v..][..24]);
+                Ok(())
+            }
+        }
+        let prior = disparities(&short, &mut Ramp::default());
+        let expected = disparities(&long.around(short.search()), &mut Gradients(Around(prior)));
+        let (pixels, rewinds) = sent_pixels(&Matching::AroundPrior { short, long });
+        assert_eq!(pixels, expected.into_iter().map(Some).collect::<Vec<_>>());
+        assert_eq!(rewinds, 0);
+    }
+
+    #[test]
+    fn each_search_has_a_source() {
+        let matching = Matching::AroundPrior { short: PARAMS, long: long() };
+        let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
+        let mut output = Output { sent: Vec::new(), capacity: usize::MAX };
+        let end = workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, &mut [Ramp::default()], &mut output);
+        assert_eq!(end.err(), Some(PipelineError::Sources { needed: 2, given: 1 }));
+    }
+
     #[test]
     fn a_full_output_stops_the_pipeline() {
         let mut workspace = Workspace::<WORDS, { PARAMS.width() }, PACKET>::new();
         let mut output = Output { sent: Vec::new(), capacity: 150 };
         let whole = tiled(PARAMS.width());
-        let end = workspace.pipeline().run::<TestBoard, _>(Wide::default(), &whole, &mut Ramp::default(), &mut output);
+        let end = workspace.pipeline().run::<TestBoard, _>(Wide::default(), &whole, &mut [Ramp::default()], &mut output);
         assert_eq!(end.err(), Some(PipelineError::Write(SliceWriteError::Full)));
     }
 }

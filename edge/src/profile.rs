@@ -1,6 +1,6 @@
 //! Ready-made match sizes and their RAM budgets.
 
-use multiscopic_core::{Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa};
+use multiscopic_core::{Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams, View, Views, kernel::Isa};
 
 use crate::{
     buffers::{Lengths, Wide},
@@ -15,8 +15,18 @@ pub struct Profile {
     /// The most RAM in bytes, statics and greatest stack together, frames excluded.
     pub ram_budget: usize,
     size: MatchSize,
-    /// Columns of a tile, or `None` for semi-global matching.
-    tile_width: Option<usize>,
+    method: Method,
+}
+
+/// How a profile matches.
+#[derive(Clone, Copy, Debug)]
+enum Method {
+    /// Blocks, in column tiles of so many columns.
+    Blocks { tile_width: usize },
+    /// Semi-globally, with the sum of absolute differences as the cost.
+    SemiGlobal,
+    /// Blocks, and then blocks at long baselines around the disparities found.
+    AroundPrior { long: MatchSize },
 }
 
 /// A small frame and its horizontal neighbours.
@@ -34,12 +44,31 @@ pub const QQVGA_SGM: Profile =
     Profile::semi_global("qqvga-sgm", MatchSize { views: Views::HORIZONTAL, ..MatchSize::new(160, 120, 16, 5) }, 48);
 /// The match of [`QVGA`] by semi-global matching.
 pub const QVGA_SGM: Profile = Profile::semi_global("qvga-sgm", MatchSize::new(320, 240, 32, 5), 192);
+/// A small frame and all eight neighbours in an array of three by three. Its firmware is built with the feature `array` of
+/// `multiscopic-core`.
+pub const QQVGA_3X3: Profile =
+    Profile::whole("qqvga-3x3", MatchSize { views: Views::ARRAY, ..MatchSize::new(160, 120, 16, 7) }, 100);
+/// A medium frame and its horizontal neighbours, and then the views at four baselines around their disparities.
+///
+/// The disparities are not filtered in between, so they are those of the host's `match` without its median filter.
+pub const QVGA_PRIOR: Profile = Profile::around_prior(
+    "qvga-prior",
+    MatchSize { views: Views::HORIZONTAL, ..MatchSize::new(320, 240, 32, 11) },
+    MatchSize { views: FOUR_BASELINES, min_disparity: -4, ..MatchSize::new(320, 240, 8, 11) },
+    144,
+);
+
+/// The views four baselines to the left and to the right.
+const FOUR_BASELINES: Views = match (View::new(-4, 0), View::new(4, 0)) {
+    (Ok(left), Ok(right)) => Views::NONE.with(left).with(right),
+    _ => panic!("the offsets are out of range: see View::new"),
+};
 
 /// The match of firmware that takes its own frames: a small frame and all four neighbours.
 pub const CAPTURE: Params = MatchSize::new(160, 120, 16, 7).params(Fusion::Heuristic);
 
 /// Every profile.
-pub const ALL: [Profile; 7] = [QQVGA, QVGA, QVGA_TILED, VGA, VGA_TILED, QQVGA_SGM, QVGA_SGM];
+pub const ALL: [Profile; 9] = [QQVGA, QVGA, QVGA_TILED, VGA, VGA_TILED, QQVGA_SGM, QVGA_SGM, QQVGA_3X3, QVGA_PRIOR];
 
 /// Bytes of a tiled profile's budget for the stack, the disparity line, its packet, and the runtime's
 /// statics.
@@ -48,7 +77,7 @@ const RESERVE: usize = 6 * 1024;
 impl Profile {
     /// Block matching in one pass over the whole frame.
     const fn whole(name: &'static str, size: MatchSize, budget_kib: usize) -> Profile {
-        Profile { name, ram_budget: 1024 * budget_kib, size, tile_width: Some(size.width as usize) }
+        Profile { name, ram_budget: 1024 * budget_kib, size, method: Method::Blocks { tile_width: size.width as usize } }
     }
 
     /// Block matching in the fewest column tiles of equal width that fit the budget.
@@ -57,7 +86,7 @@ impl Profile {
         let mut tiles = 1;
         loop {
             let tile_width = (size.width as usize).div_ceil(tiles);
-            let profile = Profile { tile_width: Some(tile_width), ..whole };
+            let profile = Profile { method: Method::Blocks { tile_width }, ..whole };
             if profile.lengths::<Wide>().matcher.bytes() + RESERVE <= profile.ram_budget {
                 return profile;
             }
@@ -68,14 +97,29 @@ impl Profile {
 
     /// Semi-global matching, with the sum of absolute differences as its cost.
     const fn semi_global(name: &'static str, size: MatchSize, budget_kib: usize) -> Profile {
-        Profile { name, ram_budget: 1024 * budget_kib, size, tile_width: None }
+        Profile { name, ram_budget: 1024 * budget_kib, size, method: Method::SemiGlobal }
+    }
+
+    /// Block matching in one pass, and with `long` around its disparities.
+    const fn around_prior(name: &'static str, short: MatchSize, long: MatchSize, budget_kib: usize) -> Profile {
+        Profile { name, ram_budget: 1024 * budget_kib, size: short, method: Method::AroundPrior { long } }
+    }
+
+    /// Whether it needs the feature `array` of `multiscopic-core`: it matches more than four views together.
+    pub const fn needs_array(&self) -> bool {
+        self.size.views.len() > 4
     }
 
     /// What is computed, with `fusion`.
+    ///
+    /// # Panics
+    /// If the profile [needs](Profile::needs_array) a feature of `multiscopic-core` that is off; in a constant, it fails
+    /// the build.
     pub const fn matching(&self, fusion: Fusion) -> Matching {
-        match self.tile_width {
-            Some(tile_width) => Matching::Blocks { params: self.size.params(fusion), tile_width },
-            None => Matching::SemiGlobal(self.size.semi_global(fusion)),
+        match self.method {
+            Method::Blocks { tile_width } => Matching::Blocks { params: self.size.params(fusion), tile_width },
+            Method::SemiGlobal => Matching::SemiGlobal(self.size.semi_global(fusion)),
+            Method::AroundPrior { long } => Matching::AroundPrior { short: self.size.params(fusion), long: long.params(fusion) },
         }
     }
 
@@ -85,24 +129,25 @@ impl Profile {
     }
 }
 
-/// The size of a match whose search starts at a disparity of 1.
+/// The size of a match.
 #[derive(Clone, Copy, Debug)]
 struct MatchSize {
     width: u16,
     height: u16,
     views: Views,
+    min_disparity: i16,
     num_disparities: u16,
     block_size: u8,
 }
 
 impl MatchSize {
-    /// A match against all four neighbours.
+    /// A match against all four neighbours, whose search starts at a disparity of 1.
     const fn new(width: u16, height: u16, num_disparities: u16, block_size: u8) -> MatchSize {
-        MatchSize { width, height, views: Views::CROSS, num_disparities, block_size }
+        MatchSize { width, height, views: Views::CROSS, min_disparity: 1, num_disparities, block_size }
     }
 
     const fn search(self, fusion: Fusion) -> Search {
-        match Search::new(self.width, self.height, self.views, fusion, 1, self.num_disparities) {
+        match Search::new(self.width, self.height, self.views, fusion, self.min_disparity, self.num_disparities) {
             Ok(search) => search,
             Err(_) => panic!("a profile's parameters are out of range: see Search::new"),
         }
@@ -111,7 +156,10 @@ impl MatchSize {
     const fn params(self, fusion: Fusion) -> Params {
         match Params::block_matching(self.search(fusion), self.block_size) {
             Ok(params) => params,
-            Err(_) => panic!("a profile's block size is out of range: see Params::block_matching"),
+            Err(_) => panic!(
+                "a profile's block size is out of range, or it has more than four views and the feature `array` of \
+                 multiscopic-core is off: see Params::block_matching"
+            ),
         }
     }
 
@@ -134,7 +182,7 @@ mod tests {
         for tiled in [QVGA_TILED, VGA_TILED] {
             let width = usize::from(tiled.size.width);
             let tiles = width.div_ceil(tile_width(tiled));
-            let wider = Profile { tile_width: Some(width.div_ceil(tiles - 1)), ..tiled };
+            let wider = Profile { method: Method::Blocks { tile_width: width.div_ceil(tiles - 1) }, ..tiled };
             assert!(wider.lengths::<Wide>().matcher.bytes() + RESERVE > tiled.ram_budget, "{}", tiled.name);
         }
     }

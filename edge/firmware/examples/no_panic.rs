@@ -45,6 +45,7 @@ mod image {
     /// A match whose parameters the optimizer cannot see through either.
     fn run() -> Option<()> {
         let fusion = black_box(Fusion::Heuristic);
+        // With the feature `array`, loops over eight views are linked as well.
         let (width, height, views) = black_box((64, 48, Views::CROSS));
         let (min_disparity, num_disparities, block_size) = black_box((1, 16, 11));
         let params = Params::new(width, height, views, fusion, min_disparity, num_disparities, block_size).ok()?;

@@ -24,9 +24,8 @@ defmt::timestamp!("{=u64:ms}", semihosted::elapsed().as_millis() as u64);
 pub fn match_blocks(name: &str, params: Params, tile_width: usize, pipeline: Pipeline<'_>) -> ! {
     end(|| {
         let params = params.with_fusion(arguments::fusion()?);
-        match_frames(&mut Semihosted, name, tile_width, params.search(), |frames, output| {
-            pipeline.match_blocks::<Semihosted, _>(BoardKernel::default(), &params, tile_width, frames, output)
-        })
+        let mut frames = open(name, tile_width, params.search())?;
+        send(|output| pipeline.match_blocks::<Semihosted, _>(BoardKernel::default(), &params, tile_width, &mut frames, output))
     })
 }
 
@@ -35,8 +34,22 @@ pub fn match_blocks(name: &str, params: Params, tile_width: usize, pipeline: Pip
 pub fn match_semi_globally(name: &str, params: SemiGlobalParams, pipeline: Pipeline<'_>) -> ! {
     end(|| {
         let params = params.with_fusion(arguments::fusion()?);
-        match_frames(&mut Semihosted, name, params.search().width(), params.search(), |frames, output| {
-            pipeline.match_semi_globally::<Semihosted, _>(BoardKernel::default(), &params, frames, output)
+        let mut frames = open(name, params.search().width(), params.search())?;
+        send(|output| pipeline.match_semi_globally::<Semihosted, _>(BoardKernel::default(), &params, &mut frames, output))
+    })
+}
+
+/// Matches the frames of the board from short baselines to long ones, with the fusion on the command line.
+#[inline(always)]
+pub fn match_around_prior(name: &str, (short, long): (Params, Params), pipeline: Pipeline<'_>) -> ! {
+    end(|| {
+        let fusion = arguments::fusion()?;
+        let (short, long) = (short.with_fusion(fusion), long.with_fusion(fusion));
+        let mut short_frames = open(name, short.width(), short.search())?;
+        let mut long_frames = open(name, long.width(), long.search())?;
+        send(|output| {
+            let frames = [&mut short_frames, &mut long_frames];
+            pipeline.match_around_prior::<Semihosted, _>(BoardKernel::default(), (&short, &long), frames, output)
         })
     })
 }
@@ -45,9 +58,8 @@ pub fn match_semi_globally(name: &str, params: SemiGlobalParams, pipeline: Pipel
 pub fn calibrate(pipeline: Pipeline<'_>) -> ! {
     end(|| {
         let matching = arguments::calibration().ok_or(FirmwareError::Calibration)?;
-        match_frames(&mut Semihosted, "calibration", matching.tile_width(), matching.search(), |frames, output| {
-            pipeline.run::<Semihosted, _>(BoardKernel::default(), &matching, frames, output)
-        })
+        let mut frames = [open("calibration", matching.tile_width(), matching.search())?];
+        send(|output| pipeline.run::<Semihosted, _>(BoardKernel::default(), &matching, &mut frames, output))
     })
 }
 
@@ -60,22 +72,22 @@ fn end(work: impl FnOnce() -> Result<(), FirmwareError>) -> ! {
     }
 }
 
-/// Runs a pipeline with the frames and the output of the board.
+/// Opens the frames of a search.
 #[inline(always)]
-fn match_frames<'w>(
-    board: &mut Semihosted,
-    name: &str,
-    tile_width: usize,
-    search: &Search,
-    run: impl FnOnce(&mut Streams<HostFile>, &mut HostFile) -> Result<Sender<'w>, RunError<Semihosted>>,
-) -> Result<(), FirmwareError> {
+fn open(name: &str, tile_width: usize, search: &Search) -> Result<Streams<HostFile>, FirmwareError> {
     defmt::info!("profile {=str}, {=usize} columns at a time, {}", name, tile_width, search);
-    let (mut frames, mut output) = (board.frames(search)?, board.output()?);
-    let mut sender = run(&mut frames, &mut output).map_err(FirmwareError::Pipeline)?;
+    Semihosted.frames(search)
+}
+
+/// Runs a pipeline with the output of the board.
+#[inline(always)]
+fn send<'w>(run: impl FnOnce(&mut HostFile) -> Result<Sender<'w>, RunError<Semihosted>>) -> Result<(), FirmwareError> {
+    let mut output = Semihosted.output()?;
+    let mut sender = run(&mut output).map_err(FirmwareError::Pipeline)?;
     let stack = cortex_m_stack::stack_size() as usize - cortex_m_stack::stack_painted() as usize;
     output
         .write_all(sender.end(Some(stack)).map_err(FirmwareError::Packet)?)
         .map_err(|error| FirmwareError::Pipeline(PipelineError::Write(error)))?;
-    defmt::info!("done after {=u64} ms, {=usize} bytes of stack", board.elapsed().as_millis() as u64, stack);
+    defmt::info!("done after {=u64} ms, {=usize} bytes of stack", Semihosted.elapsed().as_millis() as u64, stack);
     Ok(())
 }

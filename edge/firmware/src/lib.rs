@@ -18,6 +18,8 @@
 //! # Features
 //! `stm32f405`, `stm32h743`, `an547`: the board that the firmware is linked for, at most one. Without: the
 //! reference board of `memory.x`.
+//!
+//! `array`: for the profile `qqvga-3x3`, which matches more than four views together.
 #![no_std]
 
 #[cfg(target_os = "none")]
@@ -40,7 +42,7 @@ mod semihosted;
 #[cfg(target_os = "none")]
 pub use board_kernel::BoardKernel;
 #[cfg(target_os = "none")]
-pub use entry_points::{calibrate, match_blocks, match_semi_globally};
+pub use entry_points::{calibrate, match_around_prior, match_blocks, match_semi_globally};
 #[cfg(target_os = "none")]
 pub use fault::fail;
 #[cfg(target_os = "none")]
@@ -69,6 +71,9 @@ macro_rules! firmware {
                         multiscopic_firmware::match_blocks(PROFILE.name, params, tile_width, pipeline)
                     }
                     Matching::SemiGlobal(params) => multiscopic_firmware::match_semi_globally(PROFILE.name, params, pipeline),
+                    Matching::AroundPrior { short, long } => {
+                        multiscopic_firmware::match_around_prior(PROFILE.name, (short, long), pipeline)
+                    }
                 }
             }
         }

@@ -11,7 +11,7 @@ use clap::Args;
 use multiscopic::{
     Error, Frames, Processor, Result,
     files::output,
-    scene::{PinholeCamera, Scene, render},
+    scene::{PinholeCamera, Scene, render_views},
     target::{
         Ram, reception,
         simulation::{self, Simulation},
@@ -22,7 +22,6 @@ use multiscopic_edge::{Matching, Profile, profile};
 use serde::Serialize;
 
 use super::{
-    budget::check_measured,
     options::{SourceOptions, named},
     terminal,
 };
@@ -66,10 +65,9 @@ impl Simulate {
         let views = profile.matching(Fusion::Min).search().views();
         let fusion = self.fusion.unwrap_or(Fusion::default_for(views.len()));
         let matching = profile.matching(fusion);
-        check_measured(self.core, &matching)?;
-        let (frames, images) = self.frames(&profile, matching.search())?;
+        let (frames, images) = self.frames(&profile, matching.search(), matching.views())?;
 
-        let lines = matching.tiles().count() * matching.search().height();
+        let lines = matching.tiles().count() * matching.searches().count() * matching.search().height();
         let bar = terminal::progress(lines as u64, "lines");
         let simulation = simulation::simulate(&profile, fusion, &frames, &|| bar.inc(1))?;
         bar.finish_and_clear();
@@ -86,19 +84,18 @@ impl Simulate {
     }
 
     /// The frames in the size of the profile, and `"demo"` or `"given"` for the report.
-    fn frames(&self, profile: &Profile, search: &Search) -> Result<(Frames, &'static str)> {
+    fn frames(&self, profile: &Profile, search: &Search, views: Views) -> Result<(Frames, &'static str)> {
         let outputs: Vec<&Path> = [&self.output, &self.packets].into_iter().flatten().map(PathBuf::as_path).collect();
         let [width, height] = [search.width(), search.height()];
         let Some((images, _)) = self.source.frame_files()? else {
             output::check(&outputs, &[])?;
             let camera = PinholeCamera::new(width as u32, height as u32);
-            return Ok((render(&Scene::demo(), &camera, 1).frames(search.views()), "demo"));
+            return Ok((render_views(&Scene::demo(), &camera, views, 1).frames(views), "demo"));
         };
         let rig_file = self.source.rig_file();
         output::check(&outputs, &images.paths().chain(rig_file.as_deref()).collect::<Vec<_>>())?;
-        if let Some(view) = search.views().iter().find(|&view| !images.views().contains(view)) {
-            let message =
-                format!("profile {} needs the views {}: the {view} one is missing", profile.name, names(search.views()));
+        if let Some(view) = views.iter().find(|&view| !images.views().contains(view)) {
+            let message = format!("profile {} needs the views {}: the {view} one is missing", profile.name, names(views));
             return Err(Error::Usage(message));
         }
         let (frames, _) = Frames::load(&images)?;
@@ -110,7 +107,7 @@ impl Simulate {
                 expected: format!("at least {width}x{height}, the frame of profile {}", profile.name),
             });
         }
-        Ok((frames.middle([width, height], search.views()), "given"))
+        Ok((frames.middle([width, height], views), "given"))
     }
 }
 
@@ -130,8 +127,8 @@ struct SimulationReport<'a> {
     ram_total: usize,
     ram_budget: usize,
     de: u64,
-    instructions: f64,
-    instructions_per_de: f64,
+    instructions: Option<f64>,
+    instructions_per_de: Option<f64>,
     lines_latency: usize,
     tile_passes: usize,
     lines_read: BTreeMap<String, usize>,
@@ -147,7 +144,7 @@ impl<'a> SimulationReport<'a> {
         simulation: &Simulation,
     ) -> SimulationReport<'a> {
         let (search, ram) = (matching.search(), Ram::new(matching, processor));
-        let instructions = processor.instructions(matching).expect("no profile has census costs").round();
+        let instructions = processor.instructions(matching).map(f64::round);
         SimulationReport {
             profile: profile.name,
             core: processor.name(),
@@ -157,9 +154,9 @@ impl<'a> SimulationReport<'a> {
             stack_max: ram.stack,
             ram_total: simulation.workspace + ram.other_statics + ram.stack,
             ram_budget: profile.ram_budget,
-            de: search.evaluations(),
+            de: matching.evaluations(),
             instructions,
-            instructions_per_de: instructions / search.evaluations() as f64,
+            instructions_per_de: instructions.map(|instructions| instructions / matching.evaluations() as f64),
             lines_latency: matching.latency_lines(),
             tile_passes: simulation.passes,
             lines_read: simulation.lines_read.iter().map(|(frame, lines)| (frame.to_string(), *lines)).collect(),
@@ -174,10 +171,11 @@ impl fmt::Display for SimulationReport<'_> {
         let SimulationReport { ram_static, stack_max, ram_total, ram_budget, .. } = self;
         writeln!(f, "RAM      {ram_total} of {ram_budget} bytes: {ram_static} statics, {stack_max} stack")?;
         let SimulationReport { de, instructions, instructions_per_de, .. } = self;
-        writeln!(
-            f,
-            "work     {de} DE (pixel x disparity x view), {instructions} instructions: {instructions_per_de:.2} per DE, predicted"
-        )?;
+        write!(f, "work     {de} DE (pixel x disparity x view), ")?;
+        match (instructions, instructions_per_de) {
+            (Some(instructions), Some(per_de)) => writeln!(f, "{instructions} instructions: {per_de:.2} per DE, predicted")?,
+            _ => writeln!(f, "instructions are not predicted for this match")?,
+        }
         let lines: Vec<String> = self.lines_read.iter().map(|(frame, lines)| format!("{frame} {lines}")).collect();
         writeln!(f, "lines    {} read ahead, {} passes; lines read: {}", self.lines_latency, self.tile_passes, lines.join(", "))?;
         writeln!(f, "packets  {} bytes", self.packet_bytes)

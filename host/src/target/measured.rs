@@ -37,8 +37,12 @@ pub struct FirmwareCostTable {
 pub struct FirmwareCosts {
     /// Bytes of statics beside the workspace: the state of the runtime and of the log.
     pub statics: usize,
-    /// Greatest depth of the stack in bytes with block matching, over all profiles and fusion rules.
+    /// Greatest depth of the stack in bytes with block matching of up to four views, over all profiles and fusion rules.
     pub stack: usize,
+    /// The same of more views.
+    pub array_stack: usize,
+    /// The same with block matching from short baselines to long ones.
+    pub prior_stack: usize,
     /// The same with semi-global matching.
     pub path_stack: usize,
     /// The prices of the instruction model.
@@ -49,7 +53,9 @@ impl FirmwareCosts {
     /// The greatest depth of the stack in bytes.
     pub fn stack_of(&self, matching: &Matching) -> usize {
         match matching {
+            Matching::Blocks { params, .. } if params.views().len() > 4 => self.array_stack,
             Matching::Blocks { .. } => self.stack,
+            Matching::AroundPrior { .. } => self.prior_stack,
             Matching::SemiGlobal(_) => self.path_stack,
         }
     }
@@ -57,7 +63,9 @@ impl FirmwareCosts {
     /// Notes a depth of the stack that was measured.
     pub fn note_stack(&mut self, matching: &Matching, bytes: usize) {
         let noted = match matching {
+            Matching::Blocks { params, .. } if params.views().len() > 4 => &mut self.array_stack,
             Matching::Blocks { .. } => &mut self.stack,
+            Matching::AroundPrior { .. } => &mut self.prior_stack,
             Matching::SemiGlobal(_) => &mut self.path_stack,
         };
         *noted = bytes.max(*noted);
@@ -109,7 +117,8 @@ impl Processor {
     }
 
     /// The instructions that a match takes by the model, including sending but not fetching lines. `None` for
-    /// the census, to which the model is not fitted.
+    /// what the model is not fitted to: the census, more than four views, [`Fusion::Half`](multiscopic_core::Fusion::Half)
+    /// of more than two, and a match from short baselines to long ones.
     pub fn instructions(self, matching: &Matching) -> Option<f64> {
         self.firmware_costs().prices.instructions(matching, self.lanes())
     }

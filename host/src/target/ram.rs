@@ -58,6 +58,7 @@ impl Ram {
             ("horizontal", matcher.horizontal, "lines of the left and right views under the block"),
             ("vertical", matcher.vertical, "lines of the top and bottom views under the block, at all disparities"),
             ("zeros", matcher.zeros, "zeros, subtracted while the first block fills"),
+            ("prior", matcher.prior, "lines of the disparities around which is searched"),
             ("line", matcher.line, "the line being read"),
             ("costs", matcher.costs, "matching costs of a line, and what paths add to them"),
             ("paths", matcher.paths, "path costs of a line, by path and disparity"),

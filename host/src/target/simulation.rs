@@ -16,7 +16,7 @@ pub struct Simulation {
     pub packets: Vec<u8>,
     /// Passes over the frames, one for each column tile.
     pub passes: usize,
-    /// The frames, and how many lines of each were read in all passes.
+    /// The frames, and how many lines of each were read in all passes of all searches.
     pub lines_read: Vec<(Frame, usize)>,
     /// Size of the workspace in bytes.
     pub workspace: usize,
@@ -81,6 +81,8 @@ pub fn simulate(profile: &Profile, fusion: Fusion, frames: &Frames, on_line: &dy
         };
     }
     run!(
+        profile::QQVGA_3X3,
+        profile::QVGA_PRIOR,
         profile::QQVGA,
         profile::QVGA,
         profile::QVGA_TILED,
@@ -97,11 +99,20 @@ fn run<I: Kernel, const WORDS: usize, const COLUMNS: usize, const PACKET: usize>
     matching: &Matching,
     board: &mut SimulatedBoard<'_>,
 ) -> Result<Simulation, SimulationError> {
-    let (mut source, mut packets) = (board.frames(matching.search())?, board.output()?);
-    let run = workspace.pipeline().run::<SimulatedBoard<'_>, I>(kernel, matching, &mut source, &mut packets);
+    let mut sources = matching.searches().map(|search| board.frames(search)).collect::<Result<Vec<_>, _>>()?;
+    let mut packets = board.output()?;
+    let run = workspace.pipeline().run::<SimulatedBoard<'_>, I>(kernel, matching, &mut sources, &mut packets);
     let mut sender = run.unwrap_or_else(|error| panic!("the workspace fits the profile and memory can be read: {error}"));
     packets.extend_from_slice(sender.end(None).expect("the end is shorter than a line"));
-    Ok(Simulation { packets, passes: source.passes, lines_read: source.lines_read, workspace: size_of_val(workspace) })
+    let passes = sources.iter().map(|source| source.passes).max().unwrap_or_default();
+    let mut lines_read: Vec<(Frame, usize)> = Vec::new();
+    for (frame, lines) in sources.into_iter().flat_map(|source| source.lines_read) {
+        match lines_read.iter_mut().find(|(other, _)| *other == frame) {
+            Some((_, sum)) => *sum += lines,
+            None => lines_read.push((frame, lines)),
+        }
+    }
+    Ok(Simulation { packets, passes, lines_read, workspace: size_of_val(workspace) })
 }
 
 /// A board whose frames are in memory.

@@ -7,8 +7,11 @@ use std::{
     process::{Command, Stdio},
 };
 
-use multiscopic::Processor;
-use multiscopic_core::{Disparity, Fusion, Memory, Params, Region, SemiGlobalCost, Views};
+use multiscopic::{
+    Processor,
+    scene::{PinholeCamera, Scene, render_views},
+};
+use multiscopic_core::{Disparity, Frame, Fusion, Memory, Params, Region, SemiGlobalCost, View, Views};
 use multiscopic_edge::{
     Matching, Profile, Wide,
     packet::{Sender, buffer_bytes},
@@ -16,9 +19,10 @@ use multiscopic_edge::{
 };
 use multiscopic_tests::{
     program::{self, Invocation},
+    reference::{self, AroundPrior, gradients},
     test_images::{
         golden,
-        view_set::{read_pfm, read_raw16},
+        view_set::{ViewSet, read_pfm, read_raw16},
     },
 };
 use tempfile::TempDir;
@@ -212,15 +216,15 @@ fn assert_simulated_as_matched(profile: &Profile) {
         }
     }
     let method = match matching {
-        Matching::Blocks { params, .. } => format!("--block-size {}", params.block_size()),
+        Matching::Blocks { params, .. } | Matching::AroundPrior { short: params, .. } => {
+            format!("--block-size {}", params.block_size())
+        }
         Matching::SemiGlobal(params) => match params.cost() {
             SemiGlobalCost::Sad { block_size } => format!("--method sgm --cost sad --block-size {block_size}"),
             SemiGlobalCost::Census(census) => format!("--method sgm --census {}", census.name()),
         },
     };
-    // Its instructions were not measured, so a simulation of more views refuses it.
-    let is_measured = |fusion: &Fusion| *fusion != Fusion::Half || search.views().len() <= 2;
-    for fusion in Fusion::ALL.into_iter().filter(is_measured).map(Fusion::name) {
+    for fusion in Fusion::ALL.map(Fusion::name) {
         let common = ["--fusion", fusion, "-o"].map(str::to_owned);
         let mut matched = vec!["match".to_owned()];
         matched.extend(views.iter().cloned().chain(common.clone()).chain([path("matched.pfm")]));
@@ -236,6 +240,8 @@ fn assert_simulated_as_matched(profile: &Profile) {
         Invocation::new(["listen", &path("packets"), "-o", &path("listened.pfm")]).assert_done();
         assert_eq!(read_pfm(Path::new(&path("listened.pfm"))), expected, "{} with {fusion}", profile.name);
 
+        let is_predicted = fusion != "half" || search.views().len() <= 2;
+        assert_eq!(report["instructions"].is_number(), is_predicted, "{report:#}");
         assert_eq!(report["packet_bytes"], fs::metadata(path("packets")).expect("packets").len());
         assert_eq!(report["de"], search.evaluations());
         assert_eq!(report["lines_latency"], matching.latency_lines());
@@ -262,9 +268,114 @@ fn small_profiles_are_simulated() {
 #[test]
 #[cfg_attr(debug_assertions, ignore = "takes minutes without optimisation")]
 fn every_other_profile_is_simulated() {
-    for profile in profile::ALL.iter().filter(|profile| SMALL.iter().all(|small| small.name != profile.name)) {
+    let others = [&SMALL[..], &ELSEWHERE].concat();
+    for profile in profile::ALL.iter().filter(|profile| others.iter().all(|other| other.name != profile.name)) {
         assert_simulated_as_matched(profile);
     }
+}
+
+/// The profiles with views elsewhere than in the cross, which the frames of `multiscopic demo` lack.
+const ELSEWHERE: [Profile; 2] = [profile::QQVGA_3X3, profile::QVGA_PRIOR];
+
+/// The demo's scene, seen from the views of a profile.
+fn scene(matching: &Matching) -> ViewSet {
+    let (width, height) = (matching.search().width(), matching.search().height());
+    let shot = render_views(&Scene::demo(), &PinholeCamera::new(width as u32, height as u32), matching.views(), 1);
+    let frames = shot.frames(matching.views());
+    let image = |frame| frames.get(frame).map(|image| image.as_raw().clone());
+    let others = matching.views().iter().filter(|view| !View::CROSS.contains(view));
+    ViewSet {
+        width,
+        height,
+        center: image(Frame::Center).expect("a centre"),
+        views: View::CROSS.map(|view| image(Frame::View(view))),
+        others: others.filter_map(|view| Some(((view.right().into(), view.down().into()), image(Frame::View(view))?))).collect(),
+    }
+}
+
+/// Runs `simulate` on `images`, and returns the disparities that its packets carry, in 64ths of a pixel, and its report.
+#[track_caller]
+fn simulated(profile: &Profile, fusion: Fusion, images: &ViewSet) -> (Vec<Option<i32>>, serde_json::Value) {
+    let dir = folder();
+    images.write_rig(dir.path());
+    let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
+    let (rig, packets) = (path(""), path("packets"));
+    let simulate = ["simulate", "--json", "--profile", profile.name, "--fusion", fusion.name(), "--packets", &packets, &rig];
+    let report = json(&Invocation::new(simulate), 0);
+    Invocation::new(["listen", &packets, "-o", &path("listened.pfm"), "--raw16", &path("raw.png")]).assert_done();
+    let samples = read_raw16(Path::new(&path("raw.png"))).2;
+    (samples.into_iter().map(|raw| (raw != 0).then(|| i32::from(raw) - 32768)).collect(), report)
+}
+
+/// A reference's disparities in 64ths of a pixel.
+fn fixed(disparities: Vec<Option<f64>>) -> Vec<Option<i32>> {
+    disparities.into_iter().map(|d| d.map(|d| i32::from(reference::fixed(d)))).collect()
+}
+
+#[test]
+fn eight_views_are_simulated_like_the_reference() {
+    let profile = profile::QQVGA_3X3;
+    let Matching::Blocks { params, .. } = profile.matching(Fusion::Min) else { panic!("it matches blocks") };
+    let images = scene(&profile.matching(Fusion::Min));
+    for (fusion, rule) in [(Fusion::Min, reference::Fusion::Min), (Fusion::Half, reference::Fusion::Half)] {
+        let expected = images.reference(rule, 1, params.num_disparities() as i32, params.block_size() as i32).disparities();
+        let (found, report) = simulated(&profile, fusion, &images);
+        assert_eq!(found, fixed(expected), "{}", fusion.name());
+        assert_eq!((&report["instructions"], &report["de"]), (&serde_json::Value::Null, &params.evaluations().into()));
+        assert_eq!(report["lines_read"].as_object().map(serde_json::Map::len), Some(9));
+    }
+    assert_eq!(json(&budget(&["--profile", profile.name]), 0)["fusion"], "half", "the default of eight views");
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
+fn long_baselines_are_simulated_like_the_references() {
+    let profile = profile::QVGA_PRIOR;
+    let matching = profile.matching(Fusion::Min);
+    let Matching::AroundPrior { short, long } = matching else { panic!("it has long baselines") };
+    let images = scene(&matching);
+    let near = ViewSet { others: Vec::new(), ..images.clone() };
+    let prior =
+        near.reference(reference::Fusion::Min, 1, short.num_disparities() as i32, short.block_size() as i32).disparities();
+    let prior = fixed(prior);
+    let gradients = |image: &[u8]| gradients(image, images.width);
+    let views: Vec<_> = images.others.iter().map(|((right, down), image)| ((right / 4, down / 4), gradients(image))).collect();
+    let around = AroundPrior {
+        width: images.width as i32,
+        height: images.height as i32,
+        center: &gradients(&images.center),
+        views: &views,
+        multiple: 4,
+        prior: &prior,
+        priors: (1, 32),
+        fusion: reference::Fusion::Min,
+        min_disparity: -4,
+        num_disparities: 8,
+        block_size: 11,
+    };
+    let (found, report) = simulated(&profile, Fusion::Min, &images);
+    assert_eq!(found, around.disparities());
+    assert!(found.iter().zip(&prior).filter(|(found, prior)| found != prior).count() > found.len() / 2);
+    assert_eq!((&report["instructions"], &report["lines_latency"]), (&serde_json::Value::Null, &11.into()));
+    assert_eq!(report["de"], short.evaluations() + long.evaluations());
+    let expected = serde_json::json!({ "center": 480, "left": 240, "right": 240, "-4,0": 240, "4,0": 240 });
+    assert_eq!(report["lines_read"], expected);
+}
+
+#[test]
+fn what_is_not_predicted_is_not_printed() {
+    for profile in ELSEWHERE {
+        let report = json(&budget(&["--profile", profile.name]), 0);
+        for name in ["instructions", "instructions_per_de", "seconds", "fps"] {
+            assert!(report[name].is_null(), "{name} of {}: {report:#}", profile.name);
+        }
+        let text = Invocation::new(["budget", "--profile", profile.name]);
+        assert!(text.stdout.contains("instructions and time are not predicted for this match"), "{text:#?}");
+        let words = ["--fps cannot be checked", "not predicted"];
+        Invocation::new(["budget", "--profile", profile.name, "--fps", "1"]).assert_refused(&words);
+    }
+    let text = Invocation::new(["budget", "--profile", "qvga-prior"]).stdout;
+    assert!(text.contains("around them in views -4,0 and 4,0: disparities -4..=3, block 11"), "{text}");
 }
 
 #[test]
@@ -292,6 +403,10 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
         let memory = match matching {
             Matching::Blocks { params, tile_width } => Memory::new::<Wide>(&params, tile_width),
             Matching::SemiGlobal(params) => Memory::semi_global::<Wide>(&params),
+            Matching::AroundPrior { short, long } => {
+                let long = Memory::new::<Wide>(&long.around(short.search()), 320);
+                Memory::new::<Wide>(&short, 320).plus(&long)
+            }
         };
         assert_eq!(report["method"], matching.name(), "{}", profile.name);
         for (buffer, bytes) in [
@@ -303,6 +418,7 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
             ("horizontal", memory.horizontal),
             ("vertical", memory.vertical),
             ("zeros", memory.zeros),
+            ("prior", memory.prior),
             ("line", memory.line),
             ("costs", memory.costs),
             ("paths", memory.paths),

@@ -19,6 +19,8 @@ pub struct Prediction {
     min_disparity: i16,
     num_disparities: usize,
     block_size: usize,
+    /// The search at long baselines around what was found.
+    long: Option<LongSearch>,
     /// Columns of a tile.
     pub tile_width: usize,
     core: &'static str,
@@ -28,17 +30,39 @@ pub struct Prediction {
     /// Bytes of RAM in all.
     pub ram_total: usize,
     de: u64,
-    instructions: f64,
-    instructions_per_de: f64,
+    /// `None`, as all that follows from it, if the model does not cover the match.
+    instructions: Option<f64>,
+    instructions_per_de: Option<f64>,
     clock_mhz: f64,
     cycles_per_instruction: f64,
-    seconds: f64,
+    seconds: Option<f64>,
     /// Frames per second.
-    pub fps: f64,
+    pub fps: Option<f64>,
     lines_latency: usize,
     tile_passes: usize,
     #[serde(skip)]
     buffers: Vec<Buffer>,
+}
+
+/// The search at long baselines around the disparities found at short ones.
+#[derive(Debug, Serialize)]
+struct LongSearch {
+    views: String,
+    min_disparity: i16,
+    num_disparities: usize,
+    block_size: usize,
+}
+
+impl LongSearch {
+    fn of(matching: &Matching) -> Option<LongSearch> {
+        let Matching::AroundPrior { long, .. } = matching else { return None };
+        Some(LongSearch {
+            views: long.views().iter().map(|view| view.to_string()).collect::<Vec<_>>().join(" and "),
+            min_disparity: long.min_disparity(),
+            num_disparities: long.num_disparities(),
+            block_size: long.block_size(),
+        })
+    }
 }
 
 impl Prediction {
@@ -49,30 +73,31 @@ impl Prediction {
         let processor = target.core;
         let clock_mhz = target.clock.unwrap_or(processor.clock_mhz());
         let cycles_per_instruction = target.cpi.unwrap_or(processor.cycles_per_instruction());
-        let instructions = processor.instructions(matching).expect("the cost is not the census").round();
-        let seconds = instructions * cycles_per_instruction / (clock_mhz * 1e6);
+        let instructions = processor.instructions(matching).map(f64::round);
+        let seconds = instructions.map(|instructions| instructions * cycles_per_instruction / (clock_mhz * 1e6));
         Prediction {
             method: matching.name(),
             width: search.width(),
             height: search.height(),
-            views: search.views().len(),
+            views: matching.views().len(),
             fusion: search.fusion().name(),
             min_disparity: search.min_disparity(),
             num_disparities: search.num_disparities(),
             block_size: blocks.block_size(),
+            long: LongSearch::of(matching),
             tile_width: matching.tile_width(),
             core: processor.name(),
             ram: ram.buffers().iter().map(|buffer| (buffer.name, buffer.bytes)).collect(),
             ram_static: ram.statics(),
             stack_max: ram.stack,
             ram_total: ram.bytes(),
-            de: search.evaluations(),
+            de: matching.evaluations(),
             instructions,
-            instructions_per_de: instructions / search.evaluations() as f64,
+            instructions_per_de: instructions.map(|instructions| instructions / matching.evaluations() as f64),
             clock_mhz,
             cycles_per_instruction,
             seconds,
-            fps: 1.0 / seconds,
+            fps: seconds.map(f64::recip),
             lines_latency: matching.latency_lines(),
             tile_passes: matching.tiles().count(),
             buffers: ram.buffers().to_vec(),
@@ -91,6 +116,10 @@ impl fmt::Display for Prediction {
             "{method}, {width}x{height}, views {views}, {fusion}, disparities {min_disparity}..={last}, block {block_size}, \
              column tiles of {tile_width}"
         )?;
+        if let Some(LongSearch { views, min_disparity, num_disparities, block_size }) = &self.long {
+            let last = i32::from(*min_disparity) + *num_disparities as i32 - 1;
+            writeln!(f, "around them in views {views}: disparities {min_disparity}..={last}, block {block_size}")?;
+        }
         for Buffer { name, bytes, contents } in &self.buffers {
             writeln!(f, "{bytes:>12}  {name:<12}  {contents}")?;
         }
@@ -100,16 +129,20 @@ impl fmt::Display for Prediction {
             self.ram_total, self.ram_static, self.stack_max
         )?;
         writeln!(f, "{:>12}  evaluations (DE: pixel x disparity x view)", self.de)?;
-        writeln!(
-            f,
-            "{:>12.0}  instructions on a {core}, predicted: {:.2} per DE, without fetching lines",
-            self.instructions, self.instructions_per_de
-        )?;
-        writeln!(
-            f,
-            "{:>12.4}  s at {} MHz and {} cycles per instruction: {:.3} frames per second",
-            self.seconds, self.clock_mhz, self.cycles_per_instruction, self.fps
-        )?;
+        match (self.instructions, self.instructions_per_de, self.seconds, self.fps) {
+            (Some(instructions), Some(per_de), Some(seconds), Some(fps)) => {
+                writeln!(
+                    f,
+                    "{instructions:>12.0}  instructions on a {core}, predicted: {per_de:.2} per DE, without fetching lines"
+                )?;
+                writeln!(
+                    f,
+                    "{seconds:>12.4}  s at {} MHz and {} cycles per instruction: {fps:.3} frames per second",
+                    self.clock_mhz, self.cycles_per_instruction
+                )?;
+            }
+            _ => writeln!(f, "{:>12}  instructions and time are not predicted for this match: see --help", "?")?,
+        }
         writeln!(f, "{:>12}  lines of latency, passes over the frames: {}", self.lines_latency, self.tile_passes)
     }
 }

@@ -20,8 +20,12 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// Counts the work of a match with a kernel of `lanes` lanes. `None` for the census.
+    /// Counts the work of a match with a kernel of `lanes` lanes. `None` for the census, and from short baselines to long
+    /// ones: the model has no units for them.
     pub fn new(matching: &Matching, lanes: usize) -> Option<Workload> {
+        if let Matching::AroundPrior { .. } = matching {
+            return None;
+        }
         let params = matching.block_matching()?;
         let count = |count: usize| count as f64;
         let (width, height, views) = (count(params.width()), count(params.height()), count(params.views().len()));
@@ -33,7 +37,7 @@ impl Workload {
         let pixels = width * height;
         let PixelCounts { complete, masked, segmented, segments } = PixelCounts::new(&params);
         let paths = match matching {
-            Matching::Blocks { .. } => WorkUnits { pixel: pixels, ..WorkUnits::default() },
+            Matching::Blocks { .. } | Matching::AroundPrior { .. } => WorkUnits { pixel: pixels, ..WorkUnits::default() },
             Matching::SemiGlobal(_) if is_unrolled(params.search(), lanes) => {
                 WorkUnits { path_pixel: pixels, path_unrolled: pixels * depth, ..WorkUnits::default() }
             }

@@ -1,6 +1,7 @@
 //! Builds the firmware.
 
 use anyhow::{Context, Result};
+use multiscopic_edge::Profile;
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -18,26 +19,46 @@ use crate::{
 pub enum Program {
     /// The firmware of a profile.
     Profile(&'static str),
+    /// The firmware of a profile with more than four views, which the feature `array` is for.
+    ArrayProfile(&'static str),
     /// An example.
     Example(&'static str),
+    /// An example, with the feature `array`.
+    ArrayExample(&'static str),
 }
 
-/// The cargo command that builds `programs` for `board`.
+impl Program {
+    /// The firmware of `profile`.
+    pub fn of(profile: &Profile) -> Program {
+        if profile.needs_array() { Program::ArrayProfile(profile.name) } else { Program::Profile(profile.name) }
+    }
+
+    fn is_for_array(&self) -> bool {
+        matches!(self, Program::ArrayProfile(_) | Program::ArrayExample(_))
+    }
+}
+
+/// The cargo command that builds `programs` for `board`, which are all for the feature `array` or none of them.
 pub fn command(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program]) -> Command {
     let mut cargo = toolchain.cargo("build");
     cargo.args(["--profile", "firmware", "--package", "multiscopic-firmware", "--target", board.target]);
     cargo.env("RUSTFLAGS", board.rustflags);
-    cargo.args(board.feature.map(|feature| format!("--features={feature}")));
+    let array = programs.iter().any(Program::is_for_array).then_some("array");
+    cargo.args(board.feature.into_iter().chain(array).map(|feature| format!("--features={feature}")));
     cargo.args(programs.iter().map(|program| match program {
-        Program::Profile(name) => format!("--bin={name}"),
-        Program::Example(name) => format!("--example={name}"),
+        Program::Profile(name) | Program::ArrayProfile(name) => format!("--bin={name}"),
+        Program::Example(name) | Program::ArrayExample(name) => format!("--example={name}"),
     }));
     cargo
 }
 
 /// Builds `programs` for `board`, and returns their paths.
 pub fn build(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program]) -> Result<Vec<PathBuf>> {
-    run(&mut command(toolchain, board, programs))?;
+    // The feature changes the core for all programs that are built together.
+    let (for_array, others): (Vec<Program>, Vec<Program>) = programs.iter().partition(|program| program.is_for_array());
+    for programs in [others, for_array].iter().filter(|programs| !programs.is_empty()) {
+        run(&mut command(toolchain, board, programs))?;
+    }
     let built = folders::edge_target().join(board.target).join("firmware");
     // Keep copies: the next board's images have the same paths.
     let kept = folders::edge_target().join("images").join(board.name);
@@ -47,8 +68,8 @@ pub fn build(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program])
 
 fn keep(built: &Path, kept: &Path, program: Program) -> Result<PathBuf> {
     let (from, to) = match program {
-        Program::Profile(name) => (built.join(name), kept.join(name)),
-        Program::Example(name) => (built.join("examples").join(name), kept.join(name)),
+        Program::Profile(name) | Program::ArrayProfile(name) => (built.join(name), kept.join(name)),
+        Program::Example(name) | Program::ArrayExample(name) => (built.join("examples").join(name), kept.join(name)),
     };
     fs::copy(&from, &to).with_context(|| format!("cannot copy {}", from.display()))?;
     Ok(to)

@@ -77,7 +77,7 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
     });
     let images = images.collect::<Result<Vec<_>>>()?;
     let matching = Matching::Blocks { params: CAPTURE, tile_width: CAPTURE.width() };
-    let set = ImageSet::tsukuba(CAPTURE.search()).unwrap_or_else(|| ImageSet::demo(CAPTURE.search()));
+    let set = ImageSet::tsukuba(&matching).unwrap_or_else(|| ImageSet::demo(&matching));
     let expected = set.disparities(&matching)?;
     let whole = images.iter().map(|(board, image)| Run { board, image, case: WHOLE });
     let faults = images.iter().take(1).flat_map(|(board, image)| FAULTS.map(|case| Run { board, image, case }));

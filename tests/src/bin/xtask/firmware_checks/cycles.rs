@@ -63,14 +63,14 @@ impl Accounting {
         let counter = Counter::build()?;
         let (mut counts, mut ratios) = (Counts::new(), Counts::new());
         for board in emulated_board::one_per_processor().filter(|board| profile.ram_budget <= board.ram) {
-            let image = build::build(toolchain, board, &[Program::Profile(profile.name)])?.pop().context("one image")?;
+            let image = build::build(toolchain, board, &[Program::of(&profile)])?.pop().context("one image")?;
             let disassembly = Disassembly::of(&image, board.processor)?;
             let mut sum = Cost::default();
-            for fusion in profiles::FUSIONS {
+            for fusion in profiles::fusions(&profile) {
                 let run = format!("{}, {}, {}", board.name, profile.name, fusion.name());
                 let functions = costs(board, &profile, fusion, &image, &disassembly, &counter).context(run.clone())?;
                 let total: Cost = functions.values().copied().sum();
-                let evaluations = profile.matching(fusion).search().evaluations() as f64;
+                let evaluations = profile.matching(fusion).evaluations() as f64;
                 print(&run, total, &functions, evaluations);
                 counts.insert(run, total.cycles as f64 / evaluations);
                 sum = [sum, total].into_iter().sum();
@@ -111,7 +111,7 @@ fn costs(
     counter: &Counter,
 ) -> Result<BTreeMap<String, Cost>> {
     let folder = folders::edge_target().join("runs").join("cycles").join(board.name).join(profile.name).join(fusion.name());
-    ImageSet::demo(profile.matching(fusion).search()).write(&folder)?;
+    ImageSet::demo(&profile.matching(fusion)).write(&folder)?;
     let plugin = format!("{},{}", counter.plugin(image)?, block_trace::ARGUMENT);
     let exit = emulator::run(board, image, &[fusion.name()], &folder, Some(&plugin))?;
     ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);

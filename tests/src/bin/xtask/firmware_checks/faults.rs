@@ -49,7 +49,7 @@ fn too_large(toolchain: &Toolchain) -> Result<()> {
 fn two_boards(toolchain: &Toolchain) -> Result<()> {
     let features = emulated_board::ALL.iter().filter_map(|board| board.feature).collect::<Vec<_>>();
     let [first, second, ..] = features[..] else { bail!("fewer than two boards have features") };
-    let mut build = build::command(toolchain, &emulated_board::REFERENCE, &[Program::Profile(profile::QQVGA.name)]);
+    let mut build = build::command(toolchain, &emulated_board::REFERENCE, &[Program::of(&profile::QQVGA)]);
     let output = process::read_failure(build.arg(format!("--features={first},{second}")))?;
     let reason = output.lines().find(|line| line.contains(&format!("choose the feature {first} or {second}, not both")));
     let reason = reason.with_context(|| format!("{first} with {second} was refused for another reason:\n{output}"))?;
@@ -60,9 +60,11 @@ fn two_boards(toolchain: &Toolchain) -> Result<()> {
 /// Links the matcher alone for every target, which fails if any path leads to a panic.
 pub fn no_panic(toolchain: &Toolchain) -> Result<()> {
     for board in emulated_board::ALL.iter().filter(|board| [emulated_board::REFERENCE.name, "an547"].contains(&board.name)) {
-        process::run(&mut build::command(toolchain, board, &[Program::Example("no_panic")]))
-            .with_context(|| format!("the matcher can panic on a {}", board.core))?;
-        println!("faults: {}: the matcher cannot panic", board.name);
+        for (program, views) in [(Program::Example("no_panic"), "four"), (Program::ArrayExample("no_panic"), "eight")] {
+            process::run(&mut build::command(toolchain, board, &[program]))
+                .with_context(|| format!("the matcher of up to {views} views can panic on a {}", board.core))?;
+            println!("faults: {}: the matcher of up to {views} views cannot panic", board.name);
+        }
     }
     Ok(())
 }
@@ -77,9 +79,9 @@ fn stack_overflow(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
 /// Missing frames, frames of the wrong size, and an unknown argument.
 fn bad_input(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
     let profile = profile::QQVGA;
-    let images = build::build(toolchain, board, &[Program::Profile(profile.name)])?;
+    let images = build::build(toolchain, board, &[Program::of(&profile)])?;
     let image = images.first().context("one program gives one image")?;
-    let frames = ImageSet::demo(profile.matching(Fusion::Min).search());
+    let frames = ImageSet::demo(&profile.matching(Fusion::Min));
     let fresh = |name: &str| -> Result<(PathBuf, PathBuf)> {
         let folder = folder(name)?;
         frames.write(&folder)?;

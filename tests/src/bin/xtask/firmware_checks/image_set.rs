@@ -1,17 +1,16 @@
 //! The frames that the firmware reads.
 
 use anyhow::{Context, Result};
-use image::GrayImage;
 use multiscopic::{
-    Frames, Picture,
-    scene::{PinholeCamera, Scene, render},
+    DisparityMap, Engine, Frames, Picture,
+    scene::{PinholeCamera, Scene, render, render_views},
 };
-use multiscopic_core::{Disparity, Frame, Matcher, Region, Search, SemiGlobalMatcher, View, Views};
+use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, SemiGlobalMatcher, View, Views};
 use multiscopic_edge::{Matching, frame_file::FrameFile};
 use multiscopic_tests::test_images::{
     real_data::{self, Dataset},
     strict_source::StrictSource,
-    view_set::ViewSet,
+    view_set::{ViewSet, read_grey, view_at},
 };
 use std::{fs, path::Path};
 
@@ -24,12 +23,14 @@ pub struct ImageSet {
 
 impl ImageSet {
     /// The synthetic scene of `multiscopic demo`, which is the same on every machine.
-    pub fn demo(search: &Search) -> ImageSet {
-        let (width, height) = (search.width(), search.height());
-        let shot = render(&Scene::demo(), &PinholeCamera::new(width as u32, height as u32), 1);
+    pub fn demo(matching: &Matching) -> ImageSet {
+        let (width, height, wanted) = (matching.search().width(), matching.search().height(), matching.views());
+        let shot = render_views(&Scene::demo(), &PinholeCamera::new(width as u32, height as u32), wanted, 1);
         let gray = |frame| Picture::Rgb(shot.frame(frame).clone()).to_gray().into_raw();
-        let views = View::CROSS.map(|view| search.views().contains(view).then(|| gray(Frame::View(view))));
-        ImageSet { name: "demo", images: ViewSet { width, height, center: gray(Frame::Center), views, others: Vec::new() } }
+        let views = View::CROSS.map(|view| wanted.contains(view).then(|| gray(Frame::View(view))));
+        let others = wanted.iter().filter(|view| !View::CROSS.contains(view));
+        let others = others.map(|view| (offset(view), gray(Frame::View(view)))).collect();
+        ImageSet { name: "demo", images: ViewSet { width, height, center: gray(Frame::Center), views, others } }
     }
 
     /// The central `[width, height]` pixels of the demo's scene rendered at `[w, h]` pixels, with all views.
@@ -45,12 +46,18 @@ impl ImageSet {
         }
     }
 
-    /// The centre of the Tsukuba scene, if it is available and large enough.
-    pub fn tsukuba(search: &Search) -> Option<ImageSet> {
+    /// The centre of the Tsukuba scene, if it is available, large enough, and has all views.
+    pub fn tsukuba(matching: &Matching) -> Option<ImageSet> {
+        let (width, height, wanted) = (matching.search().width(), matching.search().height(), matching.views());
         let root = real_data::root().filter(|root| root.join(Dataset::Tsukuba.name()).is_dir())?;
-        let all = Dataset::Tsukuba.read(&root, "").images.only(View::CROSS.map(|view| search.views().contains(view)));
-        let (left, top) = (all.width.checked_sub(search.width())? / 2, all.height.checked_sub(search.height())? / 2);
-        Some(ImageSet { name: Dataset::Tsukuba.name(), images: all.crop(left, top, search.width(), search.height()) })
+        let mut all = Dataset::Tsukuba.read(&root, "").images.only(View::CROSS.map(|view| wanted.contains(view)));
+        for (right, down) in wanted.iter().filter(|view| !View::CROSS.contains(view)).map(offset) {
+            let name = format!("scene1.row{}.col{}.ppm", 3 + down, 3 + right);
+            let path = Some(root.join(Dataset::Tsukuba.name()).join(name)).filter(|path| path.is_file())?;
+            all.others.push(((right, down), read_grey(&path).2));
+        }
+        let (left, top) = (all.width.checked_sub(width)? / 2, all.height.checked_sub(height)? / 2);
+        Some(ImageSet { name: Dataset::Tsukuba.name(), images: all.crop(left, top, width, height) })
     }
 
     /// Writes the frames as files that the firmware reads.
@@ -58,7 +65,8 @@ impl ImageSet {
         fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         let views = View::CROSS.map(Frame::View).into_iter().zip(&self.images.views);
         let views = views.filter_map(|(frame, pixels)| Some((frame, pixels.as_ref()?)));
-        for (frame, pixels) in [(Frame::Center, &self.images.center)].into_iter().chain(views) {
+        let others = self.images.others.iter().map(|(offset, pixels)| (Frame::View(view_at(*offset)), pixels));
+        for (frame, pixels) in [(Frame::Center, &self.images.center)].into_iter().chain(views).chain(others) {
             let path = folder.join(FrameFile::new(frame).name().to_str()?);
             fs::write(&path, pixels).with_context(|| format!("cannot write {}", path.display()))?;
         }
@@ -66,30 +74,23 @@ impl ImageSet {
     }
 
     /// The frames in the host's type.
-    pub fn frames(&self) -> Result<Frames> {
-        let ViewSet { width, height, center, views, .. } = &self.images;
-        let image = |pixels: &Vec<u8>| {
-            let image = GrayImage::from_raw(*width as u32, *height as u32, pixels.clone());
-            image.context("there are as many pixels as width and height say")
-        };
-        let views = View::CROSS.into_iter().zip(views).filter_map(|(view, pixels)| Some((view, pixels.as_ref()?)));
-        views.into_iter().try_fold(Frames::new(image(center)?), |frames, (view, pixels)| Ok(frames.with(view, image(pixels)?)))
+    pub fn frames(&self) -> Frames {
+        self.images.frames()
     }
 
-    /// The disparities that the core computes on this machine, line by line.
+    /// The disparities that the core computes on this machine, line by line. From short baselines to long ones, it
+    /// stores those of the whole short match before the long match begins.
     pub fn disparities(&self, matching: &Matching) -> Result<Vec<Option<Disparity>>> {
-        let (mut line, mut disparities) = (vec![None; matching.search().width()], Vec::new());
         match matching {
-            Matching::Blocks { params, .. } => {
-                let mut source = StrictSource::new(&self.images, params, &Region::whole(params.search()));
-                let mut memory = vec![0; params.memory_words()];
-                let mut matcher = Matcher::new(params, &mut memory)?;
-                while matcher.next_line(&mut source, &mut line)?.is_some() {
-                    source.line_done();
-                    disparities.extend_from_slice(&line);
-                }
+            Matching::Blocks { params, .. } => self.matched_blocks(params),
+            Matching::AroundPrior { short, long } => {
+                let prior = DisparityMap::new(short.width(), short.height(), self.matched_blocks(short)?);
+                let long = long.around(short.search());
+                let refined = Engine::new(None, 1)?.disparities_around(&self.frames(), &prior, &long, || ())?;
+                Ok(refined.pixels().to_vec())
             }
             Matching::SemiGlobal(params) => {
+                let (mut line, mut disparities) = (vec![None; params.search().width()], Vec::new());
                 let mut source = StrictSource::semi_global(&self.images, params);
                 let mut memory = vec![0; params.memory_words()];
                 let mut matcher = SemiGlobalMatcher::new(params, &mut memory)?;
@@ -97,8 +98,25 @@ impl ImageSet {
                     source.line_done();
                     disparities.extend_from_slice(&line);
                 }
+                Ok(disparities)
             }
+        }
+    }
+
+    fn matched_blocks(&self, params: &Params) -> Result<Vec<Option<Disparity>>> {
+        let (mut line, mut disparities) = (vec![None; params.width()], Vec::new());
+        let mut source = StrictSource::new(&self.images, params, &Region::whole(params.search()));
+        let mut memory = vec![0; params.memory_words()];
+        let mut matcher = Matcher::new(params, &mut memory)?;
+        while matcher.next_line(&mut source, &mut line)?.is_some() {
+            source.line_done();
+            disparities.extend_from_slice(&line);
         }
         Ok(disparities)
     }
+}
+
+/// The baselines of a view to the right and down.
+fn offset(view: View) -> (i32, i32) {
+    (view.right().into(), view.down().into())
 }

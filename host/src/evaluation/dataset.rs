@@ -61,7 +61,7 @@ impl Dataset {
         let in_array = |reach: u8| right.unsigned_abs() <= reach && down.unsigned_abs() <= reach;
         match self {
             Dataset::Middlebury2006Third => down == 0 && right.abs() == 1,
-            Dataset::Middlebury2005Full => down == 0 && -1 <= right && right <= 5,
+            Dataset::Middlebury2005Full => down == 0 && (-1..=5).contains(&right),
             Dataset::Tsukuba => in_array(2),
             Dataset::Hci4d(steps) => in_array(4 / steps.count()),
         }

@@ -10,7 +10,7 @@ const TEXT: u32 = 26;
 
 /// A column of pictures.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Column {
+pub struct PictureColumn {
     /// The text above the pictures.
     pub heading: String,
     /// The pictures, from top to bottom, all of the same size.
@@ -24,14 +24,14 @@ pub struct Column {
 ///
 /// ```
 /// use image::RgbImage;
-/// use multiscopic::report::contact_sheet::{self, Column};
-/// let column = Column { heading: "stereo".into(), pictures: vec![RgbImage::new(8, 6)], note: "AvgErr 0.761".into() };
+/// use multiscopic::report::contact_sheet::{self, PictureColumn};
+/// let column = PictureColumn { heading: "stereo".into(), pictures: vec![RgbImage::new(8, 6)], note: "AvgErr 0.761".into() };
 /// assert!(contact_sheet::to_svg(&[column], 200).starts_with("<svg"));
 /// ```
 ///
 /// # Panics
 /// If there is no column, or a picture is empty.
-pub fn to_svg(columns: &[Column], max_width: u32) -> String {
+pub fn to_svg(columns: &[PictureColumn], max_width: u32) -> String {
     let scaled: Vec<Vec<RgbImage>> = columns
         .iter()
         .map(|column| column.pictures.iter().map(|picture| montage::scaled_down(picture, max_width)).collect())
@@ -64,7 +64,7 @@ mod tests {
 
     #[test]
     fn every_picture_has_its_place() {
-        let column = |heading: &str| Column {
+        let column = |heading: &str| PictureColumn {
             heading: heading.into(),
             pictures: vec![RgbImage::new(40, 30), RgbImage::new(40, 30)],
             note: "a < b".into(),

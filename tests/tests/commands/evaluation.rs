@@ -84,7 +84,7 @@ fn a_light_field_is_matched_at_any_baseline_and_in_any_layout() {
     let field = LightField::new();
     field.write(&dir.path().join("hci4d/noise"));
     let cross = vec![(-1, 0), (1, 0), (0, -1), (0, 1)];
-    let cases: [(&str, &str, Vec<(i32, i32)>, Fusion); 6] = [
+    let cases = [
         ("4", "--views=4", cross.clone(), Fusion::Heuristic),
         ("2", "--views=4", cross.clone(), Fusion::Heuristic),
         ("1", "--layout=cross", cross, Fusion::Heuristic),

@@ -14,7 +14,7 @@ use multiscopic::{
         ply::{self, Encoding},
     },
     report::{
-        contact_sheet::{self, Column},
+        contact_sheet::{self, PictureColumn},
         error_map, montage,
     },
     scene::{PinholeCamera, Shot},
@@ -100,7 +100,11 @@ impl ResultsFolder {
             write_png(&self.file(&errors_png(stem)), &errors)?;
             if variants::is_default(variant) {
                 let note = format!("AvgErr {:.3}", record.metrics.avg_err);
-                columns.push(Column { heading: variants::heading(variant), pictures: vec![color(disparities), errors], note });
+                columns.push(PictureColumn {
+                    heading: variants::heading(variant),
+                    pictures: vec![color(disparities), errors],
+                    note,
+                });
             }
         }
         let sheet = contact_sheet::to_svg(&columns, SHEET_PANEL);

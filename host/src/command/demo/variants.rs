@@ -132,7 +132,7 @@ mod tests {
         assert!(refused("5x1", &[]).contains("to the right"));
         assert!(refused("cross", &[9]).contains("--baselines includes 9"));
         assert!(refused("cross", &[0]).contains("--baselines includes 0"));
-        assert!(refused("5x5", &[5]).contains("leaves 1 to 8"));
+        assert!(refused("1x5", &[5]).contains("leaves 1 to 8"));
         assert!(refused("5x5", &[3]).contains("more than 24"));
     }
 }

@@ -73,7 +73,9 @@ impl Survey {
     /// # Errors
     /// [`Error::Usage`] if they are too few or none of them has a distance.
     pub fn new(map: &DisparityMap, geometry: Geometry, block_size: usize) -> Result<Survey> {
-        let unknown = |what: &str| Error::Usage(format!("the views at the shortest baseline show {what}: check the range of disparities and the light"));
+        let unknown = |what: &str| {
+            Error::Usage(format!("the views at the shortest baseline show {what}: check the range of disparities and the light"))
+        };
         let mut found: Vec<Disparity> = map.pixels().iter().flatten().copied().filter(|d| geometry.depth(*d).is_some()).collect();
         if found.len() < map.pixels().len() / 4 {
             return Err(unknown("no distances for most pixels"));
@@ -186,7 +188,8 @@ mod tests {
 
     const GEOMETRY: Geometry = Geometry { focal_px: 1000.0, baseline_mm: 5.0, principal_point: [319.5, 239.5], doffs: 0.0 };
     /// From 500 to 1000 mm.
-    const SURVEY: Survey = Survey { geometry: GEOMETRY, size: [640, 480], nearest: 10.0, farthest: 5.0, noise: 0.1, reached: (1, 0.1) };
+    const SURVEY: Survey =
+        Survey { geometry: GEOMETRY, size: [640, 480], nearest: 10.0, farthest: 5.0, noise: 0.1, reached: (1, 0.1) };
 
     fn choose(survey: Survey, accuracy: &str, views: Views, reach_um: u32) -> (u8, Option<Bound>, f64) {
         let Choice { multiple, bound, distance_mm } = survey.choose(accuracy.parse().unwrap(), views, 8, reach_um);
@@ -237,10 +240,16 @@ mod tests {
 
     #[test]
     fn a_survey_leaves_outliers_out() {
-        let map = DisparityMap::new(100, 100, (0..10_000).map(|i| {
-            let d = if i % 97 == 0 { 60.0 } else { 5.0 + 5.0 * f64::from(i % 100) / 99.0 };
-            Disparity::from_bits((64.0 * d) as i16)
-        }).collect());
+        let map = DisparityMap::new(
+            100,
+            100,
+            (0..10_000)
+                .map(|i| {
+                    let d = if i % 97 == 0 { 60.0 } else { 5.0 + 5.0 * f64::from(i % 100) / 99.0 };
+                    Disparity::from_bits((64.0 * d) as i16)
+                })
+                .collect(),
+        );
         let survey = Survey::new(&map, GEOMETRY, 11).unwrap();
         assert!((survey.nearest - 10.0).abs() < 0.2 && (survey.farthest - 5.0).abs() < 0.2, "{survey:?}");
         let empty = DisparityMap::new(10, 10, vec![None; 100]);

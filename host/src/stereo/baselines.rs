@@ -41,9 +41,9 @@ impl LongBaselines {
         multiples.sort_unstable();
         multiples.dedup();
         let array = views.iter().filter(|view| is_in_array(*view)).collect::<Views>();
-        let longer = multiples.into_iter().map(|multiple| {
-            views.iter().filter(|view| !is_in_array(*view) && distance(*view) == multiple).collect()
-        });
+        let longer = multiples
+            .into_iter()
+            .map(|multiple| views.iter().filter(|view| !is_in_array(*view) && distance(*view) == multiple).collect());
         (!array.is_empty()).then_some(array).into_iter().chain(longer).collect()
     }
 

@@ -59,9 +59,8 @@ fn views_of_arrays_are_aligned() {
         let directions = [(0.31, 0.17), (-0.23, 0.41), (0.52, -0.29), (0.13, 0.61), (0.71, 0.37), (-0.43, 0.55)];
         120.0 + 18.0 * directions.into_iter().enumerate().map(wave).sum::<f64>()
     };
-    let image = |value: &dyn Fn(f64, f64) -> f64| {
-        GrayImage::from_fn(200, 150, |u, v| Luma([value(u.into(), v.into()).round() as u8]))
-    };
+    let image =
+        |value: &dyn Fn(f64, f64) -> f64| GrayImage::from_fn(200, 150, |u, v| Luma([value(u.into(), v.into()).round() as u8]));
     // The view, where its shift is to, the shift, and the gain.
     let (diagonal, knight) = (0.5_f64.sqrt(), 0.2_f64.sqrt());
     let cases = [

@@ -32,10 +32,7 @@ fn captured(options: &str) -> Vec<String> {
 fn any_layout_is_taken() {
     assert_eq!(captured("--baseline 20 --layout 3x1"), ["bottom", "top"]);
     assert_eq!(captured("--baseline 20 --layout cross"), ["bottom", "left", "right", "top"]);
-    assert_eq!(
-        captured("--baseline 20 --layout 3x3"),
-        ["-1,-1", "-1,1", "1,-1", "1,1", "bottom", "left", "right", "top"]
-    );
+    assert_eq!(captured("--baseline 20 --layout 3x3"), ["-1,-1", "-1,1", "1,-1", "1,1", "bottom", "left", "right", "top"]);
     assert_eq!(captured("--baselines 5,20,80 --views 2"), ["-16,0", "-4,0", "16,0", "4,0", "left", "right"]);
     // Longer baselines are taken in the row and the column only.
     assert_eq!(captured("--baselines 5,15 --layout 3x3").len(), 8 + 4);
@@ -85,7 +82,8 @@ fn the_accuracy_asked_for_moves_the_camera_farther() {
     assert!(longest > 1 && rig.images.views().len() >= 4, "{rig:?}");
     let notes = rig.capture.notes.expect("notes");
     let log = fs::read_to_string(path("long").join("capture.log")).expect("a log");
-    for word in ["found at 8 mm: distances from", "baselines, ", "predicted: a noise of", "reached: a noise of", "of the pixels"] {
+    for word in ["found at 8 mm: distances from", "baselines, ", "predicted: a noise of", "reached: a noise of", "of the pixels"]
+    {
         assert!(notes.contains(word) && log.contains(word) && report.stderr.contains(word), "{word}: {notes}\n{log}\n{report:?}");
     }
 

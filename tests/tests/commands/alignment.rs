@@ -60,7 +60,7 @@ fn views_of_arrays_are_aligned() {
         120.0 + 18.0 * directions.into_iter().enumerate().map(wave).sum::<f64>()
     };
     let image =
-        |value: &dyn Fn(f64, f64) -> f64| GrayImage::from_fn(200, 150, |u, v| Luma([value(u.into(), v.into()).round() as u8]));
+        |value: &dyn Fn(f64, f64) -> f64| GrayImage::from_fn(144, 108, |u, v| Luma([value(u.into(), v.into()).round() as u8]));
     // The view, where its shift is to, the shift, and the gain.
     let (diagonal, knight) = (0.5_f64.sqrt(), 0.2_f64.sqrt());
     let cases = [
@@ -77,7 +77,7 @@ fn views_of_arrays_are_aligned() {
         let (dx, dy) = (f64::from(i) * DISPARITY - nx * shift, f64::from(j) * DISPARITY - ny * shift);
         frames = frames.with(View::new(i, j).unwrap(), image(&|u, v| gain * waves(u + dx, v + dy)));
     }
-    let search = Search::new(200, 150, frames.views(), Fusion::Min, 1, 8).unwrap();
+    let search = Search::new(144, 108, frames.views(), Fusion::Min, 1, 8).unwrap();
     let params = Params::block_matching(search, 11).unwrap();
     let alignment = Alignment::estimate(&frames, &params, &Engine::new(None, 2).unwrap()).unwrap();
     let aligned = Alignment::estimate(&alignment.compensate(&frames), &params, &Engine::new(None, 2).unwrap()).unwrap();

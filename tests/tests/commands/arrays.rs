@@ -105,7 +105,7 @@ fn the_demo_takes_any_layout_and_longer_baselines() {
         ("--layout", "3x1", "to the right"),
         ("--layout", "2x2", "odd"),
         ("--layout", "7x7", "48 neighbours"),
-        ("--baselines", "9", "--baselines includes 9"),
+        ("--baselines", "17", "--baselines includes 17"),
     ] {
         Invocation::new(["demo", "-o", &output, option, value]).assert_refused(&[words]);
     }

@@ -2,7 +2,10 @@
 
 use core::{iter, mem, ops::Range};
 
-use crate::{Search, View, Views, prior_line::PriorLine};
+use crate::{
+    Search, View, Views,
+    prior_line::{PriorLine, available_from},
+};
 
 /// The disparities at which each view is available to a pixel: where the match lies inside the frame.
 ///
@@ -18,6 +21,8 @@ pub(crate) struct Availability {
     len: u8,
     /// Views, with those past the last, which are never available.
     places: u8,
+    /// The most baselines that a view stands to the side of the centre, and above or below it.
+    furthest: (u8, u8),
     width: u16,
     height: u16,
     min_disparity: i16,
@@ -74,6 +79,9 @@ impl Reach {
     /// Makes the view available at the disparities of `range`.
     #[inline(always)]
     fn follow(&mut self, range: Range<u16>, mut change: impl FnMut(usize, bool)) {
+        if range == self.range {
+            return;
+        }
         let before = mem::replace(&mut self.range, range.clone());
         // Only between the two starts and between the two ends can anything change.
         for (from, to) in [(before.start, range.start), (before.end, range.end)] {
@@ -101,6 +109,9 @@ impl Availability {
             sideways: search.views().iter().filter(|view| !view.is_vertical()).count() as u8,
             len: search.views().len() as u8,
             places,
+            furthest: search.views().iter().fold((0, 0), |(right, down): (u8, u8), view| {
+                (right.max(view.right().unsigned_abs()), down.max(view.down().unsigned_abs()))
+            }),
             width: search.width() as u16,
             height: search.height() as u16,
             min_disparity: search.min_disparity(),
@@ -118,7 +129,8 @@ impl Availability {
         self.v = v as u16;
         if let Some(prior) = prior {
             self.constant_until = 0;
-            return self.enter_around(u, prior, change);
+            self.enter_around(u, prior, change);
+            return;
         }
         let (least, count) = (self.min_disparity, self.num_disparities);
         self.constant_until = self.width;
@@ -139,15 +151,11 @@ impl Availability {
     /// [`enter_line`](Availability::enter_line) does, and returns whether there may have been a change.
     #[inline(always)]
     pub fn enter(&mut self, u: usize, prior: Option<PriorLine<'_>>, change: impl FnMut(usize, usize, bool)) -> bool {
-        let changes = u >= usize::from(self.constant_until);
-        if changes {
-            self.enter_column(u, prior, change);
-        }
-        changes
+        u >= usize::from(self.constant_until) && self.enter_column(u, prior, change)
     }
 
     #[inline(never)]
-    fn enter_column(&mut self, u: usize, prior: Option<PriorLine<'_>>, mut change: impl FnMut(usize, usize, bool)) {
+    fn enter_column(&mut self, u: usize, prior: Option<PriorLine<'_>>, mut change: impl FnMut(usize, usize, bool)) -> bool {
         if let Some(prior) = prior {
             return self.enter_around(u, prior, change);
         }
@@ -164,19 +172,43 @@ impl Availability {
             constant_until = constant_until.min(reach.constant_until);
         }
         (self.incomplete, self.constant_until) = (incomplete, constant_until);
+        true
     }
 
-    /// Goes to the pixel at `u` of the line, where it is searched around `prior`. Neighbours may differ by any
-    /// disparity.
+    /// Goes to the pixel at `u` of the line, where it is searched around `prior`, and returns whether there may have been a
+    /// change. Neighbours may differ by any disparity.
     #[inline(always)]
-    fn enter_around(&mut self, u: usize, prior: PriorLine<'_>, mut change: impl FnMut(usize, usize, bool)) {
+    fn enter_around(&mut self, u: usize, prior: PriorLine<'_>, mut change: impl FnMut(usize, usize, bool)) -> bool {
         let (size, count) = ((self.width.into(), self.height.into()), self.num_disparities);
+        let first = prior.first(u, self.min_disparity);
+        let sees_all = first.is_some_and(|first| self.sees_all_from(first, u));
+        if sees_all && self.incomplete & all_views(self.len) == 0 {
+            return false;
+        }
         for (k, reach) in self.views.iter_mut().enumerate().take(self.len.into()) {
-            let range = prior.available(reach.view, (u, self.v.into()), size, self.min_disparity, count.into());
+            let range = match first {
+                Some(_) if sees_all => 0..count,
+                Some(first) => available_from(first, reach.view, (u, self.v.into()), size, count.into()),
+                None => 0..0,
+            };
             let is_complete = range == (0..count);
             reach.follow(range, |index, available| change(k, index, available));
             self.incomplete = self.incomplete & !(1 << k) | u8::from(!is_complete) << k;
         }
+        true
+    }
+
+    /// Whether the pixel of the line in column `u` is so far from the border that it sees every view at all disparities
+    /// from `first` on, and at the one after them.
+    #[inline(always)]
+    fn sees_all_from(&self, first: i16, u: usize) -> bool {
+        let first = i32::from(first);
+        let most = (first + i32::from(self.num_disparities)).max(-first);
+        let is_inside = |baselines: u8, coordinate: i32, size: u16| {
+            let distance = i32::from(baselines) * most;
+            distance <= coordinate && coordinate + distance < i32::from(size)
+        };
+        is_inside(self.furthest.0, u as i32, self.width) && is_inside(self.furthest.1, self.v.into(), self.height)
     }
 
     /// The disparities at which a pixel of the line in column `u` sees the `k`-th view, which leaves the column.
@@ -197,6 +229,10 @@ impl Availability {
         let all = 0..self.num_disparities;
         if let Some(prior) = prior {
             let (size, count) = ((self.width.into(), self.height.into()), self.num_disparities.into());
+            let sees_all = |u| prior.first(u, self.min_disparity).is_some_and(|first| self.sees_all_from(first, u));
+            if columns.clone().all(sees_all) {
+                return self.incomplete & !all_views(self.len);
+            }
             let incomplete = |view, u| prior.available(view, (u, self.v.into()), size, self.min_disparity, count) != all;
             return self.reaches().zip(0..).fold(self.incomplete & !all_views(self.len), |views, (reach, k)| {
                 views | u8::from(columns.clone().any(|u| incomplete(reach.view, u))) << k

@@ -2,7 +2,7 @@
 
 use core::{error, fmt};
 
-/// The memory lent to the matcher is too small.
+/// The memory lent to a matcher, or to a rectified source, is too small.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MemoryTooSmall {
@@ -14,7 +14,7 @@ pub struct MemoryTooSmall {
 
 impl fmt::Display for MemoryTooSmall {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "the matcher needs {} words of memory, {} were given", self.needed, self.given)
+        write!(f, "{} words of memory are needed, {} were given", self.needed, self.given)
     }
 }
 

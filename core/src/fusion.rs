@@ -1,7 +1,5 @@
 //! How the matching costs of several views become one.
 
-use core::mem;
-
 use crate::Views;
 
 /// The rule that fuses the matching costs `c1 <= c2 <= ...` of the views in which a candidate is available.
@@ -200,7 +198,7 @@ fn mean<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
 /// Paper, eq. 9.
 #[inline]
 fn heuristic<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
-    let [c1, c2, c3] = least_of(costs);
+    let [c1, c2, c3] = least_of(costs, 3);
     let mean = |sum: C, count| sum.mean(count, Fusion::Heuristic.scale(V));
     if !c1.exists() {
         C::NONE
@@ -216,24 +214,22 @@ fn heuristic<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
 /// The mean of the least half. Adds in ascending order.
 #[inline]
 fn half<C: MatchingCost, const V: usize>(costs: [C; V]) -> C {
-    let sorted: [C; V] = least_of(costs);
-    let available = sorted.iter().filter(|cost| cost.exists()).count();
+    let available = costs.iter().filter(|cost| cost.exists()).count();
     let (mut sum, count) = (C::ZERO, available.div_ceil(2));
-    for &cost in sorted.iter().take(count) {
+    for &cost in least_of::<C, V, V>(costs, V.div_ceil(2)).iter().take(count) {
         sum = sum.plus(cost);
     }
     if count == 0 { C::NONE } else { sum.mean(count as u32, Fusion::Half.scale(V)) }
 }
 
-/// The `N` least costs in ascending order, by insertion: the standard library's sort is large.
+/// The `count` least costs in ascending order, at most `N`, by insertion: the standard library's sort is large.
 #[inline]
-fn least_of<C: MatchingCost, const V: usize, const N: usize>(costs: [C; V]) -> [C; N] {
+fn least_of<C: MatchingCost, const V: usize, const N: usize>(costs: [C; V], count: usize) -> [C; N] {
     let mut least = [C::NONE; N];
-    for mut cost in costs {
-        for sorted in &mut least {
-            if cost < *sorted {
-                mem::swap(&mut cost, sorted);
-            }
+    for (n, mut cost) in costs.into_iter().enumerate() {
+        for sorted in least.iter_mut().take(count.min(n + 1)) {
+            // Without a branch, which could not be predicted.
+            (*sorted, cost) = if cost < *sorted { (cost, *sorted) } else { (*sorted, cost) };
         }
     }
     least

@@ -25,6 +25,7 @@
 //! | `availability` | the frame's borders: which views see a candidate |
 //! | [`kernel`] | the inner loops, for the vectors of each instruction set |
 //! | `memory` | [`Memory`]: the bytes of each buffer, which the caller lends |
+//! | `rectification` | [`Rectification`], [`Rectified`]: a source's lines without the camera's distortion and tilt |
 //! | `lines` | the lines of all frames that a line is compared with |
 //! | `matcher` | [`Matcher`]: pulls lines, and computes disparity lines by block matching |
 //! | `semi_global` | [`SemiGlobalMatcher`]: the same by semi-global matching |
@@ -52,6 +53,7 @@ mod matcher;
 mod memory;
 mod params;
 mod prior_line;
+mod rectification;
 mod region;
 mod scanline;
 mod semi_global;
@@ -68,6 +70,7 @@ pub use gradients::Gradients;
 pub use matcher::Matcher;
 pub use memory::Memory;
 pub use params::{Census, Params, ParamsError, PathPenalties, Prior, Search, SemiGlobalCost, SemiGlobalParams};
+pub use rectification::{Displacement, DisplacementGrid, Rectification, RectificationError, Rectified, RectifiedError};
 pub use region::{Region, RegionError};
 pub use scanline::{Rewind, ScanlineSource};
 pub use semi_global::{PathWinners, SemiGlobalMatcher};

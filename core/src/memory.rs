@@ -89,9 +89,30 @@ pub struct Memory {
     pub paths: usize,
     /// The centre's samples of two lines, and the penalties by their change.
     pub samples: usize,
+    /// Lines of all frames that rectified lines are interpolated from: see
+    /// [`Rectification::memory`](crate::Rectification::memory).
+    pub rectified: usize,
 }
 
 impl Memory {
+    /// No memory.
+    pub const NONE: Memory = Memory {
+        column_sums: 0,
+        block_sums: 0,
+        masks: 0,
+        fused: 0,
+        center: 0,
+        horizontal: 0,
+        vertical: 0,
+        zeros: 0,
+        prior: 0,
+        line: 0,
+        costs: 0,
+        paths: 0,
+        samples: 0,
+        rectified: 0,
+    };
+
     /// The memory for regions of up to `columns` columns with an instruction set.
     pub const fn new<I: Isa>(params: &Params, columns: usize) -> Memory {
         let shape = Shape::new::<I>(params, columns);
@@ -118,9 +139,7 @@ impl Memory {
             zeros: shape.align(2 * views * shape.depth),
             prior: shape.prior_bytes() + shape.offset_bytes(),
             line: shape.align(params.width()),
-            costs: 0,
-            paths: 0,
-            samples: 0,
+            ..Memory::NONE
         }
     }
 
@@ -153,7 +172,7 @@ impl Memory {
         }
     }
 
-    /// The memory of two matchers side by side.
+    /// The memory of two matchers side by side, or of a matcher and of the rectification of what it reads.
     pub const fn plus(&self, other: &Memory) -> Memory {
         Memory {
             column_sums: self.column_sums + other.column_sums,
@@ -169,6 +188,7 @@ impl Memory {
             costs: self.costs + other.costs,
             paths: self.paths + other.paths,
             samples: self.samples + other.samples,
+            rectified: self.rectified + other.rectified,
         }
     }
 
@@ -187,6 +207,7 @@ impl Memory {
             + self.costs
             + self.paths
             + self.samples
+            + self.rectified
     }
 
     /// The sum of all buffers in words: the length of the `[u32]` lent to the matcher.

@@ -8,6 +8,7 @@ use crate::{Disparity, Search, View, params::Prior};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PriorLine<'a> {
     pub prior: Prior,
+    /// Each has a disparity that the prior may have, or none.
     pub pixels: &'a [Option<Disparity>],
 }
 
@@ -15,17 +16,22 @@ impl PriorLine<'_> {
     /// The prior of column `u`.
     #[inline(always)]
     fn at(&self, u: usize) -> Option<Disparity> {
-        self.pixels.get(u).copied().flatten().filter(|&d| self.prior.contains(d))
+        self.pixels.get(u).copied().flatten()
+    }
+
+    /// The smallest disparity at which column `u` is searched, in pixels of the search, where `least` is the smallest around
+    /// the prior. A pixel without a prior is not searched.
+    #[inline(always)]
+    pub fn first(&self, u: usize, least: i16) -> Option<i16> {
+        let (offset, _) = self.prior.offset(self.at(u)?.to_bits());
+        Some(least.wrapping_add(offset))
     }
 
     /// The disparities at which both samples of the match of pixel `(u, v)` of this line lie inside a frame of `size`, as
     /// indices into the `count` disparities from `least` on. A pixel without a prior has none.
     #[inline(always)]
     pub fn available(&self, view: View, pixel: (usize, usize), size: (usize, usize), least: i16, count: usize) -> Range<u16> {
-        let Some(d) = self.at(pixel.0) else { return 0..0 };
-        let (offset, _) = self.prior.offset(d.to_bits());
-        let samples = view.available(pixel, size, least.wrapping_add(offset), count + 1);
-        samples.start..samples.end.saturating_sub(1).max(samples.start)
+        self.first(pixel.0, least).map(|first| available_from(first, view, pixel, size, count)).unwrap_or_default()
     }
 
     /// The disparity of column `u`, where `search` found this one around the prior. The prior remains if none was found,
@@ -39,4 +45,12 @@ impl PriorLine<'_> {
             _ => Some(prior),
         }
     }
+}
+
+/// The disparities at which both samples of the match of a pixel lie inside a frame of `size`, as indices into the `count`
+/// disparities from `first` on.
+#[inline(always)]
+pub(crate) fn available_from(first: i16, view: View, pixel: (usize, usize), size: (usize, usize), count: usize) -> Range<u16> {
+    let samples = view.available(pixel, size, first, count + 1);
+    samples.start..samples.end.saturating_sub(1).max(samples.start)
 }

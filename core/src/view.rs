@@ -320,6 +320,17 @@ pub enum Frame {
     View(View),
 }
 
+impl Frame {
+    /// Whether both are the same: `==` in constants.
+    pub(crate) const fn is(self, other: Frame) -> bool {
+        match (self, other) {
+            (Frame::Center, Frame::Center) => true,
+            (Frame::View(view), Frame::View(other)) => view.rank() == other.rank(),
+            _ => false,
+        }
+    }
+}
+
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -7,6 +7,8 @@
 //! | [`error`], [`progress`] | what every room reports: errors that name the file, and how far long work has come |
 //! | [`images`] | rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth |
 //! | [`files`] | reading and writing them: PNG, JPEG, PNM, PFM, PLY, `rig.toml`; whole files or none |
+//! | [`lens`] | lens distortion, the calibration files that describe it, and images without it |
+//! | `calibration` | calibration of lenses from images of a printed board |
 //! | `scene` | ray-traced scenes with known depth |
 //! | [`capture`] | cameras, the stages that move them, and the capture that runs both |
 //! | [`stereo`] | matching: cost, aggregation, optimization, refinement, and the engine that runs the core on all cores |
@@ -16,11 +18,14 @@
 //! | [`target`] | microcontrollers: memory and time budgets, the firmware's pipeline simulated, its packets received |
 
 pub mod alignment;
+#[cfg(feature = "calibration")]
+pub mod calibration;
 pub mod capture;
 pub mod error;
 pub mod evaluation;
 pub mod files;
 pub mod images;
+pub mod lens;
 pub mod progress;
 pub mod report;
 #[cfg(feature = "scene")]
@@ -28,11 +33,12 @@ pub mod scene;
 pub mod stereo;
 pub mod target;
 
-pub use alignment::Alignment;
+pub use alignment::{Alignment, Inspection};
 pub use error::{Error, Result};
 pub use evaluation::{Dataset, Metrics};
 pub use files::Rig;
 pub use images::{DisparityMap, FloatImage, Frames, Geometry, Picture, Raster};
+pub use lens::{CameraModel, Lens, LensModel};
 pub use progress::Progress;
 pub use stereo::{Engine, Method, Simd, Volume, optimization::graph_cuts::GraphCuts, optimization::sgm::SemiGlobal};
 pub use target::Processor;

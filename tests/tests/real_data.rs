@@ -216,6 +216,22 @@ fn methods(root: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
+/// The corners of a 3x3 array lower the AvgErr of semi-global matching and of graph cuts.
+fn eight_views(root: &Path, dataset: Dataset) -> Result<(), Failed> {
+    let rows = evaluate(root, dataset, &["--views", "4,8", "--methods", "sgm,gc"])?;
+    let error = |method: &str, views: u64| {
+        rows.iter().find(|row| row.method == method && row.views == views).map_or(f64::NAN, |row| row.errors[1])
+    };
+    for method in ["sgm", "gc"] {
+        let [four, eight] = [4, 8].map(|views| error(method, views));
+        let falls = eight < four;
+        if !falls {
+            return Err(format!("AvgErr of {method} with four and eight views: {four}, {eight}").into());
+        }
+    }
+    Ok(())
+}
+
 /// On Middlebury 2005, views at 3 and 5 baselines lower the errors of left and right, and AvgErr by a fifth where both
 /// of them see the point.
 fn longer_baselines(root: &Path, scene: &str) -> Result<(), Failed> {
@@ -305,6 +321,10 @@ fn main() {
     for scene in ["Art", "Dolls"] {
         let run = move |root: &Path| longer_baselines(root, scene);
         add(format!("longer_baselines::{scene}"), cfg!(debug_assertions), Box::new(run));
+    }
+    for dataset in [Dataset::Tsukuba, Dataset::Hci4d] {
+        let run = move |root: &Path| eight_views(root, dataset);
+        add(format!("eight_views::{}", dataset.name()), cfg!(debug_assertions), Box::new(run));
     }
     let mut test = |name: String, run: Test| add(name, false, run);
     for known in KNOWN {

@@ -54,7 +54,7 @@ impl Plan {
         for start in fixed..plan.len {
             let from = start.checked_sub(1).and_then(|last| plan.positions.get(last).copied()).unwrap_or_default();
             let rest = plan.positions().get(start..).unwrap_or_default();
-            let way = |position: &Position| approach_um(from, *position, backlash_um);
+            let way = |to: &Position| approach(from, *to, backlash_um).map(|(from, to)| from.length_um(to)).iter().sum::<u64>();
             if let Some((nearest, _)) = rest.iter().enumerate().min_by_key(|(_, position)| way(position)) {
                 plan.move_part(start..start + nearest + 1, nearest);
             }
@@ -105,12 +105,16 @@ impl Plan {
     /// The length of the way in micrometres: from the centre to each position, past the point from which it is approached,
     /// and back to the centre.
     pub fn travel_um(&self, backlash_um: u32) -> u64 {
-        let (mut at, mut travel) = (Position::CENTER, 0);
-        for &position in self.positions() {
-            travel += approach_um(at, position, backlash_um);
-            at = position;
-        }
-        travel + at.length_um(Position::CENTER)
+        self.moves(backlash_um).map(|(from, to)| from.length_um(to)).sum()
+    }
+
+    /// The straight moves of that way: two for each position, to the point from which it is approached and on, and the one
+    /// back.
+    pub fn moves(&self, backlash_um: u32) -> impl Iterator<Item = (Position, Position)> {
+        let positions = self.positions().iter().copied();
+        let last = positions.clone().next_back().unwrap_or_default();
+        let ways = [Position::CENTER].into_iter().chain(positions.clone()).zip(positions);
+        ways.flat_map(move |(from, to)| approach(from, to, backlash_um)).chain([(last, Position::CENTER)])
     }
 
     /// The frames.
@@ -124,8 +128,8 @@ impl Plan {
     }
 }
 
-/// The length of the way from one position to the next, in micrometres.
-fn approach_um(from: Position, to: Position, backlash_um: u32) -> u64 {
+/// The moves from one position to the next.
+fn approach(from: Position, to: Position, backlash_um: u32) -> [(Position, Position); 2] {
     let before = to.before(backlash_um);
-    from.length_um(before) + before.length_um(to)
+    [(from, before), (before, to)]
 }

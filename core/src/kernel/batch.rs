@@ -12,6 +12,17 @@ use super::{
     vector::{Block, Column, Lane},
 };
 
+/// A loop over the views `k` of `V` that is always unrolled: the sums then stay in registers, as far as there are any.
+macro_rules! each_view {
+    ($k:ident, $body:block) => { each_view!($k, $body, 0 1 2 3 4 5 6 7) };
+    ($k:ident, $body:block, $($index:literal)+) => {
+        $(if const { $index < V } {
+            let $k = $index;
+            $body
+        })+
+    };
+}
+
 /// Neighbouring pixels of a line.
 #[derive(Debug)]
 pub(crate) struct Batch<'a, 'm, L: Lane, I: Blocks<L>, const V: usize> {
@@ -30,12 +41,8 @@ pub(crate) struct Batch<'a, 'm, L: Lane, I: Blocks<L>, const V: usize> {
 }
 
 impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
-    /// The most vectors in each view of blocks that stay in registers.
-    pub const VECTORS: usize = match V {
-        _ if !I::IN_REGISTERS => 0,
-        1..=4 => 2,
-        _ => 1,
-    };
+    /// The most vectors in each view of a batch.
+    pub const VECTORS: usize = if I::IN_REGISTERS { 2 } else { 0 };
 
     /// Slides the block along the pixels and fuses its sums.
     #[cfg_attr(not(debug_assertions), inline(always))]
@@ -99,7 +106,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
                 pixel += 1;
                 for (j, fused) in fused.iter_mut().enumerate() {
                     let mut costs = [isa.splat(L::default()); V];
-                    for k in 0..V {
+                    each_view!(k, {
                         let vector = (i * V + k) * J + j;
                         let track = tracks[k];
                         let samples = |first: *const u8| {
@@ -120,7 +127,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
                         if MASKED {
                             costs[k] = costs[k].max(masks[j][k]);
                         }
-                    }
+                    });
                     let costs = if MASKED { rule.fuse_masked(costs, isa.splat(L::MAX)) } else { rule.fuse(costs) };
                     let costs = costs.ordered();
                     let costs = if PADDED && j + 1 == J { costs.max(padding) } else { costs };

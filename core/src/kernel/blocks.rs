@@ -15,6 +15,9 @@ use super::{
 pub trait Blocks<L: Lane>: Isa {
     /// Whether batches keep the sums of a block in registers, if it has one vector or two in each view.
     const IN_REGISTERS: bool = false;
+    /// Whether masks hide views from [`Rule::Sum`] too, of two to four views: [`fuse_masked`](Blocks::fuse_masked) is
+    /// faster than [`fuse_available`](Blocks::fuse_available), run by run.
+    const MASKS_SUM: bool = false;
     /// A vector of costs in memory.
     type Costs: Pod;
     /// A vector of block sums, or of costs fused from them.

@@ -51,7 +51,8 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Masks<'_, L, I, V> {
     /// Whether masks can hide `incomplete` views, a bit for each, from `rule`.
     #[inline(always)]
     pub fn can_hide(rule: Rule, incomplete: u8) -> bool {
-        incomplete == 0 || rule.masks(V, incomplete.count_ones() as usize)
+        let hides_from_sum = const { I::MASKS_SUM && V <= 4 } && rule == Rule::Sum;
+        incomplete == 0 || hides_from_sum || rule.masks(V, incomplete.count_ones() as usize)
     }
 }
 

@@ -37,7 +37,8 @@ impl Rule {
     /// Whether masks can hide views where they are not available, by the cost [`Lane::MAX`], if `incomplete`
     /// of `views` views are not available at all disparities.
     ///
-    /// A sum has no such cost. The heuristic rule ignores it, unless it is left with a single view.
+    /// A sum has no such cost; some instruction sets mask it nevertheless. The heuristic rule ignores the cost, unless it
+    /// is left with a single view.
     pub const fn masks(self, views: usize, incomplete: usize) -> bool {
         match self {
             Rule::Min | Rule::Half => true,
@@ -97,10 +98,15 @@ impl Rule {
         }
     }
 
-    /// Fuses costs of which some may be `maximum`, [`Lane::MAX`] in every lane, where a mask hides the view.
+    /// Fuses costs of which some may be `maximum`, [`Lane::MAX`] in every lane, where a mask hides the view. Sums are on
+    /// the scale of [`fuse_available`](Rule::fuse_available).
     #[inline(always)]
     pub(crate) fn fuse_masked<L: Lane, B: Block<L>, const V: usize>(self, costs: [B; V], maximum: B) -> B {
-        if Rule::HAS_HALF && V > 2 && self == Rule::Half { half_of_available(costs, maximum) } else { self.fuse(costs) }
+        match self {
+            Rule::Half if Rule::HAS_HALF && V > 2 => half_of_available(costs, maximum),
+            Rule::Sum if matches!(V, 2..=4) => sum_of_available(costs, maximum),
+            _ => self.fuse(costs),
+        }
     }
 
     /// Fuses the costs of the `available` views, a bit for each, on one scale whatever their number. An
@@ -165,6 +171,33 @@ fn sum<L, B: Block<L>>(first: B, rest: &[B]) -> B {
     sum
 }
 
+/// The sum of the available costs of two to four, times as much as there are fewer: `maximum`, [`Lane::MAX`], where a
+/// view is not available, and if none is.
+#[inline(always)]
+fn sum_of_available<L, B: Block<L>, const V: usize>(mut costs: [B; V], maximum: B) -> B {
+    // Those that are available first.
+    for i in 0..V {
+        for j in i + 1..V {
+            (costs[i], costs[j]) = (costs[i].min(costs[j]), costs[i].max(costs[j]));
+        }
+    }
+    let twice = |cost: B| cost.add(cost);
+    let one = costs[0];
+    let mut fused = if V == 2 { twice(one) } else { six_times(twice(one)) };
+    let mut total = one;
+    for (k, &cost) in costs.iter().enumerate().skip(1) {
+        total = total.add(cost);
+        let scaled = match (V, k) {
+            (2, _) => total,
+            (_, 1) => six_times(total),
+            (_, 2) => twice(twice(total)),
+            (_, _) => twice(total).add(total),
+        };
+        fused = maximum.if_greater(cost, scaled, fused);
+    }
+    maximum.if_greater(one, fused, maximum)
+}
+
 /// Three costs in ascending order.
 #[inline(always)]
 fn sorted_three<L, B: Block<L>>([a, b, c]: [B; 3]) -> [B; 3] {
@@ -179,6 +212,16 @@ fn sorted_four<L, B: Block<L>>([a, b, c, d]: [B; 4]) -> [B; 4] {
     let ((a, b), (c, d)) = ((a.min(b), a.max(b)), (c.min(d), c.max(d)));
     let (x, y) = (a.max(c), b.min(d));
     [a.min(c), x.min(y), x.max(y), b.max(d)]
+}
+
+/// Two times four ascending costs in ascending order: the odd-even merge of Batcher (1968).
+#[inline(always)]
+fn merged<L, B: Block<L>>([a, b, c, d]: [B; 4], [e, f, g, h]: [B; 4]) -> [B; 8] {
+    let ((a, e), (b, f)) = ((a.min(e), a.max(e)), (b.min(f), b.max(f)));
+    let ((c, g), (d, h)) = ((c.min(g), c.max(g)), (d.min(h), d.max(h)));
+    let ((c, e), (d, f)) = ((c.min(e), c.max(e)), (d.min(f), d.max(f)));
+    let ((b, c), (d, e), (f, g)) = ((b.min(c), b.max(c)), (d.min(e), d.max(e)), (f.min(g), f.max(g)));
+    [a, b, c, d, e, f, g, h]
 }
 
 // Of two ascending sequences of n costs, the n least of all are the lesser of each cost in one and its counterpart
@@ -220,10 +263,13 @@ fn half_of_all<L: Lane, B: Block<L>, const V: usize>(costs: [B; V]) -> B {
 #[cfg_attr(target_arch = "arm", inline(never))]
 #[cfg_attr(not(target_arch = "arm"), inline(always))]
 fn half_of_available<L: Lane, B: Block<L>, const V: usize>(mut costs: [B; V], maximum: B) -> B {
-    for i in 0..V {
-        for j in i + 1..V {
-            (costs[i], costs[j]) = (costs[i].min(costs[j]), costs[i].max(costs[j]));
+    match &mut costs[..] {
+        [a, b, c] => [*a, *b, *c] = sorted_three([*a, *b, *c]),
+        [a, b, c, d] => [*a, *b, *c, *d] = sorted_four([*a, *b, *c, *d]),
+        [a, b, c, d, e, f, g, h] => {
+            [*a, *b, *c, *d, *e, *f, *g, *h] = merged(sorted_four([*a, *b, *c, *d]), sorted_four([*e, *f, *g, *h]));
         }
+        _ => {}
     }
     // Beyond the last cost there is none.
     let cost = |k: usize| if k < V { costs[k % V] } else { maximum };

@@ -6,7 +6,7 @@ use crate::{Disparity, MatchError, ScanlineSource, params::Prior, prior_line::Pr
 #[derive(Debug)]
 pub(crate) struct PriorLines<'m> {
     prior: Prior,
-    /// From the line that is computed to the lowest under its blocks.
+    /// From the line that is computed to the lowest under its blocks, without what is out of the prior's range.
     lines: &'m mut [Option<Disparity>],
     /// The steps of the line that was read last, one for each pixel whether it has a prior or not.
     steps: &'m mut [i16],
@@ -28,7 +28,8 @@ impl<'m> PriorLines<'m> {
             source.read_prior(self.next, line).map_err(MatchError::Source)?;
             let mut last = self.prior.nearest_to_zero();
             for (steps, pixel) in self.steps.iter_mut().zip(line) {
-                last = pixel.filter(|&d| self.prior.contains(d)).map_or(last, Disparity::to_bits);
+                *pixel = pixel.filter(|&d| self.prior.contains(d));
+                last = pixel.map_or(last, Disparity::to_bits);
                 *steps = last;
             }
             self.next += 1;

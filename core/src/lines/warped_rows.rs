@@ -41,11 +41,21 @@ impl WarpedRows<'_> {
     /// Stores line `row` of the view.
     pub fn put(&mut self, row: i32, line: &[u8]) {
         let start = self.count * self.span * self.depth + self.place(row);
+        let is_mirrored = self.is_mirrored();
         if let Some(stored) = self.samples.get_mut(start..start + self.width)
             && stored.len() == line.len()
         {
             stored.copy_from_slice(line);
+            if is_mirrored {
+                stored.reverse();
+            }
         }
+    }
+
+    /// Whether lines of the view are stored from right to left, so that the samples of a pixel's matches at ascending
+    /// disparities are contiguous.
+    fn is_mirrored(&self) -> bool {
+        self.view.shift(1) == (-1, 0)
     }
 
     /// Where line `row` of the view begins, among those of the view.
@@ -59,6 +69,53 @@ impl WarpedRows<'_> {
             return;
         }
         self.next += 1;
+        match self.view.shift(1) {
+            (-1 | 1, 0) => self.warp_contiguous(v, steps),
+            _ => self.warp_spread(v, steps),
+        }
+    }
+
+    /// [`warp`](WarpedRows::warp) where the samples of a pixel's matches are contiguous.
+    fn warp_contiguous(&mut self, v: i32, steps: &[i16]) {
+        let (start, row, is_mirrored) = (self.start(v), self.place(v.min(self.last).max(0)), self.is_mirrored());
+        let &mut WarpedRows { prior, span, count, depth, left, width, min_disparity, .. } = self;
+        let last_column = width as i32 - 1;
+        let Some((ring, lines)) = self.samples.split_at_mut_checked(count * span * depth) else { return };
+        let Some(line) = lines.get(row..row + width) else { return };
+        let Some(ring) = ring.get_mut(start..start + span * depth) else { return };
+        // Columns beyond the frame have the samples of the outermost ones inside.
+        let beyond = left.min(0).unsigned_abs() as usize;
+        let Some((before, ring)) = ring.split_at_mut_checked(beyond * depth) else { return };
+        let first_column = left.max(0);
+        let steps = steps.get(first_column as usize..).unwrap_or_default();
+        let (mut nearest, step) = if is_mirrored { (last_column - first_column, -1) } else { (first_column, 1) };
+        nearest += i32::from(min_disparity);
+        for (samples, &steps) in ring.chunks_exact_mut(depth.max(1)).zip(steps) {
+            let (offset, rest) = prior.offset(steps);
+            let first = nearest + i32::from(offset);
+            match line.get(first as usize..(first as usize).wrapping_add(depth + 1)) {
+                Some(from) => blend_contiguous(samples, from, rest),
+                None if first >= last_column => samples.fill(line.last().copied().unwrap_or_default()),
+                None if first + depth as i32 <= 0 => samples.fill(line.first().copied().unwrap_or_default()),
+                None => {
+                    let sample = |k: i32| line.get((first + k).min(last_column).max(0) as usize);
+                    blend(samples, (0..).map_while(sample), rest);
+                }
+            }
+            nearest += step;
+        }
+        if let Some(first) = ring.get(..depth) {
+            before.chunks_exact_mut(depth.max(1)).for_each(|samples| copy(first, samples));
+        }
+        if let Some((inside, after)) = ring.split_at_mut_checked(steps.len() * depth)
+            && let Some(last) = inside.rchunks_exact(depth.max(1)).next()
+        {
+            after.chunks_exact_mut(depth.max(1)).for_each(|samples| copy(last, samples));
+        }
+    }
+
+    /// [`warp`](WarpedRows::warp) anywhere in the image plane.
+    fn warp_spread(&mut self, v: i32, steps: &[i16]) {
         let start = self.start(v);
         let &mut WarpedRows { view, prior, span, count, depth, left, width, last, reach, min_disparity, .. } = self;
         let ((step, step_down), last_column) = (view.shift(1), width as i32 - 1);
@@ -73,18 +130,8 @@ impl WarpedRows<'_> {
             let (offset, rest) = prior.offset(steps.get(u as usize).copied().unwrap_or_default());
             let (du, dv) = view.shift(offset.wrapping_add(min_disparity));
             let (column, row) = (u + du, v + dv);
-            let here = line(row);
-            let inside = |first: i32| usize::try_from(first).ok().and_then(|first| here.get(first..first + depth + 1));
-            let forward = if step == 1 { inside(column) } else { None };
-            let backward = if step == -1 { inside(column - depth as i32) } else { None };
-            match (forward, backward) {
-                (Some(line), _) if step_down == 0 => blend(samples, line.iter(), rest),
-                (_, Some(line)) if step_down == 0 => blend(samples, line.iter().rev(), rest),
-                _ => {
-                    let sample = |k: i32| line(row + k * step_down).get((column + k * step).min(last_column).max(0) as usize);
-                    blend(samples, (0..).map_while(sample), rest);
-                }
-            }
+            let sample = |k: i32| line(row + k * step_down).get((column + k * step).min(last_column).max(0) as usize);
+            blend(samples, (0..).map_while(sample), rest);
         }
     }
 
@@ -104,4 +151,35 @@ fn blend<'l>(samples: &mut [u8], mut from: impl Iterator<Item = &'l u8>, rest: u
         *sample = ((near * (steps - u32::from(rest)) + far * u32::from(rest) + steps / 2) / steps) as u8;
         near = far;
     }
+}
+
+/// [`blend`], of contiguous samples: eight at a time.
+#[inline(always)]
+fn blend_contiguous(samples: &mut [u8], mut from: &[u8], rest: u8) {
+    let (eights, others) = samples.as_chunks_mut::<8>();
+    for eight in eights {
+        let (Some(nine), Some(next)) = (from.first_chunk(), from.get(8..)) else { return };
+        blend_eight(eight, nine, rest);
+        from = next;
+    }
+    blend(others, from.iter(), rest);
+}
+
+/// [`blend`], of eight samples: two in each word. Small processors have too few registers to inline it.
+#[cfg_attr(target_arch = "arm", inline(never))]
+fn blend_eight(samples: &mut [u8; 8], from: &[u8; 9], rest: u8) {
+    const LOW: u32 = 0x00ff_00ff;
+    let (far_weight, near_weight) = (u32::from(rest), Disparity::STEPS as u32 - u32::from(rest));
+    let sum = |near: u32, far: u32| near * near_weight + far * far_weight + 0x0020_0020;
+    let (near, far) = (from.as_chunks::<4>().0, from.split_at(1).1.as_chunks::<4>().0);
+    for ((four, near), far) in samples.as_chunks_mut::<4>().0.iter_mut().zip(near).zip(far) {
+        let (near, far) = (u32::from_le_bytes(*near), u32::from_le_bytes(*far));
+        let (even, odd) = (sum(near & LOW, far & LOW), sum(near >> 8 & LOW, far >> 8 & LOW));
+        *four = (even >> 6 & LOW | (odd << 2 & !LOW)).to_le_bytes();
+    }
+}
+
+/// Copies as many samples as there are.
+fn copy(from: &[u8], to: &mut [u8]) {
+    to.iter_mut().zip(from).for_each(|(to, &from)| *to = from);
 }

@@ -33,7 +33,8 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
         let Sweep {
             isa, params, region, v, prior, mut steps, blocks, masks, availability, fused, out: DisparityLine(out), ..
         } = self;
-        let Some(fused) = fused.get_mut(..blocks.len()) else { return };
+        // That there is a vector saves checks in the loop.
+        let Some(fused) = fused.get_mut(..blocks.len()).filter(|fused| !fused.is_empty()) else { return };
         slide_to_first(isa, params.radius(), &mut steps, blocks);
         let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
         let mut masks = selection.masks(masks, availability, prior);

@@ -3,7 +3,7 @@
 use core::{ops::Range, slice};
 
 use crate::{
-    Disparity, MatchingCost, Params, SemiGlobalParams,
+    Disparity, Fusion, MatchingCost, Params, SemiGlobalParams,
     kernel::{Blocks, Lane},
     prior_line::PriorLine,
 };
@@ -44,8 +44,8 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
         let cost = |index| self.cost(&available, index);
         let d = self.params.min_disparity() + index as i16;
         match (cost(index.wrapping_sub(1)), cost(index), cost(index + 1)) {
-            // The mean of five views or more has a larger scale.
-            (Some(before), Some(at), Some(after)) if V > 4 => {
+            // The mean of five views or more has a larger scale than the other rules.
+            (Some(before), Some(at), Some(after)) if V > 4 && self.params.fusion() == Fusion::Mean => {
                 let refine = if self.prior.is_some() { Disparity::refine_equiangular_wide } else { Disparity::refine_wide };
                 refine(d, before.into(), at.into(), after.into())
             }

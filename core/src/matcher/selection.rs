@@ -25,6 +25,8 @@ pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     padding: Option<I::Costs>,
     /// Disparities with a neighbour on both sides.
     inner: usize,
+    /// Those that [`disparity`](Selection::disparity) refines by a parabola: none around a prior.
+    parabolic: usize,
 }
 
 impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
@@ -41,7 +43,9 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             }
         }
         let padding = (!params.num_disparities().is_multiple_of(I::LANES)).then_some(padding);
-        Selection { isa, params, rule, indices, padding, inner: params.num_disparities().saturating_sub(2) }
+        let inner = params.num_disparities().saturating_sub(2);
+        let parabolic = if params.prior().is_some() { 0 } else { inner };
+        Selection { isa, params, rule, indices, padding, inner, parabolic }
     }
 
     /// Masks over `vectors`, in which all lanes are masked as yet, of a pixel that sees no view as yet.
@@ -180,19 +184,24 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         let index = self.isa.position(fused, cost);
         let d = self.params.min_disparity() + index as i16;
         let before = index.wrapping_sub(1);
-        if before >= self.inner {
+        let neighbours = || {
+            let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
+            let costs = (*lanes.get(lane::<I>(before))?, *lanes.get(lane::<I>(index + 1))?);
+            (costs.0.max(costs.1) != L::MAX).then_some((costs.0.widen(), costs.1.widen()))
+        };
+        if before < self.parabolic {
+            return match neighbours() {
+                Some((before, after)) => Disparity::refine(d, before, cost.widen(), after),
+                None => exact().refined(index),
+            };
+        }
+        // Either around a prior or at an end of the search.
+        if self.parabolic > 0 || before >= self.inner {
             return Disparity::whole(d);
         }
-        let lanes: &[L] = bytemuck::try_cast_slice(fused).unwrap_or_default();
-        match (lanes.get(lane::<I>(before)), lanes.get(lane::<I>(index + 1))) {
-            (Some(&before), Some(&after)) if before.max(after) != L::MAX => {
-                let (before, at, after) = (before.widen(), cost.widen(), after.widen());
-                match self.params.prior() {
-                    Some(_) => Disparity::refine_equiangular(d, before, at, after),
-                    None => Disparity::refine(d, before, at, after),
-                }
-            }
-            _ => exact().refined(index),
+        match neighbours() {
+            Some((before, after)) => Disparity::refine_equiangular(d, before, cost.widen(), after),
+            None => exact().refined(index),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The matcher alone, with a panic handler that does not link: proof that the matcher cannot panic.
+//! The matcher alone, of rectified lines as well, with a panic handler that does not link: proof that neither can panic.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 // By path: the library would bring its own panic handler.
@@ -14,12 +14,14 @@ mod image {
     use core::{convert::Infallible, hint::black_box, panic::PanicInfo};
     use cortex_m as _; // Provides the critical section.
     use multiscopic_core::{
-        Census, Disparity, Frame, Fusion, Matcher, Params, Region, ScanlineSource, SemiGlobalCost, SemiGlobalMatcher,
-        SemiGlobalParams, Views,
+        Census, Disparity, Displacement, DisplacementGrid, Frame, Fusion, Matcher, Params, Rectification, Rectified, Region,
+        Rewind, ScanlineSource, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
     };
     use static_cell::ConstStaticCell;
 
     static MEMORY: ConstStaticCell<[u32; 10_000]> = ConstStaticCell::new([0; 10_000]);
+    static RECTIFIED: ConstStaticCell<[u32; 2_000]> = ConstStaticCell::new([0; 2_000]);
+    static DISPLACEMENTS: ConstStaticCell<[Displacement; 20]> = ConstStaticCell::new([Displacement::ZERO; 20]);
     static LINE: ConstStaticCell<[Option<Disparity>; 64]> = ConstStaticCell::new([None; 64]);
 
     /// Scanlines that the optimizer cannot see through.
@@ -31,6 +33,12 @@ mod image {
         fn read_line(&mut self, _: Frame, _: usize, line: &mut [u8]) -> Result<(), Infallible> {
             black_box(line);
             Ok(())
+        }
+    }
+
+    impl Rewind for Opaque {
+        fn rewind(&mut self) -> Result<(), Infallible> {
+            black_box(Ok(()))
         }
     }
 
@@ -56,6 +64,20 @@ mod image {
             let mut matcher = Matcher::with_isa(BoardKernel::default(), &params, &tile, &mut memory[..]).ok()?;
             let line = line.get_mut(..tile.width())?;
             while matcher.next_line(&mut Opaque, line).ok()?.is_some() {
+                black_box(&mut *line);
+            }
+        }
+        let (displacements, lent) = (DISPLACEMENTS.try_take()?, RECTIFIED.try_take()?);
+        let displacements = &*black_box(displacements);
+        let grid = DisplacementGrid::new(width, height, black_box(16))?;
+        let own = [(black_box(Frame::View(View::LEFT)), &displacements[..])];
+        let rectification = Rectification::new(grid, displacements, &own).ok()?;
+        let mut rectified = Rectified::new(Opaque, &rectification, params.views(), lent).ok()?;
+        for (params, tile) in tiles(params) {
+            rectified.rewind().ok()?;
+            let mut matcher = Matcher::with_isa(BoardKernel::default(), &params, &tile, &mut memory[..]).ok()?;
+            let line = line.get_mut(..tile.width())?;
+            while matcher.next_line(&mut rectified, line).ok()?.is_some() {
                 black_box(&mut *line);
             }
         }

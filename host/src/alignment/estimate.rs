@@ -2,62 +2,286 @@
 
 use std::collections::BTreeMap;
 
-use image::GrayImage;
-use multiscopic_core::{Frame, Params, View};
+use multiscopic_core::{Frame, Search, View};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use super::{baseline_scales::baseline_scales, correction::corrected, residual::Residual, track::Track};
-use crate::{error::Result, images::Frames, stereo::Engine};
+use super::{
+    adjustment::{Adjustment, Point, adjust},
+    consensus::keep_consensus,
+    corners::corners,
+    direction::Direction,
+    homography::{Map, Pinhole, common_rotation},
+    pyramid::{Pyramid, RADIUS},
+    residual::Residual,
+    tracking::{Match, find, find_again},
+    view_model::ViewModel,
+};
+use crate::{
+    error::{Error, Result},
+    images::{Frames, Geometry, Picture},
+};
 
-/// How far each view of a capture is from where it should be.
-#[derive(Clone, Debug, PartialEq)]
+/// The approximate number of corners.
+const CORNERS: usize = 1500;
+/// The minimum number of corners that a view shows.
+const MIN_POINTS: usize = 30;
+/// The focal length if it is not known, in units of the image's larger side: that of a usual camera.
+const USUAL_FOCAL: f64 = 1.2;
+/// A change of brightness that is not corrected.
+const NEGLIGIBLE_GAIN: f64 = 0.01;
+/// The least effect of the rotation between camera and stage that is corrected, in pixels: small ones are not told from
+/// errors of the lens.
+const MIN_EFFECT_PX: f64 = 0.25;
+
+/// How far each view of a capture is from where it should be, and how all of them are rectified.
+#[derive(Clone, Debug)]
 pub struct Alignment {
-    residuals: BTreeMap<View, Residual>,
+    views: BTreeMap<View, (Residual, Matrix3<f64>)>,
+    /// From rays of the centre to the axes along which the views stand.
+    common: Rotation3<f64>,
+    source: Pinhole,
+    target: Pinhole,
 }
 
 impl Alignment {
-    /// Estimates the misalignment of every view of `frames`. `params` give the disparity range to search.
+    /// Estimates the misalignment of every view of `frames`. `search` gives the range of disparities, and `geometry` the
+    /// focal length and the principal point: without it, those of a usual camera are taken, and large rotations are found
+    /// less precisely.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) if a view has too little texture in common with the centre, or `params` are for frames of another size.
-    pub fn estimate(frames: &Frames, params: &Params, engine: &Engine) -> Result<Alignment> {
-        let mut tracks = Vec::new();
-        for (view, images) in pairs(frames) {
-            tracks.push((view, Track::new(images, view, params, engine)?));
+    /// [`Error::Usage`](crate::Error::Usage) if a view has too few corners in common with the centre, or seems to be another
+    /// one.
+    pub fn estimate(frames: &Frames, search: &Search, geometry: Option<&Geometry>) -> Result<Alignment> {
+        let size = frames.size();
+        let source = geometry.map_or_else(
+            || Pinhole {
+                focal_px: USUAL_FOCAL * size[0].max(size[1]) as f64,
+                principal_point: size.map(|side| (side as f64 - 1.0) / 2.0),
+            },
+            |geometry| Pinhole { focal_px: geometry.focal_px, principal_point: geometry.principal_point },
+        );
+        let center = frames.get(Frame::Center).expect("frames always have a centre");
+        let corners = corners(center, CORNERS, RADIUS + 1);
+        let center = (center, &Pyramid::new(center));
+        let views: Vec<View> = frames.views().iter().collect();
+        let range = search.min_disparity()..=search.max_disparity();
+        let mut matches = Vec::new();
+        for &view in &views {
+            let neighbor = frames.get(Frame::View(view)).expect("the view is there");
+            let mut found = find([center, (neighbor, &Pyramid::new(neighbor))], &corners, view, &range);
+            keep_consensus(&corners, &mut found, Direction::of(view), size);
+            let count = found.iter().flatten().count();
+            if count < MIN_POINTS {
+                return Err(Error::Usage(format!(
+                    "the {view} view has {count} textured blocks in common with the centre, and alignment needs {MIN_POINTS}: check \
+                     the images and the range of disparities"
+                )));
+            }
+            matches.push(found);
         }
-        let scales = baseline_scales(&tracks.iter().map(|(_, track)| track).collect::<Vec<_>>());
-        let mut residuals = BTreeMap::new();
-        for ((view, track), baseline_scale) in tracks.iter().zip(scales) {
+        let pixel = 1.0 / source.focal_px;
+        let undetermined = || Error::Usage("the images do not determine how the views are aligned".into());
+        let rough_points = points(&source, &corners, &matches);
+        let rough = adjust(&views, &rough_points, pixel).ok_or_else(undetermined)?;
+        // Turned and scaled like the centre, views show corners more precisely.
+        for (k, (&view, found)) in views.iter().zip(&mut matches).enumerate() {
+            let model = rough.models[k];
+            let map = Map { source, rectified: source, matrix: model.projection().matrix() };
+            let neighbor = Picture::Gray(frames.get(Frame::View(view)).expect("the view is there").clone());
+            let neighbor = neighbor.resampled(|pixel| Some(map.at(pixel.map(|at| at as f64))), 1.0).to_gray();
+            let moved = ViewModel { position: model.position, ..ViewModel::NEUTRAL }.projection();
+            let mut expected = vec![None; corners.len()];
+            for (point, &disparity) in rough_points.iter().zip(&rough.disparities) {
+                let [x, y] = point.ray;
+                expected[point.corner] = Some(source.pixel(moved.project(Vector3::new(x, y, 1.0), disparity)));
+            }
+            *found = find_again([center.0, &neighbor], &corners, &expected);
+            found.iter_mut().flatten().for_each(|found| found.at = map.at(found.at));
+        }
+        let points = points(&source, &corners, &matches);
+        let adjustment = adjust(&views, &points, pixel).ok_or_else(undetermined)?;
+        let nominal = |view: View| Vector3::new(view.right().into(), view.down().into(), 0.0);
+        let positions: Vec<_> =
+            adjustment.models.iter().zip(&views).map(|(model, &view)| (model.position, nominal(view))).collect();
+        let common = significant_rotation(&positions, &source, size, search.max_disparity());
+        // The rectified frames show the same part of the scene: what the centre shows in its middle stays there.
+        let middle = size.map(|side| (side as f64 - 1.0) / 2.0);
+        let turned = common * source.ray(middle);
+        let principal_point = [0, 1].map(|axis| middle[axis] - source.focal_px * turned[axis] / turned.z);
+        let target = Pinhole { principal_point, ..source };
+        let mut alignment = Alignment { views: BTreeMap::new(), common, source, target };
+        let lengths: Vec<f64> = positions.iter().map(|(position, nominal)| position.norm() / nominal.norm()).collect();
+        let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
+        let plane = plane(&points, &adjustment.disparities);
+        for (k, &view) in views.iter().enumerate() {
+            let projection = adjustment.models[k].projection();
+            // A view that is off its place shows each point off by its disparity. What that is for a plane through the scene
+            // goes out with the rest.
+            let off = positions[k].0 - common.inverse() * positions[k].1 * mean;
+            let matrix = projection.matrix() * (Matrix3::identity() - off * plane.transpose());
             let residual = Residual {
-                across_px: track.across,
-                baseline_scale,
-                baseline_px: (baseline_scale - 1.0) * f64::from(params.max_disparity()),
-                gain: track.gain,
-                blocks: track.disparities.iter().filter(|disparity| disparity.is_some()).count(),
+                baseline_scale: lengths[k] / mean,
+                baseline_px: (lengths[k] / mean - 1.0) * f64::from(search.max_disparity()),
+                ..alignment.residual(view, k, &adjustment, &points, &matches[k], &matrix)
             };
-            residuals.insert(*view, residual);
+            alignment.views.insert(view, (residual, matrix));
         }
-        Ok(Alignment { residuals })
+        Ok(alignment)
+    }
+
+    fn residual(
+        &self,
+        view: View,
+        k: usize,
+        adjustment: &Adjustment,
+        points: &[Point],
+        matches: &[Option<Match>],
+        matrix: &Matrix3<f64>,
+    ) -> Residual {
+        let model = adjustment.models[k];
+        let Direction { across: [ax, ay], .. } = Direction::of(view);
+        let across = |ray: Vector3<f64>| self.source.focal_px * (ax * ray.x + ay * ray.y) / ray.z;
+        let back = self.common * matrix.try_inverse().unwrap_or_else(Matrix3::identity);
+        let [mut before, mut after] = [const { Vec::new() }; 2];
+        for point in points {
+            let Some(seen) = point.seen[k] else { continue };
+            let [ray, seen] = [point.ray, seen].map(|[x, y]| Vector3::new(x, y, 1.0));
+            before.push(across(seen) - across(ray));
+            after.push((across(back * seen) - across(self.common * ray)).abs());
+        }
+        let position = self.common * model.position;
+        let [x, y] = [view.right(), view.down()].map(f64::from);
+        let deviations = adjustment.deviations[k];
+        Residual {
+            across_px: median(before.clone()),
+            rotation_deg: [0, 1, 2].map(|axis| model.rotation[axis].to_degrees()),
+            rotation_deviation_deg: [0, 1, 2].map(|axis| deviations[axis].to_degrees()),
+            scale: model.log_scale.exp(),
+            baseline_scale: 1.0,
+            baseline_px: 0.0,
+            direction_deg: (x * position.y - y * position.x).atan2(x * position.x + y * position.y).to_degrees(),
+            ahead: position.z,
+            gain: median(matches.iter().flatten().map(|found| found.gain).collect()),
+            points: before.len(),
+            epipolar_px: median(before.into_iter().map(f64::abs).collect()),
+            rectified_px: median(after),
+        }
     }
 
     /// The misalignment of a view, or `None` if the capture does not have it.
     pub fn of(&self, view: View) -> Option<Residual> {
-        self.residuals.get(&view).copied()
+        self.views.get(&view).map(|(residual, _)| *residual)
     }
 
-    /// The frames, in grey, with shifts and brightness corrected. The lengths of the baselines are not.
+    /// The rotation between the camera and the axes along which the views stand, about the axes to the right, down and
+    /// ahead, in degrees.
+    pub fn common_rotation_deg(&self) -> [f64; 3] {
+        self.common.scaled_axis().map(f64::to_degrees).into()
+    }
+
+    /// Where the optical axis of the rectified frames meets them, given the point where it meets the images.
+    pub fn principal_point(&self, [cx, cy]: [f64; 2]) -> [f64; 2] {
+        let [[from_x, from_y], [to_x, to_y]] = [self.source, self.target].map(|camera| camera.principal_point);
+        [cx + to_x - from_x, cy + to_y - from_y]
+    }
+
+    /// The homography from pixels of a rectified frame to those of its image, in rows: the identity if the frame is left as
+    /// it is.
+    pub fn homography(&self, frame: Frame) -> [[f64; 3]; 3] {
+        self.map(frame).map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], |map| map.homography())
+    }
+
+    /// How a frame is resampled.
+    fn map(&self, frame: Frame) -> Option<Map> {
+        let matrix = match frame {
+            Frame::Center => Matrix3::identity(),
+            Frame::View(view) => self.views.get(&view)?.1,
+        };
+        Some(Map { source: self.source, rectified: self.target, matrix: matrix * self.common.inverse() })
+    }
+
+    /// The frames, rectified and with their brightness corrected. Where views are off their places, they show what is on a plane
+    /// through the scene as if they were not; what is before or behind it stays off in proportion.
     pub fn compensate(&self, frames: &Frames) -> Frames {
-        let center = frames.get(Frame::Center).expect("frames always have a centre").clone();
-        pairs(frames).fold(Frames::new(center), |compensated, (view, [_, neighbor])| {
-            let neighbor = match self.of(view) {
-                Some(Residual { across_px, gain, .. }) => corrected(neighbor, view, across_px, gain),
-                None => neighbor.clone(),
+        let rectified = |frame| {
+            let picture = match (frames.color(frame), frames.get(frame)) {
+                (Some(color), _) => Picture::Rgb(color.clone()),
+                (None, gray) => Picture::Gray(gray.expect("the frame is there").clone()),
             };
-            compensated.with(view, neighbor)
-        })
+            self.rectified(frame, picture)
+        };
+        let center = Frames::of_picture(rectified(Frame::Center));
+        frames.views().iter().fold(center, |frames, view| frames.with_picture(view, rectified(Frame::View(view))))
+    }
+
+    /// The picture of a frame, rectified and with its brightness corrected.
+    pub fn rectified(&self, frame: Frame, picture: Picture) -> Picture {
+        let gain = match frame {
+            Frame::Center => 1.0,
+            Frame::View(view) => self.of(view).map_or(1.0, |residual| residual.gain),
+        };
+        let gain = if (gain - 1.0).abs() > NEGLIGIBLE_GAIN { gain } else { 1.0 };
+        let (width, height) = picture.dimensions();
+        let map = self.map(frame).filter(|map| !map.is_negligible([width as usize, height as usize]));
+        if map.is_none() && gain == 1.0 {
+            return picture;
+        }
+        let at = |pixel: [f64; 2]| map.map_or(pixel, |map| map.at(pixel));
+        picture.resampled(|pixel| Some(at(pixel.map(|at| at as f64))), gain)
     }
 }
 
-/// Each view with the images of the centre and the neighbour.
-fn pairs(frames: &Frames) -> impl Iterator<Item = (View, [&GrayImage; 2])> {
-    frames.views().iter().filter_map(|view| Some((view, [frames.get(Frame::Center)?, frames.get(Frame::View(view))?])))
+/// The rotation from the centre's rays to the axes along which the views stand, as far as it matters to the nearest points.
+fn significant_rotation(
+    positions: &[(Vector3<f64>, Vector3<f64>)],
+    camera: &Pinhole,
+    size: [usize; 2],
+    max_disparity: i16,
+) -> Rotation3<f64> {
+    // Across the baseline, a point moves by its disparity times the angle between the baseline and the image's rows, and
+    // towards the corners by that times the tilt.
+    let effect = |angle: f64| angle * f64::from(max_disparity);
+    let radius = f64::hypot(size[0] as f64, size[1] as f64) / 2.0 / camera.focal_px;
+    let rotation = common_rotation(positions);
+    if effect((rotation * Vector3::z()).xy().norm() * radius) >= MIN_EFFECT_PX {
+        return rotation;
+    }
+    let flat = |position: Vector3<f64>| Vector3::new(position.x, position.y, 0.0);
+    let flat: Vec<_> = positions.iter().map(|&(position, nominal)| (flat(position), nominal)).collect();
+    let rotation = common_rotation(&flat);
+    if effect(rotation.angle()) >= MIN_EFFECT_PX { rotation } else { Rotation3::identity() }
+}
+
+/// The corners that some view shows, and where.
+pub(super) fn points(camera: &Pinhole, corners: &[[usize; 2]], matches: &[Vec<Option<Match>>]) -> Vec<Point> {
+    let ray = |pixel: [f64; 2]| {
+        let ray = camera.ray(pixel);
+        [ray.x, ray.y]
+    };
+    let point = |(n, corner): (usize, &[usize; 2])| {
+        let seen: Vec<Option<[f64; 2]>> = matches.iter().map(|found| found[n].map(|found| ray(found.at))).collect();
+        let is_seen = seen.iter().any(Option::is_some);
+        is_seen.then(|| Point { corner: n, ray: ray(corner.map(|at| at as f64)), seen })
+    };
+    corners.iter().enumerate().filter_map(point).collect()
+}
+
+/// The plane that the points are nearest to: the disparity of a ray is its dot product with this.
+fn plane(points: &[Point], disparities: &[f64]) -> Vector3<f64> {
+    let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for (point, &disparity) in points.iter().zip(disparities) {
+        let ray = Vector3::new(point.ray[0], point.ray[1], 1.0);
+        matrix += ray * ray.transpose();
+        right += ray * disparity;
+    }
+    matrix.cholesky().map_or_else(Vector3::zeros, |matrix| matrix.solve(&right))
+}
+
+/// The median; NaN of nothing.
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

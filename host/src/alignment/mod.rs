@@ -1,37 +1,43 @@
-//! Estimating and correcting how far each view is from where it should be.
+//! Rectification: how far each view of a capture is from where it should be, estimated from the images alone, and taken out.
 //!
-//! A camera that is moved by hand or by a cheap slide, or is not square to the slide, gives views that lie a
-//! little off the baseline, with baselines of different lengths and different brightness. Matching searches
-//! along the baseline only, and compares grey values, so it suffers from all of these. The estimate has three
-//! numbers for each view: the shift across the baseline, the gain in brightness, and the length of the
-//! baseline relative to the other views.
+//! A camera that is moved by hand or by a cheap slide, or is not square to the slide, gives views that are turned against
+//! each other, lie off the baseline, and differ in scale, in brightness and in the lengths of their baselines. Matching
+//! searches along the baseline only, and compares grey values, so it suffers from all of these.
 //!
-//! The whole pixels of the shift are found by block matching at every shift: the best one has the lowest
-//! cost. The fraction comes from least squares over small blocks, as in the optical flow of Lucas and Kanade
-//! (1981). The blocks share two unknowns, the shift and the gain. Each block also has an unknown of its own,
-//! the position of its match along the baseline, which is eliminated.
+//! Corners of the centre are found in each view, those that disagree with the others are dropped, and a bundle adjustment
+//! gives each view a rotation, a scale and a position, and each corner a disparity. The camera turns with the stage's axes
+//! in all views alike: one common rotation makes the positions stand along the image's rows and columns. The frames are then
+//! resampled as if the camera had not been turned at all.
 //!
 //! | file | what it holds |
 //! | --- | --- |
 //! | `direction` | the directions along and across a baseline |
-//! | `interpolated` | an image addressed between pixels |
-//! | `correction` | shifting a view across its baseline and dividing by its gain |
-//! | `coarse_shift` | the shift in whole pixels |
-//! | `normal_equations` | what one block contributes to least squares |
-//! | `track` | the shift, the gain and the positions of all blocks in one view |
-//! | `baseline_scales` | the lengths of the baselines relative to each other |
+//! | `corners` | points of the centre that can be found again |
+//! | `pyramid` | an image at descending sizes |
+//! | `tracking` | finding corners in a view |
+//! | `consensus` | the matches that agree with each other |
+//! | `view_model` | where a view stands and how it is turned |
+//! | `adjustment` | bundle adjustment |
+//! | `homography` | the common rotation, and the homographies of the frames |
+//! | `residual` | the misalignment of a view: [`Residual`] |
+//! | `mounting` | how a camera is turned against the stage that moves it: [`Mounting`] |
+//! | `inspection` | what the images tell before they are matched: [`Inspection`] |
 //! | `estimate` | all of these for a capture: [`Alignment`] |
 
-mod baseline_scales;
-mod coarse_shift;
-mod correction;
+mod adjustment;
+mod consensus;
+mod corners;
 mod direction;
 mod estimate;
-mod interpolated;
-mod normal_equations;
+mod homography;
+mod inspection;
+mod mounting;
+mod pyramid;
 mod residual;
-mod track;
+mod tracking;
+mod view_model;
 
-pub use coarse_shift::MAX_SHIFT;
 pub use estimate::Alignment;
+pub use inspection::Inspection;
+pub use mounting::Mounting;
 pub use residual::Residual;

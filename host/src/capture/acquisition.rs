@@ -22,7 +22,8 @@ use crate::{
 /// How often the stage and the camera are polled.
 const POLL_INTERVAL: Duration = Duration::from_millis(2);
 
-/// Takes the frames of `plan`, of which one is the centre. Calls `observe` for each change of progress, with the time since the start.
+/// Takes the frames of `plan`, of which one is the centre. Calls `observe` for each change of progress, with the
+/// time since the start.
 ///
 /// The capture is aborted when `interrupts` increases: at the first increase the stage returns to the centre
 /// if that is safe, at the second it stops where it is.

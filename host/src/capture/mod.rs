@@ -3,16 +3,17 @@
 //! | item | what it is |
 //! | --- | --- |
 //! | [`stage`] | robot arms, G-code machines, a person |
-//! | [`camera`] | cameras of Linux (V4L2), with the feature `v4l2` |
-//! | [`SimulatedCamera`] | a camera that sees the scene of the demo, with the feature `scene` |
+//! | [`camera`] | cameras of Linux (V4L2), with the feature `v4l2`, and their settings |
+//! | `SimulatedCamera` | a camera that sees the scene of the demo, with the feature `scene` |
+//! | [`Imperfections`] | what is wrong with a simulated rig |
 //! | [`BlockingCamera`], [`ThreadedCamera`] | a camera that blocks, polled from a thread of its own |
 //! | [`acquire_frames`] | runs the core's [`Sequence`](multiscopic_core::capture::Sequence) into memory |
 //! | [`Accuracy`], [`Survey`], [`Choice`] | which long baseline gives the depth accuracy asked for |
 
 mod accuracy;
 mod acquisition;
-#[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub mod camera;
+mod imperfections;
 #[cfg(feature = "scene")]
 mod simulated_camera;
 pub mod stage;
@@ -20,6 +21,7 @@ mod threaded_camera;
 
 pub use accuracy::{Accuracy, Bound, Choice, Survey};
 pub use acquisition::{acquire_frames, acquire_images};
+pub use imperfections::Imperfections;
 #[cfg(feature = "scene")]
 pub use simulated_camera::SimulatedCamera;
 pub use threaded_camera::{BlockingCamera, ThreadedCamera};

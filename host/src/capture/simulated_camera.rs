@@ -4,25 +4,63 @@ use std::{convert::Infallible, fmt, sync::atomic::AtomicBool, time::Duration};
 
 use image::GrayImage;
 
-use super::{stage::SimulatedPlace, threaded_camera::BlockingCamera};
+use super::{
+    imperfections::Imperfections,
+    stage::{SimulatedPlace, StagePose},
+    threaded_camera::BlockingCamera,
+};
 use crate::{
     images::Picture,
-    scene::{PinholeCamera, Scene, render_at},
+    scene::{PinholeCamera, Pose, PosedCamera, Ray, Scene, render_at, trace},
 };
 
 /// A camera without hardware: it renders the scene of the demo from where a simulated stage has moved it.
 #[derive(Clone, Debug)]
 pub struct SimulatedCamera {
-    camera: PinholeCamera,
+    sensor: PinholeCamera,
+    imperfections: Imperfections,
     place: SimulatedPlace,
     /// Pictures taken so far, of which each has noise of its own.
     taken: u64,
 }
 
 impl SimulatedCamera {
-    /// A camera of this lens and sensor, which `place` carries.
-    pub fn new(camera: PinholeCamera, place: SimulatedPlace) -> SimulatedCamera {
-        SimulatedCamera { camera, place, taken: 0 }
+    /// A camera with this sensor, which `place` carries.
+    pub fn new(sensor: PinholeCamera, imperfections: &Imperfections, place: SimulatedPlace) -> SimulatedCamera {
+        SimulatedCamera { sensor, imperfections: *imperfections, place, taken: 0 }
+    }
+
+    /// Width and height of its pictures in pixels.
+    pub fn size(&self) -> [u32; 2] {
+        [self.sensor.width, self.sensor.height]
+    }
+
+    /// The focal length that such a camera should have, in pixels. A lens of its own may have another.
+    pub fn nominal_focal_px(&self) -> f64 {
+        self.sensor.focal_px
+    }
+
+    /// The camera where a stage has moved it, whose axes are those of the scene's viewpoint.
+    fn at(&self, viewpoint: Pose, StagePose { position_mm: [right, down], rotation_deg }: StagePose) -> PosedCamera {
+        let stage = viewpoint.moved([right, down, 0.0]).rotated(rotation_deg.map(f64::to_radians));
+        let pose = stage.rotated(self.imperfections.mount_deg.map(f64::to_radians));
+        PosedCamera { sensor: self.sensor, lens: self.imperfections.lens, pose }
+    }
+
+    /// How far from the plane in which the stage moves it is to what points of the centre's picture show, in millimetres. `None` for
+    /// points that show nothing.
+    pub fn true_depths(&self, points: &[Option<[f64; 2]>]) -> Vec<Option<f64>> {
+        let scene = Scene::demo();
+        let (camera, ahead) = (self.at(scene.viewpoint, StagePose::default()), scene.viewpoint.axes[2]);
+        // A ray goes a millimetre ahead, to be measured in millimetres ahead.
+        let ray = |[u, v]: [f64; 2]| {
+            let Ray { origin, direction } = camera.ray(u, v)?;
+            let along = direction.dot(ahead);
+            (along > 0.0).then(|| Ray { origin, direction: direction * (1.0 / along) })
+        };
+        let rays: Vec<Option<Ray>> = points.iter().map(|point| ray((*point)?)).collect();
+        let mut depths = trace(&scene, &rays.iter().flatten().copied().collect::<Vec<_>>()).into_iter();
+        rays.iter().map(|ray| ray.and_then(|_| depths.next().flatten())).collect()
     }
 }
 
@@ -31,13 +69,16 @@ impl BlockingCamera for SimulatedCamera {
 
     fn take(&mut self, _: Duration, _: &AtomicBool) -> Result<GrayImage, Infallible> {
         self.taken += 1;
-        Ok(Picture::Rgb(render_at(&Scene::demo(), &self.camera, self.place.get(), self.taken)).to_gray())
+        let scene = Scene::demo();
+        let camera = self.at(scene.viewpoint, self.place.get());
+        Ok(Picture::Rgb(render_at(&scene, &camera, self.taken)).to_gray())
     }
 }
 
 /// One line: `simulated, 640x480`.
 impl fmt::Display for SimulatedCamera {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "simulated, {}x{}", self.camera.width, self.camera.height)
+        let [width, height] = self.size();
+        write!(f, "simulated, {width}x{height}")
     }
 }

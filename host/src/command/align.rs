@@ -4,21 +4,23 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
 use multiscopic::{
-    Alignment, Error, Frames, Result, Rig,
+    Alignment, Error, Inspection, Result, Rig,
     alignment::Residual,
     files::{FrameFiles, output},
 };
+use multiscopic_core::{Frame, View};
 use serde::Serialize;
 
 use super::{
-    options::{EngineOptions, SearchOptions, SourceOptions},
+    options::{SearchOptions, SourceOptions},
     terminal,
 };
 
-/// Estimates each view's shift across its baseline, relative baseline length and relative brightness
+/// Estimates how each view is turned, scaled and off its place, from the images alone, and rectifies them
 ///
-/// The shift is to the right for views in the centre's column, and downwards across the baseline for others. Shift and
-/// brightness can be corrected: in a new folder with -o, or just before matching with `multiscopic match --align`.
+/// Rotations are about the axes to the right, down and ahead. The shift is to the right for views in the centre's column,
+/// and downwards across the baseline for others. What is found is taken out in a new folder with -o, or just before matching
+/// with `multiscopic match --align`. A view that is off its place is put right for a plane through the scene.
 #[derive(Clone, Debug, Args)]
 pub struct Align {
     #[command(flatten)]
@@ -27,68 +29,99 @@ pub struct Align {
     #[command(flatten)]
     search: SearchOptions,
 
-    /// New folder for the capture with corrected shifts and brightness
+    /// New folder for the rectified capture
     #[arg(short, long, value_name = "NEW_RIG_DIR")]
     output: Option<PathBuf>,
 
     /// Print JSON instead of a table
     #[arg(long)]
     json: bool,
-
-    #[command(flatten)]
-    engine: EngineOptions,
 }
 
-/// A line of the table; `--json` prints these fields.
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Report {
+    /// The rotation between the camera and the stage's axes, about the axes to the right, down and ahead.
+    common_rotation_deg: [f64; 3],
+    center: Rectified,
+    views: Vec<Line>,
+}
+
+/// From pixels of a rectified frame to those of its image.
+#[derive(Debug, Serialize)]
+struct Rectified {
+    homography: [[f64; 3]; 3],
+}
+
+/// A line of the table.
 #[derive(Debug, Serialize)]
 struct Line {
     view: String,
     #[serde(flatten)]
     residual: Residual,
+    #[serde(flatten)]
+    rectified: Rectified,
 }
 
 impl Align {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
-        let Some((images, rig)) = self.source.frame_files()? else {
+        let Some(source) = self.source.source()? else {
             let message = "there are no images to align: give RIG_DIR, a folder with a rig.toml, or --center and its neighbours";
             return Err(Error::Usage(message.into()));
         };
-        if self.output.is_some() && rig.is_none() {
+        if self.output.is_some() && source.rig.is_none() {
             let message = "-o writes a folder with a rig.toml, which only a captured folder can provide: give RIG_DIR";
             return Err(Error::Usage(message.into()));
         }
-        let (frames, _) = Frames::load(&images)?;
+        let (frames, ..) = source.load()?;
         let search = self.search.search(frames.size(), frames.views(), None, SearchOptions::DEFAULT_RANGE)?;
-        let params = self.search.params(search)?;
-        let alignment = Alignment::estimate(&frames, &params, &self.engine.engine()?)?;
-        let lines: Vec<Line> = frames
-            .views()
-            .iter()
-            .filter_map(|view| Some(Line { view: view.to_string(), residual: alignment.of(view)? }))
-            .collect();
+        let rig = match (source.rig, &source.lens) {
+            (Some(rig), Some(lens)) => Some(lens.ideal_rig(rig, frames.size())?),
+            (rig, _) => rig,
+        };
+        let inspection = Inspection::of(&frames);
+        inspection.refuse_swapped(search.min_disparity())?;
+        let geometry = rig.as_ref().and_then(|rig| rig.geometry(frames.size()));
+        let alignment = Alignment::estimate(&frames, &search, geometry.as_ref())?;
+        let rectified = |frame| Rectified { homography: alignment.homography(frame) };
+        let line = |view: View| {
+            Some(Line { view: view.to_string(), residual: alignment.of(view)?, rectified: rectified(Frame::View(view)) })
+        };
+        let report = Report {
+            common_rotation_deg: alignment.common_rotation_deg(),
+            center: rectified(Frame::Center),
+            views: frames.views().iter().filter_map(line).collect(),
+        };
         if let (Some(folder), Some(rig)) = (&self.output, rig) {
             let images = FrameFiles::of_capture(frames.views());
             let compensated = alignment.compensate(&frames);
             output::write_folder(folder, |folder| {
                 compensated.save(&images.within(folder))?;
-                Rig { images: images.clone(), ..rig }.save(folder)
+                let principal_point = Some(alignment.principal_point(rig.principal_point(frames.size())));
+                Rig { images: images.clone(), principal_point, ..rig }.save(folder)
             })?;
             terminal::say(&format!("wrote {}", folder.display()));
         }
+        inspection.range_line().into_iter().for_each(|line| terminal::say(&line));
         terminal::print(&match self.json {
-            true => serde_json::to_string(&lines).expect("numbers and strings") + "\n",
-            false => table(&lines),
+            true => serde_json::to_string(&report).expect("numbers and strings") + "\n",
+            false => table(&report),
         })?;
         Ok(ExitCode::SUCCESS)
     }
 }
 
-fn table(lines: &[Line]) -> String {
-    let mut table = String::from("view    across px  baseline  at the nearest px  brightness  blocks\n");
-    for Line { view, residual } in lines {
-        let Residual { across_px, baseline_scale, baseline_px, gain, blocks } = residual;
-        table += &format!("{view:<8}{across_px:>+9.2}{baseline_scale:>10.4}{baseline_px:>+19.2}{gain:>12.4}{blocks:>8}\n");
+fn table(report: &Report) -> String {
+    let [right, down, ahead] = report.common_rotation_deg;
+    let mut table = format!("camera against the stage: {right:+.2} {down:+.2} {ahead:+.2} deg about right, down, ahead\n");
+    table +=
+        "view    rotation deg          scale   across px  baseline  direction deg  brightness  points  off px  rectified px\n";
+    for Line { view, residual, .. } in &report.views {
+        let Residual { rotation_deg: [x, y, z], scale, across_px, baseline_scale, direction_deg, gain, points, .. } = residual;
+        let Residual { epipolar_px, rectified_px, .. } = residual;
+        table += &format!("{view:<8}{x:+.2} {y:+.2} {z:+.2}   {scale:>7.4}{across_px:>+12.2}{baseline_scale:>10.4}");
+        table += &format!("{direction_deg:>+15.2}{gain:>12.4}{points:>8}{epipolar_px:>8.2}{rectified_px:>14.2}\n");
     }
     table
 }

@@ -117,13 +117,13 @@ impl fmt::Display for Measurement {
 
 /// Frames of a noisy plane in the middle of the search, so that searches of all sizes are alike.
 ///
-/// A search without a match would take longer: fused costs of noise often exceed 16 bits, and are then computed
-/// again.
+/// Its contrast is that of textured images, and it has a match. Otherwise a search would take longer: fused costs often
+/// exceed 16 bits, and are then computed again.
 fn noise_frames(params: &Params) -> Frames {
     let noise = |u: i32, v: i32| {
         let mut hash = (u as u32).wrapping_mul(0x9E37_79B1) ^ (v as u32).wrapping_mul(0x85EB_CA77);
         hash = (hash ^ hash >> 15).wrapping_mul(0x2C1B_3C6D);
-        (hash >> 24) as u8
+        (hash >> 26) as u8
     };
     let (width, height) = (params.width() as u32, params.height() as u32);
     let shifted = |(du, dv): (i32, i32)| GrayImage::from_fn(width, height, |u, v| Luma([noise(u as i32 - du, v as i32 - dv)]));

@@ -3,7 +3,12 @@
 use std::process::ExitCode;
 
 use clap::Args;
-use multiscopic::Result;
+use multiscopic::{
+    Result,
+    capture::camera::{self, CameraInfo, FrameSizes},
+};
+
+use super::terminal;
 
 /// Lists the cameras with their formats and sizes
 ///
@@ -15,14 +20,10 @@ pub struct Devices {
     json: bool,
 }
 
-#[cfg(all(target_os = "linux", feature = "v4l2"))]
 impl Devices {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
-        use super::terminal;
-        use multiscopic::{Error, capture::camera};
-
-        let cameras = camera::list().map_err(|source| Error::Read { path: "/dev".into(), source })?;
+        let cameras = camera::list()?;
         if self.json {
             let json = serde_json::to_string(&cameras).expect("names and numbers");
             terminal::print(&format!("{json}\n"))?;
@@ -35,20 +36,8 @@ impl Devices {
     }
 }
 
-#[cfg(not(all(target_os = "linux", feature = "v4l2")))]
-impl Devices {
-    /// Runs the command.
-    pub fn run(&self) -> Result<ExitCode> {
-        let message = "this build has no camera support: build multiscopic on Linux with the feature v4l2";
-        Err(multiscopic::Error::Usage(message.into()))
-    }
-}
-
 /// A camera as lines of text.
-#[cfg(all(target_os = "linux", feature = "v4l2"))]
-fn text(camera: &multiscopic::capture::camera::CameraInfo) -> String {
-    use multiscopic::capture::camera::FrameSizes;
-
+fn text(camera: &CameraInfo) -> String {
     let mut lines = match camera.card.as_str() {
         "" => format!("{}\n", camera.device.display()),
         card => format!("{}: {card} ({}, {})\n", camera.device.display(), camera.driver, camera.bus),

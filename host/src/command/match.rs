@@ -9,7 +9,7 @@ use std::{
 use clap::Args;
 use multiscopic::stereo::{CostFunction, LongBaselines, Optimizer};
 use multiscopic::{
-    Alignment, DisparityMap, Error, Frames, Method, Result,
+    Alignment, DisparityMap, Error, Geometry, Inspection, Method, Picture, Result,
     files::{
         output,
         ply::{self, Encoding},
@@ -24,6 +24,11 @@ use super::{
     },
     terminal::{self, Watch},
 };
+
+/// The least share of pixels at an end of the range that is a pile.
+const MIN_PILE: f64 = 0.02;
+/// How many times the mean share of a disparity a pile has.
+const PILE: f64 = 3.0;
 
 /// Estimates the disparity of each pixel of a centre image by matching it with its neighbours
 #[derive(Clone, Debug, Args)]
@@ -53,9 +58,14 @@ pub struct Match {
     #[arg(long, value_name = "PRIOR.png", conflicts_with = "together", help_heading = "Several baselines")]
     prior: Option<PathBuf>,
 
-    /// Correct the views' shifts across the baseline and their brightness before matching, as `multiscopic align` does
+    /// Rectify the views before matching, as `multiscopic align` does: how they are turned, scaled and shifted, and their
+    /// brightness
     #[arg(long, help_heading = "Matching")]
     align: bool,
+
+    /// Find the range of disparities from the images
+    #[arg(long, conflicts_with_all = ["min_disparity", "num_disparities"], help_heading = "Matching")]
+    auto_range: bool,
 
     #[command(flatten)]
     outputs: Outputs,
@@ -90,24 +100,30 @@ struct Outputs {
 impl Match {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
-        let Some((images, rig)) = self.source.frame_files()? else {
+        let Some(source) = self.source.source()? else {
             let message = "there are no images to match: give --center and its neighbours, or RIG_DIR, a folder with a rig.toml";
             return Err(Error::Usage(message.into()));
         };
-        let (mut frames, center) = Frames::load(&images)?;
-        let center = self.outputs.ply.is_some().then_some(center);
+        let (mut frames, center, undistortion) = source.load()?;
+        let ideal = |center| undistortion.as_ref().map_or_else(|| Picture::clone(center), |lens| lens.picture(center));
+        let mut center = self.outputs.ply.is_some().then(|| ideal(&center));
         let first = self.baselines.first(frames.views()).len();
         let fusion = self.fusion.unwrap_or(Fusion::default_for(first));
-        let search = self.search.search(frames.size(), frames.views(), Some(fusion), SearchOptions::DEFAULT_RANGE)?;
-        let geometry = self.geometry.geometry(rig.as_ref(), &frames);
-        self.outputs.check_geometry(geometry.is_some())?;
-        let rig_file = self.source.rig_file();
-        let inputs: Vec<&Path> = images.paths().chain(rig_file.as_deref()).chain(self.prior.as_deref()).collect();
+        let inspection = Inspection::of(&frames);
+        let range = if self.auto_range { inspection.found_range()? } else { SearchOptions::DEFAULT_RANGE };
+        let search = self.search.search(frames.size(), frames.views(), Some(fusion), range)?;
+        let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
+        self.outputs.check_geometry(&self.geometry.missing(source.rig.as_ref(), source.lens.as_ref()))?;
+        let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).collect();
         output::check(&self.outputs.paths(), &inputs)?;
         let engine = self.engine.engine()?;
         let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size())).transpose()?;
         if self.align {
-            frames = Alignment::estimate(&frames, &self.search.params(search)?, &engine)?.compensate(&frames);
+            let alignment = Alignment::estimate(&frames, &search, geometry.as_ref())?;
+            frames = alignment.compensate(&frames);
+            center = center.map(|center| alignment.rectified(Frame::Center, center));
+            geometry = geometry
+                .map(|geometry| Geometry { principal_point: alignment.principal_point(geometry.principal_point), ..geometry });
         }
 
         let method = self.options.method(self.method, self.search.block_size, first)?;
@@ -125,12 +141,15 @@ impl Match {
         }
         let watch = Watch::new()?;
         let start = Instant::now();
-        let disparities = match (prior, method.long_baselines) {
+        let mut disparities = match (prior, method.long_baselines) {
             (Some(prior), Some(long)) => long.refine_prior(&engine, &frames, prior, &watch)?,
             _ => method.disparities(&engine, &frames, &search, &watch)?,
         };
         let seconds = start.elapsed().as_secs_f64();
         watch.finish();
+        if let Some(undistortion) = &undistortion {
+            undistortion.mask(&mut disparities);
+        }
 
         let outputs = &self.outputs;
         outputs.maps.write(&disparities)?;
@@ -143,6 +162,8 @@ impl Match {
         }
         let method = if self.prior.is_some() { "around a prior" } else { self.method.name() };
         terminal::say(&summary(method, &search, &disparities, seconds));
+        let warnings = inspection.warnings(search.min_disparity()).into_iter().chain(cut_range(&disparities, &search));
+        warnings.for_each(|warning| terminal::say(&format!("warning: {warning}")));
         Ok(ExitCode::SUCCESS)
     }
 }
@@ -153,18 +174,35 @@ impl Outputs {
         maps.paths().chain([depth, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
     }
 
-    /// Refuses an output that needs the geometry if that is not known.
-    fn check_geometry(&self, known: bool) -> Result<()> {
+    /// Refuses an output that needs the geometry if something of it is `missing`.
+    fn check_geometry(&self, missing: &[&str]) -> Result<()> {
         let outputs = [("--depth", &self.depth), ("--ply", &self.ply)];
         match outputs.into_iter().find_map(|(option, path)| Some((option, path.as_ref()?))) {
-            Some((option, path)) if !known => Err(Error::Usage(format!(
-                "{option} {} needs the focal length and the baseline: give --focal-px and --baseline-mm, or a folder with \
-                 a rig.toml",
-                path.display()
+            Some((option, path)) if !missing.is_empty() => Err(Error::Usage(format!(
+                "{option} {} needs the focal length and the baseline: give {}, or a rig.toml with it",
+                path.display(),
+                missing.join(" and ")
             ))),
             _ => Ok(()),
         }
     }
+}
+
+/// Tells whether disparities pile up at an end of the range, so that it seems to be too narrow.
+fn cut_range(disparities: &DisparityMap, search: &Search) -> Option<String> {
+    let (first, last, count) = (search.min_disparity(), search.max_disparity(), search.num_disparities());
+    let [at_first, at_last] = disparities.shares_at_ends(first..=last);
+    let limit = f64::max(MIN_PILE, PILE / count as f64);
+    // Points at infinity are no sign of a range that is cut.
+    let (share, end, option) = if at_last > limit {
+        (at_last, last, format!("--num-disparities above {count}"))
+    } else if at_first > limit && first != 0 {
+        (at_first, first, format!("--min-disparity below {first}"))
+    } else {
+        return None;
+    };
+    let percent = 100.0 * share;
+    Some(format!("{percent:.0} % of the disparities are {end}, an end of the range: give {option}, or --auto-range"))
 }
 
 /// One line about the match and its result.

@@ -3,11 +3,13 @@
 pub mod align;
 pub mod bench;
 pub mod budget;
+pub mod calibrate;
 pub mod capture;
 mod charts;
 pub mod demo;
 pub mod devices;
 pub mod evaluate;
+mod hardware;
 pub mod listen;
 pub mod r#match;
 mod options;

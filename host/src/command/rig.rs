@@ -41,9 +41,9 @@ struct Init {
     #[arg(value_name = "DIR")]
     directory: PathBuf,
 
-    /// Distance the camera moved from the centre to each nearest neighbour, in millimetres
+    /// Distance the camera moved from the centre to each nearest neighbour, in millimetres; depth needs it
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
-    baseline_mm: f64,
+    baseline_mm: Option<f64>,
 
     /// Where the photos were taken, if their names do not tell
     #[arg(long, value_name = "cross|3x3|RxC")]
@@ -81,12 +81,13 @@ impl Init {
         };
         // Reading them all finds photos of different sizes now instead of later.
         let (frames, _) = Frames::load(&images.within(directory))?;
-        let middle = frames.size().map(|side| (side as f64 - 1.0) / 2.0);
         let rig = Rig {
             baseline_mm: self.baseline_mm,
             focal_px: self.focal_px,
-            principal_point: self.principal_point.unwrap_or(middle),
+            principal_point: self.principal_point,
             doffs: 0.0,
+            lens: None,
+            mount_rotation_deg: None,
             images,
             capture: Provenance::default(),
         };

@@ -87,22 +87,21 @@ impl Simulate {
     fn frames(&self, profile: &Profile, search: &Search, views: Views) -> Result<(Frames, &'static str)> {
         let outputs: Vec<&Path> = [&self.output, &self.packets].into_iter().flatten().map(PathBuf::as_path).collect();
         let [width, height] = [search.width(), search.height()];
-        let Some((images, _)) = self.source.frame_files()? else {
+        let Some(source) = self.source.source()? else {
             output::check(&outputs, &[])?;
             let camera = PinholeCamera::new(width as u32, height as u32);
             return Ok((render_views(&Scene::demo(), &camera, views, 1).frames(views), "demo"));
         };
-        let rig_file = self.source.rig_file();
-        output::check(&outputs, &images.paths().chain(rig_file.as_deref()).collect::<Vec<_>>())?;
-        if let Some(view) = views.iter().find(|&view| !images.views().contains(view)) {
+        output::check(&outputs, &source.paths().collect::<Vec<_>>())?;
+        if let Some(view) = views.iter().find(|&view| !source.images.views().contains(view)) {
             let message = format!("profile {} needs the views {}: the {view} one is missing", profile.name, names(views));
             return Err(Error::Usage(message));
         }
-        let (frames, _) = Frames::load(&images)?;
+        let (frames, ..) = source.load()?;
         let [w, h] = frames.size();
         if w < width || h < height {
             return Err(Error::Format {
-                path: images.center,
+                path: source.images.center,
                 found: format!("{w}x{h} pixels"),
                 expected: format!("at least {width}x{height}, the frame of profile {}", profile.name),
             });

@@ -67,7 +67,7 @@ pub struct Reduction {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     fn record(scene: &str, views: usize, rms: f64, avg_err: f64) -> Record {
@@ -87,7 +87,8 @@ mod tests {
         }
     }
 
-    fn records() -> Vec<Record> {
+    /// Two scenes, each with stereo and two views.
+    pub fn records() -> Vec<Record> {
         vec![record("A", 1, 2.0, 1.0), record("A", 2, 1.5, 0.5), record("B", 1, 4.0, 2.0), record("B", 2, 5.0, 0.5)]
     }
 

@@ -79,27 +79,7 @@ pub fn to_text(rows: &[ResultRow]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn record(scene: &str, views: usize, rms: f64, avg_err: f64) -> Record {
-        let metrics = Metrics { rms, avg_err, bad_0_5: 30.0, bad_1: 20.0, bad_2: 10.0, coverage: 0.98765 };
-        let [dataset, method, fusion] = ["made", "bm", "min"].map(String::from);
-        Record {
-            dataset,
-            scene: scene.into(),
-            method,
-            views,
-            layout: None,
-            baselines: Vec::new(),
-            camera_steps: None,
-            fusion,
-            metrics,
-            seconds: 0.25,
-        }
-    }
-
-    fn records() -> Vec<Record> {
-        vec![record("A", 1, 2.0, 1.0), record("A", 2, 1.5, 0.5), record("B", 1, 4.0, 2.0), record("B", 2, 5.0, 0.5)]
-    }
+    use crate::evaluation::record::tests::records;
 
     #[test]
     fn means_are_over_scenes() {

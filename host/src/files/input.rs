@@ -22,6 +22,11 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     }
 }
 
+/// The text in the file `path`. An empty file is an error.
+pub(crate) fn read_text(path: &Path) -> Result<String> {
+    String::from_utf8(read(path)?).map_err(|_| Error::format(path, "bytes that are not text", "UTF-8 text"))
+}
+
 /// Refuses an empty or absurdly large picture before any memory is allocated for it. `bytes` is its decoded
 /// size.
 pub(crate) fn check_size(path: &Path, width: u32, height: u32, bytes: u64) -> Result<()> {

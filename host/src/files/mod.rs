@@ -11,6 +11,7 @@ mod picture_files;
 pub mod ply;
 mod provenance;
 mod rig;
+pub(crate) mod toml_file;
 mod truncation;
 
 pub use frame_files::FrameFiles;

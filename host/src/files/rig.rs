@@ -1,22 +1,24 @@
 //! `rig.toml`: the file that describes the images, camera and stage of a captured folder.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use crate::{
     error::{Error, Result},
-    files::{frame_files::FrameFiles, input, output, provenance::Provenance},
+    files::{frame_files::FrameFiles, provenance::Provenance, toml_file},
     images::Geometry,
 };
 
 /// The contents of `rig.toml`.
 ///
 /// ```toml
-/// baseline_mm = 20.0              # from the centre to each neighbour
-/// focal_px = 1180.5               # optional: without it there are disparities, but no depth
-/// principal_point = [319.5, 239.5]
+/// baseline_mm = 20.0              # optional: from the centre to each neighbour; depth needs it
+/// focal_px = 1180.5               # optional: depth needs it
+/// principal_point = [319.5, 239.5] # optional: else the middle of the image
 /// doffs = 0.0                     # optional
+/// lens = "camera.toml"            # optional: the calibration of a lens that distorts the images, relative to this folder
+/// mount_rotation_deg = [0.5, -1.0, 0.0]  # optional: how the camera is turned against the axes along which it was moved
 ///
 /// [images]                        # relative to this folder; at least one neighbour
 /// center = "center.png"
@@ -35,16 +37,22 @@ use crate::{
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rig {
-    /// The distance from the centre to each neighbour, in millimetres.
-    pub baseline_mm: f64,
+    /// The distance from the centre to each neighbour, in millimetres, if known. Depth needs it.
+    pub baseline_mm: Option<f64>,
     /// Focal length in pixels, if known. Depth needs it.
     pub focal_px: Option<f64>,
     /// Where the optical axis meets the image, `[cx, cy]` in pixels. The centre of the top left pixel is at
-    /// `[0, 0]`.
-    pub principal_point: [f64; 2],
+    /// `[0, 0]`. `None` for the middle of the image.
+    pub principal_point: Option<[f64; 2]>,
     /// The negated disparity of a point at infinity, in pixels.
     #[serde(default)]
     pub doffs: f64,
+    /// The calibration of the lens, if the images are distorted: any file that [`CameraModel::read`](crate::CameraModel::read) reads. A
+    /// relative path is relative to the folder.
+    pub lens: Option<PathBuf>,
+    /// How the camera is turned against the axes along which it was moved: an axis, to the right, down and ahead, times an angle in
+    /// degrees. Needs the focal length, unless `lens` has it.
+    pub mount_rotation_deg: Option<[f64; 3]>,
     /// The image files.
     pub images: FrameFiles,
     /// How the images were captured.
@@ -63,9 +71,7 @@ impl Rig {
     /// message names the key.
     pub fn load(directory: &Path) -> Result<Rig> {
         let path = directory.join(Rig::FILE_NAME);
-        let bytes = input::read(&path)?;
-        let text = str::from_utf8(&bytes).map_err(|_| Error::format(&path, "bytes that are not text", "UTF-8 text"))?;
-        let rig: Rig = toml::from_str(text).map_err(|error| Error::format(&path, with_line(&error, text), "a rig.toml"))?;
+        let rig: Rig = toml_file::read(&path, "a rig.toml")?;
         rig.check(&path)?;
         Ok(rig)
     }
@@ -78,22 +84,26 @@ impl Rig {
     pub fn save(&self, directory: &Path) -> Result<()> {
         let path = directory.join(Rig::FILE_NAME);
         self.check(&path)?;
-        // This fails only for a path that is not Unicode.
-        let text = toml::to_string(self).map_err(|error| Error::format(&path, error.to_string(), "file names in UTF-8"))?;
-        output::write(&path, |writer| writer.write_all(text.as_bytes()))
+        toml_file::write(&path, self)
     }
 
-    /// The geometry that turns disparities into depth, or `None` if the focal length is unknown.
-    pub fn geometry(&self) -> Option<Geometry> {
-        let Rig { focal_px, baseline_mm, principal_point, doffs, .. } = *self;
-        Some(Geometry { focal_px: focal_px?, baseline_mm, principal_point, doffs })
+    /// The geometry that turns the disparities of images of a size into depth, or `None` if the focal length or the baseline
+    /// is unknown.
+    pub fn geometry(&self, size: [usize; 2]) -> Option<Geometry> {
+        let Rig { focal_px, baseline_mm, doffs, .. } = *self;
+        Some(Geometry { focal_px: focal_px?, baseline_mm: baseline_mm?, principal_point: self.principal_point(size), doffs })
+    }
+
+    /// Where the optical axis meets images of a size.
+    pub fn principal_point(&self, size: [usize; 2]) -> [f64; 2] {
+        self.principal_point.unwrap_or(size.map(|side| (side as f64 - 1.0) / 2.0))
     }
 
     fn check(&self, path: &Path) -> Result<()> {
-        let [cx, cy] = self.principal_point;
+        let [cx, cy] = self.principal_point.unwrap_or_default();
         let positive = |value: f64| value > 0.0 && value.is_finite();
         let numbers = [
-            ("baseline_mm", self.baseline_mm, positive(self.baseline_mm), "a length above 0"),
+            ("baseline_mm", self.baseline_mm.unwrap_or_default(), self.baseline_mm.is_none_or(positive), "a length above 0"),
             ("focal_px", self.focal_px.unwrap_or_default(), self.focal_px.is_none_or(positive), "a length above 0"),
             ("principal_point", cx, cx.is_finite(), "a finite number"),
             ("principal_point", cy, cy.is_finite(), "a finite number"),
@@ -105,21 +115,22 @@ impl Rig {
         if let Some(value) = self.capture.repeatability_mm.filter(|value| !(0.0..f64::INFINITY).contains(value)) {
             return Err(Error::format(path, format!("capture.repeatability_mm = {value}"), "a length of 0 or more"));
         }
+        let angles = self.mount_rotation_deg.unwrap_or_default();
+        if let Some(angle) = angles.into_iter().find(|angle| !(-45.0..=45.0).contains(angle)) {
+            return Err(Error::format(path, format!("mount_rotation_deg = {angle}"), "-45 to 45 degrees"));
+        }
+        if self.mount_rotation_deg.is_some() && self.focal_px.is_none() && self.lens.is_none() {
+            return Err(Error::format(path, "mount_rotation_deg but no focal length", "focal_px or lens as well"));
+        }
+        if self.mount_rotation_deg.is_some() && self.lens.is_none() && (self.focal_px.is_none() || self.principal_point.is_none())
+        {
+            return Err(Error::format(path, "mount_rotation_deg alone", "focal_px and principal_point with it, or lens"));
+        }
         if self.images.views().is_empty() {
             return Err(Error::format(path, "no neighbour in [images]", "at least one of left, right, top or bottom"));
         }
         Ok(())
     }
-}
-
-/// The error's message with the line it refers to, as the message often does not name the key.
-fn with_line(error: &toml::de::Error, text: &str) -> String {
-    let Some(before) = error.span().and_then(|span| text.get(..span.start)) else {
-        return error.message().into();
-    };
-    let number = before.matches('\n').count();
-    let line = text.lines().nth(number).unwrap_or_default().trim();
-    format!("line {} ({line}): {}", number + 1, error.message())
 }
 
 #[cfg(test)]
@@ -155,8 +166,14 @@ mod tests {
     fn loads_a_file_written_by_hand() {
         let rig = load(TEXT).unwrap();
         let geometry = Geometry { focal_px: 1180.5, baseline_mm: 20.0, principal_point: [319.5, 239.5], doffs: 0.0 };
-        assert_eq!(rig.geometry(), Some(geometry));
-        assert_eq!(load(&TEXT.replace("focal_px = 1180.5", "")).unwrap().geometry(), None);
+        let size = [640, 480];
+        assert_eq!(rig.geometry(size), Some(geometry));
+        for key in ["focal_px = 1180.5", "baseline_mm = 20"] {
+            assert_eq!(load(&TEXT.replace(key, "")).unwrap().geometry(size), None);
+        }
+        let middle = load(&TEXT.replace("principal_point = [319.5, 239.5]", "")).unwrap();
+        assert_eq!(middle.geometry([800, 600]), Some(Geometry { principal_point: [399.5, 299.5], ..geometry }));
+        assert_eq!(load("images = { center = \"a.png\", left = \"b.png\" }").unwrap().images.views().len(), 1);
         assert_eq!(rig.images.views(), Views::STEREO);
         assert_eq!(rig.capture.stage.as_deref(), Some("manual"));
         let images = rig.images.within(Path::new("rig"));
@@ -169,6 +186,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let mut rig = load(TEXT).unwrap();
         rig.doffs = -3.25;
+        rig.lens = Some("camera.toml".into());
+        rig.mount_rotation_deg = Some([0.25, -1.5, 0.0]);
         rig.images.bottom = Some("bottom.png".into());
         rig.capture = Provenance {
             camera: Some("/dev/video0, 640x480".into()),
@@ -191,12 +210,12 @@ mod tests {
         let rig = load(&example.replace("/// ", "").replace("///", "")).unwrap();
         assert_eq!(rig.images.views(), Views::HORIZONTAL.with(View::new(1, -1).unwrap()));
         assert_eq!(rig.capture.repeatability_mm, Some(0.02));
+        assert_eq!(rig.lens.as_deref(), Some(Path::new("camera.toml")));
     }
 
     #[test]
     fn errors_name_the_line_and_the_key() {
         assert!(message("focal_px", "focal").contains("line 3 (focal = 1180.5): unknown field `focal`"));
-        assert!(message("baseline_mm = 20", "").contains("missing field `baseline_mm`"));
         assert!(message("center = ", "middle = ").contains("unknown field `middle`"));
         assert!(message("center = \"center.png\"", "").contains("missing field `center`"));
         assert!(message("stage", "stadium").contains("unknown field `stadium`"));
@@ -209,6 +228,9 @@ mod tests {
         assert!(message("239.5", "nan").contains("principal_point = NaN"));
         assert!(message("focal_px", "doffs = inf\nfocal_px").contains("doffs = inf"));
         assert!(message("stage = \"manual\"", "repeatability_mm = -1.0").contains("capture.repeatability_mm = -1"));
+        assert!(message("[images]", "mount_rotation_deg = [0.0, 46.0, 0.0]\n[images]").contains("mount_rotation_deg = 46"));
+        let message_without_focal = message("focal_px = 1180.5", "mount_rotation_deg = [0.0, 4.0, 0.0]");
+        assert!(message_without_focal.contains("found mount_rotation_deg but no focal length"), "{message_without_focal}");
         assert!(message("right = \"/data/right.png\"", "").contains("no neighbour in [images]"));
     }
 

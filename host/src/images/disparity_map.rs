@@ -42,6 +42,13 @@ impl DisparityMap {
         self.map(|pixel| pixel.and_then(|d| Disparity::from_bits(times(d) as i16)))
     }
 
+    /// The shares of the valid pixels whose disparity is the first and the last of a range, to the nearest pixel.
+    pub fn shares_at_ends(&self, range: RangeInclusive<i16>) -> [f64; 2] {
+        let valid: Vec<f32> = self.pixels().iter().flatten().map(|&d| f32::from(d).round()).collect();
+        let share = |end: i16| valid.iter().filter(|d| **d == f32::from(end)).count() as f64 / valid.len().max(1) as f64;
+        [share(*range.start()), share(*range.end())]
+    }
+
     /// The smallest and largest valid disparity in pixels, or `None` if all pixels are invalid.
     pub fn range(&self) -> Option<RangeInclusive<f32>> {
         let valid = || self.pixels().iter().flatten().copied();

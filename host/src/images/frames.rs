@@ -74,6 +74,16 @@ impl Frames {
         Frames { colors, ..frames }
     }
 
+    /// The frames with `f` applied to each picture. The pictures are in colour if all frames are.
+    pub fn map(&self, f: impl Fn(&Picture) -> Picture) -> Frames {
+        let picture = |frame: Frame, gray: &GrayImage| match self.color(frame) {
+            Some(rgb) => f(&Picture::Rgb(rgb.clone())),
+            None => f(&Picture::Gray(gray.clone())),
+        };
+        let center = Frames::of_picture(picture(Frame::Center, &self.center));
+        self.neighbors.iter().fold(center, |frames, (view, gray)| frames.with_picture(*view, picture(Frame::View(*view), gray)))
+    }
+
     /// Crops the centre and the neighbours `views` to the `width` x `height` pixels in their middle, in grey.
     ///
     /// # Panics

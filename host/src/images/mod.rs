@@ -1,19 +1,24 @@
-//! Images in memory: rasters, pictures, the frames of a capture and their layout, disparity maps, and the geometry
-//! that turns disparity into depth.
+//! Images in memory: rasters, pictures, the frames of a capture and their layout, disparity maps, the geometry
+//! that turns disparity into depth, and the displacements that rectify frames.
 
 mod disparity_map;
 mod frames;
 mod geometry;
+mod interpolated;
 mod layout;
 mod picture;
 mod raster;
+mod resampled;
+mod sampled_displacements;
 pub mod turbo;
 
 pub use disparity_map::DisparityMap;
 pub use frames::Frames;
 pub use geometry::Geometry;
+pub(crate) use interpolated::InterpolatedImage;
 pub use layout::Layout;
 pub use picture::Picture;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub(crate) use picture::gray_of;
 pub use raster::{FloatImage, Raster};
+pub use sampled_displacements::SampledDisplacements;

@@ -90,6 +90,12 @@ impl Report {
         self.part(html! { div class="scroll" { (chart) } })
     }
 
+    /// Adds a picture of the errors of a lens calibration.
+    #[cfg(feature = "calibration")]
+    pub fn reprojections(self, map: &super::reprojection_map::ReprojectionMap<'_>) -> Report {
+        self.part(html! { div class="scroll" { (map) } })
+    }
+
     /// Adds a section of pictures side by side.
     pub fn gallery(self, title: &str, figures: impl IntoIterator<Item = Figure>) -> Report {
         self.heading(title).part(html! {

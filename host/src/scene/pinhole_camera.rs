@@ -2,12 +2,7 @@
 
 use multiscopic_core::{Frame, View};
 
-use super::{
-    pose::Pose,
-    random::{hash, unit},
-    ray::Ray,
-    vec3::Vec3,
-};
+use super::random::{hash, unit};
 
 /// A pinhole camera on a stage that moves it in its image plane. Pixel `(u, v)` has its centre at whole
 /// coordinates, and the optical axis goes through the middle of the image.
@@ -57,15 +52,10 @@ impl PinholeCamera {
         [target[0] + random(0) * self.repeatability_mm, target[1] + random(1) * self.repeatability_mm]
     }
 
-    /// The ray through image point `(u, v)` of the camera at `position`, relative to `viewpoint`. Its `t` is
-    /// the depth in millimetres.
-    pub(super) fn ray(&self, viewpoint: &Pose, position: [f64; 2], u: f64, v: f64) -> Ray {
+    /// The direction `(x, y, 1)` that image point `(u, v)` sees: x to the right, y down, z along the optical axis.
+    pub(super) fn direction(&self, u: f64, v: f64) -> [f64; 2] {
         let middle = |size: u32| (f64::from(size) - 1.0) / 2.0;
-        let (x, y) = ((u - middle(self.width)) / self.focal_px, (v - middle(self.height)) / self.focal_px);
-        Ray {
-            origin: viewpoint.origin + viewpoint.axes[0] * position[0] + viewpoint.axes[1] * position[1],
-            direction: viewpoint.world_direction(Vec3::new(x, y, 1.0)),
-        }
+        [(u - middle(self.width)) / self.focal_px, (v - middle(self.height)) / self.focal_px]
     }
 }
 

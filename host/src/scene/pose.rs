@@ -32,6 +32,27 @@ impl Pose {
         self
     }
 
+    /// The pose moved along its own axes.
+    pub fn moved(self, [x, y, z]: [f64; 3]) -> Pose {
+        Pose { origin: self.origin + self.axes[0] * x + self.axes[1] * y + self.axes[2] * z, ..self }
+    }
+
+    /// The pose rotated about its own axes by a rotation vector: its direction is the axis, its length the angle in radians. The last
+    /// bits may differ between machines.
+    pub fn rotated(self, rotation: [f64; 3]) -> Pose {
+        let [x, y, z] = rotation;
+        let vector = Vec3::new(x, y, z);
+        let angle = vector.length();
+        if angle == 0.0 {
+            return self;
+        }
+        let axis = vector * (1.0 / angle);
+        let (sin, cos) = angle.sin_cos();
+        // Rodrigues' formula.
+        let turn = |local: Vec3| local * cos + axis.cross(local) * sin + axis * (axis.dot(local) * (1.0 - cos));
+        Pose { axes: [Vec3::X, Vec3::Y, Vec3::Z].map(|local| self.world_direction(turn(local))), ..self }
+    }
+
     /// Converts a direction from world to local coordinates.
     pub fn local_direction(&self, world: Vec3) -> Vec3 {
         Vec3::new(self.axes[0].dot(world), self.axes[1].dot(world), self.axes[2].dot(world))
@@ -45,5 +66,27 @@ impl Pose {
     /// Converts a direction from local to world coordinates.
     pub fn world_direction(&self, local: Vec3) -> Vec3 {
         self.axes[0] * local.x + self.axes[1] * local.y + self.axes[2] * local.z
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rotation_vector_turns_as_three_turns_do() {
+        let pose = Pose::at(Vec3::new(1.0, 2.0, 3.0)).turned(0, 0.3).turned(2, -0.2);
+        for axis in 0..3 {
+            let half_tangent: f64 = 0.07;
+            let mut vector = [0.0; 3];
+            vector[axis] = 2.0 * half_tangent.atan();
+            let [expected, found] = [pose.turned(axis, half_tangent), pose.rotated(vector)];
+            for (a, b) in expected.axes.iter().zip(found.axes) {
+                assert!((*a - b).length() < 1e-14, "axis {axis}: {a:?}, {b:?}");
+            }
+        }
+        assert_eq!(pose.rotated([0.0; 3]), pose);
+        let there = pose.moved([4.0, -5.0, 6.0]);
+        assert!((pose.local_point(there.origin) - Vec3::new(4.0, -5.0, 6.0)).length() < 1e-12);
     }
 }

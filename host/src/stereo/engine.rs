@@ -92,8 +92,8 @@ impl Engine {
         let simd = self.simd(params.search());
         let pixels = map.pixels_mut().par_chunks_mut(height * params.width());
         self.pool.install(|| {
-            pixels.zip(bands).for_each(|(out, region)| {
-                simd.run(MatchRegion { input, params, region: &region, out, line_done: &line_done });
+            pixels.zip(bands).for_each(|(out, band)| {
+                simd.run(MatchBand { input, params, band: &band, out, line_done: &line_done });
             });
         });
         Ok(map)
@@ -144,30 +144,45 @@ impl ScanlineSource for Input<'_> {
     }
 }
 
-/// Matches a region of the input into `out`, line by line.
-struct MatchRegion<'a, F> {
+/// Matches a band of the input into `out`, its lines, by column tiles.
+struct MatchBand<'a, F> {
     input: Input<'a>,
     params: &'a Params,
-    region: &'a Region,
+    band: &'a Region,
     out: &'a mut [Option<Disparity>],
     line_done: &'a F,
 }
 
-impl<F: Fn()> Task for MatchRegion<'_, F> {
+impl<F: Fn()> Task for MatchBand<'_, F> {
     type Output = ();
 
     fn run<I: Kernel>(self, isa: I) {
         /// Bytes of the widest vector. Sums are aligned to it.
         const ALIGNMENT: usize = 64;
-        let MatchRegion { mut input, params, region, out, line_done } = self;
-        let words = Memory::new::<I>(params, region.width()).words();
-        let mut memory = vec![0u32; words + ALIGNMENT / 4];
+        let MatchBand { mut input, params, band, out, line_done } = self;
+        let words = |width| Memory::new::<I>(params, width).words();
+        let width = tile_width(params, 4 * words(params.width()));
+        let mut memory = vec![0u32; words(width) + ALIGNMENT / 4];
         let start = memory.as_ptr().align_offset(ALIGNMENT);
-        let mut matcher =
-            Matcher::with_isa(isa, params, region, &mut memory[start..]).expect("the memory has the matcher's own size");
-        for line in out.chunks_exact_mut(region.width()) {
-            matcher.next_line(&mut input, line).expect("lines in memory do not fail");
-            line_done();
+        for tile in Region::tiles(params.search(), width) {
+            let region = Region::new(params.search(), tile.columns(), band.rows()).expect("tiles and bands lie in the frame");
+            let mut matcher =
+                Matcher::with_isa(isa, params, &region, &mut memory[start..]).expect("the memory is that of the widest tile");
+            for line in out.chunks_exact_mut(params.width()) {
+                matcher.next_line(&mut input, &mut line[region.columns()]).expect("lines in memory do not fail");
+                if region.columns().end == params.width() {
+                    line_done();
+                }
+            }
         }
     }
+}
+
+/// The width of column tiles, given the bytes that matching whole lines would need.
+///
+/// A tile's running sums stay in the second-level cache. A narrow one would gain nothing, since it has a block's width of
+/// sums that its neighbour has too.
+fn tile_width(params: &Params, bytes: usize) -> usize {
+    const CACHE: usize = 1 << 20;
+    params.width().div_ceil(bytes.div_ceil(CACHE)).max(16 * params.block_size()).min(params.width())
 }

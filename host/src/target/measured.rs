@@ -120,7 +120,7 @@ impl Processor {
     /// what the model is not fitted to: the census, more than four views, [`Fusion::Half`](multiscopic_core::Fusion::Half)
     /// of more than two, and a match from short baselines to long ones.
     pub fn instructions(self, matching: &Matching) -> Option<f64> {
-        self.firmware_costs().prices.instructions(matching, self.lanes())
+        self.firmware_costs().prices.instructions(matching, self)
     }
 }
 

@@ -63,6 +63,7 @@ impl Ram {
             ("costs", matcher.costs, "matching costs of a line, and what paths add to them"),
             ("paths", matcher.paths, "path costs of a line, by path and disparity"),
             ("samples", matcher.samples, "the centre's samples in two lines, and the penalties by their change"),
+            ("rectified", matcher.rectified, "lines of the frames that rectified lines are interpolated from"),
             ("disparities", line, "the disparity line being computed"),
             ("packet", packet + padding, "the packet of a line, before and after COBS encoding"),
             ("runtime", self.other_statics, "all other statics, measured"),

@@ -41,7 +41,7 @@ const SHARED_MODULES: [Shared; 7] = [
     Shared { name: "depth", places: &["core/src/", "host/src/image"], reason: "the depth of a pixel, and of a whole map" },
 ];
 
-const SHARED_TYPES: [Shared; 3] = [
+const SHARED_TYPES: [Shared; 5] = [
     Shared { name: "Error", places: &[""], reason: "the error of its room, named with it" },
     Shared { name: "Result", places: &[""], reason: "the result of its room, named with it" },
     Shared {
@@ -49,6 +49,8 @@ const SHARED_TYPES: [Shared; 3] = [
         places: &["core/src/capture/", "host/src/capture/"],
         reason: "the trait, and the host's implementation",
     },
+    Shared { name: "V4l2Camera", places: &["host/src/capture/camera/"], reason: "real cameras, and builds without them" },
+    Shared { name: "CameraError", places: &["host/src/capture/camera/"], reason: "real cameras, and builds without them" },
 ];
 
 /// Folders whose names follow those of other parts, and the reason.

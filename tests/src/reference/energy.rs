@@ -20,7 +20,8 @@ pub struct Energy {
     pub potts: bool,
     /// The cost of a step between similar pixels, and between dissimilar ones.
     pub lambda: [f64; 2],
-    /// The intensity difference at which pixels count as dissimilar.
+    /// The intensity difference at which pixels count as dissimilar: in the centre, in any of up to four views
+    /// or in half of more.
     pub theta: u8,
     /// The step at which the smoothness cost is truncated.
     pub cutoff: i32,
@@ -124,13 +125,15 @@ impl Energy {
             let (a, b) = (sample(image, a), sample(image, b));
             (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f64::max)
         };
-        let mut most = contrast(&self.center, p, q);
-        for (offset, image) in &self.views {
-            if let (Some(a), Some(b)) = (self.matched(*offset, p, d1), self.matched(*offset, q, d2)) {
-                most = most.max(contrast(image, a, b));
-            }
-        }
-        if most < f64::from(self.theta) { self.lambda[0] } else { self.lambda[1] }
+        let differ = |contrast: f64| contrast >= f64::from(self.theta);
+        let in_view =
+            |(offset, image): &&((i32, i32), RgbImage)| match (self.matched(*offset, p, d1), self.matched(*offset, q, d2)) {
+                (Some(a), Some(b)) => differ(contrast(image, a, b)),
+                _ => false,
+            };
+        let count = self.views.iter().filter(in_view).count();
+        let enough = if self.views.len() <= 4 { count >= 1 } else { 2 * count >= self.views.len() };
+        if enough || differ(contrast(&self.center, p, q)) { self.lambda[1] } else { self.lambda[0] }
     }
 
     fn matched(&self, (i, j): (i32, i32), (u, v): Place, d: i32) -> Option<Place> {

@@ -6,7 +6,9 @@ pub mod energy;
 #[cfg(target_os = "linux")]
 pub mod luma;
 pub mod networks;
+mod rectification;
 pub mod semi_global;
 
 pub use around_prior::{AroundPrior, gradients, medians};
 pub use block_matching::{Fusion, Match, fixed, fuse, raw16};
+pub use rectification::{RectifiedImage, rectify};

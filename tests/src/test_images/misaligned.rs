@@ -1,6 +1,6 @@
 //! Captures whose views are misaligned by known amounts.
 
-use std::path::Path;
+use std::{fs, path::Path};
 
 use crate::{program::Invocation, test_images::view_set::ViewSet};
 
@@ -50,6 +50,16 @@ pub fn quarter(images: &ViewSet, off: [Off; 4]) -> ViewSet {
     ViewSet { width, height, center: shrunk(&images.center, 0, 0, 1.0), views, others: Vec::new() }
 }
 
+/// Writes images as a rig whose camera is not known.
+pub fn write_rig(images: &ViewSet, folder: &Path) {
+    images.write_rig(folder);
+    let path = folder.join("rig.toml");
+    let toml = fs::read_to_string(&path).expect("it was just written");
+    let is_camera = |line: &&str| line.starts_with("focal_px") || line.starts_with("principal_point");
+    let rest: Vec<&str> = toml.lines().filter(|line| !is_camera(line)).collect();
+    fs::write(path, rest.join("\n")).expect("the folder is there");
+}
+
 /// What `multiscopic align` reports about a view.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
@@ -66,7 +76,8 @@ pub fn align(folder: &Path, arguments: &[&str]) -> [Option<Found>; 4] {
     let folder = folder.to_str().expect("a path in UTF-8");
     let run = Invocation::new([&["align", folder, "--json"], arguments].concat());
     assert_eq!(run.code, Some(0), "{}", run.stderr);
-    let lines: Vec<serde_json::Value> = serde_json::from_str(&run.stdout).expect("JSON");
+    let report: serde_json::Value = serde_json::from_str(&run.stdout).expect("JSON");
+    let lines = report["views"].as_array().expect("a list");
     ["left", "right", "top", "bottom"].map(|name| {
         let line = lines.iter().find(|line| line["view"] == name)?;
         let number = |key: &str| line[key].as_f64();
@@ -79,7 +90,7 @@ pub fn align(folder: &Path, arguments: &[&str]) -> [Option<Found>; 4] {
 pub fn assert_recovers(images: &ViewSet, num_disparities: usize, offs: &[[Off; 4]]) {
     let found = |off: [Off; 4]| {
         let folder = tempfile::tempdir().expect("a folder for a test");
-        quarter(images, off).write_rig(folder.path());
+        write_rig(&quarter(images, off), folder.path());
         align(folder.path(), &["--num-disparities", &num_disparities.to_string()])
     };
     let before = found([Off::NONE; 4]);

@@ -5,5 +5,7 @@ mod arm;
 mod camera;
 #[cfg(unix)]
 mod gcode;
+mod mounts;
 mod path;
 mod sequence;
+mod simulated;

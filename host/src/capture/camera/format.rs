@@ -69,12 +69,12 @@ impl PixelFormat {
     }
 
     /// The format with this four-character code.
-    pub(super) fn of_fourcc(fourcc: [u8; 4]) -> Option<PixelFormat> {
+    pub fn of_fourcc(fourcc: [u8; 4]) -> Option<PixelFormat> {
         Self::ALL.into_iter().find(|format| format.fourcc() == fourcc)
     }
 
     /// All names, for messages.
-    pub(super) fn names() -> String {
+    pub fn names() -> String {
         Self::ALL.map(PixelFormat::name).join(", ")
     }
 }

@@ -8,7 +8,8 @@
 //! | [`Arm`] | an arm of Universal Robots |
 //! | [`gcode`] | machines with Grbl or Marlin on a serial port |
 //! | [`ManualStage`] | a person who is prompted |
-//! | [`SimulatedStage`] | none: for trying things out |
+//! | [`SimulatedStage`], [`StageImperfections`] | none: for trying things out, with the errors of real ones |
+//! | [`TurnedStage`] | moves along the axes of a camera that is mounted at an angle |
 //! | [`StageError`] | what went wrong, and what to do |
 //!
 //! A stage's [centre](multiscopic_core::capture::Position::CENTER) is where it is when it is opened. All
@@ -24,6 +25,7 @@ mod safety_mode;
 mod simulated;
 mod spec;
 mod stall_timer;
+mod turned;
 
 pub use any_stage::AnyStage;
 pub use error::StageError;
@@ -31,8 +33,9 @@ pub use limits::Limits;
 pub use manual::ManualStage;
 pub use robot_arm::{Arm, ArmAddress};
 pub use safety_mode::SafetyMode;
-pub use simulated::{SimulatedPlace, SimulatedStage};
+pub use simulated::{SimulatedPlace, SimulatedStage, StageImperfections, StagePose};
 pub use spec::StageSpec;
+pub use turned::TurnedStage;
 
 /// Opens the stage that `spec` names.
 ///
@@ -43,6 +46,6 @@ pub fn open(spec: &StageSpec, limits: &Limits) -> Result<AnyStage, StageError> {
         StageSpec::Ur10(address) => Arm::connect(address, limits).map(AnyStage::new),
         StageSpec::Gcode { path, baud } => gcode::open(path, *baud, limits),
         StageSpec::Manual => ManualStage::at_terminal(limits).map(AnyStage::new),
-        StageSpec::Simulated => SimulatedStage::new(limits).map(AnyStage::new),
+        StageSpec::Simulated => SimulatedStage::new(limits, StageImperfections::default()).map(AnyStage::new),
     }
 }

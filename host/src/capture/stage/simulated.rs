@@ -5,32 +5,73 @@ use std::{
     time::Instant,
 };
 
+use fastrand::Rng;
 use multiscopic_core::capture::{Position, Stage};
+use serde::Deserialize;
 
 use super::{error::StageError, limits::Limits};
 
-/// A stage without hardware, which takes the time that a real one would.
+/// A stage without hardware, which takes the time that a real one would, and makes the errors that it is told to.
 #[derive(Debug)]
 pub struct SimulatedStage {
     limits: Limits,
+    errors: StageImperfections,
     place: SimulatedPlace,
+    /// Where the drives have taken it, in millimetres.
+    driven: [f64; 2],
+    /// Where the carriage is between the ends of its play, in millimetres.
+    carried: [f64; 2],
     from: [f64; 2],
     target: Position,
     departure: Instant,
+    random: Rng,
+    /// How far the current move misses its target, in millimetres, and how it turns the camera, in degrees.
+    miss: ([f64; 2], [f64; 3]),
+}
+
+/// How a stage differs from a perfect one. Without any errors by default.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StageImperfections {
+    /// How far the stage moves to the right and down as a multiple of how far it is told to.
+    pub scale: [f64; 2],
+    /// How much the downward axis leans to the left, in degrees: positive turns it further away from the axis to the right.
+    pub skew_deg: f64,
+    /// Play between drive and camera along each axis, in millimetres.
+    pub backlash_mm: f64,
+    /// The most by which a move misses its target along each axis, in millimetres.
+    pub repeatability_mm: f64,
+    /// The most by which a move turns the camera about each axis, in degrees.
+    pub rotation_deg: f64,
+}
+
+impl Default for StageImperfections {
+    fn default() -> StageImperfections {
+        StageImperfections { scale: [1.0; 2], skew_deg: 0.0, backlash_mm: 0.0, repeatability_mm: 0.0, rotation_deg: 0.0 }
+    }
 }
 
 /// Where a [`SimulatedStage`] has moved its camera. Clones are of the same place.
 #[derive(Clone, Debug, Default)]
-pub struct SimulatedPlace(Arc<Mutex<[f64; 2]>>);
+pub struct SimulatedPlace(Arc<Mutex<StagePose>>);
+
+/// Where a stage has moved its camera, and how it has turned it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StagePose {
+    /// Millimetres to the right of the centre and below it.
+    pub position_mm: [f64; 2],
+    /// A rotation vector about the axes to the right, down and ahead, in degrees.
+    pub rotation_deg: [f64; 3],
+}
 
 impl SimulatedPlace {
-    /// Millimetres to the right of the centre and below it.
-    pub fn get(&self) -> [f64; 2] {
+    /// Where the camera is.
+    pub fn get(&self) -> StagePose {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn set(&self, place: [f64; 2]) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = place;
+    fn set(&self, pose: StagePose) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = pose;
     }
 }
 
@@ -39,10 +80,20 @@ impl SimulatedStage {
     ///
     /// # Errors
     /// The limits are out of range.
-    pub fn new(limits: &Limits) -> Result<SimulatedStage, StageError> {
+    pub fn new(limits: &Limits, errors: StageImperfections) -> Result<SimulatedStage, StageError> {
         limits.check()?;
-        let (target, departure) = (Position::CENTER, Instant::now());
-        Ok(SimulatedStage { limits: *limits, place: SimulatedPlace::default(), from: [0.0; 2], target, departure })
+        Ok(SimulatedStage {
+            limits: *limits,
+            errors,
+            place: SimulatedPlace::default(),
+            driven: [0.0; 2],
+            carried: [0.0; 2],
+            from: [0.0; 2],
+            target: Position::CENTER,
+            departure: Instant::now(),
+            random: Rng::with_seed(1),
+            miss: ([0.0; 2], [0.0; 3]),
+        })
     }
 
     /// Where the camera is.
@@ -59,14 +110,26 @@ impl SimulatedStage {
             true => 1.0,
             false => (self.departure.elapsed().as_secs_f64() / whole.as_secs_f64()).min(1.0),
         };
-        self.place.set([self.from[0] + share * way[0], self.from[1] + share * way[1]]);
+        self.drive([self.from[0] + share * way[0], self.from[1] + share * way[1]]);
         share >= 1.0
     }
 
-    /// Where the camera is, in whole micrometres.
+    /// Drives to a place in millimetres, and takes the camera along.
+    fn drive(&mut self, driven: [f64; 2]) {
+        self.driven = driven;
+        let StageImperfections { scale, skew_deg, backlash_mm, .. } = self.errors;
+        let carried = |axis: usize| self.carried[axis].clamp(driven[axis] - backlash_mm / 2.0, driven[axis] + backlash_mm / 2.0);
+        self.carried = [carried(0), carried(1)];
+        let [x, y] = [0, 1].map(|axis| scale[axis] * self.carried[axis]);
+        let (sin, cos) = skew_deg.to_radians().sin_cos();
+        let ([miss_x, miss_y], rotation_deg) = self.miss;
+        self.place.set(StagePose { position_mm: [x - sin * y + miss_x, cos * y + miss_y], rotation_deg });
+    }
+
+    /// Where the drives have taken it, in whole micrometres.
     fn measured(&mut self) -> Position {
         self.update();
-        let [x_um, y_um] = self.place.get().map(|mm| (1000.0 * mm).round() as i32);
+        let [x_um, y_um] = self.driven.map(|mm| (1000.0 * mm).round() as i32);
         Position { x_um, y_um }
     }
 }
@@ -77,7 +140,10 @@ impl Stage for SimulatedStage {
     fn move_to(&mut self, position: Position) -> Result<(), StageError> {
         self.limits.check_reach(position)?;
         self.update();
-        (self.from, self.target, self.departure) = (self.place.get(), position, Instant::now());
+        (self.from, self.target, self.departure) = (self.driven, position, Instant::now());
+        let mut within = |most: f64| most * (2.0 * self.random.f64() - 1.0);
+        let StageImperfections { repeatability_mm, rotation_deg, .. } = self.errors;
+        self.miss = ([(); 2].map(|()| within(repeatability_mm)), [(); 3].map(|()| within(rotation_deg)));
         Ok(())
     }
 
@@ -91,8 +157,8 @@ impl Stage for SimulatedStage {
 
     fn stop(&mut self) -> Result<(), StageError> {
         let here = self.measured();
-        self.place.set([here.x_um, here.y_um].map(|um| f64::from(um) / 1000.0));
-        (self.from, self.target, self.departure) = (self.place.get(), here, Instant::now());
+        self.drive([here.x_um, here.y_um].map(|um| f64::from(um) / 1000.0));
+        (self.from, self.target, self.departure) = (self.driven, here, Instant::now());
         Ok(())
     }
 }
@@ -105,7 +171,7 @@ mod tests {
     #[test]
     fn takes_its_time_and_stops() {
         let limits = Limits { speed_mm_s: 250.0, acceleration_mm_s2: 1200.0, ..Limits::default() };
-        let mut stage = SimulatedStage::new(&limits).unwrap();
+        let mut stage = SimulatedStage::new(&limits, StageImperfections::default()).unwrap();
         let place = stage.place();
         let right = Position { x_um: 10_000, y_um: 0 };
         let start = Instant::now();
@@ -115,10 +181,58 @@ mod tests {
             std::thread::sleep(Duration::from_millis(1));
         }
         assert!(start.elapsed() >= limits.travel_time(10.0));
-        assert_eq!((place.get(), stage.position().unwrap()), ([10.0, 0.0], Some(right)));
+        assert_eq!((place.get().position_mm, stage.position().unwrap()), ([10.0, 0.0], Some(right)));
         stage.move_to(Position { x_um: 100_000, y_um: 0 }).unwrap();
         stage.stop().unwrap();
-        assert!(stage.has_arrived().unwrap() && place.get()[0] < 100.0);
+        assert!(stage.has_arrived().unwrap() && place.get().position_mm[0] < 100.0);
         assert!(stage.move_to(Position { x_um: 100_001, y_um: 0 }).unwrap_err().to_string().contains("beyond the reach"));
+    }
+    /// Where a stage with errors takes the camera, move by move.
+    fn places(errors: StageImperfections, moves: &[[i32; 2]]) -> Vec<StagePose> {
+        let limits = Limits { speed_mm_s: 250.0, acceleration_mm_s2: 1200.0, ..Limits::default() };
+        let mut stage = SimulatedStage::new(&limits, errors).unwrap();
+        let mut arrive = |&[x_um, y_um]: &[i32; 2]| {
+            stage.move_to(Position { x_um, y_um }).unwrap();
+            while !stage.has_arrived().unwrap() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            assert_eq!(stage.position().unwrap(), Some(Position { x_um, y_um }), "the drives do not notice");
+            stage.place().get()
+        };
+        moves.iter().map(&mut arrive).collect()
+    }
+
+    #[test]
+    fn errors_are_those_that_were_asked_for() {
+        let perfect = StageImperfections::default();
+        let near = |found: StagePose, x: f64, y: f64| {
+            let [dx, dy] = [found.position_mm[0] - x, found.position_mm[1] - y];
+            assert!(dx.hypot(dy) < 1e-9, "{found:?} instead of {x}, {y}");
+        };
+        let scaled = places(StageImperfections { scale: [1.02, 0.99], ..perfect }, &[[1000, 0], [0, -1000]]);
+        near(scaled[0], 1.02, 0.0);
+        near(scaled[1], 0.0, -0.99);
+        // The downward axis leans to the left.
+        let skewed = places(StageImperfections { skew_deg: 30.0, ..perfect }, &[[1000, 0], [0, 2000]]);
+        near(skewed[0], 1.0, 0.0);
+        near(skewed[1], -1.0, 3.0_f64.sqrt());
+        // The first move takes up half of the play, the way back all of it.
+        let loose = places(StageImperfections { backlash_mm: 0.2, ..perfect }, &[[1000, 0], [500, 0], [550, 0], [2000, 0]]);
+        near(loose[0], 0.9, 0.0);
+        near(loose[1], 0.6, 0.0);
+        near(loose[2], 0.6, 0.0);
+        near(loose[3], 1.9, 0.0);
+        let shaky = StageImperfections { repeatability_mm: 0.1, rotation_deg: 0.5, ..perfect };
+        let moves = [[0, 0]; 40];
+        let found = places(shaky, &moves);
+        let values = |of: &dyn Fn(&StagePose) -> Vec<f64>| {
+            let all: Vec<f64> = found.iter().flat_map(of).collect();
+            (all.iter().copied().fold(f64::INFINITY, f64::min), all.iter().copied().fold(f64::NEG_INFINITY, f64::max))
+        };
+        let (least, most) = values(&|pose| pose.position_mm.to_vec());
+        assert!((-0.1..-0.08).contains(&least) && (0.08..=0.1).contains(&most), "{least} to {most}");
+        let (least, most) = values(&|pose| pose.rotation_deg.to_vec());
+        assert!((-0.5..-0.4).contains(&least) && (0.4..=0.5).contains(&most), "{least} to {most}");
+        assert_eq!(places(shaky, &moves), found, "errors are the same in every run");
     }
 }

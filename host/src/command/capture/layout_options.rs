@@ -4,8 +4,7 @@ use clap::Args;
 use multiscopic::{Error, Result, capture::Accuracy, images::Layout};
 use multiscopic_core::{View, Views};
 
-use super::capture_options::micrometres;
-use crate::command::options::{value::positive, views_of_count};
+use crate::command::options::{micrometres, value::positive, views_of_count};
 
 /// Where the frames are taken.
 #[derive(Clone, Debug, Args)]

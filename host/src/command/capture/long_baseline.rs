@@ -26,8 +26,7 @@ pub struct LongBaseline {
 pub struct Refinement<'a> {
     options: &'a LongBaseline,
     search: Search,
-    /// The disparities by the views at the shortest baseline, and what they are searched around by the others.
-    short: DisparityMap,
+    /// The filtered disparities of the views at the shortest baseline, around which the others are searched.
     prior: DisparityMap,
     survey: Survey,
     choice: Choice,
@@ -41,9 +40,12 @@ impl LongBaseline {
         let method = Method::new(CostFunction::Sad { block_size }, None, Optimizer::WinnerTakesAll);
         let short = method.disparities(&self.engine, frames, &search, &())?;
         let survey = Survey::new(&short, geometry, block_size.into())?;
-        let prior = LongBaselines::DEFAULT.median.map_or_else(|| short.clone(), |median| median.apply(&short));
         let choice = self.choose(&survey, &search);
-        Ok(Refinement { options: self, search, short, prior, survey, choice })
+        let prior = match LongBaselines::DEFAULT.median {
+            Some(median) => median.apply(&short),
+            None => short,
+        };
+        Ok(Refinement { options: self, search, prior, survey, choice })
     }
 
     fn choose(&self, survey: &Survey, search: &Search) -> Choice {
@@ -63,9 +65,10 @@ impl Refinement<'_> {
 
     /// Refines the disparities by all views of `frames`, and chooses the next. Returns what was reached, in words.
     pub fn refine(&mut self, frames: &Frames) -> Result<String> {
-        let long = LongBaselines::DEFAULT;
+        // The prior is filtered already.
+        let long = LongBaselines { median: None, ..LongBaselines::DEFAULT };
         let [_, longer @ ..] = &LongBaselines::sets(frames.views())[..] else { return Ok("reached: no longer baseline".into()) };
-        let refined = long.refine(&self.options.engine, frames, &self.search, longer, self.short.clone(), &())?;
+        let refined = long.refine(&self.options.engine, frames, &self.search, longer, self.prior.clone(), &())?;
         // Where the long views found nothing, the prior stays, whose noise says nothing about them.
         let pixels = refined.pixels().iter().zip(self.prior.pixels()).map(|(found, prior)| found.filter(|_| found != prior));
         let found = DisparityMap::new(refined.width(), refined.height(), pixels.collect());

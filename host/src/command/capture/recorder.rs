@@ -1,63 +1,57 @@
 //! Captures written to folders.
 
-use std::{error, path::Path, sync::atomic::AtomicUsize, time::Duration};
+use std::{path::Path, time::Duration};
 
 use image::GrayImage;
 use jiff::Zoned;
 use multiscopic::{
-    Frames, Result, Rig,
-    capture::{
-        BlockingCamera, ThreadedCamera, acquire_images,
-        stage::{AnyStage, Limits},
-    },
+    CameraModel, FloatImage, Frames, Inspection, Result, Rig,
+    capture::{SimulatedCamera, acquire_images},
     files::{FrameFiles, Provenance, output},
+    lens::Undistortion,
 };
 use multiscopic_core::{
     Frame, Views,
-    capture::{CaptureProgress, Plan, Policy, Position},
+    capture::{CaptureProgress, Plan, Position},
 };
 
 use super::{
     capture_log::{self, CaptureLog},
     long_baseline::LongBaseline,
 };
-use crate::command::terminal;
+use crate::command::{hardware::Hardware, options::LensFile, terminal};
+
+/// The true disparities of a simulated capture, within its folder.
+const TRUTH_FILE_NAME: &str = "truth.pfm";
 
 /// Takes captures that differ only in their folder and date.
-pub struct Recorder<'a> {
+pub struct Recorder {
     /// Which frames are taken, and where.
     pub plan: Plan,
-    /// Time limits, retries and tolerances.
-    pub policy: Policy,
-    /// How far and how fast the stage may go.
-    pub limits: Limits,
     /// The distance from the centre to the nearest neighbours, in micrometres.
     pub baseline_um: u32,
     /// How views at a longer baseline are chosen, if they are taken as needed.
     pub long_baseline: Option<LongBaseline>,
     /// The focal length in pixels, if it is known.
     pub focal_px: Option<f64>,
-    /// The camera and its settings, in words.
-    pub camera_name: String,
-    /// The stage, as the command line names it.
-    pub stage_name: String,
-    /// Counts the interrupts of the user.
-    pub interrupts: &'a AtomicUsize,
+    /// The calibration of the camera's lens, if it is known.
+    pub lens: Option<LensFile>,
+    /// How the camera is turned against the axes along which it is moved, if it is known: a rotation vector in degrees.
+    pub mount_rotation_deg: Option<[f64; 3]>,
+    /// What moves, and what sees.
+    pub hardware: Hardware,
 }
 
-impl Recorder<'_> {
+impl Recorder {
     /// Takes one capture and writes it to `folder`, which appears once it is complete.
-    pub fn record<C>(&self, stage: &mut AnyStage, camera: &mut ThreadedCamera<C>, folder: &Path) -> Result<()>
-    where
-        C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
-    {
+    pub fn record(&mut self, folder: &Path) -> Result<()> {
         let date = Zoned::now().strftime("%F %T %:z").to_string();
-        let mut log = CaptureLog::new(&date, &self.camera_name, &self.stage_name);
-        let images = self.acquire(&self.plan, stage, camera, &mut log)?;
+        let mut log = CaptureLog::new(&date, &self.hardware.camera_name, &self.hardware.stage_name);
+        let images = acquire(&mut self.hardware, &self.plan, &mut log)?;
         let mut frames = images.into_iter().fold(None, with_image).expect("a plan begins with the centre");
         let mut notes = Vec::new();
         let extended = match &self.long_baseline {
-            Some(long_baseline) => self.extend(&mut frames, long_baseline, stage, camera, &mut log, &mut notes),
+            Some(_) => self.extend(&mut frames, &mut log, &mut notes),
             None => Ok(()),
         };
         for note in &notes {
@@ -65,31 +59,35 @@ impl Recorder<'_> {
             log.note(note);
         }
         let rig = self.rig(&frames, date, (!notes.is_empty()).then(|| notes.join("\n")));
+        let undistortion = undistortion(&rig, &self.lens, frames.size())?;
+        let simulated = self.hardware.simulated.as_ref();
+        let truth = simulated.and_then(|camera| true_disparities(camera, &rig, undistortion.as_ref()));
         output::write_folder(folder, |folder| {
+            if let Some(truth) = &truth {
+                truth.write_pfm(&folder.join(TRUTH_FILE_NAME))?;
+            }
             frames.save(&rig.images.within(folder))?;
             output::write(&folder.join(CaptureLog::FILE_NAME), |writer| writer.write_all(log.as_bytes()))?;
+            if let Some(lens) = &self.lens {
+                lens.camera.save(&folder.join(CameraModel::FILE_NAME))?;
+            }
             rig.save(folder)
         })?;
         let [width, height] = frames.size();
         terminal::say(&format!("{}: {} frames of {width}x{height}", folder.display(), 1 + frames.views().len()));
+        let ideal = undistortion.map_or_else(|| frames.clone(), |undistortion| undistortion.frames(&frames));
+        Inspection::of(&ideal).range_line().into_iter().for_each(|line| terminal::say(&line));
         extended
     }
 
     /// Takes views at a longer baseline as well, if they are needed. Whatever fails, the frames that are there stay.
-    fn extend<C>(
-        &self,
-        frames: &mut Frames,
-        long_baseline: &LongBaseline,
-        stage: &mut AnyStage,
-        camera: &mut ThreadedCamera<C>,
-        log: &mut CaptureLog,
-        notes: &mut Vec<String>,
-    ) -> Result<()>
-    where
-        C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
-    {
-        let geometry = self.rig(frames, String::new(), None).geometry().expect("an accuracy comes with the focal length");
-        let mut refinement = long_baseline.begin(frames, geometry)?;
+    fn extend(&mut self, frames: &mut Frames, log: &mut CaptureLog, notes: &mut Vec<String>) -> Result<()> {
+        let Some(long_baseline) = &self.long_baseline else { return Ok(()) };
+        let rig = self.rig(frames, String::new(), None);
+        let geometry = rig.geometry(frames.size()).expect("an accuracy comes with the focal length");
+        let undistortion = undistortion(&rig, &self.lens, frames.size())?;
+        let ideal = |frames: &Frames| undistortion.as_ref().map_or_else(|| frames.clone(), |lens| lens.frames(frames));
+        let mut refinement = long_baseline.begin(&ideal(frames), geometry)?;
         notes.push(refinement.found());
         loop {
             notes.push(refinement.chosen());
@@ -97,74 +95,86 @@ impl Recorder<'_> {
             if views.is_empty() || frames.views().len() + views.len() > Views::MAX {
                 return Ok(());
             }
-            let plan = Plan::of_views(views, self.baseline_um).shortened(self.policy.backlash_um);
-            let images = self.acquire(&plan, stage, camera, log)?;
+            let plan = Plan::of_views(views, self.baseline_um).shortened(self.hardware.policy.backlash_um);
+            let images = acquire(&mut self.hardware, &plan, log)?;
             *frames = images.into_iter().fold(Some(frames.clone()), with_image).expect("there were frames before");
-            notes.push(refinement.refine(frames)?);
+            notes.push(refinement.refine(&ideal(frames))?);
         }
-    }
-
-    /// Takes the frames of a plan.
-    fn acquire<C>(
-        &self,
-        plan: &Plan,
-        stage: &mut AnyStage,
-        camera: &mut ThreadedCamera<C>,
-        log: &mut CaptureLog,
-    ) -> Result<Vec<(Frame, GrayImage)>>
-    where
-        C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
-    {
-        log.note(&self.path(plan));
-        let bar = terminal::progress(plan.frames().len() as u64, "frames");
-        let images = acquire_images(stage, camera, plan, self.policy, self.interrupts, |elapsed, progress| {
-            let step = capture_log::step(plan, progress);
-            log.add(elapsed, &step);
-            bar.set_message(step);
-            if let CaptureProgress::Captured(_) = progress {
-                bar.inc(1);
-            }
-        });
-        bar.finish_and_clear();
-        images
-    }
-
-    /// The path of a plan and how long it takes, without the time for the frames.
-    fn path(&self, plan: &Plan) -> String {
-        let (mut moves, mut at) = (Duration::ZERO, Position::CENTER);
-        for position in plan.positions() {
-            let before = position.before(self.policy.backlash_um);
-            for (from, to) in [(at, before), (before, *position)] {
-                moves += self.limits.travel_time(from.length_um(to) as f64 / 1000.0);
-            }
-            at = *position;
-        }
-        moves += self.limits.travel_time(at.length_um(Position::CENTER) as f64 / 1000.0);
-        let count = plan.positions().len();
-        format!(
-            "path: {:.1} mm over {count} positions, {:.1} s of moves and {:.1} s of settling",
-            plan.travel_um(self.policy.backlash_um) as f64 / 1000.0,
-            moves.as_secs_f64(),
-            (self.policy.settle * count as u32).as_secs_f64()
-        )
     }
 
     fn rig(&self, frames: &Frames, date: String, notes: Option<String>) -> Rig {
+        let lens = self.lens.as_ref().map(|lens| lens.camera);
+        let middle = frames.size().map(|side| (side as f64 - 1.0) / 2.0);
         Rig {
-            baseline_mm: f64::from(self.baseline_um) / 1000.0,
+            baseline_mm: Some(f64::from(self.baseline_um) / 1000.0),
             focal_px: self.focal_px,
-            principal_point: frames.size().map(|side| (side as f64 - 1.0) / 2.0),
+            principal_point: Some(lens.map_or(middle, |camera| camera.principal_point)),
             doffs: 0.0,
+            lens: lens.map(|_| CameraModel::FILE_NAME.into()),
+            mount_rotation_deg: self.mount_rotation_deg,
             images: FrameFiles::of_capture(frames.views()),
             capture: Provenance {
-                camera: Some(self.camera_name.clone()),
-                stage: Some(self.stage_name.clone()),
+                camera: Some(self.hardware.camera_name.clone()),
+                stage: Some(self.hardware.stage_name.clone()),
                 date: Some(date),
                 notes,
                 ..Provenance::default()
             },
         }
     }
+}
+
+/// What makes the frames of a rig ideal, unless they are.
+fn undistortion(rig: &Rig, lens: &Option<LensFile>, size: [usize; 2]) -> Result<Option<Undistortion>> {
+    let calibration = LensFile::with_mount(lens.clone(), rig, Path::new(Rig::FILE_NAME));
+    calibration.map(|calibration| calibration.undistortion(size)).transpose()
+}
+
+/// The true disparities of a simulated capture, as `match` should find them: those of the points that each pixel of the centre shows after
+/// the rig's lens and mount have been taken out, at its focal length and baseline.
+fn true_disparities(camera: &SimulatedCamera, rig: &Rig, undistortion: Option<&Undistortion>) -> Option<FloatImage> {
+    let ([width, height], focal_px, baseline_mm) = (camera.size().map(|side| side as usize), rig.focal_px?, rig.baseline_mm?);
+    let place = |k: usize| {
+        let (u, v) = (k % width, k / width);
+        let [x, y] = undistortion.map_or(Some([u as f64, v as f64]), |undistortion| undistortion.place(u, v))?;
+        // What the picture does not show, nothing can find.
+        let is_inside = (-0.5..width as f64 - 0.5).contains(&x) && (-0.5..height as f64 - 0.5).contains(&y);
+        is_inside.then_some([x, y])
+    };
+    let depths = camera.true_depths(&(0..width * height).map(place).collect::<Vec<_>>());
+    let disparity = |depth: Option<f64>| depth.map_or(f32::INFINITY, |depth| (focal_px * baseline_mm / depth) as f32);
+    Some(FloatImage::new(width, height, depths.into_iter().map(disparity).collect()))
+}
+
+/// Takes the frames of a plan.
+fn acquire(hardware: &mut Hardware, plan: &Plan, log: &mut CaptureLog) -> Result<Vec<(Frame, GrayImage)>> {
+    log.note(&path(hardware, plan));
+    let bar = terminal::progress(plan.frames().len() as u64, "frames");
+    let Hardware { stage, camera, policy, interrupts, .. } = hardware;
+    let images = acquire_images(stage, camera, plan, *policy, interrupts, |elapsed, progress| {
+        let step = capture_log::step(plan, progress);
+        log.add(elapsed, &step);
+        bar.set_message(step);
+        if let CaptureProgress::Captured(_) = progress {
+            bar.inc(1);
+        }
+    });
+    bar.finish_and_clear();
+    images
+}
+
+/// The path of a plan and how long it takes, without the time for the frames.
+fn path(hardware: &Hardware, plan: &Plan) -> String {
+    let Hardware { limits, policy, .. } = hardware;
+    let time = |(from, to): (Position, Position)| limits.travel_time(from.length_um(to) as f64 / 1000.0);
+    let moves: Duration = plan.moves(policy.backlash_um).map(time).sum();
+    let count = plan.positions().len();
+    format!(
+        "path: {:.1} mm over {count} positions, {:.1} s of moves and {:.1} s of settling",
+        plan.travel_um(policy.backlash_um) as f64 / 1000.0,
+        moves.as_secs_f64(),
+        (policy.settle * count as u32).as_secs_f64()
+    )
 }
 
 /// Frames with another image, of which the centre comes first.

@@ -113,7 +113,8 @@ impl ResultsFolder {
             unreachable!("there are several variants")
         };
         let center = Picture::Rgb(shot.center.clone());
-        let geometry = rig(camera, self.views, 0).geometry().expect("the camera has a focal length");
+        let size = [camera.width as usize, camera.height as usize];
+        let geometry = rig(camera, self.views, 0).geometry(size).expect("the camera is known");
         ply::write(&self.file(CLOUD), best, &geometry, &center, Encoding::Binary)?;
         let panels = [&shot.center, &color(stereo), &color(best), &color(&truth)];
         write_png(&self.file(OVERVIEW), &montage::row(panels, OVERVIEW_PANEL))
@@ -154,10 +155,12 @@ pub fn errors_png(stem: &str) -> String {
 fn rig(camera: &PinholeCamera, views: Views, seed: u64) -> Rig {
     let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
     Rig {
-        baseline_mm: camera.baseline_mm,
+        baseline_mm: Some(camera.baseline_mm),
         focal_px: Some(camera.focal_px),
-        principal_point: [middle(camera.width), middle(camera.height)],
+        principal_point: Some([middle(camera.width), middle(camera.height)]),
         doffs: 0.0,
+        lens: None,
+        mount_rotation_deg: None,
         images: FrameFiles::of_capture(views),
         capture: Provenance {
             camera: Some("ray tracer".into()),

@@ -3,6 +3,8 @@
 mod baseline_options;
 mod engine_options;
 mod geometry_options;
+mod hardware_options;
+mod lens_file;
 mod map_files;
 mod methods;
 mod named;
@@ -13,6 +15,10 @@ pub mod value;
 pub use baseline_options::BaselineOptions;
 pub use engine_options::EngineOptions;
 pub use geometry_options::GeometryOptions;
+#[cfg(feature = "calibration")]
+pub use hardware_options::SettingsOptions;
+pub use hardware_options::{CameraSpec, HardwareOptions, micrometres};
+pub use lens_file::LensFile;
 pub use map_files::MapFiles;
 pub use methods::{MethodName, MethodOptions};
 pub use named::{Named, named};

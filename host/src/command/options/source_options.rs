@@ -1,10 +1,15 @@
 //! The frames that a command reads.
 
-use std::{path::PathBuf, str::FromStr};
+use std::{
+    path::{Path, PathBuf},
+    str::FromStr,
+};
 
 use clap::Args;
-use multiscopic::{Error, Rig, files::FrameFiles};
+use multiscopic::{Error, Frames, Picture, Rig, files::FrameFiles, lens::Undistortion};
 use multiscopic_core::{Frame, ParseViewError, View, Views};
+
+use super::lens_file::LensFile;
 
 /// The frames: a captured folder, or an image for each.
 #[derive(Clone, Debug, Args)]
@@ -36,6 +41,41 @@ pub struct SourceOptions {
     /// Image taken with the camera moved by I baselines to the right and J down, such as 1,-1=IMAGE; repeat it for more
     #[arg(long, value_name = "I,J=IMAGE", value_parser = ViewImage::from_str, allow_hyphen_values = true)]
     view: Vec<ViewImage>,
+
+    /// Calibration of the lens, which distorts all images: a camera.toml, or the YAML of ROS, OpenCV or Kalibr [default: the lens
+    /// of rig.toml; without one, the images are taken as they are]
+    #[arg(long, value_name = "FILE")]
+    lens: Option<PathBuf>,
+}
+
+/// The files of the frames and of what belongs to them.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// The images.
+    pub images: FrameFiles,
+    /// The rig of a captured folder.
+    pub rig: Option<Rig>,
+    /// The calibration of the camera, if the images are distorted or the camera is not square to its stage.
+    pub lens: Option<LensFile>,
+    rig_file: Option<PathBuf>,
+}
+
+impl Source {
+    /// Reads the frames, without distortion, and the centre as the picture in its file, with its colours and its distortion. The last is
+    /// what undistorted them.
+    pub fn load(&self) -> multiscopic::Result<(Frames, Picture, Option<Undistortion>)> {
+        let (frames, center) = Frames::load(&self.images)?;
+        Ok(match self.lens.as_ref().map(|lens| lens.undistortion(frames.size())).transpose()? {
+            Some(undistortion) => (undistortion.frames(&frames), center, Some(undistortion)),
+            None => (frames, center, None),
+        })
+    }
+
+    /// All files that are read.
+    pub fn paths(&self) -> impl Iterator<Item = &Path> {
+        let lens = self.lens.as_ref().map(|lens| lens.path.as_path());
+        self.images.paths().chain(self.rig_file.as_deref()).chain(lens)
+    }
 }
 
 /// A view and its image, as `--view` takes them.
@@ -55,13 +95,17 @@ impl FromStr for ViewImage {
 }
 
 impl SourceOptions {
-    /// The image files, and the rig of a captured folder. `None` if the command line names no images.
-    pub fn frame_files(&self) -> multiscopic::Result<Option<(FrameFiles, Option<Rig>)>> {
+    /// What the command line names. `None` if it names no images.
+    pub fn source(&self) -> multiscopic::Result<Option<Source>> {
         if let Some(directory) = &self.rig {
             let rig = Rig::load(directory)?;
-            return Ok(Some((rig.images.within(directory), Some(rig))));
+            let lens = self.lens.clone().or(rig.lens.as_ref().map(|lens| directory.join(lens)));
+            let lens = lens.map(|path| LensFile::read(&path)).transpose()?;
+            let path = directory.join(Rig::FILE_NAME);
+            let lens = LensFile::with_mount(lens, &rig, &path);
+            return Ok(Some(Source { images: rig.images.within(directory), rig: Some(rig), lens, rig_file: Some(path) }));
         }
-        let SourceOptions { center, left, right, top, bottom, view, rig: _ } = self.clone();
+        let SourceOptions { center, left, right, top, bottom, view, rig: _, lens } = self.clone();
         let images = FrameFiles { center: center.clone().unwrap_or_default(), left, right, top, bottom, ..FrameFiles::default() };
         let images = view.into_iter().try_fold(images, |images, ViewImage { view, path }| {
             if images.get(Frame::View(view)).is_some() {
@@ -82,12 +126,10 @@ impl SourceOptions {
                 let message = "there is no neighbour to match: give at least one of --left, --right, --top, --bottom and --view";
                 Err(Error::Usage(message.into()))
             }
-            (Some(_), false) => Ok(Some((images, None))),
+            (Some(_), false) => {
+                let lens = lens.map(|path| LensFile::read(&path)).transpose()?;
+                Ok(Some(Source { images, rig: None, lens, rig_file: None }))
+            }
         }
-    }
-
-    /// The rig.toml that is read as well as the images.
-    pub fn rig_file(&self) -> Option<PathBuf> {
-        self.rig.as_ref().map(|directory| directory.join(Rig::FILE_NAME))
     }
 }

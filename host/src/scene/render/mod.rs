@@ -1,5 +1,6 @@
 //! Rendering the frames of a scene and its true disparities.
 
+mod rays;
 mod sensor;
 mod shading;
 mod tracer;
@@ -10,10 +11,14 @@ use image::RgbImage;
 use multiscopic_core::{Frame, Views};
 use rayon::prelude::*;
 
-use self::tracer::Tracer;
+use self::{
+    rays::{RUN, Rays},
+    tracer::Tracer,
+};
 use super::{
     description::Scene,
     pinhole_camera::{PinholeCamera, number},
+    posed_camera::PosedCamera,
     random::{even_square, hash},
     ray::Ray,
     shot::Shot,
@@ -23,9 +28,6 @@ use crate::images::FloatImage;
 
 /// Rays for each pixel that sees the edge of a surface. Other pixels take four.
 const EDGE_RAYS: u32 = 8;
-
-/// Adjacent pixels of a row that share one search for the objects in view.
-const RUN: u32 = 16;
 
 /// Renders the centre and the four neighbours of a scene. The seed decides the sensor's noise and where
 /// exactly the stage stops.
@@ -50,10 +52,9 @@ pub fn render_views(scene: &Scene, camera: &PinholeCamera, views: Views, seed: u
     }
 }
 
-/// Renders what the camera sees of a scene from `position`, in millimetres to the right of the centre and below it. The seed
-/// decides the sensor's noise.
-pub fn render_at(scene: &Scene, camera: &PinholeCamera, position: [f64; 2], seed: u64) -> RgbImage {
-    render_image(&Tracer::new(scene), camera, position, hash(seed))
+/// Renders what a camera sees of a scene: black where its lens sees nothing. The seed decides the sensor's noise.
+pub fn render_at(scene: &Scene, camera: &PosedCamera, seed: u64) -> RgbImage {
+    render_image(&Tracer::new(scene), camera, hash(seed))
 }
 
 fn render_frame(tracer: &Tracer, camera: &PinholeCamera, frame: Frame, seed: u64) -> RgbImage {
@@ -66,17 +67,19 @@ fn render_frame(tracer: &Tracer, camera: &PinholeCamera, frame: Frame, seed: u64
         // Eight frames have seeds beside those of the next scene.
         _ => hash(hash(seed) ^ number << 32),
     };
-    render_image(tracer, camera, camera.position(frame, seed), frame_seed)
+    render_image(tracer, &PosedCamera::beside(&tracer.scene.viewpoint, camera, camera.position(frame, seed)), frame_seed)
 }
 
-fn render_image(tracer: &Tracer, camera: &PinholeCamera, position: [f64; 2], seed: u64) -> RgbImage {
-    let mut image = RgbImage::new(camera.width, camera.height);
-    image.par_chunks_exact_mut(3 * camera.width as usize).zip(0..camera.height).for_each(|(row, v)| {
+fn render_image(tracer: &Tracer, camera: &PosedCamera, seed: u64) -> RgbImage {
+    let PinholeCamera { width, height, .. } = camera.sensor;
+    let rays = Rays::new(camera);
+    let mut image = RgbImage::new(width, height);
+    image.par_chunks_exact_mut(3 * width as usize).zip(0..height).for_each(|(row, v)| {
         for (run, first) in row.chunks_mut(3 * RUN as usize).zip((0..).step_by(RUN as usize)) {
-            let objects = objects_in_run(tracer, camera, position, first, v);
+            let objects = objects_in_run(tracer, &rays, first, v);
             for (pixel, u) in run.chunks_exact_mut(3).zip(first..) {
                 let place = hash(seed ^ (u64::from(v) << 32 | u64::from(u)));
-                pixel.copy_from_slice(&sensor::develop(camera, light(tracer, camera, &objects, position, u, v), place));
+                pixel.copy_from_slice(&sensor::develop(&camera.sensor, light(tracer, &rays, &objects, u, v), place));
             }
         }
     });
@@ -84,20 +87,30 @@ fn render_image(tracer: &Tracer, camera: &PinholeCamera, position: [f64; 2], see
 }
 
 /// The objects that the [`RUN`] pixels of row `v` from column `u` on may see.
-fn objects_in_run(tracer: &Tracer, camera: &PinholeCamera, position: [f64; 2], u: u32, v: u32) -> Vec<usize> {
-    let half = f64::from(RUN) / 2.0;
-    let axis = camera.ray(&tracer.scene.viewpoint, position, f64::from(u) - 0.5 + half, f64::from(v));
-    tracer.in_cone(axis, (half + 1.0) / camera.focal_px).collect()
+fn objects_in_run(tracer: &Tracer, rays: &Rays, u: u32, v: u32) -> Vec<usize> {
+    let (left, half, v) = (f64::from(u) - 0.5, f64::from(RUN) / 2.0, f64::from(v));
+    let corners = [(0.0, -0.5), (0.0, 0.5), (2.0, -0.5), (2.0, 0.5)].map(|(i, j)| rays.ray(left + i * half, v + j));
+    match (rays.ray(left + half, v), corners) {
+        (Some(axis), [Some(a), Some(b), Some(c), Some(d)]) => {
+            let aside = |corner: Ray| (corner.direction - axis.direction).length();
+            let farthest = [a, b, c, d].map(aside).into_iter().fold(0.0, f64::max);
+            // The factor allows for the curved edges of what a lens shows as a rectangle.
+            tracer.in_cone(axis, 1.2 * farthest).collect()
+        }
+        // The lens model ends within the run.
+        _ => tracer.all().collect(),
+    }
 }
 
 /// The light that falls on one pixel of the sensor. `objects` are all that it may see.
-fn light(tracer: &Tracer, camera: &PinholeCamera, objects: &[usize], position: [f64; 2], u: u32, v: u32) -> Vec3 {
+fn light(tracer: &Tracer, camera: &Rays, objects: &[usize], u: u32, v: u32) -> Vec3 {
     let ray = |sample: u32| {
         let [du, dv] = even_square(sample).map(|x| x - 0.5);
-        camera.ray(&tracer.scene.viewpoint, position, f64::from(u) + du, f64::from(v) + dv)
+        camera.ray(f64::from(u) + du, f64::from(v) + dv)
     };
     let nearest = |ray: &Ray| tracer.nearest(ray, objects.iter().copied());
-    let rays = [0, 1, 2, 3].map(ray);
+    let [Some(a), Some(b), Some(c), Some(d)] = [0, 1, 2, 3].map(ray) else { return Vec3::ZERO };
+    let rays = [a, b, c, d];
     let hits = rays.map(|ray| nearest(&ray));
     // The second ray goes through the middle of the pixel.
     if let [Some(_), Some(middle), Some(_), Some(_)] = &hits
@@ -110,7 +123,7 @@ fn light(tracer: &Tracer, camera: &PinholeCamera, objects: &[usize], position: [
         return samples.map(|((ray, hit), sample)| tracer.shade(ray, hit, &light, sample)).fold(Vec3::ZERO, Vec3::add) * 0.25;
     }
     let trace = |sample: u32| {
-        let ray = ray(sample);
+        let Some(ray) = ray(sample) else { return Vec3::ZERO };
         match nearest(&ray) {
             Some(hit) => tracer.shade(&ray, &hit, &tracer.illumination(&ray, &hit), sample),
             None => tracer.ambient(ray.direction),
@@ -120,17 +133,21 @@ fn light(tracer: &Tracer, camera: &PinholeCamera, objects: &[usize], position: [
 }
 
 fn true_disparity(tracer: &Tracer, camera: &PinholeCamera) -> FloatImage {
-    let (width, scale) = (camera.width as usize, camera.focal_px * camera.baseline_mm);
-    let mut truth = FloatImage::filled(width, camera.height as usize, f32::INFINITY);
-    truth.pixels_mut().par_chunks_exact_mut(width).zip(0..camera.height).for_each(|(row, v)| {
-        for (d, u) in row.iter_mut().zip(0u32..) {
-            let ray = camera.ray(&tracer.scene.viewpoint, [0.0; 2], f64::from(u), f64::from(v));
-            if let Some(hit) = tracer.nearest(&ray, tracer.all()) {
-                *d = (scale / hit.t) as f32;
-            }
-        }
-    });
-    truth
+    let [width, height] = [camera.width, camera.height].map(|side| side as usize);
+    let center = PosedCamera::beside(&tracer.scene.viewpoint, camera, [0.0; 2]);
+    let scale = camera.focal_px * camera.baseline_mm;
+    let disparity = |k: usize| {
+        let ray = center.ray((k % width) as f64, (k / width) as f64);
+        let hit = ray.and_then(|ray| tracer.nearest(&ray, tracer.all()));
+        hit.map_or(f32::INFINITY, |hit| (scale / hit.t) as f32)
+    };
+    FloatImage::new(width, height, (0..width * height).into_par_iter().map(disparity).collect())
+}
+
+/// How far each of the rays goes until it meets a surface, in units of its direction. `None` if it meets none.
+pub fn trace(scene: &Scene, rays: &[Ray]) -> Vec<Option<f64>> {
+    let tracer = Tracer::new(scene);
+    rays.par_iter().map(|ray| tracer.nearest(ray, tracer.all()).map(|hit| hit.t)).collect()
 }
 
 #[cfg(test)]

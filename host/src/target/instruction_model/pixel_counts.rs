@@ -18,7 +18,8 @@ pub(super) struct PixelCounts {
 }
 
 impl PixelCounts {
-    pub(super) fn new(params: &Params) -> PixelCounts {
+    /// Counts the pixels of a match with a kernel that masks sums, or fuses them by segments.
+    pub(super) fn new(params: &Params, masks_sums: bool) -> PixelCounts {
         let rule = Rule::new(params.fusion(), params.views().len());
         let all = 0..params.num_disparities() as u16;
         let mut counts = PixelCounts::default();
@@ -26,6 +27,7 @@ impl PixelCounts {
             let ranges = || params.views().iter().map(|view| available(params, view, u, v));
             match ranges().filter(|range| *range != all).count() {
                 0 => counts.complete += 1,
+                _ if masks_sums && rule == Rule::Sum => counts.masked += 1,
                 incomplete if rule.masks(params.views().len(), incomplete) => counts.masked += 1,
                 _ => {
                     counts.segmented += 1;
@@ -91,10 +93,11 @@ mod tests {
             // With one view, every fusion is the minimum.
             let expected =
                 if views.len() == 1 { masked } else { PixelCounts { complete, masked: 0, segmented: border, segments } };
-            assert_eq!(PixelCounts::new(&mean), expected, "{mean:?}");
-            assert_eq!(PixelCounts::new(&params(views, Fusion::Min, min, num, 3)), masked);
+            assert_eq!(PixelCounts::new(&mean, false), expected, "{mean:?}");
+            assert_eq!(PixelCounts::new(&mean, true), masked);
+            assert_eq!(PixelCounts::new(&params(views, Fusion::Min, min, num, 3), false), masked);
         }
-        let heuristic = PixelCounts::new(&params(Views::CROSS, Fusion::Heuristic, 1, 12, 3));
+        let heuristic = PixelCounts::new(&params(Views::CROSS, Fusion::Heuristic, 1, 12, 3), true);
         assert!(heuristic.masked > 0 && heuristic.segmented > 0, "{heuristic:?}");
     }
 }

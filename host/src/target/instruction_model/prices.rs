@@ -9,6 +9,7 @@ use super::{
     work_units::{CandidateUnits, WorkUnits},
     workload::Workload,
 };
+use crate::target::Processor;
 
 /// Prices in instructions.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -21,11 +22,11 @@ pub struct Prices {
 }
 
 impl Prices {
-    /// The instructions of a match with a kernel of `lanes` lanes. Sending is included, fetching lines is not.
+    /// The instructions of a match on a processor. Sending is included, fetching lines is not.
     ///
     /// `None` if there are no prices for the kernel.
-    pub fn instructions(&self, matching: &Matching, lanes: usize) -> Option<f64> {
-        let Workload { units, candidates, kernel } = Workload::new(matching, lanes)?;
+    pub fn instructions(&self, matching: &Matching, processor: Processor) -> Option<f64> {
+        let Workload { units, candidates, kernel } = Workload::new(matching, processor)?;
         let candidate_prices = self.candidates.get(&kernel)?;
         let units = units.to_array().into_iter().zip(self.units.to_array());
         let candidates = candidates.to_array().into_iter().zip(candidate_prices.to_array());
@@ -43,8 +44,11 @@ mod tests {
         let params = Params::new(20, 17, Views::HORIZONTAL, Fusion::Min, 1, 4, 3).unwrap();
         let mut prices = Prices { units: WorkUnits { pixel: 10.0, packet: 3.0, ..WorkUnits::default() }, ..Prices::default() };
         let matching = Matching::Blocks { params, tile_width: 20 };
-        assert_eq!(prices.instructions(&matching, 4), None);
+        assert_eq!(prices.instructions(&matching, Processor::CortexM4), None);
         prices.candidates.insert("2-min".into(), CandidateUnits { moved: 2.0, ..CandidateUnits::default() });
-        assert_eq!(prices.instructions(&matching, 4), Some(10.0 * 340.0 + 3.0 * 17.0 + 2.0 * 22.0 * 17.0 * 4.0));
+        assert_eq!(
+            prices.instructions(&matching, Processor::CortexM4),
+            Some(10.0 * 340.0 + 3.0 * 17.0 + 2.0 * 22.0 * 17.0 * 8.0)
+        );
     }
 }

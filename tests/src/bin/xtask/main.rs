@@ -25,7 +25,7 @@ use std::process::ExitCode;
 
 use emulation::setup;
 use firmware_checks::{capturing, cycles, faults, kernel_twins, profiles};
-use workspace_checks::{emulated_arm64, host_instructions, packaging, suite, v4l2};
+use workspace_checks::{emulated_arm64, emulated_cameras, host_instructions, packaging, suite};
 
 /// Runs the project's checks, tests and firmware.
 #[derive(Parser)]
@@ -87,7 +87,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Test => suite::test(),
         Task::Check => suite::check(),
         Task::Lint => suite::lint(),
-        Task::V4l2 => v4l2::run_tests(),
+        Task::V4l2 => emulated_cameras::run_tests(),
         Task::Kernels => kernel_twins::run(&setup::run()?),
         Task::Aarch64 => emulated_arm64::run_tests(),
         Task::Instructions(guard) => guard.run(),

@@ -46,7 +46,7 @@ pub(super) unsafe fn slide_to_min<const V: usize, const LEAST: bool>(
         slide::slide::<V, 4>(step, blocks);
         let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
         match masked {
-            0 => fuse::min_of_four::<4, LEAST>(blocks.cast(), fused),
+            0 => fuse::min::<V, 4, LEAST>(blocks, fused),
             1 => fuse::min_with_one_masked::<V, 0, LEAST>(blocks, masks, fused),
             2 => fuse::min_with_one_masked::<V, 1, LEAST>(blocks, masks, fused),
             4 => fuse::min_with_one_masked::<V, 2, LEAST>(blocks, masks, fused),
@@ -144,6 +144,7 @@ impl Blocks<u16> for Dsp {
         // SAFETY: the step has as many vectors as there are blocks, not 0.
         unsafe {
             match blocks.len() {
+                1 => slide::slide::<V, 1>(step, blocks),
                 2 => slide::slide::<V, 2>(step, blocks),
                 4 => slide::slide::<V, 4>(step, blocks),
                 8 if const { V <= 4 } => slide::slide::<V, 8>(step, blocks),
@@ -174,18 +175,22 @@ impl Blocks<u16> for Dsp {
 
     #[inline(never)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 4]; V]], fused: &mut [[u32; 4]]) -> u16 {
-        if V != 4 || rule == Rule::Sum || Rule::HAS_HALF && rule == Rule::Half || blocks.len() != fused.len() || blocks.is_empty()
-        {
+        let has_loop = match rule {
+            Rule::Min => V <= 4,
+            Rule::Heuristic => V == 4,
+            Rule::Sum | Rule::Half => false,
+        };
+        if !has_loop || blocks.len() != fused.len() || blocks.is_empty() {
             return fuse_loop(self, rule, blocks, fused);
         }
-        let blocks = blocks.as_ptr().cast();
-        // SAFETY: there are four views, and as many blocks as fused costs, not 0: a multiple of what is
-        // unrolled.
+        let blocks = blocks.as_ptr();
+        // SAFETY: there are as many blocks as fused costs, not 0: a multiple of what is unrolled. The heuristic rule has a
+        // loop for four views, and there are four.
         lesser_half(unsafe {
             match fused.len() {
-                _ if rule == Rule::Heuristic => fuse::heuristic_of_four(blocks, fused),
-                n if n % 4 == 0 => fuse::min_of_four::<4, true>(blocks, fused),
-                _ => fuse::min_of_four::<1, true>(blocks, fused),
+                _ if rule == Rule::Heuristic => fuse::heuristic_of_four(blocks.cast(), fused),
+                n if n % 4 == 0 => fuse::min::<V, 4, true>(blocks, fused),
+                _ => fuse::min::<V, 1, true>(blocks, fused),
             }
         })
     }

@@ -90,13 +90,13 @@ macro_rules! mask {
     };
 }
 
-/// The minimum of four views.
+/// The minimum of one to four views.
 ///
 /// # Safety
 /// There are as many blocks as fused costs: a multiple of `UNROLLED`, not 0.
 #[inline(always)]
-pub(super) unsafe fn min_of_four<const UNROLLED: usize, const LEAST: bool>(
-    blocks: *const [Costs; 4],
+pub(super) unsafe fn min<const V: usize, const UNROLLED: usize, const LEAST: bool>(
+    blocks: *const [Costs; V],
     fused: &mut [Costs],
 ) -> u32 {
     let mut least = u32::MAX;
@@ -105,12 +105,16 @@ pub(super) unsafe fn min_of_four<const UNROLLED: usize, const LEAST: bool>(
         asm_up_to!(600 bytes,
             "2:",
             ".rept {unrolled}",
+            ".if {views} == 1",
+            "ldm {block}!, {{r0, r1, r2, r3}}",
+            ".else",
             "ldm {block}!, {{r0, r1, r2, r3, r4, r5, r8, r9}}",
             min!(["r0", "r1", "r2", "r3"], ["r4", "r5", "r8", "r9"]),
+            ".rept {views} - 2",
             "ldm {block}!, {{r4, r5, r8, r9}}",
             min!(["r0", "r1", "r2", "r3"], ["r4", "r5", "r8", "r9"]),
-            "ldm {block}!, {{r4, r5, r8, r9}}",
-            min!(["r0", "r1", "r2", "r3"], ["r4", "r5", "r8", "r9"]),
+            ".endr",
+            ".endif",
             store_and_lower!(),
             ".endr",
             "subs {n}, {n}, #{unrolled}",
@@ -121,6 +125,7 @@ pub(super) unsafe fn min_of_four<const UNROLLED: usize, const LEAST: bool>(
             least = inout(reg) least,
             t = out(reg) _,
             out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
+            views = const V,
             unrolled = const UNROLLED,
             lower = const LEAST as u8,
             options(nostack),

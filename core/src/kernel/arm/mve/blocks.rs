@@ -36,6 +36,7 @@ fn slide_along<const V: usize>(steps: &mut Steps<'_, Mve, V>, blocks: &mut [[[u1
             return slide::slide(step, blocks);
         }
         match blocks.len() {
+            1 => slide::slide_unrolled::<V, 1>(step, blocks),
             2 => slide::slide_unrolled::<V, 2>(step, blocks),
             4 => slide::slide_unrolled::<V, 4>(step, blocks),
             _ => slide::slide(step, blocks),
@@ -43,7 +44,21 @@ fn slide_along<const V: usize>(steps: &mut Steps<'_, Mve, V>, blocks: &mut [[[u1
     }
 }
 
+/// The sum of costs, some of which may be masked.
+///
+/// A function of its own: the loops for the other rules then need fewer registers.
+#[inline(never)]
+fn fuse_sum<const V: usize>(masked: u8, blocks: &[[[u16; 8]; V]], masks: &[[[u16; 8]; V]], fused: &mut [[u16; 8]]) -> u16 {
+    if blocks.len() != fused.len() || masks.len() != fused.len() || fused.is_empty() {
+        return u16::MAX;
+    }
+    let (block, mask) = (blocks.as_ptr(), masks.as_ptr());
+    // SAFETY: there are as many blocks and masks as fused costs, not 0.
+    unsafe { by_mask!(masked, fuse::sum(block, mask, fused)) }
+}
+
 impl Blocks<u16> for Mve {
+    const MASKS_SUM: bool = true;
     type Costs = [u16; 8];
     type Block = [u16; 8];
 
@@ -131,6 +146,7 @@ impl Blocks<u16> for Mve {
             match (rule, V) {
                 (Rule::Min, ..=4) => fuse::min::<V, 0>(first, first, fused),
                 (Rule::Heuristic, 3 | 4) => fuse::heuristic::<V, 0>(first, first, fused),
+                (Rule::Sum, 2..=4) => fuse_sum(0, blocks, blocks, fused),
                 _ => fuse_loop(self, rule, blocks, fused),
             }
         }
@@ -165,6 +181,7 @@ impl Blocks<u16> for Mve {
                 (Rule::Heuristic, 3 | 4, 4) => fuse::heuristic::<V, 4>(first, mask, fused),
                 (Rule::Heuristic, 3 | 4, 8) => fuse::heuristic::<V, 8>(first, mask, fused),
                 (Rule::Heuristic, 3 | 4, _) => fuse::heuristic::<V, 15>(first, mask, fused),
+                (Rule::Sum, 2..=4, _) => fuse_sum(masked, blocks, masks, fused),
                 _ => fuse_masked_loop(self, rule, blocks, masks, fused),
             }
         }

@@ -26,6 +26,12 @@ pub struct Energy {
     scale: i32,
     /// From which difference in intensity on neighbours look different.
     pub(super) threshold: u8,
+    /// In how many views neighbours have to look different to count as different: in any of up to four (paper,
+    /// eq. 12), in half of more.
+    ///
+    /// The more views there are, the likelier it is that one of them sees something else at one of two matches,
+    /// which has nothing to do with an edge between the neighbours. Where an edge is, at least half see it.
+    pub(super) contrasting_views: usize,
     occlusion_cost: i32,
     occlusion_rule: Occlusion,
     smoothness_rule: Smoothness,
@@ -56,6 +62,10 @@ impl Energy {
             fusion: search.fusion(),
             views: search.views().iter().map(|view| (view, image(Frame::View(view)))).collect(),
             threshold: method.threshold,
+            contrasting_views: match search.views().len() {
+                0..=4 => 1,
+                views => views.div_ceil(2),
+            },
             scale,
             occlusion_cost: 0,
             occlusion_rule: method.occlusions.unwrap_or(Occlusion::default_for(search.views().len())),

@@ -42,7 +42,7 @@ impl Energy {
     }
 
     /// The cost of a step by one pixel between two neighbours. It is lower if they look different in the
-    /// centre, or in a view that sees both.
+    /// centre, or in [enough](Energy::contrasting_views) of the views that see both.
     #[inline(always)]
     fn weight(&self, pair: NeighborPair, d1: Label, d2: Label) -> i32 {
         let contrast = DIFFERENT << if pair.is_vertical { BELOW } else { RIGHT };
@@ -50,6 +50,7 @@ impl Energy {
         if self.center_image().contrasts[pair.first.index] & contrast != 0 {
             return different;
         }
+        let mut count = 0;
         for (view, image) in &self.views {
             if let (Some(q1), Some(q2)) = (self.match_index(*view, pair.first, d1), self.match_index(*view, pair.second, d2)) {
                 let differ = match d1 == d2 {
@@ -57,7 +58,8 @@ impl Energy {
                     true => image.contrasts[q1] & contrast != 0,
                     false => image.differ(q1, q2, self.threshold),
                 };
-                if differ {
+                count += usize::from(differ);
+                if count >= self.contrasting_views {
                     return different;
                 }
             }
@@ -73,22 +75,31 @@ impl Energy {
     pub fn potts_codes(&self, v: usize, d: Label, codes: &mut [u8]) {
         let [width, height] = self.size();
         codes.fill(0);
+        // In how many views each pixel looks different from its right neighbour, and from the one below.
+        let mut counts = vec![[0; 2]; codes.len()];
         for (view, image) in &self.views {
             let Some(RowMatches { columns, first }) = RowMatches::new(self.size(), *view, v, d) else { continue };
             let has_below = v.max(first / width) + 1 < height;
             let seen = if has_below { (SEEN << RIGHT) | (SEEN << BELOW) } else { SEEN << RIGHT };
             let contrasts = &image.contrasts[first..first + columns.len()];
             let last = columns.end - 1;
-            let previous = codes[last];
-            for (code, contrast) in codes[columns].iter_mut().zip(contrasts) {
-                *code |= seen | contrast & (seen * DIFFERENT);
+            let (previous, [previous_count, _]) = (codes[last], counts[last]);
+            for ((code, [right, below]), contrast) in codes[columns.clone()].iter_mut().zip(&mut counts[columns]).zip(contrasts) {
+                let different = (contrast / DIFFERENT) & seen;
+                *code |= seen;
+                *right += (different >> RIGHT) & 1;
+                *below += (different >> BELOW) & 1;
             }
             // The last pixel has no right neighbour, or none that this view sees.
-            let right = (SEEN | DIFFERENT) << RIGHT;
+            let right = SEEN << RIGHT;
             codes[last] = codes[last] & !right | previous & right;
+            counts[last][0] = previous_count;
         }
         let contrasts = &self.center_image().contrasts[v * width..][..width];
-        codes.iter_mut().zip(contrasts).for_each(|(code, contrast)| *code |= contrast);
+        for ((code, [right, below]), contrast) in codes.iter_mut().zip(counts).zip(contrasts) {
+            let contrast_of = |count: u8| if usize::from(count) >= self.contrasting_views { DIFFERENT } else { 0 };
+            *code |= contrast | (contrast_of(right) << RIGHT) | (contrast_of(below) << BELOW);
+        }
     }
 
     /// The cost of each two-bit Potts code.

@@ -1,11 +1,11 @@
 //! Checks of the firmware on emulated boards.
 
-pub mod calibration;
 pub mod capturing;
 pub mod cycles;
 pub mod faults;
 pub mod image_set;
 pub mod kernel_twins;
 pub mod least_squares;
+pub mod price_fit;
 pub mod profiles;
 pub mod received;

@@ -23,7 +23,7 @@ use crate::{
         emulator,
         footprint::Footprint,
     },
-    firmware_checks::{calibration, image_set::ImageSet, received},
+    firmware_checks::{image_set::ImageSet, price_fit, received},
     system::{
         folders,
         process::{command, read},
@@ -145,7 +145,7 @@ fn counts(measurements: &[Measurement]) -> Counts {
 /// A table with fitted prices and without RAM.
 fn fitted(toolchain: &Toolchain, counter: &Counter) -> Result<FirmwareCostTable> {
     let of = |board| -> Result<FirmwareCosts> {
-        Ok(FirmwareCosts { prices: calibration::prices(toolchain, board, counter)?, ..FirmwareCosts::default() })
+        Ok(FirmwareCosts { prices: price_fit::prices(toolchain, board, counter)?, ..FirmwareCosts::default() })
     };
     let compiler = read(&mut command("rustc", ["--version"]))?;
     Ok(FirmwareCostTable {
@@ -190,8 +190,7 @@ impl Run {
 
     /// Whether the cost model covers it. Its kernels take up to four views.
     fn is_modelled(&self) -> bool {
-        let (matching, lanes) = (self.profile.matching(self.fusion), self.board.processor.lanes());
-        !self.profile.needs_array() && Workload::new(&matching, lanes).is_some()
+        !self.profile.needs_array() && Workload::new(&self.profile.matching(self.fusion), self.board.processor).is_some()
     }
 
     /// The size of its workspace in bytes.
@@ -253,7 +252,7 @@ impl Measurement {
     /// Adds the prediction of the cost model.
     fn predict(&mut self, run: &Run, table: &FirmwareCostTable) {
         let prices = &table.of(run.board.processor).prices;
-        self.instructions_predicted = prices.instructions(&run.profile.matching(run.fusion), run.board.processor.lanes());
+        self.instructions_predicted = prices.instructions(&run.profile.matching(run.fusion), run.board.processor);
     }
 
     /// The error of the prediction, in percent of the measurement.

@@ -1,7 +1,7 @@
 //! Checks of the whole workspace, and the suites that combine all checks.
 
 pub mod emulated_arm64;
+pub mod emulated_cameras;
 pub mod host_instructions;
 pub mod packaging;
 pub mod suite;
-pub mod v4l2;

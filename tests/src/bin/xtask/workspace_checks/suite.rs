@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{process::Command, time::Instant};
 
-use super::{emulated_arm64, host_instructions, packaging, v4l2};
+use super::{emulated_arm64, emulated_cameras, host_instructions, packaging};
 use crate::{
     emulation::{emulated_board, setup},
     firmware_checks::{capturing, cycles, faults, kernel_twins, profiles},
@@ -63,7 +63,7 @@ pub fn test() -> Result<()> {
     step("tests in release", || test_workspace("release"))?;
     step("the kernel of 64-bit Arm", emulated_arm64::run_tests)?;
     step("instructions", || host_instructions::Guard::COMPARE.run())?;
-    step("cameras in a virtual machine", v4l2::run_tests)?;
+    step("cameras in a virtual machine", emulated_cameras::run_tests)?;
     step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
     step("the kernels in the emulator", || kernel_twins::run(&toolchain))?;
     step("the firmware in the emulator", || profiles::run(&toolchain, &profiles::Selection::default()))?;
@@ -88,7 +88,13 @@ fn formatting() -> Result<()> {
 }
 
 fn lints() -> Result<()> {
-    run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--", "-Dwarnings"]))
+    run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--", "-Dwarnings"]))?;
+    // The program of other systems than Linux, which have no V4L2, and the library alone.
+    for features in ["scene", ""] {
+        let build = ["clippy", "--package", "multiscopic", "--no-default-features", "--features", features];
+        run(cargo(&build).args(["--", "-Dwarnings"]))?;
+    }
+    Ok(())
 }
 
 fn test_workspace(profile: &str) -> Result<()> {

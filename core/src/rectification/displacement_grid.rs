@@ -1,0 +1,195 @@
+//! Where displacements are given, and how they are interpolated.
+
+use super::displacement::Displacement;
+
+/// The nodes at which displacements of a frame are given: those of every `spacing`-th pixel of every `spacing`-th line.
+///
+/// Node `(i, j)` is pixel `(i * spacing, j * spacing)`. The last column and the last row of nodes lie outside the frame,
+/// so that each pixel is between four nodes. Nodes are in the order of pixels: row by row, from the left.
+///
+/// ```
+/// use multiscopic_core::DisplacementGrid;
+/// const GRID: DisplacementGrid = DisplacementGrid::new(160, 120, 16).unwrap();
+/// assert_eq!((GRID.columns(), GRID.rows(), GRID.nodes()), (11, 9, 99));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct DisplacementGrid {
+    width: u16,
+    height: u16,
+    /// The logarithm to base 2 of the spacing.
+    bits: u8,
+}
+
+impl DisplacementGrid {
+    /// The largest spacing of nodes, in pixels. With this one, interpolation stays within 32 bits.
+    pub const MAX_SPACING: u8 = 128;
+
+    /// The nodes of a frame of `width` x `height` pixels. `None` if the frame is empty, or the spacing is not a power of
+    /// two in 1..=128.
+    pub const fn new(width: u16, height: u16, spacing: u8) -> Option<DisplacementGrid> {
+        if width == 0 || height == 0 || !spacing.is_power_of_two() {
+            return None;
+        }
+        Some(DisplacementGrid { width, height, bits: spacing.trailing_zeros() as u8 })
+    }
+
+    /// Width of the frame in pixels.
+    pub const fn width(&self) -> usize {
+        self.width as usize
+    }
+
+    /// Height of the frame in pixels.
+    pub const fn height(&self) -> usize {
+        self.height as usize
+    }
+
+    /// Pixels from a node to the next.
+    pub const fn spacing(&self) -> usize {
+        1 << self.bits
+    }
+
+    /// Nodes in a row: `ceil(width / spacing) + 1`.
+    pub const fn columns(&self) -> usize {
+        ((self.width() - 1) >> self.bits) + 2
+    }
+
+    /// Rows of nodes: `ceil(height / spacing) + 1`.
+    pub const fn rows(&self) -> usize {
+        ((self.height() - 1) >> self.bits) + 2
+    }
+
+    /// All nodes.
+    pub const fn nodes(&self) -> usize {
+        self.columns() * self.rows()
+    }
+}
+
+/// The steps of a pixel.
+pub(super) const STEPS: u32 = Displacement::STEPS as u32;
+
+/// A grid with the displacements of its nodes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Displacements<'g> {
+    pub grid: DisplacementGrid,
+    pub nodes: &'g [Displacement],
+}
+
+/// A position in the source, in steps.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Position {
+    pub column: u32,
+    pub row: u32,
+}
+
+/// A displacement to the right and down, or a sum of displacements.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Steps {
+    pub right: i32,
+    pub down: i32,
+}
+
+impl Displacements<'_> {
+    /// The displacement in line `v` at a column of nodes, in steps times the spacing.
+    #[inline(always)]
+    pub const fn between_rows(&self, column: usize, v: usize) -> Steps {
+        let below = (v & (self.grid.spacing() - 1)) as i32;
+        let above = self.grid.spacing() as i32 - below;
+        let index = (v >> self.grid.bits) * self.grid.columns() + column;
+        let (first, second) = (self.node(index), self.node(index + self.grid.columns()));
+        Steps {
+            right: above * first.right as i32 + below * second.right as i32,
+            down: above * first.down as i32 + below * second.down as i32,
+        }
+    }
+
+    const fn node(&self, index: usize) -> Displacement {
+        if index < self.nodes.len() { self.nodes[index] } else { Displacement::ZERO }
+    }
+
+    /// The displacements of the pixels of line `v` from column `column` of the nodes up to the next.
+    #[inline(always)]
+    pub const fn piece(&self, column: usize, v: usize) -> Piece {
+        let (left, right) = (self.between_rows(column, v), self.between_rows(column + 1, v));
+        let (bits, half) = (self.grid.bits as u32, (1 << (2 * self.grid.bits as u32)) >> 1);
+        Piece {
+            first: Steps { right: (left.right << bits) + half, down: (left.down << bits) + half },
+            slope: Steps { right: right.right - left.right, down: right.down - left.down },
+            shift: 2 * bits,
+        }
+    }
+
+    /// The position of pixel `(u, v)`.
+    pub const fn position(&self, u: usize, v: usize) -> Position {
+        let piece = self.piece(u >> self.grid.bits, v);
+        let along = (u & (self.grid.spacing() - 1)) as i32;
+        let sums =
+            Steps { right: piece.first.right + along * piece.slope.right, down: piece.first.down + along * piece.slope.down };
+        self.position_of(sums, piece.shift, u, v)
+    }
+
+    /// The position of pixel `(u, v)`, from the sums of a [`Piece`].
+    #[inline(always)]
+    pub const fn position_of(&self, sums: Steps, shift: u32, u: usize, v: usize) -> Position {
+        Position {
+            column: inside(Displacement::STEPS * u as i32 + (sums.right >> shift), self.grid.width),
+            row: inside(Displacement::STEPS * v as i32 + (sums.down >> shift), self.grid.height),
+        }
+    }
+
+    /// The first and the last line of the source that line `v` is interpolated from.
+    pub const fn source_lines(&self, v: usize) -> (usize, usize) {
+        // Positions along a line go up or down from one node to the next, so the extremes are at nodes, and at the last
+        // pixel.
+        let (mut least, mut most, mut column) = (u32::MAX, 0, 0);
+        while column < self.grid.columns() {
+            let (node, last) = (column << self.grid.bits, self.grid.width() - 1);
+            let row = self.position(if node < last { node } else { last }, v).row;
+            least = if row < least { row } else { least };
+            most = if row > most { row } else { most };
+            column += 1;
+        }
+        ((least / STEPS) as usize, most.div_ceil(STEPS) as usize)
+    }
+
+    /// The lines of the source that must be stored at once, if each is read once and no earlier than it is needed.
+    pub const fn stored_lines(&self) -> usize {
+        let (mut stored, mut furthest, mut v) = (0, 0, 0);
+        while v < self.grid.height() {
+            let (first, last) = self.source_lines(v);
+            furthest = if last > furthest { last } else { furthest };
+            // A later line may begin above the lowest that an earlier one had to read.
+            let lines = furthest + 1 - first;
+            stored = if lines > stored { lines } else { stored };
+            v += 1;
+        }
+        stored
+    }
+
+    /// The first line of the source that line `v` or a later one is interpolated from.
+    pub fn first_source_line(&self, v: usize) -> usize {
+        (v..self.grid.height()).map(|v| self.source_lines(v).0).min().unwrap_or_default()
+    }
+}
+
+/// The displacements of the pixels between two columns of nodes, as sums to shift: of its `k`-th pixel
+/// `(first + k * slope) >> shift`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Piece {
+    pub first: Steps,
+    pub slope: Steps,
+    pub shift: u32,
+}
+
+/// The coordinate in steps that is nearest to `position` inside a frame of `size` pixels.
+#[inline(always)]
+const fn inside(position: i32, size: u16) -> u32 {
+    let last = STEPS * (size as u32 - 1);
+    if position < 0 {
+        0
+    } else if position as u32 > last {
+        last
+    } else {
+        position as u32
+    }
+}

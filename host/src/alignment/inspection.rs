@@ -1,0 +1,188 @@
+//! What images tell before they are matched: the range of their disparities, views that look swapped, and missing texture.
+
+use image::{GrayImage, imageops};
+use multiscopic_core::{Frame, View};
+use rayon::prelude::*;
+
+use super::{
+    corners::corners,
+    pyramid::{Level, RADIUS},
+};
+use crate::{
+    error::{Error, Result},
+    images::Frames,
+};
+
+/// The larger side of the small images that are inspected, in pixels.
+const SIDE: u32 = 200;
+/// The approximate number of corners.
+const CORNERS: usize = 400;
+/// How far matches are searched to both sides, as a share of the image's side along the baseline.
+const REACH: f64 = 0.4;
+/// How far they may lie off the baseline, in pixels of the small images.
+const ACROSS: isize = 1;
+/// The least correlation of a corner with its match.
+const MIN_CORRELATION: f32 = 0.85;
+/// How much the match correlates better than any other place.
+const MIN_LEAD: f32 = 0.03;
+/// Places this near to a match are not others, in pixels of the small images.
+const NEAR: isize = 2;
+/// How much the disparities of a corner in its views may differ, in pixels of the small images.
+const MAX_SPREAD: f64 = 1.5;
+/// The least number of corners from which anything is concluded.
+const MIN_POINTS: usize = 20;
+/// The share of corners at each end of the range that are taken for mismatches.
+const OUTLIERS: f64 = 0.01;
+/// How much wider than that of the corners the range is, as a share: smaller things may be nearer.
+const WIDENED: f64 = 0.1;
+/// The share of matches on the wrong side from which on a view looks swapped.
+const SWAPPED: f64 = 0.7;
+/// The standard deviation in a square below which it has no texture, in grey values.
+const FLAT: f32 = 1.5;
+
+/// The share of the centre without texture from which on it matters.
+const MAX_FLAT: f64 = 0.3;
+
+/// What the images of a capture tell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Inspection {
+    /// The smallest disparity and the number of disparities, in pixels of the unit baseline. `None` if too few corners are
+    /// found again.
+    pub range: Option<(i16, u16)>,
+    /// Views that show the scene moved the wrong way.
+    pub swapped: Vec<View>,
+    /// The share of the centre without texture.
+    pub flat: f64,
+}
+
+impl Inspection {
+    /// The range of disparities.
+    ///
+    /// # Errors
+    /// [`Error::Usage`](crate::Error::Usage) if the images do not show it.
+    pub fn found_range(&self) -> Result<(i16, u16)> {
+        self.range.ok_or_else(|| {
+            Error::Usage(
+                "too few corners of the centre are found in the other views to know the range of disparities: give \
+                 --min-disparity and --num-disparities"
+                    .into(),
+            )
+        })
+    }
+
+    /// The range of disparities in a line, with the options of `multiscopic match`.
+    pub fn range_line(&self) -> Option<String> {
+        let (min, count) = self.range?;
+        let max = i32::from(min) + i32::from(count) - 1;
+        Some(format!("disparities from {min} to {max}: --min-disparity {min} --num-disparities {count}"))
+    }
+
+    /// Which views look swapped, for a search range from `min_disparity` on; in a range with negative disparities none does.
+    fn swapped_line(&self, min_disparity: i16) -> Option<String> {
+        if min_disparity < 0 || self.swapped.is_empty() {
+            return None;
+        }
+        let names: Vec<String> = self.swapped.iter().map(View::to_string).collect();
+        let (noun, look) = if names.len() == 1 { ("view", "looks") } else { ("views", "look") };
+        Some(format!("the {} {noun} {look} swapped with the opposite side: the scene moves the wrong way", names.join(" and ")))
+    }
+
+    /// Refuses views that look swapped, for a search range from `min_disparity` on.
+    ///
+    /// # Errors
+    /// [`Error::Usage`](crate::Error::Usage), with the views.
+    pub fn refuse_swapped(&self, min_disparity: i16) -> Result<()> {
+        self.swapped_line(min_disparity).map_or(Ok(()), |line| Err(Error::Usage(line)))
+    }
+
+    /// What a user should know before matching in a search range from `min_disparity` on.
+    pub fn warnings(&self, min_disparity: i16) -> Vec<String> {
+        let mut warnings: Vec<String> = self.swapped_line(min_disparity).into_iter().collect();
+        if self.flat > MAX_FLAT {
+            warnings.push(format!(
+                "{:.0} % of the centre has no texture, and disparities there are unreliable: add light, or project a pattern",
+                100.0 * self.flat
+            ));
+        }
+        warnings
+    }
+
+    /// Inspects `frames`, at a smaller size.
+    pub fn of(frames: &Frames) -> Inspection {
+        let center = small(frames.get(Frame::Center).expect("frames always have a centre"));
+        let corners = corners(&center, CORNERS, RADIUS + 1);
+        let scale = [frames.width() as f64 / f64::from(center.width()), frames.height() as f64 / f64::from(center.height())];
+        let center = Level::of(&center);
+        let views: Vec<View> = frames.views().iter().collect();
+        let found: Vec<Vec<Option<f64>>> = views
+            .iter()
+            .map(|&view| {
+                let neighbor = Level::of(&small(frames.get(Frame::View(view)).expect("the view is there")));
+                corners.par_iter().map(|&corner| disparity(&center, &neighbor, corner, view)).collect()
+            })
+            .collect();
+        let is_swapped = |found: &Vec<Option<f64>>| {
+            // Around 0 the side is left to chance.
+            let moved: Vec<f64> = found.iter().flatten().copied().filter(|disparity| disparity.abs() >= MAX_SPREAD).collect();
+            let wrong = moved.iter().filter(|disparity| **disparity < 0.0).count();
+            moved.len() >= MIN_POINTS && wrong as f64 >= SWAPPED * moved.len() as f64
+        };
+        let swapped = views.iter().zip(&found).filter(|(_, found)| is_swapped(found)).map(|(&view, _)| view).collect();
+        let agreed = (0..corners.len()).filter_map(|n| agreed(found.iter().filter_map(|found| found[n]), views.len()));
+        Inspection { range: range(agreed.collect(), scale[0].max(scale[1])), swapped, flat: center.share_below(FLAT) }
+    }
+}
+
+/// The image at a smaller size.
+fn small(image: &GrayImage) -> GrayImage {
+    let factor = image.width().max(image.height()).div_ceil(SIDE).max(1);
+    imageops::thumbnail(image, (image.width() / factor).max(1), (image.height() / factor).max(1))
+}
+
+/// The disparity of a corner of the centre in a view, in pixels of the unit baseline; negative on the wrong side. `None` where
+/// the corner is not found, or in several places.
+fn disparity(center: &Level, neighbor: &Level, corner: [usize; 2], view: View) -> Option<f64> {
+    let patch = center.patch(corner.map(|at| at as isize))?;
+    let [i, j] = [view.right(), view.down()].map(f64::from);
+    // One step is one pixel along the longer axis of the baseline.
+    let (multiple, is_flat) = (i.abs().max(j.abs()), i.abs() >= j.abs());
+    let reach = (REACH * if is_flat { center.width } else { center.height } as f64) as isize;
+    let score = |step: isize| {
+        let at = [(corner[0], i), (corner[1], j)].map(|(at, length)| {
+            let shift = (step as f64 * length / multiple).round() as isize;
+            at as isize - shift
+        });
+        let off = |across| if is_flat { [at[0], at[1] + across] } else { [at[0] + across, at[1]] };
+        let scores = (-ACROSS..=ACROSS).filter_map(|across| neighbor.correlation(&patch, off(across)));
+        scores.max_by(f32::total_cmp)
+    };
+    let scores: Vec<(isize, f32)> = (-reach..=reach).filter_map(|step| Some((step, score(step)?))).collect();
+    let &(best, highest) = scores.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let others = scores.iter().filter(|(step, _)| (step - best).abs() > NEAR);
+    let is_found = highest >= MIN_CORRELATION && others.clone().all(|(_, score)| highest - score >= MIN_LEAD);
+    is_found.then_some(best as f64 / multiple)
+}
+
+/// The disparity of a corner on which its views agree; a single view of `count` suffices only if there are no others.
+fn agreed(disparities: impl Iterator<Item = f64>, count: usize) -> Option<f64> {
+    let mut disparities: Vec<f64> = disparities.collect();
+    disparities.sort_unstable_by(f64::total_cmp);
+    let (least, most) = (disparities.first()?, disparities.last()?);
+    let is_agreed = most - least <= MAX_SPREAD && disparities.len() >= count.min(2);
+    is_agreed.then(|| disparities[disparities.len() / 2])
+}
+
+/// The range of disparities that are given in pixels of small images, with `scale` pixels each.
+fn range(mut disparities: Vec<f64>, scale: f64) -> Option<(i16, u16)> {
+    if disparities.len() < MIN_POINTS {
+        return None;
+    }
+    disparities.sort_unstable_by(f64::total_cmp);
+    let outliers = (OUTLIERS * disparities.len() as f64) as usize;
+    let [low, high] = [disparities[outliers], disparities[disparities.len() - 1 - outliers]].map(|at| scale * at);
+    let margin = WIDENED * (high - low) + MAX_SPREAD * scale;
+    // Most rigs have no negative disparities.
+    let low = if low > -scale { (low - margin).floor().max(0.0) } else { (low - margin).floor() };
+    let high = (high + margin).ceil().max(low + 1.0);
+    Some((low as i16, (high - low) as u16 + 1))
+}

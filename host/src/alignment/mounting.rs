@@ -1,0 +1,187 @@
+//! How a camera is mounted on its stage, from what it sees while the stage moves it.
+
+use multiscopic_core::{Frame, View};
+use nalgebra::{Matrix3, Vector3};
+
+use super::{
+    adjustment::{Adjustment, adjust_moved},
+    consensus::keep_consensus,
+    corners::corners,
+    direction::Direction,
+    estimate::{median, points},
+    homography::{Pinhole, common_rotation},
+    pyramid::{Pyramid, RADIUS},
+    tracking::{Match, find},
+};
+use crate::{
+    error::{Error, Result},
+    images::{Frames, Geometry},
+    lens::Mount,
+};
+
+/// The approximate number of corners.
+const CORNERS: usize = 1500;
+/// The minimum number of corners that a view shows.
+const MIN_POINTS: usize = 60;
+/// The least median parallax of the longest moves, in pixels.
+const MIN_PARALLAX_PX: f64 = 5.0;
+/// The largest standard deviation of an angle, in degrees.
+const MAX_DEVIATION_DEG: f64 = 0.25;
+/// What the middle of the image is, as a share of its width to each side.
+const MIDDLE: f64 = 0.1;
+/// How much the distances of points in the middle of the image may differ, as a share.
+const MAX_DEPTH_SPREAD: f64 = 0.05;
+
+/// How a camera is turned against the stage that moves it, and how far away the scene is.
+#[derive(Clone, Debug)]
+pub struct Mounting {
+    /// The rotation from the stage's axes to the camera's: an axis, to the right, down and ahead, times an angle in degrees.
+    pub rotation_deg: [f64; 3],
+    /// Standard deviations of the angles.
+    pub deviation_deg: [f64; 3],
+    /// The number of corners that were found in some view.
+    pub points: usize,
+    /// The median parallax of the longest moves, in pixels.
+    pub parallax_px: f64,
+    /// The root mean square error of the matches, in pixels, without outliers.
+    pub noise_px: f64,
+    /// The parallax of one step in the middle of the image, in pixels, for each point there.
+    middle_px: Vec<f64>,
+    step_mm: f64,
+}
+
+impl Mounting {
+    /// Estimates the mount from frames that were taken one and more steps to all sides. `geometry` has the step as its baseline. The
+    /// second and the first angle are in proportion to its focal length.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the images do not determine the mount: the message says what to change.
+    pub fn estimate(frames: &Frames, geometry: &Geometry) -> Result<Mounting> {
+        let (size, source) = (frames.size(), Pinhole { focal_px: geometry.focal_px, principal_point: geometry.principal_point });
+        let center = frames.get(Frame::Center).expect("frames always have a centre");
+        let corners = corners(center, CORNERS, RADIUS + 1);
+        let center = (center, &Pyramid::new(center));
+        let views: Vec<View> = frames.views().iter().collect();
+        let multiple = |view: View| f64::from(view.right()).hypot(view.down().into());
+        let longest = views.iter().map(|&view| multiple(view)).fold(1.0, f64::max);
+        // The longest move shifts no point by more than a quarter of the image.
+        let most = (size[0] as f64 / 4.0 / longest) as i16;
+        let mut matches = Vec::new();
+        for &view in &views {
+            let neighbor = frames.get(Frame::View(view)).expect("the view is there");
+            // Parallax of the wrong sign shows that an axis is reversed.
+            let mut found = find([center, (neighbor, &Pyramid::new(neighbor))], &corners, view, &(-most..=most));
+            keep_consensus(&corners, &mut found, Direction::of(view), size);
+            let [x, y] = [view.right(), view.down()].map(f64::from);
+            let parallax = |(corner, found): (&[usize; 2], &Option<Match>)| {
+                let [du, dv] = [0, 1].map(|axis| Some(found.as_ref()?.at[axis] - corner[axis] as f64));
+                Some(-(x * du? + y * dv?) / multiple(view).powi(2))
+            };
+            let parallaxes: Vec<f64> = corners.iter().zip(&found).filter_map(parallax).collect();
+            let count = parallaxes.len();
+            if count < MIN_POINTS {
+                return Err(Error::Usage(format!(
+                    "after the move to the {view} view, {count} textured blocks are found again, and {MIN_POINTS} are needed: let the \
+                     camera see a scene with texture everywhere, take a shorter --step, and check that the stage moves in the image plane"
+                )));
+            }
+            if median(parallaxes) < 0.0 {
+                return Err(Error::Usage(format!(
+                    "after the move to the {view} view, the scene has moved along with the camera: the stage moved the other way; \
+                     reverse its axis, or turn the camera"
+                )));
+            }
+            matches.push(found);
+        }
+        let points = points(&source, &corners, &matches);
+        let undetermined = || Error::Usage("the images do not determine how the camera moved".into());
+        let adjustment = adjust_moved(&views, &points, 1.0 / source.focal_px).ok_or_else(undetermined)?;
+        let nominal: Vec<Vector3<f64>> =
+            views.iter().map(|view| Vector3::new(view.right().into(), view.down().into(), 0.0)).collect();
+        // How long a step is in the adjustment's unit.
+        let lengths = adjustment.models.iter().zip(&nominal).map(|(model, nominal)| model.position.norm() / nominal.norm());
+        let unit = lengths.sum::<f64>() / views.len() as f64;
+        let parallax = |disparity: &f64| disparity * unit * source.focal_px;
+        let parallax_px = longest * median(adjustment.disparities.iter().map(parallax).collect());
+        if parallax_px < MIN_PARALLAX_PX {
+            return Err(Error::Usage(format!(
+                "the longest moves shift the scene by {parallax_px:.1} pixels, and {MIN_PARALLAX_PX} are needed: take a longer --step, or \
+                 a nearer scene"
+            )));
+        }
+        let (rotation_deg, deviation_deg) = rotation(&adjustment, &nominal);
+        let worst = deviation_deg.into_iter().fold(0.0, f64::max);
+        if worst.is_nan() || worst > MAX_DEVIATION_DEG {
+            return Err(Error::Usage(format!(
+                "the angles between camera and stage are uncertain by {worst:.2} degrees, and {MAX_DEVIATION_DEG} are allowed: take a \
+                 longer --step, a nearer scene with texture up to the borders of the image, or a stage that repeats its moves better"
+            )));
+        }
+        let in_middle = |ray: [f64; 2]| ray.iter().all(|at| (at * source.focal_px).abs() < MIDDLE * size[0] as f64);
+        let middle = points.iter().zip(&adjustment.disparities).filter(|(point, _)| in_middle(point.ray));
+        Ok(Mounting {
+            rotation_deg,
+            deviation_deg,
+            points: points.len(),
+            parallax_px,
+            noise_px: adjustment.noise * source.focal_px,
+            middle_px: middle.map(|(_, disparity)| parallax(disparity)).collect(),
+            step_mm: geometry.baseline_mm,
+        })
+    }
+
+    /// The focal length in pixels and its standard deviation, if what the middle of the image shows is at a known distance from the camera.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the points there are few or at different distances.
+    pub fn focal_px(&self, distance_mm: f64) -> Result<[f64; 2]> {
+        let count = self.middle_px.len();
+        let middle = median(self.middle_px.clone());
+        let spread = 1.4826 * median(self.middle_px.iter().map(|parallax| (parallax / middle - 1.0).abs()).collect());
+        if count < 10 || spread > MAX_DEPTH_SPREAD {
+            return Err(Error::Usage(format!(
+                "--distance is that of a flat target in the middle of the image, but {count} points there are at distances that differ by \
+                 {:.0} %: put a textured board there, or give --focal-px or --lens instead",
+                100.0 * if spread.is_nan() { 0.0 } else { spread }
+            )));
+        }
+        let focal_px = middle * distance_mm / self.step_mm;
+        Ok([focal_px, focal_px * spread / (count as f64).sqrt()])
+    }
+
+    /// The distance in millimetres to what the middle of the image shows, for a focal length in pixels. NaN if it shows no texture.
+    pub fn distance_mm(&self, focal_px: f64) -> f64 {
+        focal_px * self.step_mm / median(self.middle_px.clone())
+    }
+
+    /// The mount, with a focal length in pixels.
+    pub fn mount(&self, focal_px: f64) -> Mount {
+        Mount { rotation_deg: self.rotation_deg, rotation_deviation_deg: Some(self.deviation_deg), focal_px: Some(focal_px) }
+    }
+}
+
+/// The rotation vector from the stage's axes to the camera's, and its standard deviations, in degrees.
+///
+/// The deviations are those of the views' positions, or more if the positions agree worse with any rotation than they say.
+fn rotation(adjustment: &Adjustment, nominal: &[Vector3<f64>]) -> ([f64; 3], [f64; 3]) {
+    let positions: Vec<_> = adjustment.models.iter().map(|model| model.position).zip(nominal.iter().copied()).collect();
+    let rotation = common_rotation(&positions);
+    let (mut matrix, mut spread, mut error, mut count) = (Matrix3::zeros(), Matrix3::zeros(), 0.0, 0.0);
+    for ((position, nominal), deviations) in positions.iter().zip(&adjustment.deviations) {
+        let turned = rotation * position;
+        let by_rotation = -turned.cross_matrix();
+        // A deviation along the move is one of its length.
+        let across = Matrix3::identity() - nominal * nominal.transpose() / nominal.norm_squared();
+        let covariance = Matrix3::from_diagonal(&Vector3::new(deviations[4], deviations[5], deviations[6]).map(|d| d * d));
+        let covariance = across * rotation.matrix() * covariance * rotation.matrix().transpose() * across;
+        matrix += by_rotation.transpose() * by_rotation;
+        spread += by_rotation.transpose() * covariance * by_rotation;
+        let off = across * (nominal - turned);
+        error += off.norm_squared() / (covariance.trace() / 2.0);
+        count += 2.0;
+    }
+    let Some(inverse) = matrix.try_inverse() else { return ([f64::NAN; 3], [f64::NAN; 3]) };
+    let covariance = inverse * spread * inverse.transpose() * f64::max(1.0, error / f64::max(1.0, count - 3.0));
+    let deviation = |axis: usize| covariance[(axis, axis)].sqrt().to_degrees();
+    (rotation.scaled_axis().map(f64::to_degrees).into(), [0, 1, 2].map(deviation))
+}

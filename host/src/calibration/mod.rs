@@ -1,0 +1,31 @@
+//! Calibration of lenses from images of a printed board.
+//!
+//! The corners of the board are found, and the camera and the poses of the board are sought that explain all of them: first by
+//! homographies (Zhang, A flexible new technique for camera calibration, 2000), then by the method of Levenberg and Marquardt
+//! over all parameters.
+//!
+//! | file | what it holds |
+//! | --- | --- |
+//! | `printed_board` | [`PrintedBoard`]: chessboards and ChArUco boards |
+//! | `board_files` | boards to print, as PDF and PNG |
+//! | `board_detection` | the corners of a board in an image, found by the crates `calib-targets` |
+//! | `subpixel` | corners to a fraction of a pixel |
+//! | `board_pose` | where a board is, from its homography |
+//! | `camera_fit` | the camera and the poses of the board that explain the corners best |
+//! | `coverage` | [`Coverage`]: which parts of the image have corners |
+//! | `lens_calibration` | [`LensCalibration`]: all of these, and what to photograph next |
+
+mod board_detection;
+mod board_files;
+mod board_pose;
+mod camera_fit;
+mod coverage;
+mod lens_calibration;
+mod printed_board;
+mod subpixel;
+
+pub use board_detection::{BoardCorner, BoardMiss, LEAST_CORNERS};
+pub use board_files::Paper;
+pub use coverage::Coverage;
+pub use lens_calibration::{BoardImage, BoardReprojection, LEAST_IMAGES, LensCalibration, LensCalibrationError};
+pub use printed_board::{PrintedBoard, Rectangle};

@@ -1,0 +1,65 @@
+//! A stage that moves along other axes than its own.
+
+use multiscopic_core::capture::{Position, Stage};
+
+/// A stage whose positions are turned about its centre, so that a camera that is mounted at an angle moves along its own rows and columns.
+#[derive(Debug)]
+pub struct TurnedStage<S> {
+    stage: S,
+    /// Radians from the stage's axis to the right towards that down.
+    angle: f64,
+}
+
+impl<S> TurnedStage<S> {
+    /// Turns the axes of `stage` by `angle` radians, from right towards down.
+    pub fn new(stage: S, angle: f64) -> TurnedStage<S> {
+        TurnedStage { stage, angle }
+    }
+}
+
+/// The position turned about the centre, to the nearest micrometre.
+fn turned(Position { x_um, y_um }: Position, angle: f64) -> Position {
+    let ([x, y], (sin, cos)) = ([x_um, y_um].map(f64::from), angle.sin_cos());
+    Position { x_um: (x * cos - y * sin).round() as i32, y_um: (x * sin + y * cos).round() as i32 }
+}
+
+impl<S: Stage> Stage for TurnedStage<S> {
+    type Error = S::Error;
+
+    fn move_to(&mut self, position: Position) -> Result<(), S::Error> {
+        self.stage.move_to(turned(position, self.angle))
+    }
+
+    fn has_arrived(&mut self) -> Result<bool, S::Error> {
+        self.stage.has_arrived()
+    }
+
+    fn position(&mut self) -> Result<Option<Position>, S::Error> {
+        Ok(self.stage.position()?.map(|position| turned(position, -self.angle)))
+    }
+
+    fn stop(&mut self) -> Result<(), S::Error> {
+        self.stage.stop()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::stage::{Limits, SimulatedStage, StageImperfections};
+
+    #[test]
+    fn positions_are_turned_there_and_back() {
+        let limits = Limits { speed_mm_s: 250.0, acceleration_mm_s2: 1200.0, ..Limits::default() };
+        let stage = SimulatedStage::new(&limits, StageImperfections::default()).unwrap();
+        let place = stage.place();
+        let mut stage = TurnedStage::new(stage, 30.0_f64.to_radians());
+        let right = Position { x_um: 2000, y_um: 0 };
+        stage.move_to(right).unwrap();
+        while !stage.has_arrived().unwrap() {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        assert_eq!(place.get().position_mm, [1.732, 1.0]);
+        assert_eq!(stage.position().unwrap(), Some(right));
+    }
+}

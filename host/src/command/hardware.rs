@@ -1,0 +1,135 @@
+//! The camera and the stage that a command line names, opened.
+
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicUsize, Ordering},
+    },
+    time::Duration,
+};
+
+use image::GrayImage;
+use multiscopic::{
+    Error, Result,
+    capture::{
+        BlockingCamera, Imperfections, SimulatedCamera, ThreadedCamera,
+        camera::V4l2Camera,
+        stage::{self, AnyStage, Limits, SimulatedStage, StageSpec},
+    },
+    scene::PinholeCamera,
+};
+use multiscopic_core::capture::Policy;
+
+use super::options::{CameraSpec, HardwareOptions};
+
+/// How much longer than the camera the sequence waits for a frame: the camera's own error says more about the cause.
+const CAMERA_FIRST: Duration = Duration::from_secs(3);
+/// Width and height of a simulated camera's frames, unless its lens is for another size.
+const SIMULATED_SIZE: [u32; 2] = [640, 480];
+
+/// A camera and a stage, ready to move.
+pub struct Hardware {
+    /// The camera.
+    pub camera: ThreadedCamera<AnyCamera>,
+    /// The camera and its settings, in words.
+    pub camera_name: String,
+    /// Width and height of its frames in pixels.
+    pub size: [u32; 2],
+    /// The camera, if it is simulated.
+    pub simulated: Option<SimulatedCamera>,
+    /// The stage.
+    pub stage: AnyStage,
+    /// The stage, as the command line names it.
+    pub stage_name: String,
+    /// How far and how fast the stage may go.
+    pub limits: Limits,
+    /// Time limits, retries and tolerances.
+    pub policy: Policy,
+    /// Counts the interrupts of the user, who presses Ctrl-C.
+    pub interrupts: Arc<AtomicUsize>,
+}
+
+/// A camera of any kind.
+pub enum AnyCamera {
+    /// A real one.
+    V4l2(Box<V4l2Camera>),
+    /// One without hardware.
+    Simulated(Box<SimulatedCamera>),
+}
+
+impl Hardware {
+    /// Opens what the options name: the camera first, so that a faulty one is found before anything moves.
+    ///
+    /// From then on, Ctrl-C no longer ends the program.
+    pub fn open(options: &HardwareOptions) -> Result<Hardware> {
+        let interrupts = Arc::new(AtomicUsize::new(0));
+        count_interrupts(&interrupts)?;
+        let (limits, settings) = (options.limits.limits()?, options.settings.settings());
+        let frame_timeout = options.settings.frame_timeout()?;
+        let policy = options.sequence.policy(&options.stage, frame_timeout + CAMERA_FIRST)?;
+        let hardware = |camera, camera_name, size, simulated, stage| Hardware {
+            camera,
+            camera_name,
+            size,
+            simulated,
+            stage,
+            stage_name: options.stage.to_string(),
+            limits,
+            policy,
+            interrupts,
+        };
+        match &options.camera {
+            CameraSpec::Simulated(file) => {
+                if options.stage != StageSpec::Simulated {
+                    let message = format!("--camera sim sees where --stage sim is, not where {} is: give both", options.stage);
+                    return Err(Error::Usage(message));
+                }
+                let imperfections = file.as_deref().map(Imperfections::read).transpose()?.unwrap_or_default();
+                let of_lens = imperfections.lens.and_then(|lens| lens.size).map(|size| size.map(|side| side as u32));
+                let size = settings.size.or(of_lens).unwrap_or(SIMULATED_SIZE);
+                if let (Some(lens), Some(path)) = (&imperfections.lens, file) {
+                    lens.check_size(path, size.map(|side| side as usize))?;
+                }
+                let stage = SimulatedStage::new(&limits, imperfections.stage)?;
+                let camera = SimulatedCamera::new(PinholeCamera::new(size[0], size[1]), &imperfections, stage.place());
+                let simulated = Some(camera.clone());
+                let name = camera.to_string();
+                let open = move || Ok(AnyCamera::Simulated(Box::new(camera.clone())));
+                Ok(hardware(ThreadedCamera::new(open, frame_timeout), name, size, simulated, AnyStage::new(stage)))
+            }
+            CameraSpec::Device(path) => {
+                let open = {
+                    let path = path.clone();
+                    move || Ok(AnyCamera::V4l2(Box::new(V4l2Camera::open(&path, &settings)?)))
+                };
+                let (name, size) = match open()? {
+                    AnyCamera::V4l2(camera) => (camera.to_string(), camera.size()),
+                    AnyCamera::Simulated(camera) => (camera.to_string(), camera.size()),
+                };
+                let stage = stage::open(&options.stage, &limits)?;
+                Ok(hardware(ThreadedCamera::new(open, frame_timeout), name, size, None, stage))
+            }
+        }
+    }
+}
+
+impl BlockingCamera for AnyCamera {
+    type Error = Error;
+
+    fn take(&mut self, timeout: Duration, is_cancelled: &AtomicBool) -> Result<GrayImage> {
+        match self {
+            AnyCamera::V4l2(camera) => Ok(camera.take(timeout, is_cancelled)?),
+            AnyCamera::Simulated(camera) => camera.take(timeout, is_cancelled).map_err(|never| match never {}),
+        }
+    }
+}
+
+/// Makes Ctrl-C count up instead of ending the program.
+fn count_interrupts(interrupts: &Arc<AtomicUsize>) -> Result<()> {
+    let interrupts = interrupts.clone();
+    let handler = move || {
+        interrupts.fetch_add(1, Ordering::Relaxed);
+    };
+    ctrlc::set_handler(handler)
+        .map_err(|error| Error::Usage(format!("cannot handle Ctrl-C, so the stage could not be stopped: {error}")))
+}

@@ -1,0 +1,51 @@
+//! Pictures of which every pixel comes from another place.
+
+use image::{ImageBuffer, Pixel};
+use rayon::prelude::*;
+
+use super::{interpolated::cubic_weights, picture::Picture};
+
+impl Picture {
+    /// The picture of the same size whose pixels lie where `map` leads to, black where that is nowhere, divided by `gain`. They are
+    /// interpolated by cubic convolution (Keys, 1981), and pixels outside the picture repeat its border.
+    pub fn resampled(&self, map: impl Fn([usize; 2]) -> Option<[f64; 2]> + Sync, gain: f64) -> Picture {
+        match self {
+            Picture::Gray(image) => Picture::Gray(resampled(image, map, gain)),
+            Picture::Rgb(image) => Picture::Rgb(resampled(image, map, gain)),
+        }
+    }
+}
+
+fn resampled<P: Pixel<Subpixel = u8>>(
+    image: &ImageBuffer<P, Vec<u8>>,
+    map: impl Fn([usize; 2]) -> Option<[f64; 2]> + Sync,
+    gain: f64,
+) -> ImageBuffer<P, Vec<u8>> {
+    let (width, height, channels) = (image.width() as usize, image.height() as usize, usize::from(P::CHANNEL_COUNT));
+    let pixels = image.as_raw();
+    let mut out = vec![0; pixels.len()];
+    out.par_chunks_exact_mut(width * channels).enumerate().for_each(|(v, row)| {
+        for (u, pixel) in row.chunks_exact_mut(channels).enumerate() {
+            let Some([x, y]) = map([u, v]) else { continue };
+            let (columns, across) = taps(x, width);
+            let (rows, down) = taps(y, height);
+            for (channel, out) in pixel.iter_mut().enumerate() {
+                let along = |row: usize| -> f64 {
+                    let at = |column: usize| f64::from(pixels[(row * width + column) * channels + channel]);
+                    columns.iter().zip(across).map(|(&column, weight)| weight * at(column)).sum()
+                };
+                let gray: f64 = rows.iter().zip(down).map(|(&row, weight)| weight * along(row)).sum();
+                *out = (gray / gain).round().clamp(0.0, 255.0) as u8;
+            }
+        }
+    });
+    ImageBuffer::from_raw(width as u32, height as u32, out).expect("as many pixels as before")
+}
+
+/// The four pixels around a coordinate, and their weights.
+fn taps(at: f64, size: usize) -> ([usize; 4], [f64; 4]) {
+    // Further outside, all four are the border.
+    let at = at.clamp(-4.0, size as f64 + 4.0);
+    let first = at.floor() as isize - 1;
+    ([0, 1, 2, 3].map(|i| (first + i).clamp(0, size as isize - 1) as usize), cubic_weights(at - at.floor()))
+}

@@ -1,0 +1,138 @@
+//! The files in which calibrations are kept.
+//!
+//! A file whose name ends in `.toml` is a `camera.toml`. Others are YAML, and their contents tell which program wrote them:
+//!
+//! | file | format |
+//! | --- | --- |
+//! | `camera_toml` | `camera.toml`, which is also written |
+//! | `camera_info` | ROS's `camera_info`, as it is written |
+//! | `matrix_file` | ROS's `camera_info` and OpenCV's `FileStorage`: a camera matrix and distortion coefficients |
+//! | `camchain` | Kalibr's camera chain |
+//! | `yaml` | YAML documents, and errors that name the field |
+
+mod camchain;
+mod camera_info;
+mod camera_toml;
+mod matrix_file;
+mod yaml;
+
+use std::path::Path;
+
+use super::camera_model::CameraModel;
+use crate::{
+    error::{Error, Result},
+    files::input,
+};
+pub(crate) use camera_toml::CameraToml;
+
+impl CameraModel {
+    /// The name of the file in a captured folder.
+    pub const FILE_NAME: &str = "camera.toml";
+
+    /// Reads a calibration: a `camera.toml` ([`save`](CameraModel::save)), a YAML file of ROS (`camera_info`) or OpenCV
+    /// (`FileStorage`, also as JSON), or a camera chain of Kalibr.
+    ///
+    /// Four coefficients are taken for `k1 k2 p1 p2` unless the file names another model. OpenCV's files do not name a
+    /// fisheye, unless they have `fisheye_model: 1` as those of its sample program.
+    ///
+    /// # Errors
+    /// [`Error::Read`], or [`Error::Format`] if the file is no calibration, is incomplete or contradicts itself, or has
+    /// another camera model.
+    pub fn read(path: &Path) -> Result<CameraModel> {
+        let camera = match is_toml(path) {
+            true => camera_toml::read(path)?,
+            false => {
+                let text = input::read_text(path)?;
+                let document = yaml::Document::parse(path, &text)?;
+                let fields = document.fields()?;
+                match camchain::is_camchain(&fields) {
+                    true => camchain::read(&fields)?,
+                    false => matrix_file::read(&fields)?,
+                }
+            }
+        };
+        camera.check(path)?;
+        Ok(camera)
+    }
+
+    /// Writes ROS's `camera_info` YAML if the name of the file ends in `.yaml` or `.yml`, otherwise a `camera.toml`:
+    ///
+    /// ```toml
+    /// size = [640, 480]                       # of the images, in pixels; optional
+    /// focal_px = [1180.5, 1181.0]             # fx, fy
+    /// principal_point = [319.5, 239.5]        # cx, cy; the centre of the top left pixel is [0, 0]
+    /// model = "plumb_bob"                     # or rational, equidistant
+    /// coefficients = [-0.25, 0.08, 0.0, 0.0, -0.01]  # k1 k2 p1 p2 k3; rational: and k4 k5 k6; equidistant: k1 k2 k3 k4
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Format`] if a value is out of range or the name ends otherwise, and [`Error::Write`]. Any previous version of the file is
+    /// unchanged.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        self.check(path)?;
+        CameraModel::check_name(path)?;
+        if is_toml(path) { camera_toml::write(self, path) } else { camera_info::write(self, path) }
+    }
+
+    /// Refuses a name for [`save`](CameraModel::save) that ends neither in `.toml` nor in `.yaml` or `.yml`.
+    ///
+    /// # Errors
+    /// [`Error::Format`].
+    pub fn check_name(path: &Path) -> Result<()> {
+        let is_yaml =
+            path.extension().is_some_and(|extension| ["yaml", "yml"].iter().any(|yaml| extension.eq_ignore_ascii_case(yaml)));
+        match is_toml(path) || is_yaml {
+            true => Ok(()),
+            false => Err(Error::format(path, "the name of a calibration", "one that ends in .toml, or in .yaml for ROS")),
+        }
+    }
+
+    /// Refuses images that are not as large as those of the calibration in `path`.
+    ///
+    /// # Errors
+    /// [`Error::Format`].
+    pub fn check_size(&self, path: &Path, [width, height]: [usize; 2]) -> Result<()> {
+        match self.size {
+            Some([w, h]) if [w, h] != [width, height] => {
+                let expected = format!("{width}x{height} as the images: calibrate with images of this size");
+                Err(Error::format(path, format!("a calibration of {w}x{h} pixels"), expected))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn check(&self, path: &Path) -> Result<()> {
+        let ([fx, fy], [cx, cy]) = (self.focal_px, self.principal_point);
+        for (name, value) in [("fx", fx), ("fy", fy)] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(Error::format(path, format!("a focal length {name} of {value} pixels"), "a length above 0"));
+            }
+        }
+        if !(0.5..2.0).contains(&(fx / fy)) {
+            let found = format!("focal lengths of {fx} and {fy} pixels");
+            return Err(Error::format(path, found, "nearly the same, as pixels are nearly square"));
+        }
+        if ![cx, cy].iter().all(|coordinate| coordinate.is_finite()) {
+            return Err(Error::format(path, format!("a principal point at {cx}, {cy}"), "finite numbers"));
+        }
+        let Some([width, height]) = self.size else { return Ok(()) };
+        let sides = 1..=input::MAX_SIDE as usize;
+        if !sides.contains(&width) || !sides.contains(&height) {
+            let expected = format!("1 to {} pixels on each side", input::MAX_SIDE);
+            return Err(Error::format(path, format!("images of {width}x{height} pixels"), expected));
+        }
+        let inside = |coordinate: f64, side: usize| (0.0..side as f64).contains(&coordinate);
+        if !inside(cx, width) || !inside(cy, height) {
+            let found = format!("a principal point at {cx}, {cy}");
+            return Err(Error::format(path, found, format!("one inside the image of {width}x{height} pixels")));
+        }
+        Ok(())
+    }
+}
+
+fn is_toml(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"))
+}
+
+#[cfg(test)]
+mod tests;

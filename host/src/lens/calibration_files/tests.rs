@@ -1,0 +1,246 @@
+//! Calibrations as the programs write them, and damaged ones.
+
+use super::*;
+use crate::lens::{Lens, LensModel};
+
+/// As `camera_calibration` of ROS 2 writes it.
+const ROS: &str = "\
+image_width: 640
+image_height: 480
+camera_name: narrow_stereo
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [535.91573, 0.     , 342.28315,
+           0.     , 536.5, 235.57083,
+           0.     , 0.     , 1.     ]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data: [-0.266373, -0.038589, 0.001783, -0.000281, 0.238392]
+rectification_matrix:
+  rows: 3
+  cols: 3
+  data: [1., 0., 0., 0., 1., 0., 0., 0., 1.]
+projection_matrix:
+  rows: 3
+  cols: 4
+  data: [500., 0., 343., 0., 0., 520., 236., 0., 0., 0., 1., 0.]
+";
+
+/// As `cv::FileStorage` of OpenCV 4 writes it.
+const OPENCV: &str = "\
+%YAML:1.0
+---
+calibration_time: \"Mon 23 Nov 2026 06:40:31\"
+image_width: 640
+image_height: 480
+fisheye_model: 0
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 535.91573, 0., 342.28315, 0.,
+       536.5, 235.57083, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -0.266373, -0.038589,
+       0.001783, -2.81e-04,
+       0.238392 ]
+avg_reprojection_error: 1.9e-01
+";
+
+const KALIBR: &str = "\
+cam0:
+  cam_overlaps: []
+  camera_model: pinhole
+  distortion_coeffs: [-0.013, 0.021, -0.018, 0.004]
+  distortion_model: equidistant
+  intrinsics: [535.91573, 536.5, 342.28315, 235.57083]
+  resolution: [640, 480]
+  rostopic: /cam0/image_raw
+";
+
+fn read_as(name: &str, text: &str) -> Result<CameraModel> {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join(name);
+    std::fs::write(&path, text).unwrap();
+    CameraModel::read(&path)
+}
+
+fn read(text: &str) -> CameraModel {
+    read_as("lens.yaml", text).unwrap()
+}
+
+fn camera(model: LensModel, coefficients: &[f64]) -> CameraModel {
+    let lens = Lens::new(model, coefficients).unwrap();
+    CameraModel { size: Some([640, 480]), focal_px: [535.91573, 536.5], principal_point: [342.28315, 235.57083], lens }
+}
+
+const PLUMB_BOB: [f64; 5] = [-0.266373, -0.038589, 0.001783, -0.000281, 0.238392];
+
+#[test]
+fn the_files_of_ros_opencv_and_kalibr_are_read() {
+    let plumb_bob = camera(LensModel::PlumbBob, &PLUMB_BOB);
+    assert_eq!(read(ROS), plumb_bob);
+    assert_eq!(read(OPENCV), plumb_bob);
+    // OpenCV 5, other names, Windows' line ends.
+    assert_eq!(read(&OPENCV.replace("%YAML:1.0", "%YAML 1.2")), plumb_bob);
+    assert_eq!(
+        read(&OPENCV.replace("camera_matrix", "cameraMatrix").replace("distortion_coefficients", "distCoeffs")),
+        plumb_bob
+    );
+    assert_eq!(read(&OPENCV.replace("camera_matrix", "K").replace("distortion_coefficients", "D")), plumb_bob);
+    assert_eq!(read(&OPENCV.replace('\n', "\r\n")), plumb_bob);
+    let sizeless = OPENCV.replace("image_width: 640\n", "").replace("image_height: 480\n", "");
+    assert_eq!(read(&sizeless), CameraModel { size: None, ..plumb_bob });
+    let json = r#"{"K": {"type_id": "opencv-matrix", "rows": 3, "cols": 3, "dt": "d", "data": [500.0, 0.0, 320.0, 0.0, 501.0,
+        240.0, 0.0, 0.0, 1.0]}, "D": {"type_id": "opencv-matrix", "rows": 1, "cols": 4, "dt": "d", "data": [0.1, 0.2, 0.3, 0.4]}}"#;
+    let lens = Lens::new(LensModel::PlumbBob, &[0.1, 0.2, 0.3, 0.4, 0.0]).unwrap();
+    assert_eq!(read(json), CameraModel { size: None, focal_px: [500.0, 501.0], principal_point: [320.0, 240.0], lens });
+
+    let eight = [0.4, -0.15, 0.0005, 0.0011, 0.02, 0.7, -0.05, 0.015];
+    let rational = ROS.replace("plumb_bob", "rational_polynomial").replace("cols: 5", "cols: 8");
+    let rational = rational.replace("[-0.266373, -0.038589, 0.001783, -0.000281, 0.238392]", &format!("{eight:?}"));
+    assert_eq!(read(&rational), camera(LensModel::Rational, &eight));
+    let many = |count: usize| {
+        let mut all = eight.to_vec();
+        all.resize(count, 0.0);
+        OPENCV
+            .replace("rows: 5", &format!("rows: {count}"))
+            .replace("[ -0.266373, -0.038589,\n       0.001783, -2.81e-04,\n       0.238392 ]", &format!("{all:?}"))
+    };
+    for count in [8, 12, 14] {
+        assert_eq!(read(&many(count)), camera(LensModel::Rational, &eight));
+    }
+
+    let fisheye = [-0.013, 0.021, -0.018, 0.004];
+    assert_eq!(read(KALIBR), camera(LensModel::Equidistant, &fisheye));
+    let radtan = KALIBR.replace("equidistant", "radtan");
+    assert_eq!(read(&radtan), camera(LensModel::PlumbBob, &[-0.013, 0.021, -0.018, 0.004, 0.0]));
+    let none = KALIBR.replace("equidistant", "none").replace("[-0.013, 0.021, -0.018, 0.004]", "[]");
+    assert_eq!(read(&none).lens, Lens::IDEAL);
+    let four = OPENCV
+        .replace("rows: 5", "rows: 4")
+        .replace("-2.81e-04,\n       0.238392", "-2.81e-04")
+        .replace("fisheye_model: 0", "fisheye_model: 1");
+    assert_eq!(read(&four), camera(LensModel::Equidistant, &[-0.266373, -0.038589, 0.001783, -0.000281]));
+}
+
+#[test]
+fn a_camera_toml_is_read_as_it_was_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join(CameraModel::FILE_NAME);
+    for camera in [
+        camera(LensModel::PlumbBob, &PLUMB_BOB),
+        camera(LensModel::Equidistant, &[-0.013, 0.021, -0.018, 0.004]),
+        CameraModel { size: None, ..camera(LensModel::Rational, &[0.1; 8]) },
+    ] {
+        camera.save(&path).unwrap();
+        assert_eq!(CameraModel::read(&path).unwrap(), camera);
+    }
+    let source = include_str!("mod.rs");
+    let (_, rest) = source.split_once("/// ```toml\n").unwrap();
+    let (example, _) = rest.split_once("/// ```\n").unwrap();
+    let example = read_as("camera.toml", &example.replace("/// ", "")).unwrap();
+    assert_eq!((example.size, example.focal_px), (Some([640, 480]), [1180.5, 1181.0]));
+}
+
+#[test]
+fn bad_files_are_refused_by_name() {
+    let refused = |name: &str, text: &str, words: &[&str]| {
+        let message = read_as(name, text).unwrap_err().to_string();
+        assert!(message.contains(name) && !message.contains('\n'), "{message}");
+        for word in words {
+            assert!(message.contains(word), "`{word}` is not in: {message}");
+        }
+    };
+    let yaml = |base: &str, from: &str, to: &str, words: &[&str]| {
+        assert!(base.contains(from), "{from}");
+        refused("lens.yaml", &base.replace(from, to), words);
+    };
+    refused("lens.yaml", "", &["found an empty file"]);
+    refused("lens.yaml", "\n\n", &["found nothing but blanks"]);
+    refused("lens.yaml", "hello", &["found \"hello\" instead of fields", "a calibration of ROS, OpenCV or Kalibr"]);
+    refused("lens.yaml", "a: 1\nb: 2\n", &["found the fields a, b", "camera_matrix", "cam0"]);
+    refused("lens.yaml", "{}", &["found no fields"]);
+    refused("lens.xml", "<?xml version=\"1.0\"?>\n<opencv_storage>\n", &["found an XML file, expected YAML"]);
+    refused("lens.yaml", "\u{1}", &["instead of fields"]);
+    refused("lens.yaml", "a: [1, 2", &["damaged or truncated YAML (line ", "expected ',' or ']'"]);
+    refused("lens.yaml", &"[".repeat(100_000), &["lens.yaml"]);
+    // Truncated anywhere, the file is refused unless only fields are missing that are not used.
+    for base in [ROS, OPENCV, KALIBR] {
+        let used = base.find("rectification_matrix").or(base.find("\navg_rep")).or(base.find("\n  rostopic")).unwrap();
+        let numbers_end = base[..used].trim_end().len();
+        for end in 0..numbers_end - 1 {
+            let message = read_as("lens.yaml", &base[..end]).map(|camera| panic!("{end}: {camera:?}")).unwrap_err().to_string();
+            assert!(message.contains("lens.yaml: found "), "{message}");
+        }
+    }
+
+    yaml(ROS, "image_height: 480\n", "", &["found no image_height"]);
+    yaml(ROS, "distortion_coefficients", "coefficients", &["found no distortion_coefficients"]);
+    yaml(OPENCV, "camera_matrix", "matrix", &["found no camera_matrix"]);
+    yaml(
+        ROS,
+        "plumb_bob",
+        "thin_prism",
+        &["found \"thin_prism\" in distortion_model", "plumb_bob, rational_polynomial or equidistant"],
+    );
+    yaml(
+        ROS,
+        "plumb_bob",
+        "equidistant",
+        &["found 5 coefficients, but equidistant has 4 (k1 k2 k3 k4) in distortion_coefficients"],
+    );
+    yaml(ROS, "plumb_bob", "rational_polynomial", &["5 coefficients, but rational has 8"]);
+    yaml(ROS, "cols: 5", "cols: 6", &["found 5 numbers in distortion_coefficients.data, expected 1 rows of 6"]);
+    yaml(ROS, "0.238392]", "x]", &["found \"x\" in distortion_coefficients.data, expected only numbers"]);
+    yaml(OPENCV, "0.238392", ".Nan", &["distortion_coefficients"]);
+    yaml(OPENCV, "rows: 5", "rows: 6", &["found 5 numbers"]);
+    yaml(OPENCV, "fisheye_model: 0", "fisheye_model: 1", &["5 coefficients, but equidistant has 4"]);
+    yaml(
+        ROS,
+        "camera_name: x".split(':').next().unwrap(),
+        "fisheye_model: 1\ncamera_name",
+        &["plumb_bob in distortion_model, but fisheye_model = 1"],
+    );
+    let six = OPENCV.replace("rows: 5", "rows: 6").replace("0.238392", "0.238392, 0.1");
+    refused("lens.yml", &six, &["found 6 coefficients in distortion_coefficients", "4, 5, 8, 12 or 14"]);
+    let prism = OPENCV.replace("rows: 5", "rows: 12").replace("0.238392", "0.238392, 0, 0, 0, 0, 0.001, 0, 0");
+    refused("lens.yml", &prism, &["a thin prism or a tilted sensor"]);
+    yaml(ROS, "535.91573, 0. ", "535.91573, 0.5", &["found a skew of 0.5 in camera_matrix"]);
+    yaml(ROS, "0.     , 0.     , 1. ", "0.     , 0.     , 2. ", &["no camera matrix", "fx 0 cx"]);
+    yaml(ROS, "535.91573", "-535.91573", &["a focal length fx of -535.91573 pixels", "above 0"]);
+    yaml(ROS, "536.5", "0.0", &["a focal length fy of 0 pixels"]);
+    yaml(ROS, "536.5", "5365", &["focal lengths of 535.91573 and 5365 pixels"]);
+    yaml(ROS, "342.28315", "700", &["a principal point at 700, 235.57083", "640x480"]);
+    yaml(ROS, "image_width: 640", "image_width: -640", &["found -640 in image_width"]);
+    yaml(ROS, "image_width: 640", "image_width: 0", &["images of 0x480 pixels"]);
+    yaml(ROS, "image_width: 640", "image_width: 640\nimage_width: 320", &["duplicated key"]);
+
+    yaml(KALIBR, "pinhole", "omni", &["found \"omni\" in cam0.camera_model, expected pinhole"]);
+    yaml(KALIBR, "equidistant", "fov", &["found \"fov\" in cam0.distortion_model"]);
+    yaml(KALIBR, ", 0.004]", "]", &["found 3 coefficients in cam0.distortion_coeffs, expected 4 for equidistant"]);
+    yaml(KALIBR, "[640, 480]", "[640]", &["cam0.resolution"]);
+    yaml(KALIBR, ", 235.57083]", "]", &["found 3 numbers in cam0.intrinsics, expected 4"]);
+    yaml(KALIBR, "  rostopic", "cam1:\n  rostopic", &["found 2 cameras (cam0, cam1)", "expected one"]);
+    refused("lens.yaml", "cam0: 5", &["found 5 in cam0"]);
+
+    let toml =
+        "focal_px = [500.0, 500.0]\nprincipal_point = [1.0, 2.0]\nmodel = \"plumb_bob\"\ncoefficients = [0.1, 0, 0, 0, 0]\n";
+    assert!(read_as("camera.toml", toml).is_ok());
+    refused(
+        "camera.toml",
+        &toml.replace("plumb_bob", "radtan"),
+        &["found model = \"radtan\"", "plumb_bob, rational, equidistant"],
+    );
+    refused("camera.toml", &toml.replace("0.1, ", ""), &["4 coefficients, but plumb_bob has 5"]);
+    refused("camera.toml", &toml.replace("focal_px", "focal"), &["unknown field `focal`"]);
+    refused("camera.toml", &toml.replace("[500.0, 500.0]", "[500.0]"), &["line 1"]);
+    refused("camera.toml", &toml.replace("0.1", "inf"), &["k1 = inf"]);
+    refused("camera.toml", &toml[..30], &["camera.toml"]);
+}

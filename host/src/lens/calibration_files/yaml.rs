@@ -1,0 +1,156 @@
+//! YAML documents, and errors that name the file and the field.
+
+use std::path::Path;
+
+use saphyr::{LoadableYamlNode, Yaml};
+
+use crate::error::{Error, Result};
+
+/// The first document of a YAML file.
+pub struct Document<'a> {
+    path: &'a Path,
+    root: Yaml<'a>,
+}
+
+impl<'a> Document<'a> {
+    pub fn parse(path: &'a Path, text: &'a str) -> Result<Document<'a>> {
+        let is_xml = text.trim_start_matches('\u{feff}').trim_start().starts_with('<');
+        if is_xml {
+            return Err(Error::format(path, "an XML file", "YAML: write the calibration to a file with the ending .yml"));
+        }
+        // OpenCV before version 5 begins with its own spelling of the directive, which is no YAML.
+        let text = text.strip_prefix("%YAML:1.0").unwrap_or(text);
+        let documents = Yaml::load_from_str(text).map_err(|error| {
+            let (line, cause) = (error.marker().line(), error.info());
+            Error::format(path, format!("damaged or truncated YAML (line {line}: {cause})"), "a calibration")
+        })?;
+        let root = documents.into_iter().next().ok_or_else(|| Error::format(path, "nothing but blanks", "a calibration"))?;
+        Ok(Document { path, root })
+    }
+
+    /// The fields of the document.
+    pub fn fields(&self) -> Result<Fields<'_>> {
+        Fields::of(self.path, String::new(), &self.root)
+    }
+}
+
+/// The fields of a mapping.
+pub struct Fields<'a> {
+    pub path: &'a Path,
+    /// The name of the mapping, with a point behind it, or nothing for the document.
+    prefix: String,
+    pairs: Vec<(&'a str, &'a Yaml<'a>)>,
+}
+
+impl<'a> Fields<'a> {
+    fn of(path: &'a Path, prefix: String, node: &'a Yaml<'a>) -> Result<Fields<'a>> {
+        let Some(mapping) = node.as_mapping() else {
+            let found = match prefix.strip_suffix('.') {
+                None => format!("{} instead of fields", describe(node)),
+                Some(name) => format!("{} in {name}", describe(node)),
+            };
+            return Err(Error::format(path, found, "a calibration of ROS, OpenCV or Kalibr"));
+        };
+        let pairs = mapping.iter().filter_map(|(name, value)| Some((name.as_str()?, value))).collect();
+        Ok(Fields { path, prefix, pairs })
+    }
+
+    /// The names of the fields.
+    pub fn names(&self) -> impl Iterator<Item = &'a str> {
+        self.pairs.iter().map(|(name, _)| *name)
+    }
+
+    /// The first of `names` that is a field, whatever its case and underscores.
+    pub fn field(&self, names: &[&str]) -> Option<Field<'a>> {
+        let plain = |name: &str| name.replace('_', "").to_lowercase();
+        let find = |name: &&str| self.pairs.iter().find(|(other, _)| plain(other) == plain(name));
+        let (name, node) = names.iter().find_map(find)?;
+        Some(Field { path: self.path, name: format!("{}{name}", self.prefix), node })
+    }
+
+    /// As [`field`](Fields::field), which must exist.
+    pub fn required(&self, names: &[&str]) -> Result<Field<'a>> {
+        self.field(names).ok_or_else(|| {
+            let found = format!("no {}{}", self.prefix, names[0]);
+            Error::format(self.path, found, "a complete calibration of ROS, OpenCV or Kalibr")
+        })
+    }
+}
+
+/// A field of a mapping.
+pub struct Field<'a> {
+    path: &'a Path,
+    pub name: String,
+    node: &'a Yaml<'a>,
+}
+
+impl<'a> Field<'a> {
+    /// The error that this field has `found` instead of `expected`.
+    pub fn error(&self, found: impl AsRef<str>, expected: impl Into<String>) -> Error {
+        Error::format(self.path, format!("{} in {}", found.as_ref(), self.name), expected)
+    }
+
+    pub fn fields(&self) -> Result<Fields<'a>> {
+        Fields::of(self.path, format!("{}.", self.name), self.node)
+    }
+
+    pub fn text(&self) -> Result<&'a str> {
+        self.node.as_str().ok_or_else(|| self.error(describe(self.node), "a name"))
+    }
+
+    pub fn number(&self) -> Result<f64> {
+        number(self.node).ok_or_else(|| self.error(describe(self.node), "a number"))
+    }
+
+    /// A whole number of pixels.
+    pub fn pixels(&self) -> Result<usize> {
+        let whole = self.node.as_integer().and_then(|number| usize::try_from(number).ok());
+        whole.ok_or_else(|| self.error(describe(self.node), "a whole number of pixels"))
+    }
+
+    /// The numbers of a matrix, row by row: a mapping with `rows`, `cols` and `data`, or a list of numbers or of rows.
+    pub fn numbers(&self) -> Result<Vec<f64>> {
+        if self.node.as_mapping().is_none() {
+            return self.list();
+        }
+        let fields = self.fields()?;
+        let data = fields.required(&["data"])?;
+        let numbers = data.list()?;
+        let [rows, cols] = [fields.required(&["rows"])?.pixels()?, fields.required(&["cols"])?.pixels()?];
+        if rows.checked_mul(cols) != Some(numbers.len()) {
+            return Err(data.error(format!("{} numbers", numbers.len()), format!("{rows} rows of {cols}, as the file says")));
+        }
+        Ok(numbers)
+    }
+
+    fn list(&self) -> Result<Vec<f64>> {
+        let expected = || self.error(describe(self.node), "a list of numbers");
+        let rows = self.node.as_sequence().ok_or_else(expected)?;
+        let one = |node: &Yaml| number(node).ok_or_else(|| self.error(describe(node), "only numbers"));
+        let mut numbers = Vec::new();
+        for row in rows {
+            match row.as_sequence() {
+                Some(row) => numbers.extend(row.iter().map(one).collect::<Result<Vec<_>>>()?),
+                None => numbers.push(one(row)?),
+            }
+        }
+        Ok(numbers)
+    }
+}
+
+fn number(node: &Yaml) -> Option<f64> {
+    node.as_floating_point().or_else(|| node.as_integer().map(|number| number as f64))
+}
+
+/// What a node is, in words.
+fn describe(node: &Yaml) -> String {
+    if let Some(text) = node.as_str() {
+        return format!("{text:?}");
+    }
+    match (number(node), node) {
+        (Some(number), _) => number.to_string(),
+        (None, Yaml::Sequence(_)) => "a list".into(),
+        (None, Yaml::Mapping(_)) => "a mapping".into(),
+        (None, _) => "nothing".into(),
+    }
+}

@@ -1,0 +1,134 @@
+//! Pictures without distortion.
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::{camera_model::CameraModel, mount::Mount};
+use crate::images::{DisparityMap, Frames, Picture, Raster};
+
+/// Turns the pictures of a camera into those of an ideal one: without distortion, square to its stage, with square pixels, of the same
+/// size and with the horizontal focal length `fx`. What the camera shows in the middle of its pictures stays there, so that the principal
+/// point is the same only if the camera is square to its stage.
+///
+/// Ideal pixels lie between those of the picture and are interpolated by cubic convolution (Keys, 1981).
+#[derive(Clone, Debug)]
+pub struct Undistortion {
+    /// Where each ideal pixel lies in the picture. `None` beyond the range of the lens model.
+    places: Raster<Option<[f32; 2]>>,
+}
+
+impl Undistortion {
+    /// The undistortion of pictures of a size, in pixels, which should be that of the camera.
+    ///
+    /// # Panics
+    /// If a side is 0.
+    pub fn new(camera: &CameraModel, mount: &Mount, [width, height]: [usize; 2]) -> Undistortion {
+        let (focal_px, [cx, cy]) = (camera.focal_px[0], mount.principal_point(camera, [width, height]));
+        let to_camera = mount.rotation().inverse();
+        let place = |k: usize| {
+            let ray = Vector3::new(((k % width) as f64 - cx) / focal_px, ((k / width) as f64 - cy) / focal_px, 1.0);
+            let ray = to_camera * ray;
+            let place = camera.pixel([ray.x / ray.z, ray.y / ray.z]).filter(|_| ray.z > 0.0);
+            place.map(|place| place.map(|coordinate| coordinate as f32))
+        };
+        Undistortion { places: Raster::new(width, height, (0..width * height).into_par_iter().map(place).collect()) }
+    }
+
+    /// Where an ideal pixel lies in the picture, which may be outside its borders. `None` beyond the range of the lens model.
+    ///
+    /// # Panics
+    /// If it is outside the ideal picture.
+    pub fn place(&self, u: usize, v: usize) -> Option<[f64; 2]> {
+        self.places.get(u, v).map(|place| place.map(f64::from))
+    }
+
+    /// The ideal picture. Pixels outside the picture repeat its border.
+    ///
+    /// # Panics
+    /// If the picture has another size.
+    pub fn picture(&self, picture: &Picture) -> Picture {
+        let (width, height) = picture.dimensions();
+        let size = [self.places.width(), self.places.height()];
+        assert_eq!([width as usize, height as usize], size, "the size of the picture");
+        picture.resampled(|[u, v]| self.place(u, v), 1.0)
+    }
+
+    /// The ideal frames.
+    ///
+    /// # Panics
+    /// If the frames have another size.
+    pub fn frames(&self, frames: &Frames) -> Frames {
+        frames.map(|picture| self.picture(picture))
+    }
+
+    /// Marks the disparities of ideal pixels that lie outside the picture as invalid.
+    ///
+    /// # Panics
+    /// If the map has another size.
+    pub fn mask(&self, disparities: &mut DisparityMap) {
+        let (width, height) = (self.places.width(), self.places.height());
+        assert_eq!([disparities.width(), disparities.height()], [width, height], "the size of the disparities");
+        let inside = |at: f32, size: usize| at >= -0.5 && at <= size as f32 - 0.5;
+        for (disparity, place) in disparities.pixels_mut().iter_mut().zip(self.places.pixels()) {
+            if !place.is_some_and(|[u, v]| inside(u, width) && inside(v, height)) {
+                *disparity = None;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lens::{Lens, LensModel};
+    use image::{GrayImage, Luma, Rgb, RgbImage};
+    use multiscopic_core::Disparity;
+
+    fn camera(lens: Lens) -> CameraModel {
+        CameraModel { size: Some([320, 240]), focal_px: [300.0, 303.0], principal_point: [161.5, 118.25], lens }
+    }
+
+    #[test]
+    fn pixels_lie_where_opencv_finds_them() {
+        let lens = Lens::new(LensModel::PlumbBob, &[-0.25, 0.08, 0.0012, -0.0007, -0.01]).unwrap();
+        let undistortion = Undistortion::new(&camera(lens), &Mount::SQUARE, [320, 240]);
+        // cv2.initUndistortRectifyMap of OpenCV 5.0.0 with the camera matrix above, and 300 for both focal lengths in the new
+        // one.
+        for ((u, v), [x, y]) in [
+            ((0, 0), [15.493_36, 10.506_149]),
+            ((319, 0), [303.888_82, 10.364_406]),
+            ((161, 118), [161.0, 117.997_505]),
+            ((40, 200), [46.503_96, 196.450_26]),
+            ((319, 239), [303.993_9, 228.818_07]),
+        ] {
+            let [found_x, found_y] = undistortion.places.get(u, v).unwrap();
+            assert!((found_x - x).abs() < 1e-4 && (found_y - y).abs() < 1e-4, "({u}, {v}): {found_x}, {found_y}");
+        }
+    }
+
+    #[test]
+    fn an_ideal_lens_changes_nothing() {
+        let square = CameraModel { focal_px: [300.0; 2], ..camera(Lens::IDEAL) };
+        let undistortion = Undistortion::new(&square, &Mount::SQUARE, [40, 30]);
+        let rgb = RgbImage::from_fn(40, 30, |u, v| Rgb([(6 * u) as u8, (8 * v) as u8, (u * v) as u8]));
+        let gray = GrayImage::from_fn(40, 30, |u, v| Luma([(u * v) as u8]));
+        for picture in [Picture::Rgb(rgb), Picture::Gray(gray)] {
+            assert_eq!(undistortion.picture(&picture), picture);
+        }
+    }
+
+    #[test]
+    fn colours_are_kept_and_pixels_outside_are_invalid() {
+        // A pincushion: the corners of the ideal picture lie outside.
+        let lens = Lens::new(LensModel::PlumbBob, &[0.3, 0.0, 0.0, 0.0, 0.0]).unwrap();
+        let undistortion = Undistortion::new(&camera(lens), &Mount::SQUARE, [320, 240]);
+        let frames = Frames::of_picture(Picture::Rgb(RgbImage::from_pixel(320, 240, Rgb([200, 100, 50]))));
+        let frames = undistortion.frames(&frames);
+        let colors = frames.color(multiscopic_core::Frame::Center).unwrap();
+        assert!(colors.pixels().all(|pixel| pixel.0 == [200, 100, 50]));
+        let mut disparities = DisparityMap::filled(320, 240, Disparity::from_bits(64));
+        undistortion.mask(&mut disparities);
+        assert_eq!([disparities.get(0, 0), disparities.get(319, 239)], [None; 2]);
+        assert!(disparities.get(160, 120).is_some());
+    }
+}

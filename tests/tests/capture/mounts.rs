@@ -1,0 +1,88 @@
+//! `calibrate mount`: the angles between a simulated camera and its stage, and what they are good for.
+
+use std::{fs, path::Path};
+
+use multiscopic::{
+    lens::Mount,
+    scene::{PinholeCamera, Scene, render},
+};
+use multiscopic_tests::{program::Invocation, test_images::view_set::read_pfm};
+
+const SIZE: [u32; 2] = [320, 240];
+const LENS: &str = "focal_px = [470.0, 470.0]\nprincipal_point = [162.0, 117.5]\nmodel = \"plumb_bob\"\n\
+                    coefficients = [-0.25, 0.08, 0.0, 0.0, 0.0]\n";
+
+/// Runs `capture` or `calibrate mount` with quick simulated hardware.
+fn run(command: &[&str], errors: &Path, more: &[&str]) -> Invocation {
+    let (camera, size) = (format!("sim:{}", errors.display()), format!("{}x{}", SIZE[0], SIZE[1]));
+    let hardware = ["--camera", &camera, "--stage", "sim", "--size", &size];
+    let quick = ["--speed", "250", "--acceleration", "1200", "--settle", "0"];
+    Invocation::new(command.iter().chain(&hardware).chain(&quick).chain(more))
+}
+
+fn assert_close(mount: &Mount, expected: [f64; 3]) {
+    let deviations = mount.rotation_deviation_deg.unwrap();
+    for (axis, expected) in expected.into_iter().enumerate() {
+        let (found, deviation) = (mount.rotation_deg[axis], deviations[axis]);
+        assert!((found - expected).abs() < 0.15, "axis {axis}: {found} instead of {expected}");
+        assert!(deviation > 0.0 && deviation < 0.1, "axis {axis}: a deviation of {deviation}");
+    }
+}
+
+#[test]
+fn a_mount_is_found_and_taken_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    let angles = [1.5, -2.0, 2.5];
+    // All kinds of errors at once.
+    let stage = "[stage]\nrepeatability_mm = 0.02\nrotation_deg = 0.01\nskew_deg = 0.05\n";
+    fs::write(at("errors.toml"), format!("[lens]\n{LENS}[mount]\nrotation_deg = {angles:?}\n{stage}")).unwrap();
+    fs::write(at("camera.toml"), LENS).unwrap();
+    let [errors, lens, mount, rig, disparities] =
+        ["errors.toml", "camera.toml", "mount.toml", "rig", "rig.pfm"].map(|name| at(name).display().to_string());
+    run(&["calibrate", "mount", "--step", "20"], errors.as_ref(), &["--lens", &lens, "-o", &mount]).assert_done();
+    assert_close(&Mount::read(mount.as_ref()).unwrap(), angles);
+
+    let options = ["--baseline", "20", "--lens", &lens, "--mount", &mount, "-o", &rig];
+    run(&["capture"], errors.as_ref(), &options).assert_done();
+    Invocation::new(["match", &rig, "--num-disparities", "30", "-o", &disparities]).assert_done();
+    let ((_, _, found), (_, _, truth)) = (read_pfm(disparities.as_ref()), read_pfm(&at("rig").join("truth.pfm")));
+    let pairs = found.iter().zip(&truth).filter(|(found, truth)| found.is_finite() && truth.is_finite());
+    let mut shares: Vec<f32> = pairs.map(|(found, truth)| (found / truth - 1.0).abs()).collect();
+    let middle = shares.len() / 2;
+    let (_, median, _) = shares.select_nth_unstable_by(middle, f32::total_cmp);
+    assert!(*median < 0.01, "a median error of {median}");
+}
+
+#[test]
+fn a_distance_gives_the_focal_length() {
+    let dir = tempfile::tempdir().unwrap();
+    let [errors, mount] = ["errors.toml", "mount.toml"].map(|name| dir.path().join(name));
+    let angles = [0.0, 0.0, -3.0];
+    fs::write(&errors, format!("[mount]\nrotation_deg = {angles:?}\n")).unwrap();
+    let camera = PinholeCamera::new(SIZE[0], SIZE[1]).ideal();
+    let truth = render(&Scene::demo(), &camera, 1).truth;
+    let distance = camera.focal_px * camera.baseline_mm / f64::from(truth.get(SIZE[0] as usize / 2, SIZE[1] as usize / 2));
+    let distance = format!("{distance:.1}");
+    run(&["calibrate", "mount", "--step", "20"], &errors, &["--distance", &distance, "-o", mount.to_str().unwrap()])
+        .assert_done();
+    let found = Mount::read(&mount).unwrap();
+    assert_close(&found, angles);
+    let focal_px = found.focal_px.unwrap();
+    assert!((focal_px / 480.0 - 1.0).abs() < 0.02, "{focal_px}");
+}
+
+#[test]
+fn what_does_not_determine_a_mount_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let [errors, mount] = ["errors.toml", "mount.toml"].map(|name| dir.path().join(name));
+    let output = ["-o", mount.to_str().unwrap()];
+    fs::write(&errors, "[stage]\nscale = [-1.0, 1.0]\n").unwrap();
+    let calibrate = |step: &str, more: &[&str]| run(&["calibrate", "mount", "--step", step], &errors, &[&output, more].concat());
+    calibrate("20", &[]).assert_refused(&["--lens", "--focal-px", "--distance"]);
+    calibrate("20", &["--focal-px", "480"]).assert_refused(&["the stage moved the other way", "reverse its axis"]);
+    fs::write(&errors, "[stage]\n").unwrap();
+    calibrate("2", &["--focal-px", "480"]).assert_refused(&["shift the scene by", "take a longer --step"]);
+    calibrate("49", &["--focal-px", "480", "--reach", "20"]).assert_refused(&["beyond the reach of 20 mm"]);
+    assert!(!mount.exists());
+}

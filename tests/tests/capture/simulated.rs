@@ -1,0 +1,103 @@
+//! `capture` with simulated hardware: perfect, with a lens, a mount and a stage that err, and with calibrations of them.
+
+use std::{fs, path::Path};
+
+use multiscopic::{
+    Rig,
+    scene::{PinholeCamera, Scene, render},
+};
+use multiscopic_tests::{program::Invocation, test_images::view_set::read_pfm};
+
+const SIZE: [usize; 2] = [320, 240];
+const LENS: &str = "focal_px = [470.0, 470.0]\nprincipal_point = [162.0, 117.5]\nmodel = \"plumb_bob\"\n\
+                    coefficients = [-0.25, 0.08, 0.0, 0.0, 0.0]\n";
+
+/// Captures quickly with simulated hardware.
+fn capture(camera: &str, folder: &Path, more: &[&str]) -> Invocation {
+    let (folder, size) = (folder.to_str().unwrap(), format!("{}x{}", SIZE[0], SIZE[1]));
+    let quick = ["--speed", "250", "--acceleration", "1200", "--settle", "0", "--size", &size];
+    let arguments = ["capture", "--camera", camera, "--stage", "sim", "--baseline", "20", "-o", folder];
+    Invocation::new(arguments.iter().chain(&quick).chain(more))
+}
+
+/// The medians of the absolute error of what `match` finds, in pixels and as a share of the true disparity.
+fn median_errors(folder: &Path) -> [f64; 2] {
+    let output = folder.with_extension("pfm");
+    let arguments = ["match", folder.to_str().unwrap(), "--num-disparities", "30", "-o", output.to_str().unwrap()];
+    Invocation::new(arguments).assert_done();
+    let (found, truth) = (read_pfm(&output).2, read_pfm(&folder.join("truth.pfm")).2);
+    let both: Vec<[f64; 2]> = found.iter().zip(&truth).map(|(a, b)| [a, b].map(|d| f64::from(*d))).collect();
+    let both: Vec<[f64; 2]> = both.into_iter().filter(|[found, truth]| found.is_finite() && truth.is_finite()).collect();
+    assert!(both.len() > SIZE[0] * SIZE[1] * 8 / 10, "{} pixels", both.len());
+    let median = |of: &dyn Fn(&[f64; 2]) -> f64| {
+        let mut errors: Vec<f64> = both.iter().map(of).collect();
+        *errors.select_nth_unstable_by(both.len() / 2, f64::total_cmp).1
+    };
+    [median(&|[found, truth]| (found - truth).abs()), median(&|[found, truth]| (found / truth - 1.0).abs())]
+}
+
+#[test]
+fn a_perfect_rig_sees_the_scene_of_the_demo() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("rig");
+    capture("sim", &folder, &[]).assert_done();
+    let camera = PinholeCamera::new(SIZE[0] as u32, SIZE[1] as u32);
+    let expected = render(&Scene::demo(), &camera, 1).truth;
+    let (_, _, found) = read_pfm(&folder.join("truth.pfm"));
+    assert!(expected.pixels().iter().zip(&found).all(|(a, b)| (a - b).abs() < 1e-4 * a));
+    let rig = Rig::load(&folder).unwrap();
+    assert_eq!((rig.focal_px, rig.lens, rig.mount_rotation_deg), (Some(480.0), None, None));
+    let [pixels, share] = median_errors(&folder);
+    assert!(pixels < 0.15 && share < 0.01, "{pixels} {share}");
+}
+
+#[test]
+fn calibrations_make_up_for_a_lens_and_a_mount() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    fs::write(at("errors.toml"), format!("[lens]\n{LENS}[mount]\nrotation_deg = [1.5, -2.0, 2.5]\n")).unwrap();
+    fs::write(at("camera.toml"), LENS).unwrap();
+    fs::write(at("mount.toml"), "rotation_deg = [1.5, -2.0, 2.5]\n").unwrap();
+    let (camera, lens, mount) = (format!("sim:{}", at("errors.toml").display()), at("camera.toml"), at("mount.toml"));
+    let calibrations = ["--lens", lens.to_str().unwrap(), "--mount", mount.to_str().unwrap()];
+    capture(&camera, &at("raw"), &[]).assert_done();
+    capture(&camera, &at("calibrated"), &calibrations).assert_done();
+    let rig = Rig::load(&at("calibrated")).unwrap();
+    // The turn about the optical axis is taken out by the moves.
+    let [pitch, yaw, roll] = rig.mount_rotation_deg.unwrap();
+    assert!((pitch - 1.5).abs() < 0.1 && (yaw + 2.0).abs() < 0.1 && roll.abs() < 1e-9, "{pitch} {yaw} {roll}");
+    assert!(fs::read_to_string(at("calibrated/capture.log")).unwrap().contains("camera: simulated, 320x240"));
+    let [[raw, _], [calibrated, share]] = ["raw", "calibrated"].map(|name| median_errors(&at(name)));
+    assert!(calibrated < 0.15 && share < 0.01, "{calibrated} {share}");
+    assert!(raw > 2.0 * calibrated, "{raw} instead of {calibrated}");
+    // A mount alone is taken out by the focal length.
+    let arguments = ["align", at("calibrated").to_str().unwrap(), "--json"].map(String::from);
+    let aligned = Invocation::new(arguments);
+    assert_eq!(aligned.code, Some(0), "{aligned:?}");
+}
+
+#[test]
+fn a_stage_that_errs_moves_the_views() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    // All disparities are 5 % longer than a perfect stage's.
+    fs::write(at("errors.toml"), "[stage]\nscale = [1.05, 1.05]\n").unwrap();
+    capture(&format!("sim:{}", at("errors.toml").display()), &at("rig"), &["--views", "2"]).assert_done();
+    let [_, share] = median_errors(&at("rig"));
+    assert!((share - 0.05).abs() < 0.01, "{share}");
+}
+
+#[test]
+fn what_cannot_be_simulated_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let (errors, rig) = (dir.path().join("errors.toml"), dir.path().join("rig"));
+    let camera = format!("sim:{}", errors.display());
+    capture(&camera, &rig, &[]).assert_refused(&["cannot read", "errors.toml"]);
+    fs::write(&errors, "[stage]\nsize = 1.0\n").unwrap();
+    capture(&camera, &rig, &[]).assert_refused(&["errors.toml", "line 2 (size = 1.0)", "unknown field `size`"]);
+    fs::write(&errors, format!("[lens]\nsize = [640, 480]\n{LENS}")).unwrap();
+    capture(&camera, &rig, &[]).assert_refused(&["errors.toml", "a calibration of 640x480 pixels", "320x240"]);
+    let arguments = ["capture", "--camera", "sim", "--stage", "manual", "--baseline", "20", "-o", rig.to_str().unwrap()];
+    Invocation::new(arguments).assert_refused(&["--camera sim sees where --stage sim is", "give both"]);
+    assert!(!rig.exists());
+}

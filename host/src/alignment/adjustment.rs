@@ -13,13 +13,15 @@ const LEN: usize = ViewModel::LEN;
 /// positions in baselines, as arms, slides and hands have them.
 const PRIOR: [f64; LEN] = [0.02, 0.02, 0.02, 0.01, 0.05, 0.05, 0.05];
 /// Those of views that a stage has moved without turning the camera on purpose, by an unknown angle to its axes.
-const PRIOR_OF_STAGE: [f64; LEN] = [5e-4, 5e-4, 5e-4, 1e-6, 0.2, 0.2, 0.2];
+const PRIOR_OF_STAGE: [f64; LEN] = [2e-4, 2e-4, 2e-4, 1e-6, 0.2, 0.2, 0.2];
 /// The maximum number of iterations.
 const MAX_ITERATIONS: usize = 200;
 /// Residuals above this multiple of their scale lose weight (Cauchy).
 const CAUCHY: f64 = 2.0;
 /// How much less the matches' error has to be for the absolute disparities to be taken from the images.
 const GAIN_OF_FREE_OFFSET: f64 = 0.95;
+/// How many times the views' other turns the turn that they share may be.
+const MOST_ALIKE: f64 = 4.0;
 
 /// A corner of the centre and where the views show it, all in focal lengths from the optical axis.
 #[derive(Clone, Debug)]
@@ -41,19 +43,52 @@ pub struct Adjustment {
     pub disparities: Vec<f64>,
     /// The scale of the residuals, in focal lengths.
     pub noise: f64,
+    /// The matches ask for a turn of all views towards their baselines, but more alike than motion turns a camera.
+    pub looks_distorted: bool,
     cost: f64,
 }
 
 /// Adjusts the models of `views`.
 ///
 /// If all views are turned towards their baselines alike, all disparities change by the same amount, and nothing else does
-/// but the perspective at the borders. Such a turn is believed only if it explains the matches clearly better.
+/// but the perspective at the borders. Such a turn is believed only if it explains the matches clearly better, and if the views
+/// differ in it: the distortion of a lens looks like a turn that they have in common.
 ///
 /// A pixel has `pixel` focal lengths.
 pub fn adjust(views: &[View], points: &[Point], pixel: f64) -> Option<Adjustment> {
     let fixed = Solver { views, points, pixel, prior: PRIOR, offset_deviation: 1e-7 }.solve(None)?;
     let free = Solver { views, points, pixel, prior: PRIOR, offset_deviation: PRIOR[0] }.solve(Some(&fixed))?;
-    Some(if free.cost < GAIN_OF_FREE_OFFSET * fixed.cost { free } else { fixed })
+    let is_better = free.cost < GAIN_OF_FREE_OFFSET * fixed.cost;
+    let looks_distorted = is_better && is_alike(views, &free.models);
+    Some(if is_better && !looks_distorted { free } else { Adjustment { looks_distorted, ..fixed } })
+}
+
+/// Tells whether the turn towards the baselines that all views share is much larger than their other turns.
+fn is_alike(views: &[View], models: &[ViewModel]) -> bool {
+    let shared = shared_turn(views, models);
+    let other = |(model, view): (&ViewModel, &View)| {
+        let [x, y] = [view.right(), view.down()].map(f64::from);
+        (model.rotation - Vector3::new(-y, x, 0.0) * shared).norm_squared()
+    };
+    let others: f64 = models.iter().zip(views).map(other).sum();
+    // Three angles a view.
+    shared.abs() > MOST_ALIKE * (others / (3 * views.len()) as f64).sqrt()
+}
+
+/// The coefficients of a view's rotation in the turn towards the baselines that all views share.
+fn shared_weights(views: &[View], view: View) -> [f64; 2] {
+    let [x, y] = [view.right(), view.down()].map(f64::from);
+    let scale = (x * x + y * y) * views.len() as f64;
+    [-y / scale, x / scale]
+}
+
+/// The turn towards the baselines that all views share, in radians.
+fn shared_turn(views: &[View], models: &[ViewModel]) -> f64 {
+    let turn = |(model, &view): (&ViewModel, &View)| {
+        let [x, y] = shared_weights(views, view);
+        x * model.rotation.x + y * model.rotation.y
+    };
+    models.iter().zip(views).map(turn).sum()
 }
 
 /// Adjusts the models of views that a stage has moved without turning the camera.
@@ -142,7 +177,7 @@ impl Solver<'_> {
         // What the two solutions are compared by has the same scale of noise in both.
         let noise_of_both = start.map_or(noise, |start| start.noise);
         let cost = self.cost(&models, &disparities, noise_of_both);
-        Some(Adjustment { deviations: deviations.collect(), models, disparities, noise, cost })
+        Some(Adjustment { deviations: deviations.collect(), models, disparities, noise, looks_distorted: false, cost })
     }
 
     /// The mean of a point's disparities in all views at their nominal positions.
@@ -191,24 +226,8 @@ impl Solver<'_> {
             let off = model.to_array().into_iter().zip(nominal(view).to_array()).zip(self.prior);
             off.map(|((value, expected), deviation)| ((value - expected) / deviation).powi(2)).sum::<f64>()
         });
-        let offset = self.offset(models) / self.offset_deviation;
+        let offset = shared_turn(self.views, models) / self.offset_deviation;
         self.residuals(models, disparities).into_iter().map(of_match).sum::<f64>() + prior.sum::<f64>() + offset * offset
-    }
-
-    /// The coefficients of a view's rotation in the turn towards the baselines that all views share.
-    fn offset_weights(&self, view: View) -> [f64; 2] {
-        let [x, y] = [view.right(), view.down()].map(f64::from);
-        let scale = (x * x + y * y) * self.views.len() as f64;
-        [-y / scale, x / scale]
-    }
-
-    /// The turn towards the baselines that all views share, in radians.
-    fn offset(&self, models: &[ViewModel]) -> f64 {
-        let turn = |(model, &view): (&ViewModel, &View)| {
-            let [x, y] = self.offset_weights(view);
-            x * model.rotation.x + y * model.rotation.y
-        };
-        models.iter().zip(self.views).map(turn).sum()
     }
 
     /// The equations of all points.
@@ -246,12 +265,12 @@ impl Solver<'_> {
         }
         let mut weights = DVector::zeros(len);
         for (k, &view) in self.views.iter().enumerate() {
-            let [x, y] = self.offset_weights(view);
+            let [x, y] = shared_weights(self.views, view);
             (weights[k * LEN], weights[k * LEN + 1]) = (x, y);
         }
         let information = self.offset_deviation.powi(-2);
         matrix += &weights * weights.transpose() * information;
-        right -= weights * (self.offset(models) * information);
+        right -= weights * (shared_turn(self.views, models) * information);
         for rows in points {
             let own: f64 = rows.iter().map(|row| row.weight * row.by_disparity.norm_squared()).sum::<f64>() * (1.0 + damping);
             let own_right: f64 = rows.iter().map(|row| row.weight * row.by_disparity.dot(&row.residual)).sum();

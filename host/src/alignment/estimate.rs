@@ -41,6 +41,7 @@ pub struct Alignment {
     common: Rotation3<f64>,
     source: Pinhole,
     target: Pinhole,
+    looks_distorted: bool,
 }
 
 impl Alignment {
@@ -109,7 +110,8 @@ impl Alignment {
         let turned = common * source.ray(middle);
         let principal_point = [0, 1].map(|axis| middle[axis] - source.focal_px * turned[axis] / turned.z);
         let target = Pinhole { principal_point, ..source };
-        let mut alignment = Alignment { views: BTreeMap::new(), common, source, target };
+        let mut alignment =
+            Alignment { views: BTreeMap::new(), common, source, target, looks_distorted: adjustment.looks_distorted };
         let lengths: Vec<f64> = positions.iter().map(|(position, nominal)| position.norm() / nominal.norm()).collect();
         let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
         let plane = plane(&points, &adjustment.disparities);
@@ -127,6 +129,13 @@ impl Alignment {
             alignment.views.insert(view, (residual, matrix));
         }
         Ok(alignment)
+    }
+
+    /// What a user should know: the images look as if the lens distorted them.
+    pub fn warning(&self) -> Option<String> {
+        let message = "all views look turned towards their baselines alike, as by a lens that distorts or a wrong focal length: calibrate \
+                       the lens (multiscopic calibrate lens)";
+        self.looks_distorted.then(|| message.into())
     }
 
     fn residual(

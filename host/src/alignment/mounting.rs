@@ -185,3 +185,44 @@ fn rotation(adjustment: &Adjustment, nominal: &[Vector3<f64>]) -> ([f64; 3], [f6
     let deviation = |axis: usize| covariance[(axis, axis)].sqrt().to_degrees();
     (rotation.scaled_axis().map(f64::to_degrees).into(), [0, 1, 2].map(deviation))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A mounting with these parallaxes in the middle of the image, for a step of 10 mm.
+    fn mounting(middle_px: Vec<f64>) -> Mounting {
+        let angles = [0.0; 3];
+        Mounting {
+            rotation_deg: angles,
+            deviation_deg: angles,
+            points: 100,
+            parallax_px: 20.0,
+            noise_px: 0.1,
+            middle_px,
+            step_mm: 10.0,
+        }
+    }
+
+    #[test]
+    fn a_flat_target_at_a_known_distance_gives_the_focal_length() {
+        // 900 pixels and 450 mm: a parallax of 20 pixels, up to 1 % off.
+        let middle: Vec<f64> = (0..101).map(|k| 20.0 * (1.0 + 0.01 * (f64::from(k) - 50.0) / 50.0)).collect();
+        let [focal, deviation] = mounting(middle).focal_px(450.0).unwrap();
+        assert!((focal - 900.0).abs() < 1e-9, "{focal}");
+        // Half of them are up to 0.5 % off.
+        assert!((deviation - 900.0 * 1.4826 * 0.005 / 101.0_f64.sqrt()).abs() < 1e-3, "{deviation}");
+        let distance = mounting(vec![20.0; 20]).distance_mm(900.0);
+        assert!((distance - 450.0).abs() < 1e-9, "{distance}");
+    }
+
+    #[test]
+    fn a_target_that_is_not_flat_or_without_texture_is_refused() {
+        let slanted = (0..101).map(|k| 10.0 + 0.2 * f64::from(k)).collect();
+        for (middle, words) in [(slanted, "101 points there"), (vec![20.0; 9], "9 points there"), (Vec::new(), "0 points there")]
+        {
+            let message = mounting(middle).focal_px(450.0).unwrap_err().to_string();
+            assert!(message.contains(words) && message.contains("flat target"), "{message}");
+        }
+    }
+}

@@ -2,6 +2,9 @@
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector3};
 
+/// The least second smallest eigenvalue of equations that determine a homography, as a share of the largest.
+const MIN_SECOND: f64 = 1e-9;
+
 /// The pose of a plane whose points at `places` are seen in `directions`, `(x, y, 1)` from the camera: by their homography (Zhang,
 /// 2000). `None` if they are in a row, or the plane is behind the camera.
 pub fn pose(places: &[[f64; 2]], directions: &[[f64; 2]]) -> Option<Isometry3<f64>> {
@@ -33,8 +36,19 @@ fn homography(places: &[[f64; 2]], directions: &[[f64; 2]]) -> Option<Matrix3<f6
         }
     }
     let eigen = normal.symmetric_eigen();
+    // Points in a row leave several homographies.
+    let [_, second, .., largest] = *sorted(eigen.eigenvalues.as_slice()) else { return None };
+    if second < MIN_SECOND * largest {
+        return None;
+    }
     let h = eigen.eigenvectors.column(eigen.eigenvalues.imin());
     Some(to.try_inverse()? * Matrix3::from_row_slice(h.as_slice()) * from)
+}
+
+fn sorted(values: &[f64]) -> Vec<f64> {
+    let mut values = values.to_vec();
+    values.sort_unstable_by(f64::total_cmp);
+    values
 }
 
 /// Moves the mean of points to 0 and their mean distance from it to the root of 2.

@@ -103,6 +103,7 @@ impl Align {
             })?;
             terminal::say(&format!("wrote {}", folder.display()));
         }
+        alignment.warning().into_iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
         inspection.range_line().into_iter().for_each(|line| terminal::say(&line));
         terminal::print(&match self.json {
             true => serde_json::to_string(&report).expect("numbers and strings") + "\n",

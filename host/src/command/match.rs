@@ -118,9 +118,11 @@ impl Match {
         output::check(&self.outputs.paths(), &inputs)?;
         let engine = self.engine.engine()?;
         let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size())).transpose()?;
+        let mut warnings = inspection.warnings(search.min_disparity());
         if self.align {
             let alignment = Alignment::estimate(&frames, &search, geometry.as_ref())?;
             frames = alignment.compensate(&frames);
+            warnings.extend(alignment.warning());
             center = center.map(|center| alignment.rectified(Frame::Center, center));
             geometry = geometry
                 .map(|geometry| Geometry { principal_point: alignment.principal_point(geometry.principal_point), ..geometry });
@@ -162,8 +164,12 @@ impl Match {
         }
         let method = if self.prior.is_some() { "around a prior" } else { self.method.name() };
         terminal::say(&summary(method, &search, &disparities, seconds));
-        let warnings = inspection.warnings(search.min_disparity()).into_iter().chain(cut_range(&disparities, &search));
-        warnings.for_each(|warning| terminal::say(&format!("warning: {warning}")));
+        // Swapped views explain disparities at the end.
+        let is_swapped = inspection.refuse_swapped(search.min_disparity()).is_err();
+        if !is_swapped {
+            warnings.extend(cut_range(&disparities, &search));
+        }
+        warnings.iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -2,10 +2,7 @@
 
 use std::{fs, path::Path};
 
-use multiscopic::{
-    lens::Mount,
-    scene::{PinholeCamera, Scene, render},
-};
+use multiscopic::lens::Mount;
 use multiscopic_tests::{program::Invocation, test_images::view_set::read_pfm};
 
 const SIZE: [u32; 2] = [320, 240];
@@ -24,12 +21,14 @@ fn assert_close(mount: &Mount, expected: [f64; 3]) {
     let deviations = mount.rotation_deviation_deg.unwrap();
     for (axis, expected) in expected.into_iter().enumerate() {
         let (found, deviation) = (mount.rotation_deg[axis], deviations[axis]);
-        assert!((found - expected).abs() < 0.15, "axis {axis}: {found} instead of {expected}");
+        // The errors of the stage alone are worth 0.07 degrees.
+        assert!((found - expected).abs() < 0.25, "axis {axis}: {found} instead of {expected}");
         assert!(deviation > 0.0 && deviation < 0.1, "axis {axis}: a deviation of {deviation}");
     }
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn a_mount_is_found_and_taken_out() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
@@ -55,21 +54,19 @@ fn a_mount_is_found_and_taken_out() {
 }
 
 #[test]
-fn a_distance_gives_the_focal_length() {
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
+fn a_distance_is_that_of_a_flat_target() {
     let dir = tempfile::tempdir().unwrap();
     let [errors, mount] = ["errors.toml", "mount.toml"].map(|name| dir.path().join(name));
     let angles = [0.0, 0.0, -3.0];
     fs::write(&errors, format!("[mount]\nrotation_deg = {angles:?}\n")).unwrap();
-    let camera = PinholeCamera::new(SIZE[0], SIZE[1]).ideal();
-    let truth = render(&Scene::demo(), &camera, 1).truth;
-    let distance = camera.focal_px * camera.baseline_mm / f64::from(truth.get(SIZE[0] as usize / 2, SIZE[1] as usize / 2));
-    let distance = format!("{distance:.1}");
-    run(&["calibrate", "mount", "--step", "20"], &errors, &["--distance", &distance, "-o", mount.to_str().unwrap()])
-        .assert_done();
-    let found = Mount::read(&mount).unwrap();
-    assert_close(&found, angles);
-    let focal_px = found.focal_px.unwrap();
-    assert!((focal_px / 480.0 - 1.0).abs() < 0.02, "{focal_px}");
+    // In the middle of the demo's scene are things at several distances.
+    let calibrate =
+        |more: &[&str]| run(&["calibrate", "mount", "--step", "20"], &errors, &[more, &["-o", mount.to_str().unwrap()]].concat());
+    calibrate(&["--distance", "840"]).assert_refused(&["--distance is that of a flat target", "differ by", "--focal-px"]);
+    assert!(!mount.exists());
+    calibrate(&["--focal-px", "480"]).assert_done();
+    assert_close(&Mount::read(&mount).unwrap(), angles);
 }
 
 #[test]

@@ -36,6 +36,7 @@ static SCENE: LazyLock<ViewSet> = LazyLock::new(|| scene(20.0));
 const SEARCH: [&str; 2] = ["--num-disparities", "18"];
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn shifts_brightness_and_baselines_are_found() {
     assert_recovers(&SCENE, 18, &misaligned::RANGE);
     let mut images = SCENE.clone();
@@ -51,6 +52,7 @@ fn shifts_brightness_and_baselines_are_found() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn views_of_arrays_are_aligned() {
     // A plane at one disparity, painted with waves, each view turned so that it is shifted across its baseline, and brightened.
     const DISPARITY: f64 = 4.25;
@@ -107,6 +109,7 @@ fn views_of_arrays_are_aligned() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn misalignment_is_corrected() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
@@ -135,7 +138,8 @@ fn misalignment_is_corrected() {
     };
     let [as_it_is, put_right, on_the_way] =
         [disparities("off", &[]), disparities("new", &[]), disparities("off", &["--align"])].map(far);
-    assert!(as_it_is > 0.2 && put_right < 0.05, "{as_it_is}, {put_right}");
+    // At this size, resampling alone changes matches where there is little texture.
+    assert!(as_it_is > 0.4 && put_right < 0.1, "{as_it_is}, {put_right}");
     assert_eq!(put_right, on_the_way);
 }
 

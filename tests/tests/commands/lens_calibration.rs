@@ -125,6 +125,7 @@ fn assert_recovered(path: &Path, truth: &TrueCamera) {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn a_lens_is_recovered_with_its_uncertainty() {
     let (photos, truth) = (photos(), plumb_bob());
     let report = photos.file("report.html");
@@ -146,6 +147,7 @@ fn a_lens_is_recovered_with_its_uncertainty() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn chessboards_may_be_partly_out_of_view() {
     let camera = plumb_bob();
     let photos = Photos::new("chessboard", &camera, &poses(&camera, 8), 1);
@@ -160,6 +162,7 @@ fn chessboards_may_be_partly_out_of_view() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn wide_angles_have_models_of_their_own() {
     let middle = [318.0, 242.5];
     let rational = TrueCamera {
@@ -208,6 +211,7 @@ fn refusals_say_what_to_photograph() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn poses_that_do_not_tell_the_lens_are_refused() {
     let camera = plumb_bob();
     // Parallel to the image plane.
@@ -230,6 +234,7 @@ fn pictures_of_two_cameras_contradict_each_other() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn a_simulated_camera_photographs_the_board() {
     let folder = tempfile::tempdir().expect("a folder");
     let [rig, lens, kept] = ["rig.toml", "camera.toml", "kept"].map(|name| folder.path().join(name));

@@ -100,6 +100,7 @@ fn errors(found: &[f32], truth: &[f32]) -> (f64, f64) {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn distorted_images_match_as_those_without_distortion() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);

@@ -63,12 +63,14 @@ impl SimulatedBoard {
     fn pose(&self) -> Isometry3<f64> {
         let turn = f64::from(self.taken) * 2.4;
         let tilt = Vector3::new(turn.cos(), turn.sin(), 0.0) * 0.5;
-        let roll = Vector3::z() * 0.2 * (f64::from(self.taken % 3) - 1.0);
+        // Places that fill the image evenly, however many there are.
+        let [x, y, z, roll] = [2, 3, 5, 7].map(|base| halton(self.taken + 1, base) - 0.5);
+        let roll = Vector3::z() * roll;
         let rotation = UnitQuaternion::new(tilt) * UnitQuaternion::new(roll);
-        let distance = self.width_mm / (BOARD_SHARE * self.field) * (1.0 + 0.1 * f64::from(self.taken % 4));
-        let across = self.field * distance * 0.3 * [-1.0, 0.0, 1.0][(self.taken % 3) as usize];
+        let distance = self.width_mm / (BOARD_SHARE * self.field) * (1.2 + 0.5 * z);
+        let across = self.field * distance * 0.7 * x;
         let [width, height] = self.size.map(|side| side as f64);
-        let down = self.field * height / width * distance * 0.3 * [-1.0, 0.0, 1.0][(self.taken / 3 % 3) as usize];
+        let down = self.field * height / width * distance * 0.7 * y;
         let center = Vector3::new(self.center_mm[0], self.center_mm[1], 0.0);
         Isometry3::from_parts((Vector3::new(across, down, distance) - rotation * center).into(), rotation)
     }
@@ -97,6 +99,17 @@ impl SimulatedBoard {
         };
         (0..SAMPLES * SAMPLES).map(sample).sum::<f64>() / (SAMPLES * SAMPLES) as f64
     }
+}
+
+/// Element `index` of Halton's sequence in a base, from 0 to 1.
+fn halton(mut index: u32, base: u32) -> f64 {
+    let (mut value, mut digit) = (0.0, 1.0);
+    while index > 0 {
+        digit /= f64::from(base);
+        value += digit * f64::from(index % base);
+        index /= base;
+    }
+    value
 }
 
 impl BlockingCamera for SimulatedBoard {

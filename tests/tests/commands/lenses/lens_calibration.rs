@@ -12,7 +12,7 @@ use multiscopic_tests::program::Invocation;
 use rayon::prelude::*;
 use tempfile::TempDir;
 
-use crate::board_photos::{BoardPose, Print, SIZE, TrueCamera};
+use super::board_photos::{BoardPose, Print, SIZE, TrueCamera};
 
 const DPI: f64 = 100.0;
 /// The board by default: 10x7 squares of 25 mm, and half a square around it in a PNG.

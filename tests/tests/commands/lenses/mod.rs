@@ -1,5 +1,8 @@
 //! `--lens` and `lens` in rig.toml: images that a lens distorts, and calibrations.
 
+mod board_photos;
+mod lens_calibration;
+
 use std::{fs, path::Path};
 
 use multiscopic::{

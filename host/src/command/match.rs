@@ -100,7 +100,7 @@ struct Outputs {
 impl Match {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
-        let Some(source) = self.source.source()? else {
+        let Some(mut source) = self.source.source()? else {
             let message = "there are no images to match: give --center and its neighbours, or RIG_DIR, a folder with a rig.toml";
             return Err(Error::Usage(message.into()));
         };
@@ -120,7 +120,7 @@ impl Match {
         let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size())).transpose()?;
         if self.align {
             let alignment = Alignment::estimate(&frames, &search, geometry.as_ref())?;
-            frames = alignment.compensate(&frames);
+            frames = source.rectified_frames(undistortion.as_ref(), &alignment)?;
             center = center.map(|center| alignment.rectified(Frame::Center, center));
             geometry = geometry
                 .map(|geometry| Geometry { principal_point: alignment.principal_point(geometry.principal_point), ..geometry });

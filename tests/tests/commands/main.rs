@@ -10,4 +10,5 @@ mod evaluation;
 mod layouts;
 mod lens_calibration;
 mod lenses;
+mod photo_files;
 mod photos;

@@ -7,6 +7,7 @@ use multiscopic::{
     Alignment, Error, Inspection, Result, Rig,
     alignment::Residual,
     files::{FrameFiles, output},
+    images::BitDepth,
 };
 use multiscopic_core::{Frame, View};
 use serde::Serialize;
@@ -29,7 +30,7 @@ pub struct Align {
     #[command(flatten)]
     search: SearchOptions,
 
-    /// New folder for the rectified capture
+    /// New folder for the rectified capture, in colour and with 16 bits where the images are
     #[arg(short, long, value_name = "NEW_RIG_DIR")]
     output: Option<PathBuf>,
 
@@ -66,7 +67,7 @@ struct Line {
 impl Align {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
-        let Some(source) = self.source.source()? else {
+        let Some(mut source) = self.source.source()? else {
             let message = "there are no images to align: give RIG_DIR, a folder with a rig.toml, or --center and its neighbours";
             return Err(Error::Usage(message.into()));
         };
@@ -74,9 +75,9 @@ impl Align {
             let message = "-o writes a folder with a rig.toml, which only a captured folder can provide: give RIG_DIR";
             return Err(Error::Usage(message.into()));
         }
-        let (frames, ..) = source.load()?;
+        let (frames, _, undistortion) = source.load()?;
         let search = self.search.search(frames.size(), frames.views(), None, SearchOptions::DEFAULT_RANGE)?;
-        let rig = match (source.rig, &source.lens) {
+        let rig = match (source.rig.take(), &source.lens) {
             (Some(rig), Some(lens)) => Some(lens.ideal_rig(rig, frames.size())?),
             (rig, _) => rig,
         };
@@ -94,12 +95,17 @@ impl Align {
             views: frames.views().iter().filter_map(line).collect(),
         };
         if let (Some(folder), Some(rig)) = (&self.output, rig) {
-            let images = FrameFiles::of_capture(frames.views());
-            let compensated = alignment.compensate(&frames);
             output::write_folder(folder, |folder| {
-                compensated.save(&images.within(folder))?;
+                let mut images = FrameFiles::of_capture(frames.views());
+                for rectified in source.rectified(undistortion.as_ref(), &alignment) {
+                    let (frame, picture) = rectified?;
+                    if picture.has_16_bits() {
+                        images.bits = Some(BitDepth::Sixteen);
+                    }
+                    picture.write_png(&folder.join(FrameFiles::name_of(frame)))?;
+                }
                 let principal_point = Some(alignment.principal_point(rig.principal_point(frames.size())));
-                Rig { images: images.clone(), principal_point, ..rig }.save(folder)
+                Rig { images, principal_point, ..rig }.save(folder)
             })?;
             terminal::say(&format!("wrote {}", folder.display()));
         }

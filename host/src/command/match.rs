@@ -100,7 +100,7 @@ struct Outputs {
 impl Match {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
-        let Some(source) = self.source.source()? else {
+        let Some(mut source) = self.source.source()? else {
             let message = "there are no images to match: give --center and its neighbours, or RIG_DIR, a folder with a rig.toml";
             return Err(Error::Usage(message.into()));
         };
@@ -121,8 +121,8 @@ impl Match {
         let mut warnings = inspection.warnings(search.min_disparity());
         if self.align {
             let alignment = Alignment::estimate(&frames, &search, geometry.as_ref())?;
-            frames = alignment.compensate(&frames);
             warnings.extend(alignment.warning());
+            frames = source.rectified_frames(undistortion.as_ref(), &alignment)?;
             center = center.map(|center| alignment.rectified(Frame::Center, center));
             geometry = geometry
                 .map(|geometry| Geometry { principal_point: alignment.principal_point(geometry.principal_point), ..geometry });

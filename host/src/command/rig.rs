@@ -15,7 +15,10 @@ use multiscopic::{
 use multiscopic_core::{Frame, View};
 
 use super::{
-    options::value::{point, positive},
+    options::{
+        BitsOption,
+        value::{point, positive},
+    },
     terminal,
 };
 
@@ -57,6 +60,9 @@ struct Init {
     /// middle of the image]
     #[arg(long, value_name = "CX,CY", value_parser = point, allow_negative_numbers = true)]
     principal_point: Option<[f64; 2]>,
+
+    #[command(flatten)]
+    bits: BitsOption,
 }
 
 impl RigCommand {
@@ -75,10 +81,12 @@ impl Init {
             return Err(Error::Usage(format!("{} is there already: change it by hand, or move it away", path.display())));
         }
         let photos = photos(directory)?;
-        let images = match self.layout {
+        let mut images = match self.layout {
             Some(layout) => in_layout(directory, &photos, layout)?,
             None => by_name(directory, &photos)?,
         };
+        let files = images.within(directory);
+        images.bits = self.bits.depth(None, &files.paths().collect::<Vec<_>>())?;
         // Reading them all finds photos of different sizes now instead of later.
         let (frames, _) = Frames::load(&images.within(directory))?;
         let rig = Rig {

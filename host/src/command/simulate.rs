@@ -87,7 +87,7 @@ impl Simulate {
     fn frames(&self, profile: &Profile, search: &Search, views: Views) -> Result<(Frames, &'static str)> {
         let outputs: Vec<&Path> = [&self.output, &self.packets].into_iter().flatten().map(PathBuf::as_path).collect();
         let [width, height] = [search.width(), search.height()];
-        let Some(source) = self.source.source()? else {
+        let Some(mut source) = self.source.source()? else {
             output::check(&outputs, &[])?;
             let camera = PinholeCamera::new(width as u32, height as u32);
             return Ok((render_views(&Scene::demo(), &camera, views, 1).frames(views), "demo"));

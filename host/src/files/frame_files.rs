@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::image_codec::write_png;
 use crate::{
     error::{Error, Result},
-    images::{Frames, Picture},
+    images::{BitDepth, Frames, Picture},
 };
 
 /// The image file of each frame: the `[images]` of a `rig.toml`. Relative paths are relative to its folder.
@@ -28,6 +28,8 @@ pub struct FrameFiles {
     pub top: Option<PathBuf>,
     /// The frame taken with the camera moved down.
     pub bottom: Option<PathBuf>,
+    /// The bits of 16-bit images, if known: else the least number that has their brightest sample.
+    pub bits: Option<BitDepth>,
     /// The frames taken elsewhere, by their offsets in baselines to the right and down, such as `1,-1`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty", with = "by_offset")]
     pub views: BTreeMap<View, PathBuf>,
@@ -105,6 +107,17 @@ impl FrameFiles {
         std::iter::once(Frame::Center).chain(self.views().iter().map(Frame::View)).filter_map(|frame| self.get(frame))
     }
 
+    /// The depth of the 16-bit images, as given or else as their brightest sample tells. `None` if there are none.
+    ///
+    /// # Errors
+    /// Those of [`Picture::brightest`].
+    pub fn depth(&self) -> Result<Option<BitDepth>> {
+        match self.bits {
+            Some(bits) => Ok(Some(bits)),
+            None => Ok(Picture::brightest(&self.paths().collect::<Vec<_>>())?.map(BitDepth::of_brightest)),
+        }
+    }
+
     /// The files with relative paths resolved against `directory`.
     pub fn within(&self, directory: &Path) -> FrameFiles {
         let join = |file: &Option<PathBuf>| file.as_ref().map(|file| directory.join(file));
@@ -114,6 +127,7 @@ impl FrameFiles {
             right: join(&self.right),
             top: join(&self.top),
             bottom: join(&self.bottom),
+            bits: self.bits,
             views: self.views.iter().map(|(view, file)| (*view, directory.join(file))).collect(),
         }
     }
@@ -121,17 +135,18 @@ impl FrameFiles {
 
 impl Frames {
     /// Reads the frames of a capture. The centre is also returned as the picture in its file, with its
-    /// colours.
+    /// colours. 16-bit images all have the same depth: that of `files`, or of their brightest sample.
     ///
     /// # Errors
-    /// [`Error::Read`], or [`Error::Format`] if a file is not a picture or a neighbour and the centre differ
-    /// in size.
+    /// [`Error::Read`], or [`Error::Format`] if a file is not a picture, a sample is above the maximum of the depth, or a neighbour and
+    /// the centre differ in size, after they were turned as their EXIF orientations say.
     pub fn load(files: &FrameFiles) -> Result<(Frames, Picture)> {
-        let center = Picture::read(&files.center)?;
+        let depth = files.depth()?;
+        let center = Picture::read_with_depth(&files.center, depth)?;
         let mut frames = Frames::of_picture(center.clone());
         for view in files.views().iter() {
             let Some(path) = files.get(Frame::View(view)) else { continue };
-            let image = Picture::read(path)?;
+            let image = Picture::read_with_depth(path, depth)?;
             if image.dimensions() != center.dimensions() {
                 let ((width, height), (w, h)) = (center.dimensions(), image.dimensions());
                 return Err(Error::format(

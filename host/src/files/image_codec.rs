@@ -8,7 +8,8 @@ use std::{
 
 use image::{
     DynamicImage, EncodableLayout, ImageBuffer, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits, PixelWithColorType,
-    codecs::png::PngEncoder,
+    codecs::{png::PngEncoder, pnm::PnmDecoder},
+    metadata::Orientation,
 };
 
 use crate::{
@@ -16,34 +17,83 @@ use crate::{
     files::{input, output, truncation},
 };
 
-/// Decodes the contents of the file `path`. They decide the format, not the name.
+/// Decodes the contents of the file `path`. They decide the format, not the name. The picture is turned as its EXIF orientation says.
 pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
-    let format = match image::guess_format(bytes) {
-        Ok(format @ (ImageFormat::Png | ImageFormat::Pnm | ImageFormat::Jpeg)) => format,
-        other => {
-            let found = other.map_or("an unknown kind of file".into(), |format| format!("a {format:?} image"));
-            return Err(Error::format(path, found, "a PNG, PGM, PPM, JPEG or PFM image"));
+    let file = CodedFile::new(path, bytes)?;
+    let mut decoder = file.decoder()?;
+    let (width, height) = decoder.dimensions();
+    if truncation::is_truncated(file.format, bytes, u64::from(width) * u64::from(height)) {
+        return Err(file.damaged(&format_args!("data are missing for its {width}x{height} pixels")));
+    }
+    let orientation = file.orientation(&mut decoder);
+    let mut image = DynamicImage::from_decoder(decoder).map_err(|error| file.damaged(&error))?;
+    image.apply_orientation(orientation);
+    Ok(image)
+}
+
+/// Whether the contents of the file `path` are samples of 16 bits without a word about which is white. PGM and PPM name the sample of white,
+/// and [`decode`] scales it to 65535, but 65535 is also what programs write that do not know.
+pub(crate) fn is_depth_unknown(path: &Path, bytes: &[u8]) -> Result<bool> {
+    let file = CodedFile::new(path, bytes)?;
+    let color = file.decoder()?.color_type();
+    let has_16_bits = color.bytes_per_pixel() == 2 * color.channel_count();
+    Ok(has_16_bits && (file.format != ImageFormat::Pnm || file.netpbm_white()? == u32::from(u16::MAX)))
+}
+
+/// A file that is not decoded yet.
+struct CodedFile<'a> {
+    path: &'a Path,
+    bytes: &'a [u8],
+    format: ImageFormat,
+}
+
+impl CodedFile<'_> {
+    fn new<'a>(path: &'a Path, bytes: &'a [u8]) -> Result<CodedFile<'a>> {
+        match image::guess_format(bytes) {
+            Ok(format @ (ImageFormat::Png | ImageFormat::Pnm | ImageFormat::Jpeg)) => Ok(CodedFile { path, bytes, format }),
+            other => {
+                let found = other.map_or("an unknown kind of file".into(), |format| format!("a {format:?} image"));
+                Err(Error::format(path, found, "a PNG, PGM, PPM, JPEG or PFM image"))
+            }
         }
-    };
-    let damaged = |cause: &dyn std::fmt::Display| {
-        let name = format!("{format:?}").to_uppercase();
+    }
+
+    fn decoder(&self) -> Result<impl ImageDecoder> {
+        let mut reader = ImageReader::with_format(Cursor::new(self.bytes), self.format);
+        let mut limits = Limits::default();
+        limits.max_alloc = Some(input::MAX_BYTES);
+        reader.limits(limits);
+        let decoder = reader.into_decoder().map_err(|error| self.damaged(&error))?;
+        let (width, height) = decoder.dimensions();
+        input::check_size(self.path, width, height, decoder.total_bytes())?;
+        Ok(decoder)
+    }
+
+    /// How the picture is to be turned. Damaged metadata say nothing.
+    fn orientation(&self, decoder: &mut impl ImageDecoder) -> Orientation {
+        let exif = match self.format {
+            // The decoder misses what follows the pixels.
+            ImageFormat::Png => {
+                truncation::png_chunks(self.bytes).find(|(name, _)| *name == b"eXIf").map(|(_, data)| data.to_vec())
+            }
+            _ => decoder.exif_metadata().ok().flatten(),
+        };
+        exif.and_then(|exif| Orientation::from_exif_chunk(&exif)).unwrap_or(Orientation::NoTransforms)
+    }
+
+    /// The sample of white in the header of a PGM or PPM.
+    fn netpbm_white(&self) -> Result<u32> {
+        let decoder = PnmDecoder::new(Cursor::new(self.bytes)).map_err(|error| self.damaged(&error))?;
+        Ok(decoder.into_inner().1.maximal_sample())
+    }
+
+    fn damaged(&self, cause: &dyn std::fmt::Display) -> Error {
+        let name = format!("{:?}", self.format).to_uppercase();
         // Some decoders' messages have several lines.
         let cause = cause.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
         let found = format!("a damaged or truncated {name} image ({cause})");
-        Error::format(path, found, "a complete one: copy or capture it again")
-    };
-
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(input::MAX_BYTES);
-    reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(|error| damaged(&error))?;
-    let (width, height) = decoder.dimensions();
-    input::check_size(path, width, height, decoder.total_bytes())?;
-    if truncation::is_truncated(format, bytes, u64::from(width) * u64::from(height)) {
-        return Err(damaged(&format_args!("data are missing for its {width}x{height} pixels")));
+        Error::format(self.path, found, "a complete one: copy or capture it again")
     }
-    DynamicImage::from_decoder(decoder).map_err(|error| damaged(&error))
 }
 
 /// Writes `image` as a PNG file.

@@ -24,6 +24,7 @@ use crate::{
 /// center = "center.png"
 /// left = "left.png"
 /// right = "right.png"
+/// bits = 12                       # optional, of 16-bit images: 10, 12, 14 or 16; else the least that has their brightest sample
 ///
 /// [images.views]                  # optional: neighbours elsewhere, by their baselines to the right and down
 /// "1,-1" = "top-right.png"

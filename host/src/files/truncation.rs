@@ -12,18 +12,20 @@ pub fn is_truncated(format: ImageFormat, bytes: &[u8], pixels: u64) -> bool {
     }
 }
 
-/// Follows the chunks (length, name, data, checksum) to the one named IEND.
 fn png_has_end(bytes: &[u8]) -> bool {
+    png_chunks(bytes).any(|(name, _)| name == b"IEND")
+}
+
+/// The names and data of a PNG's chunks (length, name, data, checksum), up to the first that is incomplete.
+pub fn png_chunks(bytes: &[u8]) -> impl Iterator<Item = (&[u8; 4], &[u8])> {
     let mut rest = bytes.get(8..).unwrap_or_default();
-    while let Some((&[a, b, c, d, ref name @ ..], data)) = rest.split_first_chunk::<8>() {
-        let length = u32::from_be_bytes([a, b, c, d]) as usize;
-        rest = match data.get(length + 4..) {
-            Some(_) if name == b"IEND" => return true,
-            Some(next) => next,
-            None => return false,
-        };
-    }
-    false
+    std::iter::from_fn(move || {
+        let (length, data) = rest.split_first_chunk()?;
+        let (name, data) = data.split_first_chunk()?;
+        let length = u32::from_be_bytes(*length) as usize;
+        rest = data.get(length.checked_add(4)?..)?;
+        Some((name, &data[..length]))
+    })
 }
 
 /// Follows the segments (0xFF, marker, length, data) and the coded data between them to the marker EOI.

@@ -50,9 +50,9 @@ impl Frames {
     /// A centre frame without neighbours, with its colours if it has any.
     pub fn of_picture(center: Picture) -> Frames {
         let gray = center.to_gray();
-        let colors = match center {
-            Picture::Gray(_) => None,
+        let colors = match center.into_8_bits() {
             Picture::Rgb(center) => Some(Colors { center, neighbors: BTreeMap::new() }),
+            _ => None,
         };
         Frames { colors, ..Frames::new(gray) }
     }
@@ -64,7 +64,7 @@ impl Frames {
     pub fn with_picture(mut self, view: View, picture: Picture) -> Frames {
         let colors = self.colors.take();
         let frames = self.with(view, picture.to_gray());
-        let colors = match (colors, picture) {
+        let colors = match (colors, picture.into_8_bits()) {
             (Some(mut colors), Picture::Rgb(image)) => {
                 colors.neighbors.insert(view, image);
                 Some(colors)

@@ -1,6 +1,7 @@
 //! Images in memory: rasters, pictures, the frames of a capture and their layout, disparity maps, the geometry
 //! that turns disparity into depth, and the displacements that rectify frames.
 
+mod bit_depth;
 mod disparity_map;
 mod frames;
 mod geometry;
@@ -12,6 +13,7 @@ mod resampled;
 mod sampled_displacements;
 pub mod turbo;
 
+pub use bit_depth::BitDepth;
 pub use disparity_map::DisparityMap;
 pub use frames::Frames;
 pub use geometry::Geometry;

@@ -1,29 +1,50 @@
 //! Pictures of which every pixel comes from another place.
 
-use image::{ImageBuffer, Pixel};
+use image::{ImageBuffer, Pixel, Primitive};
 use rayon::prelude::*;
 
 use super::{interpolated::cubic_weights, picture::Picture};
 
 impl Picture {
-    /// The picture of the same size whose pixels lie where `map` leads to, black where that is nowhere, divided by `gain`. They are
-    /// interpolated by cubic convolution (Keys, 1981), and pixels outside the picture repeat its border.
+    /// The picture of the same size and depth whose pixels lie where `map` leads to, black where that is nowhere, divided by `gain`. They are
+    /// interpolated by cubic convolution (Keys, 1981) and rounded to nearest, and pixels outside the picture repeat its border.
     pub fn resampled(&self, map: impl Fn([usize; 2]) -> Option<[f64; 2]> + Sync, gain: f64) -> Picture {
         match self {
             Picture::Gray(image) => Picture::Gray(resampled(image, map, gain)),
             Picture::Rgb(image) => Picture::Rgb(resampled(image, map, gain)),
+            Picture::Gray16(image) => Picture::Gray16(resampled(image, map, gain)),
+            Picture::Rgb16(image) => Picture::Rgb16(resampled(image, map, gain)),
         }
     }
 }
 
-fn resampled<P: Pixel<Subpixel = u8>>(
-    image: &ImageBuffer<P, Vec<u8>>,
+/// The sample of a channel.
+trait Sample: Primitive + Into<f64> + Send + Sync {
+    /// The sample nearest to a value.
+    fn nearest(value: f64) -> Self;
+}
+
+impl Sample for u8 {
+    fn nearest(value: f64) -> u8 {
+        // The conversion clamps.
+        value.round() as u8
+    }
+}
+
+impl Sample for u16 {
+    fn nearest(value: f64) -> u16 {
+        value.round() as u16
+    }
+}
+
+fn resampled<P: Pixel<Subpixel: Sample>>(
+    image: &ImageBuffer<P, Vec<P::Subpixel>>,
     map: impl Fn([usize; 2]) -> Option<[f64; 2]> + Sync,
     gain: f64,
-) -> ImageBuffer<P, Vec<u8>> {
+) -> ImageBuffer<P, Vec<P::Subpixel>> {
     let (width, height, channels) = (image.width() as usize, image.height() as usize, usize::from(P::CHANNEL_COUNT));
     let pixels = image.as_raw();
-    let mut out = vec![0; pixels.len()];
+    let mut out = vec![P::Subpixel::nearest(0.0); pixels.len()];
     out.par_chunks_exact_mut(width * channels).enumerate().for_each(|(v, row)| {
         for (u, pixel) in row.chunks_exact_mut(channels).enumerate() {
             let Some([x, y]) = map([u, v]) else { continue };
@@ -31,11 +52,11 @@ fn resampled<P: Pixel<Subpixel = u8>>(
             let (rows, down) = taps(y, height);
             for (channel, out) in pixel.iter_mut().enumerate() {
                 let along = |row: usize| -> f64 {
-                    let at = |column: usize| f64::from(pixels[(row * width + column) * channels + channel]);
+                    let at = |column: usize| -> f64 { pixels[(row * width + column) * channels + channel].into() };
                     columns.iter().zip(across).map(|(&column, weight)| weight * at(column)).sum()
                 };
                 let gray: f64 = rows.iter().zip(down).map(|(&row, weight)| weight * along(row)).sum();
-                *out = (gray / gain).round().clamp(0.0, 255.0) as u8;
+                *out = P::Subpixel::nearest(gray / gain);
             }
         }
     });

@@ -8,5 +8,6 @@ mod edge_commands;
 mod evaluation;
 mod layouts;
 mod lenses;
+mod photo_files;
 mod photos;
 mod search_ranges;

@@ -10,12 +10,13 @@ use multiscopic::{
     CameraModel, Error, LensModel, Picture, Progress, Result,
     calibration::{BoardImage, BoardMiss, LensCalibration, LensCalibrationError, PrintedBoard},
     files::output,
+    images::BitDepth,
 };
 use rayon::prelude::*;
 
 use super::{board_options::BoardOptions, camera_session::CameraSession, lens_outcome::LensOutcome};
 use crate::command::{
-    options::{CameraSpec, Named, SettingsOptions, named},
+    options::{BitsOption, CameraSpec, Named, SettingsOptions, named},
     terminal::{self, Watch},
 };
 
@@ -66,6 +67,9 @@ pub struct LensCommand {
     board: BoardOptions,
 
     #[command(flatten)]
+    bits: BitsOption,
+
+    #[command(flatten)]
     settings: SettingsOptions,
 }
 
@@ -109,10 +113,11 @@ impl LensCommand {
 
     /// The boards in the pictures, the size of the pictures, and why some are left out.
     fn photos(&self, board: &PrintedBoard) -> Result<(Vec<BoardImage>, [usize; 2], Vec<String>)> {
+        let depth = self.bits.depth(None, &self.images.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
         let watch = Watch::new()?;
         watch.begin(self.images.len() as u64, "pictures");
         let photo = |path: &PathBuf| {
-            let photo = read(path, board);
+            let photo = read(path, board, depth);
             watch.advance(1);
             photo
         };
@@ -140,8 +145,8 @@ impl LensCommand {
     }
 }
 
-fn read(path: &Path, board: &PrintedBoard) -> Result<Photo> {
-    let gray = Picture::read(path)?.to_gray();
+fn read(path: &Path, board: &PrintedBoard, depth: Option<BitDepth>) -> Result<Photo> {
+    let gray = Picture::read_with_depth(path, depth)?.to_gray();
     let size = [gray.width() as usize, gray.height() as usize];
     let corners = board.corners_in(&gray).map(|corners| BoardImage { name: path.display().to_string(), corners });
     Ok(Photo { size, corners })

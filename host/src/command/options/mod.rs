@@ -1,6 +1,7 @@
 //! Options that several commands share.
 
 mod baseline_options;
+mod bits_option;
 mod engine_options;
 mod geometry_options;
 mod hardware_options;
@@ -13,6 +14,7 @@ mod source_options;
 pub mod value;
 
 pub use baseline_options::BaselineOptions;
+pub use bits_option::BitsOption;
 pub use engine_options::EngineOptions;
 pub use geometry_options::GeometryOptions;
 #[cfg(feature = "calibration")]

@@ -6,10 +6,10 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::{Error, Frames, Picture, Rig, files::FrameFiles, lens::Undistortion};
+use multiscopic::{Alignment, Error, Frames, Picture, Rig, files::FrameFiles, lens::Undistortion};
 use multiscopic_core::{Frame, ParseViewError, View, Views};
 
-use super::lens_file::LensFile;
+use super::{BitsOption, lens_file::LensFile};
 
 /// The frames: a captured folder, or an image for each.
 #[derive(Clone, Debug, Args)]
@@ -46,6 +46,9 @@ pub struct SourceOptions {
     /// of rig.toml; without one, the images are taken as they are]
     #[arg(long, value_name = "FILE")]
     lens: Option<PathBuf>,
+
+    #[command(flatten)]
+    bits: BitsOption,
 }
 
 /// The files of the frames and of what belongs to them.
@@ -58,16 +61,47 @@ pub struct Source {
     /// The calibration of the camera, if the images are distorted or the camera is not square to its stage.
     pub lens: Option<LensFile>,
     rig_file: Option<PathBuf>,
+    bits: BitsOption,
 }
 
 impl Source {
     /// Reads the frames, without distortion, and the centre as the picture in its file, with its colours and its distortion. The last is
-    /// what undistorted them.
-    pub fn load(&self) -> multiscopic::Result<(Frames, Picture, Option<Undistortion>)> {
+    /// what undistorted them. From then on, the bits of 16-bit images are known.
+    pub fn load(&mut self) -> multiscopic::Result<(Frames, Picture, Option<Undistortion>)> {
+        self.images.bits = self.bits.depth(self.images.bits, &self.images.paths().collect::<Vec<_>>())?;
         let (frames, center) = Frames::load(&self.images)?;
         Ok(match self.lens.as_ref().map(|lens| lens.undistortion(frames.size())).transpose()? {
             Some(undistortion) => (undistortion.frames(&frames), center, Some(undistortion)),
             None => (frames, center, None),
+        })
+    }
+
+    /// The pictures of the frames, read again in all their bits, without distortion and rectified.
+    pub fn rectified<'a>(
+        &'a self,
+        undistortion: Option<&'a Undistortion>,
+        alignment: &'a Alignment,
+    ) -> impl Iterator<Item = multiscopic::Result<(Frame, Picture)>> + 'a {
+        let frames = [Frame::Center].into_iter().chain(self.images.views().iter().map(Frame::View));
+        frames.filter_map(|frame| Some((frame, self.images.get(frame)?))).map(move |(frame, path)| {
+            let picture = Picture::read_with_depth(path, self.images.bits)?;
+            let ideal = match undistortion {
+                Some(undistortion) => undistortion.picture(&picture),
+                None => picture,
+            };
+            Ok((frame, alignment.rectified(frame, ideal)))
+        })
+    }
+
+    /// The frames of [`rectified`](Source::rectified).
+    pub fn rectified_frames(&self, undistortion: Option<&Undistortion>, alignment: &Alignment) -> multiscopic::Result<Frames> {
+        let mut rectified = self.rectified(undistortion, alignment);
+        let (_, center) = rectified.next().expect("the centre comes first")?;
+        rectified.try_fold(Frames::of_picture(center), |frames, rectified| {
+            Ok(match rectified? {
+                (Frame::View(view), picture) => frames.with_picture(view, picture),
+                (Frame::Center, _) => frames,
+            })
         })
     }
 
@@ -103,9 +137,10 @@ impl SourceOptions {
             let lens = lens.map(|path| LensFile::read(&path)).transpose()?;
             let path = directory.join(Rig::FILE_NAME);
             let lens = LensFile::with_mount(lens, &rig, &path);
-            return Ok(Some(Source { images: rig.images.within(directory), rig: Some(rig), lens, rig_file: Some(path) }));
+            let (images, bits) = (rig.images.within(directory), self.bits.clone());
+            return Ok(Some(Source { images, rig: Some(rig), lens, rig_file: Some(path), bits }));
         }
-        let SourceOptions { center, left, right, top, bottom, view, rig: _, lens } = self.clone();
+        let SourceOptions { center, left, right, top, bottom, view, rig: _, lens, bits } = self.clone();
         let images = FrameFiles { center: center.clone().unwrap_or_default(), left, right, top, bottom, ..FrameFiles::default() };
         let images = view.into_iter().try_fold(images, |images, ViewImage { view, path }| {
             if images.get(Frame::View(view)).is_some() {
@@ -128,7 +163,7 @@ impl SourceOptions {
             }
             (Some(_), false) => {
                 let lens = lens.map(|path| LensFile::read(&path)).transpose()?;
-                Ok(Some(Source { images, rig: None, lens, rig_file: None }))
+                Ok(Some(Source { images, rig: None, lens, rig_file: None, bits }))
             }
         }
     }

@@ -9,7 +9,7 @@ use std::{
 use clap::Args;
 use multiscopic::stereo::{CostFunction, LongBaselines, Optimizer};
 use multiscopic::{
-    Alignment, DisparityMap, Error, Geometry, Inspection, Method, Picture, Result,
+    DisparityMap, Error, Inspection, Method, Picture, Result,
     files::{
         output,
         ply::{self, Encoding},
@@ -22,13 +22,9 @@ use super::{
         BaselineOptions, EngineOptions, GeometryOptions, MapFiles, MethodName, MethodOptions, Named, SearchOptions,
         SourceOptions, named,
     },
+    preparation::{self, PreparationOptions},
     terminal::{self, Watch},
 };
-
-/// The least share of pixels at an end of the range that is a pile.
-const MIN_PILE: f64 = 0.02;
-/// How many times the mean share of a disparity a pile has.
-const PILE: f64 = 3.0;
 
 /// Estimates the disparity of each pixel of a centre image by matching it with its neighbours
 #[derive(Clone, Debug, Args)]
@@ -58,14 +54,8 @@ pub struct Match {
     #[arg(long, value_name = "PRIOR.png", conflicts_with = "together", help_heading = "Several baselines")]
     prior: Option<PathBuf>,
 
-    /// Rectify the views before matching, as `multiscopic align` does: how they are turned, scaled and shifted, and their
-    /// brightness
-    #[arg(long, help_heading = "Matching")]
-    align: bool,
-
-    /// Find the range of disparities from the images
-    #[arg(long, conflicts_with_all = ["min_disparity", "num_disparities"], help_heading = "Matching")]
-    auto_range: bool,
+    #[command(flatten)]
+    preparation: PreparationOptions,
 
     #[command(flatten)]
     outputs: Outputs,
@@ -110,7 +100,7 @@ impl Match {
         let first = self.baselines.first(frames.views()).len();
         let fusion = self.fusion.unwrap_or(Fusion::default_for(first));
         let inspection = Inspection::of(&frames);
-        let range = if self.auto_range { inspection.found_range()? } else { SearchOptions::DEFAULT_RANGE };
+        let range = self.preparation.range(&inspection)?;
         let search = self.search.search(frames.size(), frames.views(), Some(fusion), range)?;
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
         self.outputs.check_geometry(&self.geometry.missing(source.rig.as_ref(), source.lens.as_ref()))?;
@@ -118,12 +108,8 @@ impl Match {
         output::check(&self.outputs.paths(), &inputs)?;
         let engine = self.engine.engine()?;
         let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size())).transpose()?;
-        if self.align {
-            let alignment = Alignment::estimate(&frames, &search, geometry.as_ref())?;
-            frames = alignment.compensate(&frames);
+        if let Some(alignment) = self.preparation.align(&mut frames, &mut geometry, &search)? {
             center = center.map(|center| alignment.rectified(Frame::Center, center));
-            geometry = geometry
-                .map(|geometry| Geometry { principal_point: alignment.principal_point(geometry.principal_point), ..geometry });
         }
 
         let method = self.options.method(self.method, self.search.block_size, first)?;
@@ -162,8 +148,8 @@ impl Match {
         }
         let method = if self.prior.is_some() { "around a prior" } else { self.method.name() };
         terminal::say(&summary(method, &search, &disparities, seconds));
-        let warnings = inspection.warnings(search.min_disparity()).into_iter().chain(cut_range(&disparities, &search));
-        warnings.for_each(|warning| terminal::say(&format!("warning: {warning}")));
+        let warnings = preparation::warnings(&inspection, &disparities, &search);
+        warnings.into_iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
         Ok(ExitCode::SUCCESS)
     }
 }
@@ -186,23 +172,6 @@ impl Outputs {
             _ => Ok(()),
         }
     }
-}
-
-/// Tells whether disparities pile up at an end of the range, so that it seems to be too narrow.
-fn cut_range(disparities: &DisparityMap, search: &Search) -> Option<String> {
-    let (first, last, count) = (search.min_disparity(), search.max_disparity(), search.num_disparities());
-    let [at_first, at_last] = disparities.shares_at_ends(first..=last);
-    let limit = f64::max(MIN_PILE, PILE / count as f64);
-    // Points at infinity are no sign of a range that is cut.
-    let (share, end, option) = if at_last > limit {
-        (at_last, last, format!("--num-disparities above {count}"))
-    } else if at_first > limit && first != 0 {
-        (at_first, first, format!("--min-disparity below {first}"))
-    } else {
-        return None;
-    };
-    let percent = 100.0 * share;
-    Some(format!("{percent:.0} % of the disparities are {end}, an end of the range: give {option}, or --auto-range"))
 }
 
 /// One line about the match and its result.

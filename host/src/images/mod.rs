@@ -8,6 +8,7 @@ mod interpolated;
 mod layout;
 mod picture;
 mod raster;
+mod rectangle;
 mod resampled;
 mod sampled_displacements;
 pub mod turbo;
@@ -21,4 +22,5 @@ pub use picture::Picture;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub(crate) use picture::gray_of;
 pub use raster::{FloatImage, Raster};
+pub use rectangle::Rectangle;
 pub use sampled_displacements::SampledDisplacements;

@@ -10,7 +10,7 @@ use super::{
 
 /// The geometry that turns disparities into depth.
 #[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Camera (for --depth and --ply; overrides rig.toml)")]
+#[command(next_help_heading = "Camera (for depth; overrides rig.toml)")]
 pub struct GeometryOptions {
     /// Focal length in pixels
     #[arg(long, value_name = "PX", value_parser = positive, allow_negative_numbers = true)]

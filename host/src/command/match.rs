@@ -103,7 +103,9 @@ impl Match {
         let range = self.preparation.range(&inspection)?;
         let search = self.search.search(frames.size(), frames.views(), Some(fusion), range)?;
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
-        self.outputs.check_geometry(&self.geometry.missing(source.rig.as_ref(), source.lens.as_ref()))?;
+        if let Some(output) = self.outputs.of_depth() {
+            self.geometry.refuse_missing(&output, source.rig.as_ref(), source.lens.as_ref())?;
+        }
         let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).collect();
         output::check(&self.outputs.paths(), &inputs)?;
         let engine = self.engine.engine()?;
@@ -160,17 +162,10 @@ impl Outputs {
         maps.paths().chain([depth, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
     }
 
-    /// Refuses an output that needs the geometry if something of it is `missing`.
-    fn check_geometry(&self, missing: &[&str]) -> Result<()> {
+    /// The option and the file of an output that needs the geometry, if there is one.
+    fn of_depth(&self) -> Option<String> {
         let outputs = [("--depth", &self.depth), ("--ply", &self.ply)];
-        match outputs.into_iter().find_map(|(option, path)| Some((option, path.as_ref()?))) {
-            Some((option, path)) if !missing.is_empty() => Err(Error::Usage(format!(
-                "{option} {} needs the focal length and the baseline: give {}, or a rig.toml with it",
-                path.display(),
-                missing.join(" and ")
-            ))),
-            _ => Ok(()),
-        }
+        outputs.into_iter().find_map(|(option, path)| Some(format!("{option} {}", path.as_ref()?.display())))
     }
 }
 

@@ -4,7 +4,7 @@ mod camera_steps;
 mod dataset;
 mod dataset_scene;
 mod depth_quality;
-mod ground_truth;
+pub mod ground_truth;
 mod metrics;
 mod record;
 mod result_row;

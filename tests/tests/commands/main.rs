@@ -11,3 +11,4 @@ mod layouts;
 mod lens_calibration;
 mod lenses;
 mod photos;
+mod rig_quality;

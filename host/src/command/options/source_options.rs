@@ -61,6 +61,16 @@ pub struct Source {
 }
 
 impl Source {
+    /// The files of a captured folder, and of a lens other than the rig's if there is one.
+    pub fn of_rig(directory: &Path, lens: Option<&Path>) -> multiscopic::Result<Source> {
+        let rig = Rig::load(directory)?;
+        let lens = lens.map(PathBuf::from).or(rig.lens.as_ref().map(|lens| directory.join(lens)));
+        let lens = lens.map(|path| LensFile::read(&path)).transpose()?;
+        let path = directory.join(Rig::FILE_NAME);
+        let lens = LensFile::with_mount(lens, &rig, &path);
+        Ok(Source { images: rig.images.within(directory), rig: Some(rig), lens, rig_file: Some(path) })
+    }
+
     /// Reads the frames, without distortion, and the centre as the picture in its file, with its colours and its distortion. The last is
     /// what undistorted them.
     pub fn load(&self) -> multiscopic::Result<(Frames, Picture, Option<Undistortion>)> {
@@ -98,12 +108,7 @@ impl SourceOptions {
     /// What the command line names. `None` if it names no images.
     pub fn source(&self) -> multiscopic::Result<Option<Source>> {
         if let Some(directory) = &self.rig {
-            let rig = Rig::load(directory)?;
-            let lens = self.lens.clone().or(rig.lens.as_ref().map(|lens| directory.join(lens)));
-            let lens = lens.map(|path| LensFile::read(&path)).transpose()?;
-            let path = directory.join(Rig::FILE_NAME);
-            let lens = LensFile::with_mount(lens, &rig, &path);
-            return Ok(Some(Source { images: rig.images.within(directory), rig: Some(rig), lens, rig_file: Some(path) }));
+            return Source::of_rig(directory, self.lens.as_deref()).map(Some);
         }
         let SourceOptions { center, left, right, top, bottom, view, rig: _, lens } = self.clone();
         let images = FrameFiles { center: center.clone().unwrap_or_default(), left, right, top, bottom, ..FrameFiles::default() };

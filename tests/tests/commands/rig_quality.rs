@@ -32,7 +32,7 @@ fn capture_wall(folder: &Path, camera: &PinholeCamera, turned: [f64; 2], seed: u
         finish: Finish::Matte,
     };
     let normal = demo.viewpoint.local_direction(pose.axes[2]);
-    let shot = render_views(&Scene { objects: vec![wall], ..demo }, camera, Views::CROSS, seed);
+    let shot = render_views(&Scene { objects: vec![wall], ..demo }, camera, Views::HORIZONTAL, seed);
     fs::create_dir(folder).expect("a folder");
     let mut images = FrameFiles { center: "center.png".into(), ..FrameFiles::default() };
     shot.center.save(folder.join(&images.center)).expect("the centre");
@@ -103,16 +103,17 @@ fn a_slanted_wall_is_measured() {
     let [x, y, z] = capture_wall(&folder, &camera().ideal(), [-12.0, 20.0], 1);
     let page = dir.path().join("page.html");
     let (records, table) =
-        records(&[&folder], &["--plane", "390", "--views", "1,4", "--report", page.to_str().expect("a path in UTF-8")]);
+        records(&[&folder], &["--plane", "390", "--views", "1,2", "--report", page.to_str().expect("a path in UTF-8")]);
     assert_eq!(records.len(), 2);
     for record in &records {
         let plane = &record["plane"];
         assert_near(&plane["distance_mm"], WALL_MM, 2.0);
         assert_near(&plane["z_accuracy_percent"], 100.0 * (WALL_MM - 390.0) / 390.0, 0.6);
-        assert_near(&plane["tilt_deg"], z.acos().to_degrees(), 0.5);
+        // In the region, a degree changes disparities by 0.07 pixels.
+        assert_near(&plane["tilt_deg"], z.acos().to_degrees(), 1.0);
         // A plane with the normal n has n (X, Y, Z) = constant.
-        assert_near(&plane["recedes_right_deg"], (-x / z).atan().to_degrees(), 0.5);
-        assert_near(&plane["recedes_down_deg"], (-y / z).atan().to_degrees(), 0.5);
+        assert_near(&plane["recedes_right_deg"], (-x / z).atan().to_degrees(), 1.0);
+        assert_near(&plane["recedes_down_deg"], (-y / z).atan().to_degrees(), 1.0);
         assert_near(&plane["fill_rate"], 100.0, 1.0);
         assert_near(&plane["outliers"], 0.0, 1.0);
         assert_near(&plane["rms_px"], 0.0, 0.2);
@@ -120,10 +121,7 @@ fn a_slanted_wall_is_measured() {
         assert_near(&plane["rms_mm"], 33.0 * plane["rms_px"].as_f64().expect("a number"), 1.0);
         assert!(record.get("rms").is_none() && record.get("noise").is_none() && record.get("depth").is_none(), "{record}");
     }
-    assert!(
-        table.starts_with("A flat wall\n") && table.contains("stereo bm") && table.contains("(4 views, heuristic)"),
-        "{table}"
-    );
+    assert!(table.starts_with("A flat wall\n") && table.contains("stereo bm") && table.contains("(2 views, min)"), "{table}");
     let page = fs::read_to_string(page).expect("a page");
     assert!(page.contains("A flat wall") && page.matches("from the plane</figcaption>").count() == 2, "{}", page.len());
 }
@@ -132,28 +130,33 @@ fn a_slanted_wall_is_measured() {
 fn noise_is_that_of_the_maps() {
     let dir = tempfile::tempdir().expect("a folder");
     let folders = ["a", "b", "c"].map(|name| dir.path().join(name));
+    // A sensor with few electrons, which is noisy.
+    let camera = PinholeCamera { repeatability_mm: 0.0, full_well: 400.0, focal_px: 240.0, ..PinholeCamera::new(96, 72) };
     for (folder, seed) in folders.iter().zip(1..) {
-        capture_wall(folder, &PinholeCamera { repeatability_mm: 0.0, ..camera() }, [0.0, 0.0], seed);
+        capture_wall(folder, &camera, [-12.0, 20.0], seed);
     }
     let (records, table) = records(&folders.each_ref().map(|folder| folder.as_path()), &[]);
     assert_eq!(records.len(), 3);
     let maps = folders.each_ref().map(|folder| matched(folder));
     let pixels: Vec<[f64; 3]> = (0..maps[0].len()).map(|k| [0, 1, 2].map(|map: usize| maps[map][k])).collect();
     let valid: Vec<[f64; 3]> = pixels.into_iter().filter(|pixel| pixel.iter().all(|d| d.is_finite())).collect();
-    // The median of the standard deviation of three numbers is the root of ln 2: chi-squared of two degrees of freedom, halved.
+    // The median of the standard deviation of three numbers is the root of ln 2: half of chi-squared with two degrees of freedom.
     let deviation = |[a, b, c]: [f64; 3]| {
         let mean = (a + b + c) / 3.0;
         (((a - mean).powi(2) + (b - mean).powi(2) + (c - mean).powi(2)) / 2.0).sqrt() / 2.0f64.ln().sqrt()
     };
+    let depths = |pixel: &[f64; 3]| pixel.map(|d| 240.0 * 20.0 / d);
     let px = median(valid.iter().map(|pixel| deviation(*pixel)).collect());
-    let mm = median(valid.iter().map(|pixel| deviation(pixel.map(|d| 240.0 * 20.0 / d))).collect());
+    let mm = median(valid.iter().map(|pixel| deviation(depths(pixel))).collect());
+    let relative = |pixel: &[f64; 3]| 100.0 * deviation(depths(pixel)) * 3.0 / depths(pixel).iter().sum::<f64>();
+    let percent = median(valid.iter().map(relative).collect());
     assert!(px > 0.005, "the sensor is noisy: {px}");
     for record in &records {
         assert_eq!(record["noise"]["captures"], 3);
         assert_near(&record["noise"]["valid"], 100.0 * valid.len() as f64 / maps[0].len() as f64, 1e-6);
         assert_near(&record["noise"]["px"], px, 0.01 * px);
         assert_near(&record["noise"]["mm"], mm, 0.01 * mm);
-        assert_near(&record["noise"]["percent"], 100.0 * mm / WALL_MM, 0.1 * 100.0 * mm / WALL_MM);
+        assert_near(&record["noise"]["percent"], percent, 0.01 * percent);
     }
     assert!(table.starts_with("Noise over the captures\n") && table.lines().count() == 5, "{table}");
 }

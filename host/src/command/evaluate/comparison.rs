@@ -17,17 +17,17 @@ pub struct Comparison {
     views: Vec<usize>,
 
     /// Layouts of neighbours: cross, or rows and columns of an array such as 3x3, 5x5 or 1x9
-    #[arg(long, requires = "dataset", value_name = "3x3,5x5", value_delimiter = ',')]
+    #[arg(long, value_name = "3x3,5x5", value_delimiter = ',')]
     layout: Vec<Layout>,
 
     /// Baselines that are matched from short to long besides, such as 3,5: every set of neighbours also with those that the
     /// data set has in the same directions at these multiples
-    #[arg(long, requires = "dataset", value_name = "3,5", value_delimiter = ',')]
+    #[arg(long, value_name = "3,5", value_delimiter = ',')]
     baselines: Vec<u8>,
 
     /// Camera steps in a baseline, for hci4d: 1, 2 or 4. With 1, views are at 1 to 4 baselines. Errors remain in pixels at 4 steps
     /// [default: 4]
-    #[arg(long, requires = "dataset", value_name = "N")]
+    #[arg(long, value_name = "N")]
     camera_steps: Option<CameraSteps>,
 
     /// Methods
@@ -75,6 +75,16 @@ impl Comparison {
             }
         }
         Ok(variants)
+    }
+
+    /// The option for data sets that is given, if there is one.
+    pub fn dataset_option(&self) -> Option<&'static str> {
+        let options = [
+            ("--layout", !self.layout.is_empty()),
+            ("--baselines", !self.baselines.is_empty()),
+            ("--camera-steps", self.camera_steps.is_some()),
+        ];
+        options.into_iter().find(|(_, is_given)| *is_given).map(|(option, _)| option)
     }
 
     /// Every method with every set of views of a rig, those of `--views` or all, and every fusion rule where there are several views.

@@ -52,7 +52,7 @@ pub struct Evaluate {
     dataset: Option<Dataset>,
 
     /// Scenes of the data set [default: all]
-    #[arg(long, requires = "dataset", value_name = "A,B", value_delimiter = ',')]
+    #[arg(long, value_name = "A,B", value_delimiter = ',')]
     scenes: Vec<String>,
 
     #[command(flatten)]
@@ -92,7 +92,13 @@ impl Evaluate {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         match (self.dataset, &self.directories[..]) {
-            (None, _) => self.run_rigs()?,
+            (None, _) => {
+                let scenes = (!self.scenes.is_empty()).then_some("--scenes");
+                if let Some(option) = scenes.or(self.comparison.dataset_option()) {
+                    return Err(Error::Usage(format!("{option} is for data sets: give --dataset as well")));
+                }
+                self.run_rigs()?;
+            }
             (Some(dataset), [directory]) => self.run_dataset(dataset, directory)?,
             (Some(dataset), directories) => {
                 let count = directories.len();

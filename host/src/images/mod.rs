@@ -4,11 +4,11 @@
 mod disparity_map;
 mod frames;
 mod geometry;
+mod image_region;
 mod interpolated;
 mod layout;
 mod picture;
 mod raster;
-mod rectangle;
 mod resampled;
 mod sampled_displacements;
 pub mod turbo;
@@ -16,11 +16,11 @@ pub mod turbo;
 pub use disparity_map::DisparityMap;
 pub use frames::Frames;
 pub use geometry::Geometry;
+pub use image_region::ImageRegion;
 pub(crate) use interpolated::InterpolatedImage;
 pub use layout::Layout;
 pub use picture::Picture;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub(crate) use picture::gray_of;
 pub use raster::{FloatImage, Raster};
-pub use rectangle::Rectangle;
 pub use sampled_displacements::SampledDisplacements;

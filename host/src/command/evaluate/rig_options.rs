@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use multiscopic::{
-    Error, FloatImage, Frames, Geometry, Inspection, Result, Rig, evaluation::ground_truth, images::Rectangle, lens::Undistortion,
+    Error, FloatImage, Frames, Geometry, Inspection, Result, Rig, evaluation::ground_truth, images::ImageRegion,
+    lens::Undistortion,
 };
 use multiscopic_core::{Frame, Search};
 
@@ -30,7 +31,7 @@ pub struct RigOptions {
 
     /// Part of the centre that shows the wall, in pixels: left and top edge, width and height [default: the middle half of both sides]
     #[arg(long, value_name = "X,Y,W,H", requires = "plane")]
-    region: Option<Rectangle>,
+    region: Option<ImageRegion>,
 
     /// Calibration of the lens, which distorts all images: a camera.toml, or the YAML of ROS, OpenCV or Kalibr [default: the lens of
     /// rig.toml]
@@ -83,10 +84,10 @@ impl RigOptions {
     }
 
     /// The part of an image that shows the wall, or all of it if there is none.
-    pub fn region(&self, size: [usize; 2]) -> Rectangle {
+    pub fn region(&self, size: [usize; 2]) -> ImageRegion {
         match self.plane {
-            Some(_) => self.region.unwrap_or(Rectangle::middle(size)),
-            None => Rectangle::whole(size),
+            Some(_) => self.region.unwrap_or(ImageRegion::middle(size)),
+            None => ImageRegion::whole(size),
         }
     }
 }
@@ -129,7 +130,7 @@ fn resampled(truth: &FloatImage, [x, y, z]: [[f64; 3]; 3]) -> FloatImage {
         let is_inside = (0.0..size[0] as f64).contains(&u) && (0.0..size[1] as f64).contains(&v);
         if is_inside { truth.get(u as usize, v as usize) } else { f32::INFINITY }
     };
-    FloatImage::new(size[0], size[1], Rectangle::whole(size).pixels().map(at).collect())
+    FloatImage::new(size[0], size[1], ImageRegion::whole(size).pixels().map(at).collect())
 }
 
 #[cfg(test)]
@@ -141,7 +142,7 @@ mod tests {
         let truth = FloatImage::new(5, 4, (0..20).map(|d| d as f32).collect());
         // Two pixels to the right and one up, written with another scale.
         let moved = resampled(&truth, [[3.0, 0.0, 6.0], [0.0, 3.0, -3.0], [0.0, 0.0, 3.0]]);
-        for [u, v] in Rectangle::whole([5, 4]).pixels() {
+        for [u, v] in ImageRegion::whole([5, 4]).pixels() {
             let expected = if u < 3 && v > 0 { truth.get(u + 2, v - 1) } else { f32::INFINITY };
             assert_eq!(moved.get(u, v), expected, "({u}, {v})");
         }

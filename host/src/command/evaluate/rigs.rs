@@ -4,7 +4,7 @@ use multiscopic::{
     DisparityMap, Error, FloatImage, Geometry, Metrics, Picture, Result,
     evaluation::{DepthErrors, PlaneFit, Record, TemporalNoise, WallMetrics},
     files::output,
-    images::Rectangle,
+    images::ImageRegion,
     report::{Figure, Report, error_map},
 };
 use multiscopic_core::Frame;
@@ -180,7 +180,7 @@ fn center(rig: &PreparedRig) -> Picture {
 }
 
 /// The disparities of a plane in a region, unknown elsewhere.
-fn plane_map(plane: &PlaneFit, [width, height]: [usize; 2], region: Rectangle) -> FloatImage {
+fn plane_map(plane: &PlaneFit, [width, height]: [usize; 2], region: ImageRegion) -> FloatImage {
     let mut map = FloatImage::filled(width, height, f32::INFINITY);
     for [u, v] in region.pixels() {
         map.row_mut(v)[u] = plane.disparity([u as f64, v as f64]) as f32;

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::{
     alignment::median,
-    images::{DisparityMap, Geometry, Rectangle},
+    images::{DisparityMap, Geometry, ImageRegion},
 };
 
 /// How much disparities differ between captures of the same scene: the median over the pixels of the standard deviation over the captures.
@@ -29,7 +29,7 @@ impl TemporalNoise {
     ///
     /// # Panics
     /// If the maps differ in size, or the region leaves them.
-    pub fn new(captures: &[DisparityMap], geometry: Option<&Geometry>, region: Rectangle) -> Option<TemporalNoise> {
+    pub fn new(captures: &[DisparityMap], geometry: Option<&Geometry>, region: ImageRegion) -> Option<TemporalNoise> {
         let all = |[u, v]: [usize; 2]| {
             let disparity = |map: &DisparityMap| map.get(u, v).map(|d| f64::from(f32::from(d)));
             captures.iter().map(disparity).collect::<Option<Vec<f64>>>()
@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn noise_is_that_of_the_captures_whatever_their_number() {
         for count in [2, 3, 5, 10] {
-            let noise = TemporalNoise::new(&captures(count, 0.25), Some(&GEOMETRY), Rectangle::whole(SIZE)).unwrap();
+            let noise = TemporalNoise::new(&captures(count, 0.25), Some(&GEOMETRY), ImageRegion::whole(SIZE)).unwrap();
             assert_eq!((noise.captures, noise.valid), (count, 100.0));
             // At 400 mm, a pixel is Z^2 / (f B) = 20 mm.
             for (found, expected) in [(noise.px, 0.25), (noise.mm.unwrap(), 5.0), (noise.percent.unwrap(), 1.25)] {
@@ -110,7 +110,7 @@ mod tests {
         let [mut first, mut second] = <[DisparityMap; 2]>::try_from(captures(2, 0.0)).unwrap();
         first.pixels_mut()[0] = None;
         second.pixels_mut()[2..5].fill(None);
-        let region = Rectangle { left: 0, top: 0, width: 8, height: 1 };
+        let region = ImageRegion { left: 0, top: 0, width: 8, height: 1 };
         let noise = TemporalNoise::new(&[first.clone(), second], None, region).unwrap();
         assert_eq!(noise, TemporalNoise { captures: 2, valid: 50.0, px: 0.0, mm: None, percent: None });
         assert_eq!(TemporalNoise::new(&[first.clone()], None, region), None);

@@ -6,7 +6,7 @@ use super::plane_fit::PlaneFit;
 use crate::{
     alignment::median,
     error::{Error, Result},
-    images::{DisparityMap, Geometry, Rectangle},
+    images::{DisparityMap, Geometry, ImageRegion},
 };
 
 /// The error in pixels above which a pixel is an outlier.
@@ -62,7 +62,7 @@ impl WallMetrics {
     pub fn new(
         disparities: &DisparityMap,
         geometry: Option<&Geometry>,
-        region: Rectangle,
+        region: ImageRegion,
         distance_mm: Option<f64>,
     ) -> Result<(WallMetrics, PlaneFit)> {
         region.check([disparities.width(), disparities.height()])?;
@@ -156,7 +156,7 @@ mod tests {
                 _ => (d + deviation * noise) as f32,
             }
         };
-        DisparityMap::from_float(&FloatImage::new(SIZE[0], SIZE[1], Rectangle::whole(SIZE).pixels().map(disparity).collect()))
+        DisparityMap::from_float(&FloatImage::new(SIZE[0], SIZE[1], ImageRegion::whole(SIZE).pixels().map(disparity).collect()))
     }
 
     #[track_caller]
@@ -168,7 +168,7 @@ mod tests {
     fn a_wall_is_where_it_is() {
         for angles in [[0.0, 0.0], [20.0, 0.0], [0.0, -15.0], [12.0, 25.0]] {
             let wall = wall(angles, 0.0, [0.0, 0.0]);
-            let (metrics, plane) = WallMetrics::new(&wall, Some(&GEOMETRY), Rectangle::whole(SIZE), Some(DISTANCE_MM)).unwrap();
+            let (metrics, plane) = WallMetrics::new(&wall, Some(&GEOMETRY), ImageRegion::whole(SIZE), Some(DISTANCE_MM)).unwrap();
             let place = metrics.place.unwrap();
             assert_eq!((metrics.fill_rate, metrics.outliers), (100.0, 0.0));
             // Only the rounding to steps of 1/64 pixel, of which the error is uniform, is left.
@@ -188,7 +188,7 @@ mod tests {
         let (deviation, angles) = (0.2, [15.0, -10.0]);
         let shares = [0.1, 0.0];
         let wall = wall(angles, deviation, shares);
-        let region = Rectangle { left: 30, top: 20, width: 100, height: 80 };
+        let region = ImageRegion { left: 30, top: 20, width: 100, height: 80 };
         let (metrics, _) = WallMetrics::new(&wall, Some(&GEOMETRY), region, Some(490.0)).unwrap();
         let place = metrics.place.unwrap();
         // Without 0.5 % at both ends, a normal distribution has 0.962 times its standard deviation.
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn mismatches_are_outliers_and_do_not_tilt_the_wall() {
         let wall = wall([10.0, 5.0], 0.1, [0.0, 0.2]);
-        let (metrics, _) = WallMetrics::new(&wall, Some(&GEOMETRY), Rectangle::whole(SIZE), None).unwrap();
+        let (metrics, _) = WallMetrics::new(&wall, Some(&GEOMETRY), ImageRegion::whole(SIZE), None).unwrap();
         let place = metrics.place.unwrap();
         assert_near(metrics.outliers, 20.0, 1.0);
         assert_near(place.recedes_right_deg, 10.0, 0.1);
@@ -222,7 +222,7 @@ mod tests {
     #[test]
     fn without_geometry_there_are_pixels_only() {
         let wall = wall([0.0, 0.0], 0.1, [0.25, 0.0]);
-        let (metrics, _) = WallMetrics::new(&wall, None, Rectangle::middle(SIZE), None).unwrap();
+        let (metrics, _) = WallMetrics::new(&wall, None, ImageRegion::middle(SIZE), None).unwrap();
         assert_eq!(metrics.place, None);
         assert_near(metrics.rms_px, 0.096, 0.003);
         assert_near(metrics.fill_rate, 75.0, 2.0);
@@ -234,15 +234,17 @@ mod tests {
     fn what_is_no_wall_is_refused() {
         let message = |map: &DisparityMap, region| WallMetrics::new(map, Some(&GEOMETRY), region, None).unwrap_err().to_string();
         let wall = wall([0.0, 0.0], 0.0, [0.0, 0.0]);
-        assert!(message(&wall, Rectangle { left: 1, ..Rectangle::whole(SIZE) }).contains("leaves the image of 160x120 pixels"));
-        let small = Rectangle { left: 70, top: 50, width: 9, height: 11 };
+        assert!(
+            message(&wall, ImageRegion { left: 1, ..ImageRegion::whole(SIZE) }).contains("leaves the image of 160x120 pixels")
+        );
+        let small = ImageRegion { left: 70, top: 50, width: 9, height: 11 };
         assert!(message(&wall, small).contains("only 99 pixels have a disparity"));
         // Beyond infinity, pixels have no depth.
         let behind = wall.map(|_| DisparityMap::from_float(&FloatImage::filled(1, 1, 1.0)).get(0, 0));
-        assert!(message(&behind, Rectangle::whole(SIZE)).contains("only 0 pixels"));
+        assert!(message(&behind, ImageRegion::whole(SIZE)).contains("only 0 pixels"));
         // A wall that recedes so much that the optical axis does not meet it.
         let steep =
-            FloatImage::new(SIZE[0], SIZE[1], Rectangle::whole(SIZE).pixels().map(|[u, _]| 0.5 * (u as f32 - 80.0)).collect());
-        assert!(message(&DisparityMap::from_float(&steep), Rectangle::whole(SIZE)).contains("does not meet the optical axis"));
+            FloatImage::new(SIZE[0], SIZE[1], ImageRegion::whole(SIZE).pixels().map(|[u, _]| 0.5 * (u as f32 - 80.0)).collect());
+        assert!(message(&DisparityMap::from_float(&steep), ImageRegion::whole(SIZE)).contains("does not meet the optical axis"));
     }
 }

@@ -13,7 +13,7 @@
 //! | [`capture`] | cameras, the stages that move them, and the capture that runs both |
 //! | [`stereo`] | matching: cost, aggregation, optimization, refinement, and the engine that runs the core on all cores |
 //! | [`alignment`] | how far the views are from where they should be, estimated and taken out |
-//! | [`evaluation`] | data sets with ground truth, error metrics, and the tables made of them |
+//! | [`evaluation`] | data sets with ground truth, error metrics, those of walls and repeated captures, and the tables made of them |
 //! | [`report`] | HTML pages, error maps and montages |
 //! | [`target`] | microcontrollers: memory and time budgets, the firmware's pipeline simulated, its packets received |
 

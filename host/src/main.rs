@@ -19,7 +19,7 @@ struct Cli {
 enum Command {
     Demo(command::demo::Demo),
     Match(Box<command::r#match::Match>),
-    Evaluate(command::evaluate::Evaluate),
+    Evaluate(Box<command::evaluate::Evaluate>),
     Capture(command::capture::Capture),
     Align(command::align::Align),
     Calibrate(command::calibrate::Calibrate),

@@ -287,7 +287,7 @@ fn plane(points: &[Point], disparities: &[f64]) -> Vector3<f64> {
 }
 
 /// The median; NaN of nothing.
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     if values.is_empty() {
         return f64::NAN;
     }

@@ -38,6 +38,7 @@ mod tracking;
 mod view_model;
 
 pub use estimate::Alignment;
+pub(crate) use estimate::median;
 pub use inspection::Inspection;
 pub use mounting::Mounting;
 pub use residual::Residual;

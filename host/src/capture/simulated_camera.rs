@@ -1,6 +1,14 @@
 //! A camera that sees the scene of the demo.
 
-use std::{convert::Infallible, fmt, sync::atomic::AtomicBool, time::Duration};
+use std::{
+    convert::Infallible,
+    fmt,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+    time::Duration,
+};
 
 use image::GrayImage;
 
@@ -20,14 +28,14 @@ pub struct SimulatedCamera {
     sensor: PinholeCamera,
     imperfections: Imperfections,
     place: SimulatedPlace,
-    /// Pictures taken so far, of which each has noise of its own.
-    taken: u64,
+    /// Pictures taken so far, by all clones, of which each has noise of its own.
+    taken: Arc<AtomicU64>,
 }
 
 impl SimulatedCamera {
     /// A camera with this sensor, which `place` carries.
     pub fn new(sensor: PinholeCamera, imperfections: &Imperfections, place: SimulatedPlace) -> SimulatedCamera {
-        SimulatedCamera { sensor, imperfections: *imperfections, place, taken: 0 }
+        SimulatedCamera { sensor, imperfections: *imperfections, place, taken: Arc::default() }
     }
 
     /// Width and height of its pictures in pixels.
@@ -68,10 +76,10 @@ impl BlockingCamera for SimulatedCamera {
     type Error = Infallible;
 
     fn take(&mut self, _: Duration, _: &AtomicBool) -> Result<GrayImage, Infallible> {
-        self.taken += 1;
+        let number = 1 + self.taken.fetch_add(1, Ordering::Relaxed);
         let scene = Scene::demo();
         let camera = self.at(scene.viewpoint, self.place.get());
-        Ok(Picture::Rgb(render_at(&scene, &camera, self.taken)).to_gray())
+        Ok(Picture::Rgb(render_at(&scene, &camera, number)).to_gray())
     }
 }
 

@@ -9,7 +9,7 @@ use std::{
 use clap::Args;
 use multiscopic::stereo::{CostFunction, LongBaselines, Optimizer};
 use multiscopic::{
-    Alignment, DisparityMap, Error, Geometry, Inspection, Method, Picture, Result,
+    DisparityMap, Error, Inspection, Method, Picture, Result,
     files::{
         output,
         ply::{self, Encoding},
@@ -22,13 +22,9 @@ use super::{
         BaselineOptions, EngineOptions, GeometryOptions, MapFiles, MethodName, MethodOptions, Named, SearchOptions,
         SourceOptions, named,
     },
+    preparation::{self, PreparationOptions},
     terminal::{self, Watch},
 };
-
-/// The least share of pixels at an end of the range that is a pile.
-const MIN_PILE: f64 = 0.02;
-/// How many times the mean share of a disparity a pile has.
-const PILE: f64 = 3.0;
 
 /// Estimates the disparity of each pixel of a centre image by matching it with its neighbours
 #[derive(Clone, Debug, Args)]
@@ -58,14 +54,8 @@ pub struct Match {
     #[arg(long, value_name = "PRIOR.png", conflicts_with = "together", help_heading = "Several baselines")]
     prior: Option<PathBuf>,
 
-    /// Rectify the views before matching, as `multiscopic align` does: how they are turned, scaled and shifted, and their
-    /// brightness
-    #[arg(long, help_heading = "Matching")]
-    align: bool,
-
-    /// Find the range of disparities from the images
-    #[arg(long, conflicts_with_all = ["min_disparity", "num_disparities"], help_heading = "Matching")]
-    auto_range: bool,
+    #[command(flatten)]
+    preparation: PreparationOptions,
 
     #[command(flatten)]
     outputs: Outputs,
@@ -110,22 +100,19 @@ impl Match {
         let first = self.baselines.first(frames.views()).len();
         let fusion = self.fusion.unwrap_or(Fusion::default_for(first));
         let inspection = Inspection::of(&frames);
-        let range = if self.auto_range { inspection.found_range()? } else { SearchOptions::DEFAULT_RANGE };
+        let range = self.preparation.range(&inspection)?;
         let search = self.search.search(frames.size(), frames.views(), Some(fusion), range)?;
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
-        self.outputs.check_geometry(&self.geometry.missing(source.rig.as_ref(), source.lens.as_ref()))?;
+        if let Some(output) = self.outputs.of_depth() {
+            self.geometry.refuse_missing(&output, source.rig.as_ref(), source.lens.as_ref())?;
+        }
         let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).collect();
         output::check(&self.outputs.paths(), &inputs)?;
         let engine = self.engine.engine()?;
         let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size())).transpose()?;
-        let mut warnings = inspection.warnings(search.min_disparity());
-        if self.align {
-            let alignment = Alignment::estimate(&frames, &search, geometry.as_ref())?;
-            warnings.extend(alignment.warning());
-            frames = source.rectified_frames(undistortion.as_ref(), &alignment)?;
+        let alignment = self.preparation.align(&source, undistortion.as_ref(), &mut frames, &mut geometry, &search)?;
+        if let Some(alignment) = &alignment {
             center = center.map(|center| alignment.rectified(Frame::Center, center));
-            geometry = geometry
-                .map(|geometry| Geometry { principal_point: alignment.principal_point(geometry.principal_point), ..geometry });
         }
 
         let method = self.options.method(self.method, self.search.block_size, first)?;
@@ -164,12 +151,8 @@ impl Match {
         }
         let method = if self.prior.is_some() { "around a prior" } else { self.method.name() };
         terminal::say(&summary(method, &search, &disparities, seconds));
-        // Swapped views explain disparities at the end.
-        let is_swapped = inspection.refuse_swapped(search.min_disparity()).is_err();
-        if !is_swapped {
-            warnings.extend(cut_range(&disparities, &search));
-        }
-        warnings.iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
+        let warnings = preparation::warnings(&inspection, alignment.as_ref(), &disparities, &search);
+        warnings.into_iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
         Ok(ExitCode::SUCCESS)
     }
 }
@@ -180,35 +163,11 @@ impl Outputs {
         maps.paths().chain([depth, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
     }
 
-    /// Refuses an output that needs the geometry if something of it is `missing`.
-    fn check_geometry(&self, missing: &[&str]) -> Result<()> {
+    /// The option and the file of an output that needs the geometry, if there is one.
+    fn of_depth(&self) -> Option<String> {
         let outputs = [("--depth", &self.depth), ("--ply", &self.ply)];
-        match outputs.into_iter().find_map(|(option, path)| Some((option, path.as_ref()?))) {
-            Some((option, path)) if !missing.is_empty() => Err(Error::Usage(format!(
-                "{option} {} needs the focal length and the baseline: give {}, or a rig.toml with it",
-                path.display(),
-                missing.join(" and ")
-            ))),
-            _ => Ok(()),
-        }
+        outputs.into_iter().find_map(|(option, path)| Some(format!("{option} {}", path.as_ref()?.display())))
     }
-}
-
-/// Tells whether disparities pile up at an end of the range, so that it seems to be too narrow.
-fn cut_range(disparities: &DisparityMap, search: &Search) -> Option<String> {
-    let (first, last, count) = (search.min_disparity(), search.max_disparity(), search.num_disparities());
-    let [at_first, at_last] = disparities.shares_at_ends(first..=last);
-    let limit = f64::max(MIN_PILE, PILE / count as f64);
-    // Points at infinity are no sign of a range that is cut.
-    let (share, end, option) = if at_last > limit {
-        (at_last, last, format!("--num-disparities above {count}"))
-    } else if at_first > limit && first != 0 {
-        (at_first, first, format!("--min-disparity below {first}"))
-    } else {
-        return None;
-    };
-    let percent = 100.0 * share;
-    Some(format!("{percent:.0} % of the disparities are {end}, an end of the range: give {option}, or --auto-range"))
 }
 
 /// One line about the match and its result.

@@ -13,6 +13,7 @@ mod hardware;
 pub mod listen;
 pub mod r#match;
 mod options;
+mod preparation;
 pub mod rig;
 pub mod simulate;
 pub mod terminal;

@@ -62,25 +62,37 @@ impl Variant {
         subject: &Subject,
         search: &Search,
     ) -> Result<(DisparityMap, Record)> {
-        let start = Instant::now();
-        let disparities = method.disparities(engine, subject.frames, search, &())?;
-        let seconds = start.elapsed().as_secs_f64();
+        let (disparities, seconds) = self.timed(method, engine, subject.frames, search)?;
         let disparities = match subject.camera_steps {
             Some(steps) => disparities.times(steps.disparity_scale()),
             None => disparities,
         };
-        let record = Record {
-            dataset: subject.dataset.into(),
-            scene: subject.scene.into(),
+        let metrics = Metrics::new(&disparities, subject.truth).expect("some of the truth is known");
+        let camera_steps = subject.camera_steps.map(CameraSteps::count);
+        let record = Record { camera_steps, ..self.record(subject.dataset, subject.scene, metrics, seconds) };
+        Ok((disparities, record))
+    }
+
+    /// Matches frames with `method`, which is this variant's. The time is in seconds.
+    pub fn timed(&self, method: &Method, engine: &Engine, frames: &Frames, search: &Search) -> Result<(DisparityMap, f64)> {
+        let start = Instant::now();
+        let disparities = method.disparities(engine, frames, search, &())?;
+        Ok((disparities, start.elapsed().as_secs_f64()))
+    }
+
+    /// What was measured in the scene of a data set.
+    pub fn record<M>(&self, dataset: &str, scene: &str, metrics: M, seconds: f64) -> Record<M> {
+        Record {
+            dataset: dataset.into(),
+            scene: scene.into(),
             method: self.method.name().into(),
             views: self.views.len(),
             layout: self.layout.map(|layout| layout.to_string()),
             baselines: self.baselines(),
-            camera_steps: subject.camera_steps.map(CameraSteps::count),
+            camera_steps: None,
             fusion: self.fusion.name().into(),
-            metrics: Metrics::new(&disparities, subject.truth).expect("some of the truth is known"),
+            metrics,
             seconds,
-        };
-        Ok((disparities, record))
+        }
     }
 }

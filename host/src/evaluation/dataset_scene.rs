@@ -63,14 +63,7 @@ impl DatasetScene {
         let (frames, center) = Frames::load(&images)?;
         let path = self.truth();
         let truth = ground_truth::read(self.dataset, &path)?;
-        let ((w, h), (width, height)) = ((truth.width(), truth.height()), (frames.width(), frames.height()));
-        if (w, h) != (width, height) {
-            let expected = format!("{width}x{height} as in {}", images.center.display());
-            return Err(Error::format(&path, format!("disparities of {w}x{h} pixels"), expected));
-        }
-        if !truth.pixels().iter().any(|d| d.is_finite()) {
-            return Err(Error::format(&path, "no pixel with a disparity", "the ground truth of the centre image"));
-        }
+        ground_truth::check(&path, &truth, frames.size(), &images.center)?;
         Ok((frames, center, truth))
     }
 }

@@ -1,4 +1,4 @@
-//! Reading the ground truth of data sets.
+//! Reading ground truth.
 
 use std::path::Path;
 
@@ -15,13 +15,36 @@ use crate::{
 ///
 /// # Errors
 /// [`Error::Read`], or [`Error::Format`] if the file is not what the data set uses.
-pub fn read(dataset: Dataset, path: &Path) -> Result<FloatImage> {
+pub(super) fn read(dataset: Dataset, path: &Path) -> Result<FloatImage> {
     match dataset {
         Dataset::Middlebury2006Third => read_gray(path, 12.0),
         Dataset::Middlebury2005Full => read_gray(path, 4.0),
         Dataset::Tsukuba => read_gray(path, 16.0),
         // The file counts pixels per camera step, and the default baseline is four steps.
         Dataset::Hci4d(_) => Ok(FloatImage::read_pfm(path)?.map(|step| 4.0 * step)),
+    }
+}
+
+/// Reads the true disparities of an image of a size, from the file `center`: a PFM file in pixels, not finite where unknown.
+///
+/// # Errors
+/// [`Error::Read`], or [`Error::Format`] if it is no PFM file, the sizes differ, or no disparity is known.
+pub fn read_pfm(path: &Path, size: [usize; 2], center: &Path) -> Result<FloatImage> {
+    let truth = FloatImage::read_pfm(path)?;
+    check(path, &truth, size, center)?;
+    Ok(truth)
+}
+
+/// Refuses the ground truth in the file `path` if its size is not that of the image in `center`, or if no disparity is known.
+pub(super) fn check(path: &Path, truth: &FloatImage, [width, height]: [usize; 2], center: &Path) -> Result<()> {
+    let (w, h) = (truth.width(), truth.height());
+    if (w, h) != (width, height) {
+        let expected = format!("{width}x{height} as in {}", center.display());
+        return Err(Error::format(path, format!("disparities of {w}x{h} pixels"), expected));
+    }
+    match truth.pixels().iter().any(|d| d.is_finite()) {
+        true => Ok(()),
+        false => Err(Error::format(path, "no pixel with a disparity", "the ground truth of the centre image")),
     }
 }
 

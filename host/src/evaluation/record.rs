@@ -4,9 +4,9 @@ use serde::Serialize;
 
 use super::metrics::Metrics;
 
-/// The errors of one method on one scene: a record of `evaluate --json`.
+/// The errors of one method on one scene, or whatever else of `M` was measured: a record of `evaluate --json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Record {
+pub struct Record<M = Metrics> {
     /// The name of the data set.
     pub dataset: String,
     /// The name of the scene.
@@ -28,12 +28,12 @@ pub struct Record {
     pub fusion: String,
     /// The errors.
     #[serde(flatten)]
-    pub metrics: Metrics,
+    pub metrics: M,
     /// The time that matching took.
     pub seconds: f64,
 }
 
-impl Record {
+impl<M> Record<M> {
     /// The name of the variant, such as `stereo bm` or `multiscopic bm (2 views, min)`.
     pub fn variant(&self) -> String {
         if self.views == 1 {
@@ -45,6 +45,14 @@ impl Record {
         format!("multiscopic {} ({} views, {}{layout}{baselines})", self.method, self.views, self.fusion)
     }
 
+    /// The same with other metrics.
+    pub fn with_metrics<N>(self, metrics: N) -> Record<N> {
+        let Record { dataset, scene, method, views, layout, baselines, camera_steps, fusion, metrics: _, seconds } = self;
+        Record { dataset, scene, method, views, layout, baselines, camera_steps, fusion, metrics, seconds }
+    }
+}
+
+impl Record {
     /// How much smaller the errors are than those of stereo. `records` must contain the record of stereo with
     /// the same method on the same scene; without it there is no reduction.
     pub fn reduction(&self, records: &[Record]) -> Option<Reduction> {

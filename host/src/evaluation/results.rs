@@ -1,11 +1,10 @@
 //! The table of results: all records and their means.
 
-use std::ops::RangeInclusive;
-
 use super::{
     metrics::Metrics,
     record::{Record, Reduction},
     result_row::{ResultRow, RowValues},
+    text_table::text_table,
 };
 
 /// The rows of an evaluation: one for each record and, if there are several scenes, the mean errors and mean
@@ -49,31 +48,8 @@ fn mean_reduction(variant: &str, scenes: &[&Record], records: &[Record]) -> Opti
 
 /// The rows as a table in plain text, with a line of dashes between scenes.
 pub fn to_text(rows: &[ResultRow]) -> String {
-    /// The columns of names, aligned left. Numbers are aligned right.
-    const NAMES: RangeInclusive<usize> = 0..=1;
-    let headings = ResultRow::HEADINGS.map(String::from);
-    let cells: Vec<[String; 8]> = rows.iter().map(ResultRow::cells).collect();
-    let width = |column: usize| {
-        let widths = [&headings].into_iter().chain(&cells).map(|cells| cells[column].chars().count());
-        widths.max().unwrap_or_default()
-    };
-    let widths: [usize; 8] = std::array::from_fn(width);
-    let line = |cells: &[String; 8]| {
-        let padded = cells.iter().zip(widths).enumerate().map(|(column, (cell, width))| match NAMES.contains(&column) {
-            true => format!("{cell:<width$}"),
-            false => format!("{cell:>width$}"),
-        });
-        padded.collect::<Vec<_>>().join("  ").trim_end().to_owned() + "\n"
-    };
-    let dashes = "-".repeat(widths.iter().sum::<usize>() + 2 * (widths.len() - 1)) + "\n";
-    let mut text = line(&headings);
-    for (i, cells) in cells.iter().enumerate() {
-        if i == 0 || rows[i].scene != rows[i - 1].scene {
-            text += &dashes;
-        }
-        text += &line(cells);
-    }
-    text
+    let cells: Vec<Vec<String>> = rows.iter().map(|row| row.cells().into()).collect();
+    text_table(&ResultRow::HEADINGS, &cells, 2)
 }
 
 #[cfg(test)]

@@ -20,8 +20,13 @@ pub struct Geometry {
 impl Geometry {
     /// The depth in metres, `focal_px * baseline / (d + doffs)`, or `None` if `d + doffs <= 0`.
     pub fn depth(&self, d: Disparity) -> Option<f64> {
-        let shift = f64::from(f32::from(d)) + self.doffs;
-        (shift > 0.0).then(|| self.focal_px * self.baseline_mm / 1000.0 / shift)
+        self.depth_mm(f32::from(d).into()).map(|depth| depth / 1000.0)
+    }
+
+    /// The depth in millimetres of a disparity in pixels, or `None` if `d + doffs <= 0`.
+    pub fn depth_mm(&self, d: f64) -> Option<f64> {
+        let shift = d + self.doffs;
+        (shift > 0.0).then(|| self.focal_px * self.baseline_mm / shift)
     }
 
     /// The point seen by pixel `(u, v)`, in metres from the centre camera: x to the right, y down, z along

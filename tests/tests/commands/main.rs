@@ -10,4 +10,5 @@ mod layouts;
 mod lenses;
 mod photo_files;
 mod photos;
+mod rig_quality;
 mod search_ranges;

@@ -12,7 +12,7 @@ use crate::command::{
 /// The methods, views and fusion rules.
 #[derive(Clone, Debug, Args)]
 pub struct Comparison {
-    /// Numbers of neighbours: 1 (stereo), 2, 4, or 8 for all of a 3x3 array [default: 1 and 2 or 4, as the data set has]
+    /// Numbers of neighbours: 1 (stereo), 2, 4, or 8 for all of a 3x3 array [default: 1 and 2 or 4, as the data set has; all of a rig]
     #[arg(long, value_name = "1,2,4,8", value_delimiter = ',')]
     views: Vec<usize>,
 
@@ -62,13 +62,7 @@ impl Comparison {
         let mut variants = Vec::new();
         for &method in &self.methods {
             for &(layout, views) in &nearest {
-                let first = long.first(views).len();
-                let fusions = match (&self.fusion[..], views.len()) {
-                    ([], _) => vec![Fusion::default_for(first)],
-                    // All rules agree on a single cost.
-                    ([first, ..], 1) => vec![*first],
-                    (fusions, _) => fusions.to_vec(),
-                };
+                let fusions = self.fusions(views, long);
                 for count in 0..=self.baselines.len() {
                     let views = at_baselines(dataset, views, &self.baselines[..count])?;
                     for &fusion in &fusions {
@@ -81,6 +75,46 @@ impl Comparison {
             }
         }
         Ok(variants)
+    }
+
+    /// The option for data sets that is given, if there is one.
+    pub fn dataset_option(&self) -> Option<&'static str> {
+        let options = [
+            ("--layout", !self.layout.is_empty()),
+            ("--baselines", !self.baselines.is_empty()),
+            ("--camera-steps", self.camera_steps.is_some()),
+        ];
+        options.into_iter().find(|(_, is_given)| *is_given).map(|(option, _)| option)
+    }
+
+    /// Every method with every set of views of a rig, those of `--views` or all, and every fusion rule where there are several views.
+    pub fn variants_of_rig(&self, rig: Views, long: &BaselineOptions) -> Result<Vec<Variant>> {
+        let mut sets = Vec::new();
+        for &count in &self.views {
+            let views = views_of_count(count)?;
+            if let Some(missing) = views.iter().find(|&view| !rig.contains(view)) {
+                return Err(Error::Usage(format!("--views includes {count}, but the rig has no {missing} view")));
+            }
+            sets.push(views);
+        }
+        if sets.is_empty() {
+            sets.push(rig);
+        }
+        let mut variants = Vec::new();
+        for (&method, &views) in self.methods.iter().flat_map(|method| sets.iter().map(move |views| (method, views))) {
+            variants.extend(self.fusions(views, long).into_iter().map(|fusion| Variant { method, layout: None, views, fusion }));
+        }
+        Ok(variants)
+    }
+
+    /// The fusion rules for views.
+    fn fusions(&self, views: Views, long: &BaselineOptions) -> Vec<Fusion> {
+        match (&self.fusion[..], views.len()) {
+            ([], _) => vec![Fusion::default_for(long.first(views).len())],
+            // All rules agree on a single cost.
+            ([first, ..], 1) => vec![*first],
+            (fusions, _) => fusions.to_vec(),
+        }
     }
 
     /// The views of `--views` and `--layout`, the latter with their layout unless it is one of the former's.

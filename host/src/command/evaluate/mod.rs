@@ -1,7 +1,11 @@
-//! `multiscopic evaluate`: the accuracy of methods on data sets with ground truth.
+//! `multiscopic evaluate`: the accuracy of methods on data sets with ground truth, and of rigs.
 
 mod comparison;
 mod gallery;
+mod method_table;
+mod rig_metrics;
+mod rig_options;
+mod rigs;
 
 use std::{
     path::{Path, PathBuf},
@@ -10,33 +14,44 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    Dataset, Error, Method, Result,
+    Dataset, Error, Result,
     evaluation::{CameraSteps, DatasetScene, ResultRow, results},
     files::output,
     report::{Chart, Figure, Report, error_map},
 };
 use multiscopic_core::Views;
+use serde::Serialize;
 
-use self::{comparison::Comparison, gallery::Gallery};
+use self::{comparison::Comparison, gallery::Gallery, method_table::MethodTable, rig_options::RigOptions};
 use super::{
     charts::Errors,
-    options::{BaselineOptions, EngineOptions, MethodOptions, SearchOptions, named},
+    options::{BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, SearchOptions, named},
+    preparation::PreparationOptions,
     terminal,
-    variant::{Subject, Variant},
+    variant::Subject,
 };
 
-/// Measures the errors of stereo and multiscopic matching on a data set with ground truth
+/// Measures how good matching is on a data set with ground truth, or how good a rig is
+///
+/// A captured folder is compared with the truth, if it is known, and with a plane, if the scene is a flat wall (--plane). Several captures of
+/// the same scene by the same rig show its noise.
 #[derive(Debug, Args)]
 pub struct Evaluate {
-    /// Folder of the data set, of one of its scenes, or the parent of the data set's folder
-    #[arg(value_name = "DIR")]
-    directory: PathBuf,
+    /// Captured folder with a rig.toml, or several of the same scene; with --dataset, the folder of the data set, of one of its scenes, or
+    /// the parent of the data set's folder
+    #[arg(value_name = "DIR", required = true)]
+    directories: Vec<PathBuf>,
 
     /// Data set
-    #[arg(long, value_name = "NAME", value_parser = named::<Dataset>())]
-    dataset: Dataset,
+    #[arg(
+        long,
+        value_name = "NAME",
+        value_parser = named::<Dataset>(),
+        conflicts_with_all = ["PreparationOptions", "GeometryOptions"]
+    )]
+    dataset: Option<Dataset>,
 
-    /// Scenes [default: all]
+    /// Scenes of the data set [default: all]
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     scenes: Vec<String>,
 
@@ -47,9 +62,18 @@ pub struct Evaluate {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// Write a page with the table, charts of the error over the number of views and over the baseline, and pictures of every scene
+    /// Write a page with the tables and pictures, and for data sets with charts of the error over the number of views and over the baseline
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
+
+    #[command(flatten)]
+    rig: RigOptions,
+
+    #[command(flatten)]
+    geometry: GeometryOptions,
+
+    #[command(flatten)]
+    preparation: PreparationOptions,
 
     #[command(flatten)]
     search: SearchOptions,
@@ -67,29 +91,38 @@ pub struct Evaluate {
 impl Evaluate {
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
-        let dataset = self.comparison.dataset(self.dataset)?;
-        let variants = self.comparison.variants(dataset, &self.long_baselines)?;
-        let options = self.options.clone().for_dataset(dataset);
-        let long_baselines = self.long_baselines.long_baselines()?;
-        // Penalties depend on the number of views.
-        let key = |variant: &Variant| (variant.method, self.long_baselines.first(variant.views).len());
-        let mut methods = Vec::new();
-        for variant in &variants {
-            if !methods.iter().any(|(other, _)| *other == key(variant)) {
-                let (name, views) = key(variant);
-                let method = options.method(name, self.search.block_size, views)?;
-                methods.push(((name, views), Method { long_baselines, ..method }));
+        match (self.dataset, &self.directories[..]) {
+            (None, _) => {
+                let scenes = (!self.scenes.is_empty()).then_some("--scenes");
+                if let Some(option) = scenes.or(self.comparison.dataset_option()) {
+                    return Err(Error::Usage(format!("{option} is for data sets: give --dataset as well")));
+                }
+                self.run_rigs()?;
+            }
+            (Some(dataset), [directory]) => self.run_dataset(dataset, directory)?,
+            (Some(dataset), directories) => {
+                let count = directories.len();
+                return Err(Error::Usage(format!(
+                    "--dataset {dataset} takes one folder, not {count}: choose scenes by --scenes"
+                )));
             }
         }
-        let scenes = self.selected_scenes(dataset)?;
-        let outputs: Vec<&Path> = self.json.iter().chain(&self.report).map(PathBuf::as_path).collect();
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn run_dataset(&self, dataset: Dataset, directory: &Path) -> Result<()> {
+        let dataset = self.comparison.dataset(dataset)?;
+        let variants = self.comparison.variants(dataset, &self.long_baselines)?;
+        let options = self.options.clone().for_dataset(dataset);
+        let methods = MethodTable::new(&variants, &options, self.search.block_size, &self.long_baselines)?;
+        let scenes = self.selected_scenes(dataset, directory)?;
         let views = || variants.iter().map(|variant| variant.views);
         let files = |scene: &DatasetScene| -> Vec<PathBuf> {
             let images = views().flat_map(|views| scene.images(views).paths().map(PathBuf::from).collect::<Vec<_>>());
             images.chain([scene.truth()]).collect()
         };
         let inputs: Vec<PathBuf> = scenes.iter().flat_map(files).collect();
-        output::check(&outputs, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+        output::check(&self.outputs(), &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
         let engine = self.engine.engine()?;
 
         // As many as fit a set, which is all but for large arrays at several baselines.
@@ -100,7 +133,7 @@ impl Evaluate {
         for scene in &scenes {
             bar.set_message(scene.name.clone());
             let (mut frames, center, truth) = scene.load(most)?;
-            let mut gallery = self.report.as_ref().map(|_| Gallery::new(&center, truth.clone()));
+            let mut gallery = self.report.as_ref().map(|_| Gallery::new(&center, Some(truth.clone())));
             for variant in &variants {
                 if !variant.views.iter().all(|view| frames.views().contains(view)) {
                     (frames, ..) = scene.load(variant.views)?;
@@ -113,8 +146,7 @@ impl Evaluate {
                     truth: &truth,
                 };
                 let search = self.search.search(frames.size(), variant.views, Some(variant.fusion), dataset.range())?;
-                let (_, method) = methods.iter().find(|(other, _)| *other == key(variant)).expect("every variant has its method");
-                let (disparities, record) = variant.measure(method, &engine, &subject, &search)?;
+                let (disparities, record) = variant.measure(methods.get(variant), &engine, &subject, &search)?;
                 if let Some(gallery) = &mut gallery {
                     gallery.add(&record.variant(), &disparities);
                 }
@@ -126,10 +158,7 @@ impl Evaluate {
         bar.finish_and_clear();
 
         let rows = results::rows(&records);
-        if let Some(path) = &self.json {
-            let json = serde_json::to_string_pretty(&records).expect("numbers and strings");
-            output::write(path, |writer| writeln!(writer, "{json}"))?;
-        }
+        self.write_json(&records)?;
         if let Some(path) = &self.report {
             let baselines = match dataset.camera_steps() {
                 None => "baselines".to_owned(),
@@ -138,20 +167,31 @@ impl Evaluate {
             };
             let has_default_fusion = self.comparison.has_default_fusion();
             let errors = Errors { variants: &variants, records: &records, has_default_fusion, baselines: &baselines };
-            let html = self.page(&rows, &errors.charts(), galleries).to_html();
+            let html = self.page(dataset, &rows, &errors.charts(), galleries).to_html();
             output::write(path, |writer| writer.write_all(html.as_bytes()))?;
         }
-        terminal::print(&results::to_text(&rows))?;
-        Ok(ExitCode::SUCCESS)
+        terminal::print(&results::to_text(&rows))
+    }
+
+    /// The files that are written.
+    fn outputs(&self) -> Vec<&Path> {
+        self.json.iter().chain(&self.report).map(PathBuf::as_path).collect()
+    }
+
+    fn write_json(&self, records: &[impl Serialize]) -> Result<()> {
+        let Some(path) = &self.json else { return Ok(()) };
+        let json = serde_json::to_string_pretty(&records).expect("numbers and strings");
+        output::write(path, |writer| writeln!(writer, "{json}"))
     }
 
     fn page<'a>(
         &self,
+        dataset: Dataset,
         rows: &[ResultRow],
         charts: &[Chart],
         galleries: impl IntoIterator<Item = (&'a str, Vec<Figure>)>,
     ) -> Report {
-        let page = Report::new(format!("Errors on {}", self.dataset))
+        let page = Report::new(format!("Errors on {dataset}"))
             .paragraph(
                 "RMS and AvgErr are in pixels, with the change from stereo in brackets; the other columns are percentages.",
             )
@@ -164,11 +204,11 @@ impl Evaluate {
     }
 
     /// The scenes that `--scenes` selects.
-    fn selected_scenes(&self, dataset: Dataset) -> Result<Vec<DatasetScene>> {
-        let mut scenes = dataset.scenes(&self.directory)?;
+    fn selected_scenes(&self, dataset: Dataset, directory: &Path) -> Result<Vec<DatasetScene>> {
+        let mut scenes = dataset.scenes(directory)?;
         let names: Vec<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
         if let Some(unknown) = self.scenes.iter().find(|name| !names.contains(&name.as_str())) {
-            let (directory, names) = (self.directory.display(), names.join(", "));
+            let (directory, names) = (directory.display(), names.join(", "));
             return Err(Error::Usage(format!("--scenes includes {unknown}, which is not in {directory}: choose from {names}")));
         }
         scenes.retain(|scene| self.scenes.is_empty() || self.scenes.contains(&scene.name));

@@ -1,7 +1,7 @@
 //! The camera's geometry, for depth and point clouds.
 
 use clap::Args;
-use multiscopic::{Frames, Geometry, Result, Rig};
+use multiscopic::{Error, Frames, Geometry, Result, Rig};
 
 use super::{
     lens_file::LensFile,
@@ -10,7 +10,7 @@ use super::{
 
 /// The geometry that turns disparities into depth.
 #[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Camera (for --depth and --ply; overrides rig.toml)")]
+#[command(next_help_heading = "Camera (for depth; overrides rig.toml)")]
 pub struct GeometryOptions {
     /// Focal length in pixels
     #[arg(long, value_name = "PX", value_parser = positive, allow_negative_numbers = true)]
@@ -32,11 +32,22 @@ pub struct GeometryOptions {
 
 impl GeometryOptions {
     /// The options that would give what is missing for depth.
-    pub fn missing(&self, rig: Option<&Rig>, lens: Option<&LensFile>) -> Vec<&'static str> {
+    fn missing(&self, rig: Option<&Rig>, lens: Option<&LensFile>) -> Vec<&'static str> {
         let has_focal = self.focal_px.is_some() || lens.is_some() || rig.is_some_and(|rig| rig.focal_px.is_some());
         let has_baseline = self.baseline_mm.is_some() || rig.is_some_and(|rig| rig.baseline_mm.is_some());
         let options = [("--focal-px (or --lens)", has_focal), ("--baseline-mm", has_baseline)];
         options.into_iter().filter_map(|(option, is_there)| (!is_there).then_some(option)).collect()
+    }
+
+    /// Refuses `what`, which needs the geometry, if something of it is missing.
+    pub fn refuse_missing(&self, what: &str, rig: Option<&Rig>, lens: Option<&LensFile>) -> Result<()> {
+        match &self.missing(rig, lens)[..] {
+            [] => Ok(()),
+            missing => Err(Error::Usage(format!(
+                "{what} needs the focal length and the baseline: give {}, or a rig.toml with it",
+                missing.join(" and ")
+            ))),
+        }
     }
 
     /// The geometry of `frames`: options first, then `rig`, then `lens`, which the options and the rig must not contradict. Only the

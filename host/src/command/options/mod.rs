@@ -25,4 +25,4 @@ pub use map_files::MapFiles;
 pub use methods::{MethodName, MethodOptions};
 pub use named::{Named, named};
 pub use search_options::{SearchOptions, views_of_count};
-pub use source_options::SourceOptions;
+pub use source_options::{Source, SourceOptions};

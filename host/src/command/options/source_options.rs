@@ -65,6 +65,16 @@ pub struct Source {
 }
 
 impl Source {
+    /// The files of a captured folder, and of a lens other than the rig's if there is one.
+    pub fn of_rig(directory: &Path, lens: Option<&Path>, bits: &BitsOption) -> multiscopic::Result<Source> {
+        let rig = Rig::load(directory)?;
+        let lens = lens.map(PathBuf::from).or(rig.lens.as_ref().map(|lens| directory.join(lens)));
+        let lens = lens.map(|path| LensFile::read(&path)).transpose()?;
+        let path = directory.join(Rig::FILE_NAME);
+        let lens = LensFile::with_mount(lens, &rig, &path);
+        Ok(Source { images: rig.images.within(directory), rig: Some(rig), lens, rig_file: Some(path), bits: bits.clone() })
+    }
+
     /// Reads the frames, without distortion, and the centre as the picture in its file, with its colours and its distortion. The last is
     /// what undistorted them. From then on, the bits of 16-bit images are known.
     pub fn load(&mut self) -> multiscopic::Result<(Frames, Picture, Option<Undistortion>)> {
@@ -132,13 +142,7 @@ impl SourceOptions {
     /// What the command line names. `None` if it names no images.
     pub fn source(&self) -> multiscopic::Result<Option<Source>> {
         if let Some(directory) = &self.rig {
-            let rig = Rig::load(directory)?;
-            let lens = self.lens.clone().or(rig.lens.as_ref().map(|lens| directory.join(lens)));
-            let lens = lens.map(|path| LensFile::read(&path)).transpose()?;
-            let path = directory.join(Rig::FILE_NAME);
-            let lens = LensFile::with_mount(lens, &rig, &path);
-            let (images, bits) = (rig.images.within(directory), self.bits.clone());
-            return Ok(Some(Source { images, rig: Some(rig), lens, rig_file: Some(path), bits }));
+            return Source::of_rig(directory, self.lens.as_deref(), &self.bits).map(Some);
         }
         let SourceOptions { center, left, right, top, bottom, view, rig: _, lens, bits } = self.clone();
         let images = FrameFiles { center: center.clone().unwrap_or_default(), left, right, top, bottom, ..FrameFiles::default() };

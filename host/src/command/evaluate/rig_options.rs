@@ -1,0 +1,160 @@
+//! What captured folders are compared with, and how they are read.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use multiscopic::{
+    Alignment, Error, FloatImage, Frames, Geometry, Inspection, Result, Rig, evaluation::ground_truth, images::ImageRegion,
+    lens::Undistortion,
+};
+use multiscopic_core::{Frame, Search};
+
+use crate::command::{
+    options::{BitsOption, GeometryOptions, SearchOptions, Source, value::positive},
+    preparation::PreparationOptions,
+};
+
+/// The true disparities of a captured folder.
+const TRUTH_FILE_NAME: &str = "truth.pfm";
+
+/// What captured folders are compared with.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Captured folders")]
+pub struct RigOptions {
+    /// True disparities of the centre in pixels at the nearest baseline, +inf where unknown [default: truth.pfm in RIG_DIR, if it is there]
+    #[arg(long, value_name = "TRUTH.pfm", conflicts_with = "dataset")]
+    truth: Option<PathBuf>,
+
+    /// The scene is a flat wall, at this distance along the optical axis if it is given: measure how flat it seems, and how far
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true, conflicts_with = "dataset")]
+    pub plane: Option<Option<f64>>,
+
+    /// Part of the centre that shows the wall, in pixels: left and top edge, width and height [default: the middle half of both sides]
+    #[arg(long, value_name = "X,Y,W,H", requires = "plane")]
+    region: Option<ImageRegion>,
+
+    /// Calibration of the lens, which distorts all images: a camera.toml, or the YAML of ROS, OpenCV or Kalibr [default: the lens of
+    /// rig.toml]
+    #[arg(long, value_name = "FILE", conflicts_with = "dataset")]
+    lens: Option<PathBuf>,
+
+    #[command(flatten)]
+    bits: BitsOption,
+}
+
+/// The files of a captured folder.
+pub struct RigFiles {
+    /// The folder.
+    pub directory: PathBuf,
+    /// Its rig and images.
+    pub source: Source,
+    /// The file of its true disparities, if they are known.
+    pub truth: Option<PathBuf>,
+}
+
+/// A capture, ready to be matched.
+pub struct PreparedRig {
+    /// The frames, undistorted and rectified.
+    pub frames: Frames,
+    /// What undistorted them.
+    pub undistortion: Option<Undistortion>,
+    /// The geometry, if it is known.
+    pub geometry: Option<Geometry>,
+    /// The true disparities of the centre, if they are known.
+    pub truth: Option<FloatImage>,
+    /// What the images tell.
+    pub inspection: Inspection,
+    /// What rectified them, if that was asked for.
+    pub alignment: Option<Alignment>,
+    /// The smallest disparity and the number of disparities, unless options override them.
+    pub range: (i16, u16),
+}
+
+impl RigOptions {
+    /// The files of a captured folder.
+    pub fn files(&self, directory: &Path) -> Result<RigFiles> {
+        if !directory.join(Rig::FILE_NAME).is_file() {
+            let directory = directory.display();
+            return Err(Error::Usage(format!(
+                "{directory} has no {}: give a captured folder, or --dataset with the folder of a data set",
+                Rig::FILE_NAME
+            )));
+        }
+        let own = || Some(directory.join(TRUTH_FILE_NAME)).filter(|path| path.is_file());
+        Ok(RigFiles {
+            directory: directory.into(),
+            source: Source::of_rig(directory, self.lens.as_deref(), &self.bits)?,
+            truth: self.truth.clone().or_else(own),
+        })
+    }
+
+    /// The part of an image that shows the wall, or all of it if there is none.
+    pub fn region(&self, size: [usize; 2]) -> ImageRegion {
+        match self.plane {
+            Some(_) => self.region.unwrap_or(ImageRegion::middle(size)),
+            None => ImageRegion::whole(size),
+        }
+    }
+}
+
+impl RigFiles {
+    /// All files that are read.
+    pub fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.source.paths().chain(self.truth.as_deref())
+    }
+
+    /// Reads and prepares the capture.
+    pub fn load(
+        &mut self,
+        geometry: &GeometryOptions,
+        preparation: &PreparationOptions,
+        search: &SearchOptions,
+    ) -> Result<PreparedRig> {
+        let (mut frames, _, undistortion) = self.source.load()?;
+        let Source { rig, lens, images, .. } = &self.source;
+        let mut geometry = geometry.geometry(rig.as_ref(), lens.as_ref(), &frames)?;
+        let read = |path: &PathBuf| ground_truth::read_pfm(path, frames.size(), &images.center);
+        let mut truth = self.truth.as_ref().map(read).transpose()?;
+        let inspection = Inspection::of(&frames);
+        let range = preparation.range(&inspection)?;
+        let search: Search = search.search(frames.size(), frames.views(), None, range)?;
+        let alignment = preparation.align(&self.source, undistortion.as_ref(), &mut frames, &mut geometry, &search)?;
+        if let Some(alignment) = &alignment {
+            // The disparity of a point is that in the rectified frames already.
+            truth = truth.map(|truth| resampled(&truth, alignment.homography(Frame::Center)));
+        }
+        Ok(PreparedRig { frames, undistortion, geometry, truth, inspection, alignment, range })
+    }
+}
+
+/// The true disparities where a homography takes the pixels of another picture: those of the nearest pixels.
+fn resampled(truth: &FloatImage, [x, y, z]: [[f64; 3]; 3]) -> FloatImage {
+    let size = [truth.width(), truth.height()];
+    let at = |[u, v]: [usize; 2]| {
+        let along = |row: [f64; 3]| row[0] * u as f64 + row[1] * v as f64 + row[2];
+        let [u, v] = [x, y].map(|row| (along(row) / along(z)).round());
+        let is_inside = (0.0..size[0] as f64).contains(&u) && (0.0..size[1] as f64).contains(&v);
+        if is_inside { truth.get(u as usize, v as usize) } else { f32::INFINITY }
+    };
+    FloatImage::new(size[0], size[1], ImageRegion::whole(size).pixels().map(at).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_follows_a_homography() {
+        let truth = FloatImage::new(5, 4, (0..20).map(|d| d as f32).collect());
+        // Two pixels to the right and one up, written with another scale.
+        let moved = resampled(&truth, [[3.0, 0.0, 6.0], [0.0, 3.0, -3.0], [0.0, 0.0, 3.0]]);
+        for [u, v] in ImageRegion::whole([5, 4]).pixels() {
+            let expected = if u < 3 && v > 0 { truth.get(u + 2, v - 1) } else { f32::INFINITY };
+            assert_eq!(moved.get(u, v), expected, "({u}, {v})");
+        }
+        // A quarter turn about the top left corner shows its column alone.
+        let turned = resampled(&truth, [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
+        assert_eq!(turned.row(0), [0.0, 5.0, 10.0, 15.0, f32::INFINITY]);
+        assert!(turned.rows().skip(1).flatten().all(|d| d.is_infinite()));
+    }
+}

@@ -1,0 +1,198 @@
+//! Evaluation of captured folders.
+
+use multiscopic::{
+    DisparityMap, Error, FloatImage, Geometry, Metrics, Picture, Result,
+    evaluation::{DepthErrors, PlaneFit, Record, TemporalNoise, WallMetrics},
+    files::output,
+    images::ImageRegion,
+    report::{Figure, Report, error_map},
+};
+use multiscopic_core::Frame;
+
+use super::{
+    Evaluate,
+    gallery::Gallery,
+    method_table::MethodTable,
+    rig_metrics::{RigMetrics, RigTable},
+    rig_options::{PreparedRig, RigFiles},
+};
+use crate::command::{options::Source, preparation, terminal, variant::Variant};
+
+/// The share of outliers in percent above which a region may be no wall.
+const NO_WALL: f64 = 20.0;
+
+impl Evaluate {
+    /// Matches all captures by all variants, and compares the results with the truth, a plane and each other.
+    pub(super) fn run_rigs(&self) -> Result<()> {
+        let mut rigs = self.directories.iter().map(|directory| self.rig.files(directory)).collect::<Result<Vec<_>>>()?;
+        self.check_rigs(&rigs)?;
+        let views = rigs[0].source.images.views();
+        let variants = self.comparison.variants_of_rig(views, &self.long_baselines)?;
+        let methods = MethodTable::new(&variants, &self.options, self.search.block_size, &self.long_baselines)?;
+        output::check(&self.outputs(), &rigs.iter().flat_map(RigFiles::paths).collect::<Vec<_>>())?;
+        let engine = self.engine.engine()?;
+
+        let bar = terminal::progress((rigs.len() * variants.len()) as u64, "maps");
+        let (mut records, mut galleries, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
+        let mut maps: Vec<Vec<DisparityMap>> = vec![Vec::new(); variants.len()];
+        let mut first: Option<([usize; 2], Option<Geometry>)> = None;
+        for files in &mut rigs {
+            let name = files.directory.display().to_string();
+            bar.set_message(name.clone());
+            let rig = files.load(&self.geometry, &self.preparation, &self.search)?;
+            let size = rig.frames.size();
+            check_same(&name, size, rig.geometry, *first.get_or_insert((size, rig.geometry)))?;
+            let mut gallery = self.report.as_ref().map(|_| Gallery::new(&center(&rig), rig.truth.clone()));
+            for (variant, maps) in variants.iter().zip(&mut maps) {
+                let search = self.search.search(size, variant.views, Some(variant.fusion), rig.range)?;
+                let method = methods.get(variant);
+                let gray = (!method.cost.matches_color()).then(|| rig.frames.clone().without_color());
+                let (mut disparities, seconds) = variant.timed(method, &engine, gray.as_ref().unwrap_or(&rig.frames), &search)?;
+                if let Some(undistortion) = &rig.undistortion {
+                    undistortion.mask(&mut disparities);
+                }
+                let (metrics, plane) = self.measure(&rig, &disparities, variant).map_err(|error| match error {
+                    Error::Usage(message) => Error::Usage(format!("{name}: {message}")),
+                    other => other,
+                })?;
+                let record = variant.record("rig", &name, metrics, seconds);
+                if let Some(gallery) = &mut gallery {
+                    gallery.add(&record.variant(), &disparities);
+                    let plane = plane.map(|plane| plane_map(&plane, size, self.rig.region(size)));
+                    plane.iter().for_each(|plane| gallery.add_plane(&record.variant(), &disparities, plane));
+                }
+                for warning in preparation::warnings(&rig.inspection, rig.alignment.as_ref(), &disparities, &search)
+                    .into_iter()
+                    .chain(no_wall(&metrics))
+                {
+                    let warning = format!("warning: {name}: {warning}");
+                    if !warnings.contains(&warning) {
+                        warnings.push(warning);
+                    }
+                }
+                records.push(record);
+                maps.push(disparities);
+                bar.inc(1);
+            }
+            galleries.extend(gallery.map(|gallery| (name, gallery.into_figures())));
+        }
+        bar.finish_and_clear();
+        let (size, geometry) = first.unwrap_or_default();
+        for (k, record) in records.iter_mut().enumerate() {
+            record.metrics.noise = TemporalNoise::new(&maps[k % variants.len()], geometry.as_ref(), self.rig.region(size));
+        }
+        self.write_rigs(&records, galleries)?;
+        warnings.iter().for_each(|warning| terminal::say(warning));
+        Ok(())
+    }
+
+    /// Refuses folders that are no captures of one rig, and those with nothing to compare them with.
+    fn check_rigs(&self, rigs: &[RigFiles]) -> Result<()> {
+        let views = |files: &RigFiles| files.source.images.views();
+        if let Some(other) = rigs.iter().find(|other| views(other) != views(&rigs[0])) {
+            let [first, other] = [&rigs[0], other].map(|files| files.directory.display());
+            return Err(Error::Usage(format!("{other} has other views than {first}: give captures of one rig")));
+        }
+        if self.rig.plane.is_none() && rigs.len() < 2 && rigs[0].truth.is_none() {
+            return Err(Error::Usage(format!(
+                "there is nothing to compare {} with: give --truth, --plane, or several captures of the same scene",
+                rigs[0].directory.display()
+            )));
+        }
+        if let Some(Some(_)) = self.rig.plane {
+            for files in rigs {
+                let Source { rig, lens, .. } = &files.source;
+                self.geometry.refuse_missing("--plane with a distance", rig.as_ref(), lens.as_ref())?;
+            }
+        }
+        Ok(())
+    }
+
+    fn measure(
+        &self,
+        rig: &PreparedRig,
+        disparities: &DisparityMap,
+        variant: &Variant,
+    ) -> Result<(RigMetrics, Option<PlaneFit>)> {
+        let (geometry, truth) = (rig.geometry.as_ref(), rig.truth.as_ref());
+        let fit = |distance_mm| {
+            let region = self.rig.region([disparities.width(), disparities.height()]);
+            WallMetrics::new(disparities, geometry, region, distance_mm)
+        };
+        let (plane, fitted) = self.rig.plane.map(fit).transpose()?.unzip();
+        let valid = disparities.pixels().iter().flatten().count();
+        let errors = |truth| {
+            let hint =
+                || Error::Usage(format!("no pixel of the truth is in the rectified centre, with {} views", variant.views.len()));
+            Metrics::new(disparities, truth).ok_or_else(hint)
+        };
+        let metrics = RigMetrics {
+            truth: truth.map(errors).transpose()?,
+            fill_rate: 100.0 * valid as f64 / disparities.pixels().len() as f64,
+            depth: truth.zip(geometry).and_then(|(truth, geometry)| DepthErrors::new(disparities, truth, geometry)),
+            plane,
+            noise: None,
+        };
+        Ok((metrics, fitted))
+    }
+
+    fn write_rigs(&self, records: &[Record<RigMetrics>], galleries: Vec<(String, Vec<Figure>)>) -> Result<()> {
+        let tables = RigTable::all(records);
+        self.write_json(records)?;
+        if let Some(path) = &self.report {
+            let page = tables.iter().fold(Report::new("How good the rig is"), |page, table| table.add_to(page));
+            let page = page
+                .paragraph(&format!("Disparities: red is near, blue is far, black is invalid. Errors: {}.", error_map::LEGEND));
+            let page = galleries.into_iter().fold(page, |page, (rig, figures)| page.gallery(&rig, figures));
+            output::write(path, |writer| writer.write_all(page.to_html().as_bytes()))?;
+        }
+        terminal::print(&tables.iter().map(RigTable::to_text).collect::<Vec<_>>().join("\n"))
+    }
+}
+
+/// Refuses a capture that is not of the rig of the first one.
+fn check_same(
+    name: &str,
+    [width, height]: [usize; 2],
+    geometry: Option<Geometry>,
+    (first, first_geometry): ([usize; 2], Option<Geometry>),
+) -> Result<()> {
+    if first != [width, height] {
+        let [first_width, first_height] = first;
+        return Err(Error::Usage(format!(
+            "{name} has images of {width}x{height} pixels, those before it {first_width}x{first_height}: give captures of one rig"
+        )));
+    }
+    // The principal points of rectified captures differ a little.
+    let lengths = |geometry: Geometry| (geometry.focal_px, geometry.baseline_mm, geometry.doffs);
+    match geometry.map(lengths) == first_geometry.map(lengths) {
+        true => Ok(()),
+        false => Err(Error::Usage(format!(
+            "{name} has another focal length, baseline or doffs than those before it: give captures of one rig"
+        ))),
+    }
+}
+
+/// The centre, as it is matched.
+fn center(rig: &PreparedRig) -> Picture {
+    match rig.frames.color(Frame::Center) {
+        Some(color) => Picture::Rgb(color.clone()),
+        None => Picture::Gray(rig.frames.get(Frame::Center).expect("frames always have a centre").clone()),
+    }
+}
+
+/// The disparities of a plane in a region, unknown elsewhere.
+fn plane_map(plane: &PlaneFit, [width, height]: [usize; 2], region: ImageRegion) -> FloatImage {
+    let mut map = FloatImage::filled(width, height, f32::INFINITY);
+    for [u, v] in region.pixels() {
+        map.row_mut(v)[u] = plane.disparity([u as f64, v as f64]) as f32;
+    }
+    map
+}
+
+fn no_wall(metrics: &RigMetrics) -> Option<String> {
+    let outliers = metrics.plane.map(|plane| plane.outliers).filter(|outliers| *outliers > NO_WALL)?;
+    Some(format!(
+        "{outliers:.0} % of the disparities are off the plane by more than a pixel: give a --region that shows nothing but a flat wall"
+    ))
+}

@@ -12,8 +12,8 @@ use multiscopic_core::View;
 use multiscopic_tests::{program::Invocation, test_images::view_set::read_pfm};
 use tempfile::TempDir;
 
-const WIDTH: u32 = 96;
-const HEIGHT: u32 = 72;
+const WIDTH: u32 = 88;
+const HEIGHT: u32 = 64;
 const DISPARITY: f64 = 4.25;
 
 /// The brightness of a plane that is painted with waves, from 0.1 to 0.9, in one of three colours.
@@ -69,7 +69,7 @@ fn in_8_bits(image: &ImageBuffer<Luma<u16>, Vec<u16>>, white: u16) -> ImageBuffe
 fn matched(folder: &Path, options: &[&str]) -> (Invocation, Vec<f32>) {
     let out = folder.join("out.pfm");
     let [rig, pfm] = [folder, &out].map(|path| path.to_str().expect("a path in UTF-8"));
-    let run = Invocation::new([&["match", rig, "-o", pfm, "--num-disparities", "12"], options].concat());
+    let run = Invocation::new([&["match", rig, "-o", pfm, "--num-disparities", "8"], options].concat());
     run.assert_done();
     (run, read_pfm(&out).2)
 }
@@ -149,7 +149,7 @@ struct Rectification {
 fn aligned(folder: &TempDir) -> (FrameFiles, Vec<Rectification>) {
     let new = folder.path().join("new");
     let [rig, out] = [folder.path(), &new].map(|path| path.to_str().expect("a path in UTF-8"));
-    let run = Invocation::new(["align", rig, "-o", out, "--json", "--num-disparities", "12"]);
+    let run = Invocation::new(["align", rig, "-o", out, "--json", "--num-disparities", "8"]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let report: serde_json::Value = serde_json::from_str(&run.stdout).expect("JSON");
     let frames = [&report["center"]].into_iter().chain(report["views"].as_array().expect("a list"));

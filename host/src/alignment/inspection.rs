@@ -37,6 +37,8 @@ const OUTLIERS: f64 = 0.01;
 const WIDENED: f64 = 0.1;
 /// The share of matches on the wrong side from which on a view looks swapped.
 const SWAPPED: f64 = 0.7;
+/// The least share of corners with such matches.
+const MIN_SWAPPED: f64 = 0.25;
 /// The standard deviation in a square below which it has no texture, in grey values.
 const FLAT: f32 = 1.5;
 
@@ -125,7 +127,9 @@ impl Inspection {
             // Around 0 the side is left to chance.
             let moved: Vec<f64> = found.iter().flatten().copied().filter(|disparity| disparity.abs() >= MAX_SPREAD).collect();
             let wrong = moved.iter().filter(|disparity| **disparity < 0.0).count();
-            moved.len() >= MIN_POINTS && wrong as f64 >= SWAPPED * moved.len() as f64
+            // The few matches of a view that is turned far off are mismatches.
+            let are_most = wrong as f64 >= SWAPPED * moved.len() as f64;
+            are_most && wrong >= MIN_POINTS && wrong as f64 >= MIN_SWAPPED * found.len() as f64
         };
         let swapped = views.iter().zip(&found).filter(|(_, found)| is_swapped(found)).map(|(&view, _)| view).collect();
         let agreed = (0..corners.len()).filter_map(|n| agreed(found.iter().filter_map(|found| found[n]), views.len()));

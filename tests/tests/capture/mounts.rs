@@ -5,14 +5,18 @@ use std::{fs, path::Path};
 use multiscopic::lens::Mount;
 use multiscopic_tests::{program::Invocation, test_images::view_set::read_pfm};
 
-const SIZE: [u32; 2] = [320, 240];
-const LENS: &str = "focal_px = [470.0, 470.0]\nprincipal_point = [162.0, 117.5]\nmodel = \"plumb_bob\"\n\
+/// A lens for 640x480 pixels.
+const LENS: &str = "focal_px = [940.0, 940.0]\nprincipal_point = [324.0, 235.0]\nmodel = \"plumb_bob\"\n\
                     coefficients = [-0.25, 0.08, 0.0, 0.0, 0.0]\n";
 
-/// Runs `capture` or `calibrate mount` with quick simulated hardware.
+/// Runs `capture` or `calibrate mount` with quick simulated hardware of 320x240 pixels.
 fn run(command: &[&str], errors: &Path, more: &[&str]) -> Invocation {
-    let (camera, size) = (format!("sim:{}", errors.display()), format!("{}x{}", SIZE[0], SIZE[1]));
-    let hardware = ["--camera", &camera, "--stage", "sim", "--size", &size];
+    run_at("320x240", command, errors, more)
+}
+
+fn run_at(size: &str, command: &[&str], errors: &Path, more: &[&str]) -> Invocation {
+    let camera = format!("sim:{}", errors.display());
+    let hardware = ["--camera", &camera, "--stage", "sim", "--size", size];
     let quick = ["--speed", "250", "--acceleration", "1200", "--settle", "0"];
     Invocation::new(command.iter().chain(&hardware).chain(&quick).chain(more))
 }
@@ -39,12 +43,12 @@ fn a_mount_is_found_and_taken_out() {
     fs::write(at("camera.toml"), LENS).unwrap();
     let [errors, lens, mount, rig, disparities] =
         ["errors.toml", "camera.toml", "mount.toml", "rig", "rig.pfm"].map(|name| at(name).display().to_string());
-    run(&["calibrate", "mount", "--step", "20"], errors.as_ref(), &["--lens", &lens, "-o", &mount]).assert_done();
+    run_at("640x480", &["calibrate", "mount", "--step", "20"], errors.as_ref(), &["--lens", &lens, "-o", &mount]).assert_done();
     assert_close(&Mount::read(mount.as_ref()).unwrap(), angles);
 
     let options = ["--baseline", "20", "--lens", &lens, "--mount", &mount, "-o", &rig];
-    run(&["capture"], errors.as_ref(), &options).assert_done();
-    Invocation::new(["match", &rig, "--num-disparities", "30", "-o", &disparities]).assert_done();
+    run_at("640x480", &["capture"], errors.as_ref(), &options).assert_done();
+    Invocation::new(["match", &rig, "--num-disparities", "48", "-o", &disparities]).assert_done();
     let ((_, _, found), (_, _, truth)) = (read_pfm(disparities.as_ref()), read_pfm(&at("rig").join("truth.pfm")));
     let pairs = found.iter().zip(&truth).filter(|(found, truth)| found.is_finite() && truth.is_finite());
     let mut shares: Vec<f32> = pairs.map(|(found, truth)| (found / truth - 1.0).abs()).collect();

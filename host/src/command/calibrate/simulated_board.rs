@@ -14,7 +14,7 @@ use rayon::prelude::*;
 /// Pixels of the board for a millimetre.
 const PER_MM: f64 = 4.0;
 /// Samples of a pixel along each side.
-const SAMPLES: usize = 3;
+const SAMPLES: usize = 6;
 /// The share of the image's width that the board has.
 const BOARD_SHARE: f64 = 0.6;
 /// Grey values of black, of white, and of what is behind the board, and the standard deviation of their noise.

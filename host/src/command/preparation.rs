@@ -61,15 +61,16 @@ pub fn warnings(
 ) -> Vec<String> {
     // Swapped views explain disparities at the end of the range.
     let is_swapped = inspection.refuse_swapped(search.min_disparity()).is_err();
-    let cut = if is_swapped { None } else { cut_range(disparities, search) };
+    let cut = if is_swapped { None } else { cut_range(disparities, search, inspection.flat) };
     inspection.warnings(search.min_disparity()).into_iter().chain(alignment.and_then(Alignment::warning)).chain(cut).collect()
 }
 
-/// Tells whether disparities pile up at an end of the range, so that it seems to be too narrow.
-fn cut_range(disparities: &DisparityMap, search: &Search) -> Option<String> {
+/// Tells whether disparities pile up at an end of the range, so that it seems to be too narrow. Where nothing has texture, as on the
+/// share `flat` of the centre, any of them may win.
+fn cut_range(disparities: &DisparityMap, search: &Search, flat: f64) -> Option<String> {
     let (first, last, count) = (search.min_disparity(), search.max_disparity(), search.num_disparities());
     let [at_first, at_last] = disparities.shares_at_ends(first..=last);
-    let limit = f64::max(MIN_PILE, PILE / count as f64);
+    let limit = f64::max(MIN_PILE, PILE / count as f64) + flat;
     // Points at infinity are no sign of a range that is cut.
     let (share, end, option) = if at_last > limit {
         (at_last, last, format!("--num-disparities above {count}"))

@@ -245,12 +245,12 @@ fn a_simulated_camera_photographs_the_board() {
     );
     fs::write(&rig, toml).expect("the folder is there");
     let camera = format!("sim:{}", text(&rig));
-    let options = ["calibrate", "lens", "--camera", &camera, "--pictures", "9", "--keep", text(&kept), "-o", text(&lens)];
+    let options = ["calibrate", "lens", "--camera", &camera, "--pictures", "20", "--keep", text(&kept), "-o", text(&lens)];
     let done = Invocation::new(options);
     assert_eq!(done.code, Some(0), "{done:#?}");
-    assert!(done.stderr.contains("picture 9 of 9"), "{done:#?}");
+    assert!(done.stderr.contains("picture 20 of 20"), "{done:#?}");
     assert_recovered(&lens, &truth);
-    assert_eq!(fs::read_dir(&kept).expect("the folder").count(), 9);
+    assert_eq!(fs::read_dir(&kept).expect("the folder").count(), 20);
 }
 
 #[test]

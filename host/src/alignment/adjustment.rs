@@ -18,10 +18,19 @@ const PRIOR_OF_STAGE: [f64; LEN] = [2e-4, 2e-4, 2e-4, 1e-6, 0.2, 0.2, 0.2];
 const MAX_ITERATIONS: usize = 200;
 /// Residuals above this multiple of their scale lose weight (Cauchy).
 const CAUCHY: f64 = 2.0;
-/// How much less the matches' error has to be for the absolute disparities to be taken from the images.
-const GAIN_OF_FREE_OFFSET: f64 = 0.95;
-/// How many times the views' other turns the turn that they share may be.
-const MOST_ALIKE: f64 = 4.0;
+/// The standard deviation of the mean length of the baselines, in nominal ones. Longer baselines and smaller disparities explain
+/// the matches just as well, so this holds it.
+const LENGTH_DEVIATION: f64 = 1e-6;
+/// How many times the spread of the views' turns towards their baselines the turn that they share may be to be believed.
+const LIKELY: f64 = 2.0;
+/// How much less the matches' error has to be for the turn to be believed in any case.
+const CLEAR_GAIN: f64 = 0.8;
+/// How much less it has to be for a lens to be suspected.
+const NOTICEABLE_GAIN: f64 = 0.95;
+/// A turn that is not free, in radians.
+const FIXED: f64 = 1e-7;
+/// Distortions that may explain the matches instead: the displacement at a focal length from the optical axis, in focal lengths.
+const DISTORTIONS: [f64; 8] = [-0.4, -0.25, -0.15, -0.08, -0.04, 0.04, 0.08, 0.15];
 
 /// A corner of the centre and where the views show it, all in focal lengths from the optical axis.
 #[derive(Clone, Debug)]
@@ -31,6 +40,15 @@ pub struct Point {
     pub ray: [f64; 2],
     /// In each view that it was found in.
     pub seen: Vec<Option<[f64; 2]>>,
+}
+
+impl Point {
+    /// The point without the distortion of a lens, by the division model (Fitzgibbon, 2001).
+    fn undistorted(&self, distortion: f64) -> Point {
+        let undistorted = |[x, y]: [f64; 2]| [x, y].map(|at| at / (1.0 + distortion * (x * x + y * y)));
+        let seen = self.seen.iter().map(|seen| seen.map(undistorted)).collect();
+        Point { ray: undistorted(self.ray), seen, ..*self }
+    }
 }
 
 /// The models of all views, and how well they explain the matches.
@@ -43,7 +61,7 @@ pub struct Adjustment {
     pub disparities: Vec<f64>,
     /// The scale of the residuals, in focal lengths.
     pub noise: f64,
-    /// The matches ask for a turn of all views towards their baselines, but more alike than motion turns a camera.
+    /// The matches ask for a turn of all views towards their baselines, and still more for a lens that distorts.
     pub looks_distorted: bool,
     cost: f64,
 }
@@ -51,28 +69,36 @@ pub struct Adjustment {
 /// Adjusts the models of `views`.
 ///
 /// If all views are turned towards their baselines alike, all disparities change by the same amount, and nothing else does
-/// but the perspective at the borders. Such a turn is believed only if it explains the matches clearly better, and if the views
-/// differ in it: the distortion of a lens looks like a turn that they have in common.
+/// but the perspective at the borders, which a lens distorts alike. Such a turn is believed if the views are turned towards their
+/// baselines by different angles as well, or if it explains the matches far better than none and better than a lens.
 ///
 /// A pixel has `pixel` focal lengths.
 pub fn adjust(views: &[View], points: &[Point], pixel: f64) -> Option<Adjustment> {
-    let fixed = Solver { views, points, pixel, prior: PRIOR, offset_deviation: 1e-7 }.solve(None)?;
+    let fixed = Solver { views, points, pixel, prior: PRIOR, offset_deviation: FIXED }.solve(None)?;
     let free = Solver { views, points, pixel, prior: PRIOR, offset_deviation: PRIOR[0] }.solve(Some(&fixed))?;
-    let is_better = free.cost < GAIN_OF_FREE_OFFSET * fixed.cost;
-    let looks_distorted = is_better && is_alike(views, &free.models);
-    Some(if is_better && !looks_distorted { free } else { Adjustment { looks_distorted, ..fixed } })
+    // Views that are turned towards their baselines by different angles probably share a part of them.
+    if shared_turn(views, &free.models).abs() <= LIKELY * spread_of_turns(views, &free.models) {
+        return Some(free);
+    }
+    let gain = free.cost / fixed.cost;
+    let is_distorted = gain < NOTICEABLE_GAIN
+        && DISTORTIONS.par_iter().any(|&distortion| {
+            let points: Vec<Point> = points.iter().map(|point| point.undistorted(distortion)).collect();
+            let undistorted = Solver { views, points: &points, pixel, prior: PRIOR, offset_deviation: FIXED };
+            undistorted.solve(Some(&fixed)).is_some_and(|undistorted| undistorted.cost < free.cost)
+        });
+    Some(if gain < CLEAR_GAIN && !is_distorted { free } else { Adjustment { looks_distorted: is_distorted, ..fixed } })
 }
 
-/// Tells whether the turn towards the baselines that all views share is much larger than their other turns.
-fn is_alike(views: &[View], models: &[ViewModel]) -> bool {
+/// The standard deviation of the angles by which views are turned towards their baselines, in radians; 0 of a single view.
+fn spread_of_turns(views: &[View], models: &[ViewModel]) -> f64 {
     let shared = shared_turn(views, models);
-    let other = |(model, view): (&ViewModel, &View)| {
+    let turn = |(model, view): (&ViewModel, &View)| {
         let [x, y] = [view.right(), view.down()].map(f64::from);
-        (model.rotation - Vector3::new(-y, x, 0.0) * shared).norm_squared()
+        (x * model.rotation.y - y * model.rotation.x) / (x * x + y * y) - shared
     };
-    let others: f64 = models.iter().zip(views).map(other).sum();
-    // Three angles a view.
-    shared.abs() > MOST_ALIKE * (others / (3 * views.len()) as f64).sqrt()
+    let squares: f64 = models.iter().zip(views).map(|both| turn(both).powi(2)).sum();
+    (squares / views.len().saturating_sub(1).max(1) as f64).sqrt()
 }
 
 /// The coefficients of a view's rotation in the turn towards the baselines that all views share.
@@ -80,6 +106,17 @@ fn shared_weights(views: &[View], view: View) -> [f64; 2] {
     let [x, y] = [view.right(), view.down()].map(f64::from);
     let scale = (x * x + y * y) * views.len() as f64;
     [-y / scale, x / scale]
+}
+
+/// The coefficients of a view's position in the mean length of the baselines.
+fn length_weights(views: &[View], view: View) -> Vector3<f64> {
+    let total: f64 = views.iter().map(|&view| nominal(view).position.norm_squared()).sum();
+    nominal(view).position / total
+}
+
+/// The mean length of the baselines, in nominal ones.
+fn mean_length(views: &[View], models: &[ViewModel]) -> f64 {
+    models.iter().zip(views).map(|(model, &view)| length_weights(views, view).dot(&model.position)).sum()
 }
 
 /// The turn towards the baselines that all views share, in radians.
@@ -93,7 +130,7 @@ fn shared_turn(views: &[View], models: &[ViewModel]) -> f64 {
 
 /// Adjusts the models of views that a stage has moved without turning the camera.
 pub fn adjust_moved(views: &[View], points: &[Point], pixel: f64) -> Option<Adjustment> {
-    Solver { views, points, pixel, prior: PRIOR_OF_STAGE, offset_deviation: 1e-7 }.solve(None)
+    Solver { views, points, pixel, prior: PRIOR_OF_STAGE, offset_deviation: FIXED }.solve(None)
 }
 
 struct Solver<'a> {
@@ -227,7 +264,9 @@ impl Solver<'_> {
             off.map(|((value, expected), deviation)| ((value - expected) / deviation).powi(2)).sum::<f64>()
         });
         let offset = shared_turn(self.views, models) / self.offset_deviation;
-        self.residuals(models, disparities).into_iter().map(of_match).sum::<f64>() + prior.sum::<f64>() + offset * offset
+        let length = (mean_length(self.views, models) - 1.0) / LENGTH_DEVIATION;
+        let shared = offset * offset + length * length;
+        self.residuals(models, disparities).into_iter().map(of_match).sum::<f64>() + prior.sum::<f64>() + shared
     }
 
     /// The equations of all points.
@@ -263,14 +302,20 @@ impl Solver<'_> {
                 right[k * LEN + i] -= (value - expected) * deviation.powi(-2);
             }
         }
-        let mut weights = DVector::zeros(len);
+        let (mut turn, mut length) = (DVector::zeros(len), DVector::zeros(len));
         for (k, &view) in self.views.iter().enumerate() {
             let [x, y] = shared_weights(self.views, view);
-            (weights[k * LEN], weights[k * LEN + 1]) = (x, y);
+            (turn[k * LEN], turn[k * LEN + 1]) = (x, y);
+            length.fixed_rows_mut::<3>((k + 1) * LEN - 3).copy_from(&length_weights(self.views, view));
         }
-        let information = self.offset_deviation.powi(-2);
-        matrix += &weights * weights.transpose() * information;
-        right -= weights * (shared_turn(self.views, models) * information);
+        for (weights, off, deviation) in [
+            (turn, shared_turn(self.views, models), self.offset_deviation),
+            (length, mean_length(self.views, models) - 1.0, LENGTH_DEVIATION),
+        ] {
+            let information = deviation.powi(-2);
+            matrix += &weights * weights.transpose() * information;
+            right -= weights * (off * information);
+        }
         for rows in points {
             let own: f64 = rows.iter().map(|row| row.weight * row.by_disparity.norm_squared()).sum::<f64>() * (1.0 + damping);
             let own_right: f64 = rows.iter().map(|row| row.weight * row.by_disparity.dot(&row.residual)).sum();
@@ -366,7 +411,7 @@ mod tests {
             // A thirtieth of a pixel of a thousandth.
             assert!(turn < 3e-5 && scale < 3e-5, "{found:?} instead of {model:?}");
         }
-        // All lengths are known up to a factor, which the nominal positions give.
+        // All lengths are known up to a factor: their mean is that of the nominal positions.
         let factor = found.models[0].position.norm() / models[0].position.norm();
         for (found, model) in found.models.iter().zip(&models) {
             let off = (found.position / factor - model.position).norm();

@@ -35,7 +35,7 @@ pub fn corners(image: &GrayImage, count: usize, margin: usize) -> Vec<[usize; 2]
 /// The lesser eigenvalue of the mean structure tensor around each pixel.
 fn strengths(image: &GrayImage) -> Vec<f32> {
     let [width, height] = [image.width(), image.height()].map(|side| side as usize);
-    let source = InterpolatedImage(image);
+    let source = InterpolatedImage::new(image);
     let mut tensors = [const { Vec::new() }; 3];
     for (v, u) in (0..height as isize).flat_map(|v| (0..width as isize).map(move |u| (v, u))) {
         let x = (source.pixel(u + 1, v) - source.pixel(u - 1, v)) as f32 / 2.0;

@@ -88,16 +88,14 @@ impl Alignment {
         for (k, (&view, found)) in views.iter().zip(&mut matches).enumerate() {
             let model = rough.models[k];
             let map = Map { source, rectified: source, matrix: model.projection().matrix() };
-            let neighbor = Picture::Gray(frames.get(Frame::View(view)).expect("the view is there").clone());
-            let neighbor = neighbor.resampled(|pixel| Some(map.at(pixel.map(|at| at as f64))), 1.0).to_gray();
+            let neighbor = frames.get(Frame::View(view)).expect("the view is there");
             let moved = ViewModel { position: model.position, ..ViewModel::NEUTRAL }.projection();
             let mut expected = vec![None; corners.len()];
             for (point, &disparity) in rough_points.iter().zip(&rough.disparities) {
                 let [x, y] = point.ray;
                 expected[point.corner] = Some(source.pixel(moved.project(Vector3::new(x, y, 1.0), disparity)));
             }
-            *found = find_again([center.0, &neighbor], &corners, &expected);
-            found.iter_mut().flatten().for_each(|found| found.at = map.at(found.at));
+            *found = find_again([center.0, neighbor], &corners, &expected, |pixel| map.at(pixel));
         }
         let points = points(&source, &corners, &matches);
         let adjustment = adjust(&views, &points, pixel).ok_or_else(undetermined)?;

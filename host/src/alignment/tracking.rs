@@ -16,6 +16,8 @@ const MIN_CORRELATION: f32 = 0.8;
 const MARGIN: f64 = 0.06;
 /// The maximum number of iterations of the refinement below a pixel.
 const MAX_ITERATIONS: usize = 12;
+/// Pixels around a corner that are compared, to each side.
+const SIDE: isize = RADIUS as isize;
 
 /// A corner of the centre, found in a view.
 #[derive(Clone, Copy, Debug)]
@@ -33,23 +35,33 @@ pub fn find(
     view: View,
     range: &RangeInclusive<i16>,
 ) -> Vec<Option<Match>> {
-    let images = [center.0, neighbor.0].map(InterpolatedImage);
+    let images = [center.0, neighbor.0].map(InterpolatedImage::new);
     let pyramids = [center.1, neighbor.1];
+    let square = |at| images[1].square(at, SIDE);
     let find = |&corner: &[usize; 2]| {
         let nearby = find_nearby(pyramids, corner, view, range)?;
-        refine(&images, corner.map(|at| at as f64), nearby)
+        refine(&images[0], square, corner, nearby)
     };
     corners.par_iter().map(find).collect()
 }
 
-/// Finds `corners` of the centre in a view near the places where they are expected.
+/// Finds `corners` of the centre in a view near the places where they are expected, which are given in a rectified view:
+/// `map` leads from there to the pixels of the view.
 pub fn find_again(
     [center, neighbor]: [&GrayImage; 2],
     corners: &[[usize; 2]],
     expected: &[Option<[f64; 2]>],
+    map: impl Fn([f64; 2]) -> [f64; 2] + Sync,
 ) -> Vec<Option<Match>> {
-    let images = [center, neighbor].map(InterpolatedImage);
-    let find = |(corner, expected): (&[usize; 2], &Option<[f64; 2]>)| refine(&images, corner.map(|at| at as f64), (*expected)?);
+    let [center, neighbor] = [center, neighbor].map(InterpolatedImage::new);
+    let square = |[u, v]: [f64; 2]| {
+        let offsets = (-SIDE..=SIDE).flat_map(|j| (-SIDE..=SIDE).map(move |i| [i as f64, j as f64]));
+        offsets.map(|[i, j]| neighbor.at(map([u + i, v + j]))).collect()
+    };
+    let find = |(&corner, expected): (&[usize; 2], &Option<[f64; 2]>)| {
+        let found = refine(&center, square, corner, (*expected)?)?;
+        Some(Match { at: map(found.at), ..found })
+    };
     corners.par_iter().zip(expected).map(find).collect()
 }
 
@@ -87,8 +99,13 @@ fn find_nearby(
 }
 
 /// The match below a pixel, by least squares over the position, the contrast and the brightness (Lucas and Kanade, 1981).
-fn refine([center, neighbor]: &[InterpolatedImage<'_>; 2], corner: [f64; 2], start: [f64; 2]) -> Option<Match> {
-    const SIDE: isize = RADIUS as isize;
+/// `square` gives the pixels around a point of the view.
+fn refine(
+    center: &InterpolatedImage,
+    square: impl Fn([f64; 2]) -> Vec<f64>,
+    corner: [usize; 2],
+    start: [f64; 2],
+) -> Option<Match> {
     let [cu, cv] = corner.map(|at| at as isize);
     let mut template = Vec::with_capacity((2 * RADIUS + 1).pow(2));
     for (j, i) in (-SIDE..=SIDE).flat_map(|j| (-SIDE..=SIDE).map(move |i| (j, i))) {
@@ -101,7 +118,7 @@ fn refine([center, neighbor]: &[InterpolatedImage<'_>; 2], corner: [f64; 2], sta
     let variance = template.iter().map(|(pixel, _)| (pixel - mean).powi(2)).sum::<f64>() / count;
     let mut at = start;
     for _ in 0..MAX_ITERATIONS {
-        let found = neighbor.square(at, SIDE);
+        let found = square(at);
         let found_mean = found.iter().sum::<f64>() / count;
         let product = template.iter().zip(&found).map(|((pixel, _), found)| (pixel - mean) * (found - found_mean)).sum::<f64>();
         let contrast = product / count / variance;

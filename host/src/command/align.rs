@@ -4,7 +4,7 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
 use multiscopic::{
-    Alignment, Error, Inspection, Result, Rig,
+    Alignment, Error, Frames, Inspection, Result, Rig,
     alignment::Residual,
     files::{FrameFiles, output},
     images::BitDepth,
@@ -81,10 +81,17 @@ impl Align {
             (Some(rig), Some(lens)) => Some(lens.ideal_rig(rig, frames.size())?),
             (rig, _) => rig,
         };
-        let inspection = Inspection::of(&frames);
-        inspection.refuse_swapped(search.min_disparity())?;
         let geometry = rig.as_ref().and_then(|rig| rig.geometry(frames.size()));
-        let alignment = Alignment::estimate(&frames, &search, geometry.as_ref())?;
+        let refuse_swapped = |frames: &Frames| {
+            let inspection = Inspection::of(frames);
+            inspection.refuse_swapped(search.min_disparity()).map(|()| inspection)
+        };
+        let alignment = match Alignment::estimate(&frames, &search, geometry.as_ref()) {
+            Err(error) => return Err(refuse_swapped(&frames).err().unwrap_or(error)),
+            Ok(alignment) => alignment,
+        };
+        // Views that are turned away from their baselines look swapped until they are rectified.
+        let inspection = refuse_swapped(&alignment.compensate(&frames))?;
         let rectified = |frame| Rectified { homography: alignment.homography(frame) };
         let line = |view: View| {
             Some(Line { view: view.to_string(), residual: alignment.of(view)?, rectified: rectified(Frame::View(view)) })

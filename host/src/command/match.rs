@@ -9,7 +9,7 @@ use std::{
 use clap::Args;
 use multiscopic::stereo::{CostFunction, LongBaselines, Optimizer};
 use multiscopic::{
-    DisparityMap, Error, Inspection, Method, Picture, Result,
+    DisparityMap, Error, Method, Picture, Result,
     files::{
         output,
         ply::{self, Encoding},
@@ -22,7 +22,7 @@ use super::{
         BaselineOptions, EngineOptions, GeometryOptions, MapFiles, MethodName, MethodOptions, Named, SearchOptions,
         SourceOptions, named,
     },
-    preparation::{self, PreparationOptions},
+    preparation::PreparationOptions,
     terminal::{self, Watch},
 };
 
@@ -99,9 +99,6 @@ impl Match {
         let mut center = self.outputs.ply.is_some().then(|| ideal(&center));
         let first = self.baselines.first(frames.views()).len();
         let fusion = self.fusion.unwrap_or(Fusion::default_for(first));
-        let inspection = Inspection::of(&frames);
-        let range = self.preparation.range(&inspection)?;
-        let search = self.search.search(frames.size(), frames.views(), Some(fusion), range)?;
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
         if let Some(output) = self.outputs.of_depth() {
             self.geometry.refuse_missing(&output, source.rig.as_ref(), source.lens.as_ref())?;
@@ -110,8 +107,11 @@ impl Match {
         output::check(&self.outputs.paths(), &inputs)?;
         let engine = self.engine.engine()?;
         let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size())).transpose()?;
-        let alignment = self.preparation.align(&source, undistortion.as_ref(), &mut frames, &mut geometry, &search)?;
-        if let Some(alignment) = &alignment {
+        let (size, views) = (frames.size(), frames.views());
+        let search = |range| self.search.search(size, views, Some(fusion), range);
+        let preparation = self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, search)?;
+        let search = preparation.search;
+        if let Some(alignment) = &preparation.alignment {
             center = center.map(|center| alignment.rectified(Frame::Center, center));
         }
 
@@ -151,8 +151,7 @@ impl Match {
         }
         let method = if self.prior.is_some() { "around a prior" } else { self.method.name() };
         terminal::say(&summary(method, &search, &disparities, seconds));
-        let warnings = preparation::warnings(&inspection, alignment.as_ref(), &disparities, &search);
-        warnings.into_iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
+        preparation.warnings(&disparities, &search).into_iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
         Ok(ExitCode::SUCCESS)
     }
 }

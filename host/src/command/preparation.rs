@@ -26,43 +26,62 @@ pub struct PreparationOptions {
 }
 
 impl PreparationOptions {
-    /// The range of disparities, unless other options override it: the smallest one and their number.
-    pub fn range(&self, inspection: &Inspection) -> Result<(i16, u16)> {
-        if self.auto_range { inspection.found_range() } else { Ok(SearchOptions::DEFAULT_RANGE) }
-    }
-
-    /// Rectifies the frames of `source` and their geometry, if that was asked for.
-    pub fn align(
+    /// Prepares the frames of `source` and their geometry. `search` makes a search of a range of disparities: the smallest one and
+    /// their number.
+    pub fn prepare(
         &self,
         source: &Source,
         undistortion: Option<&Undistortion>,
         frames: &mut Frames,
         geometry: &mut Option<Geometry>,
-        search: &Search,
-    ) -> Result<Option<Alignment>> {
-        if !self.align {
-            return Ok(None);
+        search: impl Fn((i16, u16)) -> Result<Search>,
+    ) -> Result<Preparation> {
+        let mut inspection = Inspection::of(frames);
+        let mut range = self.range(&inspection)?;
+        let mut alignment = None;
+        if self.align {
+            let found = Alignment::estimate(frames, &search(range)?, geometry.as_ref())?;
+            *frames = source.rectified_frames(undistortion, &found)?;
+            if let Some(geometry) = geometry {
+                geometry.principal_point = found.principal_point(geometry.principal_point);
+            }
+            // Views that are turned show other disparities.
+            inspection = Inspection::of(frames);
+            range = self.range(&inspection)?;
+            alignment = Some(found);
         }
-        let alignment = Alignment::estimate(frames, search, geometry.as_ref())?;
-        *frames = source.rectified_frames(undistortion, &alignment)?;
-        if let Some(geometry) = geometry {
-            geometry.principal_point = alignment.principal_point(geometry.principal_point);
-        }
-        Ok(Some(alignment))
+        Ok(Preparation { search: search(range)?, inspection, alignment, range })
+    }
+
+    /// The range of disparities, unless other options override it.
+    fn range(&self, inspection: &Inspection) -> Result<(i16, u16)> {
+        if self.auto_range { inspection.found_range() } else { Ok(SearchOptions::DEFAULT_RANGE) }
     }
 }
 
-/// What the images and the disparities found in them give reason to doubt.
-pub fn warnings(
-    inspection: &Inspection,
-    alignment: Option<&Alignment>,
-    disparities: &DisparityMap,
-    search: &Search,
-) -> Vec<String> {
-    // Swapped views explain disparities at the end of the range.
-    let is_swapped = inspection.refuse_swapped(search.min_disparity()).is_err();
-    let cut = if is_swapped { None } else { cut_range(disparities, search, inspection.flat) };
-    inspection.warnings(search.min_disparity()).into_iter().chain(alignment.and_then(Alignment::warning)).chain(cut).collect()
+/// What is known of frames before they are matched.
+#[derive(Clone, Debug)]
+pub struct Preparation {
+    /// What the prepared images tell.
+    pub inspection: Inspection,
+    /// What rectified them, if that was asked for.
+    pub alignment: Option<Alignment>,
+    /// The smallest disparity and the number of disparities, unless options override them.
+    pub range: (i16, u16),
+    /// The search in this range.
+    pub search: Search,
+}
+
+impl Preparation {
+    /// What the images and the disparities that a `search` found in them give reason to doubt.
+    pub fn warnings(&self, disparities: &DisparityMap, search: &Search) -> Vec<String> {
+        let Preparation { inspection, alignment, .. } = self;
+        // Swapped views explain disparities at the end of the range.
+        let is_swapped = inspection.refuse_swapped(search.min_disparity()).is_err();
+        let cut = if is_swapped { None } else { cut_range(disparities, search, inspection.flat) };
+        let of_alignment = alignment.as_ref().and_then(Alignment::warning);
+        inspection.warnings(search.min_disparity()).into_iter().chain(of_alignment).chain(cut).collect()
+    }
 }
 
 /// Tells whether disparities pile up at an end of the range, so that it seems to be too narrow. Where nothing has texture, as on the

@@ -4,14 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use multiscopic::{
-    Alignment, Error, FloatImage, Frames, Geometry, Inspection, Result, Rig, evaluation::ground_truth, images::ImageRegion,
-    lens::Undistortion,
+    Error, FloatImage, Frames, Geometry, Result, Rig, evaluation::ground_truth, images::ImageRegion, lens::Undistortion,
 };
-use multiscopic_core::{Frame, Search};
+use multiscopic_core::Frame;
 
 use crate::command::{
     options::{BitsOption, GeometryOptions, SearchOptions, Source, value::positive},
-    preparation::PreparationOptions,
+    preparation::{Preparation, PreparationOptions},
 };
 
 /// The true disparities of a captured folder.
@@ -62,12 +61,8 @@ pub struct PreparedRig {
     pub geometry: Option<Geometry>,
     /// The true disparities of the centre, if they are known.
     pub truth: Option<FloatImage>,
-    /// What the images tell.
-    pub inspection: Inspection,
-    /// What rectified them, if that was asked for.
-    pub alignment: Option<Alignment>,
-    /// The smallest disparity and the number of disparities, unless options override them.
-    pub range: (i16, u16),
+    /// How they were prepared.
+    pub preparation: Preparation,
 }
 
 impl RigOptions {
@@ -115,15 +110,14 @@ impl RigFiles {
         let mut geometry = geometry.geometry(rig.as_ref(), lens.as_ref(), &frames)?;
         let read = |path: &PathBuf| ground_truth::read_pfm(path, frames.size(), &images.center);
         let mut truth = self.truth.as_ref().map(read).transpose()?;
-        let inspection = Inspection::of(&frames);
-        let range = preparation.range(&inspection)?;
-        let search: Search = search.search(frames.size(), frames.views(), None, range)?;
-        let alignment = preparation.align(&self.source, undistortion.as_ref(), &mut frames, &mut geometry, &search)?;
-        if let Some(alignment) = &alignment {
+        let (size, views) = (frames.size(), frames.views());
+        let search = |range| search.search(size, views, None, range);
+        let preparation = preparation.prepare(&self.source, undistortion.as_ref(), &mut frames, &mut geometry, search)?;
+        if let Some(alignment) = &preparation.alignment {
             // The disparity of a point is that in the rectified frames already.
             truth = truth.map(|truth| resampled(&truth, alignment.homography(Frame::Center)));
         }
-        Ok(PreparedRig { frames, undistortion, geometry, truth, inspection, alignment, range })
+        Ok(PreparedRig { frames, undistortion, geometry, truth, preparation })
     }
 }
 

@@ -16,7 +16,7 @@ use super::{
     rig_metrics::{RigMetrics, RigTable},
     rig_options::{PreparedRig, RigFiles},
 };
-use crate::command::{options::Source, preparation, terminal, variant::Variant};
+use crate::command::{options::Source, terminal, variant::Variant};
 
 /// The share of outliers in percent above which a region may be no wall.
 const NO_WALL: f64 = 20.0;
@@ -44,7 +44,7 @@ impl Evaluate {
             check_same(&name, size, rig.geometry, *first.get_or_insert((size, rig.geometry)))?;
             let mut gallery = self.report.as_ref().map(|_| Gallery::new(&center(&rig), rig.truth.clone()));
             for (variant, maps) in variants.iter().zip(&mut maps) {
-                let search = self.search.search(size, variant.views, Some(variant.fusion), rig.range)?;
+                let search = self.search.search(size, variant.views, Some(variant.fusion), rig.preparation.range)?;
                 let method = methods.get(variant);
                 let gray = (!method.cost.matches_color()).then(|| rig.frames.clone().without_color());
                 let (mut disparities, seconds) = variant.timed(method, &engine, gray.as_ref().unwrap_or(&rig.frames), &search)?;
@@ -61,10 +61,7 @@ impl Evaluate {
                     let plane = plane.map(|plane| plane_map(&plane, size, self.rig.region(size)));
                     plane.iter().for_each(|plane| gallery.add_plane(&record.variant(), &disparities, plane));
                 }
-                for warning in preparation::warnings(&rig.inspection, rig.alignment.as_ref(), &disparities, &search)
-                    .into_iter()
-                    .chain(no_wall(&metrics))
-                {
+                for warning in rig.preparation.warnings(&disparities, &search).into_iter().chain(no_wall(&metrics)) {
                     let warning = format!("warning: {name}: {warning}");
                     if !warnings.contains(&warning) {
                         warnings.push(warning);

@@ -175,7 +175,7 @@ fn resample_between(above: &[u8], below: &[u8], mut sums: Steps, slope: Steps, p
     for pixel in pixels {
         let left = (sums.right as u32 >> PIXEL_BITS) as usize;
         let (Some(&above), Some(&below)) = (pair_at(above, left), pair_at(below, left)) else { return };
-        // Both lines in one word: the upper one's in the lower half.
+        // Both lines in one word, the upper one's in the lower half: 64 times 255 fits either half.
         let four = u32::from(u16::from_le_bytes(above)) | u32::from(u16::from_le_bytes(below)) << 16;
         let (lefts, rights) = (four & 0x00FF_00FF, four >> 8 & 0x00FF_00FF);
         let fraction = |sum: i32| (sum >> Piece::BITS) as u32 % STEPS;

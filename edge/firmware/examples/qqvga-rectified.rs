@@ -88,6 +88,7 @@ mod image {
     }
 
     /// The frames, rectified or as they are: the difference is the cost of the rectification.
+    #[expect(clippy::large_enum_variant, reason = "there is one of them, and nothing allocates")]
     enum FlashFrames {
         Rectified(Rectified<'static, Flash>),
         Plain(Flash),

@@ -123,6 +123,8 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     }
     let boards = [&emulated_board::REFERENCE, &emulated_board::VECTORS];
     let boards: Vec<_> = boards.into_iter().filter(|board| selection.rectifies_on(board)).collect();
+    let is_chosen = selection.profile.as_deref() == Some(rectifying::NAME);
+    ensure!(!(is_chosen && boards.is_empty()), "{} runs on nrf52840 and an547, with min", rectifying::NAME);
     if boards.is_empty() { Ok(()) } else { rectifying::run(toolchain, &boards, selection.update) }
 }
 

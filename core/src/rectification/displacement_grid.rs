@@ -91,12 +91,25 @@ pub(super) struct Steps {
 
 impl Displacements<'_> {
     /// The displacement in line `v` at a column of nodes, in steps times the spacing.
+    const fn between_rows(&self, column: usize, v: usize) -> Steps {
+        let index = (v >> self.grid.bits) * self.grid.columns() + column;
+        self.weighted(self.node(index), self.node(index + self.grid.columns()), v)
+    }
+
+    /// The displacements in line `v` at the columns of nodes, in steps times the spacing.
     #[inline(always)]
-    pub const fn between_rows(&self, column: usize, v: usize) -> Steps {
+    pub fn columns_between_rows(&self, v: usize) -> impl Iterator<Item = Steps> + use<'_> {
+        let columns = self.grid.columns();
+        let above = self.nodes.get((v >> self.grid.bits) * columns..).unwrap_or_default();
+        let below = above.get(columns..).unwrap_or_default();
+        above.iter().zip(below).take(columns).map(move |(above, below)| self.weighted(*above, *below, v))
+    }
+
+    /// The displacement in line `v` between a node above and one below, in steps times the spacing.
+    #[inline(always)]
+    const fn weighted(&self, first: Displacement, second: Displacement, v: usize) -> Steps {
         let below = (v & (self.grid.spacing() - 1)) as i32;
         let above = self.grid.spacing() as i32 - below;
-        let index = (v >> self.grid.bits) * self.grid.columns() + column;
-        let (first, second) = (self.node(index), self.node(index + self.grid.columns()));
         Steps {
             right: above * first.right as i32 + below * second.right as i32,
             down: above * first.down as i32 + below * second.down as i32,
@@ -108,14 +121,19 @@ impl Displacements<'_> {
     }
 
     /// The displacements of the pixels of line `v` from column `column` of the nodes up to the next.
+    const fn piece(&self, column: usize, v: usize) -> Piece {
+        self.piece_between(self.between_rows(column, v), self.between_rows(column + 1, v))
+    }
+
+    /// The displacements of the pixels between two columns of nodes, from those at the columns.
     #[inline(always)]
-    pub const fn piece(&self, column: usize, v: usize) -> Piece {
-        let (left, right) = (self.between_rows(column, v), self.between_rows(column + 1, v));
-        let (bits, half) = (self.grid.bits as u32, (1 << (2 * self.grid.bits as u32)) >> 1);
+    pub const fn piece_between(&self, left: Steps, right: Steps) -> Piece {
+        // Those of a pixel are a sum over the square of the spacing. All grids get the largest square.
+        let lift = Piece::BITS - 2 * self.grid.bits as u32;
+        let (bits, half) = (self.grid.bits as u32 + lift, 1 << (Piece::BITS - 1));
         Piece {
             first: Steps { right: (left.right << bits) + half, down: (left.down << bits) + half },
-            slope: Steps { right: right.right - left.right, down: right.down - left.down },
-            shift: 2 * bits,
+            slope: Steps { right: (right.right - left.right) << lift, down: (right.down - left.down) << lift },
         }
     }
 
@@ -125,15 +143,15 @@ impl Displacements<'_> {
         let along = (u & (self.grid.spacing() - 1)) as i32;
         let sums =
             Steps { right: piece.first.right + along * piece.slope.right, down: piece.first.down + along * piece.slope.down };
-        self.position_of(sums, piece.shift, u, v)
+        self.position_of(sums, u, v)
     }
 
     /// The position of pixel `(u, v)`, from the sums of a [`Piece`].
     #[inline(always)]
-    pub const fn position_of(&self, sums: Steps, shift: u32, u: usize, v: usize) -> Position {
+    pub const fn position_of(&self, sums: Steps, u: usize, v: usize) -> Position {
         Position {
-            column: inside(Displacement::STEPS * u as i32 + (sums.right >> shift), self.grid.width),
-            row: inside(Displacement::STEPS * v as i32 + (sums.down >> shift), self.grid.height),
+            column: inside(Displacement::STEPS * u as i32 + (sums.right >> Piece::BITS), self.grid.width),
+            row: inside(Displacement::STEPS * v as i32 + (sums.down >> Piece::BITS), self.grid.height),
         }
     }
 
@@ -141,15 +159,23 @@ impl Displacements<'_> {
     pub const fn source_lines(&self, v: usize) -> (usize, usize) {
         // Positions along a line go up or down from one node to the next, so the extremes are at nodes, and at the last
         // pixel.
-        let (mut least, mut most, mut column) = (u32::MAX, 0, 0);
-        while column < self.grid.columns() {
-            let (node, last) = (column << self.grid.bits, self.grid.width() - 1);
-            let row = self.position(if node < last { node } else { last }, v).row;
-            least = if row < least { row } else { least };
-            most = if row > most { row } else { most };
+        let first = self.between_rows(0, v);
+        let (mut least, mut most, mut column) = (first, first, 1);
+        while column + 1 < self.grid.columns() {
+            let steps = self.between_rows(column, v);
+            least = if steps.down < least.down { steps } else { least };
+            most = if steps.down > most.down { steps } else { most };
             column += 1;
         }
+        let (least, most) = (self.row_at_node(least, v), self.row_at_node(most, v));
+        let last = self.position(self.grid.width() - 1, v).row;
+        let (least, most) = (if last < least { last } else { least }, if last > most { last } else { most });
         ((least / STEPS) as usize, most.div_ceil(STEPS) as usize)
+    }
+
+    /// The row of a pixel of line `v` at a column of nodes, from the displacement there.
+    const fn row_at_node(&self, steps: Steps, v: usize) -> u32 {
+        self.position_of(self.piece_between(steps, steps).first, 0, v).row
     }
 
     /// The lines of the source that must be stored at once, if each is read once and no earlier than it is needed.
@@ -173,12 +199,16 @@ impl Displacements<'_> {
 }
 
 /// The displacements of the pixels between two columns of nodes, as sums to shift: of its `k`-th pixel
-/// `(first + k * slope) >> shift`.
+/// `(first + k * slope) >> Piece::BITS`. The sums of up to the largest spacing of pixels fit 31 bits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
     pub first: Steps,
     pub slope: Steps,
-    pub shift: u32,
+}
+
+impl Piece {
+    /// Bits of the sums below a step.
+    pub const BITS: u32 = 2 * DisplacementGrid::MAX_SPACING.trailing_zeros();
 }
 
 /// The coordinate in steps that is nearest to `position` inside a frame of `size` pixels.

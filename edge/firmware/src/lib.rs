@@ -20,6 +20,8 @@
 //! reference board of `memory.x`.
 //!
 //! `array`: for the profile `qqvga-3x3`, which matches more than four views together.
+//!
+//! `flash-set`: for the example `qqvga-rectified`, which has its frames in flash.
 #![no_std]
 
 #[cfg(target_os = "none")]
@@ -47,6 +49,8 @@ pub use entry_points::{calibrate, match_around_prior, match_blocks, match_semi_g
 pub use fault::fail;
 #[cfg(target_os = "none")]
 pub use host_file::{HostError, HostFile};
+#[cfg(target_os = "none")]
+pub use semihosted::Semihosted;
 
 /// The program of a profile's binary.
 #[macro_export]

@@ -26,6 +26,9 @@ pub const INSTRUCTIONS: CountRecord = CountRecord { unit: "instructions", path: 
 /// Cycles per disparity evaluation.
 pub const CYCLES: CountRecord = CountRecord { unit: "cycles", path: "tests/benches/cycles.json" };
 
+/// Instructions per pixel and bytes of the rectification.
+pub const RECTIFICATION: CountRecord = CountRecord { unit: "rectification", path: "tests/benches/rectification.json" };
+
 impl CountRecord {
     /// Compares `counts` with the record, or writes them to it on `update`. Failures suggest `command` for that.
     pub fn hold(&self, counts: &Counts, update: bool, command: &str) -> Result<()> {

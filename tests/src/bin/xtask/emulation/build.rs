@@ -14,6 +14,9 @@ use crate::{
     tools::toolchain::Toolchain,
 };
 
+/// The environment variable with the folder of the set of frames that goes into flash.
+pub const FLASH_SET: &str = "MULTISCOPIC_FLASH_SET";
+
 /// A program of the firmware's crate.
 #[derive(Clone, Copy)]
 pub enum Program {
@@ -25,6 +28,8 @@ pub enum Program {
     Example(&'static str),
     /// An example, with the feature `array`.
     ArrayExample(&'static str),
+    /// An example with the [set of frames](folders::flash_set) in flash, which the feature `flash-set` is for.
+    FlashExample(&'static str),
 }
 
 impl Program {
@@ -44,10 +49,12 @@ pub fn command(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program
     cargo.args(["--profile", "firmware", "--package", "multiscopic-firmware", "--target", board.target]);
     cargo.env("RUSTFLAGS", board.rustflags);
     let array = programs.iter().any(Program::is_for_array).then_some("array");
-    cargo.args(board.feature.into_iter().chain(array).map(|feature| format!("--features={feature}")));
+    let flash_set = programs.iter().any(|program| matches!(program, Program::FlashExample(_))).then_some("flash-set");
+    cargo.args(board.feature.into_iter().chain(array).chain(flash_set).map(|feature| format!("--features={feature}")));
+    cargo.env(FLASH_SET, folders::flash_set());
     cargo.args(programs.iter().map(|program| match program {
         Program::Profile(name) | Program::ArrayProfile(name) => format!("--bin={name}"),
-        Program::Example(name) | Program::ArrayExample(name) => format!("--example={name}"),
+        Program::Example(name) | Program::ArrayExample(name) | Program::FlashExample(name) => format!("--example={name}"),
     }));
     cargo
 }
@@ -69,7 +76,9 @@ pub fn build(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program])
 fn keep(built: &Path, kept: &Path, program: Program) -> Result<PathBuf> {
     let (from, to) = match program {
         Program::Profile(name) | Program::ArrayProfile(name) => (built.join(name), kept.join(name)),
-        Program::Example(name) | Program::ArrayExample(name) => (built.join("examples").join(name), kept.join(name)),
+        Program::Example(name) | Program::ArrayExample(name) | Program::FlashExample(name) => {
+            (built.join("examples").join(name), kept.join(name))
+        }
     };
     fs::copy(&from, &to).with_context(|| format!("cannot copy {}", from.display()))?;
     Ok(to)

@@ -2,6 +2,7 @@
 
 pub mod capturing;
 pub mod cycles;
+pub mod distorted_set;
 pub mod faults;
 pub mod image_set;
 pub mod kernel_twins;
@@ -9,3 +10,4 @@ pub mod least_squares;
 pub mod price_fit;
 pub mod profiles;
 pub mod received;
+pub mod rectifying;

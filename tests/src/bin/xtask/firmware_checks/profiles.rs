@@ -23,7 +23,7 @@ use crate::{
         emulator,
         footprint::Footprint,
     },
-    firmware_checks::{image_set::ImageSet, price_fit, received},
+    firmware_checks::{image_set::ImageSet, price_fit, received, rectifying},
     system::{
         folders,
         process::{command, read},
@@ -45,8 +45,8 @@ pub fn fusions(profile: &Profile) -> impl Iterator<Item = Fusion> + use<> {
 /// The selection of runs; all by default.
 #[derive(Args, Default)]
 pub struct Selection {
-    /// Only this profile
-    #[arg(long, value_parser = profile::ALL.map(|profile| profile.name))]
+    /// Only this profile; qqvga-rectified is qqvga with frames in flash that are rectified
+    #[arg(long, value_parser = profile::ALL.iter().map(|profile| profile.name).chain([rectifying::NAME]).collect::<Vec<_>>())]
     profile: Option<String>,
     /// Only this fusion rule
     #[arg(long, value_parser = Fusion::ALL.map(Fusion::name))]
@@ -70,6 +70,13 @@ impl Selection {
     /// Whether a profile runs on a board: both are selected, and the board has enough RAM.
     fn has(&self, board: &EmulatedBoard, profile: &Profile) -> bool {
         wanted(&self.board, board.name) && wanted(&self.profile, profile.name) && profile.ram_budget <= board.ram
+    }
+
+    /// Whether the firmware that rectifies runs on a board.
+    fn rectifies_on(&self, board: &EmulatedBoard) -> bool {
+        wanted(&self.board, board.name)
+            && wanted(&self.profile, rectifying::NAME)
+            && wanted(&self.fusion, rectifying::FUSION.name())
     }
 }
 
@@ -111,6 +118,17 @@ struct Run {
 
 /// Builds the selected firmware, runs it, and reports.
 pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
+    if selection.profile.as_deref() != Some(rectifying::NAME) {
+        run_profiles(toolchain, selection)?;
+    }
+    let boards = [&emulated_board::REFERENCE, &emulated_board::VECTORS];
+    let boards: Vec<_> = boards.into_iter().filter(|board| selection.rectifies_on(board)).collect();
+    let is_chosen = selection.profile.as_deref() == Some(rectifying::NAME);
+    ensure!(!(is_chosen && boards.is_empty()), "{} runs on nrf52840 and an547, with min", rectifying::NAME);
+    if boards.is_empty() { Ok(()) } else { rectifying::run(toolchain, &boards, selection.update) }
+}
+
+fn run_profiles(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     let counter = Counter::build()?;
     let mut table = if selection.fit { fitted(toolchain, &counter)? } else { MEASURED.clone() };
     let runs = build(toolchain, selection)?;

@@ -19,3 +19,8 @@ pub fn target() -> PathBuf {
 pub fn edge_target() -> PathBuf {
     target().join("edge")
 }
+
+/// The set of frames that firmware has in flash.
+pub fn flash_set() -> PathBuf {
+    edge_target().join("flash-set")
+}

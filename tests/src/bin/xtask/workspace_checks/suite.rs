@@ -5,8 +5,8 @@ use std::{process::Command, time::Instant};
 
 use super::{emulated_arm64, emulated_cameras, host_instructions, packaging};
 use crate::{
-    emulation::{emulated_board, setup},
-    firmware_checks::{capturing, cycles, faults, kernel_twins, profiles},
+    emulation::{build, emulated_board, setup},
+    firmware_checks::{capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, profiles},
     system::{
         folders,
         process::{built_program, command, run},
@@ -119,12 +119,15 @@ fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
 }
 
 fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
+    DistortedSet::render()?.write(&folders::flash_set())?;
     emulated_board::targets().iter().try_for_each(|target| {
         let mut clippy = toolchain.cargo("clippy");
+        clippy.env(build::FLASH_SET, folders::flash_set());
         let packages = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", "multiscopic-firmware"];
         run(clippy.args(packages.map(|package| format!("--package={package}"))).args([
             "--target",
             target,
+            "--features=multiscopic-firmware/flash-set",
             "--lib",
             "--bins",
             "--examples",

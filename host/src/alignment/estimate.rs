@@ -12,6 +12,7 @@ use super::{
     direction::Direction,
     epipolar_error::EpipolarError,
     homography::{Map, Pinhole, common_rotation, common_rotation_with_deviation},
+    inspection::suspicion,
     pyramid::{Pyramid, RADIUS},
     tracking::{Match, find, find_again},
     view_model::ViewModel,
@@ -20,6 +21,7 @@ use crate::{
     error::{Error, Result},
     files::{AlignmentRecord, Residual},
     images::{Frames, Geometry, Picture},
+    lens::Undistortion,
 };
 
 /// The approximate number of corners.
@@ -76,9 +78,10 @@ impl Alignment {
             keep_consensus(&corners, &mut found, Direction::of(view), size);
             let count = found.iter().flatten().count();
             if count < MIN_POINTS {
+                let usual = "check that it is sharp and shows the scene of the centre, and the range of disparities";
+                let hint = suspicion(center.0, neighbor, view).unwrap_or(usual);
                 return Err(Error::Usage(format!(
-                    "the {view} view has {count} textured blocks in common with the centre, and alignment needs {MIN_POINTS}: check \
-                     the images and the range of disparities"
+                    "the {view} view has {count} textured blocks in common with the centre, and alignment needs {MIN_POINTS}: {hint}"
                 )));
             }
             matches.push(found);
@@ -273,14 +276,15 @@ impl Alignment {
                 (Some(color), _) => Picture::Rgb(color.clone()),
                 (None, gray) => Picture::Gray(gray.expect("the frame is there").clone()),
             };
-            self.rectified(frame, picture)
+            self.rectified(frame, picture, None)
         };
         let center = Frames::of_picture(rectified(Frame::Center));
         frames.views().iter().fold(center, |frames, view| frames.with_picture(view, rectified(Frame::View(view))))
     }
 
-    /// The picture of a frame, rectified and with its brightness corrected.
-    pub fn rectified(&self, frame: Frame, picture: Picture) -> Picture {
+    /// The picture of a frame, rectified and with its brightness corrected. If a lens distorts it, this takes out the distortion as well, without
+    /// resampling twice; the alignment is then that of undistorted frames.
+    pub fn rectified(&self, frame: Frame, picture: Picture, undistortion: Option<&Undistortion>) -> Picture {
         let gain = match frame {
             Frame::Center => 1.0,
             Frame::View(view) => self.of(view).map_or(1.0, |residual| residual.gain),
@@ -289,10 +293,14 @@ impl Alignment {
         let (width, height) = picture.dimensions();
         let map = self.map(frame).filter(|map| !map.is_negligible([width as usize, height as usize]));
         if map.is_none() && gain == 1.0 {
-            return picture;
+            return undistortion.map_or(picture.clone(), |undistortion| undistortion.picture(&picture));
         }
-        let at = |pixel: [f64; 2]| map.map_or(pixel, |map| map.at(pixel));
-        picture.resampled(|pixel| Some(at(pixel.map(|at| at as f64))), gain)
+        let place = |pixel: [usize; 2]| {
+            let pixel = pixel.map(|at| at as f64);
+            let ideal = map.map_or(pixel, |map| map.at(pixel));
+            undistortion.map_or(Some(ideal), |undistortion| undistortion.place_of(ideal))
+        };
+        picture.resampled(place, gain)
     }
 }
 

@@ -127,7 +127,8 @@ impl Align {
             output::write(path, |writer| writer.write_all(page.as_bytes()))?;
             terminal::say(&format!("wrote {}", path.display()));
         }
-        alignment.warning().into_iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
+        let warnings = inspection.warnings(search.min_disparity()).into_iter().chain(alignment.warning());
+        warnings.for_each(|warning| terminal::say(&format!("warning: {warning}")));
         inspection.range_line().into_iter().for_each(|line| terminal::say(&line));
         terminal::print(&match self.json {
             true => serde_json::to_string(&findings).expect("numbers and strings") + "\n",

@@ -178,12 +178,13 @@ pub(super) fn suspicion(center: &GrayImage, neighbor: &GrayImage, view: View) ->
         corners.par_iter().filter(|&&corner| disparity(&center, &neighbor, corner, view).is_some()).count()
     };
     let least = MIN_POINTS.max(MUCH_BETTER * count(&neighbor));
-    let turned: [(_, fn(&GrayImage) -> GrayImage); 3] = [
-        ("it is mirrored, left to right: take all images the same way round", imageops::flip_horizontal),
-        ("it is mirrored, top to bottom: take all images the same way round", imageops::flip_vertical),
-        ("it is upside down: hold the camera one way up", imageops::rotate180),
+    let turned: [fn(&GrayImage) -> GrayImage; 3] = [imageops::flip_horizontal, imageops::flip_vertical, imageops::rotate180];
+    let hints = [
+        "it is mirrored, left to right: take all images the same way round",
+        "it is mirrored, top to bottom: take all images the same way round",
+        "it is upside down: hold the camera one way up",
     ];
-    turned.into_iter().find(|(_, turned)| count(&turned(&neighbor)) >= least).map(|(hint, _)| hint)
+    turned.into_iter().zip(hints).find(|(turned, _)| count(&turned(&neighbor)) >= least).map(|(_, hint)| hint)
 }
 
 /// The frames whose edges are much softer than those of most others.

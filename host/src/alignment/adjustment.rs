@@ -57,6 +57,8 @@ pub struct Adjustment {
     pub models: Vec<ViewModel>,
     /// The standard deviations of their parameters.
     pub deviations: Vec<[f64; LEN]>,
+    /// The covariance of the parameters of all views, one view after the other.
+    pub covariance: DMatrix<f64>,
     /// The disparity of each point, in focal lengths.
     pub disparities: Vec<f64>,
     /// The scale of the residuals, in focal lengths.
@@ -158,6 +160,18 @@ struct Row {
     weight: f64,
 }
 
+impl Adjustment {
+    /// The standard deviation of a linear combination of the views' positions, given the weights of each view.
+    pub fn position_deviation(&self, weights: impl Iterator<Item = [f64; 2]>) -> f64 {
+        let mut gradient = DVector::zeros(self.covariance.nrows());
+        for (k, [right, down]) in weights.enumerate() {
+            gradient[k * LEN + 4] = right;
+            gradient[k * LEN + 5] = down;
+        }
+        (&self.covariance * &gradient).dot(&gradient).sqrt()
+    }
+}
+
 impl Solver<'_> {
     fn solve(&self, start: Option<&Adjustment>) -> Option<Adjustment> {
         let mut models: Vec<ViewModel> = match start {
@@ -214,7 +228,15 @@ impl Solver<'_> {
         // What the two solutions are compared by has the same scale of noise in both.
         let noise_of_both = start.map_or(noise, |start| start.noise);
         let cost = self.cost(&models, &disparities, noise_of_both);
-        Some(Adjustment { deviations: deviations.collect(), models, disparities, noise, looks_distorted: false, cost })
+        Some(Adjustment {
+            deviations: deviations.collect(),
+            covariance,
+            models,
+            disparities,
+            noise,
+            looks_distorted: false,
+            cost,
+        })
     }
 
     /// The mean of a point's disparities in all views at their nominal positions.

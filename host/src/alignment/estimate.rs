@@ -1,8 +1,8 @@
 //! The alignment of all views of a capture.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, f64::consts::SQRT_2};
 
-use multiscopic_core::{Frame, Search, View};
+use multiscopic_core::{Frame, Search, View, Views};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::{
@@ -10,15 +10,18 @@ use super::{
     consensus::keep_consensus,
     corners::corners,
     direction::Direction,
-    homography::{Map, Pinhole, common_rotation},
+    epipolar_error::EpipolarError,
+    homography::{Map, Pinhole, common_rotation, common_rotation_with_deviation},
+    inspection::suspicion,
     pyramid::{Pyramid, RADIUS},
-    residual::Residual,
     tracking::{Match, find, find_again},
     view_model::ViewModel,
 };
 use crate::{
     error::{Error, Result},
+    files::{AlignmentRecord, Residual},
     images::{Frames, Geometry, Picture},
+    lens::Undistortion,
 };
 
 /// The approximate number of corners.
@@ -37,8 +40,10 @@ const MIN_EFFECT_PX: f64 = 0.25;
 #[derive(Clone, Debug)]
 pub struct Alignment {
     views: BTreeMap<View, (Residual, Matrix3<f64>)>,
+    errors: BTreeMap<View, Vec<EpipolarError>>,
     /// From rays of the centre to the axes along which the views stand.
     common: Rotation3<f64>,
+    common_deviation_deg: [f64; 3],
     source: Pinhole,
     target: Pinhole,
     looks_distorted: bool,
@@ -73,9 +78,10 @@ impl Alignment {
             keep_consensus(&corners, &mut found, Direction::of(view), size);
             let count = found.iter().flatten().count();
             if count < MIN_POINTS {
+                let usual = "check that it is sharp and shows the scene of the centre, and the range of disparities";
+                let hint = suspicion(center.0, neighbor, view).unwrap_or(usual);
                 return Err(Error::Usage(format!(
-                    "the {view} view has {count} textured blocks in common with the centre, and alignment needs {MIN_POINTS}: check \
-                     the images and the range of disparities"
+                    "the {view} view has {count} textured blocks in common with the centre, and alignment needs {MIN_POINTS}: {hint}"
                 )));
             }
             matches.push(found);
@@ -108,8 +114,16 @@ impl Alignment {
         let turned = common * source.ray(middle);
         let principal_point = [0, 1].map(|axis| middle[axis] - source.focal_px * turned[axis] / turned.z);
         let target = Pinhole { principal_point, ..source };
-        let mut alignment =
-            Alignment { views: BTreeMap::new(), common, source, target, looks_distorted: adjustment.looks_distorted };
+        let nominals: Vec<Vector3<f64>> = positions.iter().map(|(_, nominal)| *nominal).collect();
+        let mut alignment = Alignment {
+            views: BTreeMap::new(),
+            errors: BTreeMap::new(),
+            common,
+            common_deviation_deg: common_rotation_with_deviation(&adjustment, &nominals).1,
+            source,
+            target,
+            looks_distorted: adjustment.looks_distorted,
+        };
         let lengths: Vec<f64> = positions.iter().map(|(position, nominal)| position.norm() / nominal.norm()).collect();
         let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
         let plane = plane(&points, &adjustment.disparities);
@@ -119,12 +133,14 @@ impl Alignment {
             // goes out with the rest.
             let off = positions[k].0 - common.inverse() * positions[k].1 * mean;
             let matrix = projection.matrix() * (Matrix3::identity() - off * plane.transpose());
+            let errors = alignment.errors_in(view, k, &points, &matrix);
             let residual = Residual {
                 baseline_scale: lengths[k] / mean,
                 baseline_px: (lengths[k] / mean - 1.0) * f64::from(search.max_disparity()),
-                ..alignment.residual(view, k, &adjustment, &points, &matches[k], &matrix)
+                ..alignment.residual(&views, k, &adjustment, &errors, &matches[k])
             };
             alignment.views.insert(view, (residual, matrix));
+            alignment.errors.insert(view, errors);
         }
         Ok(alignment)
     }
@@ -136,42 +152,85 @@ impl Alignment {
         self.looks_distorted.then(|| message.into())
     }
 
-    fn residual(
-        &self,
-        view: View,
-        k: usize,
-        adjustment: &Adjustment,
-        points: &[Point],
-        matches: &[Option<Match>],
-        matrix: &Matrix3<f64>,
-    ) -> Residual {
-        let model = adjustment.models[k];
+    /// The epipolar errors of a view's matches, for the homography of its rays.
+    fn errors_in(&self, view: View, k: usize, points: &[Point], matrix: &Matrix3<f64>) -> Vec<EpipolarError> {
         let Direction { across: [ax, ay], .. } = Direction::of(view);
         let across = |ray: Vector3<f64>| self.source.focal_px * (ax * ray.x + ay * ray.y) / ray.z;
         let back = self.common * matrix.try_inverse().unwrap_or_else(Matrix3::identity);
-        let [mut before, mut after] = [const { Vec::new() }; 2];
-        for point in points {
-            let Some(seen) = point.seen[k] else { continue };
-            let [ray, seen] = [point.ray, seen].map(|[x, y]| Vector3::new(x, y, 1.0));
-            before.push(across(seen) - across(ray));
-            after.push((across(back * seen) - across(self.common * ray)).abs());
-        }
+        let error = |point: &Point| {
+            let [ray, seen] = [point.ray, point.seen[k]?].map(|[x, y]| Vector3::new(x, y, 1.0));
+            Some(EpipolarError {
+                pixel: self.source.pixel(point.ray),
+                before_px: (across(seen) - across(ray)) / SQRT_2,
+                after_px: (across(back * seen) - across(self.common * ray)) / SQRT_2,
+            })
+        };
+        points.iter().filter_map(error).collect()
+    }
+
+    /// The misalignment of the view `views[k]`.
+    fn residual(
+        &self,
+        views: &[View],
+        k: usize,
+        adjustment: &Adjustment,
+        errors: &[EpipolarError],
+        matches: &[Option<Match>],
+    ) -> Residual {
+        let model = adjustment.models[k];
         let position = self.common * model.position;
-        let [x, y] = [view.right(), view.down()].map(f64::from);
+        let [x, y] = [views[k].right(), views[k].down()].map(f64::from);
         let deviations = adjustment.deviations[k];
+        let [_, _, _, log_scale_deviation, _, _, ahead_deviation] = deviations;
+        // What all baselines share is known less well than how each differs from it.
+        let deviation = |weight: &dyn Fn(f64, f64) -> [f64; 2], share: &dyn Fn(f64) -> f64| {
+            adjustment.position_deviation(views.iter().enumerate().map(|(n, view)| {
+                let [x, y] = [view.right(), view.down()].map(f64::from);
+                let own = if n == k { 1.0 } else { 0.0 };
+                weight(x, y).map(|weight| weight / (x * x + y * y) * (own - share(x * x + y * y)))
+            }))
+        };
+        let squares: f64 = views.iter().map(|view| f64::from(view.right()).powi(2) + f64::from(view.down()).powi(2)).sum();
+        let is_turned = self.common.angle() > 0.0;
+        let median_of = |error: fn(&EpipolarError) -> f64| median(errors.iter().map(error).collect());
+        let scale = model.log_scale.exp();
         Residual {
-            across_px: median(before.clone()),
+            across_px: SQRT_2 * median_of(|error| error.before_px),
             rotation_deg: [0, 1, 2].map(|axis| model.rotation[axis].to_degrees()),
             rotation_deviation_deg: [0, 1, 2].map(|axis| deviations[axis].to_degrees()),
-            scale: model.log_scale.exp(),
+            scale,
+            scale_deviation: scale * log_scale_deviation,
             baseline_scale: 1.0,
+            baseline_scale_deviation: deviation(&|x, y| [x, y], &|_| 1.0 / views.len() as f64),
             baseline_px: 0.0,
             direction_deg: (x * position.y - y * position.x).atan2(x * position.x + y * position.y).to_degrees(),
+            direction_deviation_deg: deviation(&|x, y| [-y, x], &|square| if is_turned { square / squares } else { 0.0 })
+                .to_degrees(),
             ahead: position.z,
+            ahead_deviation,
             gain: median(matches.iter().flatten().map(|found| found.gain).collect()),
-            points: before.len(),
-            epipolar_px: median(before.into_iter().map(f64::abs).collect()),
-            rectified_px: median(after),
+            points: errors.len(),
+            sampson_px: median_of(|error| error.before_px.abs()),
+            rectified_sampson_px: median_of(|error| error.after_px.abs()),
+        }
+    }
+
+    /// The views of the capture.
+    pub fn views(&self) -> Views {
+        self.views.keys().copied().collect()
+    }
+
+    /// The epipolar errors of a view's matches; none if the capture does not have the view.
+    pub fn epipolar_errors(&self, view: View) -> &[EpipolarError] {
+        self.errors.get(&view).map_or(&[], Vec::as_slice)
+    }
+
+    /// What was found, for the `rig.toml` of the rectified images.
+    pub fn record(&self) -> AlignmentRecord {
+        AlignmentRecord {
+            common_rotation_deg: self.common_rotation_deg(),
+            common_rotation_deviation_deg: self.common_deviation_deg,
+            views: self.views.iter().map(|(view, (residual, _))| (view.to_string(), *residual)).collect(),
         }
     }
 
@@ -215,14 +274,15 @@ impl Alignment {
                 (Some(color), _) => Picture::Rgb(color.clone()),
                 (None, gray) => Picture::Gray(gray.expect("the frame is there").clone()),
             };
-            self.rectified(frame, picture)
+            self.rectified(frame, picture, None)
         };
         let center = Frames::of_picture(rectified(Frame::Center));
         frames.views().iter().fold(center, |frames, view| frames.with_picture(view, rectified(Frame::View(view))))
     }
 
-    /// The picture of a frame, rectified and with its brightness corrected.
-    pub fn rectified(&self, frame: Frame, picture: Picture) -> Picture {
+    /// The picture of a frame, rectified and with its brightness corrected. If a lens distorts it, this takes out the distortion as well, without
+    /// resampling twice; the alignment is then that of undistorted frames.
+    pub fn rectified(&self, frame: Frame, picture: Picture, undistortion: Option<&Undistortion>) -> Picture {
         let gain = match frame {
             Frame::Center => 1.0,
             Frame::View(view) => self.of(view).map_or(1.0, |residual| residual.gain),
@@ -231,10 +291,14 @@ impl Alignment {
         let (width, height) = picture.dimensions();
         let map = self.map(frame).filter(|map| !map.is_negligible([width as usize, height as usize]));
         if map.is_none() && gain == 1.0 {
-            return picture;
+            return undistortion.map_or(picture.clone(), |undistortion| undistortion.picture(&picture));
         }
-        let at = |pixel: [f64; 2]| map.map_or(pixel, |map| map.at(pixel));
-        picture.resampled(|pixel| Some(at(pixel.map(|at| at as f64))), gain)
+        let place = |pixel: [usize; 2]| {
+            let pixel = pixel.map(|at| at as f64);
+            let ideal = map.map_or(pixel, |map| map.at(pixel));
+            undistortion.map_or(Some(ideal), |undistortion| undistortion.place_of(ideal))
+        };
+        picture.resampled(place, gain)
     }
 }
 

@@ -2,8 +2,12 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
+use super::adjustment::Adjustment;
+
 /// A shift of the corners below which a frame is left as it is, in pixels: resampling would do more harm.
 const NEGLIGIBLE: f64 = 0.05;
+/// The squared distance of the views from an axis, in baselines, up to which they do not determine the rotation about it.
+const UNDETERMINED: f64 = 0.01;
 
 /// A pinhole camera, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,6 +50,36 @@ pub fn common_rotation(positions: &[(Vector3<f64>, Vector3<f64>)]) -> Rotation3<
         }
     }
     rotation
+}
+
+/// The rotation vector from the stage's axes to the camera's, and its standard deviations, in degrees.
+///
+/// The deviations are those of the views' positions, or more if the positions agree worse with any rotation than they say. They are NaN
+/// about axes that the positions do not determine, as that of a single baseline.
+pub fn common_rotation_with_deviation(adjustment: &Adjustment, nominal: &[Vector3<f64>]) -> ([f64; 3], [f64; 3]) {
+    let positions: Vec<_> = adjustment.models.iter().map(|model| model.position).zip(nominal.iter().copied()).collect();
+    let rotation = common_rotation(&positions);
+    let (mut matrix, mut spread, mut error, mut count) = (Matrix3::zeros(), Matrix3::zeros(), 0.0, 0.0);
+    for ((position, nominal), deviations) in positions.iter().zip(&adjustment.deviations) {
+        let turned = rotation * position;
+        let by_rotation = -turned.cross_matrix();
+        // A deviation along the move is one of its length.
+        let across = Matrix3::identity() - nominal * nominal.transpose() / nominal.norm_squared();
+        let covariance = Matrix3::from_diagonal(&Vector3::new(deviations[4], deviations[5], deviations[6]).map(|d| d * d));
+        let covariance = across * rotation.matrix() * covariance * rotation.matrix().transpose() * across;
+        matrix += by_rotation.transpose() * by_rotation;
+        spread += by_rotation.transpose() * covariance * by_rotation;
+        let off = across * (nominal - turned);
+        error += off.norm_squared() / (covariance.trace() / 2.0);
+        count += 2.0;
+    }
+    let is_determined = |axis: usize| matrix[(axis, axis)] > UNDETERMINED;
+    let Some(inverse) = (matrix + Matrix3::identity() * UNDETERMINED).try_inverse() else {
+        return ([f64::NAN; 3], [f64::NAN; 3]);
+    };
+    let covariance = inverse * spread * inverse.transpose() * f64::max(1.0, error / f64::max(1.0, count - 3.0));
+    let deviation = |axis: usize| if is_determined(axis) { covariance[(axis, axis)].sqrt().to_degrees() } else { f64::NAN };
+    (rotation.scaled_axis().map(f64::to_degrees).into(), [0, 1, 2].map(deviation))
 }
 
 /// From pixels of a rectified frame to those of its image.

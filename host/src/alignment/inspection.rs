@@ -45,6 +45,11 @@ const FLAT: f32 = 1.5;
 /// The share of the centre without texture from which on it matters.
 const MAX_FLAT: f64 = 0.3;
 
+/// The share of the others' sharpness below which an image is blurred.
+const MIN_SHARPNESS: f64 = 0.15;
+/// How many times as many corners an image must have in common with the centre once it is turned round, to be the wrong way round.
+const MUCH_BETTER: usize = 4;
+
 /// What the images of a capture tell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inspection {
@@ -53,6 +58,10 @@ pub struct Inspection {
     pub range: Option<(i16, u16)>,
     /// Views that show the scene moved the wrong way.
     pub swapped: Vec<View>,
+    /// Frames whose edges are much softer than those of most others.
+    pub blurred: Vec<Frame>,
+    /// Views that are the same image as the centre, pixel by pixel.
+    pub copies: Vec<View>,
     /// The share of the centre without texture.
     pub flat: f64,
 }
@@ -86,7 +95,10 @@ impl Inspection {
         }
         let names: Vec<String> = self.swapped.iter().map(View::to_string).collect();
         let (noun, look) = if names.len() == 1 { ("view", "looks") } else { ("views", "look") };
-        Some(format!("the {} {noun} {look} swapped with the opposite side: the scene moves the wrong way", names.join(" and ")))
+        Some(format!(
+            "the {} {noun} {look} swapped with the opposite side, or the images mirrored: the scene moves the wrong way",
+            names.join(" and ")
+        ))
     }
 
     /// Refuses views that look swapped, for a search range from `min_disparity` on.
@@ -100,6 +112,14 @@ impl Inspection {
     /// What a user should know before matching in a search range from `min_disparity` on.
     pub fn warnings(&self, min_disparity: i16) -> Vec<String> {
         let mut warnings: Vec<String> = self.swapped_line(min_disparity).into_iter().collect();
+        for frame in &self.blurred {
+            warnings.push(format!(
+                "the {frame} image is blurred beside the others: keep the camera still while it takes it, and the focus fixed"
+            ));
+        }
+        for view in &self.copies {
+            warnings.push(format!("the {view} view is the same image as the centre: check the files, and that the camera moves"));
+        }
         if self.flat > MAX_FLAT {
             warnings.push(format!(
                 "{:.0} % of the centre has no texture, and disparities there are unreliable: add light, or project a pattern",
@@ -133,8 +153,67 @@ impl Inspection {
         };
         let swapped = views.iter().zip(&found).filter(|(_, found)| is_swapped(found)).map(|(&view, _)| view).collect();
         let agreed = (0..corners.len()).filter_map(|n| agreed(found.iter().filter_map(|found| found[n]), views.len()));
-        Inspection { range: range(agreed.collect(), scale[0].max(scale[1])), swapped, flat: center.share_below(FLAT) }
+        let image = |view: &View| frames.get(Frame::View(*view)).expect("the view is there");
+        let copies = views.iter().copied().filter(|view| Some(image(view)) == frames.get(Frame::Center)).collect();
+        Inspection {
+            range: range(agreed.collect(), scale[0].max(scale[1])),
+            swapped,
+            blurred: blurred(frames),
+            copies,
+            flat: center.share_below(FLAT),
+        }
     }
+}
+
+/// What may be wrong with the image of a view in which few corners of the centre are found.
+pub(super) fn suspicion(center: &GrayImage, neighbor: &GrayImage, view: View) -> Option<&'static str> {
+    if sharpness(neighbor) < MIN_SHARPNESS * sharpness(center) {
+        return Some("it is blurred: keep the camera still while it takes it, and the focus fixed");
+    }
+    let (center, neighbor) = (small(center), small(neighbor));
+    let corners = corners(&center, CORNERS, RADIUS + 1);
+    let center = Level::of(&center);
+    let count = |neighbor: &GrayImage| {
+        let neighbor = Level::of(neighbor);
+        corners.par_iter().filter(|&&corner| disparity(&center, &neighbor, corner, view).is_some()).count()
+    };
+    let least = MIN_POINTS.max(MUCH_BETTER * count(&neighbor));
+    let turned: [fn(&GrayImage) -> GrayImage; 3] = [imageops::flip_horizontal, imageops::flip_vertical, imageops::rotate180];
+    let hints = [
+        "it is mirrored, left to right: take all images the same way round",
+        "it is mirrored, top to bottom: take all images the same way round",
+        "it is upside down: hold the camera one way up",
+    ];
+    turned.into_iter().zip(hints).find(|(turned, _)| count(&turned(&neighbor)) >= least).map(|(_, hint)| hint)
+}
+
+/// The frames whose edges are much softer than those of most others.
+fn blurred(frames: &Frames) -> Vec<Frame> {
+    let all = [Frame::Center].into_iter().chain(frames.views().iter().map(Frame::View));
+    let all: Vec<(Frame, f64)> = all.map(|frame| (frame, sharpness(frames.get(frame).expect("the frame is there")))).collect();
+    let mut sorted: Vec<f64> = all.iter().map(|(_, sharpness)| *sharpness).collect();
+    sorted.sort_by(f64::total_cmp);
+    let usual = sorted[sorted.len() / 2];
+    all.into_iter().filter(|(_, sharpness)| *sharpness < MIN_SHARPNESS * usual).map(|(frame, _)| frame).collect()
+}
+
+/// The mean square difference of neighbouring pixels over the variance, which brightness and contrast do not change. 0 for an image without
+/// any contrast.
+fn sharpness(image: &GrayImage) -> f64 {
+    let (width, pixels) = (image.width() as usize, image.as_raw());
+    let count = pixels.len() as f64;
+    let (mut sum, mut squares, mut differences) = (0_u64, 0_u64, 0_u64);
+    let square = |a: u8, b: u8| u64::from(a.abs_diff(b)).pow(2);
+    for (index, &pixel) in pixels.iter().enumerate() {
+        sum += u64::from(pixel);
+        squares += u64::from(pixel).pow(2);
+        differences += pixels.get(index + width).map_or(0, |&below| square(pixel, below));
+        if (index + 1) % width != 0 {
+            differences += square(pixel, pixels[index + 1]);
+        }
+    }
+    let variance = squares as f64 / count - (sum as f64 / count).powi(2);
+    if variance > 0.0 { differences as f64 / count / variance } else { 0.0 }
 }
 
 /// The image at a smaller size.
@@ -189,4 +268,54 @@ fn range(mut disparities: Vec<f64>, scale: f64) -> Option<(i16, u16)> {
     let low = if low > -scale { (low - margin).floor().max(0.0) } else { (low - margin).floor() };
     let high = (high + margin).ceil().max(low + 1.0);
     Some((low as i16, (high - low) as u16 + 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::Luma;
+
+    /// A random pattern that is smooth over a few pixels, moved to the left.
+    fn pattern(moved: f64, noise: u64) -> GrayImage {
+        let mut random = fastrand::Rng::with_seed(7);
+        let waves: Vec<[f64; 3]> = (0..24).map(|_| [random.f64() - 0.5, random.f64() - 0.5, 6.3 * random.f64()]).collect();
+        let mut random = fastrand::Rng::with_seed(noise);
+        GrayImage::from_fn(160, 120, |u, v| {
+            let wave = |[a, b, c]: &[f64; 3]| (2.0 * a * (f64::from(u) + moved) + 2.0 * b * f64::from(v) + c).sin();
+            Luma([(120.0 + 12.0 * waves.iter().map(wave).sum::<f64>() + 2.0 * random.f64()).round() as u8])
+        })
+    }
+
+    #[test]
+    fn views_that_are_the_wrong_way_round_or_blurred_are_told() {
+        let (center, right) = (pattern(0.0, 1), pattern(6.0, 2));
+        let hint = |image: &GrayImage| suspicion(&center, image, View::RIGHT).unwrap_or_default();
+        assert_eq!(hint(&right), "");
+        assert_eq!(hint(&pattern(1000.0, 3)), "", "another scene");
+        for (image, word) in [
+            (imageops::flip_horizontal(&right), "left to right"),
+            (imageops::flip_vertical(&right), "top to bottom"),
+            (imageops::rotate180(&right), "upside down"),
+            (imageops::blur(&right, 4.0), "blurred"),
+        ] {
+            assert!(hint(&image).contains(word), "{} instead of {word}", hint(&image));
+        }
+    }
+
+    #[test]
+    fn blurred_images_and_copies_of_the_centre_are_warned_of() {
+        let frames = |left: GrayImage| Frames::new(pattern(0.0, 1)).with(View::RIGHT, pattern(6.0, 2)).with(View::LEFT, left);
+        let of = |left: GrayImage| Inspection::of(&frames(left));
+        assert_eq!(of(pattern(-6.0, 3)).warnings(1), Vec::<String>::new());
+        let blurred = of(imageops::blur(&pattern(-6.0, 3), 4.0));
+        assert_eq!((&blurred.blurred, &blurred.copies), (&vec![Frame::View(View::LEFT)], &Vec::new()));
+        assert!(blurred.warnings(1)[0].contains("the left image is blurred"), "{:?}", blurred.warnings(1));
+        let copy = of(pattern(0.0, 1));
+        assert_eq!((&copy.blurred, &copy.copies), (&Vec::new(), &vec![View::LEFT]));
+        assert!(copy.warnings(1)[0].contains("the left view is the same image as the centre"), "{:?}", copy.warnings(1));
+        // Darker, with less contrast, it is as sharp.
+        let left = pattern(-6.0, 3);
+        let dark = GrayImage::from_fn(160, 120, |u, v| Luma([left.get_pixel(u, v).0[0] / 4]));
+        assert_eq!(of(dark).blurred, Vec::new());
+    }
 }

@@ -19,7 +19,7 @@
 //! | `view_model` | where a view stands and how it is turned |
 //! | `adjustment` | bundle adjustment |
 //! | `homography` | the common rotation, and the homographies of the frames |
-//! | `residual` | the misalignment of a view: [`Residual`] |
+//! | `epipolar_error` | the errors of matches: [`EpipolarError`] |
 //! | `mounting` | how a camera is turned against the stage that moves it: [`Mounting`] |
 //! | `inspection` | what the images tell before they are matched: [`Inspection`] |
 //! | `estimate` | all of these for a capture: [`Alignment`] |
@@ -28,17 +28,18 @@ mod adjustment;
 mod consensus;
 mod corners;
 mod direction;
+mod epipolar_error;
 mod estimate;
 mod homography;
 mod inspection;
 mod mounting;
 mod pyramid;
-mod residual;
 mod tracking;
 mod view_model;
 
+pub(crate) use direction::Direction;
+pub use epipolar_error::EpipolarError;
 pub use estimate::Alignment;
 pub(crate) use estimate::median;
 pub use inspection::Inspection;
 pub use mounting::Mounting;
-pub use residual::Residual;

@@ -1,15 +1,15 @@
 //! How a camera is mounted on its stage, from what it sees while the stage moves it.
 
 use multiscopic_core::{Frame, View};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use super::{
-    adjustment::{Adjustment, adjust_moved},
+    adjustment::adjust_moved,
     consensus::keep_consensus,
     corners::corners,
     direction::Direction,
     estimate::{median, points},
-    homography::{Pinhole, common_rotation},
+    homography::{Pinhole, common_rotation_with_deviation},
     pyramid::{Pyramid, RADIUS},
     tracking::{Match, find},
 };
@@ -109,7 +109,7 @@ impl Mounting {
                  a nearer scene"
             )));
         }
-        let (rotation_deg, deviation_deg) = rotation(&adjustment, &nominal);
+        let (rotation_deg, deviation_deg) = common_rotation_with_deviation(&adjustment, &nominal);
         let worst = deviation_deg.into_iter().fold(0.0, f64::max);
         if worst.is_nan() || worst > MAX_DEVIATION_DEG {
             return Err(Error::Usage(format!(
@@ -158,32 +158,6 @@ impl Mounting {
     pub fn mount(&self, focal_px: f64) -> Mount {
         Mount { rotation_deg: self.rotation_deg, rotation_deviation_deg: Some(self.deviation_deg), focal_px: Some(focal_px) }
     }
-}
-
-/// The rotation vector from the stage's axes to the camera's, and its standard deviations, in degrees.
-///
-/// The deviations are those of the views' positions, or more if the positions agree worse with any rotation than they say.
-fn rotation(adjustment: &Adjustment, nominal: &[Vector3<f64>]) -> ([f64; 3], [f64; 3]) {
-    let positions: Vec<_> = adjustment.models.iter().map(|model| model.position).zip(nominal.iter().copied()).collect();
-    let rotation = common_rotation(&positions);
-    let (mut matrix, mut spread, mut error, mut count) = (Matrix3::zeros(), Matrix3::zeros(), 0.0, 0.0);
-    for ((position, nominal), deviations) in positions.iter().zip(&adjustment.deviations) {
-        let turned = rotation * position;
-        let by_rotation = -turned.cross_matrix();
-        // A deviation along the move is one of its length.
-        let across = Matrix3::identity() - nominal * nominal.transpose() / nominal.norm_squared();
-        let covariance = Matrix3::from_diagonal(&Vector3::new(deviations[4], deviations[5], deviations[6]).map(|d| d * d));
-        let covariance = across * rotation.matrix() * covariance * rotation.matrix().transpose() * across;
-        matrix += by_rotation.transpose() * by_rotation;
-        spread += by_rotation.transpose() * covariance * by_rotation;
-        let off = across * (nominal - turned);
-        error += off.norm_squared() / (covariance.trace() / 2.0);
-        count += 2.0;
-    }
-    let Some(inverse) = matrix.try_inverse() else { return ([f64::NAN; 3], [f64::NAN; 3]) };
-    let covariance = inverse * spread * inverse.transpose() * f64::max(1.0, error / f64::max(1.0, count - 3.0));
-    let deviation = |axis: usize| covariance[(axis, axis)].sqrt().to_degrees();
-    (rotation.scaled_axis().map(f64::to_degrees).into(), [0, 1, 2].map(deviation))
 }
 
 #[cfg(test)]

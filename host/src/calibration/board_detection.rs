@@ -7,7 +7,7 @@ use image::{
     imageops::{self, FilterType},
 };
 
-use super::{printed_board::PrintedBoard, subpixel};
+use super::{blur::is_blurred, printed_board::PrintedBoard, subpixel};
 
 /// A corner of the board that an image shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,16 +23,18 @@ pub struct BoardCorner {
 #[non_exhaustive]
 pub enum BoardMiss {
     /// No board is seen.
-    #[error("no board is found: show the whole board, in good light, or correct --board, --squares and --dictionary")]
+    #[error("no board is found: show the whole board, near and in good light, or correct --board, --squares and --dictionary")]
     NotFound,
-    /// A board is seen only after the image is scaled down.
-    #[error("the board is blurred: hold camera and board still, focus, and use more light")]
+    /// Edges are spread over several pixels, or a board is seen only after the image is scaled down.
+    #[error("the picture is blurred: hold camera and board still, focus, and use more light")]
     Blurred,
     /// The board is seen only after the image is flipped.
     #[error("the board is mirrored: switch off the mirror image of the camera")]
     Mirrored,
     /// The board is seen, but too little of it.
-    #[error("only {found} of the board's {count} corners are seen, {LEAST_CORNERS} are needed: move the whole board into view")]
+    #[error(
+        "only {found} of the board's {count} corners are seen, {LEAST_CORNERS} are needed: move the whole board into view, and nearer"
+    )]
     TooFew {
         /// The number of corners seen.
         found: usize,
@@ -64,10 +66,13 @@ impl PrintedBoard {
     /// # Errors
     /// [`BoardMiss`] says what is wrong with the image.
     pub fn corners_in(&self, image: &GrayImage) -> Result<Vec<BoardCorner>, BoardMiss> {
-        if let Some(corners) = self.find(image)? {
-            return Ok(corners);
+        match self.find(image) {
+            Ok(None) => {}
+            Ok(Some(corners)) => return Ok(corners),
+            Err(BoardMiss::TooFew { .. }) if is_blurred(image) => return Err(BoardMiss::Blurred),
+            Err(miss) => return Err(miss),
         }
-        if self.markers().is_some() && matches!(self.find(&imageops::flip_horizontal(image)), Ok(Some(_))) {
+        if self.markers().is_some() && !matches!(self.find(&imageops::flip_horizontal(image)), Ok(None)) {
             return Err(BoardMiss::Mirrored);
         }
         let [mut width, mut height] = [image.width(), image.height()];
@@ -79,7 +84,7 @@ impl PrintedBoard {
                 return Err(BoardMiss::Blurred);
             }
         }
-        Err(BoardMiss::NotFound)
+        Err(if is_blurred(image) { BoardMiss::Blurred } else { BoardMiss::NotFound })
     }
 
     /// The corners, if there are any.

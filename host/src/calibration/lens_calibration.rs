@@ -108,6 +108,20 @@ pub enum LensCalibrationError {
         /// The standard deviation of the focal length in percent.
         focal_percent: f64,
     },
+    /// The corners do not determine the focal length.
+    #[error(
+        "{corners} corners of {images} images tell the focal length to {focal_percent:.1} % only, {:.0} % is needed: take more pictures, with \
+         more of the board in view, tilted by 20 to 40 degrees to the left, right, top and bottom",
+        100.0 * LARGEST_FOCAL_DEVIATION
+    )]
+    Uncertain {
+        /// The corners that were seen.
+        corners: usize,
+        /// The images that have them.
+        images: usize,
+        /// The standard deviation of the focal length in percent.
+        focal_percent: f64,
+    },
     /// Large parts of the image have no corners.
     #[error(
         "corners cover {covered_percent:.0} % of the image, {needed_percent:.0} % are needed: photograph the board in these parts of \
@@ -200,14 +214,18 @@ impl LensCalibration {
         let angle_deg = largest_angle_deg(&fit);
         let focal_deviation =
             calibration.deviations.first().map_or(f64::INFINITY, |deviation| deviation / fit.camera.focal_px[0]);
-        if angle_deg < SMALLEST_ANGLE_DEG || focal_deviation > LARGEST_FOCAL_DEVIATION {
-            return Err(LensCalibrationError::Parallel { angle_deg, focal_percent: 100.0 * focal_deviation });
+        let focal_percent = 100.0 * focal_deviation;
+        if angle_deg < SMALLEST_ANGLE_DEG {
+            return Err(LensCalibrationError::Parallel { angle_deg, focal_percent });
         }
         let share = calibration.coverage.share();
         if share < least_coverage {
             let missing = calibration.coverage.missing();
             let [covered_percent, needed_percent] = [share, least_coverage].map(|share| 100.0 * share);
             return Err(LensCalibrationError::Uncovered { covered_percent, needed_percent, missing });
+        }
+        if focal_deviation > LARGEST_FOCAL_DEVIATION {
+            return Err(LensCalibrationError::Uncertain { corners: observed / 2, images: corners.len(), focal_percent });
         }
         Ok(calibration)
     }

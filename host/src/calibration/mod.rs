@@ -9,12 +9,14 @@
 //! | `printed_board` | [`PrintedBoard`]: chessboards and ChArUco boards |
 //! | `board_files` | boards to print, as PDF and PNG |
 //! | `board_detection` | the corners of a board in an image, found by the crates `calib-targets` |
+//! | `blur` | whether a picture is blurred |
 //! | `subpixel` | corners to a fraction of a pixel |
 //! | `board_pose` | where a board is, from its homography |
 //! | `camera_fit` | the camera and the poses of the board that explain the corners best |
 //! | `coverage` | [`Coverage`]: which parts of the image have corners |
 //! | `lens_calibration` | [`LensCalibration`]: all of these, and what to photograph next |
 
+mod blur;
 mod board_detection;
 mod board_files;
 mod board_pose;

@@ -1,13 +1,16 @@
 //! `multiscopic align`: the misalignment of the views.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
 
 use clap::Args;
 use multiscopic::{
     Alignment, Error, Frames, Inspection, Result, Rig,
-    alignment::Residual,
-    files::{FrameFiles, output},
+    files::{FrameFiles, Residual, output},
     images::BitDepth,
+    report::{EpipolarMap, Report},
 };
 use multiscopic_core::{Frame, View};
 use serde::Serialize;
@@ -34,6 +37,10 @@ pub struct Align {
     #[arg(short, long, value_name = "NEW_RIG_DIR")]
     output: Option<PathBuf>,
 
+    /// Page with the matches of each view and their epipolar errors before and after rectification
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+
     /// Print JSON instead of a table
     #[arg(long)]
     json: bool,
@@ -41,9 +48,11 @@ pub struct Align {
 
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
-struct Report {
+struct Findings {
     /// The rotation between the camera and the stage's axes, about the axes to the right, down and ahead.
     common_rotation_deg: [f64; 3],
+    /// Its standard deviations; null where the views do not determine the angle.
+    common_rotation_deviation_deg: [f64; 3],
     center: Rectified,
     views: Vec<Line>,
 }
@@ -75,6 +84,8 @@ impl Align {
             let message = "-o writes a folder with a rig.toml, which only a captured folder can provide: give RIG_DIR";
             return Err(Error::Usage(message.into()));
         }
+        let reports: Vec<&Path> = self.report.iter().map(PathBuf::as_path).collect();
+        output::check(&reports, &source.paths().collect::<Vec<_>>())?;
         let (frames, _, undistortion) = source.load()?;
         let search = self.search.search(frames.size(), frames.views(), None, SearchOptions::DEFAULT_RANGE)?;
         let rig = match (source.rig.take(), &source.lens) {
@@ -96,8 +107,10 @@ impl Align {
         let line = |view: View| {
             Some(Line { view: view.to_string(), residual: alignment.of(view)?, rectified: rectified(Frame::View(view)) })
         };
-        let report = Report {
-            common_rotation_deg: alignment.common_rotation_deg(),
+        let record = alignment.record();
+        let findings = Findings {
+            common_rotation_deg: record.common_rotation_deg,
+            common_rotation_deviation_deg: record.common_rotation_deviation_deg,
             center: rectified(Frame::Center),
             views: frames.views().iter().filter_map(line).collect(),
         };
@@ -112,30 +125,93 @@ impl Align {
                     picture.write_png(&folder.join(FrameFiles::name_of(frame)))?;
                 }
                 let principal_point = Some(alignment.principal_point(rig.principal_point(frames.size())));
-                Rig { images, principal_point, ..rig }.save(folder)
+                Rig { images, principal_point, alignment: Some(record), ..rig }.save(folder)
             })?;
             terminal::say(&format!("wrote {}", folder.display()));
         }
-        alignment.warning().into_iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
+        if let Some(path) = &self.report {
+            let page = findings.page(&alignment, frames.size());
+            output::write(path, |writer| writer.write_all(page.as_bytes()))?;
+            terminal::say(&format!("wrote {}", path.display()));
+        }
+        let warnings = inspection.warnings(search.min_disparity()).into_iter().chain(alignment.warning());
+        warnings.for_each(|warning| terminal::say(&format!("warning: {warning}")));
         inspection.range_line().into_iter().for_each(|line| terminal::say(&line));
         terminal::print(&match self.json {
-            true => serde_json::to_string(&report).expect("numbers and strings") + "\n",
-            false => table(&report),
+            true => serde_json::to_string(&findings).expect("numbers and strings") + "\n",
+            false => findings.table(),
         })?;
         Ok(ExitCode::SUCCESS)
     }
 }
 
-fn table(report: &Report) -> String {
-    let [right, down, ahead] = report.common_rotation_deg;
-    let mut table = format!("camera against the stage: {right:+.2} {down:+.2} {ahead:+.2} deg about right, down, ahead\n");
-    table +=
-        "view    rotation deg          scale   across px  baseline  direction deg  brightness  points  off px  rectified px\n";
-    for Line { view, residual, .. } in &report.views {
-        let Residual { rotation_deg: [x, y, z], scale, across_px, baseline_scale, direction_deg, gain, points, .. } = residual;
-        let Residual { epipolar_px, rectified_px, .. } = residual;
-        table += &format!("{view:<8}{x:+.2} {y:+.2} {z:+.2}   {scale:>7.4}{across_px:>+12.2}{baseline_scale:>10.4}");
-        table += &format!("{direction_deg:>+15.2}{gain:>12.4}{points:>8}{epipolar_px:>8.2}{rectified_px:>14.2}\n");
+impl Findings {
+    /// How the camera is turned against the stage.
+    fn common(&self) -> String {
+        let [right, down, ahead] = self.common_rotation_deg;
+        let deviations = self.common_rotation_deviation_deg.map(|deg| match deg.is_finite() {
+            true => format!("{deg:.2}"),
+            false => "unknown".into(),
+        });
+        format!(
+            "camera against the stage: {right:+.2} {down:+.2} {ahead:+.2} deg about right, down, ahead, +- {}",
+            deviations.join(" ")
+        )
     }
-    table
+
+    /// A table for people. Below each line are standard deviations.
+    fn table(&self) -> String {
+        let mut table =
+            self.common() + "\nview    rotation deg          scale   across px  baseline  direction deg  brightness  points  ";
+        table += "epipolar (Sampson) px before, after\n";
+        for Line { view, residual, .. } in &self.views {
+            let Residual { rotation_deg: [x, y, z], scale, across_px, baseline_scale, direction_deg, gain, points, .. } =
+                residual;
+            let Residual { sampson_px, rectified_sampson_px, .. } = residual;
+            table += &format!("{view:<8}{x:+.2} {y:+.2} {z:+.2}   {scale:>7.4}{across_px:>+12.2}{baseline_scale:>10.4}");
+            table += &format!("{direction_deg:>+15.2}{gain:>12.4}{points:>8}{sampson_px:>23.2}{rectified_sampson_px:>7.2}\n");
+            let Residual { rotation_deviation_deg: [x, y, z], scale_deviation, baseline_scale_deviation, .. } = residual;
+            let Residual { direction_deviation_deg, .. } = residual;
+            table += &format!("    +-  {x:>5.3} {y:>5.3} {z:>5.3}   {scale_deviation:>7.4}");
+            table += &format!("{:>12}{baseline_scale_deviation:>10.4}{direction_deviation_deg:>15.2}\n", "");
+        }
+        table
+    }
+
+    /// A page with a picture of the epipolar errors of each view.
+    fn page(&self, alignment: &Alignment, size: [usize; 2]) -> String {
+        let text = "A stroke leads from each corner of the centre image across the baseline of the view. It is as long as the epipolar \
+                    error of the match: how far the corner and its match must move, together, to be on one epipolar line (Sampson, 1982). \
+                    In a rig without errors there would be points only.";
+        let plus_minus = |value: f64, deviation: f64, decimals: usize| format!("{value:.decimals$} ± {deviation:.decimals$}");
+        let row = |Line { view, residual, .. }: &Line| {
+            let Residual { rotation_deg, rotation_deviation_deg, scale, scale_deviation, baseline_scale, .. } = *residual;
+            let Residual { baseline_scale_deviation, direction_deg, direction_deviation_deg, across_px, gain, .. } = *residual;
+            let [x, y, z] = [0, 1, 2].map(|axis| plus_minus(rotation_deg[axis], rotation_deviation_deg[axis], 3));
+            let baseline = plus_minus(baseline_scale, baseline_scale_deviation, 4);
+            let direction = plus_minus(direction_deg, direction_deviation_deg, 2);
+            let scale = plus_minus(scale, scale_deviation, 4);
+            let [across, gain] = [format!("{across_px:.2}"), format!("{gain:.4}")];
+            let [before, after] = [residual.sampson_px, residual.rectified_sampson_px].map(|px| format!("{px:.2}"));
+            [view.clone(), x, y, z, scale, across, baseline, direction, gain, residual.points.to_string(), before, after]
+        };
+        let headers = [
+            "view",
+            "about right deg",
+            "about down deg",
+            "about ahead deg",
+            "scale",
+            "across px",
+            "baseline",
+            "direction deg",
+            "brightness",
+            "matches",
+            "Sampson px before",
+            "after",
+        ];
+        let page = Report::new("Alignment of views").paragraph(text);
+        let page = alignment.views().iter().fold(page, |page, view| page.epipolar_errors(&EpipolarMap { alignment, view, size }));
+        let common = self.common() + ".";
+        page.heading("Estimates").paragraph(&common).table(headers, self.views.iter().map(row)).to_html()
+    }
 }

@@ -9,7 +9,7 @@ use std::{
 use clap::Args;
 use multiscopic::stereo::{CostFunction, LongBaselines, Optimizer};
 use multiscopic::{
-    DisparityMap, Error, Method, Picture, Result,
+    DisparityMap, Error, Method, Result,
     files::{
         output,
         ply::{self, Encoding},
@@ -95,8 +95,6 @@ impl Match {
             return Err(Error::Usage(message.into()));
         };
         let (mut frames, center, undistortion) = source.load()?;
-        let ideal = |center| undistortion.as_ref().map_or_else(|| Picture::clone(center), |lens| lens.picture(center));
-        let mut center = self.outputs.ply.is_some().then(|| ideal(&center));
         let first = self.baselines.first(frames.views()).len();
         let fusion = self.fusion.unwrap_or(Fusion::default_for(first));
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
@@ -111,9 +109,11 @@ impl Match {
         let search = |range| self.search.search(size, views, Some(fusion), range);
         let preparation = self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, search)?;
         let search = preparation.search;
-        if let Some(alignment) = &preparation.alignment {
-            center = center.map(|center| alignment.rectified(Frame::Center, center));
-        }
+        let center = self.outputs.ply.is_some().then(|| match (&preparation.alignment, &undistortion) {
+            (Some(alignment), undistortion) => alignment.rectified(Frame::Center, center, undistortion.as_ref()),
+            (None, Some(undistortion)) => undistortion.picture(&center),
+            (None, None) => center,
+        });
 
         let method = self.options.method(self.method, self.search.block_size, first)?;
         let method = Method { long_baselines: self.baselines.long_baselines()?, ..method };

@@ -97,6 +97,7 @@ impl Init {
             lens: None,
             mount_rotation_deg: None,
             images,
+            alignment: None,
             capture: Provenance::default(),
         };
         rig.save(directory)?;

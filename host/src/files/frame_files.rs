@@ -141,9 +141,18 @@ impl Frames {
     /// [`Error::Read`], or [`Error::Format`] if a file is not a picture, a sample is above the maximum of the depth, or a neighbour and
     /// the centre differ in size, after they were turned as their EXIF orientations say.
     pub fn load(files: &FrameFiles) -> Result<(Frames, Picture)> {
+        Frames::load_each(files, |_| Ok(None))
+    }
+
+    /// Reads the frames of a capture, as [`load`](Frames::load) does. `f` may replace each picture by another one of its size, before 8 bits are
+    /// taken of 16; the centre's comes first. The centre is returned as it is in its file.
+    ///
+    /// # Errors
+    /// Those of [`load`](Frames::load) and of `f`.
+    pub fn load_each(files: &FrameFiles, mut f: impl FnMut(&Picture) -> Result<Option<Picture>>) -> Result<(Frames, Picture)> {
         let depth = files.depth()?;
         let center = Picture::read_with_depth(&files.center, depth)?;
-        let mut frames = Frames::of_picture(center.clone());
+        let mut frames = Frames::of_picture(f(&center)?.unwrap_or_else(|| center.clone()));
         for view in files.views().iter() {
             let Some(path) = files.get(Frame::View(view)) else { continue };
             let image = Picture::read_with_depth(path, depth)?;
@@ -155,7 +164,7 @@ impl Frames {
                     format!("{width}x{height} as in {}: use frames of one capture", files.center.display()),
                 ));
             }
-            frames = frames.with_picture(view, image);
+            frames = frames.with_picture(view, f(&image)?.unwrap_or(image));
         }
         Ok((frames, center))
     }

@@ -9,11 +9,9 @@ pub mod output;
 pub mod pfm;
 mod picture_files;
 pub mod ply;
-mod provenance;
-mod rig;
+mod rig_file;
 pub(crate) mod toml_file;
 mod truncation;
 
 pub use frame_files::FrameFiles;
-pub use provenance::Provenance;
-pub use rig::Rig;
+pub use rig_file::{AlignmentRecord, Provenance, Residual, Rig};

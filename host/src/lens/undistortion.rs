@@ -1,6 +1,6 @@
 //! Pictures without distortion.
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 use rayon::prelude::*;
 
 use super::{camera_model::CameraModel, mount::Mount};
@@ -13,8 +13,27 @@ use crate::images::{DisparityMap, Frames, Picture, Raster};
 /// Ideal pixels lie between those of the picture and are interpolated by cubic convolution (Keys, 1981).
 #[derive(Clone, Debug)]
 pub struct Undistortion {
+    projection: IdealProjection,
     /// Where each ideal pixel lies in the picture. `None` beyond the range of the lens model.
     places: Raster<Option<[f32; 2]>>,
+}
+
+/// From the ideal camera to the real one.
+#[derive(Clone, Copy, Debug)]
+struct IdealProjection {
+    camera: CameraModel,
+    /// From the rays of the ideal camera to those of the camera.
+    to_camera: Rotation3<f64>,
+    /// Where the optical axis meets the ideal picture.
+    principal_point: [f64; 2],
+}
+
+impl IdealProjection {
+    fn place(&self, [u, v]: [f64; 2]) -> Option<[f64; 2]> {
+        let (focal_px, [cx, cy]) = (self.camera.focal_px[0], self.principal_point);
+        let ray = self.to_camera * Vector3::new((u - cx) / focal_px, (v - cy) / focal_px, 1.0);
+        self.camera.pixel([ray.x / ray.z, ray.y / ray.z]).filter(|_| ray.z > 0.0)
+    }
 }
 
 impl Undistortion {
@@ -23,15 +42,20 @@ impl Undistortion {
     /// # Panics
     /// If a side is 0.
     pub fn new(camera: &CameraModel, mount: &Mount, [width, height]: [usize; 2]) -> Undistortion {
-        let (focal_px, [cx, cy]) = (camera.focal_px[0], mount.principal_point(camera, [width, height]));
-        let to_camera = mount.rotation().inverse();
+        let principal_point = mount.principal_point(camera, [width, height]);
+        let projection = IdealProjection { camera: *camera, to_camera: mount.rotation().inverse(), principal_point };
         let place = |k: usize| {
-            let ray = Vector3::new(((k % width) as f64 - cx) / focal_px, ((k / width) as f64 - cy) / focal_px, 1.0);
-            let ray = to_camera * ray;
-            let place = camera.pixel([ray.x / ray.z, ray.y / ray.z]).filter(|_| ray.z > 0.0);
+            let place = projection.place([(k % width) as f64, (k / width) as f64]);
             place.map(|place| place.map(|coordinate| coordinate as f32))
         };
-        Undistortion { places: Raster::new(width, height, (0..width * height).into_par_iter().map(place).collect()) }
+        let places = Raster::new(width, height, (0..width * height).into_par_iter().map(place).collect());
+        Undistortion { projection, places }
+    }
+
+    /// Where a point of the ideal picture, which may lie between its pixels, lies in the picture, inside its borders or outside. `None` beyond
+    /// the range of the lens model.
+    pub fn place_of(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
+        self.projection.place(pixel)
     }
 
     /// Where an ideal pixel lies in the picture, which may be outside its borders. `None` beyond the range of the lens model.

@@ -2,14 +2,17 @@
 
 mod chart;
 pub mod contact_sheet;
+mod epipolar_map;
 pub mod error_map;
 mod figure;
+mod magnification;
 pub mod montage;
 mod page;
 #[cfg(feature = "calibration")]
 mod reprojection_map;
 
 pub use chart::{Chart, ChartLine};
+pub use epipolar_map::EpipolarMap;
 pub use figure::Figure;
 pub use page::Report;
 #[cfg(feature = "calibration")]

@@ -13,7 +13,7 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::{chart::Chart, figure::Figure};
+use super::{chart::Chart, epipolar_map::EpipolarMap, figure::Figure};
 
 const STYLE: &str = concat!(include_str!("page.css"), include_str!("chart.css"));
 const SCRIPT: &str = include_str!("compare.js");
@@ -88,6 +88,11 @@ impl Report {
     /// Adds a chart.
     pub fn chart(self, chart: &Chart) -> Report {
         self.part(html! { div class="scroll" { (chart) } })
+    }
+
+    /// Adds a picture of the errors of a view.
+    pub fn epipolar_errors(self, map: &EpipolarMap<'_>) -> Report {
+        self.part(html! { div class="scroll" { (map) } })
     }
 
     /// Adds a picture of the errors of a lens calibration.

@@ -2,6 +2,7 @@
 
 use maud::{Markup, Render, html};
 
+use super::magnification::magnification;
 use crate::calibration::LensCalibration;
 
 /// The width of the picture in pixels.
@@ -24,9 +25,7 @@ pub struct ReprojectionMap<'a> {
 impl ReprojectionMap<'_> {
     /// How much longer arrows are than the errors: 1, 2 or 5 times a power of ten.
     fn magnification(&self) -> f64 {
-        let most = LONGEST_ARROW * self.size[0] as f64 / self.calibration.max_px().max(1e-6);
-        let power = 10_f64.powf(most.log10().floor());
-        [5.0, 2.0].into_iter().map(|factor| factor * power).find(|magnification| *magnification <= most).unwrap_or(power)
+        magnification(self.calibration.max_px(), LONGEST_ARROW * self.size[0] as f64)
     }
 }
 

@@ -85,5 +85,12 @@ fn what_does_not_determine_a_mount_is_refused() {
     fs::write(&errors, "[stage]\n").unwrap();
     calibrate("2", &["--focal-px", "480"]).assert_refused(&["shift the scene by", "take a longer --step"]);
     calibrate("49", &["--focal-px", "480", "--reach", "20"]).assert_refused(&["beyond the reach of 20 mm"]);
+    // A lens for images of another size, and one that is no lens.
+    let lens = dir.path().join("lens.toml");
+    let toml = "size = [100, 80]\nfocal_px = [90.0, 90.0]\nprincipal_point = [49.5, 39.5]\nmodel = \"plumb_bob\"\ncoefficients = [0, 0, 0, 0, 0]\n";
+    fs::write(&lens, toml).unwrap();
+    let with_lens = ["--lens", lens.to_str().unwrap()];
+    calibrate("20", &with_lens).assert_refused(&["lens.toml: found a calibration of 100x80 pixels", "as the images"]);
+    calibrate("20", &["--lens", dir.path().to_str().unwrap()]).assert_refused(&["found a folder", "one camera"]);
     assert!(!mount.exists());
 }

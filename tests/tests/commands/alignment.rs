@@ -2,7 +2,7 @@
 
 use image::{GrayImage, Luma};
 use multiscopic::{
-    Alignment, Frames, Picture,
+    Alignment, Frames, Picture, Rig,
     scene::{PinholeCamera, Scene, render},
 };
 use multiscopic_core::{Frame, Fusion, Search, View};
@@ -51,16 +51,92 @@ fn shifts_brightness_and_baselines_are_found() {
     }
 }
 
+/// A pattern of waves, in grey values.
+fn waves(x: f64, y: f64) -> f64 {
+    let wave = |(k, (a, b)): (usize, (f64, f64))| (a * x + b * y + k as f64).sin();
+    let directions = [(0.31, 0.17), (-0.23, 0.41), (0.52, -0.29), (0.13, 0.61), (0.71, 0.37), (-0.43, 0.55)];
+    120.0 + 18.0 * directions.into_iter().enumerate().map(wave).sum::<f64>()
+}
+
+/// The numbers in the attributes `x1 y1 x2 y2` of the lines in a group of an SVG.
+fn strokes(group: &str) -> Vec<[f64; 4]> {
+    let number = |line: &str, name: &str| -> f64 {
+        let (_, rest) = line.split_once(&format!(" {name}=\"")).expect("the attribute");
+        rest.split_once('"').expect("its end").0.parse().expect("a number")
+    };
+    group.split("<line").skip(1).map(|line| ["x1", "y1", "x2", "y2"].map(|name| number(line, name))).collect()
+}
+
+#[test]
+fn a_page_shows_the_epipolar_errors_of_a_known_roll() {
+    // A plane at one disparity, and cameras that are turned about the middle of the image.
+    const DISPARITY: f64 = 4.25;
+    let (width, height, cx, cy) = (144, 108, 71.5, 53.5);
+    let turned = |degrees: f64, [x, y]: [f64; 2]| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        [cx + cos * (x - cx) - sin * (y - cy), cy + sin * (x - cx) + cos * (y - cy)]
+    };
+    let image = |right: f64, degrees: f64| {
+        let pixel = |k: usize| {
+            let [x, y] = turned(-degrees, [(k % width) as f64, (k / width) as f64]);
+            waves(x + right * DISPARITY, y).round() as u8
+        };
+        (0..width * height).map(pixel).collect()
+    };
+    let rolls = [("left", -1.0, 1.5), ("right", 1.0, -1.0)];
+    let [left, right] = rolls.map(|(_, right, degrees)| Some(image(right, degrees)));
+    let images = ViewSet { width, height, center: image(0.0, 0.0), views: [left, right, None, None], others: Vec::new() };
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::create_dir(path("rig")).unwrap();
+    write_rig(&images, &path("rig"));
+    let [rig, page, aligned] = ["rig", "page.html", "aligned"].map(|name| path(name).to_str().unwrap().to_owned());
+    let run = Invocation::new(["align", &rig, "--num-disparities", "8", "--report", &page, "-o", &aligned]);
+    assert!(run.code == Some(0) && run.stdout.contains("epipolar (Sampson) px before, after"), "{run:#?}");
+
+    let (html, scale) = (fs::read_to_string(&page).unwrap(), 760.0 / width as f64);
+    let record = Rig::load(&path("aligned")).unwrap().alignment.expect("what was found");
+    assert!(record.common_rotation_deviation_deg[0].is_nan(), "turns about the only baseline do not show");
+    for (name, right, degrees) in rolls {
+        let (_, svg) = html.split_once(&format!("<title>{name} view: epipolar (Sampson) errors")).expect("a picture");
+        let (svg, _) = svg.split_once("</svg>").unwrap();
+        let times: f64 = svg.split_once(" times as long").unwrap().0.rsplit_once(' ').unwrap().1.parse().unwrap();
+        let groups: Vec<Vec<[f64; 4]>> = svg.split("<g class=\"series").skip(1).map(strokes).collect();
+        let [before, after] = &groups[..] else { panic!("{} groups", groups.len()) };
+        assert!(before.len() > 100 && before.len() == after.len());
+        let errors = |[x1, y1, x2, y2]: [f64; 4]| {
+            assert_eq!(x1, x2, "strokes lead across the baseline");
+            let [u, v] = [x1 / scale - 0.5, y1 / scale - 0.5];
+            // The first-order distance of both points to the constraint v' - v = 0.
+            let expected = (turned(degrees, [u - right * DISPARITY, v])[1] - v) / 2.0_f64.sqrt();
+            ((y2 - y1) / scale / times, expected)
+        };
+        let (mut lengths, mut wrong) = (Vec::new(), 0);
+        for (before, after) in before.iter().zip(after) {
+            let ((shown, expected), (left, _)) = (errors(*before), errors(*after));
+            wrong += usize::from((shown - expected).abs() > 0.05 || left.abs() > 0.05);
+            lengths.push(expected.abs());
+        }
+        // Those at the border of the image.
+        assert!(wrong <= lengths.len() / 50, "{wrong} of {} strokes of the {name} view are wrong", lengths.len());
+        lengths.sort_by(f64::total_cmp);
+        let [median, found] = [lengths[lengths.len() / 2], record.views[name].sampson_px];
+        assert!(
+            (median - found).abs() < 0.02 && record.views[name].rectified_sampson_px < 0.02,
+            "{median}: {:?}",
+            record.views[name]
+        );
+        assert!(svg.contains(&format!("before rectification: median {found:.2} px")), "{svg:.2000}");
+        let [.., ahead] = record.views[name].rotation_deg;
+        assert!((ahead.abs() - degrees.abs()).abs() < 0.02, "{ahead} degrees");
+    }
+}
+
 #[test]
 #[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn views_of_arrays_are_aligned() {
     // A plane at one disparity, painted with waves, each view turned so that it is shifted across its baseline, and brightened.
     const DISPARITY: f64 = 4.25;
-    let waves = |x: f64, y: f64| {
-        let wave = |(k, (a, b)): (usize, (f64, f64))| (a * x + b * y + k as f64).sin();
-        let directions = [(0.31, 0.17), (-0.23, 0.41), (0.52, -0.29), (0.13, 0.61), (0.71, 0.37), (-0.43, 0.55)];
-        120.0 + 18.0 * directions.into_iter().enumerate().map(wave).sum::<f64>()
-    };
     let image =
         |value: &dyn Fn(f64, f64) -> f64| GrayImage::from_fn(144, 108, |u, v| Luma([value(u.into(), v.into()).round() as u8]));
     // The view, the direction in which its image is shifted, by how much at the middle, and the gain.

@@ -49,6 +49,7 @@ fn capture_wall(folder: &Path, camera: &PinholeCamera, turned: [f64; 2], seed: u
         lens: None,
         mount_rotation_deg: None,
         images,
+        alignment: None,
         capture: Provenance::default(),
     };
     rig.save(folder).expect("a rig.toml");

@@ -113,6 +113,13 @@ impl LensCommand {
 
     /// The boards in the pictures, the size of the pictures, and why some are left out.
     fn photos(&self, board: &PrintedBoard) -> Result<(Vec<BoardImage>, [usize; 2], Vec<String>)> {
+        if let Some(folder) = self.images.iter().find(|path| path.is_dir()) {
+            return Err(Error::Format {
+                path: folder.clone(),
+                found: "a folder".into(),
+                expected: format!("pictures: name them, as in {}", folder.join("*.png").display()),
+            });
+        }
         let depth = self.bits.depth(None, &self.images.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
         let watch = Watch::new()?;
         watch.begin(self.images.len() as u64, "pictures");
@@ -152,15 +159,10 @@ fn read(path: &Path, board: &PrintedBoard, depth: Option<BitDepth>) -> Result<Ph
     Ok(Photo { size, corners })
 }
 
-/// The error of a calibration, with the reasons why pictures were left out if there are too few.
+/// The error of a calibration, with the reasons why pictures were left out.
 fn refusal(error: &LensCalibrationError, left_out: &[String]) -> Error {
-    let mut message = error.to_string();
-    if let LensCalibrationError::TooFewImages { .. } = error {
-        for line in left_out {
-            message += &format!("\n    left out {line}");
-        }
-    }
-    Error::Usage(message)
+    let lines = left_out.iter().map(|line| format!("\n    left out {line}"));
+    Error::Usage(lines.fold(error.to_string(), |message, line| message + &line))
 }
 
 impl Named for LensModel {

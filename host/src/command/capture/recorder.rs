@@ -113,6 +113,7 @@ impl Recorder {
             lens: lens.map(|_| CameraModel::FILE_NAME.into()),
             mount_rotation_deg: self.mount_rotation_deg,
             images: FrameFiles::of_capture(frames.views()),
+            alignment: None,
             capture: Provenance {
                 camera: Some(self.hardware.camera_name.clone()),
                 stage: Some(self.hardware.stage_name.clone()),

@@ -162,6 +162,7 @@ fn rig(camera: &PinholeCamera, views: Views, seed: u64) -> Rig {
         lens: None,
         mount_rotation_deg: None,
         images: FrameFiles::of_capture(views),
+        alignment: None,
         capture: Provenance {
             camera: Some("ray tracer".into()),
             stage: Some("simulated".into()),

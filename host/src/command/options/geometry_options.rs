@@ -101,6 +101,7 @@ mod tests {
             lens: None,
             mount_rotation_deg: None,
             images: FrameFiles::default(),
+            alignment: None,
             capture: Provenance::default(),
         };
         assert_eq!(no_options.geometry(Some(&rig), None, &frames).unwrap(), rig.geometry(frames.size()));

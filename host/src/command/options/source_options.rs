@@ -79,11 +79,15 @@ impl Source {
     /// what undistorted them. From then on, the bits of 16-bit images are known.
     pub fn load(&mut self) -> multiscopic::Result<(Frames, Picture, Option<Undistortion>)> {
         self.images.bits = self.bits.depth(self.images.bits, &self.images.paths().collect::<Vec<_>>())?;
-        let (frames, center) = Frames::load(&self.images)?;
-        Ok(match self.lens.as_ref().map(|lens| lens.undistortion(frames.size())).transpose()? {
-            Some(undistortion) => (undistortion.frames(&frames), center, Some(undistortion)),
-            None => (frames, center, None),
-        })
+        let mut undistortion = None;
+        let (frames, center) = Frames::load_each(&self.images, |picture| {
+            let (width, height) = picture.dimensions();
+            if let (None, Some(lens)) = (&undistortion, &self.lens) {
+                undistortion = Some(lens.undistortion([width as usize, height as usize])?);
+            }
+            Ok(undistortion.as_ref().map(|undistortion| undistortion.picture(picture)))
+        })?;
+        Ok((frames, center, undistortion))
     }
 
     /// The pictures of the frames, read again in all their bits, without distortion and rectified.
@@ -95,11 +99,7 @@ impl Source {
         let frames = [Frame::Center].into_iter().chain(self.images.views().iter().map(Frame::View));
         frames.filter_map(|frame| Some((frame, self.images.get(frame)?))).map(move |(frame, path)| {
             let picture = Picture::read_with_depth(path, self.images.bits)?;
-            let ideal = match undistortion {
-                Some(undistortion) => undistortion.picture(&picture),
-                None => picture,
-            };
-            Ok((frame, alignment.rectified(frame, ideal)))
+            Ok((frame, alignment.rectified(frame, picture, undistortion)))
         })
     }
 

@@ -39,6 +39,9 @@ impl CameraModel {
     /// [`Error::Read`], or [`Error::Format`] if the file is no calibration, is incomplete or contradicts itself, or has
     /// another camera model.
     pub fn read(path: &Path) -> Result<CameraModel> {
+        if path.is_dir() {
+            return Err(Error::format(path, "a folder", "the calibration of one camera: name the file in it"));
+        }
         let camera = match is_toml(path) {
             true => camera_toml::read(path)?,
             false => {
@@ -125,6 +128,14 @@ impl CameraModel {
         if !inside(cx, width) || !inside(cy, height) {
             let found = format!("a principal point at {cx}, {cy}");
             return Err(Error::format(path, found, format!("one inside the image of {width}x{height} pixels")));
+        }
+        // Halfway to the corners, every lens still sees something.
+        let halfway = [[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]]
+            .map(|[u, v]| [(u as f64 + cx) / 2.0, (v as f64 + cy) / 2.0]);
+        if let Some([u, v]) = halfway.into_iter().find(|&pixel| self.direction(pixel).is_none()) {
+            let found = format!("coefficients of the lens that fold the image before it reaches the pixel {u:.0}, {v:.0}");
+            let expected = format!("those of a lens for the whole image of {width}x{height} pixels, in the order of the model");
+            return Err(Error::format(path, found, expected));
         }
         Ok(())
     }

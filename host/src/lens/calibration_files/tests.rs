@@ -222,6 +222,12 @@ fn bad_files_are_refused_by_name() {
     yaml(ROS, "image_width: 640", "image_width: 0", &["images of 0x480 pixels"]);
     yaml(ROS, "image_width: 640", "image_width: 640\nimage_width: 320", &["duplicated key"]);
 
+    // The radius at which it turns back is 0.35, and the corners have 0.78.
+    yaml(ROS, "-0.266373, -0.038589", "-2.66373, 0.0", &["lens that fold the image before it reaches the pixel", "640x480"]);
+    let dir = tempfile::tempdir().unwrap();
+    let message = CameraModel::read(dir.path()).unwrap_err().to_string();
+    assert!(message.contains("found a folder, expected the calibration of one camera"), "{message}");
+
     yaml(KALIBR, "pinhole", "omni", &["found \"omni\" in cam0.camera_model, expected pinhole"]);
     yaml(KALIBR, "equidistant", "fov", &["found \"fov\" in cam0.distortion_model"]);
     yaml(KALIBR, ", 0.004]", "]", &["found 3 coefficients in cam0.distortion_coeffs, expected 4 for equidistant"]);

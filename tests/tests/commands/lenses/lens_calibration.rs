@@ -197,6 +197,16 @@ fn refusals_say_what_to_photograph() {
     let blurred = photos.changed("blurred.png", 2, |photo| imageops::blur(photo, 5.0));
     photos.calibrate(&[all[0], all[1], &blurred], &[]).assert_refused(&["blurred.png", "blurred", "2 images"]);
 
+    // Moved sideways while it was taken.
+    let moved = photos.changed("moved.png", 3, |photo| {
+        let mean = |u: u32, v: u32| (0..24).map(|k| u32::from(photo.get_pixel((u + k).min(639), v).0[0])).sum::<u32>() / 24;
+        GrayImage::from_fn(photo.width(), photo.height(), |u, v| [mean(u, v) as u8].into())
+    });
+    photos.calibrate(&[all[0], all[1], &moved], &[]).assert_refused(&["moved.png: the picture is blurred", "still", "2 images"]);
+
+    let folder = photos.calibrate(&[photos.folder.path()], &[]);
+    folder.assert_refused(&[text(photos.folder.path()), "found a folder", "*.png"]);
+
     let gray = photos.changed("gray.png", 2, |photo| GrayImage::from_pixel(photo.width(), photo.height(), [99].into()));
     photos.calibrate(&[all[0], all[1], &gray], &[]).assert_refused(&["gray.png", "no board", "--dictionary"]);
 
@@ -208,6 +218,30 @@ fn refusals_say_what_to_photograph() {
     assert!(!photos.file("wrong.txt").exists());
     let name = photos.file("wrong.txt");
     Invocation::new(["calibrate", "lens", "-o", text(&name), text(all[0])]).assert_refused(&["wrong.txt", ".toml", ".yaml"]);
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
+fn boards_half_out_of_view_serve_or_are_refused() {
+    let (photos, camera) = (photos(), plumb_bob());
+    // A wall hides part of the view, up to a column.
+    let hidden = |k: usize, columns: u32| {
+        photos.changed(&format!("hidden{columns}-{k:02}.png"), k, |photo| {
+            let mut photo = photo.clone();
+            imageops::replace(&mut photo, &GrayImage::from_pixel(columns, SIZE[1] as u32, [110].into()), 0, 0);
+            photo
+        })
+    };
+    // What is left of the boards is used, together with boards as a whole in the other half.
+    let paths: Vec<PathBuf> = (0..10).map(|k| if k % 2 == 0 { hidden(k, 240) } else { photos.paths[k].clone() }).collect();
+    let done = photos.calibrate(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &["--min-coverage", "40"]);
+    assert_eq!(done.code, Some(0), "{done:#?}");
+    assert!(!done.stderr.contains("left out"), "{done:#?}");
+    assert_recovered(&photos.file("lens.toml"), &camera);
+    // If all lack the same half, the message says which; and why some show too little.
+    let paths: Vec<PathBuf> = (0..10).map(|k| hidden(k, 420)).collect();
+    let refused = photos.calibrate(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[]);
+    refused.assert_refused(&["% of the image", "left", "left out", "hidden420-", "move the whole board into view"]);
 }
 
 #[test]

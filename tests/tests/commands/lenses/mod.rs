@@ -1,6 +1,7 @@
 //! `--lens` and `lens` in rig.toml: images that a lens distorts, and calibrations.
 
 mod board_photos;
+mod deep_images;
 mod lens_calibration;
 
 use std::{fs, path::Path};

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::{alignment_record::AlignmentRecord, provenance::Provenance};
 use crate::{
     error::{Error, Result},
-    files::{frame_files::FrameFiles, provenance::Provenance, toml_file},
+    files::{frame_files::FrameFiles, toml_file},
     images::Geometry,
 };
 
@@ -34,6 +35,8 @@ use crate::{
 /// stage = "gcode:/dev/ttyUSB0"
 /// date = "2026-03-14"
 /// repeatability_mm = 0.02
+///
+/// [alignment]                     # written by `align`: what was wrong with the images before
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -59,6 +62,8 @@ pub struct Rig {
     /// How the images were captured.
     #[serde(default)]
     pub capture: Provenance,
+    /// What was wrong with the images before `align` rectified them, if it did.
+    pub alignment: Option<AlignmentRecord>,
 }
 
 impl Rig {

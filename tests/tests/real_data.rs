@@ -340,9 +340,9 @@ fn turned(pixels: &[u8], [width, height]: [usize; 2], roll_deg: f64, scale: f64)
 }
 
 /// Rectified, views that are turned by half a degree and magnified by one percent match nearly as well as those that are not: Bad1 and AvgErr
-/// of the scenes together are at most `ALLOWED` times as large. Measured: see docs/capture.md.
+/// of the scenes together are at most `ALLOWED` times as large. Measured: 3.72 % and 0.240 pixels instead of 3.55 % and 0.233.
 fn rectification(root: &Path, scenes: &[&str]) -> Result<(), Failed> {
-    const ALLOWED: f64 = 1.12;
+    const ALLOWED: f64 = 1.10;
     let mut sums = [[0.0; 2]; 3];
     for scene in scenes {
         let data = Dataset::Middlebury2006Third.read(root, scene);

@@ -36,7 +36,7 @@ use crate::{
 /// date = "2026-03-14"
 /// repeatability_mm = 0.02
 ///
-/// [alignment]                     # written by `align`: what was wrong with the images before
+/// # [alignment]                   # written by `align`: what was wrong with the images before
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

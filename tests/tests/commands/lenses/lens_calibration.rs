@@ -241,7 +241,7 @@ fn boards_half_out_of_view_serve_or_are_refused() {
     // If all lack the same half, the message says which; and why some show too little.
     let paths: Vec<PathBuf> = (0..10).map(|k| hidden(k, 420)).collect();
     let refused = photos.calibrate(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[]);
-    refused.assert_refused(&["% of the image", "left", "left out", "hidden420-", "move the whole board into view"]);
+    refused.assert_refused(&["% of the image", "left", "left out", "hidden420-02.png: no board is found: show the whole board"]);
 }
 
 #[test]

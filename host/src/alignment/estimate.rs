@@ -12,7 +12,7 @@ use super::{
     direction::Direction,
     epipolar_error::EpipolarError,
     homography::{Map, Pinhole, common_rotation, common_rotation_with_deviation},
-    inspection::suspicion,
+    inspection::{Inspection, suspicion},
     pyramid::{Pyramid, RADIUS},
     tracking::{Match, find, find_again},
     view_model::ViewModel,
@@ -32,6 +32,8 @@ const MIN_POINTS: usize = 30;
 const USUAL_FOCAL: f64 = 1.2;
 /// A change of brightness that is not corrected.
 const NEGLIGIBLE_GAIN: f64 = 0.01;
+/// The turn away from its baseline from which on a view may look swapped, as a share of the image's larger side.
+const MIN_TURN_AWAY: f64 = 0.005;
 /// The least effect of the rotation between camera and stage that is corrected, in pixels: small ones are not told from
 /// errors of the lens.
 const MIN_EFFECT_PX: f64 = 0.25;
@@ -143,6 +145,22 @@ impl Alignment {
             alignment.errors.insert(view, errors);
         }
         Ok(alignment)
+    }
+
+    /// What the `rectified` frames tell, given what the others did. Views that looked swapped are, unless they are turned away from
+    /// their baselines.
+    pub fn inspect(&self, before: &Inspection, rectified: &Frames) -> Inspection {
+        let least = MIN_TURN_AWAY * rectified.width().max(rectified.height()) as f64;
+        let is_turned_away = |view: &View| {
+            let [x, y] = [view.right(), view.down()].map(f64::from);
+            let turn = |[right, down, _]: [f64; 3]| (x * down - y * right).to_radians() / x.hypot(y);
+            self.of(*view).is_some_and(|residual| self.source.focal_px * turn(residual.rotation_deg) >= least)
+        };
+        let inspection = Inspection::of(rectified);
+        if before.swapped.iter().all(is_turned_away) {
+            return inspection;
+        }
+        Inspection { swapped: before.swapped.clone(), ..inspection }
     }
 
     /// What a user should know: the images look as if the lens distorted them.

@@ -7,7 +7,7 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    Alignment, Error, Frames, Inspection, Result, Rig,
+    Alignment, Error, Inspection, Result, Rig,
     files::{FrameFiles, Residual, output},
     images::BitDepth,
     report::{EpipolarMap, Report},
@@ -93,16 +93,12 @@ impl Align {
             (rig, _) => rig,
         };
         let geometry = rig.as_ref().and_then(|rig| rig.geometry(frames.size()));
-        let refuse_swapped = |frames: &Frames| {
-            let inspection = Inspection::of(frames);
-            inspection.refuse_swapped(search.min_disparity()).map(|()| inspection)
-        };
-        let alignment = match Alignment::estimate(&frames, &search, geometry.as_ref()) {
-            Err(error) => return Err(refuse_swapped(&frames).err().unwrap_or(error)),
-            Ok(alignment) => alignment,
-        };
-        // Views that are turned away from their baselines look swapped until they are rectified.
-        let inspection = refuse_swapped(&alignment.compensate(&frames))?;
+        let inspection = Inspection::of(&frames);
+        let alignment = Alignment::estimate(&frames, &search, geometry.as_ref());
+        let refuse_swapped = |inspection: &Inspection| inspection.refuse_swapped(search.min_disparity());
+        let alignment = alignment.map_err(|error| refuse_swapped(&inspection).err().unwrap_or(error))?;
+        let inspection = alignment.inspect(&inspection, &alignment.compensate(&frames));
+        refuse_swapped(&inspection)?;
         let rectified = |frame| Rectified { homography: alignment.homography(frame) };
         let line = |view: View| {
             Some(Line { view: view.to_string(), residual: alignment.of(view)?, rectified: rectified(Frame::View(view)) })

@@ -46,7 +46,7 @@ impl PreparationOptions {
                 geometry.principal_point = found.principal_point(geometry.principal_point);
             }
             // Views that are turned show other disparities.
-            inspection = Inspection::of(frames);
+            inspection = found.inspect(&inspection, frames);
             range = self.range(&inspection)?;
             alignment = Some(found);
         }

@@ -103,7 +103,7 @@ impl Alignment {
                 let [x, y] = point.ray;
                 expected[point.corner] = Some(source.pixel(moved.project(Vector3::new(x, y, 1.0), disparity)));
             }
-            *found = find_again([center.0, neighbor], &corners, &expected, |pixel| map.at(pixel));
+            *found = find_again([center.0, neighbor], &corners, view, &expected, |pixel| map.at(pixel));
         }
         let points = points(&source, &corners, &matches);
         let adjustment = adjust(&views, &points, pixel).ok_or_else(undetermined)?;

@@ -11,7 +11,7 @@ use super::{
     estimate::{median, points},
     homography::{Pinhole, common_rotation_with_deviation},
     pyramid::{Pyramid, RADIUS},
-    tracking::{Match, find},
+    tracking::{Match, find, find_again},
 };
 use crate::{
     error::{Error, Result},
@@ -72,6 +72,8 @@ impl Mounting {
             // Parallax of the wrong sign shows that an axis is reversed.
             let mut found = find([center, (neighbor, &Pyramid::new(neighbor))], &corners, view, &(-most..=most));
             keep_consensus(&corners, &mut found, Direction::of(view), size);
+            let expected: Vec<_> = found.iter().map(|found| found.map(|found| found.at)).collect();
+            found = find_again([center.0, neighbor], &corners, view, &expected, |pixel| pixel);
             let [x, y] = [view.right(), view.down()].map(f64::from);
             let parallax = |(corner, found): (&[usize; 2], &Option<Match>)| {
                 let [du, dv] = [0, 1].map(|axis| Some(found.as_ref()?.at[axis] - corner[axis] as f64));

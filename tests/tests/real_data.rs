@@ -366,13 +366,9 @@ fn rectification(root: &Path, scenes: &[&str]) -> Result<(), Failed> {
                 return Err(format!("{run:#?}").into());
             }
             let (_, _, found) = read_pfm(Path::new(&out));
-            let error = |(truth, found): (&Option<f64>, &f32)| {
-                let found = f64::from(*found);
-                Some((if found.is_finite() { found } else { 0.0 } - (*truth)?).abs()).map(|error| (error, found.is_finite()))
-            };
-            let all: Vec<(f64, bool)> = data.truth.iter().zip(&found).filter_map(error).collect();
-            let bad = all.iter().filter(|(error, is_valid)| !is_valid || *error > 1.0).count();
-            Ok([100.0 * bad as f64 / all.len() as f64, all.iter().map(|(error, _)| error).sum::<f64>() / all.len() as f64])
+            let found: Vec<_> = found.into_iter().map(|d| d.is_finite().then(|| f64::from(d))).collect();
+            let [_, average, _, bad_1, _] = real_data::errors(&found, &data.truth);
+            Ok([bad_1, average])
         };
         let found = [errors(&data.images, &[])?, errors(&injected, &["--align"])?, errors(&injected, &[])?];
         for (sums, found) in sums.iter_mut().zip(found) {

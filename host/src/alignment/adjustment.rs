@@ -94,13 +94,9 @@ pub fn adjust(views: &[View], points: &[Point], pixel: f64) -> Option<Adjustment
 
 /// The standard deviation of the angles by which views are turned towards their baselines, in radians; 0 of a single view.
 fn spread_of_turns(views: &[View], models: &[ViewModel]) -> f64 {
-    let shared = shared_turn(views, models);
-    let turn = |(model, view): (&ViewModel, &View)| {
-        let [x, y] = [view.right(), view.down()].map(f64::from);
-        (x * model.rotation.y - y * model.rotation.x) / (x * x + y * y) - shared
-    };
-    let squares: f64 = models.iter().zip(views).map(|both| turn(both).powi(2)).sum();
-    (squares / views.len().saturating_sub(1).max(1) as f64).sqrt()
+    let (shared, count) = (shared_turn(views, models), views.len() as f64);
+    let squares: f64 = shares_of_turn(views, models).map(|share| (count * share - shared).powi(2)).sum();
+    (squares / f64::max(count - 1.0, 1.0)).sqrt()
 }
 
 /// The coefficients of a view's rotation in the turn towards the baselines that all views share.
@@ -123,11 +119,15 @@ fn mean_length(views: &[View], models: &[ViewModel]) -> f64 {
 
 /// The turn towards the baselines that all views share, in radians.
 fn shared_turn(views: &[View], models: &[ViewModel]) -> f64 {
-    let turn = |(model, &view): (&ViewModel, &View)| {
+    shares_of_turn(views, models).sum()
+}
+
+/// What each view adds to the turn that all share.
+fn shares_of_turn(views: &[View], models: &[ViewModel]) -> impl Iterator<Item = f64> {
+    models.iter().zip(views).map(|(model, &view)| {
         let [x, y] = shared_weights(views, view);
         x * model.rotation.x + y * model.rotation.y
-    };
-    models.iter().zip(views).map(turn).sum()
+    })
 }
 
 /// Adjusts the models of views that a stage has moved without turning the camera.

@@ -2,7 +2,7 @@
 
 use image::GrayImage;
 
-use crate::images::InterpolatedImage;
+use crate::images::extended_pixel;
 
 /// Pixels around a corner that its texture is measured in, to each side.
 const RADIUS: usize = 4;
@@ -35,11 +35,11 @@ pub fn corners(image: &GrayImage, count: usize, margin: usize) -> Vec<[usize; 2]
 /// The lesser eigenvalue of the mean structure tensor around each pixel.
 fn strengths(image: &GrayImage) -> Vec<f32> {
     let [width, height] = [image.width(), image.height()].map(|side| side as usize);
-    let source = InterpolatedImage::new(image);
+    let at = |u, v| extended_pixel(image, u, v);
     let mut tensors = [const { Vec::new() }; 3];
     for (v, u) in (0..height as isize).flat_map(|v| (0..width as isize).map(move |u| (v, u))) {
-        let x = (source.pixel(u + 1, v) - source.pixel(u - 1, v)) as f32 / 2.0;
-        let y = (source.pixel(u, v + 1) - source.pixel(u, v - 1)) as f32 / 2.0;
+        let x = (at(u + 1, v) - at(u - 1, v)) as f32 / 2.0;
+        let y = (at(u, v + 1) - at(u, v - 1)) as f32 / 2.0;
         tensors.iter_mut().zip([x * x, x * y, y * y]).for_each(|(tensor, product)| tensor.push(product));
     }
     let [xx, xy, yy] = tensors.map(|tensor| box_means(&tensor, width, height));

@@ -309,7 +309,10 @@ impl Alignment {
         let (width, height) = picture.dimensions();
         let map = self.map(frame).filter(|map| !map.is_negligible([width as usize, height as usize]));
         if map.is_none() && gain == 1.0 {
-            return undistortion.map_or(picture.clone(), |undistortion| undistortion.picture(&picture));
+            return match undistortion {
+                Some(undistortion) => undistortion.picture(&picture),
+                None => picture,
+            };
         }
         let place = |pixel: [usize; 2]| {
             let pixel = pixel.map(|at| at as f64);

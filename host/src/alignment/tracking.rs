@@ -11,7 +11,7 @@ use super::{
     direction::Direction,
     pyramid::{Pyramid, RADIUS},
 };
-use crate::images::InterpolatedImage;
+use crate::images::{InterpolatedImage, extended_pixel};
 
 /// The least correlation of a corner with its match.
 const MIN_CORRELATION: f32 = 0.8;
@@ -43,12 +43,12 @@ pub fn find(
     view: View,
     range: &RangeInclusive<i16>,
 ) -> Vec<Option<Match>> {
-    let images = [center.0, neighbor.0].map(InterpolatedImage::new);
+    let image = InterpolatedImage::new(neighbor.0);
     let pyramids = [center.1, neighbor.1];
-    let square = |at, _| images[1].square(at, SIDE);
+    let square = |at, _| image.square(at, SIDE);
     let find = |&corner: &[usize; 2]| {
         let nearby = find_nearby(pyramids, corner, view, range)?;
-        refine(&images[0], square, None, corner, nearby)
+        refine(center.0, square, None, corner, nearby)
     };
     corners.par_iter().map(find).collect()
 }
@@ -63,7 +63,7 @@ pub fn find_again(
     expected: &[Option<[f64; 2]>],
     map: impl Fn([f64; 2]) -> [f64; 2] + Sync,
 ) -> Vec<Option<Match>> {
-    let [center, neighbor] = [center, neighbor].map(InterpolatedImage::new);
+    let neighbor = InterpolatedImage::new(neighbor);
     let Direction { along: [ax, ay], .. } = Direction::of(view);
     let square = |[u, v]: [f64; 2], [right, down]: [f64; 2]| {
         let offsets = (-SIDE..=SIDE).flat_map(|j| (-SIDE..=SIDE).map(move |i| [i as f64, j as f64]));
@@ -74,7 +74,7 @@ pub fn find_again(
         offsets.map(|offset| neighbor.at(map(place(offset)))).collect()
     };
     let find = |(&corner, expected): (&[usize; 2], &Option<[f64; 2]>)| {
-        let found = refine(&center, square, Some([ax, ay]), corner, (*expected)?)?;
+        let found = refine(center, square, Some([ax, ay]), corner, (*expected)?)?;
         Some(Match { at: map(found.at), ..found })
     };
     corners.par_iter().zip(expected).map(find).collect()
@@ -118,7 +118,7 @@ fn find_nearby(
 ///
 /// `square` gives the pixels around a point of the view for these two slopes.
 fn refine(
-    center: &InterpolatedImage,
+    center: &GrayImage,
     square: impl Fn([f64; 2], [f64; 2]) -> Vec<f64>,
     along: Option<[f64; 2]>,
     corner: [usize; 2],
@@ -128,7 +128,7 @@ fn refine(
     let [ax, ay] = along.unwrap_or_default();
     // A pixel less the mean, and what it changes by with the position and the slopes.
     let template = |(j, i): (isize, isize)| {
-        let at = |i: isize, j: isize| center.pixel(cu + i, cv + j);
+        let at = |i: isize, j: isize| extended_pixel(center, cu + i, cv + j);
         let [x, y] = [(at(i + 1, j) - at(i - 1, j)) / 2.0, (at(i, j + 1) - at(i, j - 1)) / 2.0];
         let slope = ax * x + ay * y;
         (at(i, j), Vector4::new(x, y, slope * i as f64, slope * j as f64))

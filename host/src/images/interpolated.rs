@@ -8,11 +8,21 @@ const POLE: f64 = -0.267_949_192_431_122_7;
 /// The number of pixels after which its response is gone.
 const REACH: usize = 24;
 
-/// A grey image between whose pixels a cubic spline runs (Unser, 1999). It is extended beyond its borders by replication.
+/// The grey value at whole coordinates of an image that is extended beyond its borders by replication.
+pub fn extended_pixel(image: &GrayImage, u: isize, v: isize) -> f64 {
+    let size = [image.width(), image.height()].map(|side| side as usize);
+    f64::from(image.as_raw()[nearest(size, u, v)])
+}
+
+/// The index of the pixel of an image that is nearest to a place inside or outside.
+fn nearest([width, height]: [usize; 2], u: isize, v: isize) -> usize {
+    let [u, v] = [(u, width), (v, height)].map(|(at, size)| at.clamp(0, size as isize - 1) as usize);
+    v * width + u
+}
+
+/// A grey image between whose pixels a cubic spline runs (Unser, 1999). Its coefficients are replicated beyond its borders.
 pub struct InterpolatedImage {
-    width: usize,
-    height: usize,
-    pixels: Vec<f64>,
+    size: [usize; 2],
     /// Those of the spline's basis functions, one a pixel.
     coefficients: Vec<f64>,
 }
@@ -20,42 +30,39 @@ pub struct InterpolatedImage {
 impl InterpolatedImage {
     pub fn new(image: &GrayImage) -> InterpolatedImage {
         let (width, height) = (image.width() as usize, image.height() as usize);
-        let pixels: Vec<f64> = image.as_raw().iter().copied().map(f64::from).collect();
-        let mut coefficients = pixels.clone();
+        let mut coefficients: Vec<f64> = image.as_raw().iter().copied().map(f64::from).collect();
         coefficients.par_chunks_exact_mut(width).for_each(filter);
         let mut columns: Vec<f64> = (0..width).flat_map(|u| coefficients.iter().skip(u).step_by(width).copied()).collect();
         columns.par_chunks_exact_mut(height).for_each(filter);
         let coefficients = (0..height).flat_map(|v| columns.iter().skip(v).step_by(height).copied()).collect();
-        InterpolatedImage { width, height, pixels, coefficients }
-    }
-
-    /// The grey value at whole coordinates.
-    pub fn pixel(&self, u: isize, v: isize) -> f64 {
-        self.pixels[self.index(u, v)]
+        InterpolatedImage { size: [width, height], coefficients }
     }
 
     /// The grey value at `(u, v)`.
     pub fn at(&self, [u, v]: [f64; 2]) -> f64 {
-        let [(u, wu), (v, wv)] = [u, v].map(|at| (at.floor() as isize, spline_weights(at - at.floor())));
-        let row = |v: isize| (-1..).zip(wu).map(|(i, w)| w * self.coefficients[self.index(u + i, v)]).sum::<f64>();
-        (-1..).zip(wv).map(|(j, w)| w * row(v + j)).sum()
+        let [(u, wu), (v, wv)] = [u, v].map(place);
+        (-1..).zip(wv).map(|(j, w)| w * self.in_row(v + j, u, wu)).sum()
     }
 
     /// The grey values of the square around `(u, v)`, `radius` to each side, in rows.
     pub fn square(&self, [u, v]: [f64; 2], radius: isize) -> Vec<f64> {
-        let [(u, wu), (v, wv)] = [u, v].map(|at| (at.floor() as isize, spline_weights(at - at.floor())));
-        let weighted = |v: isize, u: isize| (-1..).zip(wu).map(|(i, w)| w * self.coefficients[self.index(u + i, v)]).sum::<f64>();
-        let rows: Vec<Vec<f64>> =
-            (v - radius - 1..=v + radius + 2).map(|v| (u - radius..=u + radius).map(|u| weighted(v, u)).collect()).collect();
+        let [(u, wu), (v, wv)] = [u, v].map(place);
+        let row = |v: isize| (u - radius..=u + radius).map(|u| self.in_row(v, u, wu)).collect();
+        let rows: Vec<Vec<f64>> = (v - radius - 1..=v + radius + 2).map(row).collect();
         let column = |rows: &[Vec<f64>], k: usize| rows.iter().zip(wv).map(|(row, w)| w * row[k]).sum::<f64>();
         let side = (2 * radius + 1) as usize;
         rows.windows(4).flat_map(|rows| (0..side).map(move |k| column(rows, k))).collect()
     }
 
-    fn index(&self, u: isize, v: isize) -> usize {
-        let [u, v] = [(u, self.width), (v, self.height)].map(|(at, size)| at.clamp(0, size as isize - 1) as usize);
-        v * self.width + u
+    /// The weighted sum of the coefficients from `u - 1` on in row `v`.
+    fn in_row(&self, v: isize, u: isize, weights: [f64; 4]) -> f64 {
+        (-1..).zip(weights).map(|(i, w)| w * self.coefficients[nearest(self.size, u + i, v)]).sum()
     }
+}
+
+/// The pixel at or before a coordinate, and the weights of four coefficients from the one before it on.
+fn place(at: f64) -> (isize, [f64; 4]) {
+    (at.floor() as isize, spline_weights(at - at.floor()))
 }
 
 /// Turns a line of pixels, which goes on as in a mirror at its ends, into coefficients of a cubic spline.
@@ -86,12 +93,6 @@ fn spline_weights(t: f64) -> [f64; 4] {
     [s.powi(3), 4.0 - 6.0 * t * t + 3.0 * t.powi(3), 4.0 - 6.0 * s * s + 3.0 * s.powi(3), t.powi(3)].map(|weight| weight / 6.0)
 }
 
-/// The weights of four consecutive pixels for a position `t` beyond the second, with `t` from 0 to 1.
-pub fn cubic_weights(t: f64) -> [f64; 4] {
-    let (t2, t3) = (t * t, t * t * t);
-    [(-t3 + 2.0 * t2 - t) / 2.0, (3.0 * t3 - 5.0 * t2 + 2.0) / 2.0, (-3.0 * t3 + 4.0 * t2 + t) / 2.0, (t3 - t2) / 2.0]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -101,8 +102,7 @@ mod tests {
     #[test]
     fn borders_are_replicated() {
         let image = GrayImage::from_fn(4, 3, |u, v| Luma([(10 * v + u) as u8]));
-        let image = InterpolatedImage::new(&image);
-        assert_eq!([image.pixel(3, 1), image.pixel(9, -5)], [13.0, 3.0]);
+        assert_eq!([extended_pixel(&image, 3, 1), extended_pixel(&image, 9, -5)], [13.0, 3.0]);
     }
 
     #[test]

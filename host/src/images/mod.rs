@@ -19,7 +19,7 @@ pub use disparity_map::DisparityMap;
 pub use frames::Frames;
 pub use geometry::Geometry;
 pub use image_region::ImageRegion;
-pub(crate) use interpolated::InterpolatedImage;
+pub(crate) use interpolated::{InterpolatedImage, extended_pixel};
 pub use layout::Layout;
 pub use picture::Picture;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]

@@ -3,7 +3,7 @@
 use image::{ImageBuffer, Pixel, Primitive};
 use rayon::prelude::*;
 
-use super::{interpolated::cubic_weights, picture::Picture};
+use super::picture::Picture;
 
 impl Picture {
     /// The picture of the same size and depth whose pixels lie where `map` leads to, black where that is nowhere, divided by `gain`. They are
@@ -69,4 +69,10 @@ fn taps(at: f64, size: usize) -> ([usize; 4], [f64; 4]) {
     let at = at.clamp(-4.0, size as f64 + 4.0);
     let first = at.floor() as isize - 1;
     ([0, 1, 2, 3].map(|i| (first + i).clamp(0, size as isize - 1) as usize), cubic_weights(at - at.floor()))
+}
+
+/// The weights of four consecutive pixels for a position `t` beyond the second, with `t` from 0 to 1.
+fn cubic_weights(t: f64) -> [f64; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    [(-t3 + 2.0 * t2 - t) / 2.0, (3.0 * t3 - 5.0 * t2 + 2.0) / 2.0, (-3.0 * t3 + 4.0 * t2 + t) / 2.0, (t3 - t2) / 2.0]
 }

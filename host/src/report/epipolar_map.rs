@@ -44,14 +44,14 @@ impl EpipolarMap<'_> {
         magnification(large.max(0.1), LONGEST_STROKE * self.size[0] as f64)
     }
 
-    fn strokes(&self, errors: &[EpipolarError], color: &str, error_px: fn(&EpipolarError) -> f64) -> Markup {
+    fn strokes(&self, times: f64, color: &str, error_px: fn(&EpipolarError) -> f64) -> Markup {
         let scale = WIDTH / self.size[0] as f64;
         let across = Direction::of(self.view).across;
-        let enlarged = scale * self.magnification();
+        let enlarged = scale * times;
         let number = |value: f64| format!("{value:.1}");
         html! {
             g class=(format!("series {color}")) style="stroke-width:1.5" {
-                @for error in errors {
+                @for error in self.alignment.epipolar_errors(self.view) {
                     @let [x, y] = error.pixel.map(|at| scale * (at + 0.5));
                     @let [dx, dy] = across.map(|at| enlarged * error_px(error) * at);
                     line x1=(number(x)) y1=(number(y)) x2=(number(x + dx)) y2=(number(y + dy)) {}
@@ -93,8 +93,8 @@ impl Render for EpipolarMap<'_> {
                 }
                 g transform=(format!("translate(0 {TEXT})")) {
                     rect x="0" y="0" width=(WIDTH) height=(format!("{height:.1}")) class="axis" fill="none" {}
-                    (self.strokes(errors, COLORS[0], |error| error.before_px))
-                    (self.strokes(errors, COLORS[1], |error| error.after_px))
+                    (self.strokes(times, COLORS[0], |error| error.before_px))
+                    (self.strokes(times, COLORS[1], |error| error.after_px))
                     g class=(COLORS[1]) {
                         @for error in errors {
                             @let [x, y] = error.pixel.map(|at| scale * (at + 0.5));

@@ -30,7 +30,7 @@ pub fn backdrop(dice: &mut Dice, viewport: &Viewport, coatings: &Coatings) -> Ve
 fn wall(dice: &mut Dice, viewport: &Viewport, coatings: &Coatings) -> Object {
     let [x, y] = viewport.half;
     // From one edge of the image to the other.
-    let most = 0.5 * viewport.far.max(0.2 * viewport.near);
+    let most = (3.0 * viewport.far).min(0.8 * (viewport.near - viewport.far));
     let changes = [dice.around_zero(most), dice.around_zero(most)];
     let slope = [changes[0] / (2.0 * MARGIN * x), changes[1] / (2.0 * MARGIN * y)];
     let disparity = viewport.far + slope[0].abs() * x + slope[1].abs() * y;

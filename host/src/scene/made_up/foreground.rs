@@ -10,16 +10,16 @@ use crate::scene::{object::Object, pose::Pose, shape::Shape, vec3::Vec3};
 /// Groups of objects at random places.
 pub fn foreground(dice: &mut Dice, viewport: &Viewport, coatings: &Coatings) -> Vec<Object> {
     let mut objects = Vec::new();
-    for _ in 0..dice.count(3, 11) {
+    for _ in 0..dice.count(4, 16) {
         let mut group = Group::new(dice, viewport, coatings);
-        match group.dice.count(0, 15) {
-            0..=3 => group.panel(),
-            4..=6 => group.block(),
-            7 | 8 => group.ball(),
-            9 | 10 => group.column(),
-            11 | 12 => group.twigs(),
-            13 => group.fence(),
-            14 => group.leaves(),
+        match group.dice.count(0, 19) {
+            0..=5 => group.panel(),
+            6..=9 => group.block(),
+            10..=12 => group.ball(),
+            13 | 14 => group.column(),
+            15 | 16 => group.twigs(),
+            17 => group.fence(),
+            18 => group.leaves(),
             _ => group.frame(),
         }
         objects.append(&mut group.objects);
@@ -47,7 +47,7 @@ impl<'a> Group<'a> {
 
     /// A board at any angle.
     fn panel(&mut self) {
-        let half = [0; 2].map(|_| self.dice.mostly_low(4.0, 65.0));
+        let half = [0; 2].map(|_| self.dice.mostly_low(5.0, 90.0));
         let coating = self.coatings.next(self.dice, true);
         let steepness = self.dice.pick([0.0, 0.0, 0.03, 0.15]);
         self.add_panel(self.place, half, steepness, &coating);
@@ -65,7 +65,7 @@ impl<'a> Group<'a> {
 
     /// A box.
     fn block(&mut self) {
-        let half = [0; 3].map(|_| self.dice.mostly_low(3.0, 40.0));
+        let half = [0; 3].map(|_| self.dice.mostly_low(5.0, 50.0));
         let upright = self.dice.happens(0.4);
         let pose = Pose::at(Vec3::ZERO);
         let pose = if upright { pose.turned(1, self.dice.between(-1.0, 1.0)) } else { self.dice.turned(pose) };
@@ -74,14 +74,14 @@ impl<'a> Group<'a> {
     }
 
     fn ball(&mut self) {
-        let (radius, pose) = (self.dice.mostly_low(4.0, 45.0), Pose::at(Vec3::ZERO));
+        let (radius, pose) = (self.dice.mostly_low(5.0, 60.0), Pose::at(Vec3::ZERO));
         let coating = self.coatings.next(self.dice, false);
         self.add_solid(pose, &coating, |pixel| Shape::Sphere { radius: radius * pixel });
     }
 
     /// A thick rod.
     fn column(&mut self) {
-        let (radius, half_length) = (self.dice.mostly_low(3.0, 28.0), self.dice.between(8.0, 90.0));
+        let (radius, half_length) = (self.dice.mostly_low(3.0, 36.0), self.dice.between(8.0, 90.0));
         let pose = self.in_image(0.3);
         let coating = self.coatings.next(self.dice, false);
         self.add_solid(pose, &coating, |pixel| Shape::Rod { half_length: half_length * pixel, radius: radius * pixel });

@@ -57,8 +57,8 @@ impl RandomScene {
         let viewport = random_viewport(&mut dice, size);
         let coatings = Coatings::new(&mut dice);
         let mut objects = backdrop(&mut dice, &viewport, &coatings);
+        let (lamp, [sky, ground]) = illumination(&mut dice, &viewport, &objects);
         objects.extend(foreground(&mut dice, &viewport, &coatings));
-        let (lamp, [sky, ground]) = illumination(&mut dice, &viewport);
         let (camera, flaws) = rig(&mut dice, &viewport, size);
         let brightness = dice.between(0.25, 0.6);
         RandomScene { scene: Scene { objects, lamp, sky, ground, viewpoint: Viewport::pose() }, camera, flaws, brightness }

@@ -13,7 +13,10 @@ use multiscopic::{Error, Result, files::output, scene::RandomScene};
 use multiscopic_core::Views;
 use rayon::prelude::*;
 
-use super::{options::NeighborOptions, terminal};
+use super::{
+    options::{NeighborOptions, value},
+    terminal,
+};
 
 /// Renders captures of made-up scenes with known disparities, to test, fit or train with
 ///
@@ -35,7 +38,7 @@ pub struct SceneCommand {
     count: u32,
 
     /// Size of the views in pixels, from 16x16 to 4096x4096
-    #[arg(long, value_name = "WxH", default_value = "256x192", value_parser = size)]
+    #[arg(long, value_name = "WxH", default_value = "256x192", value_parser = view_size)]
     size: [u32; 2],
 
     #[command(flatten)]
@@ -71,8 +74,7 @@ impl SceneCommand {
 }
 
 /// Parses the size of a view.
-fn size(text: &str) -> Result<[u32; 2]> {
-    let side = |text: &str| text.parse().ok().filter(|side| (16..=4096).contains(side));
-    let sides = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
-    sides.ok_or_else(|| Error::Usage("it must be a width and a height from 16 to 4096, such as 256x192".into()))
+fn view_size(text: &str) -> Result<[u32; 2]> {
+    let size = value::size(text).ok().filter(|size| size.iter().all(|side| (16..=4096).contains(side)));
+    size.ok_or_else(|| Error::Usage("it must be a width and a height from 16 to 4096, such as 256x192".into()))
 }

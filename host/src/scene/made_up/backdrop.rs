@@ -58,7 +58,8 @@ fn side_wall(dice: &mut Dice, viewport: &Viewport, coatings: &Coatings) -> Objec
 
 fn plane(dice: &mut Dice, viewport: &Viewport, coatings: &Coatings, place: [f64; 2], disparity: f64, slope: [f64; 2]) -> Object {
     let pose = viewport.plane(place, disparity, slope);
-    let footprint = viewport.footprint(viewport.depth(disparity));
+    // Textures become finer towards what is far: in the middle, they are as fine as those of other objects.
+    let footprint = viewport.footprint(viewport.depth((disparity * viewport.far).sqrt()));
     coatings.next(dice, true).object(Shape::Panel { half_width: WIDE, half_height: WIDE }, pose, footprint)
 }
 

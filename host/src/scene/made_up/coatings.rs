@@ -33,7 +33,7 @@ pub struct Coating {
 
 impl Coatings {
     pub fn new(dice: &mut Dice) -> Coatings {
-        let (blank, glossy) = (dice.pick([0.1, 0.2, 0.45, 0.75]), dice.pick([0.0, 0.2, 0.5]));
+        let (blank, glossy) = (dice.pick([0.05, 0.15, 0.35, 0.7]), dice.pick([0.0, 0.2, 0.5]));
         let common = coating(dice, blank, glossy, true);
         Coatings { blank, alike: dice.pick([0.0, 0.0, 0.0, 0.6]), common, glossy }
     }
@@ -91,8 +91,8 @@ fn texture(dice: &mut Dice, colors: &Colors, flat: bool) -> Texture {
     let [base, other] = [colors.base, colors.others[0]];
     let octaves = dice.count(2, 5) as u8;
     match dice.count(0, 15) {
-        0..=3 => Texture::Clouds { low: base, high: other, grain: dice.mostly_low(1.0, 5.0), octaves },
-        4 if flat => Texture::Plaster { low: base, high: other, grain: dice.mostly_low(1.0, 5.0), octaves },
+        0..=3 => Texture::Clouds { low: base, high: other, grain: dice.mostly_low(1.0, 3.0), octaves },
+        4 if flat => Texture::Plaster { low: base, high: other, grain: dice.mostly_low(1.0, 3.0), octaves },
         4 => Texture::Clouds { low: base, high: other, grain: 1.2, octaves: 4 },
         5 => Texture::Wood { light: base, dark: other, ring: dice.between(4.0, 14.0) },
         6 => Texture::Marble { base, vein: other, size: dice.between(25.0, 90.0) },
@@ -123,7 +123,7 @@ struct Colors {
 impl Colors {
     fn new(dice: &mut Dice) -> Colors {
         let base = color(dice);
-        if dice.happens(0.35) {
+        if dice.happens(0.45) {
             return Colors { base, others: [(); 4].map(|()| color(dice)) };
         }
         // Similar colours: little contrast, as most surfaces have.

@@ -87,3 +87,53 @@ fn blur(light: &mut Raster<Vec3>, share: f64) {
         before = here;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use multiscopic_core::View;
+
+    use super::*;
+
+    const RIGHT: Frame = Frame::View(View::RIGHT);
+
+    #[test]
+    fn blur_spreads_the_light_of_a_pixel() {
+        let flaws = Flaws { blur: 0.4, blurs: 1, ..Flaws::NONE };
+        let mut light = Raster::filled(6, 5, Vec3::ZERO);
+        light.row_mut(2)[3] = Vec3::splat(100.0);
+        flaws.expose(&mut light, RIGHT, 1.0);
+        let weight = |distance: usize| [0.6, 0.2, 0.0][distance.min(2)];
+        for (u, v) in (0..5).flat_map(|v| (0..6).map(move |u: usize| (u, v))) {
+            let expected = 100.0 * weight(u.abs_diff(3)) * weight(2_usize.abs_diff(v));
+            assert!((light.get(u, v).x - expected).abs() < 1e-9, "({u}, {v})");
+        }
+        // At the borders no light is lost.
+        let mut even = Raster::filled(4, 3, Vec3::splat(2.0));
+        Flaws { blurs: 2, ..flaws }.expose(&mut even, RIGHT, 1.0);
+        assert!(even.pixels().iter().all(|light| (*light - Vec3::splat(2.0)).length() < 1e-12));
+    }
+
+    #[test]
+    fn frames_differ_in_brightness_and_direction_by_what_was_asked_for() {
+        let sensor = PinholeCamera::new(200, 150).ideal();
+        let (mut brightest, mut farthest) = (0.0_f64, 0.0_f64);
+        for seed in 0..60 {
+            let flaws = Flaws { seed, turned_px: 0.5, gain: 0.1, stray: [0.01, 0.0], ..Flaws::NONE };
+            let mut light = Raster::filled(1, 1, Vec3::splat(0.5));
+            flaws.expose(&mut light, RIGHT, 2.0);
+            brightest = brightest.max((light.get(0, 0).y - 0.01 - 1.0).abs());
+            let level = Pose::at(Vec3::ZERO);
+            let pose = flaws.camera(&level, &sensor, RIGHT).pose;
+            // Where the optical axis of the level camera appears: by how much the view is turned.
+            let ahead = pose.local_direction(Vec3::Z) * sensor.focal_px;
+            farthest = [ahead.x, ahead.y, 100.0 * pose.axes[0].y].into_iter().fold(farthest, |most, px| most.max(px.abs()));
+            assert_eq!(flaws.camera(&level, &sensor, Frame::Center).pose, level);
+        }
+        assert!((0.09..=0.1).contains(&brightest), "{brightest}");
+        assert!((0.45..=0.51).contains(&farthest), "{farthest} pixels");
+        let [once, twice] = [3, 3].map(|seed| Flaws { seed, turned_px: 1.0, ..Flaws::NONE });
+        let pose = |flaws: Flaws, view| flaws.camera(&Pose::at(Vec3::ZERO), &sensor, Frame::View(view)).pose;
+        assert_eq!(pose(once, View::TOP), pose(twice, View::TOP));
+        assert_ne!(pose(once, View::TOP).axes, pose(once, View::LEFT).axes);
+    }
+}

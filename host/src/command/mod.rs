@@ -15,6 +15,7 @@ pub mod r#match;
 mod options;
 mod preparation;
 pub mod rig;
+pub mod scene;
 pub mod simulate;
 pub mod terminal;
 mod variant;

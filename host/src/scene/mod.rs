@@ -13,6 +13,7 @@
 //! ```
 
 mod description;
+mod made_up;
 mod object;
 mod pinhole_camera;
 mod pose;
@@ -27,6 +28,7 @@ mod texture;
 mod vec3;
 
 pub use description::{Lamp, Scene};
+pub use made_up::{Flaws, RandomScene};
 pub use object::{Finish, Object};
 pub use pinhole_camera::PinholeCamera;
 pub use pose::Pose;
@@ -35,5 +37,5 @@ pub use ray::Ray;
 pub use render::{render, render_at, render_views, trace};
 pub use shape::Shape;
 pub use shot::Shot;
-pub use texture::Texture;
+pub use texture::{Motif, Placement, Texture};
 pub use vec3::Vec3;

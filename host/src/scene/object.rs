@@ -1,6 +1,11 @@
 //! A body in a scene.
 
-use super::{pose::Pose, shape::Shape, texture::Texture};
+use super::{
+    pose::Pose,
+    shape::Shape,
+    texture::{Placement, Texture},
+    vec3::Vec3,
+};
 
 /// How a surface reflects light, apart from its colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,8 +27,17 @@ pub struct Object {
     pub shape: Shape,
     /// Its position and orientation.
     pub pose: Pose,
-    /// Its colours, in its own coordinates.
+    /// Its colours.
     pub texture: Texture,
+    /// Where its texture lies in its own coordinates.
+    pub placement: Placement,
     /// How its surface reflects light.
     pub finish: Finish,
+}
+
+impl Object {
+    /// The point of the texture that lies at a point of the world.
+    pub(super) fn texture_point(&self, world: Vec3) -> Vec3 {
+        self.placement.texture_point(self.pose.local_point(world))
+    }
 }

@@ -59,6 +59,14 @@ impl PinholeCamera {
     }
 }
 
+/// A number for each frame: 0 for the centre, greater ones for views.
+pub(super) fn frame_number(frame: Frame) -> u64 {
+    match frame {
+        Frame::Center => 0,
+        Frame::View(view) => 1 + number(view),
+    }
+}
+
 /// A number for each view: its place in [`View::CROSS`], and a greater one for any other.
 pub(super) fn number(view: View) -> u64 {
     let place = View::CROSS.into_iter().position(|other| other == view);

@@ -38,7 +38,7 @@ mod tests {
     use super::*;
     use crate::{
         lens::{Lens, LensModel},
-        scene::{Finish, Lamp, Object, Scene, Shape, Texture, render_at, trace},
+        scene::{Finish, Lamp, Object, Placement, Scene, Shape, Texture, render_at, trace},
     };
 
     const WHITE: Texture = Texture::Plain(Vec3::splat(1.0));
@@ -47,7 +47,13 @@ mod tests {
     /// A white ball before a black wall, in the same light from all sides.
     fn ball(center: Vec3) -> Scene {
         let wall = Shape::Panel { half_width: 1e6, half_height: 1e6 };
-        let object = |shape, at, texture| Object { shape, pose: Pose::at(at), texture, finish: Finish::Matte };
+        let object = |shape, at, texture| Object {
+            shape,
+            pose: Pose::at(at),
+            texture,
+            placement: Placement::IDENTITY,
+            finish: Finish::Matte,
+        };
         Scene {
             objects: vec![object(wall, Vec3::new(0.0, 0.0, 5000.0), BLACK), object(Shape::Sphere { radius: 4.0 }, center, WHITE)],
             lamp: Lamp { center: Vec3::new(0.0, 0.0, -1000.0), half_u: Vec3::X, half_v: Vec3::Y, light: Vec3::ZERO },

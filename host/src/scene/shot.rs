@@ -31,6 +31,13 @@ impl Shot {
         }
     }
 
+    /// The centre and all neighbours with their colours, ready for matching.
+    pub fn color_frames(&self) -> Frames {
+        let picture = |image: &RgbImage| Picture::Rgb(image.clone());
+        let center = Frames::of_picture(picture(&self.center));
+        self.neighbors.iter().fold(center, |frames, (view, image)| frames.with_picture(*view, picture(image)))
+    }
+
     /// The centre and the neighbours `views`, in grey, ready for matching.
     ///
     /// # Panics

@@ -9,7 +9,7 @@ use super::{
     object::{Finish, Object},
     pose::Pose,
     shape::Shape,
-    texture::Texture,
+    texture::{Placement, Texture},
     vec3::Vec3,
 };
 
@@ -47,7 +47,7 @@ impl Scene {
 }
 
 fn object(shape: Shape, pose: Pose, texture: Texture, finish: Finish) -> Object {
-    Object { shape, pose, texture, finish }
+    Object { shape, pose, texture, placement: Placement::IDENTITY, finish }
 }
 
 fn sphere(radius: f64, pose: Pose, texture: Texture, finish: Finish) -> Object {

@@ -110,3 +110,9 @@ impl Neg for Vec3 {
         Vec3::ZERO - self
     }
 }
+
+impl From<[f64; 3]> for Vec3 {
+    fn from([x, y, z]: [f64; 3]) -> Vec3 {
+        Vec3::new(x, y, z)
+    }
+}

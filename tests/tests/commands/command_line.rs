@@ -163,7 +163,7 @@ fn name(fusion: Fusion) -> &'static str {
 fn without_arguments_it_prints_help() {
     let run = Invocation::new::<&str>([]);
     let help = format!("{}{}", run.stdout, run.stderr);
-    for command in ["match", "evaluate", "demo", "bench", "budget", "simulate", "listen"] {
+    for command in ["match", "evaluate", "demo", "scene", "bench", "budget", "simulate", "listen"] {
         assert!(help.contains(command), "the help names `{command}`: {run:#?}");
     }
     assert_eq!(run.code, Some(0), "{run:#?}");

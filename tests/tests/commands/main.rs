@@ -11,4 +11,5 @@ mod lenses;
 mod photo_files;
 mod photos;
 mod rig_quality;
+mod scenes;
 mod search_ranges;

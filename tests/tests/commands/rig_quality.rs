@@ -5,7 +5,7 @@ use std::{fs, path::Path};
 use multiscopic::{
     Rig,
     files::{FrameFiles, Provenance},
-    scene::{Finish, Object, PinholeCamera, Scene, Shape, Texture, Vec3, render_views},
+    scene::{Finish, Object, PinholeCamera, Placement, Scene, Shape, Texture, Vec3, render_views},
 };
 use multiscopic_core::Views;
 use multiscopic_tests::{program::Invocation, test_images::view_set::read_pfm};
@@ -29,6 +29,7 @@ fn capture_wall(folder: &Path, camera: &PinholeCamera, turned: [f64; 2], seed: u
         shape: Shape::Panel { half_width: 2000.0, half_height: 2000.0 },
         pose,
         texture: Texture::Plaster { low, high, grain: 3.0, octaves: 3 },
+        placement: Placement::IDENTITY,
         finish: Finish::Matte,
     };
     let normal = demo.viewpoint.local_direction(pose.axes[2]);

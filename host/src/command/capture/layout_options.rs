@@ -1,10 +1,10 @@
 //! The options of where frames are taken.
 
 use clap::Args;
-use multiscopic::{Error, Result, capture::Accuracy, images::Layout};
+use multiscopic::{Error, Result, capture::Accuracy};
 use multiscopic_core::{View, Views};
 
-use crate::command::options::{micrometres, value::positive, views_of_count};
+use crate::command::options::{NeighborOptions, micrometres, value::positive};
 
 /// Where the frames are taken.
 #[derive(Clone, Debug, Args)]
@@ -26,13 +26,8 @@ pub struct LayoutOptions {
     )]
     baselines: Vec<f64>,
 
-    /// Neighbours: right (1), left and right (2), top as well (3), all in the row and column (4), or all of a 3x3 array (8)
-    #[arg(long, value_name = "1|2|3|4|8", default_value_t = 4)]
-    views: usize,
-
-    /// Neighbours on a cross or an array of rows and columns, instead of --views
-    #[arg(long, value_name = "cross|3x3|RxC", conflicts_with = "views")]
-    layout: Option<Layout>,
+    #[command(flatten)]
+    neighbors: NeighborOptions,
 
     /// Depth accuracy in millimetres out to a distance in millimetres, such as 0.5@600: the frames are matched, and if they are not
     /// accurate enough, views at a longer baseline that gives it are taken as well; needs the focal length
@@ -53,7 +48,7 @@ impl LayoutOptions {
 
     /// The neighbours at the shortest baseline.
     pub fn nearest(&self) -> Result<Views> {
-        self.layout.map_or_else(|| views_of_count(self.views), |layout| Ok(layout.views()))
+        self.neighbors.views()
     }
 
     /// All neighbours, at all baselines.

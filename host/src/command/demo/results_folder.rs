@@ -8,7 +8,7 @@ use std::{
 use multiscopic::{
     DisparityMap, Error, Picture, Result, Rig,
     files::{
-        FrameFiles, Provenance,
+        FrameFiles,
         image_codec::write_png,
         output,
         ply::{self, Encoding},
@@ -22,7 +22,7 @@ use multiscopic::{
 use multiscopic_core::{Frame, View, Views};
 
 use super::{outcome::Outcome, variants};
-use crate::command::{charts::Errors, variant::Variant};
+use crate::command::{charts::Errors, scene::rendered_capture, variant::Variant};
 
 /// The frames, with their captions.
 pub fn frames(views: Views) -> Vec<(Frame, String)> {
@@ -36,7 +36,6 @@ pub fn frames(views: Views) -> Vec<(Frame, String)> {
 
 /// The picture of the truth.
 pub const TRUTH_PNG: &str = "truth.png";
-const TRUTH_PFM: &str = "truth.pfm";
 const CLOUD: &str = "cloud.ply";
 const OVERVIEW: &str = "overview.png";
 const SHEET: &str = "views.svg";
@@ -63,8 +62,18 @@ impl ResultsFolder {
         fs::create_dir_all(path).map_err(|source| Error::Write { path: path.into(), source })?;
         let folder = ResultsFolder { path: path.into(), views };
         let maps = variants.iter().map(variants::stem).flat_map(|stem| [map_pfm(&stem), map_png(&stem), errors_png(&stem)]);
-        let single =
-            [Rig::FILE_NAME, TRUTH_PFM, TRUTH_PNG, CLOUD, OVERVIEW, SHEET, OVER_VIEWS, OVER_BASELINES, PAGE].map(String::from);
+        let single = [
+            Rig::FILE_NAME,
+            rendered_capture::TRUTH_FILE_NAME,
+            TRUTH_PNG,
+            CLOUD,
+            OVERVIEW,
+            SHEET,
+            OVER_VIEWS,
+            OVER_BASELINES,
+            PAGE,
+        ]
+        .map(String::from);
         let frames = frames(views).into_iter().map(|(frame, _)| FrameFiles::name_of(frame));
         let paths: Vec<PathBuf> = frames.chain(single).chain(maps).map(|name| folder.file(&name)).collect();
         output::check(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[])?;
@@ -77,11 +86,7 @@ impl ResultsFolder {
 
     /// Writes the frames and `rig.toml`, as after a capture, and the truth.
     pub fn write_capture(&self, shot: &Shot, camera: &PinholeCamera, seed: u64) -> Result<()> {
-        for (frame, _) in frames(self.views) {
-            write_png(&self.file(&FrameFiles::name_of(frame)), shot.frame(frame))?;
-        }
-        rig(camera, self.views, seed).save(&self.path)?;
-        shot.truth.write_pfm(&self.file(TRUTH_PFM))
+        rendered_capture::write(&self.path, shot, camera, format!("the scene of multiscopic demo, seed {seed}"))
     }
 
     /// Writes the maps of all variants, their pictures and errors, the overview, what each set of views adds, and the best
@@ -114,7 +119,7 @@ impl ResultsFolder {
         };
         let center = Picture::Rgb(shot.center.clone());
         let size = [camera.width as usize, camera.height as usize];
-        let geometry = rig(camera, self.views, 0).geometry(size).expect("the camera is known");
+        let geometry = rendered_capture::rig(camera, self.views, String::new()).geometry(size).expect("the camera is known");
         ply::write(&self.file(CLOUD), best, &geometry, &center, Encoding::Binary)?;
         let panels = [&shot.center, &color(stereo), &color(best), &color(&truth)];
         write_png(&self.file(OVERVIEW), &montage::row(panels, OVERVIEW_PANEL))
@@ -149,26 +154,4 @@ pub fn map_png(stem: &str) -> String {
 /// The file of a variant's errors.
 pub fn errors_png(stem: &str) -> String {
     format!("{stem}-errors.png")
-}
-
-/// The rig of the rendered capture.
-fn rig(camera: &PinholeCamera, views: Views, seed: u64) -> Rig {
-    let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
-    Rig {
-        baseline_mm: Some(camera.baseline_mm),
-        focal_px: Some(camera.focal_px),
-        principal_point: Some([middle(camera.width), middle(camera.height)]),
-        doffs: 0.0,
-        lens: None,
-        mount_rotation_deg: None,
-        images: FrameFiles::of_capture(views),
-        alignment: None,
-        capture: Provenance {
-            camera: Some("ray tracer".into()),
-            stage: Some("simulated".into()),
-            repeatability_mm: Some(camera.repeatability_mm),
-            notes: Some(format!("the scene of multiscopic demo, seed {seed}")),
-            ..Provenance::default()
-        },
-    }
 }

@@ -12,7 +12,7 @@ use multiscopic::{
 };
 use multiscopic_core::capture::Policy;
 
-use super::value::positive;
+use super::value::{positive, size};
 
 /// The default backlash of a machine with screws or belts, in micrometres.
 const GCODE_BACKLASH_UM: u32 = 500;
@@ -212,12 +212,6 @@ fn pixel_format(name: &str) -> Result<PixelFormat> {
     PixelFormat::named(name).ok_or_else(|| Error::Usage(format!("it must be one of {}", known())))
 }
 
-fn size(text: &str) -> Result<[u32; 2]> {
-    let side = |text: &str| text.parse().ok().filter(|side| *side > 0);
-    let sides = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
-    sides.ok_or_else(|| Error::Usage("it must be a width and a height, as 640x480".into()))
-}
-
 /// A number of seconds, 0 or more.
 fn duration(text: &str) -> Result<f64> {
     let number = text.trim().parse().ok().filter(|number: &f64| Duration::try_from_secs_f64(*number).is_ok());
@@ -243,8 +237,6 @@ mod tests {
 
     #[test]
     fn numbers() {
-        assert_eq!(size("640x480").unwrap(), [640, 480]);
-        assert!(["640", "x", "0x1", "1x-1", "axb"].iter().all(|text| size(text).is_err()));
         assert_eq!(micrometres("--baseline", 20.0005).unwrap(), 20_001);
         assert!([0.0004, 1001.0, f64::INFINITY].iter().all(|&mm| micrometres("--baseline", mm).is_err()));
         assert!(duration("0").is_ok() && duration("-1").is_err() && duration("nan").is_err());

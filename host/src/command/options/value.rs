@@ -21,6 +21,13 @@ pub fn point(text: &str) -> Result<[f64; 2]> {
     }
 }
 
+/// Parses a width and a height in pixels.
+pub fn size(text: &str) -> Result<[u32; 2]> {
+    let side = |text: &str| text.parse().ok().filter(|side| *side > 0);
+    let sides = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
+    sides.ok_or_else(|| Error::Usage("it must be a width and a height, as 640x480".into()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -29,6 +36,8 @@ mod tests {
     fn numbers() {
         assert_eq!(point("319.5, -2").unwrap(), [319.5, -2.0]);
         assert_eq!(positive("1e3").unwrap(), 1000.0);
+        assert_eq!(size("640x480").unwrap(), [640, 480]);
+        assert!(["640", "x", "0x1", "1x-1", "axb"].iter().all(|text| size(text).is_err()));
         assert!(["0", "-1", "inf", "nan", "", "1x"].iter().all(|text| positive(text).is_err()));
         assert!(["1", "1,", "1,2,3", "a,b", "inf,1"].iter().all(|text| point(text).is_err()));
     }

@@ -1,5 +1,6 @@
 //! Rendering the frames of a scene and its true disparities.
 
+mod quality;
 mod rays;
 mod sensor;
 mod shading;
@@ -11,23 +12,18 @@ use image::RgbImage;
 use multiscopic_core::{Frame, Views};
 use rayon::prelude::*;
 
-use self::{
-    rays::{RUN, Rays},
-    tracer::Tracer,
-};
+use self::rays::{RUN, Rays};
+pub use self::{quality::Quality, sensor::develop, tracer::Tracer};
 use super::{
     description::Scene,
-    pinhole_camera::{PinholeCamera, number},
+    pinhole_camera::{PinholeCamera, frame_number},
     posed_camera::PosedCamera,
-    random::{even_square, hash},
+    random::hash,
     ray::Ray,
     shot::Shot,
     vec3::Vec3,
 };
-use crate::images::FloatImage;
-
-/// Rays for each pixel that sees the edge of a surface. Other pixels take four.
-const EDGE_RAYS: u32 = 8;
+use crate::images::{FloatImage, Raster};
 
 /// Renders the centre and the four neighbours of a scene. The seed decides the sensor's noise and where
 /// exactly the stage stops.
@@ -43,7 +39,7 @@ pub fn render(scene: &Scene, camera: &PinholeCamera, seed: u64) -> Shot {
 /// # Panics
 /// If the camera has no pixels.
 pub fn render_views(scene: &Scene, camera: &PinholeCamera, views: Views, seed: u64) -> Shot {
-    let tracer = Tracer::new(scene);
+    let tracer = Tracer::new(scene, Quality::Fine);
     assert!(camera.width > 0 && camera.height > 0, "a camera of {}x{} pixels", camera.width, camera.height);
     Shot {
         center: render_frame(&tracer, camera, Frame::Center, seed),
@@ -54,14 +50,11 @@ pub fn render_views(scene: &Scene, camera: &PinholeCamera, views: Views, seed: u
 
 /// Renders what a camera sees of a scene: black where its lens sees nothing. The seed decides the sensor's noise.
 pub fn render_at(scene: &Scene, camera: &PosedCamera, seed: u64) -> RgbImage {
-    render_image(&Tracer::new(scene), camera, hash(seed))
+    render_image(&Tracer::new(scene, Quality::Fine), camera, hash(seed))
 }
 
 fn render_frame(tracer: &Tracer, camera: &PinholeCamera, frame: Frame, seed: u64) -> RgbImage {
-    let number = match frame {
-        Frame::Center => 0,
-        Frame::View(view) => 1 + number(view),
-    };
+    let number = frame_number(frame);
     let frame_seed = match number {
         0..8 => hash(seed.wrapping_mul(8).wrapping_add(number)),
         // Eight frames have seeds beside those of the next scene.
@@ -75,15 +68,33 @@ fn render_image(tracer: &Tracer, camera: &PosedCamera, seed: u64) -> RgbImage {
     let rays = Rays::new(camera);
     let mut image = RgbImage::new(width, height);
     image.par_chunks_exact_mut(3 * width as usize).zip(0..height).for_each(|(row, v)| {
-        for (run, first) in row.chunks_mut(3 * RUN as usize).zip((0..).step_by(RUN as usize)) {
-            let objects = objects_in_run(tracer, &rays, first, v);
-            for (pixel, u) in run.chunks_exact_mut(3).zip(first..) {
-                let place = hash(seed ^ (u64::from(v) << 32 | u64::from(u)));
-                pixel.copy_from_slice(&sensor::develop(&camera.sensor, light(tracer, &rays, &objects, u, v), place));
-            }
+        for (pixel, (u, light)) in row.chunks_exact_mut(3).zip(light_of_row(tracer, &rays, width, v)) {
+            pixel.copy_from_slice(&develop(&camera.sensor, light, pixel_hash(seed, u, v)));
         }
     });
     image
+}
+
+/// The random number that decides the noise of pixel `(u, v)`.
+pub fn pixel_hash(seed: u64, u: u32, v: u32) -> u64 {
+    hash(seed ^ (u64::from(v) << 32 | u64::from(u)))
+}
+
+/// The light that falls on every pixel of the sensor.
+pub fn light_image(tracer: &Tracer, camera: &PosedCamera) -> Raster<Vec3> {
+    let PinholeCamera { width, height, .. } = camera.sensor;
+    let rays = Rays::new(camera);
+    let row = |v: u32| light_of_row(tracer, &rays, width, v).map(|(_, light)| light).collect::<Vec<_>>();
+    let pixels = (0..height).into_par_iter().flat_map_iter(row).collect();
+    Raster::new(width as usize, height as usize, pixels)
+}
+
+/// The columns of row `v` and the light that falls on their pixels.
+fn light_of_row(tracer: &Tracer, rays: &Rays, width: u32, v: u32) -> impl Iterator<Item = (u32, Vec3)> {
+    (0..width).step_by(RUN as usize).flat_map(move |first| {
+        let objects = objects_in_run(tracer, rays, first, v);
+        (first..width.min(first + RUN)).map(move |u| (u, light(tracer, rays, &objects, u, v)))
+    })
 }
 
 /// The objects that the [`RUN`] pixels of row `v` from column `u` on may see.
@@ -104,23 +115,28 @@ fn objects_in_run(tracer: &Tracer, rays: &Rays, u: u32, v: u32) -> Vec<usize> {
 
 /// The light that falls on one pixel of the sensor. `objects` are all that it may see.
 fn light(tracer: &Tracer, camera: &Rays, objects: &[usize], u: u32, v: u32) -> Vec3 {
+    let quality = tracer.quality;
     let ray = |sample: u32| {
-        let [du, dv] = even_square(sample).map(|x| x - 0.5);
+        let [du, dv] = quality.place(sample);
         camera.ray(f64::from(u) + du, f64::from(v) + dv)
     };
     let nearest = |ray: &Ray| tracer.nearest(ray, objects.iter().copied());
-    let [Some(a), Some(b), Some(c), Some(d)] = [0, 1, 2, 3].map(ray) else { return Vec3::ZERO };
-    let rays = [a, b, c, d];
-    let hits = rays.map(|ray| nearest(&ray));
-    // The second ray goes through the middle of the pixel.
-    if let [Some(_), Some(middle), Some(_), Some(_)] = &hits
-        && hits.iter().flatten().all(|hit| hit.is_same_surface(middle))
+    let count = quality.surface_rays();
+    let mut samples = [None; Quality::MAX_SURFACE_RAYS];
+    for (sample, number) in samples.iter_mut().zip(0..count) {
+        let Some(ray) = ray(number) else { return Vec3::ZERO };
+        *sample = nearest(&ray).map(|hit| (ray, hit));
+    }
+    let hits = || samples.iter().flatten();
+    if let Some((ray, middle)) = &samples[1]
+        && hits().count() == count as usize
+        && hits().all(|(_, hit)| hit.is_same_surface(middle))
     {
         // Light changes slowly across a surface, but texture does not: one lighting computation serves all
-        // four rays.
-        let light = tracer.illumination(&rays[1], middle);
-        let samples = rays.iter().zip(hits.iter().flatten()).zip(0..);
-        return samples.map(|((ray, hit), sample)| tracer.shade(ray, hit, &light, sample)).fold(Vec3::ZERO, Vec3::add) * 0.25;
+        // rays.
+        let light = tracer.illumination(ray, middle);
+        let shades = hits().zip(0..).map(|((ray, hit), sample)| tracer.shade(ray, hit, &light, sample));
+        return shades.fold(Vec3::ZERO, Vec3::add) * (1.0 / f64::from(count));
     }
     let trace = |sample: u32| {
         let Some(ray) = ray(sample) else { return Vec3::ZERO };
@@ -129,10 +145,12 @@ fn light(tracer: &Tracer, camera: &Rays, objects: &[usize], u: u32, v: u32) -> V
             None => tracer.ambient(ray.direction),
         }
     };
-    (0..EDGE_RAYS).map(trace).fold(Vec3::ZERO, Vec3::add) * (1.0 / f64::from(EDGE_RAYS))
+    let rays = quality.edge_rays();
+    (0..rays).map(trace).fold(Vec3::ZERO, Vec3::add) * (1.0 / f64::from(rays))
 }
 
-fn true_disparity(tracer: &Tracer, camera: &PinholeCamera) -> FloatImage {
+/// The disparities of what the rays through the middles of the centre's pixels meet.
+pub fn true_disparity(tracer: &Tracer, camera: &PinholeCamera) -> FloatImage {
     let [width, height] = [camera.width, camera.height].map(|side| side as usize);
     let center = PosedCamera::beside(&tracer.scene.viewpoint, camera, [0.0; 2]);
     let scale = camera.focal_px * camera.baseline_mm;
@@ -146,7 +164,7 @@ fn true_disparity(tracer: &Tracer, camera: &PinholeCamera) -> FloatImage {
 
 /// How far each of the rays goes until it meets a surface, in units of its direction. `None` if it meets none.
 pub fn trace(scene: &Scene, rays: &[Ray]) -> Vec<Option<f64>> {
-    let tracer = Tracer::new(scene);
+    let tracer = Tracer::new(scene, Quality::Fine);
     rays.par_iter().map(|ray| tracer.nearest(ray, tracer.all()).map(|hit| hit.t)).collect()
 }
 
@@ -155,12 +173,18 @@ mod tests {
     use multiscopic_core::View;
 
     use super::*;
-    use crate::scene::{Finish, Lamp, Object, Pose, Shape, Texture};
+    use crate::scene::{Finish, Lamp, Object, Placement, Pose, Shape, Texture};
 
     /// A scene of one matte object, seen along `z`.
     fn scene_of(shape: Shape, pose: Pose) -> Scene {
         Scene {
-            objects: vec![Object { shape, pose, texture: Texture::Plain(Vec3::splat(0.5)), finish: Finish::Matte }],
+            objects: vec![Object {
+                shape,
+                pose,
+                texture: Texture::Plain(Vec3::splat(0.5)),
+                placement: Placement::IDENTITY,
+                finish: Finish::Matte,
+            }],
             lamp: Lamp { center: Vec3::ZERO, half_u: Vec3::X, half_v: Vec3::Y, light: Vec3::splat(1.0) },
             viewpoint: Pose::at(Vec3::ZERO),
             ..Scene::demo()

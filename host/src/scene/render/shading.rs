@@ -11,12 +11,6 @@ use crate::scene::{
     vec3::Vec3,
 };
 
-/// Points of the lamp that are sampled first.
-const FEW_LAMP_POINTS: u32 = 4;
-
-/// Points of the lamp that are sampled in a penumbra, where only some of them are visible.
-const LAMP_POINTS: u32 = 16;
-
 /// The brightness of the lamp's mirror image. More would be white as well, but would give highlights hard
 /// edges.
 const LAMP_IN_MIRRORS: f64 = 5.0;
@@ -36,19 +30,18 @@ impl Tracer<'_> {
     pub fn shade(&self, ray: &Ray, hit: &Hit, light: &Illumination, sample: u32) -> Vec3 {
         let object = hit.object;
         let (point, view) = (ray.at(hit.t), ray.direction.normalized());
-        let local = object.pose.local_point(point);
-        let diffuse = object.texture.color(local).filter(light.diffuse);
+        let place = object.texture_point(point);
+        let diffuse = object.texture.color(place).filter(light.diffuse);
         let facing = -view.dot(hit.normal);
         let (share, normal) = match object.finish {
             Finish::Matte => return diffuse,
             Finish::Satin => return diffuse + light.highlight * 0.25,
             Finish::Glazed => (fresnel(0.045, facing), hit.normal),
-            Finish::Brushed => (0.42 * fresnel(0.75, facing), brushed_normal(object, local, hit.normal, sample)),
+            Finish::Brushed => (0.42 * fresnel(0.75, facing), brushed_normal(object, place, hit.normal, sample)),
         };
         let scattered = diffuse * (1.0 - share);
         let weight = match object.finish {
-            // Blurred reflections are expensive: half of a pixel's rays trace them, at twice the weight.
-            Finish::Brushed if sample & 2 == 0 => return scattered,
+            Finish::Brushed if !self.quality.traces_blurred_reflection(sample) => return scattered,
             Finish::Brushed => 2.0 * share,
             _ => share,
         };
@@ -64,7 +57,7 @@ impl Tracer<'_> {
         };
         let point = ray.at(hit.t);
         let direct = lamp.light * self.lamp_strength(hit.normal, lamp.center - point);
-        hit.object.texture.color(hit.object.pose.local_point(point)).filter(direct + self.ambient(hit.normal))
+        hit.object.texture.color(hit.object.texture_point(point)).filter(direct + self.ambient(hit.normal))
     }
 
     /// The ambient light from a direction.
@@ -80,7 +73,8 @@ impl Tracer<'_> {
         let occluders: Vec<usize> = self.occluders(hit.index, point, hit.normal).collect();
         let blocked = |ray: &Ray| occluders.iter().any(|&index| self.blocks(ray, index));
         let (mut diffuse, mut highlight, mut lit, mut points) = (0.0, 0.0, 0, 0);
-        while points < FEW_LAMP_POINTS || (points < LAMP_POINTS && lit != points && lit != 0) {
+        let [few, many] = self.quality.lamp_points();
+        while points < few || (points < many && lit != points && lit != 0) {
             let [a, b] = even_square(points).map(|x| 2.0 * x - 1.0);
             points += 1;
             let to = lamp.center + lamp.half_u * a + lamp.half_v * b - point;
@@ -133,10 +127,10 @@ fn highlight_profile(cosine: f64) -> f64 {
     (0..5).fold(cosine.max(0.0), |x, _| x * x)
 }
 
-/// The normal of the groove that a ray hits. Grooves blur reflections mainly along the panel's `y` axis.
-fn brushed_normal(object: &Object, local: Vec3, normal: Vec3, sample: u32) -> Vec3 {
+/// The normal of the groove that a ray hits at a point of the texture. Grooves blur reflections mainly along the panel's `y` axis.
+fn brushed_normal(object: &Object, place: Vec3, normal: Vec3, sample: u32) -> Vec3 {
     let [a, b] = even_square(sample).map(|x| x - 0.5);
-    let [along, across] = along_and_across_strokes(local);
+    let [along, across] = along_and_across_strokes(place);
     let groove = value_flat(along / 14.0, across / 1.4, 5) - 0.5;
     (normal + object.pose.axes[1] * (0.04 * groove + 0.07 * a) + object.pose.axes[0] * (0.015 * b)).normalized()
 }

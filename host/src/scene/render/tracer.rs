@@ -1,5 +1,6 @@
 //! Finding the object that a ray meets.
 
+use super::quality::Quality;
 use crate::scene::{description::Scene, object::Object, ray::Ray, vec3::Vec3};
 
 /// A bounding sphere.
@@ -32,6 +33,7 @@ impl Hit<'_> {
 /// A scene prepared for ray queries.
 pub struct Tracer<'a> {
     pub scene: &'a Scene,
+    pub quality: Quality,
     bounds: Vec<Bound>,
     /// The lamp's unit normal, on the side to which it shines.
     pub lamp_normal: Vec3,
@@ -39,10 +41,11 @@ pub struct Tracer<'a> {
 }
 
 impl<'a> Tracer<'a> {
-    pub fn new(scene: &'a Scene) -> Tracer<'a> {
+    pub fn new(scene: &'a Scene, quality: Quality) -> Tracer<'a> {
         let lamp = &scene.lamp;
         Tracer {
             scene,
+            quality,
             bounds: scene
                 .objects
                 .iter()

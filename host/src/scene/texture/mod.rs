@@ -1,9 +1,12 @@
 //! Procedural textures: the colour of a surface at each point.
 
+mod motif;
 pub mod noise;
 pub mod patterns;
+mod placement;
 
 use self::noise::{floor, fractal, fractal_flat};
+pub use self::{motif::Motif, placement::Placement};
 use super::vec3::Vec3;
 
 /// A colour for every point of an object. Points are in the object's own coordinates, in millimetres; colours
@@ -90,6 +93,24 @@ pub enum Texture {
     },
     /// Metal brushed at an angle, so that its streaks can be matched along both `x` and `y`.
     Brushed(Vec3),
+    /// A motif of two colours that repeats exactly over `x` and `y`, under clouds that may tell its repetitions apart.
+    Repeated {
+        /// What repeats.
+        motif: Motif,
+        /// Its two colours.
+        colors: [Vec3; 2],
+        /// The distance at which it repeats.
+        pitch: f64,
+        /// How much the clouds change its brightness, from 0 for not at all to 1.
+        clouds: f64,
+    },
+    /// Areas of four plain colours with curved outlines, as in a poster.
+    Poster {
+        /// The colours.
+        inks: [Vec3; 4],
+        /// The size of the areas.
+        size: f64,
+    },
 }
 
 impl Texture {
@@ -121,6 +142,17 @@ impl Texture {
                 color * (0.6 + 0.8 * fractal(p * 0.2, 3, 0.9))
             }
             Texture::Brushed(color) => color * (0.1 + 1.8 * patterns::streaks(p)),
+            Texture::Repeated { motif, colors: [first, second], pitch, clouds } => {
+                let color = first.lerp(second, motif.share(p.x / pitch, p.y / pitch));
+                match clouds > 0.0 {
+                    true => color * (1.0 + clouds * (fractal_flat(p.x * 0.3, p.y * 0.3, 3, 0.9) - 0.5)),
+                    false => color,
+                }
+            }
+            Texture::Poster { inks, size } => {
+                let level = 4.0 * contrast(fractal(p * (1.0 / size), 3, 0.5), 2.0);
+                inks[(level as usize).min(3)]
+            }
         }
     }
 }
@@ -153,6 +185,8 @@ mod tests {
             Texture::Dots { paper: a, inks: [b; 4], pitch: 12.0 },
             Texture::Cloth { ground: a, stripe: b, pitch: 20.0 },
             Texture::Brushed(a),
+            Texture::Repeated { motif: Motif::Bricks, colors: [a, b], pitch: 9.0, clouds: 0.6 },
+            Texture::Poster { inks: [a, b, b, a], size: 20.0 },
         ];
         for texture in textures {
             for i in 0..500 {

@@ -1,0 +1,80 @@
+//! `multiscopic scene`: made-up captures with known disparities.
+
+pub mod rendered_capture;
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use clap::{Args, value_parser};
+use multiscopic::{Error, Result, files::output, scene::RandomScene};
+use multiscopic_core::Views;
+use rayon::prelude::*;
+
+use super::{
+    options::{NeighborOptions, value},
+    terminal,
+};
+
+/// Renders captures of made-up scenes with known disparities, to test, fit or train with
+///
+/// DIR gets a folder 0000, 0001, ... for each scene: the views, rig.toml, and truth.pfm with the true disparities of the centre, as `match`
+/// and `evaluate` read them. Scenes differ in their objects, textures, reflections and light, in the noise and blur of the camera, and in how
+/// exactly it was moved. Disparities fill a part of about 1 to 30 pixels in views that are 256 pixels wide, and of more in wider ones.
+#[derive(Clone, Debug, Args)]
+pub struct SceneCommand {
+    /// Makes random scenes, the only kind there is
+    #[arg(long, required = true)]
+    random: bool,
+
+    /// Seed of all scenes. Scene 7 of a seed is always the same, on every machine and whatever the count
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+
+    /// Number of scenes
+    #[arg(long, value_name = "K", default_value_t = 1, value_parser = value_parser!(u32).range(1..=1_000_000))]
+    count: u32,
+
+    /// Size of the views in pixels, from 16x16 to 4096x4096
+    #[arg(long, value_name = "WxH", default_value = "256x192", value_parser = view_size)]
+    size: [u32; 2],
+
+    #[command(flatten)]
+    neighbors: NeighborOptions,
+
+    /// Folder for the captures, which must not exist or be empty
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+}
+
+impl SceneCommand {
+    /// Runs the command.
+    pub fn run(&self) -> Result<ExitCode> {
+        let views = self.neighbors.views()?;
+        output::check_folder(&self.output)?;
+        fs::create_dir_all(&self.output).map_err(|source| Error::Write { path: self.output.clone(), source })?;
+        let bar = terminal::progress(self.count.into(), "scenes");
+        (0..self.count).into_par_iter().try_for_each(|number| {
+            let folder = self.output.join(format!("{number:04}"));
+            self.write(&folder, number, views).inspect(|()| bar.inc(1))
+        })?;
+        bar.finish_and_clear();
+        Ok(ExitCode::SUCCESS)
+    }
+
+    /// Renders a scene and writes it to a folder, which appears once it is complete.
+    fn write(&self, folder: &Path, number: u32, views: Views) -> Result<()> {
+        let random = RandomScene::new(self.seed, number.into(), self.size);
+        let shot = random.render(views);
+        let what = format!("a random scene, seed {}, number {number}", self.seed);
+        output::write_folder(folder, |folder| rendered_capture::write(folder, &shot, &random.camera, what))
+    }
+}
+
+/// Parses the size of a view.
+fn view_size(text: &str) -> Result<[u32; 2]> {
+    let size = value::size(text).ok().filter(|size| size.iter().all(|side| (16..=4096).contains(side)));
+    size.ok_or_else(|| Error::Usage("it must be a width and a height from 16 to 4096, such as 256x192".into()))
+}

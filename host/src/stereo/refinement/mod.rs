@@ -1,11 +1,18 @@
 //! Refinement: checks and filters of the selected disparities.
 
+mod background;
 mod bilateral;
 mod left_right;
+mod line_solver;
 mod median;
 mod refinements;
+mod smoother;
 mod window;
 
+pub(in crate::stereo) use background::fill_lines;
+
+pub use background::BackgroundFill;
 pub use bilateral::Bilateral;
 pub use median::Median;
 pub use refinements::Refinement;
+pub use smoother::Smoother;

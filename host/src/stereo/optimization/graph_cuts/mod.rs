@@ -20,14 +20,13 @@
 //! | `energy`, `smoothness` | data and smoothness terms |
 //! | `max_flow` | maximum flow and minimum cut |
 //! | `expansion` | moves that lower the energy |
-//! | `sub_pixel`, `occluded`, `enlarged` | what is done to disparities before and after |
+//! | `sub_pixel`, `enlarged` | what is done to disparities before and after |
 
 mod energy;
 mod enlarged;
 mod expansion;
 mod matched_image;
 mod max_flow;
-mod occluded;
 mod parameters;
 mod pixel;
 mod smoothness;
@@ -47,7 +46,7 @@ use crate::{
     error::{Error, Result},
     images::{DisparityMap, Frames},
     progress::Progress,
-    stereo::{cost::BirchfieldTomasi, engine::Engine},
+    stereo::{cost::BirchfieldTomasi, engine::Engine, refinement::fill_lines},
 };
 
 impl GraphCuts {
@@ -122,7 +121,7 @@ impl GraphCuts {
         };
         let map = DisparityMap::new(frames.width(), frames.height(), disparities);
         Ok(match energy.occlusion_rule() {
-            Occlusion::Unique if self.fill => occluded::fill(&map, energy.view().is_horizontal()),
+            Occlusion::Unique if self.fill => fill_lines(&map, energy.view().is_horizontal()),
             _ => map,
         })
     }

@@ -15,6 +15,9 @@ use crate::{
 };
 
 /// How the frames of a capture differ from those of an ideal rig, besides the noise of [`PinholeCamera`] and its misses.
+///
+/// The imperfections of simulated hardware are others: they describe a stage and a lens, and take angles, whose sines are not the same on
+/// every machine to the last bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flaws {
     /// Decides what differs from frame to frame.

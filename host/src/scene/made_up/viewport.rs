@@ -45,8 +45,8 @@ impl Viewport {
         Vec3::new(x * footprint, -y * footprint, depth)
     }
 
-    /// The pose of the plane with this disparity at a place, which grows by `slope` with each pixel to the right and down. Its z axis is the
-    /// plane's normal, and its x axis lies in the image plane.
+    /// The pose of the plane with this disparity at a place, which grows by `slope` with each pixel to the right and down. Its z axis is
+    /// the plane's normal, and its x axis lies in the image plane.
     pub fn plane(&self, [x, y]: [f64; 2], disparity: f64, slope: [f64; 2]) -> Pose {
         // On the plane `normal . p = 1`, the disparity at (u, v) is proportional to `normal . (u / focal, v / focal, 1)`.
         let middle = disparity - slope[0] * x - slope[1] * y;

@@ -297,7 +297,8 @@ fn doubled<const N: usize>(small: &Plane, small_guide: &[[u8; N]], guide: &[[u8;
     let mut result = Plane::zeros(width, height);
     let [small_width, small_height] = small.size();
     let rows: Vec<_> = small.rows().zip(small_guide.chunks_exact(small_width)).collect();
-    let beside = |u: usize, length: usize| if u % 2 == 0 { (u / 2).saturating_sub(1) } else { (u / 2 + 1).min(length - 1) };
+    let beside =
+        |u: usize, length: usize| if u.is_multiple_of(2) { (u / 2).saturating_sub(1) } else { (u / 2 + 1).min(length - 1) };
     for ((v, out), guide) in result.rows_mut().enumerate().zip(guide.chunks_exact(width)) {
         let (near, far) = (rows[v / 2], rows[beside(v, small_height)]);
         for ((u, out), color) in out.iter_mut().enumerate().zip(guide) {

@@ -32,6 +32,11 @@ impl Plane {
         Plane { width, height, values }
     }
 
+    /// A plane of zeros of the same size.
+    pub fn zeros_like(&self) -> Plane {
+        Plane::zeros(self.width, self.height)
+    }
+
     /// Width and height of the image.
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
@@ -174,6 +179,75 @@ impl<F: Fn(usize, &Strip) -> [Strip; 2]> Work for SolveStrip<'_, F> {
                         *value = solved[i];
                     }
                 }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Solves a system of a few unknowns by elimination with pivots.
+    fn dense(mut rows: Vec<Vec<f64>>) -> Vec<f64> {
+        let n = rows.len();
+        for k in 0..n {
+            let pivot = (k..n).max_by(|&a, &b| rows[a][k].abs().total_cmp(&rows[b][k].abs())).unwrap();
+            rows.swap(k, pivot);
+            for i in (0..n).filter(|&i| i != k) {
+                let factor = rows[i][k] / rows[k][k];
+                (k..=n).for_each(|j| rows[i][j] -= factor * rows[k][j]);
+            }
+        }
+        (0..n).map(|k| rows[k][n] / rows[k][k]).collect()
+    }
+
+    #[test]
+    fn columns_are_solved_as_by_elimination() {
+        let mut state = 1_u32;
+        let mut random = |most: f32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32 * most
+        };
+        for [width, height] in [[1, 1], [1, 40], [33, 1], [5, 2], [31, 17], [32, 32], [70, 33]] {
+            let mut plane = |most: f32| {
+                let mut plane = Plane::zeros(width, height);
+                plane.rows_mut().flatten().for_each(|value| *value = random(most));
+                plane
+            };
+            let [mut links, weights, right_sides] = [plane(40.0), plane(1.0), plane(300.0)];
+            links.rows_mut().last().unwrap().fill(0.0);
+            let [shift, share] = [0.1, 0.5];
+            let solver = LineSolver { shift, share, links: &links, weights: &weights, right_sides: &right_sides };
+            let value = |plane: &Plane, u: usize, v: usize| f64::from(plane.rows().nth(v).unwrap()[u]);
+            let expected: Vec<Vec<f64>> = (0..width)
+                .map(|u| {
+                    let mut rows = vec![vec![0.0; height + 1]; height];
+                    for v in 0..height {
+                        rows[v][v] += 0.1_f32 as f64 + 0.5 * value(&weights, u, v);
+                        rows[v][height] = value(&right_sides, u, v);
+                        if v + 1 < height {
+                            let link = value(&links, u, v);
+                            rows[v][v] += link;
+                            rows[v + 1][v + 1] += link;
+                            rows[v][v + 1] -= link;
+                            rows[v + 1][v] -= link;
+                        }
+                    }
+                    dense(rows)
+                })
+                .collect();
+            for simd in Simd::available() {
+                let mut results = [Plane::zeros(height, width), Plane::zeros(height, width)];
+                let [first, second] = &mut results;
+                solver.solve(simd, [first, second], |at, solution| [*solution, *right_sides.strip(at)]);
+                for (row, expected) in results[0].rows().zip(&expected) {
+                    for (&found, &expected) in row.iter().zip(expected) {
+                        let error = (f64::from(found) - expected).abs();
+                        assert!(error < 2e-5 * expected.max(100.0), "{found}, {expected}: {width}x{height}, {simd}");
+                    }
+                }
+                assert!(results[1].rows().eq(right_sides.transposed().rows()), "{width}x{height}, {simd}");
             }
         }
     }

@@ -1,6 +1,5 @@
 //! Dense disparities from those that are sure.
 
-use image::RgbImage;
 use multiscopic_core::Disparity;
 
 use super::{
@@ -23,12 +22,13 @@ use crate::{
 /// sure around it, up to the edges of the image; `max |dI|` is the largest difference of a channel, in grey levels.
 /// Invalid pixels have no weight, and are filled.
 ///
-/// It is robust: it solves five times, and in between lowers the weights of the disparities that are far from the solution,
+/// It is robust: in between iterations it lowers the weights of the disparities that are far from the solution,
 /// by `(1 + (u - d)^2 / (8 scale^2))^-4`, which is close to `exp(-(u - d)^2 / (2 scale^2))`.
 ///
 /// As the fast global smoother (Min et al. 2014) it solves rows and columns in turn, in a time that is linear in the number of
 /// pixels. But it keeps the data term (Peaceman and Rachford 1955): averages of surroundings would flatten slanted
-/// surfaces, which this does not, and where all is sure it changes little.
+/// surfaces, which this does not, and where all is sure it changes little. A solution of half the size comes first, so that
+/// large blank surfaces are filled soon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Smoother {
     /// How much smoothness counts beside a disparity that is certain: disparities are averaged over about its square root in
@@ -55,11 +55,12 @@ impl Smoother {
     /// measured.
     pub const MOST_REPLACED: u8 = 127;
 
-    /// How often it solves. Weights change in between.
-    const SOLVES: usize = 5;
-    /// The shifts of each solve's iterations, each once along rows and once along columns. A small one carries disparities far,
-    /// a large one settles them nearby.
-    const SHIFTS: [f32; 2] = [0.1, 1.0];
+    /// What minimises the energy of half the size, from the disparities themselves.
+    const COARSE: Schedule = Schedule { shifts: &[0.3, 1.0, 0.3, 1.0, 0.3, 1.0, 0.3, 1.0, 0.3, 1.0], period: 2 };
+    /// What minimises the energy, from the solution of half the size.
+    const FINE: Schedule = Schedule { shifts: &[20.0, 3.0, 1.0, 5.0], period: 1 };
+    /// The smoothness at half the size, beside the full one: a pixel there stands for four, of which some are sure.
+    const HALF: f32 = 0.5;
     /// The weight of what has no confidence. It keeps surroundings without anything sure defined.
     const LEAST_WEIGHT: f32 = 1e-4;
 
@@ -81,9 +82,51 @@ impl Smoother {
         }
         let range =
             valid().fold([f32::INFINITY, -f32::INFINITY], |[least, most], (d, _)| [least.min(d.into()), most.max(d.into())]);
+        Ok(match guide {
+            Picture::Gray(gray) => self.smooth::<1>(map, confidence, gray.as_raw(), range),
+            Picture::Rgb(color) => self.smooth::<3>(map, confidence, color.as_raw(), range),
+            Picture::Gray16(_) => self.smooth::<1>(map, confidence, guide.to_gray().as_raw(), range),
+            Picture::Rgb16(_) => self.smooth::<3>(map, confidence, guide.to_rgb().as_raw(), range),
+        })
+    }
+
+    /// The same with the samples of a guide of `N` channels, given the range of the disparities.
+    fn smooth<const N: usize>(
+        &self,
+        map: &DisparityMap,
+        confidence: &Raster<u8>,
+        guide: &[u8],
+        range: [f32; 2],
+    ) -> (DisparityMap, Raster<u8>) {
         let simd = Simd::available()[0];
-        let (disparities, confidence) = System::new(self, map, confidence, guide).solve(simd, range, self.scale);
-        Ok((disparities, confidence))
+        let (guide, _) = guide.as_chunks::<N>();
+        let size = [map.width(), map.height()];
+        let (mut disparities, mut sure) = (Plane::zeros(size[0], size[1]), Plane::zeros(size[0], size[1]));
+        let filled = map.pixels().contains(&None).then(|| BackgroundFill.apply(map, confidence).0);
+        for (from, to) in filled.as_ref().unwrap_or(map).rows().zip(disparities.rows_mut()) {
+            to.iter_mut().zip(from).for_each(|(to, d)| *to = d.map_or(0.0, f32::from));
+        }
+        for ((of, from), to) in map.rows().zip(confidence.rows()).zip(sure.rows_mut()) {
+            let valid = to.iter_mut().zip(of.iter().zip(from)).filter(|(_, (d, _))| d.is_some());
+            valid.for_each(|(to, (_, &confidence))| *to = f32::from(confidence) / 255.0);
+        }
+        let [small, small_sure] = halved(&disparities, &sure);
+        let half = Smoother { smoothness: Smoother::HALF * self.smoothness, ..*self };
+        let small_guide = halved_guide(guide, size[0]);
+        let coarse = Level::new(&half, small, small_sure, &small_guide);
+        let [solution_t, _] = coarse.solve(simd, &coarse.disparities, Smoother::COARSE, range);
+        let start = doubled(&solution_t.transposed(), &small_guide, guide, size);
+        let fine = Level::new(self, disparities, sure, guide);
+        let [solution_t, weights_t] = fine.solve(simd, &start, Smoother::FINE, range);
+        let [support, solution] = fine.support(simd, &solution_t, &weights_t);
+        let disparity = |&u: &f32| Disparity::from_bits((u * Disparity::STEPS as f32).round() as i16);
+        let smooth = DisparityMap::new(size[0], size[1], solution.rows().flatten().map(disparity).collect());
+        let changes = map.pixels().iter().zip(solution.rows().flatten());
+        let confidences = changes.zip(support.rows().flatten()).map(|((&d, u), support)| {
+            let is_kept = d.is_some_and(|d| (u - f32::from(d)).abs() <= 1.0);
+            ((255.0 * support + 0.5) as u8).min(if is_kept { 255 } else { Smoother::MOST_REPLACED })
+        });
+        (smooth, Raster::new(size[0], size[1], confidences.collect()))
     }
 
     fn check(&self, map: &DisparityMap, confidence: &Raster<u8>, guide: &Picture) -> Result<()> {
@@ -105,131 +148,177 @@ impl Smoother {
     }
 }
 
-/// The planes of the energy. A name that ends in `_t` is of a plane with columns for rows.
-struct System {
+/// How the energy is minimised: by iterations, once along rows and once along columns each.
+#[derive(Clone, Copy, Debug)]
+struct Schedule {
+    /// The shift of each iteration. A small one carries disparities far, a large one settles them nearby.
+    shifts: &'static [f32],
+    /// After how many iterations the weights change.
+    period: usize,
+}
+
+/// The energy at one size of the image. A name that ends in `_t` is of a plane with columns for rows.
+struct Level {
     disparities: Plane,
     disparities_t: Plane,
     /// The confidence, from 0 to 1, and 0 of invalid pixels.
     confidence: Plane,
-    /// 1 for a pixel that has a disparity, otherwise 0.
-    measured: Plane,
     /// Links with the next row.
     links: Plane,
     /// Links with the next column.
     links_t: Plane,
+    /// The falloff of weights is `(1 + falloff * distance^2)^-4`.
+    falloff: f32,
 }
 
-impl System {
-    fn new(smoother: &Smoother, map: &DisparityMap, confidence: &Raster<u8>, guide: &Picture) -> System {
-        let plane = || Plane::zeros(map.width(), map.height());
-        let (mut disparities, mut confidences, mut measured) = (plane(), plane(), plane());
-        let filled = if map.pixels().contains(&None) { Some(BackgroundFill.apply(map, confidence).0) } else { None };
-        let rows = filled.as_ref().unwrap_or(map).rows().zip(disparities.rows_mut());
-        rows.for_each(|(from, to)| to.iter_mut().zip(from).for_each(|(to, d)| *to = d.map_or(0.0, f32::from)));
-        for ((from, of), (to, measured)) in map.rows().zip(confidence.rows()).zip(confidences.rows_mut().zip(measured.rows_mut()))
-        {
-            for ((d, &confidence), (to, measured)) in from.iter().zip(of).zip(to.iter_mut().zip(measured)) {
-                if d.is_some() {
-                    (*to, *measured) = (f32::from(confidence) / 255.0, 1.0);
-                }
-            }
-        }
-        let (mut links, mut across) = (plane(), plane());
-        let link: [f32; 256] =
-            std::array::from_fn(|difference| smoother.smoothness * (-(difference as f32) / smoother.sigma).exp());
-        match guide {
-            Picture::Gray(gray) => set_links::<1>(gray.as_raw(), &link, &mut links, &mut across),
-            Picture::Rgb(color) => set_links::<3>(color.as_raw(), &link, &mut links, &mut across),
-            Picture::Gray16(_) => set_links::<1>(guide.to_gray().as_raw(), &link, &mut links, &mut across),
-            Picture::Rgb16(_) => set_links::<3>(RgbImage::as_raw(&guide.to_rgb()), &link, &mut links, &mut across),
-        }
-        System {
-            disparities_t: disparities.transposed(),
-            links_t: across.transposed(),
-            disparities,
-            confidence: confidences,
-            measured,
-            links,
-        }
+impl Level {
+    /// The level of an image with `N` channels.
+    fn new<const N: usize>(smoother: &Smoother, disparities: Plane, confidence: Plane, guide: &[[u8; N]]) -> Level {
+        let (mut links, mut across) = (disparities.zeros_like(), disparities.zeros_like());
+        let link = |difference: usize| smoother.smoothness * (-(difference as f32) / smoother.sigma).exp();
+        set_links(guide, &std::array::from_fn(link), &mut links, &mut across);
+        let falloff = 1.0 / (8.0 * smoother.scale * smoother.scale);
+        let (disparities_t, links_t) = (disparities.transposed(), across.transposed());
+        Level { disparities, disparities_t, confidence, links, links_t, falloff }
     }
 
-    /// The disparities and confidences, given the range of the disparities.
-    fn solve(self, simd: Simd, [least, most]: [f32; 2], scale: f32) -> (DisparityMap, Raster<u8>) {
-        let System { disparities, disparities_t, confidence, measured, links, links_t } = &self;
-        let [mut right, mut weights] = [disparities.clone(), disparities.clone()];
-        let [mut right_t, mut weights_t] = self.start(Smoother::SHIFTS[0]);
-        let falloff = 1.0 / (8.0 * scale * scale);
-        let iterations = Smoother::SOLVES * Smoother::SHIFTS.len();
-        for k in 0..iterations {
-            let shift = Smoother::SHIFTS[k % Smoother::SHIFTS.len()];
-            let next_shift = Smoother::SHIFTS[(k + 1) % Smoother::SHIFTS.len()];
-            let (ends, is_last) = ((k + 1) % Smoother::SHIFTS.len() == 0, k + 1 == iterations);
-            // What a solve leaves of its right side, `L u`, is what the next one needs: links are read once.
+    /// The weight of a disparity at a distance from the solution.
+    #[inline(always)]
+    fn weight(&self, confidence: f32, distance: f32) -> f32 {
+        let square = 1.0 + self.falloff * distance * distance;
+        let fourth = (square * square) * (square * square);
+        confidence / fourth + Smoother::LEAST_WEIGHT
+    }
+
+    /// The solution and the final weights, both transposed, given a first solution and the range of the disparities.
+    fn solve(&self, simd: Simd, start: &Plane, schedule: Schedule, [least, most]: [f32; 2]) -> [Plane; 2] {
+        let Level { disparities, disparities_t, confidence, links, links_t, .. } = self;
+        let Schedule { shifts, period } = schedule;
+        let [mut right, mut weights] = self.start(start, shifts[0]);
+        let [mut right_t, mut weights_t] = [right.transposed(), weights.transposed()];
+        for (k, &shift) in shifts.iter().enumerate() {
+            let (changes_weights, next_shift) = ((k + 1) % period == 0, shifts.get(k + 1));
+            // Peaceman and Rachford's iteration. A solution leaves `L u` of its direction as the rest of its right side, which is
+            // all that the other direction needs of it.
             let rows = LineSolver { shift, share: 0.5, links: links_t, weights: &weights_t, right_sides: &right_t };
             rows.solve(simd, [&mut right, &mut weights], |at, u| {
-                let (r, w, d) = (rows.right_sides.strip(at), rows.weights.strip(at), disparities_t.strip(at));
+                let (r, w, d) = (right_t.strip(at), weights_t.strip(at), disparities_t.strip(at));
                 [lanes(|i| 2.0 * shift * u[i] + w[i] * d[i] - r[i]), *w]
             });
             let columns = LineSolver { shift, share: 0.5, links, weights: &weights, right_sides: &right };
             columns.solve(simd, [&mut right_t, &mut weights_t], |at, u| {
-                let (r, w, d) = (columns.right_sides.strip(at), columns.weights.strip(at), disparities.strip(at));
+                let (r, w, d) = (right.strip(at), weights.strip(at), disparities.strip(at));
                 let laplacian: Strip = lanes(|i| r[i] - (shift + 0.5 * w[i]) * u[i]);
                 // The solution is a mean of disparities, so what lies outside their range has not converged yet.
                 let u: Strip = lanes(|i| u[i].clamp(least, most));
-                let mut w = *w;
-                if ends {
-                    let confidence = confidence.strip(at);
-                    w = lanes(|i| {
-                        let distance = u[i] - d[i];
-                        let square = 1.0 + falloff * distance * distance;
-                        let fourth = (square * square) * (square * square);
-                        confidence[i] / fourth + Smoother::LEAST_WEIGHT
-                    });
-                }
-                match is_last {
-                    true => [u, w],
-                    false => [lanes(|i| next_shift * u[i] + w[i] * (d[i] - 0.5 * u[i]) - laplacian[i]), w],
+                let confidence = confidence.strip(at);
+                let w: Strip = if changes_weights { lanes(|i| self.weight(confidence[i], u[i] - d[i])) } else { *w };
+                match next_shift {
+                    Some(shift) => [lanes(|i| shift * u[i] + w[i] * (d[i] - 0.5 * u[i]) - laplacian[i]), w],
+                    None => [u, w],
                 }
             });
         }
-        // The support, the mean of the weights up to the edges of the image. The solution is carried along.
-        let (solution_t, support_t) = (&right_t, &weights_t);
-        let rows = LineSolver { shift: 1.0, share: 0.0, links: links_t, weights: support_t, right_sides: support_t };
-        rows.solve(simd, [&mut weights, &mut right], |at, support| [*support, *solution_t.strip(at)]);
-        let (solution, support) = (&right, &weights);
-        let columns = LineSolver { shift: 1.0, share: 0.0, links, weights: support, right_sides: support };
-        let [mut confidences_t, mut unused] = [right_t, weights_t];
-        columns.solve(simd, [&mut confidences_t, &mut unused], |at, support| {
-            let (u, d, measured) = (solution.strip(at), disparities.strip(at), measured.strip(at));
-            let confidence = lanes(|i| {
-                let is_kept = measured[i] > 0.0 && (u[i] - d[i]).abs() <= 1.0;
-                let most = if is_kept { 255 } else { Smoother::MOST_REPLACED };
-                (255.0 * support[i] + 0.5).min(f32::from(most))
-            });
-            [confidence, [0.0; _]]
-        });
-        let step = |&u: &f32| Disparity::from_bits((u * Disparity::STEPS as f32).round() as i16);
-        (raster(solution, step), raster(&confidences_t.transposed(), |&confidence| confidence as u8))
+        [right_t, weights_t]
     }
 
-    /// The first right sides of the rows and the first weights, both transposed: the solution starts as the disparities.
-    fn start(&self, shift: f32) -> [Plane; 2] {
-        let (mut right_sides, mut weights) = (self.disparities.clone(), self.confidence.clone());
-        weights.rows_mut().for_each(|row| row.iter_mut().for_each(|w| *w += Smoother::LEAST_WEIGHT));
-        let mut above = vec![0.0; self.disparities.rows().next().map_or(0, <[f32]>::len)];
-        let mut rows = self.disparities.rows().peekable();
-        for ((out, weights), links) in right_sides.rows_mut().zip(weights.rows()).zip(self.links.rows()) {
+    /// The right sides of the first rows and the first weights, given a first solution.
+    fn start(&self, solution: &Plane, shift: f32) -> [Plane; 2] {
+        let (mut right_sides, mut weights) = (solution.zeros_like(), solution.zeros_like());
+        let mut above = vec![0.0; solution.size()[0]];
+        let mut rows = solution.rows().peekable();
+        let data = self.disparities.rows().zip(self.confidence.rows()).zip(self.links.rows());
+        for ((out, weights), ((d, confidence), links)) in right_sides.rows_mut().zip(weights.rows_mut()).zip(data) {
             let row = rows.next().expect("all planes have as many rows");
             // The last row has links of 0.
             let below = rows.peek().copied().unwrap_or(row);
             for u in 0..row.len() {
                 let flow = links[u] * (row[u] - below[u]);
-                out[u] = (shift + 0.5 * weights[u]) * row[u] - (flow - above[u]);
+                weights[u] = self.weight(confidence[u], row[u] - d[u]);
+                out[u] = shift * row[u] + weights[u] * (d[u] - 0.5 * row[u]) - (flow - above[u]);
                 above[u] = flow;
             }
         }
-        [right_sides.transposed(), weights.transposed()]
+        [right_sides, weights]
     }
+
+    /// The mean of the weights around each pixel, up to the edges of the image, and the solution, which is given transposed.
+    fn support(&self, simd: Simd, solution_t: &Plane, weights_t: &Plane) -> [Plane; 2] {
+        let [mut along_rows, mut solution] = [self.disparities.zeros_like(), self.disparities.zeros_like()];
+        let [mut support_t, mut unused] = [solution_t.zeros_like(), solution_t.zeros_like()];
+        let rows = LineSolver { shift: 1.0, share: 0.0, links: &self.links_t, weights: weights_t, right_sides: weights_t };
+        rows.solve(simd, [&mut along_rows, &mut solution], |at, mean| [*mean, *solution_t.strip(at)]);
+        let columns = LineSolver { links: &self.links, weights: &along_rows, right_sides: &along_rows, ..rows };
+        columns.solve(simd, [&mut support_t, &mut unused], |_, mean| [*mean, *mean]);
+        [support_t.transposed(), solution]
+    }
+}
+
+/// The most confident of each two by two pixels: its disparity and its confidence.
+fn halved(disparities: &Plane, confidence: &Plane) -> [Plane; 2] {
+    let [width, height] = disparities.size();
+    let mut small = Plane::zeros(width.div_ceil(2), height.div_ceil(2));
+    let mut sure = small.clone();
+    let rows: Vec<_> = disparities.rows().zip(confidence.rows()).collect();
+    for ((small, sure), rows) in small.rows_mut().zip(sure.rows_mut()).zip(rows.chunks(2)) {
+        for (i, (small, sure)) in small.iter_mut().zip(sure).enumerate() {
+            (*small, *sure) = (rows[0].0[2 * i], rows[0].1[2 * i]);
+            for (disparities, confidence) in rows {
+                for u in 2 * i..width.min(2 * i + 2) {
+                    if confidence[u] > *sure {
+                        (*small, *sure) = (disparities[u], confidence[u]);
+                    }
+                }
+            }
+        }
+    }
+    [small, sure]
+}
+
+/// The means of each two by two pixels, rounded.
+fn halved_guide<const N: usize>(pixels: &[[u8; N]], width: usize) -> Vec<[u8; N]> {
+    let rows: Vec<_> = pixels.chunks_exact(width).collect();
+    let mut result = Vec::with_capacity(width.div_ceil(2) * rows.len().div_ceil(2));
+    for rows in rows.chunks(2) {
+        let [above, below] = [rows[0], rows[rows.len() - 1]];
+        result.extend((0..width).step_by(2).map(|u| -> [u8; N] {
+            let next = width.min(u + 2) - 1;
+            let mean =
+                |i: usize| [above[u], above[next], below[u], below[next]].map(|pixel| u16::from(pixel[i])).iter().sum::<u16>();
+            std::array::from_fn(|i| ((mean(i) + 2) / 4) as u8)
+        }));
+    }
+    result
+}
+
+/// The plane of half the size at the full size: each pixel takes the value of one of the four nearest, that whose guide is the most
+/// similar. Of equals it takes the nearest.
+fn doubled<const N: usize>(small: &Plane, small_guide: &[[u8; N]], guide: &[[u8; N]], [width, height]: [usize; 2]) -> Plane {
+    let mut result = Plane::zeros(width, height);
+    let [small_width, small_height] = small.size();
+    let rows: Vec<_> = small.rows().zip(small_guide.chunks_exact(small_width)).collect();
+    let beside =
+        |u: usize, length: usize| if u.is_multiple_of(2) { (u / 2).saturating_sub(1) } else { (u / 2 + 1).min(length - 1) };
+    for ((v, out), guide) in result.rows_mut().enumerate().zip(guide.chunks_exact(width)) {
+        let (near, far) = (rows[v / 2], rows[beside(v, small_height)]);
+        for ((u, out), color) in out.iter_mut().enumerate().zip(guide) {
+            let (x, next) = (u / 2, beside(u, small_width));
+            let candidates = [(near, x, 0), (near, next, 1), (far, x, 1), (far, next, 2)];
+            let costs = candidates.map(|((_, guide), x, distance)| 2 * u16::from(difference(&guide[x], color)) + distance);
+            let mut best = 0;
+            for k in 1..4 {
+                best = if costs[k] < costs[best] { k } else { best };
+            }
+            let ((values, _), x, _) = candidates[best];
+            *out = values[x];
+        }
+    }
+    result
+}
+
+/// The largest difference of a channel.
+fn difference<const N: usize>(a: &[u8; N], b: &[u8; N]) -> u8 {
+    a.iter().zip(b).fold(0, |most, (a, b)| most.max(a.abs_diff(*b)))
 }
 
 /// A strip of the values of `f`.
@@ -238,26 +327,190 @@ fn lanes(f: impl Fn(usize) -> f32) -> Strip {
     std::array::from_fn(f)
 }
 
-/// The image as a raster.
-fn raster<T>(plane: &Plane, mut value: impl FnMut(&f32) -> T) -> Raster<T> {
-    let [width, height] = plane.size();
-    let pixels = plane.rows().flatten().map(&mut value).collect();
-    Raster::new(width, height, pixels)
-}
-
 /// Sets the links of an image with `N` channels: with the next row, and with the next column.
-fn set_links<const N: usize>(samples: &[u8], link: &[f32; 256], down: &mut Plane, across: &mut Plane) {
-    let (pixels, _) = samples.as_chunks::<N>();
+fn set_links<const N: usize>(guide: &[[u8; N]], link: &[f32; 256], down: &mut Plane, across: &mut Plane) {
     let [width, _] = down.size();
-    let largest = |a: &[u8; N], b: &[u8; N]| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0);
-    let mut rows = pixels.chunks_exact(width).peekable();
+    let link = |a: &[u8; N], b: &[u8; N]| link[usize::from(difference(a, b))];
+    let mut rows = guide.chunks_exact(width).peekable();
     for (down, across) in down.rows_mut().zip(across.rows_mut()) {
         let row = rows.next().expect("the image has the size of the planes");
-        for (link_of, pair) in across.iter_mut().zip(row.windows(2)) {
-            *link_of = link[usize::from(largest(&pair[0], &pair[1]))];
+        across.iter_mut().zip(row.windows(2)).for_each(|(across, pair)| *across = link(&pair[0], &pair[1]));
+        let below = rows.peek().copied().unwrap_or_default();
+        down.iter_mut().zip(row.iter().zip(below)).for_each(|(down, (here, below))| *down = link(here, below));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{GrayImage, ImageBuffer, Luma, Rgb};
+
+    use super::*;
+
+    fn disparity(pixels: f32) -> Option<Disparity> {
+        Disparity::from_bits((64.0 * pixels) as i16)
+    }
+
+    /// Random numbers from 0 to 1.
+    fn random() -> impl FnMut() -> f32 {
+        let mut state = 1_u32;
+        move || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
         }
-        for ((link_of, here), below) in down.iter_mut().zip(row).zip(rows.peek().copied().unwrap_or_default()) {
-            *link_of = link[usize::from(largest(here, below))];
+    }
+
+    /// The disparities of least energy, by Gauss-Seidel in f64. Weights are taken anew every ten sweeps.
+    fn reference(smoother: Smoother, d: &[f64], confidence: &[f64], guide: &[u8], width: usize) -> Vec<f64> {
+        let [smoothness, sigma, scale] = [smoother.smoothness, smoother.sigma, smoother.scale].map(f64::from);
+        let height = d.len() / width;
+        let mut u = d.to_vec();
+        for _ in 0..300 {
+            let falloff = |i: usize| (1.0 + (u[i] - d[i]).powi(2) / (8.0 * scale * scale)).powi(-4);
+            let weights: Vec<f64> = (0..d.len()).map(|i| confidence[i] * falloff(i) + 1e-4).collect();
+            for i in (0..10).flat_map(|_| 0..d.len()) {
+                let (x, y) = (i % width, i / width);
+                let [left, right] = [(x > 0).then(|| i - 1), (x + 1 < width).then(|| i + 1)];
+                let [above, below] = [(y > 0).then(|| i - width), (y + 1 < height).then(|| i + width)];
+                let [mut sum, mut total] = [weights[i] * d[i], weights[i]];
+                for j in [left, right, above, below].into_iter().flatten() {
+                    let link = smoothness * (-f64::from(guide[i].abs_diff(guide[j])) / sigma).exp();
+                    (sum, total) = (sum + link * u[j], total + link);
+                }
+                u[i] = sum / total;
+            }
+        }
+        u
+    }
+
+    #[test]
+    fn finds_the_least_energy() {
+        const LONG: Schedule = Schedule { shifts: [[20.0, 3.0, 1.0, 0.3, 5.0]; 20].as_flattened(), period: 1 };
+        let mut random = random();
+        let smoother = Smoother { smoothness: 10.0, sigma: 10.0, scale: 1.0 };
+        for [width, height] in [[1, 1], [23, 1], [1, 19], [2, 2], [37, 21], [33, 34]] {
+            let n = width * height;
+            let pixels = (0..n).map(|i| disparity(3.0 + (i % width) as f32 / 8.0 + random()));
+            let map = DisparityMap::new(width, height, pixels.collect());
+            let confidence = Raster::new(width, height, (0..n).map(|_| (255.0 * random()) as u8).collect());
+            let guide: Vec<u8> = (0..n).map(|_| (30.0 * random()) as u8).collect();
+            let d = map.to_float();
+            let plane = |value: &dyn Fn(usize) -> f32| {
+                let mut plane = Plane::zeros(width, height);
+                plane.rows_mut().flatten().enumerate().for_each(|(i, pixel)| *pixel = value(i));
+                plane
+            };
+            let sure = |i: usize| f32::from(confidence.pixels()[i]) / 255.0;
+            let level = Level::new(&smoother, plane(&|i| d.pixels()[i]), plane(&sure), guide.as_chunks::<1>().0);
+            let [solution_t, _] = level.solve(Simd::available()[0], &level.disparities, LONG, [0.0, 20.0]);
+            let wide = |values: &dyn Fn(usize) -> f32| (0..n).map(|i| f64::from(values(i))).collect::<Vec<_>>();
+            let expected = reference(smoother, &wide(&|i| d.pixels()[i]), &wide(&sure), &guide, width);
+            let worst = |found: &mut dyn Iterator<Item = f32>| {
+                found.zip(&expected).fold(0.0, |worst: f64, (found, expected)| worst.max((f64::from(found) - expected).abs()))
+            };
+            let solution = solution_t.transposed();
+            let error = worst(&mut solution.rows().flatten().copied());
+            assert!(error < 0.002, "{error}: {width}x{height}");
+            // The few iterations of the smoother itself come close.
+            let picture = Picture::Gray(GrayImage::from_raw(width as u32, height as u32, guide.clone()).unwrap());
+            let (found, _) = smoother.apply(&map, &confidence, &picture).unwrap();
+            let error = worst(&mut found.to_float().into_pixels().into_iter());
+            assert!(error < 0.25, "{error}: {width}x{height}, few iterations");
+        }
+    }
+
+    /// A step from 4 to 12 pixels, in a picture with the same edge, where a fifth of the pixels are wrong and some are missing.
+    /// Returns the map, its confidence, the picture and the truth.
+    fn step() -> (DisparityMap, Raster<u8>, Picture, Vec<f32>) {
+        let (width, height, mut random) = (61, 47, random());
+        let [mut map, mut confidence, mut truth, mut gray] = [const { Vec::new() }; 4].map(|_: Vec<f32>| Vec::new());
+        for i in 0..width * height {
+            let is_near = 2 * (i % width) + i / width > 80;
+            let (d, wrong) = (if is_near { 12.0 } else { 4.0 }, random() < 0.2);
+            map.push(if wrong { 1.0 + 14.0 * random() } else { d });
+            // Some of the wrong ones look sure.
+            confidence.push(if wrong && random() < 0.8 { 20.0 } else { 230.0 });
+            gray.push(if is_near { 150.0 } else { 100.0 } + 3.0 * random());
+            truth.push(d);
+        }
+        let pixels = map.iter().enumerate().map(|(i, &d)| if i % 17 == 0 { None } else { disparity(d) });
+        let samples = gray.iter().map(|&g| g as u8).collect();
+        (
+            DisparityMap::new(width, height, pixels.collect()),
+            Raster::new(width, height, confidence.iter().map(|&c| c as u8).collect()),
+            Picture::Gray(GrayImage::from_raw(width as u32, height as u32, samples).unwrap()),
+            truth,
+        )
+    }
+
+    #[test]
+    fn an_edge_is_restored() {
+        let (map, confidence, picture, truth) = step();
+        let (smooth, sure) = Smoother::DEFAULT.apply(&map, &confidence, &picture).unwrap();
+        let errors = smooth.to_float().pixels().iter().zip(&truth).map(|(d, truth)| (d - truth).abs()).collect::<Vec<_>>();
+        let worst = errors.iter().copied().fold(0.0, f32::max);
+        assert!(worst < 0.5, "{worst}");
+        for ((before, &after), &c) in map.pixels().iter().zip(smooth.to_float().pixels()).zip(sure.pixels()) {
+            let is_replaced = before.is_none_or(|d| (f32::from(d) - after).abs() > 1.02);
+            assert!(!is_replaced || c <= Smoother::MOST_REPLACED, "{before:?} became {after} with {c}");
+        }
+        let kept = map.pixels().iter().zip(&truth).zip(sure.pixels()).filter(|((d, truth), _)| **d == disparity(**truth));
+        let [count, most] = kept.fold([0, 0], |[count, sure], (_, &c)| [count + 1, sure + usize::from(c > 127)]);
+        assert!(most * 100 > count * 95, "{most} of {count} right disparities stay sure");
+    }
+
+    #[test]
+    fn all_pictures_guide_alike() {
+        let (map, confidence, picture, _) = step();
+        let Picture::Gray(gray) = &picture else { unreachable!() };
+        let (w, h) = gray.dimensions();
+        let sample = |u, v| gray.get_pixel(u, v).0[0];
+        let deep = |u, v| 257 * u16::from(sample(u, v));
+        let others = [
+            // The largest difference of a channel counts.
+            Picture::Rgb(ImageBuffer::from_fn(w, h, |u, v| Rgb([7, sample(u, v), 90]))),
+            Picture::Gray16(ImageBuffer::from_fn(w, h, |u, v| Luma([deep(u, v)]))),
+            Picture::Rgb16(ImageBuffer::from_fn(w, h, |u, v| Rgb([deep(u, v), 9, 0]))),
+        ];
+        let expected = Smoother::DEFAULT.apply(&map, &confidence, &picture).unwrap();
+        for other in others {
+            assert_eq!(Smoother::DEFAULT.apply(&map, &confidence, &other).unwrap(), expected);
+        }
+    }
+
+    #[test]
+    fn what_needs_nothing_stays() {
+        let (_, confidence, picture, _) = step();
+        let (width, height) = (confidence.width(), confidence.height());
+        let flat = DisparityMap::filled(width, height, disparity(-5.5));
+        assert_eq!(Smoother::DEFAULT.apply(&flat, &confidence, &picture).unwrap().0, flat);
+        // One sure pixel fills all; none leaves all as it is.
+        let mut holes = DisparityMap::filled(width, height, None);
+        let certain = Raster::filled(width, height, 255);
+        let (nothing, sure) = Smoother::DEFAULT.apply(&holes, &certain, &picture).unwrap();
+        assert_eq!((nothing, sure.pixels().iter().max()), (holes.clone(), Some(&0)));
+        holes.pixels_mut()[321] = disparity(7.0);
+        let (filled, sure) = Smoother::DEFAULT.apply(&holes, &certain, &picture).unwrap();
+        assert_eq!(filled, DisparityMap::filled(width, height, disparity(7.0)));
+        assert!(sure.pixels().iter().enumerate().all(|(i, &c)| i == 321 || c <= Smoother::MOST_REPLACED));
+        let (map, _, _, _) = step();
+        let unsure = Raster::filled(width, height, 0);
+        assert_eq!(Smoother::DEFAULT.apply(&map, &unsure, &picture).unwrap(), (map, unsure));
+    }
+
+    #[test]
+    fn bad_input_is_refused() {
+        let (map, confidence, picture, _) = step();
+        let refused = |smoother: Smoother, confidence: &Raster<u8>, picture: &Picture| {
+            smoother.apply(&map, confidence, picture).unwrap_err().to_string()
+        };
+        let small = Raster::filled(3, 2, 0);
+        let message = "the confidence has 3x2 pixels, the disparities have 61x47";
+        assert_eq!(refused(Smoother::DEFAULT, &small, &picture), message);
+        let message = "the guide has 3x2 pixels, the disparities have 61x47";
+        assert_eq!(refused(Smoother::DEFAULT, &confidence, &Picture::Gray(GrayImage::new(3, 2))), message);
+        for sigma in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+            let message = format!("the sigma of the smoother is {sigma}, it must be above 0");
+            assert_eq!(refused(Smoother { sigma, ..Smoother::DEFAULT }, &confidence, &picture), message);
         }
     }
 }

@@ -27,6 +27,7 @@
 //! | `memory` | [`Memory`]: the bytes of each buffer, which the caller lends |
 //! | `rectification` | [`Rectification`], [`Rectified`]: a source's lines without the camera's distortion and tilt |
 //! | `lines` | the lines of all frames that a line is compared with |
+//! | `confidence` | [`ConfidenceTable`], [`ConfidenceLines`]: how probable it is that a disparity is right |
 //! | `matcher` | [`Matcher`]: pulls lines, and computes disparity lines by block matching |
 //! | `semi_global` | [`SemiGlobalMatcher`]: the same by semi-global matching |
 //! | [`capture`] | how the frames are taken: the camera moves, settles and captures |
@@ -42,6 +43,7 @@
 
 mod availability;
 pub mod capture;
+mod confidence;
 mod depth;
 mod disparity;
 mod error;
@@ -62,6 +64,7 @@ mod views;
 
 pub use fixed;
 
+pub use confidence::{ConfidenceLines, ConfidenceTable, PeakRatio};
 pub use depth::{Depth, Triangulation};
 pub use disparity::Disparity;
 pub use error::{MatchError, MemoryTooSmall};

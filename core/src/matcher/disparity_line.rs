@@ -7,11 +7,15 @@ use super::{
 };
 use crate::{
     Disparity,
-    kernel::{Batch, Blocks, Lane, Masks, Rule, Winners},
+    kernel::{Batch, Blocks, Lane, MAX_BATCH, Masks, Rule, Winners},
 };
 
 /// The disparities of a line, to be computed.
-pub(super) struct DisparityLine<'a>(pub &'a mut [Option<Disparity>]);
+pub(super) struct DisparityLine<'a> {
+    pub disparities: &'a mut [Option<Disparity>],
+    /// The [peak ratio](super::Matcher::next_line_and_peaks) of each, if they are asked for.
+    pub peaks: Option<&'a mut [u8]>,
+}
 
 impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
     #[cfg_attr(not(debug_assertions), inline(always))]
@@ -19,7 +23,11 @@ impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
         if const { !Rule::HAS_HALF && V > 2 } && Rule::new(sweep.params.fusion(), V) == Rule::Half {
             return sweep.by_exact_costs();
         }
-        if const { I::BATCH == 1 } { sweep.by_pixel() } else { sweep.by_batch() }
+        match (const { I::BATCH == 1 }, sweep.out.peaks.is_some()) {
+            (true, false) => sweep.by_pixel::<false>(),
+            (true, true) => sweep.by_pixel::<true>(),
+            (false, _) => sweep.by_batch(),
+        }
     }
 }
 
@@ -27,12 +35,13 @@ impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
 // while the least cost is in a register, where the fusing loop left it. An out-of-order processor hides the
 // latency of selection, but only across a batch.
 impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>> {
-    /// Pixel by pixel. A function of its own, since small processors have few registers.
+    /// Pixel by pixel, with peak ratios if `PEAKS` is set. A function of its own, since small processors have few
+    /// registers.
     #[inline(never)]
-    fn by_pixel(self) {
-        let Sweep {
-            isa, params, region, v, prior, mut steps, blocks, masks, availability, fused, out: DisparityLine(out), ..
-        } = self;
+    fn by_pixel<const PEAKS: bool>(self) {
+        let Sweep { isa, params, region, v, prior, mut steps, blocks, masks, availability, fused, out, .. } = self;
+        let DisparityLine { disparities, peaks } = out;
+        let mut peaks = peaks.unwrap_or_default().iter_mut();
         // That there is a vector saves checks in the loop.
         let Some(fused) = fused.get_mut(..blocks.len()).filter(|fused| !fused.is_empty()) else { return };
         slide_to_first(isa, params.radius(), &mut steps, blocks);
@@ -41,23 +50,34 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
         let start = region.columns().start;
         masks.enter_line(start, v);
         let mut masked = masks.masked(selection.rule);
-        for (pixel, u) in out.iter_mut().zip(start..) {
+        let mut unit = selection.unit::<V>(masks.availability.incomplete());
+        for (pixel, u) in disparities.iter_mut().zip(start..) {
             if masks.enter(u) {
                 masked = masks.masked(selection.rule);
+                unit = selection.unit::<V>(masks.availability.incomplete());
             }
             let least = selection.slide_and_fuse(masked, &masks, &mut steps, blocks, fused);
-            *pixel = selection.disparity(least, fused, || Exact { params, u, v, prior, blocks });
+            let exact = Exact { params, u, v, prior, blocks };
+            *pixel = selection.disparity(least, fused, || exact);
+            if PEAKS && let Some(peak) = peaks.next() {
+                *peak = selection.peak(least, fused, unit, || exact);
+            }
         }
     }
 
     /// Pixel by pixel, by exact costs.
     #[inline(never)]
     fn by_exact_costs(self) {
-        let Sweep { isa, params, region, v, prior, mut steps, blocks, out: DisparityLine(out), .. } = self;
+        let Sweep { isa, params, region, v, prior, mut steps, blocks, out: DisparityLine { disparities, peaks }, .. } = self;
+        let mut peaks = peaks.unwrap_or_default().iter_mut();
         slide_to_first::<L, I, V>(isa, params.radius(), &mut steps, blocks);
-        for (pixel, u) in out.iter_mut().zip(region.columns()) {
+        for (pixel, u) in disparities.iter_mut().zip(region.columns()) {
             Blocks::<L>::slide(isa, &mut steps, blocks);
-            *pixel = Exact::<L, I, V> { params, u, v, prior, blocks }.disparity();
+            let exact = Exact::<L, I, V> { params, u, v, prior, blocks };
+            *pixel = exact.disparity();
+            if let Some(peak) = peaks.next() {
+                *peak = exact.peak();
+            }
         }
     }
 
@@ -76,7 +96,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             masks,
             availability,
             fused: padded,
-            out: DisparityLine(out),
+            out: DisparityLine { disparities, mut peaks },
             ..
         } = self;
         let vectors = blocks.len();
@@ -86,12 +106,14 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
         let padding = selection.ordered_padding();
         let mut masks = selection.masks(masks, availability, prior);
         let mut winners = Winners::NONE;
-        let mut u = region.columns().start;
+        let start = region.columns().start;
+        let mut u = start;
         masks.enter_line(u, v);
-        for pixels in out.chunks_mut(I::BATCH) {
+        for pixels in disparities.chunks_mut(I::BATCH) {
             let Some(padded) = padded.get_mut(..pixels.len() * vectors + 2) else { return };
             let [_, fused @ .., _] = &mut *padded else { return };
             let incomplete = masks.incomplete_in(u..u + pixels.len());
+            let mut units = [selection.unit::<V>(incomplete); MAX_BATCH];
             if const { Batch::<L, I, V>::VECTORS > 0 }
                 && (1..=Batch::<L, I, V>::VECTORS).contains(&vectors)
                 && Masks::<L, I, V>::can_hide(rule, incomplete)
@@ -101,6 +123,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             } else {
                 for (i, fused) in fused.chunks_exact_mut(vectors.max(1)).enumerate() {
                     masks.enter(u + i);
+                    units[i] = selection.unit::<V>(masks.availability.incomplete());
                     selection.slide_and_fuse(masks.masked(rule), &masks, &mut steps, blocks, fused);
                     isa.order(fused);
                     if let Some(kept) = kept.get_mut(i * vectors..(i + 1) * vectors) {
@@ -110,7 +133,12 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             }
             winners.find(isa, padded, vectors);
             let of_pixel = |i: usize| kept.get(i * vectors..).unwrap_or_default();
-            selection.disparities(&winners, pixels, |i| Exact { params, u: u + i, v, prior, blocks: of_pixel(i) });
+            let exact = |i: usize| Exact { params, u: u + i, v, prior, blocks: of_pixel(i) };
+            selection.disparities(&winners, pixels, exact);
+            if let Some(peaks) = peaks.as_mut().and_then(|peaks| peaks.get_mut(u - start..u - start + pixels.len())) {
+                let [_, fused @ .., _] = &mut *padded else { return };
+                selection.peaks(&winners, fused, &units, peaks, exact);
+            }
             u += pixels.len();
         }
     }

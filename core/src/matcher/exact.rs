@@ -4,12 +4,14 @@ use core::{ops::Range, slice};
 
 use crate::{
     Disparity, Fusion, MatchingCost, Params, SemiGlobalParams,
+    confidence::PeakRatio,
     kernel::{Blocks, Lane},
     prior_line::PriorLine,
 };
 
 /// The fused costs of a pixel in 32 bits, one by one. They are needed where lanes have saturated, and next to
 /// disparities at which no view is available.
+#[derive(Clone, Copy)]
 pub(crate) struct Exact<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub params: &'a Params,
     /// The pixel's column.
@@ -27,14 +29,28 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
     /// both neighbours exist.
     #[cold]
     pub fn disparity(&self) -> Option<Disparity> {
+        let (_, index) = self.winner(&self.available(), |_| true)?;
+        self.refined(index)
+    }
+
+    /// The peak ratio of the existing candidate of least fused cost; 0 if there is none.
+    #[cold]
+    pub fn peak(&self) -> u8 {
         let available = self.available();
+        let Some((least, index)) = self.winner(&available, |_| true) else { return 0 };
+        let Some((second, _)) = self.winner(&available, |other| other.abs_diff(index) > 1) else { return 0 };
+        let scale = self.params.fusion().scale(V) as u32;
+        let ratio = PeakRatio { least, second, unit: self.params.block_area() * scale };
+        ratio.at(index, self.params.num_disparities())
+    }
+
+    /// The least fused cost of the existing candidates at these indices, and its index, the smallest if several tie.
+    fn winner(&self, available: &[Range<u16>; V], is_searched: impl Fn(usize) -> bool) -> Option<(u32, usize)> {
         if available.iter().all(Range::is_empty) {
             return None;
         }
-        let all = 0..self.params.num_disparities();
-        let costs = all.filter_map(|index| Some((self.cost(&available, index)?, index)));
-        let (_, index) = costs.min_by_key(|&(cost, _)| cost)?;
-        self.refined(index)
+        let searched = (0..self.params.num_disparities()).filter(|&index| is_searched(index));
+        searched.filter_map(|index| Some((self.cost(available, index)?, index))).min_by_key(|&(cost, _)| cost)
     }
 
     /// The disparity at `index`, refined if both neighbours exist.

@@ -220,16 +220,48 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
         source: &mut S,
         out: &mut [Option<Disparity>],
     ) -> Result<Option<usize>, MatchError<S::Error>> {
-        if out.len() != self.region.width() {
-            return Err(MatchError::OutputLength { needed: self.region.width(), given: out.len() });
+        self.next_into(source, DisparityLine { disparities: out, peaks: None })
+    }
+
+    /// [`next_line`](Matcher::next_line), and into `peaks` the peak ratio of each pixel: how much worse the next best
+    /// candidate is, which [`ConfidenceLines`](crate::ConfidenceLines) take.
+    ///
+    /// Of a winner with the fused cost `c1`, and the least cost `c2` of all candidates that are more than a pixel of
+    /// disparity away, it is `256 (c2 - c1) / (c2 + A)`, rounded down. `A` is the area of the block in pixels, on the scale
+    /// of the costs: a difference of one grey value in each sample. See [`PeakRatio`](crate::PeakRatio). It is halved at both
+    /// ends of the search, and 0 for invalid pixels and where there is no `c2`.
+    ///
+    /// # Errors
+    /// As [`next_line`](Matcher::next_line), also if `peaks` has the wrong length.
+    #[cfg_attr(target_arch = "arm", inline(always))]
+    pub fn next_line_and_peaks<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        out: &mut [Option<Disparity>],
+        peaks: &mut [u8],
+    ) -> Result<Option<usize>, MatchError<S::Error>> {
+        if peaks.len() != self.region.width() {
+            return Err(MatchError::OutputLength { needed: self.region.width(), given: peaks.len() });
+        }
+        self.next_into(source, DisparityLine { disparities: out, peaks: Some(peaks) })
+    }
+
+    #[cfg_attr(target_arch = "arm", inline(always))]
+    fn next_into<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        DisparityLine { disparities, peaks }: DisparityLine<'_>,
+    ) -> Result<Option<usize>, MatchError<S::Error>> {
+        if disparities.len() != self.region.width() {
+            return Err(MatchError::OutputLength { needed: self.region.width(), given: disparities.len() });
         }
         let v = self.next;
         if v >= self.region.rows().end {
             return Ok(None);
         }
-        self.compute_disparities(source, out)?;
+        self.compute_disparities(source, DisparityLine { disparities: &mut *disparities, peaks })?;
         if let Some(prior) = self.frames.priors.as_ref().map(|priors| priors.line(v)) {
-            for (pixel, u) in out.iter_mut().zip(self.region.columns()) {
+            for (pixel, u) in disparities.iter_mut().zip(self.region.columns()) {
                 *pixel = prior.refined(u, self.params.search(), *pixel);
             }
         }
@@ -242,9 +274,8 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
     fn compute_disparities<S: ScanlineSource>(
         &mut self,
         source: &mut S,
-        out: &mut [Option<Disparity>],
+        out: DisparityLine<'_>,
     ) -> Result<(), MatchError<S::Error>> {
-        let out = DisparityLine(out);
         match (self.shape.lane_bytes, self.params.views().places()) {
             (2, 1) => self.compute::<S, u16, 1, _>(source, out),
             (2, 2) => self.compute::<S, u16, 2, _>(source, out),

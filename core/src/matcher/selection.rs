@@ -6,6 +6,7 @@ use super::exact::Exact;
 use crate::{
     Disparity, Params,
     availability::Availability,
+    confidence::PeakRatio,
     disparity::Around,
     kernel::{Block, Blocks, Isa, Lane, MAX_BATCH, Masks, Rule, Steps, Winners},
     prior_line::PriorLine,
@@ -203,6 +204,84 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             Some((before, after)) => Disparity::refine_equiangular(d, before, cost.widen(), after),
             None => exact().refined(index),
         }
+    }
+}
+
+impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
+    /// A grey value's difference in each sample of the block, on the scale of the costs fused in lanes where these views are
+    /// not available at all disparities.
+    #[inline(always)]
+    pub fn unit<const V: usize>(&self, incomplete: u8) -> u32 {
+        self.params.block_area() * self.rule.scale(V, incomplete == 0)
+    }
+
+    /// The peak ratio of a pixel with this least fused cost, [`unit`](Selection::unit) and fused costs, which it
+    /// overwrites; by `exact` costs where lanes do not suffice.
+    #[inline(always)]
+    pub fn peak<'e, const V: usize>(
+        &self,
+        least: L,
+        fused: &mut [I::Costs],
+        unit: u32,
+        exact: impl FnOnce() -> Exact<'e, L, I, V>,
+    ) -> u8
+    where
+        I: 'e,
+    {
+        if least == L::MAX {
+            return exact().peak();
+        }
+        self.peak_at(self.isa.position(fused, least), least, fused, unit, lane::<I>, exact)
+    }
+
+    /// The peak ratios of a batch of pixels with their `units`, from their fused costs, which it overwrites.
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    pub fn peaks<'e, const V: usize>(
+        &self,
+        winners: &Winners<L>,
+        fused: &mut [I::Costs],
+        units: &[u32; MAX_BATCH],
+        peaks: &mut [u8],
+        exact: impl Fn(usize) -> Exact<'e, L, I, V>,
+    ) where
+        I: 'e,
+    {
+        let vectors = fused.len().checked_div(peaks.len()).unwrap_or_default().max(1);
+        for (i, (peak, fused)) in peaks.iter_mut().zip(fused.chunks_exact_mut(vectors)).enumerate() {
+            let (least, index) = (winners.costs[i], winners.indices[i] as usize);
+            *peak = match least == L::MAX {
+                true => exact(i).peak(),
+                false => self.peak_at(index, least, fused, units[i], |index| index, || exact(i)),
+            };
+        }
+    }
+
+    /// The peak ratio of the candidate at an index, whose lane is `lane(index)`.
+    #[inline(always)]
+    fn peak_at<'e, const V: usize>(
+        &self,
+        index: usize,
+        least: L,
+        fused: &mut [I::Costs],
+        unit: u32,
+        lane: impl Fn(usize) -> usize,
+        exact: impl FnOnce() -> Exact<'e, L, I, V>,
+    ) -> u8
+    where
+        I: 'e,
+    {
+        let lanes: &mut [L] = bytemuck::try_cast_slice_mut(fused).unwrap_or_default();
+        for near in [index.wrapping_sub(1), index, index + 1] {
+            if let Some(cost) = lanes.get_mut(lane(near)) {
+                *cost = L::MAX;
+            }
+        }
+        let second = self.isa.least(fused);
+        if second == L::MAX {
+            return exact().peak();
+        }
+        let ratio = PeakRatio { least: least.widen(), second: second.widen(), unit };
+        ratio.at(index, self.params.num_disparities())
     }
 }
 

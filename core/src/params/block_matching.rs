@@ -199,9 +199,14 @@ impl Params {
         self.block_size() / 2
     }
 
+    /// The pixels of the block.
+    pub const fn block_area(&self) -> u32 {
+        self.block_size as u32 * self.block_size as u32
+    }
+
     /// The largest sum of absolute differences over a block.
     pub const fn max_block_sum(&self) -> u32 {
-        255 * self.block_size as u32 * self.block_size as u32
+        255 * self.block_area()
     }
 
     /// How many lines of `frame` past its own a disparity line needs; negative if the frame lags behind.

@@ -136,17 +136,48 @@ impl<I: Kernel> SemiGlobalMatcher<'_, I> {
         source: &mut S,
         out: &mut [Option<Disparity>],
     ) -> Result<Option<usize>, MatchError<S::Error>> {
+        self.next_into(source, out, None)
+    }
+
+    /// [`next_line`](SemiGlobalMatcher::next_line), and into `peaks` the peak ratio of each pixel, which
+    /// [`ConfidenceLines`](crate::ConfidenceLines) take.
+    ///
+    /// It is that of [`Matcher::next_line_and_peaks`](crate::Matcher::next_line_and_peaks), with sums of path costs instead of
+    /// fused costs, and the number of paths instead of the block's area.
+    ///
+    /// # Errors
+    /// As [`next_line`](SemiGlobalMatcher::next_line), also if `peaks` has the wrong length.
+    #[cfg_attr(target_arch = "arm", inline(always))]
+    pub fn next_line_and_peaks<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        out: &mut [Option<Disparity>],
+        peaks: &mut [u8],
+    ) -> Result<Option<usize>, MatchError<S::Error>> {
+        let (needed, given) = (self.params.search().width(), peaks.len());
+        if given != needed {
+            return Err(MatchError::OutputLength { needed, given });
+        }
+        self.next_into(source, out, Some(peaks))
+    }
+
+    #[cfg_attr(target_arch = "arm", inline(always))]
+    fn next_into<S: ScanlineSource>(
+        &mut self,
+        source: &mut S,
+        disparities: &mut [Option<Disparity>],
+        peaks: Option<&mut [u8]>,
+    ) -> Result<Option<usize>, MatchError<S::Error>> {
         let (v, search) = (self.next, self.params.search());
-        if out.len() != search.width() {
-            return Err(MatchError::OutputLength { needed: search.width(), given: out.len() });
+        if disparities.len() != search.width() {
+            return Err(MatchError::OutputLength { needed: search.width(), given: disparities.len() });
         }
         if v >= search.height() {
             return Ok(None);
         }
         self.costs.next(source, &self.params, v, self.paths.costs, self.paths.shape.depth)?;
         self.paths.enter_line(self.costs.center(v));
-        let sweep = PathSweep { isa: self.isa, params: &self.params, paths: &mut self.paths, out };
-        self.isa.compiled(sweep);
+        self.isa.compiled(PathSweep { isa: self.isa, params: &self.params, paths: &mut self.paths, disparities, peaks });
         self.next += 1;
         Ok(Some(v))
     }

@@ -1,7 +1,7 @@
 //! The paths through a line: forward to its end, and back with the selection.
 
 use super::{
-    path_selection::{PATHS, select},
+    path_selection::{PATHS, PathWinners, select},
     slots::Slots,
 };
 use crate::{
@@ -71,14 +71,19 @@ pub(super) struct PathSweep<'a, 'm, I> {
     pub params: &'a SemiGlobalParams,
     pub paths: &'a mut PathLines<'m>,
     /// The disparities of the line.
-    pub out: &'a mut [Option<Disparity>],
+    pub disparities: &'a mut [Option<Disparity>],
+    /// Their peak ratios, if they are asked for.
+    pub peaks: Option<&'a mut [u8]>,
 }
 
 impl<I: Kernel> Work for PathSweep<'_, '_, I> {
     #[cfg_attr(not(debug_assertions), inline(always))]
     fn run(mut self) {
         self.forward();
-        self.backward();
+        match self.peaks.is_some() {
+            true => self.backward::<true>(),
+            false => self.backward::<false>(),
+        }
     }
 }
 
@@ -107,18 +112,22 @@ impl<I: Kernel> PathSweep<'_, '_, I> {
         }
     }
 
-    /// The path from the right, and the selection.
+    /// The path from the right, and the selection, with peak ratios if `PEAKS` is set.
     #[cfg_attr(target_arch = "arm", inline(never))]
     #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
-    fn backward(&mut self) {
+    fn backward<const PEAKS: bool>(&mut self) {
         let PathLines { shape, costs, excess, along, start, samples: [here, above], p2, .. } = &mut *self.paths;
-        let (min_disparity, out) = (self.params.search().min_disparity(), &mut *self.out);
+        let search = self.params.search();
+        let (disparities, peaks) = (&mut *self.disparities, self.peaks.as_deref_mut().unwrap_or_default());
         Slot::copy(along[0], start);
         let penalties = RunPenalties { p1: self.params.penalties().p1(), p2, here, above };
         let run = BackwardRun { depth: shape.depth, costs, excess, along, penalties };
         self.isa.extend_backward(PATHS, run, |reached| {
-            if let Some(out) = out.get_mut(reached.column) {
-                *out = select(min_disparity, reached);
+            if let Some(disparity) = disparities.get_mut(reached.column) {
+                *disparity = select(search.min_disparity(), reached);
+            }
+            if PEAKS && let Some(peak) = peaks.get_mut(reached.column) {
+                *peak = PathWinners::peak(reached.costs, reached.excess, reached.winner, search.num_disparities());
             }
         });
     }

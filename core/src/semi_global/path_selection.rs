@@ -2,6 +2,7 @@
 
 use crate::{
     Disparity, SemiGlobalParams,
+    confidence::PeakRatio,
     disparity::Around,
     kernel::{Kernel, MAX_BATCH, Reached, as_vectors},
 };
@@ -24,9 +25,10 @@ impl PathWinners {
         PathWinners { around: Around { d: [0; MAX_BATCH], before: sums, at: sums, after: sums } }
     };
 
-    /// Finds the winner of pixel `i` of the batch by its costs and excess, from the smallest disparity on.
+    /// Finds the winner of pixel `i` of the batch by its costs and excess, from the smallest disparity on. Returns the least
+    /// sum and its index.
     #[inline(always)]
-    pub fn find<I: Kernel>(&mut self, isa: I, min_disparity: i16, i: usize, costs: &[u8], excess: &[u8]) {
+    pub fn find<I: Kernel>(&mut self, isa: I, min_disparity: i16, i: usize, costs: &[u8], excess: &[u8]) -> (u16, usize) {
         let (least, index) = isa.winner(PATHS, as_vectors::<I>(costs), as_vectors::<I>(excess));
         let [before, after] = neighbours(costs, excess, index).unwrap_or([least; 2]);
         let Around { d, before: all_before, at, after: all_after } = &mut self.around;
@@ -35,6 +37,24 @@ impl PathWinners {
         {
             *d = min_disparity.wrapping_add(index as i16);
             (*to_before, *at, *to_after) = (before.into(), least.into(), after.into());
+        }
+        (least, index)
+    }
+
+    /// The peak ratio of a pixel with a winner, as
+    /// [`SemiGlobalMatcher::next_line_and_peaks`](crate::SemiGlobalMatcher::next_line_and_peaks) defines it. There are `count`
+    /// disparities.
+    #[inline(always)]
+    pub fn peak(costs: &[u8], excess: &[u8], (least, index): (u16, usize), count: usize) -> u8 {
+        let mut second = u16::MAX;
+        for ((other, &cost), &excess) in (0..count as u16).zip(costs).zip(excess) {
+            let sum = PATHS * u16::from(cost) + u16::from(excess);
+            let is_near = other.abs_diff(index as u16) <= 1;
+            second = second.min(if is_near { u16::MAX } else { sum });
+        }
+        match exists(least) && exists(second) {
+            true => PeakRatio { least: least.into(), second: second.into(), unit: PATHS.into() }.at(index, count),
+            false => 0,
         }
     }
 

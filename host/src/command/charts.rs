@@ -1,7 +1,7 @@
-//! The error over the number of views, and over the longest baseline.
+//! The error over the number of views, and over the longest baseline; wrong pixels over the density.
 
 use multiscopic::{
-    evaluation::Record,
+    evaluation::{Record, Sparsification},
     report::{Chart, ChartLine},
     stereo::LongBaselines,
 };
@@ -88,6 +88,28 @@ impl Errors<'_> {
         let mut places: Vec<(usize, usize)> = places.collect();
         places.sort_unstable();
         places.into_iter().map(|(place, index)| (place as f64, self.mean(index))).collect()
+    }
+}
+
+/// The share of wrong pixels over the density, the mean over all scenes: a line for each variant, with its optimum. There are
+/// records and curves of every variant, for one scene after the other.
+pub fn sparsification(variants: &[Variant], records: &[Record], curves: &[Sparsification]) -> Chart {
+    let line = |index: usize, name: String, share: &dyn Fn(&Sparsification, f64) -> f64| {
+        let of_scenes = || curves.iter().skip(index).step_by(variants.len());
+        let mean = |density| of_scenes().map(|curve| share(curve, density)).sum::<f64>() / of_scenes().count() as f64;
+        let densities = Sparsification::DENSITIES.iter().filter(|density| (100.0 * **density).round() % 10.0 == 0.0);
+        ChartLine { name, points: densities.map(|&density| ((100.0 * density).round(), 100.0 * mean(density))).collect() }
+    };
+    let lines = records.iter().take(variants.len()).enumerate().flat_map(|(index, record)| {
+        let name = record.variant();
+        let optimum = format!("{name}, optimum");
+        [line(index, name, &Sparsification::wrong_at), line(index, optimum, &Sparsification::least_wrong_at)]
+    });
+    Chart {
+        title: "Wrong pixels among the surest".into(),
+        x: "surest pixels in percent".into(),
+        y: "pixels off by more than 1 pixel, in percent".into(),
+        lines: lines.collect(),
     }
 }
 

@@ -7,9 +7,12 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::stereo::{CostFunction, LongBaselines, Optimizer};
+use multiscopic::stereo::{
+    CostFunction, LongBaselines, Optimizer,
+    confidence::{self, ConfidenceMap},
+};
 use multiscopic::{
-    DisparityMap, Error, Method, Result,
+    DisparityMap, Error, Method, Picture, Result,
     files::{
         output,
         ply::{self, Encoding},
@@ -74,11 +77,15 @@ struct Outputs {
     #[command(flatten)]
     maps: MapFiles,
 
+    /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid
+    #[arg(long, value_name = "OUT.png", conflicts_with = "prior")]
+    confidence: Option<PathBuf>,
+
     /// Depth in metres, +inf where unknown; needs the focal length and the baseline
     #[arg(long, value_name = "OUT.pfm")]
     depth: Option<PathBuf>,
 
-    /// Coloured point cloud in metres; needs the focal length and the baseline
+    /// Coloured point cloud in metres, with confidences if --confidence is given; needs the focal length and the baseline
     #[arg(long, value_name = "OUT.ply")]
     ply: Option<PathBuf>,
 
@@ -117,7 +124,7 @@ impl Match {
 
         let method = self.options.method(self.method, self.search.block_size, first)?;
         let method = Method { long_baselines: self.baselines.long_baselines()?, ..method };
-        if !method.cost.matches_color() {
+        if !method.needs_color() {
             frames = frames.without_color();
         }
         if let (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) = (&method.cost, &method.optimizer)
@@ -130,27 +137,37 @@ impl Match {
         }
         let watch = Watch::new()?;
         let start = Instant::now();
-        let mut disparities = match (prior, method.long_baselines) {
-            (Some(prior), Some(long)) => long.refine_prior(&engine, &frames, prior, &watch)?,
-            _ => method.disparities(&engine, &frames, &search, &watch)?,
+        let (mut disparities, mut confidences) = match (prior, method.long_baselines, &self.outputs.confidence) {
+            (Some(prior), Some(long), _) => (long.refine_prior(&engine, &frames, prior, &watch)?, None),
+            (_, _, None) => (method.disparities(&engine, &frames, &search, &watch)?, None),
+            (_, _, Some(_)) => {
+                let (disparities, confidences) = method.disparities_and_confidences(&engine, &frames, &search, &watch)?;
+                (disparities, Some(confidences))
+            }
         };
         let seconds = start.elapsed().as_secs_f64();
         watch.finish();
         if let Some(undistortion) = &undistortion {
             undistortion.mask(&mut disparities);
+            if let Some(confidences) = &mut confidences {
+                confidence::keep_sure(&mut disparities, confidences, 0);
+            }
         }
 
         let outputs = &self.outputs;
         outputs.maps.write(&disparities)?;
+        if let (Some(path), Some(confidences)) = (&outputs.confidence, &confidences) {
+            Picture::from(confidences).write_png(path)?;
+        }
         if let (Some(path), Some(geometry)) = (&outputs.depth, &geometry) {
             disparities.to_depth(geometry).write_pfm(path)?;
         }
         if let (Some(path), Some(geometry), Some(center)) = (&outputs.ply, &geometry, &center) {
             let encoding = if outputs.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
-            ply::write(path, &disparities, geometry, center, encoding)?;
+            ply::write(path, &disparities, confidences.as_ref(), geometry, center, encoding)?;
         }
         let method = if self.prior.is_some() { "around a prior" } else { self.method.name() };
-        terminal::say(&summary(method, &search, &disparities, seconds));
+        terminal::say(&summary(method, &search, &disparities, confidences.as_ref(), seconds));
         preparation.warnings(&disparities, &search).into_iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
         Ok(ExitCode::SUCCESS)
     }
@@ -158,8 +175,8 @@ impl Match {
 
 impl Outputs {
     fn paths(&self) -> Vec<&Path> {
-        let Outputs { maps, depth, ply, ply_ascii: _ } = self;
-        maps.paths().chain([depth, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
+        let Outputs { maps, confidence, depth, ply, ply_ascii: _ } = self;
+        maps.paths().chain([confidence, depth, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
     }
 
     /// The option and the file of an output that needs the geometry, if there is one.
@@ -170,8 +187,21 @@ impl Outputs {
 }
 
 /// One line about the match and its result.
-fn summary(method: &str, search: &Search, disparities: &DisparityMap, seconds: f64) -> String {
+fn summary(
+    method: &str,
+    search: &Search,
+    disparities: &DisparityMap,
+    confidences: Option<&ConfidenceMap>,
+    seconds: f64,
+) -> String {
+    /// From which confidence on disparities are called sure.
+    const SURE: f64 = 0.9;
     let valid = disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64;
+    let sure = confidences.map_or_else(String::new, |confidences| {
+        let least = confidence::of_probability(SURE);
+        let sure = confidences.pixels().iter().filter(|&&confidence| confidence >= least).count();
+        format!(", {:.1} % sure (from {SURE} on)", 100.0 * sure as f64 / confidences.pixels().len() as f64)
+    });
     let baselines: Vec<String> = LongBaselines::sets(search.views()).iter().map(|views| views.multiple().to_string()).collect();
     let views = match (search.views().len(), &baselines[..]) {
         (1, _) => "1 view".into(),
@@ -179,7 +209,7 @@ fn summary(method: &str, search: &Search, disparities: &DisparityMap, seconds: f
         (views, baselines) => format!("{views} views at baselines {}", baselines.join(", ")),
     };
     format!(
-        "{}x{}, {method}, {views}, {}, {}..={}: {:.1} % valid, {:.0} ms",
+        "{}x{}, {method}, {views}, {}, {}..={}: {:.1} % valid{sure}, {:.0} ms",
         search.width(),
         search.height(),
         search.fusion().name(),

@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, time::Instant};
 
 use multiscopic::{
     DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Result,
-    evaluation::{CameraSteps, Record},
+    evaluation::{CameraSteps, Record, Sparsification},
     images::Layout,
     stereo::LongBaselines,
 };
@@ -53,24 +53,28 @@ impl Variant {
         if multiples.len() > 1 { multiples.into_iter().collect() } else { Vec::new() }
     }
 
-    /// Matches `subject` with `method`, which is this variant's, and compares the result with the truth. Disparities are those
-    /// at the default baseline.
+    /// Matches `subject` with `method`, which is this variant's, and compares the disparities and their confidences with the truth.
+    /// Disparities are those at the default baseline.
     pub fn measure(
         &self,
         method: &Method,
         engine: &Engine,
         subject: &Subject,
         search: &Search,
-    ) -> Result<(DisparityMap, Record)> {
-        let (disparities, seconds) = self.timed(method, engine, subject.frames, search)?;
+    ) -> Result<(DisparityMap, Sparsification, Record)> {
+        let start = Instant::now();
+        let (disparities, confidences) = method.disparities_and_confidences(engine, subject.frames, search, &())?;
+        let seconds = start.elapsed().as_secs_f64();
         let disparities = match subject.camera_steps {
             Some(steps) => disparities.times(steps.disparity_scale()),
             None => disparities,
         };
         let metrics = Metrics::new(&disparities, subject.truth).expect("some of the truth is known");
+        let curve = Sparsification::new(&disparities, &confidences, subject.truth).expect("some of the truth is known");
         let camera_steps = subject.camera_steps.map(CameraSteps::count);
-        let record = Record { camera_steps, ..self.record(subject.dataset, subject.scene, metrics, seconds) };
-        Ok((disparities, record))
+        let confidence = Some(curve.metrics());
+        let record = Record { camera_steps, confidence, ..self.record(subject.dataset, subject.scene, metrics, seconds) };
+        Ok((disparities, curve, record))
     }
 
     /// Matches frames with `method`, which is this variant's. The time is in seconds.
@@ -92,6 +96,7 @@ impl Variant {
             camera_steps: None,
             fusion: self.fusion.name().into(),
             metrics,
+            confidence: None,
             seconds,
         }
     }

@@ -9,6 +9,7 @@ mod metrics;
 mod record;
 mod result_row;
 pub mod results;
+mod sparsification;
 mod text_table;
 
 pub use camera_steps::CameraSteps;
@@ -18,4 +19,5 @@ pub use depth_quality::{DepthErrors, PlaneFit, TemporalNoise, WallMetrics, WallP
 pub use metrics::Metrics;
 pub use record::{Record, Reduction};
 pub use result_row::{ResultRow, RowValues};
+pub use sparsification::{ConfidenceMetrics, Sparsification};
 pub use text_table::text_table;

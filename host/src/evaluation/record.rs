@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::metrics::Metrics;
+use super::{metrics::Metrics, sparsification::ConfidenceMetrics};
 
 /// The errors of one method on one scene, or whatever else of `M` was measured: a record of `evaluate --json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -29,7 +29,10 @@ pub struct Record<M = Metrics> {
     /// The errors.
     #[serde(flatten)]
     pub metrics: M,
-    /// The time that matching took.
+    /// How good the confidences are, if that was measured.
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub confidence: Option<ConfidenceMetrics>,
+    /// The time that matching took, with the confidences.
     pub seconds: f64,
 }
 
@@ -47,8 +50,9 @@ impl<M> Record<M> {
 
     /// The same with other metrics.
     pub fn with_metrics<N>(self, metrics: N) -> Record<N> {
-        let Record { dataset, scene, method, views, layout, baselines, camera_steps, fusion, metrics: _, seconds } = self;
-        Record { dataset, scene, method, views, layout, baselines, camera_steps, fusion, metrics, seconds }
+        let Record { dataset, scene, method, views, layout, baselines, camera_steps, fusion, metrics: _, confidence, seconds } =
+            self;
+        Record { dataset, scene, method, views, layout, baselines, camera_steps, fusion, metrics, confidence, seconds }
     }
 }
 
@@ -91,6 +95,7 @@ pub(super) mod tests {
             camera_steps: None,
             fusion,
             metrics,
+            confidence: None,
             seconds: 0.25,
         }
     }

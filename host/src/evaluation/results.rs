@@ -4,6 +4,7 @@ use super::{
     metrics::Metrics,
     record::{Record, Reduction},
     result_row::{ResultRow, RowValues},
+    sparsification::ConfidenceMetrics,
     text_table::text_table,
 };
 
@@ -15,12 +16,7 @@ pub fn rows(records: &[Record]) -> Vec<ResultRow> {
         variant: record.variant(),
         values: RowValues::Scene(record.metrics, record.reduction(records)),
     };
-    let mut variants: Vec<String> = Vec::new();
-    for variant in records.iter().map(Record::variant) {
-        if !variants.contains(&variant) {
-            variants.push(variant);
-        }
-    }
+    let variants = variants(records);
     let of = |variant: &String| records.iter().filter(|record| record.variant() == *variant).collect::<Vec<_>>();
     let errors = variants.iter().filter_map(|variant| mean_errors(variant, &of(variant)));
     let reductions = variants.iter().filter_map(|variant| mean_reduction(variant, &of(variant), records));
@@ -46,10 +42,51 @@ fn mean_reduction(variant: &str, scenes: &[&Record], records: &[Record]) -> Opti
     })
 }
 
+/// The headings of [`confidence_rows`].
+pub const CONFIDENCE_HEADINGS: [&str; 9] =
+    ["scene", "method", "AUC", "optimum", "ROC-AUC", "ECE", "Bad1 at 90 %", "80 %", "70 %"];
+
+/// How good the confidences are: one row for each record that has them and, if there are several scenes, the means of each
+/// variant.
+pub fn confidence_rows(records: &[Record]) -> Vec<[String; 9]> {
+    let cells = |scene: &str, variant: &str, metrics: &ConfidenceMetrics| {
+        let ConfidenceMetrics { auc, auc_optimal, roc_auc, ece, bad_1_at_90, bad_1_at_80, bad_1_at_70 } = *metrics;
+        let [auc, auc_optimal] = [auc, auc_optimal].map(|area| format!("{area:.4}"));
+        let [roc_auc, ece] = [roc_auc, ece].map(|share| format!("{share:.3}"));
+        let [at_90, at_80, at_70] = [bad_1_at_90, bad_1_at_80, bad_1_at_70].map(|percent| format!("{percent:.2}"));
+        [scene.into(), variant.into(), auc, auc_optimal, roc_auc, ece, at_90, at_80, at_70]
+    };
+    let of_scene = |record: &Record| Some(cells(&record.scene, &record.variant(), record.confidence.as_ref()?));
+    let mean = |variant: &String| {
+        let metrics: Vec<ConfidenceMetrics> =
+            records.iter().filter(|record| record.variant() == *variant).filter_map(|record| record.confidence).collect();
+        let mean = ConfidenceMetrics::mean(&metrics).filter(|_| metrics.len() > 1)?;
+        Some(cells(&format!("mean of {}", metrics.len()), variant, &mean))
+    };
+    records.iter().filter_map(of_scene).chain(variants(records).iter().filter_map(mean)).collect()
+}
+
+/// The names of all variants, in the order of first appearance.
+fn variants(records: &[Record]) -> Vec<String> {
+    let mut variants: Vec<String> = Vec::new();
+    for variant in records.iter().map(Record::variant) {
+        if !variants.contains(&variant) {
+            variants.push(variant);
+        }
+    }
+    variants
+}
+
 /// The rows as a table in plain text, with a line of dashes between scenes.
 pub fn to_text(rows: &[ResultRow]) -> String {
     let cells: Vec<Vec<String>> = rows.iter().map(|row| row.cells().into()).collect();
     text_table(&ResultRow::HEADINGS, &cells, 2)
+}
+
+/// The [`confidence_rows`] as a table in plain text.
+pub fn confidences_to_text(rows: &[[String; 9]]) -> String {
+    let cells: Vec<Vec<String>> = rows.iter().map(|row| row.to_vec()).collect();
+    text_table(&CONFIDENCE_HEADINGS, &cells, 2)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::{
     error::{Error, Result},
     files::output,
-    images::{DisparityMap, Geometry, Picture},
+    images::{DisparityMap, Geometry, Picture, Raster},
 };
 
 /// How a PLY file stores its numbers.
@@ -18,14 +18,25 @@ pub enum Encoding {
     Ascii,
 }
 
-/// Writes a point for every pixel that has a depth, in the colour of that pixel in `center`.
+/// Writes a point for every pixel that has a depth, in the colour of that pixel in `center`, and with its confidence from 0 to
+/// 255, if they are given.
 ///
 /// Coordinates are in metres: x to the right, y down, z away from the camera.
 ///
 /// # Errors
 /// [`Error::Usage`] if `center` and the disparities differ in size, and [`Error::Write`]. Any previous
 /// version of the file is unchanged.
-pub fn write(path: &Path, disparities: &DisparityMap, geometry: &Geometry, center: &Picture, encoding: Encoding) -> Result<()> {
+///
+/// # Panics
+/// If the confidences and the disparities differ in size.
+pub fn write(
+    path: &Path,
+    disparities: &DisparityMap,
+    confidences: Option<&Raster<u8>>,
+    geometry: &Geometry,
+    center: &Picture,
+    encoding: Encoding,
+) -> Result<()> {
     let size = (disparities.width() as u32, disparities.height() as u32);
     if center.dimensions() != size {
         let ((width, height), (w, h)) = (size, center.dimensions());
@@ -33,7 +44,10 @@ pub fn write(path: &Path, disparities: &DisparityMap, geometry: &Geometry, cente
             "the centre image has {w}x{h} pixels, the disparities {width}x{height}: use the image that was matched"
         )));
     }
-    let points = || points(disparities, geometry, center);
+    if let Some(confidences) = confidences {
+        assert_eq!((confidences.width(), confidences.height()), (disparities.width(), disparities.height()), "sizes");
+    }
+    let points = || points(disparities, confidences, geometry, center);
     output::write(path, |writer| {
         let format = match encoding {
             Encoding::Binary => "binary_little_endian",
@@ -43,16 +57,20 @@ pub fn write(path: &Path, disparities: &DisparityMap, geometry: &Geometry, cente
         writeln!(writer, "element vertex {}", points().count())?;
         ["x", "y", "z"].iter().try_for_each(|axis| writeln!(writer, "property float {axis}"))?;
         ["red", "green", "blue"].iter().try_for_each(|color| writeln!(writer, "property uchar {color}"))?;
+        confidences.iter().try_for_each(|_| writeln!(writer, "property uchar confidence"))?;
         writeln!(writer, "end_header")?;
-        for (point, color) in points() {
+        for (point, color, confidence) in points() {
             match encoding {
                 Encoding::Binary => {
                     writer.write_all(point.map(f32::to_le_bytes).as_flattened())?;
                     writer.write_all(&color)?;
+                    writer.write_all(confidence.as_slice())?;
                 }
                 Encoding::Ascii => {
                     let ([x, y, z], [red, green, blue]) = (point, color);
-                    writeln!(writer, "{x} {y} {z} {red} {green} {blue}")?;
+                    write!(writer, "{x} {y} {z} {red} {green} {blue}")?;
+                    confidence.iter().try_for_each(|confidence| write!(writer, " {confidence}"))?;
+                    writeln!(writer)?;
                 }
             }
         }
@@ -60,12 +78,18 @@ pub fn write(path: &Path, disparities: &DisparityMap, geometry: &Geometry, cente
     })
 }
 
-/// The point and colour of every pixel with a finite depth.
-fn points(disparities: &DisparityMap, geometry: &Geometry, center: &Picture) -> impl Iterator<Item = ([f32; 3], [u8; 3])> {
+/// The point, colour and confidence of every pixel with a finite depth.
+fn points(
+    disparities: &DisparityMap,
+    confidences: Option<&Raster<u8>>,
+    geometry: &Geometry,
+    center: &Picture,
+) -> impl Iterator<Item = ([f32; 3], [u8; 3], Option<u8>)> {
     let pixels = disparities.rows().enumerate().flat_map(|(v, row)| row.iter().enumerate().map(move |(u, &pixel)| (u, v, pixel)));
-    pixels.filter_map(|(u, v, pixel)| {
+    pixels.filter_map(move |(u, v, pixel)| {
         let point = geometry.point(u, v, pixel?)?.map(|metres| metres as f32);
-        point.iter().all(|metres| metres.is_finite()).then(|| (point, center.color(u as u32, v as u32)))
+        let confidence = confidences.map(|confidences| confidences.get(u, v));
+        point.iter().all(|metres| metres.is_finite()).then(|| (point, center.color(u as u32, v as u32), confidence))
     })
 }
 
@@ -84,8 +108,22 @@ mod tests {
     fn written(center: &Picture, encoding: Encoding) -> Vec<u8> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.ply");
-        write(&path, &map(), &GEOMETRY, center, encoding).unwrap();
+        write(&path, &map(), None, &GEOMETRY, center, encoding).unwrap();
         std::fs::read(path).unwrap()
+    }
+
+    #[test]
+    fn confidences_follow_the_colour() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.ply");
+        let (center, confidences) = (Picture::Gray(GrayImage::new(2, 2)), Raster::new(2, 2, vec![9, 255, 7, 8]));
+        write(&path, &map(), Some(&confidences), &GEOMETRY, &center, Encoding::Ascii).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let expected = "property uchar confidence\nend_header\n0.02 0 2 0 0 0 255\n0 0.01 1 0 0 0 7\n";
+        assert!(text.ends_with(expected), "{text}");
+        write(&path, &map(), Some(&confidences), &GEOMETRY, &center, Encoding::Binary).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        assert_eq!((bytes[bytes.len() - 17], bytes[bytes.len() - 1]), (255, 7));
     }
 
     #[test]
@@ -116,7 +154,7 @@ mod tests {
     #[test]
     fn a_picture_of_another_size_is_refused() {
         let center = Picture::Gray(GrayImage::new(3, 2));
-        let message = write(Path::new("a.ply"), &map(), &GEOMETRY, &center, Encoding::Binary).unwrap_err().to_string();
+        let message = write(Path::new("a.ply"), &map(), None, &GEOMETRY, &center, Encoding::Binary).unwrap_err().to_string();
         assert!(message.starts_with("the centre image has 3x2 pixels, the disparities 2x2"), "{message}");
     }
 }

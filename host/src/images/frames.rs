@@ -47,6 +47,12 @@ impl Frames {
         Frames { colors: None, ..self }
     }
 
+    /// A copy of a frame, in colour if it has colours.
+    pub fn picture(&self, frame: Frame) -> Option<Picture> {
+        let color = self.color(frame).cloned().map(Picture::Rgb);
+        color.or_else(|| self.get(frame).cloned().map(Picture::Gray))
+    }
+
     /// A centre frame without neighbours, with its colours if it has any.
     pub fn of_picture(center: Picture) -> Frames {
         let gray = center.to_gray();

@@ -2,7 +2,7 @@
 
 use image::{GrayImage, ImageBuffer, Luma, Pixel, Rgb, RgbImage};
 
-use super::bit_depth::to_8_bits;
+use super::{bit_depth::to_8_bits, raster::Raster};
 
 /// An image with 8 or 16 bits per channel, as a file stores it. Matching takes 8 bits: those of a 16-bit sample are 255 times the sample
 /// through 65535, rounded to nearest.
@@ -16,6 +16,14 @@ pub enum Picture {
     Gray16(ImageBuffer<Luma<u16>, Vec<u16>>),
     /// Red, green and blue of 16 bits each.
     Rgb16(ImageBuffer<Rgb<u16>, Vec<u16>>),
+}
+
+impl From<&Raster<u8>> for Picture {
+    /// A byte for every pixel, in grey.
+    fn from(raster: &Raster<u8>) -> Picture {
+        let (width, height) = (raster.width() as u32, raster.height() as u32);
+        Picture::Gray(GrayImage::from_raw(width, height, raster.pixels().to_vec()).expect("a byte for every pixel"))
+    }
 }
 
 impl Picture {

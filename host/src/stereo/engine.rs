@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::simd::{Simd, Task};
 use crate::{
     error::{Error, Result},
-    images::{DisparityMap, Frames},
+    images::{DisparityMap, Frames, Raster},
 };
 
 /// The machine that matches: a pool of threads and their vector instructions.
@@ -60,7 +60,22 @@ impl Engine {
     /// # Errors
     /// As [`check`](Engine::check).
     pub fn disparities(&self, frames: &Frames, params: &Params, line_done: impl Fn() + Sync) -> Result<DisparityMap> {
-        self.run(Input { frames, prior: None }, params, line_done)
+        self.run(Input { frames, prior: None }, params, None, line_done)
+    }
+
+    /// [`disparities`](Engine::disparities), and their peak ratios: see [`Matcher::next_line_and_peaks`].
+    ///
+    /// # Errors
+    /// As [`check`](Engine::check).
+    pub fn disparities_and_peaks(
+        &self,
+        frames: &Frames,
+        params: &Params,
+        line_done: impl Fn() + Sync,
+    ) -> Result<(DisparityMap, Raster<u8>)> {
+        let mut peaks = Raster::filled(params.width(), params.height(), 0);
+        let map = self.run(Input { frames, prior: None }, params, Some(&mut peaks), line_done)?;
+        Ok((map, peaks))
     }
 
     /// The same [around](Params::around) the disparities `prior`, comparing [gradients](Gradients).
@@ -78,10 +93,16 @@ impl Engine {
         if [width, height] != [w, h] {
             return Err(Error::Usage(format!("the prior has {width}x{height} pixels, the frames have {w}x{h}")));
         }
-        self.run(Input { frames, prior: Some(prior) }, params, line_done)
+        self.run(Input { frames, prior: Some(prior) }, params, None, line_done)
     }
 
-    fn run(&self, input: Input<'_>, params: &Params, line_done: impl Fn() + Sync) -> Result<DisparityMap> {
+    fn run(
+        &self,
+        input: Input<'_>,
+        params: &Params,
+        peaks: Option<&mut Raster<u8>>,
+        line_done: impl Fn() + Sync,
+    ) -> Result<DisparityMap> {
         check_size(input.frames, params.search())?;
         check_frames(input.frames, params.views().iter().map(|view| params.frame(view)))?;
         let mut map = DisparityMap::filled(params.width(), params.height(), None);
@@ -90,10 +111,12 @@ impl Engine {
         let height = params.height().div_ceil(self.threads());
         let bands: Vec<Region> = Region::bands(params.search(), height).collect();
         let simd = self.simd(params.search());
+        let mut peaks = peaks.into_iter().flat_map(|peaks| peaks.pixels_mut().chunks_mut(height * params.width()));
+        let bands: Vec<_> = bands.into_iter().map(|band| (band, peaks.next())).collect();
         let pixels = map.pixels_mut().par_chunks_mut(height * params.width());
         self.pool.install(|| {
-            pixels.zip(bands).for_each(|(out, band)| {
-                simd.run(MatchBand { input, params, band: &band, out, line_done: &line_done });
+            pixels.zip(bands).for_each(|(out, (band, peaks))| {
+                simd.run(MatchBand { input, params, band: &band, out, peaks, line_done: &line_done });
             });
         });
         Ok(map)
@@ -150,6 +173,8 @@ struct MatchBand<'a, F> {
     params: &'a Params,
     band: &'a Region,
     out: &'a mut [Option<Disparity>],
+    /// The peak ratios of its lines, if they are asked for.
+    peaks: Option<&'a mut [u8]>,
     line_done: &'a F,
 }
 
@@ -159,7 +184,7 @@ impl<F: Fn()> Task for MatchBand<'_, F> {
     fn run<I: Kernel>(self, isa: I) {
         /// Bytes of the widest vector. Sums are aligned to it.
         const ALIGNMENT: usize = 64;
-        let MatchBand { mut input, params, band, out, line_done } = self;
+        let MatchBand { mut input, params, band, out, mut peaks, line_done } = self;
         let words = |width| Memory::new::<I>(params, width).words();
         let width = tile_width(params, 4 * words(params.width()));
         let mut memory = vec![0u32; words(width) + ALIGNMENT / 4];
@@ -168,8 +193,14 @@ impl<F: Fn()> Task for MatchBand<'_, F> {
             let region = Region::new(params.search(), tile.columns(), band.rows()).expect("tiles and bands lie in the frame");
             let mut matcher =
                 Matcher::with_isa(isa, params, &region, &mut memory[start..]).expect("the memory is that of the widest tile");
+            let mut lines_of_peaks = peaks.iter_mut().flat_map(|peaks| peaks.chunks_exact_mut(params.width()));
             for line in out.chunks_exact_mut(params.width()) {
-                matcher.next_line(&mut input, &mut line[region.columns()]).expect("lines in memory do not fail");
+                let line = &mut line[region.columns()];
+                let done = match lines_of_peaks.next() {
+                    Some(peaks) => matcher.next_line_and_peaks(&mut input, line, &mut peaks[region.columns()]),
+                    None => matcher.next_line(&mut input, line),
+                };
+                done.expect("lines in memory do not fail");
                 if region.columns().end == params.width() {
                     line_done();
                 }

@@ -1,10 +1,11 @@
 //! Stereo methods as pipelines of four steps: matching cost, aggregation, optimization, refinement.
 
-use multiscopic_core::{Census, Frame, Params, Search};
+use multiscopic_core::{Census, ConfidenceTable, Frame, Params, Search};
 
 use super::{
     aggregation::{Aggregation, CrossBased},
     baselines::LongBaselines,
+    confidence::{self, ConfidenceMap},
     cost::{
         BirchfieldTomasi, BlockRows, CensusRows, Cost, CostRows, SadRows, Volume,
         mccnn::{self, Network},
@@ -20,9 +21,14 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    images::{DisparityMap, Frames},
+    images::{DisparityMap, Frames, Raster},
     progress::Progress,
 };
+
+/// The block of the match that supports disparities of graph cuts.
+const WITNESS_BLOCK_SIZE: u8 = 11;
+/// Noise in costs of patches.
+const PATCH_UNIT: f32 = 0.05;
 
 /// A stereo method: a choice for each of the four steps (Scharstein and Szeliski 2002). Costs are fused over
 /// the views before all other steps, so that these cost the same for any number of views.
@@ -99,6 +105,11 @@ impl Method {
         Method { refinement, ..self }
     }
 
+    /// Whether colours matter to it, where frames have them.
+    pub fn needs_color(&self) -> bool {
+        self.cost.matches_color() || self.refinement.needs_color()
+    }
+
     /// Estimates the disparities of the centre of `frames`, by the views of the shortest baseline first, if they are
     /// at [several](LongBaselines::sets).
     ///
@@ -112,15 +123,75 @@ impl Method {
         search: &Search,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
+        if self.refinement.needs_confidences() {
+            return Ok(self.disparities_and_confidences(engine, frames, search, progress)?.0);
+        }
+        self.disparities_by_sets(engine, frames, search, None, progress)
+    }
+
+    /// [`disparities`](Method::disparities), and how confident they are. If the views are at several baselines, the evidence is
+    /// that of the shortest.
+    ///
+    /// # Errors
+    /// As [`disparities`](Method::disparities).
+    pub fn disparities_and_confidences(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        search: &Search,
+        progress: &dyn Progress,
+    ) -> Result<(DisparityMap, ConfidenceMap)> {
+        let (map, evidence) = self.disparities_and_evidence(engine, frames, search, progress)?;
+        let confidences = confidence::confidences(&map, &evidence, self.confidence_table(), engine);
+        engine.pool().install(|| self.refinement.by_confidence(map, confidences, frames))
+    }
+
+    /// [`disparities`](Method::disparities), before refinements by confidence, and the evidence for them: see
+    /// [`ConfidenceTable`].
+    ///
+    /// # Errors
+    /// As [`disparities`](Method::disparities).
+    pub fn disparities_and_evidence(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        search: &Search,
+        progress: &dyn Progress,
+    ) -> Result<(DisparityMap, Raster<u8>)> {
+        let mut evidence = Raster::filled(search.width(), search.height(), 0);
+        let map = self.disparities_by_sets(engine, frames, search, Some(&mut evidence), progress)?;
+        Ok((map, evidence))
+    }
+
+    /// The probabilities that disparities are right, by the evidence that this method gives.
+    pub fn confidence_table(&self) -> &'static ConfidenceTable {
+        match (&self.cost, &self.optimizer) {
+            (_, Optimizer::GraphCuts(_)) => &confidence::GRAPH_CUTS,
+            (_, Optimizer::EdgeAware(_)) => &confidence::EDGE_AWARE,
+            (CostFunction::Census(_), Optimizer::SemiGlobal(_)) => &confidence::CENSUS,
+            (_, Optimizer::SemiGlobal(_)) => &ConfidenceTable::SEMI_GLOBAL,
+            (_, Optimizer::WinnerTakesAll) => &ConfidenceTable::BLOCK_MATCHING,
+        }
+    }
+
+    /// [`disparities`](Method::disparities), and the evidence for them, which each pixel of `evidence` receives.
+    fn disparities_by_sets(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        search: &Search,
+        evidence: Option<&mut Raster<u8>>,
+        progress: &dyn Progress,
+    ) -> Result<DisparityMap> {
         engine.check(frames, search)?;
         let sets = LongBaselines::sets(search.views());
         match (self.long_baselines, &sets[..]) {
             (Some(long_baselines), [shortest, longer @ ..]) if !longer.is_empty() => {
                 let search = search.with_views(*shortest)?;
-                let map = self.disparities_together(engine, frames, &search, progress)?;
+                let map = self.disparities_together(engine, frames, &search, evidence, progress)?;
                 long_baselines.refine(engine, frames, &search, longer, map, progress)
             }
-            _ => self.disparities_together(engine, frames, search, progress),
+            _ => self.disparities_together(engine, frames, search, evidence, progress),
         }
     }
 
@@ -130,56 +201,84 @@ impl Method {
         engine: &Engine,
         frames: &Frames,
         search: &Search,
+        mut evidence: Option<&mut Raster<u8>>,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
         let map = match (&self.cost, &self.optimizer) {
             (CostFunction::Sad { block_size }, Optimizer::WinnerTakesAll)
-                if self.aggregation.is_none() && search.check_views().is_err() =>
+                if self.aggregation.is_none() && (search.check_views().is_err() || self.refinement.needs_costs()) =>
             {
-                self.take_winners(&BlockRows::new(frames, search, *block_size)?, engine, progress)
+                let unit = u64::from(*block_size).pow(2) * search.fusion().scale(search.views().len());
+                self.take_winners(&BlockRows::new(frames, search, *block_size)?, unit, engine, evidence, progress)
             }
             (CostFunction::Sad { block_size }, Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
                 progress.begin(search.height() as u64, "lines");
                 let params = Params::block_matching(*search, *block_size)?;
-                engine.disparities(frames, &params, || progress.advance(1))?
+                let line_done = || progress.advance(1);
+                match evidence {
+                    Some(evidence) => {
+                        let (map, peaks) = engine.disparities_and_peaks(frames, &params, line_done)?;
+                        *evidence = peaks;
+                        map
+                    }
+                    None => engine.disparities(frames, &params, line_done)?,
+                }
             }
             (CostFunction::BirchfieldTomasi(_) | CostFunction::McCnn(_), _) if let Err(error) = search.check_views() => {
                 return Err(error.into());
             }
+            (_, Optimizer::GraphCuts(_)) if self.refinement.needs_costs() => {
+                return Err(Error::Usage("the left-right check needs matching costs, which graph cuts do not give".into()));
+            }
             (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) if self.aggregation.is_none() => {
-                cuts.disparities(*cost, engine, frames, search, progress)?
+                let map = cuts.disparities(*cost, engine, frames, search, progress)?;
+                if let Some(evidence) = evidence {
+                    let params = Params::block_matching(*search, WITNESS_BLOCK_SIZE)?;
+                    *evidence = confidence::support(&map, &engine.disparities(frames, &params, || ())?, engine);
+                }
+                map
             }
             (CostFunction::Sad { block_size }, Optimizer::SemiGlobal(sgm)) if self.aggregation.is_none() => {
-                self.along_paths(sgm, &SadRows::new(engine, frames, search, *block_size)?, engine, frames, progress)
+                self.along_paths(sgm, &SadRows::new(engine, frames, search, *block_size)?, engine, frames, evidence, progress)
             }
             (CostFunction::Census(census), Optimizer::SemiGlobal(sgm)) if self.aggregation.is_none() => {
                 let rows = CensusRows::new(frames, search, *census, engine);
-                self.along_paths(sgm, &rows, engine, frames, progress)
+                self.along_paths(sgm, &rows, engine, frames, evidence, progress)
             }
             (CostFunction::Census(census), Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
                 let rows = CensusRows::new(frames, search, *census, engine);
-                self.take_winners(&rows, engine, progress)
+                self.take_winners(&rows, search.fusion().scale(search.views().len()) as u8, engine, evidence, progress)
             }
             (CostFunction::BirchfieldTomasi(cost), Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
-                self.take_winners(&cost.rows(frames, search), engine, progress)
+                self.take_winners(&cost.rows(frames, search), 1, engine, evidence, progress)
             }
             // Other optimizers are refused before the network runs, which takes long.
             (CostFunction::McCnn(network), Optimizer::WinnerTakesAll | Optimizer::EdgeAware(_)) => engine.pool().install(|| {
                 let costs = mccnn::fused_costs(network, frames, search, progress);
-                self.optimize_volume(costs, frames, search, progress)
+                self.optimize_volume(costs, frames, search, evidence.take(), progress)
             }),
             _ => return Err(self.mismatch()),
         };
         Ok(engine.pool().install(|| self.refinement.filter(map)))
     }
 
-    /// Selects the least costs, which come row by row.
-    fn take_winners<C: Cost>(&self, rows: &impl CostRows<Cost = C>, engine: &Engine, progress: &dyn Progress) -> DisparityMap {
-        if !self.refinement.needs_costs() {
+    /// Selects the least costs, which come row by row. `unit` is the noise in them that is to be expected.
+    fn take_winners<C: Cost>(
+        &self,
+        rows: &impl CostRows<Cost = C>,
+        unit: C,
+        engine: &Engine,
+        evidence: Option<&mut Raster<u8>>,
+        progress: &dyn Progress,
+    ) -> DisparityMap {
+        if !self.refinement.needs_costs() && evidence.is_none() {
             return winner::disparities(rows, engine, progress);
         }
         let costs = winner::collect(rows, engine, progress);
         let mut map = costs.disparities(rows.search());
+        if let Some(evidence) = evidence {
+            *evidence = costs.peaks(rows.search(), unit);
+        }
         self.refinement.check(rows.search(), &costs, &mut map);
         map
     }
@@ -191,10 +290,11 @@ impl Method {
         rows: &impl CostRows<Cost = u8>,
         engine: &Engine,
         frames: &Frames,
+        evidence: Option<&mut Raster<u8>>,
         progress: &dyn Progress,
     ) -> DisparityMap {
         let center = frames.get(Frame::Center).expect("every set of frames has a centre");
-        let (mut map, sums) = sgm.optimize(rows, center, engine, self.refinement.needs_costs(), progress);
+        let (mut map, sums) = sgm.optimize(rows, center, engine, self.refinement.needs_costs(), evidence, progress);
         if let Some(sums) = sums {
             self.refinement.check(rows.search(), &sums, &mut map);
         }
@@ -202,7 +302,14 @@ impl Method {
     }
 
     /// Selects disparities by real-valued costs, on the threads of the current pool.
-    fn optimize_volume(&self, mut costs: Volume<f32>, frames: &Frames, search: &Search, progress: &dyn Progress) -> DisparityMap {
+    fn optimize_volume(
+        &self,
+        mut costs: Volume<f32>,
+        frames: &Frames,
+        search: &Search,
+        evidence: Option<&mut Raster<u8>>,
+        progress: &dyn Progress,
+    ) -> DisparityMap {
         let penalties = if let Optimizer::EdgeAware(penalties) = self.optimizer { Some(penalties) } else { None };
         let image = |frame| mccnn::Input::new(frames.get(frame).expect("the frames were checked")).to_raster();
         let center = image(Frame::Center);
@@ -228,6 +335,9 @@ impl Method {
         }
         (0..after).for_each(|_| pass(&aggregate));
         let mut map = costs.disparities(search);
+        if let Some(evidence) = evidence {
+            *evidence = costs.peaks(search, PATCH_UNIT);
+        }
         self.refinement.check(search, &costs, &mut map);
         map
     }

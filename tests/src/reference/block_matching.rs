@@ -73,19 +73,45 @@ impl Match<'_> {
         Some(if denominator == 0.0 { d } else { d + (a - b) / denominator })
     }
 
+    /// The peak ratio of each pixel, line by line: by how much more the best candidate costs that is more than a disparity away
+    /// from the winner, in 256ths of that cost and a grey value in each sample.
+    pub fn peaks(&self) -> Vec<u8> {
+        let pixels = (0..self.height as i32).flat_map(|v| (0..self.width as i32).map(move |u| (u, v)));
+        pixels.map(|(u, v)| self.peak(u, v)).collect()
+    }
+
+    fn peak(&self, u: i32, v: i32) -> u8 {
+        let candidates: Vec<(f64, i32)> =
+            (0..self.num_disparities).filter_map(|i| Some((self.fused_cost(u, v, self.min_disparity + i)?, i))).collect();
+        let least = |far_from: Option<i32>| {
+            let searched = candidates.iter().filter(|(_, i)| far_from.is_none_or(|other| (i - other).abs() > 1));
+            searched.copied().min_by(|(a, _), (b, _)| a.total_cmp(b))
+        };
+        let Some((c1, winner)) = least(None) else { return 0 };
+        let Some((c2, _)) = least(Some(winner)) else { return 0 };
+        // One view's cost, fused alone, is on the scale of all.
+        let area = fuse_on(self.factor(), self.fusion, vec![f64::from(self.block_size.pow(2))]).expect("a cost");
+        let ratio = (256.0 * (c2 - c1) / (c2 + area)).floor() as u8;
+        if winner == 0 || winner == self.num_disparities - 1 { ratio / 2 } else { ratio }
+    }
+
     /// The fused cost of a candidate; `None` if no view is available.
     fn fused_cost(&self, u: i32, v: i32, d: i32) -> Option<f64> {
         let nearest = self.views.iter().zip(SHIFTS).filter_map(|(image, shift)| Some(((*image)?, shift)));
         let others = self.others.iter().map(|((i, j), image)| (&image[..], (-i, -j)));
         let costs = nearest.chain(others).filter_map(|(image, shift)| self.cost(image, shift, u, v, d)).collect();
-        // Of more than eight views, means of up to 24 costs and of up to 12 are whole.
-        let factor = match self.fusion {
+        fuse_on(self.factor(), self.fusion, costs)
+    }
+
+    /// The factor from the scale of [`fuse`] to one on which costs are whole. Of more than eight views, means of up to 24 costs
+    /// and of up to 12 are.
+    fn factor(&self) -> f64 {
+        match self.fusion {
             _ if self.views.iter().flatten().count() + self.others.len() <= 8 => 1.0,
             Fusion::Mean => 5_354_228_880.0 / 840.0,
             Fusion::Half => 27_720.0 / 12.0,
             _ => 1.0,
-        };
-        fuse_on(factor, self.fusion, costs)
+        }
     }
 
     /// The sum of absolute differences over the block to a view with this shift per pixel of disparity; `None` if
@@ -183,6 +209,18 @@ mod tests {
         assert_eq!(line(&[5, 5, 5], &[5, 5, 5], -1, 3).disparities(), [Some(-1.0), Some(-1.0), Some(0.0)]);
         // Costs at 0, 1, 2 of the last pixel: 4, 1, 1.
         assert_eq!(line(&[0, 0, 9], &[10, 10, 5], 0, 3).disparity(2, 0), Some(1.0 + 3.0 / 6.0));
+    }
+
+    #[test]
+    fn a_peak_ratio_is_that_of_the_best_candidate_elsewhere() {
+        // Costs at -2 to 2 of the third pixel: 5, 4, 0, 6, 9.
+        let right = [11, 14, 20, 16, 25];
+        let pair = line(&[0, 0, 20, 0, 0], &right, -2, 5);
+        let pair = Match { num_disparities: 5, ..pair };
+        assert_eq!(pair.peak(2, 0), (256.0 * 5.0 / 6.0) as u8);
+        // At an end of the search it is halved, and without a second candidate it is 0.
+        assert_eq!(Match { min_disparity: 0, num_disparities: 3, ..pair }.peak(2, 0), (256.0 * 9.0 / 10.0) as u8 / 2);
+        assert_eq!(Match { min_disparity: -1, num_disparities: 2, ..pair }.peak(2, 0), 0);
     }
 
     #[test]

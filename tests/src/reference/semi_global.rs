@@ -76,6 +76,20 @@ impl SemiGlobal<'_> {
             .collect()
     }
 
+    /// The peak ratio of each pixel, line by line: by how much more the best candidate costs that is more than a disparity away
+    /// from the winner, in 256ths of that sum and one for each path.
+    pub fn peaks(&self) -> Vec<u8> {
+        let peak = |sums: &Vec<Option<i64>>| {
+            let sums: Vec<(i64, usize)> = sums.iter().zip(0..).filter_map(|(sum, i)| Some(((*sum)?, i))).collect();
+            let Some(&(c1, winner)) = sums.iter().min() else { return 0 };
+            let Some((c2, _)) = sums.iter().filter(|(_, i)| i.abs_diff(winner) > 1).min() else { return 0 };
+            let ratio = 256 * (c2 - c1) / (c2 + self.paths.len() as i64);
+            let is_at_end = winner == 0 || winner as i32 == self.num_disparities - 1;
+            (if is_at_end { ratio / 2 } else { ratio }) as u8
+        };
+        self.sums().iter().map(peak).collect()
+    }
+
     /// The sum of the path costs at each pixel and disparity; `None` where there is no candidate.
     fn sums(&self) -> Vec<Vec<Option<i64>>> {
         let pixels: Vec<(i32, i32)> = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect();

@@ -155,6 +155,11 @@ impl Case {
         reference.disparities().into_iter().map(raw16).collect()
     }
 
+    /// The float reference's peak ratios.
+    pub fn reference_peaks(&self, images: &ViewSet) -> Vec<u8> {
+        images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size).peaks()
+    }
+
     /// The number of samples that the float reference sums.
     fn samples(&self) -> i64 {
         let search = self.min_disparity..self.min_disparity + self.num_disparities;
@@ -220,14 +225,37 @@ pub fn matched<I>(isa: I, params: &Params, region: &Region, images: &ViewSet, ra
 where
     I: Kernel,
 {
+    matched_with_peaks(isa, params, region, images, random, None)
+}
+
+/// [`matched`], which appends the peak ratios to `peaks`, if they are asked for.
+pub fn matched_with_peaks<I>(
+    isa: I,
+    params: &Params,
+    region: &Region,
+    images: &ViewSet,
+    random: &mut Random,
+    mut peaks: Option<&mut Vec<u8>>,
+) -> Vec<u16>
+where
+    I: Kernel,
+{
     let words = Memory::new::<I>(params, region.width()).words();
     let mut memory: Vec<u32> = (0..words).map(|_| random.bits() as u32).collect();
     let mut matcher = Matcher::with_isa(isa, params, region, &mut memory).expect("enough memory");
     let mut source = StrictSource::new(images, params, region);
     let mut line: Vec<Option<Disparity>> = (0..region.width()).map(|_| Disparity::from_raw16(random.bits() as u16)).collect();
+    let mut line_of_peaks: Vec<u8> = (0..region.width()).map(|_| random.byte()).collect();
     let mut found = Vec::new();
     for v in region.rows() {
-        assert_eq!(matcher.next_line(&mut source, &mut line), Ok(Some(v)), "the number of the disparity line");
+        let next = match peaks {
+            Some(_) => matcher.next_line_and_peaks(&mut source, &mut line, &mut line_of_peaks),
+            None => matcher.next_line(&mut source, &mut line),
+        };
+        assert_eq!(next, Ok(Some(v)), "the number of the disparity line");
+        if let Some(peaks) = &mut peaks {
+            peaks.extend(&line_of_peaks);
+        }
         source.line_done();
         found.extend(line.iter().map(|&pixel| Disparity::to_raw16(pixel)));
     }
@@ -239,7 +267,7 @@ where
 }
 
 /// The pixels of a frame that a region covers.
-pub fn cut(pixels: &[u16], width: usize, region: &Region) -> Vec<u16> {
+pub fn cut<T: Copy>(pixels: &[T], width: usize, region: &Region) -> Vec<T> {
     let Range { start, end } = region.columns();
     region.rows().flat_map(|v| &pixels[v * width..][start..end]).copied().collect()
 }

@@ -57,14 +57,36 @@ pub fn semi_globally_matched<I>(isa: I, params: &SemiGlobalParams, images: &View
 where
     I: Kernel,
 {
+    semi_globally_matched_with_peaks(isa, params, images, random, None)
+}
+
+/// [`semi_globally_matched`], which appends the peak ratios to `peaks`, if they are asked for.
+pub fn semi_globally_matched_with_peaks<I>(
+    isa: I,
+    params: &SemiGlobalParams,
+    images: &ViewSet,
+    random: &mut Random,
+    mut peaks: Option<&mut Vec<u8>>,
+) -> Vec<u16>
+where
+    I: Kernel,
+{
     let words = Memory::semi_global::<I>(params).words();
     let mut memory: Vec<u32> = (0..words).map(|_| random.bits() as u32).collect();
     let mut matcher = SemiGlobalMatcher::with_isa(isa, params, &mut memory).expect("enough memory");
     let mut source = StrictSource::semi_global(images, params);
     let mut line = vec![Disparity::from_raw16(random.bits() as u16); params.search().width()];
+    let mut line_of_peaks: Vec<u8> = line.iter().map(|_| random.byte()).collect();
     let mut found = Vec::new();
     for v in 0..params.search().height() {
-        assert_eq!(matcher.next_line(&mut source, &mut line), Ok(Some(v)), "the number of the disparity line");
+        let next = match peaks {
+            Some(_) => matcher.next_line_and_peaks(&mut source, &mut line, &mut line_of_peaks),
+            None => matcher.next_line(&mut source, &mut line),
+        };
+        assert_eq!(next, Ok(Some(v)), "the number of the disparity line");
+        if let Some(peaks) = &mut peaks {
+            peaks.extend(&line_of_peaks);
+        }
         source.line_done();
         found.extend(line.iter().map(|&pixel| Disparity::to_raw16(pixel)));
     }

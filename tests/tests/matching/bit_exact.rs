@@ -1,32 +1,63 @@
 //! The core equals the float reference on every bit.
 
-use multiscopic_core::{Region, kernel::Portable};
+use std::fmt::Debug;
+
+use multiscopic_core::{
+    Params, Region,
+    kernel::{Kernel, Portable},
+};
 use multiscopic_tests::{
     split_mix::Random,
-    test_images::case::{Case, cases, cut, matched, property},
+    test_images::{
+        case::{Case, cases, cut, matched, matched_with_peaks, property},
+        view_set::ViewSet,
+    },
 };
+
+/// A match whose peak ratios may be asked for.
+#[derive(Clone, Copy)]
+struct Matched<'a> {
+    wants_peaks: bool,
+    params: &'a Params,
+    images: &'a ViewSet,
+}
+
+impl Matched<'_> {
+    fn with<I: Kernel>(self, isa: I, region: &Region, random: &mut Random) -> (Vec<u16>, Option<Vec<u8>>) {
+        let mut peaks = self.wants_peaks.then(Vec::new);
+        (matched_with_peaks(isa, self.params, region, self.images, random, peaks.as_mut()), peaks)
+    }
+}
 
 /// Matches the whole frame in one pass, then in tiles, in bands, in a random rectangle, or with another
 /// number of lanes.
 fn equals_the_reference(case: &Case) {
     let (images, params) = (case.images(), case.params());
-    let expected = case.reference(&images);
+    let (expected, expected_peaks) = (case.reference(&images), case.reference_peaks(&images));
     let random = &mut Random(case.seed);
+    let wants_peaks = random.below(2) > 0;
 
     let whole = Region::whole(params.search());
-    let check = |found: Vec<u16>, region: &Region, what: &str| {
-        let expected = cut(&expected, case.width, region);
+    fn equal<T: Copy + PartialEq + Debug>(found: &[T], expected: &[T], width: usize, region: &Region, what: &str) {
+        let expected = cut(expected, width, region);
         if let Some(i) = (0..expected.len()).find(|&i| found.get(i) != Some(&expected[i])) {
             let (u, v) = (region.columns().start + i % region.width(), region.rows().start + i / region.width());
-            panic!("{what}, pixel ({u}, {v}): found {:?}, expected {}", found.get(i), expected[i]);
+            panic!("{what}, pixel ({u}, {v}): found {:?}, expected {:?}", found.get(i), expected[i]);
         }
         assert_eq!(found.len(), expected.len(), "{what}: pixels");
+    }
+    let check = |(found, peaks): (Vec<u16>, Option<Vec<u8>>), region: &Region, what: &str| {
+        equal(&found, &expected, case.width, region, what);
+        if let Some(peaks) = peaks {
+            equal(&peaks, &expected_peaks, case.width, region, &format!("{what}, peak ratios"));
+        }
     };
 
-    check(matched(Portable::<4, 1>, &params, &whole, &images, random), &whole, "4 lanes");
+    check((matched(Portable::<4, 1>, &params, &whole, &images, random), None), &whole, "4 lanes");
+    let matched = Matched { wants_peaks, params: &params, images: &images };
     let parts = |regions: &mut dyn Iterator<Item = Region>, random: &mut Random| {
         for region in regions {
-            check(matched(Portable::<4, 1>, &params, &region, &images, random), &region, &format!("{region:?}"));
+            check(matched.with(Portable::<4, 1>, &region, random), &region, &format!("{region:?}"));
         }
     };
     let at_most_four = |length: usize, random: &mut Random| length.div_ceil(4) + random.below(length);
@@ -41,14 +72,14 @@ fn equals_the_reference(case: &Case) {
             let any = Region::new(params.search(), part(case.width, random), part(case.height, random));
             parts(&mut any.into_iter(), random);
         }
-        3 => check(matched(Portable::<1, 1>, &params, &whole, &images, random), &whole, "1 lane"),
-        4 => check(matched(Portable::<3, 1>, &params, &whole, &images, random), &whole, "3 lanes"),
-        5 => check(matched(Portable::<8, 1>, &params, &whole, &images, random), &whole, "8 lanes"),
-        6 => check(matched(Portable::<16, 1>, &params, &whole, &images, random), &whole, "16 lanes"),
-        7 => check(matched(Portable::<32, 1>, &params, &whole, &images, random), &whole, "32 lanes"),
-        8 => check(matched(Portable::<4, 32>, &params, &whole, &images, random), &whole, "4 lanes, batches of 32"),
-        9 => check(matched(Portable::<16, 5>, &params, &whole, &images, random), &whole, "16 lanes, batches of 5"),
-        _ => check(matched(Portable::<32, 32>, &params, &whole, &images, random), &whole, "32 lanes, batches of 32"),
+        3 => check(matched.with(Portable::<1, 1>, &whole, random), &whole, "1 lane"),
+        4 => check(matched.with(Portable::<3, 1>, &whole, random), &whole, "3 lanes"),
+        5 => check(matched.with(Portable::<8, 1>, &whole, random), &whole, "8 lanes"),
+        6 => check(matched.with(Portable::<16, 1>, &whole, random), &whole, "16 lanes"),
+        7 => check(matched.with(Portable::<32, 1>, &whole, random), &whole, "32 lanes"),
+        8 => check(matched.with(Portable::<4, 32>, &whole, random), &whole, "4 lanes, batches of 32"),
+        9 => check(matched.with(Portable::<16, 5>, &whole, random), &whole, "16 lanes, batches of 5"),
+        _ => check(matched.with(Portable::<32, 32>, &whole, random), &whole, "32 lanes, batches of 32"),
     }
 }
 

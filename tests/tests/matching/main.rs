@@ -2,6 +2,7 @@
 
 mod arithmetic;
 mod bit_exact;
+mod confidences;
 mod depth;
 mod engine;
 mod golden;

@@ -11,7 +11,7 @@ use multiscopic_tests::{
     split_mix::Random,
     test_images::{
         case::{Case, cases, property},
-        semi_global_case::{semi_global_params, semi_globally_matched},
+        semi_global_case::{semi_global_params, semi_globally_matched_with_peaks},
         view_set::ViewSet,
     },
 };
@@ -24,10 +24,13 @@ struct Match<'a> {
 }
 
 impl Task for Match<'_> {
-    type Output = Vec<u16>;
+    /// The disparities, and in every other match the peak ratios.
+    type Output = (Vec<u16>, Option<Vec<u8>>);
 
-    fn run<I: Kernel>(self, isa: I) -> Vec<u16> {
-        semi_globally_matched(isa, self.params, self.images, &mut Random(self.seed))
+    fn run<I: Kernel>(self, isa: I) -> Self::Output {
+        let mut peaks = (self.seed & 1 == 0).then(Vec::new);
+        let random = &mut Random(self.seed);
+        (semi_globally_matched_with_peaks(isa, self.params, self.images, random, peaks.as_mut()), peaks)
     }
 }
 
@@ -39,15 +42,21 @@ fn semi_global_matches_equal_the_reference() {
         let params = semi_global_params(&reference);
         let expected: Vec<u16> = reference.disparities().into_iter().map(raw16).collect();
         let task = || Match { params: &params, images: &images, seed: case.seed };
-        let mut found: Vec<(String, Vec<u16>)> =
+        let expected_peaks = reference.peaks();
+        let mut found: Vec<(String, _)> =
             Simd::available().into_iter().map(|simd| (simd.to_string(), simd.run(task()))).collect();
-        found.push(match case.seed % 4 {
+        found.push(match case.seed / 2 % 4 {
             0 => ("3 lanes".into(), task().run(Portable::<3>)),
             1 => ("4 lanes".into(), task().run(Portable::<4>)),
             2 => ("8 lanes".into(), task().run(Portable::<8>)),
             _ => ("16 lanes, batches of 5".into(), task().run(Portable::<16, 5>)),
         });
-        for (kernel, found) in found {
+        for (kernel, (found, peaks)) in found {
+            if let Some(peaks) = peaks {
+                let different = (0..expected.len()).find(|&i| peaks[i] != expected_peaks[i]);
+                let place = different.map(|i| (i % case.width, i / case.width, peaks[i], expected_peaks[i]));
+                assert_eq!(place, None, "{kernel}, {params:?}: pixel, found and expected peak ratio");
+            }
             let different = (0..expected.len()).find(|&i| found[i] != expected[i]);
             let place = different.map(|i| (i % case.width, i / case.width, found[i], expected[i]));
             assert_eq!(place, None, "{kernel}, {params:?}: pixel, found and expected");

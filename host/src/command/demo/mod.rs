@@ -84,7 +84,7 @@ impl Demo {
         let method = Method::new(cost, None, Optimizer::WinnerTakesAll);
         let mut outcomes = Vec::new();
         for (&variant, search) in variants.iter().zip(&searches) {
-            let (disparities, record) = variant.measure(&method, &engine, &subject, search)?;
+            let (disparities, _, record) = variant.measure(&method, &engine, &subject, search)?;
             outcomes.push(Outcome { variant, disparities, record });
             bar.inc(1);
         }

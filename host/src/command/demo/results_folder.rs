@@ -120,7 +120,7 @@ impl ResultsFolder {
         let center = Picture::Rgb(shot.center.clone());
         let size = [camera.width as usize, camera.height as usize];
         let geometry = rendered_capture::rig(camera, self.views, String::new()).geometry(size).expect("the camera is known");
-        ply::write(&self.file(CLOUD), best, &geometry, &center, Encoding::Binary)?;
+        ply::write(&self.file(CLOUD), best, None, &geometry, &center, Encoding::Binary)?;
         let panels = [&shot.center, &color(stereo), &color(best), &color(&truth)];
         write_png(&self.file(OVERVIEW), &montage::row(panels, OVERVIEW_PANEL))
     }

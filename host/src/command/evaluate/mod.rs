@@ -24,7 +24,7 @@ use serde::Serialize;
 
 use self::{comparison::Comparison, gallery::Gallery, method_table::MethodTable, rig_options::RigOptions};
 use super::{
-    charts::Errors,
+    charts::{self, Errors},
     options::{BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, SearchOptions, named},
     preparation::PreparationOptions,
     terminal,
@@ -128,7 +128,7 @@ impl Evaluate {
         // As many as fit a set, which is all but for large arrays at several baselines.
         let most: Views = views().flat_map(Views::iter).collect();
         let bar = terminal::progress((scenes.len() * variants.len()) as u64, "maps");
-        let mut records = Vec::new();
+        let (mut records, mut curves) = (Vec::new(), Vec::new());
         let mut galleries = Vec::new();
         for scene in &scenes {
             bar.set_message(scene.name.clone());
@@ -146,10 +146,11 @@ impl Evaluate {
                     truth: &truth,
                 };
                 let search = self.search.search(frames.size(), variant.views, Some(variant.fusion), dataset.range())?;
-                let (disparities, record) = variant.measure(methods.get(variant), &engine, &subject, &search)?;
+                let (disparities, curve, record) = variant.measure(methods.get(variant), &engine, &subject, &search)?;
                 if let Some(gallery) = &mut gallery {
                     gallery.add(&record.variant(), &disparities);
                 }
+                curves.push(curve);
                 records.push(record);
                 bar.inc(1);
             }
@@ -157,7 +158,7 @@ impl Evaluate {
         }
         bar.finish_and_clear();
 
-        let rows = results::rows(&records);
+        let (rows, confidences) = (results::rows(&records), results::confidence_rows(&records));
         self.write_json(&records)?;
         if let Some(path) = &self.report {
             let baselines = match dataset.camera_steps() {
@@ -167,10 +168,12 @@ impl Evaluate {
             };
             let has_default_fusion = self.comparison.has_default_fusion();
             let errors = Errors { variants: &variants, records: &records, has_default_fusion, baselines: &baselines };
-            let html = self.page(dataset, &rows, &errors.charts(), galleries).to_html();
+            let curves = charts::sparsification(&variants, &records, &curves);
+            let charts: Vec<Chart> = errors.charts().into_iter().chain([curves]).collect();
+            let html = self.page(dataset, &rows, &confidences, &charts, galleries).to_html();
             output::write(path, |writer| writer.write_all(html.as_bytes()))?;
         }
-        terminal::print(&results::to_text(&rows))
+        terminal::print(&format!("{}\n{}", results::to_text(&rows), results::confidences_to_text(&confidences)))
     }
 
     /// The files that are written.
@@ -188,6 +191,7 @@ impl Evaluate {
         &self,
         dataset: Dataset,
         rows: &[ResultRow],
+        confidences: &[[String; 9]],
         charts: &[Chart],
         galleries: impl IntoIterator<Item = (&'a str, Vec<Figure>)>,
     ) -> Report {
@@ -195,7 +199,13 @@ impl Evaluate {
             .paragraph(
                 "RMS and AvgErr are in pixels, with the change from stereo in brackets; the other columns are percentages.",
             )
-            .table(ResultRow::HEADINGS, rows.iter().map(ResultRow::cells));
+            .table(ResultRow::HEADINGS, rows.iter().map(ResultRow::cells))
+            .paragraph(
+                "Confidences: AUC is the mean share of wrong pixels, those with an error above 1 pixel, as the least sure are taken \
+                 away, and the optimum what is possible; ECE is by how much confidences differ from the share that is right; Bad1 is in \
+                 percent of the surest.",
+            )
+            .table(results::CONFIDENCE_HEADINGS, confidences.iter().cloned());
         let page = charts
             .iter()
             .fold(page, Report::chart)

@@ -46,7 +46,7 @@ impl Evaluate {
             for (variant, maps) in variants.iter().zip(&mut maps) {
                 let search = self.search.search(size, variant.views, Some(variant.fusion), rig.preparation.range)?;
                 let method = methods.get(variant);
-                let gray = (!method.cost.matches_color()).then(|| rig.frames.clone().without_color());
+                let gray = (!method.needs_color()).then(|| rig.frames.clone().without_color());
                 let (mut disparities, seconds) = variant.timed(method, &engine, gray.as_ref().unwrap_or(&rig.frames), &search)?;
                 if let Some(undistortion) = &rig.undistortion {
                     undistortion.mask(&mut disparities);

@@ -28,6 +28,12 @@ pub fn size(text: &str) -> Result<[u32; 2]> {
     sides.ok_or_else(|| Error::Usage("it must be a width and a height, as 640x480".into()))
 }
 
+/// Parses a probability.
+pub fn probability(text: &str) -> Result<f64> {
+    let probability = text.parse().ok().filter(|probability| (0.0..=1.0).contains(probability));
+    probability.ok_or_else(|| Error::Usage("it must be a number from 0 to 1".into()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -36,6 +42,8 @@ mod tests {
     fn numbers() {
         assert_eq!(point("319.5, -2").unwrap(), [319.5, -2.0]);
         assert_eq!(positive("1e3").unwrap(), 1000.0);
+        assert_eq!([probability("0").unwrap(), probability("0.9").unwrap()], [0.0, 0.9]);
+        assert!(["-0.1", "1.1", "nan", "90 %"].iter().all(|text| probability(text).is_err()));
         assert_eq!(size("640x480").unwrap(), [640, 480]);
         assert!(["640", "x", "0x1", "1x-1", "axb"].iter().all(|text| size(text).is_err()));
         assert!(["0", "-1", "inf", "nan", "", "1x"].iter().all(|text| positive(text).is_err()));

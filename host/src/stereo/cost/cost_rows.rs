@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use multiscopic_core::{Disparity, Search, kernel::Kernel};
+use multiscopic_core::{Disparity, PeakRatio, Search, kernel::Kernel};
 
 /// The fused matching cost of a candidate: a pixel at a disparity.
 ///
@@ -15,6 +15,10 @@ pub trait Cost: Copy + PartialOrd + Debug + Send + Sync + 'static {
     /// The vertex of the parabola through the costs at `d - 1`, `d` and `d + 1` pixels. All three exist, and
     /// neither neighbour is below the cost in the middle.
     fn refine(d: i16, costs: [Self; 3]) -> Option<Disparity>;
+
+    /// The peak ratio of a candidate of least cost, by the least cost of those more than a disparity away and the noise that is to
+    /// be expected.
+    fn peak_ratio(least: Self, second: Self, unit: Self) -> PeakRatio;
 }
 
 impl Cost for u8 {
@@ -23,6 +27,11 @@ impl Cost for u8 {
     #[inline(always)]
     fn refine(d: i16, [before, at, after]: [u8; 3]) -> Option<Disparity> {
         Disparity::refine(d, before.into(), at.into(), after.into())
+    }
+
+    #[inline(always)]
+    fn peak_ratio(least: u8, second: u8, unit: u8) -> PeakRatio {
+        PeakRatio { least: least.into(), second: second.into(), unit: unit.into() }
     }
 }
 
@@ -33,6 +42,11 @@ impl Cost for u16 {
     fn refine(d: i16, [before, at, after]: [u16; 3]) -> Option<Disparity> {
         Disparity::refine(d, before.into(), at.into(), after.into())
     }
+
+    #[inline(always)]
+    fn peak_ratio(least: u16, second: u16, unit: u16) -> PeakRatio {
+        PeakRatio { least: least.into(), second: second.into(), unit: unit.into() }
+    }
 }
 
 impl Cost for u32 {
@@ -42,6 +56,11 @@ impl Cost for u32 {
     fn refine(d: i16, [before, at, after]: [u32; 3]) -> Option<Disparity> {
         Disparity::refine_wide(d, before.into(), at.into(), after.into())
     }
+
+    #[inline(always)]
+    fn peak_ratio(least: u32, second: u32, unit: u32) -> PeakRatio {
+        PeakRatio { least: least, second: second, unit: unit }
+    }
 }
 
 impl Cost for u64 {
@@ -49,6 +68,13 @@ impl Cost for u64 {
 
     fn refine(d: i16, [before, at, after]: [u64; 3]) -> Option<Disparity> {
         Disparity::refine_wide(d, before, at, after)
+    }
+
+    /// Costs of many views are large: their last digits do not matter.
+    fn peak_ratio(least: u64, second: u64, unit: u64) -> PeakRatio {
+        let excess_bits = (u64::BITS - second.max(unit).leading_zeros()).saturating_sub(29);
+        let [least, second, unit] = [least, second, unit].map(|cost| (cost >> excess_bits) as u32);
+        PeakRatio { least, second, unit: unit.max(1) }
     }
 }
 
@@ -61,6 +87,12 @@ impl Cost for f32 {
         let (difference, denominator) = (before - after, 2.0 * ((before - at) + (after - at)));
         let shift = if denominator > 0.0 { difference / denominator } else { 0.0 };
         Disparity::from_bits(((f64::from(d) + shift) * f64::from(Disparity::STEPS)).round() as i16)
+    }
+
+    fn peak_ratio(least: f32, second: f32, unit: f32) -> PeakRatio {
+        const ONE: f32 = 65536.0;
+        let [least, second, unit] = [least, second, unit].map(|cost| (ONE * cost.clamp(0.0, 8192.0)) as u32);
+        PeakRatio { least, second, unit }
     }
 }
 

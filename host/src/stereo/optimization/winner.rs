@@ -74,6 +74,13 @@ impl<C: Cost> Volume<C> {
         let pixels: Vec<Vec<_>> = (0..self.height()).into_par_iter().map(|v| row(v).collect()).collect();
         Raster::new(self.width(), self.height(), pixels.concat())
     }
+
+    /// The [peak ratios](peak) of the costs.
+    pub fn peaks(&self, search: &Search, unit: C) -> Raster<u8> {
+        let row = |v: usize| (0..self.width()).map(move |u| peak(search, self.pixel(u, v), unit));
+        let pixels: Vec<Vec<_>> = (0..self.height()).into_par_iter().map(|v| row(v).collect()).collect();
+        Raster::new(self.width(), self.height(), pixels.concat())
+    }
 }
 
 /// The disparity of a pixel by its `costs`, one for each disparity of `search`, smallest first; any further
@@ -110,4 +117,21 @@ pub fn disparity_refined_by<C: Cost>(
         }
     }
     Disparity::whole(d)
+}
+
+/// The peak ratio of a pixel by its `costs`, as [`disparity`] takes them: by the least cost, and the least cost of the candidates
+/// more than a disparity away. `unit` is the noise that is to be expected. It is 0 where one of the two does not exist.
+#[inline(always)]
+pub fn peak<C: Cost>(search: &Search, costs: &[C], unit: C) -> u8 {
+    let costs = &costs[..search.num_disparities()];
+    let mut best = (C::NONE, 0);
+    for (index, &cost) in costs.iter().enumerate() {
+        best = if cost < best.0 { (cost, index) } else { best };
+    }
+    let (least, index) = best;
+    let mut second = C::NONE;
+    for (other, &cost) in costs.iter().enumerate() {
+        second = if other.abs_diff(index) > 1 && cost < second { cost } else { second };
+    }
+    if second == C::NONE { 0 } else { C::peak_ratio(least, second, unit).at(index, costs.len()) }
 }

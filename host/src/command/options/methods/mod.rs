@@ -93,7 +93,7 @@ impl MethodOptions {
         let method = match name {
             MethodName::Bm => {
                 let block_size = block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
-                return Ok(Method::new(CostFunction::Sad { block_size }, None, Optimizer::WinnerTakesAll));
+                Method::new(CostFunction::Sad { block_size }, None, Optimizer::WinnerTakesAll)
             }
             MethodName::Gc => {
                 let optimizer =

@@ -3,14 +3,20 @@
 use clap::Args;
 use multiscopic::{
     Result,
-    stereo::refinement::{Bilateral, Median, Refinement},
+    stereo::{
+        confidence,
+        refinement::{BackgroundFill, Bilateral, Median, Refinement, Smoother},
+    },
 };
 
-use crate::command::options::value::point;
+use crate::command::options::{
+    named::{Named, named},
+    value::{point, probability},
+};
 
-/// The filters, which all methods but block matching apply.
+/// The filters.
 #[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Filters (not for --method bm)")]
+#[command(next_help_heading = "Filters")]
 pub struct RefinementOptions {
     /// Keep a disparity only if a view confirms it to within this many pixels; not for gc (OpenCV: disp12MaxDiff)
     /// [default: keep all]
@@ -25,6 +31,38 @@ pub struct RefinementOptions {
     /// [default: none]
     #[arg(long, value_name = "SIGMA,THRESHOLD", value_parser = point)]
     bilateral: Option<[f64; 2]>,
+
+    /// Keep a disparity only if it is at most one pixel off with this probability, from 0 to 1: 0.9 for few mistakes [default: keep all]
+    #[arg(long, value_name = "P", value_parser = probability)]
+    min_confidence: Option<f64>,
+
+    /// Smooth disparities within the edges of the centre image, the less sure the more, so that all pixels get one: a dense map from
+    /// what is sure
+    #[arg(long)]
+    smooth: bool,
+
+    /// Fill invalid pixels, after all other filters
+    #[arg(long, value_parser = named::<FillName>())]
+    fill: Option<FillName>,
+}
+
+/// How invalid pixels are filled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum FillName {
+    /// From the farther side.
+    Background,
+}
+
+impl Named for FillName {
+    const ALL: &'static [FillName] = &[FillName::Background];
+
+    fn name(&self) -> &'static str {
+        "background"
+    }
+
+    fn about(&self) -> &'static str {
+        "With the smaller of the nearest disparities to the left and to the right"
+    }
 }
 
 impl RefinementOptions {
@@ -34,6 +72,9 @@ impl RefinementOptions {
             left_right: self.disp12_max_diff,
             median: self.median.map(Median::new).transpose()?,
             bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
+            smoother: self.smooth.then_some(Smoother::DEFAULT),
+            fill: self.fill.map(|FillName::Background| BackgroundFill),
+            min_confidence: self.min_confidence.map(confidence::of_probability),
         })
     }
 }

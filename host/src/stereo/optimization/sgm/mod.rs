@@ -25,7 +25,7 @@ use row_sweep::{Pass, RowTask};
 use wavefront::Wavefront;
 
 use crate::{
-    images::DisparityMap,
+    images::{DisparityMap, Raster},
     progress::Progress,
     stereo::{
         cost::{CostRows, Volume},
@@ -44,14 +44,16 @@ impl Paths {
 }
 
 impl SemiGlobal {
-    /// Selects disparities by the sums of path costs. `center` is the image whose edges lower P2. Also
-    /// returns the sums if `keep_sums` is set, which takes the volume that several passes take.
+    /// Selects disparities by the sums of path costs, and puts their peak ratios into `peaks`, if there is one. `center` is the
+    /// image whose edges lower P2. Also returns the sums if `keep_sums` is set, which takes the volume that several passes
+    /// take.
     pub fn optimize<R: CostRows<Cost = u8>>(
         &self,
         rows: &R,
         center: &GrayImage,
         engine: &Engine,
         keep_sums: bool,
+        mut peaks: Option<&mut Raster<u8>>,
         progress: &dyn Progress,
     ) -> (DisparityMap, Option<Volume<u16>>) {
         let search = rows.search();
@@ -72,10 +74,16 @@ impl SemiGlobal {
         for (i, &pass) in passes.iter().enumerate() {
             let is_last = i + 1 == passes.len();
             let mut sums_of_rows = sums.iter_mut().flat_map(Volume::rows_mut);
+            let mut peaks_of_rows = peaks.as_deref_mut().filter(|_| is_last).into_iter().flat_map(Raster::rows_mut);
             let mut rows: Vec<RowTask> = map
                 .rows_mut()
                 .enumerate()
-                .map(|(v, disparities)| RowTask { v, sums: sums_of_rows.next(), disparities: is_last.then_some(disparities) })
+                .map(|(v, disparities)| RowTask {
+                    v,
+                    sums: sums_of_rows.next(),
+                    disparities: is_last.then_some(disparities),
+                    peaks: peaks_of_rows.next(),
+                })
                 .collect();
             if pass.upwards {
                 rows.reverse();

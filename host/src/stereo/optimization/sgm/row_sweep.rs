@@ -33,6 +33,8 @@ pub(super) struct RowTask<'a> {
     pub sums: Option<&'a mut [u16]>,
     /// Where the selected disparities go, in the last pass.
     pub disparities: Option<&'a mut [Option<Disparity>]>,
+    /// Where their peak ratios go, if they are asked for.
+    pub peaks: Option<&'a mut [u8]>,
 }
 
 /// A row's costs, what paths charge at its pixels, and what they add to the costs.
@@ -212,7 +214,8 @@ struct Finish<'r, 'a, I: Kernel, const M: usize> {
 impl<I: Kernel, const M: usize> Work for Finish<'_, '_, I, M> {
     #[inline(always)]
     fn run(self) {
-        let Finish { isa, row, mut from_right, search, paths, task: RowTask { sums, mut disparities, .. } } = self;
+        let Finish { isa, row, mut from_right, search, paths, task } = self;
+        let RowTask { sums, mut disparities, mut peaks, .. } = task;
         let (width, stride) = (search.width(), row.stride);
         match (sums, &mut disparities, &mut from_right) {
             (None, Some(disparities), Some(from_right)) => {
@@ -220,18 +223,24 @@ impl<I: Kernel, const M: usize> Work for Finish<'_, '_, I, M> {
                     let here = first..width.min(first + MAX_BATCH);
                     let mut winners = PathWinners::NONE;
                     row.backward(isa, from_right, here.clone(), |u, costs, excess| {
-                        winners.find(isa, search.min_disparity(), u - first, costs, excess);
+                        let winner = winners.find(isa, search.min_disparity(), u - first, costs, excess);
+                        if let Some(peaks) = &mut peaks {
+                            peaks[u] = PathWinners::peak(costs, excess, winner, search.num_disparities());
+                        }
                     });
                     winners.select(&mut disparities[here]);
                 }
             }
             (Some(sums), disparities, from_right) => {
-                let paths = disparities.as_ref().map(|_| paths);
+                let (paths_in_all, paths) = (paths, disparities.as_ref().map(|_| paths));
                 let mut add = |u: usize, costs: &[u8], excess: &[u8]| {
                     let sums = &mut sums[u * stride..][..stride];
                     add_to_sums(sums, costs, excess, paths);
                     if let Some(disparities) = disparities {
                         disparities[u] = select_by_sums(search, sums);
+                        if let Some(peaks) = &mut peaks {
+                            peaks[u] = winner::peak(search, sums, paths_in_all);
+                        }
                     }
                 };
                 match from_right {

@@ -1,0 +1,117 @@
+//! Confidences by the peak ratio and by how many pixels around agree.
+
+use crate::Disparity;
+
+/// Columns on both sides of a pixel that are sampled.
+const COLUMNS: [isize; 9] = [-20, -15, -10, -5, 0, 5, 10, 15, 20];
+/// The last of them.
+const REACH: usize = 20;
+/// Pixels whose agreements are counted together: as many as help compilers to vectorise.
+const BATCH: usize = if cfg!(target_arch = "arm") { 1 } else { 32 };
+
+/// Confidences: of each pixel the probability that its disparity is at most one pixel off, times 255.
+///
+/// Two measures decide. The *agreement* is how many of 27 pixels have a disparity at most one pixel apart: those in columns
+/// `u - 20, u - 15, ... u + 20` of lines `v - 5`, `v` and `v + 5`, the pixel itself among them. Beyond the frame's borders those
+/// at the border count. Surfaces are smooth almost everywhere, and mismatches are scattered. The *evidence*
+/// is a byte that the method gives, such as the [peak ratio](crate::PeakRatio); it counts in sixteenths of its range.
+///
+/// An invalid pixel has the confidence 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ConfidenceTable(
+    /// By agreement, from 1 on, and by evidence.
+    pub [[u8; ConfidenceTable::EVIDENCE]; ConfidenceTable::AGREEMENTS],
+);
+
+impl ConfidenceTable {
+    /// The pixels that may agree.
+    pub const AGREEMENTS: usize = 3 * COLUMNS.len();
+    /// The steps of the evidence.
+    pub const EVIDENCE: usize = 16;
+    /// How many lines above and below a pixel there are pixels that may agree.
+    pub const ROWS: usize = 5;
+
+    /// The confidences of a line. `rows` are the disparities of the line [`ROWS`](ConfidenceTable::ROWS) above it, of itself,
+    /// and of that as many below it, or of the first and the last of the frame; `evidence` is that of its pixels. All are as
+    /// long.
+    #[cfg_attr(target_arch = "arm", inline(never))]
+    pub fn line(&self, rows: [&[Option<Disparity>]; 3], evidence: &[u8], confidences: &mut [u8]) {
+        let [_, line, _] = rows;
+        ConfidenceTable::agreements(line, rows, confidences);
+        for ((confidence, pixel), &evidence) in confidences.iter_mut().zip(line).zip(evidence) {
+            let row = self.0.get(usize::from(*confidence).wrapping_sub(1));
+            let found = row.and_then(|row| row.get(usize::from(evidence) * Self::EVIDENCE / 256)).copied();
+            *confidence = if pixel.is_some() { found.unwrap_or_default() } else { 0 };
+        }
+    }
+
+    /// How many of the 27 disparities in `rows` around each pixel of `line` are at most a pixel apart from its own. All are as
+    /// long.
+    #[cfg_attr(target_arch = "arm", inline(always))]
+    pub fn agreements(line: &[Option<Disparity>], rows: [&[Option<Disparity>]; 3], counts: &mut [u8]) {
+        let mut u = 0;
+        while u < line.len() {
+            let inner = u.checked_sub(REACH).and_then(|start| inner_agreements::<BATCH>(line, rows, start));
+            if let (Some(found), Some(counts)) = (inner, counts.get_mut(u..).and_then(<[u8]>::first_chunk_mut)) {
+                *counts = found;
+                u += BATCH;
+            } else {
+                let own = Neighbourhood::of(line.get(u).copied().flatten());
+                let at = |column: isize| u.saturating_add_signed(column).min(line.len() - 1);
+                let of_row = |row: &[Option<Disparity>]| -> u8 {
+                    COLUMNS.iter().map(|&column| own.has(row.get(at(column)).copied().flatten())).sum()
+                };
+                if let Some(count) = counts.get_mut(u) {
+                    *count = rows.map(of_row).iter().sum();
+                }
+                u += 1;
+            }
+        }
+    }
+}
+
+/// How many samples agree with each of `N` pixels, whose first samples are in column `start`. `None` if some are past the end.
+#[inline(always)]
+fn inner_agreements<const N: usize>(
+    line: &[Option<Disparity>],
+    rows: [&[Option<Disparity>]; 3],
+    start: usize,
+) -> Option<[u8; N]> {
+    let own = line.get(start + REACH..)?.first_chunk::<N>()?.map(Neighbourhood::of);
+    let mut counts = [0; N];
+    for row in rows {
+        let row = row.get(start..start + N + 2 * REACH)?;
+        for column in (0..=2 * REACH).step_by(5) {
+            let samples = row.get(column..)?.first_chunk::<N>()?;
+            for ((count, own), &sample) in counts.iter_mut().zip(&own).zip(samples) {
+                *count += own.has(sample);
+            }
+        }
+    }
+    Some(counts)
+}
+
+/// The disparities that agree with one, as in [`Disparity::to_raw16`].
+#[derive(Clone, Copy)]
+struct Neighbourhood {
+    least: u16,
+    /// From the least to the greatest.
+    span: u16,
+}
+
+impl Neighbourhood {
+    #[inline(always)]
+    fn of(pixel: Option<Disparity>) -> Neighbourhood {
+        const PIXEL: u16 = Disparity::STEPS as u16;
+        let raw = Disparity::to_raw16(pixel);
+        // Not 0, which is invalid.
+        let least = raw.saturating_sub(PIXEL).max(1);
+        Neighbourhood { least, span: raw.saturating_add(PIXEL) - least }
+    }
+
+    /// 1 if a disparity is among them, and 0 otherwise.
+    #[inline(always)]
+    fn has(self, sample: Option<Disparity>) -> u8 {
+        u8::from(Disparity::to_raw16(sample).wrapping_sub(self.least) <= self.span)
+    }
+}

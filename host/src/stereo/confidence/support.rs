@@ -1,0 +1,23 @@
+//! Evidence for a method without costs: how far block matching supports its disparities.
+
+use multiscopic_core::ConfidenceTable;
+use rayon::prelude::*;
+
+use super::lattice_rows;
+use crate::{
+    images::{DisparityMap, Raster},
+    stereo::engine::Engine,
+};
+
+/// How many of the disparities of `witness` around each pixel are at most a pixel apart from its own in `map`: nine times
+/// [`ConfidenceTable::agreements`].
+pub fn support(map: &DisparityMap, witness: &DisparityMap, engine: &Engine) -> Raster<u8> {
+    let mut evidence = Raster::filled(map.width(), map.height(), 0);
+    engine.pool().install(|| {
+        evidence.pixels_mut().par_chunks_exact_mut(map.width()).enumerate().for_each(|(v, line)| {
+            ConfidenceTable::agreements(map.row(v), lattice_rows(witness, v), line);
+            line.iter_mut().for_each(|count| *count *= 9);
+        });
+    });
+    evidence
+}

@@ -1,0 +1,282 @@
+//! Fits the tables of confidences on made-up scenes: `cargo run --release -p multiscopic-tests --example confidence`.
+//!
+//! Each method matches random scenes, in turn with one neighbour, two, four and eight. Of all pixels with the same agreement and
+//! evidence, the share of those with an error of at most one pixel is counted, and a smooth surface is fitted to the
+//! logarithm of its odds: a quadratic function of both, by maximum likelihood. Confidences never fall when the agreement or the
+//! evidence rises. Photographs are not used.
+//!
+//! `--update` writes the tables; otherwise only the errors on other scenes are printed.
+
+use std::{env, error::Error, fmt::Write as _, fs, path::Path};
+
+use multiscopic::{
+    DisparityMap, Engine, FloatImage, GraphCuts, Method, SemiGlobal,
+    evaluation::{ConfidenceMetrics, Sparsification},
+    images::Raster,
+    scene::RandomScene,
+    stereo::{
+        CostFunction, Optimizer,
+        aggregation::{Aggregation, SupportRegion},
+        cost::{
+            BirchfieldTomasi,
+            mccnn::{Architecture, Network},
+        },
+        optimization::edge_aware::Penalties,
+    },
+};
+use multiscopic_core::{Census, ConfidenceTable, Fusion, Search, SemiGlobalCost, View, Views};
+
+/// The size of a picture.
+const SIZE: [u32; 2] = [320, 240];
+/// The disparities that are searched, from 1 on: those of all scenes.
+const DISPARITIES: u16 = 40;
+/// Scenes to fit, and others to check the fit. Slow methods take one of four.
+const SCENES: [u64; 2] = [320, 80];
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+fn main() -> Result<()> {
+    let update = env::args().any(|argument| argument == "--update");
+    let only: Vec<String> = env::args().skip(1).filter(|argument| !argument.starts_with("--")).collect();
+    let is_chosen = |subject: &Subject| only.is_empty() || only.iter().any(|name| name == subject.name);
+    let engine = Engine::new(None, 0)?;
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace");
+    for file in files()? {
+        let mut source = file.head.to_owned();
+        for subject in &file.subjects {
+            if !is_chosen(subject) {
+                continue;
+            }
+            let [fitted, others] = [0, 1].map(|seed| counts(subject, &engine, seed));
+            let table = fit(&fitted?);
+            let ConfidenceMetrics { auc, auc_optimal, ece, .. } = others?.quality(&table).ok_or("no pixel was matched")?;
+            println!("{}: on other scenes AUC {auc:.4}, {:.2} times the optimum, ECE {ece:.3}", subject.name, auc / auc_optimal);
+            write_table(&mut source, subject, &table)?;
+        }
+        source.push_str(file.tail);
+        if update && file.subjects.iter().all(|subject| is_chosen(subject)) {
+            fs::write(root.join(file.path), source)?;
+        }
+    }
+    Ok(())
+}
+
+/// A file of tables.
+struct File {
+    path: &'static str,
+    head: &'static str,
+    subjects: Vec<Subject>,
+    tail: &'static str,
+}
+
+/// A method whose table is fitted.
+struct Subject {
+    name: &'static str,
+    about: &'static str,
+    /// The methods, by the number of neighbours.
+    method: Box<dyn Fn(usize) -> Method>,
+    /// Whether it is slow.
+    is_slow: bool,
+}
+
+fn files() -> Result<[File; 2]> {
+    let network = Network::load(Architecture::Fast)?;
+    let aggregation = Aggregation { region: SupportRegion::ACCURATE, iterations: [0, 0] };
+    let subject = |name, about, is_slow, method| Subject { name, about, method, is_slow };
+    Ok([
+        File {
+            path: "core/src/confidence/fitted.rs",
+            head: "//! The tables of the core's methods, as `tests/examples/confidence.rs` fits them.\n\nuse super::table::ConfidenceTable;\n\nimpl ConfidenceTable {\n",
+            subjects: vec![
+                subject(
+                    "BLOCK_MATCHING",
+                    "Those of block matching, by any fusion rule.",
+                    false,
+                    Box::new(|_| Method::new(CostFunction::Sad { block_size: 11 }, None, Optimizer::WinnerTakesAll)),
+                ),
+                subject(
+                    "SEMI_GLOBAL",
+                    "Those of semi-global matching by sums of absolute differences.",
+                    false,
+                    Box::new(|views| {
+                        let cost = SemiGlobalCost::Sad { block_size: 5 };
+                        Method::new(
+                            CostFunction::Sad { block_size: 5 },
+                            None,
+                            Optimizer::SemiGlobal(SemiGlobal::default_for(cost, views)),
+                        )
+                    }),
+                ),
+            ],
+            tail: "}\n",
+        },
+        File {
+            path: "host/src/stereo/confidence/fitted.rs",
+            head: "//! The tables of the methods that the core does not have, as `tests/examples/confidence.rs` fits them.\n\nuse multiscopic_core::ConfidenceTable;\n\n",
+            subjects: vec![
+                subject(
+                    "CENSUS",
+                    "Semi-global matching by the census.",
+                    false,
+                    Box::new(|views| {
+                        let cost = SemiGlobalCost::Census(Census::Window9x7);
+                        Method::new(
+                            CostFunction::Census(Census::Window9x7),
+                            None,
+                            Optimizer::SemiGlobal(SemiGlobal::default_for(cost, views)),
+                        )
+                    }),
+                ),
+                subject(
+                    "GRAPH_CUTS",
+                    "Graph cuts.",
+                    true,
+                    Box::new(|_| {
+                        let cost = CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: true });
+                        Method::new(cost, None, Optimizer::GraphCuts(GraphCuts::default()))
+                    }),
+                ),
+                subject(
+                    "EDGE_AWARE",
+                    "Edge-aware paths, with costs by a network.",
+                    true,
+                    Box::new(move |_| {
+                        let cost = CostFunction::McCnn(Box::new(network.clone()));
+                        Method::new(cost, Some(aggregation), Optimizer::EdgeAware(Penalties::FAST))
+                    }),
+                ),
+            ],
+            tail: "",
+        },
+    ])
+}
+
+/// Right and wrong pixels, by agreement and evidence.
+#[derive(Clone)]
+struct Counts([[[u64; 2]; ConfidenceTable::EVIDENCE]; ConfidenceTable::AGREEMENTS]);
+
+/// Matches the scenes of a seed.
+fn counts(subject: &Subject, engine: &Engine, seed: u64) -> Result<Counts> {
+    let mut counts = Counts([[[0; 2]; ConfidenceTable::EVIDENCE]; ConfidenceTable::AGREEMENTS]);
+    let count = SCENES[seed as usize] / if subject.is_slow { 4 } else { 1 };
+    for number in 0..count {
+        let views = [Views::NONE.with(View::RIGHT), Views::HORIZONTAL, Views::CROSS, Views::ARRAY][number as usize % 4];
+        let fusion = Fusion::default_for(views.len());
+        let shot = RandomScene::new(seed, number, SIZE).render(views);
+        let search = Search::new(SIZE[0] as u16, SIZE[1] as u16, views, fusion, 1, DISPARITIES)?;
+        let method = (subject.method)(views.len());
+        let frames = if method.cost.matches_color() { shot.color_frames() } else { shot.frames(views) };
+        let (map, evidence) = method.disparities_and_evidence(engine, &frames, &search, &())?;
+        counts.add(&map, &evidence, &shot.truth);
+    }
+    Ok(counts)
+}
+
+impl Counts {
+    fn add(&mut self, map: &DisparityMap, evidence: &Raster<u8>, truth: &FloatImage) {
+        let last = map.height() - 1;
+        let mut agreements = vec![0; map.width()];
+        for v in 0..=last {
+            let rows = [v.saturating_sub(ConfidenceTable::ROWS), v, last.min(v + ConfidenceTable::ROWS)];
+            ConfidenceTable::agreements(map.row(v), rows.map(|v| map.row(v)), &mut agreements);
+            for ((pixel, truth), (&agreement, &evidence)) in
+                map.row(v).iter().zip(truth.row(v)).zip(agreements.iter().zip(evidence.row(v)))
+            {
+                if let Some(d) = pixel.filter(|_| truth.is_finite()) {
+                    let is_wrong = (f32::from(d) - truth).abs() > 1.0;
+                    self.0[usize::from(agreement) - 1][usize::from(evidence) / 16][usize::from(is_wrong)] += 1;
+                }
+            }
+        }
+    }
+
+    /// How good the confidences of a table are.
+    fn quality(&self, table: &ConfidenceTable) -> Option<ConfidenceMetrics> {
+        let mut counts = [[0; 2]; 256];
+        for (cells, confidences) in self.0.iter().zip(&table.0) {
+            for ([right, wrong], &confidence) in cells.iter().zip(confidences) {
+                let [all_right, all_wrong] = &mut counts[usize::from(confidence)];
+                (*all_right, *all_wrong) = (*all_right + right, *all_wrong + wrong);
+            }
+        }
+        Some(Sparsification::of_counts(counts)?.metrics())
+    }
+}
+
+const TERMS: usize = 6;
+
+/// The terms of the surface.
+fn terms(agreement: usize, evidence: usize) -> [f64; TERMS] {
+    let odds = (agreement as f64 + 0.5) / (ConfidenceTable::AGREEMENTS as f64 - agreement as f64 - 0.5);
+    let (a, e) = (odds.ln(), (evidence as f64 + 0.5) / ConfidenceTable::EVIDENCE as f64);
+    [1.0, a, e, a * e, a * a, e * e]
+}
+
+/// The table that makes the counts most likely, by Newton's method.
+fn fit(counts: &Counts) -> ConfidenceTable {
+    let mut weights = [0.0; TERMS];
+    let probability = |weights: &[f64; TERMS], terms: &[f64; TERMS]| {
+        let sum: f64 = weights.iter().zip(terms).map(|(w, t)| w * t).sum();
+        1.0 / (1.0 + (-sum).exp())
+    };
+    for _ in 0..30 {
+        let (mut gradient, mut hessian) = ([0.0; TERMS], [[0.0; TERMS]; TERMS]);
+        for (agreement, cells) in counts.0.iter().enumerate() {
+            for (evidence, counts) in cells.iter().enumerate() {
+                let [right, wrong] = counts.map(|count| count as f64);
+                let terms = terms(agreement, evidence);
+                let p = probability(&weights, &terms);
+                for i in 0..TERMS {
+                    gradient[i] += (right - p * (right + wrong)) * terms[i];
+                    for j in 0..TERMS {
+                        hessian[i][j] += p * (1.0 - p) * (right + wrong) * terms[i] * terms[j];
+                    }
+                }
+            }
+        }
+        let step = solve(hessian, gradient);
+        weights.iter_mut().zip(step).for_each(|(weight, step)| *weight += step);
+    }
+    let mut table = [[0u8; ConfidenceTable::EVIDENCE]; ConfidenceTable::AGREEMENTS];
+    for agreement in 0..ConfidenceTable::AGREEMENTS {
+        for evidence in 0..ConfidenceTable::EVIDENCE {
+            let p = (255.0 * probability(&weights, &terms(agreement, evidence))).round() as u8;
+            let below = if agreement > 0 { table[agreement - 1][evidence] } else { 0 };
+            let before = if evidence > 0 { table[agreement][evidence - 1] } else { 0 };
+            table[agreement][evidence] = p.max(below).max(before);
+        }
+    }
+    ConfidenceTable(table)
+}
+
+/// Solves a system of equations by Gauss elimination.
+fn solve(mut matrix: [[f64; TERMS]; TERMS], mut right: [f64; TERMS]) -> [f64; TERMS] {
+    for i in 0..TERMS {
+        for j in i + 1..TERMS {
+            let factor = matrix[j][i] / matrix[i][i];
+            for k in i..TERMS {
+                matrix[j][k] -= factor * matrix[i][k];
+            }
+            right[j] -= factor * right[i];
+        }
+    }
+    for i in (0..TERMS).rev() {
+        let known: f64 = (i + 1..TERMS).map(|k| matrix[i][k] * right[k]).sum();
+        right[i] = (right[i] - known) / matrix[i][i];
+    }
+    right
+}
+
+fn write_table(source: &mut String, subject: &Subject, table: &ConfidenceTable) -> Result<()> {
+    let in_impl = subject.name != "CENSUS" && subject.name != "GRAPH_CUTS" && subject.name != "EDGE_AWARE";
+    let indent = if in_impl { "    " } else { "" };
+    writeln!(source, "{indent}/// {}", subject.about)?;
+    writeln!(source, "{indent}#[rustfmt::skip]")?;
+    writeln!(source, "{indent}pub const {}: ConfidenceTable = ConfidenceTable([", subject.name)?;
+    for row in &table.0 {
+        let cells: Vec<String> = row.iter().map(|confidence| format!("{confidence:3}")).collect();
+        writeln!(source, "{indent}    [{}],", cells.join(", "))?;
+    }
+    writeln!(source, "{indent}]);")?;
+    Ok(())
+}

@@ -1,9 +1,10 @@
 //! Fits the tables of confidences on made-up scenes: `cargo run --release -p multiscopic-tests --example confidence`.
 //!
-//! Each method matches random scenes, in turn with one neighbour, two, four and eight. Of all pixels with the same agreement and
-//! evidence, the share of those with an error of at most one pixel is counted, and a smooth surface is fitted to the
-//! logarithm of its odds: a quadratic function of both, by maximum likelihood. Confidences never fall when the agreement or the
-//! evidence rises. Photographs are not used.
+//! Each method matches random scenes of several sizes, in turn with one neighbour, two, four and eight. Many are harder than what
+//! anyone would go on with, so that captures of which more than 35 % are wrong are left out. Of all pixels with the same
+//! agreement and evidence, the share of those with an error of at most one pixel is counted, and a smooth surface is fitted to
+//! the logarithm of its odds: a cubic function of both, by maximum likelihood. Confidences do not fall when the agreement rises,
+//! and of two pixels with the same agreement, the one with more evidence is surer. Photographs are not used.
 //!
 //! `--update` writes the tables; otherwise only the errors on other scenes are printed.
 
@@ -26,12 +27,12 @@ use multiscopic::{
 };
 use multiscopic_core::{Census, ConfidenceTable, Fusion, Search, SemiGlobalCost, View, Views};
 
-/// The size of a picture.
-const SIZE: [u32; 2] = [320, 240];
-/// The disparities that are searched, from 1 on: those of all scenes.
-const DISPARITIES: u16 = 40;
+/// The sizes of pictures.
+const SIZES: [[u32; 2]; 3] = [[256, 192], [384, 288], [512, 384]];
 /// Scenes to fit, and others to check the fit. Slow methods take one of four.
-const SCENES: [u64; 2] = [320, 80];
+const SCENES: [u64; 2] = [480, 120];
+/// The greatest share of wrong pixels in a match that counts.
+const MOST_WRONG: f64 = 0.35;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -152,22 +153,29 @@ fn files() -> Result<[File; 2]> {
 }
 
 /// Right and wrong pixels, by agreement and evidence.
-#[derive(Clone)]
+#[derive(Default)]
 struct Counts([[[u64; 2]; ConfidenceTable::EVIDENCE]; ConfidenceTable::AGREEMENTS]);
 
 /// Matches the scenes of a seed.
 fn counts(subject: &Subject, engine: &Engine, seed: u64) -> Result<Counts> {
-    let mut counts = Counts([[[0; 2]; ConfidenceTable::EVIDENCE]; ConfidenceTable::AGREEMENTS]);
+    let mut counts = Counts::default();
     let count = SCENES[seed as usize] / if subject.is_slow { 4 } else { 1 };
     for number in 0..count {
         let views = [Views::NONE.with(View::RIGHT), Views::HORIZONTAL, Views::CROSS, Views::ARRAY][number as usize % 4];
         let fusion = Fusion::default_for(views.len());
-        let shot = RandomScene::new(seed, number, SIZE).render(views);
-        let search = Search::new(SIZE[0] as u16, SIZE[1] as u16, views, fusion, 1, DISPARITIES)?;
+        let size = SIZES[number as usize / 4 % SIZES.len()];
+        let shot = RandomScene::new(seed, number, size).render(views);
+        // The disparities of all scenes.
+        let [width, height] = size.map(|length| length as u16);
+        let search = Search::new(width, height, views, fusion, 1, width / 8)?;
         let method = (subject.method)(views.len());
         let frames = if method.cost.matches_color() { shot.color_frames() } else { shot.frames(views) };
         let (map, evidence) = method.disparities_and_evidence(engine, &frames, &search, &())?;
-        counts.add(&map, &evidence, &shot.truth);
+        let mut here = Counts::default();
+        here.add(&map, &evidence, &shot.truth);
+        if here.wrong() <= MOST_WRONG {
+            counts.0.iter_mut().flatten().flatten().zip(here.0.iter().flatten().flatten()).for_each(|(sum, count)| *sum += count);
+        }
     }
     Ok(counts)
 }
@@ -184,10 +192,16 @@ impl Counts {
             {
                 if let Some(d) = pixel.filter(|_| truth.is_finite()) {
                     let is_wrong = (f32::from(d) - truth).abs() > 1.0;
-                    self.0[usize::from(agreement) - 1][usize::from(evidence) / 16][usize::from(is_wrong)] += 1;
+                    self.0[usize::from(agreement) - 1][usize::from(evidence)][usize::from(is_wrong)] += 1;
                 }
             }
         }
+    }
+
+    /// The share of wrong pixels.
+    fn wrong(&self) -> f64 {
+        let [right, wrong] = [0, 1].map(|kind| self.0.iter().flatten().map(|counts| counts[kind]).sum::<u64>() as f64);
+        wrong / (right + wrong)
     }
 
     /// How good the confidences of a table are.
@@ -203,13 +217,13 @@ impl Counts {
     }
 }
 
-const TERMS: usize = 6;
+const TERMS: usize = 10;
 
 /// The terms of the surface.
 fn terms(agreement: usize, evidence: usize) -> [f64; TERMS] {
     let odds = (agreement as f64 + 0.5) / (ConfidenceTable::AGREEMENTS as f64 - agreement as f64 - 0.5);
     let (a, e) = (odds.ln(), (evidence as f64 + 0.5) / ConfidenceTable::EVIDENCE as f64);
-    [1.0, a, e, a * e, a * a, e * e]
+    [1.0, a, e, a * a, a * e, e * e, a * a * a, a * a * e, a * e * e, e * e * e]
 }
 
 /// The table that makes the counts most likely, by Newton's method.
@@ -244,6 +258,12 @@ fn fit(counts: &Counts) -> ConfidenceTable {
             let below = if agreement > 0 { table[agreement - 1][evidence] } else { 0 };
             let before = if evidence > 0 { table[agreement][evidence - 1] } else { 0 };
             table[agreement][evidence] = p.max(below).max(before);
+        }
+    }
+    // Where all are as sure, those with more evidence come first.
+    for row in &mut table {
+        for evidence in (0..ConfidenceTable::EVIDENCE - 1).rev() {
+            row[evidence] = row[evidence].min(row[evidence + 1].saturating_sub(1));
         }
     }
     ConfidenceTable(table)

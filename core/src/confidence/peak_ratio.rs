@@ -14,17 +14,31 @@ pub struct PeakRatio {
 }
 
 impl PeakRatio {
-    /// `256 (second - least) / (second + unit)`, rounded down, of the candidate at `index`, halved if it is the first or the
-    /// last of `count`, where a better one may lie beyond.
+    /// The grade of the candidate at `index` of `count`, from 0 to 15: its ratio `256 (second - least) / (second + unit)`, halved if it
+    /// is the first or the last, where a better one may lie beyond, in half octaves. The grades begin at ratios of 0, 1, 2, 3,
+    /// 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128 and 192.
     #[inline(always)]
-    pub fn at(self, index: usize, count: usize) -> u8 {
+    pub fn grade(self, index: usize, count: usize) -> u8 {
+        let ratio = self.ratio();
+        half_octaves(if index == 0 || index + 1 == count { ratio / 2 } else { ratio })
+    }
+
+    /// Less than 256.
+    #[inline(always)]
+    fn ratio(self) -> u32 {
         let (rise, sum) = (self.second.wrapping_sub(self.least), self.second.wrapping_add(self.unit));
-        let ratio = match rise < 1 << 24 {
+        match rise < 1 << 24 {
             true => (rise << 8).checked_div(sum).unwrap_or_default(),
             false => long_division(rise, sum),
-        };
-        (if index == 0 || index + 1 == count { ratio / 2 } else { ratio }) as u8
+        }
     }
+}
+
+/// Twice the octave of a ratio below 256, and one more in its upper half.
+#[inline(always)]
+fn half_octaves(ratio: u32) -> u8 {
+    let octave = ratio.checked_ilog2().unwrap_or_default();
+    (if octave < 2 { ratio } else { 2 * octave + (ratio >> (octave - 1) & 1) }) as u8
 }
 
 /// `256 rise / sum`, rounded down, bit by bit: only the mean of five views or more has costs that do not fit 24 bits.
@@ -51,9 +65,20 @@ mod tests {
         for (least, second, unit) in [(0, 94_000_000, 370_440), (1, 1 << 24, 9), (17_000_000, 90_000_000, 840), (5, 5, 1)] {
             let rise = u64::from(second - least);
             let expected = 256 * rise / u64::from(second + unit);
-            let ratio = PeakRatio { least, second, unit };
-            assert_eq!([ratio.at(1, 3), ratio.at(0, 3), ratio.at(2, 3)].map(u64::from), [expected, expected / 2, expected / 2]);
+            assert_eq!(u64::from(PeakRatio { least, second, unit }.ratio()), expected);
             assert_eq!(u64::from(long_division(second - least, second + unit)), expected);
         }
+    }
+
+    #[test]
+    fn grades_are_half_octaves_and_lower_at_the_ends() {
+        let begins = [0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192];
+        let grade = |ratio: u32| begins.iter().filter(|begin| **begin <= ratio).count() as u8 - 1;
+        for rise in 0..256 {
+            let ratio = PeakRatio { least: 1000 - rise, second: 1000, unit: 24 };
+            let expected = rise * 256 / 1024;
+            assert_eq!([1, 0, 2].map(|index| ratio.grade(index, 3)), [expected, expected / 2, expected / 2].map(grade));
+        }
+        assert!((0..256).all(|ratio| half_octaves(ratio) == grade(ratio)));
     }
 }

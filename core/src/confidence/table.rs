@@ -14,7 +14,7 @@ const BATCH: usize = if cfg!(target_arch = "arm") { 1 } else { 32 };
 /// Two measures decide. The *agreement* is how many of 27 pixels have a disparity at most one pixel apart: those in columns
 /// `u - 20, u - 15, ... u + 20` of lines `v - 5`, `v` and `v + 5`, the pixel itself among them. Beyond the frame's borders those
 /// at the border count. Surfaces are smooth almost everywhere, and mismatches are scattered. The *evidence*
-/// is a byte that the method gives, such as the [peak ratio](crate::PeakRatio); it counts in sixteenths of its range.
+/// is a number from 0 to 15 that the method gives, such as the grade of the [peak ratio](crate::PeakRatio).
 ///
 /// An invalid pixel has the confidence 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,7 +40,7 @@ impl ConfidenceTable {
         ConfidenceTable::agreements(line, rows, confidences);
         for ((confidence, pixel), &evidence) in confidences.iter_mut().zip(line).zip(evidence) {
             let row = self.0.get(usize::from(*confidence).wrapping_sub(1));
-            let found = row.and_then(|row| row.get(usize::from(evidence) * Self::EVIDENCE / 256)).copied();
+            let found = row.and_then(|row| row.get(usize::from(evidence))).copied();
             *confidence = if pixel.is_some() { found.unwrap_or_default() } else { 0 };
         }
     }

@@ -41,7 +41,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
         let Some((second, _)) = self.winner(&available, |other| other.abs_diff(index) > 1) else { return 0 };
         let scale = self.params.fusion().scale(V) as u32;
         let ratio = PeakRatio { least, second, unit: self.params.block_area() * scale };
-        ratio.at(index, self.params.num_disparities())
+        ratio.grade(index, self.params.num_disparities())
     }
 
     /// The least fused cost of the existing candidates at these indices, and its index, the smallest if several tie.

@@ -281,7 +281,7 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
             return exact().peak();
         }
         let ratio = PeakRatio { least: least.widen(), second: second.widen(), unit };
-        ratio.at(index, self.params.num_disparities())
+        ratio.grade(index, self.params.num_disparities())
     }
 }
 

@@ -139,7 +139,7 @@ impl<I: Kernel> SemiGlobalMatcher<'_, I> {
         self.next_into(source, out, None)
     }
 
-    /// [`next_line`](SemiGlobalMatcher::next_line), and into `peaks` the peak ratio of each pixel, which
+    /// [`next_line`](SemiGlobalMatcher::next_line), and into `peaks` the grade of each pixel's peak ratio, which
     /// [`ConfidenceLines`](crate::ConfidenceLines) take.
     ///
     /// It is that of [`Matcher::next_line_and_peaks`](crate::Matcher::next_line_and_peaks), with sums of path costs instead of

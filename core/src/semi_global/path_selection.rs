@@ -53,7 +53,7 @@ impl PathWinners {
             second = second.min(if is_near { u16::MAX } else { sum });
         }
         match exists(least) && exists(second) {
-            true => PeakRatio { least: least.into(), second: second.into(), unit: PATHS.into() }.at(index, count),
+            true => PeakRatio { least: least.into(), second: second.into(), unit: PATHS.into() }.grade(index, count),
             false => 0,
         }
     }

@@ -4,6 +4,8 @@
 //! code with the core. Every cost is an integer far below 2^53, so nothing rounds before the sub-pixel
 //! division.
 
+use super::grade;
+
 /// The shift `(du, dv)` of a match per pixel of disparity, by view: left, right, top, bottom.
 const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
@@ -73,8 +75,8 @@ impl Match<'_> {
         Some(if denominator == 0.0 { d } else { d + (a - b) / denominator })
     }
 
-    /// The peak ratio of each pixel, line by line: by how much more the best candidate costs that is more than a disparity away
-    /// from the winner, in 256ths of that cost and a grey value in each sample.
+    /// The grade of the peak ratio of each pixel, line by line: by how much more the best candidate costs that is more than a
+    /// disparity away from the winner, in 256ths of that cost and a grey value in each sample.
     pub fn peaks(&self) -> Vec<u8> {
         let pixels = (0..self.height as i32).flat_map(|v| (0..self.width as i32).map(move |u| (u, v)));
         pixels.map(|(u, v)| self.peak(u, v)).collect()
@@ -91,8 +93,8 @@ impl Match<'_> {
         let Some((c2, _)) = least(Some(winner)) else { return 0 };
         // One view's cost, fused alone, is on the scale of all.
         let area = fuse_on(self.factor(), self.fusion, vec![f64::from(self.block_size.pow(2))]).expect("a cost");
-        let ratio = (256.0 * (c2 - c1) / (c2 + area)).floor() as u8;
-        if winner == 0 || winner == self.num_disparities - 1 { ratio / 2 } else { ratio }
+        let ratio = (256.0 * (c2 - c1) / (c2 + area)).floor();
+        grade(if winner == 0 || winner == self.num_disparities - 1 { ratio / 2.0 } else { ratio })
     }
 
     /// The fused cost of a candidate; `None` if no view is available.
@@ -217,9 +219,9 @@ mod tests {
         let right = [11, 14, 20, 16, 25];
         let pair = line(&[0, 0, 20, 0, 0], &right, -2, 5);
         let pair = Match { num_disparities: 5, ..pair };
-        assert_eq!(pair.peak(2, 0), (256.0 * 5.0 / 6.0) as u8);
+        assert_eq!(pair.peak(2, 0), grade(256.0 * 5.0 / 6.0));
         // At an end of the search it is halved, and without a second candidate it is 0.
-        assert_eq!(Match { min_disparity: 0, num_disparities: 3, ..pair }.peak(2, 0), (256.0 * 9.0 / 10.0) as u8 / 2);
+        assert_eq!(Match { min_disparity: 0, num_disparities: 3, ..pair }.peak(2, 0), grade(128.0 * 9.0 / 10.0));
         assert_eq!(Match { min_disparity: -1, num_disparities: 2, ..pair }.peak(2, 0), 0);
     }
 

@@ -2,6 +2,7 @@
 
 mod around_prior;
 mod block_matching;
+mod confidence;
 pub mod energy;
 #[cfg(target_os = "linux")]
 pub mod luma;
@@ -11,4 +12,5 @@ pub mod semi_global;
 
 pub use around_prior::{AroundPrior, gradients, medians};
 pub use block_matching::{Fusion, Match, fixed, fuse, raw16};
+pub use confidence::{confidence, grade};
 pub use rectification::{RectifiedImage, rectify};

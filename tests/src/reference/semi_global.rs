@@ -1,7 +1,7 @@
 //! Reference for semi-global matching: the paper's recursion, pixel by pixel, in integers that never
 //! saturate. [`multiscopic_core::SemiGlobalParams`] has the definition that it follows.
 
-use crate::reference::{Fusion, fixed};
+use crate::reference::{Fusion, fixed, grade};
 
 /// The step `(du, dv)` along each path.
 pub const PATHS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, 1), (1, 1), (-1, 1), (0, -1), (1, -1), (-1, -1)];
@@ -76,8 +76,8 @@ impl SemiGlobal<'_> {
             .collect()
     }
 
-    /// The peak ratio of each pixel, line by line: by how much more the best candidate costs that is more than a disparity away
-    /// from the winner, in 256ths of that sum and one for each path.
+    /// The grade of the peak ratio of each pixel, line by line: by how much more the best candidate costs that is more than a
+    /// disparity away from the winner, in 256ths of that sum and one for each path.
     pub fn peaks(&self) -> Vec<u8> {
         let peak = |sums: &Vec<Option<i64>>| {
             let sums: Vec<(i64, usize)> = sums.iter().zip(0..).filter_map(|(sum, i)| Some(((*sum)?, i))).collect();
@@ -85,7 +85,7 @@ impl SemiGlobal<'_> {
             let Some((c2, _)) = sums.iter().filter(|(_, i)| i.abs_diff(winner) > 1).min() else { return 0 };
             let ratio = 256 * (c2 - c1) / (c2 + self.paths.len() as i64);
             let is_at_end = winner == 0 || winner as i32 == self.num_disparities - 1;
-            (if is_at_end { ratio / 2 } else { ratio }) as u8
+            grade((if is_at_end { ratio / 2 } else { ratio }) as f64)
         };
         self.sums().iter().map(peak).collect()
     }

@@ -1,22 +1,7 @@
 //! Confidences equal their definition.
 
 use multiscopic_core::{ConfidenceLines, ConfidenceTable, Disparity, Fusion, MatchError, Search, Views};
-use multiscopic_tests::split_mix::Random;
-
-/// The confidence of a pixel, by definition.
-fn confidence(map: &[Vec<Option<Disparity>>], evidence: u8, table: &ConfidenceTable, (u, v): (usize, usize)) -> u8 {
-    let (width, height) = (map[0].len() as i32, map.len() as i32);
-    let Some(own) = map[v][u].map(f32::from) else { return 0 };
-    let mut agreement = 0;
-    for y in [-5, 0, 5] {
-        for x in [-20, -15, -10, -5, 0, 5, 10, 15, 20] {
-            let (x, y) = ((u as i32 + x).clamp(0, width - 1), (v as i32 + y).clamp(0, height - 1));
-            let other = map[y as usize][x as usize].map(f32::from);
-            agreement += usize::from(other.is_some_and(|other| (other - own).abs() <= 1.0));
-        }
-    }
-    table.0[agreement - 1][usize::from(evidence) / 16]
-}
+use multiscopic_tests::{reference::confidence, split_mix::Random};
 
 /// Disparities around a few values, among them the ends of what is possible, with some that are invalid.
 fn random_map(width: usize, height: usize, random: &mut Random) -> Vec<Vec<Option<Disparity>>> {
@@ -34,11 +19,12 @@ fn lines_equal_the_definition() {
     for round in 0..60 {
         let (width, height) = (1 + random.below(if round < 40 { 60 } else { 200 }), 1 + random.below(20));
         let map = random_map(width, height, &mut random);
-        let evidence: Vec<Vec<u8>> = (0..height).map(|_| (0..width).map(|_| random.byte()).collect()).collect();
+        let evidence: Vec<Vec<u8>> = (0..height).map(|_| (0..width).map(|_| random.below(16) as u8).collect()).collect();
         let table = ConfidenceTable([[0; 16]; 27].map(|row| row.map(|_| random.byte())));
         let search = Search::new(width as u16, height as u16, Views::HORIZONTAL, Fusion::Min, 1, 2).unwrap();
         let mut memory: Vec<u32> = (0..ConfidenceLines::memory_words(width)).map(|_| random.bits() as u32).collect();
         let mut lines = ConfidenceLines::new(&search, &table, &mut memory).unwrap();
+        let pixels: Vec<Vec<_>> = map.iter().map(|row| row.iter().map(|pixel| pixel.map(f32::from)).collect()).collect();
         let (mut next, mut fails) = (0, true);
         let (mut disparities, mut confidences) = (vec![None; width], vec![0; width]);
         let mut v = 0;
@@ -63,7 +49,7 @@ fn lines_equal_the_definition() {
                 Ok(found) => {
                     assert_eq!((found, next), (Some(v), height.min(v + 1 + ConfidenceLines::LATENCY_LINES)));
                     assert_eq!(disparities, map[v]);
-                    let expected: Vec<u8> = (0..width).map(|u| confidence(&map, evidence[v][u], &table, (u, v))).collect();
+                    let expected: Vec<u8> = (0..width).map(|u| confidence(&pixels, evidence[v][u], &table.0, (u, v))).collect();
                     assert_eq!(confidences, expected, "line {v} of {width}x{height} pixels");
                     v += 1;
                 }

@@ -133,5 +133,5 @@ pub fn peak<C: Cost>(search: &Search, costs: &[C], unit: C) -> u8 {
     for (other, &cost) in costs.iter().enumerate() {
         second = if other.abs_diff(index) > 1 && cost < second { cost } else { second };
     }
-    if second == C::NONE { 0 } else { C::peak_ratio(least, second, unit).at(index, costs.len()) }
+    if second == C::NONE { 0 } else { C::peak_ratio(least, second, unit).grade(index, costs.len()) }
 }

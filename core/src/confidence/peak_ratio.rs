@@ -23,6 +23,13 @@ impl PeakRatio {
         half_octaves(if index == 0 || index + 1 == count { ratio / 2 } else { ratio })
     }
 
+    /// Whether the second candidate costs over `percent` of the least cost more than that: the uniqueness ratio of OpenCV's StereoBM.
+    #[inline(always)]
+    pub const fn is_unique(self, percent: u8) -> bool {
+        let rise = self.second.wrapping_sub(self.least);
+        100 * rise as u64 > self.least as u64 * percent as u64
+    }
+
     /// Less than 256.
     #[inline(always)]
     fn ratio(self) -> u32 {

@@ -228,7 +228,9 @@ impl Method {
                 return Err(error.into());
             }
             (_, Optimizer::GraphCuts(_)) if self.refinement.needs_costs() => {
-                return Err(Error::Usage("the left-right check needs matching costs, which graph cuts do not give".into()));
+                return Err(Error::Usage(
+                    "the left-right check and the uniqueness ratio need matching costs, which graph cuts do not give".into(),
+                ));
             }
             (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) if self.aggregation.is_none() => {
                 let map = cuts.disparities(*cost, engine, frames, search, progress)?;
@@ -259,7 +261,7 @@ impl Method {
             }),
             _ => return Err(self.mismatch()),
         };
-        Ok(engine.pool().install(|| self.refinement.filter(map)))
+        Ok(engine.pool().install(|| self.refinement.filter(map, frames, search.views())))
     }
 
     /// Selects the least costs, which come row by row. `unit` is the noise in them that is to be expected.

@@ -75,7 +75,7 @@ impl<C: Cost> Volume<C> {
         Raster::new(self.width(), self.height(), pixels.concat())
     }
 
-    /// The [peak ratios](peak) of the costs.
+    /// The [grades](peak) of the costs.
     pub fn peaks(&self, search: &Search, unit: C) -> Raster<u8> {
         let row = |v: usize| (0..self.width()).map(move |u| peak(search, self.pixel(u, v), unit));
         let pixels: Vec<Vec<_>> = (0..self.height()).into_par_iter().map(|v| row(v).collect()).collect();
@@ -119,10 +119,19 @@ pub fn disparity_refined_by<C: Cost>(
     Disparity::whole(d)
 }
 
-/// The peak ratio of a pixel by its `costs`, as [`disparity`] takes them: by the least cost, and the least cost of the candidates
-/// more than a disparity away. `unit` is the noise that is to be expected. It is 0 where one of the two does not exist.
+/// The grade of the peak ratio of a pixel by its `costs`, as [`disparity`] takes them. `unit` is the noise that is to be expected. It
+/// is 0 where there is no second candidate.
 #[inline(always)]
 pub fn peak<C: Cost>(search: &Search, costs: &[C], unit: C) -> u8 {
+    let grade =
+        |([least, second], index): ([C; 2], usize)| C::peak_ratio(least, second, unit).grade(index, search.num_disparities());
+    best_two(search, costs).map_or(0, grade)
+}
+
+/// The least cost, and the least cost of the candidates more than a disparity away, with the index of the first; none if one of the
+/// two does not exist.
+#[inline(always)]
+pub fn best_two<C: Cost>(search: &Search, costs: &[C]) -> Option<([C; 2], usize)> {
     let costs = &costs[..search.num_disparities()];
     let mut best = (C::NONE, 0);
     for (index, &cost) in costs.iter().enumerate() {
@@ -133,5 +142,5 @@ pub fn peak<C: Cost>(search: &Search, costs: &[C], unit: C) -> u8 {
     for (other, &cost) in costs.iter().enumerate() {
         second = if other.abs_diff(index) > 1 && cost < second { cost } else { second };
     }
-    if second == C::NONE { 0 } else { C::peak_ratio(least, second, unit).grade(index, costs.len()) }
+    (second != C::NONE).then_some(([least, second], index))
 }

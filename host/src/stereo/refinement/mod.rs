@@ -7,6 +7,9 @@ mod line_solver;
 mod median;
 mod refinements;
 mod smoother;
+mod speckles;
+mod texture;
+mod uniqueness;
 mod window;
 
 pub(in crate::stereo) use background::fill_lines;
@@ -16,3 +19,5 @@ pub use bilateral::Bilateral;
 pub use median::Median;
 pub use refinements::Refinement;
 pub use smoother::Smoother;
+pub use speckles::Speckles;
+pub use texture::Texture;

@@ -1,8 +1,10 @@
 //! Which refinements are applied, and in what order.
 
-use multiscopic_core::{Frame, Search};
+use multiscopic_core::{Frame, Search, Views};
 
-use super::{background::BackgroundFill, bilateral::Bilateral, median::Median, smoother::Smoother};
+use super::{
+    background::BackgroundFill, bilateral::Bilateral, median::Median, smoother::Smoother, speckles::Speckles, texture::Texture,
+};
 use crate::{
     error::Result,
     images::{DisparityMap, Frames},
@@ -15,12 +17,18 @@ use crate::{
 /// The refinements that are applied, in the order of the fields; by default none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Refinement {
+    /// The [uniqueness](Volume::keep_unique) ratio in percent.
+    pub uniqueness: Option<u8>,
     /// The tolerance of the [left-right check](Volume::check_left_right) in pixels.
     pub left_right: Option<u16>,
+    /// The texture that is needed.
+    pub texture: Option<Texture>,
     /// A median filter.
     pub median: Option<Median>,
     /// A bilateral filter.
     pub bilateral: Option<Bilateral>,
+    /// Small patches are invalidated.
+    pub speckles: Option<Speckles>,
     /// The least [confidence](crate::stereo::confidence) that disparities are kept with, after these filters.
     pub min_confidence: Option<u8>,
     /// A dense map from what is sure.
@@ -31,12 +39,21 @@ pub struct Refinement {
 
 impl Refinement {
     /// No refinement.
-    pub const NONE: Refinement =
-        Refinement { left_right: None, median: None, bilateral: None, min_confidence: None, smoother: None, fill: None };
+    pub const NONE: Refinement = Refinement {
+        uniqueness: None,
+        left_right: None,
+        texture: None,
+        median: None,
+        bilateral: None,
+        speckles: None,
+        min_confidence: None,
+        smoother: None,
+        fill: None,
+    };
 
     /// Whether [`check`](Refinement::check) needs the costs that the disparities were selected by.
     pub fn needs_costs(&self) -> bool {
-        self.left_right.is_some()
+        self.uniqueness.is_some() || self.left_right.is_some()
     }
 
     /// Whether [`by_confidence`](Refinement::by_confidence) does anything.
@@ -49,8 +66,11 @@ impl Refinement {
         self.smoother.is_some()
     }
 
-    /// Applies the left-right check, if there is one.
+    /// Applies the checks by the costs that the disparities were selected by, on the threads of the current pool.
     pub fn check<C: Cost>(&self, search: &Search, costs: &Volume<C>, map: &mut DisparityMap) {
+        if let Some(percent) = self.uniqueness {
+            costs.keep_unique(search, map, percent);
+        }
         if let Some(tolerance) = self.left_right {
             costs.check_left_right(search, map, tolerance);
         }
@@ -79,13 +99,19 @@ impl Refinement {
         Ok((map, confidences))
     }
 
-    /// Applies the filters, on the threads of the current pool.
-    pub fn filter(&self, mut map: DisparityMap) -> DisparityMap {
+    /// Applies the filters, on the threads of the current pool. The disparities are those of the centre of `frames`, by `views`.
+    pub fn filter(&self, mut map: DisparityMap, frames: &Frames, views: Views) -> DisparityMap {
+        if let Some(texture) = self.texture {
+            texture.apply(&mut map, frames.get(Frame::Center).expect("a centre"), views);
+        }
         if let Some(median) = self.median {
             map = median.apply(&map);
         }
         if let Some(bilateral) = self.bilateral {
             map = bilateral.apply(&map);
+        }
+        if let Some(speckles) = self.speckles {
+            speckles.apply(&mut map);
         }
         map
     }

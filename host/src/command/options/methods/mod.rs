@@ -7,7 +7,7 @@ mod semi_global_options;
 
 use clap::Args;
 use multiscopic::{
-    Dataset, Method, Result,
+    Dataset, Error, Method, Result,
     stereo::{CostFunction, Optimizer, cost::mccnn::Architecture},
 };
 
@@ -107,6 +107,12 @@ impl MethodOptions {
             MethodName::MccnnFast => mc_cnn(Architecture::Fast)?,
             MethodName::MccnnAccurate => mc_cnn(Architecture::Accurate)?,
         };
-        Ok(method.with_refinement(refinement.refinement()?))
+        let is_by_blocks = matches!(method.cost, CostFunction::Sad { .. }) || name == MethodName::Gc || refinement.has_blocks();
+        if block_size.is_some() && !is_by_blocks {
+            let name = name.name();
+            let with_blocks = "bm, gc, sgm with --cost sad, and --texture-threshold";
+            return Err(Error::Usage(format!("--block-size has no effect on {name} as it is here: it is for {with_blocks}")));
+        }
+        Ok(method.with_refinement(refinement.refinement(block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE))?))
     }
 }

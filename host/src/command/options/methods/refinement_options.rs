@@ -1,11 +1,11 @@
 //! The options of refinement: checks and filters of the selected disparities.
 
-use clap::Args;
+use clap::{Args, value_parser};
 use multiscopic::{
     Result,
     stereo::{
         confidence,
-        refinement::{BackgroundFill, Bilateral, Median, Refinement, Smoother},
+        refinement::{BackgroundFill, Bilateral, Median, Refinement, Smoother, Speckles, Texture},
     },
 };
 
@@ -22,6 +22,24 @@ pub struct RefinementOptions {
     /// [default: keep all]
     #[arg(long, value_name = "N")]
     disp12_max_diff: Option<u16>,
+
+    /// Keep a disparity only if every candidate more than a pixel away costs over N percent more; not for gc (OpenCV: uniquenessRatio of
+    /// StereoBM) [default: keep all]
+    #[arg(long, value_name = "N", value_parser = value_parser!(u8).range(0..=100))]
+    uniqueness_ratio: Option<u8>,
+
+    /// Keep a disparity only where the sum of the slopes of grey over the block, each up to 31, is at least this (OpenCV:
+    /// textureThreshold) [default: keep all]
+    #[arg(long, value_name = "N")]
+    texture_threshold: Option<u32>,
+
+    /// Remove patches of up to this many pixels that stand alone (OpenCV: speckleWindowSize) [default: none]
+    #[arg(long, value_name = "N")]
+    speckle_window_size: Option<u32>,
+
+    /// By how many pixels neighbouring disparities of a patch may differ (OpenCV: speckleRange of StereoSGBM)
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "speckle_window_size")]
+    speckle_range: u16,
 
     /// Median filter with a window of this size, odd, from 3 to 31 pixels [default: none]
     #[arg(long, value_name = "N")]
@@ -66,9 +84,18 @@ impl Named for FillName {
 }
 
 impl RefinementOptions {
-    /// The refinement.
-    pub fn refinement(&self) -> Result<Refinement> {
+    /// Whether a filter counts in blocks.
+    pub fn has_blocks(&self) -> bool {
+        self.texture_threshold.is_some()
+    }
+
+    /// The refinement. Texture counts in blocks of `block_size`.
+    pub fn refinement(&self, block_size: u8) -> Result<Refinement> {
+        let speckles = |window_size| Speckles { window_size, range: self.speckle_range };
         Ok(Refinement {
+            uniqueness: self.uniqueness_ratio,
+            texture: self.texture_threshold.map(|threshold| Texture { threshold, block_size }),
+            speckles: self.speckle_window_size.map(speckles),
             left_right: self.disp12_max_diff,
             median: self.median.map(Median::new).transpose()?,
             bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,

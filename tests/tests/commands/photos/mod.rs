@@ -1,4 +1,6 @@
-//! `multiscopic rig init` on folders of photos.
+//! Photos: `multiscopic rig init` on folders of them, and their files.
+
+mod photo_files;
 
 use std::{fs, path::Path};
 

@@ -1,0 +1,106 @@
+//! The filters of `match`, and the confidences that it writes.
+
+use std::path::Path;
+
+use multiscopic::FloatImage;
+use multiscopic_tests::program::Invocation;
+use tempfile::TempDir;
+
+/// A made-up capture.
+struct Capture(TempDir);
+
+impl Capture {
+    fn new() -> Capture {
+        let dir = tempfile::tempdir().expect("a folder");
+        let scenes = dir.path().to_str().expect("a path in UTF-8");
+        Invocation::new(["scene", "--random", "--seed", "4", "--views", "2", "--size", "96x72", "-o", scenes]).assert_done();
+        Capture(dir)
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.path().join(name).to_str().expect("a path in UTF-8").into()
+    }
+
+    fn matched(&self, options: &str) -> Invocation {
+        let (rig, output) = (self.path("0000"), self.path("d.pfm"));
+        let arguments = ["match", &rig, "--num-disparities", "14", "-o", &output];
+        Invocation::new(arguments.into_iter().chain(options.split_whitespace()))
+    }
+
+    /// The disparities, +inf where there is none.
+    fn disparities(&self, options: &str) -> FloatImage {
+        self.matched(options).assert_done();
+        FloatImage::read_pfm(Path::new(&self.path("d.pfm"))).expect("the disparities")
+    }
+
+    fn valid(&self, options: &str) -> usize {
+        count(&self.disparities(options))
+    }
+}
+
+fn count(map: &FloatImage) -> usize {
+    map.pixels().iter().filter(|d| d.is_finite()).count()
+}
+
+/// No filter is ignored: each invalidates pixels and changes none, or is refused.
+#[test]
+fn filters_act_for_every_method() {
+    let capture = Capture::new();
+    for method in ["bm", "bm --fusion mean", "sgm", "sgm --paths 8", "sgm --cost sad", "gc"] {
+        let of = |filter: &str| format!("--method {method} {filter}");
+        let all = capture.disparities(&of(""));
+        for filter in [
+            "--uniqueness-ratio 25",
+            "--texture-threshold 2800",
+            "--disp12-max-diff 0",
+            "--speckle-window-size 30 --speckle-range 1",
+            "--min-confidence 0.9",
+        ] {
+            let needs_costs = filter.starts_with("--uniq") || filter.starts_with("--disp12");
+            if method == "gc" && needs_costs {
+                capture.matched(&of(filter)).assert_refused(&["graph cuts", "costs"]);
+                continue;
+            }
+            let kept = capture.disparities(&of(filter));
+            let stayed = |(found, before): (&f32, &f32)| found.is_infinite() || found == before;
+            assert!(kept.pixels().iter().zip(all.pixels()).all(stayed), "{method} {filter}");
+            assert!((1..count(&all)).contains(&count(&kept)), "{method} {filter}: {} of {}", count(&kept), count(&all));
+        }
+        assert_ne!(capture.disparities(&of("--median 5")), all, "{method}");
+        assert_ne!(capture.disparities(&of("--smooth")), all, "{method}");
+    }
+}
+
+#[test]
+fn holes_are_filled() {
+    let capture = Capture::new();
+    let sure = "--min-confidence 0.95";
+    assert!(capture.valid(sure) < 96 * 72);
+    for fill in ["--fill background", "--smooth"] {
+        assert_eq!(capture.valid(&format!("{sure} {fill}")), 96 * 72, "{fill}");
+    }
+}
+
+/// Confidences are as the picture says: what `--min-confidence` keeps are the pixels from there on.
+#[test]
+fn the_picture_of_confidences_tells_what_is_kept() {
+    let capture = Capture::new();
+    let picture = capture.path("sure.png");
+    for method in ["bm", "sgm", "gc"] {
+        capture.matched(&format!("--method {method} --confidence {picture}")).assert_done();
+        let confidences = image::open(&picture).expect("the picture").into_luma8();
+        let expected: Vec<bool> = confidences.pixels().map(|pixel| f64::from(pixel.0[0]) >= (255.0_f64 * 0.8).round()).collect();
+        let kept = capture.disparities(&format!("--method {method} --min-confidence 0.8"));
+        assert_eq!(kept.pixels().iter().map(|d| d.is_finite()).collect::<Vec<_>>(), expected, "{method}");
+    }
+}
+
+#[test]
+fn what_has_no_effect_is_refused() {
+    let capture = Capture::new();
+    capture.matched("--method sgm --block-size 3").assert_refused(&["--block-size", "sgm", "--cost sad"]);
+    capture.matched("--method sgm --speckle-range 2").assert_refused(&["--speckle-window-size"]);
+    capture.matched("--uniqueness-ratio 101").assert_refused(&["--uniqueness-ratio", "101"]);
+    capture.matched("--min-confidence 1.5").assert_refused(&["--min-confidence", "1.5"]);
+    assert!(capture.valid("--method sgm --block-size 3 --texture-threshold 60") > 0);
+}

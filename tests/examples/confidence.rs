@@ -6,7 +6,7 @@
 //! the logarithm of its odds: a cubic function of both, by maximum likelihood. Confidences do not fall when the agreement rises,
 //! and of two pixels with the same agreement, the one with more evidence is surer. Photographs are not used.
 //!
-//! `--update` writes the tables; otherwise only the errors on other scenes are printed.
+//! `--update` writes the tables, or those that are named; otherwise only the errors on other scenes are printed.
 
 use std::{env, error::Error, fmt::Write as _, fs, path::Path};
 
@@ -43,20 +43,17 @@ fn main() -> Result<()> {
     let engine = Engine::new(None, 0)?;
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace");
     for file in files()? {
-        let mut source = file.head.to_owned();
-        for subject in &file.subjects {
-            if !is_chosen(subject) {
-                continue;
-            }
+        let path = root.join(file.path);
+        let mut source = fs::read_to_string(&path)?;
+        for subject in file.subjects.iter().filter(|subject| is_chosen(subject)) {
             let [fitted, others] = [0, 1].map(|seed| counts(subject, &engine, seed));
             let table = fit(&fitted?);
             let ConfidenceMetrics { auc, auc_optimal, ece, .. } = others?.quality(&table).ok_or("no pixel was matched")?;
             println!("{}: on other scenes AUC {auc:.4}, {:.2} times the optimum, ECE {ece:.3}", subject.name, auc / auc_optimal);
-            write_table(&mut source, subject, &table)?;
+            replace_table(&mut source, subject.name, &table)?;
         }
-        source.push_str(file.tail);
-        if update && file.subjects.iter().all(|subject| is_chosen(subject)) {
-            fs::write(root.join(file.path), source)?;
+        if update {
+            fs::write(path, source)?;
         }
     }
     Ok(())
@@ -65,15 +62,12 @@ fn main() -> Result<()> {
 /// A file of tables.
 struct File {
     path: &'static str,
-    head: &'static str,
     subjects: Vec<Subject>,
-    tail: &'static str,
 }
 
 /// A method whose table is fitted.
 struct Subject {
     name: &'static str,
-    about: &'static str,
     /// The methods, by the number of neighbours.
     method: Box<dyn Fn(usize) -> Method>,
     /// Whether it is slow.
@@ -83,21 +77,18 @@ struct Subject {
 fn files() -> Result<[File; 2]> {
     let network = Network::load(Architecture::Fast)?;
     let aggregation = Aggregation { region: SupportRegion::ACCURATE, iterations: [0, 0] };
-    let subject = |name, about, is_slow, method| Subject { name, about, method, is_slow };
+    let subject = |name, is_slow, method| Subject { name, method, is_slow };
     Ok([
         File {
             path: "core/src/confidence/fitted.rs",
-            head: "//! The tables of the core's methods, as `tests/examples/confidence.rs` fits them.\n\nuse super::table::ConfidenceTable;\n\nimpl ConfidenceTable {\n",
             subjects: vec![
                 subject(
                     "BLOCK_MATCHING",
-                    "Those of block matching, by any fusion rule.",
                     false,
                     Box::new(|_| Method::new(CostFunction::Sad { block_size: 11 }, None, Optimizer::WinnerTakesAll)),
                 ),
                 subject(
                     "SEMI_GLOBAL",
-                    "Those of semi-global matching by sums of absolute differences.",
                     false,
                     Box::new(|views| {
                         let cost = SemiGlobalCost::Sad { block_size: 5 };
@@ -109,15 +100,12 @@ fn files() -> Result<[File; 2]> {
                     }),
                 ),
             ],
-            tail: "}\n",
         },
         File {
             path: "host/src/stereo/confidence/fitted.rs",
-            head: "//! The tables of the methods that the core does not have, as `tests/examples/confidence.rs` fits them.\n\nuse multiscopic_core::ConfidenceTable;\n\n",
             subjects: vec![
                 subject(
                     "CENSUS",
-                    "Semi-global matching by the census.",
                     false,
                     Box::new(|views| {
                         let cost = SemiGlobalCost::Census(Census::Window9x7);
@@ -130,7 +118,6 @@ fn files() -> Result<[File; 2]> {
                 ),
                 subject(
                     "GRAPH_CUTS",
-                    "Graph cuts.",
                     true,
                     Box::new(|_| {
                         let cost = CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: true });
@@ -139,7 +126,6 @@ fn files() -> Result<[File; 2]> {
                 ),
                 subject(
                     "EDGE_AWARE",
-                    "Edge-aware paths, with costs by a network.",
                     true,
                     Box::new(move |_| {
                         let cost = CostFunction::McCnn(Box::new(network.clone()));
@@ -147,7 +133,6 @@ fn files() -> Result<[File; 2]> {
                     }),
                 ),
             ],
-            tail: "",
         },
     ])
 }
@@ -287,16 +272,18 @@ fn solve(mut matrix: [[f64; TERMS]; TERMS], mut right: [f64; TERMS]) -> [f64; TE
     right
 }
 
-fn write_table(source: &mut String, subject: &Subject, table: &ConfidenceTable) -> Result<()> {
-    let in_impl = subject.name != "CENSUS" && subject.name != "GRAPH_CUTS" && subject.name != "EDGE_AWARE";
-    let indent = if in_impl { "    " } else { "" };
-    writeln!(source, "{indent}/// {}", subject.about)?;
-    writeln!(source, "{indent}#[rustfmt::skip]")?;
-    writeln!(source, "{indent}pub const {}: ConfidenceTable = ConfidenceTable([", subject.name)?;
+/// Replaces a table in the source of a file.
+fn replace_table(source: &mut String, name: &str, table: &ConfidenceTable) -> Result<()> {
+    let begin = format!("pub const {name}: ConfidenceTable = ConfidenceTable([\n");
+    let start = source.find(&begin).ok_or_else(|| format!("no table {name}"))? + begin.len();
+    let end = start + source[start..].find("]);").ok_or("a table without an end")?;
+    let end = source[..end].rfind('\n').map_or(end, |newline| newline + 1);
+    let indent = source[end..].bytes().take_while(|byte| *byte == b' ').count() + 4;
+    let mut rows = String::new();
     for row in &table.0 {
         let cells: Vec<String> = row.iter().map(|confidence| format!("{confidence:3}")).collect();
-        writeln!(source, "{indent}    [{}],", cells.join(", "))?;
+        writeln!(rows, "{:indent$}[{}],", "", cells.join(", "))?;
     }
-    writeln!(source, "{indent}]);")?;
+    source.replace_range(start..end, &rows);
     Ok(())
 }

@@ -143,7 +143,7 @@ impl<I: Kernel> SemiGlobalMatcher<'_, I> {
     /// [`ConfidenceLines`](crate::ConfidenceLines) take.
     ///
     /// It is that of [`Matcher::next_line_and_peaks`](crate::Matcher::next_line_and_peaks), with sums of path costs instead of
-    /// fused costs, and the number of paths instead of the block's area.
+    /// fused costs, and 16 for each path instead of the block's area.
     ///
     /// # Errors
     /// As [`next_line`](SemiGlobalMatcher::next_line), also if `peaks` has the wrong length.

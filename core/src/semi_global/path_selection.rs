@@ -19,6 +19,9 @@ pub struct PathWinners {
 }
 
 impl PathWinners {
+    /// The noise that is to be expected in the cost of each path, for [`PeakRatio::unit`].
+    pub const NOISE: u16 = 16;
+
     /// No pixels yet.
     pub const NONE: PathWinners = {
         let sums = [0; MAX_BATCH];
@@ -53,7 +56,10 @@ impl PathWinners {
             second = second.min(if is_near { u16::MAX } else { sum });
         }
         match exists(least) && exists(second) {
-            true => PeakRatio { least: least.into(), second: second.into(), unit: PATHS.into() }.grade(index, count),
+            true => {
+                let unit = u32::from(PATHS * PathWinners::NOISE);
+                PeakRatio { least: least.into(), second: second.into(), unit }.grade(index, count)
+            }
             false => 0,
         }
     }

@@ -77,13 +77,13 @@ impl SemiGlobal<'_> {
     }
 
     /// The grade of the peak ratio of each pixel, line by line: by how much more the best candidate costs that is more than a
-    /// disparity away from the winner, in 256ths of that sum and one for each path.
+    /// disparity away from the winner, in 256ths of that sum and 16 for each path.
     pub fn peaks(&self) -> Vec<u8> {
         let peak = |sums: &Vec<Option<i64>>| {
             let sums: Vec<(i64, usize)> = sums.iter().zip(0..).filter_map(|(sum, i)| Some(((*sum)?, i))).collect();
             let Some(&(c1, winner)) = sums.iter().min() else { return 0 };
             let Some((c2, _)) = sums.iter().filter(|(_, i)| i.abs_diff(winner) > 1).min() else { return 0 };
-            let ratio = 256 * (c2 - c1) / (c2 + self.paths.len() as i64);
+            let ratio = 256 * (c2 - c1) / (c2 + 16 * self.paths.len() as i64);
             let is_at_end = winner == 0 || winner as i32 == self.num_disparities - 1;
             grade((if is_at_end { ratio / 2 } else { ratio }) as f64)
         };

@@ -232,14 +232,14 @@ impl<I: Kernel, const M: usize> Work for Finish<'_, '_, I, M> {
                 }
             }
             (Some(sums), disparities, from_right) => {
-                let (paths_in_all, paths) = (paths, disparities.as_ref().map(|_| paths));
+                let (noise, paths) = (paths * PathWinners::NOISE, disparities.as_ref().map(|_| paths));
                 let mut add = |u: usize, costs: &[u8], excess: &[u8]| {
                     let sums = &mut sums[u * stride..][..stride];
                     add_to_sums(sums, costs, excess, paths);
                     if let Some(disparities) = disparities {
                         disparities[u] = select_by_sums(search, sums);
                         if let Some(peaks) = &mut peaks {
-                            peaks[u] = winner::peak(search, sums, paths_in_all);
+                            peaks[u] = winner::peak(search, sums, noise);
                         }
                     }
                 };

@@ -1,23 +1,23 @@
 //! Matches the frames of a board and sends the disparities.
 
-use core::{error, fmt, marker::PhantomData};
+use core::{error, fmt, marker::PhantomData, mem};
 use embedded_io::{ErrorType, Write};
 use multiscopic_core::{
-    Disparity, Frame, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, Rewind, ScanlineSource,
-    SemiGlobalMatcher, SemiGlobalParams, kernel::Kernel,
+    ConfidenceLines, Disparity, Frame, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, Rewind,
+    ScanlineSource, SemiGlobalMatcher, SemiGlobalParams, kernel::Kernel,
 };
 
 use crate::{
     board::{Board, Phase},
     buffers::Workspace,
-    matching::Matching,
+    matching::{Matching, WholeLines, confidence_line_words},
     packet::{BufferTooSmall, Sender},
 };
 
 /// Matches frames and sends the disparities, in the memory of a [`Workspace`].
 #[derive(Debug)]
 pub struct Pipeline<'w> {
-    matcher: &'w mut [u32],
+    words: &'w mut [u32],
     line: &'w mut [Option<Disparity>],
     packet: &'w mut [u8],
 }
@@ -25,7 +25,7 @@ pub struct Pipeline<'w> {
 impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WORDS, COLUMNS, PACKET> {
     /// The pipeline that works in this memory.
     pub fn pipeline(&mut self) -> Pipeline<'_> {
-        Pipeline { matcher: &mut self.matcher, line: &mut self.line, packet: &mut self.packet }
+        Pipeline { words: &mut self.words, line: &mut self.line, packet: &mut self.packet }
     }
 }
 
@@ -38,8 +38,9 @@ impl<'w> Pipeline<'w> {
     ///
     /// Every kernel gives the same disparities, and kernels with as many lanes need the same memory. Firmware
     /// with a single method calls [`match_blocks`](Pipeline::match_blocks),
-    /// [`match_semi_globally`](Pipeline::match_semi_globally) or [`match_around_prior`](Pipeline::match_around_prior), and
-    /// links that method alone: they are inlined, so that constant parameters stay constant.
+    /// [`match_semi_globally`](Pipeline::match_semi_globally), [`match_around_prior`](Pipeline::match_around_prior) or
+    /// [`match_with_confidences`](Pipeline::match_with_confidences), and links that method alone: they are inlined, so that
+    /// constant parameters stay constant.
     ///
     /// # Errors
     /// Those of the sources, the matcher and the output, a workspace that is too small, and too few sources.
@@ -71,6 +72,16 @@ impl<'w> Pipeline<'w> {
         ) -> Result<Sender<'w>, RunError<B>> {
             pipeline.match_around_prior::<B, I>(kernel, (short, long), sources, output)
         }
+        #[inline(never)]
+        fn with_confidences<'w, B: Board, I: Kernel>(
+            pipeline: Pipeline<'w>,
+            kernel: I,
+            lines: &WholeLines,
+            source: &mut B::Frames,
+            output: &mut B::Output,
+        ) -> Result<Sender<'w>, RunError<B>> {
+            pipeline.match_with_confidences::<B, I>(kernel, lines, source, output)
+        }
         match (matching, sources) {
             (Matching::Blocks { params, tile_width }, [source, ..]) => {
                 blocks::<B, I>(self, kernel, params, *tile_width, (source, output))
@@ -79,6 +90,7 @@ impl<'w> Pipeline<'w> {
             (Matching::AroundPrior { short, long }, [first, second, ..]) => {
                 around_prior::<B, I>(self, kernel, (short, long), [first, second], output)
             }
+            (Matching::WithConfidences(lines), [source, ..]) => with_confidences::<B, I>(self, kernel, lines, source, output),
             (_, sources) => Err(PipelineError::Sources { needed: matching.searches().count(), given: sources.len() }),
         }
     }
@@ -102,7 +114,7 @@ impl<'w> Pipeline<'w> {
                 source.rewind().map_err(PipelineError::Rewind)?;
             }
             let pass = Pass::<B>::new(&tile, self.line, &mut sender, output)?;
-            let mut matcher = Matcher::with_isa(kernel, params, &tile, self.matcher).map_err(PipelineError::Memory)?;
+            let mut matcher = Matcher::with_isa(kernel, params, &tile, self.words).map_err(PipelineError::Memory)?;
             pass.send(|line| matcher.next_line(&mut Fetching::<B>::new(source), line))?;
         }
         Ok(sender)
@@ -123,7 +135,7 @@ impl<'w> Pipeline<'w> {
         let mut sender = Sender::new(params.search(), self.packet);
         let whole = Region::whole(params.search());
         let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
-        let mut matcher = SemiGlobalMatcher::with_isa(kernel, params, self.matcher).map_err(PipelineError::Memory)?;
+        let mut matcher = SemiGlobalMatcher::with_isa(kernel, params, self.words).map_err(PipelineError::Memory)?;
         pass.send(|line| matcher.next_line(&mut Fetching::<B>::new(source), line))?;
         Ok(sender)
     }
@@ -144,13 +156,56 @@ impl<'w> Pipeline<'w> {
         let mut sender = Sender::new(short.search(), self.packet);
         let whole = Region::whole(short.search());
         let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
-        let words = Memory::new::<I>(short, short.width()).words().min(self.matcher.len());
-        let (memory, rest) = self.matcher.split_at_mut_checked(words).unwrap_or_default();
+        let words = Memory::new::<I>(short, short.width()).words().min(self.words.len());
+        let (memory, rest) = self.words.split_at_mut_checked(words).unwrap_or_default();
         let short = Matcher::with_isa(kernel, short, &whole, memory).map_err(PipelineError::Memory)?;
         let around = long.around(short.params().search());
         let mut long = Matcher::with_isa(kernel, &around, &whole, rest).map_err(PipelineError::Memory)?;
         let mut source = Gradients(LongFrames::<B, I> { frames: long_frames, short, short_frames });
         pass.send(|line| long.next_line(&mut source, line).map_err(MatchError::flatten))?;
+        Ok(sender)
+    }
+
+    /// [`run`](Pipeline::run) for a method and its confidences.
+    ///
+    /// # Errors
+    /// Those of [`run`](Pipeline::run).
+    #[inline(always)]
+    pub fn match_with_confidences<B: Board, I: Kernel>(
+        self,
+        kernel: I,
+        lines: &WholeLines,
+        source: &mut B::Frames,
+        output: &mut B::Output,
+    ) -> Result<Sender<'w>, RunError<B>> {
+        let (search, Pipeline { words, line, packet }) = (lines.search(), self);
+        let whole = Region::whole(search);
+        let mut sender = Sender::new(search, packet);
+        let pass = Pass::<B>::new(&whole, line, &mut sender, output)?;
+        let mut rest = words;
+        let mut lend = |needed: usize| {
+            let too_small = MemoryTooSmall { needed, given: rest.len() };
+            let (lent, others) = mem::take(&mut rest).split_at_mut_checked(needed).ok_or(PipelineError::Memory(too_small))?;
+            rest = others;
+            Ok(lent)
+        };
+        let confidences: &mut [u8] = bytemuck::cast_slice_mut(lend(confidence_line_words(search.width()))?);
+        let confidences = confidences.get_mut(..search.width()).unwrap_or_default();
+        let kept = lend(ConfidenceLines::memory_words(search.width()))?;
+        let mut kept = ConfidenceLines::new(search, lines.table(), kept).map_err(PipelineError::Memory)?;
+        let mut source = Fetching::<B>::new(source);
+        match lines {
+            WholeLines::Blocks(params) => {
+                let mut matcher = Matcher::with_isa(kernel, params, &whole, rest).map_err(PipelineError::Memory)?;
+                let matched = |line: &mut _, peaks: &mut _| matcher.next_line_and_peaks(&mut source, line, peaks);
+                pass.send_with_confidences(&mut kept, matched, confidences)?;
+            }
+            WholeLines::SemiGlobal(params) => {
+                let mut matcher = SemiGlobalMatcher::with_isa(kernel, params, rest).map_err(PipelineError::Memory)?;
+                let matched = |line: &mut _, peaks: &mut _| matcher.next_line_and_peaks(&mut source, line, peaks);
+                pass.send_with_confidences(&mut kept, matched, confidences)?;
+            }
+        }
         Ok(sender)
     }
 }
@@ -186,6 +241,26 @@ impl<'a, 'w, B: Board> Pass<'a, 'w, B> {
         while let Some(v) = next_line(line).map_err(PipelineError::Match)? {
             B::enter(Phase::Sending);
             let packet = sender.line(tile, v, line).map_err(PipelineError::Packet)?;
+            output.write_all(packet).map_err(PipelineError::Write)?;
+            B::enter(Phase::Matching);
+        }
+        B::enter(Phase::Idle);
+        Ok(())
+    }
+
+    /// Sends every line with its confidences. `matched` computes the lines of disparities and peak ratios, and `kept` are those
+    /// that confidences are computed from.
+    #[inline(always)]
+    fn send_with_confidences(
+        self,
+        kept: &mut ConfidenceLines<'_>,
+        mut matched: impl FnMut(&mut [Option<Disparity>], &mut [u8]) -> Result<Option<usize>, FetchError<B>>,
+        confidences: &mut [u8],
+    ) -> Result<(), RunError<B>> {
+        let Pass { tile, line, sender, output } = self;
+        while let Some(v) = kept.next_line(&mut matched, line, confidences).map_err(PipelineError::Match)? {
+            B::enter(Phase::Sending);
+            let packet = sender.line_with_confidences(tile, v, line, confidences).map_err(PipelineError::Packet)?;
             output.write_all(packet).map_err(PipelineError::Write)?;
             B::enter(Phase::Matching);
         }

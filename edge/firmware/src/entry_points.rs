@@ -4,7 +4,7 @@ use cortex_m as _; // Provides the critical section.
 use defmt_semihosting as _; // Sends the log to the host's standard output.
 use embedded_io::Write;
 use multiscopic_core::{Params, Search, SemiGlobalParams};
-use multiscopic_edge::{Board, Pipeline, PipelineError, RunError, Streams, packet::Sender};
+use multiscopic_edge::{Board, Pipeline, PipelineError, RunError, Streams, WholeLines, packet::Sender};
 use semihosting::process;
 
 use crate::{
@@ -51,6 +51,20 @@ pub fn match_around_prior(name: &str, (short, long): (Params, Params), pipeline:
             let frames = [&mut short_frames, &mut long_frames];
             pipeline.match_around_prior::<Semihosted, _>(BoardKernel::default(), (&short, &long), frames, output)
         })
+    })
+}
+
+/// Matches the frames of the board and computes confidences, with the fusion on the command line.
+#[inline(always)]
+pub fn match_with_confidences(name: &str, lines: WholeLines, pipeline: Pipeline<'_>) -> ! {
+    end(|| {
+        let fusion = arguments::fusion()?;
+        let lines = match lines {
+            WholeLines::Blocks(params) => WholeLines::Blocks(params.with_fusion(fusion)),
+            WholeLines::SemiGlobal(params) => WholeLines::SemiGlobal(params.with_fusion(fusion)),
+        };
+        let mut frames = open(name, lines.search().width(), lines.search())?;
+        send(|output| pipeline.match_with_confidences::<Semihosted, _>(BoardKernel::default(), &lines, &mut frames, output))
     })
 }
 

@@ -44,7 +44,7 @@ mod semihosted;
 #[cfg(target_os = "none")]
 pub use board_kernel::BoardKernel;
 #[cfg(target_os = "none")]
-pub use entry_points::{calibrate, match_around_prior, match_blocks, match_semi_globally};
+pub use entry_points::{calibrate, match_around_prior, match_blocks, match_semi_globally, match_with_confidences};
 #[cfg(target_os = "none")]
 pub use fault::fail;
 #[cfg(target_os = "none")]
@@ -77,6 +77,9 @@ macro_rules! firmware {
                     Matching::SemiGlobal(params) => multiscopic_firmware::match_semi_globally(PROFILE.name, params, pipeline),
                     Matching::AroundPrior { short, long } => {
                         multiscopic_firmware::match_around_prior(PROFILE.name, (short, long), pipeline)
+                    }
+                    Matching::WithConfidences(lines) => {
+                        multiscopic_firmware::match_with_confidences(PROFILE.name, lines, pipeline)
                     }
                 }
             }

@@ -1,8 +1,6 @@
 //! What a pipeline computes.
 
-use multiscopic_core::{
-    ConfidenceLines, ConfidenceTable, Memory, Params, Region, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa,
-};
+use multiscopic_core::{ConfidenceLines, Memory, Params, Region, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa};
 
 use crate::{Lengths, packet};
 
@@ -49,14 +47,6 @@ impl WholeLines {
         match *self {
             WholeLines::Blocks(params) => Matching::Blocks { params, tile_width: params.width() },
             WholeLines::SemiGlobal(params) => Matching::SemiGlobal(params),
-        }
-    }
-
-    /// The probabilities that its disparities are right.
-    pub const fn table(&self) -> &'static ConfidenceTable {
-        match self {
-            WholeLines::Blocks(_) => &ConfidenceTable::BLOCK_MATCHING,
-            WholeLines::SemiGlobal(_) => &ConfidenceTable::SEMI_GLOBAL,
         }
     }
 

@@ -1,10 +1,10 @@
 //! Matches the frames of a board and sends the disparities.
 
-use core::{error, fmt, marker::PhantomData, mem};
+use core::{error, fmt, marker::PhantomData};
 use embedded_io::{ErrorType, Write};
 use multiscopic_core::{
-    ConfidenceLines, Disparity, Frame, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, Rewind,
-    ScanlineSource, SemiGlobalMatcher, SemiGlobalParams, kernel::Kernel,
+    ConfidenceLines, ConfidenceTable, Disparity, Frame, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region,
+    Rewind, ScanlineSource, Search, SemiGlobalMatcher, SemiGlobalParams, kernel::Kernel,
 };
 
 use crate::{
@@ -38,9 +38,8 @@ impl<'w> Pipeline<'w> {
     ///
     /// Every kernel gives the same disparities, and kernels with as many lanes need the same memory. Firmware
     /// with a single method calls [`match_blocks`](Pipeline::match_blocks),
-    /// [`match_semi_globally`](Pipeline::match_semi_globally), [`match_around_prior`](Pipeline::match_around_prior) or
-    /// [`match_with_confidences`](Pipeline::match_with_confidences), and links that method alone: they are inlined, so that
-    /// constant parameters stay constant.
+    /// [`match_semi_globally`](Pipeline::match_semi_globally) or another of those below, and links that method alone: they are
+    /// inlined, so that constant parameters stay constant.
     ///
     /// # Errors
     /// Those of the sources, the matcher and the output, a workspace that is too small, and too few sources.
@@ -73,14 +72,22 @@ impl<'w> Pipeline<'w> {
             pipeline.match_around_prior::<B, I>(kernel, (short, long), sources, output)
         }
         #[inline(never)]
-        fn with_confidences<'w, B: Board, I: Kernel>(
+        fn blocks_with_confidences<'w, B: Board, I: Kernel>(
             pipeline: Pipeline<'w>,
             kernel: I,
-            lines: &WholeLines,
-            source: &mut B::Frames,
-            output: &mut B::Output,
+            params: &Params,
+            (source, output): (&mut B::Frames, &mut B::Output),
         ) -> Result<Sender<'w>, RunError<B>> {
-            pipeline.match_with_confidences::<B, I>(kernel, lines, source, output)
+            pipeline.match_blocks_with_confidences::<B, I>(kernel, params, source, output)
+        }
+        #[inline(never)]
+        fn semi_global_with_confidences<'w, B: Board, I: Kernel>(
+            pipeline: Pipeline<'w>,
+            kernel: I,
+            params: &SemiGlobalParams,
+            (source, output): (&mut B::Frames, &mut B::Output),
+        ) -> Result<Sender<'w>, RunError<B>> {
+            pipeline.match_semi_globally_with_confidences::<B, I>(kernel, params, source, output)
         }
         match (matching, sources) {
             (Matching::Blocks { params, tile_width }, [source, ..]) => {
@@ -90,7 +97,12 @@ impl<'w> Pipeline<'w> {
             (Matching::AroundPrior { short, long }, [first, second, ..]) => {
                 around_prior::<B, I>(self, kernel, (short, long), [first, second], output)
             }
-            (Matching::WithConfidences(lines), [source, ..]) => with_confidences::<B, I>(self, kernel, lines, source, output),
+            (Matching::WithConfidences(WholeLines::Blocks(params)), [source, ..]) => {
+                blocks_with_confidences::<B, I>(self, kernel, params, (source, output))
+            }
+            (Matching::WithConfidences(WholeLines::SemiGlobal(params)), [source, ..]) => {
+                semi_global_with_confidences::<B, I>(self, kernel, params, (source, output))
+            }
             (_, sources) => Err(PipelineError::Sources { needed: matching.searches().count(), given: sources.len() }),
         }
     }
@@ -166,47 +178,73 @@ impl<'w> Pipeline<'w> {
         Ok(sender)
     }
 
-    /// [`run`](Pipeline::run) for a method and its confidences.
+    /// [`run`](Pipeline::run) for block matching and its confidences.
     ///
     /// # Errors
     /// Those of [`run`](Pipeline::run).
     #[inline(always)]
-    pub fn match_with_confidences<B: Board, I: Kernel>(
+    pub fn match_blocks_with_confidences<B: Board, I: Kernel>(
         self,
         kernel: I,
-        lines: &WholeLines,
+        params: &Params,
         source: &mut B::Frames,
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
-        let (search, Pipeline { words, line, packet }) = (lines.search(), self);
-        let whole = Region::whole(search);
-        let mut sender = Sender::new(search, packet);
-        let pass = Pass::<B>::new(&whole, line, &mut sender, output)?;
-        let mut rest = words;
-        let mut lend = |needed: usize| {
-            let too_small = MemoryTooSmall { needed, given: rest.len() };
-            let (lent, others) = mem::take(&mut rest).split_at_mut_checked(needed).ok_or(PipelineError::Memory(too_small))?;
-            rest = others;
-            Ok(lent)
-        };
-        let confidences: &mut [u8] = bytemuck::cast_slice_mut(lend(confidence_line_words(search.width()))?);
-        let confidences = confidences.get_mut(..search.width()).unwrap_or_default();
-        let kept = lend(ConfidenceLines::memory_words(search.width()))?;
-        let mut kept = ConfidenceLines::new(search, lines.table(), kept).map_err(PipelineError::Memory)?;
+        let mut sender = Sender::new(params.search(), self.packet);
+        let whole = Region::whole(params.search());
+        let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
+        let table = &ConfidenceTable::BLOCK_MATCHING;
+        let (confidences, rest) = Confidences::new(params.search(), table, self.words).map_err(PipelineError::Memory)?;
+        let mut matcher = Matcher::with_isa(kernel, params, &whole, rest).map_err(PipelineError::Memory)?;
         let mut source = Fetching::<B>::new(source);
-        match lines {
-            WholeLines::Blocks(params) => {
-                let mut matcher = Matcher::with_isa(kernel, params, &whole, rest).map_err(PipelineError::Memory)?;
-                let matched = |line: &mut _, peaks: &mut _| matcher.next_line_and_peaks(&mut source, line, peaks);
-                pass.send_with_confidences(&mut kept, matched, confidences)?;
-            }
-            WholeLines::SemiGlobal(params) => {
-                let mut matcher = SemiGlobalMatcher::with_isa(kernel, params, rest).map_err(PipelineError::Memory)?;
-                let matched = |line: &mut _, peaks: &mut _| matcher.next_line_and_peaks(&mut source, line, peaks);
-                pass.send_with_confidences(&mut kept, matched, confidences)?;
-            }
-        }
+        pass.send_with_confidences(confidences, |line, peaks| matcher.next_line_and_peaks(&mut source, line, peaks))?;
         Ok(sender)
+    }
+
+    /// [`run`](Pipeline::run) for semi-global matching and its confidences.
+    ///
+    /// # Errors
+    /// Those of [`run`](Pipeline::run).
+    #[inline(always)]
+    pub fn match_semi_globally_with_confidences<B: Board, I: Kernel>(
+        self,
+        kernel: I,
+        params: &SemiGlobalParams,
+        source: &mut B::Frames,
+        output: &mut B::Output,
+    ) -> Result<Sender<'w>, RunError<B>> {
+        let mut sender = Sender::new(params.search(), self.packet);
+        let whole = Region::whole(params.search());
+        let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
+        let table = &ConfidenceTable::SEMI_GLOBAL;
+        let (confidences, rest) = Confidences::new(params.search(), table, self.words).map_err(PipelineError::Memory)?;
+        let mut matcher = SemiGlobalMatcher::with_isa(kernel, params, rest).map_err(PipelineError::Memory)?;
+        let mut source = Fetching::<B>::new(source);
+        pass.send_with_confidences(confidences, |line, peaks| matcher.next_line_and_peaks(&mut source, line, peaks))?;
+        Ok(sender)
+    }
+}
+
+/// The confidences of lines, computed in memory that is lent.
+struct Confidences<'w> {
+    lines: ConfidenceLines<'w>,
+    /// Those of a line.
+    line: &'w mut [u8],
+}
+
+impl<'w> Confidences<'w> {
+    /// In the first of `words`. Returns the others too.
+    fn new(
+        search: &Search,
+        table: &'static ConfidenceTable,
+        words: &'w mut [u32],
+    ) -> Result<(Confidences<'w>, &'w mut [u32]), MemoryTooSmall> {
+        let [kept, columns] = [ConfidenceLines::memory_words(search.width()), confidence_line_words(search.width())];
+        let too_small = MemoryTooSmall { needed: kept + columns, given: words.len() };
+        let (own, rest) = words.split_at_mut_checked(kept + columns).ok_or(too_small)?;
+        let (kept, line) = own.split_at_mut_checked(kept).ok_or(too_small)?;
+        let line = bytemuck::cast_slice_mut(line).get_mut(..search.width()).ok_or(too_small)?;
+        Ok((Confidences { lines: ConfidenceLines::new(search, table, kept)?, line }, rest))
     }
 }
 
@@ -248,19 +286,17 @@ impl<'a, 'w, B: Board> Pass<'a, 'w, B> {
         Ok(())
     }
 
-    /// Sends every line with its confidences. `matched` computes the lines of disparities and peak ratios, and `kept` are those
-    /// that confidences are computed from.
+    /// Sends every line with its confidences. `matched` computes the lines of disparities and peak ratios.
     #[inline(always)]
     fn send_with_confidences(
         self,
-        kept: &mut ConfidenceLines<'_>,
+        mut confidences: Confidences<'_>,
         mut matched: impl FnMut(&mut [Option<Disparity>], &mut [u8]) -> Result<Option<usize>, FetchError<B>>,
-        confidences: &mut [u8],
     ) -> Result<(), RunError<B>> {
         let Pass { tile, line, sender, output } = self;
-        while let Some(v) = kept.next_line(&mut matched, line, confidences).map_err(PipelineError::Match)? {
+        while let Some(v) = confidences.lines.next_line(&mut matched, line, confidences.line).map_err(PipelineError::Match)? {
             B::enter(Phase::Sending);
-            let packet = sender.line_with_confidences(tile, v, line, confidences).map_err(PipelineError::Packet)?;
+            let packet = sender.line_with_confidences(tile, v, line, confidences.line).map_err(PipelineError::Packet)?;
             output.write_all(packet).map_err(PipelineError::Write)?;
             B::enter(Phase::Matching);
         }

@@ -4,7 +4,7 @@ use cortex_m as _; // Provides the critical section.
 use defmt_semihosting as _; // Sends the log to the host's standard output.
 use embedded_io::Write;
 use multiscopic_core::{Params, Search, SemiGlobalParams};
-use multiscopic_edge::{Board, Pipeline, PipelineError, RunError, Streams, WholeLines, packet::Sender};
+use multiscopic_edge::{Board, Pipeline, PipelineError, RunError, Streams, packet::Sender};
 use semihosting::process;
 
 use crate::{
@@ -54,17 +54,27 @@ pub fn match_around_prior(name: &str, (short, long): (Params, Params), pipeline:
     })
 }
 
-/// Matches the frames of the board and computes confidences, with the fusion on the command line.
+/// Matches blocks of the frames of the board and computes confidences, with the fusion on the command line.
 #[inline(always)]
-pub fn match_with_confidences(name: &str, lines: WholeLines, pipeline: Pipeline<'_>) -> ! {
+pub fn match_blocks_with_confidences(name: &str, params: Params, pipeline: Pipeline<'_>) -> ! {
     end(|| {
-        let fusion = arguments::fusion()?;
-        let lines = match lines {
-            WholeLines::Blocks(params) => WholeLines::Blocks(params.with_fusion(fusion)),
-            WholeLines::SemiGlobal(params) => WholeLines::SemiGlobal(params.with_fusion(fusion)),
-        };
-        let mut frames = open(name, lines.search().width(), lines.search())?;
-        send(|output| pipeline.match_with_confidences::<Semihosted, _>(BoardKernel::default(), &lines, &mut frames, output))
+        let params = params.with_fusion(arguments::fusion()?);
+        let mut frames = open(name, params.width(), params.search())?;
+        send(|output| {
+            pipeline.match_blocks_with_confidences::<Semihosted, _>(BoardKernel::default(), &params, &mut frames, output)
+        })
+    })
+}
+
+/// Matches the frames of the board semi-globally and computes confidences, with the fusion on the command line.
+#[inline(always)]
+pub fn match_semi_globally_with_confidences(name: &str, params: SemiGlobalParams, pipeline: Pipeline<'_>) -> ! {
+    end(|| {
+        let params = params.with_fusion(arguments::fusion()?);
+        let mut frames = open(name, params.search().width(), params.search())?;
+        send(|output| {
+            pipeline.match_semi_globally_with_confidences::<Semihosted, _>(BoardKernel::default(), &params, &mut frames, output)
+        })
     })
 }
 

@@ -8,6 +8,12 @@ const COLUMNS: [isize; 9] = [-20, -15, -10, -5, 0, 5, 10, 15, 20];
 const REACH: usize = 20;
 /// Pixels whose agreements are counted together: as many as help compilers to vectorise.
 const BATCH: usize = if cfg!(target_arch = "arm") { 1 } else { 32 };
+/// A disparity as in [`Disparity::to_raw16`], in a register: many fit a vector, and one a register of Arm's microcontrollers.
+#[cfg(not(target_arch = "arm"))]
+type Raw = u16;
+/// The same.
+#[cfg(target_arch = "arm")]
+type Raw = u32;
 
 /// Confidences: of each pixel the probability that its disparity is at most one pixel off, times 255.
 ///
@@ -51,7 +57,7 @@ impl ConfidenceTable {
     pub fn agreements(line: &[Option<Disparity>], rows: [&[Option<Disparity>]; 3], counts: &mut [u8]) {
         let mut u = 0;
         while u < line.len() {
-            let inner = u.checked_sub(REACH).and_then(|start| inner_agreements::<BATCH>(line, rows, start));
+            let inner = u.checked_sub(REACH).and_then(|start| inner_agreements::<BATCH, { BATCH + 2 * REACH }>(line, rows, start));
             if let (Some(found), Some(counts)) = (inner, counts.get_mut(u..).and_then(<[u8]>::first_chunk_mut)) {
                 *counts = found;
                 u += BATCH;
@@ -70,9 +76,10 @@ impl ConfidenceTable {
     }
 }
 
-/// How many samples agree with each of `N` pixels, whose first samples are in column `start`. `None` if some are past the end.
+/// How many samples agree with each of `N` pixels, whose samples are in `WINDOW` columns from `start` on. `None` if some are past
+/// the end.
 #[inline(always)]
-fn inner_agreements<const N: usize>(
+fn inner_agreements<const N: usize, const WINDOW: usize>(
     line: &[Option<Disparity>],
     rows: [&[Option<Disparity>]; 3],
     start: usize,
@@ -80,9 +87,10 @@ fn inner_agreements<const N: usize>(
     let own = line.get(start + REACH..)?.first_chunk::<N>()?.map(Neighbourhood::of);
     let mut counts = [0; N];
     for row in rows {
-        let row = row.get(start..start + N + 2 * REACH)?;
-        for column in (0..=2 * REACH).step_by(5) {
-            let samples = row.get(column..)?.first_chunk::<N>()?;
+        // The compiler knows its length, and so that all samples are in it.
+        let window = row.get(start..)?.first_chunk::<WINDOW>()?;
+        for column in COLUMNS {
+            let samples = window.get(REACH.wrapping_add_signed(column)..)?.first_chunk::<N>()?;
             for ((count, own), &sample) in counts.iter_mut().zip(&own).zip(samples) {
                 *count += own.has(sample);
             }
@@ -94,9 +102,9 @@ fn inner_agreements<const N: usize>(
 /// The disparities that agree with one, as in [`Disparity::to_raw16`].
 #[derive(Clone, Copy)]
 struct Neighbourhood {
-    least: u16,
+    least: Raw,
     /// From the least to the greatest.
-    span: u16,
+    span: Raw,
 }
 
 impl Neighbourhood {
@@ -106,12 +114,12 @@ impl Neighbourhood {
         let raw = Disparity::to_raw16(pixel);
         // Not 0, which is invalid.
         let least = raw.saturating_sub(PIXEL).max(1);
-        Neighbourhood { least, span: raw.saturating_add(PIXEL) - least }
+        Neighbourhood { least: least.into(), span: (raw.saturating_add(PIXEL) - least).into() }
     }
 
     /// 1 if a disparity is among them, and 0 otherwise.
     #[inline(always)]
     fn has(self, sample: Option<Disparity>) -> u8 {
-        u8::from(Disparity::to_raw16(sample).wrapping_sub(self.least) <= self.span)
+        u8::from(Raw::from(Disparity::to_raw16(sample)).wrapping_sub(self.least) <= self.span)
     }
 }

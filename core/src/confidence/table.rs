@@ -2,10 +2,10 @@
 
 use crate::Disparity;
 
-/// Columns on both sides of a pixel that are sampled.
-const COLUMNS: [isize; 9] = [-20, -15, -10, -5, 0, 5, 10, 15, 20];
-/// The last of them.
+/// Columns on both sides of a pixel in which others are sampled.
 const REACH: usize = 20;
+/// The columns that are sampled, from the first of them on. Compilers unroll a loop over them.
+const COLUMNS: [usize; 9] = [0, 5, 10, 15, 20, 25, 30, 35, 2 * REACH];
 /// Pixels whose agreements are counted together: as many as help compilers to vectorise.
 const BATCH: usize = if cfg!(target_arch = "arm") { 1 } else { 32 };
 /// A disparity as in [`Disparity::to_raw16`], in a register: many fit a vector, and one a register of Arm's microcontrollers.
@@ -55,42 +55,67 @@ impl ConfidenceTable {
     /// long.
     #[cfg_attr(target_arch = "arm", inline(always))]
     pub fn agreements(line: &[Option<Disparity>], rows: [&[Option<Disparity>]; 3], counts: &mut [u8]) {
-        let mut u = 0;
-        while u < line.len() {
-            let inner = u.checked_sub(REACH).and_then(|start| inner_agreements::<BATCH, { BATCH + 2 * REACH }>(line, rows, start));
-            if let (Some(found), Some(counts)) = (inner, counts.get_mut(u..).and_then(<[u8]>::first_chunk_mut)) {
-                *counts = found;
-                u += BATCH;
+        let width = line.len();
+        // At the borders, pixels are repeated. The inner pixels have all their samples.
+        let inner = REACH..width.saturating_sub(REACH).max(REACH);
+        let mut start = 0;
+        while start < width {
+            let end = if inner.contains(&start) { inner.end } else { width.min(start + REACH) };
+            let (Some(own), Some(counts)) = (line.get(start..end), counts.get_mut(start..end)) else { return };
+            if inner.contains(&start) {
+                let around = rows.map(|row| row.get(start - REACH..end + REACH).unwrap_or_default());
+                count(own, around, counts);
             } else {
-                let own = Neighbourhood::of(line.get(u).copied().flatten());
-                let at = |column: isize| u.saturating_add_signed(column).min(line.len() - 1);
-                let of_row = |row: &[Option<Disparity>]| -> u8 {
-                    COLUMNS.iter().map(|&column| own.has(row.get(at(column)).copied().flatten())).sum()
-                };
-                if let Some(count) = counts.get_mut(u) {
-                    *count = rows.map(of_row).iter().sum();
+                let mut repeated = [[None; 3 * REACH]; 3];
+                for (repeated, row) in repeated.iter_mut().zip(rows) {
+                    for (sample, column) in repeated.iter_mut().zip(start..end + 2 * REACH) {
+                        *sample = row.get(column.saturating_sub(REACH).min(width - 1)).copied().flatten();
+                    }
                 }
-                u += 1;
+                count(own, repeated.each_ref().map(|row| &row[..]), counts);
             }
+            start = end;
         }
     }
 }
 
-/// How many samples agree with each of `N` pixels, whose samples are in `WINDOW` columns from `start` on. `None` if some are past
-/// the end.
+/// Counts the samples that agree with each pixel of `own`. `rows` begin [`REACH`] columns before it, and end as many after it.
+#[cfg_attr(target_arch = "arm", inline(never))]
+fn count(own: &[Option<Disparity>], rows: [&[Option<Disparity>]; 3], counts: &mut [u8]) {
+    let mut u = 0;
+    while u < own.len() {
+        let Some(counts) = counts.get_mut(u..) else { return };
+        if const { BATCH > 1 }
+            && let Some(counts) = counts.first_chunk_mut()
+            && let Some(found) = batch_agreements::<BATCH, { BATCH + 2 * REACH }>(own, rows, u)
+        {
+            *counts = found;
+            u += BATCH;
+        } else if let (Some(count), Some([found])) = (counts.first_mut(), batch_agreements::<1, { 1 + 2 * REACH }>(own, rows, u))
+        {
+            *count = found;
+            u += 1;
+        } else {
+            return;
+        }
+    }
+}
+
+/// How many samples agree with each of `N` pixels of `own` from column `start` on. Their samples are in as many columns of `rows`,
+/// `WINDOW`, from `start` on. `None` if there are fewer.
 #[inline(always)]
-fn inner_agreements<const N: usize, const WINDOW: usize>(
-    line: &[Option<Disparity>],
+fn batch_agreements<const N: usize, const WINDOW: usize>(
+    own: &[Option<Disparity>],
     rows: [&[Option<Disparity>]; 3],
     start: usize,
 ) -> Option<[u8; N]> {
-    let own = line.get(start + REACH..)?.first_chunk::<N>()?.map(Neighbourhood::of);
+    let own = own.get(start..)?.first_chunk::<N>()?.map(Neighbourhood::of);
     let mut counts = [0; N];
     for row in rows {
         // The compiler knows its length, and so that all samples are in it.
         let window = row.get(start..)?.first_chunk::<WINDOW>()?;
         for column in COLUMNS {
-            let samples = window.get(REACH.wrapping_add_signed(column)..)?.first_chunk::<N>()?;
+            let samples = window.get(column..)?.first_chunk::<N>()?;
             for ((count, own), &sample) in counts.iter_mut().zip(&own).zip(samples) {
                 *count += own.has(sample);
             }

@@ -4,7 +4,8 @@ use core::{error, fmt, marker::PhantomData};
 use embedded_io::{ErrorType, Write};
 use multiscopic_core::{
     ConfidenceLines, ConfidenceTable, Disparity, Frame, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region,
-    Rewind, ScanlineSource, Search, SemiGlobalMatcher, SemiGlobalParams, kernel::Kernel,
+    Rewind, ScanlineSource, Search, SemiGlobalMatcher, SemiGlobalParams,
+    kernel::{Isa, Kernel},
 };
 
 use crate::{
@@ -194,7 +195,7 @@ impl<'w> Pipeline<'w> {
         let whole = Region::whole(params.search());
         let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
         let table = &ConfidenceTable::BLOCK_MATCHING;
-        let (confidences, rest) = Confidences::new(params.search(), table, self.words).map_err(PipelineError::Memory)?;
+        let (confidences, rest) = Confidences::new(kernel, params.search(), table, self.words).map_err(PipelineError::Memory)?;
         let mut matcher = Matcher::with_isa(kernel, params, &whole, rest).map_err(PipelineError::Memory)?;
         let mut source = Fetching::<B>::new(source);
         pass.send_with_confidences(confidences, |line, peaks| matcher.next_line_and_peaks(&mut source, line, peaks))?;
@@ -217,7 +218,7 @@ impl<'w> Pipeline<'w> {
         let whole = Region::whole(params.search());
         let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
         let table = &ConfidenceTable::SEMI_GLOBAL;
-        let (confidences, rest) = Confidences::new(params.search(), table, self.words).map_err(PipelineError::Memory)?;
+        let (confidences, rest) = Confidences::new(kernel, params.search(), table, self.words).map_err(PipelineError::Memory)?;
         let mut matcher = SemiGlobalMatcher::with_isa(kernel, params, rest).map_err(PipelineError::Memory)?;
         let mut source = Fetching::<B>::new(source);
         pass.send_with_confidences(confidences, |line, peaks| matcher.next_line_and_peaks(&mut source, line, peaks))?;
@@ -226,25 +227,26 @@ impl<'w> Pipeline<'w> {
 }
 
 /// The confidences of lines, computed in memory that is lent.
-struct Confidences<'w> {
-    lines: ConfidenceLines<'w>,
+struct Confidences<'w, I> {
+    lines: ConfidenceLines<'w, I>,
     /// Those of a line.
     line: &'w mut [u8],
 }
 
-impl<'w> Confidences<'w> {
+impl<'w, I: Isa> Confidences<'w, I> {
     /// In the first of `words`. Returns the others too.
     fn new(
+        isa: I,
         search: &Search,
         table: &'static ConfidenceTable,
         words: &'w mut [u32],
-    ) -> Result<(Confidences<'w>, &'w mut [u32]), MemoryTooSmall> {
+    ) -> Result<(Confidences<'w, I>, &'w mut [u32]), MemoryTooSmall> {
         let [kept, columns] = [ConfidenceLines::memory_words(search.width()), confidence_line_words(search.width())];
         let too_small = MemoryTooSmall { needed: kept + columns, given: words.len() };
         let (own, rest) = words.split_at_mut_checked(kept + columns).ok_or(too_small)?;
         let (kept, line) = own.split_at_mut_checked(kept).ok_or(too_small)?;
         let line = bytemuck::cast_slice_mut(line).get_mut(..search.width()).ok_or(too_small)?;
-        Ok((Confidences { lines: ConfidenceLines::new(search, table, kept)?, line }, rest))
+        Ok((Confidences { lines: ConfidenceLines::with_isa(isa, search, table, kept)?, line }, rest))
     }
 }
 
@@ -290,7 +292,7 @@ impl<'a, 'w, B: Board> Pass<'a, 'w, B> {
     #[inline(always)]
     fn send_with_confidences(
         self,
-        mut confidences: Confidences<'_>,
+        mut confidences: Confidences<'_, impl Isa>,
         mut matched: impl FnMut(&mut [Option<Disparity>], &mut [u8]) -> Result<Option<usize>, FetchError<B>>,
     ) -> Result<(), RunError<B>> {
         let Pass { tile, line, sender, output } = self;

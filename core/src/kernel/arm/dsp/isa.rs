@@ -1,7 +1,7 @@
 //! The operations on column sums in the DSP extension.
 
 use super::{
-    instruction::{differences, if_not_less, splat, splat_half, usub16, uxtab16, uxtab16_high, words},
+    instruction::{count_within, differences, splat, uxtab16, uxtab16_high, words},
     vector::U16x8,
 };
 use crate::kernel::{
@@ -28,7 +28,7 @@ impl Isa for Dsp {
 
     #[inline(always)]
     fn count_within(self, values: u32, least: u32, span: u32, counts: u32) -> u32 {
-        counts + if_not_less(span, usub16(values, least), splat_half(1), 0)
+        count_within(values, least, span, counts)
     }
 
     #[inline(always)]

@@ -411,7 +411,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        buffers::Wide,
+        buffers::{Lengths, Wide},
         packet::{Content, Packet},
     };
     use core::{convert::Infallible, time::Duration};
@@ -548,6 +548,69 @@ mod tests {
         assert!(pixels.iter().all(Option::is_some));
         assert_eq!(pixels[10 * PARAMS.width() + 12], Some(Disparity::from_bits(128)));
         assert_eq!(rewinds, 0);
+    }
+
+    #[test]
+    fn confidences_are_sent_with_the_disparities() {
+        const W: usize = PARAMS.width();
+        let search = Search::new(24, 20, Views::HORIZONTAL, Fusion::Min, 1, 4).unwrap();
+        let semi_global = SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size: 3 }).unwrap();
+        for lines in [WholeLines::Blocks(PARAMS), WholeLines::SemiGlobal(semi_global)] {
+            let Ok(mut output) = TestBoard.output();
+            let mut workspace = Workspace::<{ 2 * WORDS }, W, { 2 * PACKET }>::new();
+            let (matching, sources) = (Matching::WithConfidences(lines), &mut [Ramp::default()]);
+            workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, sources, &mut output).unwrap();
+            assert_eq!(output.sent.pop(), Some(0));
+            let (mut sent, mut sent_confidences) = (Vec::new(), Vec::<u8>::new());
+            for (v, bytes) in output.sent.split_mut(|&byte| byte == 0).enumerate() {
+                let packet = Packet::decode(bytes).unwrap();
+                let content = Content::LineWithConfidences { line: v as u16, left: 0, columns: W as u16 };
+                assert_eq!(packet.header.content, content);
+                sent.extend(packet.disparities());
+                sent_confidences.extend(packet.confidences());
+            }
+
+            // The whole frame, and then the confidences.
+            let (mut disparities, mut peaks, mut memory) = (vec![None; 20 * W], vec![0; 20 * W], vec![0; 2 * WORDS]);
+            let all = disparities.chunks_mut(W).zip(peaks.chunks_mut(W));
+            let table = match &lines {
+                WholeLines::Blocks(params) => {
+                    let mut matcher = Matcher::new(params, &mut memory).unwrap();
+                    all.for_each(|(line, peaks)| drop(matcher.next_line_and_peaks(&mut Ramp::default(), line, peaks).unwrap()));
+                    ConfidenceTable::BLOCK_MATCHING
+                }
+                WholeLines::SemiGlobal(params) => {
+                    let mut matcher = SemiGlobalMatcher::new(params, &mut memory).unwrap();
+                    all.for_each(|(line, peaks)| drop(matcher.next_line_and_peaks(&mut Ramp::default(), line, peaks).unwrap()));
+                    ConfidenceTable::SEMI_GLOBAL
+                }
+            };
+            assert_eq!(sent, disparities);
+            let mut confidences = vec![0; 20 * W];
+            for (v, line) in confidences.chunks_mut(W).enumerate() {
+                let rows = [v.saturating_sub(5), v, (v + 5).min(19)].map(|v| &disparities[v * W..][..W]);
+                table.line(rows, &peaks[v * W..][..W], line);
+            }
+            assert_eq!(sent_confidences, confidences);
+            assert!(confidences.iter().any(|confidence| *confidence > 200));
+        }
+    }
+
+    #[test]
+    fn confidences_need_their_memory() {
+        let matching = Matching::WithConfidences(WholeLines::Blocks(PARAMS));
+        const NEEDED: Lengths = Matching::WithConfidences(WholeLines::Blocks(PARAMS)).lengths::<Wide>();
+        let mut workspace = Workspace::<{ NEEDED.words() - 1 }, { NEEDED.columns }, { NEEDED.packet }>::new();
+        let mut output = Output { sent: Vec::new(), capacity: usize::MAX };
+        let end = workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, &mut [Ramp::default()], &mut output);
+        assert!(matches!(end, Err(PipelineError::Memory(_))));
+        let mut workspace = Workspace::<{ NEEDED.words() }, { NEEDED.columns }, { NEEDED.packet - 1 }>::new();
+        let end = workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, &mut [Ramp::default()], &mut output);
+        assert!(matches!(end, Err(PipelineError::Packet(_))));
+        let mut workspace = Workspace::<{ NEEDED.words() }, { NEEDED.columns }, { NEEDED.packet }>::new();
+        assert!(
+            workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, &mut [Ramp::default()], &mut output).is_ok()
+        );
     }
 
     /// A search at twice the baseline of [`PARAMS`].

@@ -65,7 +65,7 @@ pub const QVGA_PRIOR: Profile = Profile::around_prior(
 /// The match of [`QVGA`] and its confidences.
 pub const QVGA_CONFIDENCE: Profile = QVGA.with_confidences("qvga-confidence", 156);
 /// The match of [`QQVGA_SGM`] and its confidences.
-pub const QQVGA_SGM_CONFIDENCE: Profile = QQVGA_SGM.with_confidences("qqvga-sgm-confidence", 54);
+pub const QQVGA_SGM_CONFIDENCE: Profile = QQVGA_SGM.with_confidences("qqvga-sgm-confidence", 48);
 
 /// The views four baselines to the left and to the right.
 const FOUR_BASELINES: Views = match (View::new(-4, 0), View::new(4, 0)) {

@@ -198,8 +198,12 @@ mod tests {
     #[test]
     fn pairs_have_the_counts_of_single_pixels() {
         // A few surfaces, the ends of what is possible among them, and invalid pixels.
-        let raw = |i: usize| [64, 32768, 32832, 65472, 0][i * i / 7 % 5] + (i * 37 % 90) as u16 * u16::from(i % 5 != 4);
-        let row = |seed: usize| (0..150).map(|u| Disparity::from_raw16(raw(u + seed).min(65472))).collect::<Vec<_>>();
+        let surfaces = [64, 32768, 32832, 65380, 0];
+        let raw = |i: usize| match surfaces[i * i / 7 % 5] {
+            0 => 0,
+            surface => surface + (i * 37 % 92) as u16,
+        };
+        let row = |seed: usize| (0..150).map(|u| Disparity::from_raw16(raw(u + seed))).collect::<Vec<_>>();
         let rows = [0, 1000, 2000].map(row);
         let (rows, own) = (rows.each_ref().map(|row| &row[..]), &rows[1][REACH..150 - REACH]);
         let mut seen = [false; 28];

@@ -576,12 +576,16 @@ mod tests {
             let table = match &lines {
                 WholeLines::Blocks(params) => {
                     let mut matcher = Matcher::new(params, &mut memory).unwrap();
-                    all.for_each(|(line, peaks)| drop(matcher.next_line_and_peaks(&mut Ramp::default(), line, peaks).unwrap()));
+                    for (line, peaks) in all {
+                        matcher.next_line_and_peaks(&mut Ramp::default(), line, peaks).unwrap();
+                    }
                     ConfidenceTable::BLOCK_MATCHING
                 }
                 WholeLines::SemiGlobal(params) => {
                     let mut matcher = SemiGlobalMatcher::new(params, &mut memory).unwrap();
-                    all.for_each(|(line, peaks)| drop(matcher.next_line_and_peaks(&mut Ramp::default(), line, peaks).unwrap()));
+                    for (line, peaks) in all {
+                        matcher.next_line_and_peaks(&mut Ramp::default(), line, peaks).unwrap();
+                    }
                     ConfidenceTable::SEMI_GLOBAL
                 }
             };

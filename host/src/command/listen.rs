@@ -76,8 +76,12 @@ impl Listen {
         }
         terminal::say(&summary(&received));
         if let (Some(_), None) = (&self.confidence, &received.confidences) {
-            let expected = "packets with confidences for --confidence, as firmware of a profile such as qvga-confidence sends";
-            return Err(Error::format(path, "packets of disparities alone", expected));
+            return Err(Error::Format {
+                path: path.into(),
+                found: "packets of disparities alone".into(),
+                expected: "packets with confidences for --confidence, as firmware of a profile such as qvga-confidence sends"
+                    .into(),
+            });
         }
         Ok(ExitCode::from(if is_whole && received.is_complete() { 0 } else { 1 }))
     }

@@ -99,12 +99,12 @@ impl<'b> Sender<'b> {
         let &mut Sender { width, height, sequence, .. } = self;
         let header = Header { magic: MAGIC, version: VERSION, sequence, width, height, content };
         let header_bytes = postcard::to_slice(&header, plain).map_err(|_| too_small)?.len();
-        let body = plain.get_mut(header_bytes..).unwrap_or_default();
-        let (samples, rest) = body.split_at_mut_checked(of_disparities).ok_or(too_small)?;
-        rest.get_mut(..of_confidences).ok_or(too_small)?.copy_from_slice(confidences);
+        let samples = plain.get_mut(header_bytes..).unwrap_or_default();
         for (sample, &disparity) in samples.chunks_exact_mut(2).zip(disparities) {
             sample.copy_from_slice(&Disparity::to_raw16(disparity).to_le_bytes());
         }
+        let after = samples.get_mut(of_disparities..of_disparities + of_confidences).ok_or(too_small)?;
+        after.copy_from_slice(confidences);
         let (body, rest) = plain.split_at_mut_checked(header_bytes + of_disparities + of_confidences).ok_or(too_small)?;
         rest.get_mut(..CHECKSUM_BYTES).ok_or(too_small)?.copy_from_slice(&checksum(body).to_le_bytes());
         let len = body.len() + CHECKSUM_BYTES;

@@ -10,6 +10,9 @@ pub type Wide = Portable<8>;
 pub struct Lengths {
     /// The matcher's memory by buffer, or that of both matchers from short baselines to long ones.
     pub matcher: Memory,
+    /// Bytes of the [lines](multiscopic_core::ConfidenceLines) that confidences are computed from, and of a line of them, in whole
+    /// words; 0 without confidences.
+    pub confidence: usize,
     /// Disparities of a line.
     pub columns: usize,
     /// Bytes of the buffer that packets are encoded in.
@@ -19,7 +22,12 @@ pub struct Lengths {
 impl Lengths {
     /// The size of the workspace in bytes.
     pub const fn bytes(&self) -> usize {
-        (4 * self.matcher.words() + self.line_bytes() + self.packet).next_multiple_of(align_of::<u32>())
+        (4 * self.words() + self.line_bytes() + self.packet).next_multiple_of(align_of::<u32>())
+    }
+
+    /// The words of the matcher and of the confidences.
+    pub const fn words(&self) -> usize {
+        self.matcher.words() + self.confidence / size_of::<u32>()
     }
 
     /// The size of a disparity line in bytes.
@@ -30,10 +38,10 @@ impl Lengths {
 
 /// The memory of a [`Pipeline`](crate::Pipeline).
 ///
-/// `WORDS` are for the matcher, `COLUMNS` for a line of disparities, and `PACKET` bytes to encode it in. They
+/// `WORDS` are for the matcher and the confidences, `COLUMNS` for a line of disparities, and `PACKET` bytes to encode it in. They
 /// come from [`Lengths`]; [`workspace!`](crate::workspace) is the type for a profile.
 pub struct Workspace<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> {
-    pub(crate) matcher: [u32; WORDS],
+    pub(crate) words: [u32; WORDS],
     pub(crate) line: [Option<Disparity>; COLUMNS],
     pub(crate) packet: [u8; PACKET],
 }
@@ -42,7 +50,7 @@ impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WO
     /// An empty workspace, to initialise a static with.
     #[expect(clippy::new_without_default, reason = "a static needs a const fn, and a default would be made on the stack")]
     pub const fn new() -> Self {
-        Workspace { matcher: [0; WORDS], line: [None; COLUMNS], packet: [0; PACKET] }
+        Workspace { words: [0; WORDS], line: [None; COLUMNS], packet: [0; PACKET] }
     }
 }
 
@@ -51,7 +59,7 @@ impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WO
 macro_rules! workspace {
     ($kernel:ty, $profile:path) => {
         $crate::Workspace<
-            { $profile.lengths::<$kernel>().matcher.words() },
+            { $profile.lengths::<$kernel>().words() },
             { $profile.lengths::<$kernel>().columns },
             { $profile.lengths::<$kernel>().packet },
         >
@@ -75,6 +83,8 @@ mod tests {
             size_of::<workspace!(Wide, profile::QVGA_SGM)>(),
             size_of::<workspace!(Wide, profile::QQVGA_3X3)>(),
             size_of::<workspace!(Wide, profile::QVGA_PRIOR)>(),
+            size_of::<workspace!(Wide, profile::QVGA_CONFIDENCE)>(),
+            size_of::<workspace!(Wide, profile::QQVGA_SGM_CONFIDENCE)>(),
         ];
         assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths::<Wide>().bytes()));
     }
@@ -86,7 +96,7 @@ mod tests {
             other => other,
         }
         .lengths::<Wide>();
-        type Odd = Workspace<{ ODD.matcher.words() }, { ODD.columns }, { ODD.packet }>;
+        type Odd = Workspace<{ ODD.words() }, { ODD.columns }, { ODD.packet }>;
         assert_eq!(size_of::<Odd>(), ODD.bytes());
     }
 }

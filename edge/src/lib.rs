@@ -27,7 +27,7 @@ mod streams;
 
 pub use board::{Board, Phase};
 pub use buffers::{Lengths, Wide, Workspace};
-pub use matching::Matching;
+pub use matching::{Matching, WholeLines};
 pub use pipeline::{Pipeline, PipelineError, RunError};
 pub use profile::Profile;
 pub use streams::{Streams, StreamsError};

@@ -1,6 +1,6 @@
 //! What a pipeline computes.
 
-use multiscopic_core::{Memory, Params, Region, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa};
+use multiscopic_core::{ConfidenceLines, Memory, Params, Region, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa};
 
 use crate::{Lengths, packet};
 
@@ -28,6 +28,35 @@ pub enum Matching {
         /// were taken, before [`Params::around`] divides their offsets.
         long: Params,
     },
+    /// Disparities and how probable it is that each is right, in one pass.
+    WithConfidences(WholeLines),
+}
+
+/// A method that confidences can be computed for: one that matches whole lines, and searches all of the range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WholeLines {
+    /// Block matching.
+    Blocks(Params),
+    /// Semi-global matching. The confidences are fitted to sums of absolute differences as its cost.
+    SemiGlobal(SemiGlobalParams),
+}
+
+impl WholeLines {
+    /// The method without confidences.
+    pub const fn alone(&self) -> Matching {
+        match *self {
+            WholeLines::Blocks(params) => Matching::Blocks { params, tile_width: params.width() },
+            WholeLines::SemiGlobal(params) => Matching::SemiGlobal(params),
+        }
+    }
+
+    /// What is searched.
+    pub const fn search(&self) -> &Search {
+        match self {
+            WholeLines::Blocks(params) => params.search(),
+            WholeLines::SemiGlobal(params) => params.search(),
+        }
+    }
 }
 
 impl Matching {
@@ -36,15 +65,21 @@ impl Matching {
         match self {
             Matching::Blocks { params, .. } | Matching::AroundPrior { short: params, .. } => params.search(),
             Matching::SemiGlobal(params) => params.search(),
+            Matching::WithConfidences(lines) => lines.search(),
         }
     }
 
     /// The search at long baselines around the disparities of [`search`](Matching::search).
     pub const fn long_search(&self) -> Option<&Search> {
         match self {
-            Matching::Blocks { .. } | Matching::SemiGlobal(_) => None,
+            Matching::Blocks { .. } | Matching::SemiGlobal(_) | Matching::WithConfidences(_) => None,
             Matching::AroundPrior { long, .. } => Some(long.search()),
         }
+    }
+
+    /// Whether confidences are computed.
+    pub const fn has_confidences(&self) -> bool {
+        matches!(self, Matching::WithConfidences(_))
     }
 
     /// All searches. Each reads the centre and its own views.
@@ -70,6 +105,7 @@ impl Matching {
                 SemiGlobalCost::Sad { block_size } => Params::block_matching(*params.search(), block_size).ok(),
                 SemiGlobalCost::Census(_) => None,
             },
+            Matching::WithConfidences(lines) => lines.alone().block_matching(),
         }
     }
 
@@ -78,6 +114,7 @@ impl Matching {
         match self {
             Matching::Blocks { .. } | Matching::AroundPrior { .. } => "bm",
             Matching::SemiGlobal(_) => "sgm",
+            Matching::WithConfidences(lines) => lines.alone().name(),
         }
     }
 
@@ -85,7 +122,7 @@ impl Matching {
     pub const fn tile_width(&self) -> usize {
         match self {
             Matching::Blocks { tile_width, .. } => *tile_width,
-            Matching::SemiGlobal(_) | Matching::AroundPrior { .. } => self.search().width(),
+            Matching::SemiGlobal(_) | Matching::AroundPrior { .. } | Matching::WithConfidences(_) => self.search().width(),
         }
     }
 
@@ -100,6 +137,9 @@ impl Matching {
         match self {
             Matching::Blocks { params, .. } => params.latency_lines(),
             Matching::SemiGlobal(params) => params.latency_lines(),
+            Matching::WithConfidences(lines) => {
+                (lines.alone().latency_lines() + ConfidenceLines::LATENCY_LINES).min(self.search().height())
+            }
             // The first blocks of the long match need as many lines of the prior as their radius, and one more.
             Matching::AroundPrior { short, long } => {
                 (short.latency_lines() + long.radius()).min(short.height()).max(long.around(short.search()).latency_lines())
@@ -116,8 +156,21 @@ impl Matching {
                 let around = Memory::new::<I>(&long.around(short.search()), long.width());
                 Memory::new::<I>(short, short.width()).plus(&around)
             }
+            Matching::WithConfidences(lines) => lines.alone().lengths::<I>().matcher,
         };
         let columns = self.tile_width();
-        Lengths { matcher, columns, packet: packet::buffer_bytes(columns) }
+        match self {
+            Matching::WithConfidences(_) => {
+                let packet = packet::buffer_bytes_with_confidences(columns);
+                let confidence = size_of::<u32>() * (ConfidenceLines::memory_words(columns) + confidence_line_words(columns));
+                Lengths { matcher, confidence, columns, packet }
+            }
+            _ => Lengths { matcher, confidence: 0, columns, packet: packet::buffer_bytes(columns) },
+        }
     }
+}
+
+/// The words of a line of confidences.
+pub(crate) const fn confidence_line_words(columns: usize) -> usize {
+    columns.div_ceil(size_of::<u32>())
 }

@@ -3,21 +3,22 @@
 use core::{error, fmt, marker::PhantomData};
 use embedded_io::{ErrorType, Write};
 use multiscopic_core::{
-    Disparity, Frame, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, Rewind, ScanlineSource,
-    SemiGlobalMatcher, SemiGlobalParams, kernel::Kernel,
+    ConfidenceLines, ConfidenceTable, Disparity, Frame, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region,
+    Rewind, ScanlineSource, Search, SemiGlobalMatcher, SemiGlobalParams,
+    kernel::{Isa, Kernel},
 };
 
 use crate::{
     board::{Board, Phase},
     buffers::Workspace,
-    matching::Matching,
+    matching::{Matching, WholeLines, confidence_line_words},
     packet::{BufferTooSmall, Sender},
 };
 
 /// Matches frames and sends the disparities, in the memory of a [`Workspace`].
 #[derive(Debug)]
 pub struct Pipeline<'w> {
-    matcher: &'w mut [u32],
+    words: &'w mut [u32],
     line: &'w mut [Option<Disparity>],
     packet: &'w mut [u8],
 }
@@ -25,7 +26,7 @@ pub struct Pipeline<'w> {
 impl<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> Workspace<WORDS, COLUMNS, PACKET> {
     /// The pipeline that works in this memory.
     pub fn pipeline(&mut self) -> Pipeline<'_> {
-        Pipeline { matcher: &mut self.matcher, line: &mut self.line, packet: &mut self.packet }
+        Pipeline { words: &mut self.words, line: &mut self.line, packet: &mut self.packet }
     }
 }
 
@@ -38,8 +39,8 @@ impl<'w> Pipeline<'w> {
     ///
     /// Every kernel gives the same disparities, and kernels with as many lanes need the same memory. Firmware
     /// with a single method calls [`match_blocks`](Pipeline::match_blocks),
-    /// [`match_semi_globally`](Pipeline::match_semi_globally) or [`match_around_prior`](Pipeline::match_around_prior), and
-    /// links that method alone: they are inlined, so that constant parameters stay constant.
+    /// [`match_semi_globally`](Pipeline::match_semi_globally) or another of those below, and links that method alone: they are
+    /// inlined, so that constant parameters stay constant.
     ///
     /// # Errors
     /// Those of the sources, the matcher and the output, a workspace that is too small, and too few sources.
@@ -71,6 +72,24 @@ impl<'w> Pipeline<'w> {
         ) -> Result<Sender<'w>, RunError<B>> {
             pipeline.match_around_prior::<B, I>(kernel, (short, long), sources, output)
         }
+        #[inline(never)]
+        fn blocks_with_confidences<'w, B: Board, I: Kernel>(
+            pipeline: Pipeline<'w>,
+            kernel: I,
+            params: &Params,
+            (source, output): (&mut B::Frames, &mut B::Output),
+        ) -> Result<Sender<'w>, RunError<B>> {
+            pipeline.match_blocks_with_confidences::<B, I>(kernel, params, source, output)
+        }
+        #[inline(never)]
+        fn semi_global_with_confidences<'w, B: Board, I: Kernel>(
+            pipeline: Pipeline<'w>,
+            kernel: I,
+            params: &SemiGlobalParams,
+            (source, output): (&mut B::Frames, &mut B::Output),
+        ) -> Result<Sender<'w>, RunError<B>> {
+            pipeline.match_semi_globally_with_confidences::<B, I>(kernel, params, source, output)
+        }
         match (matching, sources) {
             (Matching::Blocks { params, tile_width }, [source, ..]) => {
                 blocks::<B, I>(self, kernel, params, *tile_width, (source, output))
@@ -78,6 +97,12 @@ impl<'w> Pipeline<'w> {
             (Matching::SemiGlobal(params), [source, ..]) => self.match_semi_globally::<B, I>(kernel, params, source, output),
             (Matching::AroundPrior { short, long }, [first, second, ..]) => {
                 around_prior::<B, I>(self, kernel, (short, long), [first, second], output)
+            }
+            (Matching::WithConfidences(WholeLines::Blocks(params)), [source, ..]) => {
+                blocks_with_confidences::<B, I>(self, kernel, params, (source, output))
+            }
+            (Matching::WithConfidences(WholeLines::SemiGlobal(params)), [source, ..]) => {
+                semi_global_with_confidences::<B, I>(self, kernel, params, (source, output))
             }
             (_, sources) => Err(PipelineError::Sources { needed: matching.searches().count(), given: sources.len() }),
         }
@@ -102,7 +127,7 @@ impl<'w> Pipeline<'w> {
                 source.rewind().map_err(PipelineError::Rewind)?;
             }
             let pass = Pass::<B>::new(&tile, self.line, &mut sender, output)?;
-            let mut matcher = Matcher::with_isa(kernel, params, &tile, self.matcher).map_err(PipelineError::Memory)?;
+            let mut matcher = Matcher::with_isa(kernel, params, &tile, self.words).map_err(PipelineError::Memory)?;
             pass.send(|line| matcher.next_line(&mut Fetching::<B>::new(source), line))?;
         }
         Ok(sender)
@@ -123,7 +148,7 @@ impl<'w> Pipeline<'w> {
         let mut sender = Sender::new(params.search(), self.packet);
         let whole = Region::whole(params.search());
         let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
-        let mut matcher = SemiGlobalMatcher::with_isa(kernel, params, self.matcher).map_err(PipelineError::Memory)?;
+        let mut matcher = SemiGlobalMatcher::with_isa(kernel, params, self.words).map_err(PipelineError::Memory)?;
         pass.send(|line| matcher.next_line(&mut Fetching::<B>::new(source), line))?;
         Ok(sender)
     }
@@ -144,14 +169,84 @@ impl<'w> Pipeline<'w> {
         let mut sender = Sender::new(short.search(), self.packet);
         let whole = Region::whole(short.search());
         let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
-        let words = Memory::new::<I>(short, short.width()).words().min(self.matcher.len());
-        let (memory, rest) = self.matcher.split_at_mut_checked(words).unwrap_or_default();
+        let words = Memory::new::<I>(short, short.width()).words().min(self.words.len());
+        let (memory, rest) = self.words.split_at_mut_checked(words).unwrap_or_default();
         let short = Matcher::with_isa(kernel, short, &whole, memory).map_err(PipelineError::Memory)?;
         let around = long.around(short.params().search());
         let mut long = Matcher::with_isa(kernel, &around, &whole, rest).map_err(PipelineError::Memory)?;
         let mut source = Gradients(LongFrames::<B, I> { frames: long_frames, short, short_frames });
         pass.send(|line| long.next_line(&mut source, line).map_err(MatchError::flatten))?;
         Ok(sender)
+    }
+
+    /// [`run`](Pipeline::run) for block matching and its confidences.
+    ///
+    /// # Errors
+    /// Those of [`run`](Pipeline::run).
+    #[inline(always)]
+    pub fn match_blocks_with_confidences<B: Board, I: Kernel>(
+        self,
+        kernel: I,
+        params: &Params,
+        source: &mut B::Frames,
+        output: &mut B::Output,
+    ) -> Result<Sender<'w>, RunError<B>> {
+        let mut sender = Sender::new(params.search(), self.packet);
+        let whole = Region::whole(params.search());
+        let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
+        let table = &ConfidenceTable::BLOCK_MATCHING;
+        let (confidences, rest) = Confidences::new(kernel, params.search(), table, self.words).map_err(PipelineError::Memory)?;
+        let mut matcher = Matcher::with_isa(kernel, params, &whole, rest).map_err(PipelineError::Memory)?;
+        let mut source = Fetching::<B>::new(source);
+        pass.send_with_confidences(confidences, |line, peaks| matcher.next_line_and_peaks(&mut source, line, peaks))?;
+        Ok(sender)
+    }
+
+    /// [`run`](Pipeline::run) for semi-global matching and its confidences.
+    ///
+    /// # Errors
+    /// Those of [`run`](Pipeline::run).
+    #[inline(always)]
+    pub fn match_semi_globally_with_confidences<B: Board, I: Kernel>(
+        self,
+        kernel: I,
+        params: &SemiGlobalParams,
+        source: &mut B::Frames,
+        output: &mut B::Output,
+    ) -> Result<Sender<'w>, RunError<B>> {
+        let mut sender = Sender::new(params.search(), self.packet);
+        let whole = Region::whole(params.search());
+        let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
+        let table = &ConfidenceTable::SEMI_GLOBAL;
+        let (confidences, rest) = Confidences::new(kernel, params.search(), table, self.words).map_err(PipelineError::Memory)?;
+        let mut matcher = SemiGlobalMatcher::with_isa(kernel, params, rest).map_err(PipelineError::Memory)?;
+        let mut source = Fetching::<B>::new(source);
+        pass.send_with_confidences(confidences, |line, peaks| matcher.next_line_and_peaks(&mut source, line, peaks))?;
+        Ok(sender)
+    }
+}
+
+/// The confidences of lines, computed in memory that is lent.
+struct Confidences<'w, I> {
+    lines: ConfidenceLines<'w, I>,
+    /// Those of a line.
+    line: &'w mut [u8],
+}
+
+impl<'w, I: Isa> Confidences<'w, I> {
+    /// In the first of `words`. Returns the others too.
+    fn new(
+        isa: I,
+        search: &Search,
+        table: &'static ConfidenceTable,
+        words: &'w mut [u32],
+    ) -> Result<(Confidences<'w, I>, &'w mut [u32]), MemoryTooSmall> {
+        let [kept, columns] = [ConfidenceLines::memory_words(search.width()), confidence_line_words(search.width())];
+        let too_small = MemoryTooSmall { needed: kept + columns, given: words.len() };
+        let (own, rest) = words.split_at_mut_checked(kept + columns).ok_or(too_small)?;
+        let (kept, line) = own.split_at_mut_checked(kept).ok_or(too_small)?;
+        let line = bytemuck::cast_slice_mut(line).get_mut(..search.width()).ok_or(too_small)?;
+        Ok((Confidences { lines: ConfidenceLines::with_isa(isa, search, table, kept)?, line }, rest))
     }
 }
 
@@ -186,6 +281,24 @@ impl<'a, 'w, B: Board> Pass<'a, 'w, B> {
         while let Some(v) = next_line(line).map_err(PipelineError::Match)? {
             B::enter(Phase::Sending);
             let packet = sender.line(tile, v, line).map_err(PipelineError::Packet)?;
+            output.write_all(packet).map_err(PipelineError::Write)?;
+            B::enter(Phase::Matching);
+        }
+        B::enter(Phase::Idle);
+        Ok(())
+    }
+
+    /// Sends every line with its confidences. `matched` computes the lines of disparities and peak ratios.
+    #[inline(always)]
+    fn send_with_confidences(
+        self,
+        mut confidences: Confidences<'_, impl Isa>,
+        mut matched: impl FnMut(&mut [Option<Disparity>], &mut [u8]) -> Result<Option<usize>, FetchError<B>>,
+    ) -> Result<(), RunError<B>> {
+        let Pass { tile, line, sender, output } = self;
+        while let Some(v) = confidences.lines.next_line(&mut matched, line, confidences.line).map_err(PipelineError::Match)? {
+            B::enter(Phase::Sending);
+            let packet = sender.line_with_confidences(tile, v, line, confidences.line).map_err(PipelineError::Packet)?;
             output.write_all(packet).map_err(PipelineError::Write)?;
             B::enter(Phase::Matching);
         }
@@ -298,7 +411,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        buffers::Wide,
+        buffers::{Lengths, Wide},
         packet::{Content, Packet},
     };
     use core::{convert::Infallible, time::Duration};
@@ -435,6 +548,73 @@ mod tests {
         assert!(pixels.iter().all(Option::is_some));
         assert_eq!(pixels[10 * PARAMS.width() + 12], Some(Disparity::from_bits(128)));
         assert_eq!(rewinds, 0);
+    }
+
+    #[test]
+    fn confidences_are_sent_with_the_disparities() {
+        const W: usize = PARAMS.width();
+        let search = Search::new(24, 20, Views::HORIZONTAL, Fusion::Min, 1, 4).unwrap();
+        let semi_global = SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size: 3 }).unwrap();
+        for lines in [WholeLines::Blocks(PARAMS), WholeLines::SemiGlobal(semi_global)] {
+            let Ok(mut output) = TestBoard.output();
+            let mut workspace = Workspace::<{ 2 * WORDS }, W, { 2 * PACKET }>::new();
+            let (matching, sources) = (Matching::WithConfidences(lines), &mut [Ramp::default()]);
+            workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, sources, &mut output).unwrap();
+            assert_eq!(output.sent.pop(), Some(0));
+            let (mut sent, mut sent_confidences) = (Vec::new(), Vec::<u8>::new());
+            for (v, bytes) in output.sent.split_mut(|&byte| byte == 0).enumerate() {
+                let packet = Packet::decode(bytes).unwrap();
+                let content = Content::LineWithConfidences { line: v as u16, left: 0, columns: W as u16 };
+                assert_eq!(packet.header.content, content);
+                sent.extend(packet.disparities());
+                sent_confidences.extend(packet.confidences());
+            }
+
+            // The whole frame, and then the confidences.
+            let (mut disparities, mut peaks, mut memory) = (vec![None; 20 * W], vec![0; 20 * W], vec![0; 2 * WORDS]);
+            let all = disparities.chunks_mut(W).zip(peaks.chunks_mut(W));
+            let table = match &lines {
+                WholeLines::Blocks(params) => {
+                    let mut matcher = Matcher::new(params, &mut memory).unwrap();
+                    for (line, peaks) in all {
+                        matcher.next_line_and_peaks(&mut Ramp::default(), line, peaks).unwrap();
+                    }
+                    ConfidenceTable::BLOCK_MATCHING
+                }
+                WholeLines::SemiGlobal(params) => {
+                    let mut matcher = SemiGlobalMatcher::new(params, &mut memory).unwrap();
+                    for (line, peaks) in all {
+                        matcher.next_line_and_peaks(&mut Ramp::default(), line, peaks).unwrap();
+                    }
+                    ConfidenceTable::SEMI_GLOBAL
+                }
+            };
+            assert_eq!(sent, disparities);
+            let mut confidences = vec![0; 20 * W];
+            for (v, line) in confidences.chunks_mut(W).enumerate() {
+                let rows = [v.saturating_sub(5), v, (v + 5).min(19)].map(|v| &disparities[v * W..][..W]);
+                table.line(rows, &peaks[v * W..][..W], line);
+            }
+            assert_eq!(sent_confidences, confidences);
+            assert!(confidences.iter().any(|confidence| *confidence > 200));
+        }
+    }
+
+    #[test]
+    fn confidences_need_their_memory() {
+        let matching = Matching::WithConfidences(WholeLines::Blocks(PARAMS));
+        const NEEDED: Lengths = Matching::WithConfidences(WholeLines::Blocks(PARAMS)).lengths::<Wide>();
+        let mut workspace = Workspace::<{ NEEDED.words() - 1 }, { NEEDED.columns }, { NEEDED.packet }>::new();
+        let mut output = Output { sent: Vec::new(), capacity: usize::MAX };
+        let end = workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, &mut [Ramp::default()], &mut output);
+        assert!(matches!(end, Err(PipelineError::Memory(_))));
+        let mut workspace = Workspace::<{ NEEDED.words() }, { NEEDED.columns }, { NEEDED.packet - 1 }>::new();
+        let end = workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, &mut [Ramp::default()], &mut output);
+        assert!(matches!(end, Err(PipelineError::Packet(_))));
+        let mut workspace = Workspace::<{ NEEDED.words() }, { NEEDED.columns }, { NEEDED.packet }>::new();
+        assert!(
+            workspace.pipeline().run::<TestBoard, _>(Wide::default(), &matching, &mut [Ramp::default()], &mut output).is_ok()
+        );
     }
 
     /// A search at twice the baseline of [`PARAMS`].

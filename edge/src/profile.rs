@@ -4,7 +4,7 @@ use multiscopic_core::{Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams,
 
 use crate::{
     buffers::{Lengths, Wide},
-    matching::Matching,
+    matching::{Matching, WholeLines},
 };
 
 /// A named match size and the RAM that it may take.
@@ -25,6 +25,10 @@ enum Method {
     Blocks { tile_width: usize },
     /// Semi-globally, with the sum of absolute differences as the cost.
     SemiGlobal,
+    /// Blocks in one pass, and their confidences.
+    BlocksWithConfidences,
+    /// Semi-globally, and the confidences.
+    SemiGlobalWithConfidences,
     /// Blocks, and then blocks at long baselines around the disparities found.
     AroundPrior { long: MatchSize },
 }
@@ -58,6 +62,11 @@ pub const QVGA_PRIOR: Profile = Profile::around_prior(
     144,
 );
 
+/// The match of [`QVGA`] and its confidences.
+pub const QVGA_CONFIDENCE: Profile = QVGA.with_confidences("qvga-confidence", 156);
+/// The match of [`QQVGA_SGM`] and its confidences.
+pub const QQVGA_SGM_CONFIDENCE: Profile = QQVGA_SGM.with_confidences("qqvga-sgm-confidence", 48);
+
 /// The views four baselines to the left and to the right.
 const FOUR_BASELINES: Views = match (View::new(-4, 0), View::new(4, 0)) {
     (Ok(left), Ok(right)) => Views::NONE.with(left).with(right),
@@ -68,7 +77,8 @@ const FOUR_BASELINES: Views = match (View::new(-4, 0), View::new(4, 0)) {
 pub const CAPTURE: Params = MatchSize::new(160, 120, 16, 7).params(Fusion::Heuristic);
 
 /// Every profile.
-pub const ALL: [Profile; 9] = [QQVGA, QVGA, QVGA_TILED, VGA, VGA_TILED, QQVGA_SGM, QVGA_SGM, QQVGA_3X3, QVGA_PRIOR];
+pub const ALL: [Profile; 11] =
+    [QQVGA, QVGA, QVGA_TILED, VGA, VGA_TILED, QQVGA_SGM, QVGA_SGM, QQVGA_3X3, QVGA_PRIOR, QVGA_CONFIDENCE, QQVGA_SGM_CONFIDENCE];
 
 /// Bytes of a tiled profile's budget for the stack, the disparity line, its packet, and the runtime's
 /// statics.
@@ -105,6 +115,16 @@ impl Profile {
         Profile { name, ram_budget: 1024 * budget_kib, size: short, method: Method::AroundPrior { long } }
     }
 
+    /// The same match in one pass, and its confidences.
+    const fn with_confidences(self, name: &'static str, budget_kib: usize) -> Profile {
+        let method = match self.method {
+            Method::Blocks { .. } => Method::BlocksWithConfidences,
+            Method::SemiGlobal => Method::SemiGlobalWithConfidences,
+            _ => panic!("there are no confidences around a prior"),
+        };
+        Profile { name, ram_budget: 1024 * budget_kib, method, ..self }
+    }
+
     /// Whether it needs the feature `array` of `multiscopic-core`: it matches more than four views together.
     pub const fn needs_array(&self) -> bool {
         self.size.views.len() > 4
@@ -119,6 +139,8 @@ impl Profile {
         match self.method {
             Method::Blocks { tile_width } => Matching::Blocks { params: self.size.params(fusion), tile_width },
             Method::SemiGlobal => Matching::SemiGlobal(self.size.semi_global(fusion)),
+            Method::BlocksWithConfidences => Matching::WithConfidences(WholeLines::Blocks(self.size.params(fusion))),
+            Method::SemiGlobalWithConfidences => Matching::WithConfidences(WholeLines::SemiGlobal(self.size.semi_global(fusion))),
             Method::AroundPrior { long } => Matching::AroundPrior { short: self.size.params(fusion), long: long.params(fusion) },
         }
     }

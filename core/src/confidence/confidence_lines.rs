@@ -1,7 +1,10 @@
 //! Confidence lines from disparity lines, a few lines later.
 
 use super::table::ConfidenceTable;
-use crate::{Disparity, MatchError, MemoryTooSmall, Search};
+use crate::{
+    Disparity, MatchError, MemoryTooSmall, Params, Search,
+    kernel::{Isa, Portable},
+};
 
 /// Computes the confidences of a frame's disparities line by line, from disparity lines as a matcher yields them.
 ///
@@ -48,7 +51,8 @@ use crate::{Disparity, MatchError, MemoryTooSmall, Search};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
-pub struct ConfidenceLines<'m> {
+pub struct ConfidenceLines<'m, I = Portable<{ Params::LANES }>> {
+    isa: I,
     table: &'m ConfidenceTable,
     width: usize,
     height: usize,
@@ -62,7 +66,7 @@ pub struct ConfidenceLines<'m> {
     next: usize,
 }
 
-impl<'m> ConfidenceLines<'m> {
+impl ConfidenceLines<'_> {
     /// How many lines the confidences are behind the disparities.
     pub const LATENCY_LINES: usize = ConfidenceTable::ROWS;
     /// Lines of disparities that are kept.
@@ -74,8 +78,10 @@ impl<'m> ConfidenceLines<'m> {
     pub const fn memory_words(width: usize) -> usize {
         (width * (2 * Self::DISPARITIES + Self::PEAKS)).div_ceil(size_of::<u32>())
     }
+}
 
-    /// No lines yet, of frames of the size of `search`.
+impl<'m> ConfidenceLines<'m> {
+    /// No lines yet, of frames of the size of `search`, with portable instructions.
     ///
     /// `memory` has at least [`memory_words`](ConfidenceLines::memory_words) words, with any content.
     ///
@@ -86,13 +92,28 @@ impl<'m> ConfidenceLines<'m> {
         table: &'m ConfidenceTable,
         memory: &'m mut [u32],
     ) -> Result<ConfidenceLines<'m>, MemoryTooSmall> {
+        ConfidenceLines::with_isa(Portable, search, table, memory)
+    }
+}
+
+impl<'m, I: Isa> ConfidenceLines<'m, I> {
+    /// [`new`](ConfidenceLines::new) with an instruction set.
+    ///
+    /// # Errors
+    /// [`MemoryTooSmall`].
+    pub fn with_isa(
+        isa: I,
+        search: &Search,
+        table: &'m ConfidenceTable,
+        memory: &'m mut [u32],
+    ) -> Result<ConfidenceLines<'m, I>, MemoryTooSmall> {
         let (width, height) = (search.width(), search.height());
-        let too_small = MemoryTooSmall { needed: Self::memory_words(width), given: memory.len() };
+        let too_small = MemoryTooSmall { needed: ConfidenceLines::memory_words(width), given: memory.len() };
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(memory);
-        let (disparities, peaks) = bytes.split_at_mut_checked(2 * Self::DISPARITIES * width).ok_or(too_small)?;
+        let (disparities, peaks) = bytes.split_at_mut_checked(2 * ConfidenceLines::DISPARITIES * width).ok_or(too_small)?;
         let disparities = bytemuck::try_cast_slice_mut(disparities).map_err(|_| too_small)?;
-        let peaks = peaks.get_mut(..Self::PEAKS * width).ok_or(too_small)?;
-        Ok(ConfidenceLines { table, width, height, disparities, peaks, matched: 0, next: 0 })
+        let peaks = peaks.get_mut(..ConfidenceLines::PEAKS * width).ok_or(too_small)?;
+        Ok(ConfidenceLines { isa, table, width, height, disparities, peaks, matched: 0, next: 0 })
     }
 
     /// Computes the next line, and returns its index in the frame, or `None` after the last. `matched` computes the next line of
@@ -119,16 +140,16 @@ impl<'m> ConfidenceLines<'m> {
             return Ok(None);
         }
         let last = self.height - 1;
-        while self.matched <= last.min(v + Self::LATENCY_LINES) {
-            let line = slot_mut(self.disparities, self.matched % Self::DISPARITIES, needed);
-            if matched(line, slot_mut(self.peaks, self.matched % Self::PEAKS, needed))?.is_none() {
+        while self.matched <= last.min(v + ConfidenceLines::LATENCY_LINES) {
+            let line = slot_mut(self.disparities, self.matched % ConfidenceLines::DISPARITIES, needed);
+            if matched(line, slot_mut(self.peaks, self.matched % ConfidenceLines::PEAKS, needed))?.is_none() {
                 return Ok(None);
             }
             self.matched += 1;
         }
-        let row = |v: usize| slot(self.disparities, v % Self::DISPARITIES, needed);
+        let row = |v: usize| slot(self.disparities, v % ConfidenceLines::DISPARITIES, needed);
         let rows = [v.saturating_sub(ConfidenceTable::ROWS), v, last.min(v + ConfidenceTable::ROWS)].map(row);
-        self.table.line(rows, slot(self.peaks, v % Self::PEAKS, needed), confidences);
+        self.table.line_with_isa(self.isa, rows, slot(self.peaks, v % ConfidenceLines::PEAKS, needed), confidences);
         disparities.iter_mut().zip(row(v)).for_each(|(disparity, &matched)| *disparity = matched);
         self.next += 1;
         Ok(Some(v))

@@ -1,13 +1,22 @@
 //! Confidences by the peak ratio and by how many pixels around agree.
 
-use crate::Disparity;
+use crate::{
+    Disparity,
+    kernel::{Isa, Portable},
+};
 
-/// Columns on both sides of a pixel that are sampled.
-const COLUMNS: [isize; 9] = [-20, -15, -10, -5, 0, 5, 10, 15, 20];
-/// The last of them.
+/// Columns on both sides of a pixel in which others are sampled.
 const REACH: usize = 20;
+/// The columns that are sampled, from the first of them on. Compilers unroll a loop over them.
+const COLUMNS: [usize; 9] = [0, 5, 10, 15, 20, 25, 30, 35, 2 * REACH];
 /// Pixels whose agreements are counted together: as many as help compilers to vectorise.
 const BATCH: usize = if cfg!(target_arch = "arm") { 1 } else { 32 };
+/// A disparity as in [`Disparity::to_raw16`], in a register: many fit a vector, and one a register of Arm's microcontrollers.
+#[cfg(not(target_arch = "arm"))]
+type Raw = u16;
+/// The same.
+#[cfg(target_arch = "arm")]
+type Raw = u32;
 
 /// Confidences: of each pixel the probability that its disparity is at most one pixel off, times 255.
 ///
@@ -36,8 +45,14 @@ impl ConfidenceTable {
     /// long.
     #[cfg_attr(target_arch = "arm", inline(never))]
     pub fn line(&self, rows: [&[Option<Disparity>]; 3], evidence: &[u8], confidences: &mut [u8]) {
+        self.line_with_isa(Portable::<1>, rows, evidence, confidences);
+    }
+
+    /// [`line`](ConfidenceTable::line) with an instruction set.
+    #[cfg_attr(target_arch = "arm", inline(never))]
+    pub(super) fn line_with_isa<I: Isa>(&self, isa: I, rows: [&[Option<Disparity>]; 3], evidence: &[u8], confidences: &mut [u8]) {
         let [_, line, _] = rows;
-        ConfidenceTable::agreements(line, rows, confidences);
+        agreements(isa, line, rows, confidences);
         for ((confidence, pixel), &evidence) in confidences.iter_mut().zip(line).zip(evidence) {
             let row = self.0.get(usize::from(*confidence).wrapping_sub(1));
             let found = row.and_then(|row| row.get(usize::from(evidence))).copied();
@@ -47,42 +62,80 @@ impl ConfidenceTable {
 
     /// How many of the 27 disparities in `rows` around each pixel of `line` are at most a pixel apart from its own. All are as
     /// long.
-    #[cfg_attr(target_arch = "arm", inline(always))]
     pub fn agreements(line: &[Option<Disparity>], rows: [&[Option<Disparity>]; 3], counts: &mut [u8]) {
-        let mut u = 0;
-        while u < line.len() {
-            let inner = u.checked_sub(REACH).and_then(|start| inner_agreements::<BATCH>(line, rows, start));
-            if let (Some(found), Some(counts)) = (inner, counts.get_mut(u..).and_then(<[u8]>::first_chunk_mut)) {
-                *counts = found;
-                u += BATCH;
-            } else {
-                let own = Neighbourhood::of(line.get(u).copied().flatten());
-                let at = |column: isize| u.saturating_add_signed(column).min(line.len() - 1);
-                let of_row = |row: &[Option<Disparity>]| -> u8 {
-                    COLUMNS.iter().map(|&column| own.has(row.get(at(column)).copied().flatten())).sum()
-                };
-                if let Some(count) = counts.get_mut(u) {
-                    *count = rows.map(of_row).iter().sum();
+        agreements(Portable::<1>, line, rows, counts);
+    }
+}
+
+/// [`ConfidenceTable::agreements`] with an instruction set.
+#[cfg_attr(target_arch = "arm", inline(always))]
+fn agreements<I: Isa>(isa: I, line: &[Option<Disparity>], rows: [&[Option<Disparity>]; 3], counts: &mut [u8]) {
+    let width = line.len();
+    // At the borders, pixels are repeated. The inner pixels have all their samples.
+    let inner = REACH..width.saturating_sub(REACH).max(REACH);
+    let mut start = 0;
+    while start < width {
+        let end = if inner.contains(&start) { inner.end } else { width.min(start + REACH) };
+        let (Some(own), Some(counts)) = (line.get(start..end), counts.get_mut(start..end)) else { return };
+        if inner.contains(&start) {
+            let around = rows.map(|row| row.get(start - REACH..end + REACH).unwrap_or_default());
+            count(isa, own, around, counts);
+        } else {
+            let mut repeated = [[None; 3 * REACH]; 3];
+            for (repeated, row) in repeated.iter_mut().zip(rows) {
+                for (sample, column) in repeated.iter_mut().zip(start..end + 2 * REACH) {
+                    *sample = row.get(column.saturating_sub(REACH).min(width - 1)).copied().flatten();
                 }
-                u += 1;
             }
+            count(isa, own, repeated.each_ref().map(|row| &row[..]), counts);
+        }
+        start = end;
+    }
+}
+
+/// Counts the samples that agree with each pixel of `own`. `rows` begin [`REACH`] columns before it, and end as many after it.
+#[cfg_attr(target_arch = "arm", inline(never))]
+fn count<I: Isa>(isa: I, own: &[Option<Disparity>], rows: [&[Option<Disparity>]; 3], counts: &mut [u8]) {
+    let mut u = 0;
+    while u < own.len() {
+        let Some(counts) = counts.get_mut(u..) else { return };
+        if I::COUNTS_HALVES
+            && let Some(counts) = counts.first_chunk_mut()
+            && let Some(found) = pair_agreements(isa, own, rows, u)
+        {
+            *counts = found;
+            u += 2;
+        } else if const { BATCH > 1 }
+            && let Some(counts) = counts.first_chunk_mut()
+            && let Some(found) = batch_agreements::<BATCH, { BATCH + 2 * REACH }>(own, rows, u)
+        {
+            *counts = found;
+            u += BATCH;
+        } else if let (Some(count), Some([found])) = (counts.first_mut(), batch_agreements::<1, { 1 + 2 * REACH }>(own, rows, u))
+        {
+            *count = found;
+            u += 1;
+        } else {
+            return;
         }
     }
 }
 
-/// How many samples agree with each of `N` pixels, whose first samples are in column `start`. `None` if some are past the end.
+/// How many samples agree with each of `N` pixels of `own` from column `start` on. Their samples are in as many columns of `rows`,
+/// `WINDOW`, from `start` on. `None` if there are fewer.
 #[inline(always)]
-fn inner_agreements<const N: usize>(
-    line: &[Option<Disparity>],
+fn batch_agreements<const N: usize, const WINDOW: usize>(
+    own: &[Option<Disparity>],
     rows: [&[Option<Disparity>]; 3],
     start: usize,
 ) -> Option<[u8; N]> {
-    let own = line.get(start + REACH..)?.first_chunk::<N>()?.map(Neighbourhood::of);
+    let own = own.get(start..)?.first_chunk::<N>()?.map(Neighbourhood::of);
     let mut counts = [0; N];
     for row in rows {
-        let row = row.get(start..start + N + 2 * REACH)?;
-        for column in (0..=2 * REACH).step_by(5) {
-            let samples = row.get(column..)?.first_chunk::<N>()?;
+        // The compiler knows its length, and so that all samples are in it.
+        let window = row.get(start..)?.first_chunk::<WINDOW>()?;
+        for column in COLUMNS {
+            let samples = window.get(column..)?.first_chunk::<N>()?;
             for ((count, own), &sample) in counts.iter_mut().zip(&own).zip(samples) {
                 *count += own.has(sample);
             }
@@ -91,12 +144,30 @@ fn inner_agreements<const N: usize>(
     Some(counts)
 }
 
+/// [`batch_agreements`] of two pixels, one in each half of a word.
+#[inline(always)]
+fn pair_agreements<I: Isa>(isa: I, own: &[Option<Disparity>], rows: [&[Option<Disparity>]; 3], start: usize) -> Option<[u8; 2]> {
+    let word = |[low, high]: [Raw; 2]| u32::from(low) | u32::from(high) << 16;
+    let own = own.get(start..)?.first_chunk::<2>()?.map(Neighbourhood::of);
+    let (least, span) = (word(own.map(|own| own.least)), word(own.map(|own| own.span)));
+    let mut counts = 0;
+    for row in rows {
+        let window = row.get(start..)?.first_chunk::<{ 2 + 2 * REACH }>()?;
+        for column in COLUMNS {
+            let samples = window.get(column..)?.first_chunk::<2>()?;
+            let samples = word(samples.map(|sample| Disparity::to_raw16(sample) as Raw));
+            counts = isa.count_within(samples, least, span, counts);
+        }
+    }
+    Some([counts as u8, (counts >> 16) as u8])
+}
+
 /// The disparities that agree with one, as in [`Disparity::to_raw16`].
 #[derive(Clone, Copy)]
 struct Neighbourhood {
-    least: u16,
+    least: Raw,
     /// From the least to the greatest.
-    span: u16,
+    span: Raw,
 }
 
 impl Neighbourhood {
@@ -106,12 +177,42 @@ impl Neighbourhood {
         let raw = Disparity::to_raw16(pixel);
         // Not 0, which is invalid.
         let least = raw.saturating_sub(PIXEL).max(1);
-        Neighbourhood { least, span: raw.saturating_add(PIXEL) - least }
+        Neighbourhood { least: least as Raw, span: (raw.saturating_add(PIXEL) - least) as Raw }
     }
 
     /// 1 if a disparity is among them, and 0 otherwise.
     #[inline(always)]
     fn has(self, sample: Option<Disparity>) -> u8 {
-        u8::from(Disparity::to_raw16(sample).wrapping_sub(self.least) <= self.span)
+        u8::from((Disparity::to_raw16(sample) as Raw).wrapping_sub(self.least) <= self.span)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use std::vec::Vec;
+
+    /// As processors that count in halves of words do.
+    #[test]
+    fn pairs_have_the_counts_of_single_pixels() {
+        // A few surfaces, the ends of what is possible among them, and invalid pixels.
+        let surfaces = [64, 32768, 32832, 65380, 0];
+        let raw = |i: usize| match surfaces[i * i / 7 % 5] {
+            0 => 0,
+            surface => surface + (i * 37 % 92) as u16,
+        };
+        let row = |seed: usize| (0..150).map(|u| Disparity::from_raw16(raw(u + seed))).collect::<Vec<_>>();
+        let rows = [0, 1000, 2000].map(row);
+        let (rows, own) = (rows.each_ref().map(|row| &row[..]), &rows[1][REACH..150 - REACH]);
+        let mut seen = [false; 28];
+        for u in 0..own.len() - 1 {
+            let singles = [u, u + 1].map(|u| batch_agreements::<1, { 1 + 2 * REACH }>(own, rows, u).unwrap()[0]);
+            assert_eq!(pair_agreements(Portable::<1>, own, rows, u), Some(singles), "column {u}");
+            seen[usize::from(singles[0])] = true;
+        }
+        assert!(seen.iter().filter(|seen| **seen).count() > 5);
+        assert_eq!(pair_agreements(Portable::<1>, own, rows, own.len() - 1), None);
     }
 }

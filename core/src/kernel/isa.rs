@@ -53,6 +53,20 @@ pub trait Isa: sealed::Sealed + Copy + Debug {
     /// It may add [`bias(1)`](Isa::bias) as well.
     fn advance(self, sums: Self::Column, center: Change<u8>, view: Change<&Self::Samples>) -> Self::Column;
 
+    /// Whether [`count_within`](Isa::count_within) is faster than counting in lanes of the compiler's choice.
+    const COUNTS_HALVES: bool = false;
+
+    /// Adds 1 to each half of `counts` if that half of `values` is not below that of `least`, and exceeds it by at most that of
+    /// `span`.
+    #[inline(always)]
+    fn count_within(self, values: u32, least: u32, span: u32, counts: u32) -> u32 {
+        let is_within = |shift: u32| {
+            let [value, least, span] = [values, least, span].map(|word| (word >> shift) as u16);
+            u32::from(value.wrapping_sub(least) <= span) << shift
+        };
+        counts + is_within(0) + is_within(16)
+    }
+
     /// The excess in every column sum after it has moved down by a number of lines. Block sums are free of
     /// it: what a column adds on entering, it takes away on leaving.
     fn bias(_lines: u32) -> u16 {

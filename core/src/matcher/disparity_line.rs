@@ -58,9 +58,10 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             }
             let least = selection.slide_and_fuse(masked, &masks, &mut steps, blocks, fused);
             let exact = Exact { params, u, v, prior, blocks };
-            *pixel = selection.disparity(least, fused, || exact);
             if PEAKS && let Some(peak) = peaks.next() {
-                *peak = selection.peak(least, fused, unit, || exact);
+                (*pixel, *peak) = selection.disparity_and_peak(least, fused, unit, exact);
+            } else {
+                *pixel = selection.disparity(least, fused, || exact);
             }
         }
     }

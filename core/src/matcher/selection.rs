@@ -179,10 +179,44 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
     where
         I: 'e,
     {
-        if cost == L::MAX {
-            return exact().disparity();
+        match cost == L::MAX {
+            true => exact().disparity(),
+            false => self.disparity_at(self.isa.position(fused, cost), cost, fused, exact),
         }
-        let index = self.isa.position(fused, cost);
+    }
+
+    /// The disparity and the [peak ratio](Selection::unit) of a pixel, given its least fused cost. It overwrites the fused costs.
+    #[inline(always)]
+    pub fn disparity_and_peak<'e, const V: usize>(
+        &self,
+        least: L,
+        fused: &mut [I::Costs],
+        unit: u32,
+        exact: Exact<'e, L, I, V>,
+    ) -> (Option<Disparity>, u8)
+    where
+        I: 'e,
+    {
+        if least == L::MAX {
+            return (exact.disparity(), exact.peak());
+        }
+        let index = self.isa.position(fused, least);
+        let disparity = self.disparity_at(index, least, fused, || exact);
+        (disparity, self.peak_at(index, least, fused, unit, lane::<I>, || exact))
+    }
+
+    /// The disparity of the candidate at an index, which has the least fused cost.
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn disparity_at<'e, const V: usize>(
+        &self,
+        index: usize,
+        cost: L,
+        fused: &[I::Costs],
+        exact: impl FnOnce() -> Exact<'e, L, I, V>,
+    ) -> Option<Disparity>
+    where
+        I: 'e,
+    {
         let d = self.params.min_disparity() + index as i16;
         let before = index.wrapping_sub(1);
         let neighbours = || {
@@ -213,25 +247,6 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
     #[inline(always)]
     pub fn unit<const V: usize>(&self, incomplete: u8) -> u32 {
         self.params.block_area() * self.rule.scale(V, incomplete == 0)
-    }
-
-    /// The peak ratio of a pixel with this least fused cost, [`unit`](Selection::unit) and fused costs, which it
-    /// overwrites; by `exact` costs where lanes do not suffice.
-    #[inline(always)]
-    pub fn peak<'e, const V: usize>(
-        &self,
-        least: L,
-        fused: &mut [I::Costs],
-        unit: u32,
-        exact: impl FnOnce() -> Exact<'e, L, I, V>,
-    ) -> u8
-    where
-        I: 'e,
-    {
-        if least == L::MAX {
-            return exact().peak();
-        }
-        self.peak_at(self.isa.position(fused, least), least, fused, unit, lane::<I>, exact)
     }
 
     /// The peak ratios of a batch of pixels with their `units`, from their fused costs, which it overwrites.

@@ -54,6 +54,30 @@ pub fn match_around_prior(name: &str, (short, long): (Params, Params), pipeline:
     })
 }
 
+/// Matches blocks of the frames of the board and computes confidences, with the fusion on the command line.
+#[inline(always)]
+pub fn match_blocks_with_confidences(name: &str, params: Params, pipeline: Pipeline<'_>) -> ! {
+    end(|| {
+        let params = params.with_fusion(arguments::fusion()?);
+        let mut frames = open(name, params.width(), params.search())?;
+        send(|output| {
+            pipeline.match_blocks_with_confidences::<Semihosted, _>(BoardKernel::default(), &params, &mut frames, output)
+        })
+    })
+}
+
+/// Matches the frames of the board semi-globally and computes confidences, with the fusion on the command line.
+#[inline(always)]
+pub fn match_semi_globally_with_confidences(name: &str, params: SemiGlobalParams, pipeline: Pipeline<'_>) -> ! {
+    end(|| {
+        let params = params.with_fusion(arguments::fusion()?);
+        let mut frames = open(name, params.search().width(), params.search())?;
+        send(|output| {
+            pipeline.match_semi_globally_with_confidences::<Semihosted, _>(BoardKernel::default(), &params, &mut frames, output)
+        })
+    })
+}
+
 /// Matches the frames of the board with the parameters on the command line, if the workspace is large enough.
 pub fn calibrate(pipeline: Pipeline<'_>) -> ! {
     end(|| {

@@ -44,7 +44,10 @@ mod semihosted;
 #[cfg(target_os = "none")]
 pub use board_kernel::BoardKernel;
 #[cfg(target_os = "none")]
-pub use entry_points::{calibrate, match_around_prior, match_blocks, match_semi_globally};
+pub use entry_points::{
+    calibrate, match_around_prior, match_blocks, match_blocks_with_confidences, match_semi_globally,
+    match_semi_globally_with_confidences,
+};
 #[cfg(target_os = "none")]
 pub use fault::fail;
 #[cfg(target_os = "none")]
@@ -59,7 +62,7 @@ macro_rules! firmware {
         #[cfg(target_os = "none")]
         mod image {
             use multiscopic_core::Fusion;
-            use multiscopic_edge::{Matching, Profile, Workspace, workspace};
+            use multiscopic_edge::{Matching, Profile, WholeLines, Workspace, workspace};
             use multiscopic_firmware::BoardKernel;
             use static_cell::ConstStaticCell;
 
@@ -77,6 +80,12 @@ macro_rules! firmware {
                     Matching::SemiGlobal(params) => multiscopic_firmware::match_semi_globally(PROFILE.name, params, pipeline),
                     Matching::AroundPrior { short, long } => {
                         multiscopic_firmware::match_around_prior(PROFILE.name, (short, long), pipeline)
+                    }
+                    Matching::WithConfidences(WholeLines::Blocks(params)) => {
+                        multiscopic_firmware::match_blocks_with_confidences(PROFILE.name, params, pipeline)
+                    }
+                    Matching::WithConfidences(WholeLines::SemiGlobal(params)) => {
+                        multiscopic_firmware::match_semi_globally_with_confidences(PROFILE.name, params, pipeline)
                     }
                 }
             }

@@ -14,6 +14,7 @@ pub struct Packet<'a> {
     /// What the packet says about itself.
     pub header: Header,
     samples: &'a [u8],
+    confidences: &'a [u8],
 }
 
 impl<'a> Packet<'a> {
@@ -36,9 +37,9 @@ impl<'a> Packet<'a> {
         if version != VERSION {
             return Err(PacketError::Version { found: version });
         }
-        let (header, samples) = postcard::take_from_bytes::<Header>(bytes).map_err(|_| PacketError::Header)?;
+        let (header, body) = postcard::take_from_bytes::<Header>(bytes).map_err(|_| PacketError::Header)?;
         let columns = match header.content {
-            Content::Line { line, left, columns } => {
+            Content::Line { line, left, columns } | Content::LineWithConfidences { line, left, columns } => {
                 if line >= header.height || u32::from(left) + u32::from(columns) > u32::from(header.width) {
                     return Err(PacketError::Outside { header });
                 }
@@ -46,15 +47,23 @@ impl<'a> Packet<'a> {
             }
             Content::End { .. } => 0,
         };
-        if samples.len() != 2 * columns {
-            return Err(PacketError::Length { columns, bytes: samples.len() });
+        let confidences = if let Content::LineWithConfidences { .. } = header.content { columns } else { 0 };
+        let wrong_length = PacketError::Length { columns, bytes: body.len() };
+        match body.split_at_checked(2 * columns) {
+            Some((samples, rest)) if rest.len() == confidences => Ok(Packet { header, samples, confidences: rest }),
+            _ => Err(wrong_length),
         }
-        Ok(Packet { header, samples })
     }
 
     /// The disparities of the line, from left to right.
     pub fn disparities(&self) -> impl ExactSizeIterator<Item = Option<Disparity>> + use<'a> {
         self.samples.as_chunks().0.iter().map(|&bytes| Disparity::from_raw16(u16::from_le_bytes(bytes)))
+    }
+
+    /// The confidences of these disparities: the probability that one is at most one pixel off, times 255, and 0 where it is
+    /// invalid. Empty if the packet carries none.
+    pub fn confidences(&self) -> &'a [u8] {
+        self.confidences
     }
 }
 
@@ -85,7 +94,7 @@ pub enum PacketError {
         /// The header that says so.
         header: Header,
     },
-    /// The number of disparities differs from the header's.
+    /// The number of disparities, or of confidences, differs from the header's.
     Length {
         /// The number of columns in the header.
         columns: usize,
@@ -108,7 +117,7 @@ impl fmt::Display for PacketError {
                 write!(f, "{:?} lies outside a frame of {}x{} pixels", header.content, header.width, header.height)
             }
             PacketError::Length { columns, bytes } => {
-                write!(f, "a packet of {columns} columns with {bytes} bytes of disparities")
+                write!(f, "a packet of {columns} columns with {bytes} bytes of disparities and confidences")
             }
         }
     }
@@ -121,7 +130,7 @@ mod tests {
     extern crate std;
 
     use super::*;
-    use crate::packet::{Sender, buffer_bytes};
+    use crate::packet::{Sender, buffer_bytes_with_confidences};
     use multiscopic_core::{Fusion, Params, Region, Views};
     use std::{vec, vec::Vec};
 
@@ -135,10 +144,17 @@ mod tests {
         // Many of the bytes are zero.
         let sample = |u: u32| (2731 * u % 65536) as u16 & if u.is_multiple_of(3) { 0xff00 } else { 0xffff };
         let line: Vec<_> = (0..30).map(|u| Disparity::from_raw16(sample(u))).collect();
-        let mut buffer = vec![0; buffer_bytes(30)];
+        let confidences: Vec<_> = (0..30).map(|u| sample(u) as u8).collect();
+        let mut buffer = vec![0; buffer_bytes_with_confidences(30)];
         let region = Region::new(PARAMS.search(), 3..33, 0..20).unwrap();
         let mut sender = Sender::new(PARAMS.search(), &mut buffer);
-        let (&zero, bytes) = sender.line(&region, 7, &line).unwrap().split_last().unwrap();
+        assert_damage_is_noticed(sender.line(&region, 7, &line).unwrap());
+        assert_damage_is_noticed(sender.line_with_confidences(&region, 7, &line, &confidences).unwrap());
+    }
+
+    #[track_caller]
+    fn assert_damage_is_noticed(packet: &[u8]) {
+        let (&zero, bytes) = packet.split_last().unwrap();
         assert_eq!(zero, 0);
         for bit in 0..8 * bytes.len() {
             let mut damaged = bytes.to_vec();
@@ -170,5 +186,24 @@ mod tests {
         assert_eq!(Packet::decode(&mut packet(&outside)), Err(PacketError::Outside { header: outside }));
         let short = header(Content::Line { line: 1, left: 2, columns: 2 });
         assert_eq!(Packet::decode(&mut packet(&short)), Err(PacketError::Length { columns: 2, bytes: 0 }));
+        // Confidences are missing, or come where none were announced.
+        let body = |content, samples: &[u8]| [postcard::to_slice(&header(content), &mut [0; 64]).unwrap(), samples].concat();
+        let (sure, plain) =
+            (Content::LineWithConfidences { line: 1, left: 2, columns: 2 }, Content::Line { line: 1, left: 2, columns: 2 });
+        for (content, bytes) in [(sure, 4), (sure, 5), (sure, 7), (plain, 6)] {
+            let mut packet = encoded(&body(content, &[1; 7][..bytes]));
+            assert_eq!(Packet::decode(&mut packet), Err(PacketError::Length { columns: 2, bytes }));
+        }
+        let outside = header(Content::LineWithConfidences { line: 2, left: 0, columns: 1 });
+        assert_eq!(Packet::decode(&mut packet(&outside)), Err(PacketError::Outside { header: outside }));
+    }
+
+    /// Recorded before packets could carry confidences.
+    #[test]
+    fn packets_without_confidences_are_as_they_always_were() {
+        let header = |content| Header { magic: MAGIC, version: VERSION, sequence: 300, width: 40, height: 20, content };
+        let bytes = |content| postcard::to_slice(&header(content), &mut [0; 64]).unwrap().to_vec();
+        assert_eq!(bytes(Content::Line { line: 7, left: 3, columns: 30 }), b"mscp\x01\xac\x02\x28\x14\x00\x07\x03\x1e");
+        assert_eq!(bytes(Content::End { stack: Some(77) }), b"mscp\x01\xac\x02\x28\x14\x01\x01\x4d");
     }
 }

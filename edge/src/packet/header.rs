@@ -44,4 +44,15 @@ pub enum Content {
         /// host does not.
         stack: Option<u32>,
     },
+    /// A line of disparities and their confidences. They come from the whole frame, so there are no tiles as yet, but a receiver
+    /// takes parts of lines as those of [`Line`](Content::Line).
+    // Last, so that the others keep their numbers: packets without confidences are as they were before there were any.
+    LineWithConfidences {
+        /// The line's number in the frame.
+        line: u16,
+        /// The first column, counted in the frame.
+        left: u16,
+        /// The number of columns.
+        columns: u16,
+    },
 }

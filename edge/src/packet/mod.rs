@@ -4,10 +4,14 @@
 //! - a [`Header`], encoded by `postcard`,
 //! - the disparities of its line, two bytes each, little-endian, as
 //!   [`Disparity::to_raw16`](multiscopic_core::Disparity::to_raw16) encodes them,
+//! - if the content is a [`LineWithConfidences`](Content::LineWithConfidences), the confidences of these disparities, one byte
+//!   each: the probability that a disparity is at most one pixel off, times 255, and 0 where it is invalid,
 //! - the CRC-32 of all bytes before it, little-endian.
 //!
 //! COBS removes the zeros from these bytes, and a zero ends the packet. A receiver that starts late or has
 //! lost bytes resumes after the next zero.
+//!
+//! A receiver of the same version that knows no confidences takes a packet with them for one with an invalid header.
 
 mod checksum;
 mod decoder;
@@ -19,4 +23,4 @@ mod sender;
 pub use decoder::{Packet, PacketError};
 pub use header::{Content, Header, MAGIC, VERSION};
 pub use receiver::{Lost, Receiver};
-pub use sender::{BufferTooSmall, Sender, buffer_bytes, max_bytes};
+pub use sender::{BufferTooSmall, Sender, buffer_bytes, buffer_bytes_with_confidences, max_bytes};

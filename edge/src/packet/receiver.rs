@@ -17,7 +17,7 @@ impl Receiver {
     /// [`Lost`] if the packet is not the one expected.
     pub fn accept(&mut self, header: &Header) -> Result<(), Lost> {
         let next = match header.content {
-            Content::Line { .. } => header.sequence.wrapping_add(1),
+            Content::Line { .. } | Content::LineWithConfidences { .. } => header.sequence.wrapping_add(1),
             Content::End { .. } => 0,
         };
         let expected = mem::replace(&mut self.next, next);

@@ -9,7 +9,7 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    Error, Result,
+    Error, Picture, Result,
     files::output,
     target::reception::{self, Notice, ReceivedFrame},
 };
@@ -23,7 +23,7 @@ use super::{options::MapFiles, terminal};
 ///     stty -F /dev/ttyACM0 raw 115200
 ///
 /// Exit codes: 0 if everything arrived; 1 if packets are lost or damaged (their pixels are invalid, the rest
-/// is written); 2 if the input cannot be read or contains no packets.
+/// is written); 2 if the input cannot be read or contains no packets, or none of the confidences that are asked for.
 #[derive(Clone, Debug, Args)]
 #[command(verbatim_doc_comment)]
 pub struct Listen {
@@ -33,6 +33,11 @@ pub struct Listen {
 
     #[command(flatten)]
     maps: MapFiles,
+
+    /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid;
+    /// needs firmware that sends them, such as that of the profile qvga-confidence
+    #[arg(long, value_name = "OUT.png", help_heading = "Output")]
+    confidence: Option<PathBuf>,
 }
 
 /// The name of standard input on the command line.
@@ -47,7 +52,8 @@ impl Listen {
             let file = File::open(&self.source).map_err(|source| Error::Read { path: self.source.clone(), source })?;
             (&self.source, Box::new(BufReader::new(file)))
         };
-        output::check(&self.maps.paths().collect::<Vec<_>>(), &[path])?;
+        let outputs: Vec<&Path> = self.maps.paths().chain(self.confidence.as_deref()).collect();
+        output::check(&outputs, &[path])?;
 
         let bar = terminal::progress(0, "pixels");
         let mut is_whole = true;
@@ -65,19 +71,31 @@ impl Listen {
 
         let received = received?;
         self.maps.write(&received.disparities)?;
+        if let (Some(file), Some(confidences)) = (&self.confidence, &received.confidences) {
+            Picture::from(confidences).write_png(file)?;
+        }
         terminal::say(&summary(&received));
+        if let (Some(_), None) = (&self.confidence, &received.confidences) {
+            return Err(Error::Format {
+                path: path.into(),
+                found: "packets of disparities alone".into(),
+                expected: "packets with confidences for --confidence, as firmware of a profile such as qvga-confidence sends"
+                    .into(),
+            });
+        }
         Ok(ExitCode::from(if is_whole && received.is_complete() { 0 } else { 1 }))
     }
 }
 
 /// One line about the received map.
 fn summary(received: &ReceivedFrame) -> String {
-    let ReceivedFrame { disparities, pixels, stack } = received;
+    let ReceivedFrame { disparities, confidences, pixels, stack } = received;
     let share = |count: usize| 100.0 * count as f64 / disparities.pixels().len() as f64;
     let valid = disparities.pixels().iter().flatten().count();
+    let sure = confidences.as_ref().map(terminal::sure).unwrap_or_default();
     let stack = stack.map(|bytes| format!(", {bytes} bytes of stack")).unwrap_or_default();
     format!(
-        "{}x{}: {:.1} % received, {:.1} % valid{stack}",
+        "{}x{}: {:.1} % received, {:.1} % valid{sure}{stack}",
         disparities.width(),
         disparities.height(),
         share(*pixels),

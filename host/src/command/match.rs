@@ -194,14 +194,8 @@ fn summary(
     confidences: Option<&ConfidenceMap>,
     seconds: f64,
 ) -> String {
-    /// From which confidence on disparities are called sure.
-    const SURE: f64 = 0.9;
     let valid = disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64;
-    let sure = confidences.map_or_else(String::new, |confidences| {
-        let least = confidence::of_probability(SURE);
-        let sure = confidences.pixels().iter().filter(|&&confidence| confidence >= least).count();
-        format!(", {:.1} % sure (from {SURE} on)", 100.0 * sure as f64 / confidences.pixels().len() as f64)
-    });
+    let sure = confidences.map(terminal::sure).unwrap_or_default();
     let baselines: Vec<String> = LongBaselines::sets(search.views()).iter().map(|views| views.multiple().to_string()).collect();
     let views = match (search.views().len(), &baselines[..]) {
         (1, _) => "1 view".into(),

@@ -9,7 +9,7 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    Error, Frames, Processor, Result,
+    Error, Frames, Picture, Processor, Result,
     files::output,
     scene::{PinholeCamera, Scene, render_views},
     target::{
@@ -52,6 +52,11 @@ pub struct Simulate {
     #[arg(short, long, value_name = "OUT.pfm", help_heading = "Output")]
     output: Option<PathBuf>,
 
+    /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid;
+    /// needs a profile that computes them: qvga-confidence or qqvga-sgm-confidence
+    #[arg(long, value_name = "OUT.png", help_heading = "Output")]
+    confidence: Option<PathBuf>,
+
     /// Packets as the firmware sends them, except that the last one lacks the stack depth, which is unknown here
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     packets: Option<PathBuf>,
@@ -65,6 +70,10 @@ impl Simulate {
         let views = profile.matching(Fusion::Min).search().views();
         let fusion = self.fusion.unwrap_or(Fusion::default_for(views.len()));
         let matching = profile.matching(fusion);
+        if let (Some(path), false) = (&self.confidence, matching.has_confidences()) {
+            let message = format!("profile {} computes no confidences, --confidence {} needs them", profile.name, path.display());
+            return Err(Error::Usage(message));
+        }
         let (frames, images) = self.frames(&profile, matching.search(), matching.views())?;
 
         let lines = matching.tiles().count() * matching.searches().count() * matching.search().height();
@@ -74,9 +83,12 @@ impl Simulate {
         if let Some(path) = &self.packets {
             output::write(path, |writer| writer.write_all(&simulation.packets))?;
         }
-        if let Some(path) = &self.output {
+        if self.output.is_some() || self.confidence.is_some() {
             let received = reception::receive(&simulation.packets[..], Path::new("the simulated packets"), |_| ())?;
-            received.disparities.write_pfm(path)?;
+            self.output.iter().try_for_each(|path| received.disparities.write_pfm(path))?;
+            if let (Some(path), Some(confidences)) = (&self.confidence, &received.confidences) {
+                Picture::from(confidences).write_png(path)?;
+            }
         }
         let report = SimulationReport::new(&profile, &matching, self.core, images, &simulation);
         terminal::print_report(&report, self.json)?;
@@ -85,7 +97,8 @@ impl Simulate {
 
     /// The frames in the size of the profile, and `"demo"` or `"given"` for the report.
     fn frames(&self, profile: &Profile, search: &Search, views: Views) -> Result<(Frames, &'static str)> {
-        let outputs: Vec<&Path> = [&self.output, &self.packets].into_iter().flatten().map(PathBuf::as_path).collect();
+        let outputs = [&self.output, &self.confidence, &self.packets];
+        let outputs: Vec<&Path> = outputs.into_iter().flatten().map(PathBuf::as_path).collect();
         let [width, height] = [search.width(), search.height()];
         let Some(mut source) = self.source.source()? else {
             output::check(&outputs, &[])?;

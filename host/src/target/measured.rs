@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::LazyLock};
 
-use multiscopic_edge::Matching;
+use multiscopic_edge::{Matching, WholeLines};
 use serde::{Deserialize, Serialize};
 
 use super::{instruction_model::Prices, processor::Processor};
@@ -45,6 +45,10 @@ pub struct FirmwareCosts {
     pub prior_stack: usize,
     /// The same with semi-global matching.
     pub path_stack: usize,
+    /// The same with block matching and confidences.
+    pub confidence_stack: usize,
+    /// The same with semi-global matching and confidences.
+    pub path_confidence_stack: usize,
     /// The prices of the instruction model.
     pub prices: Prices,
 }
@@ -57,6 +61,8 @@ impl FirmwareCosts {
             Matching::Blocks { .. } => self.stack,
             Matching::AroundPrior { .. } => self.prior_stack,
             Matching::SemiGlobal(_) => self.path_stack,
+            Matching::WithConfidences(WholeLines::Blocks(_)) => self.confidence_stack,
+            Matching::WithConfidences(WholeLines::SemiGlobal(_)) => self.path_confidence_stack,
         }
     }
 
@@ -67,6 +73,8 @@ impl FirmwareCosts {
             Matching::Blocks { .. } => &mut self.stack,
             Matching::AroundPrior { .. } => &mut self.prior_stack,
             Matching::SemiGlobal(_) => &mut self.path_stack,
+            Matching::WithConfidences(WholeLines::Blocks(_)) => &mut self.confidence_stack,
+            Matching::WithConfidences(WholeLines::SemiGlobal(_)) => &mut self.path_confidence_stack,
         };
         *noted = bytes.max(*noted);
     }

@@ -8,7 +8,7 @@ use super::processor::Processor;
 /// The RAM that the firmware takes for a match, without the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ram {
-    /// The workspace: the matcher's buffers, a disparity line and its packet.
+    /// The workspace: the matcher's buffers, those of confidences, a disparity line and its packet.
     pub workspace: Lengths,
     /// Bytes of all other statics.
     pub other_statics: usize,
@@ -46,9 +46,9 @@ impl Ram {
 
     /// Every buffer that the method has. The sizes add up to [`bytes`](Ram::bytes).
     pub fn buffers(&self) -> Vec<Buffer> {
-        let Lengths { matcher, packet, .. } = self.workspace;
+        let Lengths { matcher, confidence, packet, .. } = self.workspace;
         let line = self.workspace.line_bytes();
-        let padding = self.workspace.bytes() - (matcher.bytes() + line + packet);
+        let padding = self.workspace.bytes() - (matcher.bytes() + confidence + line + packet);
         [
             ("column_sums", matcher.column_sums, "absolute differences summed down the block, by column, view and disparity"),
             ("block_sums", matcher.block_sums, "absolute differences summed over the block, by view and disparity"),
@@ -64,6 +64,11 @@ impl Ram {
             ("paths", matcher.paths, "path costs of a line, by path and disparity"),
             ("samples", matcher.samples, "the centre's samples in two lines, and the penalties by their change"),
             ("rectified", matcher.rectified, "lines of the frames that rectified lines are interpolated from"),
+            (
+                "confidence",
+                confidence,
+                "lines of disparities and peak ratios that confidences are computed from, and a line of these",
+            ),
             ("disparities", line, "the disparity line being computed"),
             ("packet", packet + padding, "the packet of a line, before and after COBS encoding"),
             ("runtime", self.other_statics, "all other statics, measured"),
@@ -96,7 +101,7 @@ mod tests {
             let matching = profile.matching(Fusion::Heuristic);
             let ram = Ram::new(&matching, processor);
             assert_eq!(ram.buffers().iter().map(|buffer| buffer.bytes).sum::<usize>(), ram.bytes());
-            let others = ["disparities", "packet", "runtime", "stack"];
+            let others = ["confidence", "disparities", "packet", "runtime", "stack"];
             let matcher = ram.buffers().into_iter().filter(|buffer| !others.contains(&buffer.name));
             let lengths = profile.lengths::<Wide>();
             assert_eq!((matcher.map(|buffer| buffer.bytes).sum(), ram.workspace), (lengths.matcher.bytes(), lengths));

@@ -83,6 +83,8 @@ pub fn simulate(profile: &Profile, fusion: Fusion, frames: &Frames, on_line: &dy
     run!(
         profile::QQVGA_3X3,
         profile::QVGA_PRIOR,
+        profile::QVGA_CONFIDENCE,
+        profile::QQVGA_SGM_CONFIDENCE,
         profile::QQVGA,
         profile::QVGA,
         profile::QVGA_TILED,

@@ -13,8 +13,8 @@ use multiscopic::{
 };
 use multiscopic_core::{Disparity, Frame, Fusion, Memory, Params, Region, SemiGlobalCost, View, Views};
 use multiscopic_edge::{
-    Matching, Profile, Wide,
-    packet::{Sender, buffer_bytes},
+    Matching, Profile, WholeLines, Wide,
+    packet::{Sender, buffer_bytes, buffer_bytes_with_confidences},
     profile,
 };
 use multiscopic_tests::{
@@ -98,6 +98,37 @@ fn a_whole_stream_becomes_pictures() {
     let pixels = |raw: u16| if raw == 0 { f32::INFINITY } else { (f32::from(raw) - 32768.0) / 64.0 };
     assert_eq!(read_pfm(&pfm), (7, 5, samples(&[]).into_iter().map(pixels).collect()));
     assert_eq!(image::open(png).expect("a picture").to_rgb8().dimensions(), (7, 5));
+}
+
+#[test]
+fn confidences_are_received() {
+    let dir = folder();
+    let (stream, pfm, png) = (dir.path().join("stream"), dir.path().join("out.pfm"), dir.path().join("out.png"));
+    let listen = || Invocation::new([Path::new("listen"), &stream, Path::new("-o"), &pfm, Path::new("--confidence"), &png]);
+    let confidence = |u: usize, v: usize| (40 * u + v) as u8;
+    let mut buffer = vec![0; buffer_bytes_with_confidences(PARAMS.width())];
+    let mut sender = Sender::new(PARAMS.search(), &mut buffer);
+    let whole = Region::whole(PARAMS.search());
+    let mut bytes = Vec::new();
+    for v in 0..PARAMS.height() {
+        let disparities: Vec<_> = whole.columns().map(|u| Disparity::from_raw16(sample(u, v))).collect();
+        let confidences: Vec<_> = whole.columns().map(|u| confidence(u, v)).collect();
+        bytes.extend(sender.line_with_confidences(&whole, v, &disparities, &confidences).expect("the buffer is for it"));
+    }
+    bytes.extend(sender.end(None).expect("the buffer is for it"));
+    fs::write(&stream, bytes).expect("a stream for the test");
+    let run = listen();
+    run.assert_done();
+    // Column 6 is sure, in every line.
+    assert!(run.stderr.contains("14.3 % sure (from 0.9 on)"), "{run:#?}");
+    let expected: Vec<u8> = (0..5).flat_map(|v| (0..7).map(move |u| confidence(u, v))).collect();
+    assert_eq!(confidences(png.to_str().expect("UTF-8")), expected);
+
+    // Disparities are written even if there are no confidences.
+    [&pfm, &png].into_iter().for_each(|path| fs::remove_file(path).expect("it was written"));
+    fs::write(&stream, packets().concat()).expect("a stream for the test");
+    listen().assert_refused(&["stream: found packets of disparities alone", "--confidence", "qvga-confidence"]);
+    assert!(pfm.exists() && !png.exists());
 }
 
 #[test]
@@ -193,6 +224,11 @@ fn json(run: &Invocation, code: i32) -> serde_json::Value {
     serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {run:#?}"))
 }
 
+/// The confidences in a picture.
+fn confidences(path: &str) -> Vec<u8> {
+    multiscopic_tests::test_images::view_set::read_grey(Path::new(path)).2
+}
+
 /// `simulate` equals `match` on the centre of the demo's frames, which are larger than the profile's.
 fn assert_simulated_as_matched(profile: &Profile) {
     let dir = folder();
@@ -216,10 +252,12 @@ fn assert_simulated_as_matched(profile: &Profile) {
         }
     }
     let method = match matching {
-        Matching::Blocks { params, .. } | Matching::AroundPrior { short: params, .. } => {
+        Matching::Blocks { params, .. }
+        | Matching::AroundPrior { short: params, .. }
+        | Matching::WithConfidences(WholeLines::Blocks(params)) => {
             format!("--block-size {}", params.block_size())
         }
-        Matching::SemiGlobal(params) => match params.cost() {
+        Matching::SemiGlobal(params) | Matching::WithConfidences(WholeLines::SemiGlobal(params)) => match params.cost() {
             SemiGlobalCost::Sad { block_size } => format!("--method sgm --cost sad --block-size {block_size}"),
             SemiGlobalCost::Census(census) => format!("--method sgm --census {}", census.name()),
         },
@@ -230,17 +268,29 @@ fn assert_simulated_as_matched(profile: &Profile) {
         matched.extend(views.iter().cloned().chain(common.clone()).chain([path("matched.pfm")]));
         matched.extend(["--num-disparities".into(), search.num_disparities().to_string()]);
         matched.extend(method.split(' ').map(str::to_owned));
+        let confidence = |name: &str| {
+            let option = matching.has_confidences().then(|| ["--confidence".to_owned(), path(name)]);
+            option.into_iter().flatten()
+        };
+        matched.extend(confidence("matched.png"));
         Invocation::new(&matched).assert_done();
         let mut simulated = ["simulate", "--json", "--profile", profile.name].map(str::to_owned).to_vec();
         simulated.extend(common.into_iter().chain([path("simulated.pfm"), "--packets".into(), path("packets")]));
+        simulated.extend(confidence("simulated.png"));
         simulated.push(path("demo"));
         let report = json(&Invocation::new(&simulated), 0);
         let expected = read_pfm(Path::new(&path("matched.pfm")));
         assert_eq!(read_pfm(Path::new(&path("simulated.pfm"))), expected, "{} with {fusion}", profile.name);
-        Invocation::new(["listen", &path("packets"), "-o", &path("listened.pfm")]).assert_done();
+        let listen = ["listen", &path("packets"), "-o", &path("listened.pfm")].map(str::to_owned);
+        Invocation::new(listen.into_iter().chain(confidence("listened.png"))).assert_done();
         assert_eq!(read_pfm(Path::new(&path("listened.pfm"))), expected, "{} with {fusion}", profile.name);
+        if matching.has_confidences() {
+            let [expected, others @ ..] = ["matched.png", "simulated.png", "listened.png"].map(|name| confidences(&path(name)));
+            assert!(others.iter().all(|other| *other == expected), "{} with {fusion}", profile.name);
+            assert!(expected.iter().any(|confidence| *confidence > 230), "{} with {fusion}", profile.name);
+        }
 
-        let is_predicted = fusion != "half" || search.views().len() <= 2;
+        let is_predicted = !matching.has_confidences() && (fusion != "half" || search.views().len() <= 2);
         assert_eq!(report["instructions"].is_number(), is_predicted, "{report:#}");
         assert_eq!(report["packet_bytes"], fs::metadata(path("packets")).expect("packets").len());
         assert_eq!(report["de"], search.evaluations());
@@ -258,7 +308,7 @@ fn assert_simulated_as_matched(profile: &Profile) {
 }
 
 /// The profiles that are simulated in seconds without optimisation.
-const SMALL: [Profile; 2] = [profile::QQVGA, profile::QQVGA_SGM];
+const SMALL: [Profile; 3] = [profile::QQVGA, profile::QQVGA_SGM, profile::QQVGA_SGM_CONFIDENCE];
 
 #[test]
 fn small_profiles_are_simulated() {
@@ -364,7 +414,7 @@ fn long_baselines_are_simulated_like_the_references() {
 
 #[test]
 fn what_is_not_predicted_is_not_printed() {
-    for profile in ELSEWHERE {
+    for profile in ELSEWHERE.into_iter().chain([profile::QVGA_CONFIDENCE, profile::QQVGA_SGM_CONFIDENCE]) {
         let report = json(&budget(&["--profile", profile.name]), 0);
         for name in ["instructions", "instructions_per_de", "seconds", "fps"] {
             assert!(report[name].is_null(), "{name} of {}: {report:#}", profile.name);
@@ -387,6 +437,8 @@ fn a_simulation_refuses_what_does_not_fit() {
     Invocation::new(small).assert_refused(&["center.png: found 48x32 pixels", "at least 160x120"]);
     Invocation::new(&small[..7]).assert_refused(&["profile qqvga needs the views left, right: the right one is missing"]);
     Invocation::new(&small[..5]).assert_refused(&["--left", "--top"]);
+    let no_confidences = ["simulate", "--profile", "qqvga", "--confidence", "out.png"];
+    Invocation::new(no_confidences).assert_refused(&["profile qqvga computes no confidences", "--confidence out.png"]);
     Invocation::new(["simulate", "--profile", "qqvga", "-o", "none/out.pfm"]).assert_refused(&["cannot write none/out.pfm"]);
 }
 
@@ -403,6 +455,8 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
         let memory = match matching {
             Matching::Blocks { params, tile_width } => Memory::new::<Wide>(&params, tile_width),
             Matching::SemiGlobal(params) => Memory::semi_global::<Wide>(&params),
+            Matching::WithConfidences(WholeLines::Blocks(params)) => Memory::new::<Wide>(&params, params.width()),
+            Matching::WithConfidences(WholeLines::SemiGlobal(params)) => Memory::semi_global::<Wide>(&params),
             Matching::AroundPrior { short, long } => {
                 let long = Memory::new::<Wide>(&long.around(short.search()), 320);
                 Memory::new::<Wide>(&short, 320).plus(&long)
@@ -423,6 +477,8 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
             ("costs", memory.costs),
             ("paths", memory.paths),
             ("samples", memory.samples),
+            // Eleven lines of disparities, six of peak ratios, and one of confidences.
+            ("confidence", if matching.has_confidences() { (2 * 11 + 6 + 1) * matching.tile_width() } else { 0 }),
             ("disparities", 2 * matching.tile_width()),
         ] {
             // A buffer that the method does not have is not listed.

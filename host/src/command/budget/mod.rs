@@ -27,7 +27,8 @@ use super::{
 /// Instructions come from a cost model fitted to measurements, within 10 % of the firmware in each profile. They
 /// include sending packets, but not fetching lines. With --fusion mean and blocks of 13 or 15, high-contrast images
 /// take up to a third more. They are not predicted for more than four views (qqvga-3x3), for --fusion half with more
-/// than two, and around a prior (qvga-prior): the firmware guide states what these profiles were measured to take.
+/// than two, around a prior (qvga-prior), and with confidences (qvga-confidence): the firmware guide states what these
+/// profiles were measured to take.
 ///
 /// Time depends on the average cycles per instruction. They come from Arm's manual (M4) and LLVM's models of the
 /// processors (M7, M55), with memory that never waits: pass --cpi if you have measured your part.
@@ -130,7 +131,7 @@ impl Budget {
         if let Some(limit) = self.target.ram.filter(|limit| prediction.ram_total > *limit) {
             let tile = match matching {
                 Matching::Blocks { params, .. } => widest_tile(params, self.target.core, limit),
-                Matching::SemiGlobal(_) | Matching::AroundPrior { .. } => None,
+                Matching::SemiGlobal(_) | Matching::AroundPrior { .. } | Matching::WithConfidences(_) => None,
             };
             let tile = tile.filter(|&width| width < prediction.tile_width);
             let hint = tile.map(|width| format!("; narrower column tiles would fit: --tile-width {width}")).unwrap_or_default();

@@ -5,7 +5,10 @@ use std::{
     io::{self, ErrorKind, Write},
 };
 
-use multiscopic::{Error, Result};
+use multiscopic::{
+    Error, Result,
+    stereo::confidence::{self, ConfidenceMap, SURE},
+};
 use serde::Serialize;
 
 /// Writes to standard output. It is not an error if the reader has closed it, as `| head` does.
@@ -29,4 +32,9 @@ pub fn print_report(report: &(impl Display + Serialize), json: bool) -> Result<(
 /// Writes a message to standard error, and ignores failure.
 pub fn say(message: &str) {
     let _ = writeln!(io::stderr(), "multiscopic: {message}");
+}
+
+/// What a summary says about confidences, after what it says about disparities.
+pub fn sure(confidences: &ConfidenceMap) -> String {
+    format!(", {:.1} % sure (from {SURE} on)", 100.0 * confidence::sure_share(confidences))
 }

@@ -5,5 +5,5 @@ mod messages;
 mod watch;
 
 pub use bar::progress;
-pub use messages::{print, print_report, say};
+pub use messages::{print, print_report, say, sure};
 pub use watch::Watch;

@@ -44,6 +44,16 @@ pub fn of_probability(probability: f64) -> u8 {
     (255.0 * probability).round() as u8
 }
 
+/// From which probability on disparities are called sure.
+pub const SURE: f64 = 0.9;
+
+/// The share of pixels whose disparities are [sure](SURE), from 0 to 1.
+pub fn sure_share(confidences: &ConfidenceMap) -> f64 {
+    let least = of_probability(SURE);
+    let sure = confidences.pixels().iter().filter(|&&confidence| confidence >= least).count();
+    sure as f64 / confidences.pixels().len() as f64
+}
+
 /// Invalidates the disparities that are less sure than `least`. What is invalid has the confidence 0.
 ///
 /// # Panics

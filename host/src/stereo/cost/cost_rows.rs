@@ -59,7 +59,7 @@ impl Cost for u32 {
 
     #[inline(always)]
     fn peak_ratio(least: u32, second: u32, unit: u32) -> PeakRatio {
-        PeakRatio { least: least, second: second, unit: unit }
+        PeakRatio { least, second, unit }
     }
 }
 

@@ -21,10 +21,10 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// Counts the work of a match on a processor. `None` for the census, and from short baselines to long
+    /// Counts the work of a match on a processor. `None` for the census, for confidences, and from short baselines to long
     /// ones: the model has no units for them.
     pub fn new(matching: &Matching, processor: Processor) -> Option<Workload> {
-        if let Matching::AroundPrior { .. } = matching {
+        if let Matching::AroundPrior { .. } | Matching::WithConfidences(_) = matching {
             return None;
         }
         let params = matching.block_matching()?;
@@ -38,7 +38,9 @@ impl Workload {
         let pixels = width * height;
         let PixelCounts { complete, masked, segmented, segments } = PixelCounts::new(&params, masks_sums(&params, processor));
         let paths = match matching {
-            Matching::Blocks { .. } | Matching::AroundPrior { .. } => WorkUnits { pixel: pixels, ..WorkUnits::default() },
+            Matching::Blocks { .. } | Matching::AroundPrior { .. } | Matching::WithConfidences(_) => {
+                WorkUnits { pixel: pixels, ..WorkUnits::default() }
+            }
             Matching::SemiGlobal(_) if is_unrolled(params.search(), processor) => {
                 WorkUnits { path_pixel: pixels, path_unrolled: pixels * depth, ..WorkUnits::default() }
             }

@@ -46,6 +46,8 @@ pub(super) struct Assembler<'p, N> {
 struct PartialFrame {
     /// `None` if the pixel has not arrived, `Some(None)` if it is invalid.
     pixels: Raster<Option<Option<Disparity>>>,
+    /// `None` until a packet has some.
+    confidences: Option<Raster<u8>>,
     received: usize,
     last_packet: Option<PacketId>,
 }
@@ -93,9 +95,9 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
             Err(Lost { expected, found }) => self.report_missing(expected..found),
         }
         match packet.header.content {
-            Content::Line { line, left, .. } => {
+            Content::Line { line, left, .. } | Content::LineWithConfidences { line, left, .. } => {
                 let id = PacketId { line: line.into(), sequence: packet.header.sequence };
-                self.store(id, left.into(), packet.disparities());
+                self.store(id, left.into(), &packet);
                 Ok(Piece::Line)
             }
             Content::End { stack } => Ok(Piece::End { stack }),
@@ -128,20 +130,24 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
         }
     }
 
-    /// Stores the disparities of a packet, whose first is in column `left`.
-    fn store(&mut self, packet: PacketId, left: usize, disparities: impl Iterator<Item = Option<Disparity>>) {
+    /// Stores the disparities of a packet, whose first is in column `left`, and their confidences.
+    fn store(&mut self, id: PacketId, left: usize, packet: &Packet<'_>) {
         let Some(frame) = &mut self.frame else { return };
-        let mut is_repeated = false;
-        for (pixel, disparity) in frame.pixels.row_mut(packet.line as usize)[left..].iter_mut().zip(disparities) {
+        let (v, mut is_repeated) = (id.line as usize, false);
+        for (pixel, disparity) in frame.pixels.row_mut(v)[left..].iter_mut().zip(packet.disparities()) {
             match pixel.replace(disparity) {
                 None => frame.received += 1,
                 Some(_) => is_repeated = true,
             }
         }
-        frame.last_packet = Some(packet);
+        if let (confidences @ [_, ..], [width, height]) = (packet.confidences(), frame.size()) {
+            let stored = frame.confidences.get_or_insert_with(|| Raster::filled(width, height, 0));
+            stored.row_mut(v)[left..left + confidences.len()].copy_from_slice(confidences);
+        }
+        frame.last_packet = Some(id);
         let line = Notice::Line { pixels: frame.received, of: frame.pixels.pixels().len() };
         if is_repeated {
-            self.report(Flaw::Repeated(packet));
+            self.report(Flaw::Repeated(id));
         }
         (self.notify)(line);
     }
@@ -169,7 +175,8 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
             return Err(Error::format(self.path, found, expected));
         };
         let disparities = frame.pixels.map(|pixel| pixel.flatten());
-        Ok(ReceivedFrame { disparities, pixels: frame.received, stack: stack.map(|bytes| bytes as usize) })
+        let stack = stack.map(|bytes| bytes as usize);
+        Ok(ReceivedFrame { disparities, confidences: frame.confidences, pixels: frame.received, stack })
     }
 
     fn report(&mut self, flaw: Flaw) {
@@ -180,9 +187,9 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
 impl PartialFrame {
     /// An empty frame. The size is what a packet from `path` says.
     fn new([width, height]: [usize; 2], path: &Path) -> Result<PartialFrame> {
-        let bytes = width as u64 * height as u64 * size_of::<Option<Option<Disparity>>>() as u64;
+        let bytes = width as u64 * height as u64 * (size_of::<Option<Option<Disparity>>>() + size_of::<u8>()) as u64;
         input::check_size(path, width as u32, height as u32, bytes)?;
-        Ok(PartialFrame { pixels: Raster::filled(width, height, None), received: 0, last_packet: None })
+        Ok(PartialFrame { pixels: Raster::filled(width, height, None), confidences: None, received: 0, last_packet: None })
     }
 
     fn size(&self) -> [usize; 2] {

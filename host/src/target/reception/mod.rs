@@ -1,4 +1,4 @@
-//! Receiving a frame of disparities from the packets that the firmware sends.
+//! Receiving a frame of disparities, and of their confidences if there are some, from the packets that the firmware sends.
 //!
 //! Lost and damaged packets do not end the reception: they are reported, and their pixels stay invalid.
 
@@ -56,9 +56,9 @@ pub fn receive(mut source: impl BufRead, path: &Path, notify: impl FnMut(Notice)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::images::DisparityMap;
+    use crate::images::{DisparityMap, Raster};
     use multiscopic_core::{Disparity, Fusion, Params, Region, Views};
-    use multiscopic_edge::packet::{Sender, buffer_bytes};
+    use multiscopic_edge::packet::{Sender, buffer_bytes, buffer_bytes_with_confidences};
 
     const PARAMS: Params = match Params::new(3, 4, Views::CROSS, Fusion::Min, 1, 4, 3) {
         Ok(params) => params,
@@ -99,6 +99,29 @@ mod tests {
         assert_eq!(received.disparities, DisparityMap::filled(3, 4, Disparity::from_bits(128)));
         assert_eq!((received.pixels, received.stack, received.is_complete()), (12, Some(77), true));
         assert_eq!(flaws, [""; 0]);
+    }
+
+    #[test]
+    fn confidences_are_assembled() {
+        assert_eq!(received(&sent()).0.confidences, None);
+        let whole = Region::whole(PARAMS.search());
+        let mut buffer = vec![0; buffer_bytes_with_confidences(3)];
+        let mut sender = Sender::new(PARAMS.search(), &mut buffer);
+        let two = [Disparity::from_bits(128); 3];
+        let confidences = |v: u8| [v, 255 - v, 0];
+        // Line 2 comes without, and line 3 is lost.
+        let mut packets: Vec<_> = (0..3)
+            .map(|v| match v {
+                2 => sender.line(&whole, 2, &two).unwrap().to_vec(),
+                _ => sender.line_with_confidences(&whole, v.into(), &two, &confidences(v)).unwrap().to_vec(),
+            })
+            .collect();
+        sender.line(&whole, 3, &two).unwrap();
+        packets.push(sender.end(None).unwrap().to_vec());
+        let (received, flaws, _) = received(&packets);
+        assert_eq!(flaws, ["line 3 (packet 3) is lost"]);
+        let expected = [confidences(0), confidences(1), [0; 3], [0; 3]].concat();
+        assert_eq!(received.confidences, Some(Raster::new(3, 4, expected)));
     }
 
     #[test]

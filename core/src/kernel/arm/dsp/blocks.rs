@@ -253,6 +253,11 @@ fn fuse_masked<const V: usize>(
 /// all of Arm's.
 #[inline(never)]
 fn least<const LANES: usize>(costs: &[Costs]) -> u16 {
+    // As many vectors as the usual 32 disparities take, without a loop.
+    if let Ok(four) = <&[Costs; 4]>::try_from(costs) {
+        let [a, b, c, d] = four.map(U16x8);
+        return a.min(b).min(c.min(d)).least();
+    }
     let mut least = U16x8([u32::MAX; 4]);
     for &costs in costs {
         least = least.min(U16x8(costs));

@@ -44,6 +44,19 @@ pub(super) fn if_not_less(a: u32, b: u32, then: u32, otherwise: u32) -> u32 {
     result
 }
 
+/// Adds 1 to the halves of `counts` where `value - least`, which wraps, is at most `span`.
+///
+/// The compiler has to believe that it works on memory: otherwise it loads many values ahead, more than there are registers.
+#[inline(always)]
+pub(super) fn count_within(value: u32, least: u32, span: u32, mut counts: u32) -> u32 {
+    unsafe {
+        asm!("usub16 {excess}, {value}, {least}", "usub16 {excess}, {span}, {excess}", "sel {excess}, {ones}, {zero}",
+             "add {counts}, {counts}, {excess}", excess = out(reg) _, value = in(reg) value, least = in(reg) least,
+             span = in(reg) span, ones = in(reg) splat_half(1), zero = in(reg) 0, counts = inout(reg) counts, options(nostack));
+    }
+    counts
+}
+
 /// `then` in the bytes where `a >= b`, and `otherwise` elsewhere.
 #[inline(always)]
 pub(super) fn if_byte_not_less(a: u32, b: u32, then: u32, otherwise: u32) -> u32 {

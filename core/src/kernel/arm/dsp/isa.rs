@@ -1,7 +1,7 @@
 //! The operations on column sums in the DSP extension.
 
 use super::{
-    instruction::{differences, splat, uxtab16, uxtab16_high, words},
+    instruction::{count_within, differences, splat, uxtab16, uxtab16_high, words},
     vector::U16x8,
 };
 use crate::kernel::{
@@ -24,6 +24,12 @@ impl Isa for Dsp {
     type Samples = [u8; 8];
     type Sums = [u32; 4];
     type Column = U16x8;
+    const COUNTS_HALVES: bool = true;
+
+    #[inline(always)]
+    fn count_within(self, values: u32, least: u32, span: u32, counts: u32) -> u32 {
+        count_within(values, least, span, counts)
+    }
 
     #[inline(always)]
     fn lane(index: usize) -> usize {

@@ -1,12 +1,13 @@
 //! The frames that the firmware reads.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use multiscopic::{
-    DisparityMap, Engine, Frames, Picture,
+    DisparityMap, Engine, Frames, Method, Picture,
     scene::{PinholeCamera, Scene, render, render_views},
+    stereo::{CostFunction, Optimizer, confidence::ConfidenceMap, optimization::sgm::SemiGlobal},
 };
-use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, SemiGlobalMatcher, View, Views};
-use multiscopic_edge::{Matching, frame_file::FrameFile};
+use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, SemiGlobalCost, SemiGlobalMatcher, View, Views};
+use multiscopic_edge::{Matching, WholeLines, frame_file::FrameFile};
 use multiscopic_tests::test_images::{
     real_data::{self, Dataset},
     strict_source::StrictSource,
@@ -83,6 +84,7 @@ impl ImageSet {
     pub fn disparities(&self, matching: &Matching) -> Result<Vec<Option<Disparity>>> {
         match matching {
             Matching::Blocks { params, .. } => self.matched_blocks(params),
+            Matching::WithConfidences(lines) => self.disparities(&lines.alone()),
             Matching::AroundPrior { short, long } => {
                 let prior = DisparityMap::new(short.width(), short.height(), self.matched_blocks(short)?);
                 let long = long.around(short.search());
@@ -101,6 +103,21 @@ impl ImageSet {
                 Ok(disparities)
             }
         }
+    }
+
+    /// The confidences that the host's methods compute, if `matching` has any.
+    pub fn confidences(&self, matching: &Matching) -> Result<Option<ConfidenceMap>> {
+        let Matching::WithConfidences(lines) = matching else { return Ok(None) };
+        let (block_size, optimizer) = match lines {
+            WholeLines::Blocks(params) => (params.block_size() as u8, Optimizer::WinnerTakesAll),
+            WholeLines::SemiGlobal(params) => {
+                let SemiGlobalCost::Sad { block_size } = params.cost() else { bail!("profiles match sums of differences") };
+                let semi_global = SemiGlobal::default_for(params.cost(), params.search().views().len());
+                (block_size, Optimizer::SemiGlobal(semi_global))
+            }
+        };
+        let (method, engine) = (Method::new(CostFunction::Sad { block_size }, None, optimizer), Engine::new(None, 2)?);
+        Ok(Some(method.disparities_and_confidences(&engine, &self.frames(), lines.search(), &())?.1))
     }
 
     fn matched_blocks(&self, params: &Params) -> Result<Vec<Option<Disparity>>> {

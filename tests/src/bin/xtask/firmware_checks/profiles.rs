@@ -226,6 +226,7 @@ impl Run {
         let simulation = simulate(&self.profile, self.fusion, &images.frames(), &|| ())?;
         received::same_lines(&bytes, &simulation.packets)?;
         received::same(&received.disparities, &images.disparities(&matching)?)?;
+        received::same_confidences(received.confidences.as_ref(), images.confidences(&matching)?.as_ref())?;
         let stack_max = received.stack.context("the firmware did not measure its stack")?;
         let (footprint, instructions) = (Footprint::of(&self.image)?, Instructions::read(&folder)?);
         let ram_static = footprint.ram() as usize;

@@ -1,8 +1,9 @@
 //! Frames received from the firmware.
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 use multiscopic::{
     DisparityMap,
+    stereo::confidence::ConfidenceMap,
     target::reception::{self, Flaw, Notice, ReceivedFrame},
 };
 use multiscopic_core::{Disparity, Search};
@@ -31,6 +32,20 @@ pub fn same(found: &DisparityMap, expected: &[Option<Disparity>]) -> Result<()> 
     for (i, (pixel, expected)) in found.pixels().iter().zip(expected).enumerate() {
         let (u, v) = (i % found.width(), i / found.width());
         ensure!(pixel == expected, "pixel ({u}, {v}): the firmware found {}, this machine {}", show(pixel), show(expected));
+    }
+    Ok(())
+}
+
+/// Fails at the first confidence that differs from `expected`, or if one map has confidences alone.
+pub fn same_confidences(found: Option<&ConfidenceMap>, expected: Option<&ConfidenceMap>) -> Result<()> {
+    let (found, expected) = match (found, expected) {
+        (Some(found), Some(expected)) => (found, expected),
+        (None, None) => return Ok(()),
+        _ => bail!("the firmware sent confidences: {}; this machine computed some: {}", found.is_some(), expected.is_some()),
+    };
+    for (i, (found_here, expected)) in found.pixels().iter().zip(expected.pixels()).enumerate() {
+        let (u, v) = (i % found.width(), i / found.width());
+        ensure!(found_here == expected, "pixel ({u}, {v}): the firmware's confidence is {found_here}, this machine's {expected}");
     }
     Ok(())
 }
@@ -84,6 +99,16 @@ mod tests {
         expected[4] = None;
         let difference = same(&received.disparities, &expected).unwrap_err().to_string();
         assert_eq!(difference, "pixel (1, 1): the firmware found 2, this machine invalid");
+    }
+
+    #[test]
+    fn confidences_are_compared() {
+        let map = |last| ConfidenceMap::new(3, 2, vec![9, 9, 9, 9, 9, last]);
+        assert!(same_confidences(None, None).is_ok() && same_confidences(Some(&map(1)), Some(&map(1))).is_ok());
+        let error = |found: Option<&_>, expected: Option<&_>| same_confidences(found, expected).unwrap_err().to_string();
+        let difference = error(Some(&map(1)), Some(&map(2)));
+        assert_eq!(difference, "pixel (2, 1): the firmware's confidence is 1, this machine's 2");
+        assert_eq!(error(None, Some(&map(1))), "the firmware sent confidences: false; this machine computed some: true");
     }
 
     #[test]

@@ -8,7 +8,7 @@
 //!
 //! `--update` writes the tables, or those that are named; otherwise only the errors on other scenes are printed.
 
-use std::{env, error::Error, fmt::Write as _, fs, path::Path};
+use std::{env, error::Error, fmt::Write as _, fs, iter::Sum, path::Path, thread};
 
 use multiscopic::{
     DisparityMap, Engine, FloatImage, GraphCuts, Method, SemiGlobal,
@@ -25,7 +25,7 @@ use multiscopic::{
         optimization::edge_aware::Penalties,
     },
 };
-use multiscopic_core::{Census, ConfidenceTable, Fusion, Search, SemiGlobalCost, View, Views};
+use multiscopic_core::{ConfidenceTable, Fusion, Search, SemiGlobalCost, View, Views};
 
 /// The sizes of pictures.
 const SIZES: [[u32; 2]; 3] = [[256, 192], [384, 288], [512, 384]];
@@ -40,13 +40,12 @@ fn main() -> Result<()> {
     let update = env::args().any(|argument| argument == "--update");
     let only: Vec<String> = env::args().skip(1).filter(|argument| !argument.starts_with("--")).collect();
     let is_chosen = |subject: &Subject| only.is_empty() || only.iter().any(|name| name == subject.name);
-    let engine = Engine::new(None, 0)?;
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace");
     for file in files()? {
         let path = root.join(file.path);
         let mut source = fs::read_to_string(&path)?;
         for subject in file.subjects.iter().filter(|subject| is_chosen(subject)) {
-            let [fitted, others] = [0, 1].map(|seed| counts(subject, &engine, seed));
+            let [fitted, others] = [0, 1].map(|seed| counts(subject, seed));
             let table = fit(&fitted?);
             let ConfidenceMetrics { auc, auc_optimal, ece, .. } = others?.quality(&table).ok_or("no pixel was matched")?;
             println!("{}: on other scenes AUC {auc:.4}, {:.2} times the optimum, ECE {ece:.3}", subject.name, auc / auc_optimal);
@@ -69,7 +68,7 @@ struct File {
 struct Subject {
     name: &'static str,
     /// The methods, by the number of neighbours.
-    method: Box<dyn Fn(usize) -> Method>,
+    method: Box<dyn Fn(usize) -> Method + Sync>,
     /// Whether it is slow.
     is_slow: bool,
 }
@@ -102,20 +101,9 @@ fn files() -> Result<[File; 2]> {
             ],
         },
         File {
-            path: "host/src/stereo/confidence/fitted.rs",
+            path: "host/src/stereo/confidence_map/method_tables.rs",
             subjects: vec![
-                subject(
-                    "CENSUS",
-                    false,
-                    Box::new(|views| {
-                        let cost = SemiGlobalCost::Census(Census::Window9x7);
-                        Method::new(
-                            CostFunction::Census(Census::Window9x7),
-                            None,
-                            Optimizer::SemiGlobal(SemiGlobal::default_for(cost, views)),
-                        )
-                    }),
-                ),
+                subject("CENSUS", false, Box::new(Method::census_sgm)),
                 subject(
                     "GRAPH_CUTS",
                     true,
@@ -141,28 +129,49 @@ fn files() -> Result<[File; 2]> {
 #[derive(Default)]
 struct Counts([[[u64; 2]; ConfidenceTable::EVIDENCE]; ConfidenceTable::AGREEMENTS]);
 
-/// Matches the scenes of a seed.
-fn counts(subject: &Subject, engine: &Engine, seed: u64) -> Result<Counts> {
-    let mut counts = Counts::default();
+/// Matches the scenes of a seed, on all threads.
+fn counts(subject: &Subject, seed: u64) -> Result<Counts> {
     let count = SCENES[seed as usize] / if subject.is_slow { 4 } else { 1 };
-    for number in 0..count {
-        let views = [Views::NONE.with(View::RIGHT), Views::HORIZONTAL, Views::CROSS, Views::ARRAY][number as usize % 4];
-        let fusion = Fusion::default_for(views.len());
-        let size = SIZES[number as usize / 4 % SIZES.len()];
-        let shot = RandomScene::new(seed, number, size).render(views);
-        // The disparities of all scenes.
-        let [width, height] = size.map(|length| length as u16);
-        let search = Search::new(width, height, views, fusion, 1, width / 8)?;
-        let method = (subject.method)(views.len());
-        let frames = if method.cost.matches_color() { shot.color_frames() } else { shot.frames(views) };
-        let (map, evidence) = method.disparities_and_evidence(engine, &frames, &search, &())?;
-        let mut here = Counts::default();
-        here.add(&map, &evidence, &shot.truth);
-        if here.wrong() <= MOST_WRONG {
-            counts.0.iter_mut().flatten().flatten().zip(here.0.iter().flatten().flatten()).for_each(|(sum, count)| *sum += count);
-        }
+    let threads = thread::available_parallelism()?.get();
+    let some = |first: usize| -> std::result::Result<Counts, String> {
+        let engine = Engine::new(None, 1).map_err(|error| error.to_string())?;
+        let numbers = (0..count).skip(first).step_by(threads);
+        let captures = numbers.map(|number| capture(subject, &engine, seed, number).map_err(|error| error.to_string()));
+        captures.sum()
+    };
+    thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|first| scope.spawn(move || some(first))).collect();
+        Ok(workers
+            .into_iter()
+            .map(|worker| worker.join().expect("the worker did not panic"))
+            .sum::<std::result::Result<_, _>>()?)
+    })
+}
+
+/// Matches a scene. There are no counts if too much is wrong.
+fn capture(subject: &Subject, engine: &Engine, seed: u64, number: u64) -> Result<Counts> {
+    let views = [Views::NONE.with(View::RIGHT), Views::HORIZONTAL, Views::CROSS, Views::ARRAY][number as usize % 4];
+    let fusion = Fusion::default_for(views.len());
+    let size = SIZES[number as usize / 4 % SIZES.len()];
+    let shot = RandomScene::new(seed, number, size).render(views);
+    // The disparities of all scenes.
+    let [width, height] = size.map(|length| length as u16);
+    let search = Search::new(width, height, views, fusion, 1, width / 8)?;
+    let method = (subject.method)(views.len());
+    let frames = if method.cost.matches_color() { shot.color_frames() } else { shot.frames(views) };
+    let (map, evidence) = method.disparities_and_evidence(engine, &frames, &search, &())?;
+    let mut counts = Counts::default();
+    counts.add(&map, &evidence, &shot.truth);
+    Ok(if counts.wrong() <= MOST_WRONG { counts } else { Counts::default() })
+}
+
+impl Sum for Counts {
+    fn sum<I: Iterator<Item = Counts>>(all: I) -> Counts {
+        all.fold(Counts::default(), |mut sum, counts| {
+            sum.0.iter_mut().flatten().flatten().zip(counts.0.iter().flatten().flatten()).for_each(|(sum, count)| *sum += count);
+            sum
+        })
     }
-    Ok(counts)
 }
 
 impl Counts {

@@ -81,6 +81,7 @@ impl Bench {
         let params = self.search.params(search)?;
         let frames = noise_frames(&params);
         let engine = self.engine.engine()?;
+        self.options.check_block_size(&[self.method], self.search.block_size)?;
         let method: Method = self.options.method(self.method, self.search.block_size, views.len())?;
         let mut seconds = f64::INFINITY;
         for _ in 0..self.repeat {

@@ -9,7 +9,7 @@ use std::{
 use clap::Args;
 use multiscopic::stereo::{
     CostFunction, LongBaselines, Optimizer,
-    confidence::{self, ConfidenceMap},
+    confidence_map::{self, ConfidenceMap},
 };
 use multiscopic::{
     DisparityMap, Error, Method, Picture, Result,
@@ -122,6 +122,7 @@ impl Match {
             (None, None) => center,
         });
 
+        self.options.check_block_size(&[self.method], self.search.block_size)?;
         let method = self.options.method(self.method, self.search.block_size, first)?;
         let method = Method { long_baselines: self.baselines.long_baselines()?, ..method };
         if !method.needs_color() {
@@ -150,7 +151,7 @@ impl Match {
         if let Some(undistortion) = &undistortion {
             undistortion.mask(&mut disparities);
             if let Some(confidences) = &mut confidences {
-                confidence::keep_sure(&mut disparities, confidences, 0);
+                confidence_map::keep_sure(&mut disparities, confidences, 0);
             }
         }
 

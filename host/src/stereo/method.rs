@@ -1,11 +1,11 @@
 //! Stereo methods as pipelines of four steps: matching cost, aggregation, optimization, refinement.
 
-use multiscopic_core::{Census, ConfidenceTable, Frame, Params, Search};
+use multiscopic_core::{Census, ConfidenceTable, Frame, Params, Search, SemiGlobalCost};
 
 use super::{
     aggregation::{Aggregation, CrossBased},
     baselines::LongBaselines,
-    confidence::{self, ConfidenceMap},
+    confidence_map::{self, ConfidenceMap},
     cost::{
         BirchfieldTomasi, BlockRows, CensusRows, Cost, CostRows, SadRows, Volume,
         mccnn::{self, Network},
@@ -25,8 +25,6 @@ use crate::{
     progress::Progress,
 };
 
-/// The block of the match that supports disparities of graph cuts.
-const WITNESS_BLOCK_SIZE: u8 = 11;
 /// Noise in costs of patches.
 const PATCH_UNIT: f32 = 0.05;
 
@@ -100,6 +98,13 @@ impl Method {
         Method { cost, aggregation, optimizer, refinement: Refinement::NONE, long_baselines: Some(LongBaselines::DEFAULT) }
     }
 
+    /// Semi-global matching by the census transform in its usual window, for matches in a number of `views`.
+    pub fn census_sgm(views: usize) -> Method {
+        let census = Census::Window9x7;
+        let optimizer = Optimizer::SemiGlobal(SemiGlobal::default_for(SemiGlobalCost::Census(census), views));
+        Method::new(CostFunction::Census(census), None, optimizer)
+    }
+
     /// The same method with a refinement.
     pub fn with_refinement(self, refinement: Refinement) -> Method {
         Method { refinement, ..self }
@@ -142,7 +147,7 @@ impl Method {
         progress: &dyn Progress,
     ) -> Result<(DisparityMap, ConfidenceMap)> {
         let (map, evidence) = self.disparities_and_evidence(engine, frames, search, progress)?;
-        let confidences = confidence::confidences(&map, &evidence, self.confidence_table(), engine);
+        let confidences = confidence_map::confidences(&map, &evidence, self.confidence_table(), engine);
         engine.pool().install(|| self.refinement.by_confidence(map, confidences, frames))
     }
 
@@ -166,9 +171,9 @@ impl Method {
     /// The probabilities that disparities are right, by the evidence that this method gives.
     pub fn confidence_table(&self) -> &'static ConfidenceTable {
         match (&self.cost, &self.optimizer) {
-            (_, Optimizer::GraphCuts(_)) => &confidence::GRAPH_CUTS,
-            (_, Optimizer::EdgeAware(_)) => &confidence::EDGE_AWARE,
-            (CostFunction::Census(_), Optimizer::SemiGlobal(_)) => &confidence::CENSUS,
+            (_, Optimizer::GraphCuts(_)) => &confidence_map::GRAPH_CUTS,
+            (_, Optimizer::EdgeAware(_)) => &confidence_map::EDGE_AWARE,
+            (CostFunction::Census(_), Optimizer::SemiGlobal(_)) => &confidence_map::CENSUS,
             (_, Optimizer::SemiGlobal(_)) => &ConfidenceTable::SEMI_GLOBAL,
             (_, Optimizer::WinnerTakesAll) => &ConfidenceTable::BLOCK_MATCHING,
         }
@@ -235,8 +240,8 @@ impl Method {
             (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) if self.aggregation.is_none() => {
                 let map = cuts.disparities(*cost, engine, frames, search, progress)?;
                 if let Some(evidence) = evidence {
-                    let params = Params::block_matching(*search, WITNESS_BLOCK_SIZE)?;
-                    *evidence = confidence::support(&map, &engine.disparities(frames, &params, || ())?, engine);
+                    let witness = Method::census_sgm(search.views().len()).disparities(engine, frames, search, &())?;
+                    *evidence = confidence_map::support(&map, &witness, engine);
                 }
                 map
             }

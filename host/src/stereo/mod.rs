@@ -9,13 +9,13 @@
 //! | [`aggregation`] | costs averaged over a support region |
 //! | [`optimization`] | from costs to disparities |
 //! | [`refinement`] | checks and filters of the disparities |
-//! | [`confidence`] | how probable it is that a disparity is right |
+//! | [`confidence_map`] | how probable it is that a disparity is right |
 //! | [`LongBaselines`] | how views at longer baselines refine what those at the shortest found |
 //! | [`Method`] | a choice for each of the four steps |
 
 pub mod aggregation;
 mod baselines;
-pub mod confidence;
+pub mod confidence_map;
 pub mod cost;
 mod engine;
 mod method;

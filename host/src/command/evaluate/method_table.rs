@@ -22,6 +22,9 @@ impl<'a> MethodTable<'a> {
         long: &'a BaselineOptions,
     ) -> Result<MethodTable<'a>> {
         let long_baselines = long.long_baselines()?;
+        let mut names: Vec<MethodName> = variants.iter().map(|variant| variant.method).collect();
+        names.dedup();
+        options.check_block_size(&names, block_size)?;
         let mut table = MethodTable { long, methods: Vec::new() };
         for variant in variants {
             if table.find(variant).is_none() {

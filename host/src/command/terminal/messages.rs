@@ -7,7 +7,7 @@ use std::{
 
 use multiscopic::{
     Error, Result,
-    stereo::confidence::{self, ConfidenceMap, SURE},
+    stereo::confidence_map::{self, ConfidenceMap, SURE},
 };
 use serde::Serialize;
 
@@ -36,5 +36,5 @@ pub fn say(message: &str) {
 
 /// What a summary says about confidences, after what it says about disparities.
 pub fn sure(confidences: &ConfidenceMap) -> String {
-    format!(", {:.1} % sure (from {SURE} on)", 100.0 * confidence::sure_share(confidences))
+    format!(", {:.1} % sure (from {SURE} on)", 100.0 * confidence_map::sure_share(confidences))
 }

@@ -8,7 +8,7 @@ mod median;
 mod refinements;
 mod smoother;
 mod speckles;
-mod texture;
+mod texture_threshold;
 mod uniqueness;
 mod window;
 
@@ -20,4 +20,4 @@ pub use median::Median;
 pub use refinements::Refinement;
 pub use smoother::Smoother;
 pub use speckles::Speckles;
-pub use texture::Texture;
+pub use texture_threshold::TextureThreshold;

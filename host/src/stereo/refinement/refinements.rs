@@ -3,13 +3,14 @@
 use multiscopic_core::{Frame, Search, Views};
 
 use super::{
-    background::BackgroundFill, bilateral::Bilateral, median::Median, smoother::Smoother, speckles::Speckles, texture::Texture,
+    background::BackgroundFill, bilateral::Bilateral, median::Median, smoother::Smoother, speckles::Speckles,
+    texture_threshold::TextureThreshold,
 };
 use crate::{
     error::Result,
     images::{DisparityMap, Frames},
     stereo::{
-        confidence::{self, ConfidenceMap},
+        confidence_map::{self, ConfidenceMap},
         cost::{Cost, Volume},
     },
 };
@@ -22,14 +23,14 @@ pub struct Refinement {
     /// The tolerance of the [left-right check](Volume::check_left_right) in pixels.
     pub left_right: Option<u16>,
     /// The texture that is needed.
-    pub texture: Option<Texture>,
+    pub texture: Option<TextureThreshold>,
     /// A median filter.
     pub median: Option<Median>,
     /// A bilateral filter.
     pub bilateral: Option<Bilateral>,
     /// Small patches are invalidated.
     pub speckles: Option<Speckles>,
-    /// The least [confidence](crate::stereo::confidence) that disparities are kept with, after these filters.
+    /// The least [confidence](crate::stereo::confidence_map) that disparities are kept with, after these filters.
     pub min_confidence: Option<u8>,
     /// A dense map from what is sure.
     pub smoother: Option<Smoother>,
@@ -88,7 +89,7 @@ impl Refinement {
         frames: &Frames,
     ) -> Result<(DisparityMap, ConfidenceMap)> {
         if let Some(least) = self.min_confidence {
-            confidence::keep_sure(&mut map, &mut confidences, least);
+            confidence_map::keep_sure(&mut map, &mut confidences, least);
         }
         if let Some(smoother) = self.smoother {
             (map, confidences) = smoother.apply(&map, &confidences, &frames.picture(Frame::Center).expect("a centre"))?;

@@ -82,6 +82,24 @@ impl MethodOptions {
         self
     }
 
+    /// An error if a block size was asked for that none of the methods has a use for.
+    pub fn check_block_size(&self, names: &[MethodName], block_size: Option<u8>) -> Result<()> {
+        if block_size.is_none() || self.refinement.has_blocks() || names.iter().any(|&name| self.has_blocks(name)) {
+            return Ok(());
+        }
+        let names = names.iter().map(Named::name).collect::<Vec<_>>().join(", ");
+        let with_blocks = "bm, gc, sgm with --cost sad, and --texture-threshold";
+        Err(Error::Usage(format!("--block-size has no effect on {names} as it is here: it is for {with_blocks}")))
+    }
+
+    fn has_blocks(&self, name: MethodName) -> bool {
+        match name {
+            MethodName::Bm | MethodName::Gc => true,
+            MethodName::Sgm => self.semi_global.has_blocks(),
+            MethodName::MccnnFast | MethodName::MccnnAccurate => false,
+        }
+    }
+
     /// The method with these options, for a match in a number of `views`. `block_size` is that of block matching, with which graph
     /// cuts start, and of sums of absolute differences, if one was asked for.
     pub fn method(&self, name: MethodName, block_size: Option<u8>, views: usize) -> Result<Method> {
@@ -107,12 +125,6 @@ impl MethodOptions {
             MethodName::MccnnFast => mc_cnn(Architecture::Fast)?,
             MethodName::MccnnAccurate => mc_cnn(Architecture::Accurate)?,
         };
-        let is_by_blocks = matches!(method.cost, CostFunction::Sad { .. }) || name == MethodName::Gc || refinement.has_blocks();
-        if block_size.is_some() && !is_by_blocks {
-            let name = name.name();
-            let with_blocks = "bm, gc, sgm with --cost sad, and --texture-threshold";
-            return Err(Error::Usage(format!("--block-size has no effect on {name} as it is here: it is for {with_blocks}")));
-        }
         Ok(method.with_refinement(refinement.refinement(block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE))?))
     }
 }

@@ -4,8 +4,8 @@ use clap::{Args, value_parser};
 use multiscopic::{
     Result,
     stereo::{
-        confidence,
-        refinement::{BackgroundFill, Bilateral, Median, Refinement, Smoother, Speckles, Texture},
+        confidence_map,
+        refinement::{BackgroundFill, Bilateral, Median, Refinement, Smoother, Speckles, TextureThreshold},
     },
 };
 
@@ -94,14 +94,14 @@ impl RefinementOptions {
         let speckles = |window_size| Speckles { window_size, range: self.speckle_range };
         Ok(Refinement {
             uniqueness: self.uniqueness_ratio,
-            texture: self.texture_threshold.map(|threshold| Texture { threshold, block_size }),
+            texture: self.texture_threshold.map(|threshold| TextureThreshold { threshold, block_size }),
             speckles: self.speckle_window_size.map(speckles),
             left_right: self.disp12_max_diff,
             median: self.median.map(Median::new).transpose()?,
             bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
             smoother: self.smooth.then_some(Smoother::DEFAULT),
             fill: self.fill.map(|FillName::Background| BackgroundFill),
-            min_confidence: self.min_confidence.map(confidence::of_probability),
+            min_confidence: self.min_confidence.map(confidence_map::of_probability),
         })
     }
 }

@@ -48,6 +48,11 @@ enum CostName {
 }
 
 impl SemiGlobalOptions {
+    /// Whether the matching cost counts in blocks.
+    pub fn has_blocks(&self) -> bool {
+        self.cost == CostName::Sad
+    }
+
     /// The matching cost. `block_size` is the block's, if one was asked for.
     pub fn cost(&self, block_size: Option<u8>) -> Result<CostFunction> {
         Ok(match self.core_cost(block_size)? {

@@ -4,7 +4,7 @@ use anyhow::{Context, Result, bail};
 use multiscopic::{
     DisparityMap, Engine, Frames, Method, Picture,
     scene::{PinholeCamera, Scene, render, render_views},
-    stereo::{CostFunction, Optimizer, confidence::ConfidenceMap, optimization::sgm::SemiGlobal},
+    stereo::{CostFunction, Optimizer, confidence_map::ConfidenceMap, optimization::sgm::SemiGlobal},
 };
 use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, SemiGlobalCost, SemiGlobalMatcher, View, Views};
 use multiscopic_edge::{Matching, WholeLines, frame_file::FrameFile};

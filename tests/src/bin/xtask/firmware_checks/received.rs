@@ -3,7 +3,7 @@
 use anyhow::{Result, bail, ensure};
 use multiscopic::{
     DisparityMap,
-    stereo::confidence::ConfidenceMap,
+    stereo::confidence_map::ConfidenceMap,
     target::reception::{self, Flaw, Notice, ReceivedFrame},
 };
 use multiscopic_core::{Disparity, Search};

@@ -13,7 +13,7 @@ use crate::images::{DisparityMap, Raster};
 /// borders the pixels there are repeated. With views to the left or right alone this is the texture of OpenCV's StereoBM, except at
 /// the borders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Texture {
+pub struct TextureThreshold {
     /// The least texture that is enough.
     pub threshold: u32,
     /// The side of the block in pixels, odd.
@@ -23,7 +23,7 @@ pub struct Texture {
 /// Slopes count up to this: the default of OpenCV's `preFilterCap`.
 const MAX_SLOPE: u32 = 31;
 
-impl Texture {
+impl TextureThreshold {
     /// Filters a map of the disparities of `center`, by `views`, on the threads of the current pool.
     ///
     /// # Panics
@@ -113,7 +113,7 @@ mod tests {
             sorted.sort_unstable();
             let threshold = sorted[sorted.len() / 2];
             let mut map = DisparityMap::filled(width as usize, height as usize, Disparity::whole(3));
-            Texture { threshold: threshold as u32, block_size: 2 * radius as u8 + 1 }.apply(&mut map, &image, views);
+            TextureThreshold { threshold: threshold as u32, block_size: 2 * radius as u8 + 1 }.apply(&mut map, &image, views);
             let kept: Vec<bool> = map.pixels().iter().map(Option::is_some).collect();
             assert_eq!(kept, all.iter().map(|texture| *texture >= threshold).collect::<Vec<_>>(), "{views:?}");
             assert!(kept.contains(&true) && kept.contains(&false));

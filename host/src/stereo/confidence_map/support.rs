@@ -1,4 +1,4 @@
-//! Evidence for a method without costs: how far block matching supports its disparities.
+//! Evidence for a method without costs: how far semi-global matching supports its disparities.
 
 use multiscopic_core::ConfidenceTable;
 use rayon::prelude::*;

@@ -5,13 +5,13 @@
 //!
 //! | room | what it is |
 //! | --- | --- |
-//! | `support` | evidence for a method without costs: how far block matching supports its disparities |
-//! | `fitted` | the tables of the methods that the core does not have |
+//! | `support` | evidence for a method without costs: how far semi-global matching supports its disparities |
+//! | `method_tables` | the tables of the methods that the core does not have |
 
-mod fitted;
+mod method_tables;
 mod support;
 
-pub use fitted::{CENSUS, EDGE_AWARE, GRAPH_CUTS};
+pub use method_tables::{CENSUS, EDGE_AWARE, GRAPH_CUTS};
 pub(super) use support::support;
 
 use multiscopic_core::ConfidenceTable;

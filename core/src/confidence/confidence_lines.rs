@@ -3,6 +3,7 @@
 use super::table::ConfidenceTable;
 use crate::{
     Disparity, MatchError, MemoryTooSmall, Params, Search,
+    filters::MatchedLines,
     kernel::{Isa, Portable},
 };
 
@@ -54,29 +55,16 @@ use crate::{
 pub struct ConfidenceLines<'m, I = Portable<{ Params::LANES }>> {
     isa: I,
     table: &'m ConfidenceTable,
-    width: usize,
-    height: usize,
-    /// The last [`DISPARITIES`](ConfidenceLines::DISPARITIES) lines.
-    disparities: &'m mut [Option<Disparity>],
-    /// The last [`PEAKS`](ConfidenceLines::PEAKS) lines.
-    peaks: &'m mut [u8],
-    /// Lines that the matcher has yielded.
-    matched: usize,
-    /// The next line.
-    next: usize,
+    lines: MatchedLines<'m, { ConfidenceTable::ROWS }>,
 }
 
 impl ConfidenceLines<'_> {
     /// How many lines the confidences are behind the disparities.
     pub const LATENCY_LINES: usize = ConfidenceTable::ROWS;
-    /// Lines of disparities that are kept.
-    const DISPARITIES: usize = 2 * ConfidenceTable::ROWS + 1;
-    /// Lines of peak ratios that are kept.
-    const PEAKS: usize = ConfidenceTable::ROWS + 1;
 
     /// The words of memory for a frame of `width` columns: 28 bytes for each.
     pub const fn memory_words(width: usize) -> usize {
-        (width * (2 * Self::DISPARITIES + Self::PEAKS)).div_ceil(size_of::<u32>())
+        MatchedLines::<{ ConfidenceTable::ROWS }>::memory_words(width)
     }
 }
 
@@ -107,61 +95,28 @@ impl<'m, I: Isa> ConfidenceLines<'m, I> {
         table: &'m ConfidenceTable,
         memory: &'m mut [u32],
     ) -> Result<ConfidenceLines<'m, I>, MemoryTooSmall> {
-        let (width, height) = (search.width(), search.height());
-        let too_small = MemoryTooSmall { needed: ConfidenceLines::memory_words(width), given: memory.len() };
-        let bytes: &mut [u8] = bytemuck::cast_slice_mut(memory);
-        let (disparities, peaks) = bytes.split_at_mut_checked(2 * ConfidenceLines::DISPARITIES * width).ok_or(too_small)?;
-        let disparities = bytemuck::try_cast_slice_mut(disparities).map_err(|_| too_small)?;
-        let peaks = peaks.get_mut(..ConfidenceLines::PEAKS * width).ok_or(too_small)?;
-        Ok(ConfidenceLines { isa, table, width, height, disparities, peaks, matched: 0, next: 0 })
+        Ok(ConfidenceLines { isa, table, lines: MatchedLines::new(search, memory)? })
     }
 
     /// Computes the next line, and returns its index in the frame, or `None` after the last. `matched` computes the next line of
     /// disparities and peak ratios: [`Matcher::next_line_and_peaks`](crate::Matcher::next_line_and_peaks), for the whole frame,
-    /// or [`SemiGlobalMatcher::next_line_and_peaks`](crate::SemiGlobalMatcher::next_line_and_peaks).
+    /// [`SemiGlobalMatcher::next_line_and_peaks`](crate::SemiGlobalMatcher::next_line_and_peaks), or a
+    /// [filter](crate::MedianLines) of these.
     ///
     /// # Errors
     /// Those of `matched`, or if a slice has another length than a line. No line is lost, and the call can be repeated.
     #[cfg_attr(target_arch = "arm", inline(always))]
     pub fn next_line<E>(
         &mut self,
-        mut matched: impl FnMut(&mut [Option<Disparity>], &mut [u8]) -> Result<Option<usize>, MatchError<E>>,
+        matched: impl FnMut(&mut [Option<Disparity>], &mut [u8]) -> Result<Option<usize>, MatchError<E>>,
         disparities: &mut [Option<Disparity>],
         confidences: &mut [u8],
     ) -> Result<Option<usize>, MatchError<E>> {
-        let needed = self.width;
-        for given in [disparities.len(), confidences.len()] {
-            if given != needed {
-                return Err(MatchError::OutputLength { needed, given });
-            }
-        }
-        let v = self.next;
-        if v >= self.height {
-            return Ok(None);
-        }
-        let last = self.height - 1;
-        while self.matched <= last.min(v + ConfidenceLines::LATENCY_LINES) {
-            let line = slot_mut(self.disparities, self.matched % ConfidenceLines::DISPARITIES, needed);
-            if matched(line, slot_mut(self.peaks, self.matched % ConfidenceLines::PEAKS, needed))?.is_none() {
-                return Ok(None);
-            }
-            self.matched += 1;
-        }
-        let row = |v: usize| slot(self.disparities, v % ConfidenceLines::DISPARITIES, needed);
-        let rows = [v.saturating_sub(ConfidenceTable::ROWS), v, last.min(v + ConfidenceTable::ROWS)].map(row);
-        self.table.line_with_isa(self.isa, rows, slot(self.peaks, v % ConfidenceLines::PEAKS, needed), confidences);
-        disparities.iter_mut().zip(row(v)).for_each(|(disparity, &matched)| *disparity = matched);
-        self.next += 1;
+        let Some(v) = self.lines.advance(matched, [disparities.len(), confidences.len()])? else { return Ok(None) };
+        let rows = [-(ConfidenceTable::ROWS as isize), 0, ConfidenceTable::ROWS as isize];
+        let rows = rows.map(|offset| self.lines.disparities(v.saturating_add_signed(offset)));
+        self.table.line_with_isa(self.isa, rows, self.lines.peaks(v), confidences);
+        disparities.copy_from_slice(rows[1]);
         Ok(Some(v))
     }
-}
-
-/// A line of those that are kept.
-fn slot<T>(lines: &[T], index: usize, width: usize) -> &[T] {
-    lines.get(index * width..(index + 1) * width).unwrap_or_default()
-}
-
-/// A line of those that are kept, to be written.
-fn slot_mut<T>(lines: &mut [T], index: usize, width: usize) -> &mut [T] {
-    lines.get_mut(index * width..(index + 1) * width).unwrap_or_default()
 }

@@ -23,6 +23,13 @@ impl PeakRatio {
         half_octaves(if index == 0 || index + 1 == count { ratio / 2 } else { ratio })
     }
 
+    /// The [grade](PeakRatio::grade) of a candidate, which is 0 without a second one, and whether it is unique enough.
+    #[inline(always)]
+    pub(crate) fn judge(ratio: Option<PeakRatio>, index: usize, count: usize, uniqueness_ratio: Option<u8>) -> (u8, bool) {
+        let Some(ratio) = ratio else { return (0, true) };
+        (ratio.grade(index, count), uniqueness_ratio.is_none_or(|percent| ratio.is_unique(percent)))
+    }
+
     /// Whether the second candidate costs over `percent` of the least cost more than that: the uniqueness ratio of OpenCV's StereoBM.
     #[inline(always)]
     pub const fn is_unique(self, percent: u8) -> bool {

@@ -23,7 +23,8 @@ impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
         if const { !Rule::HAS_HALF && V > 2 } && Rule::new(sweep.params.fusion(), V) == Rule::Half {
             return sweep.by_exact_costs();
         }
-        match (const { I::BATCH == 1 }, sweep.out.peaks.is_some()) {
+        let needs_peaks = sweep.out.peaks.is_some() || sweep.params.uniqueness_ratio().is_some();
+        match (const { I::BATCH == 1 }, needs_peaks) {
             (true, false) => sweep.by_pixel::<false>(),
             (true, true) => sweep.by_pixel::<true>(),
             (false, _) => sweep.by_batch(),
@@ -58,8 +59,12 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             }
             let least = selection.slide_and_fuse(masked, &masks, &mut steps, blocks, fused);
             let exact = Exact { params, u, v, prior, blocks };
-            if PEAKS && let Some(peak) = peaks.next() {
-                (*pixel, *peak) = selection.disparity_and_peak(least, fused, unit, exact);
+            if PEAKS {
+                let grade;
+                (*pixel, grade) = selection.disparity_and_peak(least, fused, unit, exact);
+                if let Some(peak) = peaks.next() {
+                    *peak = grade;
+                }
             } else {
                 *pixel = selection.disparity(least, fused, || exact);
             }
@@ -70,14 +75,20 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
     #[inline(never)]
     fn by_exact_costs(self) {
         let Sweep { isa, params, region, v, prior, mut steps, blocks, out: DisparityLine { disparities, peaks }, .. } = self;
+        let needs_peaks = peaks.is_some() || params.uniqueness_ratio().is_some();
         let mut peaks = peaks.unwrap_or_default().iter_mut();
         slide_to_first::<L, I, V>(isa, params.radius(), &mut steps, blocks);
         for (pixel, u) in disparities.iter_mut().zip(region.columns()) {
             Blocks::<L>::slide(isa, &mut steps, blocks);
             let exact = Exact::<L, I, V> { params, u, v, prior, blocks };
-            *pixel = exact.disparity();
-            if let Some(peak) = peaks.next() {
-                *peak = exact.peak();
+            if needs_peaks {
+                let grade;
+                (*pixel, grade) = exact.disparity_and_peak();
+                if let Some(peak) = peaks.next() {
+                    *peak = grade;
+                }
+            } else {
+                *pixel = exact.disparity();
             }
         }
     }
@@ -136,9 +147,10 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             let of_pixel = |i: usize| kept.get(i * vectors..).unwrap_or_default();
             let exact = |i: usize| Exact { params, u: u + i, v, prior, blocks: of_pixel(i) };
             selection.disparities(&winners, pixels, exact);
-            if let Some(peaks) = peaks.as_mut().and_then(|peaks| peaks.get_mut(u - start..u - start + pixels.len())) {
+            if peaks.is_some() || params.uniqueness_ratio().is_some() {
                 let [_, fused @ .., _] = &mut *padded else { return };
-                selection.peaks(&winners, fused, &units, peaks, exact);
+                let peaks = peaks.as_mut().and_then(|peaks| peaks.get_mut(u - start..u - start + pixels.len()));
+                selection.peaks(&winners, fused, &units, pixels, peaks, exact);
             }
             u += pixels.len();
         }

@@ -33,15 +33,23 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Exact<'_, L, I, V> {
         self.refined(index)
     }
 
-    /// The peak ratio of the existing candidate of least fused cost; 0 if there is none.
+    /// The disparity, if it is unique enough, and the grade of its peak ratio.
     #[cold]
-    pub fn peak(&self) -> u8 {
+    pub fn disparity_and_peak(&self) -> (Option<Disparity>, u8) {
+        let (grade, is_unique) = self.peak();
+        (self.disparity().filter(|_| is_unique), grade)
+    }
+
+    /// The [judgement](PeakRatio::judge) of the existing candidate of least fused cost.
+    #[cold]
+    pub fn peak(&self) -> (u8, bool) {
         let available = self.available();
-        let Some((least, index)) = self.winner(&available, |_| true) else { return 0 };
-        let Some((second, _)) = self.winner(&available, |other| other.abs_diff(index) > 1) else { return 0 };
-        let scale = self.params.fusion().scale(V) as u32;
-        let ratio = PeakRatio { least, second, unit: self.params.block_area() * scale };
-        ratio.grade(index, self.params.num_disparities())
+        let Some((least, index)) = self.winner(&available, |_| true) else { return (0, true) };
+        let ratio = self.winner(&available, |other| other.abs_diff(index) > 1).map(|(second, _)| {
+            let scale = self.params.fusion().scale(V) as u32;
+            PeakRatio { least, second, unit: self.params.block_area() * scale }
+        });
+        PeakRatio::judge(ratio, index, self.params.num_disparities(), self.params.uniqueness_ratio())
     }
 
     /// The least fused cost of the existing candidates at these indices, and its index, the smallest if several tie.

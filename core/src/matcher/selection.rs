@@ -185,7 +185,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
     }
 
-    /// The disparity and the [peak ratio](Selection::unit) of a pixel, given its least fused cost. It overwrites the fused costs.
+    /// The disparity of a pixel, if it is unique enough, and the grade of its peak ratio, given its least fused cost. It overwrites the
+    /// fused costs.
     #[inline(always)]
     pub fn disparity_and_peak<'e, const V: usize>(
         &self,
@@ -198,11 +199,12 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         I: 'e,
     {
         if least == L::MAX {
-            return (exact.disparity(), exact.peak());
+            return exact.disparity_and_peak();
         }
         let index = self.isa.position(fused, least);
         let disparity = self.disparity_at(index, least, fused, || exact);
-        (disparity, self.peak_at(index, least, fused, unit, lane::<I>, || exact))
+        let (grade, is_unique) = self.peak_at(index, least, fused, unit, lane::<I>, || exact);
+        (disparity.filter(|_| is_unique), grade)
     }
 
     /// The disparity of the candidate at an index, which has the least fused cost.
@@ -249,29 +251,37 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
         self.params.block_area() * self.rule.scale(V, incomplete == 0)
     }
 
-    /// The peak ratios of a batch of pixels with their `units`, from their fused costs, which it overwrites.
+    /// The grades of the peak ratios of a batch of pixels with their `units`, from their fused costs, which it overwrites. Pixels that
+    /// are not unique enough lose their disparity.
     #[cfg_attr(not(debug_assertions), inline(always))]
     pub fn peaks<'e, const V: usize>(
         &self,
         winners: &Winners<L>,
         fused: &mut [I::Costs],
         units: &[u32; MAX_BATCH],
-        peaks: &mut [u8],
+        pixels: &mut [Option<Disparity>],
+        mut peaks: Option<&mut [u8]>,
         exact: impl Fn(usize) -> Exact<'e, L, I, V>,
     ) where
         I: 'e,
     {
-        let vectors = fused.len().checked_div(peaks.len()).unwrap_or_default().max(1);
-        for (i, (peak, fused)) in peaks.iter_mut().zip(fused.chunks_exact_mut(vectors)).enumerate() {
+        let vectors = fused.len().checked_div(pixels.len()).unwrap_or_default().max(1);
+        for (i, (pixel, fused)) in pixels.iter_mut().zip(fused.chunks_exact_mut(vectors)).enumerate() {
             let (least, index) = (winners.costs[i], winners.indices[i] as usize);
-            *peak = match least == L::MAX {
+            let (grade, is_unique) = match least == L::MAX {
                 true => exact(i).peak(),
                 false => self.peak_at(index, least, fused, units[i], |index| index, || exact(i)),
             };
+            if !is_unique {
+                *pixel = None;
+            }
+            if let Some(peak) = peaks.as_mut().and_then(|peaks| peaks.get_mut(i)) {
+                *peak = grade;
+            }
         }
     }
 
-    /// The peak ratio of the candidate at an index, whose lane is `lane(index)`.
+    /// The [judgement](PeakRatio::judge) of the candidate at an index, whose lane is `lane(index)`.
     #[inline(always)]
     fn peak_at<'e, const V: usize>(
         &self,
@@ -281,7 +291,7 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
         unit: u32,
         lane: impl Fn(usize) -> usize,
         exact: impl FnOnce() -> Exact<'e, L, I, V>,
-    ) -> u8
+    ) -> (u8, bool)
     where
         I: 'e,
     {
@@ -296,7 +306,7 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
             return exact().peak();
         }
         let ratio = PeakRatio { least: least.widen(), second: second.widen(), unit };
-        ratio.grade(index, self.params.num_disparities())
+        PeakRatio::judge(Some(ratio), index, self.params.num_disparities(), self.params.uniqueness_ratio())
     }
 }
 

@@ -23,6 +23,7 @@ pub struct Params {
     search: Search,
     block_size: u8,
     prior: Option<Prior>,
+    uniqueness_ratio: Option<u8>,
 }
 
 impl Params {
@@ -64,7 +65,7 @@ impl Params {
 
     /// Parameters of a block whose size is known to be valid.
     pub(crate) const fn of(search: Search, block_size: u8) -> Params {
-        Params { search, block_size, prior: None }
+        Params { search, block_size, prior: None, uniqueness_ratio: None }
     }
 
     /// The same search, at each pixel around a disparity that is known beforehand: its *prior*, which an earlier match
@@ -113,6 +114,19 @@ impl Params {
     /// The prior around which is searched.
     pub const fn prior(&self) -> Option<Prior> {
         self.prior
+    }
+
+    /// The same with a uniqueness ratio, or without: a disparity stays only if every candidate more than one disparity away costs over
+    /// `percent` of the least cost more, and around a prior the prior stays otherwise. It is the `uniquenessRatio` of OpenCV's
+    /// StereoBM.
+    #[inline(always)]
+    pub const fn with_uniqueness_ratio(self, percent: Option<u8>) -> Params {
+        Params { uniqueness_ratio: percent, ..self }
+    }
+
+    /// The [uniqueness ratio](Params::with_uniqueness_ratio) in percent.
+    pub const fn uniqueness_ratio(&self) -> Option<u8> {
+        self.uniqueness_ratio
     }
 
     /// The frame of one of the [`views`](Params::views): that view, or around a prior the one at its multiple.

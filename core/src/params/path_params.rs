@@ -37,6 +37,7 @@ pub struct SemiGlobalParams {
     search: Search,
     cost: SemiGlobalCost,
     penalties: PathPenalties,
+    uniqueness_ratio: Option<u8>,
 }
 
 /// How much a pixel differs from its match, before the views are fused.
@@ -200,7 +201,7 @@ impl SemiGlobalParams {
             return Err(error);
         }
         match cost.checked() {
-            Ok(cost) => Ok(SemiGlobalParams { search, cost, penalties }),
+            Ok(cost) => Ok(SemiGlobalParams { search, cost, penalties, uniqueness_ratio: None }),
             Err(error) => Err(error),
         }
     }
@@ -209,6 +210,17 @@ impl SemiGlobalParams {
     #[inline(always)]
     pub const fn with_fusion(self, fusion: Fusion) -> SemiGlobalParams {
         SemiGlobalParams { search: self.search.with_fusion(fusion), ..self }
+    }
+
+    /// The same with a [uniqueness ratio](Params::with_uniqueness_ratio) of the sums of path costs, or without.
+    #[inline(always)]
+    pub const fn with_uniqueness_ratio(self, percent: Option<u8>) -> SemiGlobalParams {
+        SemiGlobalParams { uniqueness_ratio: percent, ..self }
+    }
+
+    /// The [uniqueness ratio](Params::with_uniqueness_ratio) in percent.
+    pub const fn uniqueness_ratio(&self) -> Option<u8> {
+        self.uniqueness_ratio
     }
 
     /// What is searched.

@@ -6,6 +6,7 @@ use super::{
 };
 use crate::{
     Disparity, SemiGlobalParams,
+    confidence::PeakRatio,
     kernel::{BackwardRun, ForwardRun, Kernel, RunPenalties, Slot, Work},
     memory::PathShape,
 };
@@ -80,7 +81,7 @@ impl<I: Kernel> Work for PathSweep<'_, '_, I> {
     #[cfg_attr(not(debug_assertions), inline(always))]
     fn run(mut self) {
         self.forward();
-        match self.peaks.is_some() {
+        match self.peaks.is_some() || self.params.uniqueness_ratio().is_some() {
             true => self.backward::<true>(),
             false => self.backward::<false>(),
         }
@@ -117,17 +118,24 @@ impl<I: Kernel> PathSweep<'_, '_, I> {
     #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
     fn backward<const PEAKS: bool>(&mut self) {
         let PathLines { shape, costs, excess, along, start, samples: [here, above], p2, .. } = &mut *self.paths;
-        let search = self.params.search();
+        let (search, uniqueness_ratio) = (self.params.search(), self.params.uniqueness_ratio());
         let (disparities, peaks) = (&mut *self.disparities, self.peaks.as_deref_mut().unwrap_or_default());
         Slot::copy(along[0], start);
         let penalties = RunPenalties { p1: self.params.penalties().p1(), p2, here, above };
         let run = BackwardRun { depth: shape.depth, costs, excess, along, penalties };
         self.isa.extend_backward(PATHS, run, |reached| {
-            if let Some(disparity) = disparities.get_mut(reached.column) {
-                *disparity = select(search.min_disparity(), reached);
+            let mut is_unique = true;
+            if PEAKS {
+                let grade;
+                let (winner, count) = (reached.winner, search.num_disparities());
+                let ratio = PathWinners::peak_ratio(reached.costs, reached.excess, winner, count);
+                (grade, is_unique) = PeakRatio::judge(ratio, winner.1, count, uniqueness_ratio);
+                if let Some(peak) = peaks.get_mut(reached.column) {
+                    *peak = grade;
+                }
             }
-            if PEAKS && let Some(peak) = peaks.get_mut(reached.column) {
-                *peak = PathWinners::peak(reached.costs, reached.excess, reached.winner, search.num_disparities());
+            if let Some(disparity) = disparities.get_mut(reached.column) {
+                *disparity = select(search.min_disparity(), reached).filter(|_| is_unique);
             }
         });
     }

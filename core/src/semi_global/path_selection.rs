@@ -45,23 +45,18 @@ impl PathWinners {
     }
 
     /// The peak ratio of a pixel with a winner, as
-    /// [`SemiGlobalMatcher::next_line_and_peaks`](crate::SemiGlobalMatcher::next_line_and_peaks) defines it. There are `count`
-    /// disparities.
+    /// [`SemiGlobalMatcher::next_line_and_peaks`](crate::SemiGlobalMatcher::next_line_and_peaks) defines it, if there is a second
+    /// candidate. There are `count` disparities.
     #[inline(always)]
-    pub fn peak(costs: &[u8], excess: &[u8], (least, index): (u16, usize), count: usize) -> u8 {
+    pub fn peak_ratio(costs: &[u8], excess: &[u8], (least, index): (u16, usize), count: usize) -> Option<PeakRatio> {
         let mut second = u16::MAX;
         for ((other, &cost), &excess) in (0..count as u16).zip(costs).zip(excess) {
             let sum = PATHS * u16::from(cost) + u16::from(excess);
             let is_near = other.abs_diff(index as u16) <= 1;
             second = second.min(if is_near { u16::MAX } else { sum });
         }
-        match exists(least) && exists(second) {
-            true => {
-                let unit = u32::from(PATHS * PathWinners::NOISE);
-                PeakRatio { least: least.into(), second: second.into(), unit }.grade(index, count)
-            }
-            false => 0,
-        }
+        let unit = u32::from(PATHS * PathWinners::NOISE);
+        (exists(least) && exists(second)).then(|| PeakRatio { least: least.into(), second: second.into(), unit })
     }
 
     /// The disparities of the first pixels, as many as `disparities`, as [`SemiGlobalParams`] defines them.

@@ -211,14 +211,14 @@ impl Method {
     ) -> Result<DisparityMap> {
         let map = match (&self.cost, &self.optimizer) {
             (CostFunction::Sad { block_size }, Optimizer::WinnerTakesAll)
-                if self.aggregation.is_none() && (search.check_views().is_err() || self.refinement.needs_costs()) =>
+                if self.aggregation.is_none() && (search.check_views().is_err() || self.refinement.left_right.is_some()) =>
             {
                 let unit = u64::from(*block_size).pow(2) * search.fusion().scale(search.views().len());
                 self.take_winners(&BlockRows::new(frames, search, *block_size)?, unit, engine, evidence, progress)
             }
             (CostFunction::Sad { block_size }, Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
                 progress.begin(search.height() as u64, "lines");
-                let params = Params::block_matching(*search, *block_size)?;
+                let params = Params::block_matching(*search, *block_size)?.with_uniqueness_ratio(self.refinement.uniqueness);
                 let line_done = || progress.advance(1);
                 match evidence {
                     Some(evidence) => {

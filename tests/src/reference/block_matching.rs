@@ -82,19 +82,33 @@ impl Match<'_> {
         pixels.map(|(u, v)| self.peak(u, v)).collect()
     }
 
+    /// Whether the best candidate that is more than a disparity away from the winner costs over `percent` of its cost more, or does
+    /// not exist, line by line.
+    pub fn unique(&self, percent: u8) -> Vec<bool> {
+        let pixels = (0..self.height as i32).flat_map(|v| (0..self.width as i32).map(move |u| (u, v)));
+        let is_unique = |(c1, c2, _)| 100.0 * (c2 - c1) > f64::from(percent) * c1;
+        pixels.map(|(u, v)| self.best_two(u, v).is_none_or(is_unique)).collect()
+    }
+
     fn peak(&self, u: i32, v: i32) -> u8 {
+        let Some((c1, c2, winner)) = self.best_two(u, v) else { return 0 };
+        // One view's cost, fused alone, is on the scale of all.
+        let area = fuse_on(self.factor(), self.fusion, vec![f64::from(self.block_size.pow(2))]).expect("a cost");
+        let ratio = (256.0 * (c2 - c1) / (c2 + area)).floor();
+        grade(if winner == 0 || winner == self.num_disparities - 1 { ratio / 2.0 } else { ratio })
+    }
+
+    /// The winner's cost, that of the best candidate more than a disparity away, and the winner's index.
+    fn best_two(&self, u: i32, v: i32) -> Option<(f64, f64, i32)> {
         let candidates: Vec<(f64, i32)> =
             (0..self.num_disparities).filter_map(|i| Some((self.fused_cost(u, v, self.min_disparity + i)?, i))).collect();
         let least = |far_from: Option<i32>| {
             let searched = candidates.iter().filter(|(_, i)| far_from.is_none_or(|other| (i - other).abs() > 1));
             searched.copied().min_by(|(a, _), (b, _)| a.total_cmp(b))
         };
-        let Some((c1, winner)) = least(None) else { return 0 };
-        let Some((c2, _)) = least(Some(winner)) else { return 0 };
-        // One view's cost, fused alone, is on the scale of all.
-        let area = fuse_on(self.factor(), self.fusion, vec![f64::from(self.block_size.pow(2))]).expect("a cost");
-        let ratio = (256.0 * (c2 - c1) / (c2 + area)).floor();
-        grade(if winner == 0 || winner == self.num_disparities - 1 { ratio / 2.0 } else { ratio })
+        let (c1, winner) = least(None)?;
+        let (c2, _) = least(Some(winner))?;
+        Some((c1, c2, winner))
     }
 
     /// The fused cost of a candidate; `None` if no view is available.

@@ -79,15 +79,31 @@ impl SemiGlobal<'_> {
     /// The grade of the peak ratio of each pixel, line by line: by how much more the best candidate costs that is more than a
     /// disparity away from the winner, in 256ths of that sum and 16 for each path.
     pub fn peaks(&self) -> Vec<u8> {
-        let peak = |sums: &Vec<Option<i64>>| {
-            let sums: Vec<(i64, usize)> = sums.iter().zip(0..).filter_map(|(sum, i)| Some(((*sum)?, i))).collect();
-            let Some(&(c1, winner)) = sums.iter().min() else { return 0 };
-            let Some((c2, _)) = sums.iter().filter(|(_, i)| i.abs_diff(winner) > 1).min() else { return 0 };
+        let peak = |best: Option<(i64, i64, usize)>| {
+            let Some((c1, c2, winner)) = best else { return 0 };
             let ratio = 256 * (c2 - c1) / (c2 + 16 * self.paths.len() as i64);
             let is_at_end = winner == 0 || winner as i32 == self.num_disparities - 1;
             grade((if is_at_end { ratio / 2 } else { ratio }) as f64)
         };
-        self.sums().iter().map(peak).collect()
+        self.best_two().into_iter().map(peak).collect()
+    }
+
+    /// Whether the best candidate that is more than a disparity away from the winner costs over `percent` of its sum more, or does
+    /// not exist, line by line.
+    pub fn unique(&self, percent: u8) -> Vec<bool> {
+        let is_unique = |(c1, c2, _): (i64, i64, usize)| 100 * (c2 - c1) > i64::from(percent) * c1;
+        self.best_two().into_iter().map(|best| best.is_none_or(is_unique)).collect()
+    }
+
+    /// The winner's sum, that of the best candidate more than a disparity away, and the winner's index, at each pixel.
+    fn best_two(&self) -> Vec<Option<(i64, i64, usize)>> {
+        let best = |sums: &Vec<Option<i64>>| {
+            let sums: Vec<(i64, usize)> = sums.iter().zip(0..).filter_map(|(sum, i)| Some(((*sum)?, i))).collect();
+            let &(c1, winner) = sums.iter().min()?;
+            let &(c2, _) = sums.iter().filter(|(_, i)| i.abs_diff(winner) > 1).min()?;
+            Some((c1, c2, winner))
+        };
+        self.sums().iter().map(best).collect()
     }
 
     /// The sum of the path costs at each pixel and disparity; `None` where there is no candidate.

@@ -155,6 +155,11 @@ impl Case {
         reference.disparities().into_iter().map(raw16).collect()
     }
 
+    /// The float reference's [`unique`](crate::reference::Match::unique) pixels.
+    pub fn reference_unique(&self, images: &ViewSet, percent: u8) -> Vec<bool> {
+        images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size).unique(percent)
+    }
+
     /// The float reference's peak ratios.
     pub fn reference_peaks(&self, images: &ViewSet) -> Vec<u8> {
         images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size).peaks()

@@ -32,10 +32,16 @@ impl Matched<'_> {
 /// Matches the whole frame in one pass, then in tiles, in bands, in a random rectangle, or with another
 /// number of lanes.
 fn equals_the_reference(case: &Case) {
-    let (images, params) = (case.images(), case.params());
-    let (expected, expected_peaks) = (case.reference(&images), case.reference_peaks(&images));
+    let images = case.images();
+    let (mut expected, expected_peaks) = (case.reference(&images), case.reference_peaks(&images));
     let random = &mut Random(case.seed);
     let wants_peaks = random.below(2) > 0;
+    let uniqueness_ratio = [None, None, Some(0), Some(5), Some(30), Some(255)][random.below(6)];
+    let params = case.params().with_uniqueness_ratio(uniqueness_ratio);
+    if let Some(percent) = uniqueness_ratio {
+        let unique = case.reference_unique(&images, percent);
+        expected.iter_mut().zip(unique).filter(|(_, is_unique)| !is_unique).for_each(|(raw, _)| *raw = 0);
+    }
 
     let whole = Region::whole(params.search());
     fn equal<T: Copy + PartialEq + Debug>(found: &[T], expected: &[T], width: usize, region: &Region, what: &str) {

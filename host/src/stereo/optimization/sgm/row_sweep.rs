@@ -225,7 +225,9 @@ impl<I: Kernel, const M: usize> Work for Finish<'_, '_, I, M> {
                     row.backward(isa, from_right, here.clone(), |u, costs, excess| {
                         let winner = winners.find(isa, search.min_disparity(), u - first, costs, excess);
                         if let Some(peaks) = &mut peaks {
-                            peaks[u] = PathWinners::peak(costs, excess, winner, search.num_disparities());
+                            let count = search.num_disparities();
+                            let ratio = PathWinners::peak_ratio(costs, excess, winner, count);
+                            peaks[u] = ratio.map_or(0, |ratio| ratio.grade(winner.1, count));
                         }
                     });
                     winners.select(&mut disparities[here]);

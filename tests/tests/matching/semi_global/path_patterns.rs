@@ -14,7 +14,7 @@ use multiscopic_tests::{
     },
 };
 
-use super::patterns::{ALL, NEAR, STEREO};
+use crate::patterns::{ALL, NEAR, STEREO};
 
 /// Blocks of 3 x 3 pixels, and their default penalties.
 const SAD: (Cost, [i64; 2]) = (Cost::Sad(1), [6, 48]);

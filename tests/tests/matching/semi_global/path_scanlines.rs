@@ -15,7 +15,7 @@ use multiscopic_tests::{
     },
 };
 
-use super::scanlines::{CASE, Failing};
+use crate::scanlines::{CASE, Failing};
 
 const COSTS: [Cost; 2] = [Cost::Sad(2), Cost::Census(4, 3)];
 

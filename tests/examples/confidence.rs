@@ -266,11 +266,10 @@ fn fit(counts: &Counts) -> ConfidenceTable {
 /// Solves a system of equations by Gauss elimination.
 fn solve(mut matrix: [[f64; TERMS]; TERMS], mut right: [f64; TERMS]) -> [f64; TERMS] {
     for i in 0..TERMS {
+        let pivot = matrix[i];
         for j in i + 1..TERMS {
-            let factor = matrix[j][i] / matrix[i][i];
-            for k in i..TERMS {
-                matrix[j][k] -= factor * matrix[i][k];
-            }
+            let factor = matrix[j][i] / pivot[i];
+            matrix[j].iter_mut().zip(pivot).skip(i).for_each(|(cell, pivot)| *cell -= factor * pivot);
             right[j] -= factor * right[i];
         }
     }

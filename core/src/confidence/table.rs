@@ -147,6 +147,7 @@ fn batch_agreements<const N: usize, const WINDOW: usize>(
 /// [`batch_agreements`] of two pixels, one in each half of a word.
 #[inline(always)]
 fn pair_agreements<I: Isa>(isa: I, own: &[Option<Disparity>], rows: [&[Option<Disparity>]; 3], start: usize) -> Option<[u8; 2]> {
+    #[cfg_attr(target_arch = "arm", allow(clippy::useless_conversion))]
     let word = |[low, high]: [Raw; 2]| u32::from(low) | u32::from(high) << 16;
     let own = own.get(start..)?.first_chunk::<2>()?.map(Neighbourhood::of);
     let (least, span) = (word(own.map(|own| own.least)), word(own.map(|own| own.span)));

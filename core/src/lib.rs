@@ -27,7 +27,7 @@
 //! | `memory` | [`Memory`]: the bytes of each buffer, which the caller lends |
 //! | `rectification` | [`Rectification`], [`Rectified`]: a source's lines without the camera's distortion and tilt |
 //! | `lines` | the lines of all frames that a line is compared with |
-//! | `filters` | [`MedianLines`], [`keep_sure`]: filters of disparity lines |
+//! | `filters` | [`TextureLines`], [`MedianLines`], [`keep_sure`]: filters of disparity lines |
 //! | `confidence` | [`ConfidenceTable`], [`ConfidenceLines`]: how probable it is that a disparity is right |
 //! | `matcher` | [`Matcher`]: pulls lines, and computes disparity lines by block matching |
 //! | `semi_global` | [`SemiGlobalMatcher`]: the same by semi-global matching |
@@ -70,7 +70,7 @@ pub use confidence::{ConfidenceLines, ConfidenceTable, PeakRatio};
 pub use depth::{Depth, Triangulation};
 pub use disparity::Disparity;
 pub use error::{MatchError, MemoryTooSmall};
-pub use filters::{MedianLines, keep_sure};
+pub use filters::{CenterLines, MedianLines, SeenIn, TextureLines, keep_sure, slopes};
 pub use fusion::{Fusion, MatchingCost};
 pub use gradients::Gradients;
 pub use matcher::Matcher;

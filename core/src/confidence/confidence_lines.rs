@@ -3,7 +3,7 @@
 use super::table::ConfidenceTable;
 use crate::{
     Disparity, MatchError, MemoryTooSmall, Params, Search,
-    filters::MatchedLines,
+    filters::{MatchedLines, copy_to},
     kernel::{Isa, Portable},
 };
 
@@ -116,7 +116,7 @@ impl<'m, I: Isa> ConfidenceLines<'m, I> {
         let rows = [-(ConfidenceTable::ROWS as isize), 0, ConfidenceTable::ROWS as isize];
         let rows = rows.map(|offset| self.lines.disparities(v.saturating_add_signed(offset)));
         self.table.line_with_isa(self.isa, rows, self.lines.peaks(v), confidences);
-        disparities.copy_from_slice(rows[1]);
+        copy_to(disparities, rows[1]);
         Ok(Some(v))
     }
 }

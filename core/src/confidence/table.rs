@@ -53,10 +53,10 @@ impl ConfidenceTable {
     pub(super) fn line_with_isa<I: Isa>(&self, isa: I, rows: [&[Option<Disparity>]; 3], evidence: &[u8], confidences: &mut [u8]) {
         let [_, line, _] = rows;
         agreements(isa, line, rows, confidences);
+        let table = self.0.as_flattened();
         for ((confidence, pixel), &evidence) in confidences.iter_mut().zip(line).zip(evidence) {
-            let row = self.0.get(usize::from(*confidence).wrapping_sub(1));
-            let found = row.and_then(|row| row.get(usize::from(evidence))).copied();
-            *confidence = if pixel.is_some() { found.unwrap_or_default() } else { 0 };
+            let place = (usize::from(*confidence) * Self::EVIDENCE + usize::from(evidence)).wrapping_sub(Self::EVIDENCE);
+            *confidence = if pixel.is_some() { table.get(place).copied().unwrap_or_default() } else { 0 };
         }
     }
 

@@ -93,3 +93,8 @@ fn slot<T>(lines: &[T], index: usize, width: usize) -> &[T] {
 fn slot_mut<T>(lines: &mut [T], index: usize, width: usize) -> &mut [T] {
     lines.get_mut(index * width..(index + 1) * width).unwrap_or_default()
 }
+
+/// Copies as many as fit: unlike `copy_from_slice`, it has no panic.
+pub(crate) fn copy_to<T: Copy>(to: &mut [T], from: &[T]) {
+    to.iter_mut().zip(from).for_each(|(to, &from)| *to = from);
+}

@@ -1,6 +1,6 @@
 //! The median filter.
 
-use super::matched_lines::MatchedLines;
+use super::matched_lines::{MatchedLines, copy_to};
 use crate::{Disparity, MatchError, MemoryTooSmall, Search};
 
 /// Computes the median of a frame's disparities over 3 x 3 pixels line by line, from disparity lines as a matcher yields them.
@@ -71,7 +71,7 @@ impl<'m> MedianLines<'m> {
         let around = [v.checked_sub(1), Some(v), Some(v + 1).filter(|below| *below < self.lines.height())];
         let rows = around.map(|v| v.map_or(&[][..], |v| self.lines.disparities(v)));
         median_line(rows, disparities);
-        peaks.copy_from_slice(self.lines.peaks(v));
+        copy_to(peaks, self.lines.peaks(v));
         Ok(Some(v))
     }
 }

@@ -9,8 +9,10 @@ pub mod luma;
 pub mod networks;
 mod rectification;
 pub mod semi_global;
+mod texture;
 
 pub use around_prior::{AroundPrior, gradients, medians};
 pub use block_matching::{Fusion, Match, fixed, fuse, raw16};
 pub use confidence::{confidence, grade};
 pub use rectification::{RectifiedImage, rectify};
+pub use texture::texture;

@@ -1,10 +1,20 @@
 //! Filters of disparity lines equal their definition.
 
-use multiscopic::{images::Raster, stereo::refinement::Median};
-use multiscopic_core::{ConfidenceLines, ConfidenceTable, Disparity, Fusion, MatchError, MedianLines, Search, Views, keep_sure};
+use multiscopic::{
+    images::Raster,
+    stereo::refinement::{Median, TextureThreshold},
+};
+use multiscopic_core::{
+    ConfidenceLines, ConfidenceTable, Disparity, Frame, Fusion, MatchError, Matcher, MedianLines, ScanlineSource, Search,
+    TextureLines, View, Views, keep_sure,
+};
 use multiscopic_tests::{
-    reference::{confidence, medians},
+    reference::{confidence, medians, texture},
     split_mix::Random,
+    test_images::{
+        case::{Case, cases, property},
+        view_set::ViewSet,
+    },
 };
 
 type Map = Vec<Vec<Option<Disparity>>>;
@@ -62,6 +72,90 @@ fn medians_equal_the_definition_and_the_hosts() {
         let host = Median::new(3).unwrap().apply(&Raster::new(width, height, map.concat()));
         assert_eq!(host.pixels(), found_lines.concat());
     }
+}
+
+/// Images of which some lines fail, and can be asked for again.
+struct Flaky<'a> {
+    images: &'a ViewSet,
+    random: Random,
+    failed: bool,
+}
+
+impl ScanlineSource for Flaky<'_> {
+    type Error = ();
+
+    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), ()> {
+        self.failed = !self.failed && self.random.below(6) == 0;
+        if self.failed {
+            return Err(());
+        }
+        let image = match frame {
+            Frame::Center => &self.images.center,
+            Frame::View(view) => self.images.view(view).expect("a view that is matched"),
+        };
+        line.copy_from_slice(&image[v * line.len()..][..line.len()]);
+        Ok(())
+    }
+}
+
+#[test]
+fn textures_equal_the_definition_and_the_hosts() {
+    property(300, cases(100_000, 12_000), |case: &Case| {
+        let (images, params) = (case.images(), case.params());
+        let mut random = Random(case.seed);
+        let counts: [fn(View) -> i8; 2] = [View::right, View::down];
+        let counts = counts.map(|offset| params.views().iter().any(|view| offset(view) != 0));
+        let textures: Vec<u32> = (0..case.width * case.height)
+            .map(|i| texture(&images.center, case.width, case.block_size, counts, (i % case.width, i / case.width)))
+            .collect();
+        // Of a pixel or a bit more, so that borderline cases occur.
+        let threshold = textures[random.below(textures.len())] + random.below(2) as u32;
+
+        let mut memory: Vec<u32> = (0..params.memory_words()).map(|_| random.bits() as u32).collect();
+        let (mut line, mut peaks) = (vec![None; case.width], vec![0; case.width]);
+        let mut matcher = Matcher::new(&params, &mut memory).unwrap();
+        let mut source = Flaky { images: &images, random: Random(case.seed), failed: true };
+        let mut unfiltered = Vec::new();
+        loop {
+            match matcher.next_line_and_peaks(&mut source, &mut line, &mut peaks) {
+                Ok(Some(_)) => unfiltered.extend(line.iter().copied().zip(peaks.iter().copied())),
+                Ok(None) => break,
+                Err(error) => assert_eq!(error, MatchError::Source(())),
+            }
+        }
+
+        let mut memory: Vec<u32> = (0..params.memory_words()).map(|_| random.bits() as u32).collect();
+        let mut matcher = Matcher::new(&params, &mut memory).unwrap();
+        let mut memory: Vec<u32> = (0..TextureLines::memory_words(&params)).map(|_| random.bits() as u32).collect();
+        assert!(TextureLines::new(&params, threshold, &mut memory[1..]).is_err());
+        let mut lines = TextureLines::new(&params, threshold, &mut memory).unwrap();
+        let mut found = Vec::new();
+        loop {
+            let done = lines.next_line(
+                |center, line, peaks| matcher.next_line_and_peaks(&mut center.seen_in(&mut source), line, peaks),
+                &mut line,
+                &mut peaks,
+            );
+            match done {
+                Ok(Some(v)) => {
+                    assert_eq!(v * case.width, found.len());
+                    found.extend(line.iter().copied().zip(peaks.iter().copied()));
+                }
+                Ok(None) => break,
+                Err(error) => assert_eq!(error, MatchError::Source(())),
+            }
+        }
+        let enough =
+            |(&(disparity, peak), &texture): (&(Option<Disparity>, u8), &u32)| (disparity.filter(|_| texture >= threshold), peak);
+        let expected: Vec<_> = unfiltered.iter().zip(&textures).map(enough).collect();
+        assert_eq!(found, expected, "textures {textures:?}, threshold {threshold}");
+
+        let disparities = unfiltered.iter().map(|pixel| pixel.0).collect();
+        let mut host = Raster::new(case.width, case.height, disparities);
+        let filter = TextureThreshold { threshold, block_size: case.block_size as u8 };
+        filter.apply(&mut host, images.frames().get(Frame::Center).expect("a centre"), params.views());
+        assert!(host.pixels().iter().eq(expected.iter().map(|pixel| &pixel.0)));
+    });
 }
 
 /// A median in front of confidences, which are those of the medians by the grades of the pixels.

@@ -20,9 +20,6 @@ pub struct TextureThreshold {
     pub block_size: u8,
 }
 
-/// Slopes count up to this: the default of OpenCV's `preFilterCap`.
-const MAX_SLOPE: u32 = 31;
-
 impl TextureThreshold {
     /// Filters a map of the disparities of `center`, by `views`, on the threads of the current pool.
     ///
@@ -57,21 +54,11 @@ impl TextureThreshold {
 
 /// The slope of grey at each pixel in the directions of the views.
 fn slopes(image: &GrayImage, views: Views) -> Raster<u8> {
-    let [along_rows, along_columns] = [views.iter().any(|view| view.right() != 0), views.iter().any(|view| view.down() != 0)];
     let (width, height) = (image.width() as usize, image.height() as usize);
     let row = |v: usize| &image.as_raw()[v * width..][..width];
     let mut slopes = Raster::filled(width, height, 0);
     slopes.pixels_mut().par_chunks_exact_mut(width).enumerate().for_each(|(v, line)| {
-        let rows = [v.saturating_sub(1), v, (v + 1).min(height - 1)].map(row);
-        for (u, slope) in line.iter_mut().enumerate() {
-            let columns = [u.saturating_sub(1), u, (u + 1).min(width - 1)];
-            let gray = rows.map(|row| columns.map(|u| i32::from(row[u])));
-            let weighted = |[a, b, c]: [i32; 3]| a + 2 * b + c;
-            let across = weighted([0, 1, 2].map(|k| gray[k][2] - gray[k][0]));
-            let down = weighted([0, 1, 2].map(|k| gray[2][k] - gray[0][k]));
-            let of = |derivative: i32, counts| if counts { derivative.unsigned_abs().min(MAX_SLOPE) } else { 0 };
-            *slope = of(across, along_rows).max(of(down, along_columns)) as u8;
-        }
+        multiscopic_core::slopes([v.saturating_sub(1), v, (v + 1).min(height - 1)].map(row), views, line);
     });
     slopes
 }

@@ -59,15 +59,15 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
                 unit = selection.unit::<V>(masks.availability.incomplete());
             }
             let least = selection.slide_and_fuse(masked, &masks, &mut steps, blocks, fused);
-            let exact = Exact { params, u, v, prior, blocks };
+            let exact = || Exact { params, u, v, prior, blocks };
             if PEAKS {
                 let grade;
-                (*pixel, grade) = selection.disparity_and_peak(least, fused, unit, uniqueness_ratio, || exact);
+                (*pixel, grade) = selection.disparity_and_peak(least, fused, unit, uniqueness_ratio, exact);
                 if let Some(peak) = peaks.next() {
                     *peak = grade;
                 }
             } else {
-                *pixel = selection.disparity(least, fused, || exact);
+                *pixel = selection.disparity(least, fused, exact);
             }
         }
     }

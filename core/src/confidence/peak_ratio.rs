@@ -19,15 +19,22 @@ impl PeakRatio {
     /// 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128 and 192.
     #[inline(always)]
     pub fn grade(self, index: usize, count: usize) -> u8 {
-        let ratio = self.ratio();
-        half_octaves(if index == 0 || index + 1 == count { ratio / 2 } else { ratio })
+        self.grade_at(index == 0 || index + 1 == count)
     }
 
-    /// The [grade](PeakRatio::grade) of a candidate, which is 0 without a second one, and whether it is unique enough.
+    /// The [grade](PeakRatio::grade) of a candidate that is at an end of the search, or not.
     #[inline(always)]
-    pub(crate) fn judge(ratio: Option<PeakRatio>, index: usize, count: usize, uniqueness_ratio: Option<u8>) -> (u8, bool) {
+    fn grade_at(self, is_end: bool) -> u8 {
+        let ratio = self.ratio();
+        half_octaves(if is_end { ratio / 2 } else { ratio })
+    }
+
+    /// The [grade](PeakRatio::grade) of a candidate that is at an end of the search, or not, which is 0 without a second one, and
+    /// whether it is unique enough.
+    #[inline(always)]
+    pub(crate) fn judge(ratio: Option<PeakRatio>, is_end: bool, uniqueness_ratio: Option<u8>) -> (u8, bool) {
         let Some(ratio) = ratio else { return (0, true) };
-        (ratio.grade(index, count), uniqueness_ratio.is_none_or(|percent| ratio.is_unique(percent)))
+        (ratio.grade_at(is_end), uniqueness_ratio.is_none_or(|percent| ratio.is_unique(percent)))
     }
 
     /// Whether the second candidate costs over `percent` of the least cost more than that: the uniqueness ratio of OpenCV's StereoBM.

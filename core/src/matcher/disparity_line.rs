@@ -23,11 +23,11 @@ impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
         if const { !Rule::HAS_HALF && V > 2 } && Rule::new(sweep.params.fusion(), V) == Rule::Half {
             return sweep.by_exact_costs();
         }
-        match (const { I::BATCH == 1 }, sweep.out.peaks.is_some(), sweep.params.uniqueness_ratio().is_some()) {
-            (false, ..) => sweep.by_batch(),
-            (true, false, false) => sweep.by_pixel::<false, false>(),
-            (true, true, false) => sweep.by_pixel::<true, false>(),
-            (true, _, true) => sweep.by_pixel::<true, true>(),
+        let needs_peaks = sweep.out.peaks.is_some() || sweep.params.uniqueness_ratio().is_some();
+        match (const { I::BATCH == 1 }, needs_peaks) {
+            (true, false) => sweep.by_pixel::<false>(),
+            (true, true) => sweep.by_pixel::<true>(),
+            (false, _) => sweep.by_batch(),
         }
     }
 }
@@ -36,10 +36,10 @@ impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
 // while the least cost is in a register, where the fusing loop left it. An out-of-order processor hides the
 // latency of selection, but only across a batch.
 impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>> {
-    /// Pixel by pixel, with peak ratios if `PEAKS` is set, by which pixels have to be unique enough if `UNIQUE` is. A function of its
-    /// own, since small processors have few registers.
+    /// Pixel by pixel, with peak ratios if `PEAKS` is set. A function of its own, since small processors have few
+    /// registers.
     #[inline(never)]
-    fn by_pixel<const PEAKS: bool, const UNIQUE: bool>(self) {
+    fn by_pixel<const PEAKS: bool>(self) {
         let Sweep { isa, params, region, v, prior, mut steps, blocks, masks, availability, fused, out, .. } = self;
         let DisparityLine { disparities, peaks } = out;
         let mut peaks = peaks.unwrap_or_default().iter_mut();
@@ -52,7 +52,6 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
         masks.enter_line(start, v);
         let mut masked = masks.masked(selection.rule);
         let mut unit = selection.unit::<V>(masks.availability.incomplete());
-        let uniqueness_ratio = if UNIQUE { params.uniqueness_ratio() } else { None };
         for (pixel, u) in disparities.iter_mut().zip(start..) {
             if masks.enter(u) {
                 masked = masks.masked(selection.rule);
@@ -62,7 +61,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>
             let exact = || Exact { params, u, v, prior, blocks };
             if PEAKS {
                 let grade;
-                (*pixel, grade) = selection.disparity_and_peak(least, fused, unit, uniqueness_ratio, exact);
+                (*pixel, grade) = selection.disparity_and_peak(least, fused, unit, exact);
                 if let Some(peak) = peaks.next() {
                     *peak = grade;
                 }

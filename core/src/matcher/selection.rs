@@ -193,7 +193,6 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         least: L,
         fused: &mut [I::Costs],
         unit: u32,
-        uniqueness_ratio: Option<u8>,
         exact: impl Fn() -> Exact<'e, L, I, V>,
     ) -> (Option<Disparity>, u8)
     where
@@ -204,7 +203,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
         let index = self.isa.position(fused, least);
         let disparity = self.disparity_at(index, least, fused, &exact);
-        let (grade, is_unique) = self.peak_at(index, least, fused, unit, uniqueness_ratio, lane::<I>, &exact);
+        let (grade, is_unique) = self.peak_at(index, least, fused, unit, lane::<I>, &exact);
         (disparity.filter(|_| is_unique), grade)
     }
 
@@ -266,13 +265,12 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
     ) where
         I: 'e,
     {
-        let uniqueness_ratio = self.params.uniqueness_ratio();
         let vectors = fused.len().checked_div(pixels.len()).unwrap_or_default().max(1);
         for (i, (pixel, fused)) in pixels.iter_mut().zip(fused.chunks_exact_mut(vectors)).enumerate() {
             let (least, index) = (winners.costs[i], winners.indices[i] as usize);
             let (grade, is_unique) = match least == L::MAX {
                 true => exact(i).peak(),
-                false => self.peak_at(index, least, fused, units[i], uniqueness_ratio, |index| index, || exact(i)),
+                false => self.peak_at(index, least, fused, units[i], |index| index, || exact(i)),
             };
             if !is_unique {
                 *pixel = None;
@@ -291,7 +289,6 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
         least: L,
         fused: &mut [I::Costs],
         unit: u32,
-        uniqueness_ratio: Option<u8>,
         lane: impl Fn(usize) -> usize,
         exact: impl FnOnce() -> Exact<'e, L, I, V>,
     ) -> (u8, bool)
@@ -309,7 +306,7 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
             return exact().peak();
         }
         let ratio = PeakRatio { least: least.widen(), second: second.widen(), unit };
-        PeakRatio::judge(Some(ratio), index, self.params.num_disparities(), uniqueness_ratio)
+        PeakRatio::judge(Some(ratio), index.wrapping_sub(1) >= self.inner, self.params.uniqueness_ratio())
     }
 }
 

@@ -1,12 +1,10 @@
-//! Compares whole matches by the processor's kernel with those by its portable twin.
+//! Compares whole matches of blocks by the processor's kernel with those by its portable twin.
 //!
 //! Exits with 0, or prints the first difference and exits with 1.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
 mod pattern;
-#[cfg(target_os = "none")]
-mod semi_global_matches;
 #[cfg(target_os = "none")]
 #[path = "../kernels/twin.rs"]
 mod twin;
@@ -21,7 +19,7 @@ mod image {
     use semihosting::{eprintln, process};
     use static_cell::ConstStaticCell;
 
-    use super::{semi_global_matches::compare_semi_global_matches, twin::Difference, whole_matches::compare_matches};
+    use super::{twin::Difference, whole_matches::compare_matches};
 
     /// Words of memory of a match.
     const WORDS: usize = 10_000;
@@ -43,7 +41,7 @@ mod image {
     fn compare() -> Result<usize, Difference> {
         let Some(memory) = MEMORY.try_take() else { return Err(Difference) };
         let memory = &mut memory.each_mut().map(|memory| &mut memory[..]);
-        Ok(compare_matches(memory)? + compare_semi_global_matches(memory[0])?)
+        compare_matches(memory)
     }
 }
 

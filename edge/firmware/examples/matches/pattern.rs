@@ -5,6 +5,11 @@ use multiscopic_core::{Frame, ScanlineSource};
 
 use super::xorshift::Xorshift;
 
+/// Pixels in a line.
+pub const WIDTH: u16 = 37;
+/// Lines.
+pub const HEIGHT: u16 = 29;
+
 /// Frames that are computed, since there is no memory to store them.
 #[derive(Clone, Copy, Debug)]
 pub enum Pattern {

@@ -5,12 +5,9 @@ use multiscopic_firmware::BoardKernel;
 use semihosting::eprintln;
 
 use super::{
-    pattern::Pattern,
+    pattern::{HEIGHT, Pattern, WIDTH},
     twin::{Difference, Twin, same},
 };
-
-pub const WIDTH: u16 = 37;
-pub const HEIGHT: u16 = 29;
 
 /// Compares matches of every set of views with every fusion, in several sizes. Returns their number.
 #[inline(never)]

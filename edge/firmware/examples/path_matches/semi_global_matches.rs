@@ -9,9 +9,8 @@ use semihosting::eprintln;
 use static_cell::ConstStaticCell;
 
 use super::{
-    pattern::Pattern,
+    pattern::{HEIGHT, Pattern, WIDTH},
     twin::{Difference, Twin, same},
-    whole_matches::{HEIGHT, WIDTH},
 };
 
 /// The disparities of a match.

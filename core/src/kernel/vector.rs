@@ -8,6 +8,9 @@ pub trait Lane: Copy + Ord + Default + Pod {
     /// The cost at which 16-bit lanes saturate, and the cost of a candidate that is not available. No cost of
     /// a single view reaches it.
     const MAX: Self;
+    /// Whether a candidate may have this fused cost. Not in lanes that have saturated or belong to no candidate: masked 32-bit lanes
+    /// wrap to values a little below [`Lane::MAX`] when they are fused.
+    fn is_cost(self) -> bool;
     /// The cost in 32 bits.
     fn widen(self) -> u32;
     /// The index of a lane as a cost.
@@ -16,6 +19,11 @@ pub trait Lane: Copy + Ord + Default + Pod {
 
 impl Lane for u16 {
     const MAX: u16 = u16::MAX;
+
+    #[inline(always)]
+    fn is_cost(self) -> bool {
+        self != u16::MAX
+    }
 
     #[inline(always)]
     fn widen(self) -> u32 {
@@ -30,6 +38,11 @@ impl Lane for u16 {
 
 impl Lane for u32 {
     const MAX: u32 = u32::MAX;
+
+    #[inline(always)]
+    fn is_cost(self) -> bool {
+        self < 1 << 31
+    }
 
     #[inline(always)]
     fn widen(self) -> u32 {

@@ -302,7 +302,7 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
             }
         }
         let second = self.isa.least(fused);
-        if second == L::MAX {
+        if !second.is_cost() {
             return exact().peak();
         }
         let ratio = PeakRatio { least: least.widen(), second: second.widen(), unit };

@@ -7,9 +7,10 @@ use multiscopic_core::{
     kernel::{Kernel, Portable},
 };
 use multiscopic_tests::{
+    reference::Fusion,
     split_mix::Random,
     test_images::{
-        case::{Case, cases, cut, matched, matched_with_peaks, property},
+        case::{Appearance, Case, cases, cut, matched, matched_with_peaks, property},
         view_set::ViewSet,
     },
 };
@@ -86,6 +87,25 @@ fn equals_the_reference(case: &Case) {
         8 => check(matched.with(Portable::<4, 32>, &whole, random), &whole, "4 lanes, batches of 32"),
         9 => check(matched.with(Portable::<16, 5>, &whole, random), &whole, "16 lanes, batches of 5"),
         _ => check(matched.with(Portable::<32, 32>, &whole, random), &whole, "32 lanes, batches of 32"),
+    }
+}
+
+/// Masked lanes past the last disparity wrap when they are fused in 32 bits.
+#[test]
+fn lanes_past_the_last_disparity_are_no_second_candidate() {
+    for seed in 0..200 {
+        equals_the_reference(&Case {
+            width: 5,
+            height: 3,
+            views: [false, true, true, true],
+            others: Vec::new(),
+            fusion: Fusion::Heuristic,
+            min_disparity: 1,
+            num_disparities: 1 + seed as i32 % 3,
+            block_size: 17,
+            texture: Appearance::Noise,
+            seed,
+        });
     }
 }
 

@@ -43,6 +43,10 @@ fn main() -> ExitCode {
         }
         Err(error) => error.exit(),
     };
+    if let Err(error) = terminal::signals::install() {
+        terminal::say(&error.to_string());
+        return ExitCode::from(2);
+    }
     let done = match cli.command {
         Command::Demo(command) => command.run(),
         Command::Match(command) => command.run(),

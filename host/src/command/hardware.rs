@@ -3,7 +3,7 @@
 use std::{
     sync::{
         Arc,
-        atomic::{AtomicBool, AtomicUsize, Ordering},
+        atomic::{AtomicBool, AtomicUsize},
     },
     time::Duration,
 };
@@ -20,7 +20,10 @@ use multiscopic::{
 };
 use multiscopic_core::capture::Policy;
 
-use super::options::{CameraSpec, HardwareOptions};
+use super::{
+    options::{CameraSpec, HardwareOptions},
+    terminal::signals,
+};
 
 /// How much longer than the camera the sequence waits for a frame: the camera's own error says more about the cause.
 const CAMERA_FIRST: Duration = Duration::from_secs(3);
@@ -62,8 +65,7 @@ impl Hardware {
     ///
     /// From then on, Ctrl-C no longer ends the program.
     pub fn open(options: &HardwareOptions) -> Result<Hardware> {
-        let interrupts = Arc::new(AtomicUsize::new(0));
-        count_interrupts(&interrupts)?;
+        let interrupts = signals::count(usize::MAX);
         let (limits, settings) = (options.limits.limits()?, options.settings.settings());
         let frame_timeout = options.settings.frame_timeout()?;
         let policy = options.sequence.policy(&options.stage, frame_timeout + CAMERA_FIRST)?;
@@ -122,14 +124,4 @@ impl BlockingCamera for AnyCamera {
             AnyCamera::Simulated(camera) => camera.take(timeout, is_cancelled).map_err(|never| match never {}),
         }
     }
-}
-
-/// Makes Ctrl-C count up instead of ending the program.
-fn count_interrupts(interrupts: &Arc<AtomicUsize>) -> Result<()> {
-    let interrupts = interrupts.clone();
-    let handler = move || {
-        interrupts.fetch_add(1, Ordering::Relaxed);
-    };
-    ctrlc::set_handler(handler)
-        .map_err(|error| Error::Usage(format!("cannot handle Ctrl-C, so the stage could not be stopped: {error}")))
 }

@@ -12,7 +12,7 @@ use multiscopic::stereo::{
     confidence_map::{self, ConfidenceMap},
 };
 use multiscopic::{
-    DisparityMap, Error, Method, Picture, Result,
+    DisparityMap, Error, Geometry, Method, Picture, Result,
     files::{
         output,
         ply::{self, Encoding},
@@ -136,7 +136,7 @@ impl Match {
             let megabytes = bytes.div_ceil(1_000_000);
             terminal::say(&format!("matching at {} times the size takes about {megabytes} MB of memory", cuts.upsample));
         }
-        let watch = Watch::new()?;
+        let watch = Watch::new();
         let start = Instant::now();
         let (mut disparities, mut confidences) = match (prior, method.long_baselines, &self.outputs.confidence) {
             (Some(prior), Some(long), _) => (long.refine_prior(&engine, &frames, prior, &watch)?, None),
@@ -155,18 +155,7 @@ impl Match {
             }
         }
 
-        let outputs = &self.outputs;
-        outputs.maps.write(&disparities)?;
-        if let (Some(path), Some(confidences)) = (&outputs.confidence, &confidences) {
-            Picture::from(confidences).write_png(path)?;
-        }
-        if let (Some(path), Some(geometry)) = (&outputs.depth, &geometry) {
-            disparities.to_depth(geometry).write_pfm(path)?;
-        }
-        if let (Some(path), Some(geometry), Some(center)) = (&outputs.ply, &geometry, &center) {
-            let encoding = if outputs.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
-            ply::write(path, &disparities, confidences.as_ref(), geometry, center, encoding)?;
-        }
+        output::write_together(|| self.outputs.write(&disparities, confidences.as_ref(), geometry.as_ref(), center.as_ref()))?;
         let method = if self.prior.is_some() { "around a prior" } else { self.method.name() };
         terminal::say(&summary(method, &search, &disparities, confidences.as_ref(), seconds));
         preparation.warnings(&disparities, &search).into_iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
@@ -178,6 +167,27 @@ impl Outputs {
     fn paths(&self) -> Vec<&Path> {
         let Outputs { maps, confidence, depth, ply, ply_ascii: _ } = self;
         maps.paths().chain([confidence, depth, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
+    }
+
+    fn write(
+        &self,
+        disparities: &DisparityMap,
+        confidences: Option<&ConfidenceMap>,
+        geometry: Option<&Geometry>,
+        center: Option<&Picture>,
+    ) -> Result<()> {
+        self.maps.write(disparities)?;
+        if let (Some(path), Some(confidences)) = (&self.confidence, confidences) {
+            Picture::from(confidences).write_png(path)?;
+        }
+        if let (Some(path), Some(geometry)) = (&self.depth, geometry) {
+            disparities.to_depth(geometry).write_pfm(path)?;
+        }
+        if let (Some(path), Some(geometry), Some(center)) = (&self.ply, geometry, center) {
+            let encoding = if self.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
+            ply::write(path, disparities, confidences, geometry, center, encoding)?;
+        }
+        Ok(())
     }
 
     /// The option and the file of an output that needs the geometry, if there is one.

@@ -1,10 +1,15 @@
 //! Pictures of a board, taken by a camera whenever the board is in a new pose.
 
-use std::{fs, path::Path, sync::atomic::AtomicBool, time::Duration};
+use std::{
+    fs,
+    path::Path,
+    sync::atomic::{AtomicBool, Ordering},
+    time::Duration,
+};
 
 use image::GrayImage;
 use multiscopic::{
-    CameraModel, Error, Lens, Progress, Result,
+    CameraModel, Error, Lens, Result,
     calibration::{BoardCorner, BoardImage, Coverage, PrintedBoard},
     capture::{BlockingCamera, Imperfections, camera::V4l2Camera},
     files::image_codec,
@@ -13,7 +18,7 @@ use multiscopic::{
 use super::simulated_board::SimulatedBoard;
 use crate::command::{
     options::{CameraSpec, SettingsOptions},
-    terminal::{self, Watch},
+    terminal::{self, signals},
 };
 
 /// Width and height of a simulated camera's pictures, and their focal length in widths, unless its lens has others.
@@ -81,12 +86,13 @@ impl CameraSession<'_> {
         is_live: bool,
         mut take: impl FnMut(&AtomicBool) -> Result<GrayImage>,
     ) -> Result<(Vec<BoardImage>, [usize; 2])> {
-        let watch = Watch::new()?;
+        // The first Ctrl-C ends the session, the second the program.
+        let interrupts = signals::count(2);
         let never = AtomicBool::new(false);
         let mut taken = Taken { session: self, size, images: Vec::new(), said: String::new() };
         let mut previous: Vec<BoardCorner> = Vec::new();
         let mut trials = 0;
-        while taken.images.len() < self.pictures && !watch.is_interrupted() && trials < MOST_TRIALS {
+        while taken.images.len() < self.pictures && interrupts.load(Ordering::Relaxed) == 0 && trials < MOST_TRIALS {
             trials += 1;
             let picture = take(&never)?;
             let corners = match self.board.corners_in(&picture) {

@@ -121,7 +121,7 @@ impl LensCommand {
             });
         }
         let depth = self.bits.depth(None, &self.images.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
-        let watch = Watch::new()?;
+        let watch = Watch::new();
         watch.begin(self.images.len() as u64, "pictures");
         let photo = |path: &PathBuf| {
             let photo = read(path, board, depth);

@@ -1,7 +1,8 @@
-//! Standard output, standard error, and progress bars.
+//! Standard output, standard error, progress bars, and signals.
 
 mod bar;
 mod messages;
+pub mod signals;
 mod watch;
 
 pub use bar::progress;

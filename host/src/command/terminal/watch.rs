@@ -1,52 +1,22 @@
-//! Progress of long work on the terminal, and Ctrl-C.
-
-use std::{
-    process,
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering},
-    },
-};
+//! Progress of long work on the terminal.
 
 use indicatif::ProgressBar;
-use multiscopic::{Error, Progress, Result};
+use multiscopic::Progress;
 
 use super::bar;
 
-/// A progress bar and a handler for Ctrl-C.
+/// A progress bar.
 ///
-/// Work that polls [`is_interrupted`](Progress::is_interrupted) ends early with the result it has so far. A second
-/// Ctrl-C ends the program; so does the first if the work does not poll.
+/// It does not pass on that the user presses Ctrl-C: a method would end early with what it has so far, which is not what was asked for.
 #[derive(Debug)]
 pub struct Watch {
     bar: ProgressBar,
-    interrupts: Arc<Interrupts>,
-}
-
-#[derive(Debug, Default)]
-struct Interrupts {
-    polled: AtomicBool,
-    received: AtomicBool,
 }
 
 impl Watch {
-    /// Installs the handler. A program can do so once.
-    ///
-    /// # Errors
-    /// A handler is installed already.
-    pub fn new() -> Result<Watch> {
-        let interrupts = Arc::new(Interrupts::default());
-        let handled = interrupts.clone();
-        ctrlc::set_handler(move || {
-            let Interrupts { polled, received } = &*handled;
-            if received.swap(true, Ordering::Relaxed) || !polled.load(Ordering::Relaxed) {
-                // The shell's convention: 128 plus the signal number.
-                process::exit(130);
-            }
-        })
-        .map_err(|error| Error::Usage(format!("cannot handle Ctrl-C: {error}")))?;
-        let bar = bar::progress(0, "");
-        Ok(Watch { bar, interrupts })
+    /// A bar without a stage yet.
+    pub fn new() -> Watch {
+        Watch { bar: bar::progress(0, "") }
     }
 
     /// Removes the bar.
@@ -68,10 +38,5 @@ impl Progress for Watch {
 
     fn say(&self, message: &str) {
         self.bar.set_message(message.to_owned());
-    }
-
-    fn is_interrupted(&self) -> bool {
-        self.interrupts.polled.store(true, Ordering::Relaxed);
-        self.interrupts.received.load(Ordering::Relaxed)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{destination::Destination, temporary};
+use super::{destination::Destination, temporary::Temporary};
 use crate::error::{Error, Result};
 
 /// Checks, before the work whose results they take, that all `outputs` can be written, and that none is given
@@ -24,7 +24,7 @@ pub fn check(outputs: &[&Path], inputs: &[&Path]) -> Result<()> {
         let checked = Destination::of(path).and_then(|destination| match destination {
             // Opening a pipe could not be undone.
             Destination::Stream => Ok(()),
-            Destination::File { path, .. } => temporary::file_beside(&path).map(drop),
+            Destination::File { path, .. } => Temporary::file_beside(&path).map(drop),
         });
         checked.map_err(|source| Error::Write { path: path.into(), source })?;
     }

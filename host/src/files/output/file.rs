@@ -1,12 +1,18 @@
 //! Writing a file as a whole.
 
 use std::{
+    cell::RefCell,
     fs::{File, Permissions},
     io::{self, BufWriter, Write},
-    path::Path,
+    path::{Path, PathBuf},
 };
 
-use super::{destination::Destination, temporary};
+use tempfile::NamedTempFile;
+
+use super::{
+    destination::Destination,
+    temporary::{Temporary, persist_all},
+};
 use crate::error::{Error, Result};
 
 /// Writes the file `path`; `contents` writes its data.
@@ -29,6 +35,25 @@ pub fn write(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()
     written.map_err(|source| Error::Write { path: path.into(), source })
 }
 
+/// Writes several files as one: all that `write` [writes](write) on this thread, or none if it fails. Pipes and devices are written
+/// directly.
+///
+/// # Errors
+/// Those of `write`, or [`Error::Write`] if a complete file cannot get its final name.
+pub fn write_together<T>(write: impl FnOnce() -> Result<T>) -> Result<T> {
+    let before = COMPLETE.replace(Some(Vec::new()));
+    let written = write();
+    let complete = COMPLETE.replace(before).unwrap_or_default();
+    let written = written?;
+    persist_all(complete).map_err(|(path, source)| Error::Write { path, source })?;
+    Ok(written)
+}
+
+thread_local! {
+    /// The complete files of this thread that wait for the others, with their final names.
+    static COMPLETE: RefCell<Option<Vec<(Temporary<NamedTempFile>, PathBuf)>>> = const { RefCell::new(None) };
+}
+
 /// Opens for appending, so that the shell's `>>` keeps what is in the file.
 fn append(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     fill(&mut File::options().append(true).open(path)?, contents)
@@ -39,13 +64,20 @@ fn replace(
     permissions: Option<Permissions>,
     contents: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<()> {
-    let mut file = temporary::file_beside(target)?;
-    fill(file.as_file_mut(), contents)?;
+    let mut temporary = Temporary::file_beside(target)?;
+    fill(temporary.file(), contents)?;
     if let Some(permissions) = permissions {
-        file.as_file().set_permissions(permissions)?;
+        temporary.file().set_permissions(permissions)?;
     }
-    file.persist(target)?;
-    Ok(())
+    let complete = (temporary, target.to_owned());
+    let alone = COMPLETE.with_borrow_mut(|waiting| match waiting {
+        Some(waiting) => {
+            waiting.push(complete);
+            None
+        }
+        None => Some(complete),
+    });
+    persist_all(alone.into_iter().collect()).map_err(|(_, error)| error)
 }
 
 fn fill(file: &mut File, contents: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
@@ -91,6 +123,26 @@ mod tests {
         }
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
         assert_eq!(names(dir.path()), ["a"]);
+    }
+
+    #[test]
+    fn files_are_written_together_or_not_at_all() {
+        let dir = tempfile::tempdir().unwrap();
+        let [a, b] = ["a", "b"].map(|name| dir.path().join(name));
+        let text = |path: &Path| write(path, |w| w.write_all(b"new"));
+        let failed = write_together(|| {
+            text(&a)?;
+            assert_eq!(names(dir.path()).len(), 1, "a temporary file");
+            write(&b, |_| Err(io::Error::other("the disk is full")))
+        });
+        assert!(matches!(failed, Err(Error::Write { path, .. }) if path == b));
+        assert_eq!(names(dir.path()), [""; 0]);
+        write_together(|| text(&a).and(text(&b))).unwrap();
+        assert_eq!(names(dir.path()), ["a", "b"]);
+        // Files that are written afterwards stand alone again.
+        fs::remove_file(&a).unwrap();
+        text(&a).unwrap();
+        assert_eq!(names(dir.path()), ["a", "b"]);
     }
 
     #[test]

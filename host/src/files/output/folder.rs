@@ -2,7 +2,7 @@
 
 use std::{fs, io, path::Path};
 
-use super::temporary;
+use super::temporary::Temporary;
 use crate::error::{Error, Result};
 
 /// Makes the folder `path`; `contents` writes its files into the folder that it is given.
@@ -17,11 +17,9 @@ use crate::error::{Error, Result};
 pub fn write_folder<T>(path: &Path, contents: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
     check_folder(path)?;
     let failed = |source| Error::Write { path: path.into(), source };
-    let temporary = temporary::folder_beside(path).map_err(failed)?;
+    let temporary = Temporary::folder_beside(path).map_err(failed)?;
     let written = contents(temporary.path())?;
-    fs::rename(temporary.path(), path).map_err(failed)?;
-    // The folder has its final name, so there is nothing left to delete.
-    let _ = temporary.keep();
+    temporary.persist(path).map_err(failed)?;
     Ok(written)
 }
 
@@ -41,7 +39,7 @@ pub fn check_folder(path: &Path) -> Result<()> {
         let path = path.display();
         return Err(Error::Usage(format!("{path} is there already and will not be replaced: give another folder, or remove it")));
     }
-    temporary::file_beside(path).map(drop).map_err(failed)
+    Temporary::file_beside(path).map(drop).map_err(failed)
 }
 
 #[cfg(test)]

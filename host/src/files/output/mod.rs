@@ -7,5 +7,6 @@ mod folder;
 mod temporary;
 
 pub use check::check;
-pub use file::write;
+pub use file::{write, write_together};
 pub use folder::{check_folder, write_folder};
+pub use temporary::abandon;

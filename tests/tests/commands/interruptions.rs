@@ -1,0 +1,113 @@
+//! What signals and failures leave behind.
+
+#![cfg(unix)]
+
+use std::{
+    fs,
+    path::Path,
+    process::{Child, Command, Output, Stdio},
+    thread,
+    time::{Duration, Instant},
+};
+
+use image::GrayImage;
+use multiscopic_tests::{program, split_mix::Random};
+
+/// A pair of images of noise.
+fn images(dir: &Path, width: u32, height: u32) {
+    let mut random = Random(1);
+    for name in ["c.png", "r.png"] {
+        GrayImage::from_fn(width, height, |_, _| [random.byte()].into()).save(dir.join(name)).unwrap();
+    }
+}
+
+/// Starts a match of the images after some `setup` in a shell.
+fn start(dir: &Path, setup: &str, options: &str) -> Child {
+    let script = format!(r#"{setup} exec "$0" match --center c.png --right r.png {options}"#);
+    let mut shell = Command::new("sh");
+    shell.arg("-c").arg(script).arg(program::binary()).current_dir(dir);
+    shell.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+fn finish(child: Child) -> (Option<i32>, String) {
+    let Output { status, stderr, .. } = child.wait_with_output().unwrap();
+    (status.code(), String::from_utf8(stderr).unwrap())
+}
+
+fn send(signal: &str, child: &Child) {
+    assert!(Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status().unwrap().success());
+}
+
+/// Waits until a program handles signals. The shell that becomes it does not.
+fn wait_until_signals_are_handled(child: &Child) {
+    let status = format!("/proc/{}/status", child.id());
+    let start = Instant::now();
+    let handles = || {
+        let status = fs::read_to_string(&status).unwrap_or_default();
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap_or("0");
+        u64::from_str_radix(mask.trim(), 16).unwrap() >> (15 - 1) & 1 > 0
+    };
+    while !handles() {
+        assert!(start.elapsed() < Duration::from_secs(20), "the program handles no signals");
+        thread::sleep(Duration::from_millis(5));
+    }
+    // Into the sweeps.
+    thread::sleep(Duration::from_millis(300));
+}
+
+fn names(dir: &Path) -> Vec<String> {
+    let mut names: Vec<_> = fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// Graph cuts of these images take far longer than the test.
+const SLOW: &str = "--method gc --num-disparities 200 -o o.pfm --png p.png";
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_interrupted_match_writes_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    images(dir.path(), 600, 400);
+    for (signal, code) in [("INT", 130), ("TERM", 143), ("HUP", 129)] {
+        let child = start(dir.path(), "", SLOW);
+        wait_until_signals_are_handled(&child);
+        send(signal, &child);
+        let (found, messages) = finish(child);
+        assert_eq!(found, Some(code), "{signal}: {messages}");
+        assert!(messages.contains("interrupted"), "{signal}: {messages}");
+        assert_eq!(names(dir.path()), ["c.png", "r.png"], "{signal}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_signal_that_was_ignored_stays_ignored() {
+    let dir = tempfile::tempdir().unwrap();
+    images(dir.path(), 600, 400);
+    let mut child = start(dir.path(), "trap '' HUP;", SLOW);
+    wait_until_signals_are_handled(&child);
+    send("HUP", &child);
+    thread::sleep(Duration::from_millis(200));
+    assert_eq!(child.try_wait().unwrap(), None, "SIGHUP ended the program");
+    send("TERM", &child);
+    assert_eq!(finish(child).0, Some(143));
+}
+
+#[test]
+fn outputs_are_written_together_or_not_at_all() {
+    let dir = tempfile::tempdir().unwrap();
+    images(dir.path(), 120, 90);
+    let inputs = ["c.png", "r.png"];
+    // The last output fails; each is larger than a kilobyte or two, the limit of the shell.
+    for (setup, options) in
+        [("", "--png p.png -o o.pfm --raw16 /dev/full"), ("ulimit -f 2;", "--png p.png -o o.pfm --confidence c8.png")]
+    {
+        let (code, messages) = finish(start(dir.path(), setup, options));
+        assert_eq!(code, Some(2), "{options}: {messages}");
+        assert!(messages.contains("cannot write"), "{options}: {messages}");
+        assert_eq!(names(dir.path()), inputs, "{options}");
+    }
+    assert_eq!(finish(start(dir.path(), "", "--png p.png -o o.pfm")).0, Some(0));
+    assert_eq!(names(dir.path()), ["c.png", "o.pfm", "p.png", "r.png"]);
+}

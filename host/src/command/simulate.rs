@@ -80,16 +80,19 @@ impl Simulate {
         let bar = terminal::progress(lines as u64, "lines");
         let simulation = simulation::simulate(&profile, fusion, &frames, &|| bar.inc(1))?;
         bar.finish_and_clear();
-        if let Some(path) = &self.packets {
-            output::write(path, |writer| writer.write_all(&simulation.packets))?;
-        }
-        if self.output.is_some() || self.confidence.is_some() {
-            let received = reception::receive(&simulation.packets[..], Path::new("the simulated packets"), |_| ())?;
-            self.output.iter().try_for_each(|path| received.disparities.write_pfm(path))?;
-            if let (Some(path), Some(confidences)) = (&self.confidence, &received.confidences) {
-                Picture::from(confidences).write_png(path)?;
+        output::write_together(|| {
+            if let Some(path) = &self.packets {
+                output::write(path, |writer| writer.write_all(&simulation.packets))?;
             }
-        }
+            if self.output.is_some() || self.confidence.is_some() {
+                let received = reception::receive(&simulation.packets[..], Path::new("the simulated packets"), |_| ())?;
+                self.output.iter().try_for_each(|path| received.disparities.write_pfm(path))?;
+                if let (Some(path), Some(confidences)) = (&self.confidence, &received.confidences) {
+                    Picture::from(confidences).write_png(path)?;
+                }
+            }
+            Ok(())
+        })?;
         let report = SimulationReport::new(&profile, &matching, self.core, images, &simulation);
         terminal::print_report(&report, self.json)?;
         Ok(ExitCode::SUCCESS)

@@ -517,6 +517,11 @@ fn an_impossible_demo_is_refused() {
         Invocation::new(["demo", "-o", &output, option, value]).assert_refused(&[value]);
     }
     assert!(!Path::new(&output).exists(), "nothing is made for a demo that cannot be");
+
+    let own = dir.path().join("center.png");
+    fs::write(&own, "the user's own").expect("a file");
+    Invocation::new(["demo", "-o", dir.path().to_str().expect("UTF-8")]).assert_refused(&["center.png", "is there already"]);
+    assert_eq!(fs::read_to_string(own).expect("the file"), "the user's own");
 }
 
 #[test]

@@ -11,6 +11,7 @@ use clap::{Args, value_parser};
 use multiscopic::{
     Method, Result,
     evaluation::{Record, results},
+    files::output,
     images::Layout,
     scene::{PinholeCamera, Scene, render_views},
     stereo::{CostFunction, Optimizer},
@@ -91,12 +92,14 @@ impl Demo {
         bar.set_message("writing");
         let records: Vec<Record> = outcomes.iter().map(|outcome| outcome.record.clone()).collect();
         let rows = results::rows(&records);
-        folder.write_capture(&shot, &camera, self.seed)?;
-        folder.write_maps(&shot, &camera, &outcomes)?;
         let errors = Errors { variants: &variants, records: &records, has_default_fusion: false, baselines: "baselines" };
-        folder.write_charts(&errors)?;
         let page = ResultsPage { commands: &self.commands(&params), views, errors: &errors, params: &params, rows: &rows };
-        let page_path = folder.write_page(&page.to_html())?;
+        let page_path = output::write_together(|| {
+            folder.write_capture(&shot, &camera, self.seed)?;
+            folder.write_maps(&shot, &camera, &outcomes)?;
+            folder.write_charts(&errors)?;
+            folder.write_page(&page.to_html())
+        })?;
         bar.finish_and_clear();
 
         terminal::print(&results::to_text(&rows))?;

@@ -34,6 +34,8 @@ pub fn frames(views: Views) -> Vec<(Frame, String)> {
     std::iter::once(center).chain(views.iter().map(|view| (Frame::View(view), caption(view)))).collect()
 }
 
+/// What the frames show, as `rig.toml` tells.
+const SCENE: &str = "the scene of multiscopic demo";
 /// The picture of the truth.
 pub const TRUTH_PNG: &str = "truth.png";
 const CLOUD: &str = "cloud.ply";
@@ -57,7 +59,7 @@ pub struct ResultsFolder {
 
 impl ResultsFolder {
     /// Creates the folder if it is missing, and checks that the results of `variants`, which are captured in `views`, can be
-    /// written to it.
+    /// written to it. They replace those of an earlier demo, but no files of the user.
     pub fn create(path: &Path, views: Views, variants: &[Variant]) -> Result<ResultsFolder> {
         fs::create_dir_all(path).map_err(|source| Error::Write { path: path.into(), source })?;
         let folder = ResultsFolder { path: path.into(), views };
@@ -77,7 +79,20 @@ impl ResultsFolder {
         let frames = frames(views).into_iter().map(|(frame, _)| FrameFiles::name_of(frame));
         let paths: Vec<PathBuf> = frames.chain(single).chain(maps).map(|name| folder.file(&name)).collect();
         output::check(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[])?;
+        if let Some(path) = paths.iter().find(|path| path.exists())
+            && !folder.is_of_a_demo()
+        {
+            let path = path.display();
+            return Err(Error::Usage(format!(
+                "{path} is there already, and is not of a demo: give another folder, or remove it"
+            )));
+        }
         Ok(folder)
+    }
+
+    /// Whether an earlier demo has written the results that are there. All its files are written together.
+    fn is_of_a_demo(&self) -> bool {
+        fs::read_to_string(self.file(Rig::FILE_NAME)).is_ok_and(|rig| rig.contains(SCENE))
     }
 
     fn file(&self, name: &str) -> PathBuf {
@@ -86,7 +101,7 @@ impl ResultsFolder {
 
     /// Writes the frames and `rig.toml`, as after a capture, and the truth.
     pub fn write_capture(&self, shot: &Shot, camera: &PinholeCamera, seed: u64) -> Result<()> {
-        rendered_capture::write(&self.path, shot, camera, format!("the scene of multiscopic demo, seed {seed}"))
+        rendered_capture::write(&self.path, shot, camera, format!("{SCENE}, seed {seed}"))
     }
 
     /// Writes the maps of all variants, their pictures and errors, the overview, what each set of views adds, and the best

@@ -4,14 +4,12 @@ use std::{
     cell::RefCell,
     fs::{File, Permissions},
     io::{self, BufWriter, Write},
-    path::{Path, PathBuf},
+    path::Path,
 };
-
-use tempfile::NamedTempFile;
 
 use super::{
     destination::Destination,
-    temporary::{Temporary, persist_all},
+    temporary::{Complete, Temporary, persist_all},
 };
 use crate::error::{Error, Result};
 
@@ -50,8 +48,8 @@ pub fn write_together<T>(write: impl FnOnce() -> Result<T>) -> Result<T> {
 }
 
 thread_local! {
-    /// The complete files of this thread that wait for the others, with their final names.
-    static COMPLETE: RefCell<Option<Vec<(Temporary<NamedTempFile>, PathBuf)>>> = const { RefCell::new(None) };
+    /// The complete files of this thread that wait for the others.
+    static COMPLETE: RefCell<Option<Vec<Complete>>> = const { RefCell::new(None) };
 }
 
 /// Opens for appending, so that the shell's `>>` keeps what is in the file.
@@ -69,7 +67,7 @@ fn replace(
     if let Some(permissions) = permissions {
         temporary.file().set_permissions(permissions)?;
     }
-    let complete = (temporary, target.to_owned());
+    let complete = Complete { temporary, target: target.to_owned() };
     let alone = COMPLETE.with_borrow_mut(|waiting| match waiting {
         Some(waiting) => {
             waiting.push(complete);

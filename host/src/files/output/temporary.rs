@@ -73,14 +73,23 @@ impl Temporary<TempDir> {
     }
 }
 
+/// A file that is written, but does not have its final name yet.
+#[derive(Debug)]
+pub struct Complete {
+    /// The file.
+    pub temporary: Temporary<NamedTempFile>,
+    /// Its final name.
+    pub target: PathBuf,
+}
+
 /// Gives files their final names. Nothing that [`abandon`]s them comes in between.
 ///
 /// # Errors
 /// The first that cannot be renamed, with its final name. Those after it are deleted.
-pub fn persist_all(files: Vec<(Temporary<NamedTempFile>, PathBuf)>) -> Result<(), (PathBuf, io::Error)> {
+pub fn persist_all(files: Vec<Complete>) -> Result<(), (PathBuf, io::Error)> {
     let mut listed = Vec::with_capacity(files.len());
     let guard = unfinished();
-    let renamed = files.into_iter().try_for_each(|(temporary, target)| {
+    let renamed = files.into_iter().try_for_each(|Complete { temporary, target }| {
         listed.push(temporary._listed);
         temporary.inner.persist(&target).map(drop).map_err(|error| (target, error.error))
     });

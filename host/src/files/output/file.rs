@@ -33,14 +33,14 @@ pub fn write(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()
     written.map_err(|source| Error::Write { path: path.into(), source })
 }
 
-/// Writes several files as one: all that `write` [writes](write) on this thread, or none if it fails. Pipes and devices are written
+/// Writes several files as one: all that `contents` [writes](write()) on this thread, or none if it fails. Pipes and devices are written
 /// directly.
 ///
 /// # Errors
-/// Those of `write`, or [`Error::Write`] if a complete file cannot get its final name.
-pub fn write_together<T>(write: impl FnOnce() -> Result<T>) -> Result<T> {
+/// Those of `contents`, or [`Error::Write`] if a complete file cannot get its final name.
+pub fn write_together<T>(contents: impl FnOnce() -> Result<T>) -> Result<T> {
     let before = COMPLETE.replace(Some(Vec::new()));
-    let written = write();
+    let written = contents();
     let complete = COMPLETE.replace(before).unwrap_or_default();
     let written = written?;
     persist_all(complete).map_err(|(path, source)| Error::Write { path, source })?;

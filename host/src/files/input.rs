@@ -13,12 +13,30 @@ pub(crate) const MAX_BYTES: u64 = 1 << 30;
 /// The contents of the file `path`. An empty file is an error.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     let failed = |source| Error::Read { path: path.into(), source };
+    if is_device(path) {
+        return Err(Error::format(path, "a device", "a file or a pipe"));
+    }
     let mut bytes = Vec::new();
     File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(failed)?;
     match bytes.len() as u64 {
         0 => Err(Error::format(path, "an empty file", "data")),
         n if n > MAX_BYTES => Err(Error::format(path, "more than 1 GiB", "at most 1 GiB")),
         _ => Ok(bytes),
+    }
+}
+
+/// Whether a path is a device, such as `/dev/zero`, which may have no end.
+fn is_device(path: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        std::fs::metadata(path)
+            .is_ok_and(|metadata| metadata.file_type().is_char_device() || metadata.file_type().is_block_device())
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = path;
+        false
     }
 }
 
@@ -51,6 +69,8 @@ mod tests {
         std::fs::write(&path, "").unwrap();
         assert_eq!(read(&path).unwrap_err().to_string(), format!("{}: found an empty file, expected data", path.display()));
         assert!(matches!(read(dir.path()), Err(Error::Read { .. })));
+        #[cfg(unix)]
+        assert_eq!(read(Path::new("/dev/zero")).unwrap_err().to_string(), "/dev/zero: found a device, expected a file or a pipe");
     }
 
     #[test]

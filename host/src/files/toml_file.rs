@@ -7,6 +7,9 @@ use serde::{Serialize, de::DeserializeOwned};
 use super::{input, output};
 use crate::error::{Error, Result};
 
+/// The characters of a line that a message quotes.
+const MOST_QUOTED: usize = 80;
+
 /// The value in the TOML file `path`, which should be `expected`, such as "a rig.toml".
 pub(crate) fn read<T: DeserializeOwned>(path: &Path, expected: &str) -> Result<T> {
     let text = input::read_text(path)?;
@@ -26,6 +29,10 @@ fn with_line(error: &toml::de::Error, text: &str) -> String {
         return error.message().into();
     };
     let number = before.matches('\n').count();
-    let line = text.lines().nth(number).unwrap_or_default().trim();
+    let mut line: String = text.lines().nth(number).unwrap_or_default().trim().into();
+    if let Some((end, _)) = line.char_indices().nth(MOST_QUOTED) {
+        line.truncate(end);
+        line.push_str("...");
+    }
     format!("line {} ({line}): {}", number + 1, error.message())
 }

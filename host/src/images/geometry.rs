@@ -18,6 +18,9 @@ pub struct Geometry {
 }
 
 impl Geometry {
+    /// The longest focal length in pixels, and the longest baseline in millimetres: ten kilometres.
+    pub const MAX_LENGTH: f64 = 1e7;
+
     /// The depth in metres, `focal_px * baseline / (d + doffs)`, or `None` if `d + doffs <= 0`.
     pub fn depth(&self, d: Disparity) -> Option<f64> {
         self.depth_mm(f32::from(d).into()).map(|depth| depth / 1000.0)

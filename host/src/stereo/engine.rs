@@ -19,12 +19,19 @@ pub struct Engine {
 }
 
 impl Engine {
+    /// The most threads: starting more takes longer than what they save.
+    pub const MAX_THREADS: usize = 256;
+
     /// An engine with a set of vector instructions, by default the [fastest](Simd::fastest) for each search,
-    /// and a number of threads, 0 for one per core.
+    /// and a number of threads, 0 for one per core, at most [`MAX_THREADS`](Engine::MAX_THREADS).
     ///
     /// # Errors
-    /// If the threads cannot be started.
+    /// If there are too many threads, or they cannot be started.
     pub fn new(simd: Option<Simd>, threads: usize) -> Result<Engine> {
+        if threads > Engine::MAX_THREADS {
+            let most = Engine::MAX_THREADS;
+            return Err(Error::Usage(format!("{threads} threads are too many, at most {most}: 0 is one for each core")));
+        }
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let pool = pool.map_err(|error| Error::Usage(format!("cannot start {threads} threads: {error}")))?;
         Ok(Engine { simd, pool })

@@ -416,7 +416,9 @@ fn a_faulty_captured_folder_is_refused() {
         ("baseline_mm", "length_mm", &["rig.toml", "length_mm"][..]),
         ("focal_px = 40.0", "focal_px = -40.0", &["rig.toml", "focal_px", "-40"]),
         ("focal_px = 40.0", "focal_px = 40.0\nzoom = 2", &["rig.toml", "zoom"]),
+        ("focal_px = 40.0", "focal_px = 1e300", &["rig.toml", "focal_px", "10000000"]),
         ("top.png", "missing.png", &["missing.png"]),
+        ("\"top.png\"", "\"/dev/zero\"", &["/dev/zero", "a device"]),
         ("[images]", "[images", &["rig.toml"]),
     ] {
         assert!(rig.contains(line), "{rig}");
@@ -425,8 +427,34 @@ fn a_faulty_captured_folder_is_refused() {
         fs::remove_file(bench.path("out.pfm")).expect("the old output");
         bench.arguments.truncate(2);
     }
+    let long = format!("{rig}[{}", "x".repeat(100_000));
+    bench.file("rig/rig.toml", long.as_bytes());
+    bench.output("-o", "out.pfm");
+    let refused = bench.run();
+    refused.assert_refused(&["rig.toml", "xxx..."]);
+    assert!(refused.stderr.len() < 1000, "a long line is not repeated");
+
     fs::remove_file(bench.path("rig/rig.toml")).expect("the rig");
-    bench.refused(&["rig.toml"]);
+    bench.arguments.truncate(2);
+    bench.refused(&["rig.toml", "multiscopic rig init"]);
+}
+
+#[test]
+fn a_rig_is_its_folder_or_its_file() {
+    let mut bench = Bench::rig();
+    bench.output("-o", "folder.pfm");
+    bench.run().assert_done();
+    bench.arguments[1] += "/rig.toml";
+    bench.set("-o", bench.path("file.pfm"));
+    bench.run().assert_done();
+    assert!(fs::read(bench.path("folder.pfm")).expect("a map") == fs::read(bench.path("file.pfm")).expect("a map"));
+}
+
+#[test]
+fn what_no_machine_can_do_is_refused() {
+    Invocation::new(["bench", "--width", "65535", "--height", "65535"]).assert_refused(&["65535x65535", "67108864"]);
+    Invocation::new(["bench", "--threads", "9999999"]).assert_refused(&["9999999", "256"]);
+    Bench::stereo().add("--focal-px", "1e300").refused(&["--focal-px", "10000000"]);
 }
 
 #[test]

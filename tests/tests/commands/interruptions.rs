@@ -21,9 +21,9 @@ fn images(dir: &Path, width: u32, height: u32) {
     }
 }
 
-/// Starts a match of the images after some `setup` in a shell.
+/// Starts a match of the images by a shell, after some `setup`.
 fn start(dir: &Path, setup: &str, options: &str) -> Child {
-    let script = format!(r#"{setup} exec "$0" match --center c.png --right r.png {options}"#);
+    let script = format!(r#"{setup} "$0" match --center c.png --right r.png {options}"#);
     let mut shell = Command::new("sh");
     shell.arg("-c").arg(script).arg(program::binary()).current_dir(dir);
     shell.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
@@ -61,6 +61,9 @@ fn names(dir: &Path) -> Vec<String> {
     names
 }
 
+/// Whoever runs the tests may ignore these signals, as `nohup` does.
+const ALL_SIGNALS: &str = "exec env --default-signal=INT,HUP";
+
 /// Graph cuts of these images take far longer than the test.
 const SLOW: &str = "--method gc --num-disparities 200 -o o.pfm --png p.png";
 
@@ -70,7 +73,7 @@ fn an_interrupted_match_writes_nothing() {
     let dir = tempfile::tempdir().unwrap();
     images(dir.path(), 600, 400);
     for (signal, code) in [("INT", 130), ("TERM", 143), ("HUP", 129)] {
-        let child = start(dir.path(), "", SLOW);
+        let child = start(dir.path(), ALL_SIGNALS, SLOW);
         wait_until_signals_are_handled(&child);
         send(signal, &child);
         let (found, messages) = finish(child);
@@ -85,7 +88,7 @@ fn an_interrupted_match_writes_nothing() {
 fn a_signal_that_was_ignored_stays_ignored() {
     let dir = tempfile::tempdir().unwrap();
     images(dir.path(), 600, 400);
-    let mut child = start(dir.path(), "trap '' HUP;", SLOW);
+    let mut child = start(dir.path(), "exec env --ignore-signal=HUP", SLOW);
     wait_until_signals_are_handled(&child);
     send("HUP", &child);
     thread::sleep(Duration::from_millis(200));
@@ -101,13 +104,13 @@ fn outputs_are_written_together_or_not_at_all() {
     let inputs = ["c.png", "r.png"];
     // The last output fails; each is larger than a kilobyte or two, the limit of the shell.
     for (setup, options) in
-        [("", "--png p.png -o o.pfm --raw16 /dev/full"), ("ulimit -f 2;", "--png p.png -o o.pfm --confidence c8.png")]
+        [("exec", "--png p.png -o o.pfm --raw16 /dev/full"), ("ulimit -f 2; exec", "--png p.png -o o.pfm --confidence c8.png")]
     {
         let (code, messages) = finish(start(dir.path(), setup, options));
         assert_eq!(code, Some(2), "{options}: {messages}");
         assert!(messages.contains("cannot write"), "{options}: {messages}");
         assert_eq!(names(dir.path()), inputs, "{options}");
     }
-    assert_eq!(finish(start(dir.path(), "", "--png p.png -o o.pfm")).0, Some(0));
+    assert_eq!(finish(start(dir.path(), "exec", "--png p.png -o o.pfm")).0, Some(0));
     assert_eq!(names(dir.path()), ["c.png", "o.pfm", "p.png", "r.png"]);
 }

@@ -5,7 +5,7 @@ use multiscopic::{Error, Frames, Geometry, Result, Rig};
 
 use super::{
     lens_file::LensFile,
-    value::{finite, point, positive},
+    value::{finite, length, point},
 };
 
 /// The geometry that turns disparities into depth.
@@ -13,11 +13,11 @@ use super::{
 #[command(next_help_heading = "Camera (for depth; overrides rig.toml)")]
 pub struct GeometryOptions {
     /// Focal length in pixels
-    #[arg(long, value_name = "PX", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "PX", value_parser = length, allow_negative_numbers = true)]
     focal_px: Option<f64>,
 
     /// Distance the camera moved from the centre to each neighbour, in millimetres
-    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", value_parser = length, allow_negative_numbers = true)]
     baseline_mm: Option<f64>,
 
     /// Negated disparity of a point at infinity, in pixels [default: 0]

@@ -67,6 +67,20 @@ pub struct Source {
 impl Source {
     /// The files of a captured folder, and of a lens other than the rig's if there is one.
     pub fn of_rig(directory: &Path, lens: Option<&Path>, bits: &BitsOption) -> multiscopic::Result<Source> {
+        // Whoever names the file means its folder.
+        let is_file = directory.file_name().is_some_and(|name| name == Rig::FILE_NAME) && directory.is_file();
+        let directory = if is_file { directory.parent().unwrap_or(directory) } else { directory };
+        if directory.is_dir() && !directory.join(Rig::FILE_NAME).exists() {
+            return Err(Error::Format {
+                path: directory.into(),
+                found: format!("a folder without {}", Rig::FILE_NAME),
+                expected: format!(
+                    "a captured folder, whose {} names the images of its views: for photos that are there already, `multiscopic rig init` \
+                     writes one",
+                    Rig::FILE_NAME
+                ),
+            });
+        }
         let rig = Rig::load(directory)?;
         let lens = lens.map(PathBuf::from).or(rig.lens.as_ref().map(|lens| directory.join(lens)));
         let lens = lens.map(|path| LensFile::read(&path)).transpose()?;

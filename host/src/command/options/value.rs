@@ -1,6 +1,6 @@
 //! Numbers on the command line, checked as they are parsed.
 
-use multiscopic::{Error, Result};
+use multiscopic::{Error, Geometry, Result};
 
 /// Parses a finite number.
 pub fn finite(text: &str) -> Result<f64> {
@@ -11,6 +11,13 @@ pub fn finite(text: &str) -> Result<f64> {
 /// Parses a positive number.
 pub fn positive(text: &str) -> Result<f64> {
     finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| Error::Usage("it must be a number above 0".into()))
+}
+
+/// Parses a length of a camera or its stage, in pixels or millimetres.
+pub fn length(text: &str) -> Result<f64> {
+    let most = Geometry::MAX_LENGTH;
+    let length = positive(text).ok().filter(|length| *length <= most);
+    length.ok_or_else(|| Error::Usage(format!("it must be a number above 0 and at most {most}")))
 }
 
 /// Parses two numbers, separated by a comma.
@@ -46,6 +53,8 @@ mod tests {
         assert!(["-0.1", "1.1", "nan", "90 %"].iter().all(|text| probability(text).is_err()));
         assert_eq!(size("640x480").unwrap(), [640, 480]);
         assert!(["640", "x", "0x1", "1x-1", "axb"].iter().all(|text| size(text).is_err()));
+        assert_eq!(length("1e7").unwrap(), 1e7);
+        assert!(["0", "1e300", "inf"].iter().all(|text| length(text).is_err()));
         assert!(["0", "-1", "inf", "nan", "", "1x"].iter().all(|text| positive(text).is_err()));
         assert!(["1", "1,", "1,2,3", "a,b", "inf,1"].iter().all(|text| point(text).is_err()));
     }

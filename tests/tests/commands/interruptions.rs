@@ -1,6 +1,6 @@
 //! What signals and failures leave behind.
 
-#![cfg(unix)]
+#![cfg(target_os = "linux")]
 
 use std::{
     fs,
@@ -67,7 +67,6 @@ const ALL_SIGNALS: &str = "exec env --default-signal=INT,HUP";
 /// Graph cuts of these images take far longer than the test.
 const SLOW: &str = "--method gc --num-disparities 200 -o o.pfm --png p.png";
 
-#[cfg(target_os = "linux")]
 #[test]
 fn an_interrupted_match_writes_nothing() {
     let dir = tempfile::tempdir().unwrap();
@@ -83,7 +82,6 @@ fn an_interrupted_match_writes_nothing() {
     }
 }
 
-#[cfg(target_os = "linux")]
 #[test]
 fn a_signal_that_was_ignored_stays_ignored() {
     let dir = tempfile::tempdir().unwrap();

@@ -107,20 +107,11 @@ impl Rig {
 
     fn check(&self, path: &Path) -> Result<()> {
         let [cx, cy] = self.principal_point.unwrap_or_default();
-        let positive = |value: f64| value > 0.0 && value <= Geometry::MAX_LENGTH;
+        let is_length = |value: f64| value > 0.0 && value <= Geometry::MAX_LENGTH;
+        let length = format!("a length above 0 and at most {}", Geometry::MAX_LENGTH);
         let numbers = [
-            (
-                "baseline_mm",
-                self.baseline_mm.unwrap_or_default(),
-                self.baseline_mm.is_none_or(positive),
-                "a length above 0 and at most 10000000",
-            ),
-            (
-                "focal_px",
-                self.focal_px.unwrap_or_default(),
-                self.focal_px.is_none_or(positive),
-                "a length above 0 and at most 10000000",
-            ),
+            ("baseline_mm", self.baseline_mm.unwrap_or_default(), self.baseline_mm.is_none_or(is_length), &length[..]),
+            ("focal_px", self.focal_px.unwrap_or_default(), self.focal_px.is_none_or(is_length), &length[..]),
             ("principal_point", cx, cx.is_finite(), "a finite number"),
             ("principal_point", cy, cy.is_finite(), "a finite number"),
             ("doffs", self.doffs, self.doffs.is_finite(), "a finite number"),

@@ -21,14 +21,16 @@ pub(crate) struct Availability {
     len: u8,
     /// Views, with those past the last, which are never available.
     places: u8,
-    /// The most baselines that a view stands to the side of the centre, and above or below it.
-    furthest: (u8, u8),
+    /// Where the samples of the views lie around a prior. Those after the last stay at the pixel.
+    zones: [Zone; Views::MAX_MATCHED],
     width: u16,
     height: u16,
     min_disparity: i16,
     num_disparities: u16,
     /// The views that are not available at all disparities, as bits.
     incomplete: u8,
+    /// Whether the pixel has no prior to be searched around.
+    is_blind: bool,
     /// Until this column of the line, nothing changes for any view.
     constant_until: u16,
     /// The line.
@@ -48,6 +50,21 @@ struct Reach {
     range: Range<u16>,
 }
 
+/// Columns in which all samples of a pixel's matches in a view lie, from that of the first disparity to that after the last:
+/// those of the frame, or those to one side of it.
+///
+/// As long as samples stay there, all disparities remain available, or none.
+#[derive(Clone, Copy, Debug)]
+struct Zone {
+    /// By how many columns matches move to the left with each disparity.
+    left: i32,
+    /// By how many lines they move up.
+    up: i32,
+    start: i32,
+    /// None if the frame's border lies between the samples.
+    len: u32,
+}
+
 /// A run of disparities that are available in the same views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Segment {
@@ -55,6 +72,19 @@ pub(crate) struct Segment {
     pub end: usize,
     /// Bit `k` is set if the `k`-th view of the match is available.
     pub views: u8,
+}
+
+impl Zone {
+    /// Whether all samples lie there, as `samples` after the first.
+    #[inline(always)]
+    fn holds(&self, first: i16, samples: u16, (u, v): (usize, u16), height: u16) -> bool {
+        let (first, samples) = (i32::from(first), i32::from(samples));
+        let is_in = |step: i32, coordinate: i32, start: i32, len: u32| {
+            let nearest = coordinate - step * first - start;
+            (nearest as u32) < len && ((nearest - step * samples) as u32) < len
+        };
+        is_in(self.left, u as i32, self.start, self.len) && (self.up == 0 || is_in(self.up, v.into(), 0, height.into()))
+    }
 }
 
 impl Reach {
@@ -103,20 +133,23 @@ impl Availability {
             let complete_columns = complete_columns(search, view);
             Reach { view, complete_columns, constant_until: 0, rows: range.clone(), range }
         });
+        let mut zones = [Zone { left: 0, up: 0, start: 0, len: search.width() as u32 }; Views::MAX_MATCHED];
+        for (zone, view) in zones.iter_mut().zip(search.views().iter()) {
+            (zone.left, zone.up) = (view.right().into(), view.down().into());
+        }
         let places = search.views().places() as u8;
         Availability {
             views,
+            zones,
             sideways: search.views().iter().filter(|view| !view.is_vertical()).count() as u8,
             len: search.views().len() as u8,
             places,
-            furthest: search.views().iter().fold((0, 0), |(right, down): (u8, u8), view| {
-                (right.max(view.right().unsigned_abs()), down.max(view.down().unsigned_abs()))
-            }),
             width: search.width() as u16,
             height: search.height() as u16,
             min_disparity: search.min_disparity(),
             num_disparities: search.num_disparities() as u16,
             incomplete: all_views(places),
+            is_blind: false,
             constant_until: 0,
             v: 0,
         }
@@ -129,7 +162,7 @@ impl Availability {
         self.v = v as u16;
         if let Some(prior) = prior {
             self.constant_until = 0;
-            self.enter_around(u, prior, change);
+            self.follow_around(u, prior.first(u, self.min_disparity), change);
             return;
         }
         let (least, count) = (self.min_disparity, self.num_disparities);
@@ -147,18 +180,24 @@ impl Availability {
         }
     }
 
-    /// Goes to the pixel at `u`, further to the right in the same line. Calls `change` as
+    /// Goes to the pixel at `u`, further to the right in the same line, in at most `V` views. Calls `change` as
     /// [`enter_line`](Availability::enter_line) does, and returns whether there may have been a change.
     #[inline(always)]
-    pub fn enter(&mut self, u: usize, prior: Option<PriorLine<'_>>, change: impl FnMut(usize, usize, bool)) -> bool {
-        u >= usize::from(self.constant_until) && self.enter_column(u, prior, change)
+    pub fn enter<const V: usize>(
+        &mut self,
+        u: usize,
+        prior: Option<PriorLine<'_>>,
+        change: impl FnMut(usize, usize, bool),
+    ) -> bool {
+        u >= usize::from(self.constant_until)
+            && match prior {
+                None => self.enter_column(u, change),
+                Some(prior) => self.enter_around::<V>(u, prior, change),
+            }
     }
 
     #[inline(never)]
-    fn enter_column(&mut self, u: usize, prior: Option<PriorLine<'_>>, mut change: impl FnMut(usize, usize, bool)) -> bool {
-        if let Some(prior) = prior {
-            return self.enter_around(u, prior, change);
-        }
+    fn enter_column(&mut self, u: usize, mut change: impl FnMut(usize, usize, bool)) -> bool {
         let (least, count) = (self.min_disparity, self.num_disparities);
         let (mut incomplete, mut constant_until) = (self.incomplete, self.width);
         for (k, reach) in self.views.iter_mut().enumerate().take(self.sideways.into()) {
@@ -176,39 +215,52 @@ impl Availability {
     }
 
     /// Goes to the pixel at `u` of the line, where it is searched around `prior`, and returns whether there may have been a
-    /// change. Neighbours may differ by any disparity.
+    /// change. Neighbours may differ by any disparity, but most see all of a view or nothing, as those before them do.
     #[inline(always)]
-    fn enter_around(&mut self, u: usize, prior: PriorLine<'_>, mut change: impl FnMut(usize, usize, bool)) -> bool {
-        let (size, count) = ((self.width.into(), self.height.into()), self.num_disparities);
+    fn enter_around<const V: usize>(&mut self, u: usize, prior: PriorLine<'_>, change: impl FnMut(usize, usize, bool)) -> bool {
         let first = prior.first(u, self.min_disparity);
-        let sees_all = first.is_some_and(|first| self.sees_all_from(first, u));
-        if sees_all && self.incomplete & all_views(self.len) == 0 {
-            return false;
+        let is_as_before = match first {
+            Some(first) => self.zones.iter().take(V).all(|zone| self.holds(zone, first, u)),
+            None => self.is_blind,
+        };
+        if !is_as_before {
+            self.follow_around(u, first, change);
         }
-        for (k, reach) in self.views.iter_mut().enumerate().take(self.len.into()) {
-            let range = match first {
-                Some(_) if sees_all => 0..count,
-                Some(first) => available_from(first, reach.view, (u, self.v.into()), size, count.into()),
-                None => 0..0,
-            };
+        !is_as_before
+    }
+
+    /// Whether all samples of the pixel of the line in column `u` lie in the zone, from disparity `first` on.
+    #[inline(always)]
+    fn holds(&self, zone: &Zone, first: i16, u: usize) -> bool {
+        zone.holds(first, self.num_disparities, (u, self.v), self.height)
+    }
+
+    /// Makes views available to the pixel of the line in column `u`, as far as it sees them from disparity `first` on.
+    #[inline(never)]
+    fn follow_around(&mut self, u: usize, first: Option<i16>, mut change: impl FnMut(usize, usize, bool)) {
+        let (size, count) = ((self.width.into(), self.height.into()), self.num_disparities);
+        let whole = 0..i32::from(self.width);
+        // Diagonally, samples may leave the frame and return.
+        let sides = [i32::MIN / 2..0, whole.end..i32::MAX / 2];
+        for (k, (reach, zone)) in self.views.iter_mut().zip(&mut self.zones).enumerate().take(self.len.into()) {
+            let range = first.map(|first| available_from(first, reach.view, (u, self.v.into()), size, count.into()));
+            let range = range.unwrap_or_default();
             let is_complete = range == (0..count);
+            let mut holding = |columns: &Range<i32>| {
+                (zone.start, zone.len) = (columns.start, columns.len() as u32);
+                first.is_some_and(|first| zone.holds(first, count, (u, self.v), self.height))
+            };
+            let is_held = match is_complete {
+                true => holding(&whole),
+                false => reach.view.is_horizontal() && sides.iter().any(holding),
+            };
+            if !is_held {
+                zone.len = 0;
+            }
             reach.follow(range, |index, available| change(k, index, available));
             self.incomplete = self.incomplete & !(1 << k) | u8::from(!is_complete) << k;
         }
-        true
-    }
-
-    /// Whether the pixel of the line in column `u` is so far from the border that it sees every view at all disparities
-    /// from `first` on, and at the one after them.
-    #[inline(always)]
-    fn sees_all_from(&self, first: i16, u: usize) -> bool {
-        let first = i32::from(first);
-        let most = (first + i32::from(self.num_disparities)).max(-first);
-        let is_inside = |baselines: u8, coordinate: i32, size: u16| {
-            let distance = i32::from(baselines) * most;
-            distance <= coordinate && coordinate + distance < i32::from(size)
-        };
-        is_inside(self.furthest.0, u as i32, self.width) && is_inside(self.furthest.1, self.v.into(), self.height)
+        self.is_blind = first.is_none();
     }
 
     /// The disparities at which a pixel of the line in column `u` sees the `k`-th view, which leaves the column.
@@ -228,15 +280,16 @@ impl Availability {
     pub fn incomplete_in(&self, columns: Range<usize>, prior: Option<PriorLine<'_>>) -> u8 {
         let all = 0..self.num_disparities;
         if let Some(prior) = prior {
-            let (size, count) = ((self.width.into(), self.height.into()), self.num_disparities.into());
-            let sees_all = |u| prior.first(u, self.min_disparity).is_some_and(|first| self.sees_all_from(first, u));
-            if columns.clone().all(sees_all) {
-                return self.incomplete & !all_views(self.len);
-            }
-            let incomplete = |view, u| prior.available(view, (u, self.v.into()), size, self.min_disparity, count) != all;
-            return self.reaches().zip(0..).fold(self.incomplete & !all_views(self.len), |views, (reach, k)| {
-                views | u8::from(columns.clone().any(|u| incomplete(reach.view, u))) << k
-            });
+            let is_complete = |zone: &Zone, u| {
+                let zone = Zone { start: 0, len: self.width.into(), ..*zone };
+                prior.first(u, self.min_disparity).is_some_and(|first| self.holds(&zone, first, u))
+            };
+            let incomplete = |zone| columns.clone().any(|u| !is_complete(zone, u));
+            return self
+                .zones
+                .iter()
+                .zip(0..self.len)
+                .fold(self.incomplete & !all_views(self.len), |views, (zone, k)| views | u8::from(incomplete(zone)) << k);
         }
         // What is available at both ends is available in between.
         let (first, last) = (columns.start, columns.end.saturating_sub(1));

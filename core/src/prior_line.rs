@@ -34,15 +34,19 @@ impl PriorLine<'_> {
         self.first(pixel.0, least).map(|first| available_from(first, view, pixel, size, count)).unwrap_or_default()
     }
 
-    /// The disparity of column `u`, where `search` found this one around the prior. The prior remains if none was found,
-    /// or if costs still fall at the end of the search.
+    /// Puts the disparities of `columns` in place of those that `search` found around the prior. The prior remains where none
+    /// was found, or if costs still fall at the end of the search.
     #[inline(always)]
-    pub fn refined(&self, u: usize, search: &Search, found: Option<Disparity>) -> Option<Disparity> {
-        let prior = self.at(u)?;
-        let ends = [search.min_disparity(), search.max_disparity()];
-        match found {
-            Some(found) if !ends.map(Disparity::whole).contains(&Some(found)) => self.prior.moved(prior, found),
-            _ => Some(prior),
+    pub fn refine(&self, columns: Range<usize>, search: &Search, found: &mut [Option<Disparity>]) {
+        let steps = Disparity::STEPS;
+        let (least, most) = (i32::from(search.min_disparity()) * steps, i32::from(search.max_disparity()) * steps);
+        for (pixel, &prior) in found.iter_mut().zip(self.pixels.get(columns).unwrap_or_default()) {
+            // What is found lies between the ends of the search, or at one of them.
+            let inner = pixel.filter(|found| (least + 1..most).contains(&i32::from(found.to_bits())));
+            *pixel = match (prior, inner) {
+                (Some(prior), Some(inner)) => self.prior.moved(prior, inner),
+                _ => prior,
+            };
         }
     }
 }

@@ -63,6 +63,15 @@ impl<'w> Pipeline<'w> {
             pipeline.match_blocks::<B, I>(kernel, params, tile_width, source, output)
         }
         #[inline(never)]
+        fn semi_global<'w, B: Board, I: Kernel>(
+            pipeline: Pipeline<'w>,
+            kernel: I,
+            params: &SemiGlobalParams,
+            (source, output): (&mut B::Frames, &mut B::Output),
+        ) -> Result<Sender<'w>, RunError<B>> {
+            pipeline.match_semi_globally::<B, I>(kernel, params, source, output)
+        }
+        #[inline(never)]
         fn around_prior<'w, B: Board, I: Kernel>(
             pipeline: Pipeline<'w>,
             kernel: I,
@@ -94,7 +103,7 @@ impl<'w> Pipeline<'w> {
             (Matching::Blocks { params, tile_width }, [source, ..]) => {
                 blocks::<B, I>(self, kernel, params, *tile_width, (source, output))
             }
-            (Matching::SemiGlobal(params), [source, ..]) => self.match_semi_globally::<B, I>(kernel, params, source, output),
+            (Matching::SemiGlobal(params), [source, ..]) => semi_global::<B, I>(self, kernel, params, (source, output)),
             (Matching::AroundPrior { short, long }, [first, second, ..]) => {
                 around_prior::<B, I>(self, kernel, (short, long), [first, second], output)
             }

@@ -30,7 +30,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Masks<'_, L, I, V> {
     /// changed.
     #[inline(always)]
     pub fn enter(&mut self, u: usize) -> bool {
-        self.availability.enter(u, self.prior, |k, index, available| set::<L, I, V>(self.vectors, k, index, available))
+        self.availability.enter::<V>(u, self.prior, |k, index, available| set::<L, I, V>(self.vectors, k, index, available))
     }
 
     /// The views that are not available at all disparities in all of these columns of the line, as bits.

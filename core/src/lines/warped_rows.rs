@@ -88,21 +88,24 @@ impl WarpedRows<'_> {
         let Some((before, ring)) = ring.split_at_mut_checked(beyond * depth) else { return };
         let first_column = left.max(0);
         let steps = steps.get(first_column as usize..).unwrap_or_default();
-        let (mut nearest, step) = if is_mirrored { (last_column - first_column, -1) } else { (first_column, 1) };
-        nearest += i32::from(min_disparity);
-        for (samples, &steps) in ring.chunks_exact_mut(depth.max(1)).zip(steps) {
-            let (offset, rest) = prior.offset(steps);
-            let first = nearest + i32::from(offset);
-            match line.get(first as usize..(first as usize).wrapping_add(depth + 1)) {
-                Some(from) => blend_contiguous(samples, from, rest),
-                None if first >= last_column => samples.fill(line.last().copied().unwrap_or_default()),
-                None if first + depth as i32 <= 0 => samples.fill(line.first().copied().unwrap_or_default()),
-                None => {
-                    let sample = |k: i32| line.get((first + k).min(last_column).max(0) as usize);
-                    blend(samples, (0..).map_while(sample), rest);
+        let (nearest, step) = if is_mirrored { (last_column - first_column, -1) } else { (first_column, 1) };
+        let nearest = nearest + i32::from(min_disparity);
+        // Small processors search a single vector of eight disparities, and know by this how many samples there are.
+        match ring.as_chunks_mut::<8>() {
+            (columns, []) if depth == 8 => {
+                let mut first = nearest;
+                for (samples, &steps) in columns.iter_mut().zip(steps) {
+                    blend_from(line, first, prior.offset(steps), samples);
+                    first += step;
                 }
             }
-            nearest += step;
+            _ => {
+                let mut first = nearest;
+                for (samples, &steps) in ring.chunks_exact_mut(depth.max(1)).zip(steps) {
+                    blend_from(line, first, prior.offset(steps), samples);
+                    first += step;
+                }
+            }
         }
         if let Some(first) = ring.get(..depth) {
             before.chunks_exact_mut(depth.max(1)).for_each(|samples| copy(first, samples));
@@ -153,6 +156,29 @@ fn blend<'l>(samples: &mut [u8], mut from: impl Iterator<Item = &'l u8>, rest: u
     }
 }
 
+/// Fills samples with those between neighbours of a line from column `nearest` on, moved by an offset.
+#[inline(always)]
+fn blend_from(line: &[u8], nearest: i32, (offset, rest): (i16, u8), samples: &mut [u8]) {
+    let first = nearest + i32::from(offset);
+    match line.get(first as usize..(first as usize).wrapping_add(samples.len() + 1)) {
+        Some(from) => blend_contiguous(samples, from, rest),
+        None => blend_beyond(line, first, rest, samples),
+    }
+}
+
+/// [`blend_from`] where the line ends: its first and its last sample repeat.
+#[inline(never)]
+fn blend_beyond(line: &[u8], first: i32, rest: u8, samples: &mut [u8]) {
+    let last = line.len() as i32 - 1;
+    if first >= last {
+        samples.fill(line.last().copied().unwrap_or_default());
+    } else if first + samples.len() as i32 <= 0 {
+        samples.fill(line.first().copied().unwrap_or_default());
+    } else {
+        blend(samples, (0..).map_while(|k| line.get((first + k).min(last).max(0) as usize)), rest);
+    }
+}
+
 /// [`blend`], of contiguous samples: eight at a time.
 #[inline(always)]
 fn blend_contiguous(samples: &mut [u8], mut from: &[u8], rest: u8) {
@@ -165,17 +191,20 @@ fn blend_contiguous(samples: &mut [u8], mut from: &[u8], rest: u8) {
     blend(others, from.iter(), rest);
 }
 
-/// [`blend`], of eight samples: two in each word. Small processors have too few registers to inline it.
-#[cfg_attr(target_arch = "arm", inline(never))]
+/// [`blend`], of eight samples: two in each word.
+#[inline(always)]
 fn blend_eight(samples: &mut [u8; 8], from: &[u8; 9], rest: u8) {
     const LOW: u32 = 0x00ff_00ff;
-    let (far_weight, near_weight) = (u32::from(rest), Disparity::STEPS as u32 - u32::from(rest));
-    let sum = |near: u32, far: u32| near * near_weight + far * far_weight + 0x0020_0020;
+    // So many that a sample is the upper byte of its sum.
+    const STEPS: u32 = 1 << 8;
+    let far_weight = u32::from(rest) * (STEPS / Disparity::STEPS as u32);
+    let near_weight = STEPS - far_weight;
+    let sum = |near: u32, far: u32| near * near_weight + far * far_weight + 0x0080_0080;
     let (near, far) = (from.as_chunks::<4>().0, from.split_at(1).1.as_chunks::<4>().0);
     for ((four, near), far) in samples.as_chunks_mut::<4>().0.iter_mut().zip(near).zip(far) {
         let (near, far) = (u32::from_le_bytes(*near), u32::from_le_bytes(*far));
         let (even, odd) = (sum(near & LOW, far & LOW), sum(near >> 8 & LOW, far >> 8 & LOW));
-        *four = (even >> 6 & LOW | (odd << 2 & !LOW)).to_le_bytes();
+        *four = ((even >> 8 & LOW) + (odd & !LOW)).to_le_bytes();
     }
 }
 

@@ -261,9 +261,7 @@ impl<I: Blocks<u16> + Blocks<u32>> Matcher<'_, I> {
         }
         self.compute_disparities(source, DisparityLine { disparities: &mut *disparities, peaks })?;
         if let Some(prior) = self.frames.priors.as_ref().map(|priors| priors.line(v)) {
-            for (pixel, u) in disparities.iter_mut().zip(self.region.columns()) {
-                *pixel = prior.refined(u, self.params.search(), *pixel);
-            }
+            prior.refine(self.region.columns(), self.params.search(), disparities);
         }
         self.next += 1;
         Ok(Some(v))

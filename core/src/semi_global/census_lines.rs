@@ -171,7 +171,7 @@ impl<I: Kernel, const N: usize, const V: usize> Work for Fused<'_, '_, I, N, V> 
             }
         }
         for (u, costs) in costs.chunks_exact_mut(depth.max(1)).enumerate().take(width) {
-            availability.enter(u, None, |_, _, _| {});
+            availability.enter::<{ Views::MAX_MATCHED }>(u, None, |_, _, _| {});
             let mut descriptor = [0; N];
             for (byte, plane) in descriptor.iter_mut().zip(here.chunks_exact(width.max(1))) {
                 *byte = plane.get(u).copied().unwrap_or_default();

@@ -9,6 +9,9 @@ use crate::{error::FirmwareError, host_file::HostError};
 /// The most bytes of a command line.
 const COMMAND_LINE_BYTES: usize = 256;
 
+/// The long baseline of a calibration, in short ones.
+const LONG_BASELINE: u8 = 4;
+
 /// The words of the command line. The first is the name of the program.
 fn words() -> Result<env::Args<COMMAND_LINE_BYTES>, FirmwareError> {
     env::args::<COMMAND_LINE_BYTES>().map_err(|error| FirmwareError::CommandLine(HostError(error)))
@@ -25,8 +28,9 @@ pub fn fusion() -> Result<Fusion, FirmwareError> {
 
 /// What a calibration computes.
 ///
-/// The arguments are width, height, number of views (1 to 4), smallest disparity, number of disparities,
-/// block size, fusion, columns of a tile, and the method: `bm`, or `sgm` with sums of absolute differences.
+/// The arguments are width, height, number of views (1 to 4, or 8), smallest disparity, number of disparities,
+/// block size, fusion, columns of a tile, and the method: `bm`, `sgm` with sums of absolute differences,
+/// or `bm-around` and the number of disparities at the long baseline.
 ///
 /// Not inlined, like [`fusion`].
 #[inline(never)]
@@ -39,15 +43,18 @@ pub fn calibration() -> Option<Matching> {
         "2" => Views::HORIZONTAL,
         "3" => Views::THREE,
         "4" => Views::CROSS,
+        "8" => Views::ARRAY,
         _ => return None,
     };
     let (min_disparity, num_disparities) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
     let block_size = words.next()?.parse().ok()?;
     let search = Search::new(width, height, views, fusion_of(words.next()?)?, min_disparity, num_disparities).ok()?;
     let tile_width = words.next()?.parse().ok()?;
+    let blocks = || Params::block_matching(search, block_size).ok();
     Some(match words.next()? {
-        "bm" => Matching::Blocks { params: Params::block_matching(search, block_size).ok()?, tile_width },
+        "bm" => Matching::Blocks { params: blocks()?, tile_width },
         "sgm" => Matching::SemiGlobal(SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size }).ok()?),
+        "bm-around" => Matching::around_prior(blocks()?, LONG_BASELINE, words.next()?.parse().ok()?)?,
         _ => return None,
     })
 }

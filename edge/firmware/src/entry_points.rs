@@ -82,7 +82,8 @@ pub fn match_semi_globally_with_confidences(name: &str, params: SemiGlobalParams
 pub fn calibrate(pipeline: Pipeline<'_>) -> ! {
     end(|| {
         let matching = arguments::calibration().ok_or(FirmwareError::Calibration)?;
-        let mut frames = [open("calibration", matching.tile_width(), matching.search())?];
+        let long = matching.long_search().unwrap_or(matching.search());
+        let mut frames = [open("calibration", matching.tile_width(), matching.search())?, Semihosted.frames(long)?];
         send(|output| pipeline.run::<Semihosted, _>(BoardKernel::default(), &matching, &mut frames, output))
     })
 }

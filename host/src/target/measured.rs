@@ -125,8 +125,8 @@ impl Processor {
     }
 
     /// The instructions that a match takes by the model, including sending but not fetching lines. `None` for
-    /// what the model is not fitted to: the census, more than four views, [`Fusion::Half`](multiscopic_core::Fusion::Half)
-    /// of more than two, and a match from short baselines to long ones.
+    /// what the model is not fitted to: the census, confidences, [`Fusion::Half`](multiscopic_core::Fusion::Half) of three or
+    /// four views, and [`Fusion::Mean`](multiscopic_core::Fusion::Mean) of more than four.
     pub fn instructions(self, matching: &Matching) -> Option<f64> {
         self.firmware_costs().prices.instructions(matching, self)
     }
@@ -136,6 +136,7 @@ impl Processor {
 mod tests {
     use super::*;
     use multiscopic_core::{Census, Fusion, Params, SemiGlobalCost, SemiGlobalParams, Views};
+    use multiscopic_edge::profile;
 
     const MEASURED_RULES: [Fusion; 3] = [Fusion::Min, Fusion::Mean, Fusion::Heuristic];
 
@@ -144,21 +145,37 @@ mod tests {
         assert_eq!(toml::from_str::<FirmwareCostTable>(&MEASURED.to_toml()).unwrap(), *MEASURED);
         for processor in Processor::ALL {
             let costs = MEASURED.of(processor);
-            assert!(costs.stack > 0 && costs.prices.candidates.len() == 19, "{}", processor.name());
+            // 19 for up to four views, 6 for more, 9 around a prior.
+            assert!(costs.stack > 0 && costs.prices.candidates.len() == 34, "{}", processor.name());
             assert!((0.5..3.0).contains(&processor.cycles_per_instruction()), "{}", processor.name());
         }
     }
 
     #[test]
     fn every_kernel_has_a_price() {
-        for views in [Views::STEREO, Views::HORIZONTAL, Views::THREE, Views::CROSS] {
-            for (fusion, block_size) in MEASURED_RULES.into_iter().flat_map(|fusion| [(fusion, 3), (fusion, 21)]) {
+        for views in [Views::STEREO, Views::HORIZONTAL, Views::THREE, Views::CROSS, Views::ARRAY] {
+            let rules = if views == Views::ARRAY { [Fusion::Min, Fusion::Heuristic, Fusion::Half] } else { MEASURED_RULES };
+            for (fusion, block_size) in rules.into_iter().flat_map(|fusion| [(fusion, 3), (fusion, 21)]) {
                 let params = Params::new(40, 30, views, fusion, 1, 8, block_size).unwrap();
                 for processor in Processor::ALL {
                     let matching = Matching::Blocks { params, tile_width: 40 };
                     // More than one instruction per pixel.
                     assert!(processor.instructions(&matching) > Some(40.0 * 30.0), "{processor:?} {params:?}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn every_profile_without_confidences_has_a_price() {
+        for (profile, fusion) in profile::ALL.iter().flat_map(|profile| MEASURED_RULES.map(|fusion| (profile, fusion))) {
+            let matching = profile.matching(fusion);
+            if matching.has_confidences() || fusion == Fusion::Mean && matching.search().views().len() > 4 {
+                continue;
+            }
+            for processor in Processor::ALL {
+                let per_de = processor.instructions(&matching).map(|instructions| instructions / matching.evaluations() as f64);
+                assert!(per_de > Some(1.0), "{}, {processor:?}", profile.name);
             }
         }
     }

@@ -371,7 +371,8 @@ fn eight_views_are_simulated_like_the_reference() {
         let expected = images.reference(rule, 1, params.num_disparities() as i32, params.block_size() as i32).disparities();
         let (found, report) = simulated(&profile, fusion, &images);
         assert_eq!(found, fixed(expected), "{}", fusion.name());
-        assert_eq!((&report["instructions"], &report["de"]), (&serde_json::Value::Null, &params.evaluations().into()));
+        assert!(report["instructions"].is_number(), "{report:#}");
+        assert_eq!(report["de"], params.evaluations());
         assert_eq!(report["lines_read"].as_object().map(serde_json::Map::len), Some(9));
     }
     assert_eq!(json(&budget(&["--profile", profile.name]), 0)["fusion"], "half", "the default of eight views");
@@ -406,7 +407,8 @@ fn long_baselines_are_simulated_like_the_references() {
     let (found, report) = simulated(&profile, Fusion::Min, &images);
     assert_eq!(found, around.disparities());
     assert!(found.iter().zip(&prior).filter(|(found, prior)| found != prior).count() > found.len() / 2);
-    assert_eq!((&report["instructions"], &report["lines_latency"]), (&serde_json::Value::Null, &11.into()));
+    assert!(report["instructions"].is_number(), "{report:#}");
+    assert_eq!(report["lines_latency"], 11);
     assert_eq!(report["de"], short.evaluations() + long.evaluations());
     let expected = serde_json::json!({ "center": 480, "left": 240, "right": 240, "-4,0": 240, "4,0": 240 });
     assert_eq!(report["lines_read"], expected);
@@ -414,16 +416,20 @@ fn long_baselines_are_simulated_like_the_references() {
 
 #[test]
 fn what_is_not_predicted_is_not_printed() {
-    for profile in ELSEWHERE.into_iter().chain([profile::QVGA_CONFIDENCE, profile::QQVGA_SGM_CONFIDENCE]) {
-        let report = json(&budget(&["--profile", profile.name]), 0);
-        for name in ["instructions", "instructions_per_de", "seconds", "fps"] {
-            assert!(report[name].is_null(), "{name} of {}: {report:#}", profile.name);
-        }
-        let text = Invocation::new(["budget", "--profile", profile.name]);
-        assert!(text.stdout.contains("instructions and time are not predicted for this match"), "{text:#?}");
-        let words = ["--fps cannot be checked", "not predicted"];
-        Invocation::new(["budget", "--profile", profile.name, "--fps", "1"]).assert_refused(&words);
+    let half_of_four = ["--profile", "qvga", "--fusion", "half"];
+    let report = json(&budget(&half_of_four), 0);
+    for name in ["instructions", "instructions_per_de", "seconds", "fps"] {
+        assert!(report[name].is_null(), "{name}: {report:#}");
     }
+    let options =
+        |more: &[&'static str]| ["budget"].into_iter().chain(half_of_four).chain(more.iter().copied()).collect::<Vec<_>>();
+    let text = Invocation::new(options(&[]));
+    assert!(text.stdout.contains("instructions and time are not predicted for this match"), "{text:#?}");
+    Invocation::new(options(&["--fps", "1"])).assert_refused(&["--fps cannot be checked", "not predicted"]);
+}
+
+#[test]
+fn a_budget_states_what_is_searched_around_a_prior() {
     let text = Invocation::new(["budget", "--profile", "qvga-prior"]).stdout;
     assert!(text.contains("around them in views -4,0 and 4,0: disparities -4..=3, block 11"), "{text}");
 }

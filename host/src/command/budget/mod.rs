@@ -26,9 +26,8 @@ use super::{
 ///
 /// Instructions come from a cost model fitted to measurements, within 10 % of the firmware in each profile. They
 /// include sending packets, but not fetching lines. With --fusion mean and blocks of 13 or 15, high-contrast images
-/// take up to a third more. They are not predicted for more than four views (qqvga-3x3), for --fusion half with more
-/// than two, around a prior (qvga-prior), and with confidences (qvga-confidence): the firmware guide states what these
-/// profiles were measured to take.
+/// take up to a third more. They are not predicted for confidences (qvga-confidence), for --fusion half with three or
+/// four views, and for --fusion mean with more than four.
 ///
 /// Time depends on the average cycles per instruction. They come from Arm's manual (M4) and LLVM's models of the
 /// processors (M7, M55), with memory that never waits: pass --cpi if you have measured your part.

@@ -4,6 +4,8 @@ use std::ops::Range;
 
 use multiscopic_core::{Params, View, kernel::Rule};
 
+use super::workload::places;
+
 /// How many pixels are fused in which way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct PixelCounts {
@@ -18,17 +20,19 @@ pub(super) struct PixelCounts {
 }
 
 impl PixelCounts {
-    /// Counts the pixels of a match with a kernel that masks sums, or fuses them by segments.
-    pub(super) fn new(params: &Params, masks_sums: bool) -> PixelCounts {
-        let rule = Rule::new(params.fusion(), params.views().len());
+    /// Counts the pixels of a match from disparity `first` on, with a kernel that masks sums, or fuses them by segments.
+    pub(super) fn new(params: &Params, first: i16, masks_sums: bool) -> PixelCounts {
+        let places = places(params.views());
+        let rule = Rule::new(params.fusion(), places);
         let all = 0..params.num_disparities() as u16;
         let mut counts = PixelCounts::default();
         for (u, v) in (0..params.height()).flat_map(|v| (0..params.width()).map(move |u| (u, v))) {
-            let ranges = || params.views().iter().map(|view| available(params, view, u, v));
-            match ranges().filter(|range| *range != all).count() {
+            let ranges = || params.views().iter().map(|view| available(params, first, view, u, v));
+            // Places without a view are never available.
+            match ranges().filter(|range| *range != all).count() + places - params.views().len() {
                 0 => counts.complete += 1,
                 _ if masks_sums && rule == Rule::Sum => counts.masked += 1,
-                incomplete if rule.masks(params.views().len(), incomplete) => counts.masked += 1,
+                incomplete if rule.masks(places, incomplete) => counts.masked += 1,
                 _ => {
                     counts.segmented += 1;
                     let mut cuts: Vec<u16> = ranges().flat_map(|range| [range.start, range.end]).collect();
@@ -43,9 +47,9 @@ impl PixelCounts {
     }
 }
 
-/// The disparities, counted from the least, at which a view is available at a pixel.
-fn available(params: &Params, view: View, u: usize, v: usize) -> Range<u16> {
-    view.available((u, v), (params.width(), params.height()), params.min_disparity(), params.num_disparities())
+/// The disparities, counted from the first, at which a view is available at a pixel.
+fn available(params: &Params, first: i16, view: View, u: usize, v: usize) -> Range<u16> {
+    view.available((u, v), (params.width(), params.height()), first, params.num_disparities())
 }
 
 #[cfg(test)]
@@ -93,11 +97,11 @@ mod tests {
             // With one view, every fusion is the minimum.
             let expected =
                 if views.len() == 1 { masked } else { PixelCounts { complete, masked: 0, segmented: border, segments } };
-            assert_eq!(PixelCounts::new(&mean, false), expected, "{mean:?}");
-            assert_eq!(PixelCounts::new(&mean, true), masked);
-            assert_eq!(PixelCounts::new(&params(views, Fusion::Min, min, num, 3), false), masked);
+            assert_eq!(PixelCounts::new(&mean, min, false), expected, "{mean:?}");
+            assert_eq!(PixelCounts::new(&mean, min, true), masked);
+            assert_eq!(PixelCounts::new(&params(views, Fusion::Min, min, num, 3), min, false), masked);
         }
-        let heuristic = PixelCounts::new(&params(Views::CROSS, Fusion::Heuristic, 1, 12, 3), true);
+        let heuristic = PixelCounts::new(&params(Views::CROSS, Fusion::Heuristic, 1, 12, 3), 1, true);
         assert!(heuristic.masked > 0 && heuristic.segmented > 0, "{heuristic:?}");
     }
 }

@@ -26,12 +26,18 @@ impl Prices {
     ///
     /// `None` if there are no prices for the kernel.
     pub fn instructions(&self, matching: &Matching, processor: Processor) -> Option<f64> {
-        let Workload { units, candidates, kernel } = Workload::new(matching, processor)?;
-        let candidate_prices = self.candidates.get(&kernel)?;
-        let units = units.to_array().into_iter().zip(self.units.to_array());
-        let candidates = candidates.to_array().into_iter().zip(candidate_prices.to_array());
-        Some(units.chain(candidates).map(|(count, price)| count * price).sum())
+        let Workload { units, candidates } = Workload::new(matching, processor)?;
+        let mut sum = added(units.to_array(), self.units.to_array());
+        for (kernel, candidates) in candidates {
+            sum += added(candidates.to_array(), self.candidates.get(&kernel)?.to_array());
+        }
+        Some(sum)
     }
+}
+
+/// Counts times their prices.
+fn added<const N: usize>(counts: [f64; N], prices: [f64; N]) -> f64 {
+    counts.into_iter().zip(prices).map(|(count, price)| count * price).sum()
 }
 
 #[cfg(test)]

@@ -29,6 +29,10 @@ pub struct WorkUnits {
     pub segment: f64,
     /// Candidates in columns that fill the first blocks of a tile, for each view.
     pub primed: f64,
+    /// Pixels of block matching around a prior.
+    pub prior: f64,
+    /// Samples of the views around a prior: one for each candidate of a column, for each view.
+    pub warped: f64,
     /// Packets.
     pub packet: f64,
     /// Pixels in packets.
@@ -37,7 +41,7 @@ pub struct WorkUnits {
 
 impl WorkUnits {
     /// The names of the units, in the order of the fields.
-    pub const NAMES: [&str; 12] = [
+    pub const NAMES: [&str; 14] = [
         "line",
         "column",
         "column_view",
@@ -48,6 +52,8 @@ impl WorkUnits {
         "border_pixel",
         "segment",
         "primed",
+        "prior",
+        "warped",
         "packet",
         "sent",
     ];
@@ -55,14 +61,30 @@ impl WorkUnits {
     /// The numbers, in the order of the fields.
     pub fn to_array(&self) -> [f64; Self::NAMES.len()] {
         let WorkUnits { line, column, column_view, pixel, path_pixel, path, path_unrolled, .. } = *self;
-        let WorkUnits { border_pixel, segment, primed, packet, sent, .. } = *self;
-        [line, column, column_view, pixel, path_pixel, path, path_unrolled, border_pixel, segment, primed, packet, sent]
+        let WorkUnits { border_pixel, segment, primed, prior, warped, .. } = *self;
+        let WorkUnits { packet, sent, .. } = *self;
+        [
+            line,
+            column,
+            column_view,
+            pixel,
+            path_pixel,
+            path,
+            path_unrolled,
+            border_pixel,
+            segment,
+            primed,
+            prior,
+            warped,
+            packet,
+            sent,
+        ]
     }
 
     /// Takes numbers in the order of the fields.
     pub fn from_array(numbers: [f64; Self::NAMES.len()]) -> WorkUnits {
         let [line, column, column_view, pixel, path_pixel, path, path_unrolled, rest @ ..] = numbers;
-        let [border_pixel, segment, primed, packet, sent] = rest;
+        let [border_pixel, segment, primed, prior, warped, packet, sent] = rest;
         WorkUnits {
             line,
             column,
@@ -74,6 +96,8 @@ impl WorkUnits {
             border_pixel,
             segment,
             primed,
+            prior,
+            warped,
             packet,
             sent,
         }

@@ -1,6 +1,6 @@
 //! The work of a match, counted.
 
-use multiscopic_core::{Params, Search, kernel::Rule};
+use multiscopic_core::{Params, Search, Views, kernel::Rule};
 use multiscopic_edge::Matching;
 
 use super::{
@@ -10,63 +10,98 @@ use super::{
 use crate::target::Processor;
 
 /// The work of a match.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Workload {
     /// Work whose price does not depend on the fusion.
     pub units: WorkUnits,
-    /// Candidates, whose prices depend on the kernel.
-    pub candidates: CandidateUnits,
-    /// The kernel that fuses candidates: see [`kernel_name`].
-    pub kernel: String,
+    /// Candidates, by the kernel that fuses them, on which their prices depend: see [`kernel_name`].
+    pub candidates: Vec<(String, CandidateUnits)>,
 }
 
 impl Workload {
-    /// Counts the work of a match on a processor. `None` for the census, for confidences, and from short baselines to long
-    /// ones: the model has no units for them.
+    /// Counts the work of a match on a processor. `None` for the census and for confidences: the model has no units for them.
+    /// Nor for the mean of more than four views, which is computed exactly, one candidate at a time, where views are unavailable.
     pub fn new(matching: &Matching, processor: Processor) -> Option<Workload> {
-        if let Matching::AroundPrior { .. } | Matching::WithConfidences(_) = matching {
+        let search = matching.search();
+        if places(search.views()) > 4 && Rule::new(search.fusion(), search.views().len()) == Rule::Sum {
             return None;
         }
-        let params = matching.block_matching()?;
-        let count = |count: usize| count as f64;
-        let (width, height, views) = (count(params.width()), count(params.height()), count(params.views().len()));
-        let passes = count(matching.tiles().count());
-        let block = count(params.block_size());
-        // Columns under the blocks of a line, in all tiles.
-        let span = width + passes * (block - 1.0);
-        let depth = count(params.num_disparities().next_multiple_of(processor.lanes()));
-        let pixels = width * height;
-        let PixelCounts { complete, masked, segmented, segments } = PixelCounts::new(&params, masks_sums(&params, processor));
-        let paths = match matching {
-            Matching::Blocks { .. } | Matching::AroundPrior { .. } | Matching::WithConfidences(_) => {
-                WorkUnits { pixel: pixels, ..WorkUnits::default() }
+        let passes = matching.tiles().count();
+        let mut work = match matching {
+            Matching::AroundPrior { short, long } => Workload::of_blocks(short, short.min_disparity(), passes, processor)
+                .plus(Workload::around(long, short, processor)),
+            Matching::WithConfidences(_) => return None,
+            Matching::Blocks { .. } | Matching::SemiGlobal(_) => {
+                let params = matching.block_matching()?;
+                Workload::of_blocks(&params, params.min_disparity(), passes, processor)
             }
-            Matching::SemiGlobal(_) if is_unrolled(params.search(), processor) => {
-                WorkUnits { path_pixel: pixels, path_unrolled: pixels * depth, ..WorkUnits::default() }
-            }
-            Matching::SemiGlobal(_) => WorkUnits { path_pixel: pixels, path: pixels * depth, ..WorkUnits::default() },
         };
-        Some(Workload {
-            units: WorkUnits {
-                line: passes * height,
-                column: span * height,
-                column_view: span * height * views,
-                border_pixel: count(masked + segmented),
-                segment: count(segments),
-                primed: block * span * depth * views,
-                packet: passes * height,
-                sent: pixels,
-                ..paths
-            },
-            candidates: CandidateUnits {
-                moved: span * height * depth,
-                fused: count(complete) * depth,
-                masked: count(masked) * depth,
-                segmented: count(segmented) * depth,
-            },
-            kernel: kernel_name(&params, processor),
-        })
+        let (pixels, depth) = (count(search.width() * search.height()), count(depth(search, processor)));
+        let units = &mut work.units;
+        (units.packet, units.sent) = (count(passes * search.height()), pixels);
+        if let Matching::SemiGlobal(_) = matching {
+            (units.path_pixel, units.pixel) = (units.pixel, 0.0);
+            let paths = if is_unrolled(search, processor) { &mut units.path_unrolled } else { &mut units.path };
+            *paths = pixels * depth;
+        }
+        Some(work)
     }
+
+    /// The work of block matching from disparity `first` on in so many passes, without sending.
+    fn of_blocks(params: &Params, first: i16, passes: usize, processor: Processor) -> Workload {
+        let (height, views, block) = (count(params.height()), count(params.views().len()), count(params.block_size().into()));
+        // Columns under the blocks of a line, in all tiles.
+        let span = count(params.width()) + count(passes) * (block - 1.0);
+        let depth = count(depth(params.search(), processor));
+        let PixelCounts { complete, masked, segmented, segments } =
+            PixelCounts::new(params, first, masks_sums(params, processor));
+        let units = WorkUnits {
+            line: count(passes) * height,
+            column: span * height,
+            column_view: span * height * views,
+            pixel: count(params.width()) * height,
+            border_pixel: count(masked + segmented),
+            segment: count(segments),
+            primed: block * span * depth * views,
+            ..WorkUnits::default()
+        };
+        let candidates = CandidateUnits {
+            moved: span * height * depth,
+            fused: count(complete) * depth,
+            masked: count(masked) * depth,
+            segmented: count(segmented) * depth,
+        };
+        Workload { units, candidates: vec![(kernel_name(params, processor), candidates)] }
+    }
+
+    /// The work of block matching around the disparities of an earlier match. All are taken to be in the middle of its range.
+    fn around(long: &Params, earlier: &Params, processor: Processor) -> Workload {
+        let around = long.around(earlier.search());
+        let middle = (earlier.min_disparity() + earlier.max_disparity()) / 2;
+        let first = around.min_disparity() + i16::from(long.views().multiple()) * middle;
+        let Workload { units, candidates } = Workload::of_blocks(&around, first, 1, processor);
+        let warped = units.column_view * count(depth(around.search(), processor));
+        Workload {
+            units: WorkUnits { prior: units.pixel, pixel: 0.0, warped, ..units },
+            candidates: candidates.into_iter().map(|(kernel, candidates)| (format!("{kernel}-around"), candidates)).collect(),
+        }
+    }
+
+    /// Both, one after the other.
+    fn plus(self, other: Workload) -> Workload {
+        let (units, others) = (self.units.to_array(), other.units.to_array());
+        let units = WorkUnits::from_array(std::array::from_fn(|i| units[i] + others[i]));
+        Workload { units, candidates: [self.candidates, other.candidates].concat() }
+    }
+}
+
+fn count(count: usize) -> f64 {
+    count as f64
+}
+
+/// Disparities in whole vectors.
+fn depth(search: &Search, processor: Processor) -> usize {
+    search.num_disparities().next_multiple_of(processor.lanes())
 }
 
 /// Whether kernels have separate loops for as many vectors.
@@ -76,7 +111,7 @@ fn is_unrolled(search: &Search, processor: Processor) -> bool {
 
 /// Whether the processor's kernel masks sums where views are unavailable. Lanes of 32 bits are fused by segments.
 fn masks_sums(params: &Params, processor: Processor) -> bool {
-    processor == Processor::CortexM55 && !is_wide(params)
+    processor == Processor::CortexM55 && !is_wide(params) && params.views().len() <= 4
 }
 
 /// Whether block sums need 32 bits.
@@ -84,12 +119,17 @@ fn is_wide(params: &Params) -> bool {
     params.max_block_sum() >= u32::from(u16::MAX)
 }
 
-/// The name of the loops that fuse costs: the number of views and the fusion rule.
+/// The views that loops go over: eight for five and more.
+pub(super) fn places(views: Views) -> usize {
+    if views.len() > 4 { 8 } else { views.len() }
+}
+
+/// The name of the loops that fuse costs: the number of views, which is eight for five and more, and the fusion rule.
 ///
 /// It ends in `-wide` if block sums need 32 bits, and in `-unrolled` for the minimum of four views in four
 /// vectors, for which kernels have a separate loop.
 pub fn kernel_name(params: &Params, processor: Processor) -> String {
-    let views = params.views().len();
+    let views = places(params.views());
     let rule = match Rule::new(params.fusion(), views) {
         Rule::Min => "min",
         Rule::Sum => "mean",
@@ -107,7 +147,7 @@ pub fn kernel_name(params: &Params, processor: Processor) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Fusion, SemiGlobalCost, SemiGlobalParams, Views};
+    use multiscopic_core::{Fusion, SemiGlobalCost, SemiGlobalParams, View, Views};
 
     fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> Params {
         Params::new(20, 17, views, fusion, min_disparity, num_disparities, block_size).unwrap()
@@ -120,15 +160,17 @@ mod tests {
             [20, 8].map(|tile_width| Workload::new(&Matching::Blocks { params, tile_width }, Processor::CortexM4).unwrap());
         assert_eq!((whole.units.line, whole.units.column), (17.0, 24.0 * 17.0));
         assert_eq!((tiled.units.line, tiled.units.column), (51.0, 32.0 * 17.0));
-        assert_eq!(whole.candidates.moved, 24.0 * 17.0 * 8.0);
-        assert_eq!((whole.candidates.fused, whole.units.pixel), (tiled.candidates.fused, tiled.units.pixel));
+        let [(_, in_whole), (_, in_tiles)] = [&whole, &tiled].map(|work| &work.candidates[0]);
+        assert_eq!(in_whole.moved, 24.0 * 17.0 * 8.0);
+        assert_eq!((in_whole.fused, whole.units.pixel), (in_tiles.fused, tiled.units.pixel));
     }
 
     #[test]
     fn the_cortex_m55_masks_sums_in_16_bits() {
         let candidates = |block_size, processor| {
             let params = params(Views::CROSS, Fusion::Mean, 1, 6, block_size);
-            Workload::new(&Matching::Blocks { params, tile_width: 20 }, processor).unwrap().candidates
+            let matching = Matching::Blocks { params, tile_width: 20 };
+            Workload::new(&matching, processor).unwrap().candidates.remove(0).1
         };
         let [m4, m55, wide] = [(5, Processor::CortexM4), (5, Processor::CortexM55), (17, Processor::CortexM55)]
             .map(|(block_size, processor)| candidates(block_size, processor));
@@ -149,6 +191,22 @@ mod tests {
     }
 
     #[test]
+    fn around_a_prior_work_is_that_of_both_matches() {
+        let short = params(Views::HORIZONTAL, Fusion::Min, 0, 4, 5);
+        let far = [View::new(-3, 0).unwrap(), View::new(3, 0).unwrap()].into_iter().collect();
+        let long = params(far, Fusion::Min, -4, 8, 5);
+        let work = Workload::new(&Matching::AroundPrior { short, long }, Processor::CortexM4).unwrap();
+        assert_eq!((work.units.pixel, work.units.prior, work.units.sent), (340.0, 340.0, 340.0));
+        assert_eq!((work.units.line, work.units.packet), (34.0, 17.0));
+        assert_eq!(work.units.warped, 24.0 * 17.0 * 2.0 * 8.0);
+        let [(kernel, _), (around, candidates)] = &work.candidates[..] else { panic!("{work:?}") };
+        assert_eq!((kernel.as_str(), around.as_str()), ("2-min", "2-min-around"));
+        // A prior of 1 is 3 pixels at three baselines: -1 to 6 are searched, so that 6 columns do not see all of the view on
+        // the right, and as many that on the left.
+        assert_eq!((candidates.fused, candidates.masked), (8.0 * 17.0 * 8.0, 12.0 * 17.0 * 8.0));
+    }
+
+    #[test]
     fn kernels_are_named_after_views_rule_and_width() {
         let name = |views, fusion, num_disparities, block_size| {
             kernel_name(&params(views, fusion, 1, num_disparities, block_size), Processor::CortexM4)
@@ -157,6 +215,8 @@ mod tests {
         assert_eq!(name(Views::HORIZONTAL, Fusion::Heuristic, 4, 15), "2-mean");
         assert_eq!(name(Views::CROSS, Fusion::Heuristic, 4, 17), "4-heuristic-wide");
         assert_eq!(name(Views::CROSS, Fusion::Min, 4, 3), "4-min");
+        assert_eq!(name(Views::ARRAY, Fusion::Half, 32, 3), "8-half");
+        assert_eq!(name(Views::CROSS.with(View::new(1, 1).unwrap()), Fusion::Min, 4, 3), "8-min");
         assert_eq!(name(Views::CROSS, Fusion::Min, 32, 3), "4-min-unrolled");
         assert_eq!(name(Views::CROSS, Fusion::Min, 32, 17), "4-min-wide");
     }

@@ -38,6 +38,26 @@ impl Program {
         if profile.needs_array() { Program::ArrayProfile(profile.name) } else { Program::Profile(profile.name) }
     }
 
+    /// Its path among what is built.
+    fn built(&self) -> PathBuf {
+        match self {
+            Program::Profile(name) | Program::ArrayProfile(name) => PathBuf::from(name),
+            Program::Example(name) | Program::ArrayExample(name) | Program::FlashExample(name) => {
+                Path::new("examples").join(name)
+            }
+        }
+    }
+
+    /// The name of its copy.
+    fn kept(&self) -> String {
+        match self {
+            Program::ArrayExample(name) => format!("{name}-array"),
+            Program::Profile(name) | Program::ArrayProfile(name) | Program::Example(name) | Program::FlashExample(name) => {
+                (*name).to_owned()
+            }
+        }
+    }
+
     fn is_for_array(&self) -> bool {
         matches!(self, Program::ArrayProfile(_) | Program::ArrayExample(_))
     }
@@ -61,25 +81,18 @@ pub fn command(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program
 
 /// Builds `programs` for `board`, and returns their paths.
 pub fn build(toolchain: &Toolchain, board: &EmulatedBoard, programs: &[Program]) -> Result<Vec<PathBuf>> {
+    let built = folders::edge_target().join(board.target).join("firmware");
+    let kept = folders::edge_target().join("images").join(board.name);
+    fs::create_dir_all(&kept)?;
     // The feature changes the core for all programs that are built together.
     let (for_array, others): (Vec<Program>, Vec<Program>) = programs.iter().partition(|program| program.is_for_array());
     for programs in [others, for_array].iter().filter(|programs| !programs.is_empty()) {
         run(&mut command(toolchain, board, programs))?;
-    }
-    let built = folders::edge_target().join(board.target).join("firmware");
-    // Keep copies: the next board's images have the same paths.
-    let kept = folders::edge_target().join("images").join(board.name);
-    fs::create_dir_all(&kept)?;
-    programs.iter().map(|program| keep(&built, &kept, *program)).collect()
-}
-
-fn keep(built: &Path, kept: &Path, program: Program) -> Result<PathBuf> {
-    let (from, to) = match program {
-        Program::Profile(name) | Program::ArrayProfile(name) => (built.join(name), kept.join(name)),
-        Program::Example(name) | Program::ArrayExample(name) | Program::FlashExample(name) => {
-            (built.join("examples").join(name), kept.join(name))
+        // Keep copies: the next images have the same paths.
+        for program in programs {
+            let from = built.join(program.built());
+            fs::copy(&from, kept.join(program.kept())).with_context(|| format!("cannot copy {}", from.display()))?;
         }
-    };
-    fs::copy(&from, &to).with_context(|| format!("cannot copy {}", from.display()))?;
-    Ok(to)
+    }
+    Ok(programs.iter().map(|program| kept.join(program.kept())).collect())
 }

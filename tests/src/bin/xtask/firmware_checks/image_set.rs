@@ -2,8 +2,8 @@
 
 use anyhow::{Context, Result, bail};
 use multiscopic::{
-    DisparityMap, Engine, Frames, Method, Picture,
-    scene::{PinholeCamera, Scene, render, render_views},
+    DisparityMap, Engine, Frames, Method,
+    scene::{PinholeCamera, Scene, render_views},
     stereo::{CostFunction, Optimizer, confidence_map::ConfidenceMap, optimization::sgm::SemiGlobal},
 };
 use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, SemiGlobalCost, SemiGlobalMatcher, View, Views};
@@ -26,25 +26,19 @@ impl ImageSet {
     /// The synthetic scene of `multiscopic demo`, which is the same on every machine.
     pub fn demo(matching: &Matching) -> ImageSet {
         let (width, height, wanted) = (matching.search().width(), matching.search().height(), matching.views());
-        let shot = render_views(&Scene::demo(), &PinholeCamera::new(width as u32, height as u32), wanted, 1);
-        let gray = |frame| Picture::Rgb(shot.frame(frame).clone()).to_gray().into_raw();
-        let views = View::CROSS.map(|view| wanted.contains(view).then(|| gray(Frame::View(view))));
-        let others = wanted.iter().filter(|view| !View::CROSS.contains(view));
-        let others = others.map(|view| (offset(view), gray(Frame::View(view)))).collect();
-        ImageSet { name: "demo", images: ViewSet { width, height, center: gray(Frame::Center), views, others } }
+        ImageSet::demo_middle([width, height], [width, height], wanted)
     }
 
-    /// The central `[width, height]` pixels of the demo's scene rendered at `[w, h]` pixels, with all views.
-    pub fn demo_middle([w, h]: [usize; 2], [width, height]: [usize; 2]) -> ImageSet {
-        let frames = render(&Scene::demo(), &PinholeCamera::new(w as u32, h as u32), 1)
-            .frames(Views::CROSS)
-            .middle([width, height], Views::CROSS);
+    /// The central `[width, height]` pixels of the demo's scene rendered at `[w, h]` pixels, with these views.
+    pub fn demo_middle([w, h]: [usize; 2], [width, height]: [usize; 2], views: Views) -> ImageSet {
+        let shot = render_views(&Scene::demo(), &PinholeCamera::new(w as u32, h as u32), views, 1);
+        let frames = shot.frames(views).middle([width, height], views);
         let gray = |frame| frames.get(frame).map(|image| image.as_raw().clone());
-        let views = View::CROSS.map(|view| gray(Frame::View(view)));
-        ImageSet {
-            name: "demo",
-            images: ViewSet { width, height, center: gray(Frame::Center).unwrap_or_default(), views, others: Vec::new() },
-        }
+        let cross = View::CROSS.map(|view| gray(Frame::View(view)));
+        let others = views.iter().filter(|view| !View::CROSS.contains(view));
+        let others = others.filter_map(|view| Some((offset(view), gray(Frame::View(view))?))).collect();
+        let center = gray(Frame::Center).unwrap_or_default();
+        ImageSet { name: "demo", images: ViewSet { width, height, center, views: cross, others } }
     }
 
     /// The centre of the Tsukuba scene, if it is available, large enough, and has all views.

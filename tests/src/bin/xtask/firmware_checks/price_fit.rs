@@ -7,10 +7,7 @@ use multiscopic::target::{
 };
 use multiscopic_core::{Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams, Views};
 use multiscopic_edge::{Matching, Wide};
-use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
-};
+use std::{collections::BTreeMap, path::PathBuf};
 
 use crate::{
     emulation::{
@@ -77,6 +74,16 @@ const VARIANTS: [(Views, Fusion); 9] = [
     (Views::CROSS, Fusion::Heuristic),
 ];
 
+/// The fusion rules of eight views.
+const ARRAY_VARIANTS: [(Views, Fusion); 4] =
+    [(Views::ARRAY, Fusion::Min), (Views::ARRAY, Fusion::Mean), (Views::ARRAY, Fusion::Heuristic), (Views::ARRAY, Fusion::Half)];
+
+/// Disparities that are searched around a prior, by shape in turn.
+const AROUND: [u16; 3] = [8, 12, 16];
+
+/// The baseline of the views that are searched around a prior, in baselines of the others.
+const LONG_BASELINE: u8 = 4;
+
 /// Blocks of semi-global matching, by shape in turn.
 const PATH_BLOCKS: [u8; 3] = [5, 3, 7];
 
@@ -89,12 +96,20 @@ struct Run<'a> {
     images: &'a ImageSet,
 }
 
+/// The calibrating firmware, for up to four views and for eight.
+struct Calibrating {
+    few: PathBuf,
+    array: PathBuf,
+}
+
 /// The instructions per unit of work of the firmware on `board`.
 pub fn prices(toolchain: &Toolchain, board: &EmulatedBoard, counter: &Counter) -> Result<Prices> {
-    let image = build::build(toolchain, board, &[Program::Example("calibrate")])?.pop().context("one program gives one image")?;
+    let programs = [Program::Example("calibrate"), Program::ArrayExample("calibrate")];
+    let [few, array] = build::build(toolchain, board, &programs)?.try_into().ok().context("each program gives an image")?;
+    let firmware = Calibrating { few, array };
     let images = SHAPES.each_ref().map(Shape::images);
     let runs = runs(&images)?;
-    let counted = workers::map(&runs, |run| run.count(board, &image, counter).with_context(|| run.name(board)))?;
+    let counted = workers::map(&runs, |run| run.count(board, &firmware, counter).with_context(|| run.name(board)))?;
     let prices = fit(&runs, &counted, board.processor);
     let off = runs.iter().zip(&counted).filter_map(|(run, counted)| {
         let predicted = prices.instructions(&run.matching, board.processor)?;
@@ -116,30 +131,40 @@ impl Shape {
     fn images(&self) -> ImageSet {
         let width = usize::from(self.width).max(10 * usize::from(self.num_disparities));
         let height = usize::from(self.height).max(3 * width / 4);
-        ImageSet::demo_middle([width, height], [self.width.into(), self.height.into()])
+        let far = Views::CROSS.iter().filter_map(|view| view.times(LONG_BASELINE));
+        let views = Views::ARRAY.iter().chain(far).collect();
+        ImageSet::demo_middle([width, height], [self.width.into(), self.height.into()], views)
+    }
+
+    fn search(&self, (views, fusion): (Views, Fusion)) -> Result<Search> {
+        Ok(Search::new(self.width, self.height, views, fusion, self.min_disparity, self.num_disparities)?)
+    }
+
+    fn blocks(&self, variant: (Views, Fusion), block_size: u8) -> Result<Params> {
+        Ok(Params::block_matching(self.search(variant)?, block_size)?)
     }
 }
 
+/// The runs that fit the workspace: paths and long baselines lead through the whole line.
 fn runs(images: &[ImageSet]) -> Result<Vec<Run<'_>>> {
     let mut runs = Vec::new();
-    let shapes = SHAPES.iter().zip(images);
-    for ((shape, images), (views, fusion)) in shapes.flat_map(|shape| VARIANTS.map(|variant| (shape, variant))) {
-        for block_size in shape.block_sizes {
-            let Shape { width, height, min_disparity, num_disparities, tile_width, .. } = *shape;
-            let params = Params::new(width, height, views, fusion, min_disparity, num_disparities, block_size)?;
-            runs.push(Run { matching: Matching::Blocks { params, tile_width }, images });
-        }
-    }
-    // Paths lead through the whole line, so that some of these frames do not fit the workspace.
-    for ((shape, images), block_size) in SHAPES.iter().zip(images).zip(PATH_BLOCKS.into_iter().cycle()) {
-        let Shape { width, height, min_disparity, num_disparities, .. } = shape;
-        for (views, fusion) in VARIANTS {
-            let search = Search::new(*width, *height, views, fusion, *min_disparity, *num_disparities)?;
-            let params = SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size })?;
-            let matching = Matching::SemiGlobal(params);
-            if matching.lengths::<Wide>().matcher.words() <= WORKSPACE_WORDS {
+    for (index, (shape, images)) in SHAPES.iter().zip(images).enumerate() {
+        let (narrow, path_block) = (shape.block_sizes[0], PATH_BLOCKS[index % PATH_BLOCKS.len()]);
+        let mut add = |matching: Matching| {
+            if matching.lengths::<Wide>().words() <= WORKSPACE_WORDS {
                 runs.push(Run { matching, images });
             }
+        };
+        for variant in VARIANTS.into_iter().chain(ARRAY_VARIANTS) {
+            for block_size in shape.block_sizes {
+                add(Matching::Blocks { params: shape.blocks(variant, block_size)?, tile_width: shape.tile_width });
+            }
+        }
+        for variant in VARIANTS {
+            let cost = SemiGlobalCost::Sad { block_size: path_block };
+            add(Matching::SemiGlobal(SemiGlobalParams::new(shape.search(variant)?, cost)?));
+            let around = Matching::around_prior(shape.blocks(variant, narrow)?, LONG_BASELINE, AROUND[index % AROUND.len()]);
+            add(around.context("disparities around a prior")?);
         }
     }
     Ok(runs)
@@ -151,10 +176,11 @@ impl Run<'_> {
     }
 
     /// The arguments of the firmware.
-    fn arguments(&self) -> [String; 9] {
+    fn arguments(&self) -> Vec<String> {
         let (search, tile_width) = (self.matching.search(), self.matching.tile_width());
         let blocks = self.matching.block_matching().expect("the firmware is calibrated with sums of absolute differences");
-        [
+        let method = self.matching.name();
+        let mut arguments = vec![
             search.width().to_string(),
             search.height().to_string(),
             search.views().len().to_string(),
@@ -163,12 +189,19 @@ impl Run<'_> {
             blocks.block_size().to_string(),
             search.fusion().name().to_owned(),
             tile_width.to_string(),
-            self.matching.name().to_owned(),
-        ]
+        ];
+        match self.matching {
+            Matching::Blocks { .. } | Matching::SemiGlobal(_) | Matching::WithConfidences(_) => arguments.push(method.to_owned()),
+            Matching::AroundPrior { long, .. } => {
+                arguments.extend([format!("{method}-around"), long.num_disparities().to_string()]);
+            }
+        }
+        arguments
     }
 
     /// Counts its instructions.
-    fn count(&self, board: &EmulatedBoard, image: &Path, counter: &Counter) -> Result<Instructions> {
+    fn count(&self, board: &EmulatedBoard, firmware: &Calibrating, counter: &Counter) -> Result<Instructions> {
+        let image = if self.matching.search().views().len() > 4 { &firmware.array } else { &firmware.few };
         let folder: PathBuf = folders::edge_target().join("runs/price-fit").join(self.name(board));
         self.images.write(&folder)?;
         let arguments = self.arguments();
@@ -182,7 +215,7 @@ impl Run<'_> {
 /// The prices that fit the counts best. Matching and sending are counted and fitted separately.
 fn fit(runs: &[Run<'_>], counted: &[Instructions], processor: Processor) -> Prices {
     let works: Vec<Workload> = runs.iter().filter_map(|run| Workload::new(&run.matching, processor)).collect();
-    let mut kernels: Vec<&str> = works.iter().map(|work| work.kernel.as_str()).collect();
+    let mut kernels: Vec<&str> = works.iter().flat_map(|work| &work.candidates).map(|(kernel, _)| kernel.as_str()).collect();
     kernels.sort_unstable();
     kernels.dedup();
     let of_sending = |name: &&str| ["packet", "sent"].contains(name);
@@ -190,13 +223,15 @@ fn fit(runs: &[Run<'_>], counted: &[Instructions], processor: Processor) -> Pric
         let numbers = WorkUnits::NAMES.iter().zip(work.units.to_array());
         numbers.map(|(name, count)| if of_sending(name) == sending { count } else { 0.0 }).collect()
     };
-    let matching = works.iter().map(|work| {
-        let mut row = units(work, false);
-        let candidates = work.candidates.to_array();
-        row.extend(kernels.iter().flat_map(|kernel| if *kernel == work.kernel { candidates } else { [0.0; 4] }));
-        row
-    });
-    let found = least_squares::prices(&matching.collect::<Vec<_>>(), &measured(counted, |instructions| instructions.matching));
+    let matching: Vec<Vec<f64>> = works
+        .iter()
+        .map(|work| {
+            let of = |kernel: &str| work.candidates.iter().find(|(name, _)| name == kernel).map(|(_, found)| found.to_array());
+            let candidates = kernels.iter().flat_map(|kernel| of(kernel).unwrap_or_default());
+            units(work, false).into_iter().chain(candidates).collect()
+        })
+        .collect();
+    let found = fit_in_turn(runs, &matching, &measured(counted, |instructions| instructions.matching));
     let sending: Vec<Vec<f64>> = works.iter().map(|work| units(work, true)).collect();
     let sending = least_squares::prices(&sending, &measured(counted, |instructions| instructions.sending));
     let (matching, candidates) = found.split_at(WorkUnits::NAMES.len());
@@ -207,6 +242,22 @@ fn fit(runs: &[Run<'_>], counted: &[Instructions], processor: Processor) -> Pric
         .map(|(kernel, prices)| ((*kernel).to_owned(), CandidateUnits::from_array(prices.map(rounded))))
         .collect();
     Prices { units, candidates }
+}
+
+/// The prices of the work in `rows`. Those of single matches of up to four views are fitted first. Arrays and long baselines
+/// have some of their own beside them, and leave them as they are.
+fn fit_in_turn(runs: &[Run<'_>], rows: &[Vec<f64>], measured: &[f64]) -> Vec<f64> {
+    let has_own = |run: &Run| run.matching.long_search().is_some() || run.matching.search().views().len() > 4;
+    let chosen = |own: bool| runs.iter().zip(rows).zip(measured).filter(move |((run, _), _)| has_own(run) == own);
+    let (first, counts): (Vec<Vec<f64>>, Vec<f64>) = chosen(false).map(|((_, row), count)| (row.clone(), *count)).unzip();
+    let prices = least_squares::prices(&first, &counts);
+    let is_known = |column: usize| first.iter().any(|row| row[column] > 0.0);
+    let unknown = |row: &[f64]| row.iter().enumerate().map(|(j, count)| if is_known(j) { 0.0 } else { *count }).collect();
+    let rest = |row: &[f64], count: f64| count - row.iter().zip(&prices).map(|(count, price)| count * price).sum::<f64>();
+    let (others, counts): (Vec<Vec<f64>>, Vec<f64>) =
+        chosen(true).map(|((_, row), count)| (unknown(row), rest(row, *count))).unzip();
+    let own = least_squares::prices(&others, &counts);
+    prices.iter().zip(own).map(|(price, own)| price + own).collect()
 }
 
 fn measured(counted: &[Instructions], part: impl Fn(&Instructions) -> u64) -> Vec<f64> {

@@ -206,9 +206,9 @@ impl Run {
         format!("{} on {}, {}", self.profile.name, self.board.name, self.fusion.name())
     }
 
-    /// Whether the cost model covers it. Its kernels take up to four views.
+    /// Whether the cost model covers it.
     fn is_modelled(&self) -> bool {
-        !self.profile.needs_array() && Workload::new(&self.profile.matching(self.fusion), self.board.processor).is_some()
+        Workload::new(&self.profile.matching(self.fusion), self.board.processor).is_some()
     }
 
     /// The size of its workspace in bytes.

@@ -14,7 +14,7 @@ use image::{
 
 use crate::{
     error::{Error, Result},
-    files::{input, output, panics, png_chunks, truncation},
+    files::{input, jpeg_scans, output, panics, png_chunks, truncation},
     images::Picture,
 };
 
@@ -69,6 +69,9 @@ impl CodedFile<'_> {
         }
         let orientation = self.orientation(&mut decoder);
         let mut image = DynamicImage::from_decoder(decoder).map_err(|error| self.damaged(&error))?;
+        if self.format == ImageFormat::Jpeg {
+            jpeg_scans::check(self.bytes).map_err(|fault| self.damaged(&fault))?;
+        }
         image.apply_orientation(orientation);
         Ok(image)
     }

@@ -7,7 +7,6 @@ mod command_line;
 mod edge_commands;
 mod evaluation;
 mod filters;
-mod hostile_files;
 mod interruptions;
 mod layouts;
 mod lenses;

@@ -1,9 +1,12 @@
 //! The bits of a scan.
 
-use super::{Fault, HuffmanTable, next_marker};
+use super::{huffman_table::HuffmanTable, markers::next_marker};
 
-/// Some cameras add bytes at the end of a scan, which decoders skip.
-const MAX_SURPLUS_BYTES: usize = 2;
+/// What is wrong with coded data.
+pub type Fault = &'static str;
+
+/// Some cameras add bytes at the end of a scan, which decoders skip. Up to so many, hardly less damage is noticed.
+const MAX_SURPLUS_BYTES: usize = 8;
 
 /// Reads the bits between two markers.
 pub struct BitReader<'a> {

@@ -2,7 +2,10 @@
 
 use std::ops::RangeInclusive;
 
-use super::{BitReader, Fault, HuffmanTable};
+use super::{
+    bit_reader::{BitReader, Fault},
+    huffman_table::HuffmanTable,
+};
 
 /// Reads blocks of 64 coefficients, or what a scan has of them.
 pub struct BlockReader<'a> {

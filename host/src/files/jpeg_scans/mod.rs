@@ -6,15 +6,14 @@
 mod bit_reader;
 mod block_reader;
 mod huffman_table;
+mod markers;
 
 use std::ops::RangeInclusive;
 
-use bit_reader::BitReader;
+use bit_reader::{BitReader, Fault};
 use block_reader::BlockReader;
 use huffman_table::HuffmanTable;
-
-/// What is wrong with the data.
-pub type Fault = &'static str;
+use markers::{END_OF_IMAGE, START_OF_SCAN, next_marker, segment};
 
 const BLOCK_SIDE: usize = 8;
 
@@ -40,22 +39,6 @@ pub fn check(bytes: &[u8]) -> Result<(), Fault> {
         };
     }
     Ok(())
-}
-
-const START_OF_SCAN: u8 = 0xDA;
-const END_OF_IMAGE: u8 = 0xD9;
-
-/// The next marker, and what follows it.
-fn next_marker(bytes: &[u8]) -> Option<(u8, &[u8])> {
-    let start = bytes.windows(2).position(|pair| pair[0] == 0xFF && !matches!(pair[1], 0 | 0xFF))?;
-    Some((bytes[start + 1], &bytes[start + 2..]))
-}
-
-/// The data of a segment without its length, and what follows it.
-fn segment(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
-    let length = u16::from_be_bytes(*bytes.first_chunk()?);
-    let (segment, rest) = bytes.split_at_checked(length.into())?;
-    Some((segment.get(2..)?, rest))
 }
 
 /// What has been read of a file.

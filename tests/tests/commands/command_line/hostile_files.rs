@@ -13,6 +13,8 @@ use multiscopic_edge::packet::{Sender, buffer_bytes};
 use multiscopic_tests::{program::Invocation, split_mix::Random, test_images::golden};
 use tempfile::TempDir;
 
+use super::bench::Bench;
+
 /// The address space in megabytes in which hostile files must be refused.
 const MEMORY: usize = 1024;
 
@@ -87,6 +89,48 @@ fn matched(dir: &TempDir, image: &str) -> Invocation {
 }
 
 #[test]
+fn broken_images_are_refused() {
+    let png = fs::read(&golden::paths()[0]).expect("a golden image");
+    // A PNG's header: signature, length, `IHDR`, width, height, five bytes, checksum.
+    let with_size = |width: u32, height: u32| {
+        let mut png = png.clone();
+        png[16..20].copy_from_slice(&width.to_be_bytes());
+        png[20..24].copy_from_slice(&height.to_be_bytes());
+        let checksum = crc32(&png[12..29]);
+        png[29..33].copy_from_slice(&checksum.to_be_bytes());
+        png
+    };
+    assert_eq!(with_size(48, 32), png, "a golden image is laid out as this test supposes");
+    let mut wrong_data = png.clone();
+    let middle = png.len() / 2;
+    wrong_data[middle..middle + 50].fill(0x5A);
+
+    let cases: [(&str, Vec<u8>); 14] = [
+        ("empty.png", Vec::new()),
+        ("text.png", b"this is not an image\n".to_vec()),
+        ("signature.png", png[..8].to_vec()),
+        ("truncated.png", png[..png.len() / 2].to_vec()),
+        ("no-end.png", png[..png.len() - 30].to_vec()),
+        ("wrong-data.png", wrong_data),
+        ("no-columns.png", with_size(0, 32)),
+        ("no-lines.png", with_size(48, 0)),
+        ("huge.png", with_size(0x7FFF_FFFF, 0x7FFF_FFFF)),
+        ("zero.pgm", b"P5\n0 0\n255\n".to_vec()),
+        ("huge.pgm", b"P5\n4294967295 4294967295\n255\n".to_vec()),
+        ("overflow.pgm", b"P5\n99999999999999999999 1\n255\n\0".to_vec()),
+        ("short.pgm", [b"P5\n48 32\n255\n", &[7; 48 * 32 - 1][..]].concat()),
+        ("huge.pfm", b"Pf\n65000 65000\n-1\n".to_vec()),
+    ];
+    for (name, bytes) in cases {
+        for option in ["--center", "--right"] {
+            let mut bench = Bench::stereo();
+            let path = bench.file(name, &bytes);
+            bench.set(option, path).refused(&[name]);
+        }
+    }
+}
+
+#[test]
 fn a_decoder_that_panics_is_an_error() {
     let dir = tempfile::tempdir().expect("a folder");
     let palette = |length| png([4, 4], 3, &[(b"PLTE", vec![7; length])]);
@@ -153,7 +197,7 @@ fn damage_inside_a_jpeg_is_an_error() {
         assert!(is_read(&dir, &whole), "{}", path.display());
         // Bytes that some cameras add before the end.
         let (data, end) = whole.split_at(whole.len() - 2);
-        assert!(is_read(&dir, &[data, &[0, 0], end].concat()), "{}", path.display());
+        assert!(is_read(&dir, &[data, &[0; 6], end].concat()), "{}", path.display());
         assert!(!is_read(&dir, &[data, &[0; 20], end].concat()), "{}", path.display());
         let start = whole.windows(2).position(|marker| marker == [0xFF, 0xDA]).expect("a scan") + 14;
         let mut refused = [0; 3];
@@ -168,7 +212,7 @@ fn damage_inside_a_jpeg_is_an_error() {
             }
         }
         // What is left in step cannot be told.
-        assert!(refused.iter().all(|refused| *refused >= 75), "{}: {refused:?} of 100 are refused", path.display());
+        assert!(refused.iter().all(|refused| *refused >= 70), "{}: {refused:?} of 100 are refused", path.display());
     }
 }
 

@@ -120,6 +120,7 @@ mod tests {
             backlash_mm: 0.05,
             repeatability_mm: 0.02,
             rotation_deg: 0.05,
+            stalls_at_move: Some(6),
         };
         assert_eq!(found.stage, stage);
         assert_eq!(read("[stage]\n").unwrap(), Imperfections::default());

@@ -62,8 +62,20 @@ impl Invocation {
         arguments: impl IntoIterator<Item = A>,
         variables: impl IntoIterator<Item = (&'static str, PathBuf)>,
     ) -> Invocation {
-        let mut command = Command::new(binary());
-        let output = command.args(arguments).envs(variables).stdin(Stdio::null()).output().expect("the command line runs");
+        Invocation::of(Command::new(binary()).args(arguments).envs(variables))
+    }
+
+    /// Runs the command line to its end with so many megabytes of address space, in two threads.
+    #[cfg(unix)]
+    pub fn within<A: AsRef<OsStr>>(megabytes: usize, arguments: impl IntoIterator<Item = A>) -> Invocation {
+        let mut shell = Command::new("sh");
+        shell.arg("-c").arg(format!(r#"ulimit -v {} && exec "$0" "$@""#, 1024 * megabytes)).arg(binary());
+        // Each thread reserves some.
+        Invocation::of(shell.args(arguments).env("RAYON_NUM_THREADS", "2"))
+    }
+
+    fn of(command: &mut Command) -> Invocation {
+        let output = command.stdin(Stdio::null()).output().expect("the command line runs");
         let text = |bytes| String::from_utf8(bytes).expect("the output is UTF-8");
         Invocation { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
     }

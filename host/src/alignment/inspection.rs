@@ -1,5 +1,7 @@
 //! What images tell before they are matched: the range of their disparities, views that look swapped, and missing texture.
 
+use std::ops::RangeInclusive;
+
 use image::{GrayImage, imageops};
 use multiscopic_core::{Frame, View};
 use rayon::prelude::*;
@@ -35,6 +37,8 @@ const MIN_POINTS: usize = 20;
 const OUTLIERS: f64 = 0.01;
 /// How much wider than that of the corners the range is, as a share: smaller things may be nearer.
 const WIDENED: f64 = 0.1;
+/// The share of corners with disparities beyond a range from which on it looks too narrow.
+const MAX_BEYOND: f64 = 0.2;
 /// The share of matches on the wrong side from which on a view looks swapped.
 const SWAPPED: f64 = 0.7;
 /// The least share of corners with such matches.
@@ -56,6 +60,10 @@ pub struct Inspection {
     /// The smallest disparity and the number of disparities, in pixels of the unit baseline. `None` if too few corners are
     /// found again.
     pub range: Option<(i16, u16)>,
+    /// The disparities of the corners that are found again, in pixels of the unit baseline, in ascending order.
+    pub corners: Vec<f64>,
+    /// By how much these may be off.
+    pub corner_error: f64,
     /// Views that show the scene moved the wrong way.
     pub swapped: Vec<View>,
     /// Frames whose edges are much softer than those of most others.
@@ -86,6 +94,20 @@ impl Inspection {
         let (min, count) = self.range?;
         let max = i32::from(min) + i32::from(count) - 1;
         Some(format!("disparities from {min} to {max}: --min-disparity {min} --num-disparities {count}"))
+    }
+
+    /// Tells if many corners have disparities beyond a search range, and which range has them.
+    pub fn beyond_line(&self, range: RangeInclusive<i16>) -> Option<String> {
+        let found = self.range_line()?;
+        let (first, last) = range.into_inner();
+        let covered = f64::from(first) - self.corner_error..=f64::from(last) + self.corner_error;
+        let beyond = self.corners.iter().filter(|disparity| !covered.contains(*disparity)).count();
+        let percent = 100.0 * beyond as f64 / self.corners.len() as f64;
+        (percent > 100.0 * MAX_BEYOND).then(|| {
+            format!(
+                "{percent:.0} % of the corners lie beyond the range {first}..={last}: the images show {found}, or --auto-range"
+            )
+        })
     }
 
     /// Which views look swapped, for a search range from `min_disparity` on; in a range with negative disparities none does.
@@ -152,11 +174,16 @@ impl Inspection {
             are_most && wrong >= MIN_POINTS && wrong as f64 >= MIN_SWAPPED * found.len() as f64
         };
         let swapped = views.iter().zip(&found).filter(|(_, found)| is_swapped(found)).map(|(&view, _)| view).collect();
+        let scale = scale[0].max(scale[1]);
         let agreed = (0..corners.len()).filter_map(|n| agreed(found.iter().filter_map(|found| found[n]), views.len()));
+        let mut corners: Vec<f64> = agreed.map(|disparity| scale * disparity).collect();
+        corners.sort_unstable_by(f64::total_cmp);
         let image = |view: &View| frames.get(Frame::View(*view)).expect("the view is there");
         let copies = views.iter().copied().filter(|view| Some(image(view)) == frames.get(Frame::Center)).collect();
         Inspection {
-            range: range(agreed.collect(), scale[0].max(scale[1])),
+            range: range(&corners, scale),
+            corners,
+            corner_error: MAX_SPREAD * scale,
             swapped,
             blurred: blurred(frames),
             copies,
@@ -255,14 +282,13 @@ fn agreed(disparities: impl Iterator<Item = f64>, count: usize) -> Option<f64> {
     is_agreed.then(|| disparities[disparities.len() / 2])
 }
 
-/// The range of disparities that are given in pixels of small images, with `scale` pixels each.
-fn range(mut disparities: Vec<f64>, scale: f64) -> Option<(i16, u16)> {
+/// The range of disparities in ascending order, found in small images with pixels of `scale` pixels.
+fn range(disparities: &[f64], scale: f64) -> Option<(i16, u16)> {
     if disparities.len() < MIN_POINTS {
         return None;
     }
-    disparities.sort_unstable_by(f64::total_cmp);
     let outliers = (OUTLIERS * disparities.len() as f64) as usize;
-    let [low, high] = [disparities[outliers], disparities[disparities.len() - 1 - outliers]].map(|at| scale * at);
+    let [low, high] = [disparities[outliers], disparities[disparities.len() - 1 - outliers]];
     let margin = WIDENED * (high - low) + MAX_SPREAD * scale;
     // Most rigs have no negative disparities.
     let low = if low > -scale { (low - margin).floor().max(0.0) } else { (low - margin).floor() };

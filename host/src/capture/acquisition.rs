@@ -46,7 +46,8 @@ where
     S: Stage<Error: error::Error + Send + Sync + 'static>,
     C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
 {
-    let mut images = acquire_images(stage, camera, plan, policy, interrupts, observe)?;
+    let Acquisition { mut images, failure } = acquire_images(stage, camera, plan, policy, interrupts, observe)?;
+    failure.map_or(Ok(()), Err)?;
     let center = images.iter().position(|(frame, _)| *frame == Frame::Center).expect("the plan has a centre");
     let (_, center) = images.swap_remove(center);
     Ok(images.into_iter().fold(Frames::new(center), |frames, (frame, image)| match frame {
@@ -55,10 +56,19 @@ where
     }))
 }
 
-/// Takes the frames of `plan`, which need not have a centre, as [`acquire_frames`] does.
+/// All frames of a plan.
+#[derive(Debug)]
+pub struct Acquisition {
+    /// The frames, in the plan's order.
+    pub images: Vec<(Frame, GrayImage)>,
+    /// What failed after the last frame. The stage may not be back at the centre.
+    pub failure: Option<Error>,
+}
+
+/// Takes the frames of `plan`, which need not have a centre, as [`acquire_frames`] does. What fails after the last frame is no error.
 ///
 /// # Errors
-/// As [`acquire_frames`].
+/// As [`acquire_frames`], before the last frame is complete. An abort is one at any time.
 pub fn acquire_images<S, C>(
     stage: &mut S,
     camera: &mut ThreadedCamera<C>,
@@ -66,7 +76,7 @@ pub fn acquire_images<S, C>(
     policy: Policy,
     interrupts: &AtomicUsize,
     mut observe: impl FnMut(Duration, CaptureProgress),
-) -> Result<Vec<(Frame, GrayImage)>>
+) -> Result<Acquisition>
 where
     S: Stage<Error: error::Error + Send + Sync + 'static>,
     C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
@@ -74,15 +84,27 @@ where
     let mut sequence = Sequence::new(plan.positions(), policy);
     let (start, mut last_progress) = (Instant::now(), None);
     let mut handled_interrupts = interrupts.load(Ordering::Relaxed);
+    let last = plan.frames().len().checked_sub(1);
+    let (mut is_complete, mut failure) = (false, None);
     loop {
         let count = interrupts.load(Ordering::Relaxed);
         if count != handled_interrupts {
             handled_interrupts = count;
             sequence.abort();
         }
-        let progress = sequence
-            .poll(start.elapsed(), stage, camera)
-            .map_err(|error| Error::Capture { frame: failed_frame(&error, plan), source: Box::new(error) })?;
+        let progress = match sequence.poll(start.elapsed(), stage, camera) {
+            Ok(progress) => progress,
+            Err(error) => {
+                let is_kept = is_complete && !matches!(error, CaptureError::Aborted);
+                let error = Error::Capture { frame: failed_frame(&error, plan).filter(|_| !is_kept), source: Box::new(error) };
+                if !is_kept {
+                    return Err(error);
+                }
+                failure = Some(error);
+                break;
+            }
+        };
+        is_complete |= matches!(progress, CaptureProgress::Captured(index) if Some(index) == last);
         if last_progress.replace(progress) != Some(progress) {
             observe(start.elapsed(), progress);
         }
@@ -91,8 +113,9 @@ where
         }
         thread::sleep(POLL_INTERVAL);
     }
-    let mut image = |index| camera.take_image(index).expect("a finished sequence has taken every frame");
-    Ok(plan.frames().iter().enumerate().map(|(index, frame)| (*frame, image(index))).collect())
+    let mut image = |index| camera.take_image(index).expect("the last frame comes after all others");
+    let images = plan.frames().iter().enumerate().map(|(index, frame)| (*frame, image(index))).collect();
+    Ok(Acquisition { images, failure })
 }
 
 /// The frame that the error is about. `None` if it is not about one.

@@ -31,6 +31,7 @@ use crate::{
 /// backlash_mm = 0.05              # its play
 /// repeatability_mm = 0.02         # the most by which a move misses its target
 /// rotation_deg = 0.05             # the most by which a move turns the camera about each axis
+/// stalls_at_move = 6              # the move on which it gets stuck; without, it never does
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Imperfections {
@@ -119,6 +120,7 @@ mod tests {
             backlash_mm: 0.05,
             repeatability_mm: 0.02,
             rotation_deg: 0.05,
+            stalls_at_move: Some(6),
         };
         assert_eq!(found.stage, stage);
         assert_eq!(read("[stage]\n").unwrap(), Imperfections::default());

@@ -20,7 +20,7 @@ pub mod stage;
 mod threaded_camera;
 
 pub use accuracy::{Accuracy, Bound, Choice, Survey};
-pub use acquisition::{acquire_frames, acquire_images};
+pub use acquisition::{Acquisition, acquire_frames, acquire_images};
 pub use imperfections::Imperfections;
 #[cfg(feature = "scene")]
 pub use simulated_camera::SimulatedCamera;

@@ -4,7 +4,7 @@ use std::{fmt, process::ExitCode, time::Instant};
 
 use clap::Args;
 use image::{GrayImage, Luma};
-use multiscopic::{Error, Frames, Method, Result};
+use multiscopic::{Error, Frames, Method, Picture, Result};
 use multiscopic_core::{Fusion, Params};
 
 use super::{
@@ -53,9 +53,6 @@ pub struct Bench {
     engine: EngineOptions,
 }
 
-/// The most pixels of a frame: far more than any camera's, in far less memory than a computer's.
-const MAX_PIXELS: usize = 1 << 26;
-
 /// The measurement; `--json` prints these fields.
 #[derive(Debug, serde::Serialize)]
 struct Measurement {
@@ -80,9 +77,9 @@ impl Bench {
             return Err(Error::Usage("--width, --height and --repeat must be at least 1".into()));
         }
         let size = [self.width, self.height].map(usize::from);
-        if size[0] * size[1] > MAX_PIXELS {
-            let [width, height] = size;
-            return Err(Error::Usage(format!("frames of {width}x{height} pixels are too large, at most {MAX_PIXELS} pixels")));
+        if size[0] * size[1] > Picture::MAX_PIXELS {
+            let ([width, height], most) = (size, Picture::MAX_PIXELS);
+            return Err(Error::Usage(format!("frames of {width}x{height} pixels are too large, at most {most} pixels")));
         }
         let search = self.search.search(size, views, self.fusion, (1, 64))?;
         let params = self.search.params(search)?;

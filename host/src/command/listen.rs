@@ -16,7 +16,7 @@ use multiscopic::{
 
 use super::{options::MapFiles, terminal};
 
-/// Receives a disparity map from the firmware, and reports every packet that is lost or damaged
+/// Receives a disparity map from the firmware, and reports the packets that are lost or damaged
 ///
 /// Reads packets up to the end of the frame. A serial port is read like a file; configure it first, for example with
 ///
@@ -40,6 +40,9 @@ pub struct Listen {
     confidence: Option<PathBuf>,
 }
 
+/// How many flaws are reported one by one. The others are counted.
+const REPORTED_FLAWS: usize = 10;
+
 /// The name of standard input on the command line.
 const STANDARD_INPUT: &str = "-";
 
@@ -56,7 +59,7 @@ impl Listen {
         output::check(&outputs, &[path])?;
 
         let bar = terminal::progress(0, "pixels");
-        let mut is_whole = true;
+        let (mut is_whole, mut flaws) = (true, 0);
         let received = reception::receive(source, path, |notice| match notice {
             Notice::Line { pixels, of } => {
                 bar.set_length(of as u64);
@@ -64,16 +67,26 @@ impl Listen {
             }
             Notice::Flaw(flaw) => {
                 is_whole &= !flaw.is_harmful();
-                bar.suspend(|| terminal::say(&format!("{}: {flaw}", path.display())));
+                flaws += 1;
+                if flaws <= REPORTED_FLAWS {
+                    bar.suspend(|| terminal::say(&format!("{}: {flaw}", path.display())));
+                }
             }
         });
         bar.finish_and_clear();
+        if flaws > REPORTED_FLAWS {
+            let more = flaws - REPORTED_FLAWS;
+            terminal::say(&format!("{}: {more} more packets or groups of packets are lost, damaged or foreign", path.display()));
+        }
 
         let received = received?;
-        self.maps.write(&received.disparities)?;
-        if let (Some(file), Some(confidences)) = (&self.confidence, &received.confidences) {
-            Picture::from(confidences).write_png(file)?;
-        }
+        output::write_together(|| {
+            self.maps.write(&received.disparities)?;
+            if let (Some(file), Some(confidences)) = (&self.confidence, &received.confidences) {
+                Picture::from(confidences).write_png(file)?;
+            }
+            Ok(())
+        })?;
         terminal::say(&summary(&received));
         if let (Some(_), None) = (&self.confidence, &received.confidences) {
             return Err(Error::Format {

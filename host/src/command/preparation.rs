@@ -78,7 +78,12 @@ impl Preparation {
         let Preparation { inspection, alignment, .. } = self;
         // Swapped views explain disparities at the end of the range.
         let is_swapped = inspection.refuse_swapped(search.min_disparity()).is_err();
-        let cut = if is_swapped { None } else { cut_range(disparities, search, inspection.flat) };
+        let cut = match is_swapped {
+            true => None,
+            // In a range of a few disparities none stands out, and in one that is far off all are mismatches.
+            false => cut_range(disparities, search, inspection.flat)
+                .or_else(|| inspection.beyond_line(search.min_disparity()..=search.max_disparity())),
+        };
         let of_alignment = alignment.as_ref().and_then(Alignment::warning);
         inspection.warnings(search.min_disparity()).into_iter().chain(of_alignment).chain(cut).collect()
     }

@@ -1,7 +1,7 @@
-//! Reading and writing the formats of the `image` crate. Truncated files that the crate would accept are
-//! refused.
+//! Reading and writing the formats of the `image` crate. Truncated and damaged files that the crate would accept are refused.
 
 use std::{
+    borrow::Cow,
     io::{self, Cursor},
     path::Path,
 };
@@ -14,30 +14,28 @@ use image::{
 
 use crate::{
     error::{Error, Result},
-    files::{input, output, truncation},
+    files::{input, jpeg_scans, output, panics, png_chunks, truncation},
+    images::Picture,
 };
+
+/// The most memory that a decoder takes: for the samples of the largest picture, twice.
+const MAX_DECODER_BYTES: u64 = 16 * Picture::MAX_PIXELS as u64;
 
 /// Decodes the contents of the file `path`. They decide the format, not the name. The picture is turned as its EXIF orientation says.
 pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
     let file = CodedFile::new(path, bytes)?;
-    let mut decoder = file.decoder()?;
-    let (width, height) = decoder.dimensions();
-    if truncation::is_truncated(file.format, bytes, u64::from(width) * u64::from(height)) {
-        return Err(file.damaged(&format_args!("data are missing for its {width}x{height} pixels")));
-    }
-    let orientation = file.orientation(&mut decoder);
-    let mut image = DynamicImage::from_decoder(decoder).map_err(|error| file.damaged(&error))?;
-    image.apply_orientation(orientation);
-    Ok(image)
+    file.caught(|| file.image())
 }
 
 /// Whether the contents of the file `path` are samples of 16 bits without a word about which is white. PGM and PPM name the sample of white,
 /// and [`decode`] scales it to 65535, but 65535 is also what programs write that do not know.
 pub(crate) fn is_depth_unknown(path: &Path, bytes: &[u8]) -> Result<bool> {
     let file = CodedFile::new(path, bytes)?;
-    let color = file.decoder()?.color_type();
-    let has_16_bits = color.bytes_per_pixel() == 2 * color.channel_count();
-    Ok(has_16_bits && (file.format != ImageFormat::Pnm || file.netpbm_white()? == u32::from(u16::MAX)))
+    file.caught(|| {
+        let color = file.decoder()?.color_type();
+        let has_16_bits = color.bytes_per_pixel() == 2 * color.channel_count();
+        Ok(has_16_bits && (file.format != ImageFormat::Pnm || file.netpbm_white()? == u32::from(u16::MAX)))
+    })
 }
 
 /// A file that is not decoded yet.
@@ -58,23 +56,47 @@ impl CodedFile<'_> {
         }
     }
 
+    /// Does what needs a decoder, which may panic.
+    fn caught<T>(&self, f: impl FnOnce() -> Result<T>) -> Result<T> {
+        panics::caught(f).unwrap_or_else(|message| Err(self.damaged(&format_args!("the decoder gave up: {message}"))))
+    }
+
+    fn image(&self) -> Result<DynamicImage> {
+        let mut decoder = self.decoder()?;
+        let (width, height) = decoder.dimensions();
+        if truncation::is_truncated(self.format, self.bytes, u64::from(width) * u64::from(height)) {
+            return Err(self.damaged(&format_args!("data are missing for its {width}x{height} pixels")));
+        }
+        let orientation = self.orientation(&mut decoder);
+        let mut image = DynamicImage::from_decoder(decoder).map_err(|error| self.damaged(&error))?;
+        if self.format == ImageFormat::Jpeg {
+            jpeg_scans::check(self.bytes).map_err(|fault| self.damaged(&fault))?;
+        }
+        image.apply_orientation(orientation);
+        Ok(image)
+    }
+
     fn decoder(&self) -> Result<impl ImageDecoder> {
-        let mut reader = ImageReader::with_format(Cursor::new(self.bytes), self.format);
+        let bytes = match self.format {
+            ImageFormat::Png => png_chunks::without_metadata(self.bytes),
+            _ => Cow::from(self.bytes),
+        };
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), self.format);
         let mut limits = Limits::default();
-        limits.max_alloc = Some(input::MAX_BYTES);
+        limits.max_alloc = Some(MAX_DECODER_BYTES);
         reader.limits(limits);
         let decoder = reader.into_decoder().map_err(|error| self.damaged(&error))?;
         let (width, height) = decoder.dimensions();
-        input::check_size(self.path, width, height, decoder.total_bytes())?;
+        input::check_size(self.path, width, height)?;
         Ok(decoder)
     }
 
     /// How the picture is to be turned. Damaged metadata say nothing.
     fn orientation(&self, decoder: &mut impl ImageDecoder) -> Orientation {
         let exif = match self.format {
-            // The decoder misses what follows the pixels.
+            // The decoder is not given metadata.
             ImageFormat::Png => {
-                truncation::png_chunks(self.bytes).find(|(name, _)| *name == b"eXIf").map(|(_, data)| data.to_vec())
+                png_chunks::png_chunks(self.bytes).find(|chunk| chunk.name == b"eXIf").map(|chunk| chunk.data.to_vec())
             }
             _ => decoder.exif_metadata().ok().flatten(),
         };

@@ -2,12 +2,14 @@
 
 use std::{fs::File, io::Read, path::Path};
 
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    images::Picture,
+};
 
 /// The longest side of a picture in pixels. It is the core's limit too.
 pub(crate) const MAX_SIDE: u32 = u16::MAX as u32;
-/// The largest size of a file or a decoded picture in bytes: far above any camera's, and far below a
-/// computer's memory.
+/// The largest file in bytes.
 pub(crate) const MAX_BYTES: u64 = 1 << 30;
 
 /// The contents of the file `path`. An empty file is an error.
@@ -45,14 +47,13 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
     String::from_utf8(read(path)?).map_err(|_| Error::format(path, "bytes that are not text", "UTF-8 text"))
 }
 
-/// Refuses an empty or absurdly large picture before any memory is allocated for it. `bytes` is its decoded
-/// size.
-pub(crate) fn check_size(path: &Path, width: u32, height: u32, bytes: u64) -> Result<()> {
+/// Refuses an empty or absurdly large picture before any memory is allocated for it.
+pub(crate) fn check_size(path: &Path, width: u32, height: u32) -> Result<()> {
     let side = 1..=MAX_SIDE;
-    if side.contains(&width) && side.contains(&height) && bytes <= MAX_BYTES {
+    if side.contains(&width) && side.contains(&height) && u64::from(width) * u64::from(height) <= Picture::MAX_PIXELS as u64 {
         return Ok(());
     }
-    let expected = format!("1 to {MAX_SIDE} pixels on each side and at most 1 GiB in all");
+    let expected = format!("1 to {MAX_SIDE} pixels on each side and at most {} in all", Picture::MAX_PIXELS);
     Err(Error::format(path, format!("a picture of {width}x{height} pixels"), expected))
 }
 
@@ -76,10 +77,9 @@ mod tests {
     #[test]
     fn empty_and_absurd_sizes_are_refused() {
         let path = Path::new("p");
-        assert!(check_size(path, 1, 65535, 65535).is_ok());
-        for (width, height) in [(0, 1), (1, 0), (65536, 1), (1, 65536), (65535, 65535)] {
-            let bytes = u64::from(width) * u64::from(height);
-            let message = check_size(path, width, height, bytes).unwrap_err().to_string();
+        assert!(check_size(path, 1, 65535).is_ok() && check_size(path, 8192, 8192).is_ok());
+        for (width, height) in [(0, 1), (1, 0), (65536, 1), (1, 65536), (8193, 8192), (65535, 65535)] {
+            let message = check_size(path, width, height).unwrap_err().to_string();
             assert!(message.contains(&format!("{width}x{height}")), "{message}");
         }
     }

@@ -52,8 +52,8 @@ pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<FloatImage> {
     if !scale.is_finite() || scale == 0.0 {
         return Err(Error::format(path, format!("a PFM scale of {scale}"), "-1 (little-endian) or 1 (big-endian)"));
     }
-    let bytes = 4u64.saturating_mul(u64::from(width) * u64::from(height));
-    input::check_size(path, width, height, bytes)?;
+    input::check_size(path, width, height)?;
+    let bytes = 4 * u64::from(width) * u64::from(height);
     if rest.len() as u64 != bytes {
         let found = format!("{} bytes of pixels", rest.len());
         return Err(Error::format(path, found, format!("{bytes} for {width}x{height} pixels")));

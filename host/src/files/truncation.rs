@@ -2,6 +2,8 @@
 
 use image::ImageFormat;
 
+use super::png_chunks::png_chunks;
+
 /// Whether the end marker is missing, or the file is too short for that many pixels.
 pub fn is_truncated(format: ImageFormat, bytes: &[u8], pixels: u64) -> bool {
     match format {
@@ -13,19 +15,7 @@ pub fn is_truncated(format: ImageFormat, bytes: &[u8], pixels: u64) -> bool {
 }
 
 fn png_has_end(bytes: &[u8]) -> bool {
-    png_chunks(bytes).any(|(name, _)| name == b"IEND")
-}
-
-/// The names and data of a PNG's chunks (length, name, data, checksum), up to the first that is incomplete.
-pub fn png_chunks(bytes: &[u8]) -> impl Iterator<Item = (&[u8; 4], &[u8])> {
-    let mut rest = bytes.get(8..).unwrap_or_default();
-    std::iter::from_fn(move || {
-        let (length, data) = rest.split_first_chunk()?;
-        let (name, data) = data.split_first_chunk()?;
-        let length = u32::from_be_bytes(*length) as usize;
-        rest = data.get(length.checked_add(4)?..)?;
-        Some((name, &data[..length]))
-    })
+    png_chunks(bytes).any(|chunk| chunk.name == b"IEND")
 }
 
 /// Follows the segments (0xFF, marker, length, data) and the coded data between them to the marker EOI.

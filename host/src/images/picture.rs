@@ -27,6 +27,9 @@ impl From<&Raster<u8>> for Picture {
 }
 
 impl Picture {
+    /// The most pixels of a picture: 67 million. Files that claim more are refused before memory is taken for them.
+    pub const MAX_PIXELS: usize = 1 << 26;
+
     /// Width and height in pixels.
     pub fn dimensions(&self) -> (u32, u32) {
         match self {

@@ -88,6 +88,26 @@ fn a_stage_that_errs_moves_the_views() {
 }
 
 #[test]
+fn frames_are_kept_if_the_stage_stops_on_its_way_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let (errors, rig) = (dir.path().join("errors.toml"), dir.path().join("rig"));
+    let stalls_at = |number: u32| {
+        fs::write(&errors, format!("[stage]\nstalls_at_move = {number}\n")).unwrap();
+        capture(&format!("sim:{}", errors.display()), &rig, &["--views", "2"])
+    };
+    // To the centre, to the left and to the right.
+    stalls_at(3).assert_refused(&["came no nearer"]);
+    assert!(!rig.exists());
+    let run = stalls_at(4);
+    run.assert_refused(&["3 frames of 320x240", "is kept", "came no nearer"]);
+    assert!(run.stderr.find("is kept") < run.stderr.find("came no nearer"), "{run:?}");
+    assert_eq!(Rig::load(&rig).unwrap().images.views().len(), 2);
+    assert!(fs::read_to_string(rig.join("capture.log")).unwrap().contains("came no nearer"));
+    let [pixels, _] = median_errors(&rig);
+    assert!(pixels < 0.15, "{pixels}");
+}
+
+#[test]
 fn what_cannot_be_simulated_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let (errors, rig) = (dir.path().join("errors.toml"), dir.path().join("rig"));

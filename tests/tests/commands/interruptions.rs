@@ -11,7 +11,10 @@ use std::{
 };
 
 use image::GrayImage;
-use multiscopic_tests::{program, split_mix::Random};
+use multiscopic_tests::{
+    program::{self, Invocation},
+    split_mix::Random,
+};
 
 /// A pair of images of noise.
 fn images(dir: &Path, width: u32, height: u32) {
@@ -111,4 +114,17 @@ fn outputs_are_written_together_or_not_at_all() {
     }
     assert_eq!(finish(start(dir.path(), "exec", "--png p.png -o o.pfm")).0, Some(0));
     assert_eq!(names(dir.path()), ["c.png", "o.pfm", "p.png", "r.png"]);
+}
+
+#[test]
+fn evaluate_and_listen_write_together_or_not_at_all() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (rig, json, packets) = (path("rig"), path("out.json"), path("packets"));
+    assert_eq!(Invocation::new(["demo", "--width", "96", "--height", "64", "-o", &rig]).code, Some(0));
+    Invocation::new(["evaluate", &rig, "--json", &json, "--report", "/dev/full"]).assert_refused(&["cannot write", "/dev/full"]);
+    assert_eq!(Invocation::new(["simulate", "--profile", "qqvga", "--packets", &packets]).code, Some(0));
+    Invocation::new(["listen", &packets, "-o", &path("o.pfm"), "--png", &path("o.png"), "--raw16", "/dev/full"])
+        .assert_refused(&["cannot write", "/dev/full"]);
+    assert_eq!(names(dir.path()), ["packets", "rig"]);
 }

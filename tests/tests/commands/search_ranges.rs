@@ -71,6 +71,11 @@ fn ranges_that_are_cut_and_missing_texture_are_warned_of() {
     let cut = said(images, folder.path(), &["--min-disparity", "14", "--num-disparities", "16"]);
     assert!(cut.contains("% of the disparities are 14") && cut.contains("--min-disparity below 14"), "{cut}");
 
+    // No disparity stands out among two.
+    let cut = said(images, folder.path(), &["--min-disparity", "1", "--num-disparities", "2"]);
+    let found = cut.lines().find(|line| line.contains("% of the corners lie beyond the range 1..=2")).unwrap_or_default();
+    assert!(found.contains("warning: ") && found.contains("--num-disparities") && found.contains("--auto-range"), "{cut}");
+
     // The upper half of the pictures is a grey wall.
     let mut plain = images.clone();
     let half = plain.center.len() / 2;

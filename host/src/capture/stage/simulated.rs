@@ -2,7 +2,7 @@
 
 use std::{
     sync::{Arc, Mutex, PoisonError},
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 use fastrand::Rng;
@@ -24,6 +24,8 @@ pub struct SimulatedStage {
     from: [f64; 2],
     target: Position,
     departure: Instant,
+    /// The number of moves so far.
+    moves: u32,
     random: Rng,
     /// How far the current move misses its target, in millimetres, and how it turns the camera, in degrees.
     miss: ([f64; 2], [f64; 3]),
@@ -43,11 +45,23 @@ pub struct StageImperfections {
     pub repeatability_mm: f64,
     /// The most by which a move turns the camera about each axis, in degrees.
     pub rotation_deg: f64,
+    /// The move on which it gets stuck halfway. The first is the one to the centre.
+    pub stalls_at_move: Option<u32>,
 }
+
+/// How long a stage has to stand still before it counts as stuck.
+const STALL_TIME: Duration = Duration::from_millis(500);
 
 impl Default for StageImperfections {
     fn default() -> StageImperfections {
-        StageImperfections { scale: [1.0; 2], skew_deg: 0.0, backlash_mm: 0.0, repeatability_mm: 0.0, rotation_deg: 0.0 }
+        StageImperfections {
+            scale: [1.0; 2],
+            skew_deg: 0.0,
+            backlash_mm: 0.0,
+            repeatability_mm: 0.0,
+            rotation_deg: 0.0,
+            stalls_at_move: None,
+        }
     }
 }
 
@@ -91,6 +105,7 @@ impl SimulatedStage {
             from: [0.0; 2],
             target: Position::CENTER,
             departure: Instant::now(),
+            moves: 0,
             random: Rng::with_seed(1),
             miss: ([0.0; 2], [0.0; 3]),
         })
@@ -108,10 +123,14 @@ impl SimulatedStage {
         let whole = self.limits.travel_time(way[0].hypot(way[1]));
         let share = match whole.is_zero() {
             true => 1.0,
-            false => (self.departure.elapsed().as_secs_f64() / whole.as_secs_f64()).min(1.0),
+            false => (self.departure.elapsed().as_secs_f64() / whole.as_secs_f64()).min(if self.is_stuck() { 0.5 } else { 1.0 }),
         };
         self.drive([self.from[0] + share * way[0], self.from[1] + share * way[1]]);
         share >= 1.0
+    }
+
+    fn is_stuck(&self) -> bool {
+        self.errors.stalls_at_move == Some(self.moves)
     }
 
     /// Drives to a place in millimetres, and takes the camera along.
@@ -141,6 +160,7 @@ impl Stage for SimulatedStage {
         self.limits.check_reach(position)?;
         self.update();
         (self.from, self.target, self.departure) = (self.driven, position, Instant::now());
+        self.moves += 1;
         let mut within = |most: f64| most * (2.0 * self.random.f64() - 1.0);
         let StageImperfections { repeatability_mm, rotation_deg, .. } = self.errors;
         self.miss = ([(); 2].map(|()| within(repeatability_mm)), [(); 3].map(|()| within(rotation_deg)));
@@ -148,7 +168,13 @@ impl Stage for SimulatedStage {
     }
 
     fn has_arrived(&mut self) -> Result<bool, StageError> {
-        Ok(self.update())
+        match self.update() {
+            false if self.is_stuck() && self.departure.elapsed() > STALL_TIME => {
+                let distance_um = self.measured().distance_um(self.target);
+                Err(StageError::Stalled { distance_um, after: self.departure.elapsed() })
+            }
+            arrived => Ok(arrived),
+        }
     }
 
     fn position(&mut self) -> Result<Option<Position>, StageError> {

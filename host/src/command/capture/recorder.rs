@@ -6,7 +6,7 @@ use image::GrayImage;
 use jiff::Zoned;
 use multiscopic::{
     CameraModel, FloatImage, Frames, Inspection, Result, Rig,
-    capture::{SimulatedCamera, acquire_images},
+    capture::{Acquisition, SimulatedCamera, acquire_images},
     files::{FrameFiles, Provenance, output},
     lens::Undistortion,
 };
@@ -43,20 +43,23 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Takes one capture and writes it to `folder`, which appears once it is complete.
+    /// Takes one capture and writes it to `folder`, which appears once it is complete, even if the stage fails after the last frame.
     pub fn record(&mut self, folder: &Path) -> Result<()> {
         let date = Zoned::now().strftime("%F %T %:z").to_string();
         let mut log = CaptureLog::new(&date, &self.hardware.camera_name, &self.hardware.stage_name);
-        let images = acquire(&mut self.hardware, &self.plan, &mut log)?;
+        let Acquisition { images, failure } = acquire(&mut self.hardware, &self.plan, &mut log)?;
         let mut frames = images.into_iter().fold(None, with_image).expect("a plan begins with the centre");
         let mut notes = Vec::new();
-        let extended = match &self.long_baseline {
-            Some(_) => self.extend(&mut frames, &mut log, &mut notes),
-            None => Ok(()),
+        let ended = match failure {
+            Some(error) => Err(error),
+            None => self.extend(&mut frames, &mut log, &mut notes),
         };
         for note in &notes {
             terminal::say(note);
             log.note(note);
+        }
+        if let Err(error) = &ended {
+            log.note(&error.to_string());
         }
         let rig = self.rig(&frames, date, (!notes.is_empty()).then(|| notes.join("\n")));
         let undistortion = undistortion(&rig, &self.lens, frames.size())?;
@@ -77,7 +80,7 @@ impl Recorder {
         terminal::say(&format!("{}: {} frames of {width}x{height}", folder.display(), 1 + frames.views().len()));
         let ideal = undistortion.map_or_else(|| frames.clone(), |undistortion| undistortion.frames(&frames));
         Inspection::of(&ideal).range_line().into_iter().for_each(|line| terminal::say(&line));
-        extended
+        ended.inspect_err(|_| terminal::say(&format!("{} is kept, but the capture ended with an error:", folder.display())))
     }
 
     /// Takes views at a longer baseline as well, if they are needed. Whatever fails, the frames that are there stay.
@@ -96,8 +99,9 @@ impl Recorder {
                 return Ok(());
             }
             let plan = Plan::of_views(views, self.baseline_um).shortened(self.hardware.policy.backlash_um);
-            let images = acquire(&mut self.hardware, &plan, log)?;
+            let Acquisition { images, failure } = acquire(&mut self.hardware, &plan, log)?;
             *frames = images.into_iter().fold(Some(frames.clone()), with_image).expect("there were frames before");
+            failure.map_or(Ok(()), Err)?;
             notes.push(refinement.refine(&ideal(frames))?);
         }
     }
@@ -148,7 +152,7 @@ fn true_disparities(camera: &SimulatedCamera, rig: &Rig, undistortion: Option<&U
 }
 
 /// Takes the frames of a plan.
-fn acquire(hardware: &mut Hardware, plan: &Plan, log: &mut CaptureLog) -> Result<Vec<(Frame, GrayImage)>> {
+fn acquire(hardware: &mut Hardware, plan: &Plan, log: &mut CaptureLog) -> Result<Acquisition> {
     log.note(&path(hardware, plan));
     let bar = terminal::progress(plan.frames().len() as u64, "frames");
     let Hardware { stage, camera, policy, interrupts, .. } = hardware;

@@ -159,8 +159,7 @@ impl Evaluate {
         bar.finish_and_clear();
 
         let (rows, confidences) = (results::rows(&records), results::confidence_rows(&records));
-        self.write_json(&records)?;
-        if let Some(path) = &self.report {
+        let report = self.report.as_ref().map(|_| {
             let baselines = match dataset.camera_steps() {
                 None => "baselines".to_owned(),
                 Some(CameraSteps::One) => "camera steps".into(),
@@ -170,9 +169,9 @@ impl Evaluate {
             let errors = Errors { variants: &variants, records: &records, has_default_fusion, baselines: &baselines };
             let curves = charts::sparsification(&variants, &records, &curves);
             let charts: Vec<Chart> = errors.charts().into_iter().chain([curves]).collect();
-            let html = self.page(dataset, &rows, &confidences, &charts, galleries).to_html();
-            output::write(path, |writer| writer.write_all(html.as_bytes()))?;
-        }
+            self.page(dataset, &rows, &confidences, &charts, galleries)
+        });
+        self.write(&records, report)?;
         terminal::print(&format!("{}\n{}", results::to_text(&rows), results::confidences_to_text(&confidences)))
     }
 
@@ -181,10 +180,18 @@ impl Evaluate {
         self.json.iter().chain(&self.report).map(PathBuf::as_path).collect()
     }
 
-    fn write_json(&self, records: &[impl Serialize]) -> Result<()> {
-        let Some(path) = &self.json else { return Ok(()) };
-        let json = serde_json::to_string_pretty(&records).expect("numbers and strings");
-        output::write(path, |writer| writeln!(writer, "{json}"))
+    /// Writes the results as JSON and the report, if they are asked for.
+    fn write(&self, records: &[impl Serialize], report: Option<Report>) -> Result<()> {
+        output::write_together(|| {
+            if let Some(path) = &self.json {
+                let json = serde_json::to_string_pretty(&records).expect("numbers and strings");
+                output::write(path, |writer| writeln!(writer, "{json}"))?;
+            }
+            if let (Some(path), Some(report)) = (&self.report, report) {
+                output::write(path, |writer| writer.write_all(report.to_html().as_bytes()))?;
+            }
+            Ok(())
+        })
     }
 
     fn page<'a>(

@@ -135,14 +135,13 @@ impl Evaluate {
 
     fn write_rigs(&self, records: &[Record<RigMetrics>], galleries: Vec<(String, Vec<Figure>)>) -> Result<()> {
         let tables = RigTable::all(records);
-        self.write_json(records)?;
-        if let Some(path) = &self.report {
+        let report = self.report.as_ref().map(|_| {
             let page = tables.iter().fold(Report::new("How good the rig is"), |page, table| table.add_to(page));
             let page = page
                 .paragraph(&format!("Disparities: red is near, blue is far, black is invalid. Errors: {}.", error_map::LEGEND));
-            let page = galleries.into_iter().fold(page, |page, (rig, figures)| page.gallery(&rig, figures));
-            output::write(path, |writer| writer.write_all(page.to_html().as_bytes()))?;
-        }
+            galleries.into_iter().fold(page, |page, (rig, figures)| page.gallery(&rig, figures))
+        });
+        self.write(records, report)?;
         terminal::print(&tables.iter().map(RigTable::to_text).collect::<Vec<_>>().join("\n"))
     }
 }

@@ -13,7 +13,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     files::input,
-    images::Raster,
+    images::{DisparityMap, Raster},
 };
 
 /// What a piece of the stream was.
@@ -42,15 +42,25 @@ pub(super) struct Assembler<'p, N> {
     notify: N,
 }
 
-/// The part of a frame that has arrived.
+/// The part of a frame that has arrived. A packet may claim any size, so memory is taken line by line.
 struct PartialFrame {
-    /// `None` if the pixel has not arrived, `Some(None)` if it is invalid.
-    pixels: Raster<Option<Option<Disparity>>>,
-    /// `None` until a packet has some.
-    confidences: Option<Raster<u8>>,
+    /// Width and height.
+    size: [usize; 2],
+    lines: Vec<PartialLine>,
     received: usize,
     last_packet: Option<PacketId>,
 }
+
+/// The part of a line that has arrived. Both are empty until a packet has some.
+#[derive(Clone, Default)]
+struct PartialLine {
+    /// `None` if the pixel has not arrived, `Some(None)` if it is invalid.
+    pixels: Vec<Option<Option<Disparity>>>,
+    confidences: Vec<u8>,
+}
+
+/// A frame may have this many times the pixels that arrived. A single line is enough of any frame with fewer lines than that.
+const MAX_EXPANSION: usize = 4096;
 
 impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
     pub(super) fn new(path: &'p Path, notify: N) -> Assembler<'p, N> {
@@ -84,7 +94,7 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
             Some(frame) => frame,
             None => self.frame.insert(PartialFrame::new(size, self.path)?),
         };
-        let expected = frame.size();
+        let expected = frame.size;
         if size != expected {
             self.report(Flaw::OtherFrame { found: size, expected });
             return Ok(Piece::Noise);
@@ -107,7 +117,7 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
     /// Reports the `missing` packets and the noise before the packet that has just arrived.
     fn report_missing(&mut self, missing: Range<u32>) {
         let Some(frame) = &self.frame else { return };
-        let (after, height) = (frame.last_packet, frame.size()[1] as u32);
+        let (after, height) = (frame.last_packet, frame.size[1] as u32);
         let noise = mem::take(&mut self.noise);
         let is_damaged = |error: &PacketError| matches!(error, PacketError::Framing | PacketError::Damaged { .. });
         // If as many packets are missing as are damaged, they are the same.
@@ -133,19 +143,21 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
     /// Stores the disparities of a packet, whose first is in column `left`, and their confidences.
     fn store(&mut self, id: PacketId, left: usize, packet: &Packet<'_>) {
         let Some(frame) = &mut self.frame else { return };
-        let (v, mut is_repeated) = (id.line as usize, false);
-        for (pixel, disparity) in frame.pixels.row_mut(v)[left..].iter_mut().zip(packet.disparities()) {
+        let ([width, height], mut is_repeated) = (frame.size, false);
+        let line = &mut frame.lines[id.line as usize];
+        line.pixels.resize(width, None);
+        for (pixel, disparity) in line.pixels[left..].iter_mut().zip(packet.disparities()) {
             match pixel.replace(disparity) {
                 None => frame.received += 1,
                 Some(_) => is_repeated = true,
             }
         }
-        if let (confidences @ [_, ..], [width, height]) = (packet.confidences(), frame.size()) {
-            let stored = frame.confidences.get_or_insert_with(|| Raster::filled(width, height, 0));
-            stored.row_mut(v)[left..left + confidences.len()].copy_from_slice(confidences);
+        if let confidences @ [_, ..] = packet.confidences() {
+            line.confidences.resize(width, 0);
+            line.confidences[left..left + confidences.len()].copy_from_slice(confidences);
         }
         frame.last_packet = Some(id);
-        let line = Notice::Line { pixels: frame.received, of: frame.pixels.pixels().len() };
+        let line = Notice::Line { pixels: frame.received, of: width * height };
         if is_repeated {
             self.report(Flaw::Repeated(id));
         }
@@ -163,7 +175,7 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
     /// Returns the frame, after `bytes` bytes of the stream.
     ///
     /// # Errors
-    /// The stream had no packets of disparities.
+    /// The stream had no packets of disparities, or hardly any of a large frame.
     pub(super) fn finish(self, stack: Option<u32>, bytes: usize) -> Result<ReceivedFrame> {
         let Some(frame) = self.frame else {
             let found = match self.noise.first() {
@@ -174,9 +186,14 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
             let expected = "the packets that multiscopic's firmware or `multiscopic simulate` sends";
             return Err(Error::format(self.path, found, expected));
         };
-        let disparities = frame.pixels.map(|pixel| pixel.flatten());
-        let stack = stack.map(|bytes| bytes as usize);
-        Ok(ReceivedFrame { disparities, confidences: frame.confidences, pixels: frame.received, stack })
+        let ([width, height], pixels) = (frame.size, frame.received);
+        let enough = (width * height).div_ceil(MAX_EXPANSION);
+        if pixels < enough {
+            let found = format!("{pixels} pixels of a frame of {width}x{height}");
+            return Err(Error::format(self.path, found, format!("at least {enough} of them: it is damaged, or another stream")));
+        }
+        let (disparities, confidences) = frame.maps();
+        Ok(ReceivedFrame { disparities, confidences, pixels, stack: stack.map(|bytes| bytes as usize) })
     }
 
     fn report(&mut self, flaw: Flaw) {
@@ -187,12 +204,26 @@ impl<'p, N: FnMut(Notice)> Assembler<'p, N> {
 impl PartialFrame {
     /// An empty frame. The size is what a packet from `path` says.
     fn new([width, height]: [usize; 2], path: &Path) -> Result<PartialFrame> {
-        let bytes = width as u64 * height as u64 * (size_of::<Option<Option<Disparity>>>() + size_of::<u8>()) as u64;
-        input::check_size(path, width as u32, height as u32, bytes)?;
-        Ok(PartialFrame { pixels: Raster::filled(width, height, None), confidences: None, received: 0, last_packet: None })
+        input::check_size(path, width as u32, height as u32)?;
+        let lines = vec![PartialLine::default(); height];
+        Ok(PartialFrame { size: [width, height], lines, received: 0, last_packet: None })
     }
 
-    fn size(&self) -> [usize; 2] {
-        [self.pixels.width(), self.pixels.height()]
+    /// The disparities, and the confidences if a packet had some.
+    fn maps(self) -> (DisparityMap, Option<Raster<u8>>) {
+        let [width, height] = self.size;
+        let has_confidences = self.lines.iter().any(|line| !line.confidences.is_empty());
+        let mut confidences = has_confidences.then(|| Raster::filled(width, height, 0));
+        let mut disparities = Raster::filled(width, height, None);
+        // Lines give their memory back as they are copied.
+        for (v, line) in self.lines.into_iter().enumerate() {
+            for (disparity, pixel) in disparities.row_mut(v).iter_mut().zip(line.pixels) {
+                *disparity = pixel.flatten();
+            }
+            if let (Some(confidences), [_, ..]) = (&mut confidences, &line.confidences[..]) {
+                confidences.row_mut(v).copy_from_slice(&line.confidences);
+            }
+        }
+        (disparities, confidences)
     }
 }

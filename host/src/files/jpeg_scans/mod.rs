@@ -1,0 +1,184 @@
+//! Checking the coded data of JPEG files. The decoder takes damaged data for other pixels, without an error.
+//!
+//! Each scan has codes for a known number of blocks, and nothing else before the next marker. Damage almost always shifts the codes that
+//! follow, which then end too early or too late. What it leaves in step, such as a changed bit of a coefficient, cannot be told.
+
+mod bit_reader;
+mod block_reader;
+mod huffman_table;
+mod markers;
+
+use std::ops::RangeInclusive;
+
+use bit_reader::{BitReader, Fault};
+use block_reader::BlockReader;
+use huffman_table::HuffmanTable;
+use markers::{END_OF_IMAGE, START_OF_SCAN, next_marker, segment};
+
+const BLOCK_SIDE: usize = 8;
+
+/// Checks the scans of a JPEG file.
+///
+/// # Errors
+/// A scan is damaged. What cannot be checked passes: arithmetic coding, and files without the tables of their codes.
+pub fn check(bytes: &[u8]) -> Result<(), Fault> {
+    let (mut file, mut rest) = (JpegFile::default(), bytes.get(2..).unwrap_or_default());
+    while let Some((marker, after)) = next_marker(rest) {
+        rest = match (marker, segment(after)) {
+            // Markers without a segment.
+            (0x01 | 0xD0..=0xD8, _) => after,
+            (END_OF_IMAGE, _) | (_, None) => break,
+            (START_OF_SCAN, Some((header, data))) => match file.scan(header) {
+                Some(scan) => file.check_scan(&scan, data)?,
+                None => break,
+            },
+            (_, Some((segment, after))) => match file.read_segment(marker, segment) {
+                Some(()) => after,
+                None => break,
+            },
+        };
+    }
+    Ok(())
+}
+
+/// What has been read of a file.
+#[derive(Default)]
+struct JpegFile {
+    /// Width and height in pixels.
+    size: [usize; 2],
+    is_progressive: bool,
+    components: Vec<Component>,
+    /// For first coefficients and for the others, by their number.
+    tables: [[Option<HuffmanTable>; 4]; 2],
+    /// The units from one restart to the next, 0 without restarts.
+    restart_interval: usize,
+}
+
+struct Component {
+    id: u8,
+    /// The blocks in a unit of several components, to the right and down.
+    sampling: [usize; 2],
+    /// For each block, a bit for each coefficient that is not 0. Refinements depend on it.
+    nonzero: Vec<u64>,
+}
+
+/// The header of a scan.
+struct Scan {
+    components: Vec<ScanComponent>,
+    coefficients: RangeInclusive<u32>,
+    is_refinement: bool,
+}
+
+struct ScanComponent {
+    index: usize,
+    /// Which tables it uses.
+    tables: [usize; 2],
+}
+
+impl JpegFile {
+    /// Reads a segment that is no scan. `None` if its kind is unknown or its data are not valid, which the decoder tells.
+    fn read_segment(&mut self, marker: u8, segment: &[u8]) -> Option<()> {
+        match marker {
+            0xC0..=0xC2 => self.read_frame(marker == 0xC2, segment),
+            0xC4 => self.read_tables(segment),
+            0xC3 | 0xC5..=0xCF => None,
+            0xDD => {
+                self.restart_interval = u16::from_be_bytes(*segment.first_chunk()?).into();
+                Some(())
+            }
+            _ => Some(()),
+        }
+    }
+
+    fn read_frame(&mut self, is_progressive: bool, segment: &[u8]) -> Option<()> {
+        let (&[8, h1, h0, w1, w0, _], components) = segment.split_first_chunk()? else { return None };
+        self.size = [[w1, w0], [h1, h0]].map(|side| u16::from_be_bytes(side).into());
+        self.is_progressive = is_progressive;
+        let component = |&[id, sampling, _]: &[u8; 3]| {
+            let sampling = [sampling >> 4, sampling & 15].map(usize::from);
+            Component { id, sampling, nonzero: Vec::new() }
+        };
+        self.components = components.as_chunks().0.iter().map(component).collect();
+        let is_valid = |component: &Component| component.sampling.iter().all(|side| (1..=4).contains(side));
+        (!self.size.contains(&0) && self.components.iter().all(is_valid)).then_some(())
+    }
+
+    fn read_tables(&mut self, mut segment: &[u8]) -> Option<()> {
+        while let Some((&id, rest)) = segment.split_first() {
+            let (counts, rest) = rest.split_first_chunk()?;
+            let (symbols, rest) = rest.split_at_checked(counts.iter().copied().map(usize::from).sum())?;
+            let [class, number] = [id >> 4, id & 15].map(usize::from);
+            *self.tables.get_mut(class)?.get_mut(number)? = Some(HuffmanTable::new(counts, symbols)?);
+            segment = rest;
+        }
+        Some(())
+    }
+
+    /// Reads the header of a scan. `None` if it cannot be checked.
+    fn scan(&self, segment: &[u8]) -> Option<Scan> {
+        let (&count, rest) = segment.split_first()?;
+        let (components, rest) = rest.split_at_checked(2 * usize::from(count))?;
+        let &[first, last, approximation] = rest.first_chunk()?;
+        let coefficients = if self.is_progressive { first.into()..=last.into() } else { 0..=63 };
+        let is_refinement = self.is_progressive && approximation >> 4 > 0;
+        let component = |&[id, tables]: &[u8; 2]| {
+            let index = self.components.iter().position(|component| component.id == id)?;
+            let tables = [tables >> 4, tables & 15].map(usize::from);
+            let is_there = |class: usize| self.tables[class].get(tables[class]).is_some_and(Option::is_some);
+            let needs = [*coefficients.start() == 0 && !is_refinement, *coefficients.end() > 0];
+            (0..2).all(|class| !needs[class] || is_there(class)).then_some(ScanComponent { index, tables })
+        };
+        let components: Vec<_> = components.as_chunks().0.iter().map(component).collect::<Option<_>>()?;
+        let is_valid = match (self.is_progressive, components.len()) {
+            (_, 0) => false,
+            (false, _) => true,
+            (true, 1) => first <= last && last < 64 && (first == 0) == (last == 0),
+            (true, _) => (first, last) == (0, 0),
+        };
+        is_valid.then_some(Scan { components, coefficients, is_refinement })
+    }
+
+    /// Checks the data of a scan. Returns what follows.
+    fn check_scan<'a>(&mut self, scan: &Scan, data: &'a [u8]) -> Result<&'a [u8], Fault> {
+        let units = self.units(scan);
+        let is_alone = scan.components.len() == 1;
+        let mut nonzero = Vec::new();
+        if self.is_progressive && *scan.coefficients.end() > 0 {
+            nonzero = std::mem::take(&mut self.components[scan.components[0].index].nonzero);
+            nonzero.resize(units, 0);
+        }
+        let mut reader = BlockReader::new(BitReader::new(data), scan.coefficients.clone(), scan.is_refinement);
+        for unit in 0..units {
+            if self.restart_interval > 0 && unit > 0 && unit % self.restart_interval == 0 {
+                reader.restart(unit / self.restart_interval - 1)?;
+            }
+            for ScanComponent { index, tables: [first, others] } in &scan.components {
+                let tables = [&self.tables[0][*first & 3], &self.tables[1][*others & 3]].map(Option::as_ref);
+                let blocks = if is_alone { 1 } else { self.components[*index].sampling.iter().product() };
+                for _ in 0..blocks {
+                    match (self.is_progressive, nonzero.get_mut(unit)) {
+                        (false, _) => reader.read(tables)?,
+                        (true, None) => reader.read_first(tables[0])?,
+                        (true, Some(nonzero)) => reader.read_others(tables[1], nonzero)?,
+                    }
+                }
+            }
+        }
+        if !nonzero.is_empty() {
+            self.components[scan.components[0].index].nonzero = nonzero;
+        }
+        reader.finish()
+    }
+
+    /// The number of units in a scan: blocks of one component, or groups of blocks of several.
+    fn units(&self, scan: &Scan) -> usize {
+        let sides = [0, 1].map(|axis| {
+            let most = self.components.iter().map(|component| component.sampling[axis]).max().unwrap_or(1);
+            match &scan.components[..] {
+                [alone] => (self.size[axis] * self.components[alone.index].sampling[axis]).div_ceil(most * BLOCK_SIDE),
+                _ => self.size[axis].div_ceil(most * BLOCK_SIDE),
+            }
+        });
+        sides[0] * sides[1]
+    }
+}

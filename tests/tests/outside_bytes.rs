@@ -1,0 +1,244 @@
+//! Whatever bytes come from outside, readers return: no panic, no endless work, no more memory than the limits allow.
+//!
+//! Valid files are damaged at random. `PROPTEST_CASES=100000` tries so many of them with each reader, instead of a few.
+
+#![cfg(unix)]
+
+use std::{
+    env, fs, io,
+    path::Path,
+    process::Command,
+    time::{Duration, Instant},
+};
+
+use image::{DynamicImage, ImageFormat, Luma, Rgb};
+use multiscopic::{
+    CameraModel, DisparityMap, FloatImage, Picture, Rig, capture::Imperfections, files::FrameFiles, lens::Mount,
+    target::reception,
+};
+use multiscopic_core::{Disparity, Fusion, Params, Region, Views};
+use multiscopic_edge::packet::{Sender, buffer_bytes_with_confidences};
+use multiscopic_tests::test_images::golden;
+use proptest::{collection::vec, prelude::*, sample::Index, test_runner::TestRunner};
+
+/// The address space in megabytes in which everything must be read. The largest picture takes half of it.
+const MEMORY: usize = 2048;
+/// How long a file may take in a build without optimisation on a busy machine.
+const LONGEST: Duration = Duration::from_secs(20);
+/// The number of files for each reader, unless `PROPTEST_CASES` says otherwise.
+const CASES: u32 = 500;
+
+/// A change of a file.
+#[derive(Clone, Debug)]
+enum Damage {
+    Flip(Index, u8),
+    Set(Index, u8),
+    /// Sets a byte among the first 64, which matter most.
+    SetInHeader(Index, u8),
+    Cut(Index, Index),
+    Repeat(Index, Index),
+    Insert(Index, Vec<u8>),
+    End(Index),
+}
+
+impl Damage {
+    fn any() -> impl Strategy<Value = Damage> {
+        let at = any::<Index>;
+        prop_oneof![
+            4 => (at(), 0..8_u8).prop_map(|(at, bit)| Damage::Flip(at, bit)),
+            2 => (at(), any::<u8>()).prop_map(|(at, byte)| Damage::Set(at, byte)),
+            4 => (at(), any::<u8>()).prop_map(|(at, byte)| Damage::SetInHeader(at, byte)),
+            1 => (at(), at()).prop_map(|(from, to)| Damage::Cut(from, to)),
+            1 => (at(), at()).prop_map(|(from, to)| Damage::Repeat(from, to)),
+            1 => (at(), vec(any::<u8>(), 1..40)).prop_map(|(at, bytes)| Damage::Insert(at, bytes)),
+            1 => at().prop_map(Damage::End),
+        ]
+    }
+
+    fn apply(&self, bytes: &mut Vec<u8>) {
+        if bytes.is_empty() {
+            return;
+        }
+        let len = bytes.len();
+        let between = |from: &Index, to: &Index| {
+            let [from, to] = [from.index(len), to.index(len)];
+            from.min(to)..from.max(to)
+        };
+        match self {
+            Damage::Flip(at, bit) => bytes[at.index(len)] ^= 1 << bit,
+            Damage::Set(at, byte) => bytes[at.index(len)] = *byte,
+            Damage::SetInHeader(at, byte) => bytes[at.index(len.min(64))] = *byte,
+            Damage::Cut(from, to) => drop(bytes.drain(between(from, to))),
+            Damage::Repeat(from, to) => bytes.extend_from_within(between(from, to)),
+            Damage::Insert(at, inserted) => drop(bytes.splice(at.index(len)..at.index(len), inserted.iter().copied())),
+            Damage::End(at) => bytes.truncate(at.index(len)),
+        }
+    }
+}
+
+/// Gives `read` damaged versions of valid files, within limits of memory and time. `name` is the test's.
+fn survive(name: &str, valid: &[Vec<u8>], repair: impl Fn(&mut [u8]), read: impl Fn(&Path)) {
+    const INSIDE: &str = "MULTISCOPIC_MEMORY_IS_LIMITED";
+    if env::var_os(INSIDE).is_none() {
+        let mut shell = Command::new("sh");
+        shell
+            .arg("-c")
+            .arg(format!(r#"ulimit -v {} && exec "$0" "$@""#, 1024 * MEMORY))
+            .arg(env::current_exe().expect("this test"));
+        shell.args(["--exact", name, "--test-threads", "1"]).env(INSIDE, "1").env("RAYON_NUM_THREADS", "2");
+        let output = shell.output().expect("the test runs");
+        assert!(
+            output.status.success(),
+            "{}{}",
+            String::from_utf8_lossy(&output.stdout),
+            String::from_utf8_lossy(&output.stderr)
+        );
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("file");
+    let mut config = ProptestConfig::default();
+    if env::var_os("PROPTEST_CASES").is_none() {
+        config.cases = CASES;
+    }
+    let damaged = (0..valid.len(), vec(Damage::any(), 0..4), any::<bool>());
+    let tried = TestRunner::new(config).run(&damaged, |(which, damage, is_repaired)| {
+        let mut bytes = valid[which].clone();
+        damage.iter().for_each(|damage| damage.apply(&mut bytes));
+        if is_repaired {
+            repair(&mut bytes);
+        }
+        fs::write(&path, &bytes).expect("a file");
+        let start = Instant::now();
+        read(&path);
+        prop_assert!(start.elapsed() < LONGEST, "{:?}", start.elapsed());
+        Ok(())
+    });
+    tried.unwrap_or_else(|error| panic!("{error}"));
+}
+
+fn encoded(image: impl Into<DynamicImage>, format: ImageFormat) -> Vec<u8> {
+    let mut bytes = io::Cursor::new(Vec::new());
+    image.into().write_to(&mut bytes, format).expect("an image");
+    bytes.into_inner()
+}
+
+/// Makes the checksums of a PNG's chunks right again, so that what they protect is read.
+fn with_checksums(bytes: &mut [u8]) {
+    let mut start = 8;
+    while let Some(length) = bytes.get(start..start + 4).and_then(|length| length.first_chunk()) {
+        let end = start + 8 + u32::from_be_bytes(*length) as usize;
+        let Some(chunk) = bytes.get(start + 4..end) else { return };
+        let checksum = !chunk.iter().fold(!0, |crc: u32, &byte| {
+            (0..8).fold(crc ^ u32::from(byte), |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xEDB8_8320 } else { crc >> 1 })
+        });
+        match bytes.get_mut(end..end + 4) {
+            Some(place) => place.copy_from_slice(&checksum.to_be_bytes()),
+            None => return,
+        }
+        start = end + 4;
+    }
+}
+
+#[test]
+fn pictures() {
+    let gray = image::GrayImage::from_fn(31, 17, |u, v| Luma([(u * v) as u8]));
+    let deep = image::ImageBuffer::from_fn(13, 9, |u, v| Luma([(700 * u * v) as u16]));
+    let color = image::RgbImage::from_fn(23, 19, |u, v| Rgb([(9 * u) as u8, (11 * v) as u8, (u * v) as u8]));
+    let pfm = [b"Pf\n3 2\n-1.0\n".to_vec(), [0.5_f32, 0.25, 1.0, 0.0, 0.125, 0.75].map(f32::to_le_bytes).concat()].concat();
+    let jpegs = ["baseline", "progressive", "restarts", "gray-progressive"];
+    let jpegs = jpegs.map(|name| fs::read(golden::folder().join(format!("jpeg/{name}.jpg"))).expect("a golden file"));
+    // Pillow made it, of 4 x 4 pixels in 6 colours.
+    let palette = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x04\0\0\0\x04\x04\x03\0\0\0[\xdf\x83M\0\0\0\x12PLTE\xb4\xe7x\xc3\xbcSH\xe0yB\x9fe]p\x80=\
+                    5t\xe9\xaf\xeee\0\0\0\x14IDATx\xdac\x14Rbr\xe0af\x7f\xcb\xcc\xfd\x11\0\t\x91\x02z\xf4\xf0\xee\xf8\0\0\0\0IEND\xaeB`\x82";
+    let others = [
+        palette.to_vec(),
+        encoded(gray.clone(), ImageFormat::Png),
+        encoded(deep.clone(), ImageFormat::Png),
+        encoded(color.clone(), ImageFormat::Png),
+        encoded(gray, ImageFormat::Pnm),
+        encoded(deep, ImageFormat::Pnm),
+        encoded(color, ImageFormat::Pnm),
+        b"P2 3 2 9\n1 2 3\n4 5 6\n".to_vec(),
+        b"P1 3 2\n1 0 1\n0 1 0\n".to_vec(),
+        pfm,
+    ];
+    survive("pictures", &[others.to_vec(), jpegs.to_vec()].concat(), with_checksums, |path| {
+        let _ = Picture::read(path);
+        let _ = Picture::brightest(&[path]);
+        let _ = FloatImage::read_pfm(path);
+        let _ = DisparityMap::read_prior(path, [13, 9]);
+    });
+}
+
+#[test]
+fn settings() {
+    let rig = Rig {
+        baseline_mm: Some(20.0),
+        focal_px: Some(480.5),
+        principal_point: Some([159.5, 119.5]),
+        doffs: 0.25,
+        lens: None,
+        mount_rotation_deg: Some([0.5, -1.0, 2.0]),
+        images: FrameFiles::of_capture(Views::CROSS),
+        alignment: None,
+        capture: Default::default(),
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    rig.save(folder.path()).expect("a rig.toml");
+    let valid = [
+        fs::read(folder.path().join(Rig::FILE_NAME)).expect("a rig.toml"),
+        b"size = [640, 480]\nfocal_px = [470.0, 470.0]\nprincipal_point = [162.0, 117.5]\nmodel = \"plumb_bob\"\n\
+          coefficients = [-0.25, 0.08, 0.0, 0.0, 0.0]\n"
+            .to_vec(),
+        b"image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [535.9, 0., 342.2, 0., 536.5, 235.5, 0., 0., 1.]\n\
+          distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.2, -0.03, 0.001, -0.0002, 0.2]\n"
+            .to_vec(),
+        b"cam0:\n  camera_model: pinhole\n  distortion_coeffs: [-0.013, 0.021, -0.018, 0.004]\n  distortion_model: equidistant\n  \
+          intrinsics: [380.8, 380.9, 511.4, 513.6]\n  resolution: [1024, 1024]\n"
+            .to_vec(),
+        b"rotation_deg = [1.5, -2.0, 2.5]\n".to_vec(),
+        b"[mount]\nrotation_deg = [0.5, -1.0, 2.0]\n[stage]\nscale = [1.01, 1.0]\nbacklash_mm = 0.05\nstalls_at_move = 6\n".to_vec(),
+    ];
+    survive(
+        "settings",
+        &valid,
+        |_| (),
+        |path| {
+            let _ = CameraModel::read(path);
+            let _ = Mount::read(path);
+            let _ = Imperfections::read(path);
+            let folder = path.parent().expect("a folder");
+            fs::copy(path, folder.join(Rig::FILE_NAME)).expect("a copy");
+            let _ = Rig::load(folder);
+        },
+    );
+}
+
+#[test]
+fn packets() {
+    let valid = [([7_u16, 5_u16], 4), ([3000, 2], 3000), ([9000, 7000], 1)].map(|([width, height], columns)| {
+        let params = Params::new(width, height, Views::HORIZONTAL, Fusion::Min, 1, 8, 3).expect("parameters in range");
+        let mut buffer = vec![0; buffer_bytes_with_confidences(columns)];
+        let mut sender = Sender::new(params.search(), &mut buffer);
+        let mut packets = Vec::new();
+        for tile in Region::tiles(params.search(), columns).take(3) {
+            let line = vec![Disparity::from_bits(128); tile.width()];
+            for v in 0..usize::from(height.min(5)) {
+                let confidences = vec![200; tile.width()];
+                packets.extend(sender.line(&tile, v, &line).expect("the buffer is for it"));
+                packets.extend(sender.line_with_confidences(&tile, v, &line, &confidences).expect("the buffer is for it"));
+            }
+        }
+        packets.extend(sender.end(Some(3000)).expect("the buffer is for it"));
+        packets
+    });
+    survive(
+        "packets",
+        &valid,
+        |_| (),
+        |path| {
+            let _ = reception::receive(&fs::read(path).expect("a file")[..], path, |_| ());
+        },
+    );
+}

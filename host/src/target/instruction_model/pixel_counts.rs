@@ -2,9 +2,7 @@
 
 use std::ops::Range;
 
-use multiscopic_core::{Params, View, kernel::Rule};
-
-use super::workload::places;
+use multiscopic_core::{Params, View, Views, kernel::Rule};
 
 /// How many pixels are fused in which way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,6 +45,11 @@ impl PixelCounts {
     }
 }
 
+/// The views that loops go over: eight for five and more.
+pub(super) fn places(views: Views) -> usize {
+    if views.len() > 4 { 8 } else { views.len() }
+}
+
 /// The disparities, counted from the first, at which a view is available at a pixel.
 fn available(params: &Params, first: i16, view: View, u: usize, v: usize) -> Range<u16> {
     view.available((u, v), (params.width(), params.height()), first, params.num_disparities())
@@ -55,7 +58,7 @@ fn available(params: &Params, first: i16, view: View, u: usize, v: usize) -> Ran
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Fusion, Views};
+    use multiscopic_core::Fusion;
 
     fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> Params {
         Params::new(20, 17, views, fusion, min_disparity, num_disparities, block_size).unwrap()

@@ -1,10 +1,10 @@
 //! The work of a match, counted.
 
-use multiscopic_core::{Params, Search, Views, kernel::Rule};
+use multiscopic_core::{Params, Search, kernel::Rule};
 use multiscopic_edge::Matching;
 
 use super::{
-    pixel_counts::PixelCounts,
+    pixel_counts::{PixelCounts, places},
     work_units::{CandidateUnits, WorkUnits},
 };
 use crate::target::Processor;
@@ -117,11 +117,6 @@ fn masks_sums(params: &Params, processor: Processor) -> bool {
 /// Whether block sums need 32 bits.
 fn is_wide(params: &Params) -> bool {
     params.max_block_sum() >= u32::from(u16::MAX)
-}
-
-/// The views that loops go over: eight for five and more.
-pub(super) fn places(views: Views) -> usize {
-    if views.len() > 4 { 8 } else { views.len() }
 }
 
 /// The name of the loops that fuse costs: the number of views, which is eight for five and more, and the fusion rule.

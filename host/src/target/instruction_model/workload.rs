@@ -49,7 +49,7 @@ impl Workload {
 
     /// The work of block matching from disparity `first` on in so many passes, without sending.
     fn of_blocks(params: &Params, first: i16, passes: usize, processor: Processor) -> Workload {
-        let (height, views, block) = (count(params.height()), count(params.views().len()), count(params.block_size().into()));
+        let (height, views, block) = (count(params.height()), count(params.views().len()), count(params.block_size()));
         // Columns under the blocks of a line, in all tiles.
         let span = count(params.width()) + count(passes) * (block - 1.0);
         let depth = count(depth(params.search(), processor));

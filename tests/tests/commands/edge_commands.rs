@@ -416,16 +416,18 @@ fn long_baselines_are_simulated_like_the_references() {
 
 #[test]
 fn what_is_not_predicted_is_not_printed() {
-    let half_of_four = ["--profile", "qvga", "--fusion", "half"];
-    let report = json(&budget(&half_of_four), 0);
-    for name in ["instructions", "instructions_per_de", "seconds", "fps"] {
-        assert!(report[name].is_null(), "{name}: {report:#}");
+    let confidences = [profile::QVGA_CONFIDENCE, profile::QQVGA_SGM_CONFIDENCE].map(|profile| (profile, "min"));
+    for (profile, fusion) in [(profile::QVGA, "half"), (profile::QQVGA_3X3, "mean")].into_iter().chain(confidences) {
+        let options = ["--profile", profile.name, "--fusion", fusion];
+        let report = json(&budget(&options), 0);
+        for name in ["instructions", "instructions_per_de", "seconds", "fps"] {
+            assert!(report[name].is_null(), "{name} of {}: {report:#}", profile.name);
+        }
+        let text = Invocation::new(["budget"].iter().chain(&options));
+        assert!(text.stdout.contains("instructions and time are not predicted for this match"), "{text:#?}");
+        let checked = ["budget", "--fps", "1"];
+        Invocation::new(checked.iter().chain(&options)).assert_refused(&["--fps cannot be checked", "not predicted"]);
     }
-    let options =
-        |more: &[&'static str]| ["budget"].into_iter().chain(half_of_four).chain(more.iter().copied()).collect::<Vec<_>>();
-    let text = Invocation::new(options(&[]));
-    assert!(text.stdout.contains("instructions and time are not predicted for this match"), "{text:#?}");
-    Invocation::new(options(&["--fps", "1"])).assert_refused(&["--fps cannot be checked", "not predicted"]);
 }
 
 #[test]

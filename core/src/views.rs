@@ -123,7 +123,7 @@ impl Views {
 
     /// The views that the matchers' loops go over: eight for five and more, of which those past the last are never
     /// available.
-    pub(crate) const fn places(self) -> usize {
+    pub const fn places(self) -> usize {
         if self.len() > 4 { 8 } else { self.len() }
     }
 

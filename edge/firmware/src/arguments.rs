@@ -9,9 +9,6 @@ use crate::{error::FirmwareError, host_file::HostError};
 /// The most bytes of a command line.
 const COMMAND_LINE_BYTES: usize = 256;
 
-/// The long baseline of a calibration, in short ones.
-const LONG_BASELINE: u8 = 4;
-
 /// The words of the command line. The first is the name of the program.
 fn words() -> Result<env::Args<COMMAND_LINE_BYTES>, FirmwareError> {
     env::args::<COMMAND_LINE_BYTES>().map_err(|error| FirmwareError::CommandLine(HostError(error)))
@@ -30,7 +27,7 @@ pub fn fusion() -> Result<Fusion, FirmwareError> {
 ///
 /// The arguments are width, height, number of views (1 to 4, or 8), smallest disparity, number of disparities,
 /// block size, fusion, columns of a tile, and the method: `bm`, `sgm` with sums of absolute differences,
-/// or `bm-around` and the number of disparities at the long baseline.
+/// or `bm-around` with the long baseline in short ones and the number of disparities there.
 ///
 /// Not inlined, like [`fusion`].
 #[inline(never)]
@@ -54,7 +51,10 @@ pub fn calibration() -> Option<Matching> {
     Some(match words.next()? {
         "bm" => Matching::Blocks { params: blocks()?, tile_width },
         "sgm" => Matching::SemiGlobal(SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size }).ok()?),
-        "bm-around" => Matching::around_prior(blocks()?, LONG_BASELINE, words.next()?.parse().ok()?)?,
+        "bm-around" => {
+            let multiple = words.next()?.parse().ok()?;
+            Matching::around_prior(blocks()?, multiple, words.next()?.parse().ok()?)?
+        }
         _ => return None,
     })
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use multiscopic_core::{Params, View, Views, kernel::Rule};
+use multiscopic_core::{Params, View, kernel::Rule};
 
 /// How many pixels are fused in which way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,7 +20,7 @@ pub(super) struct PixelCounts {
 impl PixelCounts {
     /// Counts the pixels of a match from disparity `first` on, with a kernel that masks sums, or fuses them by segments.
     pub(super) fn new(params: &Params, first: i16, masks_sums: bool) -> PixelCounts {
-        let places = places(params.views());
+        let places = params.views().places();
         let rule = Rule::new(params.fusion(), places);
         let all = 0..params.num_disparities() as u16;
         let mut counts = PixelCounts::default();
@@ -45,11 +45,6 @@ impl PixelCounts {
     }
 }
 
-/// The views that loops go over: eight for five and more.
-pub(super) fn places(views: Views) -> usize {
-    if views.len() > 4 { 8 } else { views.len() }
-}
-
 /// The disparities, counted from the first, at which a view is available at a pixel.
 fn available(params: &Params, first: i16, view: View, u: usize, v: usize) -> Range<u16> {
     view.available((u, v), (params.width(), params.height()), first, params.num_disparities())
@@ -58,7 +53,7 @@ fn available(params: &Params, first: i16, view: View, u: usize, v: usize) -> Ran
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::Fusion;
+    use multiscopic_core::{Fusion, Views};
 
     fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> Params {
         Params::new(20, 17, views, fusion, min_disparity, num_disparities, block_size).unwrap()

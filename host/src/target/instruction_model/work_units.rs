@@ -31,8 +31,6 @@ pub struct WorkUnits {
     pub primed: f64,
     /// Pixels of block matching around a prior.
     pub prior: f64,
-    /// Samples of the views around a prior: one for each candidate of a column, for each view.
-    pub warped: f64,
     /// Packets.
     pub packet: f64,
     /// Pixels in packets.
@@ -41,7 +39,7 @@ pub struct WorkUnits {
 
 impl WorkUnits {
     /// The names of the units, in the order of the fields.
-    pub const NAMES: [&str; 14] = [
+    pub const NAMES: [&str; 13] = [
         "line",
         "column",
         "column_view",
@@ -53,7 +51,6 @@ impl WorkUnits {
         "segment",
         "primed",
         "prior",
-        "warped",
         "packet",
         "sent",
     ];
@@ -61,30 +58,15 @@ impl WorkUnits {
     /// The numbers, in the order of the fields.
     pub fn to_array(&self) -> [f64; Self::NAMES.len()] {
         let WorkUnits { line, column, column_view, pixel, path_pixel, path, path_unrolled, .. } = *self;
-        let WorkUnits { border_pixel, segment, primed, prior, warped, .. } = *self;
+        let WorkUnits { border_pixel, segment, primed, prior, .. } = *self;
         let WorkUnits { packet, sent, .. } = *self;
-        [
-            line,
-            column,
-            column_view,
-            pixel,
-            path_pixel,
-            path,
-            path_unrolled,
-            border_pixel,
-            segment,
-            primed,
-            prior,
-            warped,
-            packet,
-            sent,
-        ]
+        [line, column, column_view, pixel, path_pixel, path, path_unrolled, border_pixel, segment, primed, prior, packet, sent]
     }
 
     /// Takes numbers in the order of the fields.
     pub fn from_array(numbers: [f64; Self::NAMES.len()]) -> WorkUnits {
         let [line, column, column_view, pixel, path_pixel, path, path_unrolled, rest @ ..] = numbers;
-        let [border_pixel, segment, primed, prior, warped, packet, sent] = rest;
+        let [border_pixel, segment, primed, prior, packet, sent] = rest;
         WorkUnits {
             line,
             column,
@@ -97,7 +79,6 @@ impl WorkUnits {
             segment,
             primed,
             prior,
-            warped,
             packet,
             sent,
         }

@@ -4,7 +4,7 @@ use multiscopic_core::{Params, Search, kernel::Rule};
 use multiscopic_edge::Matching;
 
 use super::{
-    pixel_counts::{PixelCounts, places},
+    pixel_counts::PixelCounts,
     work_units::{CandidateUnits, WorkUnits},
 };
 use crate::target::Processor;
@@ -23,7 +23,7 @@ impl Workload {
     /// Nor for the mean of more than four views, which is computed exactly, one candidate at a time, where views are unavailable.
     pub fn new(matching: &Matching, processor: Processor) -> Option<Workload> {
         let search = matching.search();
-        if places(search.views()) > 4 && Rule::new(search.fusion(), search.views().len()) == Rule::Sum {
+        if search.views().len() > 4 && Rule::new(search.fusion(), search.views().len()) == Rule::Sum {
             return None;
         }
         let passes = matching.tiles().count();
@@ -80,9 +80,8 @@ impl Workload {
         let middle = (earlier.min_disparity() + earlier.max_disparity()) / 2;
         let first = around.min_disparity() + i16::from(long.views().multiple()) * middle;
         let Workload { units, candidates } = Workload::of_blocks(&around, first, 1, processor);
-        let warped = units.column_view * count(depth(around.search(), processor));
         Workload {
-            units: WorkUnits { prior: units.pixel, pixel: 0.0, warped, ..units },
+            units: WorkUnits { prior: units.pixel, pixel: 0.0, ..units },
             candidates: candidates.into_iter().map(|(kernel, candidates)| (format!("{kernel}-around"), candidates)).collect(),
         }
     }
@@ -124,7 +123,7 @@ fn is_wide(params: &Params) -> bool {
 /// It ends in `-wide` if block sums need 32 bits, and in `-unrolled` for the minimum of four views in four
 /// vectors, for which kernels have a separate loop.
 pub fn kernel_name(params: &Params, processor: Processor) -> String {
-    let views = places(params.views());
+    let views = params.views().places();
     let rule = match Rule::new(params.fusion(), views) {
         Rule::Min => "min",
         Rule::Sum => "mean",
@@ -193,7 +192,6 @@ mod tests {
         let work = Workload::new(&Matching::AroundPrior { short, long }, Processor::CortexM4).unwrap();
         assert_eq!((work.units.pixel, work.units.prior, work.units.sent), (340.0, 340.0, 340.0));
         assert_eq!((work.units.line, work.units.packet), (34.0, 17.0));
-        assert_eq!(work.units.warped, 24.0 * 17.0 * 2.0 * 8.0);
         let [(kernel, _), (around, candidates)] = &work.candidates[..] else { panic!("{work:?}") };
         assert_eq!((kernel.as_str(), around.as_str()), ("2-min", "2-min-around"));
         // A prior of 1 is 3 pixels at three baselines: -1 to 6 are searched, so that 6 columns do not see all of the view on

@@ -193,7 +193,8 @@ impl Run<'_> {
         match self.matching {
             Matching::Blocks { .. } | Matching::SemiGlobal(_) | Matching::WithConfidences(_) => arguments.push(method.to_owned()),
             Matching::AroundPrior { long, .. } => {
-                arguments.extend([format!("{method}-around"), long.num_disparities().to_string()]);
+                let [multiple, disparities] = [long.views().multiple().into(), long.num_disparities()];
+                arguments.extend([format!("{method}-around"), multiple.to_string(), disparities.to_string()]);
             }
         }
         arguments

@@ -40,6 +40,15 @@ pub fn binary() -> &'static Path {
     })
 }
 
+/// The command of a program with so many megabytes of address space, in two threads: each reserves some.
+#[cfg(unix)]
+pub fn within(megabytes: usize, program: &Path) -> Command {
+    let mut shell = Command::new("sh");
+    shell.arg("-c").arg(format!(r#"ulimit -v {} && exec "$0" "$@""#, 1024 * megabytes)).arg(program);
+    shell.env("RAYON_NUM_THREADS", "2");
+    shell
+}
+
 /// A finished run of the command line.
 #[derive(Debug)]
 pub struct Invocation {
@@ -65,13 +74,10 @@ impl Invocation {
         Invocation::of(Command::new(binary()).args(arguments).envs(variables))
     }
 
-    /// Runs the command line to its end with so many megabytes of address space, in two threads.
+    /// Runs the command line to its end [within](within()) so many megabytes of address space.
     #[cfg(unix)]
     pub fn within<A: AsRef<OsStr>>(megabytes: usize, arguments: impl IntoIterator<Item = A>) -> Invocation {
-        let mut shell = Command::new("sh");
-        shell.arg("-c").arg(format!(r#"ulimit -v {} && exec "$0" "$@""#, 1024 * megabytes)).arg(binary());
-        // Each thread reserves some.
-        Invocation::of(shell.args(arguments).env("RAYON_NUM_THREADS", "2"))
+        Invocation::of(within(megabytes, binary()).args(arguments))
     }
 
     fn of(command: &mut Command) -> Invocation {

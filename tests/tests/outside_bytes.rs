@@ -7,7 +7,6 @@
 use std::{
     env, fs, io,
     path::Path,
-    process::Command,
     time::{Duration, Instant},
 };
 
@@ -18,7 +17,7 @@ use multiscopic::{
 };
 use multiscopic_core::{Disparity, Fusion, Params, Region, Views};
 use multiscopic_edge::packet::{Sender, buffer_bytes_with_confidences};
-use multiscopic_tests::test_images::golden;
+use multiscopic_tests::{program, test_images::golden};
 use proptest::{collection::vec, prelude::*, sample::Index, test_runner::TestRunner};
 
 /// The address space in megabytes in which everything must be read. The largest picture takes half of it.
@@ -80,13 +79,8 @@ impl Damage {
 fn survive(name: &str, valid: &[Vec<u8>], repair: impl Fn(&mut [u8]), read: impl Fn(&Path)) {
     const INSIDE: &str = "MULTISCOPIC_MEMORY_IS_LIMITED";
     if env::var_os(INSIDE).is_none() {
-        let mut shell = Command::new("sh");
-        shell
-            .arg("-c")
-            .arg(format!(r#"ulimit -v {} && exec "$0" "$@""#, 1024 * MEMORY))
-            .arg(env::current_exe().expect("this test"));
-        shell.args(["--exact", name, "--test-threads", "1"]).env(INSIDE, "1").env("RAYON_NUM_THREADS", "2");
-        let output = shell.output().expect("the test runs");
+        let mut test = program::within(MEMORY, &env::current_exe().expect("this test"));
+        let output = test.args(["--exact", name, "--test-threads", "1"]).env(INSIDE, "1").output().expect("the test runs");
         assert!(
             output.status.success(),
             "{}{}",
@@ -129,9 +123,7 @@ fn with_checksums(bytes: &mut [u8]) {
     while let Some(length) = bytes.get(start..start + 4).and_then(|length| length.first_chunk()) {
         let end = start + 8 + u32::from_be_bytes(*length) as usize;
         let Some(chunk) = bytes.get(start + 4..end) else { return };
-        let checksum = !chunk.iter().fold(!0, |crc: u32, &byte| {
-            (0..8).fold(crc ^ u32::from(byte), |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xEDB8_8320 } else { crc >> 1 })
-        });
+        let checksum = crc32fast::hash(chunk);
         match bytes.get_mut(end..end + 4) {
             Some(place) => place.copy_from_slice(&checksum.to_be_bytes()),
             None => return,

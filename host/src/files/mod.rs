@@ -5,6 +5,7 @@ mod disparity_files;
 mod frame_files;
 pub mod image_codec;
 pub(crate) mod input;
+mod jpeg_markers;
 mod jpeg_scans;
 pub mod output;
 mod panics;

@@ -1,6 +1,7 @@
 //! The bits of a scan.
 
-use super::{huffman_table::HuffmanTable, markers::next_marker};
+use super::huffman_table::HuffmanTable;
+use crate::files::jpeg_markers::next_marker;
 
 /// What is wrong with coded data.
 pub type Fault = &'static str;

@@ -6,14 +6,14 @@
 mod bit_reader;
 mod block_reader;
 mod huffman_table;
-mod markers;
 
 use std::ops::RangeInclusive;
 
 use bit_reader::{BitReader, Fault};
 use block_reader::BlockReader;
 use huffman_table::HuffmanTable;
-use markers::{END_OF_IMAGE, START_OF_SCAN, next_marker, segment};
+
+use super::jpeg_markers::{END_OF_IMAGE, START_OF_SCAN, is_bare, next_marker, segment};
 
 const BLOCK_SIDE: usize = 8;
 
@@ -25,8 +25,7 @@ pub fn check(bytes: &[u8]) -> Result<(), Fault> {
     let (mut file, mut rest) = (JpegFile::default(), bytes.get(2..).unwrap_or_default());
     while let Some((marker, after)) = next_marker(rest) {
         rest = match (marker, segment(after)) {
-            // Markers without a segment.
-            (0x01 | 0xD0..=0xD8, _) => after,
+            (marker, _) if is_bare(marker) => after,
             (END_OF_IMAGE, _) | (_, None) => break,
             (START_OF_SCAN, Some((header, data))) => match file.scan(header) {
                 Some(scan) => file.check_scan(&scan, data)?,

@@ -65,7 +65,8 @@ pub struct Acquisition {
     pub failure: Option<Error>,
 }
 
-/// Takes the frames of `plan`, which need not have a centre, as [`acquire_frames`] does. What fails after the last frame is no error.
+/// Takes the frames of `plan`, which need not have a centre, as [`acquire_frames`] does. What fails after the last frame is no
+/// error.
 ///
 /// # Errors
 /// As [`acquire_frames`], before the last frame is complete. An abort is one at any time.

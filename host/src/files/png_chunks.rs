@@ -32,7 +32,8 @@ pub fn png_chunks(bytes: &[u8]) -> impl Iterator<Item = PngChunk<'_>> {
     })
 }
 
-/// A PNG file without the chunks that its pixels do not depend on. The decoder would inflate a colour profile, to a thousand times its size.
+/// A PNG file without the chunks that its pixels do not depend on. The decoder would inflate a colour profile, to a thousand
+/// times its size.
 pub fn without_metadata(bytes: &[u8]) -> Cow<'_, [u8]> {
     if png_chunks(bytes).all(|chunk| chunk.is_critical()) {
         return bytes.into();

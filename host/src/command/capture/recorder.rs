@@ -43,7 +43,8 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Takes one capture and writes it to `folder`, which appears once it is complete, even if the stage fails after the last frame.
+    /// Takes one capture and writes it to `folder`, which appears once it is complete, even if the stage fails after the last
+    /// frame.
     pub fn record(&mut self, folder: &Path) -> Result<()> {
         let date = Zoned::now().strftime("%F %T %:z").to_string();
         let mut log = CaptureLog::new(&date, &self.hardware.camera_name, &self.hardware.stage_name);

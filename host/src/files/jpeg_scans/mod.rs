@@ -1,7 +1,8 @@
 //! Checking the coded data of JPEG files. The decoder takes damaged data for other pixels, without an error.
 //!
-//! Each scan has codes for a known number of blocks, and nothing else before the next marker. Damage almost always shifts the codes that
-//! follow, which then end too early or too late. What it leaves in step, such as a changed bit of a coefficient, cannot be told.
+//! Each scan has codes for a known number of blocks, and nothing else before the next marker. Damage almost always shifts the
+//! codes that follow, which then end too early or too late. What it leaves in step, such as a changed bit of a coefficient,
+//! cannot be told.
 
 mod bit_reader;
 mod block_reader;

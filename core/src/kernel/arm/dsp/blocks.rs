@@ -176,20 +176,22 @@ impl Blocks<u16> for Dsp {
     #[inline(never)]
     fn fuse<const V: usize>(self, rule: Rule, blocks: &[[[u32; 4]; V]], fused: &mut [[u32; 4]]) -> u16 {
         let has_loop = match rule {
-            Rule::Min => V <= 4,
+            Rule::Min => true,
             Rule::Heuristic => V == 4,
-            Rule::Sum | Rule::Half => false,
+            Rule::Half => V == 8,
+            Rule::Sum => false,
         };
         if !has_loop || blocks.len() != fused.len() || blocks.is_empty() {
             return fuse_loop(self, rule, blocks, fused);
         }
         let blocks = blocks.as_ptr();
         // SAFETY: there are as many blocks as fused costs, not 0: a multiple of what is unrolled. The heuristic rule has a
-        // loop for four views, and there are four.
+        // loop for four views, and there are four; the least half has one for eight, and there are eight.
         lesser_half(unsafe {
             match fused.len() {
                 _ if rule == Rule::Heuristic => fuse::heuristic_of_four(blocks.cast(), fused),
-                n if n % 4 == 0 => fuse::min::<V, 4, true>(blocks, fused),
+                _ if rule == Rule::Half => fuse::half_of_eight(blocks.cast(), fused),
+                n if V <= 4 && n % 4 == 0 => fuse::min::<V, 4, true>(blocks, fused),
                 _ => fuse::min::<V, 1, true>(blocks, fused),
             }
         })
@@ -230,9 +232,10 @@ fn fuse_masked<const V: usize>(
     let least = match rule {
         // SAFETY: there are as many blocks and masks as fused costs, not 0, and four where one view is
         // masked, which is one of them.
-        Rule::Min if fits && V <= 4 => unsafe {
+        Rule::Min if fits => unsafe {
             let (blocks, masks) = (blocks.as_ptr(), masks.as_ptr());
             match (masked, fused.len()) {
+                _ if V > 4 => fuse::min_masked(blocks, masks, fused),
                 (1, 4) => fuse::min_with_one_masked::<V, 0, true>(blocks, masks, fused),
                 (2, 4) if V > 1 => fuse::min_with_one_masked::<V, 1, true>(blocks, masks, fused),
                 (4, 4) if V > 2 => fuse::min_with_one_masked::<V, 2, true>(blocks, masks, fused),
@@ -243,6 +246,10 @@ fn fuse_masked<const V: usize>(
         // SAFETY: there are four views, and as many blocks and masks as fused costs, not 0.
         Rule::Heuristic if fits && V == 4 => unsafe {
             fuse::heuristic_of_four_masked(blocks.as_ptr().cast(), masks.as_ptr().cast(), fused)
+        },
+        // SAFETY: there are eight views, and as many blocks and masks as fused costs, not 0.
+        Rule::Half if fits && V == 8 => unsafe {
+            fuse::half_of_eight_masked(blocks.as_ptr().cast(), masks.as_ptr().cast(), fused)
         },
         _ => return fuse_masked_loop(dsp, rule, blocks, masks, fused),
     };

@@ -74,6 +74,56 @@ macro_rules! heuristic {
     };
 }
 
+/// The lesser halves of two words in `$t`, and the greater ones in place of the first. The second is free.
+macro_rules! exchange {
+    ($a:literal, $b:literal, $t:literal) => {
+        instructions! {
+            usub16 $t, $a, $b;
+            sel $t, $b, $a;
+            sel $a, $a, $b;
+        }
+    };
+}
+
+/// Sorts four words, in each half: `$d` then has the least, and `$c`, `$t` and `$a` follow. `$b` is free.
+macro_rules! sort_four {
+    ($a:literal, $b:literal, $c:literal, $d:literal, $t:literal) => {
+        concat!(exchange!($a, $b, $t), exchange!($c, $d, $b), exchange!($t, $b, $d), exchange!($a, $c, $b), exchange!($t, $b, $c))
+    };
+}
+
+/// The least four of eight words, in each half: in r3, r2, r10 and r0. r1, r4, r5, r8 and r9 are free.
+///
+/// Of two ascending sequences of four, they are the lesser of each cost in one and its counterpart in the other, counted
+/// from the end.
+macro_rules! least_four {
+    () => {
+        concat!(
+            sort_four!("r0", "r1", "r2", "r3", "r10"),
+            sort_four!("r4", "r5", "r8", "r9", "r1"),
+            "usub16 r5, r3, r4
+            sel r3, r4, r3
+            usub16 r5, r2, r1
+            sel r2, r1, r2
+            usub16 r5, r10, r8
+            sel r10, r8, r10
+            usub16 r5, r0, r9
+            sel r0, r9, r0
+            "
+        )
+    };
+}
+
+/// Lowers the least of all, in lr, to a word. r5 is free.
+macro_rules! lower_to {
+    ($cost:literal) => {
+        instructions! {
+            usub16 "r5", "lr", $cost;
+            sel "lr", $cost, "lr";
+        }
+    };
+}
+
 /// Raises the costs of a view to its masks, word by word, and goes on to the view's next masks.
 macro_rules! mask {
     ($a:literal, $b:literal, $c:literal, $d:literal) => {
@@ -90,7 +140,7 @@ macro_rules! mask {
     };
 }
 
-/// The minimum of one to four views.
+/// The minimum of views.
 ///
 /// # Safety
 /// There are as many blocks as fused costs: a multiple of `UNROLLED`, not 0.
@@ -228,14 +278,14 @@ pub(super) unsafe fn min_masked<const V: usize>(blocks: *const [Costs; V], masks
     // SAFETY: reads as many blocks and masks as it writes fused costs. Every register that changes is an
     // output.
     unsafe {
-        asm_up_to!(400 bytes,
+        asm_up_to!(700 bytes,
             "2:",
             ".irp half, 0, 8",
             "ldrd {a}, {b}, [{block}, #\\half]",
             "ldrd {c}, {d}, [{mask}, #\\half]",
             "orr {a}, {a}, {c}",
             "orr {b}, {b}, {d}",
-            ".irp view, 16, 32, 48",
+            ".irp view, 16, 32, 48, 64, 80, 96, 112",
             ".if \\view < {stride}",
             "ldrd {c}, {d}, [{block}, #(\\view + \\half)]",
             "ldrd {e}, {t}, [{mask}, #(\\view + \\half)]",
@@ -314,6 +364,148 @@ pub(super) unsafe fn min_with_one_masked<const V: usize, const K: usize, const L
             // From the last word of the view's masks in a vector to the first in the next vector.
             next = const V * VECTOR - 12,
             options(nostack),
+        );
+    }
+    least
+}
+
+/// The sum of the least half of eight views.
+///
+/// # Safety
+/// There are as many blocks as fused costs, not 0.
+#[inline(always)]
+pub(super) unsafe fn half_of_eight(blocks: *const [Costs; 8], fused: &mut [Costs]) -> u32 {
+    let mut least = u32::MAX;
+    // SAFETY: reads as many blocks as it writes fused costs. Every register that changes is an output or restored from
+    // the stack.
+    unsafe {
+        asm_up_to!(900 bytes,
+            // The number of vectors left is in r6, which is reserved for the compiler.
+            "push {{r6}}",
+            "mov r6, r0",
+            "2:",
+            ".irp next, 4, 4, 4, 116",
+            "ldr r1, [r11, #16]",
+            "ldr r2, [r11, #32]",
+            "ldr r3, [r11, #48]",
+            "ldr r4, [r11, #64]",
+            "ldr r5, [r11, #80]",
+            "ldr r8, [r11, #96]",
+            "ldr r9, [r11, #112]",
+            "ldr r0, [r11], #\\next",
+            least_four!(),
+            "uqadd16 r3, r3, r2",
+            "uqadd16 r10, r10, r0",
+            "uqadd16 r3, r3, r10",
+            "str r3, [r12], #4",
+            lower_to!("r3"),
+            ".endr",
+            "subs r6, r6, #1",
+            "bne 2b",
+            "pop {{r6}}";
+            inout("r0") fused.len() => _,
+            out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _, out("r10") _,
+            inout("r11") blocks => _,
+            inout("r12") fused.as_mut_ptr() => _,
+            inout("lr") least,
+        );
+    }
+    least
+}
+
+/// Loads a word of a view's costs, raised to their mask, and counts the view in r7 if it is not hidden.
+#[rustfmt::skip]
+macro_rules! load_masked {
+    ($cost:literal, $address:literal, $next:literal) => {
+        concat!(
+            "ldr ", $cost, ", [r11", $address, "]", $next, "\n",
+            "ldr r10, [r6", $address, "]", $next, "\n",
+            "uadd16 r7, r7, r10\n",
+            "orr ", $cost, ", ", $cost, ", r10\n",
+        )
+    };
+}
+
+/// The mean of the least half of those of eight views that masks do not hide, on the scale of
+/// [`Rule::fuse_available`](crate::kernel::rule::Rule::fuse_available).
+///
+/// # Safety
+/// There are as many blocks and masks as fused costs, not 0.
+#[inline(always)]
+pub(super) unsafe fn half_of_eight_masked(blocks: *const [Costs; 8], masks: *const [Costs; 8], fused: &mut [Costs]) -> u32 {
+    let mut least = u32::MAX;
+    // SAFETY: reads as many blocks and masks as it writes fused costs. Every register that changes is an output or
+    // restored from the stack.
+    unsafe {
+        asm_up_to!(600 bytes,
+            // The number of words left is on the stack. The masks are in r6 and the number of views that are not hidden
+            // in r7, which are reserved for the compiler.
+            "push {{r0, r6, r7}}",
+            "mov r6, r10",
+            "2:",
+            "mov r7, #0x00080008",
+            load_masked!("r1", ", #16", ""),
+            load_masked!("r2", ", #32", ""),
+            load_masked!("r3", ", #48", ""),
+            load_masked!("r4", ", #64", ""),
+            load_masked!("r5", ", #80", ""),
+            load_masked!("r8", ", #96", ""),
+            load_masked!("r9", ", #112", ""),
+            load_masked!("r0", "", ", #4"),
+            least_four!(),
+            // Sorted: r0, r1, r10, r3.
+            exchange!("r3", "r10", "r1"),
+            exchange!("r2", "r0", "r10"),
+            exchange!("r1", "r10", "r0"),
+            exchange!("r3", "r2", "r10"),
+            // The sums of one to four, times 12, 6, 4 and 3.
+            "uqadd16 r1, r0, r1",
+            "uqadd16 r10, r1, r10",
+            "uqadd16 r3, r10, r3",
+            "uqadd16 r4, r3, r3",
+            "uqadd16 r3, r4, r3",
+            "uqadd16 r10, r10, r10",
+            "uqadd16 r10, r10, r10",
+            "uqadd16 r4, r1, r1",
+            "uqadd16 r1, r4, r1",
+            "uqadd16 r1, r1, r1",
+            "uqadd16 r4, r0, r0",
+            "uqadd16 r0, r4, r0",
+            "uqadd16 r0, r0, r0",
+            "uqadd16 r0, r0, r0",
+            "mov r4, #0x00070007",
+            "usub16 r5, r7, r4",
+            "sel r3, r3, r10",
+            "mov r4, #0x00050005",
+            "usub16 r5, r7, r4",
+            "sel r3, r3, r1",
+            "mov r4, #0x00030003",
+            "usub16 r5, r7, r4",
+            "sel r3, r3, r0",
+            "mov r4, #0x00010001",
+            "mvn r8, #0",
+            "usub16 r5, r7, r4",
+            "sel r3, r3, r8",
+            "str r3, [r12], #4",
+            lower_to!("r3"),
+            "ldr r0, [sp]",
+            "subs r0, r0, #1",
+            "str r0, [sp]",
+            "beq 3f",
+            // After the last word of a vector, the other views are skipped.
+            "tst r0, #3",
+            "bne 2b",
+            "add r11, r11, #112",
+            "add r6, r6, #112",
+            "b 2b",
+            "3:",
+            "pop {{r0, r6, r7}}";
+            inout("r0") 4 * fused.len() => _,
+            out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
+            inout("r10") masks => _,
+            inout("r11") blocks => _,
+            inout("r12") fused.as_mut_ptr() => _,
+            inout("lr") least,
         );
     }
     least

@@ -32,10 +32,8 @@ fn slide_along<const V: usize>(steps: &mut Steps<'_, Mve, V>, blocks: &mut [[[u1
     let Some(step) = steps.next_raw() else { return };
     // SAFETY: the step has as many vectors in a view as there are blocks, not 0.
     unsafe {
-        if const { V > 4 } {
-            return slide::slide(step, blocks);
-        }
         match blocks.len() {
+            4.. if const { V > 4 } => slide::slide(step, blocks),
             1 => slide::slide_unrolled::<V, 1>(step, blocks),
             2 => slide::slide_unrolled::<V, 2>(step, blocks),
             4 => slide::slide_unrolled::<V, 4>(step, blocks),
@@ -141,12 +139,14 @@ impl Blocks<u16> for Mve {
             return u16::MAX;
         }
         let first = blocks.as_ptr();
-        // SAFETY: there are as many blocks as fused costs, not 0. Nothing is masked.
+        // SAFETY: there are as many blocks as fused costs, not 0, of eight views in the loops for eight. Nothing is masked.
         unsafe {
             match (rule, V) {
                 (Rule::Min, ..=4) => fuse::min::<V, 0>(first, first, fused),
                 (Rule::Heuristic, 3 | 4) => fuse::heuristic::<V, 0>(first, first, fused),
                 (Rule::Sum, 2..=4) => fuse_sum(0, blocks, blocks, fused),
+                (Rule::Min, 8) => fuse::min_of_eight::<false>(first.cast(), first.cast(), fused),
+                (Rule::Half, 8) => fuse::half_of_eight(first.cast(), fused),
                 _ => fuse_loop(self, rule, blocks, fused),
             }
         }
@@ -168,7 +168,7 @@ impl Blocks<u16> for Mve {
             return u16::MAX;
         }
         let (first, mask) = (blocks.as_ptr(), masks.as_ptr());
-        // SAFETY: there are as many blocks and masks as fused costs, not 0.
+        // SAFETY: there are as many blocks and masks as fused costs, not 0, of eight views in the loops for eight.
         unsafe {
             match (rule, V, masked) {
                 (Rule::Min, ..=4, 1) => fuse::min::<V, 1>(first, mask, fused),
@@ -182,6 +182,8 @@ impl Blocks<u16> for Mve {
                 (Rule::Heuristic, 3 | 4, 8) => fuse::heuristic::<V, 8>(first, mask, fused),
                 (Rule::Heuristic, 3 | 4, _) => fuse::heuristic::<V, 15>(first, mask, fused),
                 (Rule::Sum, 2..=4, _) => fuse_sum(masked, blocks, masks, fused),
+                (Rule::Min, 8, _) => fuse::min_of_eight::<true>(first.cast(), mask.cast(), fused),
+                (Rule::Half, 8, _) => fuse::half_of_eight_masked(first.cast(), mask.cast(), fused),
                 _ => fuse_masked_loop(self, rule, blocks, masks, fused),
             }
         }

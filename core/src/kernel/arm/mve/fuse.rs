@@ -30,7 +30,7 @@ macro_rules! to_next_masks {
     };
 }
 
-/// The minimum of views, those whose bits are set in `MASKED` being masked. Returns the least fused cost.
+/// The minimum of up to four views, those whose bits are set in `MASKED` being masked. Returns the least fused cost.
 ///
 /// # Safety
 /// There are as many blocks as fused costs, not 0, and as many masks unless `MASKED` is 0.
@@ -66,6 +66,62 @@ pub(super) unsafe fn min<const V: usize, const MASKED: u8>(
             views = const V,
             masked = const MASKED,
             stride = const V * VECTOR,
+            options(nostack, preserves_flags),
+        );
+    }
+    least as u16
+}
+
+/// Loads the costs of the next view into `$q`, raised by way of `$masks` to their mask if the views are masked.
+#[rustfmt::skip]
+macro_rules! load_next_view {
+    ($q:literal, $masks:literal) => {
+        concat!(
+            "vldrh.u16 ", $q, ", [{block}], #16\n",
+            ".if {masked}\n",
+            "vldrh.u16 ", $masks, ", [{mask}], #16\n",
+            "vorr ", $q, ", ", $q, ", ", $masks, "\n",
+            ".endif\n",
+        )
+    };
+}
+
+/// The minimum of eight views, masked if `MASKED` is set. Returns the least fused cost.
+///
+/// # Safety
+/// There are as many blocks as fused costs, not 0, and as many masks if `MASKED` is set.
+#[inline(always)]
+pub(super) unsafe fn min_of_eight<const MASKED: bool>(
+    blocks: *const [[u16; 8]; 8],
+    masks: *const [[u16; 8]; 8],
+    fused: &mut [[u16; 8]],
+) -> u16 {
+    let mut least = u32::from(u16::MAX);
+    // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
+    // changes is an output.
+    unsafe {
+        asm_up_to!(200 bytes,
+            "dls lr, {n}",
+            "2:",
+            load_next_view!("q0", "q3"),
+            ".rept 3",
+            load_next_view!("q1", "q3"),
+            "vmin.u16 q0, q0, q1",
+            load_next_view!("q2", "q3"),
+            "vmin.u16 q0, q0, q2",
+            ".endr",
+            load_next_view!("q1", "q3"),
+            "vmin.u16 q0, q0, q1",
+            "vstrh.16 q0, [{fused}], #16",
+            "vminv.u16 {least}, q0",
+            "le lr, 2b";
+            n = in(reg) fused.len(),
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
+            masked = const MASKED as u8,
             options(nostack, preserves_flags),
         );
     }
@@ -228,6 +284,173 @@ pub(super) unsafe fn sum<const V: usize, const MASKED: u8>(
             views = const V,
             masked = const MASKED,
             stride = const V * VECTOR,
+            options(nostack, preserves_flags),
+        );
+    }
+    least as u16
+}
+
+/// The lesser lanes of two vectors in `$t`, and the greater ones in place of the first. The second is free.
+macro_rules! exchange {
+    ($a:literal, $b:literal, $t:literal) => {
+        concat!("vmin.u16 ", $t, ", ", $a, ", ", $b, "\n", "vmax.u16 ", $a, ", ", $a, ", ", $b, "\n")
+    };
+}
+
+/// Sorts four vectors, lane by lane: `$d` then has the least, and `$c`, `$t` and `$a` follow. `$b` is free.
+macro_rules! sort_four {
+    ($a:literal, $b:literal, $c:literal, $d:literal, $t:literal) => {
+        concat!(exchange!($a, $b, $t), exchange!($c, $d, $b), exchange!($t, $b, $d), exchange!($a, $c, $b), exchange!($t, $b, $c))
+    };
+}
+
+/// The sum of the least half of eight views. Returns the least fused cost.
+///
+/// # Safety
+/// There are as many blocks as fused costs, not 0.
+#[inline(always)]
+pub(super) unsafe fn half_of_eight(blocks: *const [[u16; 8]; 8], fused: &mut [[u16; 8]]) -> u16 {
+    let mut least = u32::from(u16::MAX);
+    // SAFETY: reads as many blocks as it writes fused costs. Every register that changes is an output.
+    unsafe {
+        asm_up_to!(300 bytes,
+            "dls lr, {n}",
+            "2:",
+            "vldrh.u16 q0, [{block}], #16",
+            "vldrh.u16 q1, [{block}], #16",
+            "vldrh.u16 q2, [{block}], #16",
+            "vldrh.u16 q3, [{block}], #16",
+            sort_four!("q0", "q1", "q2", "q3", "q4"),
+            // All eight registers are taken: the greatest of the first four waits where the fused costs will be.
+            "vstrh.16 q0, [{fused}]",
+            "vldrh.u16 q1, [{block}], #16",
+            "vldrh.u16 q5, [{block}], #16",
+            "vldrh.u16 q6, [{block}], #16",
+            "vldrh.u16 q7, [{block}], #16",
+            sort_four!("q1", "q5", "q6", "q7", "q0"),
+            // The least four are the lesser of each cost in one and its counterpart in the other, counted from the end.
+            "vldrh.u16 q5, [{fused}]",
+            "vmin.u16 q3, q3, q1",
+            "vmin.u16 q2, q2, q0",
+            "vmin.u16 q4, q4, q6",
+            "vmin.u16 q5, q5, q7",
+            "vqadd.u16 q3, q3, q2",
+            "vqadd.u16 q4, q4, q5",
+            "vqadd.u16 q0, q3, q4",
+            "vstrh.16 q0, [{fused}], #16",
+            "vminv.u16 {least}, q0",
+            "le lr, 2b";
+            n = in(reg) fused.len(),
+            block = inout(reg) blocks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            least = inout(reg) least,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _, out("q6") _,
+            out("q7") _,
+            options(nostack, preserves_flags),
+        );
+    }
+    least as u16
+}
+
+/// Loads the costs of the next view into `$q`, raised to their masks, which pass through q4. Takes 1 off q5 where the
+/// view is hidden.
+#[rustfmt::skip]
+macro_rules! load_masked {
+    ($q:literal) => {
+        concat!(
+            "vldrh.u16 q4, [{mask}], #16\n",
+            "vadd.i16 q5, q5, q4\n",
+            "vldrh.u16 ", $q, ", [{block}], #16\n",
+            "vorr ", $q, ", ", $q, ", q4\n",
+        )
+    };
+}
+
+/// The mean of the least half of those of eight views that masks do not hide, on the scale of
+/// [`Rule::fuse_available`](crate::kernel::rule::Rule::fuse_available). Returns the least fused cost.
+///
+/// # Safety
+/// There are as many blocks and masks as fused costs, not 0.
+#[inline(always)]
+pub(super) unsafe fn half_of_eight_masked(
+    blocks: *const [[u16; 8]; 8],
+    masks: *const [[u16; 8]; 8],
+    fused: &mut [[u16; 8]],
+) -> u16 {
+    let mut least = u32::from(u16::MAX);
+    let mut spilled = [[0u16; 8]; 2];
+    // SAFETY: reads as many blocks and masks as it writes fused costs. Every register that changes is an output; the
+    // predicate, of which the compiler is not told, is restored.
+    unsafe {
+        asm_up_to!(500 bytes,
+            "vmrs {before}, p0",
+            "dls lr, {n}",
+            "2:",
+            "vmov.i32 q5, #0",
+            load_masked!("q0"),
+            load_masked!("q1"),
+            load_masked!("q2"),
+            load_masked!("q3"),
+            sort_four!("q0", "q1", "q2", "q3", "q4"),
+            "vstrh.16 q4, [{spilled}]",
+            "vstrh.16 q0, [{spilled}, #16]",
+            load_masked!("q0"),
+            load_masked!("q1"),
+            load_masked!("q6"),
+            load_masked!("q7"),
+            sort_four!("q0", "q1", "q6", "q7", "q4"),
+            // The least four are the lesser of each cost in one and its counterpart in the other, counted from the end.
+            "vmin.u16 q3, q3, q0",
+            "vldrh.u16 q0, [{spilled}, #16]",
+            "vmin.u16 q2, q2, q4",
+            "vldrh.u16 q1, [{spilled}]",
+            "vmin.u16 q1, q1, q6",
+            "vmin.u16 q0, q0, q7",
+            // Sorted: q0, q4, q1, q3.
+            exchange!("q3", "q1", "q4"),
+            exchange!("q2", "q0", "q1"),
+            exchange!("q4", "q1", "q0"),
+            exchange!("q3", "q2", "q1"),
+            // The sums of one to four, times 12, 6, 4 and 3.
+            "vqadd.u16 q4, q0, q4",
+            "vqadd.u16 q1, q4, q1",
+            "vqadd.u16 q3, q1, q3",
+            "vqadd.u16 q2, q3, q3",
+            "vqadd.u16 q3, q2, q3",
+            "vqadd.u16 q1, q1, q1",
+            "vqadd.u16 q1, q1, q1",
+            "vqadd.u16 q2, q4, q4",
+            "vqadd.u16 q4, q2, q4",
+            "vqadd.u16 q4, q4, q4",
+            "vqadd.u16 q2, q0, q0",
+            "vqadd.u16 q0, q2, q0",
+            "vqadd.u16 q0, q0, q0",
+            "vqadd.u16 q0, q0, q0",
+            "vcmp.s16 le, q5, {two_hidden}",
+            "vpsel q3, q1, q3",
+            "vcmp.s16 le, q5, {four_hidden}",
+            "vpsel q3, q4, q3",
+            "vcmp.s16 le, q5, {six_hidden}",
+            "vpsel q3, q0, q3",
+            "vpt.i16 eq, q5, {all_hidden}",
+            "vmvnt.i32 q3, #0",
+            "vstrh.16 q3, [{fused}], #16",
+            "vminv.u16 {least}, q3",
+            "le lr, 2b",
+            "vmsr p0, {before}";
+            n = in(reg) fused.len(),
+            block = inout(reg) blocks => _,
+            mask = inout(reg) masks => _,
+            fused = inout(reg) fused.as_mut_ptr() => _,
+            spilled = in(reg) spilled.as_mut_ptr(),
+            least = inout(reg) least,
+            before = out(reg) _,
+            two_hidden = in(reg) -2,
+            four_hidden = in(reg) -4,
+            six_hidden = in(reg) -6,
+            all_hidden = in(reg) -8,
+            out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _, out("q6") _,
+            out("q7") _,
             options(nostack, preserves_flags),
         );
     }

@@ -87,7 +87,7 @@ pub(super) unsafe fn slide_unrolled<const V: usize, const N: usize>(step: RawSte
         asm_up_to!(1200 bytes,
             "vdup.16 q2, r2",
             "vdup.16 q3, r3",
-            ".irp k, 0, 1, 2, 3",
+            ".irp k, 0, 1, 2, 3, 4, 5, 6, 7",
             ".if \\k < {views}",
             track!(),
             ".irp j, 0, 1, 2, 3, 4, 5, 6, 7",

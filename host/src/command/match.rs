@@ -17,6 +17,7 @@ use multiscopic::{
         output,
         ply::{self, Encoding},
     },
+    images::ColorScale,
 };
 use multiscopic_core::{Frame, Fusion, Search};
 
@@ -84,6 +85,14 @@ struct Outputs {
     /// Depth in metres, +inf where unknown; needs the focal length and the baseline
     #[arg(long, value_name = "OUT.pfm")]
     depth: Option<PathBuf>,
+
+    /// Depth in colour, with the colours of --png; the nearest and the farthest hundredth are clamped
+    #[arg(long, value_name = "OUT.png")]
+    depth_png: Option<PathBuf>,
+
+    /// Draw the disparities in the terminal as well
+    #[arg(long)]
+    preview: bool,
 
     /// Coloured point cloud in metres, with confidences if --confidence is given; needs the focal length and the baseline
     #[arg(long, value_name = "OUT.ply")]
@@ -156,6 +165,10 @@ impl Match {
         }
 
         output::write_together(|| self.outputs.write(&disparities, confidences.as_ref(), geometry.as_ref(), center.as_ref()))?;
+        if self.outputs.preview {
+            let picture = self.outputs.maps.scale(&disparities).draw(&disparities.to_float());
+            terminal::print(&terminal::preview(&picture))?;
+        }
         let method = if self.prior.is_some() { "around a prior" } else { self.method.name() };
         terminal::say(&summary(method, &search, &disparities, confidences.as_ref(), seconds));
         preparation.warnings(&disparities, &search).into_iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
@@ -165,8 +178,8 @@ impl Match {
 
 impl Outputs {
     fn paths(&self) -> Vec<&Path> {
-        let Outputs { maps, confidence, depth, ply, ply_ascii: _ } = self;
-        maps.paths().chain([confidence, depth, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
+        let Outputs { maps, confidence, depth, depth_png, ply, ply_ascii: _, preview: _ } = self;
+        maps.paths().chain([confidence, depth, depth_png, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
     }
 
     fn write(
@@ -183,6 +196,10 @@ impl Outputs {
         if let (Some(path), Some(geometry)) = (&self.depth, geometry) {
             disparities.to_depth(geometry).write_pfm(path)?;
         }
+        if let (Some(path), Some(geometry)) = (&self.depth_png, geometry) {
+            let depth = disparities.to_depth(geometry);
+            self.maps.draw(&depth, &ColorScale::of_depth(self.maps.colormap(), &depth)).write_png(path)?;
+        }
         if let (Some(path), Some(geometry), Some(center)) = (&self.ply, geometry, center) {
             let encoding = if self.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
             ply::write(path, disparities, confidences, geometry, center, encoding)?;
@@ -192,7 +209,7 @@ impl Outputs {
 
     /// The option and the file of an output that needs the geometry, if there is one.
     fn of_depth(&self) -> Option<String> {
-        let outputs = [("--depth", &self.depth), ("--ply", &self.ply)];
+        let outputs = [("--depth", &self.depth), ("--depth-png", &self.depth_png), ("--ply", &self.ply)];
         outputs.into_iter().find_map(|(option, path)| Some(format!("{option} {}", path.as_ref()?.display())))
     }
 }

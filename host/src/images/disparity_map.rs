@@ -2,13 +2,14 @@
 
 use std::ops::RangeInclusive;
 
-use image::{ImageBuffer, Rgb, RgbImage};
+use image::RgbImage;
 use multiscopic_core::Disparity;
 
 use super::{
+    color_scale::ColorScale,
+    colormap::Colormap,
     geometry::Geometry,
     raster::{FloatImage, Raster},
-    turbo,
 };
 
 /// The disparity of every pixel; `None` marks an invalid one.
@@ -88,14 +89,7 @@ impl DisparityMap {
     /// [`range`](DisparityMap::range).
     pub fn to_color(&self, range: Option<RangeInclusive<f32>>) -> RgbImage {
         let (far, near) = range.or_else(|| self.range()).map_or((0.0, 1.0), RangeInclusive::into_inner);
-        let color = |d: Disparity| {
-            // A map of a single value has an empty range. Any other range is at least one step, 1/64.
-            let nearness = (f32::from(d) - far) / (near - far).max(1e-6);
-            turbo::color(f64::from(nearness))
-        };
-        let pixels = self.pixels().iter().flat_map(|pixel| pixel.map_or([0; 3], color)).collect();
-        let (width, height) = (self.width() as u32, self.height() as u32);
-        ImageBuffer::<Rgb<u8>, _>::from_raw(width, height, pixels).expect("three bytes for every pixel")
+        ColorScale::new(Colormap::Turbo, [far, near], "px").draw(&self.to_float())
     }
 }
 

@@ -2,6 +2,8 @@
 //! that turns disparity into depth, and the displacements that rectify frames.
 
 mod bit_depth;
+mod color_scale;
+mod colormap;
 mod disparity_map;
 mod frames;
 mod geometry;
@@ -12,9 +14,10 @@ mod picture;
 mod raster;
 mod resampled;
 mod sampled_displacements;
-pub mod turbo;
 
 pub use bit_depth::BitDepth;
+pub use color_scale::ColorScale;
+pub use colormap::Colormap;
 pub use disparity_map::DisparityMap;
 pub use frames::Frames;
 pub use geometry::Geometry;

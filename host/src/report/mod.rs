@@ -1,6 +1,7 @@
-//! Results for people to look at: HTML pages, charts, error maps, montages and contact sheets.
+//! Results for people to look at: HTML pages, charts, colour bars, error maps, montages and contact sheets.
 
 mod chart;
+pub mod color_bar;
 pub mod contact_sheet;
 mod epipolar_map;
 pub mod error_map;

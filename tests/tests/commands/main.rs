@@ -11,6 +11,7 @@ mod interruptions;
 mod layouts;
 mod lenses;
 mod photos;
+mod pictures;
 mod rig_quality;
 mod scenes;
 mod search_ranges;

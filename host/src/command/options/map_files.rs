@@ -1,9 +1,18 @@
 //! The files that disparity maps are written to.
 
-use std::path::{Path, PathBuf};
+use std::{
+    ops::RangeInclusive,
+    path::{Path, PathBuf},
+};
 
 use clap::Args;
-use multiscopic::{DisparityMap, Result};
+use multiscopic::{
+    DisparityMap, FloatImage, Picture, Result,
+    images::{ColorScale, Colormap},
+    report::color_bar,
+};
+
+use super::named::named;
 
 /// The files that a disparity map is written to.
 #[derive(Clone, Debug, Args)]
@@ -16,6 +25,14 @@ pub struct MapFiles {
     /// Disparities in colour: near is red, far is blue, invalid is black
     #[arg(long, value_name = "OUT.png")]
     png: Option<PathBuf>,
+
+    /// Draw a colour bar beside coloured pictures, with a scale in their unit
+    #[arg(long)]
+    png_colorbar: bool,
+
+    /// Colours of pictures
+    #[arg(long, value_name = "MAP", value_parser = named::<Colormap>(), default_value = "turbo")]
+    colormap: Colormap,
 
     /// Disparities times 64 plus 32768 as a 16-bit image, 0 where invalid
     #[arg(long, value_name = "OUT.png")]
@@ -32,11 +49,28 @@ impl MapFiles {
     pub fn write(&self, disparities: &DisparityMap) -> Result<()> {
         disparities.write_pfm(&self.output)?;
         if let Some(path) = &self.png {
-            disparities.write_color_png(path, None)?;
+            self.draw(&disparities.to_float(), &self.scale(disparities)).write_png(path)?;
         }
         if let Some(path) = &self.raw16 {
             disparities.write_raw16(path)?;
         }
         Ok(())
+    }
+
+    /// The colour map that was asked for.
+    pub fn colormap(&self) -> Colormap {
+        self.colormap
+    }
+
+    /// The colours of disparities, from the smallest to the largest.
+    pub fn scale(&self, disparities: &DisparityMap) -> ColorScale {
+        let (far, near) = disparities.range().map_or((0.0, 1.0), RangeInclusive::into_inner);
+        ColorScale::new(self.colormap, [far, near], "px")
+    }
+
+    /// A coloured picture, with a colour bar if it was asked for.
+    pub fn draw(&self, image: &FloatImage, scale: &ColorScale) -> Picture {
+        let drawn = scale.draw(image);
+        Picture::Rgb(if self.png_colorbar { color_bar::beside(&drawn, scale) } else { drawn })
     }
 }

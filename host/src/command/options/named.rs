@@ -1,7 +1,7 @@
 //! Values that are chosen by name on the command line.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use multiscopic::{Dataset, Processor};
+use multiscopic::{Dataset, Processor, images::Colormap};
 use multiscopic_core::Fusion;
 
 /// A type with few values, each of which has a name on the command line.
@@ -38,6 +38,22 @@ impl Named for Fusion {
             Fusion::Mean => "The mean cost of the views: quiet",
             Fusion::Heuristic => "The mean of the two or three least costs (the paper's rule for four views)",
             Fusion::Half => "The mean of the least half of the costs, rounded up: for arrays of views",
+        }
+    }
+}
+
+impl Named for Colormap {
+    const ALL: &'static [Colormap] = &Colormap::ALL;
+
+    fn name(&self) -> &'static str {
+        Colormap::name(*self)
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            Colormap::Turbo => "Far is blue, near is red: shows the smallest steps",
+            Colormap::Viridis => "Far is violet, near is yellow: evenly brighter, and clear to the colour-blind",
+            Colormap::Gray => "Far is dark, near is white: prints well",
         }
     }
 }
@@ -88,7 +104,7 @@ mod tests {
 
     #[test]
     fn no_two_values_of_a_type_share_a_name() {
-        for names in [names::<Fusion>(), names::<Processor>(), names::<Dataset>(), names::<MethodName>()] {
+        for names in [names::<Fusion>(), names::<Processor>(), names::<Dataset>(), names::<MethodName>(), names::<Colormap>()] {
             assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len(), "{names:?}");
         }
     }

@@ -1,10 +1,12 @@
-//! Standard output, standard error, progress bars, and signals.
+//! Standard output, standard error, progress bars, pictures, and signals.
 
 mod bar;
 mod messages;
+mod preview;
 pub mod signals;
 mod watch;
 
 pub use bar::progress;
 pub use messages::{print, print_report, say, sure};
+pub use preview::preview;
 pub use watch::Watch;

@@ -1,0 +1,93 @@
+//! How values become colours.
+
+use image::{Rgb, RgbImage};
+
+use super::{colormap::Colormap, raster::FloatImage};
+
+/// The colours of the values between two ends, on a linear scale. What has no value is black.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColorScale {
+    colormap: Colormap,
+    far: f32,
+    near: f32,
+    unit: &'static str,
+}
+
+impl ColorScale {
+    /// A scale from the value `far`, which has the first colour, to the value `near`, which has the last one, with the values' unit.
+    /// Disparities grow towards the near end, depths towards the far one.
+    pub fn new(colormap: Colormap, [far, near]: [f32; 2], unit: &'static str) -> ColorScale {
+        ColorScale { colormap, far, near, unit }
+    }
+
+    /// The scale of an image of depths in metres. Its ends leave out the nearest and the farthest hundredth: a few wrong depths, which
+    /// may be very far, would otherwise leave no colours for the rest.
+    pub fn of_depth(colormap: Colormap, depth: &FloatImage) -> ColorScale {
+        let mut depths: Vec<f32> = depth.pixels().iter().copied().filter(|z| z.is_finite()).collect();
+        depths.sort_unstable_by(f32::total_cmp);
+        let last = depths.len().saturating_sub(1);
+        let [near, far] = [last / 100, last - last / 100].map(|i| depths.get(i).copied().unwrap_or_default());
+        ColorScale::new(colormap, [far, near], "m")
+    }
+
+    /// The unit of the values.
+    pub fn unit(&self) -> &'static str {
+        self.unit
+    }
+
+    /// The values of the first and of the last colour.
+    pub fn ends(&self) -> [f32; 2] {
+        [self.far, self.near]
+    }
+
+    /// The place of a value on the scale, from 0, far, to 1, near; beyond for values outside.
+    pub fn place(&self, value: f32) -> f64 {
+        let [far, near, value] = [self.far, self.near, value].map(f64::from);
+        // An image of a single value has an empty range.
+        let length = if near == far { 1e-6 } else { near - far };
+        (value - far) / length
+    }
+
+    /// The colour of a value: black if it is not finite.
+    pub fn color(&self, value: f32) -> [u8; 3] {
+        if value.is_finite() { self.colormap.color(self.place(value)) } else { [0; 3] }
+    }
+
+    /// The image in colour.
+    pub fn draw(&self, image: &FloatImage) -> RgbImage {
+        let (width, height) = (image.width(), image.height());
+        RgbImage::from_fn(width as u32, height as u32, |u, v| Rgb(self.color(image.pixels()[v as usize * width + u as usize])))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ends_have_the_ends_of_the_colours() {
+        let disparities = ColorScale::new(Colormap::Viridis, [-4.0, 12.0], "px");
+        let depths = ColorScale::new(Colormap::Viridis, [12.0, -4.0], "m");
+        for (t, value) in [(0.0, -4.0), (0.25, 0.0), (1.0, 12.0)] {
+            assert_eq!(disparities.place(value), t);
+            assert_eq!(disparities.color(value), Colormap::Viridis.color(t));
+            assert_eq!(depths.color(value), Colormap::Viridis.color(1.0 - t));
+        }
+        assert_eq!([f32::INFINITY, f32::NAN].map(|value| disparities.color(value)), [[0; 3]; 2]);
+        assert_ne!(ColorScale::new(Colormap::Turbo, [3.0, 3.0], "px").color(3.0), [0; 3]);
+    }
+
+    #[test]
+    fn far_outliers_do_not_stretch_the_scale_of_depths() {
+        let depths = (0..1000).map(|i| match i % 200 {
+            0 => 1e6,
+            1 => f32::INFINITY,
+            2 => 0.001,
+            i => 1.0 + i as f32 / 100.0,
+        });
+        let [far, near] = ColorScale::of_depth(Colormap::Turbo, &FloatImage::new(40, 25, depths.collect())).ends();
+        assert!((2.9..3.0).contains(&far) && (1.0..1.1).contains(&near), "{far} {near}");
+        let nothing = ColorScale::of_depth(Colormap::Turbo, &FloatImage::filled(2, 2, f32::INFINITY));
+        assert_eq!(nothing.ends(), [0.0, 0.0]);
+    }
+}

@@ -108,7 +108,8 @@ pub fn prices(toolchain: &Toolchain, board: &EmulatedBoard, counter: &Counter) -
     let [few, array] = build::build(toolchain, board, &programs)?.try_into().ok().context("each program gives an image")?;
     let firmware = Calibrating { few, array };
     let images = SHAPES.each_ref().map(Shape::images);
-    let runs = runs(&images)?;
+    let mut runs = runs(&images)?;
+    runs.retain(|run| Workload::new(&run.matching, board.processor).is_some());
     let counted = workers::map(&runs, |run| run.count(board, &firmware, counter).with_context(|| run.name(board)))?;
     let prices = fit(&runs, &counted, board.processor);
     let off = runs.iter().zip(&counted).filter_map(|(run, counted)| {
@@ -215,7 +216,8 @@ impl Run<'_> {
 
 /// The prices that fit the counts best. Matching and sending are counted and fitted separately.
 fn fit(runs: &[Run<'_>], counted: &[Instructions], processor: Processor) -> Prices {
-    let works: Vec<Workload> = runs.iter().filter_map(|run| Workload::new(&run.matching, processor)).collect();
+    let work = |run: &Run<'_>| Workload::new(&run.matching, processor).expect("a run has work that the model knows");
+    let works: Vec<Workload> = runs.iter().map(work).collect();
     let mut kernels: Vec<&str> = works.iter().flat_map(|work| &work.candidates).map(|(kernel, _)| kernel.as_str()).collect();
     kernels.sort_unstable();
     kernels.dedup();

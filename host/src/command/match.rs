@@ -148,7 +148,11 @@ impl Match {
         let watch = Watch::new();
         let start = Instant::now();
         let (mut disparities, mut confidences) = match (prior, method.long_baselines, &self.outputs.confidence) {
-            (Some(prior), Some(long), _) => (long.refine_prior(&engine, &frames, prior, &watch)?, None),
+            (Some(prior), Some(long), _) => {
+                let refined = long.refine_prior(&engine, &frames, prior, &watch)?;
+                let range = refined.range().map_or(0..=0, |range| range.start().floor() as i16..=range.end().ceil() as i16);
+                (method.sharpened(&engine, &frames, frames.views(), range, refined), None)
+            }
             (_, _, None) => (method.disparities(&engine, &frames, &search, &watch)?, None),
             (_, _, Some(_)) => {
                 let (disparities, confidences) = method.disparities_and_confidences(&engine, &frames, &search, &watch)?;

@@ -44,6 +44,21 @@ impl InterpolatedImage {
         (-1..).zip(wv).map(|(j, w)| w * self.in_row(v + j, u, wu)).sum()
     }
 
+    /// The grey value at `(u, v)`, and how fast it grows to the right and down, in grey levels per pixel.
+    pub fn with_gradient(&self, [u, v]: [f64; 2]) -> [f64; 3] {
+        let [(column, wu), (row, wv)] = [u, v].map(place);
+        let [su, sv] = [u, v].map(|at| spline_slopes(at - at.floor()));
+        let mut found = [0.0; 3];
+        for ((y, w), slope) in (row - 1..).zip(wv).zip(sv) {
+            let four = self.four(y, column);
+            let [value, growth] = [wu, su].map(|weights| weighted(weights, four));
+            found[0] += w * value;
+            found[1] += w * growth;
+            found[2] += slope * value;
+        }
+        found
+    }
+
     /// The grey values of the square around `(u, v)`, `radius` to each side, in rows.
     pub fn square(&self, [u, v]: [f64; 2], radius: isize) -> Vec<f64> {
         let [(u, wu), (v, wv)] = [u, v].map(place);
@@ -56,8 +71,22 @@ impl InterpolatedImage {
 
     /// The weighted sum of the coefficients from `u - 1` on in row `v`.
     fn in_row(&self, v: isize, u: isize, weights: [f64; 4]) -> f64 {
-        (-1..).zip(weights).map(|(i, w)| w * self.coefficients[nearest(self.size, u + i, v)]).sum()
+        weighted(weights, self.four(v, u))
     }
+
+    /// The four coefficients from `u - 1` on in row `v`.
+    fn four(&self, v: isize, u: isize) -> [f64; 4] {
+        let [width, height] = self.size.map(|side| side as isize);
+        if u >= 1 && u + 2 < width && (0..height).contains(&v) {
+            let first = (v * width + u - 1) as usize;
+            return std::array::from_fn(|i| self.coefficients[first..first + 4][i]);
+        }
+        std::array::from_fn(|i| self.coefficients[nearest(self.size, u + i as isize - 1, v)])
+    }
+}
+
+fn weighted(weights: [f64; 4], coefficients: [f64; 4]) -> f64 {
+    weights.into_iter().zip(coefficients).map(|(weight, coefficient)| weight * coefficient).sum()
 }
 
 /// The pixel at or before a coordinate, and the weights of four coefficients from the one before it on.
@@ -91,6 +120,12 @@ fn filter(line: &mut [f64]) {
 fn spline_weights(t: f64) -> [f64; 4] {
     let s = 1.0 - t;
     [s.powi(3), 4.0 - 6.0 * t * t + 3.0 * t.powi(3), 4.0 - 6.0 * s * s + 3.0 * s.powi(3), t.powi(3)].map(|weight| weight / 6.0)
+}
+
+/// The derivatives of the [weights](spline_weights).
+fn spline_slopes(t: f64) -> [f64; 4] {
+    let s = 1.0 - t;
+    [-s * s, -4.0 * t + 3.0 * t * t, 4.0 * s - 3.0 * s * s, t * t].map(|slope| slope / 2.0)
 }
 
 #[cfg(test)]

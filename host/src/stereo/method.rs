@@ -1,13 +1,15 @@
 //! Stereo methods as pipelines of four steps: matching cost, aggregation, optimization, refinement.
 
-use multiscopic_core::{Census, ConfidenceTable, Frame, Params, Search, SemiGlobalCost};
+use std::ops::RangeInclusive;
+
+use multiscopic_core::{Census, ConfidenceTable, Frame, Params, Search, SemiGlobalCost, Views};
 
 use super::{
     aggregation::{Aggregation, CrossBased},
     baselines::LongBaselines,
     confidence_map::{self, ConfidenceMap},
     cost::{
-        BirchfieldTomasi, BlockRows, CensusRows, Cost, CostRows, SadRows, Volume,
+        BirchfieldTomasi, BlockRows, CensusRows, Cost, CostRows, SadRows, TwoScaleRows, Volume,
         mccnn::{self, Network},
     },
     engine::Engine,
@@ -34,12 +36,12 @@ const PATCH_UNIT: f32 = 0.05;
 /// | method | cost | aggregation | optimizer |
 /// | --- | --- | --- | --- |
 /// | `bm` | [`Sad`](CostFunction::Sad) | the block of the sum | [`WinnerTakesAll`](Optimizer::WinnerTakesAll) |
-/// | `sgm` | [`Census`](CostFunction::Census) or [`Sad`](CostFunction::Sad) | none | [`SemiGlobal`](Optimizer::SemiGlobal) |
+/// | `sgm` | [`Census`](CostFunction::Census), [`TwoScaleCensus`](CostFunction::TwoScaleCensus) or [`Sad`](CostFunction::Sad) | none | [`SemiGlobal`](Optimizer::SemiGlobal) |
 /// | `gc` | [`BirchfieldTomasi`](CostFunction::BirchfieldTomasi) | none | [`GraphCuts`](Optimizer::GraphCuts) |
 /// | `mccnn-fast` | [`McCnn`](CostFunction::McCnn) | none | [`EdgeAware`](Optimizer::EdgeAware) |
 /// | `mccnn-accurate` | [`McCnn`](CostFunction::McCnn) | [`Aggregation`] | [`EdgeAware`](Optimizer::EdgeAware) |
 ///
-/// Other pairs work too: the census and Birchfield-Tomasi costs with winner-takes-all, and those of MC-CNN with
+/// Other pairs work too: the census costs and those of Birchfield and Tomasi with winner-takes-all, and those of MC-CNN with
 /// winner-takes-all, with or without aggregation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Method {
@@ -64,8 +66,10 @@ pub enum CostFunction {
         /// [`SemiGlobalCost`](multiscopic_core::SemiGlobalCost).
         block_size: u8,
     },
-    /// The Hamming distance of census transforms.
+    /// The Hamming distance of census transforms (Zabih and Woodfill 1994).
     Census(Census),
+    /// The mean of that distance and the one of blurred images, in which the pixels of the window are three pixels apart.
+    TwoScaleCensus(Census),
     /// The dissimilarity of Birchfield and Tomasi.
     BirchfieldTomasi(BirchfieldTomasi),
     /// The dissimilarity of patches by a network of MC-CNN.
@@ -173,7 +177,7 @@ impl Method {
         match (&self.cost, &self.optimizer) {
             (_, Optimizer::GraphCuts(_)) => &confidence_map::GRAPH_CUTS,
             (_, Optimizer::EdgeAware(_)) => &confidence_map::EDGE_AWARE,
-            (CostFunction::Census(_), Optimizer::SemiGlobal(_)) => &confidence_map::CENSUS,
+            (CostFunction::Census(_) | CostFunction::TwoScaleCensus(_), Optimizer::SemiGlobal(_)) => &confidence_map::CENSUS,
             (_, Optimizer::SemiGlobal(_)) => &ConfidenceTable::SEMI_GLOBAL,
             (_, Optimizer::WinnerTakesAll) => &ConfidenceTable::BLOCK_MATCHING,
         }
@@ -190,14 +194,31 @@ impl Method {
     ) -> Result<DisparityMap> {
         engine.check(frames, search)?;
         let sets = LongBaselines::sets(search.views());
-        match (self.long_baselines, &sets[..]) {
+        let map = match (self.long_baselines, &sets[..]) {
             (Some(long_baselines), [shortest, longer @ ..]) if !longer.is_empty() => {
                 let search = search.with_views(*shortest)?;
                 let map = self.disparities_together(engine, frames, &search, evidence, progress)?;
-                long_baselines.refine(engine, frames, &search, longer, map, progress)
+                long_baselines.refine(engine, frames, &search, longer, map, progress)?
             }
-            _ => self.disparities_together(engine, frames, search, evidence, progress),
-        }
+            _ => self.disparities_together(engine, frames, search, evidence, progress)?,
+        };
+        Ok(self.sharpened(engine, frames, search.views(), search.min_disparity()..=search.max_disparity(), map))
+    }
+
+    /// Applies the sub-pixel step of the refinement, if it has one, to disparities of the centre of `frames` that were found in `range`, in
+    /// pixels, by these views or beforehand.
+    ///
+    /// # Panics
+    /// If a view is missing.
+    pub fn sharpened(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        views: Views,
+        range: RangeInclusive<i16>,
+        map: DisparityMap,
+    ) -> DisparityMap {
+        engine.pool().install(|| self.refinement.sharpen(map, frames, views, range))
     }
 
     /// The same by all views together.
@@ -252,8 +273,16 @@ impl Method {
                 let rows = CensusRows::new(frames, search, *census, engine);
                 self.along_paths(sgm, &rows, engine, frames, evidence, progress)
             }
+            (CostFunction::TwoScaleCensus(census), Optimizer::SemiGlobal(sgm)) if self.aggregation.is_none() => {
+                let rows = TwoScaleRows::new(frames, search, *census, engine);
+                self.along_paths(sgm, &rows, engine, frames, evidence, progress)
+            }
             (CostFunction::Census(census), Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
                 let rows = CensusRows::new(frames, search, *census, engine);
+                self.take_winners(&rows, search.fusion().scale(search.views().len()) as u8, engine, evidence, progress)
+            }
+            (CostFunction::TwoScaleCensus(census), Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
+                let rows = TwoScaleRows::new(frames, search, *census, engine);
                 self.take_winners(&rows, search.fusion().scale(search.views().len()) as u8, engine, evidence, progress)
             }
             (CostFunction::BirchfieldTomasi(cost), Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
@@ -354,6 +383,7 @@ impl Method {
         let cost = match &self.cost {
             CostFunction::Sad { .. } => "SAD",
             CostFunction::Census(_) => "census",
+            CostFunction::TwoScaleCensus(_) => "two-scale census",
             CostFunction::BirchfieldTomasi(_) => "Birchfield-Tomasi",
             CostFunction::McCnn(_) => "MC-CNN",
         };

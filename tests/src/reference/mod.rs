@@ -4,6 +4,7 @@ mod around_prior;
 mod block_matching;
 mod confidence;
 pub mod energy;
+mod lucas_kanade;
 #[cfg(target_os = "linux")]
 pub mod luma;
 pub mod networks;
@@ -14,5 +15,6 @@ mod texture;
 pub use around_prior::{AroundPrior, gradients, medians};
 pub use block_matching::{Fusion, Match, fixed, fuse, raw16};
 pub use confidence::{confidence, grade};
+pub use lucas_kanade::LucasKanade;
 pub use rectification::{RectifiedImage, rectify};
 pub use texture::texture;

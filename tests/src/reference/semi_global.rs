@@ -14,6 +14,8 @@ const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 pub enum Cost {
     /// The Hamming distance of census transforms, by the horizontal and vertical radius of the window.
     Census(i32, i32),
+    /// The mean of two Hamming distances, of the images and of blurred ones, by the radii of the first window.
+    TwoScaleCensus(i32, i32),
     /// The sum of absolute differences over a block, by its radius.
     Sad(i32),
 }
@@ -109,7 +111,7 @@ impl SemiGlobal<'_> {
     /// The sum of the path costs at each pixel and disparity; `None` where there is no candidate.
     fn sums(&self) -> Vec<Vec<Option<i64>>> {
         let pixels: Vec<(i32, i32)> = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect();
-        let costs: Vec<Vec<Option<i64>>> = pixels.iter().map(|&(u, v)| self.costs(u, v)).collect();
+        let costs = self.costs(&pixels);
         let mut sums: Vec<Vec<Option<i64>>> =
             costs.iter().map(|costs| costs.iter().map(|cost| cost.map(|_| 0)).collect()).collect();
         for &(du, dv) in &self.paths {
@@ -152,11 +154,47 @@ impl SemiGlobal<'_> {
         sums
     }
 
-    /// The fused costs of a pixel at each disparity, as whole numbers from 0 to 127.
-    fn costs(&self, u: i32, v: i32) -> Vec<Option<i64>> {
+    /// The fused costs of pixels at each disparity, as whole numbers from 0 to 127.
+    fn costs(&self, pixels: &[(i32, i32)]) -> Vec<Vec<Option<i64>>> {
+        let images: Vec<(Vec<i64>, (i32, i32))> = self.images().map(|(image, shift)| (wide(image), shift)).collect();
+        let center = wide(self.center);
+        let fused =
+            |cost: &dyn Fn(i32, i32, i32, i32, &[i64]) -> i64, images: &[(Vec<i64>, (i32, i32))]| -> Vec<Vec<Option<i64>>> {
+                pixels.iter().map(|&(u, v)| self.fused_costs(cost, images, u, v)).collect()
+            };
+        match self.cost {
+            Cost::Sad(radius) => fused(&|u, v, x, y, image| self.block_sum(radius, &center, image, (u, v), (x, y)), &images),
+            Cost::Census(rx, ry) => {
+                let half = (-ry..=0).flat_map(|dv| (-rx..=rx).map(move |du| (du, dv))).filter(|&(du, dv)| (dv, du) < (0, 0));
+                let pairs: Vec<_> = half.map(|(du, dv)| [(du, dv), (-du, -dv)]).collect();
+                fused(&|u, v, x, y, image| self.hamming_distance(&pairs, &center, image, (u, v), (x, y)), &images)
+            }
+            Cost::TwoScaleCensus(rx, ry) => {
+                let window = (-ry..=ry).flat_map(|dv| (-rx..=rx).map(move |du| (du, dv)));
+                let pairs: Vec<_> = window.filter(|(du, dv)| (du + dv) % 2 != 0).map(|offset| [offset, (0, 0)]).collect();
+                let distant: Vec<_> = pairs.iter().map(|pair| pair.map(|(du, dv)| (3 * du, 3 * dv))).collect();
+                let blurred_center = self.blurred(&center);
+                let blurred: Vec<_> = images.iter().map(|(image, shift)| (self.blurred(image), *shift)).collect();
+                let fine = fused(&|u, v, x, y, image| self.hamming_distance(&pairs, &center, image, (u, v), (x, y)), &images);
+                let coarse =
+                    fused(&|u, v, x, y, image| self.hamming_distance(&distant, &blurred_center, image, (u, v), (x, y)), &blurred);
+                let mean = |(fine, coarse): (&Option<i64>, &Option<i64>)| Some(((*fine)? + (*coarse)?) / 2);
+                fine.iter().zip(&coarse).map(|(fine, coarse)| fine.iter().zip(coarse).map(mean).collect()).collect()
+            }
+        }
+    }
+
+    /// The costs of a pixel `(u, v)` at each disparity, `cost(u, v, x, y, image)` for a match `(x, y)`, fused over the images.
+    fn fused_costs(
+        &self,
+        cost: &dyn Fn(i32, i32, i32, i32, &[i64]) -> i64,
+        images: &[(Vec<i64>, (i32, i32))],
+        u: i32,
+        v: i32,
+    ) -> Vec<Option<i64>> {
         let disparities = self.min_disparity..self.min_disparity + self.num_disparities;
         let unit = match self.cost {
-            Cost::Census(..) => 1,
+            Cost::Census(..) | Cost::TwoScaleCensus(..) => 1,
             // The greatest power of two that is at most a third of the block's pixels, but at least 1.
             Cost::Sad(radius) => {
                 (0..).map(|shift| 1 << shift).take_while(|unit| 3 * unit <= (2 * radius + 1).pow(2)).last().unwrap_or(1)
@@ -164,7 +202,9 @@ impl SemiGlobal<'_> {
         };
         disparities
             .map(|d| {
-                let mut costs: Vec<i64> = self.images().filter_map(|(image, shift)| self.cost(image, shift, u, v, d)).collect();
+                let matches = images.iter().map(|(image, (du, dv))| (image, u + du * d, v + dv * d));
+                let inside = matches.filter(|&(_, x, y)| self.is_inside(x, y));
+                let mut costs: Vec<i64> = inside.map(|(image, x, y)| cost(u, v, x, y, image)).collect();
                 costs.sort();
                 let mean = |costs: &[i64]| (costs.iter().sum::<i64>(), costs.len() as i64);
                 let (sum, count) = match (self.fusion, &costs[..]) {
@@ -186,28 +226,46 @@ impl SemiGlobal<'_> {
         nearest.chain(self.others.iter().map(|((i, j), image)| (&image[..], (-i, -j))))
     }
 
-    /// The cost of a match in a view; `None` if the match lies outside.
-    fn cost(&self, image: &[u8], shift: (i32, i32), u: i32, v: i32, d: i32) -> Option<i64> {
-        let (du, dv) = (shift.0 * d, shift.1 * d);
-        let (x, y) = (u + du, v + dv);
-        if !self.is_inside(x, y) {
-            return None;
-        }
-        let (last_column, last_line) = (self.width - 1, self.height - 1);
-        let sample = |image: &[u8], u: i32, v: i32| image[self.at(u.clamp(0, last_column), v.clamp(0, last_line))];
-        Some(match self.cost {
-            Cost::Census(rx, ry) => {
-                let darker =
-                    |image: &[u8], u: i32, v: i32, (du, dv)| sample(image, u + du, v + dv) < sample(image, u - du, v - dv);
-                let half = (-ry..=0).flat_map(|dv| (-rx..=rx).map(move |du| (du, dv))).filter(|&(du, dv)| (dv, du) < (0, 0));
-                half.filter(|&offset| darker(self.center, u, v, offset) != darker(image, x, y, offset)).count() as i64
-            }
-            Cost::Sad(radius) => {
-                let block = (-radius..=radius).flat_map(|y| (-radius..=radius).map(move |x| (u + x, v + y)));
-                let differences = block.map(|(x, y)| sample(self.center, x, y).abs_diff(sample(image, x + du, y + dv)));
-                differences.map(i64::from).sum()
-            }
-        })
+    /// How many of the pairs of pixels are in another order of brightness around `(x, y)` than around `(u, v)` of the centre.
+    fn hamming_distance(
+        &self,
+        pairs: &[[(i32, i32); 2]],
+        center: &[i64],
+        image: &[i64],
+        (u, v): (i32, i32),
+        (x, y): (i32, i32),
+    ) -> i64 {
+        let is_darker = |image: &[i64], (u, v): (i32, i32), pair: [(i32, i32); 2]| {
+            let [one, other] = pair.map(|(du, dv)| self.sample(image, u + du, v + dv));
+            one < other
+        };
+        pairs.iter().filter(|&&pair| is_darker(center, (u, v), pair) != is_darker(image, (x, y), pair)).count() as i64
+    }
+
+    /// The sum of absolute differences over the blocks around `(u, v)` of the centre and `(x, y)`. The image is read where the block of the
+    /// centre is moved to.
+    fn block_sum(&self, radius: i32, center: &[i64], image: &[i64], (u, v): (i32, i32), (x, y): (i32, i32)) -> i64 {
+        let block = (-radius..=radius).flat_map(|dv| (-radius..=radius).map(move |du| (du, dv)));
+        block.map(|(du, dv)| (self.sample(center, u + du, v + dv) - self.sample(image, x + du, y + dv)).abs()).sum()
+    }
+
+    /// The image blurred by a Gaussian with a standard deviation of 1.5 pixels, times 256.
+    fn blurred(&self, image: &[i64]) -> Vec<i64> {
+        let weights = [2, 9, 28, 55, 68, 55, 28, 9, 2];
+        let pixels = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v)));
+        let blurred = pixels.map(|(u, v)| {
+            let column = |du: i32, weight: i64| -> i64 {
+                (-4..).zip(weights).map(|(dv, other)| weight * other * self.sample(image, u + du, v + dv)).sum()
+            };
+            let sum: i64 = (-4..).zip(weights).map(|(du, weight)| column(du, weight)).sum();
+            (sum + 128) / 256
+        });
+        blurred.collect()
+    }
+
+    /// A sample of an image that is replicated beyond its borders.
+    fn sample(&self, image: &[i64], u: i32, v: i32) -> i64 {
+        image[self.at(u.clamp(0, self.width - 1), v.clamp(0, self.height - 1))]
     }
 
     /// The disparity of least cost, refined between its neighbours.
@@ -244,4 +302,8 @@ impl SemiGlobal<'_> {
     fn at(&self, u: i32, v: i32) -> usize {
         (v * self.width + u) as usize
     }
+}
+
+fn wide(image: &[u8]) -> Vec<i64> {
+    image.iter().copied().map(i64::from).collect()
 }

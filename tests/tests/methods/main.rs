@@ -3,6 +3,7 @@
 mod baseline_noise;
 mod cost_volumes;
 mod graph_cuts;
+mod lucas_kanade;
 mod many_views;
 mod pairs;
 mod sgm;

@@ -1,12 +1,13 @@
 //! The census transform of an image, line by line.
 
-use image::GrayImage;
+use image::{GrayImage, ImageBuffer, Luma, Primitive};
 use multiscopic_core::{
     Census, View,
     kernel::{Kernel, Work},
 };
 use rayon::prelude::*;
 
+use super::census_sampling::{CensusSampling, blurred};
 use crate::stereo::simd::{Simd, Task};
 
 /// How an image is turned so that matches of ascending disparity are contiguous in its lines.
@@ -64,20 +65,37 @@ pub(super) struct LineShape {
 /// An image whose lines are transformed when they are needed.
 #[derive(Debug)]
 pub(super) struct CensusImage {
-    samples: TurnedImage,
-    census: Census,
-    orientation: Orientation,
+    samples: Samples,
+    /// The offsets of the two pixels that each bit compares, in the turned image.
+    pairs: Vec<[[isize; 2]; 2]>,
     pub shape: LineShape,
+}
+
+/// The samples of an image, or of the blurred one.
+#[derive(Debug)]
+enum Samples {
+    Gray(TurnedImage<u8>),
+    Blurred(TurnedImage<u16>),
 }
 
 impl CensusImage {
     /// An image turned to an `orientation`, with `[front, back]` pixels of padding around the descriptors of a line.
-    pub fn new(image: &GrayImage, census: Census, orientation: Orientation, [front, back]: [usize; 2]) -> CensusImage {
-        let reach = census.radius().into_iter().max().unwrap_or_default();
-        let samples = TurnedImage::new(image, orientation, reach);
-        let length = samples.length;
-        let shape = LineShape { length, front, stride: front + length + back, bytes: census.bits().div_ceil(8) };
-        CensusImage { samples, census, orientation, shape }
+    pub fn new(
+        image: &GrayImage,
+        census: Census,
+        sampling: CensusSampling,
+        orientation: Orientation,
+        [front, back]: [usize; 2],
+    ) -> CensusImage {
+        let pairs: Vec<_> = sampling.pairs(census).into_iter().map(|pair| pair.map(|offset| orientation.turn(offset))).collect();
+        let reach = pairs.iter().flatten().flatten().map(|distance| distance.unsigned_abs()).max().unwrap_or_default();
+        let samples = match sampling {
+            CensusSampling::CentralBlurred => Samples::Blurred(TurnedImage::new(&blurred(image), orientation, reach)),
+            _ => Samples::Gray(TurnedImage::new(image, orientation, reach)),
+        };
+        let length = if orientation.is_transposed() { image.height() } else { image.width() } as usize;
+        let shape = LineShape { length, front, stride: front + length + back, bytes: census.bytes() };
+        CensusImage { samples, pairs, shape }
     }
 
     /// The descriptors of line `y`.
@@ -91,10 +109,17 @@ impl CensusImage {
     /// Computes the descriptors of line `y` into planes of zeros.
     #[inline(always)]
     fn transform(&self, y: usize, planes: &mut [u8]) {
+        match &self.samples {
+            Samples::Gray(samples) => self.compare(samples, y, planes),
+            Samples::Blurred(samples) => self.compare(samples, y, planes),
+        }
+    }
+
+    #[inline(always)]
+    fn compare<S: Primitive>(&self, samples: &TurnedImage<S>, y: usize, planes: &mut [u8]) {
         let LineShape { length, front, stride, .. } = self.shape;
-        for (bit, offset) in self.census.offsets().enumerate() {
-            let [dx, dy] = self.orientation.turn(offset);
-            let (ones, others) = (self.samples.line_at(y, [dx, dy]), self.samples.line_at(y, [-dx, -dy]));
+        for (bit, pair) in self.pairs.iter().enumerate() {
+            let [ones, others] = pair.map(|offset| samples.line_at(y, offset));
             let plane = &mut planes[bit / 8 * stride + front..][..length];
             let bit = 1 << (bit % 8);
             for ((byte, a), b) in plane.iter_mut().zip(ones).zip(others) {
@@ -106,7 +131,11 @@ impl CensusImage {
     /// The descriptors of all lines, on the threads of the current pool.
     pub fn all_lines(&self, simd: Simd) -> Vec<u8> {
         let line = self.shape.bytes * self.shape.stride;
-        let mut data = vec![0; self.samples.count * line];
+        let count = match &self.samples {
+            Samples::Gray(samples) => samples.count,
+            Samples::Blurred(samples) => samples.count,
+        };
+        let mut data = vec![0; count * line];
         data.par_chunks_exact_mut(line).enumerate().for_each(|(y, planes)| simd.run(Transform { image: self, y, planes }));
         data
     }
@@ -114,22 +143,22 @@ impl CensusImage {
 
 /// An image turned to an orientation, and extended beyond its borders by replication.
 #[derive(Debug)]
-struct TurnedImage {
+struct TurnedImage<S> {
     /// Pixels in a line, without its extension.
     length: usize,
     /// Lines, without their extension.
     count: usize,
     /// Pixels of the extension on each side.
     reach: usize,
-    samples: Vec<u8>,
+    samples: Vec<S>,
 }
 
-impl TurnedImage {
-    fn new(image: &GrayImage, orientation: Orientation, reach: usize) -> TurnedImage {
+impl<S: Primitive + Send + Sync> TurnedImage<S> {
+    fn new(image: &ImageBuffer<Luma<S>, Vec<S>>, orientation: Orientation, reach: usize) -> TurnedImage<S> {
         let (width, height) = (image.width() as usize, image.height() as usize);
         let [length, count] = if orientation.is_transposed() { [height, width] } else { [width, height] };
         let padded = length + 2 * reach;
-        let mut samples = vec![0; padded * (count + 2 * reach)];
+        let mut samples = vec![S::zero(); padded * (count + 2 * reach)];
         samples.par_chunks_exact_mut(padded).enumerate().for_each(|(y, padded)| {
             let y = y.saturating_sub(reach).min(count - 1);
             let line = &mut padded[reach..][..length];
@@ -148,10 +177,12 @@ impl TurnedImage {
         });
         TurnedImage { length, count, reach, samples }
     }
+}
 
+impl<S> TurnedImage<S> {
     /// A line of the image as seen from an `[x, y]` offset.
     #[inline(always)]
-    fn line_at(&self, y: usize, [dx, dy]: [isize; 2]) -> &[u8] {
+    fn line_at(&self, y: usize, [dx, dy]: [isize; 2]) -> &[S] {
         let (x, y) = (self.reach.wrapping_add_signed(dx), (y + self.reach).wrapping_add_signed(dy));
         &self.samples[y * (self.length + 2 * self.reach) + x..][..self.length]
     }

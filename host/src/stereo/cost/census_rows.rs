@@ -9,6 +9,7 @@ use multiscopic_core::{
 
 use super::{
     census_image::{CensusImage, LineShape, Orientation},
+    census_sampling::CensusSampling,
     cost_rows::{Cost, CostRows},
     matches::RowMatches,
 };
@@ -182,12 +183,23 @@ impl<'a> CensusRows<'a> {
     /// # Panics
     /// If a view of `search` is missing.
     pub fn new(frames: &Frames, search: &'a Search, census: Census, engine: &Engine) -> CensusRows<'a> {
+        CensusRows::sampled(CensusSampling::Opposite, frames, search, census, engine)
+    }
+
+    /// The same by another sampling.
+    pub(super) fn sampled(
+        sampling: CensusSampling,
+        frames: &Frames,
+        search: &'a Search,
+        census: Census,
+        engine: &Engine,
+    ) -> CensusRows<'a> {
         let (least, count, simd) = (search.min_disparity(), search.num_disparities(), engine.simd(search));
         let image = |frame| frames.get(frame).unwrap_or_else(|| panic!("there is no frame {frame:?}"));
         // The candidates of the first and the last pixel of a line reach into the padding.
         let front = (-isize::from(least)).max(0) as usize;
         let padding = [front, isize::from(least).max(0) as usize + count.next_multiple_of(MOST_LANES)];
-        let census_image = |frame, orientation, padding| CensusImage::new(image(frame), census, orientation, padding);
+        let census_image = |frame, orientation, padding| CensusImage::new(image(frame), census, sampling, orientation, padding);
         let view = |view: View| {
             let image = census_image(Frame::View(view), Orientation::of(view), padding);
             let all_lines = (view != View::LEFT && view != View::RIGHT).then(|| image.all_lines(simd));

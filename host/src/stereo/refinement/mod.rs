@@ -4,6 +4,7 @@ mod background;
 mod bilateral;
 mod left_right;
 mod line_solver;
+mod lucas_kanade;
 mod median;
 mod refinements;
 mod smoother;
@@ -16,6 +17,7 @@ pub(in crate::stereo) use background::fill_lines;
 
 pub use background::BackgroundFill;
 pub use bilateral::Bilateral;
+pub use lucas_kanade::LucasKanade;
 pub use median::Median;
 pub use refinements::Refinement;
 pub use smoother::Smoother;

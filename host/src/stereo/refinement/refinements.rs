@@ -1,10 +1,12 @@
 //! Which refinements are applied, and in what order.
 
+use std::ops::RangeInclusive;
+
 use multiscopic_core::{Frame, Search, Views};
 
 use super::{
-    background::BackgroundFill, bilateral::Bilateral, median::Median, smoother::Smoother, speckles::Speckles,
-    texture_threshold::TextureThreshold,
+    background::BackgroundFill, bilateral::Bilateral, lucas_kanade::LucasKanade, median::Median, smoother::Smoother,
+    speckles::Speckles, texture_threshold::TextureThreshold,
 };
 use crate::{
     error::Result,
@@ -30,6 +32,8 @@ pub struct Refinement {
     pub bilateral: Option<Bilateral>,
     /// Small patches are invalidated.
     pub speckles: Option<Speckles>,
+    /// A sub-pixel step by the gradients of all views, those at longer baselines included.
+    pub sub_pixel: Option<LucasKanade>,
     /// The least [confidence](crate::stereo::confidence_map) that disparities are kept with, after these filters.
     pub min_confidence: Option<u8>,
     /// A dense map from what is sure.
@@ -47,6 +51,7 @@ impl Refinement {
         median: None,
         bilateral: None,
         speckles: None,
+        sub_pixel: None,
         min_confidence: None,
         smoother: None,
         fill: None,
@@ -115,5 +120,13 @@ impl Refinement {
             speckles.apply(&mut map);
         }
         map
+    }
+
+    /// Applies the sub-pixel step by `views` of `frames`, on the threads of the current pool. Disparities stay in `range`, in pixels.
+    pub fn sharpen(&self, map: DisparityMap, frames: &Frames, views: Views, range: RangeInclusive<i16>) -> DisparityMap {
+        match self.sub_pixel {
+            Some(step) => step.apply(&map, frames, views, range),
+            None => map,
+        }
     }
 }

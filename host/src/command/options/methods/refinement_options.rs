@@ -5,7 +5,7 @@ use multiscopic::{
     Result,
     stereo::{
         confidence_map,
-        refinement::{BackgroundFill, Bilateral, Median, Refinement, Smoother, Speckles, TextureThreshold},
+        refinement::{BackgroundFill, Bilateral, LucasKanade, Median, Refinement, Smoother, Speckles, TextureThreshold},
     },
 };
 
@@ -50,6 +50,10 @@ pub struct RefinementOptions {
     #[arg(long, value_name = "SIGMA,THRESHOLD", value_parser = point)]
     bilateral: Option<[f64; 2]>,
 
+    /// Sharpen disparities by up to half a pixel, after the filters above [default: none]
+    #[arg(long, value_name = "STEP", value_parser = named::<SubPixelName>())]
+    sub_pixel: Option<SubPixelName>,
+
     /// Keep a disparity only if it is at most one pixel off with this probability, from 0 to 1: 0.9 for few mistakes [default: keep all]
     #[arg(long, value_name = "P", value_parser = probability)]
     min_confidence: Option<f64>,
@@ -83,6 +87,25 @@ impl Named for FillName {
     }
 }
 
+/// How disparities become more precise after matching.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum SubPixelName {
+    /// By the gradients of all views.
+    LucasKanade,
+}
+
+impl Named for SubPixelName {
+    const ALL: &'static [SubPixelName] = &[SubPixelName::LucasKanade];
+
+    fn name(&self) -> &'static str {
+        "lucas-kanade"
+    }
+
+    fn about(&self) -> &'static str {
+        "To where the grey values of all views fit those of the centre best, by their gradients"
+    }
+}
+
 impl RefinementOptions {
     /// Whether a filter counts in blocks.
     pub fn has_blocks(&self) -> bool {
@@ -97,6 +120,7 @@ impl RefinementOptions {
             texture: self.texture_threshold.map(|threshold| TextureThreshold { threshold, block_size }),
             speckles: self.speckle_window_size.map(speckles),
             left_right: self.disp12_max_diff,
+            sub_pixel: self.sub_pixel.map(|SubPixelName::LucasKanade| LucasKanade),
             median: self.median.map(Median::new).transpose()?,
             bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
             smoother: self.smooth.then_some(Smoother::DEFAULT),

@@ -18,7 +18,7 @@ pub struct SemiGlobalOptions {
     cost: CostName,
 
     /// Penalty for a disparity change of one between neighbouring pixels, in units of the cost (OpenCV: P1)
-    /// [default: census: a quarter of the window's bits, 8 for 9x7; sad: 6; with five neighbours or more 5/8 of that]
+    /// [default: census, census2: a quarter of the window's bits, 8 for 9x7; sad: 6; with five neighbours or more 5/8 of that]
     #[arg(long, visible_alias = "P1", value_name = "N")]
     p1: Option<u8>,
 
@@ -44,6 +44,7 @@ pub struct SemiGlobalOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum CostName {
     Census,
+    Census2,
     Sad,
 }
 
@@ -57,6 +58,7 @@ impl SemiGlobalOptions {
     pub fn cost(&self, block_size: Option<u8>) -> Result<CostFunction> {
         Ok(match self.core_cost(block_size)? {
             SemiGlobalCost::Sad { block_size } => CostFunction::Sad { block_size },
+            SemiGlobalCost::Census(census) if self.cost == CostName::Census2 => CostFunction::TwoScaleCensus(census),
             SemiGlobalCost::Census(census) => CostFunction::Census(census),
         })
     }
@@ -76,7 +78,7 @@ impl SemiGlobalOptions {
 
     fn core_cost(&self, block_size: Option<u8>) -> Result<SemiGlobalCost> {
         Ok(match self.cost {
-            CostName::Census => SemiGlobalCost::Census(self.census),
+            CostName::Census | CostName::Census2 => SemiGlobalCost::Census(self.census),
             CostName::Sad => {
                 let block_size = block_size.unwrap_or(SemiGlobalCost::DEFAULT_BLOCK_SIZE);
                 SemiGlobalCost::Sad { block_size }.checked()?
@@ -92,11 +94,12 @@ fn paths(text: &str) -> Result<Paths> {
 }
 
 impl Named for CostName {
-    const ALL: &'static [CostName] = &[CostName::Census, CostName::Sad];
+    const ALL: &'static [CostName] = &[CostName::Census, CostName::Census2, CostName::Sad];
 
     fn name(&self) -> &'static str {
         match self {
             CostName::Census => "census",
+            CostName::Census2 => "census2",
             CostName::Sad => "sad",
         }
     }
@@ -104,6 +107,7 @@ impl Named for CostName {
     fn about(&self) -> &'static str {
         match self {
             CostName::Census => "Bits in which the census transforms differ",
+            CostName::Census2 => "The mean of two: of the images, and of blurred ones with a window of three times the size",
             CostName::Sad => "The sum of absolute differences over a block, of 5 x 5 pixels unless --block-size is given",
         }
     }

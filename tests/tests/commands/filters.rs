@@ -46,7 +46,7 @@ fn count(map: &FloatImage) -> usize {
 #[test]
 fn filters_act_for_every_method() {
     let capture = Capture::new();
-    for method in ["bm", "bm --fusion mean", "sgm", "sgm --paths 8", "sgm --cost sad", "gc"] {
+    for method in ["bm", "bm --fusion mean", "sgm", "sgm --paths 8", "sgm --cost sad", "sgm --cost census2", "gc"] {
         let of = |filter: &str| format!("--method {method} {filter}");
         let all = capture.disparities(&of(""));
         for filter in [
@@ -68,7 +68,22 @@ fn filters_act_for_every_method() {
         }
         assert_ne!(capture.disparities(&of("--median 5")), all, "{method}");
         assert_ne!(capture.disparities(&of("--smooth")), all, "{method}");
+        // What is filtered out stays out, and everything else moves by half a pixel at most.
+        let unique = if method == "gc" { "--texture-threshold 2800" } else { "--uniqueness-ratio 25" };
+        let [coarse, fine] = ["", "--sub-pixel lucas-kanade"].map(|step| capture.disparities(&of(&format!("{unique} {step}"))));
+        let moved = |(fine, coarse): (&f32, &f32)| (fine - coarse).abs() <= 0.5 || fine == coarse;
+        assert!(fine != coarse && fine.pixels().iter().zip(coarse.pixels()).all(moved), "{method}");
     }
+}
+
+/// Disparities that are known beforehand are sharpened as well.
+#[test]
+fn disparities_around_a_prior_are_sharpened() {
+    let capture = Capture::new();
+    let prior = capture.path("prior.png");
+    capture.matched(&format!("--raw16 {prior}")).assert_done();
+    let [coarse, fine] = ["", "--sub-pixel lucas-kanade"].map(|step| capture.disparities(&format!("--prior {prior} {step}")));
+    assert!(fine != coarse && count(&fine) == count(&coarse));
 }
 
 #[test]
@@ -101,6 +116,7 @@ fn what_has_no_effect_is_refused() {
     capture.matched("--method sgm --block-size 3").assert_refused(&["--block-size", "sgm", "--cost sad"]);
     capture.matched("--method sgm --speckle-range 2").assert_refused(&["--speckle-window-size"]);
     capture.matched("--uniqueness-ratio 101").assert_refused(&["--uniqueness-ratio", "101"]);
+    capture.matched("--sub-pixel newton").assert_refused(&["--sub-pixel", "newton", "lucas-kanade"]);
     capture.matched("--min-confidence 1.5").assert_refused(&["--min-confidence", "1.5"]);
     assert!(capture.valid("--method sgm --block-size 3 --texture-threshold 60") > 0);
 }

@@ -20,6 +20,12 @@ pub enum Cost {
     Sad(i32),
 }
 
+/// An image, and the shift `(du, dv)` of a match per pixel of disparity.
+type ShiftedImage = (Vec<i64>, (i32, i32));
+
+/// The cost of a pixel and its match in an image.
+type MatchCost<'a> = dyn Fn((i32, i32), (i32, i32), &[i64]) -> i64 + 'a;
+
 /// Images and the parameters of their match.
 #[derive(Clone, Debug)]
 pub struct SemiGlobal<'a> {
@@ -156,18 +162,17 @@ impl SemiGlobal<'_> {
 
     /// The fused costs of pixels at each disparity, as whole numbers from 0 to 127.
     fn costs(&self, pixels: &[(i32, i32)]) -> Vec<Vec<Option<i64>>> {
-        let images: Vec<(Vec<i64>, (i32, i32))> = self.images().map(|(image, shift)| (wide(image), shift)).collect();
+        let images: Vec<ShiftedImage> = self.images().map(|(image, shift)| (wide(image), shift)).collect();
         let center = wide(self.center);
-        let fused =
-            |cost: &dyn Fn(i32, i32, i32, i32, &[i64]) -> i64, images: &[(Vec<i64>, (i32, i32))]| -> Vec<Vec<Option<i64>>> {
-                pixels.iter().map(|&(u, v)| self.fused_costs(cost, images, u, v)).collect()
-            };
+        let fused = |cost: &MatchCost, images: &[ShiftedImage]| -> Vec<Vec<Option<i64>>> {
+            pixels.iter().map(|&(u, v)| self.fused_costs(cost, images, u, v)).collect()
+        };
         match self.cost {
-            Cost::Sad(radius) => fused(&|u, v, x, y, image| self.block_sum(radius, &center, image, (u, v), (x, y)), &images),
+            Cost::Sad(radius) => fused(&|pixel, found, image| self.block_sum(radius, &center, image, pixel, found), &images),
             Cost::Census(rx, ry) => {
                 let half = (-ry..=0).flat_map(|dv| (-rx..=rx).map(move |du| (du, dv))).filter(|&(du, dv)| (dv, du) < (0, 0));
                 let pairs: Vec<_> = half.map(|(du, dv)| [(du, dv), (-du, -dv)]).collect();
-                fused(&|u, v, x, y, image| self.hamming_distance(&pairs, &center, image, (u, v), (x, y)), &images)
+                fused(&|pixel, found, image| self.hamming_distance(&pairs, &center, image, pixel, found), &images)
             }
             Cost::TwoScaleCensus(rx, ry) => {
                 let window = (-ry..=ry).flat_map(|dv| (-rx..=rx).map(move |du| (du, dv)));
@@ -175,23 +180,17 @@ impl SemiGlobal<'_> {
                 let distant: Vec<_> = pairs.iter().map(|pair| pair.map(|(du, dv)| (3 * du, 3 * dv))).collect();
                 let blurred_center = self.blurred(&center);
                 let blurred: Vec<_> = images.iter().map(|(image, shift)| (self.blurred(image), *shift)).collect();
-                let fine = fused(&|u, v, x, y, image| self.hamming_distance(&pairs, &center, image, (u, v), (x, y)), &images);
+                let fine = fused(&|pixel, found, image| self.hamming_distance(&pairs, &center, image, pixel, found), &images);
                 let coarse =
-                    fused(&|u, v, x, y, image| self.hamming_distance(&distant, &blurred_center, image, (u, v), (x, y)), &blurred);
+                    fused(&|pixel, found, image| self.hamming_distance(&distant, &blurred_center, image, pixel, found), &blurred);
                 let mean = |(fine, coarse): (&Option<i64>, &Option<i64>)| Some(((*fine)? + (*coarse)?) / 2);
                 fine.iter().zip(&coarse).map(|(fine, coarse)| fine.iter().zip(coarse).map(mean).collect()).collect()
             }
         }
     }
 
-    /// The costs of a pixel `(u, v)` at each disparity, `cost(u, v, x, y, image)` for a match `(x, y)`, fused over the images.
-    fn fused_costs(
-        &self,
-        cost: &dyn Fn(i32, i32, i32, i32, &[i64]) -> i64,
-        images: &[(Vec<i64>, (i32, i32))],
-        u: i32,
-        v: i32,
-    ) -> Vec<Option<i64>> {
+    /// The costs of a pixel `(u, v)` at each disparity, fused over the images.
+    fn fused_costs(&self, cost: &MatchCost, images: &[ShiftedImage], u: i32, v: i32) -> Vec<Option<i64>> {
         let disparities = self.min_disparity..self.min_disparity + self.num_disparities;
         let unit = match self.cost {
             Cost::Census(..) | Cost::TwoScaleCensus(..) => 1,
@@ -204,7 +203,7 @@ impl SemiGlobal<'_> {
             .map(|d| {
                 let matches = images.iter().map(|(image, (du, dv))| (image, u + du * d, v + dv * d));
                 let inside = matches.filter(|&(_, x, y)| self.is_inside(x, y));
-                let mut costs: Vec<i64> = inside.map(|(image, x, y)| cost(u, v, x, y, image)).collect();
+                let mut costs: Vec<i64> = inside.map(|(image, x, y)| cost((u, v), (x, y), image)).collect();
                 costs.sort();
                 let mean = |costs: &[i64]| (costs.iter().sum::<i64>(), costs.len() as i64);
                 let (sum, count) = match (self.fusion, &costs[..]) {

@@ -81,7 +81,10 @@ fn results_are_those_of_the_references() {
                 bench.add("--method", "sgm").add("--p1", p1.to_string()).add("--p2", p2.to_string());
                 match cost {
                     Cost::Sad(radius) => bench.add("--cost", "sad").add("--block-size", (2 * radius + 1).to_string()),
-                    Cost::Census(rx, ry) => bench.add("--census", format!("{}x{}", 2 * rx + 1, 2 * ry + 1)),
+                    Cost::Census(rx, ry) | Cost::TwoScaleCensus(rx, ry) => {
+                        let name = if matches!(cost, Cost::Census(..)) { "census" } else { "census2" };
+                        bench.add("--cost", name).add("--census", format!("{}x{}", 2 * rx + 1, 2 * ry + 1))
+                    }
                 };
             }
         }

@@ -6,8 +6,7 @@ use image::RgbImage;
 use multiscopic_core::Disparity;
 
 use super::{
-    color_scale::ColorScale,
-    colormap::Colormap,
+    color_scale::{ColorScale, Colormap},
     geometry::Geometry,
     raster::{FloatImage, Raster},
 };

@@ -3,7 +3,6 @@
 
 mod bit_depth;
 mod color_scale;
-mod colormap;
 mod disparity_map;
 mod frames;
 mod geometry;
@@ -16,8 +15,7 @@ mod resampled;
 mod sampled_displacements;
 
 pub use bit_depth::BitDepth;
-pub use color_scale::ColorScale;
-pub use colormap::Colormap;
+pub use color_scale::{ColorScale, Colormap};
 pub use disparity_map::DisparityMap;
 pub use frames::Frames;
 pub use geometry::Geometry;

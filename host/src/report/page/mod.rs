@@ -15,7 +15,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::{chart::Chart, epipolar_map::EpipolarMap, figure::Figure};
 
-const STYLE: &str = concat!(include_str!("page.css"), include_str!("chart.css"));
+const STYLE: &str = concat!(include_str!("page.css"), include_str!("../chart.css"));
 const SCRIPT: &str = include_str!("compare.js");
 
 /// A report. It shows its parts in the order in which they were added.

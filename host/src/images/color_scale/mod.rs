@@ -1,8 +1,12 @@
 //! How values become colours.
 
+mod colormap;
+
 use image::{Rgb, RgbImage};
 
-use super::{colormap::Colormap, raster::FloatImage};
+pub use colormap::Colormap;
+
+use super::raster::FloatImage;
 
 /// The colours of the values between two ends, on a linear scale. What has no value is black.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,9 +4,10 @@
     pip install numpy scipy pillow
     cargo build --release && tests/benches/alignment.py DATA --scenes middlebury2006-third --errors rolled,mount,together
 
-DATA holds the data sets of `multiscopic evaluate`. Each image is resampled by cubic splines as a turned, scaled, distorting camera
-would have taken it, and matched: as it was, as injected, aligned, and undone. "Undone" resamples the injected images by the exact
-inverse: the most that an alignment can reach. All are compared on the pixels whose matches are inside all of the images.
+DATA holds the data sets of `multiscopic evaluate`. Each image is resampled by cubic splines as a turned, scaled, distorting
+camera would have taken it, and matched: as it was, as injected, aligned, and undone. "Undone" resamples the injected images by
+the exact inverse: the most that an alignment can reach. All are compared on the pixels whose matches are inside all of the
+images.
 """
 
 import argparse

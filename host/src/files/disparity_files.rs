@@ -1,6 +1,6 @@
-//! Reading and writing disparity maps: PFM, coloured PNG and 16-bit PNG.
+//! Reading and writing disparity maps: PFM and 16-bit PNG.
 
-use std::{ops::RangeInclusive, path::Path};
+use std::path::Path;
 
 use image::{DynamicImage, ImageBuffer, Luma};
 use multiscopic_core::Disparity;
@@ -18,14 +18,6 @@ impl DisparityMap {
     /// [`Error::Write`]. Any previous version of the file is unchanged.
     pub fn write_pfm(&self, path: &Path) -> Result<()> {
         self.to_float().write_pfm(path)
-    }
-
-    /// Writes a PNG file in the colours of [`to_color`](DisparityMap::to_color).
-    ///
-    /// # Errors
-    /// [`Error::Write`]. Any previous version of the file is unchanged.
-    pub fn write_color_png(&self, path: &Path, range: Option<RangeInclusive<f32>>) -> Result<()> {
-        image_codec::write_png(path, &self.to_color(range))
     }
 
     /// Writes a 16-bit PNG file: 64 times the disparity plus 32768, or 0 where invalid. This is lossless.
@@ -78,7 +70,7 @@ impl DisparityMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::images::FloatImage;
+    use crate::images::{FloatImage, Picture};
     use multiscopic_core::Disparity;
 
     fn disparity(pixels: f32) -> Option<Disparity> {
@@ -107,7 +99,7 @@ mod tests {
     fn a_colour_image_is_not_raw16() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("color.png");
-        map().write_color_png(&path, None).unwrap();
+        Picture::Rgb(map().to_color(None)).write_png(&path).unwrap();
         let message = DisparityMap::read_raw16(&path).unwrap_err().to_string();
         assert!(message.contains("found an image of Rgb8, expected disparities"), "{message}");
     }

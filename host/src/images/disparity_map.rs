@@ -87,8 +87,7 @@ impl DisparityMap {
     /// Disparities outside `range` are clamped to it. `None` uses the map's own
     /// [`range`](DisparityMap::range).
     pub fn to_color(&self, range: Option<RangeInclusive<f32>>) -> RgbImage {
-        let (far, near) = range.or_else(|| self.range()).map_or((0.0, 1.0), RangeInclusive::into_inner);
-        ColorScale::new(Colormap::Turbo, [far, near], "px").draw(&self.to_float())
+        ColorScale::of_disparities(Colormap::Turbo, range.or_else(|| self.range())).draw(&self.to_float())
     }
 }
 

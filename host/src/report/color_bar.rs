@@ -18,8 +18,8 @@ use crate::images::ColorScale;
 const PAPER: Rgb<u8> = Rgb([255; 3]);
 const INK: Rgb<u8> = Rgb([0; 3]);
 
-/// The picture with the colours of `scale` to its right: a bar with marks at round values, their unit above it, and black, `none`, below
-/// it. Pictures that are lower than a few lines of text get a bar without marks.
+/// The picture with the colours of `scale` to its right: a bar with marks at round values, their unit above it, and
+/// black, `none`, below it. Pictures that are lower than a few lines of text get a bar without marks.
 pub fn beside(picture: &RgbImage, scale: &ColorScale) -> RgbImage {
     let (width, height) = picture.dimensions();
     let font = if height < 600 { &ascii::FONT_6X10 } else { &ascii::FONT_10X20 };

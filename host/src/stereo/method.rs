@@ -205,8 +205,8 @@ impl Method {
         Ok(self.sharpened(engine, frames, search.views(), search.min_disparity()..=search.max_disparity(), map))
     }
 
-    /// Applies the sub-pixel step of the refinement, if it has one, to disparities of the centre of `frames` that were found in `range`, in
-    /// pixels, by these views or beforehand.
+    /// Applies the sub-pixel step of the refinement, if it has one, to disparities of the centre of `frames` that
+    /// were found in `range`, in pixels, by these views or beforehand.
     ///
     /// # Panics
     /// If a view is missing.

@@ -24,8 +24,8 @@ struct Difference {
 }
 
 impl LucasKanade<'_> {
-    /// The disparities after three iterations, line by line. Between iterations they are rounded to 32 bits, so that limits which they
-    /// reach exactly are the same everywhere.
+    /// The disparities after three iterations, line by line. Between iterations they are rounded to 32 bits, so that
+    /// limits which they reach exactly are the same everywhere.
     pub fn sharpened(&self, disparities: &[Option<f32>]) -> Vec<Option<f32>> {
         let longest = self.views.iter().map(|((i, j), _)| i.abs().max(j.abs())).max().unwrap_or(1) as f32;
         let center = Spline::new(self.width, self.height, self.center);
@@ -123,7 +123,8 @@ fn window(radius: i32) -> impl Iterator<Item = (i32, i32)> {
     (-radius..=radius).flat_map(move |dy| (-radius..=radius).map(move |dx| (dx, dy)))
 }
 
-/// A cubic spline through the pixels of an image, which goes on as in a mirror. Its coefficients are replicated beyond the borders.
+/// A cubic spline through the pixels of an image, which goes on as in a mirror. Its coefficients are replicated
+/// beyond the borders.
 struct Spline {
     width: i32,
     height: i32,
@@ -180,7 +181,8 @@ fn slope(t: f64) -> f64 {
     }
 }
 
-/// The coefficients of the spline through the samples of a line: a sixth of the two neighbours' and two thirds of its own are the sample.
+/// The coefficients of the spline through the samples of a line: a sixth of the two neighbours' and two thirds of its
+/// own are the sample.
 fn line_coefficients(samples: &[f64]) -> Vec<f64> {
     let last = samples.len() - 1;
     if last == 0 {

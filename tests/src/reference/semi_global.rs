@@ -96,8 +96,8 @@ impl SemiGlobal<'_> {
         self.best_two().into_iter().map(peak).collect()
     }
 
-    /// Whether the best candidate that is more than a disparity away from the winner costs over `percent` of its sum more, or does
-    /// not exist, line by line.
+    /// Whether the best candidate that is more than a disparity away from the winner costs over `percent` of its sum
+    /// more, or does not exist, line by line.
     pub fn unique(&self, percent: u8) -> Vec<bool> {
         let is_unique = |(c1, c2, _): (i64, i64, usize)| 100 * (c2 - c1) > i64::from(percent) * c1;
         self.best_two().into_iter().map(|best| best.is_none_or(is_unique)).collect()
@@ -241,8 +241,8 @@ impl SemiGlobal<'_> {
         pairs.iter().filter(|&&pair| is_darker(center, (u, v), pair) != is_darker(image, (x, y), pair)).count() as i64
     }
 
-    /// The sum of absolute differences over the blocks around `(u, v)` of the centre and `(x, y)`. The image is read where the block of the
-    /// centre is moved to.
+    /// The sum of absolute differences over the blocks around `(u, v)` of the centre and `(x, y)`. The image is read
+    /// where the block of the centre is moved to.
     fn block_sum(&self, radius: i32, center: &[i64], image: &[i64], (u, v): (i32, i32), (x, y): (i32, i32)) -> i64 {
         let block = (-radius..=radius).flat_map(|dv| (-radius..=radius).map(move |du| (du, dv)));
         block.map(|(du, dv)| (self.sample(center, u + du, v + dv) - self.sample(image, x + du, y + dv)).abs()).sum()

@@ -1,9 +1,6 @@
 //! The files that disparity maps are written to.
 
-use std::{
-    ops::RangeInclusive,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use multiscopic::{
@@ -64,8 +61,7 @@ impl MapFiles {
 
     /// The colours of disparities, from the smallest to the largest.
     pub fn scale(&self, disparities: &DisparityMap) -> ColorScale {
-        let (far, near) = disparities.range().map_or((0.0, 1.0), RangeInclusive::into_inner);
-        ColorScale::new(self.colormap, [far, near], "px")
+        ColorScale::of_disparities(self.colormap, disparities.range())
     }
 
     /// A coloured picture, with a colour bar if it was asked for.

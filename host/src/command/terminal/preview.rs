@@ -17,8 +17,8 @@ enum Palette {
 /// The width of a terminal that does not tell.
 const COLUMNS: u16 = 80;
 
-/// A picture in half blocks, as wide as the terminal or as the picture if that is narrower: each character is two pixels, one above the
-/// other. Lines end with the colours reset.
+/// A picture in half blocks, as wide as the terminal or as the picture if that is narrower: each character is two
+/// pixels, one above the other. Lines end with the colours reset.
 pub fn preview(picture: &RgbImage) -> String {
     let Width(columns) = terminal_size().map_or(Width(COLUMNS), |(width, _)| width);
     let is_full = env::var("COLORTERM").is_ok_and(|kind| kind == "truecolor" || kind == "24bit");
@@ -48,8 +48,11 @@ impl Palette {
             Palette::Full => format!("2;{};{};{}", color[0], color[1], color[2]),
             Palette::Cube => {
                 // The levels are 0, 95, 135, 175, 215 and 255.
-                let [r, g, b] =
-                    color.map(|c| if c < 48 { 0 } else { u16::from(c).saturating_sub(35) / 40 }.max(u16::from(c >= 48)));
+                let [r, g, b] = color.map(|c| match c {
+                    0..48 => 0,
+                    48..75 => 1,
+                    _ => (u16::from(c) - 35) / 40,
+                });
                 format!("5;{}", 16 + 36 * r + 6 * g + b)
             }
         }

@@ -2,6 +2,8 @@
 
 mod colormap;
 
+use std::ops::RangeInclusive;
+
 use image::{Rgb, RgbImage};
 
 pub use colormap::Colormap;
@@ -18,14 +20,20 @@ pub struct ColorScale {
 }
 
 impl ColorScale {
-    /// A scale from the value `far`, which has the first colour, to the value `near`, which has the last one, with the values' unit.
-    /// Disparities grow towards the near end, depths towards the far one.
+    /// A scale from the value `far`, which has the first colour, to the value `near`, which has the last one, with
+    /// the values' unit. Disparities grow towards the near end, depths towards the far one.
     pub fn new(colormap: Colormap, [far, near]: [f32; 2], unit: &'static str) -> ColorScale {
         ColorScale { colormap, far, near, unit }
     }
 
-    /// The scale of an image of depths in metres. Its ends leave out the nearest and the farthest hundredth: a few wrong depths, which
-    /// may be very far, would otherwise leave no colours for the rest.
+    /// The scale of disparities in pixels, from the smallest to the largest; from 0 to 1 if there is none.
+    pub fn of_disparities(colormap: Colormap, range: Option<RangeInclusive<f32>>) -> ColorScale {
+        let (far, near) = range.map_or((0.0, 1.0), RangeInclusive::into_inner);
+        ColorScale::new(colormap, [far, near], "px")
+    }
+
+    /// The scale of an image of depths in metres. Its ends leave out the nearest and the farthest hundredth: a few
+    /// wrong depths, which may be very far, would otherwise leave no colours for the rest.
     pub fn of_depth(colormap: Colormap, depth: &FloatImage) -> ColorScale {
         let mut depths: Vec<f32> = depth.pixels().iter().copied().filter(|z| z.is_finite()).collect();
         depths.sort_unstable_by(f32::total_cmp);

@@ -30,7 +30,8 @@ impl CensusSampling {
     }
 }
 
-/// A Gaussian with a standard deviation of 1.5 pixels, in 256ths: the weights of a pixel and of those 1 to 4 pixels to either side.
+/// A Gaussian with a standard deviation of 1.5 pixels, in 256ths: the weights of a pixel and of those 1 to 4 pixels
+/// to either side.
 const WEIGHTS: [u32; 5] = [68, 55, 28, 9, 2];
 const _: () = assert!(WEIGHTS[0] + 2 * (WEIGHTS[1] + WEIGHTS[2] + WEIGHTS[3] + WEIGHTS[4]) == 256);
 

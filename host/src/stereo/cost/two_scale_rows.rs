@@ -7,13 +7,14 @@ use crate::{images::Frames, stereo::engine::Engine};
 
 /// The fused costs of a centre and its views: the means of two fused Hamming distances of their descriptors, rounded down.
 ///
-/// Each bit of a descriptor compares a pixel with the one in the middle of the window (Zabih and Woodfill 1994): it is set if that pixel is
-/// darker. The pixels are those of a [`Census`] window whose distances `dx` and `dy` have an odd sum, so that there are as many bits as the
-/// window has pairs of opposite pixels.
+/// Each bit of a descriptor compares a pixel with the one in the middle of the window (Zabih and Woodfill 1994): it
+/// is set if that pixel is darker. The pixels are those of a [`Census`] window whose distances `dx` and `dy` have an
+/// odd sum, so that there are about as many bits as the window has pairs of opposite pixels: 12, 24 or 32.
 ///
-/// One distance is that of the images. The other is that of blurred images, with the same pixels three times as far away. They are blurred
-/// by a Gaussian with a standard deviation of 1.5 pixels and weights of 68, 55, 28, 9 and 2 in 256ths, first along rows, then along
-/// columns, in 256ths of a grey level, rounded half up. All images are replicated beyond their borders.
+/// One distance is that of the images. The other is that of blurred images, with the same pixels three times as far
+/// away. They are blurred by a Gaussian with a standard deviation of 1.5 pixels and weights of 68, 55, 28, 9 and 2 in
+/// 256ths, first along rows, then along columns, in 256ths of a grey level, rounded half up. All images are
+/// replicated beyond their borders.
 #[derive(Debug)]
 pub struct TwoScaleRows<'a> {
     fine: CensusRows<'a>,

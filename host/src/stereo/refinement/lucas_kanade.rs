@@ -31,20 +31,20 @@ const MOST_SHIFT: f32 = 0.5;
 ///
 /// Each of three iterations linearises the views at the present matches, which lie between their pixels on a cubic spline:
 ///
-/// 1. The residual of a pixel in a view is its grey level minus that of its match, less the mean of that difference over the 13 x 13
-///    pixels around it whose matches the view sees, so that views may differ in brightness. The slope is the derivative of the match's grey
-///    level with respect to disparity, by the mean of the gradients at the pixel and at its match (Malis 2004). A view at a longer
-///    baseline has a steeper one.
+/// 1. The residual of a pixel in a view is its grey level minus that of its match, less the mean of that difference
+///    over the 13 x 13 pixels around it whose matches the view sees, so that views may differ in brightness. The
+///    slope is the derivative of the match's grey level with respect to disparity, by the mean of the gradients at
+///    the pixel and at its match (Malis 2004). A view at a longer baseline has a steeper one.
 /// 2. A residual `r` has the weight `1 / (1 + (r / 6)^2)^2`: occlusions hardly count.
-/// 3. Over a Gaussian window of 7 x 7 pixels, with a standard deviation of 1.5 pixels and weights of 1 in all, the step is the sum of
-///    weight, slope and residual over the sum of weight and squared slope. Only pixels of the same surface count, whose disparities differ
-///    by at most a pixel.
-/// 4. Where there is no texture, disparities move to the mean of those in the window (Bruhn, Weickert and Schnörr 2005): both sums have
-///    a term for it, which counts as a slope of three grey levels per pixel.
+/// 3. Over a Gaussian window of 7 x 7 pixels, with a standard deviation of 1.5 pixels and weights of 1 in all, the
+///    step is the sum of weight, slope and residual over the sum of weight and squared slope. Only pixels of the same
+///    surface count, whose disparities differ by at most a pixel.
+/// 4. Where there is no texture, disparities move to the mean of those in the window (Bruhn, Weickert and Schnörr
+///    2005): both sums have a term for it, which counts as a slope of three grey levels per pixel.
 ///
-/// A step is at most 3/8 pixel, and all together half a pixel, both in pixels of the longest baseline. Disparities do not leave the
-/// search range. Invalid pixels stay invalid and never count. The result has the same bits with any number of threads and on any
-/// processor.
+/// A step is at most 3/8 pixel, and all together half a pixel, both in pixels of the longest baseline. Disparities do
+/// not leave the search range. Invalid pixels stay invalid and never count. The result has the same bits with any
+/// number of threads and on any processor.
 ///
 /// It takes about 50 bytes for each pixel, and 8 more for each view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -258,8 +258,8 @@ impl WindowSums {
         [&mut self.pulls, &mut self.squares, &mut self.gaps, &mut self.weights].into_iter().for_each(|sums| sums.fill(0.0));
     }
 
-    /// Adds a pixel of each window of the columns from `first` on: `here` are their disparities, and `there` the disparities, pulls
-    /// and squares of the pixels to add.
+    /// Adds a pixel of each window of the columns from `first` on: `here` are their disparities, and `there` the
+    /// disparities, pulls and squares of the pixels to add.
     fn add(&mut self, weight: f32, first: usize, here: &[f32], [there, pulls, squares]: [&[f32]; 3]) {
         let length = here.len();
         let (sums_of_pulls, sums_of_squares) = (&mut self.pulls[first..][..length], &mut self.squares[first..][..length]);

@@ -82,8 +82,8 @@ impl Refinement {
         }
     }
 
-    /// Applies what depends on the confidences of the filtered disparities, on the threads of the current pool. The edges are those
-    /// of the centre of `frames`.
+    /// Applies what depends on the confidences of the filtered disparities, on the threads of the current pool. The
+    /// edges are those of the centre of `frames`.
     ///
     /// # Errors
     /// If the smoother's parameters are out of range.
@@ -122,7 +122,8 @@ impl Refinement {
         map
     }
 
-    /// Applies the sub-pixel step by `views` of `frames`, on the threads of the current pool. Disparities stay in `range`, in pixels.
+    /// Applies the sub-pixel step by `views` of `frames`, on the threads of the current pool. Disparities stay in
+    /// `range`, in pixels.
     pub fn sharpen(&self, map: DisparityMap, frames: &Frames, views: Views, range: RangeInclusive<i16>) -> DisparityMap {
         match self.sub_pixel {
             Some(step) => step.apply(&map, frames, views, range),

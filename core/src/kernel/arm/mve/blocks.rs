@@ -33,10 +33,9 @@ fn slide_along<const V: usize>(steps: &mut Steps<'_, Mve, V>, blocks: &mut [[[u1
     // SAFETY: the step has as many vectors in a view as there are blocks, not 0.
     unsafe {
         match blocks.len() {
-            4.. if const { V > 4 } => slide::slide(step, blocks),
             1 => slide::slide_unrolled::<V, 1>(step, blocks),
             2 => slide::slide_unrolled::<V, 2>(step, blocks),
-            4 => slide::slide_unrolled::<V, 4>(step, blocks),
+            4 if const { V <= 4 } => slide::slide_unrolled::<V, 4>(step, blocks),
             _ => slide::slide(step, blocks),
         }
     }

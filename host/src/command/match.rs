@@ -10,6 +10,7 @@ use clap::Args;
 use multiscopic::stereo::{
     CostFunction, LongBaselines, Optimizer,
     confidence_map::{self, ConfidenceMap},
+    network::Inputs,
 };
 use multiscopic::{
     DisparityMap, Error, Geometry, Method, Picture, Result,
@@ -90,6 +91,10 @@ struct Outputs {
     #[arg(long, value_name = "OUT.png")]
     depth_png: Option<PathBuf>,
 
+    /// What the network of --method net sees of the images, as a folder of arrays for numpy: train/README.md tells what they are
+    #[arg(long, value_name = "DIR")]
+    features: Option<PathBuf>,
+
     /// Draw the disparities in the terminal as well
     #[arg(long)]
     preview: bool,
@@ -134,6 +139,9 @@ impl Match {
         self.options.check_block_size(&[self.method], self.search.block_size)?;
         let method = self.options.method(self.method, self.search.block_size, first)?;
         let method = Method { long_baselines: self.baselines.long_baselines()?, ..method };
+        if let Some(folder) = &self.outputs.features {
+            Inputs::new(&frames, &search, &engine, &())?.write(folder)?;
+        }
         if !method.needs_color() {
             frames = frames.without_color();
         }
@@ -182,7 +190,7 @@ impl Match {
 
 impl Outputs {
     fn paths(&self) -> Vec<&Path> {
-        let Outputs { maps, confidence, depth, depth_png, ply, ply_ascii: _, preview: _ } = self;
+        let Outputs { maps, confidence, depth, depth_png, ply, ply_ascii: _, features: _, preview: _ } = self;
         maps.paths().chain([confidence, depth, depth_png, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
     }
 

@@ -11,6 +11,7 @@
 //! | [`refinement`] | checks and filters of the disparities |
 //! | [`confidence_map`] | how probable it is that a disparity is right |
 //! | [`LongBaselines`] | how views at longer baselines refine what those at the shortest found |
+//! | [`network`] | a small network that decides between two passes of semi-global matching |
 //! | [`Method`] | a choice for each of the four steps |
 
 pub mod aggregation;
@@ -19,6 +20,7 @@ pub mod confidence_map;
 pub mod cost;
 mod engine;
 mod method;
+pub mod network;
 pub mod optimization;
 pub mod refinement;
 mod simd;

@@ -1,0 +1,37 @@
+"""What training minimises, and the metrics by which weights are selected."""
+
+import torch
+import torch.nn.functional as F
+
+
+def robust(error):
+    """Of an error in pixels: nearly linear near 0, bounded but for a small slope, so that what is hidden does not count too much."""
+    return ((error * error + 0.01).sqrt() - 0.1).clamp(max=4.0) + 0.05 * error.abs()
+
+
+def mean(values, valid):
+    return (values * valid).sum() / valid.sum().clamp(min=1)
+
+
+def loss(out, truth, count):
+    valid = truth.isfinite() & (truth > -32) & (truth < 64 * count - 32)
+    truth = torch.where(valid, truth, 0.0)
+    valid = valid.float()
+    error = (out["disparity"] - truth) / 64
+    total = mean(robust(error), valid)
+    for name in ("mixed", "volume"):
+        total = total + 0.3 * mean(robust((out[name] - truth) / 64), valid)
+    b, n, h, w = out["logits"].shape
+    blocks = truth.reshape(b, 1, h, 4, w, 4) / 64
+    index = torch.arange(n)[None, :, None, None, None, None]
+    target = (F.relu(1 - (index - blocks).abs()) * valid.reshape(b, 1, h, 4, w, 4)).mean((3, 5))
+    total = total - 0.25 * (target * F.log_softmax(out["logits"] / 16, 1)).sum(1).mean()
+    right = (error.detach().abs() <= 1).float()
+    return total + 0.1 * mean(F.binary_cross_entropy_with_logits(out["confidence"], right, reduction="none"), valid)
+
+
+def metrics(disparity, truth):
+    """RMS, mean error and share of errors above a pixel, of arrays in 1/64 px."""
+    valid = truth.isfinite()
+    error = ((disparity - truth)[valid] / 64).abs()
+    return torch.stack([(error**2).mean().sqrt(), error.mean(), 100 * (error > 1).float().mean()])

@@ -1,0 +1,129 @@
+"""Makes scenes with the program, and what the network sees of them.
+
+Each set is rendered once (`multiscopic scene --random`). Each of its uses is the network's view of some of the scenes: by some of
+the neighbours and in a range of disparities (`multiscopic match --features`). Scenes and features that are there are kept, so that
+a run that was stopped goes on.
+
+Scenes of the program are noisy, as seen by a small camera. Sets that are `halved` are rendered at twice the size: their images
+have less noise and finer details, like photographs at a part of their size.
+"""
+
+import shutil
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from pfm import read_pfm, write_pfm
+
+
+@dataclass(frozen=True)
+class Use:
+    name: str
+    views: tuple
+    least: int
+    count: int
+    scenes: range
+
+
+@dataclass(frozen=True)
+class SceneSet:
+    name: str
+    seed: int
+    count: int
+    views: int
+    size: str
+    uses: tuple
+    halved: bool = False
+
+
+STEREO, TWO, FOUR = ("right",), ("left", "right"), ("left", "right", "top", "bottom")
+
+HELD_BACK = [
+    SceneSet(
+        "held", 91, 48, 4, "256x192",
+        (Use("two", TWO, 1, 32, range(48)), Use("stereo", STEREO, 1, 32, range(0, 48, 3)), Use("four", FOUR, 1, 32, range(1, 48, 3))),
+    ),
+    SceneSet("held_fine", 92, 32, 2, "512x384", (Use("fine", TWO, 1, 32, range(32)),), halved=True),
+]  # fmt: skip
+TRAINING = [
+    SceneSet("two_a", 12, 300, 2, "256x192", (Use("two", TWO, 1, 32, range(300)), Use("stereo", STEREO, 1, 32, range(100)))),
+    SceneSet(
+        "four", 11, 200, 4, "256x192",
+        (Use("four", FOUR, 1, 32, range(200)), Use("two", TWO, 1, 32, range(200)), Use("stereo", STEREO, 0, 48, range(0, 200, 4))),
+    ),
+    SceneSet(
+        "two_b", 14, 400, 2, "256x192",
+        (Use("two", TWO, 1, 32, range(400)), Use("stereo", STEREO, 1, 32, range(0, 400, 4)), Use("wide", TWO, 0, 64, range(1, 400, 8))),
+    ),
+    SceneSet(
+        "fine", 15, 360, 2, "512x384",
+        (Use("two", TWO, 1, 32, range(360)), Use("stereo", STEREO, 1, 32, range(0, 360, 3))), halved=True,
+    ),
+    SceneSet("large", 13, 100, 2, "384x288", (Use("two", TWO, 1, 48, range(100)),)),
+]  # fmt: skip
+
+
+def render(program, folder, scenes):
+    target = folder / scenes.name
+    if all((target / f"{number:04}").exists() for number in range(scenes.count)):
+        return
+    rendered = target.with_suffix(".new")
+    for unfinished in (target, rendered):
+        shutil.rmtree(unfinished, ignore_errors=True)
+    options = ["--seed", scenes.seed, "--count", scenes.count, "--views", scenes.views, "--size", scenes.size, "-o", rendered]
+    subprocess.run([program, "scene", "--random", *map(str, options)], check=True)
+    if scenes.halved:
+        for scene in rendered.iterdir():
+            halve(scene)
+    rendered.rename(target)
+
+
+def halve(scene):
+    """Halves the images and the disparities of a scene."""
+    for path in scene.glob("*.png"):
+        image = blocks_of_two(np.asarray(Image.open(path)))
+        Image.fromarray(image.mean(2).round().astype(np.uint8)).save(path)
+    four = np.sort(blocks_of_two(read_pfm(scene / "truth.pfm")), 2)
+    # Where surfaces meet, a pixel belongs to one of them.
+    is_edge = four[:, :, 3] - four[:, :, 0] > 1.5
+    write_pfm(scene / "truth.pfm", np.where(is_edge, four[:, :, 2], four.mean(2)) / 2)
+
+
+def blocks_of_two(image):
+    """The four pixels of each block of 2 x 2: height/2 x width/2 x 4 x channels."""
+    h, w = image.shape[0] // 2, image.shape[1] // 2
+    blocks = image.reshape(h, 2, w, 2, *image.shape[2:]).swapaxes(1, 2)
+    return blocks.reshape(h, w, 4, *image.shape[2:])
+
+
+def features(program, folder, scenes, use, number):
+    """The folder with what the network sees of a scene; it is made if it is not there."""
+    target = folder / "features" / f"{scenes.name}-{use.name}" / f"{number:04}"
+    if target.exists():
+        return target
+    scene = folder / scenes.name / f"{number:04}"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    images = [option for frame in ("center", *use.views) for option in (f"--{frame}", scene / f"{frame}.png")]
+    search = ["--min-disparity", use.least, "--num-disparities", use.count, "--method", "bm", "--threads", 1]
+    command = [program, "match", *images, *search, "--features", target, "-o", "/dev/null"]
+    subprocess.run([*map(str, command)], check=True, stderr=subprocess.DEVNULL)
+    return target
+
+
+def all_features(program, folder, sets, threads=2):
+    """The features of all scenes of `sets`, as (scene set, use, scene number, folder)."""
+    jobs = [(scenes, use, number) for scenes in sets for use in scenes.uses for number in use.scenes]
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(lambda job: (*job, features(program, folder, *job)), jobs))
+
+
+def make(program, folder, threads=2):
+    """Everything to train with: two lists of features, for training and for selection."""
+    program, folder = str(program), Path(folder)
+    for scenes in [*HELD_BACK, *TRAINING]:
+        render(program, folder, scenes)
+    return all_features(program, folder, TRAINING, threads), all_features(program, folder, HELD_BACK, threads)

@@ -1,0 +1,86 @@
+"""Writes the weights of a checkpoint in whole numbers: `python export.py CHECKPOINT OUT.weights [--calibrate FOLDER]`."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import torch
+
+import reference
+from model import LAYERS, UNIT, Network
+
+
+def whole(layer):
+    """The weights, biases, multipliers and shifts of a layer."""
+    scales = layer.scales().double()
+    real = layer.weight.detach().double()
+    weights = (real / scales[:, None, None, None]).round().clamp(-127, 127)
+    # What was subtracted from the inputs, in whole weights.
+    bias = UNIT * layer.bias.detach().double() / scales - layer.center * weights.sum((1, 2, 3))
+    # A multiplier of 12 bits: sums keep three bits more than the result has.
+    shifts = torch.floor(12 - 15 - torch.log2(scales)).clamp(0, 16)
+    multipliers = (scales * 2 ** (shifts + 15)).round().clamp(0, 32767)
+    # Shifting rounds down: half a unit more rounds to the nearest.
+    bias = (bias + torch.where(shifts > 0, 2 ** (shifts - 1), 0.0)).round()
+    return weights.permute(0, 2, 3, 1), bias, multipliers, shifts
+
+
+def data_of(network, sure):
+    parts = [reference.MAGIC]
+    for name, *_ in LAYERS:
+        for values, kind in zip(whole(network.layer(name)), ("i1", "<i4", "<u2", "u1")):
+            parts.append(values.contiguous().numpy().astype(kind).tobytes())
+    parts.append(np.round(4096 * np.exp(-np.arange(160) / 16)).astype("<u2").tobytes())
+    parts.append(np.asarray(sure, "u1").tobytes())
+    return b"".join(parts)
+
+
+def logistic(slope=1.0, offset=0.0):
+    """Confidences of logits in units of 1/16 from -128 on."""
+    logits = (np.arange(256) - 128) / UNIT
+    return np.round(255 / (1 + np.exp(-(slope * logits + offset))))
+
+
+def calibrated(weights, examples):
+    """The table of confidences that fits examples held back: a logistic curve of the network's logits."""
+    logits, right = [], []
+    for example in examples:
+        disparity, _, logit = reference.infer(weights, example.rgb, example.winners, example.measures, example.volume)
+        valid = np.isfinite(example.truth)
+        logits.append(np.clip(logit[valid], -128, 127) / UNIT)
+        right.append(np.abs(disparity - example.truth)[valid] <= 64)
+    logits, right = (torch.tensor(np.concatenate(a).astype(np.float64)) for a in (logits, right))
+    curve = torch.tensor([1.0, 0.0], dtype=torch.float64, requires_grad=True)
+    optimizer = torch.optim.LBFGS([curve], max_iter=50)
+
+    def closure():
+        optimizer.zero_grad()
+        value = torch.nn.functional.binary_cross_entropy_with_logits(curve[0] * logits + curve[1], right)
+        value.backward()
+        return value
+
+    optimizer.step(closure)
+    return logistic(*curve.detach().tolist())
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("checkpoint", type=Path)
+    parser.add_argument("output", type=Path)
+    parser.add_argument("--calibrate", type=Path, help="folder of scenes and features")
+    options = parser.parse_args()
+    network = Network()
+    network.load_state_dict(torch.load(options.checkpoint)["mean"])
+    data = data_of(network, logistic())
+    if options.calibrate:
+        import scenes
+        from train import examples
+
+        held_back = [example for _, example in examples(options.calibrate, scenes.HELD_BACK)]
+        data = data_of(network, calibrated(reference.Weights(data), held_back))
+    options.output.write_bytes(data)
+    print(options.output, len(data), "bytes")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,43 @@
+"""From nothing to weights: scenes, features, training, weights in whole numbers, metrics.
+
+    cargo build --release -p multiscopic --bin multiscopic
+    python train/run.py --program target/release/multiscopic --folder out/train --minutes 75
+
+A run that was stopped goes on where it was.
+"""
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+
+import scenes
+
+HERE = Path(__file__).parent
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--program", type=Path, required=True)
+    parser.add_argument("--folder", type=Path, required=True, help="for scenes, features and checkpoints: 7 GB")
+    parser.add_argument("--minutes", type=float, default=75, help="how long training takes")
+    parser.add_argument("--steps", type=int, help="how many steps training takes, instead")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--threads", type=int, default=2)
+    options = parser.parse_args()
+
+    scenes.make(options.program, options.folder, options.threads)
+    run, weights = options.folder / "run", options.folder / "network.weights"
+    end = ["--steps", options.steps] if options.steps else ["--minutes", options.minutes]
+    commands = [
+        ["train.py", options.folder, "--run", run, *end, "--seed", options.seed, "--threads", options.threads],
+        ["export.py", run / "checkpoint.pt", weights, "--calibrate", options.folder],
+        ["curves.py", run / "log.jsonl", run / "curves.svg"],
+        ["check.py", run / "checkpoint.pt", weights, options.folder],
+    ]
+    for script, *arguments in commands:
+        subprocess.run([sys.executable, HERE / script, *map(str, arguments)], check=True)
+
+
+if __name__ == "__main__":
+    main()

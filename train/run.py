@@ -30,7 +30,7 @@ def main():
     run, weights = options.folder / "run", options.folder / "network.weights"
     end = ["--steps", options.steps] if options.steps else ["--minutes", options.minutes]
     commands = [
-        ["train.py", options.folder, "--run", run, *end, "--seed", options.seed, "--threads", options.threads],
+        ["train.py", options.folder, "--run", run, *end, "--seed", options.seed, "--processes", options.threads],
         ["export.py", run / "checkpoint.pt", weights, "--calibrate", options.folder],
         ["curves.py", run / "log.jsonl", run / "curves.svg"],
         ["check.py", run / "checkpoint.pt", weights, options.folder],

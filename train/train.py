@@ -7,11 +7,14 @@ goes on from its last checkpoint.
 import argparse
 import json
 import math
+import socket
 import time
 from pathlib import Path
 
 import numpy as np
 import torch
+import torch.distributed as dist
+from torch import multiprocessing
 
 import scenes
 from data import Example, augmented, batch_of
@@ -66,6 +69,100 @@ def evaluate(network, held_back):
     return average(results), average(baseline)
 
 
+class Run:
+    """A training, by several processes: each computes the gradients of a part of the batch."""
+
+    def __init__(self, options, rank):
+        self.options, self.rank = options, rank
+        self.step, self.elapsed = 0, 0.0
+        torch.manual_seed(options.seed)
+        self.network, self.mean = Network(), Network()
+        self.mean.load_state_dict(self.network.state_dict())
+        self.optimizer = torch.optim.Adam(self.network.parameters(), betas=(0.9, 0.99))
+        self.checkpoint = options.run / "checkpoint.pt"
+        if self.checkpoint.exists():
+            state = torch.load(self.checkpoint)
+            for name in ("network", "mean", "optimizer"):
+                getattr(self, name).load_state_dict(state[name])
+            self.step, self.elapsed = state["step"], state["elapsed"]
+
+    def save(self):
+        state = {name: getattr(self, name).state_dict() for name in ("network", "mean", "optimizer")}
+        new = self.checkpoint.with_suffix(".new")
+        torch.save({**state, "step": self.step, "elapsed": self.elapsed}, new)
+        new.rename(self.checkpoint)
+
+    def report(self, **values):
+        line = json.dumps({"step": self.step, "minutes": round(self.elapsed / 60, 2), **values})
+        print(line, flush=True)
+        with open(self.options.run / "log.jsonl", "a") as file:
+            file.write(line + "\n")
+
+    def part(self):
+        """How much of the training is done, from 0 to 1, as the first process sees it."""
+        options = self.options
+        part = self.step / options.steps if options.steps else self.elapsed / 60 / options.minutes
+        part = torch.tensor([part], dtype=torch.float64)
+        dist.broadcast(part, 0)
+        return float(part)
+
+    def learn(self, batch, part):
+        """A step of the optimizer. Returns the loss and the size of its gradient."""
+        for network in (self.network, self.mean):
+            network.quantize(part >= QUANTIZED_FROM)
+        rate = self.options.rate * min(1, (self.step + 1) / 300) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * part)))
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate
+        value = loss(self.network(batch, torch.bfloat16), batch["truth"], batch["count"])
+        self.optimizer.zero_grad(set_to_none=True)
+        value.backward()
+        parameters = list(self.network.parameters())
+        gradient = torch.cat([parameter.grad.flatten() for parameter in parameters] + [value.detach()[None]])
+        dist.all_reduce(gradient)
+        gradient /= self.options.processes
+        for parameter, of_it in zip(parameters, gradient[:-1].split([parameter.numel() for parameter in parameters])):
+            parameter.grad.copy_(of_it.reshape(parameter.shape))
+        norm = torch.nn.utils.clip_grad_norm_(parameters, 1.0)
+        if norm.isfinite():
+            self.optimizer.step()
+        self.step += 1
+        decay = min(0.998, self.step / (self.step + 10))
+        with torch.no_grad():
+            for to, of in zip(self.mean.parameters(), parameters):
+                to.lerp_(of, 1 - decay)
+        return float(gradient[-1]), float(norm)
+
+
+def train(rank, options, training, held_back, port):
+    torch.set_num_threads(1)
+    dist.init_process_group("gloo", init_method=f"tcp://127.0.0.1:{port}", rank=rank, world_size=options.processes)
+    run = Run(options, rank)
+    random = np.random.default_rng([options.seed, run.step, rank])
+    last, last_evaluation, last_save = time.time(), run.elapsed, run.elapsed
+    losses = []
+    while (part := run.part()) < 1:
+        batch = draw(training, random, options.batch // options.processes)
+        value, norm = run.learn(batch, part)
+        losses.append(value)
+        run.elapsed, last = run.elapsed + time.time() - last, time.time()
+        if rank > 0:
+            continue
+        if run.step % 50 == 0:
+            run.report(part=round(part, 3), loss=round(float(np.mean(losses)), 4), norm=round(norm, 3))
+            losses = []
+        if run.elapsed - last_save > 120:
+            run.save()
+            last_save = run.elapsed
+        if run.elapsed - last_evaluation > 600:
+            run.report(held_back=evaluate(run.mean, held_back[::4])[0])
+            last_evaluation = run.elapsed
+    if rank == 0:
+        run.save()
+        results, baseline = evaluate(run.mean, held_back)
+        run.report(held_back=results, baseline=baseline, final=True)
+    dist.barrier()
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path, help="scenes and features, as scenes.py makes them")
@@ -73,80 +170,20 @@ def main():
     end = parser.add_mutually_exclusive_group(required=True)
     end.add_argument("--steps", type=int)
     end.add_argument("--minutes", type=float)
-    parser.add_argument("--batch", type=int, default=2)
+    parser.add_argument("--batch", type=int, default=4)
     parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--processes", type=int, default=2)
     options = parser.parse_args()
-
-    torch.set_num_threads(options.threads)
-    torch.manual_seed(options.seed)
     options.run.mkdir(parents=True, exist_ok=True)
-    checkpoint, log = options.run / "checkpoint.pt", options.run / "log.jsonl"
-    network, mean = Network(), Network()
-    mean.load_state_dict(network.state_dict())
-    optimizer = torch.optim.Adam(network.parameters(), betas=(0.9, 0.99))
-    step, elapsed = 0, 0.0
-    if checkpoint.exists():
-        state = torch.load(checkpoint)
-        network.load_state_dict(state["network"])
-        mean.load_state_dict(state["mean"])
-        optimizer.load_state_dict(state["optimizer"])
-        step, elapsed = state["step"], state["elapsed"]
-    random = np.random.default_rng([options.seed, step])
     training, held_back = examples(options.folder, scenes.TRAINING), examples(options.folder, scenes.HELD_BACK)
-    print(len(training), "examples,", len(held_back), "held back, from step", step, flush=True)
-
-    def report(**values):
-        line = json.dumps({"step": step, "minutes": round(elapsed / 60, 2), **values})
-        print(line, flush=True)
-        with open(log, "a") as file:
-            file.write(line + "\n")
-
-    def save():
-        state = {"network": network.state_dict(), "mean": mean.state_dict(), "optimizer": optimizer.state_dict()}
-        torch.save({**state, "step": step, "elapsed": elapsed}, checkpoint.with_suffix(".new"))
-        checkpoint.with_suffix(".new").rename(checkpoint)
-
-    def progress():
-        return step / options.steps if options.steps else elapsed / 60 / options.minutes
-
-    last, last_evaluation, last_save = time.time(), elapsed, elapsed
-    losses = []
-    while progress() < 1:
-        part = progress()
-        network.quantize(part >= QUANTIZED_FROM)
-        mean.quantize(part >= QUANTIZED_FROM)
-        rate = options.rate * min(1, (step + 1) / 300) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * part)))
-        for group in optimizer.param_groups:
-            group["lr"] = rate
-        batch = draw(training, random, options.batch)
-        value = loss(network(batch, torch.bfloat16), batch["truth"], batch["count"])
-        optimizer.zero_grad(set_to_none=True)
-        value.backward()
-        norm = torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-        if norm.isfinite():
-            optimizer.step()
-        step += 1
-        decay = min(0.998, step / (step + 10))
-        with torch.no_grad():
-            for to, of in zip(mean.parameters(), network.parameters()):
-                to.lerp_(of, 1 - decay)
-        losses.append(float(value.detach()))
-        elapsed, last = elapsed + time.time() - last, time.time()
-        if step % 50 == 0:
-            report(rate=round(rate, 6), loss=round(float(np.mean(losses)), 4), norm=round(float(norm), 3))
-            losses = []
-        if elapsed - last_save > 120:
-            save()
-            last_save = elapsed
-        if elapsed - last_evaluation > 480:
-            results, _ = evaluate(mean, held_back)
-            report(held_back=results)
-            last_evaluation = elapsed
-    save()
-    results, baseline = evaluate(mean, held_back)
-    report(held_back=results, baseline=baseline, final=True)
+    print(len(training), "examples,", len(held_back), "held back", flush=True)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    # The examples are shared with the processes.
+    arguments = (options, training, held_back, port)
+    multiprocessing.start_processes(train, arguments, options.processes, start_method="fork")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,19 @@ def mean(values, valid):
     return (values * valid).sum() / valid.sum().clamp(min=1)
 
 
+def block_shares(truth, valid, count):
+    """The share of each block's pixels at each whole disparity, b x count x h/4 x w/4; a pixel between two counts for both."""
+    b, h, w = truth.shape
+    block = torch.arange(h)[:, None] // 4 * (w // 4) + torch.arange(w) // 4
+    whole = truth.floor()
+    shares = torch.zeros(b, count * (h // 4) * (w // 4))
+    for index, share in ((whole, 1 - (truth - whole)), (whole + 1, truth - whole)):
+        inside = (index >= 0) & (index < count)
+        at = index.clamp(0, count - 1).long() * ((h // 4) * (w // 4)) + block
+        shares.scatter_add_(1, at.reshape(b, -1), (share * inside * valid / 16).reshape(b, -1))
+    return shares.reshape(b, count, h // 4, w // 4)
+
+
 def loss(out, truth, count):
     valid = truth.isfinite() & (truth > -32) & (truth < 64 * count - 32)
     truth = torch.where(valid, truth, 0.0)
@@ -22,9 +35,7 @@ def loss(out, truth, count):
     for name in ("mixed", "volume"):
         total = total + 0.3 * mean(robust((out[name] - truth) / 64), valid)
     b, n, h, w = out["logits"].shape
-    blocks = truth.reshape(b, 1, h, 4, w, 4) / 64
-    index = torch.arange(n)[None, :, None, None, None, None]
-    target = (F.relu(1 - (index - blocks).abs()) * valid.reshape(b, 1, h, 4, w, 4)).mean((3, 5))
+    target = block_shares(truth / 64, valid, n)
     total = total - 0.25 * (target * F.log_softmax(out["logits"] / 16, 1)).sum(1).mean()
     right = (error.detach().abs() <= 1).float()
     return total + 0.1 * mean(F.binary_cross_entropy_with_logits(out["confidence"], right, reduction="none"), valid)

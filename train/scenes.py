@@ -47,7 +47,7 @@ HELD_BACK = [
         "held", 91, 48, 4, "256x192",
         (Use("two", TWO, 1, 32, range(48)), Use("stereo", STEREO, 1, 32, range(0, 48, 3)), Use("four", FOUR, 1, 32, range(1, 48, 3))),
     ),
-    SceneSet("held_fine", 92, 32, 2, "512x384", (Use("fine", TWO, 1, 32, range(32)),), halved=True),
+    SceneSet("held_fine", 92, 24, 2, "512x384", (Use("fine", TWO, 1, 32, range(24)),), halved=True),
 ]  # fmt: skip
 TRAINING = [
     SceneSet("two_a", 12, 300, 2, "256x192", (Use("two", TWO, 1, 32, range(300)), Use("stereo", STEREO, 1, 32, range(100)))),
@@ -60,8 +60,8 @@ TRAINING = [
         (Use("two", TWO, 1, 32, range(400)), Use("stereo", STEREO, 1, 32, range(0, 400, 4)), Use("wide", TWO, 0, 64, range(1, 400, 8))),
     ),
     SceneSet(
-        "fine", 15, 360, 2, "512x384",
-        (Use("two", TWO, 1, 32, range(360)), Use("stereo", STEREO, 1, 32, range(0, 360, 3))), halved=True,
+        "fine", 15, 200, 2, "512x384",
+        (Use("two", TWO, 1, 32, range(200)), Use("stereo", STEREO, 1, 32, range(0, 200, 3))), halved=True,
     ),
     SceneSet("large", 13, 100, 2, "384x288", (Use("two", TWO, 1, 48, range(100)),)),
 ]  # fmt: skip

@@ -14,18 +14,29 @@ TOP = 127.0
 AROUND = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx]
 
 
-class Rounded(torch.autograd.Function):
-    """Rounds and clips; gradients pass through the rounding, and where values are not clipped."""
+class Clipped(torch.autograd.Function):
+    """Clips to 0..127 and rounds; gradients pass through the rounding."""
 
     @staticmethod
-    def forward(ctx, x, low, high):
-        rounded = x.round()
-        ctx.save_for_backward((x >= low) & (x <= high))
-        return rounded.clamp_(low, high)
+    def forward(ctx, x):
+        ctx.save_for_backward(x)
+        return F.hardtanh(x, 0.0, TOP).round_()
 
     @staticmethod
     def backward(ctx, gradient):
-        return gradient * ctx.saved_tensors[0], None, None
+        return torch.ops.aten.hardtanh_backward(gradient, ctx.saved_tensors[0], 0.0, TOP)
+
+
+class Rounded(torch.autograd.Function):
+    """Rounds; gradients pass through."""
+
+    @staticmethod
+    def forward(ctx, x):
+        return x.round()
+
+    @staticmethod
+    def backward(ctx, gradient):
+        return gradient
 
 
 class Layer(nn.Module):
@@ -47,33 +58,24 @@ class Layer(nn.Module):
         bias = UNIT * self.bias
         if self.center:
             bias = bias - self.center * self.weight.sum((1, 2, 3))
+        weight = self.weight
         if self.quantized:
-            scales = self.scales()
-            units = self.weight / scales[:, None, None, None]
-            weight = units + (units.round() - units).detach()
-        else:
-            scales, weight = None, self.weight
+            scales = self.scales()[:, None, None, None]
+            weight = weight + ((weight / scales).round() * scales - weight).detach()
         weight, bias = weight.to(x.dtype), bias.to(x.dtype)
-        if scales is None:
-            if weight.shape[2] == 1:
-                return F.linear(x, weight[:, :, 0, 0], bias)
-            y = F.conv2d(x.permute(0, 3, 1, 2), weight, bias, padding=1)
-            return y.permute(0, 2, 3, 1)
         if weight.shape[2] == 1:
-            y = F.linear(x, weight[:, :, 0, 0])
-        else:
-            y = F.conv2d(x.permute(0, 3, 1, 2), weight, padding=1).permute(0, 2, 3, 1)
-        return torch.addcmul(bias, y, scales.to(x.dtype))
+            return F.linear(x, weight[:, :, 0, 0], bias)
+        return F.conv2d(x.permute(0, 3, 1, 2), weight, bias, padding=1).permute(0, 2, 3, 1)
 
     def clip(self, y):
-        return Rounded.apply(y, 0.0, TOP) if self.quantized else F.hardtanh(y, 0.0, TOP)
+        return Clipped.apply(y) if self.quantized else F.hardtanh(y, 0.0, TOP)
 
     def forward(self, x):
         return self.clip(self.sums(x))
 
     def raw(self, x):
         y = self.sums(x)
-        return Rounded.apply(y, -32768.0, 32767.0) if self.quantized else y
+        return Rounded.apply(y) if self.quantized else y
 
     def residual(self, x, skip):
         return self.clip(self.sums(x) + skip)

@@ -23,7 +23,7 @@ from model import Network
 
 SIZE = (192, 256)
 # From which part of the training on weights and activations are rounded.
-QUANTIZED_FROM = 0.6
+QUANTIZED_FROM = 0.3
 # Scenes in which semi-global matching fails at a larger share of the pixels are drawn less often, in inverse proportion.
 EASY = 0.1
 

@@ -76,7 +76,7 @@ def main():
         import scenes
         from train import examples
 
-        held_back = [example for _, example in examples(options.calibrate, scenes.HELD_BACK)]
+        held_back = [example for _, example in examples(options.calibrate, scenes.HELD_BACK)[::3]]
         data = data_of(network, calibrated(reference.Weights(data), held_back))
     options.output.write_bytes(data)
     print(options.output, len(data), "bytes")

@@ -55,11 +55,11 @@ class Weights:
         r = side // 2
         padded = np.pad(x, ((0, 0),) * (x.ndim - 3) + ((r, r), (r, r), (0, 0)))
         # Sums are below 2^24: float products of matrices are exact, and fast.
-        sums = np.zeros(x.shape[:-1] + (weights.shape[0],))
+        sums = np.zeros(x.shape[:-1] + (weights.shape[0],), np.float32)
         for dy in range(side):
             for dx in range(side):
-                part = padded[..., dy : dy + height, dx : dx + width, :].astype(np.float64)
-                sums += part @ weights[:, dy, dx].T.astype(np.float64)
+                part = padded[..., dy : dy + height, dx : dx + width, :].astype(np.float32)
+                sums += part @ weights[:, dy, dx].T.astype(np.float32)
         scaled = np.clip((sums.astype(np.int64) + bias) >> shift, -32768, 32767)
         return (scaled * multiplier + 16384) >> 15
 

@@ -52,6 +52,11 @@ impl Engine {
         self.simd.unwrap_or_else(|| Simd::fastest(search.num_disparities()))
     }
 
+    /// The vector instructions for work whose time does not depend on the number of disparities: the widest.
+    pub(crate) fn widest(&self) -> Simd {
+        self.simd.unwrap_or_else(|| Simd::available()[0])
+    }
+
     /// Checks that `frames` have the size and the views of `search`.
     ///
     /// # Errors

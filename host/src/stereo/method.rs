@@ -13,6 +13,7 @@ use super::{
         mccnn::{self, Network},
     },
     engine::Engine,
+    network::{DisparityNetwork, Inputs},
     optimization::{
         edge_aware::{EdgeAware, Penalties},
         graph_cuts::GraphCuts,
@@ -40,6 +41,7 @@ const PATCH_UNIT: f32 = 0.05;
 /// | `gc` | [`BirchfieldTomasi`](CostFunction::BirchfieldTomasi) | none | [`GraphCuts`](Optimizer::GraphCuts) |
 /// | `mccnn-fast` | [`McCnn`](CostFunction::McCnn) | none | [`EdgeAware`](Optimizer::EdgeAware) |
 /// | `mccnn-accurate` | [`McCnn`](CostFunction::McCnn) | [`Aggregation`] | [`EdgeAware`](Optimizer::EdgeAware) |
+/// | `net` | [`TwoScaleCensus`](CostFunction::TwoScaleCensus), and [`Census`](CostFunction::Census) besides | none | [`Network`](Optimizer::Network) |
 ///
 /// Other pairs work too: the census costs and those of Birchfield and Tomasi with winner-takes-all, and those of MC-CNN with
 /// winner-takes-all, with or without aggregation.
@@ -94,6 +96,8 @@ pub enum Optimizer {
     EdgeAware(Penalties),
     /// The labelling of least energy.
     GraphCuts(GraphCuts),
+    /// What a network makes of semi-global matching by the census at one scale and at two, in the window of 9 x 7 pixels.
+    Network(&'static DisparityNetwork),
 }
 
 impl Method {
@@ -107,6 +111,12 @@ impl Method {
         let census = Census::Window9x7;
         let optimizer = Optimizer::SemiGlobal(SemiGlobal::default_for(SemiGlobalCost::Census(census), views));
         Method::new(CostFunction::Census(census), None, optimizer)
+    }
+
+    /// The trained network.
+    pub fn net() -> Method {
+        let optimizer = Optimizer::Network(DisparityNetwork::trained());
+        Method::new(CostFunction::TwoScaleCensus(Census::Window9x7), None, optimizer)
     }
 
     /// The same method with a refinement.
@@ -151,12 +161,15 @@ impl Method {
         progress: &dyn Progress,
     ) -> Result<(DisparityMap, ConfidenceMap)> {
         let (map, evidence) = self.disparities_and_evidence(engine, frames, search, progress)?;
-        let confidences = confidence_map::confidences(&map, &evidence, self.confidence_table(), engine);
+        let confidences = match self.confidence_table() {
+            Some(table) => confidence_map::confidences(&map, &evidence, table, engine),
+            None => confidence_map::where_valid(&map, evidence),
+        };
         engine.pool().install(|| self.refinement.by_confidence(map, confidences, frames))
     }
 
     /// [`disparities`](Method::disparities), before refinements by confidence, and the evidence for them: see
-    /// [`ConfidenceTable`].
+    /// [`confidence_table`](Method::confidence_table).
     ///
     /// # Errors
     /// As [`disparities`](Method::disparities).
@@ -172,14 +185,18 @@ impl Method {
         Ok((map, evidence))
     }
 
-    /// The probabilities that disparities are right, by the evidence that this method gives.
-    pub fn confidence_table(&self) -> &'static ConfidenceTable {
+    /// The probabilities that disparities are right, by the evidence that this method gives. `None` if the evidence is this
+    /// probability, times 255.
+    pub fn confidence_table(&self) -> Option<&'static ConfidenceTable> {
         match (&self.cost, &self.optimizer) {
-            (_, Optimizer::GraphCuts(_)) => &confidence_map::GRAPH_CUTS,
-            (_, Optimizer::EdgeAware(_)) => &confidence_map::EDGE_AWARE,
-            (CostFunction::Census(_) | CostFunction::TwoScaleCensus(_), Optimizer::SemiGlobal(_)) => &confidence_map::CENSUS,
-            (_, Optimizer::SemiGlobal(_)) => &ConfidenceTable::SEMI_GLOBAL,
-            (_, Optimizer::WinnerTakesAll) => &ConfidenceTable::BLOCK_MATCHING,
+            (_, Optimizer::Network(_)) => None,
+            (_, Optimizer::GraphCuts(_)) => Some(&confidence_map::GRAPH_CUTS),
+            (_, Optimizer::EdgeAware(_)) => Some(&confidence_map::EDGE_AWARE),
+            (CostFunction::Census(_) | CostFunction::TwoScaleCensus(_), Optimizer::SemiGlobal(_)) => {
+                Some(&confidence_map::CENSUS)
+            }
+            (_, Optimizer::SemiGlobal(_)) => Some(&ConfidenceTable::SEMI_GLOBAL),
+            (_, Optimizer::WinnerTakesAll) => Some(&ConfidenceTable::BLOCK_MATCHING),
         }
     }
 
@@ -257,6 +274,19 @@ impl Method {
                 return Err(Error::Usage(
                     "the left-right check and the uniqueness ratio need matching costs, which graph cuts do not give".into(),
                 ));
+            }
+            (_, Optimizer::Network(_)) if self.refinement.needs_costs() => {
+                return Err(Error::Usage(
+                    "the left-right check and the uniqueness ratio need matching costs, which the network does not give".into(),
+                ));
+            }
+            (CostFunction::TwoScaleCensus(Census::Window9x7), Optimizer::Network(network)) if self.aggregation.is_none() => {
+                let inputs = Inputs::new(frames, search, engine, progress)?;
+                let (map, confidences) = network.disparities(inputs, search, engine);
+                if let Some(evidence) = evidence {
+                    *evidence = confidences;
+                }
+                map
             }
             (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) if self.aggregation.is_none() => {
                 let map = cuts.disparities(*cost, engine, frames, search, progress)?;
@@ -392,6 +422,7 @@ impl Method {
             Optimizer::SemiGlobal(_) => "semi-global matching",
             Optimizer::EdgeAware(_) => "edge-aware paths",
             Optimizer::GraphCuts(_) => "graph cuts",
+            Optimizer::Network(_) => "the network",
         };
         let aggregation = if self.aggregation.is_some() { ", cross-based aggregation" } else { "" };
         Error::Usage(format!("these steps do not go together: the {cost} cost{aggregation} and {optimizer}"))

@@ -39,6 +39,20 @@ pub fn confidences(map: &DisparityMap, evidence: &Raster<u8>, table: &Confidence
     confidences
 }
 
+/// Confidences, with 0 where `map` is invalid.
+///
+/// # Panics
+/// If the two differ in size.
+pub fn where_valid(map: &DisparityMap, mut confidences: ConfidenceMap) -> ConfidenceMap {
+    assert_eq!((confidences.width(), confidences.height()), (map.width(), map.height()), "the size of the confidences");
+    for (pixel, confidence) in map.pixels().iter().zip(confidences.pixels_mut()) {
+        if pixel.is_none() {
+            *confidence = 0;
+        }
+    }
+    confidences
+}
+
 /// The confidence of a probability from 0 to 1.
 pub fn of_probability(probability: f64) -> u8 {
     (255.0 * probability).round() as u8

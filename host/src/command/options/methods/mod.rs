@@ -30,11 +30,13 @@ pub enum MethodName {
     MccnnFast,
     /// MC-CNN with the accurate network.
     MccnnAccurate,
+    /// The network that is part of the program.
+    Net,
 }
 
 impl Named for MethodName {
     const ALL: &'static [MethodName] =
-        &[MethodName::Bm, MethodName::Gc, MethodName::Sgm, MethodName::MccnnFast, MethodName::MccnnAccurate];
+        &[MethodName::Bm, MethodName::Gc, MethodName::Sgm, MethodName::MccnnFast, MethodName::MccnnAccurate, MethodName::Net];
 
     fn name(&self) -> &'static str {
         match self {
@@ -43,6 +45,7 @@ impl Named for MethodName {
             MethodName::Sgm => "sgm",
             MethodName::MccnnFast => "mccnn-fast",
             MethodName::MccnnAccurate => "mccnn-accurate",
+            MethodName::Net => "net",
         }
     }
 
@@ -55,6 +58,9 @@ impl Named for MethodName {
                 "The least costs along paths, with costs by the fast MC-CNN network; its weights: `multiscopic weights install`"
             }
             MethodName::MccnnAccurate => "The same with the accurate network, which takes a hundred times as long",
+            MethodName::Net => {
+                "A small network that is part of the program: decides between semi-global matching at two scales, and repairs both"
+            }
         }
     }
 }
@@ -96,7 +102,7 @@ impl MethodOptions {
         match name {
             MethodName::Bm | MethodName::Gc => true,
             MethodName::Sgm => self.semi_global.has_blocks(),
-            MethodName::MccnnFast | MethodName::MccnnAccurate => false,
+            MethodName::MccnnFast | MethodName::MccnnAccurate | MethodName::Net => false,
         }
     }
 
@@ -124,6 +130,7 @@ impl MethodOptions {
             }
             MethodName::MccnnFast => mc_cnn(Architecture::Fast)?,
             MethodName::MccnnAccurate => mc_cnn(Architecture::Accurate)?,
+            MethodName::Net => Method::net(),
         };
         Ok(method.with_refinement(refinement.refinement(block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE))?))
     }

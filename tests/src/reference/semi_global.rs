@@ -115,7 +115,7 @@ impl SemiGlobal<'_> {
     }
 
     /// The sum of the path costs at each pixel and disparity; `None` where there is no candidate.
-    fn sums(&self) -> Vec<Vec<Option<i64>>> {
+    pub fn sums(&self) -> Vec<Vec<Option<i64>>> {
         let pixels: Vec<(i32, i32)> = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect();
         let costs = self.costs(&pixels);
         let mut sums: Vec<Vec<Option<i64>>> =
@@ -158,6 +158,11 @@ impl SemiGlobal<'_> {
             }
         }
         sums
+    }
+
+    /// The fused costs of all pixels at each disparity; `None` where there is no candidate.
+    pub fn all_costs(&self) -> Vec<Vec<Option<i64>>> {
+        self.costs(&(0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect::<Vec<_>>())
     }
 
     /// The fused costs of pixels at each disparity, as whole numbers from 0 to 127.

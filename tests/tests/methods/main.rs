@@ -5,5 +5,6 @@ mod cost_volumes;
 mod graph_cuts;
 mod lucas_kanade;
 mod many_views;
+mod network;
 mod pairs;
 mod sgm;

@@ -69,10 +69,13 @@ struct ImageLayers {
 }
 
 impl DisparityNetwork {
-    /// The network with the trained weights, which are part of the program.
+    /// The file with the trained weights, which is part of the program.
+    pub const TRAINED: &[u8] = include_bytes!("network.weights");
+
+    /// The network with the trained weights.
     pub fn trained() -> &'static DisparityNetwork {
         static TRAINED: LazyLock<DisparityNetwork> = LazyLock::new(|| {
-            DisparityNetwork::new(include_bytes!("network.weights")).expect("the file of trained weights is one")
+            DisparityNetwork::new(DisparityNetwork::TRAINED).expect("the file of trained weights is one")
         });
         &TRAINED
     }

@@ -1,0 +1,210 @@
+//! The network equals its reference on every bit, with every instruction set that this processor has and any number of threads.
+
+use multiscopic::{
+    Engine, Method, Raster, Simd,
+    stereo::{
+        Optimizer,
+        network::{DisparityNetwork, DotProducts, Inputs, Output, QuantizedLayer, Runs, Scale},
+        refinement::Refinement,
+    },
+};
+use multiscopic_core::{Disparity, Fusion as CoreFusion, Search, Views};
+use multiscopic_tests::{
+    reference::{self, Fusion, NetworkInputs},
+    split_mix::Random,
+    test_images::{
+        case::{Case, property, views},
+        view_set::ViewSet,
+    },
+};
+
+/// Engines with every instruction set, on one thread and on three.
+fn engines() -> Vec<Engine> {
+    let engines = Simd::available().into_iter().flat_map(|simd| [1, 3].map(|threads| Engine::new(Some(simd), threads)));
+    engines.collect::<Result<_, _>>().expect("threads")
+}
+
+/// The product's inputs with the same values.
+fn product_inputs(inputs: &NetworkInputs) -> Inputs {
+    let (width, height) = (inputs.width as usize, inputs.height as usize);
+    Inputs {
+        num_disparities: inputs.count as usize,
+        colors: Raster::new(width, height, inputs.colors.clone()),
+        winners: inputs.passes.each_ref().map(|pass| Raster::new(width, height, pass.clone())),
+        measures: Raster::new(width, height, inputs.measures.clone()),
+        volume: inputs.volume.clone(),
+        blocks: [inputs.padded_width(), inputs.padded_height()].map(|side| side as usize / 4),
+    }
+}
+
+/// Random inputs, which are not those of any image.
+fn random_inputs(random: &mut Random) -> NetworkInputs {
+    let [width, height] = [1 + random.below(40), 1 + random.below(40)];
+    let count = 1 + random.below([4, 20, 70][random.below(3)]);
+    let pixels = width * height;
+    let mut inputs = NetworkInputs {
+        width: width as i64,
+        height: height as i64,
+        count: count as i64,
+        colors: (0..pixels).map(|_| [random.byte(), random.byte(), random.byte()]).collect(),
+        passes: [0, 1].map(|_| (0..pixels).map(|_| random.below(64 * (count - 1) + 1) as u16).collect()),
+        measures: (0..pixels).map(|_| std::array::from_fn(|_| random.byte() / 2)).collect(),
+        volume: Vec::new(),
+    };
+    let blocks = (inputs.padded_width() * inputs.padded_height()) as usize / 16;
+    inputs.volume = (0..blocks * count).map(|_| std::array::from_fn(|_| random.byte() / 2)).collect();
+    inputs
+}
+
+/// A search of the size of `inputs`.
+fn search(inputs: &NetworkInputs, min_disparity: i16) -> Search {
+    let [width, height, count] = [inputs.width, inputs.height, inputs.count].map(|number| number as u16);
+    Search::new(width, height, Views::HORIZONTAL, CoreFusion::Min, min_disparity, count).expect("a small search")
+}
+
+/// Compares the network with the reference for these inputs.
+#[track_caller]
+fn assert_equal(file: &[u8], inputs: &NetworkInputs, engine: &Engine, min_disparity: i16) {
+    let network = DisparityNetwork::new(file).expect("a file of weights");
+    let search = search(inputs, min_disparity);
+    let (map, confidences) = network.disparities(product_inputs(inputs), &search, engine);
+    let expected = reference::DisparityNetwork::new(file).disparities(inputs);
+    let found = map.pixels().iter().zip(confidences.pixels()).map(|(pixel, &confidence)| {
+        let bits = pixel.expect("every pixel is valid").to_bits();
+        (i64::from(bits) - 64 * i64::from(min_disparity), confidence)
+    });
+    for (i, (found, expected)) in found.zip(expected).enumerate() {
+        let (x, y) = (i % search.width(), i / search.width());
+        let what = format!("{}x{}, {} disparities", inputs.width, inputs.height, inputs.count);
+        assert_eq!(found, expected, "({x}, {y}) of {what}, {} on {} threads", engine.simd(&search), engine.threads());
+    }
+}
+
+#[test]
+fn layers_are_direct_sums() {
+    let mut random = Random(1);
+    for case in 0..60 {
+        let (runs, length) = (1 + case % 3, 4 * (1 + random.below(30)));
+        let (outputs, count, stride) = (1 + random.below(70), 1 + random.below(40), 4 * (1 + random.below(6)));
+        // Every fourth layer has the largest sums.
+        let mut weight = || if case % 4 == 0 { [-127, 127][random.below(2)] } else { random.below(255) as i32 - 127 };
+        let weights: Vec<i8> = (0..runs * length * outputs).map(|_| weight() as i8).collect();
+        let outputs: Vec<Output> = (0..outputs)
+            .map(|_| Output {
+                bias: random.below(20_000) as i32 - 10_000,
+                scale: Scale { shift: random.below(17) as u8, multiplier: random.below(1 << 15) as u16 },
+            })
+            .collect();
+        let mut input = || if case % 4 == 0 { 127 } else { random.byte() / 2 };
+        let inputs: [Vec<u8>; 3] = [(); 3].map(|()| (0..length + (count - 1) * stride).map(|_| input()).collect());
+        let layer = QuantizedLayer::new(runs, length, &outputs, |i, output| weights[output * runs * length + i]);
+        let padded = layer.padded_outputs();
+        assert_eq!(padded, outputs.len().next_multiple_of(8));
+        let mut expected = vec![0; count * padded];
+        for (position, expected) in expected.chunks_mut(padded).enumerate() {
+            for (i, output) in outputs.iter().enumerate() {
+                let seen = inputs[..runs].iter().flat_map(|run| &run[position * stride..][..length]);
+                let products = seen.zip(&weights[i * runs * length..]).map(|(&x, &w)| i64::from(x) * i64::from(w));
+                let shifted = ((i64::from(output.bias) + products.sum::<i64>()) >> output.scale.shift).clamp(-32768, 32767);
+                expected[i] = ((shifted * i64::from(output.scale.multiplier) + 16384) >> 15) as i16;
+            }
+        }
+        for simd in Simd::available() {
+            let products = DotProducts::with(simd);
+            let mut found = vec![-1; count * padded];
+            let [first, second, third] = inputs.each_ref().map(Vec::as_slice);
+            match runs {
+                1 => layer.row(products, Runs { runs: [first], stride }, &mut found),
+                2 => layer.row(products, Runs { runs: [first, second], stride }, &mut found),
+                _ => layer.row(products, Runs { runs: [first, second, third], stride }, &mut found),
+            }
+            assert_eq!(found, expected, "{simd}: {runs} runs of {length}, {} outputs, {count} positions", outputs.len());
+        }
+    }
+}
+
+#[test]
+fn random_networks_equal_the_reference() {
+    let (mut random, engines) = (Random(2), engines());
+    for case in 0..24 {
+        let file = reference::DisparityNetwork::random_file(&mut random);
+        let inputs = random_inputs(&mut random);
+        assert_equal(&file, &inputs, &engines[case % engines.len()], random.below(20) as i16 - 10);
+    }
+}
+
+#[test]
+fn the_trained_network_equals_the_reference() {
+    let (mut random, engines) = (Random(3), engines());
+    let file = DisparityNetwork::TRAINED;
+    for engine in &engines {
+        assert_equal(file, &random_inputs(&mut random), engine, 1);
+    }
+    assert_eq!(*DisparityNetwork::trained(), DisparityNetwork::new(file).expect("a file of weights"));
+}
+
+/// What the network sees of images.
+fn of_images(images: &ViewSet, case: &Case) -> NetworkInputs {
+    NetworkInputs::of_images(images, case.fusion, case.min_disparity, case.num_disparities)
+}
+
+#[test]
+fn inputs_equal_the_reference() {
+    let engines = engines();
+    property(40, multiscopic_tests::test_images::case::cases(40_000, 12_000), |case: &Case| {
+        let images = case.images();
+        let offsets: Vec<(i32, i32)> = images.others.iter().map(|(offset, _)| *offset).collect();
+        let fusion = match case.fusion {
+            Fusion::Min => CoreFusion::Min,
+            Fusion::Mean => CoreFusion::Mean,
+            Fusion::Heuristic => CoreFusion::Heuristic,
+            Fusion::Half => CoreFusion::Half,
+        };
+        let (width, height) = (images.width as u16, images.height as u16);
+        let set = views(images.views.each_ref().map(Option::is_some), &offsets);
+        let search = Search::new(width, height, set, fusion, case.min_disparity as i16, case.num_disparities as u16);
+        let search = search.expect("a search of the case");
+        let engine = &engines[case.seed as usize % engines.len()];
+        let found = Inputs::new(&images.frames(), &search, engine, &()).expect("the frames fit the search");
+        assert_eq!(found, product_inputs(&of_images(&images, case)));
+        let method = Method { long_baselines: None, ..Method::net() };
+        let (map, confidences) =
+            method.disparities_and_confidences(engine, &images.frames(), &search, &()).expect("the frames fit the search");
+        let expected = DisparityNetwork::trained().disparities(found, &search, engine);
+        assert_eq!((map, confidences), expected);
+    });
+}
+
+#[test]
+fn damaged_weights_are_refused() {
+    let file = reference::DisparityNetwork::random_file(&mut Random(4));
+    let refused = |bytes: &[u8]| DisparityNetwork::new(bytes).expect_err("a damaged file").to_string();
+    assert!(refused(b"").contains("MSCNET01"));
+    assert!(refused(&[b"MSCNET02", &file[8..]].concat()).contains("MSCNET01"));
+    assert!(refused(&file[..file.len() - 1]).contains("1 bytes before the end"));
+    assert!(refused(&file[..1000]).contains("before the end"));
+    assert!(refused(&[&file[..], &[0]].concat()).contains("1 bytes too many"));
+    // The first layer has 48 inputs and 16 outputs: weights, biases, multipliers, shifts.
+    let with = |place: usize, bytes: &[u8]| [&file[..place], bytes, &file[place + bytes.len()..]].concat();
+    assert!(refused(&with(8 + 48 * 16, &[255, 255, 255, 127])).contains("a bias of 2147483647"));
+    assert!(refused(&with(8 + 52 * 16, &[0, 128])).contains("a multiplier of 32768"));
+    assert!(refused(&with(8 + 54 * 16, &[32])).contains("a shift of 32"));
+}
+
+#[test]
+fn checks_by_costs_are_refused() {
+    let case = Random(5).below(1);
+    let images = ViewSet { width: 8, height: 8, center: vec![case as u8; 64], views: [const { None }; 4], others: Vec::new() };
+    let images = ViewSet { views: [Some(vec![0; 64]), None, None, None], ..images };
+    let search = Search::new(8, 8, [multiscopic_core::View::LEFT].into_iter().collect(), CoreFusion::Min, 0, 4).expect("a search");
+    let engine = Engine::new(None, 1).expect("a thread");
+    for refinement in [
+        Refinement { uniqueness: Some(5), ..Refinement::NONE },
+        Refinement { left_right: Some(1), ..Refinement::NONE },
+    ] {
+        let method = Method::net().with_refinement(refinement);
+        assert!(matches!(method.optimizer, Optimizer::Network(_)));
+        let error = method.disparities(&engine, &images.frames(), &search, &()).expect_err("the network has no costs");
+        assert!(error.to_string().contains("which the network does not give"), "{error}");
+    }
+}

@@ -126,7 +126,7 @@ impl Method {
 
     /// Whether colours matter to it, where frames have them.
     pub fn needs_color(&self) -> bool {
-        self.cost.matches_color() || self.refinement.needs_color()
+        self.cost.matches_color() || self.refinement.needs_color() || matches!(self.optimizer, Optimizer::Network(_))
     }
 
     /// Estimates the disparities of the centre of `frames`, by the views of the shortest baseline first, if they are

@@ -197,7 +197,10 @@ impl DisparityNetwork {
         let layer = |(inputs, outputs): (usize, usize)| Layer {
             inputs,
             weights: take(inputs * outputs).into_iter().map(|weight| weight as i8).collect(),
-            biases: take(4 * outputs).chunks(4).map(|bytes| i32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])).collect(),
+            biases: take(4 * outputs)
+                .chunks(4)
+                .map(|bytes| i32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
+                .collect(),
             multipliers: take(2 * outputs).chunks(2).map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]])).collect(),
             shifts: take(outputs),
         };
@@ -290,10 +293,13 @@ impl DisparityNetwork {
             let all: i64 = weights.iter().sum();
             (weights.iter().zip(values).map(|(weight, value)| weight * value).sum::<i64>() + all / 2) / all
         };
-        let scores = |y: i64, x: i64, range: std::ops::Range<i64>| -> Vec<i64> { range.map(|c| outputs.at(0, y, x, c)).collect() };
+        let scores =
+            |y: i64, x: i64, range: std::ops::Range<i64>| -> Vec<i64> { range.map(|c| outputs.at(0, y, x, c)).collect() };
         let choices = Grid::new(1, height, width, 1, |_, y, x, _| {
             let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dy, dx)));
-            let of_block = |(dy, dx)| blocks.at(0, (y / 4 + dy).clamp(0, height / 4 - 1), (x / 4 + dx).clamp(0, width / 4 - 1), 0);
+            let of_block = |(dy, dx): (i64, i64)| {
+                blocks.at(0, (y / 4 + dy).clamp(0, height / 4 - 1), (x / 4 + dx).clamp(0, width / 4 - 1), 0)
+            };
             let block = mean(&scores(y, x, 20..29), &around.map(of_block).collect::<Vec<_>>());
             let [a, b] = inputs.winners(x, y);
             mean(&scores(y, x, 17..20), &[a, b, block])
@@ -304,7 +310,7 @@ impl DisparityNetwork {
         let mut found = Vec::new();
         for y in 0..inputs.height {
             for x in 0..inputs.width {
-                let choice = |(dy, dx)| choices.at(0, (y + dy).clamp(0, height - 1), (x + dx).clamp(0, width - 1), 0);
+                let choice = |(dy, dx): (i64, i64)| choices.at(0, (y + dy).clamp(0, height - 1), (x + dx).clamp(0, width - 1), 0);
                 let mixed = mean(&scores(y, x, 0..17), &neighbors.iter().copied().map(choice).collect::<Vec<_>>());
                 let disparity = (mixed + outputs.at(0, y, x, 29)).clamp(0, 64 * (inputs.count - 1));
                 found.push((disparity, self.confidences[(outputs.at(0, y, x, 30) + 128).clamp(0, 255) as usize]));

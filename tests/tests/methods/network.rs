@@ -8,12 +8,12 @@ use multiscopic::{
         refinement::Refinement,
     },
 };
-use multiscopic_core::{Disparity, Fusion as CoreFusion, Search, Views};
+use multiscopic_core::{Fusion as CoreFusion, Search, Views};
 use multiscopic_tests::{
     reference::{self, Fusion, NetworkInputs},
     split_mix::Random,
     test_images::{
-        case::{Case, property, views},
+        case::{Case, cases, property, views},
         view_set::ViewSet,
     },
 };
@@ -40,7 +40,8 @@ fn product_inputs(inputs: &NetworkInputs) -> Inputs {
 /// Random inputs, which are not those of any image.
 fn random_inputs(random: &mut Random) -> NetworkInputs {
     let [width, height] = [1 + random.below(40), 1 + random.below(40)];
-    let count = 1 + random.below([4, 20, 70][random.below(3)]);
+    let most = [4, 20, 70][random.below(3)];
+    let count = 1 + random.below(most);
     let pixels = width * height;
     let mut inputs = NetworkInputs {
         width: width as i64,
@@ -96,7 +97,7 @@ fn layers_are_direct_sums() {
             })
             .collect();
         let mut input = || if case % 4 == 0 { 127 } else { random.byte() / 2 };
-        let inputs: [Vec<u8>; 3] = [(); 3].map(|()| (0..length + (count - 1) * stride).map(|_| input()).collect());
+        let inputs = [(); 3].map(|()| (0..length + (count - 1) * stride).map(|_| input()).collect::<Vec<u8>>());
         let layer = QuantizedLayer::new(runs, length, &outputs, |i, output| weights[output * runs * length + i]);
         let padded = layer.padded_outputs();
         assert_eq!(padded, outputs.len().next_multiple_of(8));
@@ -151,7 +152,7 @@ fn of_images(images: &ViewSet, case: &Case) -> NetworkInputs {
 #[test]
 fn inputs_equal_the_reference() {
     let engines = engines();
-    property(40, multiscopic_tests::test_images::case::cases(40_000, 12_000), |case: &Case| {
+    property(40, cases(40_000, 12_000), |case: &Case| {
         let images = case.images();
         let offsets: Vec<(i32, i32)> = images.others.iter().map(|(offset, _)| *offset).collect();
         let fusion = match case.fusion {
@@ -193,15 +194,14 @@ fn damaged_weights_are_refused() {
 
 #[test]
 fn checks_by_costs_are_refused() {
-    let case = Random(5).below(1);
-    let images = ViewSet { width: 8, height: 8, center: vec![case as u8; 64], views: [const { None }; 4], others: Vec::new() };
-    let images = ViewSet { views: [Some(vec![0; 64]), None, None, None], ..images };
-    let search = Search::new(8, 8, [multiscopic_core::View::LEFT].into_iter().collect(), CoreFusion::Min, 0, 4).expect("a search");
+    let blank = vec![0; 64];
+    let views = [Some(blank.clone()), Some(blank.clone()), None, None];
+    let images = ViewSet { width: 8, height: 8, center: blank, views, others: Vec::new() };
+    let search = Search::new(8, 8, Views::HORIZONTAL, CoreFusion::Min, 0, 4).expect("a search");
     let engine = Engine::new(None, 1).expect("a thread");
-    for refinement in [
-        Refinement { uniqueness: Some(5), ..Refinement::NONE },
-        Refinement { left_right: Some(1), ..Refinement::NONE },
-    ] {
+    for refinement in
+        [Refinement { uniqueness: Some(5), ..Refinement::NONE }, Refinement { left_right: Some(1), ..Refinement::NONE }]
+    {
         let method = Method::net().with_refinement(refinement);
         assert!(matches!(method.optimizer, Optimizer::Network(_)));
         let error = method.disparities(&engine, &images.frames(), &search, &()).expect_err("the network has no costs");

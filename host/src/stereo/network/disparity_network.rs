@@ -74,9 +74,8 @@ impl DisparityNetwork {
 
     /// The network with the trained weights.
     pub fn trained() -> &'static DisparityNetwork {
-        static TRAINED: LazyLock<DisparityNetwork> = LazyLock::new(|| {
-            DisparityNetwork::new(DisparityNetwork::TRAINED).expect("the file of trained weights is one")
-        });
+        static TRAINED: LazyLock<DisparityNetwork> =
+            LazyLock::new(|| DisparityNetwork::new(DisparityNetwork::TRAINED).expect("the file of trained weights is one"));
         &TRAINED
     }
 

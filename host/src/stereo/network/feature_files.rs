@@ -66,7 +66,8 @@ mod tests {
     fn a_header_is_that_of_numpy() {
         // As `numpy.save` of numpy 2.4 writes it.
         let text = "{'descr': '<u2', 'fortran_order': False, 'shape': (2, 3, ), }";
-        let expected = [&b"\x93NUMPY\x01\x00\x76\x00"[..], text.as_bytes(), " ".repeat(117 - text.len()).as_bytes(), b"\n"].concat();
+        let expected =
+            [&b"\x93NUMPY\x01\x00\x76\x00"[..], text.as_bytes(), " ".repeat(117 - text.len()).as_bytes(), b"\n"].concat();
         assert_eq!(header(Number::U16, &[2, 3]), expected);
         assert_eq!(header(Number::U8, &[1000]).len() % 64, 0);
     }

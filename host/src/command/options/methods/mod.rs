@@ -132,6 +132,7 @@ impl MethodOptions {
             MethodName::MccnnAccurate => mc_cnn(Architecture::Accurate)?,
             MethodName::Net => Method::net(),
         };
-        Ok(method.with_refinement(refinement.refinement(block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE))?))
+        let block_size = block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
+        Ok(method.with_refinement(refinement.refinement(block_size, name == MethodName::Net)?))
     }
 }

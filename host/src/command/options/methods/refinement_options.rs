@@ -50,7 +50,7 @@ pub struct RefinementOptions {
     #[arg(long, value_name = "SIGMA,THRESHOLD", value_parser = point)]
     bilateral: Option<[f64; 2]>,
 
-    /// Sharpen disparities by up to half a pixel, after the filters above [default: none]
+    /// Sharpen disparities by up to half a pixel, after the filters above [default: none, lucas-kanade for net]
     #[arg(long, value_name = "STEP", value_parser = named::<SubPixelName>())]
     sub_pixel: Option<SubPixelName>,
 
@@ -92,17 +92,25 @@ impl Named for FillName {
 enum SubPixelName {
     /// By the gradients of all views.
     LucasKanade,
+    /// Not at all.
+    None,
 }
 
 impl Named for SubPixelName {
-    const ALL: &'static [SubPixelName] = &[SubPixelName::LucasKanade];
+    const ALL: &'static [SubPixelName] = &[SubPixelName::LucasKanade, SubPixelName::None];
 
     fn name(&self) -> &'static str {
-        "lucas-kanade"
+        match self {
+            SubPixelName::LucasKanade => "lucas-kanade",
+            SubPixelName::None => "none",
+        }
     }
 
     fn about(&self) -> &'static str {
-        "To where the grey values of all views fit those of the centre best, by their gradients"
+        match self {
+            SubPixelName::LucasKanade => "To where the grey values of all views fit those of the centre best, by their gradients",
+            SubPixelName::None => "Not at all",
+        }
     }
 }
 
@@ -112,15 +120,15 @@ impl RefinementOptions {
         self.texture_threshold.is_some()
     }
 
-    /// The refinement. Texture counts in blocks of `block_size`.
-    pub fn refinement(&self, block_size: u8) -> Result<Refinement> {
+    /// The refinement, with a sub-pixel step by default or not. Texture counts in blocks of `block_size`.
+    pub fn refinement(&self, block_size: u8, sharpens: bool) -> Result<Refinement> {
         let speckles = |window_size| Speckles { window_size, range: self.speckle_range };
         Ok(Refinement {
             uniqueness: self.uniqueness_ratio,
             texture: self.texture_threshold.map(|threshold| TextureThreshold { threshold, block_size }),
             speckles: self.speckle_window_size.map(speckles),
             left_right: self.disp12_max_diff,
-            sub_pixel: self.sub_pixel.map(|SubPixelName::LucasKanade| LucasKanade),
+            sub_pixel: self.sub_pixel.map_or(sharpens, |name| name == SubPixelName::LucasKanade).then_some(LucasKanade),
             median: self.median.map(Median::new).transpose()?,
             bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
             smoother: self.smooth.then_some(Smoother::DEFAULT),

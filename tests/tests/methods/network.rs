@@ -27,13 +27,15 @@ fn engines() -> Vec<Engine> {
 /// The product's inputs with the same values.
 fn product_inputs(inputs: &NetworkInputs) -> Inputs {
     let (width, height) = (inputs.width as usize, inputs.height as usize);
+    let (rows, columns) = (inputs.padded_height() as usize / 4, inputs.padded_width() as usize / 4);
+    let lines = (0..rows).flat_map(|row| (0..inputs.count as usize).map(move |index| index * rows + row));
     Inputs {
         num_disparities: inputs.count as usize,
         colors: Raster::new(width, height, inputs.colors.clone()),
         winners: inputs.passes.each_ref().map(|pass| Raster::new(width, height, pass.clone())),
         measures: Raster::new(width, height, inputs.measures.clone()),
-        volume: inputs.volume.clone(),
-        blocks: [inputs.padded_width(), inputs.padded_height()].map(|side| side as usize / 4),
+        volume: lines.flat_map(|line| &inputs.volume[line * columns..][..columns]).copied().collect(),
+        blocks: [columns, rows],
     }
 }
 

@@ -128,15 +128,15 @@ impl DisparityNetwork {
     fn first_volume(&self, inputs: &Inputs, volume: &[[u8; CHANNELS]], operations: Operations) -> Activations {
         let [columns, rows] = inputs.blocks;
         let guide = self.guide(inputs, operations);
-        let slices = inputs.num_disparities.next_multiple_of(DISPARITIES) / 2;
+        let count = inputs.num_disparities;
+        let slices = count.next_multiple_of(DISPARITIES) / 2;
         let bad = vec![Activations::MAX; columns * CHANNELS];
         let layer = &self.volume.first;
         operations.rows([slices, rows, columns], layer.outputs(), CHANNELS, Skip::Raw(&guide), |[slice, y]| {
-            let runs =
-                [2 * slice, 2 * slice + 1].map(|index| match volume.get((index as usize * rows + y as usize) * columns..) {
-                    Some(row) if !row.is_empty() => row[..columns].as_flattened(),
-                    _ => &bad,
-                });
+            let runs = [2 * slice, 2 * slice + 1].map(|index| match index as usize {
+                index if index < count => volume[(y as usize * count + index) * columns..][..columns].as_flattened(),
+                _ => &bad,
+            });
             (layer, runs)
         })
     }
@@ -179,7 +179,7 @@ impl DisparityNetwork {
             }
             let select = |(column, scores): (usize, &[i16])| {
                 let score = |index: usize| {
-                    let excess = excesses[(index * rows + row) * columns + column];
+                    let excess = excesses[(row * count + index) * columns + column];
                     i32::from(scores[index]) - i32::from(excess)
                 };
                 self.select_candidate((0..count).map(score))

@@ -14,12 +14,17 @@ impl Inputs {
         let (width, height, [columns, rows]) = (self.colors.width(), self.colors.height(), self.blocks);
         let winners = self.winners.iter().flat_map(|winners| winners.pixels()).flat_map(|d| d.to_le_bytes());
         let winners: Vec<u8> = winners.collect();
+        // In the file, rows of a disparity follow each other; in memory, disparities of a row.
+        let count = self.num_disparities;
+        let candidates = (0..count).flat_map(|index| (0..rows).map(move |row| row * count + index));
+        let volume: Vec<[u8; CHANNELS]> =
+            candidates.flat_map(|line| &self.volume[line * columns..][..columns]).copied().collect();
         output::write_folder(folder, |folder| {
             let write = |name: &str, number, shape: &[usize], data: &[u8]| write(&folder.join(name), number, shape, data);
             write("colors.npy", Number::U8, &[height, width, 3], self.colors.pixels().as_flattened())?;
             write("winners.npy", Number::U16, &[2, height, width], &winners)?;
             write("measures.npy", Number::U8, &[height, width, MEASURES], self.measures.pixels().as_flattened())?;
-            write("volume.npy", Number::U8, &[self.num_disparities, rows, columns, CHANNELS], self.volume.as_flattened())
+            write("volume.npy", Number::U8, &[count, rows, columns, CHANNELS], volume.as_flattened())
         })
     }
 }

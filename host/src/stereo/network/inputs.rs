@@ -1,6 +1,9 @@
 //! What the network sees of the images.
 
-use multiscopic_core::{Census, Disparity, Frame, Fusion, Search, SemiGlobalCost};
+use multiscopic_core::{
+    Census, Disparity, Frame, Fusion, Search, SemiGlobalCost,
+    kernel::{Kernel, Work},
+};
 use rayon::prelude::*;
 
 use crate::{
@@ -8,12 +11,10 @@ use crate::{
     images::{Frames, Raster},
     progress::Progress,
     stereo::{
-        cost::{CensusRows, Cost, CostRows, TwoScaleRows},
+        cost::{CensusRows, Cost, CostRows, TwoScaleRows, Volume},
         engine::Engine,
-        optimization::{
-            sgm::{Paths, SemiGlobal},
-            winner,
-        },
+        optimization::sgm::{Paths, SemiGlobal},
+        simd::Task,
     },
 };
 
@@ -52,8 +53,8 @@ pub struct Inputs {
     /// - three times the four costs of `a`, at most 126, then of `b`; 127 where no view sees it,
     /// - the excess of `a` in B.
     pub measures: Raster<[u8; MEASURES]>,
-    /// Candidates pooled over blocks of 4 x 4 pixels: for each disparity, an image of `blocks`. Pixels beyond the image are those of
-    /// its last row and column.
+    /// Candidates pooled over blocks of 4 x 4 pixels: row of blocks by row, and within it disparity by disparity. Pixels beyond the
+    /// image are those of its last row and column.
     ///
     /// - The sums of the four costs, in eighths rounded down; a cost is at most 63, which is that of a candidate which no view sees,
     /// - the mean, rounded down, and the least of the excesses in B, then in A.
@@ -99,12 +100,6 @@ impl Inputs {
         }
     }
 
-    /// The candidate nearest to the disparity of a pass.
-    fn nearest(&self, pass: usize, u: usize, v: usize) -> usize {
-        let steps = Disparity::STEPS as usize;
-        (usize::from(self.winners[pass].get(u, v)) + steps / 2) / steps
-    }
-
     /// Takes what a pass of semi-global matching gives.
     fn take_pass<R: CostRows<Cost = u8>>(
         &mut self,
@@ -122,90 +117,210 @@ impl Inputs {
         let sums = sums.expect("sums were asked for");
         let least = i32::from(search.min_disparity()) * i32::from(Disparity::STEPS);
         self.winners[pass] = map.map(|disparity| disparity.map_or(0, |d| (i32::from(d.to_bits()) - least) as u16));
-        for (v, row) in map.rows().enumerate() {
-            for (u, disparity) in row.iter().enumerate() {
-                let sums = &sums.pixel(u, v)[..self.num_disparities];
-                let margin = winner::best_two(search, sums).map_or(MOST, |([least, second], _)| excess(second, least));
-                let at_a = excess(sums[self.nearest(0, u, v)], least_of(sums));
-                let measures = &mut self.measures.row_mut(v)[u];
-                measures[pass] = if disparity.is_some() { margin } else { 0 };
-                if pass == 1 {
-                    measures[10] = at_a;
-                }
-            }
-        }
         let channel = if pass == 1 { 4 } else { 6 };
-        let excesses = |u: usize, v: usize, excesses: &mut [u8]| {
-            let sums = &sums.pixel(u, v)[..excesses.len()];
-            let least = least_of(sums);
-            excesses.iter_mut().zip(sums).for_each(|(to, &sum)| *to = excess(sum, least));
-        };
-        self.pool(engine, excesses, |candidate, sum, least| {
-            candidate[channel] = (sum / (BLOCK * BLOCK) as u16) as u8;
-            candidate[channel + 1] = least;
-        });
+        self.take_lines(
+            &PassLines { sums: &sums, count: search.num_disparities(), pass },
+            search,
+            engine,
+            |candidate, sum, least| {
+                candidate[channel] = (sum / (BLOCK * BLOCK) as u16) as u8;
+                candidate[channel + 1] = least;
+            },
+        );
     }
 
     /// Takes the costs of a kind.
     fn take_costs<R: CostRows<Cost = u8>>(&mut self, rows: &R, kind: usize, engine: &Engine) {
-        let costs = winner::collect(rows, engine, &());
-        for v in 0..self.colors.height() {
-            for u in 0..self.colors.width() {
-                for pass in [0, 1] {
-                    let cost = costs.pixel(u, v)[self.nearest(pass, u, v)];
-                    let measure = if cost == u8::NONE { MOST } else { cost.saturating_mul(3).min(MOST - 1) };
-                    self.measures.row_mut(v)[u][2 + 4 * pass + kind] = measure;
-                }
-            }
-        }
-        let bounded = |u: usize, v: usize, bounded: &mut [u8]| {
-            bounded.iter_mut().zip(costs.pixel(u, v)).for_each(|(to, &cost)| *to = cost.min(NONE_POOLED));
-        };
-        self.pool(engine, bounded, |candidate, sum, _| candidate[kind] = (sum / 8) as u8);
+        self.take_lines(&CostLines { rows, kind }, rows.search(), engine, |candidate, sum, _| candidate[kind] = (sum / 8) as u8);
     }
 
-    /// Pools values of all candidates over blocks. `values` gives those of the pixel `(u, v)`; `put` takes their sum and the least for
-    /// each candidate of the volume.
-    fn pool(
+    /// Takes the values of all lines, and pools them over blocks. `put` takes their sum and the least for each candidate of the volume.
+    fn take_lines<L: Lines>(
         &mut self,
+        lines: &L,
+        search: &Search,
         engine: &Engine,
-        values: impl Fn(usize, usize, &mut [u8]) + Sync,
-        put: impl Fn(&mut [u8; CHANNELS], u16, u8),
+        put: impl Fn(&mut [u8; CHANNELS], u16, u8) + Sync,
     ) {
-        let (width, height, count) = (self.colors.width(), self.colors.height(), self.num_disparities);
-        let [columns, rows] = self.blocks;
-        let pool_row = |row: usize| {
-            let mut pooled = vec![(0_u16, MOST); columns * count];
-            let mut of_pixel = vec![0; count];
-            for v in (BLOCK * row..BLOCK * (row + 1)).map(|v| v.min(height - 1)) {
-                for (column, pooled) in pooled.chunks_exact_mut(count).enumerate() {
-                    for u in (BLOCK * column..BLOCK * (column + 1)).map(|u| u.min(width - 1)) {
-                        values(u, v, &mut of_pixel);
-                        for ((sum, least), &value) in pooled.iter_mut().zip(&of_pixel) {
-                            (*sum, *least) = (*sum + u16::from(value), (*least).min(value));
-                        }
+        let ([columns, _], count, width) = (self.blocks, self.num_disparities, search.width());
+        let simd = engine.simd(search);
+        let stride = count.next_multiple_of(simd.lanes());
+        let mut measures = self.measures.pixels_mut().chunks_mut(BLOCK * width);
+        let rows: Vec<_> = self.volume.chunks_exact_mut(columns * count).map(|row| (measures.next(), row)).collect();
+        let winners = &self.winners;
+        let take_row = |scratch: &mut Scratch, (row, (measures, candidates)): (usize, (Option<&mut [_]>, &mut [_]))| {
+            scratch.resize(width, columns, stride);
+            let measures = measures.unwrap_or(&mut []);
+            simd.run(TakeRow { lines, search, winners, row, stride, measures, scratch });
+            for (column, (sums, least)) in scratch.sums.chunks_exact(stride).zip(scratch.least.chunks_exact(stride)).enumerate() {
+                for (index, (&sum, &least)) in sums.iter().zip(least).take(count).enumerate() {
+                    put(&mut candidates[index * columns + column], sum, least);
+                }
+            }
+        };
+        engine.pool().install(|| rows.into_par_iter().enumerate().for_each_init(Scratch::default, take_row));
+    }
+}
+
+/// Where values of candidates come from, line by line.
+trait Lines: Sync {
+    /// Computes the values of line `v`, `stride` for each pixel, and the measures by them, given the disparities of both passes in
+    /// this line.
+    fn line<I: Kernel>(
+        &self,
+        isa: I,
+        v: usize,
+        stride: usize,
+        winners: [&[u16]; 2],
+        measures: &mut [[u8; MEASURES]],
+        values: &mut [u8],
+    );
+}
+
+/// The excesses in a pass.
+struct PassLines<'a> {
+    sums: &'a Volume<u16>,
+    /// The number of disparities.
+    count: usize,
+    pass: usize,
+}
+
+impl Lines for PassLines<'_> {
+    #[inline(always)]
+    fn line<I: Kernel>(
+        &self,
+        _isa: I,
+        v: usize,
+        stride: usize,
+        winners: [&[u16]; 2],
+        measures: &mut [[u8; MEASURES]],
+        values: &mut [u8],
+    ) {
+        for (u, values) in values.chunks_exact_mut(stride).enumerate() {
+            let (sums, values) = (&self.sums.pixel(u, v)[..self.count], &mut values[..self.count]);
+            let least = sums.iter().copied().fold(u16::NONE, u16::min);
+            // Sums are far below that of a candidate which does not exist, so its excess is the most possible. If none exists, all are.
+            let base = if least == u16::NONE { 0 } else { least };
+            for (value, &sum) in values.iter_mut().zip(sums) {
+                *value = ((sum - base) / 8).min(MOST.into()) as u8;
+            }
+            let best = sums.iter().position(|&sum| sum == least).unwrap_or_default();
+            let before = &values[..best.saturating_sub(1)];
+            let after = values.get(best + 2..).unwrap_or_default();
+            let margin = before.iter().chain(after).copied().fold(MOST, u8::min);
+            measures[u][self.pass] = if least == u16::NONE { 0 } else { margin };
+            if self.pass == 1 {
+                measures[u][10] = values[nearest(winners[0][u])];
+            }
+        }
+    }
+}
+
+/// The costs of a kind.
+struct CostLines<'a, R> {
+    rows: &'a R,
+    kind: usize,
+}
+
+impl<R: CostRows<Cost = u8>> Lines for CostLines<'_, R> {
+    #[inline(always)]
+    fn line<I: Kernel>(
+        &self,
+        isa: I,
+        v: usize,
+        stride: usize,
+        winners: [&[u16]; 2],
+        measures: &mut [[u8; MEASURES]],
+        values: &mut [u8],
+    ) {
+        self.rows.row(isa, v, stride, values);
+        for (u, values) in values.chunks_exact_mut(stride).enumerate() {
+            for (pass, winners) in winners.iter().enumerate() {
+                let cost = values[nearest(winners[u])];
+                let measure = if cost == u8::NONE { MOST } else { cost.saturating_mul(3).min(MOST - 1) };
+                measures[u][2 + 4 * pass + self.kind] = measure;
+            }
+            values.iter_mut().for_each(|cost| *cost = (*cost).min(NONE_POOLED));
+        }
+    }
+}
+
+/// The candidate nearest to a disparity.
+fn nearest(disparity: u16) -> usize {
+    let steps = Disparity::STEPS as usize;
+    (usize::from(disparity) + steps / 2) / steps
+}
+
+/// What a thread needs for a row of blocks.
+#[derive(Default)]
+struct Scratch {
+    /// The values of a line.
+    values: Vec<u8>,
+    /// Measures of lines beyond the image.
+    measures: Vec<[u8; MEASURES]>,
+    /// The sums of values, and the least, for each candidate of each block.
+    sums: Vec<u16>,
+    least: Vec<u8>,
+}
+
+impl Scratch {
+    /// Makes room for a row, with nothing in it yet.
+    fn resize(&mut self, width: usize, columns: usize, stride: usize) {
+        self.values.resize(width * stride, 0);
+        self.measures.resize(width, [0; MEASURES]);
+        self.sums.clear();
+        self.sums.resize(columns * stride, 0);
+        self.least.clear();
+        self.least.resize(columns * stride, MOST);
+    }
+}
+
+/// Takes the lines of a row of blocks.
+struct TakeRow<'a, L> {
+    lines: &'a L,
+    search: &'a Search,
+    winners: &'a [Raster<u16>; 2],
+    row: usize,
+    stride: usize,
+    /// Those of its pixels, without those beyond the image.
+    measures: &'a mut [[u8; MEASURES]],
+    scratch: &'a mut Scratch,
+}
+
+impl<L: Lines> Task for TakeRow<'_, L> {
+    type Output = ();
+
+    fn run<I: Kernel>(self, isa: I) {
+        isa.compiled(TakeRowWith { isa, task: self });
+    }
+}
+
+/// The same with an instruction set.
+struct TakeRowWith<'a, I, L> {
+    isa: I,
+    task: TakeRow<'a, L>,
+}
+
+impl<I: Kernel, L: Lines> Work for TakeRowWith<'_, I, L> {
+    #[inline(always)]
+    fn run(self) {
+        let TakeRow { lines, search, winners, row, stride, measures, scratch } = self.task;
+        let Scratch { values, measures: beyond, sums, least } = scratch;
+        let (width, height) = (search.width(), search.height());
+        let mut measures = measures.chunks_exact_mut(width);
+        for v in (BLOCK * row..BLOCK * (row + 1)).map(|v| v.min(height - 1)) {
+            let winners = winners.each_ref().map(|winners| winners.row(v));
+            lines.line(self.isa, v, stride, winners, measures.next().unwrap_or(beyond), values);
+            let blocks = sums.chunks_exact_mut(stride).zip(least.chunks_exact_mut(stride));
+            for (column, (sums, least)) in blocks.enumerate() {
+                for u in (BLOCK * column..BLOCK * (column + 1)).map(|u| u.min(width - 1)) {
+                    let values = &values[u * stride..][..stride];
+                    for ((sum, least), &value) in sums.iter_mut().zip(&mut *least).zip(values) {
+                        *sum += u16::from(value);
+                        *least = (*least).min(value);
                     }
                 }
             }
-            pooled
-        };
-        let pooled: Vec<_> = engine.pool().install(|| (0..rows).into_par_iter().map(pool_row).collect());
-        for (row, pooled) in pooled.iter().enumerate() {
-            for (column, pooled) in pooled.chunks_exact(count).enumerate() {
-                for (index, &(sum, least)) in pooled.iter().enumerate() {
-                    put(&mut self.volume[(index * rows + row) * columns + column], sum, least);
-                }
-            }
         }
     }
-}
-
-/// The least sum of a pixel.
-fn least_of(sums: &[u16]) -> u16 {
-    sums.iter().copied().min().unwrap_or(u16::NONE)
-}
-
-/// What a sum has above the least one, in the units of [`Inputs`].
-fn excess(sum: u16, least: u16) -> u8 {
-    if sum == u16::NONE { MOST } else { ((sum - least) / 8).min(MOST.into()) as u8 }
 }

@@ -15,7 +15,12 @@ struct Shared {
     reason: &'static str,
 }
 
-const SHARED_MODULES: [Shared; 7] = [
+const SHARED_MODULES: [Shared; 8] = [
+    Shared {
+        name: "network",
+        places: &["host/src/stereo/"],
+        reason: "the networks of MC-CNN give costs, the method's own disparities",
+    },
     Shared { name: "parameters", places: &["host/src/stereo/"], reason: "each method has its own" },
     Shared { name: "error", places: &[""], reason: "each crate and room has its own errors" },
     Shared {

@@ -1,11 +1,8 @@
 //! Reference for what the network sees of images: its definition pixel by pixel.
 
-use crate::{
-    reference::{
-        Fusion, fixed,
-        semi_global::{Cost, PATHS, SemiGlobal},
-    },
-    test_images::view_set::ViewSet,
+use crate::reference::{
+    Fusion, fixed,
+    semi_global::{Cost, PATHS, SemiGlobal},
 };
 
 /// What the network sees of images.
@@ -28,18 +25,17 @@ pub struct NetworkInputs {
 }
 
 impl NetworkInputs {
-    /// Those of images without colours, in a search by a fusion rule.
-    pub fn of_images(images: &ViewSet, fusion: Fusion, min_disparity: i32, count: i32) -> NetworkInputs {
-        let (width, height) = (images.width, images.height);
-        let matched = |fusion, cost| {
-            let sgm = images.semi_global(fusion, min_disparity, count, cost, [8, 48]);
-            SemiGlobal { paths: PATHS.to_vec(), ..sgm }
-        };
+    /// Those of images without colours. Of the parameters of `images`, only those of the search count.
+    pub fn of_images(images: &SemiGlobal) -> NetworkInputs {
+        let (width, height) = (images.width as usize, images.height as usize);
+        let (min_disparity, count) = (images.min_disparity, images.num_disparities);
+        let matched = |fusion, cost| SemiGlobal { fusion, cost, paths: PATHS.to_vec(), p2_edge: Some(10), ..images.clone() };
         let costs_of = [Cost::Census(4, 3), Cost::TwoScaleCensus(4, 3)];
-        let penalties = if images.view_count() >= 5 { [5, 30] } else { [8, 48] };
+        let views = images.views.iter().flatten().count() + images.others.len();
+        let penalties = if views >= 5 { [5, 30] } else { [8, 48] };
         let passes = costs_of.map(|cost| {
             let [p1, p2] = penalties;
-            SemiGlobal { p1, p2, ..matched(fusion, cost) }
+            SemiGlobal { p1, p2, ..matched(images.fusion, cost) }
         });
         let sums = passes.each_ref().map(SemiGlobal::sums);
         let winners = passes.each_ref().map(|pass| {

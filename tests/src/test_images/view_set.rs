@@ -90,11 +90,6 @@ impl ViewSet {
         }
     }
 
-    /// The number of views.
-    pub fn view_count(&self) -> usize {
-        self.views.iter().flatten().count() + self.others.len()
-    }
-
     /// The rectangle of `width` x `height` pixels at `(left, top)`.
     pub fn crop(&self, left: usize, top: usize, width: usize, height: usize) -> ViewSet {
         let cut = |image: &Vec<u8>| {

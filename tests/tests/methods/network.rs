@@ -1,7 +1,8 @@
 //! The network equals its reference on every bit, with every instruction set that this processor has and any number of threads.
 
 use multiscopic::{
-    Engine, Method, Raster, Simd,
+    Engine, Method, Metrics, Raster, Simd,
+    scene::RandomScene,
     stereo::{
         Optimizer,
         network::{DisparityNetwork, DotProducts, Inputs, Output, QuantizedLayer, Runs, Scale},
@@ -10,7 +11,7 @@ use multiscopic::{
 };
 use multiscopic_core::{Fusion as CoreFusion, Search, Views};
 use multiscopic_tests::{
-    reference::{self, Fusion, NetworkInputs},
+    reference::{self, Fusion, NetworkInputs, semi_global::Cost},
     split_mix::Random,
     test_images::{
         case::{Case, cases, property, views},
@@ -146,16 +147,12 @@ fn the_trained_network_equals_the_reference() {
     assert_eq!(*DisparityNetwork::trained(), DisparityNetwork::new(file).expect("a file of weights"));
 }
 
-/// What the network sees of images.
-fn of_images(images: &ViewSet, case: &Case) -> NetworkInputs {
-    NetworkInputs::of_images(images, case.fusion, case.min_disparity, case.num_disparities)
-}
-
 #[test]
 fn inputs_equal_the_reference() {
     let engines = engines();
     property(40, cases(40_000, 12_000), |case: &Case| {
         let images = case.images();
+        let sgm = images.semi_global(case.fusion, case.min_disparity, case.num_disparities, Cost::Census(4, 3), [8, 48]);
         let offsets: Vec<(i32, i32)> = images.others.iter().map(|(offset, _)| *offset).collect();
         let fusion = match case.fusion {
             Fusion::Min => CoreFusion::Min,
@@ -169,7 +166,7 @@ fn inputs_equal_the_reference() {
         let search = search.expect("a search of the case");
         let engine = &engines[case.seed as usize % engines.len()];
         let found = Inputs::new(&images.frames(), &search, engine, &()).expect("the frames fit the search");
-        assert_eq!(found, product_inputs(&of_images(&images, case)));
+        assert_eq!(found, product_inputs(&NetworkInputs::of_images(&sgm)));
         let method = Method { long_baselines: None, ..Method::net() };
         let (map, confidences) =
             method.disparities_and_confidences(engine, &images.frames(), &search, &()).expect("the frames fit the search");
@@ -209,4 +206,22 @@ fn checks_by_costs_are_refused() {
         let error = method.disparities(&engine, &images.frames(), &search, &()).expect_err("the network has no costs");
         assert!(error.to_string().contains("which the network does not give"), "{error}");
     }
+}
+
+#[test]
+fn the_trained_network_beats_semi_global_matching() {
+    let engine = Engine::new(None, 0).expect("threads");
+    let sgm = Method::census_sgm(2);
+    let mut errors = [0.0; 2];
+    // Scenes of a seed that is neither trained nor selected with.
+    for number in 0..3 {
+        let shot = RandomScene::new(1_000_003, number, [256, 192]).render(Views::HORIZONTAL);
+        let search = Search::new(256, 192, Views::HORIZONTAL, CoreFusion::Min, 1, 32).expect("a search");
+        for (method, errors) in [&sgm, &Method::net()].into_iter().zip(&mut errors) {
+            let map = method.disparities(&engine, &shot.color_frames(), &search, &()).expect("the frames fit the search");
+            *errors += Metrics::new(&map, &shot.truth).expect("the truth is known").avg_err / 3.0;
+        }
+    }
+    let [sgm, net] = errors;
+    assert!(net < 0.7 * sgm, "a mean error of {net} pixels, of {sgm} by semi-global matching");
 }

@@ -115,7 +115,7 @@ impl Inputs {
         let center = frames.get(Frame::Center).expect("every set of frames has a centre");
         let (map, sums) = sgm.optimize(rows, center, engine, true, None, progress);
         let sums = sums.expect("sums were asked for");
-        let least = i32::from(search.min_disparity()) * i32::from(Disparity::STEPS);
+        let least = i32::from(search.min_disparity()) * Disparity::STEPS;
         self.winners[pass] = map.map(|disparity| disparity.map_or(0, |d| (i32::from(d.to_bits()) - least) as u16));
         let channel = if pass == 1 { 4 } else { 6 };
         self.take_lines(

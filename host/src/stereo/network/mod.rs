@@ -6,7 +6,7 @@
 //! | room | what it is |
 //! | --- | --- |
 //! | [`Inputs`] | what the network sees of the images: the results of both passes, and the costs |
-//! | [`dot_products`] | sums of products of bytes, with the vector instructions for them |
+//! | [`DotProducts`] | sums of products of bytes, with the vector instructions for them |
 //! | [`QuantizedLayer`] | a layer of the network |
 //! | [`Activations`], `operations` | what goes from layer to layer, and how |
 //! | `block_disparities` | the disparities of blocks, by the costs |
@@ -17,7 +17,7 @@
 mod activations;
 mod block_disparities;
 mod disparity_network;
-pub mod dot_products;
+mod dot_products;
 mod exponentials;
 mod feature_files;
 mod inputs;

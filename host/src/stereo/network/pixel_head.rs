@@ -77,8 +77,8 @@ impl PixelHead<'_> {
             }
         });
 
-        let least = i32::from(search.min_disparity()) * i32::from(Disparity::STEPS);
-        let most = i32::from(Disparity::STEPS) * (search.num_disparities() as i32 - 1);
+        let least = i32::from(search.min_disparity()) * Disparity::STEPS;
+        let most = Disparity::STEPS * (search.num_disparities() as i32 - 1);
         let mut map = DisparityMap::filled(search.width(), search.height(), None);
         let mut confidences = Raster::filled(search.width(), search.height(), 0);
         let lines = map.pixels_mut().par_chunks_exact_mut(search.width());

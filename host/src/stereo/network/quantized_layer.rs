@@ -46,7 +46,7 @@ pub struct Runs<'a, const RUNS: usize> {
 
 /// A layer with its weights, arranged for [`DotProducts`].
 ///
-/// Outputs are computed in panels of [`PANEL`]. If 8 or fewer are left, the last panel is a narrow one of 8.
+/// Outputs are computed in panels of 16. If 8 or fewer are left, the last panel is a narrow one of 8.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QuantizedLayer {
     run_length: usize,

@@ -1,6 +1,6 @@
 //! Sums of products of bytes, with the vector instructions for them.
 //!
-//! A [`Panel`] computes the sums of 8 or 16 outputs together. In each step it adds the products of 4 inputs with their weights to
+//! A *panel* computes the sums of 8 or 16 outputs together. In each step it adds the products of 4 inputs with their weights to
 //! each output. Inputs are at most 127, so that all instructions give the same sums: two products never exceed 16 bits.
 //!
 //! | room | what it is |

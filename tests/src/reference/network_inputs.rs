@@ -16,7 +16,8 @@ pub struct NetworkInputs {
     pub count: i64,
     /// The colours of pixels.
     pub colors: Vec<[u8; 3]>,
-    /// The disparities of the first and the second pass of semi-global matching, in 64ths from the least of the search on.
+    /// The disparities of the first and the second pass of semi-global matching, in 64ths from the least of the search
+    /// on.
     pub passes: [Vec<u16>; 2],
     /// The measures of pixels.
     pub measures: Vec<[u8; 11]>,

@@ -1,4 +1,5 @@
-//! The network equals its reference on every bit, with every instruction set that this processor has and any number of threads.
+//! The network equals its reference on every bit, with every instruction set that this processor has and any number of
+//! threads.
 
 use multiscopic::{
     Engine, Method, Metrics, Raster, Simd,

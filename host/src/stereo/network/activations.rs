@@ -2,10 +2,11 @@
 
 use rayon::prelude::*;
 
-/// Activations of cells in slices, which have rows. An image is one slice; a volume of costs has one for each few disparities.
+/// Activations of cells in slices, which have rows. An image is one slice; a volume of costs has one for every few
+/// disparities.
 ///
-/// The channels of a cell lie side by side, padded with zeros to a multiple of 4, then the cells of a row, with a cell of zeros
-/// at either end. So a convolution of 3x3 cells reads its inputs in three runs.
+/// The channels of a cell lie side by side, padded with zeros to a multiple of 4, then the cells of a row, with a cell
+/// of zeros at either end. So a convolution of 3x3 cells reads its inputs in three runs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Activations {
     slices: usize,

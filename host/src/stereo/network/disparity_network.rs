@@ -28,9 +28,9 @@ const DISPARITIES: usize = 8;
 
 /// The network with its weights.
 ///
-/// Its *volume part* is an hourglass over the pooled candidates of [`Inputs`], two disparities in a slice. It finds a disparity for each
-/// block. Its *image part* is an hourglass over the pixels. It chooses between the disparities of both passes of semi-global matching
-/// and of the blocks around, mixes those of neighbours, and adds a correction.
+/// Its *volume part* is an hourglass over the pooled candidates of [`Inputs`], two disparities in a slice. It finds a
+/// disparity for each block. Its *image part* is an hourglass over the pixels. It chooses between the disparities of
+/// both passes of semi-global matching and of the blocks around, mixes those of neighbours, and adds a correction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DisparityNetwork {
     guide: [QuantizedLayer; 2],
@@ -94,8 +94,8 @@ impl DisparityNetwork {
         Ok(DisparityNetwork { guide, volume, image, exponentials, confidences })
     }
 
-    /// The disparities of a search with these inputs, and the probabilities that they are at most a pixel off, times 255. Every pixel
-    /// has one.
+    /// The disparities of a search with these inputs, and the probabilities that they are at most a pixel off, times
+    /// 255. Every pixel has one.
     pub fn disparities(&self, mut inputs: Inputs, search: &Search, engine: &Engine) -> (DisparityMap, Raster<u8>) {
         let operations = Operations { products: DotProducts::with(engine.widest()) };
         engine.pool().install(|| {
@@ -160,8 +160,8 @@ impl DisparityNetwork {
         operations.convolve_raw(second, &hidden)
     }
 
-    /// Selects a disparity for each block: its candidate of the greatest score, which is the output of the last layer less the mean
-    /// excess in B.
+    /// Selects a disparity for each block: its candidate of the greatest score, which is the output of the last layer
+    /// less the mean excess in B.
     fn volume_head(&self, inputs: &Inputs, excesses: &[u8], fine: &Activations, operations: Operations) -> BlockDisparities {
         let layer = &self.volume.last;
         let ([columns, rows], count) = (inputs.blocks, inputs.num_disparities);

@@ -18,8 +18,8 @@ impl Exponentials {
         self.0[usize::from(below)].into()
     }
 
-    /// The mean of values, rounded, each weighted by how far its score is [below](Exponentials::below) the greatest, if one is the
-    /// greatest.
+    /// The mean of values, rounded, each weighted by how far its score is [below](Exponentials::below) the greatest, if
+    /// one is the greatest.
     pub fn mean(&self, values: impl Iterator<Item = (u8, u16)>) -> u16 {
         let (weights, sum) = values.fold((0, 0), |(weights, sum), (below, value)| {
             let weight = self.weight(below);

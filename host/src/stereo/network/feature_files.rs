@@ -6,7 +6,8 @@ use super::inputs::{CHANNELS, Inputs, MEASURES};
 use crate::{error::Result, files::output};
 
 impl Inputs {
-    /// Writes a folder with an array for each part of the inputs: `colors.npy`, `winners.npy`, `measures.npy` and `volume.npy`.
+    /// Writes a folder with an array for each part of the inputs: `colors.npy`, `winners.npy`, `measures.npy` and
+    /// `volume.npy`.
     ///
     /// # Errors
     /// As [`output::write_folder`].

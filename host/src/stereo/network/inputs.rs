@@ -33,9 +33,9 @@ const NONE_POOLED: u8 = 63;
 
 /// What the network sees of the images: whole numbers, whose meaning does not depend on the number of views.
 ///
-/// Two passes of semi-global matching along eight paths, with the census in its usual window, give disparities and sums of path costs:
-/// A by [`CensusRows`], and B by [`TwoScaleRows`]. The *excess* of a candidate is what its sum has above the least sum of the pixel, in
-/// eighths rounded down, at most 127; that of a candidate which no view sees is 127.
+/// Two passes of semi-global matching along eight paths, with the census in its usual window, give disparities and sums
+/// of path costs: A by [`CensusRows`], and B by [`TwoScaleRows`]. The *excess* of a candidate is what its sum has above
+/// the least sum of the pixel, in eighths rounded down, at most 127; that of a candidate which no view sees is 127.
 ///
 /// There are four matching costs: those of A fused by their least and by their mean over all views, then those of B.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,15 +48,16 @@ pub struct Inputs {
     pub winners: [Raster<u16>; 2],
     /// What is known of these two disparities, to the nearest candidates `a` and `b`:
     ///
-    /// - the margins of A and B: the excess of the best candidate that is more than one disparity from the winner; 127 if there is
-    ///   none, 0 where no view sees a candidate,
+    /// - the margins of A and B: the excess of the best candidate that is more than one disparity from the winner; 127
+    ///   if there is none, 0 where no view sees a candidate,
     /// - three times the four costs of `a`, at most 126, then of `b`; 127 where no view sees it,
     /// - the excess of `a` in B.
     pub measures: Raster<[u8; MEASURES]>,
-    /// Candidates pooled over blocks of 4 x 4 pixels: row of blocks by row, and within it disparity by disparity. Pixels beyond the
-    /// image are those of its last row and column.
+    /// Candidates pooled over blocks of 4 x 4 pixels: row of blocks by row, and within it disparity by disparity.
+    /// Pixels beyond the image are those of its last row and column.
     ///
-    /// - The sums of the four costs, in eighths rounded down; a cost is at most 63, which is that of a candidate which no view sees,
+    /// - The sums of the four costs, in eighths rounded down; a cost is at most 63, which is that of a candidate which
+    ///   no view sees,
     /// - the mean, rounded down, and the least of the excesses in B, then in A.
     pub volume: Vec<[u8; CHANNELS]>,
     /// The width and the height of the pooled images: multiples of four blocks.
@@ -134,7 +135,8 @@ impl Inputs {
         self.take_lines(&CostLines { rows, kind }, rows.search(), engine, |candidate, sum, _| candidate[kind] = (sum / 8) as u8);
     }
 
-    /// Takes the values of all lines, and pools them over blocks. `put` takes their sum and the least for each candidate of the volume.
+    /// Takes the values of all lines, and pools them over blocks. `put` takes their sum and the least for each
+    /// candidate of the volume.
     fn take_lines<L: Lines>(
         &mut self,
         lines: &L,
@@ -164,8 +166,8 @@ impl Inputs {
 
 /// Where values of candidates come from, line by line.
 trait Lines: Sync {
-    /// Computes the values of line `v`, `stride` for each pixel, and the measures by them, given the disparities of both passes in
-    /// this line.
+    /// Computes the values of line `v`, `stride` for each pixel, and the measures by them, given the disparities of
+    /// both passes in this line.
     fn line<I: Kernel>(
         &self,
         isa: I,
@@ -199,7 +201,8 @@ impl Lines for PassLines<'_> {
         for (u, values) in values.chunks_exact_mut(stride).enumerate() {
             let (sums, values) = (&self.sums.pixel(u, v)[..self.count], &mut values[..self.count]);
             let least = sums.iter().copied().fold(u16::NONE, u16::min);
-            // Sums are far below that of a candidate which does not exist, so its excess is the most possible. If none exists, all are.
+            // Sums are far below that of a candidate which does not exist, so its excess is the most possible. If none
+            // exists, all are.
             let base = if least == u16::NONE { 0 } else { least };
             for (value, &sum) in values.iter_mut().zip(sums) {
                 *value = ((sum - base) / 8).min(MOST.into()) as u8;

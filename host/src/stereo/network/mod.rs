@@ -1,7 +1,7 @@
 //! A small network that decides between two passes of semi-global matching, and repairs where both fail.
 //!
-//! All of its numbers are whole: activations and weights of 8 bits, sums of 32. So it has the same bits with any instructions and any
-//! number of threads.
+//! All of its numbers are whole: activations and weights of 8 bits, sums of 32. So it has the same bits with any
+//! instructions and any number of threads.
 //!
 //! | room | what it is |
 //! | --- | --- |

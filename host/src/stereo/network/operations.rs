@@ -85,8 +85,8 @@ impl Operations {
         })
     }
 
-    /// Products of the channels of each cell, which give an image of twice the size. Those of `layers` give the upper and the
-    /// lower row, two cells beside each other at a time.
+    /// Products of the channels of each cell, which give an image of twice the size. Those of `layers` give the upper
+    /// and the lower row, two cells beside each other at a time.
     pub fn double_image(self, layers: &[QuantizedLayer; 2], input: &Activations, skip: &Activations) -> Activations {
         self.rows(skip.size(), skip.channels(), input.cell(), Skip::Activations(skip), |[slice, y]| {
             (&layers[y as usize % 2], [input.row(slice, y / 2)])
@@ -100,8 +100,8 @@ impl Operations {
         })
     }
 
-    /// Activations of `size`, row by row. `of_row` gives the layer and the inputs of a row in a slice, `stride` bytes for each
-    /// position.
+    /// Activations of `size`, row by row. `of_row` gives the layer and the inputs of a row in a slice, `stride` bytes
+    /// for each position.
     pub fn rows<'a, const RUNS: usize>(
         self,
         size: [usize; 3],
@@ -147,8 +147,8 @@ impl Operations {
     }
 }
 
-/// Clamps the outputs of a layer, `count` at each position, to activations. What `skip` gives for each four of them is added
-/// before. The outputs of a position are padded to `stride`.
+/// Clamps the outputs of a layer, `count` at each position, to activations. What `skip` gives for each four of them is
+/// added before. The outputs of a position are padded to `stride`.
 fn clamp(values: &[i16], stride: usize, out: &mut [u8], count: usize, skip: impl Fn(usize) -> [i16; 4]) {
     let groups = count / 4;
     for (position, (values, out)) in values.chunks_exact(stride).zip(out.chunks_exact_mut(count)).enumerate() {

@@ -15,7 +15,8 @@ pub struct PixelChannels<'a> {
 }
 
 impl PixelChannels<'_> {
-    /// Computes the channels of a row of the padded image. Pixels beyond the images are those of the last row and column.
+    /// Computes the channels of a row of the padded image. Pixels beyond the images are those of the last row and
+    /// column.
     ///
     /// | channels | what they are |
     /// | --- | --- |

@@ -54,7 +54,8 @@ impl PixelHead<'_> {
     /// The outputs of a pixel.
     pub const OUTPUTS: usize = 31;
 
-    /// The disparities and confidences of all pixels. The layers compute the outputs of the upper and of the lower of two rows.
+    /// The disparities and confidences of all pixels. The layers compute the outputs of the upper and of the lower of
+    /// two rows.
     pub fn disparities(
         &self,
         search: &Search,
@@ -122,8 +123,8 @@ impl PixelHead<'_> {
     }
 }
 
-/// The choices of a pixel and of its neighbours: first those at a distance of 1, then those of 3, row by row. `rows` are those at
-/// distances from -3 to 3.
+/// The choices of a pixel and of its neighbours: first those at a distance of 1, then those of 3, row by row. `rows`
+/// are those at distances from -3 to 3.
 fn neighbors(rows: [&[Pixel]; 5], x: usize) -> [u16; NEIGHBORS] {
     let [above3, above, here, below, below3] = rows;
     let end = here.len() - 1;

@@ -34,8 +34,8 @@ impl Output {
 
 /// The inputs of a layer that lie side by side in memory, in runs of equal length.
 ///
-/// Those of a position lie `stride` bytes behind those of the position before. A convolution of 3x3 pixels has three runs, one for
-/// each row, of three pixels; the runs of neighbouring positions overlap.
+/// Those of a position lie `stride` bytes behind those of the position before. A convolution of 3x3 pixels has three
+/// runs, one for each row, of three pixels; the runs of neighbouring positions overlap.
 #[derive(Clone, Copy, Debug)]
 pub struct Runs<'a, const RUNS: usize> {
     /// Where the runs of the first position start.
@@ -64,8 +64,8 @@ struct LayerPanel {
 }
 
 impl QuantizedLayer {
-    /// The layer with these outputs, the `weight` from an input to an output, and inputs in `runs` of `run_length`, a multiple
-    /// of 4.
+    /// The layer with these outputs, the `weight` from an input to an output, and inputs in `runs` of `run_length`, a
+    /// multiple of 4.
     pub fn new(runs: usize, run_length: usize, outputs: &[Output], weight: impl Fn(usize, usize) -> i8) -> QuantizedLayer {
         assert!(run_length.is_multiple_of(4), "runs of {run_length} inputs");
         let panel = |(panel, outputs): (usize, &[Output])| {
@@ -101,7 +101,8 @@ impl QuantizedLayer {
         self.outputs.next_multiple_of(8)
     }
 
-    /// Computes the outputs at as many positions of a row as `out` has room for, position by position, each padded with zeros.
+    /// Computes the outputs at as many positions of a row as `out` has room for, position by position, each padded with
+    /// zeros.
     ///
     /// # Panics
     /// If the runs are too short.

@@ -8,8 +8,9 @@ const MAGIC: &[u8; 8] = b"MSCNET01";
 
 /// What is left of a file to be read. All numbers are little-endian.
 ///
-/// After [`MAGIC`] come the layers in the order of the network, then its tables, and nothing else. Of a layer, the weights come first:
-/// for each output those from all inputs. Then come the biases of all outputs, their multipliers and their shifts.
+/// After [`MAGIC`] come the layers in the order of the network, then its tables, and nothing else. Of a layer, the
+/// weights come first: for each output those from all inputs. Then come the biases of all outputs, their multipliers
+/// and their shifts.
 #[derive(Clone, Copy, Debug)]
 pub struct WeightFile<'a> {
     rest: &'a [u8],

@@ -1,7 +1,8 @@
 //! Sums of products of bytes, with the vector instructions for them.
 //!
-//! A *panel* computes the sums of 8 or 16 outputs together. In each step it adds the products of 4 inputs with their weights to
-//! each output. Inputs are at most 127, so that all instructions give the same sums: two products never exceed 16 bits.
+//! A *panel* computes the sums of 8 or 16 outputs together. In each step it adds the products of 4 inputs with their
+//! weights to each output. Inputs are at most 127, so that all instructions give the same sums: two products never
+//! exceed 16 bits.
 //!
 //! | room | what it is |
 //! | --- | --- |

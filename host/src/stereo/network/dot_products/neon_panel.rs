@@ -1,7 +1,7 @@
 //! Sums of products by Neon.
 //!
-//! The instructions for dot products of bytes are not stable in Rust yet. Widening products take about four instructions in
-//! place of one.
+//! The instructions for dot products of bytes are not stable in Rust yet. Widening products take about four
+//! instructions in place of one.
 
 use std::arch::aarch64::*;
 

@@ -11,6 +11,8 @@ const REACH: usize = 20;
 const COLUMNS: [usize; 9] = [0, 5, 10, 15, 20, 25, 30, 35, 2 * REACH];
 /// Pixels whose agreements are counted together: as many as help compilers to vectorise.
 const BATCH: usize = if cfg!(target_arch = "arm") { 1 } else { 32 };
+/// Pairs of pixels whose agreements are counted together: they share the checks of bounds.
+const PAIRS: usize = 2;
 /// A disparity as in [`Disparity::to_raw16`], in a register: many fit a vector, and one a register of Arm's microcontrollers.
 #[cfg(not(target_arch = "arm"))]
 type Raw = u16;
@@ -101,10 +103,10 @@ fn count<I: Isa>(isa: I, own: &[Option<Disparity>], rows: [&[Option<Disparity>];
         let Some(counts) = counts.get_mut(u..) else { return };
         if I::COUNTS_HALVES
             && let Some(counts) = counts.first_chunk_mut()
-            && let Some(found) = pair_agreements(isa, own, rows, u)
+            && let Some([[a, b], [c, d]]) = pair_agreements(isa, own, rows, u)
         {
-            *counts = found;
-            u += 2;
+            *counts = [a, b, c, d];
+            u += 4;
         } else if const { BATCH > 1 }
             && let Some(counts) = counts.first_chunk_mut()
             && let Some(found) = batch_agreements::<BATCH, { BATCH + 2 * REACH }>(own, rows, u)
@@ -144,23 +146,30 @@ fn batch_agreements<const N: usize, const WINDOW: usize>(
     Some(counts)
 }
 
-/// [`batch_agreements`] of two pixels, one in each half of a word.
+/// [`batch_agreements`] of pairs of pixels, which are in the halves of a word.
 #[inline(always)]
-fn pair_agreements<I: Isa>(isa: I, own: &[Option<Disparity>], rows: [&[Option<Disparity>]; 3], start: usize) -> Option<[u8; 2]> {
+fn pair_agreements<I: Isa>(
+    isa: I,
+    own: &[Option<Disparity>],
+    rows: [&[Option<Disparity>]; 3],
+    start: usize,
+) -> Option<[[u8; 2]; PAIRS]> {
     #[cfg_attr(target_arch = "arm", allow(clippy::useless_conversion))]
     let word = |[low, high]: [Raw; 2]| u32::from(low) | u32::from(high) << 16;
-    let own = own.get(start..)?.first_chunk::<2>()?.map(Neighbourhood::of);
-    let (least, span) = (word(own.map(|own| own.least)), word(own.map(|own| own.span)));
-    let mut counts = 0;
+    let own = own.get(start..)?.as_chunks::<2>().0.first_chunk::<PAIRS>()?.map(|pair| pair.map(Neighbourhood::of));
+    let bounds = own.map(|pair| [word(pair.map(|own| own.least)), word(pair.map(|own| own.span))]);
+    let mut counts = [0; PAIRS];
     for row in rows {
-        let window = row.get(start..)?.first_chunk::<{ 2 + 2 * REACH }>()?;
+        let window = row.get(start..)?.first_chunk::<{ 2 * PAIRS + 2 * REACH }>()?;
         for column in COLUMNS {
-            let samples = window.get(column..)?.first_chunk::<2>()?;
-            let samples = word(samples.map(|sample| Disparity::to_raw16(sample) as Raw));
-            counts = isa.count_within(samples, least, span, counts);
+            let samples = window.get(column..)?.as_chunks::<2>().0.first_chunk::<PAIRS>()?;
+            for ((count, [least, span]), pair) in counts.iter_mut().zip(bounds).zip(samples) {
+                let pair = word(pair.map(|sample| Disparity::to_raw16(sample) as Raw));
+                *count = isa.count_within(pair, least, span, *count);
+            }
         }
     }
-    Some([counts as u8, (counts >> 16) as u8])
+    Some(counts.map(|count| [count as u8, (count >> 16) as u8]))
 }
 
 /// The disparities that agree with one, as in [`Disparity::to_raw16`].
@@ -208,12 +217,13 @@ mod tests {
         let rows = [0, 1000, 2000].map(row);
         let (rows, own) = (rows.each_ref().map(|row| &row[..]), &rows[1][REACH..150 - REACH]);
         let mut seen = [false; 28];
-        for u in 0..own.len() - 1 {
-            let singles = [u, u + 1].map(|u| batch_agreements::<1, { 1 + 2 * REACH }>(own, rows, u).unwrap()[0]);
+        for u in 0..=own.len() - 2 * PAIRS {
+            let single = |u: usize| batch_agreements::<1, { 1 + 2 * REACH }>(own, rows, u).unwrap()[0];
+            let singles = [[u, u + 1], [u + 2, u + 3]].map(|pair| pair.map(single));
             assert_eq!(pair_agreements(Portable::<1>, own, rows, u), Some(singles), "column {u}");
-            seen[usize::from(singles[0])] = true;
+            seen[usize::from(singles[0][0])] = true;
         }
         assert!(seen.iter().filter(|seen| **seen).count() > 5);
-        assert_eq!(pair_agreements(Portable::<1>, own, rows, own.len() - 1), None);
+        assert_eq!(pair_agreements(Portable::<1>, own, rows, own.len() - 2 * PAIRS + 1), None);
     }
 }

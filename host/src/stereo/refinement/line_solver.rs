@@ -1,35 +1,47 @@
 //! Many tridiagonal systems at once: one for each column of an image, solved row by row.
 //!
-//! Columns are solved in strips, a vector of columns at a time, and a strip's rows stay in the cache. The solution is
-//! stored transposed, so that the same code solves the rows next, reading them as columns.
+//! Columns are solved in strips, a few vectors of columns at a time. The solution is stored transposed, so that the same code
+//! solves the rows next, reading them as columns. Planes consist of square tiles, so that a strip, and a strip of the
+//! transposed plane, lie in memory page by page.
 
 use multiscopic_core::kernel::{Kernel, Work};
 use rayon::prelude::*;
 
 use crate::stereo::simd::{Simd, Task};
 
-/// Columns in a strip.
+/// Columns in a strip, and the side of a tile.
 const STRIP: usize = 32;
-
-/// Rows that are transposed together.
-const BLOCK: usize = 16;
 
 /// A value for each column of a strip.
 pub(super) type Strip = [f32; STRIP];
 
-/// A value for each pixel, in rows of whole strips. What it has beyond the image is 0, or of no importance.
+/// The rows of a square of pixels.
+type Tile = [Strip; STRIP];
+
+/// A value for each pixel, in rows of tiles. What they have beyond the image is of no importance.
 #[derive(Clone, Debug)]
 pub(super) struct Plane {
     width: usize,
     height: usize,
-    values: Vec<f32>,
+    tiles: Vec<Tile>,
 }
 
 impl Plane {
     /// A plane of zeros.
     pub fn zeros(width: usize, height: usize) -> Plane {
-        let values = vec![0.0; width.next_multiple_of(STRIP) * height.next_multiple_of(STRIP)];
-        Plane { width, height, values }
+        let tiles = vec![[[0.0; STRIP]; STRIP]; width.div_ceil(STRIP) * height.div_ceil(STRIP)];
+        Plane { width, height, tiles }
+    }
+
+    /// A plane whose rows `fill` fills, given their index and zeros.
+    pub fn from_rows(width: usize, height: usize, mut fill: impl FnMut(usize, &mut [f32])) -> Plane {
+        let (mut plane, mut row) = (Plane::zeros(width, height), vec![0.0; width]);
+        for v in 0..height {
+            row.fill(0.0);
+            fill(v, &mut row);
+            plane.set_row(v, &row);
+        }
+        plane
     }
 
     /// A plane of zeros of the same size.
@@ -42,42 +54,55 @@ impl Plane {
         [self.width, self.height]
     }
 
-    /// The distance between rows.
-    fn stride(&self) -> usize {
-        self.width.next_multiple_of(STRIP)
+    /// The number of tiles beside each other.
+    fn columns(&self) -> usize {
+        self.width.div_ceil(STRIP)
     }
 
-    /// The rows of the image, without what is beyond it.
-    pub fn rows(&self) -> impl Iterator<Item = &[f32]> {
-        self.values.chunks_exact(self.stride()).take(self.height).map(|row| &row[..self.width])
+    /// Copies a row of the image, which is as long as `row`.
+    pub fn copy_row(&self, v: usize, row: &mut [f32]) {
+        let tiles = &self.tiles[v / STRIP * self.columns()..];
+        for (values, tile) in row.chunks_mut(STRIP).zip(tiles) {
+            values.copy_from_slice(&tile[v % STRIP][..values.len()]);
+        }
     }
 
-    /// The rows of the image, mutably.
-    pub fn rows_mut(&mut self) -> impl Iterator<Item = &mut [f32]> {
-        let (width, stride) = (self.width, self.stride());
-        self.values.chunks_exact_mut(stride).take(self.height).map(move |row| &mut row[..width])
+    /// Sets a row of the image, which is as long as `row`.
+    pub fn set_row(&mut self, v: usize, row: &[f32]) {
+        let columns = self.columns();
+        let tiles = &mut self.tiles[v / STRIP * columns..];
+        for (values, tile) in row.chunks(STRIP).zip(tiles) {
+            tile[v % STRIP][..values.len()].copy_from_slice(values);
+        }
     }
 
-    /// The strip that starts at the value `at`.
+    /// A strip of a row: the tile of the place, and the row in it.
     #[inline(always)]
-    pub fn strip(&self, at: usize) -> &Strip {
-        self.values[at..].first_chunk().expect("a strip lies in the plane")
+    pub fn strip(&self, (tile, row): Place) -> &Strip {
+        &self.tiles[tile][row]
     }
 
     /// The plane with columns for rows, computed on the threads of the current pool.
     pub fn transposed(&self) -> Plane {
         let mut result = Plane::zeros(self.height, self.width);
-        let (from, to) = (self.stride(), result.stride());
-        result.values.par_chunks_mut(STRIP * to).enumerate().for_each(|(strip, rows)| {
-            for y in (0..self.height).step_by(BLOCK) {
-                for (i, row) in rows.chunks_exact_mut(to).enumerate() {
-                    for (j, value) in row[y..y + BLOCK].iter_mut().enumerate() {
-                        *value = self.values[(y + j) * from + strip * STRIP + i];
-                    }
-                }
-            }
+        result.tiles.par_chunks_mut(self.height.div_ceil(STRIP)).enumerate().for_each(|(column, row)| {
+            let tiles = self.tiles.iter().skip(column).step_by(self.columns());
+            row.iter_mut().zip(tiles).for_each(|(result, tile)| transpose(tile, result));
         });
         result
+    }
+}
+
+/// Where a strip is in a plane: its tile, and its row there.
+pub(super) type Place = (usize, usize);
+
+/// Writes the rows of a tile as columns. Not inlined, for with wider vectors than every processor has, it takes longer.
+#[inline(never)]
+fn transpose(tile: &Tile, result: &mut Tile) {
+    for (j, row) in tile.iter().enumerate() {
+        for (i, &value) in row.iter().enumerate() {
+            result[i][j] = value;
+        }
     }
 }
 
@@ -103,35 +128,41 @@ type Scratch = Vec<[Strip; 2]>;
 impl LineSolver<'_> {
     /// Solves all columns on the threads of the current pool.
     ///
-    /// `finish` is called with the place of a strip in the planes and its solution, and the two strips that it returns are
+    /// `finish` is called with the place of a strip in the planes and its solution, and the strips that it returns are
     /// stored in `results`, transposed.
-    pub fn solve<F>(self, simd: Simd, results: [&mut Plane; 2], finish: F)
+    pub fn solve<const N: usize, F>(self, simd: Simd, results: [&mut Plane; N], finish: F)
     where
-        F: Fn(usize, &Strip) -> [Strip; 2] + Sync,
+        F: Fn(Place, &Strip) -> [Strip; N] + Sync,
     {
-        let height = self.links.height;
-        let [first, second] = results;
-        debug_assert_eq!([first.width, first.height], [height, self.links.width], "the size of the transposed planes");
-        let stride = first.stride();
-        let strips = first.values.par_chunks_mut(STRIP * stride).zip(second.values.par_chunks_mut(STRIP * stride));
-        let scratch = || vec![[[0.0; STRIP]; 2]; height];
-        strips.enumerate().for_each_init(scratch, |scratch, (strip, (first, second))| {
-            simd.run(SolveStrip { solver: self, strip, stride, scratch, results: [first, second], finish: &finish });
+        let [width, height] = self.links.size();
+        let scratch = || (vec![[[0.0; STRIP]; 2]; height], Box::new([[[0.0; STRIP]; STRIP]; N]));
+        let rows = height.div_ceil(STRIP);
+        let mut strips: Vec<[&mut [Tile]; N]> = Vec::new();
+        let mut results = results.map(|result| {
+            debug_assert_eq!(result.size(), [height, width], "the size of the transposed planes");
+            result.tiles.chunks_mut(rows)
+        });
+        strips.extend((0..self.links.columns()).map(|_| {
+            results.each_mut().map(|strips| strips.next().expect("a transposed plane has a row of tiles for each strip"))
+        }));
+        strips.into_par_iter().enumerate().for_each_init(scratch, |(scratch, solved), (strip, results)| {
+            simd.run(SolveStrip { solver: self, strip, scratch, solved, results, finish: &finish });
         });
     }
 }
 
 /// Solves the columns of a strip.
-struct SolveStrip<'a, F> {
+struct SolveStrip<'a, const N: usize, F> {
     solver: LineSolver<'a>,
     strip: usize,
-    stride: usize,
     scratch: &'a mut Scratch,
-    results: [&'a mut [f32]; 2],
+    /// The results of a tile.
+    solved: &'a mut [Tile; N],
+    results: [&'a mut [Tile]; N],
     finish: &'a F,
 }
 
-impl<F: Fn(usize, &Strip) -> [Strip; 2]> Task for SolveStrip<'_, F> {
+impl<const N: usize, F: Fn(Place, &Strip) -> [Strip; N]> Task for SolveStrip<'_, N, F> {
     type Output = ();
 
     fn run<I: Kernel>(self, isa: I) {
@@ -139,46 +170,44 @@ impl<F: Fn(usize, &Strip) -> [Strip; 2]> Task for SolveStrip<'_, F> {
     }
 }
 
-impl<F: Fn(usize, &Strip) -> [Strip; 2]> Work for SolveStrip<'_, F> {
+impl<const N: usize, F: Fn(Place, &Strip) -> [Strip; N]> Work for SolveStrip<'_, N, F> {
     #[inline(always)]
     fn run(self) {
-        let SolveStrip { solver, strip, stride, scratch, results: [first, second], finish } = self;
+        let SolveStrip { solver, strip, scratch, solved, mut results, finish } = self;
         let LineSolver { shift, share, links, weights, right_sides } = solver;
-        let place = |y: usize| y * links.stride() + strip * STRIP;
+        let columns = links.columns();
+        let tiles = || (strip..).step_by(columns).zip(0..);
         // Eliminates from the top. The factor is what a pixel takes from the one below it.
         let (mut above, mut factor, mut partial) = ([0.0; STRIP], [0.0; STRIP], [0.0; STRIP]);
-        for (y, out) in scratch.iter_mut().enumerate() {
-            let at = place(y);
-            let (below, weight, right_side) = (links.strip(at), weights.strip(at), right_sides.strip(at));
-            for i in 0..STRIP {
-                // All terms are at least 0, as the factor is below 1.
-                let diagonal = shift + share * weight[i] + below[i] + above[i] * (1.0 - factor[i]);
-                let inverse = 1.0 / diagonal;
-                factor[i] = below[i] * inverse;
-                partial[i] = (right_side[i] + above[i] * partial[i]) * inverse;
-                above[i] = below[i];
+        for ((tile, _), scratch) in tiles().zip(scratch.chunks_mut(STRIP)) {
+            let rows = links.tiles[tile].iter().zip(&weights.tiles[tile]).zip(&right_sides.tiles[tile]);
+            for (out, ((below, weight), right_side)) in scratch.iter_mut().zip(rows) {
+                for i in 0..STRIP {
+                    // All terms are at least 0, as the factor is below 1.
+                    let diagonal = shift + share * weight[i] + below[i] + above[i] * (1.0 - factor[i]);
+                    let inverse = 1.0 / diagonal;
+                    factor[i] = below[i] * inverse;
+                    partial[i] = (right_side[i] + above[i] * partial[i]) * inverse;
+                    above[i] = below[i];
+                }
+                *out = [factor, partial];
             }
-            *out = [factor, partial];
         }
         // Substitutes from the bottom.
         let mut solution = [0.0; STRIP];
-        let height = scratch.len();
-        for start in (0..height).step_by(BLOCK).rev() {
-            let mut block = [[[0.0; STRIP]; BLOCK]; 2];
-            for y in (start..height.min(start + BLOCK)).rev() {
-                let [factor, partial] = &scratch[y];
+        let tiles: Vec<_> = tiles().zip(scratch.chunks(STRIP)).collect();
+        for ((tile, row_of_tiles), scratch) in tiles.into_iter().rev() {
+            for (row, [factor, partial]) in scratch.iter().enumerate().rev() {
                 for i in 0..STRIP {
                     solution[i] = partial[i] + factor[i] * solution[i];
                 }
-                [block[0][y - start], block[1][y - start]] = finish(place(y), &solution);
-            }
-            for (block, result) in block.iter().zip([&mut *first, &mut *second]) {
-                for (i, row) in result.chunks_exact_mut(stride).enumerate() {
-                    let row: &mut [f32; BLOCK] = row[start..].first_chunk_mut().expect("rows are padded to whole blocks");
-                    for (value, solved) in row.iter_mut().zip(block) {
-                        *value = solved[i];
-                    }
+                let strips = finish((tile, row), &solution);
+                for (solved, strip) in solved.iter_mut().zip(strips) {
+                    solved[row] = strip;
                 }
+            }
+            for (solved, result) in solved.iter().zip(&mut results) {
+                transpose(solved, &mut result[row_of_tiles]);
             }
         }
     }
@@ -202,6 +231,12 @@ mod tests {
         (0..n).map(|k| rows[k][n] / rows[k][k]).collect()
     }
 
+    fn row(plane: &Plane, v: usize) -> Vec<f32> {
+        let mut row = vec![0.0; plane.width];
+        plane.copy_row(v, &mut row);
+        row
+    }
+
     #[test]
     fn columns_are_solved_as_by_elimination() {
         let mut state = 1_u32;
@@ -210,16 +245,13 @@ mod tests {
             (state >> 8) as f32 / (1 << 24) as f32 * most
         };
         for [width, height] in [[1, 1], [1, 40], [33, 1], [5, 2], [31, 17], [32, 32], [70, 33]] {
-            let mut plane = |most: f32| {
-                let mut plane = Plane::zeros(width, height);
-                plane.rows_mut().flatten().for_each(|value| *value = random(most));
-                plane
-            };
+            let mut plane =
+                |most: f32| Plane::from_rows(width, height, |_, row| row.iter_mut().for_each(|value| *value = random(most)));
             let [mut links, weights, right_sides] = [plane(40.0), plane(1.0), plane(300.0)];
-            links.rows_mut().last().unwrap().fill(0.0);
+            links.set_row(height - 1, &vec![0.0; width]);
             let [shift, share] = [0.1, 0.5];
             let solver = LineSolver { shift, share, links: &links, weights: &weights, right_sides: &right_sides };
-            let value = |plane: &Plane, u: usize, v: usize| f64::from(plane.rows().nth(v).unwrap()[u]);
+            let value = |plane: &Plane, u: usize, v: usize| f64::from(row(plane, v)[u]);
             let expected: Vec<Vec<f64>> = (0..width)
                 .map(|u| {
                     let mut rows = vec![vec![0.0; height + 1]; height];
@@ -241,13 +273,17 @@ mod tests {
                 let mut results = [Plane::zeros(height, width), Plane::zeros(height, width)];
                 let [first, second] = &mut results;
                 solver.solve(simd, [first, second], |at, solution| [*solution, *right_sides.strip(at)]);
-                for (row, expected) in results[0].rows().zip(&expected) {
-                    for (&found, &expected) in row.iter().zip(expected) {
+                for (u, expected) in expected.iter().enumerate() {
+                    for (&found, &expected) in row(&results[0], u).iter().zip(expected) {
                         let error = (f64::from(found) - expected).abs();
                         assert!(error < 2e-5 * expected.max(100.0), "{found}, {expected}: {width}x{height}, {simd}");
                     }
                 }
-                assert!(results[1].rows().eq(right_sides.transposed().rows()), "{width}x{height}, {simd}");
+                let transposed = right_sides.transposed();
+                for u in 0..width {
+                    assert_eq!(row(&results[1], u), row(&transposed, u), "{width}x{height}, {simd}");
+                    assert_eq!(row(&transposed, u), (0..height).map(|v| row(&right_sides, v)[u]).collect::<Vec<_>>());
+                }
             }
         }
     }

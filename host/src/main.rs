@@ -4,8 +4,8 @@ mod command;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand, error::ErrorKind};
-use command::terminal;
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, error::ErrorKind};
+use command::{examples, terminal};
 
 /// Accurate depth from one camera moved on purpose.
 #[derive(Debug, Parser)]
@@ -34,7 +34,8 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let arguments = examples::add_to(Cli::command()).try_get_matches();
+    let cli = match arguments.and_then(|arguments| Cli::from_arg_matches(&arguments)) {
         Ok(cli) => cli,
         // Running without arguments shows the help and succeeds.
         Err(error) if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {

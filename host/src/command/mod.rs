@@ -9,6 +9,7 @@ mod charts;
 pub mod demo;
 pub mod devices;
 pub mod evaluate;
+pub mod examples;
 mod hardware;
 pub mod listen;
 pub mod r#match;

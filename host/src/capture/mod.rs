@@ -7,7 +7,7 @@
 //! | `SimulatedCamera` | a camera that sees the scene of the demo, with the feature `scene` |
 //! | [`Imperfections`] | what is wrong with a simulated rig |
 //! | [`BlockingCamera`], [`ThreadedCamera`] | a camera that blocks, polled from a thread of its own |
-//! | [`acquire_frames`] | runs the core's [`Sequence`](multiscopic_core::capture::Sequence) into memory |
+//! | [`acquire_images`] | runs the core's [`Sequence`](multiscopic_core::capture::Sequence) into memory |
 //! | [`Accuracy`], [`Survey`], [`Choice`] | which long baseline gives the depth accuracy asked for |
 
 mod accuracy;
@@ -20,7 +20,7 @@ pub mod stage;
 mod threaded_camera;
 
 pub use accuracy::{Accuracy, Bound, Choice, Survey};
-pub use acquisition::{Acquisition, acquire_frames, acquire_images};
+pub use acquisition::{Acquisition, acquire_images};
 pub use imperfections::Imperfections;
 #[cfg(feature = "scene")]
 pub use simulated_camera::SimulatedCamera;

@@ -82,7 +82,7 @@ const EXAMPLES: &[(&str, &[Example])] = &[
                 "On a stage, with a calibrated lens",
                 "multiscopic calibrate mount --camera /dev/video0 \\\n    --stage gcode:/dev/ttyUSB0 --lens camera.toml",
             ),
-            ("Without any hardware", "multiscopic calibrate mount --camera sim --stage sim"),
+            ("Without any hardware", "multiscopic calibrate mount --camera sim --stage sim --lens camera.toml"),
         ],
     ),
     (

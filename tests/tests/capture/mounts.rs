@@ -74,6 +74,23 @@ fn a_distance_is_that_of_a_flat_target() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
+fn a_mount_is_kept_if_the_stage_stops_on_its_way_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let [errors, mount] = ["errors.toml", "mount.toml"].map(|name| dir.path().join(name));
+    let stalls_at = |number: u32| {
+        fs::write(&errors, format!("[stage]\nstalls_at_move = {number}\n")).unwrap();
+        let options = ["--focal-px", "480", "-o", mount.to_str().unwrap()];
+        run(&["calibrate", "mount", "--step", "20"], &errors, &options)
+    };
+    // To the centre, and one and two steps to all sides.
+    stalls_at(9).assert_refused(&["came no nearer"]);
+    assert!(!mount.exists());
+    stalls_at(10).assert_refused(&["wrote", "mount.toml", "came no nearer"]);
+    Mount::read(&mount).unwrap();
+}
+
+#[test]
 fn what_does_not_determine_a_mount_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let [errors, mount] = ["errors.toml", "mount.toml"].map(|name| dir.path().join(name));

@@ -3,7 +3,7 @@
 use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
-use multiscopic::{Error, Frames, Geometry, Result, alignment::Mounting, capture::acquire_frames, files::output, lens::Mount};
+use multiscopic::{Error, Frames, Geometry, Result, alignment::Mounting, capture::acquire_images, files::output, lens::Mount};
 use multiscopic_core::{View, Views, capture::Plan};
 
 use crate::command::{
@@ -59,7 +59,7 @@ impl MountCommand {
         }
         output::check(&[&self.output], &self.lens.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
         let lens = self.lens.as_deref().map(LensFile::read).transpose()?;
-        let frames = self.frames(&lens)?;
+        let (frames, failure) = self.frames(&lens)?;
         let known_px = lens.as_ref().map(LensFile::focal_px).or(self.focal_px);
         let middle = frames.size().map(|side| (side as f64 - 1.0) / 2.0);
         let geometry = Geometry {
@@ -80,11 +80,11 @@ impl MountCommand {
         let mount = mounting.mount(focal_px);
         mount.save(&self.output)?;
         self.report(&mounting, &mount, known_px, measured);
-        Ok(ExitCode::SUCCESS)
+        failure.map_or(Ok(ExitCode::SUCCESS), Err)
     }
 
-    /// Takes the frames, without distortion.
-    fn frames(&self, lens: &Option<LensFile>) -> Result<Frames> {
+    /// Takes the frames, without distortion, and what failed after the last of them.
+    fn frames(&self, lens: &Option<LensFile>) -> Result<(Frames, Option<Error>)> {
         let mut hardware = Hardware::open(&self.hardware)?;
         let undistortion = lens.as_ref().map(|lens| lens.undistortion(hardware.size.map(|side| side as usize))).transpose()?;
         let views: Views =
@@ -92,10 +92,12 @@ impl MountCommand {
         let plan = Plan::new(views, micrometres("--step", self.step)?).shortened(hardware.policy.backlash_um);
         let bar = terminal::progress(plan.frames().len() as u64, "frames");
         let Hardware { stage, camera, policy, interrupts, .. } = &mut hardware;
-        let frames = acquire_frames(stage, camera, &plan, *policy, interrupts, |_, _| ());
+        let taken = acquire_images(stage, camera, &plan, *policy, interrupts, |_, _| ());
         bar.finish_and_clear();
-        let frames = frames?;
-        Ok(undistortion.map_or_else(|| frames.clone(), |undistortion| undistortion.frames(&frames)))
+        let mut taken = taken?;
+        let failure = taken.failure.take();
+        let frames = taken.frames();
+        Ok((undistortion.map_or_else(|| frames.clone(), |undistortion| undistortion.frames(&frames)), failure))
     }
 
     fn report(&self, mounting: &Mounting, mount: &Mount, known_px: Option<f64>, measured: Option<[f64; 2]>) {

@@ -170,7 +170,7 @@ def main():
     end = parser.add_mutually_exclusive_group(required=True)
     end.add_argument("--steps", type=int)
     end.add_argument("--minutes", type=float)
-    parser.add_argument("--batch", type=int, default=4)
+    parser.add_argument("--batch", type=int, default=2)
     parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=2)

@@ -21,7 +21,7 @@ def main():
     curves = [("loss", [(line["step"], line["loss"]) for line in lines if "loss" in line])]
     held_back = [line for line in lines if "held_back" in line]
     for name in held_back[-1]["held_back"] if held_back else []:
-        curves.append((f"mean error, {name}", [(line["step"], line["held_back"][name][1]) for line in held_back]))
+        curves.append((f"mean error, {name}", [(line["step"], line["held_back"][name][1]) for line in held_back if name in line["held_back"]]))
     points = [point for _, found in curves for point in found]
     top = 1.2 * max(found[len(found) // 3][1] for _, found in curves)
     limits = (0, max(x for x, _ in points)), (0, top)

@@ -19,7 +19,7 @@ HERE = Path(__file__).parent
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--program", type=Path, required=True)
-    parser.add_argument("--folder", type=Path, required=True, help="for scenes, features and checkpoints: 7 GB")
+    parser.add_argument("--folder", type=Path, required=True, help="for scenes, features and checkpoints: 5 GB")
     parser.add_argument("--minutes", type=float, default=75, help="how long training takes")
     parser.add_argument("--steps", type=int, help="how many steps training takes, instead")
     parser.add_argument("--seed", type=int, default=1)

@@ -19,6 +19,7 @@ use multiscopic::{
         ply::{self, Encoding},
     },
     images::ColorScale,
+    report::{Report, ViewedMap, ViewedScene},
 };
 use multiscopic_core::{Frame, Fusion, Search};
 
@@ -29,6 +30,7 @@ use super::{
     },
     preparation::PreparationOptions,
     terminal::{self, Watch},
+    view,
 };
 
 /// Estimates the disparity of each pixel of a centre image by matching it with its neighbours
@@ -103,6 +105,10 @@ struct Outputs {
     #[arg(long, value_name = "OUT.ply")]
     ply: Option<PathBuf>,
 
+    /// Page to look at the disparities, the pictures, the costs and the points, see `multiscopic view`
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+
     /// Write the point cloud as text instead of binary
     #[arg(long, requires = "ply")]
     ply_ascii: bool,
@@ -142,6 +148,7 @@ impl Match {
         if let Some(folder) = &self.outputs.features {
             Inputs::new(&frames, &search, &engine, &())?.write(folder)?;
         }
+        let color = frames.color(Frame::Center).filter(|_| self.outputs.report.is_some()).cloned();
         if !method.needs_color() {
             frames = frames.without_color();
         }
@@ -155,14 +162,14 @@ impl Match {
         }
         let watch = Watch::new();
         let start = Instant::now();
-        let (mut disparities, mut confidences) = match (prior, method.long_baselines, &self.outputs.confidence) {
+        let (mut disparities, mut confidences) = match (prior, method.long_baselines, self.outputs.has_confidences()) {
             (Some(prior), Some(long), _) => {
                 let refined = long.refine_prior(&engine, &frames, prior, &watch)?;
                 let range = refined.range().map_or(0..=0, |range| range.start().floor() as i16..=range.end().ceil() as i16);
                 (method.sharpened(&engine, &frames, frames.views(), range, refined), None)
             }
-            (_, _, None) => (method.disparities(&engine, &frames, &search, &watch)?, None),
-            (_, _, Some(_)) => {
+            (_, _, false) => (method.disparities(&engine, &frames, &search, &watch)?, None),
+            (_, _, true) => {
                 let (disparities, confidences) = method.disparities_and_confidences(&engine, &frames, &search, &watch)?;
                 (disparities, Some(confidences))
             }
@@ -176,13 +183,35 @@ impl Match {
             }
         }
 
-        output::write_together(|| self.outputs.write(&disparities, confidences.as_ref(), geometry.as_ref(), center.as_ref()))?;
+        let name = if self.prior.is_some() { "around a prior" } else { self.method.name() };
+        let report = self.outputs.report.as_ref().map(|page| -> Result<Report> {
+            let folder = source.folder().filter(|_| preparation.alignment.is_none());
+            let truth = folder.map(|folder| view::truth(folder, size, &source.images.center)).transpose()?.flatten();
+            let title = source.folder().map_or_else(|| "Disparities".into(), view::title);
+            let mut scene = ViewedScene::new(&*title, size)
+                .with_geometry(geometry.as_ref())
+                .with_frames(&frames, color.as_ref())
+                .with_truth(truth.as_ref());
+            let results = (&disparities, confidences.as_ref());
+            let map = view::matched_map(name.into(), (self.method.name(), &method), &search, results, seconds);
+            let file = self.outputs.maps.beside(page);
+            scene.add(ViewedMap { file, ..map });
+            Ok(Report::new(title).viewer(&view::command_line(), &[scene]))
+        });
+        let report = report.transpose()?;
+        let own = confidences.as_ref().filter(|_| self.outputs.confidence.is_some());
+        output::write_together(|| {
+            self.outputs.write(&disparities, own, geometry.as_ref(), center.as_ref())?;
+            match (&self.outputs.report, &report) {
+                (Some(path), Some(report)) => output::write(path, |writer| writer.write_all(report.to_html().as_bytes())),
+                _ => Ok(()),
+            }
+        })?;
         if self.outputs.preview {
             let picture = self.outputs.maps.scale(&disparities).draw(&disparities.to_float());
             terminal::print(&terminal::preview(&picture))?;
         }
-        let method = if self.prior.is_some() { "around a prior" } else { self.method.name() };
-        terminal::say(&summary(method, &search, &disparities, confidences.as_ref(), seconds));
+        terminal::say(&summary(name, &search, &disparities, confidences.as_ref(), seconds));
         preparation.warnings(&disparities, &search).into_iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
         Ok(ExitCode::SUCCESS)
     }
@@ -190,8 +219,8 @@ impl Match {
 
 impl Outputs {
     fn paths(&self) -> Vec<&Path> {
-        let Outputs { maps, confidence, depth, depth_png, ply, ply_ascii: _, features: _, preview: _ } = self;
-        maps.paths().chain([confidence, depth, depth_png, ply].into_iter().flatten().map(PathBuf::as_path)).collect()
+        let Outputs { maps, confidence, depth, depth_png, ply, report, ply_ascii: _, features: _, preview: _ } = self;
+        maps.paths().chain([confidence, depth, depth_png, ply, report].into_iter().flatten().map(PathBuf::as_path)).collect()
     }
 
     fn write(
@@ -217,6 +246,11 @@ impl Outputs {
             ply::write(path, disparities, confidences, geometry, center, encoding)?;
         }
         Ok(())
+    }
+
+    /// Whether an output has confidences.
+    fn has_confidences(&self) -> bool {
+        self.confidence.is_some() || self.report.is_some()
     }
 
     /// The option and the file of an output that needs the geometry, if there is one.

@@ -20,4 +20,5 @@ pub mod scene;
 pub mod simulate;
 pub mod terminal;
 mod variant;
+pub mod view;
 pub mod weights;

@@ -6,7 +6,7 @@ use multiscopic::{
     DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Result,
     evaluation::{CameraSteps, Record, Sparsification},
     images::Layout,
-    stereo::LongBaselines,
+    stereo::{LongBaselines, confidence_map::ConfidenceMap},
 };
 use multiscopic_core::{Fusion, Search, View, Views};
 
@@ -40,6 +40,18 @@ pub struct Subject<'a> {
     pub truth: &'a FloatImage,
 }
 
+/// What a variant estimated, and how accurate it is.
+pub struct Measured {
+    /// The disparities at the default baseline.
+    pub disparities: DisparityMap,
+    /// How sure they are.
+    pub confidences: ConfidenceMap,
+    /// How many of the surest are wrong.
+    pub curve: Sparsification,
+    /// The errors.
+    pub record: Record,
+}
+
 impl Variant {
     /// The baselines of the views in ascending order, if they are a cross or an array at several.
     pub fn baselines(&self) -> Vec<u8> {
@@ -61,7 +73,7 @@ impl Variant {
         engine: &Engine,
         subject: &Subject,
         search: &Search,
-    ) -> Result<(DisparityMap, Sparsification, Record)> {
+    ) -> Result<Measured> {
         let start = Instant::now();
         let (disparities, confidences) = method.disparities_and_confidences(engine, subject.frames, search, &())?;
         let seconds = start.elapsed().as_secs_f64();
@@ -74,7 +86,7 @@ impl Variant {
         let camera_steps = subject.camera_steps.map(CameraSteps::count);
         let confidence = Some(curve.metrics());
         let record = Record { camera_steps, confidence, ..self.record(subject.dataset, subject.scene, metrics, seconds) };
-        Ok((disparities, curve, record))
+        Ok(Measured { disparities, confidences, curve, record })
     }
 
     /// Matches frames with `method`, which is this variant's. The time is in seconds.

@@ -65,7 +65,7 @@ impl Source {
 
 /// The relative URL of a file. Everything but unreserved characters and `/` is encoded, so a name cannot
 /// start a scheme or a query.
-fn percent_encoded(name: &str) -> String {
+pub(super) fn percent_encoded(name: &str) -> String {
     let mut url = String::with_capacity(name.len());
     for byte in name.bytes() {
         match byte {

@@ -1,4 +1,4 @@
-//! Results for people to look at: HTML pages, charts, colour bars, error maps, montages and contact sheets.
+//! Results for people to look at: HTML pages with a viewer, charts, colour bars, error maps, montages and contact sheets.
 
 mod chart;
 pub mod color_bar;
@@ -11,6 +11,7 @@ pub mod montage;
 mod page;
 #[cfg(feature = "calibration")]
 mod reprojection_map;
+mod viewer;
 
 pub use chart::{Chart, ChartLine};
 pub use epipolar_map::EpipolarMap;
@@ -18,3 +19,4 @@ pub use figure::Figure;
 pub use page::Report;
 #[cfg(feature = "calibration")]
 pub use reprojection_map::ReprojectionMap;
+pub use viewer::{BlockCosts, ViewedMap, ViewedScene};

@@ -9,21 +9,24 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::{Args, value_parser};
 use multiscopic::{
-    Method, Result,
+    Frames, Method, Result,
     evaluation::{Record, results},
     files::output,
     images::Layout,
-    scene::{PinholeCamera, Scene, render_views},
-    stereo::{CostFunction, Optimizer},
+    report::{ViewedMap, ViewedScene},
+    scene::{PinholeCamera, Scene, Shot, render_views},
+    stereo::{CostFunction, Optimizer, cost::BirchfieldTomasi, optimization::graph_cuts::GraphCuts},
 };
 use multiscopic_core::{Params, Search, Views};
 
 use self::{outcome::Outcome, results_folder::ResultsFolder, results_page::ResultsPage, variants::variants};
 use super::{
     charts::Errors,
-    options::{EngineOptions, SearchOptions},
+    options::{EngineOptions, MethodName, Named, SearchOptions},
+    scene::rendered_capture,
     terminal,
-    variant::{Subject, Variant},
+    variant::{Measured, Subject, Variant},
+    view::matched_map,
 };
 
 /// Renders views of a scene with known depth, matches and evaluates them, and writes pictures and a page with the results
@@ -60,6 +63,26 @@ pub struct Demo {
     engine: EngineOptions,
 }
 
+/// What there is to look at: the variants with their default rule, the capture and the truth.
+fn scene(shot: &Shot, camera: &PinholeCamera, frames: &Frames, outcomes: &[Outcome]) -> ViewedScene {
+    let size = frames.size();
+    let records: Vec<Record> = outcomes.iter().map(|outcome| outcome.record.clone()).collect();
+    let geometry = rendered_capture::rig(camera, frames.views(), String::new()).geometry(size);
+    let mut scene = ViewedScene::new("demo", size)
+        .with_geometry(geometry.as_ref())
+        .with_frames(frames, Some(&shot.center))
+        .with_truth(Some(&shot.truth));
+    for Outcome { variant, method, search, disparities, confidences, record } in outcomes {
+        if variants::is_default(variant) {
+            let results = (disparities, Some(confidences));
+            let map = matched_map(variants::label(variant), (variant.method.name(), method), search, results, record.seconds);
+            let (metrics, reduction) = (Some(record.metrics), record.reduction(&records));
+            scene.add(ViewedMap { metrics, reduction, file: Some(results_folder::map_pfm(&variants::stem(variant))), ..map });
+        }
+    }
+    scene
+}
+
 /// The width to which the default number of disparities applies.
 const DEFAULT_WIDTH: u32 = 640;
 
@@ -71,9 +94,11 @@ impl Demo {
         let params = self.search.params(searches[0])?;
         let engine = self.engine.engine()?;
         let views: Views = variants.iter().flat_map(|variant| variant.views.iter()).collect();
-        let folder = ResultsFolder::create(&self.output, views, &variants)?;
+        let others = variants::other_methods(self.layout);
+        let all: Vec<Variant> = variants.iter().chain(&others).copied().collect();
+        let folder = ResultsFolder::create(&self.output, views, &all)?;
 
-        let bar = terminal::progress(1 + variants.len() as u64, "steps");
+        let bar = terminal::progress(1 + all.len() as u64, "steps");
         bar.set_message("rendering");
         let camera = PinholeCamera::new(self.width, self.height);
         let shot = render_views(&Scene::demo(), &camera, views, self.seed);
@@ -81,22 +106,25 @@ impl Demo {
         let frames = shot.frames(views);
         let subject = Subject { dataset: "demo", scene: "demo", camera_steps: None, frames: &frames, truth: &shot.truth };
         bar.set_message("matching");
-        let cost = CostFunction::Sad { block_size: self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE) };
-        let method = Method::new(cost, None, Optimizer::WinnerTakesAll);
         let mut outcomes = Vec::new();
-        for (&variant, search) in variants.iter().zip(&searches) {
-            let (disparities, _, record) = variant.measure(&method, &engine, &subject, search)?;
-            outcomes.push(Outcome { variant, disparities, record });
+        for (variant, search) in all.into_iter().zip(searches.into_iter().chain(self.searches(&others)?)) {
+            let method = self.method(&variant);
+            let gray = (!method.needs_color()).then(|| frames.clone().without_color());
+            let subject = Subject { frames: gray.as_ref().unwrap_or(&frames), ..subject };
+            let Measured { disparities, confidences, record, .. } = variant.measure(&method, &engine, &subject, &search)?;
+            outcomes.push(Outcome { variant, method, search, disparities, confidences, record });
             bar.inc(1);
         }
         bar.set_message("writing");
         let records: Vec<Record> = outcomes.iter().map(|outcome| outcome.record.clone()).collect();
         let rows = results::rows(&records);
-        let errors = Errors { variants: &variants, records: &records, has_default_fusion: false, baselines: "baselines" };
-        let page = ResultsPage { commands: &self.commands(&params), views, errors: &errors, params: &params, rows: &rows };
+        let errors = Errors { variants: &variants, records: &records[..variants.len()], has_default_fusion: false, baselines: "baselines" };
+        let scene = scene(&shot, &camera, &frames, &outcomes);
+        let commands = self.commands(&params);
+        let page = ResultsPage { commands: &commands, views, errors: &errors, params: &params, rows: &rows, scene: &scene };
         let page_path = output::write_together(|| {
             folder.write_capture(&shot, &camera, self.seed)?;
-            folder.write_maps(&shot, &camera, &outcomes)?;
+            folder.write_maps(&shot, &camera, &outcomes, variants.len())?;
             folder.write_charts(&errors)?;
             folder.write_page(&page.to_html())
         })?;
@@ -105,6 +133,19 @@ impl Demo {
         terminal::print(&results::to_text(&rows))?;
         terminal::say(&format!("open {}", page_path.display()));
         Ok(ExitCode::SUCCESS)
+    }
+
+    /// The method of a variant, with its default parameters.
+    fn method(&self, variant: &Variant) -> Method {
+        let block_size = self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
+        match variant.method {
+            MethodName::Sgm => Method::census_sgm(variant.views.len()),
+            MethodName::Gc => {
+                let cuts = GraphCuts { start_block_size: block_size, refine: true, fill: true, ..GraphCuts::default() };
+                Method::new(CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: true }), None, Optimizer::GraphCuts(cuts))
+            }
+            _ => Method::new(CostFunction::Sad { block_size }, None, Optimizer::WinnerTakesAll),
+        }
     }
 
     /// The search of each variant.

@@ -1,6 +1,7 @@
 //! The result of a variant.
 
-use multiscopic::{DisparityMap, evaluation::Record};
+use multiscopic::{DisparityMap, Method, evaluation::Record, stereo::confidence_map::ConfidenceMap};
+use multiscopic_core::Search;
 
 use crate::command::variant::Variant;
 
@@ -8,8 +9,14 @@ use crate::command::variant::Variant;
 pub struct Outcome {
     /// The variant.
     pub variant: Variant,
+    /// The method with its parameters.
+    pub method: Method,
+    /// Where it searched.
+    pub search: Search,
     /// The estimate.
     pub disparities: DisparityMap,
+    /// How sure it is.
+    pub confidences: ConfidenceMap,
     /// The errors.
     pub record: Record,
 }

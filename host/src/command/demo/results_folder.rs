@@ -22,7 +22,7 @@ use multiscopic::{
 use multiscopic_core::{Frame, View, Views};
 
 use super::{outcome::Outcome, variants};
-use crate::command::{charts::Errors, scene::rendered_capture, variant::Variant};
+use crate::command::{charts::Errors, options::MethodName, scene::rendered_capture, variant::Variant};
 
 /// The frames, with their captions.
 pub fn frames(views: Views) -> Vec<(Frame, String)> {
@@ -105,14 +105,14 @@ impl ResultsFolder {
     }
 
     /// Writes the maps of all variants, their pictures and errors, the overview, what each set of views adds, and the best
-    /// map's point cloud.
-    pub fn write_maps(&self, shot: &Shot, camera: &PinholeCamera, outcomes: &[Outcome]) -> Result<()> {
+    /// map's point cloud. The first `block_matched` outcomes are those of block matching.
+    pub fn write_maps(&self, shot: &Shot, camera: &PinholeCamera, outcomes: &[Outcome], block_matched: usize) -> Result<()> {
         let truth = DisparityMap::from_float(&shot.truth);
         let range = truth.range();
         let color = |map: &DisparityMap| map.to_color(range.clone());
         write_png(&self.file(TRUTH_PNG), &color(&truth))?;
         let mut columns = Vec::new();
-        for Outcome { variant, disparities, record } in outcomes {
+        for Outcome { variant, disparities, record, .. } in outcomes {
             let stem = &variants::stem(variant);
             let errors = error_map::draw(disparities.pixels().iter().map(|d| d.map(f32::from)), &shot.truth);
             disparities.write_pfm(&self.file(&map_pfm(stem)))?;
@@ -121,7 +121,10 @@ impl ResultsFolder {
             if variants::is_default(variant) {
                 let note = format!("AvgErr {:.3}", record.metrics.avg_err);
                 columns.push(PictureColumn {
-                    heading: variants::heading(variant),
+                    heading: match variant.method {
+                        MethodName::Bm => variants::heading(variant),
+                        _ => variants::label(variant),
+                    },
                     pictures: vec![color(disparities), errors],
                     note,
                 });
@@ -129,7 +132,7 @@ impl ResultsFolder {
         }
         let sheet = contact_sheet::to_svg(&columns, SHEET_PANEL);
         output::write(&self.file(SHEET), |writer| writer.write_all(sheet.as_bytes()))?;
-        let [Outcome { disparities: stereo, .. }, .., Outcome { disparities: best, .. }] = outcomes else {
+        let [Outcome { disparities: stereo, .. }, .., Outcome { disparities: best, .. }] = &outcomes[..block_matched] else {
             unreachable!("there are several variants")
         };
         let center = Picture::Rgb(shot.center.clone());
@@ -157,7 +160,8 @@ impl ResultsFolder {
     }
 }
 
-fn map_pfm(stem: &str) -> String {
+/// The file of a variant's disparities.
+pub fn map_pfm(stem: &str) -> String {
     format!("{stem}.pfm")
 }
 

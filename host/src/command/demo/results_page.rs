@@ -3,7 +3,7 @@
 use multiscopic::{
     evaluation::{Record, ResultRow},
     files::FrameFiles,
-    report::{Figure, Report, error_map},
+    report::{Figure, Report, ViewedScene, error_map},
 };
 use multiscopic_core::{Params, Views};
 
@@ -32,6 +32,8 @@ pub struct ResultsPage<'a> {
     pub errors: &'a Errors<'a>,
     /// The parameters of the first variant; all variants share range and block.
     pub params: &'a Params,
+    /// What there is to look at.
+    pub scene: &'a ViewedScene,
     /// The rows of the table.
     pub rows: &'a [ResultRow],
 }
@@ -40,7 +42,6 @@ impl ResultsPage<'_> {
     /// The page in HTML.
     pub fn to_html(&self) -> String {
         let ResultsPage { params, errors: Errors { variants, .. }, .. } = self;
-        let [stereo, .., best] = *variants else { unreachable!("there are several variants") };
         let map = |variant: &Variant| Figure::linked(caption(variant), map_png(&stem(variant)));
         let error_map = |variant: &Variant| Figure::linked(caption(variant), errors_png(&stem(variant)));
         let truth = Figure::linked("truth", TRUTH_PNG);
@@ -49,7 +50,7 @@ impl ResultsPage<'_> {
         let title = if self.views == Views::CROSS { "The five views".into() } else { format!("The {} views", pictures.len()) };
         let page = Report::new("Depth from one camera that moves")
             .paragraph(&self.summary())
-            .compare("Stereo and multiscopic", map(stereo), map(best))
+            .viewer(self.commands.lines().next().unwrap_or_default(), std::slice::from_ref(self.scene))
             .heading("Errors")
             .table(ResultRow::HEADINGS, self.rows.iter().map(ResultRow::cells))
             .paragraph(&format!(

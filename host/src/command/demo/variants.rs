@@ -4,7 +4,7 @@ use multiscopic::{Error, Result, images::Layout, stereo::LongBaselines};
 use multiscopic_core::{Fusion, View, Views};
 
 use crate::command::{
-    options::{MethodName, views_of_count},
+    options::{MethodName, Named, views_of_count},
     variant::Variant,
 };
 
@@ -55,6 +55,14 @@ pub fn variants(layout: Layout, baselines: &[u8]) -> Result<Vec<Variant>> {
     Ok(variants)
 }
 
+/// The other methods, with all views at the shortest baseline.
+pub fn other_methods(layout: Layout) -> Vec<Variant> {
+    let views = layout.views();
+    [MethodName::Sgm, MethodName::Gc]
+        .map(|method| Variant { method, layout: None, views, fusion: default_fusion(views) })
+        .into()
+}
+
 /// Whether a variant has the rule that its views have by default.
 pub fn is_default(variant: &Variant) -> bool {
     variant.fusion == default_fusion(variant.views)
@@ -68,6 +76,7 @@ fn default_fusion(views: Views) -> Fusion {
 pub fn stem(variant: &Variant) -> String {
     let (layout, baselines) = (variant.layout.map(|layout| format!("-{layout}")).unwrap_or_default(), baselines(variant, "-"));
     match variant.views.len() {
+        _ if variant.method != MethodName::Bm => variant.method.name().into(),
         1 => "stereo".into(),
         views => format!("{views}-views-{}{layout}{}", variant.fusion.name(), prefixed("-baselines-", &baselines)),
     }
@@ -76,9 +85,15 @@ pub fn stem(variant: &Variant) -> String {
 /// The caption of a variant's pictures.
 pub fn caption(variant: &Variant) -> String {
     match variant.views.len() {
+        views if variant.method != MethodName::Bm => format!("{}: {views} views, {}", variant.method.name(), variant.fusion.name()),
         1 => "stereo: centre and right".into(),
         views => format!("multiscopic: {views} views, {}{}", variant.fusion.name(), place(variant)),
     }
+}
+
+/// The variant's method and views in a few words.
+pub fn label(variant: &Variant) -> String {
+    format!("{} {}", variant.method.name(), heading(variant))
 }
 
 /// The variant's views in a few words.

@@ -1,7 +1,6 @@
 //! `multiscopic evaluate`: the accuracy of methods on data sets with ground truth, and of rigs.
 
 mod comparison;
-mod gallery;
 mod method_table;
 mod rig_metrics;
 mod rig_options;
@@ -17,18 +16,19 @@ use multiscopic::{
     Dataset, Error, Result,
     evaluation::{CameraSteps, DatasetScene, ResultRow, results},
     files::output,
-    report::{Chart, Figure, Report, error_map},
+    report::{Chart, Report, ViewedMap, ViewedScene},
 };
 use multiscopic_core::Views;
 use serde::Serialize;
 
-use self::{comparison::Comparison, gallery::Gallery, method_table::MethodTable, rig_options::RigOptions};
+use self::{comparison::Comparison, method_table::MethodTable, rig_options::RigOptions};
 use super::{
     charts::{self, Errors},
-    options::{BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, SearchOptions, named},
+    options::{BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, Named, SearchOptions, named},
     preparation::PreparationOptions,
     terminal,
-    variant::Subject,
+    variant::{Measured, Subject},
+    view::{command_line, matched_map},
 };
 
 /// Measures how good matching is on a data set with ground truth, or how good a rig is
@@ -129,11 +129,18 @@ impl Evaluate {
         let most: Views = views().flat_map(Views::iter).collect();
         let bar = terminal::progress((scenes.len() * variants.len()) as u64, "maps");
         let (mut records, mut curves) = (Vec::new(), Vec::new());
-        let mut galleries = Vec::new();
+        let mut viewed = Vec::new();
         for scene in &scenes {
             bar.set_message(scene.name.clone());
             let (mut frames, center, truth) = scene.load(most)?;
-            let mut gallery = self.report.as_ref().map(|_| Gallery::new(&center, Some(truth.clone())));
+            let mut seen = self.report.as_ref().map(|_| {
+                let (seen, color) = (ViewedScene::new(&*scene.name, frames.size()), center.to_rgb());
+                // The views of many scenes would make a large page.
+                let seen =
+                    if scenes.len() > 1 { seen.with_center(&frames, Some(&color)) } else { seen.with_frames(&frames, Some(&color)) };
+                seen.with_truth(Some(&truth))
+            });
+            let first = records.len();
             for variant in &variants {
                 if !variant.views.iter().all(|view| frames.views().contains(view)) {
                     (frames, ..) = scene.load(variant.views)?;
@@ -146,15 +153,21 @@ impl Evaluate {
                     truth: &truth,
                 };
                 let search = self.search.search(frames.size(), variant.views, Some(variant.fusion), dataset.range())?;
-                let (disparities, curve, record) = variant.measure(methods.get(variant), &engine, &subject, &search)?;
-                if let Some(gallery) = &mut gallery {
-                    gallery.add(&record.variant(), &disparities);
-                }
+                let method = methods.get(variant);
+                let Measured { disparities, confidences, curve, record } = variant.measure(method, &engine, &subject, &search)?;
                 curves.push(curve);
                 records.push(record);
+                let record = records.last().expect("it has just been added");
+                if let Some(seen) = &mut seen {
+                    let results = (&disparities, (scenes.len() == 1).then_some(&confidences));
+                    let map = matched_map(record.variant(), (variant.method.name(), method), &search, results, record.seconds);
+                    let costs = map.costs.filter(|_| dataset.camera_steps().is_none());
+                    let (metrics, reduction) = (Some(record.metrics), record.reduction(&records[first..]));
+                    seen.add(ViewedMap { metrics, reduction, costs, ..map });
+                }
                 bar.inc(1);
             }
-            galleries.extend(gallery.map(|gallery| (scene.name.as_str(), gallery.into_figures())));
+            viewed.extend(seen);
         }
         bar.finish_and_clear();
 
@@ -169,7 +182,7 @@ impl Evaluate {
             let errors = Errors { variants: &variants, records: &records, has_default_fusion, baselines: &baselines };
             let curves = charts::sparsification(&variants, &records, &curves);
             let charts: Vec<Chart> = errors.charts().into_iter().chain([curves]).collect();
-            self.page(dataset, &rows, &confidences, &charts, galleries)
+            Self::page(dataset, &rows, &confidences, &charts, &viewed)
         });
         self.write(&records, report)?;
         terminal::print(&format!("{}\n{}", results::to_text(&rows), results::confidences_to_text(&confidences)))
@@ -194,15 +207,15 @@ impl Evaluate {
         })
     }
 
-    fn page<'a>(
-        &self,
+    fn page(
         dataset: Dataset,
         rows: &[ResultRow],
         confidences: &[[String; 9]],
         charts: &[Chart],
-        galleries: impl IntoIterator<Item = (&'a str, Vec<Figure>)>,
+        scenes: &[ViewedScene],
     ) -> Report {
         let page = Report::new(format!("Errors on {dataset}"))
+            .viewer(&command_line(), scenes)
             .paragraph(
                 "RMS and AvgErr are in pixels, with the change from stereo in brackets; the other columns are percentages.",
             )
@@ -213,11 +226,7 @@ impl Evaluate {
                  percent of the surest.",
             )
             .table(results::CONFIDENCE_HEADINGS, confidences.iter().cloned());
-        let page = charts
-            .iter()
-            .fold(page, Report::chart)
-            .paragraph(&format!("Disparities: red is near, blue is far, black is invalid. Errors: {}.", error_map::LEGEND));
-        galleries.into_iter().fold(page, |page, (scene, figures)| page.gallery(scene, figures))
+        charts.iter().fold(page, Report::chart)
     }
 
     /// The scenes that `--scenes` selects.

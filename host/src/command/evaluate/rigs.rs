@@ -1,22 +1,25 @@
 //! Evaluation of captured folders.
 
 use multiscopic::{
-    DisparityMap, Error, FloatImage, Geometry, Metrics, Picture, Result,
+    DisparityMap, Error, FloatImage, Geometry, Metrics, Result,
     evaluation::{DepthErrors, PlaneFit, Record, TemporalNoise, WallMetrics},
     files::output,
     images::ImageRegion,
-    report::{Figure, Report, error_map},
+    report::{Figure, Report, ViewedScene, error_map},
 };
-use multiscopic_core::Frame;
 
 use super::{
     Evaluate,
-    gallery::Gallery,
     method_table::MethodTable,
     rig_metrics::{RigMetrics, RigTable},
     rig_options::{PreparedRig, RigFiles},
 };
-use crate::command::{options::Source, terminal, variant::Variant};
+use crate::command::{
+    options::{Named, Source},
+    terminal,
+    variant::Variant,
+    view::{command_line, matched_map},
+};
 
 /// The share of outliers in percent above which a region may be no wall.
 const NO_WALL: f64 = 20.0;
@@ -33,7 +36,8 @@ impl Evaluate {
         let engine = self.engine.engine()?;
 
         let bar = terminal::progress((rigs.len() * variants.len()) as u64, "maps");
-        let (mut records, mut galleries, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut records, mut viewed, mut planes, mut warnings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let is_single = rigs.len() == 1;
         let mut maps: Vec<Vec<DisparityMap>> = vec![Vec::new(); variants.len()];
         let mut first: Option<([usize; 2], Option<Geometry>)> = None;
         for files in &mut rigs {
@@ -42,7 +46,10 @@ impl Evaluate {
             let rig = files.load(&self.geometry, &self.preparation, &self.search)?;
             let size = rig.frames.size();
             check_same(&name, size, rig.geometry, *first.get_or_insert((size, rig.geometry)))?;
-            let mut gallery = self.report.as_ref().map(|_| Gallery::new(&center(&rig), rig.truth.clone()));
+            let mut seen = self.report.as_ref().map(|_| {
+                let seen = ViewedScene::new(&*name, size).with_geometry(rig.geometry.as_ref()).with_truth(rig.truth.as_ref());
+                if is_single { seen.with_frames(&rig.frames, None) } else { seen.with_center(&rig.frames, None) }
+            });
             for (variant, maps) in variants.iter().zip(&mut maps) {
                 let search = self.search.search(size, variant.views, Some(variant.fusion), rig.preparation.range)?;
                 let method = methods.get(variant);
@@ -56,10 +63,13 @@ impl Evaluate {
                     other => other,
                 })?;
                 let record = variant.record("rig", &name, metrics, seconds);
-                if let Some(gallery) = &mut gallery {
-                    gallery.add(&record.variant(), &disparities);
-                    let plane = plane.map(|plane| plane_map(&plane, size, self.rig.region(size)));
-                    plane.iter().for_each(|plane| gallery.add_plane(&record.variant(), &disparities, plane));
+                if let Some(seen) = &mut seen {
+                    seen.add(matched_map(record.variant(), (variant.method.name(), method), &search, (&disparities, None), seconds));
+                    planes.extend(plane.map(|plane| {
+                        let estimates = disparities.pixels().iter().map(|d| d.map(f32::from));
+                        let errors = error_map::draw(estimates, &plane_map(&plane, size, self.rig.region(size)));
+                        Figure::embedded(format!("{name}, {}", record.variant()), errors)
+                    }));
                 }
                 for warning in rig.preparation.warnings(&disparities, &search).into_iter().chain(no_wall(&metrics)) {
                     let warning = format!("warning: {name}: {warning}");
@@ -71,14 +81,14 @@ impl Evaluate {
                 maps.push(disparities);
                 bar.inc(1);
             }
-            galleries.extend(gallery.map(|gallery| (name, gallery.into_figures())));
+            viewed.extend(seen);
         }
         bar.finish_and_clear();
         let (size, geometry) = first.unwrap_or_default();
         for (k, record) in records.iter_mut().enumerate() {
             record.metrics.noise = TemporalNoise::new(&maps[k % variants.len()], geometry.as_ref(), self.rig.region(size));
         }
-        self.write_rigs(&records, galleries)?;
+        self.write_rigs(&records, &viewed, planes)?;
         warnings.iter().for_each(|warning| terminal::say(warning));
         Ok(())
     }
@@ -133,13 +143,12 @@ impl Evaluate {
         Ok((metrics, fitted))
     }
 
-    fn write_rigs(&self, records: &[Record<RigMetrics>], galleries: Vec<(String, Vec<Figure>)>) -> Result<()> {
+    fn write_rigs(&self, records: &[Record<RigMetrics>], scenes: &[ViewedScene], planes: Vec<Figure>) -> Result<()> {
         let tables = RigTable::all(records);
         let report = self.report.as_ref().map(|_| {
-            let page = tables.iter().fold(Report::new("How good the rig is"), |page, table| table.add_to(page));
-            let page = page
-                .paragraph(&format!("Disparities: red is near, blue is far, black is invalid. Errors: {}.", error_map::LEGEND));
-            galleries.into_iter().fold(page, |page, (rig, figures)| page.gallery(&rig, figures))
+            let page = Report::new("How good the rig is").viewer(&command_line(), scenes);
+            let page = tables.iter().fold(page, |page, table| table.add_to(page));
+            if planes.is_empty() { page } else { page.gallery("Distance from the plane", planes).paragraph(error_map::LEGEND) }
         });
         self.write(records, report)?;
         terminal::print(&tables.iter().map(RigTable::to_text).collect::<Vec<_>>().join("\n"))
@@ -166,14 +175,6 @@ fn check_same(
         false => Err(Error::Usage(format!(
             "{name} has another focal length, baseline or doffs than those before it: give captures of one rig"
         ))),
-    }
-}
-
-/// The centre, as it is matched.
-fn center(rig: &PreparedRig) -> Picture {
-    match rig.frames.color(Frame::Center) {
-        Some(color) => Picture::Rgb(color.clone()),
-        None => Picture::Gray(rig.frames.get(Frame::Center).expect("frames always have a centre").clone()),
     }
 }
 

@@ -54,6 +54,12 @@ impl MapFiles {
         Ok(())
     }
 
+    /// The file of disparities in pixels, if it is in the same folder as another file.
+    pub fn beside(&self, other: &Path) -> Option<String> {
+        let name = self.output.file_name().filter(|_| self.output.parent() == other.parent())?;
+        Some(name.to_string_lossy().into_owned())
+    }
+
     /// The colour map that was asked for.
     pub fn colormap(&self) -> Colormap {
         self.colormap

@@ -129,6 +129,11 @@ impl Source {
         })
     }
 
+    /// The captured folder, if it is one.
+    pub fn folder(&self) -> Option<&Path> {
+        self.rig_file.as_deref().and_then(Path::parent)
+    }
+
     /// All files that are read.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
         let lens = self.lens.as_ref().map(|lens| lens.path.as_path());

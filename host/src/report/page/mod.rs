@@ -1,5 +1,5 @@
-//! A report as a single HTML file. It needs no network and no other file, and can be read with scripts
-//! disabled.
+//! A report as a single HTML file. It needs no network and no other file, and all but its viewer can be read
+//! with scripts disabled.
 //!
 //! ```
 //! use multiscopic::report::{Figure, Report};
@@ -13,10 +13,17 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::{chart::Chart, epipolar_map::EpipolarMap, figure::Figure};
+use super::{
+    chart::Chart,
+    epipolar_map::EpipolarMap,
+    figure::Figure,
+    viewer::{self, ViewedScene},
+};
 
 const STYLE: &str = concat!(include_str!("page.css"), include_str!("../chart.css"));
-const SCRIPT: &str = include_str!("compare.js");
+/// What a page may load: nothing but what is in it.
+const POLICY: &str = "default-src 'none'; img-src data: file: 'self'; style-src 'unsafe-inline'; script-src 'unsafe-inline' data:; \
+                      base-uri 'none'; form-action 'none'";
 
 /// A report. It shows its parts in the order in which they were added.
 #[derive(Clone, Debug)]
@@ -25,12 +32,13 @@ pub struct Report {
     parts: Vec<Markup>,
     /// The number of flip sections so far. Each needs a group of radio buttons with a name of its own.
     flips: usize,
+    has_viewer: bool,
 }
 
 impl Report {
     /// An empty report with a title.
     pub fn new(title: impl Into<String>) -> Report {
-        Report { title: title.into(), parts: Vec::new(), flips: 0 }
+        Report { title: title.into(), parts: Vec::new(), flips: 0, has_viewer: false }
     }
 
     /// Starts a section.
@@ -127,12 +135,14 @@ impl Report {
         })
     }
 
-    /// Adds a section with two pictures of the same size, one over the other, and a slider that moves the
-    /// boundary between them. Without scripts they are side by side.
-    pub fn compare(self, title: &str, before: Figure, after: Figure) -> Report {
-        self.heading(title).part(html! {
-            div class="gallery compare" { (before) (after) }
-        })
+    /// Adds a viewer of scenes: their pictures, disparities, depths, confidences, errors, costs and points. A page has at most one.
+    /// `command` is the command line that made it. Without scripts, the viewer is left out.
+    pub fn viewer(mut self, command: &str, scenes: &[ViewedScene]) -> Report {
+        if scenes.is_empty() {
+            return self;
+        }
+        self.has_viewer = true;
+        self.part(viewer::markup(command, scenes))
     }
 
     /// The whole page.
@@ -144,15 +154,18 @@ impl Report {
                     meta charset="utf-8";
                     meta name="viewport" content="width=device-width, initial-scale=1";
                     meta name="color-scheme" content="light dark";
+                    meta http-equiv="Content-Security-Policy" content=(POLICY);
                     title { (self.title) }
-                    style { (PreEscaped(STYLE)) }
+                    style {
+                        (PreEscaped(STYLE))
+                        @if self.has_viewer { (PreEscaped(viewer::STYLE)) }
+                    }
                 }
                 body {
                     main {
                         h1 { (self.title) }
                         @for part in &self.parts { (part) "\n" }
                     }
-                    script { (PreEscaped(SCRIPT)) }
                 }
             }
         };
@@ -191,7 +204,7 @@ mod tests {
     fn assert_balanced(html: &str) {
         const VOID: [&str; 4] = ["meta", "img", "input", "!DOCTYPE"];
         let (head, rest) = html.split_once("<style>").unwrap();
-        let (body, _) = rest.split_once("</style>").unwrap().1.split_once("<script>").unwrap();
+        let body = rest.split_once("</style>").unwrap().1;
         let mut open = Vec::new();
         for tag in [head, body].into_iter().flat_map(|part| part.split('<').skip(1)) {
             let name = tag.split([' ', '>']).next().unwrap();
@@ -201,7 +214,7 @@ mod tests {
                 None => open.push(name),
             }
         }
-        assert_eq!(open, ["html", "body"], "both are still open where the script starts");
+        assert!(open.is_empty(), "{open:?}");
     }
 
     fn report_with_every_part() -> Report {
@@ -218,7 +231,6 @@ mod tests {
             .gallery("Views", [figure(), Figure::linked("Left", "left.png")])
             .flip("Flip", [figure(), figure()])
             .flip("Flip again", [figure()])
-            .compare("Compare", figure(), figure())
     }
 
     #[test]
@@ -226,14 +238,14 @@ mod tests {
         let html = report_with_every_part().to_html();
         assert_balanced(&html);
         assert!(!html.contains("http:") && !html.contains("https:") && !html.contains("<link"), "{html}");
-        assert_eq!(html.matches("<h2>").count(), 4);
-        assert_eq!(html.matches("<img ").count(), 7);
+        assert_eq!(html.matches("<h2>").count(), 3);
+        assert_eq!(html.matches("<img ").count(), 5);
     }
 
     #[test]
     fn parts_keep_their_order() {
         let html = report_with_every_part().to_html();
-        let places = ["<h1>All parts", "<p>Text", "<table>", ">Chart", ">Views", ">Flip<", ">Flip again", ">Compare"];
+        let places = ["<h1>All parts", "<p>Text", "<table>", ">Chart", ">Views", ">Flip<", ">Flip again"];
         assert!(places.map(|place| html.find(place).unwrap_or_else(|| panic!("no {place}"))).is_sorted());
     }
 

@@ -1,0 +1,86 @@
+//! Disparity maps in files.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use multiscopic::{DisparityMap, Error, FloatImage, Picture, Result, report::ViewedMap, stereo::confidence_map::ConfidenceMap};
+
+use crate::command::terminal;
+
+/// The true disparities in a folder.
+pub const TRUTH_FILE_NAME: &str = "truth.pfm";
+
+/// A disparity map in a file.
+pub struct MapFile {
+    pub path: PathBuf,
+    pub disparities: DisparityMap,
+    pub confidences: Option<ConfidenceMap>,
+}
+
+impl MapFile {
+    /// Reads a map, and its confidences if they are beside it.
+    pub fn read(path: &Path) -> Result<MapFile> {
+        let disparities = DisparityMap::from_float(&FloatImage::read_pfm(path)?);
+        let beside = path.with_file_name(format!("{}-confidence.png", stem(path)));
+        let confidences = if beside.is_file() { confidences(&beside, &disparities)? } else { None };
+        Ok(MapFile { path: path.into(), disparities, confidences })
+    }
+
+    /// The width and the height.
+    pub fn size(&self) -> [usize; 2] {
+        [self.disparities.width(), self.disparities.height()]
+    }
+
+    /// The map on a page in the folder of the file.
+    pub fn viewed(&self) -> ViewedMap<'_> {
+        ViewedMap {
+            name: stem(&self.path),
+            disparities: &self.disparities,
+            confidences: self.confidences.as_ref(),
+            metrics: None,
+            reduction: None,
+            parameters: Vec::new(),
+            costs: None,
+            file: self.path.file_name().map(|name| name.to_string_lossy().into_owned()),
+        }
+    }
+}
+
+/// The maps in a folder by name, those of `size` or of the size of the first one. Those of other sizes are named and left out.
+pub fn read_all(folder: &Path, size: Option<[usize; 2]>) -> Result<Vec<MapFile>> {
+    let unreadable = |source| Error::Read { path: folder.into(), source };
+    let entries = fs::read_dir(folder).map_err(unreadable)?.collect::<std::io::Result<Vec<_>>>().map_err(unreadable)?;
+    let mut paths: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).filter(|path| is_map(path)).collect();
+    paths.sort_unstable();
+    let mut maps: Vec<MapFile> = Vec::new();
+    for path in paths {
+        let map = MapFile::read(&path)?;
+        let [width, height] = size.or(maps.first().map(MapFile::size)).unwrap_or(map.size());
+        if map.size() == [width, height] {
+            maps.push(map);
+        } else {
+            let [w, h] = map.size();
+            terminal::say(&format!("{} is left out: it has {w}x{h} pixels, not {width}x{height}", path.display()));
+        }
+    }
+    Ok(maps)
+}
+
+/// Whether a file is a disparity map other than the truth, by its name.
+fn is_map(path: &Path) -> bool {
+    let is_pfm = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("pfm"));
+    is_pfm && !path.ends_with(TRUTH_FILE_NAME) && !stem(path).contains("depth")
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn confidences(path: &Path, map: &DisparityMap) -> Result<Option<ConfidenceMap>> {
+    let gray = Picture::read(path)?.to_gray();
+    let (width, height) = (map.width(), map.height());
+    let fits = gray.dimensions() == (width as u32, height as u32);
+    Ok(fits.then(|| ConfidenceMap::new(width, height, gray.into_raw())))
+}

@@ -1,0 +1,55 @@
+//! The viewer in HTML: its markup, its data, and its modules, which an import map gives names to.
+
+use base64::{Engine, engine::general_purpose::STANDARD};
+use maud::{Markup, PreEscaped, html};
+use serde_json::{Map, Value, json};
+
+use super::ViewedScene;
+use crate::images::Colormap;
+
+pub const STYLE: &str = include_str!("page/viewer.css");
+const CONTROLS: &str = include_str!("page/viewer.html");
+const START: &str = include_str!("page/app.js");
+
+/// The modules that others import, by name.
+const MODULES: [(&str, &str); 9] = [
+    ("viewer/cloud.js", include_str!("page/cloud.js")),
+    ("viewer/codec.js", include_str!("page/codec.js")),
+    ("viewer/color.js", include_str!("page/color.js")),
+    ("viewer/costs.js", include_str!("page/costs.js")),
+    ("viewer/numbers.js", include_str!("page/numbers.js")),
+    ("viewer/panes.js", include_str!("page/panes.js")),
+    ("viewer/plots.js", include_str!("page/plots.js")),
+    ("viewer/readout.js", include_str!("page/readout.js")),
+    ("viewer/scale.js", include_str!("page/scale.js")),
+];
+
+/// The viewer of scenes, of which there is at least one. `command` made the page.
+pub fn markup(command: &str, scenes: &[ViewedScene]) -> Markup {
+    let address = |source: &str| Value::from(format!("data:text/javascript;base64,{}", STANDARD.encode(source)));
+    let imports: Map<String, Value> = MODULES.into_iter().map(|(name, source)| (name.to_owned(), address(source))).collect();
+    let palette = |color: &dyn Fn(f64) -> [u8; 3]| {
+        STANDARD.encode((0..256).flat_map(|i| color(f64::from(i) / 255.0)).collect::<Vec<u8>>())
+    };
+    let data = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "command": command,
+        "palettes": {
+            "disparity": palette(&|t| Colormap::Turbo.color(t)),
+            "confidence": palette(&|t| Colormap::Viridis.color(t)),
+            "error": palette(&|t| colorous::INFERNO.eval_continuous(t).as_array()),
+        },
+        "scenes": scenes,
+    });
+    html! {
+        (PreEscaped(CONTROLS))
+        script type="importmap" { (script(&json!({ "imports": imports }))) }
+        script type="application/json" id="viewer-data" { (script(&data)) }
+        script type="module" { (PreEscaped(START)) }
+    }
+}
+
+/// JSON that cannot end its script element.
+fn script(value: &Value) -> PreEscaped<String> {
+    PreEscaped(value.to_string().replace('<', "\\u003c"))
+}

@@ -1,0 +1,13 @@
+//! Scenes to look at on a page: pictures, disparities, depths, confidences, errors, costs and points. See
+//! [`Report::viewer`](super::Report::viewer).
+
+mod block_costs;
+mod compact;
+mod markup;
+mod viewed_map;
+mod viewed_scene;
+
+pub use block_costs::BlockCosts;
+pub(super) use markup::{STYLE, markup};
+pub use viewed_map::ViewedMap;
+pub use viewed_scene::ViewedScene;

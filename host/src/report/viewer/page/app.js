@@ -1,0 +1,247 @@
+// The viewer: it decodes the scenes of the page, and shows them.
+
+import { INVALID, bytes, disparities, palette } from "viewer/codec.js";
+import { drawConfidences, drawDisparities, drawErrors, drawGray, ramp } from "viewer/color.js";
+import { costsAt } from "viewer/costs.js";
+import { Cloud } from "viewer/cloud.js";
+import { Panes } from "viewer/panes.js";
+import { sceneCharts } from "viewer/plots.js";
+import { showReadout, valuesAt } from "viewer/readout.js";
+import { Scale } from "viewer/scale.js";
+
+const byId = (id) => document.getElementById(id);
+const page = JSON.parse(byId("viewer-data").textContent);
+const palettes = Object.fromEntries(Object.entries(page.palettes).map(([kind, text]) => [kind, ramp(palette(text))]));
+const BLINK_MS = 700;
+
+let scene = null;
+let blinkTimer = 0;
+let isSwapped = false;
+const choice = { first: null, second: null };
+
+const scale = new Scale(palettes, () => {
+  scene.layers.forEach((layer) => {
+    if (layer.kind === "disparity") layer.canvas = null;
+  });
+  update();
+});
+const panes = new Panes([byId("pane-first"), byId("pane-second")], {
+  onCursor: (cursor) => showReadout(scene, cursor, currentMap()),
+  onDivide: (percent) => divide(percent),
+  onSwap: () => swap(),
+});
+const cloud = new Cloud(byId("cloud"), (places) => {
+  byId("measured").textContent = measurement(places);
+});
+
+const mode = () => document.querySelector("input[name=mode]:checked").value;
+const layerOf = (id) => scene.layers.find((layer) => layer.id === id);
+// The map whose costs are shown: the first that is on show, else the best.
+const currentMap = () => layerOf(choice.first)?.map ?? layerOf(choice.second)?.map ?? scene.maps[0];
+
+async function decode(raw) {
+  const [width, height] = raw.size;
+  const frames = await Promise.all(raw.frames.map(async (frame) => ({ ...frame, gray: await bytes(frame.gray, width) })));
+  const maps = await Promise.all(raw.maps.map(async (map) => ({
+    ...map,
+    bits: await disparities(map.disparities, width),
+    confidences: map.confidences && (await bytes(map.confidences, width)),
+  })));
+  if (maps.every((map) => map.metrics)) maps.sort((a, b) => a.metrics.avg_err - b.metrics.avg_err);
+  const truth = raw.truth && (await disparities(raw.truth, width));
+  let color = null;
+  if (raw.color) {
+    color = new Image();
+    color.src = raw.color;
+    await color.decode();
+  }
+  const decoded = { ...raw, width, height, frames, maps, truth, color };
+  decoded.layers = layersOf(decoded);
+  return decoded;
+}
+
+function layersOf({ frames, maps, truth }) {
+  const layers = [];
+  maps.forEach((map, k) => layers.push({ id: `disparity-${k}`, name: map.name, group: "Disparity", kind: "disparity", map, bits: map.bits }));
+  if (truth) layers.push({ id: "truth", name: "truth", group: "Disparity", kind: "disparity", bits: truth });
+  frames.forEach((frame, k) => layers.push({ id: `frame-${k}`, name: frame.name, group: "Pictures", kind: "picture", frame }));
+  maps.filter((map) => map.confidences).forEach((map) => {
+    layers.push({ id: `confidence-${maps.indexOf(map)}`, name: `confidence of ${map.name}`, group: "Confidence", kind: "confidence", map });
+  });
+  if (truth) maps.forEach((map, k) => layers.push({ id: `error-${k}`, name: `error of ${map.name}`, group: "Errors", kind: "error", map }));
+  return layers;
+}
+
+// The layer as a picture, drawn when it is first shown.
+function drawn(layer) {
+  if (!layer || layer.canvas) return layer?.canvas;
+  if (layer.kind === "picture" && !layer.frame.view && scene.color) return (layer.canvas = scene.color);
+  const canvas = new OffscreenCanvas(scene.width, scene.height);
+  const context = canvas.getContext("2d");
+  const image = context.createImageData(scene.width, scene.height);
+  const pixels = new Int32Array(image.data.buffer);
+  const draw = {
+    picture: () => drawGray(layer.frame.gray, pixels),
+    disparity: () => drawDisparities(layer.bits, scale.range, palettes.disparity, pixels),
+    confidence: () => drawConfidences(layer.map.confidences, layer.map.bits, palettes.confidence, pixels),
+    error: () => drawErrors(layer.map.bits, scene.truth, palettes.error, pixels),
+  };
+  draw[layer.kind]();
+  context.putImageData(image, 0, 0);
+  return (layer.canvas = canvas);
+}
+
+function fillChoices() {
+  for (const name of ["first", "second"]) {
+    const groups = new Map();
+    for (const layer of scene.layers) {
+      if (!groups.has(layer.group)) groups.set(layer.group, Object.assign(document.createElement("optgroup"), { label: layer.group }));
+      groups.get(layer.group).append(new Option(layer.name, layer.id));
+    }
+    byId(name).replaceChildren(...groups.values());
+    if (!layerOf(choice[name])) {
+      const pictures = scene.layers.filter((layer) => layer.kind === "picture");
+      const others = [...pictures, ...scene.layers];
+      choice[name] = (name === "first" ? scene.layers[0] : others[0]).id;
+    }
+    byId(name).value = choice[name];
+  }
+}
+
+// The range of all maps, but for the few disparities at its ends.
+function fullRange() {
+  const all = scene.truth ? [scene.truth] : scene.maps.map((map) => map.bits);
+  const values = all.flatMap((bits) => [...bits.filter((value, i) => value !== INVALID && i % 7 === 0)]).sort((a, b) => a - b);
+  if (!values.length) return [0, 1];
+  const at = (share) => values[Math.round(share * (values.length - 1))] / 64;
+  return [at(0.002), at(0.998)];
+}
+
+async function open(index) {
+  scene = await (page.decoded ??= [])[index] ?? await (page.decoded[index] = decode(page.scenes[index]));
+  panes.resize(scene.width, scene.height);
+  byId("cloud").style.aspectRatio = `${scene.width} / ${scene.height}`;
+  cloud.points = null;
+  scale.reset(...fullRange(), scene.geometry);
+  scene.layers.forEach((layer) => {
+    layer.canvas = null;
+  });
+  fillChoices();
+  const cloudMode = document.querySelector("input[value=cloud]");
+  cloudMode.disabled = !scene.geometry || !scene.maps.length;
+  cloudMode.parentElement.title = cloudMode.disabled ? "Points need the focal length and the baseline of the rig" : "";
+  if (cloudMode.disabled && cloudMode.checked) document.querySelector("input[value=single]").checked = true;
+  byId("plots").replaceChildren(...sceneCharts(scene));
+  byId("making").replaceChildren(...making());
+  update();
+  panes.moveCursor([Math.floor(scene.width / 2), Math.floor(scene.height / 2)]);
+}
+
+function making() {
+  const parts = [];
+  const add = (tag, text) => parts.push(Object.assign(document.createElement(tag), { textContent: text }));
+  if (page.command) add("pre", page.command);
+  add("p", `multiscopic ${page.version}`);
+  for (const map of scene.maps) {
+    add("h4", map.name);
+    const list = document.createElement("dl");
+    for (const [name, value] of map.parameters) {
+      list.append(Object.assign(document.createElement("dt"), { textContent: name }), Object.assign(document.createElement("dd"), { textContent: value }));
+    }
+    if (map.file) {
+      const link = Object.assign(document.createElement("a"), { href: map.file, textContent: map.file });
+      const place = document.createElement("dd");
+      place.append(link);
+      list.append(Object.assign(document.createElement("dt"), { textContent: "file" }), place);
+    }
+    parts.push(list);
+  }
+  return parts;
+}
+
+function measurement(places) {
+  if (mode() !== "cloud") return "";
+  const text = ([x, y, z]) => `(${x.toFixed(3)}, ${y.toFixed(3)}, ${z.toFixed(3)}) m`;
+  if (places.length === 2) {
+    const distance = Math.hypot(...places[0].map((value, axis) => value - places[1][axis]));
+    return `${(1000 * distance).toFixed(1)} mm between ${text(places[0])} and ${text(places[1])}`;
+  }
+  return places.length ? `${text(places[0])}: click another point to measure the distance` : "Click two points to measure the distance between them.";
+}
+
+function showCloud() {
+  const map = currentMap();
+  if (cloud.points && cloud.map === map) return cloud.draw();
+  const canvas = new OffscreenCanvas(scene.width, scene.height);
+  const context = canvas.getContext("2d");
+  const center = scene.layers.find((layer) => layer.kind === "picture") ?? scene.layers[0];
+  context.drawImage(drawn(center), 0, 0, scene.width, scene.height);
+  const colors = new Int32Array(context.getImageData(0, 0, scene.width, scene.height).data.buffer);
+  cloud.map = map;
+  cloud.show(scene, map.bits, colors);
+}
+
+function divide(percent) {
+  panes.cut = percent;
+  byId("divider").value = percent;
+  panes.draw();
+}
+
+function swap() {
+  isSwapped = !isSwapped;
+  update();
+}
+
+function update() {
+  const now = mode();
+  const isCloud = now === "cloud";
+  panes.mode = now;
+  byId("second-choice").hidden = now === "single" || isCloud;
+  byId("divider-choice").hidden = now !== "divide";
+  byId("panes").hidden = isCloud;
+  byId("panes").classList.toggle("beside", now === "beside");
+  byId("pane-second").hidden = now !== "beside";
+  byId("cloud").hidden = !isCloud;
+  byId("picture-help").hidden = isCloud;
+  byId("cloud-help").hidden = !isCloud;
+  if (now === "single" || isCloud) isSwapped = false;
+  const shown = [layerOf(choice.first), layerOf(choice.second)];
+  if (isSwapped) shown.reverse();
+  panes.layers = now === "single" || now === "blink" ? [drawn(shown[0])] : shown.map(drawn);
+  const label = now === "divide" ? `${shown[0].name} left of the divider, ${shown[1].name} right of it` : shown[0].name;
+  byId("pane-first").setAttribute("aria-label", label);
+  byId("pane-second").setAttribute("aria-label", shown[1].name);
+  const scaled = shown.slice(0, now === "divide" || now === "beside" ? 2 : 1).find((layer) => layer.kind !== "picture");
+  scale.of(isCloud ? null : scaled?.kind);
+  window.clearInterval(blinkTimer);
+  if (now === "blink" && !matchMedia("(prefers-reduced-motion: reduce)").matches) blinkTimer = window.setInterval(swap, BLINK_MS);
+  byId("measured").hidden = !isCloud;
+  if (isCloud) {
+    showCloud();
+    byId("measured").textContent = measurement(cloud.picked.map((i) => [...cloud.points.subarray(3 * i, 3 * i + 3)]));
+  } else {
+    panes.draw();
+  }
+}
+
+for (const name of ["first", "second"]) {
+  byId(name).addEventListener("change", (event) => {
+    choice[name] = event.target.value;
+    update();
+    if (panes.cursor) showReadout(scene, panes.cursor, currentMap());
+  });
+}
+document.querySelectorAll("input[name=mode]").forEach((input) => input.addEventListener("change", update));
+byId("divider").addEventListener("input", (event) => divide(Number(event.target.value)));
+const zoom = (factor) => (mode() === "cloud" ? cloud : panes).zoomBy(factor);
+byId("zoom-in").addEventListener("click", () => zoom(1.5));
+byId("zoom-out").addEventListener("click", () => zoom(1 / 1.5));
+byId("fit").addEventListener("click", () => (mode() === "cloud" ? cloud.reset() : panes.fit()));
+byId("scene").replaceChildren(...page.scenes.map((each, index) => new Option(each.name, index)));
+byId("scene-choice").hidden = page.scenes.length < 2;
+byId("scene").addEventListener("change", (event) => open(Number(event.target.value)));
+byId("viewer").hidden = false;
+await open(0);
+// For whoever wants to look deeper, from the browser's console.
+window.multiscopic = { valuesAt: (u, v) => valuesAt(scene, [u, v]), costsAt: (u, v) => costsAt(scene, currentMap().costs, [u, v]), panes, cloud, current: () => scene };
+document.documentElement.dataset.viewer = "ready";

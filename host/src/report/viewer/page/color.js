@@ -1,0 +1,38 @@
+// Colours of layers, one 32-bit number for a pixel, as canvases store them on little-endian machines.
+
+import { INVALID } from "viewer/codec.js";
+
+const opaque = (r, g, b) => (255 << 24) | (b << 16) | (g << 8) | r;
+
+export const ERROR_LIMIT = 4;
+const UNKNOWN = opaque(128, 128, 128);
+const NO_ESTIMATE = opaque(0, 170, 255);
+const BLACK = opaque(0, 0, 0);
+
+// The palette as 256 pixels.
+export function ramp(palette) {
+  return Int32Array.from({ length: 256 }, (_, i) => opaque(...palette.subarray(3 * i, 3 * i + 3)));
+}
+
+export function drawGray(gray, pixels) {
+  for (let i = 0; i < gray.length; i++) pixels[i] = opaque(gray[i], gray[i], gray[i]);
+}
+
+export function drawDisparities(bits, [far, near], colors, pixels) {
+  const factor = 255 / (64 * Math.max(near - far, 1 / 64));
+  for (let i = 0; i < bits.length; i++) {
+    const place = Math.round((bits[i] - 64 * far) * factor);
+    pixels[i] = bits[i] === INVALID ? BLACK : colors[place < 0 ? 0 : place > 255 ? 255 : place];
+  }
+}
+
+export function drawConfidences(confidences, bits, colors, pixels) {
+  for (let i = 0; i < bits.length; i++) pixels[i] = bits[i] === INVALID ? BLACK : colors[confidences[i]];
+}
+
+export function drawErrors(bits, truth, colors, pixels) {
+  for (let i = 0; i < bits.length; i++) {
+    const error = Math.round((Math.abs(bits[i] - truth[i]) * 255) / (64 * ERROR_LIMIT));
+    pixels[i] = truth[i] === INVALID ? UNKNOWN : bits[i] === INVALID ? NO_ESTIMATE : colors[error > 255 ? 255 : error];
+  }
+}

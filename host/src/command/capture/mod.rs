@@ -29,6 +29,7 @@ use self::{layout_options::LayoutOptions, long_baseline::LongBaseline, recorder:
 use super::{
     hardware::Hardware,
     options::{HardwareOptions, LensFile, SearchOptions, value::positive},
+    view::View,
 };
 
 /// Captures the frames of a rig: a stage moves a camera to the centre and to its neighbours
@@ -47,6 +48,10 @@ pub struct Capture {
     /// Capture repeatedly until Ctrl-C
     #[arg(long)]
     live: bool,
+
+    /// Page to look at the capture, matched by blocks, see `multiscopic view`
+    #[arg(long, value_name = "FILE.html", conflicts_with = "live")]
+    report: Option<PathBuf>,
 
     /// Number of captures with --live [default: no limit]
     #[arg(long, value_name = "N", requires = "live")]
@@ -79,6 +84,10 @@ impl Capture {
         if !self.live {
             output::check_folder(&self.output)?;
         }
+        // A page in the folder can be written once the folder is there.
+        if let Some(page) = self.report.as_deref().filter(|page| !page.starts_with(&self.output)) {
+            output::check(&[page], &[])?;
+        }
         let lens = self.lens.as_deref().map(LensFile::read).transpose()?;
         let mount = self.mount.as_deref().map(Mount::read).transpose()?;
         let mut recorder = self.recorder(Hardware::open(&self.hardware)?, lens, mount)?;
@@ -86,6 +95,9 @@ impl Capture {
             self.run_live(&mut recorder)?;
         } else {
             recorder.record(&self.output)?;
+            if let Some(page) = &self.report {
+                View::of_capture(&self.output, page, &self.search).run()?;
+            }
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -118,10 +118,23 @@ impl Demo {
         bar.set_message("writing");
         let records: Vec<Record> = outcomes.iter().map(|outcome| outcome.record.clone()).collect();
         let rows = results::rows(&records);
-        let errors = Errors { variants: &variants, records: &records[..variants.len()], has_default_fusion: false, baselines: "baselines" };
+        let errors = Errors {
+            variants: &variants,
+            records: &records[..variants.len()],
+            has_default_fusion: false,
+            baselines: "baselines",
+        };
         let scene = scene(&shot, &camera, &frames, &outcomes);
         let commands = self.commands(&params);
-        let page = ResultsPage { commands: &commands, views, errors: &errors, params: &params, rows: &rows, scene: &scene };
+        let page = ResultsPage {
+            commands: &commands,
+            views,
+            errors: &errors,
+            params: &params,
+            rows: &rows,
+            scene: &scene,
+            others: &others,
+        };
         let page_path = output::write_together(|| {
             folder.write_capture(&shot, &camera, self.seed)?;
             folder.write_maps(&shot, &camera, &outcomes, variants.len())?;

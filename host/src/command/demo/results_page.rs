@@ -34,6 +34,8 @@ pub struct ResultsPage<'a> {
     pub params: &'a Params,
     /// What there is to look at.
     pub scene: &'a ViewedScene,
+    /// What other methods are shown.
+    pub others: &'a [Variant],
     /// The rows of the table.
     pub rows: &'a [ResultRow],
 }
@@ -65,9 +67,9 @@ impl ResultsPage<'_> {
             .fold(page, Report::chart)
             .gallery(&title, pictures)
             .paragraph(ABOUT_THE_SCENE)
-            .gallery("Disparities", std::iter::once(truth).chain(variants.iter().map(map)))
+            .gallery("Disparities", std::iter::once(truth).chain(variants.iter().chain(self.others).map(map)))
             .paragraph("Red is near, blue is far, black has no disparity. All maps share one colour scale.")
-            .gallery("Error maps", variants.iter().map(error_map))
+            .gallery("Error maps", variants.iter().chain(self.others).map(error_map))
             .paragraph(&format!("Difference from the truth: {}.", error_map::LEGEND))
             .heading("Reproduce this")
             .paragraph(REPRODUCE)

@@ -58,9 +58,7 @@ pub fn variants(layout: Layout, baselines: &[u8]) -> Result<Vec<Variant>> {
 /// The other methods, with all views at the shortest baseline.
 pub fn other_methods(layout: Layout) -> Vec<Variant> {
     let views = layout.views();
-    [MethodName::Sgm, MethodName::Gc]
-        .map(|method| Variant { method, layout: None, views, fusion: default_fusion(views) })
-        .into()
+    [MethodName::Sgm, MethodName::Gc].map(|method| Variant { method, layout: None, views, fusion: default_fusion(views) }).into()
 }
 
 /// Whether a variant has the rule that its views have by default.
@@ -85,7 +83,9 @@ pub fn stem(variant: &Variant) -> String {
 /// The caption of a variant's pictures.
 pub fn caption(variant: &Variant) -> String {
     match variant.views.len() {
-        views if variant.method != MethodName::Bm => format!("{}: {views} views, {}", variant.method.name(), variant.fusion.name()),
+        views if variant.method != MethodName::Bm => {
+            format!("{}: {views} views, {}", variant.method.name(), variant.fusion.name())
+        }
         1 => "stereo: centre and right".into(),
         views => format!("multiscopic: {views} views, {}{}", variant.fusion.name(), place(variant)),
     }

@@ -136,8 +136,11 @@ impl Evaluate {
             let mut seen = self.report.as_ref().map(|_| {
                 let (seen, color) = (ViewedScene::new(&*scene.name, frames.size()), center.to_rgb());
                 // The views of many scenes would make a large page.
-                let seen =
-                    if scenes.len() > 1 { seen.with_center(&frames, Some(&color)) } else { seen.with_frames(&frames, Some(&color)) };
+                let seen = if scenes.len() > 1 {
+                    seen.with_center(&frames, Some(&color))
+                } else {
+                    seen.with_frames(&frames, Some(&color))
+                };
                 seen.with_truth(Some(&truth))
             });
             let first = records.len();

@@ -64,7 +64,13 @@ impl Evaluate {
                 })?;
                 let record = variant.record("rig", &name, metrics, seconds);
                 if let Some(seen) = &mut seen {
-                    seen.add(matched_map(record.variant(), (variant.method.name(), method), &search, (&disparities, None), seconds));
+                    seen.add(matched_map(
+                        record.variant(),
+                        (variant.method.name(), method),
+                        &search,
+                        (&disparities, None),
+                        seconds,
+                    ));
                     planes.extend(plane.map(|plane| {
                         let estimates = disparities.pixels().iter().map(|d| d.map(f32::from));
                         let errors = error_map::draw(estimates, &plane_map(&plane, size, self.rig.region(size)));

@@ -36,7 +36,8 @@ pub fn matched_map<'a>(
     ];
     parameters.extend(block_size.map(|side| ("block".into(), format!("{side} x {side}"))));
     parameters.push(("time".into(), format!("{:.0} ms", 1e3 * seconds)));
-    let costs = BlockCosts::new(search, block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE), is_exact && block_size.is_some());
+    let costs =
+        BlockCosts::new(search, block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE), is_exact && block_size.is_some());
     ViewedMap { name, disparities, confidences, metrics: None, reduction: None, parameters, costs: Some(costs), file: None }
 }
 

@@ -5,24 +5,25 @@ mod matched_map;
 
 use std::{
     env,
+    ffi::{OsStr, OsString},
     io::IsTerminal,
     path::{Path, PathBuf},
     process::{Command, ExitCode, Stdio},
     time::Instant,
 };
 
-use clap::Args;
+use clap::{Args, FromArgMatches};
 use multiscopic::{
     DisparityMap, Error, FloatImage, Method, Result, Rig,
     evaluation::ground_truth,
     files::output,
-    report::{Report, ViewedMap, ViewedScene},
+    report::{BlockCosts, Report, ViewedMap, ViewedScene},
     stereo::confidence_map::{self, ConfidenceMap},
 };
 use multiscopic_core::{Frame, Search};
 
-pub use self::matched_map::{command_line, matched_map};
 use self::map_folder::{MapFile, TRUTH_FILE_NAME};
+pub use self::matched_map::{command_line, matched_map};
 use super::{
     options::{BitsOption, EngineOptions, GeometryOptions, MethodName, MethodOptions, Named, SearchOptions, Source, named},
     preparation::PreparationOptions,
@@ -88,6 +89,15 @@ struct Matched {
 }
 
 impl View {
+    /// The command that shows a folder that has just been captured, matched by blocks.
+    pub fn of_capture(folder: &Path, page: &Path, search: &SearchOptions) -> View {
+        let output = OsString::from_iter([OsStr::new("--output="), page.as_os_str()]);
+        let words = [OsStr::new("view"), OsStr::new("--no-open"), &output, OsStr::new("--"), folder.as_os_str()];
+        let matches = View::augment_args(clap::Command::new("view")).get_matches_from(words);
+        let view = View::from_arg_matches(&matches).expect("the options have defaults");
+        View { search: search.clone(), ..view }
+    }
+
     /// Runs the command.
     pub fn run(&self) -> Result<ExitCode> {
         let folder = if self.path.ends_with(Rig::FILE_NAME) { self.path.parent() } else { Some(&*self.path) };
@@ -157,7 +167,7 @@ impl View {
             matched_map(name.name().into(), (name.name(), method), search, (disparities, Some(confidences)), *seconds)
         });
         let blocks = self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
-        let costs = multiscopic::report::BlockCosts::new(&preparation.search, blocks, false);
+        let costs = BlockCosts::new(&preparation.search, blocks, false);
         let files = files.iter().map(|file| ViewedMap { costs: Some(costs.clone()), ..file.viewed() });
         Ok(page(&title(folder), scene, maps.chain(files)))
     }

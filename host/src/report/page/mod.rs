@@ -53,7 +53,7 @@ impl Report {
 
     /// Adds preformatted text, such as commands for a terminal.
     pub fn code(self, text: &str) -> Report {
-        self.part(html! { pre { code { (text) } } })
+        self.part(html! { pre tabindex="0" { code { (text) } } })
     }
 
     /// Adds a table. Columns that hold only numbers are aligned right.
@@ -70,7 +70,7 @@ impl Report {
             (cells.peek().is_some() && cells.all(|cell| is_number(cell))).then_some("number")
         };
         self.part(html! {
-            div class="scroll" {
+            div class="scroll" tabindex="0" {
                 table {
                     thead {
                         tr {
@@ -95,18 +95,18 @@ impl Report {
 
     /// Adds a chart.
     pub fn chart(self, chart: &Chart) -> Report {
-        self.part(html! { div class="scroll" { (chart) } })
+        self.part(html! { div class="scroll" tabindex="0" { (chart) } })
     }
 
     /// Adds a picture of the errors of a view.
     pub fn epipolar_errors(self, map: &EpipolarMap<'_>) -> Report {
-        self.part(html! { div class="scroll" { (map) } })
+        self.part(html! { div class="scroll" tabindex="0" { (map) } })
     }
 
     /// Adds a picture of the errors of a lens calibration.
     #[cfg(feature = "calibration")]
     pub fn reprojections(self, map: &super::reprojection_map::ReprojectionMap<'_>) -> Report {
-        self.part(html! { div class="scroll" { (map) } })
+        self.part(html! { div class="scroll" tabindex="0" { (map) } })
     }
 
     /// Adds a section of pictures side by side.

@@ -28,9 +28,8 @@ const MODULES: [(&str, &str); 9] = [
 pub fn markup(command: &str, scenes: &[ViewedScene]) -> Markup {
     let address = |source: &str| Value::from(format!("data:text/javascript;base64,{}", STANDARD.encode(source)));
     let imports: Map<String, Value> = MODULES.into_iter().map(|(name, source)| (name.to_owned(), address(source))).collect();
-    let palette = |color: &dyn Fn(f64) -> [u8; 3]| {
-        STANDARD.encode((0..256).flat_map(|i| color(f64::from(i) / 255.0)).collect::<Vec<u8>>())
-    };
+    let palette =
+        |color: &dyn Fn(f64) -> [u8; 3]| STANDARD.encode((0..256).flat_map(|i| color(f64::from(i) / 255.0)).collect::<Vec<u8>>());
     let data = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "command": command,

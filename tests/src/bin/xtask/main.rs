@@ -25,7 +25,7 @@ use std::process::ExitCode;
 
 use emulation::setup;
 use firmware_checks::{capturing, cycles, faults, kernel_twins, profiles};
-use workspace_checks::{emulated_arm64, emulated_cameras, host_instructions, packaging, suite};
+use workspace_checks::{emulated_arm64, emulated_cameras, host_instructions, packaging, pages, suite};
 
 /// Runs the project's checks, tests and firmware.
 #[derive(Parser)]
@@ -64,6 +64,8 @@ enum Task {
     Architecture,
     /// Count the instructions of matching on this machine, and compare them with the record
     Instructions(host_instructions::Guard),
+    /// Drive the page of results in a headless browser
+    Page,
     /// Package the published crates, and build each from its package
     Package,
     /// Link the matcher alone, which fails if any path leads to a panic
@@ -91,6 +93,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Kernels => kernel_twins::run(&setup::run()?),
         Task::Aarch64 => emulated_arm64::run_tests(),
         Task::Instructions(guard) => guard.run(),
+        Task::Page => pages::run_tests(),
         Task::Package => packaging::check(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Capture => capturing::run(&setup::run()?),

@@ -3,6 +3,7 @@
 mod bench;
 mod hostile_files;
 mod refusals;
+mod view;
 
 use std::{fs, path::Path};
 
@@ -334,7 +335,7 @@ fn the_demo_writes_what_it_reports() {
     let head: Vec<&str> = run.stdout.lines().next().expect("a table").split_whitespace().collect();
     assert_eq!(head, ["scene", "method", "RMS", "AvgErr", "Bad0.5", "Bad1", "Bad2", "coverage"]);
 
-    let maps = ["stereo", "2-views-min", "2-views-mean", "4-views-min", "4-views-mean", "4-views-heuristic"];
+    let maps = ["stereo", "2-views-min", "2-views-mean", "4-views-min", "4-views-mean", "4-views-heuristic", "sgm", "gc"];
     assert_eq!(run.stdout.lines().filter(|line| line.starts_with("demo ")).count(), maps.len(), "{}", run.stdout);
     let (width, height, truth) = read_pfm(&demo.join("truth.pfm"));
     assert_eq!((width, height), (96, 64));

@@ -143,7 +143,7 @@ function making() {
   if (page.command) add("pre", page.command);
   add("p", `multiscopic ${page.version}`);
   for (const map of scene.maps) {
-    add("h4", map.name);
+    add("h3", map.name);
     const list = document.createElement("dl");
     for (const [name, value] of map.parameters) {
       list.append(Object.assign(document.createElement("dt"), { textContent: name }), Object.assign(document.createElement("dd"), { textContent: value }));

@@ -96,7 +96,7 @@ export class Cloud {
       const x = left + (focal * (cosY * a + sinY * c)) / depth;
       const y = top + (focal * (cosP * b - sinP * behind)) / depth;
       // A point is as wide as the pixel that saw it.
-      const side = Math.min(12, Math.max(1, Math.ceil((across * this.zoom * points[3 * i + 2]) / depth)));
+      const side = Math.min(12, Math.max(1, Math.ceil((1.25 * across * this.zoom * points[3 * i + 2]) / depth)));
       const [fromX, fromY] = [Math.max(0, Math.round(x - side / 2)), Math.max(0, Math.round(y - side / 2))];
       const [toX, toY] = [Math.min(width, fromX + side), Math.min(height, fromY + side)];
       for (let row = fromY; row < toY; row++) {

@@ -62,6 +62,15 @@ pub const LLVM_MCA: Tool = Tool { program: "llvm-mca-19", debian: &["llvm-19"], 
 /// The disassembler of the same version.
 pub const LLVM_OBJDUMP: Tool = Tool { program: "llvm-objdump-19", ..LLVM_MCA };
 
+/// The browser in which pages are tested.
+pub const CHROMIUM: Tool = Tool { program: "chromium", debian: &["chromium"], fedora: Some("chromium"), homebrew: None };
+
+/// What drives the browser.
+pub const NODE: Tool = Tool { program: "node", debian: &["nodejs"], fedora: Some("nodejs"), homebrew: Some("node") };
+
+/// What installs the libraries for that.
+pub const NPM: Tool = Tool { program: "npm", debian: &["npm"], fedora: Some("nodejs-npm"), homebrew: Some("node") };
+
 /// Every program that the firmware's tests need.
 pub const ALL: [Tool; 2] = [QEMU, CC];
 

@@ -4,4 +4,5 @@ pub mod emulated_arm64;
 pub mod emulated_cameras;
 pub mod host_instructions;
 pub mod packaging;
+pub mod pages;
 pub mod suite;

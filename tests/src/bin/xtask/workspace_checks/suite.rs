@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{process::Command, time::Instant};
 
-use super::{emulated_arm64, emulated_cameras, host_instructions, packaging};
+use super::{emulated_arm64, emulated_cameras, host_instructions, packaging, pages};
 use crate::{
     emulation::{build, emulated_board, setup},
     firmware_checks::{capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, profiles},
@@ -59,6 +59,7 @@ pub fn lint() -> Result<()> {
 pub fn test() -> Result<()> {
     let toolchain = step("setup", setup::run)?;
     step("tests in debug", || test_workspace("dev", &[]))?;
+    step("pages in a browser", pages::run_tests)?;
     step("the published packages", packaging::check)?;
     // Without the unit tests of the host, which would be compiled once more, for minutes.
     step("tests in release", || test_workspace("release", &["--exclude", "multiscopic"]))?;

@@ -1,0 +1,42 @@
+//! Drives pages in a headless browser: what they show, what they ask for, and whether everyone can use them.
+
+use std::{fs, path::Path};
+
+use anyhow::{Context, Result};
+
+use crate::{
+    system::{
+        folders,
+        process::{built_program, command, run},
+    },
+    tools::tool,
+};
+
+/// The test and what it needs, in `tests/page`.
+const FILES: [&str; 4] = ["package.json", "package-lock.json", ".npmrc", "page.test.mjs"];
+
+/// Makes the page of the demo, and tests it. The screenshots stay in `target/page/screenshots`.
+pub fn run_tests() -> Result<()> {
+    let (browser, node, npm) = (tool::CHROMIUM.install()?, tool::NODE.install()?, tool::NPM.install()?);
+    let folder = folders::target().join("page");
+    let screenshots = folder.join("screenshots");
+    fs::create_dir_all(&screenshots).with_context(|| format!("cannot make {}", screenshots.display()))?;
+    install(&folder, npm.command(&["ci", "--ignore-scripts", "--no-audit", "--no-fund"])?.current_dir(&folder))?;
+    let demo = folder.join("demo");
+    let _ = fs::remove_dir_all(&demo);
+    let program = built_program("dev")?;
+    run(command(&program.to_string_lossy(), ["demo", "--width", "320", "--height", "240", "-o"]).arg(&demo))?;
+    let mut test = node.command(&["page.test.mjs"])?;
+    run(test.current_dir(&folder).arg(browser.path()).arg(demo.join("index.html")).arg(&demo).arg(&screenshots))
+}
+
+/// Copies the test into `folder`, and installs its libraries unless they are there.
+fn install(folder: &Path, npm: &mut std::process::Command) -> Result<()> {
+    let sources = folders::root().join("tests/page");
+    let lock = |folder: &Path| fs::read(folder.join("package-lock.json")).ok();
+    let is_installed = folder.join("node_modules").is_dir() && lock(folder) == lock(&sources);
+    for name in FILES {
+        fs::copy(sources.join(name), folder.join(name)).with_context(|| format!("cannot copy tests/page/{name}"))?;
+    }
+    if is_installed { Ok(()) } else { run(npm).context("the libraries of tests/page cannot be installed: npm needs a registry") }
+}

@@ -112,7 +112,7 @@ impl View {
                 let path = self.path.display();
                 return Err(Error::Usage(format!("--methods matches a captured folder, and {path} has no {}", Rig::FILE_NAME)));
             }
-            Some(folder) => maps_page(folder)?,
+            Some(folder) => maps_page(folder, &output)?,
             None => {
                 output::check(&[&output], &[&self.path])?;
                 let map = MapFile::read(&self.path)?;
@@ -140,6 +140,7 @@ impl View {
         let is_aligned = preparation.alignment.is_some();
         // Maps in files are of the frames as they were.
         let files = if is_aligned { Vec::new() } else { map_folder::read_all(folder, Some(size))? };
+        output::check(&[output], &files.iter().map(|map| &*map.path).collect::<Vec<_>>())?;
         let truth = if is_aligned { None } else { truth(folder, size, &source.images.center)? };
         let methods = if self.methods.is_empty() && files.is_empty() { &[MethodName::Bm][..] } else { &self.methods };
         let engine = self.engine.engine()?;
@@ -174,8 +175,9 @@ impl View {
 }
 
 /// The page of a folder with maps.
-fn maps_page(folder: &Path) -> Result<Report> {
+fn maps_page(folder: &Path, output: &Path) -> Result<Report> {
     let maps = map_folder::read_all(folder, None)?;
+    output::check(&[output], &maps.iter().map(|map| &*map.path).collect::<Vec<_>>())?;
     let Some(first) = maps.first() else {
         return Err(Error::Format {
             path: folder.into(),

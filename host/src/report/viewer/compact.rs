@@ -61,3 +61,38 @@ fn deflated(bytes: &[u8]) -> String {
     encoder.write_all(bytes).expect("memory takes all bytes");
     STANDARD.encode(encoder.finish().expect("memory takes all bytes"))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Read;
+
+    use flate2::read::ZlibDecoder;
+
+    use super::*;
+
+    fn inflated(text: &str) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        ZlibDecoder::new(&STANDARD.decode(text).unwrap()[..]).read_to_end(&mut bytes).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn planes_leave_no_differences() {
+        // Each value is one more than the left one and two more than the one above, but for the first row and column.
+        let plane: Vec<u8> = (0..4).flat_map(|v| (0..5).map(move |u| 10 + u + 2 * v)).collect();
+        let mut expected = [0; 20];
+        expected[0] = 10;
+        expected[1..5].fill(1);
+        [5, 10, 15].map(|first| expected[first] = 2);
+        // The plane through the neighbours lies between none of them: the median is the larger one.
+        let clipped = |i: usize| if i < 5 || i % 5 == 0 { expected[i] } else { 1 };
+        assert_eq!(inflated(&bytes(&plane, 5)), (0..20).map(clipped).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn disparities_are_low_bytes_and_high_bytes() {
+        let map = DisparityMap::new(2, 1, vec![Disparity::from_bits(0x0123), None]);
+        let [low, high] = (i32::from(INVALID) - 0x0123).to_le_bytes()[..2].try_into().unwrap();
+        assert_eq!(inflated(&disparities(&map)), [0x23, low, 0x01, high]);
+    }
+}

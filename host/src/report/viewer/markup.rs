@@ -52,3 +52,27 @@ pub fn markup(command: &str, scenes: &[ViewedScene]) -> Markup {
 fn script(value: &Value) -> PreEscaped<String> {
     PreEscaped(value.to_string().replace('<', "\\u003c"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_cannot_end_their_script() {
+        let scenes = [ViewedScene::new("</script><b>", [1, 1])];
+        let html = markup("multiscopic view '</script>'", &scenes).into_string();
+        assert_eq!(html.matches("</script>").count(), 3);
+        assert!(!html.contains("<b>") && html.contains("\\u003c/script>\\u003cb>"), "{html}");
+    }
+
+    #[test]
+    fn every_module_that_is_imported_is_there() {
+        let names = MODULES.map(|(name, _)| name);
+        for source in MODULES.map(|(_, source)| source).into_iter().chain([START]) {
+            for import in source.lines().filter_map(|line| line.strip_prefix("import ")?.split('"').nth(1)) {
+                assert!(names.contains(&import), "{import}");
+            }
+        }
+        assert!(START.contains("from \"viewer/codec.js\""));
+    }
+}

@@ -43,7 +43,7 @@ export function costsAt(scene, { block_size, min_disparity, num_disparities, fus
     costs.sort((a, b) => a.cost - b.cost);
     const count = costs.length && RULES[fusion](costs);
     const sum = costs.slice(0, count).reduce((total, { cost }) => total + cost, 0);
-    candidates.push({ d, costs, count, fused: count ? (sum * SCALE) / count : null });
+    candidates.push({ d, costs, count, fused: count ? sum * (SCALE / count) : null });
   }
   return { candidates, samples: block_size ** 2, choice: choose(candidates), names: neighbors.map((frame) => frame.name) };
 }

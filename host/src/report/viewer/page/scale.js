@@ -77,7 +77,7 @@ export class Scale {
       const mark = document.createElement("span");
       if (isDisparity) {
         const value = this.limits[0] + share * (this.limits[1] - this.limits[0]);
-        mark.textContent = `${value.toFixed(0)} px${this.geometry ? `\n${depthText(value, this.geometry)}` : ""}`;
+        mark.textContent = `${Number(value.toFixed(1))} px${this.geometry ? `\n${depthText(value, this.geometry)}` : ""}`;
       } else {
         const atEnd = share === 1 ? "+" : "";
         mark.textContent = this.kind === "error" ? `${share * ERROR_LIMIT}${atEnd} px` : `${100 * share} %`;

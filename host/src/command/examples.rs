@@ -25,8 +25,8 @@ const EXAMPLES: &[(&str, &[Example])] = &[
                 "multiscopic match --center c.png --left l.png --right r.png \\\n    --baseline-mm 20 --focal-px 1180 -o disparity.pfm --depth depth.pfm",
             ),
             (
-                "A dense map by semi-global matching, seen in the terminal",
-                "multiscopic match rig --method sgm --smooth --preview -o disparity.pfm",
+                "The fewest errors, by the network; seen in the terminal",
+                "multiscopic match rig --method net --preview -o disparity.pfm",
             ),
         ],
     ),
@@ -52,6 +52,14 @@ const EXAMPLES: &[(&str, &[Example])] = &[
                 "multiscopic capture --camera /dev/video0 --stage gcode:/dev/ttyUSB0 \\\n    --baseline 20 --views 2 -o rig",
             ),
             ("Without any hardware", "multiscopic capture --camera sim --stage sim --baseline 5 -o rig"),
+        ],
+    ),
+    (
+        "view",
+        &[
+            ("Match a captured folder, and look at it", "multiscopic view rig"),
+            ("Compare methods", "multiscopic view rig --methods bm,sgm,net"),
+            ("Maps that are there", "multiscopic view disparity.pfm -o page.html --no-open"),
         ],
     ),
     (

@@ -38,10 +38,6 @@ use super::{
 /// A captured folder is shown with the maps that are in it, OUT.pfm of `match` and its like; if there are none, it is matched. NAME-confidence.png has
 /// the confidences of NAME.pfm, and truth.pfm is the truth. Files with "depth" in their names are left out.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
-    multiscopic view rig                          match a captured folder, and look at it\n  \
-    multiscopic view rig --methods bm,sgm,gc      compare methods\n  \
-    multiscopic view disparities.pfm -o page.html --no-open")]
 pub struct View {
     /// Captured folder with a rig.toml, a folder with disparity maps, or a disparity map
     #[arg(value_name = "RIG_DIR|DIR|FILE.pfm")]

@@ -36,7 +36,7 @@ pub fn disparities(map: &DisparityMap) -> String {
 fn differences<T>(values: &[T], width: usize, number: impl Fn(&T) -> i32) -> Vec<i32> {
     let at = |i: usize| number(&values[i]);
     let predicted = |i: usize| {
-        let (is_first, is_top) = (i % width == 0, i < width);
+        let (is_first, is_top) = (i.is_multiple_of(width), i < width);
         let left = match (is_first, is_top) {
             (true, true) => 0,
             (true, false) => at(i - width),
@@ -83,7 +83,9 @@ mod tests {
         let mut expected = [0; 20];
         expected[0] = 10;
         expected[1..5].fill(1);
-        [5, 10, 15].map(|first| expected[first] = 2);
+        for first in [5, 10, 15] {
+            expected[first] = 2;
+        }
         // The plane through the neighbours lies between none of them: the median is the larger one.
         let clipped = |i: usize| if i < 5 || i % 5 == 0 { expected[i] } else { 1 };
         assert_eq!(inflated(&bytes(&plane, 5)), (0..20).map(clipped).collect::<Vec<_>>());

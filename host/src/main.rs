@@ -5,7 +5,7 @@ mod command;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, error::ErrorKind};
-use command::{examples, terminal};
+use command::terminal::{self, examples};
 
 /// Accurate depth from one camera moved on purpose.
 #[derive(Debug, Parser)]

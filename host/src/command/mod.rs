@@ -9,7 +9,6 @@ mod charts;
 pub mod demo;
 pub mod devices;
 pub mod evaluate;
-pub mod examples;
 mod hardware;
 pub mod listen;
 pub mod r#match;

@@ -1,6 +1,7 @@
-//! Standard output, standard error, progress bars, pictures, and signals.
+//! Standard output, standard error, progress bars, pictures, examples in the help, and signals.
 
 mod bar;
+pub mod examples;
 mod messages;
 mod preview;
 pub mod signals;

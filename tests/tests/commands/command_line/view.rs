@@ -77,8 +77,8 @@ fn what_cannot_be_shown_is_refused() {
     fs::write(&text, "no map").expect("a file");
     Invocation::new(["view", &text, "--no-open"]).assert_refused(&[&text]);
     Invocation::new(["view", &missing, "--no-open"]).assert_refused(&["cannot read", &missing]);
-    let [from, folder] = [&text, &dir.path().to_str().expect("UTF-8").to_owned()].map(String::as_str);
-    Invocation::new(["view", from, "-o", from, "--no-open"]).assert_refused(&[from]);
+    let folder = dir.path().to_str().expect("UTF-8");
+    Invocation::new(["view", &text, "-o", &text, "--no-open"]).assert_refused(&[&text]);
     Invocation::new(["view", folder, "--methods", "bm"]).assert_refused(&["--methods", "rig.toml"]);
 }
 

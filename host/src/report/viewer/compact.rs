@@ -87,7 +87,7 @@ mod tests {
             expected[first] = 2;
         }
         // The plane through the neighbours lies between none of them: the median is the larger one.
-        let clipped = |i: usize| if i < 5 || i % 5 == 0 { expected[i] } else { 1 };
+        let clipped = |i: usize| if i < 5 || i.is_multiple_of(5) { expected[i] } else { 1 };
         assert_eq!(inflated(&bytes(&plane, 5)), (0..20).map(clipped).collect::<Vec<_>>());
     }
 

@@ -4,7 +4,7 @@ use base64::{Engine, engine::general_purpose::STANDARD};
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Map, Value, json};
 
-use super::ViewedScene;
+use super::viewed_scene::ViewedScene;
 use crate::images::Colormap;
 
 pub const STYLE: &str = include_str!("page/viewer.css");

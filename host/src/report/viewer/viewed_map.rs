@@ -5,7 +5,7 @@ use crate::{
     images::{DisparityMap, Raster},
 };
 
-use super::BlockCosts;
+use super::block_costs::BlockCosts;
 
 /// A disparity map, and what is known of it.
 #[derive(Clone, Debug)]

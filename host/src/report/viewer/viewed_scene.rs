@@ -8,7 +8,7 @@ use multiscopic_core::{Frame, View};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::{BlockCosts, ViewedMap, compact};
+use super::{block_costs::BlockCosts, compact, viewed_map::ViewedMap};
 use crate::{
     evaluation::{Metrics, Reduction},
     images::{DisparityMap, FloatImage, Frames, Geometry},

@@ -55,10 +55,12 @@ pub fn variants(layout: Layout, baselines: &[u8]) -> Result<Vec<Variant>> {
     Ok(variants)
 }
 
-/// The other methods, with all views at the shortest baseline.
+/// The other methods, with all views at the shortest baseline. Graph cuts do not take as many as the others.
 pub fn other_methods(layout: Layout) -> Vec<Variant> {
     let views = layout.views();
-    [MethodName::Sgm, MethodName::Gc].map(|method| Variant { method, layout: None, views, fusion: default_fusion(views) }).into()
+    let takes_all = |method: &MethodName| *method != MethodName::Gc || views.len() <= Views::MAX_MATCHED;
+    let methods = [MethodName::Sgm, MethodName::Gc].into_iter().filter(takes_all);
+    methods.map(|method| Variant { method, layout: None, views, fusion: default_fusion(views) }).collect()
 }
 
 /// Whether a variant has the rule that its views have by default.

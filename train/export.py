@@ -7,7 +7,8 @@ import numpy as np
 import torch
 
 import reference
-from model import LAYERS, UNIT, Network
+from model import UNIT, Network
+from reference import LAYERS
 
 
 def whole(layer):

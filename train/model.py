@@ -8,6 +8,8 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
+from reference import LAYERS
+
 UNIT = 16.0
 TOP = 127.0
 # Neighbours of a pixel (dy, dx), row by row, without the pixel itself.
@@ -152,23 +154,6 @@ class Neighbourhood(torch.autograd.Function):
         of_x = torch.ops.aten.replication_pad2d_backward(of_padded[:, None], like, [3, 3, 3, 3])[:, 0]
         return of_weights, of_x
 
-
-LAYERS = [
-    ("g0", 48, 16, 1), ("g1", 16, 12, 3),
-    ("in", 16, 12, 1), ("l0as", 12, 12, 3), ("l0ad", 36, 12, 1),
-    ("d1", 96, 16, 1), ("l1as", 16, 16, 3), ("l1ad", 48, 16, 1),
-    ("d2", 128, 24, 1), ("l2as", 24, 24, 3), ("l2ad", 72, 24, 1), ("l2bs", 24, 24, 3), ("l2bd", 72, 24, 1),
-    ("u1", 24, 128, 1), ("l1bs", 16, 16, 3), ("l1bd", 48, 16, 1),
-    ("u0", 16, 96, 1), ("l0bs", 12, 12, 3), ("l0bd", 36, 12, 1), ("lo", 12, 2, 1),
-    ("ua", 96, 24, 1), ("ub", 24, 24, 3), ("uc", 24, 24, 3),
-    ("ud2", 96, 32, 1), ("u2b", 32, 32, 3), ("u2c", 32, 32, 3),
-    ("ud3", 128, 32, 1), ("u3b", 32, 32, 3), ("u3c", 32, 32, 3),
-    ("ud4", 128, 32, 1), ("u4b", 32, 32, 3), ("u4c", 32, 32, 3), ("u4d", 32, 32, 3), ("u4e", 32, 32, 3),
-    ("uu3", 32, 128, 1), ("u3d", 32, 32, 3),
-    ("uu2", 32, 128, 1), ("u2d", 32, 32, 3),
-    ("uu1", 32, 96, 1), ("u1d", 24, 24, 3),
-    ("o", 24, 124, 1),
-]  # fmt: skip
 
 # Layers that add to what they are given start near zero.
 GAINS = {"lo": 0.3, "o": 0.1, **{name: 0.5 for name in ("l0ad", "l1ad", "l2ad", "l2bd", "l1bd", "l0bd", "uc", "u2c", "u3c", "u4c", "u4e")}}

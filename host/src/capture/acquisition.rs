@@ -39,7 +39,12 @@ impl Acquisition {
     pub fn frames(mut self) -> Frames {
         let center = self.images.iter().position(|(frame, _)| *frame == Frame::Center).expect("the plan has a centre");
         let (_, center) = self.images.swap_remove(center);
-        self.images.into_iter().fold(Frames::new(center), |frames, (frame, image)| match frame {
+        self.added_to(Frames::new(center))
+    }
+
+    /// These frames and the views that were taken.
+    pub fn added_to(self, frames: Frames) -> Frames {
+        self.images.into_iter().fold(frames, |frames, (frame, image)| match frame {
             Frame::Center => frames,
             Frame::View(view) => frames.with(view, image),
         })

@@ -2,7 +2,6 @@
 
 use std::{path::Path, time::Duration};
 
-use image::GrayImage;
 use jiff::Zoned;
 use multiscopic::{
     CameraModel, FloatImage, Frames, Inspection, Result, Rig,
@@ -11,7 +10,7 @@ use multiscopic::{
     lens::Undistortion,
 };
 use multiscopic_core::{
-    Frame, Views,
+    Views,
     capture::{CaptureProgress, Plan, Position},
 };
 
@@ -19,10 +18,7 @@ use super::{
     capture_log::{self, CaptureLog},
     long_baseline::LongBaseline,
 };
-use crate::command::{hardware::Hardware, options::LensFile, terminal};
-
-/// The true disparities of a simulated capture, within its folder.
-const TRUTH_FILE_NAME: &str = "truth.pfm";
+use crate::command::{hardware::Hardware, options::LensFile, scene::rendered_capture::TRUTH_FILE_NAME, terminal};
 
 /// Takes captures that differ only in their folder and date.
 pub struct Recorder {
@@ -48,8 +44,9 @@ impl Recorder {
     pub fn record(&mut self, folder: &Path) -> Result<()> {
         let date = Zoned::now().strftime("%F %T %:z").to_string();
         let mut log = CaptureLog::new(&date, &self.hardware.camera_name, &self.hardware.stage_name);
-        let Acquisition { images, failure } = acquire(&mut self.hardware, &self.plan, &mut log)?;
-        let mut frames = images.into_iter().fold(None, with_image).expect("a plan begins with the centre");
+        let mut taken = acquire(&mut self.hardware, &self.plan, &mut log)?;
+        let failure = taken.failure.take();
+        let mut frames = taken.frames();
         let mut notes = Vec::new();
         let ended = match failure {
             Some(error) => Err(error),
@@ -100,8 +97,9 @@ impl Recorder {
                 return Ok(());
             }
             let plan = Plan::of_views(views, self.baseline_um).shortened(self.hardware.policy.backlash_um);
-            let Acquisition { images, failure } = acquire(&mut self.hardware, &plan, log)?;
-            *frames = images.into_iter().fold(Some(frames.clone()), with_image).expect("there were frames before");
+            let mut taken = acquire(&mut self.hardware, &plan, log)?;
+            let failure = taken.failure.take();
+            *frames = taken.added_to(frames.clone());
             failure.map_or(Ok(()), Err)?;
             notes.push(refinement.refine(&ideal(frames))?);
         }
@@ -181,12 +179,4 @@ fn path(hardware: &Hardware, plan: &Plan) -> String {
         moves.as_secs_f64(),
         (policy.settle * count as u32).as_secs_f64()
     )
-}
-
-/// Frames with another image, of which the centre comes first.
-fn with_image(frames: Option<Frames>, (frame, image): (Frame, GrayImage)) -> Option<Frames> {
-    match frame {
-        Frame::Center => Some(Frames::new(image)),
-        Frame::View(view) => frames.map(|frames| frames.with(view, image)),
-    }
 }

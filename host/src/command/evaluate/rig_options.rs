@@ -11,10 +11,8 @@ use multiscopic_core::Frame;
 use crate::command::{
     options::{BitsOption, GeometryOptions, SearchOptions, Source, value::positive},
     preparation::{Preparation, PreparationOptions},
+    scene::rendered_capture::TRUTH_FILE_NAME,
 };
-
-/// The true disparities of a captured folder.
-const TRUTH_FILE_NAME: &str = "truth.pfm";
 
 /// What captured folders are compared with.
 #[derive(Clone, Debug, Args)]

@@ -7,10 +7,7 @@ use std::{
 
 use multiscopic::{DisparityMap, Error, FloatImage, Picture, Result, report::ViewedMap, stereo::confidence_map::ConfidenceMap};
 
-use crate::command::terminal;
-
-/// The true disparities in a folder.
-pub const TRUTH_FILE_NAME: &str = "truth.pfm";
+use crate::command::{scene::rendered_capture::TRUTH_FILE_NAME, terminal};
 
 /// A disparity map in a file.
 pub struct MapFile {

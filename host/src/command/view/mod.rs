@@ -22,11 +22,12 @@ use multiscopic::{
 };
 use multiscopic_core::{Frame, Search};
 
-use self::map_folder::{MapFile, TRUTH_FILE_NAME};
+use self::map_folder::MapFile;
 pub use self::matched_map::{command_line, matched_map};
 use super::{
     options::{BitsOption, EngineOptions, GeometryOptions, MethodName, MethodOptions, Named, SearchOptions, Source, named},
     preparation::PreparationOptions,
+    scene::rendered_capture::TRUTH_FILE_NAME,
     terminal,
 };
 

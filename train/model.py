@@ -235,7 +235,7 @@ class Network(nn.Module):
         count = inputs["count"]
         volume = inputs["volume"].to(dtype)
         logits = self.volume_logits(inputs["rgb"].to(dtype), volume)[:, :count]
-        probabilities = torch.softmax(logits / UNIT, 1)
+        probabilities = torch.softmax(logits * (1 / UNIT), 1)
         best = logits.argmax(1, keepdim=True)
         index = torch.arange(count, device=logits.device)[None, :, None, None]
         window = probabilities * ((index - best).abs() <= 2)
@@ -244,7 +244,7 @@ class Network(nn.Module):
         dv = spread(coarse.detach().round())
         confidence = spread((TOP * mass.detach()).floor())
         features = self.features({k: inputs[k].float() for k in ("rgb", "da", "db", "p")}, dv, confidence, count)
-        o = self.outputs(features.to(dtype)) / UNIT
+        o = self.outputs(features.to(dtype)) * (1 / UNIT)
         weights, gates, blocks_of, residual, sure = o.split((17, 3, 9, 1, 1), 1)
         b, _, height, width = o.shape
         blocks = pad(coarse, 1)

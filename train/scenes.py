@@ -4,8 +4,8 @@ Each set is rendered once (`multiscopic scene --random`). Each of its uses is th
 the neighbours and in a range of disparities (`multiscopic match --features`). Scenes and features that are there are kept, so that
 a run that was stopped goes on.
 
-Scenes of the program are noisy, as seen by a small camera. Sets that are `halved` are rendered at twice the size: their images
-have less noise and finer details, like photographs at a part of their size.
+Scenes in the field are noisy, as seen by a small camera; those in the studio are clean, and have large plain areas. Sets that are
+`halved` are rendered at twice the size: their images have less noise and finer details, like photographs at a part of their size.
 """
 
 import shutil
@@ -38,6 +38,7 @@ class SceneSet:
     size: str
     uses: tuple
     halved: bool = False
+    setting: str = "field"
 
 
 STEREO, TWO, FOUR = ("right",), ("left", "right"), ("left", "right", "top", "bottom")
@@ -48,6 +49,7 @@ HELD_BACK = [
         (Use("two", TWO, 1, 32, range(48)), Use("stereo", STEREO, 1, 32, range(0, 48, 3)), Use("four", FOUR, 1, 32, range(1, 48, 3))),
     ),
     SceneSet("held_fine", 92, 24, 2, "512x384", (Use("fine", TWO, 1, 32, range(24)),), halved=True),
+    SceneSet("held_studio", 93, 32, 2, "256x192", (Use("studio", TWO, 1, 32, range(32)),), setting="studio"),
 ]  # fmt: skip
 TRAINING = [
     SceneSet("two_a", 12, 300, 2, "256x192", (Use("two", TWO, 1, 32, range(300)), Use("stereo", STEREO, 1, 32, range(100)))),
@@ -64,6 +66,18 @@ TRAINING = [
         (Use("two", TWO, 1, 32, range(200)), Use("stereo", STEREO, 1, 32, range(0, 200, 3))), halved=True,
     ),
     SceneSet("large", 13, 100, 2, "384x288", (Use("two", TWO, 1, 48, range(100)),)),
+    SceneSet(
+        "studio", 16, 600, 2, "256x192",
+        (Use("two", TWO, 1, 32, range(600)), Use("stereo", STEREO, 1, 32, range(0, 600, 6))), setting="studio",
+    ),
+    SceneSet(
+        "studio_four", 17, 200, 4, "256x192",
+        (Use("four", FOUR, 1, 32, range(0, 200, 2)), Use("two", TWO, 1, 32, range(200))), setting="studio",
+    ),
+    SceneSet(
+        "studio_fine", 18, 400, 2, "512x384",
+        (Use("two", TWO, 1, 32, range(400)), Use("stereo", STEREO, 1, 32, range(0, 400, 4))), halved=True, setting="studio",
+    ),
 ]  # fmt: skip
 
 
@@ -74,8 +88,9 @@ def render(program, folder, scenes):
     rendered = target.with_suffix(".new")
     for unfinished in (target, rendered):
         shutil.rmtree(unfinished, ignore_errors=True)
-    options = ["--seed", scenes.seed, "--count", scenes.count, "--views", scenes.views, "--size", scenes.size, "-o", rendered]
-    subprocess.run([program, "scene", "--random", *map(str, options)], check=True)
+    options = ["--setting", scenes.setting, "--seed", scenes.seed, "--count", scenes.count, "--views", scenes.views]
+    command = [program, "scene", "--random", *options, "--size", scenes.size, "-o", rendered]
+    subprocess.run([*map(str, command)], check=True)
     if scenes.halved:
         for scene in rendered.iterdir():
             halve(scene)

@@ -135,6 +135,8 @@ class Run:
 
 def train(rank, options, training, held_back, port):
     torch.set_num_threads(1)
+    # The tails of the softmax are denormal numbers, with which processors are slow.
+    torch.set_flush_denormal(True)
     dist.init_process_group("gloo", init_method=f"tcp://127.0.0.1:{port}", rank=rank, world_size=options.processes)
     run = Run(options, rank)
     random = np.random.default_rng([options.seed, run.step, rank])

@@ -28,7 +28,7 @@ mod texture;
 mod vec3;
 
 pub use description::{Lamp, Scene};
-pub use made_up::{Flaws, RandomScene};
+pub use made_up::{Flaws, RandomScene, Setting};
 pub use object::{Finish, Object};
 pub use pinhole_camera::PinholeCamera;
 pub use pose::Pose;

@@ -4,9 +4,9 @@ use std::{collections::BTreeMap, fs, path::Path};
 
 use multiscopic::{
     FloatImage, Frames, Rig,
-    scene::{RandomScene, Shot},
+    scene::{RandomScene, Setting, Shot},
 };
-use multiscopic_core::{Frame, View};
+use multiscopic_core::{Frame, View, Views};
 use multiscopic_tests::program::Invocation;
 
 fn scene(folder: &Path, options: &str) -> Invocation {
@@ -54,6 +54,19 @@ fn a_folder_holds_what_the_library_renders() {
     let geometry = rig.geometry([40, 30]).expect("the geometry");
     assert_eq!((geometry.focal_px, geometry.baseline_mm), (random.camera.focal_px, random.camera.baseline_mm));
     assert_eq!((geometry.principal_point, geometry.doffs), ([19.5, 14.5], 0.0));
+}
+
+#[test]
+fn a_studio_has_other_scenes() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let [field, studio] = ["field", "studio"].map(|name| dir.path().join(name));
+    scene(&field, "--seed 9 --size 40x30 --views 1 --setting field").assert_done();
+    scene(&studio, "--seed 9 --size 40x30 --views 1 --setting studio").assert_done();
+    for (folder, setting) in [(field, Setting::Field), (studio, Setting::Studio)] {
+        let shot = RandomScene::within(setting, 9, 0, [40, 30]).render(Views::STEREO);
+        let center = image::open(folder.join("0000/center.png")).expect("the centre").into_rgb8();
+        assert_eq!(center, shot.center, "{setting:?}");
+    }
 }
 
 #[test]

@@ -8,8 +8,12 @@ use std::{
     process::ExitCode,
 };
 
-use clap::{Args, value_parser};
-use multiscopic::{Error, Result, files::output, scene::RandomScene};
+use clap::{Args, ValueEnum, value_parser};
+use multiscopic::{
+    Error, Result,
+    files::output,
+    scene::{RandomScene, Setting},
+};
 use multiscopic_core::Views;
 use rayon::prelude::*;
 
@@ -38,6 +42,10 @@ pub struct SceneCommand {
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = value_parser!(u32).range(1..=1_000_000))]
     count: u32,
 
+    /// Where the scenes are captured
+    #[arg(long, value_name = "SETTING", value_enum, default_value_t)]
+    setting: SettingName,
+
     /// Size of the views in pixels, from 16x16 to 4096x4096
     #[arg(long, value_name = "WxH", default_value = "256x192", value_parser = view_size)]
     size: [u32; 2],
@@ -48,6 +56,25 @@ pub struct SceneCommand {
     /// Folder for the captures, which must not exist or be empty
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
+}
+
+/// The settings by their names.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum SettingName {
+    /// Anything, by a small and noisy camera on a cheap stage
+    #[default]
+    Field,
+    /// Before walls that are often plain, by a good camera on an exact stage
+    Studio,
+}
+
+impl From<SettingName> for Setting {
+    fn from(name: SettingName) -> Setting {
+        match name {
+            SettingName::Field => Setting::Field,
+            SettingName::Studio => Setting::Studio,
+        }
+    }
 }
 
 impl SceneCommand {
@@ -67,7 +94,7 @@ impl SceneCommand {
 
     /// Renders a scene and writes it to a folder, which appears once it is complete.
     fn write(&self, folder: &Path, number: u32, views: Views) -> Result<()> {
-        let random = RandomScene::new(self.seed, number.into(), self.size);
+        let random = RandomScene::within(self.setting.into(), self.seed, number.into(), self.size);
         let shot = random.render(views);
         let what = format!("a random scene, seed {}, number {number}", self.seed);
         output::write_folder(folder, |folder| rendered_capture::write(folder, &shot, &random.camera, what))

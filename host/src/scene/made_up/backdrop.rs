@@ -60,7 +60,7 @@ fn plane(dice: &mut Dice, viewport: &Viewport, coatings: &Coatings, place: [f64;
     let pose = viewport.plane(place, disparity, slope);
     // Textures become finer towards what is far: in the middle, they are as fine as those of other objects.
     let footprint = viewport.footprint(viewport.depth((disparity * viewport.far).sqrt()));
-    coatings.next(dice, true).object(Shape::Panel { half_width: WIDE, half_height: WIDE }, pose, footprint)
+    coatings.backdrop(dice, true).object(Shape::Panel { half_width: WIDE, half_height: WIDE }, pose, footprint)
 }
 
 /// The inside of an upright or lying cylinder, or of a sphere.
@@ -74,7 +74,7 @@ fn niche(dice: &mut Dice, viewport: &Viewport, coatings: &Coatings) -> Object {
         1 => (Shape::Rod { half_length: 20.0 * depth, radius }, center),
         _ => (Shape::Rod { half_length: 20.0 * depth, radius }, center.turned(2, 1.0)),
     };
-    coatings.next(dice, false).object(shape, pose, viewport.footprint(depth))
+    coatings.backdrop(dice, false).object(shape, pose, viewport.footprint(depth))
 }
 
 /// A large ball or cylinder that curves towards the camera.
@@ -87,5 +87,5 @@ fn bulge(dice: &mut Dice, viewport: &Viewport, coatings: &Coatings) -> Object {
         true => Shape::Sphere { radius },
         false => Shape::Rod { half_length: 20.0 * depth, radius },
     };
-    coatings.next(dice, false).object(shape, pose.turned(2, dice.between(-1.0, 1.0)), viewport.footprint(depth))
+    coatings.backdrop(dice, false).object(shape, pose.turned(2, dice.between(-1.0, 1.0)), viewport.footprint(depth))
 }

@@ -1,6 +1,6 @@
 //! Random colours, textures and finishes.
 
-use super::dice::Dice;
+use super::{dice::Dice, setting::Setting};
 use crate::scene::{
     object::{Finish, Object},
     pose::Pose,
@@ -11,13 +11,23 @@ use crate::scene::{
 
 /// What objects of one scene look like.
 pub struct Coatings {
-    /// The share of objects that are blank.
-    blank: f64,
+    range: Range,
     /// The share of objects that look alike, and how they look.
     alike: f64,
     common: Coating,
+}
+
+/// From what the looks of a scene are drawn.
+struct Range {
+    /// The share of objects that are blank, and the share of backdrops.
+    blank: f64,
+    blank_backdrop: f64,
     /// The share of objects whose finish reflects.
     glossy: f64,
+    /// The most sizes of details that a texture has.
+    octaves: u32,
+    /// A colour that many objects have, more or less.
+    tint: Option<Vec3>,
 }
 
 /// What one object looks like.
@@ -32,15 +42,36 @@ pub struct Coating {
 }
 
 impl Coatings {
-    pub fn new(dice: &mut Dice) -> Coatings {
-        let (blank, glossy) = (dice.pick([0.05, 0.15, 0.35, 0.7]), dice.pick([0.0, 0.2, 0.5]));
-        let common = coating(dice, blank, glossy, true);
-        Coatings { blank, alike: dice.pick([0.0, 0.0, 0.0, 0.6]), common, glossy }
+    pub fn new(dice: &mut Dice, setting: Setting) -> Coatings {
+        let range = match setting {
+            Setting::Field => {
+                let blank = dice.pick([0.05, 0.15, 0.35, 0.7]);
+                Range { blank, blank_backdrop: blank, glossy: dice.pick([0.0, 0.2, 0.5]), octaves: 5, tint: None }
+            }
+            Setting::Studio => Range {
+                blank: dice.pick([0.05, 0.1, 0.2, 0.4]),
+                blank_backdrop: dice.pick([0.1, 0.3, 0.6]),
+                glossy: dice.pick([0.0, 0.0, 0.1, 0.3]),
+                octaves: 8,
+                tint: if dice.happens(0.4) { Some(color(dice)) } else { None },
+            },
+        };
+        let common = coating(dice, &range, range.blank, true);
+        Coatings { range, alike: dice.pick([0.0, 0.0, 0.0, 0.6]), common }
     }
 
     /// The look of the next object. Textures that have two dimensions are for panels, which are `flat`.
     pub fn next(&self, dice: &mut Dice, flat: bool) -> Coating {
-        if dice.happens(self.alike) { self.common } else { coating(dice, self.blank, self.glossy, flat) }
+        self.next_of(dice, self.range.blank, flat)
+    }
+
+    /// The look of a part of the backdrop.
+    pub fn backdrop(&self, dice: &mut Dice, flat: bool) -> Coating {
+        self.next_of(dice, self.range.blank_backdrop, flat)
+    }
+
+    fn next_of(&self, dice: &mut Dice, blank: f64, flat: bool) -> Coating {
+        if dice.happens(self.alike) { self.common } else { coating(dice, &self.range, blank, flat) }
     }
 }
 
@@ -63,12 +94,12 @@ impl Coating {
     }
 }
 
-fn coating(dice: &mut Dice, blank: f64, glossy: f64, flat: bool) -> Coating {
-    let colors = Colors::new(dice);
-    let texture = if dice.happens(blank) { blank_texture(dice, &colors) } else { texture(dice, &colors, flat) };
+fn coating(dice: &mut Dice, range: &Range, blank: f64, flat: bool) -> Coating {
+    let colors = Colors::new(dice, range.tint);
+    let texture = if dice.happens(blank) { blank_texture(dice, &colors) } else { texture(dice, &colors, range.octaves, flat) };
     let finish = match texture {
         Texture::Brushed(_) => Finish::Brushed,
-        _ if dice.happens(glossy) => dice.pick([Finish::Satin, Finish::Glazed, Finish::Glazed]),
+        _ if dice.happens(range.glossy) => dice.pick([Finish::Satin, Finish::Glazed, Finish::Glazed]),
         _ => Finish::Matte,
     };
     let origin = [0; 3].map(|_| dice.between(-500.0, 500.0));
@@ -87,9 +118,9 @@ fn blank_texture(dice: &mut Dice, colors: &Colors) -> Texture {
     Texture::Clouds { low, high, grain: dice.mostly_low(1.0, 12.0), octaves: dice.count(2, 4) as u8 }
 }
 
-fn texture(dice: &mut Dice, colors: &Colors, flat: bool) -> Texture {
+fn texture(dice: &mut Dice, colors: &Colors, octaves: u32, flat: bool) -> Texture {
     let [base, other] = [colors.base, colors.others[0]];
-    let octaves = dice.count(2, 5) as u8;
+    let octaves = dice.count(2, octaves) as u8;
     match dice.count(0, 15) {
         0..=3 => Texture::Clouds { low: base, high: other, grain: dice.mostly_low(1.0, 3.0), octaves },
         4 if flat => Texture::Plaster { low: base, high: other, grain: dice.mostly_low(1.0, 3.0), octaves },
@@ -121,8 +152,11 @@ struct Colors {
 }
 
 impl Colors {
-    fn new(dice: &mut Dice) -> Colors {
-        let base = color(dice);
+    fn new(dice: &mut Dice, tint: Option<Vec3>) -> Colors {
+        let base = match tint {
+            Some(tint) if dice.happens(0.4) => tint * dice.between(0.8, 1.2),
+            _ => color(dice),
+        };
         if dice.happens(0.45) {
             return Colors { base, others: [(); 4].map(|()| color(dice)) };
         }

@@ -10,10 +10,12 @@ mod flaws;
 mod foreground;
 mod illumination;
 mod random_scene;
+mod setting;
 mod viewport;
 
 pub use flaws::Flaws;
 pub use random_scene::RandomScene;
+pub use setting::Setting;
 
 /// The width of an image in nominal pixels.
 const NOMINAL_WIDTH: f64 = 256.0;

@@ -5,7 +5,7 @@ use multiscopic_core::{Frame, Views};
 
 use super::{
     NOMINAL_WIDTH, backdrop::backdrop, coatings::Coatings, dice::Dice, flaws::Flaws, foreground::foreground,
-    illumination::illumination, viewport::Viewport,
+    illumination::illumination, setting::Setting, viewport::Viewport,
 };
 use crate::{
     images::Raster,
@@ -46,20 +46,28 @@ pub struct RandomScene {
 }
 
 impl RandomScene {
-    /// Scene `number` of those of a seed, for pictures of `size`. The scene does not depend on the width, only on the ratio of width and
-    /// height.
+    /// Scene `number` of those of a seed, for pictures of `size`, in the field. The scene does not depend on the width, only on the ratio of
+    /// width and height.
     ///
     /// # Panics
     /// If the width or the height is 0.
     pub fn new(seed: u64, number: u64, size: [u32; 2]) -> RandomScene {
+        RandomScene::within(Setting::Field, seed, number, size)
+    }
+
+    /// The same in any setting.
+    ///
+    /// # Panics
+    /// If the width or the height is 0.
+    pub fn within(setting: Setting, seed: u64, number: u64, size: [u32; 2]) -> RandomScene {
         assert!(size[0] > 0 && size[1] > 0, "pictures of {}x{} pixels", size[0], size[1]);
         let mut dice = Dice::new(hash(seed) ^ hash(!number));
         let viewport = random_viewport(&mut dice, size);
-        let coatings = Coatings::new(&mut dice);
+        let coatings = Coatings::new(&mut dice, setting);
         let mut objects = backdrop(&mut dice, &viewport, &coatings);
         let (lamp, [sky, ground]) = illumination(&mut dice, &viewport, &objects);
         objects.extend(foreground(&mut dice, &viewport, &coatings));
-        let (camera, flaws) = rig(&mut dice, &viewport, size);
+        let (camera, flaws) = rig(&mut dice, &viewport, setting, size);
         let brightness = dice.between(0.25, 0.6);
         RandomScene { scene: Scene { objects, lamp, sky, ground, viewpoint: Viewport::pose() }, camera, flaws, brightness }
     }
@@ -114,8 +122,12 @@ fn random_viewport(dice: &mut Dice, size: [u32; 2]) -> Viewport {
 }
 
 /// The rig that captures what is in view.
-fn rig(dice: &mut Dice, viewport: &Viewport, [width, height]: [u32; 2]) -> (PinholeCamera, Flaws) {
-    let misalignment = if dice.happens(0.35) { dice.between(0.05, 0.6) } else { 0.0 };
+fn rig(dice: &mut Dice, viewport: &Viewport, setting: Setting, [width, height]: [u32; 2]) -> (PinholeCamera, Flaws) {
+    let (misaligned, most_misaligned, gains, blur) = match setting {
+        Setting::Field => (0.35, 0.6, [0.0, 0.01, 0.03, 0.08], [0.2, 0.5]),
+        Setting::Studio => (0.15, 0.3, [0.0, 0.0, 0.01, 0.03], [0.05, 0.35]),
+    };
+    let misalignment = if dice.happens(misaligned) { dice.between(0.05, most_misaligned) } else { 0.0 };
     let pixel = f64::from(width) / NOMINAL_WIDTH;
     let camera = PinholeCamera {
         width,
@@ -125,14 +137,20 @@ fn rig(dice: &mut Dice, viewport: &Viewport, [width, height]: [u32; 2]) -> (Pinh
         // Half of what is misaligned are the positions: of the nearest things, a pixel is the baseline through their disparity.
         repeatability_mm: 0.5 * misalignment * viewport.baseline_mm / viewport.near,
         read_noise: dice.mostly_low(1.0, 8.0),
-        full_well: 1.0 / dice.mostly_low(1e-5, 1.2e-3),
+        full_well: match setting {
+            Setting::Field => 1.0 / dice.mostly_low(1e-5, 1.2e-3),
+            Setting::Studio => {
+                let noise = dice.mostly_low(0.1, 1.0);
+                2500.0 / (noise * noise)
+            }
+        },
     };
     let flaws = Flaws {
         seed: dice.bits(),
         turned_px: misalignment * pixel,
-        gain: dice.pick([0.0, 0.01, 0.03, 0.08]),
+        gain: dice.pick(gains),
         stray: [dice.mostly_low(0.001, 0.03), dice.pick([0.0, 0.001, 0.004])],
-        blur: dice.between(0.2, 0.5),
+        blur: dice.between(blur[0], blur[1]),
         blurs: dice.pick([1, 1, 1, 2]),
     };
     (camera, flaws)
@@ -264,15 +282,35 @@ mod tests {
         }
     }
 
-    /// The number is the hash of these bytes on every machine. It changes only with the scenes.
+    /// The numbers are the hashes of these bytes on every machine. They change only with the scenes.
     #[test]
     fn bytes_are_the_same_on_every_machine() {
-        let shots = (0..12).map(|number| RandomScene::new(1, number, [32, 24]).render(Views::STEREO));
-        let bytes = shots.flat_map(|shot| {
-            let frames = [&shot.center, &shot.neighbors[&View::RIGHT]].map(|image| image.as_raw().clone());
-            let truth = shot.truth.into_pixels().into_iter().flat_map(|d| d.to_bits().to_le_bytes());
-            frames.into_iter().flatten().chain(truth).collect::<Vec<_>>()
-        });
-        assert_eq!(bytes.fold(0, |sum, byte| hash(sum ^ u64::from(byte))), 13_548_406_556_441_394_427);
+        let expected = [(Setting::Field, 13_548_406_556_441_394_427), (Setting::Studio, 9_865_260_561_072_898_756)];
+        for (setting, expected) in expected {
+            let shots = (0..12).map(|number| RandomScene::within(setting, 1, number, [32, 24]).render(Views::STEREO));
+            let bytes = shots.flat_map(|shot| {
+                let frames = [&shot.center, &shot.neighbors[&View::RIGHT]].map(|image| image.as_raw().clone());
+                let truth = shot.truth.into_pixels().into_iter().flat_map(|d| d.to_bits().to_le_bytes());
+                frames.into_iter().flatten().chain(truth).collect::<Vec<_>>()
+            });
+            assert_eq!(bytes.fold(0, |sum, byte| hash(sum ^ u64::from(byte))), expected, "{setting:?}");
+        }
+    }
+
+    /// The mean noise of 20 scenes, in grey levels.
+    fn noise(setting: Setting) -> f64 {
+        let mean = |number: u64| {
+            let random = RandomScene::within(setting, 3, number, [64, 48]);
+            let clean = RandomScene { camera: random.camera.ideal(), ..random.clone() };
+            let [noisy, clean] = [random, clean].map(|random| random.render(Views::NONE).center.into_raw());
+            noisy.iter().zip(&clean).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / noisy.len() as f64
+        };
+        (0..20).map(mean).sum::<f64>() / 20.0
+    }
+
+    #[test]
+    fn a_studio_has_less_noise_than_the_field() {
+        let [field, studio] = [Setting::Field, Setting::Studio].map(noise);
+        assert!(studio > 0.2 && 2.0 * studio < field, "{field} grey levels in the field, {studio} in the studio");
     }
 }

@@ -4,7 +4,7 @@ use std::{fmt, process::ExitCode, time::Instant};
 
 use clap::Args;
 use image::{GrayImage, Luma};
-use multiscopic::{Error, Frames, Method, Picture, Result};
+use multiscopic::{Error, Frames, Method, Picture, Result, stereo::network::DotProducts};
 use multiscopic_core::{Fusion, Params};
 
 use super::{
@@ -87,6 +87,10 @@ impl Bench {
         let engine = self.engine.engine()?;
         self.options.check_block_size(&[self.method], self.search.block_size)?;
         let method: Method = self.options.method(self.method, self.search.block_size, views.len())?;
+        let mut kernel = engine.simd(params.search()).to_string();
+        if self.method == MethodName::Net {
+            kernel = format!("{kernel} and {}", DotProducts::of(&engine));
+        }
         let mut seconds = f64::INFINITY;
         for _ in 0..self.repeat {
             let start = Instant::now();
@@ -102,7 +106,7 @@ impl Bench {
             views: params.views().len(),
             fusion: params.fusion().name(),
             threads: engine.threads(),
-            kernel: engine.simd(params.search()).to_string(),
+            kernel,
             seconds,
             gde_per_s: params.evaluations() as f64 / seconds / 1e9,
         };

@@ -15,7 +15,12 @@ use multiscopic::{
     images::Layout,
     report::{ViewedMap, ViewedScene},
     scene::{PinholeCamera, Scene, Shot, render_views},
-    stereo::{CostFunction, Optimizer, cost::BirchfieldTomasi, optimization::graph_cuts::GraphCuts},
+    stereo::{
+        CostFunction, Optimizer,
+        cost::BirchfieldTomasi,
+        optimization::graph_cuts::GraphCuts,
+        refinement::{LucasKanade, Refinement},
+    },
 };
 use multiscopic_core::{Params, Search, Views};
 
@@ -152,6 +157,7 @@ impl Demo {
     fn method(&self, variant: &Variant) -> Method {
         let block_size = self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
         match variant.method {
+            MethodName::Net => Method::net().with_refinement(Refinement { sub_pixel: Some(LucasKanade), ..Refinement::NONE }),
             MethodName::Sgm => Method::census_sgm(variant.views.len()),
             MethodName::Gc => {
                 let cuts = GraphCuts { start_block_size: block_size, refine: true, fill: true, ..GraphCuts::default() };

@@ -59,7 +59,7 @@ pub fn variants(layout: Layout, baselines: &[u8]) -> Result<Vec<Variant>> {
 pub fn other_methods(layout: Layout) -> Vec<Variant> {
     let views = layout.views();
     let takes_all = |method: &MethodName| *method != MethodName::Gc || views.len() <= Views::MAX_MATCHED;
-    let methods = [MethodName::Sgm, MethodName::Gc].into_iter().filter(takes_all);
+    let methods = [MethodName::Net, MethodName::Sgm, MethodName::Gc].into_iter().filter(takes_all);
     methods.map(|method| Variant { method, layout: None, views, fusion: default_fusion(views) }).collect()
 }
 

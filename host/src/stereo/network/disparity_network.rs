@@ -97,7 +97,7 @@ impl DisparityNetwork {
     /// The disparities of a search with these inputs, and the probabilities that they are at most a pixel off, times
     /// 255. Every pixel has one.
     pub fn disparities(&self, mut inputs: Inputs, search: &Search, engine: &Engine) -> (DisparityMap, Raster<u8>) {
-        let operations = Operations { products: DotProducts::with(engine.widest()) };
+        let operations = Operations { products: DotProducts::of(engine) };
         engine.pool().install(|| {
             let blocks = self.block_disparities(&mut inputs, operations);
             self.pixel_disparities(&inputs, &blocks, search, operations)

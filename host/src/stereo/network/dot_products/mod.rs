@@ -22,10 +22,12 @@ mod plain_panel;
 #[cfg(target_arch = "x86_64")]
 mod vnni_panel;
 
+use std::fmt;
+
 pub(super) use panel::{PANEL, Panel, PanelTask, WeightLine};
 use plain_panel::PlainPanel;
 
-use crate::stereo::simd::Simd;
+use crate::stereo::{engine::Engine, simd::Simd};
 
 /// Instructions for sums of products.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,6 +64,11 @@ impl DotProducts {
         DotProducts(Instructions::Plain)
     }
 
+    /// The instructions by which an engine runs the network.
+    pub fn of(engine: &Engine) -> DotProducts {
+        DotProducts::with(engine.widest())
+    }
+
     /// Runs `task` with these instructions.
     pub(super) fn run<T: PanelTask>(self, task: T) {
         match self.0 {
@@ -75,5 +82,19 @@ impl DotProducts {
             Instructions::Neon => neon_panel::run(task),
             Instructions::Plain => task.run::<_, _, 2, 2>(PlainPanel::<16>, PlainPanel::<8>),
         }
+    }
+}
+
+impl fmt::Display for DotProducts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self.0 {
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Vnni => "vnni",
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx2 => "avx2",
+            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+            Instructions::Neon => "neon",
+            Instructions::Plain => "plain",
+        })
     }
 }

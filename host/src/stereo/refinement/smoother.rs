@@ -55,10 +55,11 @@ impl Smoother {
     /// measured.
     pub const MOST_REPLACED: u8 = 127;
 
-    /// What minimises the energy of half the size, from the disparities themselves.
-    const COARSE: Schedule = Schedule { shifts: &[0.3, 1.0, 0.3, 1.0, 0.3, 1.0, 0.3, 1.0, 0.3, 1.0], period: 2 };
-    /// What minimises the energy, from the solution of half the size.
-    const FINE: Schedule = Schedule { shifts: &[20.0, 3.0, 1.0, 5.0], period: 1 };
+    /// The shifts of the iterations that minimise the energy of half the size, from the disparities themselves. Small ones carry
+    /// disparities far, large ones settle them nearby.
+    const COARSE: [f32; 8] = [0.4, 1.0, 0.4, 1.0, 0.4, 1.0, 0.4, 1.0];
+    /// Those that minimise the energy, from the solution of half the size.
+    const FINE: [f32; 3] = [20.0, 2.0, 5.0];
     /// The smoothness at half the size, beside the full one: a pixel there stands for four, of which some are sure.
     const HALF: f32 = 0.5;
     /// The weight of what has no confidence. It keeps surroundings without anything sure defined.
@@ -115,11 +116,11 @@ impl Smoother {
         let half = Smoother { smoothness: Smoother::HALF * self.smoothness, ..*self };
         let small_guide = halved_guide(guide, width);
         let coarse = Level::new(&half, small, small_sure, &small_guide);
-        let solved = coarse.solve(simd, coarse.disparities.clone(), Smoother::COARSE, range);
+        let solved = coarse.solve(simd, coarse.disparities.clone(), &Smoother::COARSE, range);
         let start = doubled(&solved.solution_t.transposed(), &small_guide, guide, size);
         drop((coarse, solved));
         let fine = Level::new(self, disparities, sure, guide);
-        let solved = fine.solve(simd, start, Smoother::FINE, range);
+        let solved = fine.solve(simd, start, &Smoother::FINE, range);
         let [support, solution] = fine.support(simd, solved);
         let (mut smooth, mut confidences) = (map.clone(), confidence.clone());
         let [mut solved, mut supports] = [vec![0.0; width], vec![0.0; width]];
@@ -152,15 +153,6 @@ impl Smoother {
         }
         Ok(())
     }
-}
-
-/// How the energy is minimised: by iterations, once along rows and once along columns each.
-#[derive(Clone, Copy, Debug)]
-struct Schedule {
-    /// The shift of each iteration. A small one carries disparities far, a large one settles them nearby.
-    shifts: &'static [f32],
-    /// After how many iterations the weights change.
-    period: usize,
 }
 
 /// The energy at one size of the image. A name that ends in `_t` is of a plane with columns for rows.
@@ -204,14 +196,14 @@ impl Level {
         confidence / fourth + Smoother::LEAST_WEIGHT
     }
 
-    /// The solution, given a first one and the range of the disparities.
-    fn solve(&self, simd: Simd, start: Plane, schedule: Schedule, [least, most]: [f32; 2]) -> Solved {
+    /// The solution, given a first one, the shift of each iteration and the range of the disparities. An iteration solves the rows, then
+    /// the columns, and takes the weights anew.
+    fn solve(&self, simd: Simd, start: Plane, shifts: &[f32], [least, most]: [f32; 2]) -> Solved {
         let Level { disparities, disparities_t, confidence, links, links_t, .. } = self;
-        let Schedule { shifts, period } = schedule;
         let [mut right, mut weights] = self.start(start, shifts[0]);
         let [mut right_t, mut weights_t] = [right.transposed(), weights.transposed()];
         for (k, &shift) in shifts.iter().enumerate() {
-            let (changes_weights, next_shift) = ((k + 1) % period == 0, shifts.get(k + 1));
+            let next_shift = shifts.get(k + 1);
             // Peaceman and Rachford's iteration. A solution leaves `L u` of its direction as the rest of its right side, which is
             // all that the other direction needs of it.
             let rows = LineSolver { shift, share: 0.5, links: links_t, weights: &weights_t, right_sides: &right_t };
@@ -226,7 +218,7 @@ impl Level {
                 // The solution is a mean of disparities, so what lies outside their range has not converged yet.
                 let u: Strip = lanes(|i| u[i].clamp(least, most));
                 let confidence = confidence.strip(at);
-                let w: Strip = if changes_weights { lanes(|i| self.weight(confidence[i], u[i] - d[i])) } else { *w };
+                let w: Strip = lanes(|i| self.weight(confidence[i], u[i] - d[i]));
                 match next_shift {
                     Some(shift) => [lanes(|i| shift * u[i] + w[i] * (d[i] - 0.5 * u[i]) - laplacian[i]), w],
                     None => [u, w],
@@ -409,7 +401,7 @@ mod tests {
 
     #[test]
     fn finds_the_least_energy() {
-        const LONG: Schedule = Schedule { shifts: [[20.0, 3.0, 1.0, 0.3, 5.0]; 20].as_flattened(), period: 1 };
+        const LONG: &[f32] = [[20.0, 3.0, 1.0, 0.3, 5.0]; 20].as_flattened();
         let mut random = random();
         let smoother = Smoother { smoothness: 10.0, sigma: 10.0, scale: 1.0 };
         for [width, height] in [[1, 1], [23, 1], [1, 19], [2, 2], [37, 21], [33, 34]] {

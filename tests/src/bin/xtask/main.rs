@@ -25,7 +25,7 @@ use std::process::ExitCode;
 
 use emulation::setup;
 use firmware_checks::{capturing, cycles, faults, kernel_twins, profiles};
-use workspace_checks::{emulated_arm64, emulated_cameras, host_instructions, packaging, pages, suite};
+use workspace_checks::{emulated_arm64, emulated_cameras, host_instructions, packaging, pages, suite, supply_chain};
 
 /// Runs the project's checks, tests and firmware.
 #[derive(Parser)]
@@ -68,6 +68,8 @@ enum Task {
     Page,
     /// Package the published crates, and build each from its package
     Package,
+    /// Check the licences of dependencies, the reasons for them and the count of unsafe code
+    SupplyChain(supply_chain::SupplyChain),
     /// Link the matcher alone, which fails if any path leads to a panic
     NoPanic,
 }
@@ -95,6 +97,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Instructions(guard) => guard.run(),
         Task::Page => pages::run_tests(),
         Task::Package => packaging::check(),
+        Task::SupplyChain(check) => check.run(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Capture => capturing::run(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),

@@ -6,3 +6,4 @@ pub mod host_instructions;
 pub mod packaging;
 pub mod pages;
 pub mod suite;
+pub mod supply_chain;

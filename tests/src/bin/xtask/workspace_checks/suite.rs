@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{process::Command, time::Instant};
 
-use super::{emulated_arm64, emulated_cameras, host_instructions, packaging, pages};
+use super::{emulated_arm64, emulated_cameras, host_instructions, packaging, pages, supply_chain::SupplyChain};
 use crate::{
     emulation::{build, emulated_board, setup},
     firmware_checks::{capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, profiles},
@@ -52,6 +52,7 @@ pub fn lint() -> Result<()> {
     step("architecture", architecture)?;
     step("lints", lints)?;
     step("lints for Arm", || lints_for_arm(&toolchain))?;
+    step("supply chain", || SupplyChain::CHECK.run())?;
     step("documentation", || run(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")))
 }
 

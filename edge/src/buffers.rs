@@ -10,8 +10,8 @@ pub type Wide = Portable<8>;
 pub struct Lengths {
     /// The matcher's memory by buffer, or that of both matchers from short baselines to long ones.
     pub matcher: Memory,
-    /// Bytes of the [lines](multiscopic_core::ConfidenceLines) that confidences are computed from, and of a line of them, in whole
-    /// words; 0 without confidences.
+    /// Bytes of the [lines](multiscopic_core::ConfidenceLines) that confidences are computed from, and of a line of them, in
+    /// whole words; 0 without confidences.
     pub confidence: usize,
     /// Disparities of a line.
     pub columns: usize,

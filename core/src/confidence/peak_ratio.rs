@@ -14,9 +14,9 @@ pub struct PeakRatio {
 }
 
 impl PeakRatio {
-    /// The grade of the candidate at `index` of `count`, from 0 to 15: its ratio `256 (second - least) / (second + unit)`, halved if it
-    /// is the first or the last, where a better one may lie beyond, in half octaves. The grades begin at ratios of 0, 1, 2, 3,
-    /// 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128 and 192.
+    /// The grade of the candidate at `index` of `count`, from 0 to 15: its ratio `256 (second - least) / (second + unit)`, halved
+    /// if it is the first or the last, where a better one may lie beyond, in half octaves. The grades begin at ratios of 0, 1, 2,
+    /// 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128 and 192.
     #[inline(always)]
     pub fn grade(self, index: usize, count: usize) -> u8 {
         self.grade_at(index == 0 || index + 1 == count)
@@ -37,7 +37,8 @@ impl PeakRatio {
         (ratio.grade_at(is_end), uniqueness_ratio.is_none_or(|percent| ratio.is_unique(percent)))
     }
 
-    /// Whether the second candidate costs over `percent` of the least cost more than that: the uniqueness ratio of OpenCV's StereoBM.
+    /// Whether the second candidate costs over `percent` of the least cost more than that: the uniqueness ratio of OpenCV's
+    /// StereoBM.
     #[inline(always)]
     pub const fn is_unique(self, percent: u8) -> bool {
         let rise = self.second.wrapping_sub(self.least);

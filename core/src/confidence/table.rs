@@ -123,8 +123,8 @@ fn count<I: Isa>(isa: I, own: &[Option<Disparity>], rows: [&[Option<Disparity>];
     }
 }
 
-/// How many samples agree with each of `N` pixels of `own` from column `start` on. Their samples are in as many columns of `rows`,
-/// `WINDOW`, from `start` on. `None` if there are fewer.
+/// How many samples agree with each of `N` pixels of `own` from column `start` on. Their samples are in as many columns of
+/// `rows`, `WINDOW`, from `start` on. `None` if there are fewer.
 #[inline(always)]
 fn batch_agreements<const N: usize, const WINDOW: usize>(
     own: &[Option<Disparity>],

@@ -6,8 +6,8 @@ use crate::{Disparity, MatchError, MemoryTooSmall, Search};
 /// Computes the median of a frame's disparities over 3 x 3 pixels line by line, from disparity lines as a matcher yields them.
 ///
 /// Invalid pixels stay invalid and never count, nor do those beyond the borders; of an even number of disparities it takes the
-/// upper median. Grades of peak ratios, of which confidences are computed, stay those of their pixels. It keeps three lines, and is
-/// one line behind the matcher.
+/// upper median. Grades of peak ratios, of which confidences are computed, stay those of their pixels. It keeps three lines, and
+/// is one line behind the matcher.
 ///
 /// ```
 /// use multiscopic_core::{Disparity, Fusion, MedianLines, MatchError, Search, Views};
@@ -56,7 +56,8 @@ impl<'m> MedianLines<'m> {
     }
 
     /// Computes the next line, and returns its index in the frame, or `None` after the last. `matched` computes the next line of
-    /// disparities and peak ratios: [`Matcher::next_line_and_peaks`](crate::Matcher::next_line_and_peaks), for the whole frame, or
+    /// disparities and peak ratios: [`Matcher::next_line_and_peaks`](crate::Matcher::next_line_and_peaks), for the whole frame,
+    /// or
     /// [`SemiGlobalMatcher::next_line_and_peaks`](crate::SemiGlobalMatcher::next_line_and_peaks).
     ///
     /// # Errors

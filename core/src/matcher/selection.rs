@@ -185,8 +185,8 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         }
     }
 
-    /// The disparity of a pixel, if it is unique enough, and the grade of its peak ratio, given its least fused cost. It overwrites the
-    /// fused costs.
+    /// The disparity of a pixel, if it is unique enough, and the grade of its peak ratio, given its least fused cost. It
+    /// overwrites the fused costs.
     #[inline(always)]
     pub fn disparity_and_peak<'e, const V: usize>(
         &self,
@@ -251,8 +251,8 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
         self.params.block_area() * self.rule.scale(V, incomplete == 0)
     }
 
-    /// The grades of the peak ratios of a batch of pixels with their `units`, from their fused costs, which it overwrites. Pixels that
-    /// are not unique enough lose their disparity.
+    /// The grades of the peak ratios of a batch of pixels with their `units`, from their fused costs, which it overwrites. Pixels
+    /// that are not unique enough lose their disparity.
     #[cfg_attr(not(debug_assertions), inline(always))]
     pub fn peaks<'e, const V: usize>(
         &self,

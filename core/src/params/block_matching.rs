@@ -116,9 +116,9 @@ impl Params {
         self.prior
     }
 
-    /// The same with a uniqueness ratio, or without: a disparity stays only if every candidate more than one disparity away costs over
-    /// `percent` of the least cost more, and around a prior the prior stays otherwise. It is the `uniquenessRatio` of OpenCV's
-    /// StereoBM.
+    /// The same with a uniqueness ratio, or without: a disparity stays only if every candidate more than one disparity away costs
+    /// over `percent` of the least cost more, and around a prior the prior stays otherwise. It is the `uniquenessRatio` of
+    /// OpenCV's StereoBM.
     #[inline(always)]
     pub const fn with_uniqueness_ratio(self, percent: Option<u8>) -> Params {
         Params { uniqueness_ratio: percent, ..self }

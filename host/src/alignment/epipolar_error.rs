@@ -6,8 +6,8 @@
 pub struct EpipolarError {
     /// The corner in the centre image, in pixels.
     pub pixel: [f64; 2],
-    /// The error in the images, in pixels: above 0 if the match is too far to the right, for views in the centre's column, or too far
-    /// down, for others.
+    /// The error in the images, in pixels: above 0 if the match is too far to the right, for views in the centre's column, or too
+    /// far down, for others.
     pub before_px: f64,
     /// The same after rectification.
     pub after_px: f64,

@@ -147,8 +147,8 @@ impl Alignment {
         Ok(alignment)
     }
 
-    /// What the `rectified` frames tell, given what the others did. Views that looked swapped are, unless they are turned away from
-    /// their baselines.
+    /// What the `rectified` frames tell, given what the others did. Views that looked swapped are, unless they are turned away
+    /// from their baselines.
     pub fn inspect(&self, before: &Inspection, rectified: &Frames) -> Inspection {
         let least = MIN_TURN_AWAY * rectified.width().max(rectified.height()) as f64;
         let is_turned_away = |view: &View| {
@@ -298,8 +298,8 @@ impl Alignment {
         frames.views().iter().fold(center, |frames, view| frames.with_picture(view, rectified(Frame::View(view))))
     }
 
-    /// The picture of a frame, rectified and with its brightness corrected. If a lens distorts it, this takes out the distortion as well, without
-    /// resampling twice; the alignment is then that of undistorted frames.
+    /// The picture of a frame, rectified and with its brightness corrected. If a lens distorts it, this takes out the distortion
+    /// as well, without resampling twice; the alignment is then that of undistorted frames.
     pub fn rectified(&self, frame: Frame, picture: Picture, undistortion: Option<&Undistortion>) -> Picture {
         let gain = match frame {
             Frame::Center => 1.0,

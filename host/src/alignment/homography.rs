@@ -54,8 +54,8 @@ pub fn common_rotation(positions: &[(Vector3<f64>, Vector3<f64>)]) -> Rotation3<
 
 /// The rotation vector from the stage's axes to the camera's, and its standard deviations, in degrees.
 ///
-/// The deviations are those of the views' positions, or more if the positions agree worse with any rotation than they say. They are NaN
-/// about axes that the positions do not determine, as that of a single baseline.
+/// The deviations are those of the views' positions, or more if the positions agree worse with any rotation than they say. They
+/// are NaN about axes that the positions do not determine, as that of a single baseline.
 pub fn common_rotation_with_deviation(adjustment: &Adjustment, nominal: &[Vector3<f64>]) -> ([f64; 3], [f64; 3]) {
     let positions: Vec<_> = adjustment.models.iter().map(|model| model.position).zip(nominal.iter().copied()).collect();
     let rotation = common_rotation(&positions);

@@ -51,7 +51,8 @@ const MAX_FLAT: f64 = 0.3;
 
 /// The share of the others' sharpness below which an image is blurred.
 const MIN_SHARPNESS: f64 = 0.15;
-/// How many times as many corners an image must have in common with the centre once it is turned round, to be the wrong way round.
+/// How many times as many corners an image must have in common with the centre once it is turned round, to be the wrong way
+/// round.
 const MUCH_BETTER: usize = 4;
 
 /// What the images of a capture tell.
@@ -224,8 +225,8 @@ fn blurred(frames: &Frames) -> Vec<Frame> {
     all.into_iter().filter(|(_, sharpness)| *sharpness < MIN_SHARPNESS * usual).map(|(frame, _)| frame).collect()
 }
 
-/// The mean square difference of neighbouring pixels over the variance, which brightness and contrast do not change. 0 for an image without
-/// any contrast.
+/// The mean square difference of neighbouring pixels over the variance, which brightness and contrast do not change. 0 for an
+/// image without any contrast.
 fn sharpness(image: &GrayImage) -> f64 {
     let (width, pixels) = (image.width() as usize, image.as_raw());
     let count = pixels.len() as f64;

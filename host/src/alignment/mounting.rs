@@ -51,8 +51,8 @@ pub struct Mounting {
 }
 
 impl Mounting {
-    /// Estimates the mount from frames that were taken one and more steps to all sides. `geometry` has the step as its baseline. The
-    /// second and the first angle are in proportion to its focal length.
+    /// Estimates the mount from frames that were taken one and more steps to all sides. `geometry` has the step as its baseline.
+    /// The second and the first angle are in proportion to its focal length.
     ///
     /// # Errors
     /// [`Error::Usage`] if the images do not determine the mount: the message says what to change.
@@ -132,7 +132,8 @@ impl Mounting {
         })
     }
 
-    /// The focal length in pixels and its standard deviation, if what the middle of the image shows is at a known distance from the camera.
+    /// The focal length in pixels and its standard deviation, if what the middle of the image shows is at a known distance from
+    /// the camera.
     ///
     /// # Errors
     /// [`Error::Usage`] if the points there are few or at different distances.
@@ -151,7 +152,8 @@ impl Mounting {
         Ok([focal_px, focal_px * spread / (count as f64).sqrt()])
     }
 
-    /// The distance in millimetres to what the middle of the image shows, for a focal length in pixels. NaN if it shows no texture.
+    /// The distance in millimetres to what the middle of the image shows, for a focal length in pixels. NaN if it shows no
+    /// texture.
     pub fn distance_mm(&self, focal_px: f64) -> f64 {
         focal_px * self.step_mm / median(self.middle_px.clone())
     }

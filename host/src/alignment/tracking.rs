@@ -113,8 +113,9 @@ fn find_nearby(
     Some(at.map(|at| at as f64))
 }
 
-/// The match below a pixel, by least squares over the position, the contrast and the brightness (Lucas and Kanade, 1981), and over
-/// how much the square is stretched and sheared `along` the baseline with each pixel to the right and down, if that is given.
+/// The match below a pixel, by least squares over the position, the contrast and the brightness (Lucas and Kanade, 1981), and
+/// over how much the square is stretched and sheared `along` the baseline with each pixel to the right and down, if that is
+/// given.
 ///
 /// `square` gives the pixels around a point of the view for these two slopes.
 fn refine(

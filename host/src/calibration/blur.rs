@@ -6,13 +6,14 @@ use image::GrayImage;
 const LONG: usize = 12;
 /// The share of the pixels that the strongest edges pass through.
 const STRONGEST: f64 = 0.0005;
-/// The least share of an edge's contrast that lies between two neighbouring pixels: that of an edge blurred with a standard deviation
-/// of 2 pixels.
+/// The least share of an edge's contrast that lies between two neighbouring pixels: that of an edge blurred with a standard
+/// deviation of 2 pixels.
 const LEAST_SHARE: f64 = 0.2;
 /// The least contrast of edges that tell anything, in grey values.
 const LEAST_CONTRAST: u8 = 20;
 
-/// Whether even the strongest edges of a picture, down or across, are spread over several pixels. A picture without edges is not blurred.
+/// Whether even the strongest edges of a picture, down or across, are spread over several pixels. A picture without edges is not
+/// blurred.
 pub fn is_blurred(image: &GrayImage) -> bool {
     [[1, 0], [0, 1]].into_iter().any(|step: [usize; 2]| {
         let [short, long] = [1, LONG].map(|distance| strongest(image, step, distance));
@@ -20,8 +21,8 @@ pub fn is_blurred(image: &GrayImage) -> bool {
     })
 }
 
-/// The difference between pixels at the strongest edges, over a distance in steps to the right or down. As many pairs of pixels lie across
-/// an edge as the distance has steps.
+/// The difference between pixels at the strongest edges, over a distance in steps to the right or down. As many pairs of pixels
+/// lie across an edge as the distance has steps.
 fn strongest(image: &GrayImage, [right, down]: [usize; 2], distance: usize) -> u8 {
     let (width, pixels) = (image.width() as usize, image.as_raw());
     let mut counts = [0_usize; 256];

@@ -140,8 +140,8 @@ impl PrintedBoard {
         BORDER * self.square_mm()
     }
 
-    /// The board with a white border in grey values, with `per_mm` pixels for a millimetre. Pixels across an edge are grey by the share
-    /// that is black.
+    /// The board with a white border in grey values, with `per_mm` pixels for a millimetre. Pixels across an edge are grey by the
+    /// share that is black.
     pub fn raster(&self, per_mm: f64) -> Raster<u8> {
         let border = self.border_mm();
         let [width, height] = self.size_mm().map(|side| ((side + 2.0 * border) * per_mm).round() as usize);

@@ -5,8 +5,8 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuatern
 /// The least second smallest eigenvalue of equations that determine a homography, as a share of the largest.
 const MIN_SECOND: f64 = 1e-9;
 
-/// The pose of a plane whose points at `places` are seen in `directions`, `(x, y, 1)` from the camera: by their homography (Zhang,
-/// 2000). `None` if they are in a row, or the plane is behind the camera.
+/// The pose of a plane whose points at `places` are seen in `directions`, `(x, y, 1)` from the camera: by their homography
+/// (Zhang, 2000). `None` if they are in a row, or the plane is behind the camera.
 pub fn pose(places: &[[f64; 2]], directions: &[[f64; 2]]) -> Option<Isometry3<f64>> {
     let h = homography(places, directions)?;
     let [first, second, third] = [0, 1, 2].map(|column| h.column(column).into_owned());

@@ -20,9 +20,9 @@ const MAX_ITERATIONS: usize = 100;
 const COEFFICIENTS: usize = 4;
 /// The step of numeric derivatives by coefficients and by directions.
 const STEP: f64 = 1e-5;
-/// The weight of a coefficient's square in the cost, in squared pixels. Coefficients are of the order of 1, and those that the corners do
-/// not tell apart, as in the rational model, stay small instead of cancelling each other. It equals a deviation of 1 with corners
-/// that are off by a tenth of a pixel.
+/// The weight of a coefficient's square in the cost, in squared pixels. Coefficients are of the order of 1, and those that the
+/// corners do not tell apart, as in the rational model, stay small instead of cancelling each other. It equals a deviation of 1
+/// with corners that are off by a tenth of a pixel.
 const PRIOR: f64 = 0.01;
 
 /// A camera, and the pose of the board in each image: from the board's coordinates in millimetres to the camera's.
@@ -47,9 +47,9 @@ struct Normal {
 }
 
 impl CameraFit {
-    /// The first camera: without distortion, with the principal point in the middle of the image, and of all focal lengths the one
-    /// that explains the corners best with the poses that homographies give (Zhang, 2000). `None` if no camera sees
-    /// the board in all images.
+    /// The first camera: without distortion, with the principal point in the middle of the image, and of all focal lengths the
+    /// one that explains the corners best with the poses that homographies give (Zhang, 2000). `None` if no camera sees the board
+    /// in all images.
     pub fn first(images: &[Corners], size: [usize; 2], model: LensModel) -> Option<CameraFit> {
         let coefficients = vec![0.0; model.coefficient_names().len()];
         let lens = Lens::new(model, &coefficients).ok()?;
@@ -123,8 +123,8 @@ impl CameraFit {
         Some(images.iter().enumerate().map(of_image).sum::<Option<f64>>()? + prior)
     }
 
-    /// The covariance of the camera's parameters `fx fy cx cy` and the coefficients, for corners with an error of one pixel on each
-    /// axis. `None` if they are not determined.
+    /// The covariance of the camera's parameters `fx fy cx cy` and the coefficients, for corners with an error of one pixel on
+    /// each axis. `None` if they are not determined.
     pub fn covariance(&self, images: &[Corners]) -> Option<DMatrix<f64>> {
         let (matrix, _) = self.normal(images, &|_| true)?.reduced(0.0)?;
         // Coefficients and focal lengths have scales too different for a plain inverse.

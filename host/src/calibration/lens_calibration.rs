@@ -142,8 +142,8 @@ impl LensCalibration {
     /// Calibrates from images of `size` pixels. Corners that disagree with the others are dropped.
     ///
     /// # Errors
-    /// [`LensCalibrationError`] if the images do not determine the lens, or their corners cover less than the share `least_coverage`
-    /// of the image.
+    /// [`LensCalibrationError`] if the images do not determine the lens, or their corners cover less than the share
+    /// `least_coverage` of the image.
     pub fn estimate(
         images: &[BoardImage],
         size: [usize; 2],

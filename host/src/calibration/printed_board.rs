@@ -50,12 +50,12 @@ impl PrintedBoard {
         Ok(PrintedBoard { columns, rows, square_mm, markers: None })
     }
 
-    /// A ChArUco board of `columns` x `rows` squares: a chessboard with a marker of side `marker_mm` in each white square. The markers
-    /// are the first of a dictionary, which has OpenCV's name, such as `4X4_250` or `APRILTAG_36h11`.
+    /// A ChArUco board of `columns` x `rows` squares: a chessboard with a marker of side `marker_mm` in each white square. The
+    /// markers are the first of a dictionary, which has OpenCV's name, such as `4X4_250` or `APRILTAG_36h11`.
     ///
     /// # Errors
-    /// [`Error::Usage`] as for a chessboard, and if a marker does not fit into a square with a margin, or the dictionary is unknown or
-    /// has too few markers.
+    /// [`Error::Usage`] as for a chessboard, and if a marker does not fit into a square with a margin, or the dictionary is
+    /// unknown or has too few markers.
     pub fn charuco(columns: u32, rows: u32, square_mm: f64, marker_mm: f64, dictionary: &str) -> Result<PrintedBoard> {
         let chessboard = PrintedBoard::chessboard(columns, rows, square_mm)?;
         let share = marker_mm / square_mm;

@@ -26,8 +26,8 @@ pub struct PreparationOptions {
 }
 
 impl PreparationOptions {
-    /// Prepares the frames of `source` and their geometry. `search` makes a search of a range of disparities: the smallest one and
-    /// their number.
+    /// Prepares the frames of `source` and their geometry. `search` makes a search of a range of disparities: the smallest one
+    /// and their number.
     pub fn prepare(
         &self,
         source: &Source,
@@ -89,8 +89,8 @@ impl Preparation {
     }
 }
 
-/// Tells whether disparities pile up at an end of the range, so that it seems to be too narrow. Where nothing has texture, as on the
-/// share `flat` of the centre, any of them may win.
+/// Tells whether disparities pile up at an end of the range, so that it seems to be too narrow. Where nothing has texture, as on
+/// the share `flat` of the centre, any of them may win.
 fn cut_range(disparities: &DisparityMap, search: &Search, flat: f64) -> Option<String> {
     let (first, last, count) = (search.min_disparity(), search.max_disparity(), search.num_disparities());
     let [at_first, at_last] = disparities.shares_at_ends(first..=last);

@@ -65,8 +65,8 @@ impl Variant {
         if multiples.len() > 1 { multiples.into_iter().collect() } else { Vec::new() }
     }
 
-    /// Matches `subject` with `method`, which is this variant's, and compares the disparities and their confidences with the truth.
-    /// Disparities are those at the default baseline.
+    /// Matches `subject` with `method`, which is this variant's, and compares the disparities and their confidences with the
+    /// truth. Disparities are those at the default baseline.
     pub fn measure(&self, method: &Method, engine: &Engine, subject: &Subject, search: &Search) -> Result<Measured> {
         let start = Instant::now();
         let (disparities, confidences) = method.disparities_and_confidences(engine, subject.frames, search, &())?;

@@ -20,7 +20,8 @@ pub struct Sparsification {
 pub struct ConfidenceMetrics {
     /// The area under the sparsification curve: the mean share of wrong pixels at densities of 5, 10, ... 100 %.
     pub auc: f64,
-    /// The smallest possible [`auc`](ConfidenceMetrics::auc): every pixel that is wrong is less sure than every one that is right.
+    /// The smallest possible [`auc`](ConfidenceMetrics::auc): every pixel that is wrong is less sure than every one that is
+    /// right.
     pub auc_optimal: f64,
     /// The area under the receiver operating characteristic: how probable it is that a pixel that is right is surer than one
     /// that is wrong. 1 if there is none of either.

@@ -1,7 +1,7 @@
 //! Tables in plain text.
 
-/// Rows under headings, with a line of dashes below the headings and wherever the first cell changes. The first `names` columns are aligned
-/// left, the others, which are numbers, right.
+/// Rows under headings, with a line of dashes below the headings and wherever the first cell changes. The first `names` columns
+/// are aligned left, the others, which are numbers, right.
 pub fn text_table(headings: &[&str], rows: &[Vec<String>], names: usize) -> String {
     let headings: Vec<String> = headings.iter().map(|heading| (*heading).into()).collect();
     let width = |column: usize| {

@@ -138,14 +138,14 @@ impl Frames {
     /// colours. 16-bit images all have the same depth: that of `files`, or of their brightest sample.
     ///
     /// # Errors
-    /// [`Error::Read`], or [`Error::Format`] if a file is not a picture, a sample is above the maximum of the depth, or a neighbour and
-    /// the centre differ in size, after they were turned as their EXIF orientations say.
+    /// [`Error::Read`], or [`Error::Format`] if a file is not a picture, a sample is above the maximum of the depth, or a
+    /// neighbour and the centre differ in size, after they were turned as their EXIF orientations say.
     pub fn load(files: &FrameFiles) -> Result<(Frames, Picture)> {
         Frames::load_each(files, |_| Ok(None))
     }
 
-    /// Reads the frames of a capture, as [`load`](Frames::load) does. `f` may replace each picture by another one of its size, before 8 bits are
-    /// taken of 16; the centre's comes first. The centre is returned as it is in its file.
+    /// Reads the frames of a capture, as [`load`](Frames::load) does. `f` may replace each picture by another one of its size,
+    /// before 8 bits are taken of 16; the centre's comes first. The centre is returned as it is in its file.
     ///
     /// # Errors
     /// Those of [`load`](Frames::load) and of `f`.

@@ -21,14 +21,15 @@ use crate::{
 /// The most memory that a decoder takes: for the samples of the largest picture, twice.
 const MAX_DECODER_BYTES: u64 = 16 * Picture::MAX_PIXELS as u64;
 
-/// Decodes the contents of the file `path`. They decide the format, not the name. The picture is turned as its EXIF orientation says.
+/// Decodes the contents of the file `path`. They decide the format, not the name. The picture is turned as its EXIF orientation
+/// says.
 pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
     let file = CodedFile::new(path, bytes)?;
     file.caught(|| file.image())
 }
 
-/// Whether the contents of the file `path` are samples of 16 bits without a word about which is white. PGM and PPM name the sample of white,
-/// and [`decode`] scales it to 65535, but 65535 is also what programs write that do not know.
+/// Whether the contents of the file `path` are samples of 16 bits without a word about which is white. PGM and PPM name the
+/// sample of white, and [`decode`] scales it to 65535, but 65535 is also what programs write that do not know.
 pub(crate) fn is_depth_unknown(path: &Path, bytes: &[u8]) -> Result<bool> {
     let file = CodedFile::new(path, bytes)?;
     file.caught(|| {

@@ -42,8 +42,8 @@ impl BitDepth {
         BitDepth::ALL.into_iter().find(|depth| sample <= depth.white()).unwrap_or(BitDepth::Sixteen)
     }
 
-    /// A sample of this depth on the scale of 16 bits: 65535 times the sample through [`white`](BitDepth::white), rounded to nearest.
-    /// Samples above white are white.
+    /// A sample of this depth on the scale of 16 bits: 65535 times the sample through [`white`](BitDepth::white), rounded to
+    /// nearest. Samples above white are white.
     pub fn to_16_bits(self, sample: u16) -> u16 {
         let white = u32::from(self.white());
         // White is odd, so no quotient is halfway between two numbers.

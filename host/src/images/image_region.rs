@@ -4,7 +4,8 @@ use std::str::FromStr;
 
 use crate::error::{Error, Result};
 
-/// A rectangle of an image, in pixels. It is written as its left edge, its top edge, its width and its height, such as `80,60,160,120`.
+/// A rectangle of an image, in pixels. It is written as its left edge, its top edge, its width and its height, such as
+/// `80,60,160,120`.
 ///
 /// ```
 /// use multiscopic::images::ImageRegion;

@@ -4,8 +4,8 @@ use image::{GrayImage, ImageBuffer, Luma, Pixel, Rgb, RgbImage};
 
 use super::{bit_depth::to_8_bits, raster::Raster};
 
-/// An image with 8 or 16 bits per channel, as a file stores it. Matching takes 8 bits: those of a 16-bit sample are 255 times the sample
-/// through 65535, rounded to nearest.
+/// An image with 8 or 16 bits per channel, as a file stores it. Matching takes 8 bits: those of a 16-bit sample are 255 times the
+/// sample through 65535, rounded to nearest.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Picture {
     /// One channel.
@@ -67,7 +67,8 @@ impl Picture {
         }
     }
 
-    /// The picture in 8-bit grey, as the matcher sees it. A colour becomes `(77 R + 150 G + 29 B + 128) >> 8`, of its 8-bit channels.
+    /// The picture in 8-bit grey, as the matcher sees it. A colour becomes `(77 R + 150 G + 29 B + 128) >> 8`, of its 8-bit
+    /// channels.
     pub fn to_gray(&self) -> GrayImage {
         match self {
             Picture::Gray(gray) => gray.clone(),

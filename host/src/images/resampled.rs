@@ -6,8 +6,9 @@ use rayon::prelude::*;
 use super::picture::Picture;
 
 impl Picture {
-    /// The picture of the same size and depth whose pixels lie where `map` leads to, black where that is nowhere, divided by `gain`. They are
-    /// interpolated by cubic convolution (Keys, 1981) and rounded to nearest, and pixels outside the picture repeat its border.
+    /// The picture of the same size and depth whose pixels lie where `map` leads to, black where that is nowhere, divided by
+    /// `gain`. They are interpolated by cubic convolution (Keys, 1981) and rounded to nearest, and pixels outside the picture
+    /// repeat its border.
     pub fn resampled(&self, map: impl Fn([usize; 2]) -> Option<[f64; 2]> + Sync, gain: f64) -> Picture {
         match self {
             Picture::Gray(image) => Picture::Gray(resampled(image, map, gain)),

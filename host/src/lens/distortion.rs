@@ -14,8 +14,8 @@ use std::fmt;
 ///                        T  = t (1 + k1 t² + k2 t⁴ + k3 t⁶ + k4 t⁸),  t = atan r
 /// ```
 ///
-/// The first two are those of OpenCV's `projectPoints` (module `calib3d`), after Brown (1966) and Conrady (1919), the last that of its
-/// `fisheye::projectPoints`, after Kannala and Brandt (2006).
+/// The first two are those of OpenCV's `projectPoints` (module `calib3d`), after Brown (1966) and Conrady (1919), the last that
+/// of its `fisheye::projectPoints`, after Kannala and Brandt (2006).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LensModel {
     /// `k1 k2 p1 p2 k3`, with `k4` to `k6` equal to 0: ROS's `plumb_bob`. Kalibr's `radtan` is the same without `k3`.

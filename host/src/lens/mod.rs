@@ -1,8 +1,8 @@
 //! Lenses: their distortion, the calibration files that describe it, and images without it.
 //!
-//! An ideal camera maps the direction `(x, y, 1)` to the pixel `(f x + cx, f y + cy)`. The coordinates `x` and `y` are *normalised*:
-//! they do not depend on the focal length. A lens distorts them first: to `(x', y')`, by a model with a few coefficients
-//! that a calibration finds.
+//! An ideal camera maps the direction `(x, y, 1)` to the pixel `(f x + cx, f y + cy)`. The coordinates `x` and `y` are
+//! *normalised*: they do not depend on the focal length. A lens distorts them first: to `(x', y')`, by a model with a few
+//! coefficients that a calibration finds.
 //!
 //! | file | what it holds |
 //! | --- | --- |

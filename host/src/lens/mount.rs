@@ -57,8 +57,8 @@ impl Mount {
         toml_file::write(path, self)
     }
 
-    /// Splits the mount into a turn about the optical axis, in radians, which a stage takes out by moving along turned axes, and what
-    /// remains after that.
+    /// Splits the mount into a turn about the optical axis, in radians, which a stage takes out by moving along turned axes, and
+    /// what remains after that.
     pub fn split_roll(&self) -> (f64, Mount) {
         let rotation = UnitQuaternion::from_rotation_matrix(&self.rotation());
         let roll = 2.0 * rotation.k.atan2(rotation.w);
@@ -66,8 +66,8 @@ impl Mount {
         (roll, Mount { rotation_deg: rest.scaled_axis().map(f64::to_degrees).into(), ..*self })
     }
 
-    /// The principal point of the pictures, of a size in pixels, that a camera would take if it were square to its stage. They show in
-    /// their middle what its own show there.
+    /// The principal point of the pictures, of a size in pixels, that a camera would take if it were square to its stage. They
+    /// show in their middle what its own show there.
     pub fn principal_point(&self, camera: &CameraModel, size: [usize; 2]) -> [f64; 2] {
         if self.rotation_deg == [0.0; 3] {
             return camera.principal_point;

@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use super::{camera_model::CameraModel, mount::Mount};
 use crate::images::{DisparityMap, Frames, Picture, Raster};
 
-/// Turns the pictures of a camera into those of an ideal one: without distortion, square to its stage, with square pixels, of the same
-/// size and with the horizontal focal length `fx`. What the camera shows in the middle of its pictures stays there, so that the principal
-/// point is the same only if the camera is square to its stage.
+/// Turns the pictures of a camera into those of an ideal one: without distortion, square to its stage, with square pixels, of the
+/// same size and with the horizontal focal length `fx`. What the camera shows in the middle of its pictures stays there, so that
+/// the principal point is the same only if the camera is square to its stage.
 ///
 /// Ideal pixels lie between those of the picture and are interpolated by cubic convolution (Keys, 1981).
 #[derive(Clone, Debug)]
@@ -52,8 +52,8 @@ impl Undistortion {
         Undistortion { projection, places }
     }
 
-    /// Where a point of the ideal picture, which may lie between its pixels, lies in the picture, inside its borders or outside. `None` beyond
-    /// the range of the lens model.
+    /// Where a point of the ideal picture, which may lie between its pixels, lies in the picture, inside its borders or outside.
+    /// `None` beyond the range of the lens model.
     pub fn place_of(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
         self.projection.place(pixel)
     }

@@ -19,8 +19,8 @@ const BAR: f64 = 90.0;
 /// The colours of the errors before and after rectification.
 const COLORS: [&str; 2] = ["s1", "s0"];
 
-/// A picture of the matches of a view: a stroke leads from each corner of the centre across the baseline, as long as its epipolar error,
-/// enlarged. One colour shows the errors in the images, another those after rectification.
+/// A picture of the matches of a view: a stroke leads from each corner of the centre across the baseline, as long as its epipolar
+/// error, enlarged. One colour shows the errors in the images, another those after rectification.
 #[derive(Clone, Copy, Debug)]
 pub struct EpipolarMap<'a> {
     /// What was estimated.

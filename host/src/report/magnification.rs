@@ -1,7 +1,7 @@
 //! How much longer errors are drawn than they are.
 
-/// The largest of 1, 2 and 5 times powers of ten by which an error may be enlarged without being longer than `longest`; both are lengths in
-/// one unit.
+/// The largest of 1, 2 and 5 times powers of ten by which an error may be enlarged without being longer than `longest`; both are
+/// lengths in one unit.
 pub(super) fn magnification(error: f64, longest: f64) -> f64 {
     let most = longest / error.max(1e-6);
     let power = 10_f64.powf(most.log10().floor());

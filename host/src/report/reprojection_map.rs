@@ -12,8 +12,8 @@ const TEXT: f64 = 24.0;
 /// The length of the longest arrow, as a share of the width.
 const LONGEST_ARROW: f64 = 0.06;
 
-/// A picture of the corners that calibrated a lens. Cells of the image with corners are tinted, and an arrow leads from where the camera
-/// should see a corner towards where it is seen, enlarged.
+/// A picture of the corners that calibrated a lens. Cells of the image with corners are tinted, and an arrow leads from where the
+/// camera should see a corner towards where it is seen, enlarged.
 #[derive(Clone, Copy, Debug)]
 pub struct ReprojectionMap<'a> {
     /// The calibration.

@@ -37,8 +37,8 @@ impl Pose {
         Pose { origin: self.origin + self.axes[0] * x + self.axes[1] * y + self.axes[2] * z, ..self }
     }
 
-    /// The pose rotated about its own axes by a rotation vector: its direction is the axis, its length the angle in radians. The last
-    /// bits may differ between machines.
+    /// The pose rotated about its own axes by a rotation vector: its direction is the axis, its length the angle in radians. The
+    /// last bits may differ between machines.
     pub fn rotated(self, rotation: [f64; 3]) -> Pose {
         let [x, y, z] = rotation;
         let vector = Vec3::new(x, y, z);

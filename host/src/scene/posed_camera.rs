@@ -22,8 +22,8 @@ impl PosedCamera {
         PosedCamera { sensor: *sensor, lens: None, pose: viewpoint.moved([right, down, 0.0]) }
     }
 
-    /// The ray through image point `(u, v)`. Its `t` is the depth along the optical axis in millimetres. `None` beyond the range of
-    /// the lens model.
+    /// The ray through image point `(u, v)`. Its `t` is the depth along the optical axis in millimetres. `None` beyond the range
+    /// of the lens model.
     pub fn ray(&self, u: f64, v: f64) -> Option<Ray> {
         let [x, y] = match &self.lens {
             Some(lens) => lens.direction([u, v])?,

@@ -82,8 +82,8 @@ impl Match<'_> {
         pixels.map(|(u, v)| self.peak(u, v)).collect()
     }
 
-    /// Whether the best candidate that is more than a disparity away from the winner costs over `percent` of its cost more, or does
-    /// not exist, line by line.
+    /// Whether the best candidate that is more than a disparity away from the winner costs over `percent` of its cost more, or
+    /// does not exist, line by line.
     pub fn unique(&self, percent: u8) -> Vec<bool> {
         let pixels = (0..self.height as i32).flat_map(|v| (0..self.width as i32).map(move |u| (u, v)));
         let is_unique = |(c1, c2, _)| 100.0 * (c2 - c1) > f64::from(percent) * c1;

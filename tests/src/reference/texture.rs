@@ -1,8 +1,8 @@
 //! The texture of an image, by definition.
 
-/// The texture around `(u, v)` of an `image` of `width` columns: the slopes of grey, summed over a block. A slope is the magnitude
-/// of a 3 x 3 Sobel derivative, at most 31: along rows, along columns, or the greater of the two, as `counts` says. Beyond the
-/// borders pixels are repeated, and so are slopes.
+/// The texture around `(u, v)` of an `image` of `width` columns: the slopes of grey, summed over a block. A slope is the
+/// magnitude of a 3 x 3 Sobel derivative, at most 31: along rows, along columns, or the greater of the two, as `counts` says.
+/// Beyond the borders pixels are repeated, and so are slopes.
 pub fn texture(image: &[u8], width: usize, block_size: i32, counts: [bool; 2], (u, v): (usize, usize)) -> u32 {
     let (columns, rows) = (width as i32, (image.len() / width) as i32);
     let gray = |x: i32, y: i32| i32::from(image[(y.clamp(0, rows - 1) * columns + x.clamp(0, columns - 1)) as usize]);

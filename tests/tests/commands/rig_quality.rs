@@ -19,8 +19,8 @@ fn camera() -> PinholeCamera {
     PinholeCamera::new(SIZE[0] as u32, SIZE[1] as u32)
 }
 
-/// Captures a textured wall at [`WALL_MM`], turned by these angles in degrees about the axes to the right and down. Returns its normal in
-/// the axes of the camera.
+/// Captures a textured wall at [`WALL_MM`], turned by these angles in degrees about the axes to the right and down. Returns its
+/// normal in the axes of the camera.
 fn capture_wall(folder: &Path, camera: &PinholeCamera, turned: [f64; 2], seed: u64) -> [f64; 3] {
     let demo = Scene::demo();
     let pose = demo.viewpoint.moved([0.0, 0.0, WALL_MM]).rotated([turned[0].to_radians(), turned[1].to_radians(), 0.0]);
@@ -98,8 +98,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// The distance of a wall in millimetres, and by how many degrees it recedes to the right and down: by least squares over all disparities in
-/// the middle half of both sides, whose coordinates are not correlated.
+/// The distance of a wall in millimetres, and by how many degrees it recedes to the right and down: by least squares over all
+/// disparities in the middle half of both sides, whose coordinates are not correlated.
 fn least_squares(disparities: &[f64], [width, height]: [usize; 2], focal_px: f64) -> [f64; 3] {
     let [mut count, mut sum, mut squares, mut products] = [0.0, 0.0, 0.0, 0.0].map(|zero| [zero; 2]);
     for v in height / 4..height * 3 / 4 {

@@ -2,7 +2,8 @@
 
 use multiscopic_core::capture::{Position, Stage};
 
-/// A stage whose positions are turned about its centre, so that a camera that is mounted at an angle moves along its own rows and columns.
+/// A stage whose positions are turned about its centre, so that a camera that is mounted at an angle moves along its own rows and
+/// columns.
 #[derive(Debug)]
 pub struct TurnedStage<S> {
     stage: S,

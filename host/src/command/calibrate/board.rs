@@ -13,8 +13,8 @@ use crate::command::{
 
 /// Writes a board to print, for `multiscopic calibrate lens`
 ///
-/// A PDF has the board at its exact size, with a line of 100 mm below it to check the printer. A PNG records its resolution. Glue the
-/// print to something flat, such as glass or foam board.
+/// A PDF has the board at its exact size, with a line of 100 mm below it to check the printer. A PNG records its resolution. Glue
+/// the print to something flat, such as glass or foam board.
 #[derive(Clone, Debug, Args)]
 pub struct Board {
     /// File to write; its name ends in .pdf or .png

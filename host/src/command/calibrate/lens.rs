@@ -22,16 +22,17 @@ use crate::command::{
 
 /// Calibrates the camera's lens from pictures of a printed board
 ///
-/// Print a board with `multiscopic calibrate board`. Take 10 to 20 pictures with fixed zoom and focus, in which the board is tilted to all
-/// sides by 20 to 40 degrees, and reaches the corners of the image. All commands take the file that is written as --lens.
+/// Print a board with `multiscopic calibrate board`. Take 10 to 20 pictures with fixed zoom and focus, in which the board is
+/// tilted to all sides by 20 to 40 degrees, and reaches the corners of the image. All commands take the file that is written as
+/// --lens.
 #[derive(Clone, Debug, Args)]
 pub struct LensCommand {
     /// Pictures of the board
     #[arg(value_name = "IMAGES", required_unless_present = "camera", conflicts_with = "camera")]
     images: Vec<PathBuf>,
 
-    /// Take the pictures now, whenever the board is seen in a new pose, until --pictures are taken or Ctrl-C: with a V4L2 camera, as listed
-    /// by `multiscopic devices`, or a simulated one, whose lens is that of FILE.toml
+    /// Take the pictures now, whenever the board is seen in a new pose, until --pictures are taken or Ctrl-C: with a V4L2 camera,
+    /// as listed by `multiscopic devices`, or a simulated one, whose lens is that of FILE.toml
     #[arg(long, value_name = "/dev/videoN|sim[:FILE.toml]")]
     camera: Option<CameraSpec>,
 

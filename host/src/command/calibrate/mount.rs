@@ -21,9 +21,9 @@ const CONTRADICTION: f64 = 1.02;
 
 /// Finds how the camera is turned against the stage: it moves one and two steps to all sides and tracks what the camera sees
 ///
-/// Let the camera see a scene with texture everywhere. The file that is written serves `capture --mount`. The angles about the axes to the
-/// right and down need the focal length: give the lens, or the focal length, or put a flat target in the middle of the image and give its
-/// distance.
+/// Let the camera see a scene with texture everywhere. The file that is written serves `capture --mount`. The angles about the
+/// axes to the right and down need the focal length: give the lens, or the focal length, or put a flat target in the middle of
+/// the image and give its distance.
 #[derive(Clone, Debug, Args)]
 pub struct MountCommand {
     #[command(flatten)]
@@ -41,7 +41,8 @@ pub struct MountCommand {
     #[arg(long, value_name = "PX", value_parser = positive, allow_negative_numbers = true)]
     focal_px: Option<f64>,
 
-    /// Distance in millimetres from the camera to a flat target in the middle of the image. It gives the focal length, or tests it
+    /// Distance in millimetres from the camera to a flat target in the middle of the image. It gives the focal length, or tests
+    /// it
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     distance: Option<f64>,
 

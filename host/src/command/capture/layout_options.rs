@@ -14,8 +14,8 @@ pub struct LayoutOptions {
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true, required_unless_present = "baselines")]
     baseline: Option<f64>,
 
-    /// Several baselines in millimetres, such as 5,20,80: whole multiples of the first, up to 16. At the first one the whole layout
-    /// is taken, at the others the views in the centre's row and column; `match` goes from short to long
+    /// Several baselines in millimetres, such as 5,20,80: whole multiples of the first, up to 16. At the first one the whole
+    /// layout is taken, at the others the views in the centre's row and column; `match` goes from short to long
     #[arg(
         long,
         value_name = "MM,MM",
@@ -29,8 +29,8 @@ pub struct LayoutOptions {
     #[command(flatten)]
     neighbors: NeighborOptions,
 
-    /// Depth accuracy in millimetres out to a distance in millimetres, such as 0.5@600: the frames are matched, and if they are not
-    /// accurate enough, views at a longer baseline that gives it are taken as well; needs the focal length
+    /// Depth accuracy in millimetres out to a distance in millimetres, such as 0.5@600: the frames are matched, and if they are
+    /// not accurate enough, views at a longer baseline that gives it are taken as well; needs the focal length
     #[arg(long, value_name = "MM@DISTANCE", conflicts_with_all = ["baselines", "live"])]
     pub accuracy: Option<Accuracy>,
 }

@@ -134,8 +134,8 @@ fn undistortion(rig: &Rig, lens: &Option<LensFile>, size: [usize; 2]) -> Result<
     calibration.map(|calibration| calibration.undistortion(size)).transpose()
 }
 
-/// The true disparities of a simulated capture, as `match` should find them: those of the points that each pixel of the centre shows after
-/// the rig's lens and mount have been taken out, at its focal length and baseline.
+/// The true disparities of a simulated capture, as `match` should find them: those of the points that each pixel of the centre
+/// shows after the rig's lens and mount have been taken out, at its focal length and baseline.
 fn true_disparities(camera: &SimulatedCamera, rig: &Rig, undistortion: Option<&Undistortion>) -> Option<FloatImage> {
     let ([width, height], focal_px, baseline_mm) = (camera.size().map(|side| side as usize), rig.focal_px?, rig.baseline_mm?);
     let place = |k: usize| {

@@ -12,7 +12,8 @@ use crate::command::{
 /// The methods, views and fusion rules.
 #[derive(Clone, Debug, Args)]
 pub struct Comparison {
-    /// Numbers of neighbours: 1 (stereo), 2, 4, or 8 for all of a 3x3 array [default: 1 and 2 or 4, as the data set has; all of a rig]
+    /// Numbers of neighbours: 1 (stereo), 2, 4, or 8 for all of a 3x3 array [default: 1 and 2 or 4, as the data set has; all of a
+    /// rig]
     #[arg(long, value_name = "1,2,4,8", value_delimiter = ',')]
     views: Vec<usize>,
 
@@ -25,7 +26,8 @@ pub struct Comparison {
     #[arg(long, value_name = "3,5", value_delimiter = ',')]
     baselines: Vec<u8>,
 
-    /// Camera steps in a baseline, for hci4d: 1, 2 or 4. With 1, views are at 1 to 4 baselines. Errors remain in pixels at 4 steps
+    /// Camera steps in a baseline, for hci4d: 1, 2 or 4. With 1, views are at 1 to 4 baselines. Errors remain in pixels at 4
+    /// steps
     /// [default: 4]
     #[arg(long, value_name = "N")]
     camera_steps: Option<CameraSteps>,
@@ -87,7 +89,8 @@ impl Comparison {
         options.into_iter().find(|(_, is_given)| *is_given).map(|(option, _)| option)
     }
 
-    /// Every method with every set of views of a rig, those of `--views` or all, and every fusion rule where there are several views.
+    /// Every method with every set of views of a rig, those of `--views` or all, and every fusion rule where there are several
+    /// views.
     pub fn variants_of_rig(&self, rig: Views, long: &BaselineOptions) -> Result<Vec<Variant>> {
         let mut sets = Vec::new();
         for &count in &self.views {

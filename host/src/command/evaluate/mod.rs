@@ -33,12 +33,12 @@ use super::{
 
 /// Measures how good matching is on a data set with ground truth, or how good a rig is
 ///
-/// A captured folder is compared with the truth, if it is known, and with a plane, if the scene is a flat wall (--plane). Several captures of
-/// the same scene by the same rig show its noise.
+/// A captured folder is compared with the truth, if it is known, and with a plane, if the scene is a flat wall (--plane). Several
+/// captures of the same scene by the same rig show its noise.
 #[derive(Debug, Args)]
 pub struct Evaluate {
-    /// Captured folder with a rig.toml, or several of the same scene; with --dataset, the folder of the data set, of one of its scenes, or
-    /// the parent of the data set's folder
+    /// Captured folder with a rig.toml, or several of the same scene; with --dataset, the folder of the data set, of one of its
+    /// scenes, or the parent of the data set's folder
     #[arg(value_name = "DIR", required = true)]
     directories: Vec<PathBuf>,
 
@@ -62,7 +62,8 @@ pub struct Evaluate {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// Write a page with the tables and pictures, and for data sets with charts of the error over the number of views and over the baseline
+    /// Write a page with the tables and pictures, and for data sets with charts of the error over the number of views and over
+    /// the baseline
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
 

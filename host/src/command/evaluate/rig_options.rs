@@ -18,7 +18,8 @@ use crate::command::{
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Captured folders")]
 pub struct RigOptions {
-    /// True disparities of the centre in pixels at the nearest baseline, +inf where unknown [default: truth.pfm in RIG_DIR, if it is there]
+    /// True disparities of the centre in pixels at the nearest baseline, +inf where unknown [default: truth.pfm in RIG_DIR, if it
+    /// is there]
     #[arg(long, value_name = "TRUTH.pfm", conflicts_with = "dataset")]
     truth: Option<PathBuf>,
 
@@ -26,12 +27,13 @@ pub struct RigOptions {
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true, conflicts_with = "dataset")]
     pub plane: Option<Option<f64>>,
 
-    /// Part of the centre that shows the wall, in pixels: left and top edge, width and height [default: the middle half of both sides]
+    /// Part of the centre that shows the wall, in pixels: left and top edge, width and height [default: the middle half of both
+    /// sides]
     #[arg(long, value_name = "X,Y,W,H", requires = "plane")]
     region: Option<ImageRegion>,
 
-    /// Calibration of the lens, which distorts all images: a camera.toml, or the YAML of ROS, OpenCV or Kalibr [default: the lens of
-    /// rig.toml]
+    /// Calibration of the lens, which distorts all images: a camera.toml, or the YAML of ROS, OpenCV or Kalibr [default: the lens
+    /// of rig.toml]
     #[arg(long, value_name = "FILE", conflicts_with = "dataset")]
     lens: Option<PathBuf>,
 

@@ -11,15 +11,15 @@ use crate::command::terminal;
 /// How many bits of 16-bit images carry values.
 #[derive(Clone, Debug, Args)]
 pub struct BitsOption {
-    /// Bits of the values in 16-bit images; 8-bit images, and PGM and PPM that name another maximum, do not need it [default: the least
-    /// that have the brightest sample of all images]
+    /// Bits of the values in 16-bit images; 8-bit images, and PGM and PPM that name another maximum, do not need it [default: the
+    /// least that have the brightest sample of all images]
     #[arg(long, value_name = "N", value_parser = named::<BitDepth>())]
     bits: Option<BitDepth>,
 }
 
 impl BitsOption {
-    /// The depth of the 16-bit images among files of one capture, in this order: that of the command line, the `known` one, or else a
-    /// guess, which is said if it is below 16 bits. `None` if there are no 16-bit images.
+    /// The depth of the 16-bit images among files of one capture, in this order: that of the command line, the `known` one, or
+    /// else a guess, which is said if it is below 16 bits. `None` if there are no 16-bit images.
     pub fn depth(&self, known: Option<BitDepth>, paths: &[&Path]) -> Result<Option<BitDepth>> {
         if let Some(depth) = self.bits.or(known) {
             return Ok(Some(depth));

@@ -50,9 +50,9 @@ impl GeometryOptions {
         }
     }
 
-    /// The geometry of `frames`: options first, then `rig`, then `lens`, which the options and the rig must not contradict. Only the
-    /// lens's principal point comes before the rig's, since it is that of the undistorted images. `None` if the focal length or the
-    /// baseline is unknown.
+    /// The geometry of `frames`: options first, then `rig`, then `lens`, which the options and the rig must not contradict. Only
+    /// the lens's principal point comes before the rig's, since it is that of the undistorted images. `None` if the focal length
+    /// or the baseline is unknown.
     pub fn geometry(&self, rig: Option<&Rig>, lens: Option<&LensFile>, frames: &Frames) -> Result<Option<Geometry>> {
         let rig_focal_px = rig.and_then(|rig| rig.focal_px);
         if let Some(lens) = lens {

@@ -23,8 +23,8 @@ const MANUAL_MOVE_TIMEOUT: Duration = Duration::from_secs(24 * 3600);
 /// The camera and the stage.
 #[derive(Clone, Debug, Args)]
 pub struct HardwareOptions {
-    /// V4L2 camera, as listed by `multiscopic devices`, or a simulated one that sees the scene of the demo and needs --stage sim. FILE.toml
-    /// tells what is wrong with the simulated rig: its lens, its mount, its stage
+    /// V4L2 camera, as listed by `multiscopic devices`, or a simulated one that sees the scene of the demo and needs --stage sim.
+    /// FILE.toml tells what is wrong with the simulated rig: its lens, its mount, its stage
     #[arg(long, value_name = "/dev/videoN|sim[:FILE.toml]")]
     pub camera: CameraSpec,
 

@@ -29,7 +29,8 @@ pub struct SearchOptions {
     #[arg(long, visible_alias = "disparity_range", value_name = "N", allow_negative_numbers = true)]
     pub num_disparities: Option<u16>,
 
-    /// Side of the block in pixels, odd, from 1 to 21 (OpenCV: blockSize, ROS: correlation_window_size) [default: 11; 5 for --cost sad]
+    /// Side of the block in pixels, odd, from 1 to 21 (OpenCV: blockSize, ROS: correlation_window_size) [default: 11; 5 for
+    /// --cost sad]
     #[arg(long, visible_alias = "correlation_window_size", value_name = "N", allow_negative_numbers = true)]
     pub block_size: Option<u8>,
 }

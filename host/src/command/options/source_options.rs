@@ -89,8 +89,8 @@ impl Source {
         Ok(Source { images: rig.images.within(directory), rig: Some(rig), lens, rig_file: Some(path), bits: bits.clone() })
     }
 
-    /// Reads the frames, without distortion, and the centre as the picture in its file, with its colours and its distortion. The last is
-    /// what undistorted them. From then on, the bits of 16-bit images are known.
+    /// Reads the frames, without distortion, and the centre as the picture in its file, with its colours and its distortion. The
+    /// last is what undistorted them. From then on, the bits of 16-bit images are known.
     pub fn load(&mut self) -> multiscopic::Result<(Frames, Picture, Option<Undistortion>)> {
         self.images.bits = self.bits.depth(self.images.bits, &self.images.paths().collect::<Vec<_>>())?;
         let mut undistortion = None;

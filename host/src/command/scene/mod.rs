@@ -24,10 +24,10 @@ use super::{
 
 /// Renders captures of made-up scenes with known disparities, to test, fit or train with
 ///
-/// DIR gets a folder 0000, 0001, ... for each scene: the views, rig.toml, and truth.pfm with the true disparities of the centre, as
-/// `match` and `evaluate` read them. Scenes differ in their objects, textures, reflections and light, in the noise and blur of the
-/// camera, and in how exactly it was moved. Disparities fill a part of about 1 to 30 pixels in views that are 256 pixels wide, and of
-/// more in wider ones.
+/// DIR gets a folder 0000, 0001, ... for each scene: the views, rig.toml, and truth.pfm with the true disparities of the centre,
+/// as `match` and `evaluate` read them. Scenes differ in their objects, textures, reflections and light, in the noise and blur of
+/// the camera, and in how exactly it was moved. Disparities fill a part of about 1 to 30 pixels in views that are 256 pixels
+/// wide, and of more in wider ones.
 #[derive(Clone, Debug, Args)]
 pub struct SceneCommand {
     /// Makes random scenes, the only kind there is

@@ -17,9 +17,9 @@ static LAST: AtomicUsize = AtomicUsize::new(1);
 
 /// Lets signals end the program without half of its output.
 ///
-/// Ctrl-C (SIGINT), SIGTERM and SIGHUP do so, with the shell's exit code of 128 plus the signal's number. One that was ignored when
-/// the program started, as `nohup` ignores SIGHUP, stays ignored. Where a file grows beyond the limit of the shell, the write fails,
-/// with a message, and no longer the program.
+/// Ctrl-C (SIGINT), SIGTERM and SIGHUP do so, with the shell's exit code of 128 plus the signal's number. One that was ignored
+/// when the program started, as `nohup` ignores SIGHUP, stays ignored. Where a file grows beyond the limit of the shell, the
+/// write fails, with a message, and no longer the program.
 ///
 /// # Errors
 /// The system refuses.

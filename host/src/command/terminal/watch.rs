@@ -7,7 +7,8 @@ use super::bar;
 
 /// A progress bar.
 ///
-/// It does not pass on that the user presses Ctrl-C: a method would end early with what it has so far, which is not what was asked for.
+/// It does not pass on that the user presses Ctrl-C: a method would end early with what it has so far, which is not what was
+/// asked for.
 #[derive(Debug)]
 pub struct Watch {
     bar: ProgressBar,

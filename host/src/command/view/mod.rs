@@ -33,11 +33,12 @@ use super::{
 
 /// Writes a page to look at a rig or at disparity maps, and opens it in a browser
 ///
-/// The page has the pictures, the disparities in colour, depths, confidences, errors where the truth is known, the matching costs of
-/// each view at a pixel, and the point cloud, to measure in. It is one file, which needs no network.
+/// The page has the pictures, the disparities in colour, depths, confidences, errors where the truth is known, the matching costs
+/// of each view at a pixel, and the point cloud, to measure in. It is one file, which needs no network.
 ///
-/// A captured folder is shown with the maps that are in it, OUT.pfm of `match` and its like; if there are none, it is matched. NAME-confidence.png has
-/// the confidences of NAME.pfm, and truth.pfm is the truth. Files with "depth" in their names are left out.
+/// A captured folder is shown with the maps that are in it, OUT.pfm of `match` and its like; if there are none, it is matched.
+/// NAME-confidence.png has the confidences of NAME.pfm, and truth.pfm is the truth. Files with "depth" in their names are left
+/// out.
 #[derive(Debug, Args)]
 pub struct View {
     /// Captured folder with a rig.toml, a folder with disparity maps, or a disparity map

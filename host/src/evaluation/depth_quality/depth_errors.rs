@@ -21,7 +21,8 @@ pub struct DepthErrors {
 }
 
 impl DepthErrors {
-    /// The errors of `estimate`, given true disparities, of which those that are finite are known. `None` if no pixel has both depths.
+    /// The errors of `estimate`, given true disparities, of which those that are finite are known. `None` if no pixel has both
+    /// depths.
     ///
     /// # Panics
     /// If the two maps differ in size.
@@ -51,8 +52,8 @@ mod tests {
 
     #[test]
     fn errors_match_a_calculation_by_hand() {
-        // The depths are 20 000 / (d + 2): 2000, 2500, 1000 and 2000 mm instead of 2000, 2000, 1250 and 2500. The other pixels have no
-        // depth, or no truth.
+        // The depths are 20 000 / (d + 2): 2000, 2500, 1000 and 2000 mm instead of 2000, 2000, 1250 and 2500. The other pixels
+        // have no depth, or no truth.
         let (none, infinity) = (f32::INFINITY, f32::INFINITY);
         let estimate = DisparityMap::from_float(&FloatImage::new(7, 1, vec![8.0, 6.0, 18.0, 8.0, none, -2.0, 8.0]));
         let truth = FloatImage::new(7, 1, vec![8.0, 8.0, 14.0, 6.0, 8.0, 8.0, infinity]);

@@ -32,9 +32,9 @@ pub struct PlaneFit {
 }
 
 impl PlaneFit {
-    /// Fits a plane to disparities at pixels, `[u, v, d]`, of which fewer than half may be wrong by any amount: the least median of
-    /// squares over random samples (Rousseeuw, 1984), then least squares over the pixels near the plane. Disparities, unlike depths, have the
-    /// same noise everywhere.
+    /// Fits a plane to disparities at pixels, `[u, v, d]`, of which fewer than half may be wrong by any amount: the least median
+    /// of squares over random samples (Rousseeuw, 1984), then least squares over the pixels near the plane. Disparities, unlike
+    /// depths, have the same noise everywhere.
     ///
     /// # Errors
     /// [`Error::Usage`] if there are fewer than 100 pixels, or all are on a line.

@@ -7,7 +7,8 @@ use crate::{
     images::{DisparityMap, Geometry, ImageRegion},
 };
 
-/// How much disparities differ between captures of the same scene: the median over the pixels of the standard deviation over the captures.
+/// How much disparities differ between captures of the same scene: the median over the pixels of the standard deviation over the
+/// captures.
 ///
 /// A median of standard deviations of few numbers is too small. It is corrected, as for normally distributed errors.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -65,8 +66,8 @@ fn deviation(values: &[f64]) -> f64 {
     (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64).sqrt()
 }
 
-/// The median standard deviation of samples of `count` normally distributed numbers, in standard deviations: the root of the median of a
-/// chi-squared distribution by its degrees of freedom, by the approximation of Wilson and Hilferty (1931).
+/// The median standard deviation of samples of `count` normally distributed numbers, in standard deviations: the root of the
+/// median of a chi-squared distribution by its degrees of freedom, by the approximation of Wilson and Hilferty (1931).
 fn correction(count: usize) -> f64 {
     let freedom = (count - 1) as f64;
     (1.0 - 2.0 / (9.0 * freedom)).powf(1.5)

@@ -16,15 +16,15 @@ const LEFT_OUT: usize = 200;
 
 /// The errors of the disparities of a flat wall, against the plane that fits them best.
 ///
-/// They are those of Intel's "RealSense Camera Depth Testing Methodology" (2018) and of librealsense's Depth Quality Tool, except that
-/// the plane is fitted to disparities, and robustly, and that the 0.5 % of the pixels that are left out at both ends are those farthest
-/// from the plane, not the nearest and farthest of the wall.
+/// They are those of Intel's "RealSense Camera Depth Testing Methodology" (2018) and of librealsense's Depth Quality Tool, except
+/// that the plane is fitted to disparities, and robustly, and that the 0.5 % of the pixels that are left out at both ends are
+/// those farthest from the plane, not the nearest and farthest of the wall.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct WallMetrics {
     /// The share of valid pixels in the region, in percent.
     pub fill_rate: f64,
-    /// The root mean square difference from the plane's disparities, in pixels, without the 0.5 % of the pixels that are most above it and
-    /// most below it.
+    /// The root mean square difference from the plane's disparities, in pixels, without the 0.5 % of the pixels that are most
+    /// above it and most below it.
     pub rms_px: f64,
     /// The share of the valid pixels that are more than 1 pixel from the plane, in percent.
     pub outliers: f64,
@@ -48,14 +48,14 @@ pub struct WallPlace {
     pub recedes_right_deg: f64,
     /// By how much the wall recedes downwards, in degrees.
     pub recedes_down_deg: f64,
-    /// The median error of the distance in percent of the true one, after the plane was turned to be square to the optical axis: above 0 if
-    /// the wall seems too far. `None` if the distance is not known.
+    /// The median error of the distance in percent of the true one, after the plane was turned to be square to the optical axis:
+    /// above 0 if the wall seems too far. `None` if the distance is not known.
     pub z_accuracy_percent: Option<f64>,
 }
 
 impl WallMetrics {
-    /// The errors in a region, and the plane. `distance_mm` is the true distance along the optical axis, if it is known, which matters only
-    /// with the geometry. With it, a pixel without a finite depth is not valid.
+    /// The errors in a region, and the plane. `distance_mm` is the true distance along the optical axis, if it is known, which
+    /// matters only with the geometry. With it, a pixel without a finite depth is not valid.
     ///
     /// # Errors
     /// [`Error::Usage`] if the region leaves the map, or determines no plane before the camera.
@@ -93,8 +93,8 @@ impl WallMetrics {
 impl WallPlace {
     /// Of pixels with their residuals.
     fn new(plane: &PlaneFit, geometry: &Geometry, kept: &[(f64, [f64; 3])], true_mm: Option<f64>) -> Result<WallPlace> {
-        // A point (X, Y, Z) shows at x = X / Z and y = Y / Z with the disparity s = f B / Z - doffs. So if a plane has a disparity of
-        // a + b x + c y - doffs, its points have b X + c Y + a Z = f B.
+        // A point (X, Y, Z) shows at x = X / Z and y = Y / Z with the disparity s = f B / Z - doffs. So if a plane has a
+        // disparity of a + b x + c y - doffs, its points have b X + c Y + a Z = f B.
         let Geometry { focal_px, baseline_mm, principal_point, doffs } = *geometry;
         let ahead = plane.disparity(principal_point) + doffs;
         let [right, down] = plane.slope().map(|slope| slope * focal_px);
@@ -143,7 +143,8 @@ mod tests {
         DISTANCE_MM / (1.0 - x * right.to_radians().tan() - y * down.to_radians().tan())
     }
 
-    /// What such a wall shows, with noise of a standard deviation in pixels, and shares of the pixels that are invalid and that are wrong.
+    /// What such a wall shows, with noise of a standard deviation in pixels, and shares of the pixels that are invalid and that
+    /// are wrong.
     fn wall(angles: [f64; 2], deviation: f64, [invalid, wrong]: [f64; 2]) -> DisparityMap {
         let mut random = fastrand::Rng::with_seed(9);
         let disparity = |pixel: [usize; 2]| {
@@ -196,8 +197,8 @@ mod tests {
         assert_near(metrics.rms_px, trimmed, 0.02 * deviation);
         assert_near(metrics.fill_rate, 90.0, 1.5);
         assert_eq!(metrics.outliers, 0.0);
-        // A pixel of disparity moves a point along its ray by Z^2 / (f B) mm ahead; its distance from the plane is what of that is along
-        // the normal, in proportion to how far the plane is along the ray and along the normal: n (x, y, 1) Z = h.
+        // A pixel of disparity moves a point along its ray by Z^2 / (f B) mm ahead; its distance from the plane is what of that
+        // is along the normal, in proportion to how far the plane is along the ray and along the normal: n (x, y, 1) Z = h.
         let tangents = angles.map(|angle| angle.to_radians().tan());
         let height = DISTANCE_MM / (1.0 + tangents[0].powi(2) + tangents[1].powi(2)).sqrt();
         let squares: f64 = region.pixels().map(|pixel| (depth(pixel, angles) * height / 6000.0).powi(2)).sum();

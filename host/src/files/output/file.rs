@@ -33,8 +33,8 @@ pub fn write(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()
     written.map_err(|source| Error::Write { path: path.into(), source })
 }
 
-/// Writes several files as one: all that `contents` [writes](write()) on this thread, or none if it fails. Pipes and devices are written
-/// directly.
+/// Writes several files as one: all that `contents` [writes](write()) on this thread, or none if it fails. Pipes and devices are
+/// written directly.
 ///
 /// # Errors
 /// Those of `contents`, or [`Error::Write`] if a complete file cannot get its final name.

@@ -14,10 +14,10 @@ use crate::{
 impl Picture {
     /// Reads a PNG, PGM, PPM, JPEG or PFM file. The contents decide the format, not the name.
     ///
-    /// 16-bit samples are scaled so that white is 65535, rounded to nearest. White is the maximum that a PGM or PPM names, or else the
-    /// largest number of [`BitDepth::of_brightest`] bits of this picture: read the pictures of one capture with
-    /// [`Picture::read_with_depth`]. A PFM holds grey values from 0 to 1, which are rounded to 8 bits. The picture is turned as its EXIF
-    /// orientation says, and transparency is dropped.
+    /// 16-bit samples are scaled so that white is 65535, rounded to nearest. White is the maximum that a PGM or PPM names, or
+    /// else the largest number of [`BitDepth::of_brightest`] bits of this picture: read the pictures of one capture with
+    /// [`Picture::read_with_depth`]. A PFM holds grey values from 0 to 1, which are rounded to 8 bits. The picture is turned as
+    /// its EXIF orientation says, and transparency is dropped.
     ///
     /// # Errors
     /// [`Error::Read`], or [`Error::Format`] if the file has another format, is truncated or damaged, or if
@@ -27,8 +27,8 @@ impl Picture {
         Picture::decode(path, &input::read(path)?)
     }
 
-    /// Reads a file as [`Picture::read`] does, with this depth of 16-bit samples if there is one. It does not matter to 8-bit files, nor
-    /// to a PGM or PPM that names another maximum than 65535.
+    /// Reads a file as [`Picture::read`] does, with this depth of 16-bit samples if there is one. It does not matter to 8-bit
+    /// files, nor to a PGM or PPM that names another maximum than 65535.
     ///
     /// # Errors
     /// Those of [`Picture::read`], and [`Error::Format`] if a sample is above the maximum of the depth.
@@ -36,8 +36,8 @@ impl Picture {
         decode(path, &input::read(path)?, depth)
     }
 
-    /// The brightest of all 16-bit samples in files, for [`BitDepth::of_brightest`]. A PGM or PPM that names another maximum than 65535
-    /// does not count. `None` if no file has such samples.
+    /// The brightest of all 16-bit samples in files, for [`BitDepth::of_brightest`]. A PGM or PPM that names another maximum than
+    /// 65535 does not count. `None` if no file has such samples.
     ///
     /// # Errors
     /// Those of [`Picture::read`]. Files whose samples do not count are not decoded, and may be damaged.

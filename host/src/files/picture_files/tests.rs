@@ -144,8 +144,9 @@ fn writes_what_it_reads() {
     }
 }
 
-/// EXIF data with one entry, the orientation, after the TIFF header of the EXIF specification (CIPA DC-008, 4.5.2): the order of bytes,
-/// 42, the place of the first directory; its number of entries; tag 0x0112 of type 3 (SHORT) and length 1; and no next directory.
+/// EXIF data with one entry, the orientation, after the TIFF header of the EXIF specification (CIPA DC-008, 4.5.2): the order of
+/// bytes, 42, the place of the first directory; its number of entries; tag 0x0112 of type 3 (SHORT) and length 1; and no next
+/// directory.
 fn exif(orientation: u16, big_endian: bool) -> Vec<u8> {
     let short = |value: u16| if big_endian { value.to_be_bytes() } else { value.to_le_bytes() };
     let long = |value: u32| if big_endian { value.to_be_bytes() } else { value.to_le_bytes() };

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::residual::Residual;
 
-/// The `[alignment]` of a `rig.toml` whose images are rectified: what was wrong with the original ones. It tells people, and changes
-/// nothing about matching.
+/// The `[alignment]` of a `rig.toml` whose images are rectified: what was wrong with the original ones. It tells people, and
+/// changes nothing about matching.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AlignmentRecord {

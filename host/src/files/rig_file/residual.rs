@@ -36,9 +36,9 @@ pub struct Residual {
     pub gain: f64,
     /// The number of corners on which the estimate rests.
     pub points: usize,
-    /// The median epipolar error of the matches, as Sampson (1982) measures it: how far a corner and its match must move, together, to be
-    /// on one epipolar line of an ideal rig, in pixels. It is the distance of the match from the corner across the baseline over the
-    /// square root of 2, as each of them moves half of that way.
+    /// The median epipolar error of the matches, as Sampson (1982) measures it: how far a corner and its match must move,
+    /// together, to be on one epipolar line of an ideal rig, in pixels. It is the distance of the match from the corner across
+    /// the baseline over the square root of 2, as each of them moves half of that way.
     pub sampson_px: f64,
     /// The same after rectification.
     pub rectified_sampson_px: f64,

@@ -51,11 +51,11 @@ pub struct Rig {
     /// The negated disparity of a point at infinity, in pixels.
     #[serde(default)]
     pub doffs: f64,
-    /// The calibration of the lens, if the images are distorted: any file that [`CameraModel::read`](crate::CameraModel::read) reads. A
-    /// relative path is relative to the folder.
+    /// The calibration of the lens, if the images are distorted: any file that [`CameraModel::read`](crate::CameraModel::read)
+    /// reads. A relative path is relative to the folder.
     pub lens: Option<PathBuf>,
-    /// How the camera is turned against the axes along which it was moved: an axis, to the right, down and ahead, times an angle in
-    /// degrees. Needs the focal length, unless `lens` has it.
+    /// How the camera is turned against the axes along which it was moved: an axis, to the right, down and ahead, times an angle
+    /// in degrees. Needs the focal length, unless `lens` has it.
     pub mount_rotation_deg: Option<[f64; 3]>,
     /// The image files.
     pub images: FrameFiles,

@@ -69,8 +69,8 @@ impl CameraModel {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Format`] if a value is out of range or the name ends otherwise, and [`Error::Write`]. Any previous version of the file is
-    /// unchanged.
+    /// [`Error::Format`] if a value is out of range or the name ends otherwise, and [`Error::Write`]. Any previous version of the
+    /// file is unchanged.
     pub fn save(&self, path: &Path) -> Result<()> {
         self.check(path)?;
         CameraModel::check_name(path)?;

@@ -135,8 +135,8 @@ impl Report {
         })
     }
 
-    /// Adds a viewer of scenes: their pictures, disparities, depths, confidences, errors, costs and points. A page has at most one.
-    /// `command` is the command line that made it. Without scripts, the viewer is left out.
+    /// Adds a viewer of scenes: their pictures, disparities, depths, confidences, errors, costs and points. A page has at most
+    /// one. `command` is the command line that made it. Without scripts, the viewer is left out.
     pub fn viewer(mut self, command: &str, scenes: &[ViewedScene]) -> Report {
         if scenes.is_empty() {
             return self;

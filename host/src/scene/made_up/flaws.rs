@@ -16,13 +16,14 @@ use crate::{
 
 /// How the frames of a capture differ from those of an ideal rig, besides the noise of [`PinholeCamera`] and its misses.
 ///
-/// The imperfections of simulated hardware are others: they describe a stage and a lens, and take angles, whose sines are not the same on
-/// every machine to the last bit.
+/// The imperfections of simulated hardware are others: they describe a stage and a lens, and take angles, whose sines are not the
+/// same on every machine to the last bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flaws {
     /// Decides what differs from frame to frame.
     pub seed: u64,
-    /// The most by which a view is turned up, down, left or right, in pixels, and at the left and right edge about the optical axis.
+    /// The most by which a view is turned up, down, left or right, in pixels, and at the left and right edge about the optical
+    /// axis.
     pub turned_px: f64,
     /// The most by which the brightness of a view differs, as a share of it.
     pub gain: f64,

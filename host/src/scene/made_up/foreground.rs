@@ -154,7 +154,8 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// Adds a solid in an orientation, no nearer than the nearest disparity. `shape` makes it from the millimetres that a pixel shows.
+    /// Adds a solid in an orientation, no nearer than the nearest disparity. `shape` makes it from the millimetres that a pixel
+    /// shows.
     fn add_solid(&mut self, orientation: Pose, coating: &Coating, shape: impl Fn(f64) -> Shape) {
         let nominal = self.viewport.depth(self.disparity);
         let footprint = self.viewport.footprint(nominal);

@@ -1,7 +1,7 @@
 //! Random scenes and the rigs that capture them, in any number, each known by its seed and number.
 //!
-//! Sizes on the image are in *nominal* pixels, of which an image is [`NOMINAL_WIDTH`] wide: a scene is the same whatever the size of its
-//! pictures, and its disparities grow with their width.
+//! Sizes on the image are in *nominal* pixels, of which an image is [`NOMINAL_WIDTH`] wide: a scene is the same whatever the size
+//! of its pictures, and its disparities grow with their width.
 
 mod backdrop;
 mod coatings;

@@ -22,8 +22,8 @@ use crate::{
 
 /// A random scene, and a rig that captures it more or less well.
 ///
-/// Everything follows from a seed and a number, with the same bytes on every machine. Disparities fill a random part of about 1 to 30
-/// pixels in images that are 256 pixels wide, and of proportionally more in wider ones.
+/// Everything follows from a seed and a number, with the same bytes on every machine. Disparities fill a random part of about 1
+/// to 30 pixels in images that are 256 pixels wide, and of proportionally more in wider ones.
 ///
 /// ```
 /// use multiscopic::scene::RandomScene;
@@ -46,8 +46,8 @@ pub struct RandomScene {
 }
 
 impl RandomScene {
-    /// Scene `number` of those of a seed, for pictures of `size`, in the field. The scene does not depend on the width, only on the ratio of
-    /// width and height.
+    /// Scene `number` of those of a seed, for pictures of `size`, in the field. The scene does not depend on the width, only on
+    /// the ratio of width and height.
     ///
     /// # Panics
     /// If the width or the height is 0.
@@ -72,16 +72,16 @@ impl RandomScene {
         RandomScene { scene: Scene { objects, lamp, sky, ground, viewpoint: Viewport::pose() }, camera, flaws, brightness }
     }
 
-    /// The same scene with matte surfaces only, and with a rig without noise, whose views are where they should be and equally bright. They
-    /// are as blurred as they were.
+    /// The same scene with matte surfaces only, and with a rig without noise, whose views are where they should be and equally
+    /// bright. They are as blurred as they were.
     pub fn ideal(mut self) -> RandomScene {
         self.scene.objects.iter_mut().for_each(|object| object.finish = Finish::Matte);
         let flaws = Flaws { blur: self.flaws.blur, blurs: self.flaws.blurs, ..Flaws::NONE };
         RandomScene { camera: self.camera.ideal(), flaws, ..self }
     }
 
-    /// Renders the centre, the neighbours `views`, and the true disparities that an ideal rig would find. A frame is the same whatever the
-    /// others are.
+    /// Renders the centre, the neighbours `views`, and the true disparities that an ideal rig would find. A frame is the same
+    /// whatever the others are.
     pub fn render(&self, views: Views) -> Shot {
         let tracer = Tracer::new(&self.scene, Quality::Quick);
         let light = |frame| light_image(&tracer, &self.flaws.camera(&self.scene.viewpoint, &self.camera, frame));
@@ -179,8 +179,8 @@ mod tests {
         (v - 2..=v + 2).all(|v| (u - 2..=u + 2).all(|u| (truth.get(u, v) - d).abs() < 0.6))
     }
 
-    /// The mean grey difference between centre pixels and their matches in a view at the true disparity plus `shift`. It skips edges, what
-    /// something nearer hides, and the borders, where something that the centre does not see may hide it.
+    /// The mean grey difference between centre pixels and their matches in a view at the true disparity plus `shift`. It skips
+    /// edges, what something nearer hides, and the borders, where something that the centre does not see may hide it.
     fn residual(shot: &Shot, view: View, shift: f64) -> f64 {
         let truth = &shot.truth;
         let (dx, dy) = (f64::from(view.right()), f64::from(view.down()));

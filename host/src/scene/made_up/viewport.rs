@@ -45,8 +45,8 @@ impl Viewport {
         Vec3::new(x * footprint, -y * footprint, depth)
     }
 
-    /// The pose of the plane with this disparity at a place, which grows by `slope` with each pixel to the right and down. Its z axis is
-    /// the plane's normal, and its x axis lies in the image plane.
+    /// The pose of the plane with this disparity at a place, which grows by `slope` with each pixel to the right and down. Its z
+    /// axis is the plane's normal, and its x axis lies in the image plane.
     pub fn plane(&self, [x, y]: [f64; 2], disparity: f64, slope: [f64; 2]) -> Pose {
         // On the plane `normal . p = 1`, the disparity at (u, v) is proportional to `normal . (u / focal, v / focal, 1)`.
         let middle = disparity - slope[0] * x - slope[1] * y;
@@ -55,7 +55,8 @@ impl Viewport {
         Pose { origin: self.point([x, y], self.depth(disparity)), axes: [right, normal.cross(right), normal] }
     }
 
-    /// `slope` made flatter, if a plane would otherwise leave the range of disparities within `reach` pixels of where it has `disparity`.
+    /// `slope` made flatter, if a plane would otherwise leave the range of disparities within `reach` pixels of where it has
+    /// `disparity`.
     pub fn limited(&self, slope: [f64; 2], disparity: f64, [x, y]: [f64; 2]) -> [f64; 2] {
         let change = slope[0].abs() * x + slope[1].abs() * y;
         let most = (self.near - disparity).min(0.6 * disparity).max(0.0);

@@ -11,8 +11,8 @@ pub enum Quality {
     Quick,
 }
 
-/// Where the rays of a quick pixel go, in pixels from its middle. No two share a row or a column, and both the first two and all four are
-/// around the middle.
+/// Where the rays of a quick pixel go, in pixels from its middle. No two share a row or a column, and both the first two and all
+/// four are around the middle.
 const QUICK: [[f64; 2]; 4] = [[-0.375, -0.125], [0.375, 0.125], [0.125, -0.375], [-0.125, 0.375]];
 
 impl Quality {

@@ -10,8 +10,8 @@ use crate::{
 /// Adjacent pixels of a row that share one search for the objects in view. The last run of a row may end beside the image.
 pub const RUN: u32 = 16;
 
-/// The distance between the places whose directions are computed, in pixels. Between them, a lens changes directions nearly linearly: at
-/// this distance the error is a hundredth of a pixel.
+/// The distance between the places whose directions are computed, in pixels. Between them, a lens changes directions nearly
+/// linearly: at this distance the error is a hundredth of a pixel.
 const STEP: f64 = 4.0;
 
 /// The rays of a camera. Undistorting a lens takes long, so it is done on a grid, and rays between its places are interpolated.

@@ -127,7 +127,8 @@ fn highlight_profile(cosine: f64) -> f64 {
     (0..5).fold(cosine.max(0.0), |x, _| x * x)
 }
 
-/// The normal of the groove that a ray hits at a point of the texture. Grooves blur reflections mainly along the panel's `y` axis.
+/// The normal of the groove that a ray hits at a point of the texture. Grooves blur reflections mainly along the panel's `y`
+/// axis.
 fn brushed_normal(object: &Object, place: Vec3, normal: Vec3, sample: u32) -> Vec3 {
     let [a, b] = even_square(sample).map(|x| x - 0.5);
     let [along, across] = along_and_across_strokes(place);

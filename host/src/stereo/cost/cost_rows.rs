@@ -16,8 +16,8 @@ pub trait Cost: Copy + PartialOrd + Debug + Send + Sync + 'static {
     /// neither neighbour is below the cost in the middle.
     fn refine(d: i16, costs: [Self; 3]) -> Option<Disparity>;
 
-    /// The peak ratio of a candidate of least cost, by the least cost of those more than a disparity away and the noise that is to
-    /// be expected.
+    /// The peak ratio of a candidate of least cost, by the least cost of those more than a disparity away and the noise that is
+    /// to be expected.
     fn peak_ratio(least: Self, second: Self, unit: Self) -> PeakRatio;
 }
 

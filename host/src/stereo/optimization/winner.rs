@@ -119,8 +119,8 @@ pub fn disparity_refined_by<C: Cost>(
     Disparity::whole(d)
 }
 
-/// The grade of the peak ratio of a pixel by its `costs`, as [`disparity`] takes them. `unit` is the noise that is to be expected. It
-/// is 0 where there is no second candidate.
+/// The grade of the peak ratio of a pixel by its `costs`, as [`disparity`] takes them. `unit` is the noise that is to be
+/// expected. It is 0 where there is no second candidate.
 #[inline(always)]
 pub fn peak<C: Cost>(search: &Search, costs: &[C], unit: C) -> u8 {
     let grade =
@@ -128,8 +128,8 @@ pub fn peak<C: Cost>(search: &Search, costs: &[C], unit: C) -> u8 {
     best_two(search, costs).map_or(0, grade)
 }
 
-/// The least cost, and the least cost of the candidates more than a disparity away, with the index of the first; none if one of the
-/// two does not exist.
+/// The least cost, and the least cost of the candidates more than a disparity away, with the index of the first; none if one of
+/// the two does not exist.
 #[inline(always)]
 pub fn best_two<C: Cost>(search: &Search, costs: &[C]) -> Option<([C; 2], usize)> {
     let costs = &costs[..search.num_disparities()];

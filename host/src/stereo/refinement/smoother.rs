@@ -196,8 +196,8 @@ impl Level {
         confidence / fourth + Smoother::LEAST_WEIGHT
     }
 
-    /// The solution, given a first one, the shift of each iteration and the range of the disparities. An iteration solves the rows, then
-    /// the columns, and takes the weights anew.
+    /// The solution, given a first one, the shift of each iteration and the range of the disparities. An iteration solves the
+    /// rows, then the columns, and takes the weights anew.
     fn solve(&self, simd: Simd, start: Plane, shifts: &[f32], [least, most]: [f32; 2]) -> Solved {
         let Level { disparities, disparities_t, confidence, links, links_t, .. } = self;
         let [mut right, mut weights] = self.start(start, shifts[0]);
@@ -305,8 +305,8 @@ fn halved_guide<const N: usize>(pixels: &[[u8; N]], width: usize) -> Vec<[u8; N]
     result
 }
 
-/// The plane of half the size at the full size: each pixel takes the value of one of the four nearest, that whose guide is the most
-/// similar. Of equals it takes the nearest.
+/// The plane of half the size at the full size: each pixel takes the value of one of the four nearest, that whose guide is the
+/// most similar. Of equals it takes the nearest.
 fn doubled<const N: usize>(small: &Plane, small_guide: &[[u8; N]], guide: &[[u8; N]], [width, height]: [usize; 2]) -> Plane {
     let [small_width, small_height] = small.size();
     let guides: Vec<_> = small_guide.chunks_exact(small_width).collect();

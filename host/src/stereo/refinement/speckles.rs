@@ -4,11 +4,11 @@ use multiscopic_core::Disparity;
 
 use crate::images::DisparityMap;
 
-/// Invalidates small patches of disparities: OpenCV's `filterSpeckles`, with a range in pixels as in its StereoSGBM. (Its StereoBM
-/// takes the range in sixteenths of a pixel.)
+/// Invalidates small patches of disparities: OpenCV's `filterSpeckles`, with a range in pixels as in its StereoSGBM. (Its
+/// StereoBM takes the range in sixteenths of a pixel.)
 ///
-/// A patch are valid pixels of which each can be reached from each other over pixels beside or below one another whose disparities
-/// differ by at most the range.
+/// A patch are valid pixels of which each can be reached from each other over pixels beside or below one another whose
+/// disparities differ by at most the range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Speckles {
     /// The pixels of the largest patch that is invalidated.

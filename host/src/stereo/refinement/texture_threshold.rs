@@ -8,10 +8,10 @@ use crate::images::{DisparityMap, Raster};
 
 /// Invalidates pixels around which the centre image has too little texture.
 ///
-/// The texture is the sum over a block of the slopes of grey, each the magnitude of a 3 x 3 Sobel derivative and at most 31: along
-/// rows for views to the left and right, along columns for those above and below, and for others the greater of the two. Beyond the
-/// borders the pixels there are repeated. With views to the left or right alone this is the texture of OpenCV's StereoBM, except at
-/// the borders.
+/// The texture is the sum over a block of the slopes of grey, each the magnitude of a 3 x 3 Sobel derivative and at most 31:
+/// along rows for views to the left and right, along columns for those above and below, and for others the greater of the two.
+/// Beyond the borders the pixels there are repeated. With views to the left or right alone this is the texture of OpenCV's
+/// StereoBM, except at the borders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TextureThreshold {
     /// The least texture that is enough.

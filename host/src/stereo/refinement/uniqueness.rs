@@ -12,9 +12,9 @@ use crate::{
 };
 
 impl<C: Cost> Volume<C> {
-    /// Invalidates the pixels of `map` with a candidate, more than a disparity away from the best, that costs at most `percent` of the
-    /// least cost more: OpenCV's `uniquenessRatio` as its StereoBM applies it. (Its StereoSGBM takes the percentage of the other
-    /// candidate's cost.) Runs on the threads of the current pool.
+    /// Invalidates the pixels of `map` with a candidate, more than a disparity away from the best, that costs at most `percent`
+    /// of the least cost more: OpenCV's `uniquenessRatio` as its StereoBM applies it. (Its StereoSGBM takes the percentage of the
+    /// other candidate's cost.) Runs on the threads of the current pool.
     pub fn keep_unique(&self, search: &Search, map: &mut DisparityMap, percent: u8) {
         let width = self.width();
         map.pixels_mut().par_chunks_exact_mut(width).enumerate().for_each(|(v, line)| {

@@ -22,8 +22,8 @@ pub struct TrueCamera {
     pub is_equidistant: bool,
 }
 
-/// Where the board is: the tilt about the axes to the right and down, the roll, and the middle of the board in the camera's coordinates, in
-/// millimetres.
+/// Where the board is: the tilt about the axes to the right and down, the roll, and the middle of the board in the camera's
+/// coordinates, in millimetres.
 #[derive(Clone, Copy, Debug)]
 pub struct BoardPose {
     pub tilt_deg: [f64; 2],

@@ -22,8 +22,8 @@ const SIZE: [usize; 2] = [320, 240];
 const FOCAL: f64 = 400.0;
 /// The radial distortion: the corners move by 14 pixels.
 const K1: f64 = -0.25;
-/// The scene is rendered with this many pixels for one that is matched, and a margin around it, from which a lens with barrel distortion
-/// takes its corners.
+/// The scene is rendered with this many pixels for one that is matched, and a margin around it, from which a lens with barrel
+/// distortion takes its corners.
 const FACTOR: usize = 3;
 const MARGIN: usize = 32;
 
@@ -42,8 +42,8 @@ fn scene() -> (ViewSet, ViewSet, Vec<f32>) {
     (images(0.0), images(K1), truth)
 }
 
-/// A rendered image at its final size, with radial distortion `k1`. A pixel is the mean of a grid of samples. The direction that a
-/// distorted sample sees is found by repeating `x = x' / (1 + k1 r²)`.
+/// A rendered image at its final size, with radial distortion `k1`. A pixel is the mean of a grid of samples. The direction that
+/// a distorted sample sees is found by repeating `x = x' / (1 + k1 r²)`.
 fn small(large: &[u8], k1: f64) -> Vec<u8> {
     let stride = (SIZE[0] + 2 * MARGIN) * FACTOR;
     let middle = SIZE.map(|side| (side as f64 - 1.0) / 2.0);
@@ -126,8 +126,8 @@ fn distorted_images_match_as_those_without_distortion() {
     let ideal = disparities("distorted", &["--lens", text(&lens), "--depth", text(&depth)]);
     let undistorted = errors(&ideal, &truth);
     let ignored = errors(&disparities("distorted", &[]), &truth);
-    // Measured: 6.9 % and 0.112 pixels of the clean images, 7.3 % and 0.119 undistorted, which pays for resampling, and 11.8 % and
-    // 0.326 with the distortion.
+    // Measured: 6.9 % and 0.112 pixels of the clean images, 7.3 % and 0.119 undistorted, which pays for resampling, and 11.8 %
+    // and 0.326 with the distortion.
     assert!(undistorted.0 < 1.1 * clean.0 + 0.2 && undistorted.1 < 1.1 * clean.1 + 0.005, "{clean:?}, {undistorted:?}");
     assert!(ignored.0 > 1.5 * clean.0 && ignored.1 > 2.5 * clean.1, "{clean:?}, {ignored:?}");
     // The calibration in rig.toml does the same, and `align` writes images that need it no longer.

@@ -223,8 +223,8 @@ fn what_is_aligned_on_the_way_is_what_is_written() {
     assert_eq!(matched(folder.path(), &["--align"]).1, matched(&new, &[]).1);
 }
 
-/// EXIF data with the orientation in which the first row is the right side of the picture, and the first column its top: it is to be
-/// turned clockwise.
+/// EXIF data with the orientation in which the first row is the right side of the picture, and the first column its top: it is to
+/// be turned clockwise.
 const TURNED: &[u8] = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
 
 /// Writes an image as a camera that was held upright stores it.

@@ -106,8 +106,8 @@ impl MethodOptions {
         }
     }
 
-    /// The method with these options, for a match in a number of `views`. `block_size` is that of block matching, with which graph
-    /// cuts start, and of sums of absolute differences, if one was asked for.
+    /// The method with these options, for a match in a number of `views`. `block_size` is that of block matching, with which
+    /// graph cuts start, and of sums of absolute differences, if one was asked for.
     pub fn method(&self, name: MethodName, block_size: Option<u8>, views: usize) -> Result<Method> {
         let MethodOptions { graph_cuts, semi_global, mc_cnn, refinement } = self;
         let mc_cnn = |architecture| -> Result<Method> {

@@ -23,8 +23,8 @@ pub struct RefinementOptions {
     #[arg(long, value_name = "N")]
     disp12_max_diff: Option<u16>,
 
-    /// Keep a disparity only if every candidate more than a pixel away costs over N percent more; not for gc (OpenCV: uniquenessRatio of
-    /// StereoBM) [default: keep all]
+    /// Keep a disparity only if every candidate more than a pixel away costs over N percent more; not for gc (OpenCV:
+    /// uniquenessRatio of StereoBM) [default: keep all]
     #[arg(long, value_name = "N", value_parser = value_parser!(u8).range(0..=100))]
     uniqueness_ratio: Option<u8>,
 
@@ -54,12 +54,13 @@ pub struct RefinementOptions {
     #[arg(long, value_name = "STEP", value_parser = named::<SubPixelName>())]
     sub_pixel: Option<SubPixelName>,
 
-    /// Keep a disparity only if it is at most one pixel off with this probability, from 0 to 1: 0.9 for few mistakes [default: keep all]
+    /// Keep a disparity only if it is at most one pixel off with this probability, from 0 to 1: 0.9 for few mistakes [default:
+    /// keep all]
     #[arg(long, value_name = "P", value_parser = probability)]
     min_confidence: Option<f64>,
 
-    /// Smooth disparities within the edges of the centre image, the less sure the more, so that all pixels get one: a dense map from
-    /// what is sure
+    /// Smooth disparities within the edges of the centre image, the less sure the more, so that all pixels get one: a dense map
+    /// from what is sure
     #[arg(long)]
     smooth: bool,
 

@@ -14,7 +14,8 @@ use syn::visit::{self, Visit};
 
 use crate::system::{folders, process::command};
 
-/// The licences that any dependency may have. MPL-2.0 asks for the sources of its own files if they are changed, and nothing of others.
+/// The licences that any dependency may have. MPL-2.0 asks for the sources of its own files if they are changed, and nothing of
+/// others.
 const LICENCES: [&str; 12] = [
     "0BSD",
     "Apache-2.0",

@@ -45,7 +45,7 @@ const OVER_VIEWS: &str = "errors-over-views.svg";
 const OVER_BASELINES: &str = "errors-over-baselines.svg";
 const PAGE: &str = "index.html";
 
-/// The greatest width of each of the overview's four pictures.
+/// The greatest width of each of the overview's five pictures.
 const OVERVIEW_PANEL: u32 = 360;
 /// The greatest width of the pictures in the sheet.
 const SHEET_PANEL: u32 = 168;
@@ -132,14 +132,16 @@ impl ResultsFolder {
         }
         let sheet = contact_sheet::to_svg(&columns, SHEET_PANEL);
         output::write(&self.file(SHEET), |writer| writer.write_all(sheet.as_bytes()))?;
-        let [Outcome { disparities: stereo, .. }, .., Outcome { disparities: best, .. }] = &outcomes[..block_matched] else {
+        let [Outcome { disparities: stereo, .. }, .., Outcome { disparities: fused, .. }] = &outcomes[..block_matched] else {
             unreachable!("there are several variants")
         };
+        let error = |outcome: &Outcome| outcome.record.metrics.avg_err;
+        let best = outcomes.iter().min_by(|a, b| error(a).total_cmp(&error(b))).expect("there are several variants");
         let center = Picture::Rgb(shot.center.clone());
         let size = [camera.width as usize, camera.height as usize];
         let geometry = rendered_capture::rig(camera, self.views, String::new()).geometry(size).expect("the camera is known");
-        ply::write(&self.file(CLOUD), best, None, &geometry, &center, Encoding::Binary)?;
-        let panels = [&shot.center, &color(stereo), &color(best), &color(&truth)];
+        ply::write(&self.file(CLOUD), &best.disparities, None, &geometry, &center, Encoding::Binary)?;
+        let panels = [&shot.center, &color(stereo), &color(fused), &color(&best.disparities), &color(&truth)];
         write_png(&self.file(OVERVIEW), &montage::row(panels, OVERVIEW_PANEL))
     }
 

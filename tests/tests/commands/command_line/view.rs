@@ -29,7 +29,7 @@ fn a_rig_is_shown_with_its_maps_or_matched() {
     let demo = demo(dir.path());
     Invocation::new(["view", &demo, "--no-open"]).assert_done();
     let shown = data(&format!("{demo}/view.html"));
-    let files = ["2-views-mean", "2-views-min", "4-views-heuristic", "4-views-mean", "4-views-min", "gc", "sgm", "stereo"];
+    let files = ["2-views-mean", "2-views-min", "4-views-heuristic", "4-views-mean", "4-views-min", "gc", "net", "sgm", "stereo"];
     assert_eq!(names(&shown), files);
     let scene = &shown["scenes"][0];
     assert_eq!(scene["size"], serde_json::json!([64, 48]));

@@ -1,0 +1,99 @@
+//! Draws the pictures of README.md and `docs/` anew: `cargo run --release -p multiscopic-tests --example figures`.
+//!
+//! They are what the commands of the program write for the demo's scene. `docs/pipeline.svg` is drawn by hand.
+
+use std::{
+    error::Error,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use image::RgbImage;
+use multiscopic::{DisparityMap, FloatImage, report::montage};
+use multiscopic_tests::program::Invocation;
+
+/// The greatest width of a picture in a row.
+const WIDTH: u32 = 360;
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+fn main() -> Result<()> {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name("docs");
+    let folder = tempfile::tempdir()?;
+    let figures = Figures { docs, folder: folder.path().into() };
+    figures.draw_demo()?;
+    figures.draw_confidence()?;
+    figures.draw_microcontroller()
+}
+
+/// Where pictures are drawn.
+struct Figures {
+    docs: PathBuf,
+    /// For what the commands write.
+    folder: PathBuf,
+}
+
+impl Figures {
+    /// The views of the demo, and what more of them and longer baselines add.
+    fn draw_demo(&self) -> Result<()> {
+        let demo = |name: &str, options: &str| self.run(&format!("demo {options} -o {}", self.path(name)));
+        demo("demo", "")?;
+        demo("arrays", "--layout 3x3")?;
+        demo("baselines", "--layout 1x3 --baselines 3,5")?;
+        demo("all-baselines", "--layout 1x3 --baselines 2,3,4,5")?;
+        for (from, to) in [
+            ("demo/overview.png", "demo.png"),
+            ("arrays/views.svg", "views.svg"),
+            ("baselines/views.svg", "baselines.svg"),
+            ("all-baselines/errors-over-baselines.svg", "errors-over-baselines.svg"),
+        ] {
+            fs::copy(self.folder.join(from), self.docs.join(to))?;
+        }
+        Ok(())
+    }
+
+    /// Disparities by semi-global matching, their confidences, those that are sure, and the smoothed map.
+    fn draw_confidence(&self) -> Result<()> {
+        let matched = |options: &str| {
+            let [demo, map] = ["demo", "sgm.pfm"].map(|name| self.path(name));
+            self.run(&format!("match {demo} --method sgm -o {map} {options}"))
+        };
+        let [all, confidence, sure, smooth] = ["all.png", "confidence.png", "sure.png", "smooth.png"].map(|name| self.path(name));
+        matched(&format!("--png {all} --confidence {confidence}"))?;
+        matched(&format!("--png {sure} --min-confidence 0.9"))?;
+        matched(&format!("--png {smooth} --smooth"))?;
+        self.draw_row("confidence.png", &[picture(&all)?, picture(&confidence)?, picture(&sure)?, picture(&smooth)?])
+    }
+
+    /// What a microcontroller sees: the centre image, block matching, semi-global matching.
+    fn draw_microcontroller(&self) -> Result<()> {
+        self.run(&format!("demo --width 320 --height 240 -o {}", self.path("qvga")))?;
+        let mut row = vec![picture(&self.path("qvga/center.png"))?];
+        let range = FloatImage::read_pfm(&self.folder.join("qvga/truth.pfm"))?;
+        let range = DisparityMap::from_float(&range).range();
+        for profile in ["qvga", "qvga-sgm"] {
+            let map = self.path(&format!("{profile}.pfm"));
+            self.run(&format!("simulate --profile {profile} {} -o {map}", self.path("qvga")))?;
+            row.push(DisparityMap::from_float(&FloatImage::read_pfm(Path::new(&map))?).to_color(range.clone()));
+        }
+        self.draw_row("microcontroller.png", &row)
+    }
+
+    fn draw_row(&self, name: &str, pictures: &[RgbImage]) -> Result<()> {
+        Ok(montage::row(pictures, WIDTH).save(self.docs.join(name))?)
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.folder.join(name).display().to_string()
+    }
+
+    /// Runs the program, whose arguments have no spaces.
+    fn run(&self, arguments: &str) -> Result<()> {
+        let run = Invocation::new(arguments.split_whitespace());
+        if run.code == Some(0) { Ok(()) } else { Err(format!("multiscopic {arguments}:\n{}", run.stderr).into()) }
+    }
+}
+
+fn picture(path: &str) -> Result<RgbImage> {
+    Ok(image::open(path)?.into_rgb8())
+}

@@ -71,8 +71,7 @@ struct Metadata(Value);
 
 impl Metadata {
     fn read() -> Result<Metadata> {
-        let output =
-            command("cargo", &["metadata", "--locked", "--format-version", "1"]).current_dir(folders::root()).output()?;
+        let output = command("cargo", ["metadata", "--locked", "--format-version", "1"]).current_dir(folders::root()).output()?;
         let error = || anyhow!("cargo metadata failed:\n{}", String::from_utf8_lossy(&output.stderr));
         ensure!(output.status.success(), error());
         Ok(Metadata(serde_json::from_slice(&output.stdout)?))

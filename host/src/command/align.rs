@@ -16,7 +16,7 @@ use multiscopic_core::{Frame, View};
 use serde::Serialize;
 
 use super::{
-    options::{SearchOptions, SourceOptions},
+    options::{SearchOptions, SourceOptions, output_file},
     terminal,
 };
 
@@ -38,7 +38,7 @@ pub struct Align {
     output: Option<PathBuf>,
 
     /// Page with the matches of each view and their epipolar errors before and after rectification
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = output_file::html)]
     report: Option<PathBuf>,
 
     /// Print JSON instead of a table

@@ -14,7 +14,10 @@ use multiscopic::{
     target::reception::{self, Notice, ReceivedFrame},
 };
 
-use super::{options::MapFiles, terminal};
+use super::{
+    options::{MapFiles, output_file},
+    terminal,
+};
 
 /// Receives a disparity map from the firmware, and reports the packets that are lost or damaged
 ///
@@ -36,7 +39,7 @@ pub struct Listen {
 
     /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid;
     /// needs firmware that sends them, such as that of the profile qvga-confidence
-    #[arg(long, value_name = "OUT.png", help_heading = "Output")]
+    #[arg(long, value_name = "OUT.png", help_heading = "Output", value_parser = output_file::png)]
     confidence: Option<PathBuf>,
 }
 
@@ -56,6 +59,11 @@ impl Listen {
             (&self.source, Box::new(BufReader::new(file)))
         };
         let outputs: Vec<&Path> = self.maps.paths().chain(self.confidence.as_deref()).collect();
+        if outputs.is_empty() && !self.maps.is_printed() {
+            return Err(Error::Usage(
+                "there is nothing to write: give -o OUT.pfm, or another output such as --png OUT.png".into(),
+            ));
+        }
         output::check(&outputs, &[path])?;
 
         let bar = terminal::progress(0, "pixels");
@@ -87,6 +95,7 @@ impl Listen {
             }
             Ok(())
         })?;
+        self.maps.print(&received.disparities)?;
         terminal::say(&summary(&received));
         if let (Some(_), None) = (&self.confidence, &received.confidences) {
             return Err(Error::Format {

@@ -26,7 +26,7 @@ use multiscopic_core::{Frame, Fusion, Search};
 use super::{
     options::{
         BaselineOptions, EngineOptions, GeometryOptions, MapFiles, MethodName, MethodOptions, Named, SearchOptions,
-        SourceOptions, named,
+        SourceOptions, named, output_file,
     },
     preparation::PreparationOptions,
     terminal::{self, Watch},
@@ -82,15 +82,15 @@ struct Outputs {
     maps: MapFiles,
 
     /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid
-    #[arg(long, value_name = "OUT.png", conflicts_with = "prior")]
+    #[arg(long, value_name = "OUT.png", conflicts_with = "prior", value_parser = output_file::png)]
     confidence: Option<PathBuf>,
 
     /// Depth in metres, +inf where unknown; needs the focal length and the baseline
-    #[arg(long, value_name = "OUT.pfm")]
+    #[arg(long, value_name = "OUT.pfm", value_parser = output_file::pfm)]
     depth: Option<PathBuf>,
 
     /// Depth in colour, with the colours of --png; the nearest and the farthest hundredth are clamped
-    #[arg(long, value_name = "OUT.png")]
+    #[arg(long, value_name = "OUT.png", value_parser = output_file::png)]
     depth_png: Option<PathBuf>,
 
     /// What the network of --method net sees of the images, as a folder of arrays for numpy: train/README.md tells what they are
@@ -102,11 +102,11 @@ struct Outputs {
     preview: bool,
 
     /// Coloured point cloud in metres, with confidences if --confidence is given; needs the focal length and the baseline
-    #[arg(long, value_name = "OUT.ply")]
+    #[arg(long, value_name = "OUT.ply", value_parser = output_file::ply)]
     ply: Option<PathBuf>,
 
     /// Page to look at the disparities, the pictures, the costs and the points, see `multiscopic view`
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = output_file::html)]
     report: Option<PathBuf>,
 
     /// Write the point cloud as text instead of binary
@@ -128,6 +128,7 @@ impl Match {
         if let Some(output) = self.outputs.of_depth() {
             self.geometry.refuse_missing(&output, source.rig.as_ref(), source.lens.as_ref())?;
         }
+        self.outputs.check()?;
         let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).collect();
         output::check(&self.outputs.paths(), &inputs)?;
         let engine = self.engine.engine()?;
@@ -207,6 +208,7 @@ impl Match {
                 _ => Ok(()),
             }
         })?;
+        self.outputs.maps.print(&disparities)?;
         if self.outputs.preview {
             let picture = self.outputs.maps.scale(&disparities).draw(&disparities.to_float());
             terminal::print(&terminal::preview(&picture))?;
@@ -218,6 +220,19 @@ impl Match {
 }
 
 impl Outputs {
+    /// Refuses to match for nothing, and two things on standard output.
+    fn check(&self) -> Result<()> {
+        let is_printed = self.maps.is_printed();
+        let complaint = match (self.paths().is_empty() && self.features.is_none(), is_printed, self.preview) {
+            (true, false, false) => {
+                "there is nothing to write: give -o OUT.pfm, or another output such as --png OUT.png or --preview"
+            }
+            (_, true, true) => "-o - and --preview both take standard output: give one of them",
+            _ => return Ok(()),
+        };
+        Err(Error::Usage(complaint.into()))
+    }
+
     fn paths(&self) -> Vec<&Path> {
         let Outputs { maps, confidence, depth, depth_png, ply, report, ply_ascii: _, features: _, preview: _ } = self;
         maps.paths().chain([confidence, depth, depth_png, ply, report].into_iter().flatten().map(PathBuf::as_path)).collect()

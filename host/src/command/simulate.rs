@@ -22,7 +22,7 @@ use multiscopic_edge::{Matching, Profile, profile};
 use serde::Serialize;
 
 use super::{
-    options::{SourceOptions, named},
+    options::{SourceOptions, named, output_file},
     terminal,
 };
 
@@ -49,12 +49,12 @@ pub struct Simulate {
     json: bool,
 
     /// Disparities in pixels, +inf where invalid
-    #[arg(short, long, value_name = "OUT.pfm", help_heading = "Output")]
+    #[arg(short, long, value_name = "OUT.pfm", help_heading = "Output", value_parser = output_file::pfm)]
     output: Option<PathBuf>,
 
     /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid;
     /// needs a profile that computes them: qvga-confidence or qqvga-sgm-confidence
-    #[arg(long, value_name = "OUT.png", help_heading = "Output")]
+    #[arg(long, value_name = "OUT.png", help_heading = "Output", value_parser = output_file::png)]
     confidence: Option<PathBuf>,
 
     /// Packets as the firmware sends them, except that the last one lacks the stack depth, which is unknown here

@@ -25,10 +25,14 @@ impl FloatImage {
     /// # Errors
     /// [`Error::Write`]. Any previous version of the file is unchanged.
     pub fn write_pfm(&self, path: &Path) -> Result<()> {
-        output::write(path, |writer| {
-            write!(writer, "Pf\n{} {}\n-1.0\n", self.width(), self.height())?;
-            self.rows().rev().flatten().try_for_each(|value| writer.write_all(&value.to_le_bytes()))
-        })
+        output::write(path, |writer| writer.write_all(&self.to_pfm()))
+    }
+
+    /// The bytes of such a file.
+    pub fn to_pfm(&self) -> Vec<u8> {
+        let mut bytes = format!("Pf\n{} {}\n-1.0\n", self.width(), self.height()).into_bytes();
+        bytes.extend(self.rows().rev().flatten().flat_map(|value| value.to_le_bytes()));
+        bytes
     }
 }
 

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::{board_options::BoardOptions, camera_session::CameraSession, lens_outcome::LensOutcome};
 use crate::command::{
-    options::{BitsOption, CameraSpec, Named, SettingsOptions, named},
+    options::{BitsOption, CameraSpec, Named, SettingsOptions, named, output_file},
     terminal::{self, Watch},
 };
 
@@ -57,7 +57,7 @@ pub struct LensCommand {
     min_coverage: f64,
 
     /// Page with the corners, their errors and the coverage of the image
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = output_file::html)]
     report: Option<PathBuf>,
 
     /// Print JSON instead of a table

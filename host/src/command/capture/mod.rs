@@ -28,7 +28,7 @@ use multiscopic_core::capture::Plan;
 use self::{layout_options::LayoutOptions, long_baseline::LongBaseline, recorder::Recorder};
 use super::{
     hardware::Hardware,
-    options::{HardwareOptions, LensFile, SearchOptions, value::positive},
+    options::{HardwareOptions, LensFile, SearchOptions, output_file, value::positive},
     view::View,
 };
 
@@ -50,7 +50,7 @@ pub struct Capture {
     live: bool,
 
     /// Page to look at the capture, matched by blocks, see `multiscopic view`
-    #[arg(long, value_name = "FILE.html", conflicts_with = "live")]
+    #[arg(long, value_name = "FILE.html", conflicts_with = "live", value_parser = output_file::html)]
     report: Option<PathBuf>,
 
     /// Number of captures with --live [default: no limit]

@@ -24,7 +24,7 @@ use serde::Serialize;
 use self::{comparison::Comparison, method_table::MethodTable, rig_options::RigOptions};
 use super::{
     charts::{self, Errors},
-    options::{BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, Named, SearchOptions, named},
+    options::{BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, Named, SearchOptions, named, output_file},
     preparation::PreparationOptions,
     terminal,
     variant::{Measured, Subject},
@@ -64,7 +64,7 @@ pub struct Evaluate {
 
     /// Write a page with the tables and pictures, and for data sets with charts of the error over the number of views and over
     /// the baseline
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = output_file::html)]
     report: Option<PathBuf>,
 
     #[command(flatten)]

@@ -8,6 +8,6 @@ pub mod signals;
 mod watch;
 
 pub use bar::progress;
-pub use messages::{print, print_report, say, sure};
+pub use messages::{print, print_bytes, print_report, say, sure};
 pub use preview::preview;
 pub use watch::Watch;

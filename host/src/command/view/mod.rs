@@ -25,7 +25,9 @@ use multiscopic_core::{Frame, Search};
 use self::map_folder::MapFile;
 pub use self::matched_map::{command_line, matched_map};
 use super::{
-    options::{BitsOption, EngineOptions, GeometryOptions, MethodName, MethodOptions, Named, SearchOptions, Source, named},
+    options::{
+        BitsOption, EngineOptions, GeometryOptions, MethodName, MethodOptions, Named, SearchOptions, Source, named, output_file,
+    },
     preparation::PreparationOptions,
     scene::rendered_capture::TRUTH_FILE_NAME,
     terminal,
@@ -46,7 +48,7 @@ pub struct View {
     path: PathBuf,
 
     /// The page [default: view.html in the folder, or FILE.html beside FILE.pfm]
-    #[arg(short, long, value_name = "OUT.html")]
+    #[arg(short, long, value_name = "OUT.html", value_parser = output_file::html)]
     output: Option<PathBuf>,
 
     /// Write the page, and do not open it; it is never opened unless messages go to a terminal

@@ -9,18 +9,19 @@ use multiscopic::{
     report::color_bar,
 };
 
-use super::named::named;
+use super::output_file;
+use crate::command::{options::named, terminal};
 
 /// The files that a disparity map is written to.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Output")]
 pub struct MapFiles {
-    /// Disparities in pixels, +inf where invalid
-    #[arg(short, long, value_name = "OUT.pfm")]
-    output: PathBuf,
+    /// Disparities in pixels, +inf where invalid; - is standard output
+    #[arg(short, long, value_name = "OUT.pfm", value_parser = output_file::pfm_or_standard)]
+    output: Option<PathBuf>,
 
     /// Disparities in colour: near is red, far is blue, invalid is black
-    #[arg(long, value_name = "OUT.png")]
+    #[arg(long, value_name = "OUT.png", value_parser = output_file::png)]
     png: Option<PathBuf>,
 
     /// Draw a colour bar beside coloured pictures, with a scale in their unit
@@ -32,19 +33,31 @@ pub struct MapFiles {
     colormap: Colormap,
 
     /// Disparities times 64 plus 32768 as a 16-bit image, 0 where invalid
-    #[arg(long, value_name = "OUT.png")]
+    #[arg(long, value_name = "OUT.png", value_parser = output_file::png)]
     raw16: Option<PathBuf>,
 }
 
 impl MapFiles {
     /// The paths of all files.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
-        [Some(&self.output), self.png.as_ref(), self.raw16.as_ref()].into_iter().flatten().map(PathBuf::as_path)
+        [self.output_file(), self.png.as_deref(), self.raw16.as_deref()].into_iter().flatten()
+    }
+
+    /// Whether standard output gets the disparities.
+    pub fn is_printed(&self) -> bool {
+        self.output.as_deref().is_some_and(output_file::is_standard_output)
+    }
+
+    /// The file of disparities in pixels.
+    fn output_file(&self) -> Option<&Path> {
+        self.output.as_deref().filter(|path| !output_file::is_standard_output(path))
     }
 
     /// Writes `disparities` to all files.
     pub fn write(&self, disparities: &DisparityMap) -> Result<()> {
-        disparities.write_pfm(&self.output)?;
+        if let Some(path) = self.output_file() {
+            disparities.write_pfm(path)?;
+        }
         if let Some(path) = &self.png {
             self.draw(&disparities.to_float(), &self.scale(disparities)).write_png(path)?;
         }
@@ -54,9 +67,14 @@ impl MapFiles {
         Ok(())
     }
 
+    /// Writes `disparities` to standard output, if it gets them.
+    pub fn print(&self, disparities: &DisparityMap) -> Result<()> {
+        if self.is_printed() { terminal::print_bytes(&disparities.to_float().to_pfm()) } else { Ok(()) }
+    }
+
     /// The file of disparities in pixels, if it is in the same folder as another file.
     pub fn beside(&self, other: &Path) -> Option<String> {
-        let name = self.output.file_name().filter(|_| self.output.parent() == other.parent())?;
+        let name = self.output_file().filter(|output| output.parent() == other.parent())?.file_name()?;
         Some(name.to_string_lossy().into_owned())
     }
 

@@ -158,7 +158,7 @@ fn capture(subject: &Subject, engine: &Engine, seed: u64, number: u64) -> Result
     let [width, height] = size.map(|length| length as u16);
     let search = Search::new(width, height, views, fusion, 1, width / 8)?;
     let method = (subject.method)(views.len());
-    let frames = if method.cost.matches_color() { shot.color_frames() } else { shot.frames(views) };
+    let frames = if method.needs_color() { shot.color_frames() } else { shot.frames(views) };
     let (map, evidence) = method.disparities_and_evidence(engine, &frames, &search, &())?;
     let mut counts = Counts::default();
     counts.add(&map, &evidence, &shot.truth);

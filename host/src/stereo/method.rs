@@ -126,7 +126,16 @@ impl Method {
 
     /// Whether colours matter to it, where frames have them.
     pub fn needs_color(&self) -> bool {
-        self.cost.matches_color() || self.refinement.needs_color() || matches!(self.optimizer, Optimizer::Network(_))
+        self.cost.matches_color()
+            || self.refinement.needs_color()
+            || matches!(self.optimizer, Optimizer::Network(_))
+            || self.takes_second_opinion()
+    }
+
+    /// Whether the evidence for its disparities is how far the network supports them. Graph cuts give no costs, and where those
+    /// of MC-CNN mislead, their least is as clear as elsewhere.
+    fn takes_second_opinion(&self) -> bool {
+        matches!(self.optimizer, Optimizer::GraphCuts(_) | Optimizer::EdgeAware(_))
     }
 
     /// Estimates the disparities of the centre of `frames`, by the views of the shortest baseline first, if they are
@@ -244,9 +253,10 @@ impl Method {
         engine: &Engine,
         frames: &Frames,
         search: &Search,
-        mut evidence: Option<&mut Raster<u8>>,
+        evidence: Option<&mut Raster<u8>>,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
+        let [mut evidence, opinion] = if self.takes_second_opinion() { [None, evidence] } else { [evidence, None] };
         let map = match (&self.cost, &self.optimizer) {
             (CostFunction::Sad { block_size }, Optimizer::WinnerTakesAll)
                 if self.aggregation.is_none() && (search.check_views().is_err() || self.refinement.left_right.is_some()) =>
@@ -289,12 +299,7 @@ impl Method {
                 map
             }
             (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) if self.aggregation.is_none() => {
-                let map = cuts.disparities(*cost, engine, frames, search, progress)?;
-                if let Some(evidence) = evidence {
-                    let witness = Method::census_sgm(search.views().len()).disparities(engine, frames, search, &())?;
-                    *evidence = confidence_map::support(&map, &witness, engine);
-                }
-                map
+                cuts.disparities(*cost, engine, frames, search, progress)?
             }
             (CostFunction::Sad { block_size }, Optimizer::SemiGlobal(sgm)) if self.aggregation.is_none() => {
                 self.along_paths(sgm, &SadRows::new(engine, frames, search, *block_size)?, engine, frames, evidence, progress)
@@ -325,6 +330,10 @@ impl Method {
             }),
             _ => return Err(self.mismatch()),
         };
+        if let Some(evidence) = opinion {
+            let (found, sure) = Method::net().disparities_and_evidence(engine, frames, search, &())?;
+            *evidence = confidence_map::support(&map, &found, &sure, engine);
+        }
         Ok(engine.pool().install(|| self.refinement.filter(map, frames, search.views())))
     }
 

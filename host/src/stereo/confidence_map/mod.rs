@@ -5,7 +5,7 @@
 //!
 //! | room | what it is |
 //! | --- | --- |
-//! | `support` | evidence for a method without costs: how far semi-global matching supports its disparities |
+//! | `support` | evidence for a method whose costs tell little: how far the network supports its disparities |
 //! | `method_tables` | the tables of the methods that the core does not have |
 
 mod method_tables;

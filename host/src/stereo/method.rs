@@ -282,6 +282,9 @@ impl Method {
             }
             (CostFunction::TwoScaleCensus(Census::Window9x7), Optimizer::Network(network)) if self.aggregation.is_none() => {
                 let inputs = Inputs::new(frames, search, engine, progress)?;
+                if progress.is_interrupted() {
+                    return Ok(DisparityMap::filled(search.width(), search.height(), None));
+                }
                 let (map, confidences) = network.disparities(inputs, search, engine);
                 if let Some(evidence) = evidence {
                     *evidence = confidences;
@@ -290,7 +293,7 @@ impl Method {
             }
             (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) if self.aggregation.is_none() => {
                 let map = cuts.disparities(*cost, engine, frames, search, progress)?;
-                if let Some(evidence) = evidence {
+                if let Some(evidence) = evidence.filter(|_| !progress.is_interrupted()) {
                     let witness = Method::census_sgm(search.views().len()).disparities(engine, frames, search, &())?;
                     *evidence = confidence_map::support(&map, &witness, engine);
                 }
@@ -384,6 +387,9 @@ impl Method {
         progress.begin((before + usize::from(penalties.is_some()) + after) as u64, "passes");
         let mut spare = None;
         let mut pass = |run: &dyn Fn(&Volume<f32>, &mut Volume<f32>)| {
+            if progress.is_interrupted() {
+                return;
+            }
             let result = spare.get_or_insert_with(|| costs.clone());
             run(&costs, result);
             std::mem::swap(&mut costs, result);

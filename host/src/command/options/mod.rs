@@ -23,7 +23,7 @@ pub use hardware_options::SettingsOptions;
 pub use hardware_options::{CameraSpec, HardwareOptions, micrometres};
 pub use lens_file::LensFile;
 pub use map_files::MapFiles;
-pub use methods::{MethodName, MethodOptions};
+pub use methods::{MatchingOptions, MethodName, MethodOptions};
 pub use named::{Named, named};
 pub use neighbor_options::NeighborOptions;
 pub use search_options::{SearchOptions, views_of_count};

@@ -107,7 +107,7 @@ const combinations = {
   "semi-global matching by sad": { method: "sgm", fusion: "default", cost: "sad", "block-size": 7, p1: 5 },
   "semi-global matching by the census": { cost: "census2", paths: "8", "min-confidence": 0.5 },
   "the network, filled": { method: "net", fill: true },
-  "graph cuts, with colours": { method: "gc", fill: false, "num-disparities": 12, sweeps: 1 },
+  "graph cuts, with colours": { method: "gc", fill: false, "min-disparity": 10, "num-disparities": 6, sweeps: 1 },
 };
 for (const [name, settings] of Object.entries(combinations)) {
   await check(`${name}: the bits of match`, async () => {

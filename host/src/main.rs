@@ -29,6 +29,10 @@ enum Command {
     Budget(command::budget::Budget),
     Simulate(command::simulate::Simulate),
     View(Box<command::view::View>),
+    #[cfg(feature = "live")]
+    Tune(command::live::Tune),
+    #[cfg(feature = "live")]
+    Live(Box<command::live::Live>),
     Listen(command::listen::Listen),
     Devices(command::devices::Devices),
     Weights(command::weights::WeightsCommand),
@@ -62,6 +66,10 @@ fn main() -> ExitCode {
         Command::Budget(command) => command.run(),
         Command::Simulate(command) => command.run(),
         Command::View(command) => command.run(),
+        #[cfg(feature = "live")]
+        Command::Tune(command) => command.run(),
+        #[cfg(feature = "live")]
+        Command::Live(command) => command.run(),
         Command::Listen(command) => command.run(),
         Command::Devices(command) => command.run(),
         Command::Weights(command) => command.run(),

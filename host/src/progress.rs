@@ -11,7 +11,8 @@ pub trait Progress: Sync {
     /// A message about the current state.
     fn say(&self, _message: &str) {}
 
-    /// Whether the work should stop early and return its best result so far.
+    /// Whether the work should stop early. Graph cuts then return the best labelling so far; all other methods leave pixels that
+    /// they have not come to without a disparity.
     fn is_interrupted(&self) -> bool {
         false
     }

@@ -1,82 +1,17 @@
 // Drives the page in a headless browser. Arguments: the browser, the page, the folder with the maps, and a folder for screenshots.
 
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";
-import puppeteer from "puppeteer-core";
+import { Browser, assertUsable, changed, pixels, readPfm, settled } from "./browser.mjs";
 
 const [browserPath, pagePath, folder, screenshots] = process.argv.slice(2);
-const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 const address = pathToFileURL(pagePath).href;
-
-// A PFM file, read without the program: rows from the bottom up.
-function readPfm(path) {
-  const bytes = readFileSync(path);
-  let place = 0;
-  const word = () => {
-    const start = place;
-    while (bytes[place] > 32) place++;
-    return bytes.toString("latin1", start, place++);
-  };
-  assert.equal(word(), "Pf");
-  const [width, height, scale] = [Number(word()), Number(word()), Number(word())];
-  assert(scale < 0, "little-endian");
-  return { width, height, at: (u, v) => bytes.readFloatLE(place + 4 * ((height - 1 - v) * width + u)) };
-}
-
-const browser = await puppeteer.launch({ executablePath: browserPath, headless: true, args: ["--no-sandbox", "--disable-gpu", "--force-color-profile=srgb"] });
-const problems = [];
-
-// A page of a width with a colour scheme. Whatever it complains about or asks for is a problem.
-async function opened(width, height, scheme) {
-  const page = await browser.newPage();
-  page.on("console", (message) => ["error", "warn"].includes(message.type()) && problems.push(message.text()));
-  page.on("pageerror", (error) => problems.push(String(error)));
-  page.on("request", (request) => {
-    const isOwn = /^(data|blob):/.test(request.url()) || request.url().startsWith(new URL(".", address).href);
-    if (!isOwn) problems.push(`a request to ${request.url()}`);
-  });
-  await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
-  await page.setViewport({ width, height });
-  const start = performance.now();
-  await page.goto(address);
-  await page.waitForSelector("html[data-viewer=ready]", { timeout: 20_000 });
-  return { page, seconds: (performance.now() - start) / 1000 };
-}
+const browser = await Browser.launch(browserPath);
+const check = (name, run) => browser.check(name, run);
+const opened = (width, height, scheme) => browser.open(address, [width, height], scheme, [new URL(".", address).href]);
 
 const choose = (page, mode) => page.$eval(`input[name=mode][value=${mode}]`, (input) => input.click());
-const settled = (page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
-
-// The colours of a canvas.
-async function pixels(page, id) {
-  await settled(page);
-  return page.$eval(id, (canvas) => {
-    const { width, height } = canvas;
-    const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
-    copy.drawImage(canvas, 0, 0);
-    return [...copy.getImageData(0, 0, width, height).data];
-  });
-}
-
-// The share of pixels that differ, between two shares of the width.
-function changed(before, after, [from, to] = [0, 1], width = 0) {
-  let [count, different] = [0, 0];
-  for (let i = 0; i < before.length; i += 4) {
-    const column = width ? ((i / 4) % width) / width : from;
-    if (column < from || column > to) continue;
-    count++;
-    if (before[i] !== after[i] || before[i + 1] !== after[i + 1] || before[i + 2] !== after[i + 2]) different++;
-  }
-  return different / count;
-}
-
-async function check(name, run) {
-  await run();
-  assert.deepEqual(problems, [], name);
-  console.log(`ok: ${name}`);
-}
 
 const { page, seconds } = await opened(1280, 1000, "light");
 await page.screenshot({ path: join(screenshots, "wide-light.png"), fullPage: true });
@@ -238,14 +173,7 @@ for (const [width, scheme] of [[1600, "dark"], [390, "light"], [390, "dark"], [9
     const { page } = await opened(width, 844, scheme);
     for (const mode of ["single", "divide", "beside", "cloud"]) {
       await choose(page, mode);
-      await settled(page);
-      // The page's policy forbids scripts of others but for the tests'.
-      await page.evaluate(axe);
-      const { violations } = await page.evaluate(() => axe.run());
-      const told = violations.map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html.slice(0, 120)).join(" | ")}`);
-      assert.deepEqual(told, [], mode);
-      const overflow = await page.evaluate(() => document.documentElement.scrollWidth - window.innerWidth);
-      assert(overflow <= 0, `${mode} is ${overflow} pixels too wide`);
+      await assertUsable(page, mode);
     }
     await choose(page, "divide");
     await settled(page);

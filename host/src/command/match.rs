@@ -7,13 +7,9 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::stereo::{
-    CostFunction, LongBaselines, Optimizer,
-    confidence_map::{self, ConfidenceMap},
-    network::Inputs,
-};
+use multiscopic::stereo::{CostFunction, LongBaselines, Optimizer, confidence_map::ConfidenceMap, network::Inputs};
 use multiscopic::{
-    DisparityMap, Error, Geometry, Method, Picture, Result,
+    DisparityMap, Error, Geometry, Picture, Result,
     files::{
         output,
         ply::{self, Encoding},
@@ -21,14 +17,11 @@ use multiscopic::{
     images::ColorScale,
     report::{Report, ViewedMap, ViewedScene},
 };
-use multiscopic_core::{Frame, Fusion, Search};
+use multiscopic_core::{Frame, Search};
 
 use super::{
-    options::{
-        BaselineOptions, EngineOptions, GeometryOptions, MapFiles, MethodName, MethodOptions, Named, SearchOptions,
-        SourceOptions, named, output_file,
-    },
-    preparation::PreparationOptions,
+    options::{EngineOptions, GeometryOptions, MapFiles, MatchingOptions, Named, SourceOptions, output_file},
+    preparation::{PreparationOptions, mask_unseen},
     terminal::{self, Watch},
     view,
 };
@@ -39,22 +32,8 @@ pub struct Match {
     #[command(flatten)]
     source: SourceOptions,
 
-    /// Method
-    #[arg(long, value_parser = named::<MethodName>(), default_value = "bm", help_heading = "Matching")]
-    method: MethodName,
-
-    /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
-    #[arg(long, value_parser = named::<Fusion>(), help_heading = "Matching")]
-    fusion: Option<Fusion>,
-
     #[command(flatten)]
-    search: SearchOptions,
-
-    #[command(flatten)]
-    options: MethodOptions,
-
-    #[command(flatten)]
-    baselines: BaselineOptions,
+    matching: MatchingOptions,
 
     /// Disparities around which all views are searched, instead of over the whole range: a 16-bit image as --raw16 writes,
     /// in pixels of one baseline [default: those of the views at the shortest of several baselines]
@@ -122,8 +101,6 @@ impl Match {
             return Err(Error::Usage(message.into()));
         };
         let (mut frames, center, undistortion) = source.load()?;
-        let first = self.baselines.first(frames.views()).len();
-        let fusion = self.fusion.unwrap_or(Fusion::default_for(first));
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
         if let Some(output) = self.outputs.of_depth() {
             self.geometry.refuse_missing(&output, source.rig.as_ref(), source.lens.as_ref())?;
@@ -134,7 +111,7 @@ impl Match {
         let engine = self.engine.engine()?;
         let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size())).transpose()?;
         let (size, views) = (frames.size(), frames.views());
-        let search = |range| self.search.search(size, views, Some(fusion), range);
+        let search = |range| self.matching.search(size, views, range);
         let preparation = self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, search)?;
         let search = preparation.search;
         let center = self.outputs.ply.is_some().then(|| match (&preparation.alignment, &undistortion) {
@@ -143,9 +120,7 @@ impl Match {
             (None, None) => center,
         });
 
-        self.options.check_block_size(&[self.method], self.search.block_size)?;
-        let method = self.options.method(self.method, self.search.block_size, first)?;
-        let method = Method { long_baselines: self.baselines.long_baselines()?, ..method };
+        let method = self.matching.method(views)?;
         if let Some(folder) = &self.outputs.features {
             Inputs::new(&frames, &search, &engine, &())?.write(folder)?;
         }
@@ -177,14 +152,9 @@ impl Match {
         };
         let seconds = start.elapsed().as_secs_f64();
         watch.finish();
-        if let Some(undistortion) = &undistortion {
-            undistortion.mask(&mut disparities);
-            if let Some(confidences) = &mut confidences {
-                confidence_map::keep_sure(&mut disparities, confidences, 0);
-            }
-        }
+        mask_unseen(undistortion.as_ref(), &mut disparities, confidences.as_mut());
 
-        let name = if self.prior.is_some() { "around a prior" } else { self.method.name() };
+        let name = if self.prior.is_some() { "around a prior" } else { self.matching.method.name() };
         let report = self.outputs.report.as_ref().map(|page| -> Result<Report> {
             let folder = source.folder().filter(|_| preparation.alignment.is_none());
             let truth = folder.map(|folder| view::truth(folder, size, &source.images.center)).transpose()?.flatten();
@@ -194,7 +164,7 @@ impl Match {
                 .with_frames(&frames, color.as_ref())
                 .with_truth(truth.as_ref());
             let results = (&disparities, confidences.as_ref());
-            let map = view::matched_map(name.into(), (self.method.name(), &method), &search, results, seconds);
+            let map = view::matched_map(name.into(), (self.matching.method.name(), &method), &search, results, seconds);
             let file = self.outputs.maps.beside(page);
             scene.add(ViewedMap { file, ..map });
             Ok(Report::new(title).viewer(&view::command_line(), &[scene]))

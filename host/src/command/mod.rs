@@ -11,6 +11,8 @@ pub mod devices;
 pub mod evaluate;
 mod hardware;
 pub mod listen;
+#[cfg(feature = "live")]
+pub mod live;
 pub mod r#match;
 mod options;
 mod preparation;

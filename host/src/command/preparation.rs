@@ -1,7 +1,11 @@
 //! What comes between reading frames and matching them, and the warnings after it.
 
 use clap::Args;
-use multiscopic::{Alignment, DisparityMap, Frames, Geometry, Inspection, Result, lens::Undistortion};
+use multiscopic::{
+    Alignment, DisparityMap, Frames, Geometry, Inspection, Result,
+    lens::Undistortion,
+    stereo::confidence_map::{self, ConfidenceMap},
+};
 use multiscopic_core::Search;
 
 use super::options::{SearchOptions, Source};
@@ -86,6 +90,15 @@ impl Preparation {
         };
         let of_alignment = alignment.as_ref().and_then(Alignment::warning);
         inspection.warnings(search.min_disparity()).into_iter().chain(of_alignment).chain(cut).collect()
+    }
+}
+
+/// Invalidates the pixels that the undistorted centre does not show.
+pub fn mask_unseen(undistortion: Option<&Undistortion>, disparities: &mut DisparityMap, confidences: Option<&mut ConfidenceMap>) {
+    let Some(undistortion) = undistortion else { return };
+    undistortion.mask(disparities);
+    if let Some(confidences) = confidences {
+        confidence_map::keep_sure(disparities, confidences, 0);
     }
 }
 

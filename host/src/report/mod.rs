@@ -19,4 +19,4 @@ pub use figure::Figure;
 pub use page::Report;
 #[cfg(feature = "calibration")]
 pub use reprojection_map::ReprojectionMap;
-pub use viewer::{BlockCosts, ViewedMap, ViewedScene};
+pub use viewer::{BlockCosts, EncodedMap, LivePanel, ViewedMap, ViewedScene};

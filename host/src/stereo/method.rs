@@ -292,6 +292,9 @@ impl Method {
             }
             (CostFunction::TwoScaleCensus(Census::Window9x7), Optimizer::Network(network)) if self.aggregation.is_none() => {
                 let inputs = Inputs::new(frames, search, engine, progress)?;
+                if progress.is_interrupted() {
+                    return Ok(DisparityMap::filled(search.width(), search.height(), None));
+                }
                 let (map, confidences) = network.disparities(inputs, search, engine);
                 if let Some(evidence) = evidence {
                     *evidence = confidences;
@@ -330,7 +333,7 @@ impl Method {
             }),
             _ => return Err(self.mismatch()),
         };
-        if let Some(evidence) = opinion {
+        if let Some(evidence) = opinion.filter(|_| !progress.is_interrupted()) {
             let (found, sure) = Method::net().disparities_and_evidence(engine, frames, search, &())?;
             *evidence = confidence_map::support(&map, &found, &sure, engine);
         }
@@ -393,6 +396,9 @@ impl Method {
         progress.begin((before + usize::from(penalties.is_some()) + after) as u64, "passes");
         let mut spare = None;
         let mut pass = |run: &dyn Fn(&Volume<f32>, &mut Volume<f32>)| {
+            if progress.is_interrupted() {
+                return;
+            }
             let result = spare.get_or_insert_with(|| costs.clone());
             run(&costs, result);
             std::mem::swap(&mut costs, result);

@@ -10,6 +10,7 @@ mod filters;
 mod interruptions;
 mod layouts;
 mod lenses;
+mod live_view;
 mod photos;
 mod pictures;
 mod rig_quality;

@@ -13,7 +13,7 @@ use multiscopic::{
 use multiscopic_core::{Fusion, SemiGlobalCost, SemiGlobalParams};
 use multiscopic_edge::{Matching, Profile, profile};
 
-use self::{prediction::Prediction, target_options::TargetOptions};
+pub use self::{prediction::Prediction, target_options::TargetOptions};
 use super::{
     options::{SearchOptions, named, views_of_count},
     terminal,

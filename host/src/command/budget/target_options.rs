@@ -30,6 +30,14 @@ pub struct TargetOptions {
     pub fps: Option<f64>,
 }
 
+impl TargetOptions {
+    /// A processor as it is, without requirements.
+    #[cfg(feature = "live")]
+    pub fn of(core: Processor) -> TargetOptions {
+        TargetOptions { core, clock: None, cpi: None, ram: None, fps: None }
+    }
+}
+
 /// Parses a number of bytes, with an optional unit up to MiB.
 fn bytes(text: &str) -> Result<usize> {
     let lower = text.trim().to_lowercase();

@@ -31,7 +31,7 @@ pub struct LayoutOptions {
 
     /// Depth accuracy in millimetres out to a distance in millimetres, such as 0.5@600: the frames are matched, and if they are
     /// not accurate enough, views at a longer baseline that gives it are taken as well; needs the focal length
-    #[arg(long, value_name = "MM@DISTANCE", conflicts_with_all = ["baselines", "live"])]
+    #[arg(long, value_name = "MM@DISTANCE", conflicts_with = "baselines")]
     pub accuracy: Option<Accuracy>,
 }
 

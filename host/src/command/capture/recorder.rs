@@ -40,17 +40,17 @@ pub struct Recorder {
 
 impl Recorder {
     /// Takes one capture and writes it to `folder`, which appears once it is complete, even if the stage fails after the last
-    /// frame.
-    pub fn record(&mut self, folder: &Path) -> Result<()> {
+    /// frame. `observe` is told each step, how many frames are taken, and how many there are.
+    pub fn record(&mut self, folder: &Path, observe: &mut dyn FnMut(&str, usize, usize)) -> Result<()> {
         let date = Zoned::now().strftime("%F %T %:z").to_string();
         let mut log = CaptureLog::new(&date, &self.hardware.camera_name, &self.hardware.stage_name);
-        let mut taken = acquire(&mut self.hardware, &self.plan, &mut log)?;
+        let mut taken = acquire(&mut self.hardware, &self.plan, &mut log, observe)?;
         let failure = taken.failure.take();
         let mut frames = taken.frames();
         let mut notes = Vec::new();
         let ended = match failure {
             Some(error) => Err(error),
-            None => self.extend(&mut frames, &mut log, &mut notes),
+            None => self.extend(&mut frames, &mut log, &mut notes, observe),
         };
         for note in &notes {
             terminal::say(note);
@@ -82,7 +82,13 @@ impl Recorder {
     }
 
     /// Takes views at a longer baseline as well, if they are needed. Whatever fails, the frames that are there stay.
-    fn extend(&mut self, frames: &mut Frames, log: &mut CaptureLog, notes: &mut Vec<String>) -> Result<()> {
+    fn extend(
+        &mut self,
+        frames: &mut Frames,
+        log: &mut CaptureLog,
+        notes: &mut Vec<String>,
+        observe: &mut dyn FnMut(&str, usize, usize),
+    ) -> Result<()> {
         let Some(long_baseline) = &self.long_baseline else { return Ok(()) };
         let rig = self.rig(frames, String::new(), None);
         let geometry = rig.geometry(frames.size()).expect("an accuracy comes with the focal length");
@@ -97,7 +103,7 @@ impl Recorder {
                 return Ok(());
             }
             let plan = Plan::of_views(views, self.baseline_um).shortened(self.hardware.policy.backlash_um);
-            let mut taken = acquire(&mut self.hardware, &plan, log)?;
+            let mut taken = acquire(&mut self.hardware, &plan, log, observe)?;
             let failure = taken.failure.take();
             *frames = taken.added_to(frames.clone());
             failure.map_or(Ok(()), Err)?;
@@ -151,17 +157,26 @@ fn true_disparities(camera: &SimulatedCamera, rig: &Rig, undistortion: Option<&U
 }
 
 /// Takes the frames of a plan.
-fn acquire(hardware: &mut Hardware, plan: &Plan, log: &mut CaptureLog) -> Result<Acquisition> {
+fn acquire(
+    hardware: &mut Hardware,
+    plan: &Plan,
+    log: &mut CaptureLog,
+    observe: &mut dyn FnMut(&str, usize, usize),
+) -> Result<Acquisition> {
     log.note(&path(hardware, plan));
-    let bar = terminal::progress(plan.frames().len() as u64, "frames");
+    let total = plan.frames().len();
+    let bar = terminal::progress(total as u64, "frames");
+    let mut done = 0;
     let Hardware { stage, camera, policy, interrupts, .. } = hardware;
     let images = acquire_images(stage, camera, plan, *policy, interrupts, |elapsed, progress| {
         let step = capture_log::step(plan, progress);
         log.add(elapsed, &step);
-        bar.set_message(step);
         if let CaptureProgress::Captured(_) = progress {
             bar.inc(1);
+            done += 1;
         }
+        observe(&step, done, total);
+        bar.set_message(step);
     });
     bar.finish_and_clear();
     images

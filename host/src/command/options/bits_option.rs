@@ -9,7 +9,7 @@ use super::{Named, named};
 use crate::command::terminal;
 
 /// How many bits of 16-bit images carry values.
-#[derive(Clone, Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub struct BitsOption {
     /// Bits of the values in 16-bit images; 8-bit images, and PGM and PPM that name another maximum, do not need it [default: the
     /// least that have the brightest sample of all images]

@@ -9,7 +9,7 @@ use super::{
 };
 
 /// The geometry that turns disparities into depth.
-#[derive(Clone, Debug, Args)]
+#[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Camera (for depth; overrides rig.toml)")]
 pub struct GeometryOptions {
     /// Focal length in pixels

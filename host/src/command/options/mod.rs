@@ -22,7 +22,7 @@ pub use geometry_options::GeometryOptions;
 pub use hardware_options::SettingsOptions;
 pub use hardware_options::{CameraSpec, HardwareOptions, micrometres};
 pub use lens_file::LensFile;
-pub use methods::{MethodName, MethodOptions};
+pub use methods::{MatchingOptions, MethodName, MethodOptions};
 pub use named::{Named, named};
 pub use neighbor_options::NeighborOptions;
 pub use outputs::{MapFiles, output_file};

@@ -62,6 +62,19 @@ const EXAMPLES: &[(&str, &[Example])] = &[
             ("Maps that are there", "multiscopic view disparity.pfm -o page.html --no-open"),
         ],
     ),
+    #[cfg(feature = "live")]
+    ("tune", &[("Sliders for the range, the block, the fusion and the filters", "multiscopic tune rig")]),
+    #[cfg(feature = "live")]
+    (
+        "live",
+        &[
+            (
+                "An arm moves a camera by 20 mm to all sides; the sets go to the folder sets",
+                "multiscopic live --camera /dev/video0 --stage ur10:192.168.0.10 \\\n    --baseline 20 --focal-px 1180 -o sets",
+            ),
+            ("Without any hardware", "multiscopic live --camera sim --stage sim --baseline 5 -o sets"),
+        ],
+    ),
     (
         "align",
         &[

@@ -4,7 +4,7 @@ use std::{
     process,
     sync::{
         Arc, LazyLock,
-        atomic::{AtomicUsize, Ordering},
+        atomic::{AtomicI32, AtomicUsize, Ordering},
     },
 };
 
@@ -12,6 +12,8 @@ use multiscopic::{Error, Result, files::output};
 
 /// How many signals have come.
 static RECEIVED: LazyLock<Arc<AtomicUsize>> = LazyLock::new(Arc::default);
+/// The last one.
+static SIGNAL: AtomicI32 = AtomicI32::new(0);
 /// Which of them ends the program.
 static LAST: AtomicUsize = AtomicUsize::new(1);
 
@@ -33,12 +35,27 @@ pub fn count(last: usize) -> Arc<AtomicUsize> {
     RECEIVED.clone()
 }
 
+/// The exit code for the last signal, if there was one.
+#[cfg(feature = "live")]
+pub fn exit_code() -> Option<u8> {
+    match SIGNAL.load(Ordering::Relaxed) {
+        0 => None,
+        signal => Some(exit_code_of(signal) as u8),
+    }
+}
+
+/// The shell's exit code for a signal.
+fn exit_code_of(signal: i32) -> i32 {
+    128 + signal
+}
+
 fn receive(signal: i32) {
+    SIGNAL.store(signal, Ordering::Relaxed);
     let received = 1 + RECEIVED.fetch_add(1, Ordering::Relaxed);
     if received >= LAST.load(Ordering::Relaxed) {
         output::abandon();
         super::say("interrupted: what was not finished is not written");
-        process::exit(128 + signal);
+        process::exit(exit_code_of(signal));
     }
 }
 

@@ -41,13 +41,17 @@ pub fn matched_map<'a>(
     ViewedMap { name, disparities, confidences, metrics: None, reduction: None, parameters, costs: Some(costs), file: None }
 }
 
-/// The command line, as a shell takes it.
+/// The command line of this program, as a shell takes it.
 pub fn command_line() -> String {
+    shell_line(env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()))
+}
+
+/// A command line of this program with these words, as a shell takes it.
+pub fn shell_line(words: impl Iterator<Item = String>) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "-_./,=:+@%".contains(c);
     let quoted = |word: String| match !word.is_empty() && word.chars().all(is_plain) {
         true => word,
         false => format!("'{}'", word.replace('\'', r"'\''")),
     };
-    let words = env::args_os().skip(1).map(|word| quoted(word.to_string_lossy().into_owned()));
-    std::iter::once("multiscopic".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
+    std::iter::once("multiscopic".to_owned()).chain(words.map(quoted)).collect::<Vec<_>>().join(" ")
 }

@@ -4,11 +4,9 @@ mod map_folder;
 mod matched_map;
 
 use std::{
-    env,
     ffi::{OsStr, OsString},
-    io::IsTerminal,
     path::{Path, PathBuf},
-    process::{Command, ExitCode, Stdio},
+    process::ExitCode,
     time::Instant,
 };
 
@@ -18,17 +16,17 @@ use multiscopic::{
     evaluation::ground_truth,
     files::output,
     report::{BlockCosts, Report, ViewedMap, ViewedScene},
-    stereo::confidence_map::{self, ConfidenceMap},
+    stereo::confidence_map::ConfidenceMap,
 };
 use multiscopic_core::{Frame, Search};
 
 use self::map_folder::MapFile;
-pub use self::matched_map::{command_line, matched_map};
+pub use self::matched_map::{command_line, matched_map, shell_line};
 use super::{
     options::{
         BitsOption, EngineOptions, GeometryOptions, MethodName, MethodOptions, Named, SearchOptions, Source, named, output_file,
     },
-    preparation::PreparationOptions,
+    preparation::{PreparationOptions, mask_unseen},
     scene::rendered_capture::TRUTH_FILE_NAME,
     terminal,
 };
@@ -122,8 +120,8 @@ impl View {
         };
         output::write(&output, |writer| writer.write_all(page.to_html().as_bytes()))?;
         terminal::say(&format!("open {}", output.display()));
-        if !self.no_open && std::io::stderr().is_terminal() {
-            open(&output);
+        if !self.no_open {
+            terminal::open(output.as_os_str());
         }
         Ok(ExitCode::SUCCESS)
     }
@@ -151,10 +149,7 @@ impl View {
             let start = Instant::now();
             let (mut disparities, mut confidences) = method.disparities_and_confidences(&engine, &frames, &search, &())?;
             let seconds = start.elapsed().as_secs_f64();
-            if let Some(undistortion) = &undistortion {
-                undistortion.mask(&mut disparities);
-                confidence_map::keep_sure(&mut disparities, &mut confidences, 0);
-            }
+            mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));
             for warning in preparation.warnings(&disparities, &search) {
                 terminal::say(&format!("warning: {}: {warning}", name.name()));
             }
@@ -204,16 +199,4 @@ pub fn truth(folder: &Path, size: [usize; 2], center: &Path) -> Result<Option<Fl
 /// The last part of a path, or the path.
 pub fn title(path: &Path) -> String {
     path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
-}
-
-/// Opens a page with the program that the user has for it. If there is none, the message has told where the page is.
-fn open(page: &Path) {
-    let (program, arguments): (_, &[&str]) = match env::consts::OS {
-        "macos" => ("open", &[]),
-        "windows" => ("cmd", &["/c", "start", ""]),
-        _ if env::var_os("DISPLAY").is_none() && env::var_os("WAYLAND_DISPLAY").is_none() => return,
-        _ => ("xdg-open", &[]),
-    };
-    let null = || Stdio::null();
-    let _ = Command::new(program).args(arguments).arg(page).stdin(null()).stdout(null()).stderr(null()).spawn();
 }

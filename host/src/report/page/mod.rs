@@ -17,13 +17,15 @@ use super::{
     chart::Chart,
     epipolar_map::EpipolarMap,
     figure::Figure,
-    viewer::{self, ViewedScene},
+    viewer::{self, LivePanel, ViewedScene},
 };
 
 const STYLE: &str = concat!(include_str!("page.css"), include_str!("../chart.css"));
 /// What a page may load: nothing but what is in it.
 const POLICY: &str = "default-src 'none'; img-src data: file: 'self'; style-src 'unsafe-inline'; script-src 'unsafe-inline' data:; \
                       base-uri 'none'; form-action 'none'";
+/// What the page of a server may connect to besides: the server.
+const CONNECTION: &str = "; connect-src 'self'";
 
 /// A report. It shows its parts in the order in which they were added.
 #[derive(Clone, Debug)]
@@ -33,12 +35,14 @@ pub struct Report {
     /// The number of flip sections so far. Each needs a group of radio buttons with a name of its own.
     flips: usize,
     has_viewer: bool,
+    /// The style of what a server answers, if one does.
+    panel_style: Option<&'static str>,
 }
 
 impl Report {
     /// An empty report with a title.
     pub fn new(title: impl Into<String>) -> Report {
-        Report { title: title.into(), parts: Vec::new(), flips: 0, has_viewer: false }
+        Report { title: title.into(), parts: Vec::new(), flips: 0, has_viewer: false, panel_style: None }
     }
 
     /// Starts a section.
@@ -145,6 +149,13 @@ impl Report {
         self.part(viewer::markup(command, scenes))
     }
 
+    /// Adds a viewer that shows what a server tells it, beside controls. A page has at most one viewer. `command` started the server.
+    pub fn live_viewer(mut self, command: &str, panel: LivePanel<'_>) -> Report {
+        self.has_viewer = true;
+        self.panel_style = Some(panel.style);
+        self.part(viewer::live_markup(command, &panel))
+    }
+
     /// The whole page.
     pub fn to_html(&self) -> String {
         let page = html! {
@@ -154,11 +165,12 @@ impl Report {
                     meta charset="utf-8";
                     meta name="viewport" content="width=device-width, initial-scale=1";
                     meta name="color-scheme" content="light dark";
-                    meta http-equiv="Content-Security-Policy" content=(POLICY);
+                    meta http-equiv="Content-Security-Policy" content={ (POLICY) @if self.panel_style.is_some() { (CONNECTION) } };
                     title { (self.title) }
                     style {
                         (PreEscaped(STYLE))
                         @if self.has_viewer { (PreEscaped(viewer::STYLE)) }
+                        @if let Some(style) = self.panel_style { (PreEscaped(style)) }
                     }
                 }
                 body {

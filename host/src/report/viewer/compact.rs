@@ -12,23 +12,33 @@ use crate::images::DisparityMap;
 /// The number that stands for an invalid disparity.
 const INVALID: i16 = i16::MIN;
 
+/// What matters more of a text.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Aim {
+    /// That it is short.
+    #[default]
+    Size,
+    /// That it is there soon.
+    Time,
+}
+
 /// Grey values or confidences, row by row.
-pub fn bytes(values: &[u8], width: usize) -> String {
+pub fn bytes(values: &[u8], width: usize, aim: Aim) -> String {
     let differences = differences(values, width, |value| i32::from(*value));
-    deflated(&differences.iter().map(|difference| *difference as u8).collect::<Vec<_>>())
+    deflated(&differences.iter().map(|difference| *difference as u8).collect::<Vec<_>>(), aim)
 }
 
 /// The grey values of an image.
-pub fn gray(image: &GrayImage) -> String {
-    bytes(image.as_raw(), image.width() as usize)
+pub fn gray(image: &GrayImage, aim: Aim) -> String {
+    bytes(image.as_raw(), image.width() as usize, aim)
 }
 
 /// Disparities: all low bytes, then all high bytes.
-pub fn disparities(map: &DisparityMap) -> String {
+pub fn disparities(map: &DisparityMap, aim: Aim) -> String {
     let bits = |pixel: &Option<Disparity>| i32::from(pixel.map_or(INVALID, Disparity::to_bits));
     let differences = differences(map.pixels(), map.width(), bits);
     let byte = |index: usize| differences.iter().map(move |difference| difference.to_le_bytes()[index]);
-    deflated(&byte(0).chain(byte(1)).collect::<Vec<_>>())
+    deflated(&byte(0).chain(byte(1)).collect::<Vec<_>>(), aim)
 }
 
 /// The difference of each value from what its neighbours predict: the median of the left one, the one above, and the plane through
@@ -56,8 +66,12 @@ fn differences<T>(values: &[T], width: usize, number: impl Fn(&T) -> i32) -> Vec
     (0..values.len()).map(|i| at(i) - predicted(i)).collect()
 }
 
-fn deflated(bytes: &[u8]) -> String {
-    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
+fn deflated(bytes: &[u8], aim: Aim) -> String {
+    let compression = match aim {
+        Aim::Size => Compression::best(),
+        Aim::Time => Compression::fast(),
+    };
+    let mut encoder = ZlibEncoder::new(Vec::new(), compression);
     encoder.write_all(bytes).expect("memory takes all bytes");
     STANDARD.encode(encoder.finish().expect("memory takes all bytes"))
 }
@@ -88,13 +102,15 @@ mod tests {
         }
         // The plane through the neighbours lies between none of them: the median is the larger one.
         let clipped = |i: usize| if i < 5 || i.is_multiple_of(5) { expected[i] } else { 1 };
-        assert_eq!(inflated(&bytes(&plane, 5)), (0..20).map(clipped).collect::<Vec<_>>());
+        assert_eq!(inflated(&bytes(&plane, 5, Aim::Size)), (0..20).map(clipped).collect::<Vec<_>>());
     }
 
     #[test]
     fn disparities_are_low_bytes_and_high_bytes() {
         let map = DisparityMap::new(2, 1, vec![Disparity::from_bits(0x0123), None]);
         let [low, high] = (i32::from(INVALID) - 0x0123).to_le_bytes()[..2].try_into().unwrap();
-        assert_eq!(inflated(&disparities(&map)), [0x23, low, 0x01, high]);
+        for aim in [Aim::Size, Aim::Time] {
+            assert_eq!(inflated(&disparities(&map, aim)), [0x23, low, 0x01, high]);
+        }
     }
 }

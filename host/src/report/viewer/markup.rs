@@ -4,15 +4,16 @@ use base64::{Engine, engine::general_purpose::STANDARD};
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Map, Value, json};
 
-use super::viewed_scene::ViewedScene;
+use super::{live_panel::LivePanel, viewed_scene::ViewedScene};
 use crate::images::Colormap;
 
 pub const STYLE: &str = include_str!("page/viewer.css");
 const CONTROLS: &str = include_str!("page/viewer.html");
-const START: &str = include_str!("page/app.js");
+const START: &str = include_str!("page/start.js");
 
 /// The modules that others import, by name.
-const MODULES: [(&str, &str); 9] = [
+const MODULES: [(&str, &str); 10] = [
+    ("viewer/app.js", include_str!("page/app.js")),
     ("viewer/cloud.js", include_str!("page/cloud.js")),
     ("viewer/codec.js", include_str!("page/codec.js")),
     ("viewer/color.js", include_str!("page/color.js")),
@@ -26,8 +27,31 @@ const MODULES: [(&str, &str); 9] = [
 
 /// The viewer of scenes, of which there is at least one. `command` made the page.
 pub fn markup(command: &str, scenes: &[ViewedScene]) -> Markup {
+    html! { (viewer(command, scenes, &[])) (start(START)) }
+}
+
+/// The viewer beside a panel, whose scripts tell it what to show. `command` started the server.
+pub fn live_markup(command: &str, panel: &LivePanel<'_>) -> Markup {
+    html! {
+        div class="workbench" {
+            (PreEscaped(panel.markup))
+            div class="results" { (viewer(command, &[], panel.modules)) }
+        }
+        script type="application/json" id="panel-data" { (script(&panel.data)) }
+        (start(panel.start))
+    }
+}
+
+/// The script with which a page starts.
+fn start(source: &str) -> Markup {
+    html! { script type="module" { (PreEscaped(source)) } }
+}
+
+/// The controls, the data and the modules, to which others may be added.
+fn viewer(command: &str, scenes: &[ViewedScene], modules: &[(&str, &str)]) -> Markup {
     let address = |source: &str| Value::from(format!("data:text/javascript;base64,{}", STANDARD.encode(source)));
-    let imports: Map<String, Value> = MODULES.into_iter().map(|(name, source)| (name.to_owned(), address(source))).collect();
+    let imports: Map<String, Value> =
+        MODULES.iter().chain(modules).map(|(name, source)| ((*name).to_owned(), address(source))).collect();
     let palette =
         |color: &dyn Fn(f64) -> [u8; 3]| STANDARD.encode((0..256).flat_map(|i| color(f64::from(i) / 255.0)).collect::<Vec<u8>>());
     let data = json!({
@@ -44,7 +68,6 @@ pub fn markup(command: &str, scenes: &[ViewedScene]) -> Markup {
         (PreEscaped(CONTROLS))
         script type="importmap" { (script(&json!({ "imports": imports }))) }
         script type="application/json" id="viewer-data" { (script(&data)) }
-        script type="module" { (PreEscaped(START)) }
     }
 }
 
@@ -73,6 +96,6 @@ mod tests {
                 assert!(names.contains(&import), "{import}");
             }
         }
-        assert!(START.contains("from \"viewer/codec.js\""));
+        assert!(START.contains("\"viewer/app.js\"") && names.contains(&"viewer/app.js"));
     }
 }

@@ -3,11 +3,13 @@
 
 mod block_costs;
 mod compact;
+mod live_panel;
 mod markup;
 mod viewed_map;
 mod viewed_scene;
 
 pub use block_costs::BlockCosts;
-pub(super) use markup::{STYLE, markup};
+pub use live_panel::LivePanel;
+pub(super) use markup::{STYLE, live_markup, markup};
 pub use viewed_map::ViewedMap;
-pub use viewed_scene::ViewedScene;
+pub use viewed_scene::{EncodedMap, ViewedScene};

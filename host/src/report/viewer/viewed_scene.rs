@@ -8,7 +8,11 @@ use multiscopic_core::{Frame, View};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::{block_costs::BlockCosts, compact, viewed_map::ViewedMap};
+use super::{
+    block_costs::BlockCosts,
+    compact::{self, Aim},
+    viewed_map::ViewedMap,
+};
 use crate::{
     evaluation::{Metrics, Reduction},
     images::{DisparityMap, FloatImage, Frames, Geometry},
@@ -31,6 +35,8 @@ pub struct ViewedScene {
     maps: Vec<EncodedMap>,
     #[serde(skip)]
     true_disparities: Option<FloatImage>,
+    #[serde(skip)]
+    aim: Aim,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -40,8 +46,9 @@ struct EncodedFrame {
     gray: String,
 }
 
+/// A map as the page takes it: see [`ViewedScene::encoded`].
 #[derive(Clone, Debug, Serialize)]
-struct EncodedMap {
+pub struct EncodedMap {
     name: String,
     disparities: String,
     confidences: Option<String>,
@@ -64,7 +71,14 @@ impl ViewedScene {
             truth: None,
             maps: Vec::new(),
             true_disparities: None,
+            aim: Aim::default(),
         }
+    }
+
+    /// The same scene for a page whose server is on the same machine: to be encoded soon matters more than to be short. It is the
+    /// first thing to say of a scene.
+    pub fn served(self) -> ViewedScene {
+        ViewedScene { aim: Aim::Time, ..self }
     }
 
     /// Adds the geometry, without which there is neither depth nor a point cloud.
@@ -78,13 +92,14 @@ impl ViewedScene {
     /// Adds the centre alone, in grey and in colour.
     pub fn with_center(self, frames: &Frames, color: Option<&RgbImage>) -> ViewedScene {
         let color = color.or_else(|| frames.color(Frame::Center)).map(jpeg);
-        ViewedScene { frames: encoded(frames, Frame::Center).into_iter().collect(), color, ..self }
+        ViewedScene { frames: encoded(frames, Frame::Center, self.aim).into_iter().collect(), color, ..self }
     }
 
     /// Adds the centre and all neighbours, from which the page computes costs.
     pub fn with_frames(self, frames: &Frames, color: Option<&RgbImage>) -> ViewedScene {
         let mut scene = self.with_center(frames, color);
-        scene.frames.extend(frames.views().iter().filter_map(|view| encoded(frames, Frame::View(view))));
+        let aim = scene.aim;
+        scene.frames.extend(frames.views().iter().filter_map(|view| encoded(frames, Frame::View(view), aim)));
         scene
     }
 
@@ -94,7 +109,7 @@ impl ViewedScene {
     /// If they have another size.
     pub fn with_truth(self, truth: Option<&FloatImage>) -> ViewedScene {
         assert!(truth.is_none_or(|truth| [truth.width(), truth.height()] == self.size), "the size of the truth");
-        let encoded = truth.map(|truth| compact::disparities(&DisparityMap::from_float(truth)));
+        let encoded = truth.map(|truth| compact::disparities(&DisparityMap::from_float(truth), self.aim));
         ViewedScene { truth: encoded, true_disparities: truth.cloned(), ..self }
     }
 
@@ -103,6 +118,15 @@ impl ViewedScene {
     /// # Panics
     /// If it has another size.
     pub fn add(&mut self, map: ViewedMap<'_>) {
+        let map = self.encoded(map);
+        self.maps.push(map);
+    }
+
+    /// A map as the page takes it, for [`LivePanel`](super::LivePanel).
+    ///
+    /// # Panics
+    /// If it has another size.
+    pub fn encoded(&self, map: ViewedMap<'_>) -> EncodedMap {
         let ViewedMap { name, disparities, confidences, metrics, reduction, parameters, costs, file } = map;
         assert_eq!([disparities.width(), disparities.height()], self.size, "the size of {name}");
         let truth = self.true_disparities.as_ref();
@@ -113,25 +137,25 @@ impl ViewedScene {
             }
             value
         });
-        self.maps.push(EncodedMap {
+        EncodedMap {
             name,
-            disparities: compact::disparities(disparities),
-            confidences: confidences.map(|confidences| compact::bytes(confidences.pixels(), confidences.width())),
+            disparities: compact::disparities(disparities, self.aim),
+            confidences: confidences.map(|confidences| compact::bytes(confidences.pixels(), confidences.width(), self.aim)),
             metrics,
             parameters,
             // Costs need the pictures of all views.
             costs: costs.filter(|_| self.frames.len() > 1),
             file: file.as_deref().map(percent_encoded),
-        });
+        }
     }
 }
 
-fn encoded(frames: &Frames, frame: Frame) -> Option<EncodedFrame> {
+fn encoded(frames: &Frames, frame: Frame, aim: Aim) -> Option<EncodedFrame> {
     let (name, view) = match frame {
         Frame::Center => ("centre".into(), None),
         Frame::View(view) => (view_name(view), Some([view.right(), view.down()])),
     };
-    Some(EncodedFrame { name, view, gray: compact::gray(frames.get(frame)?) })
+    Some(EncodedFrame { name, view, gray: compact::gray(frames.get(frame)?, aim) })
 }
 
 fn view_name(view: View) -> String {

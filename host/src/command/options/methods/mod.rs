@@ -1,6 +1,7 @@
 //! The method and its options.
 
 mod graph_cuts_options;
+mod matching_options;
 mod mc_cnn_options;
 mod refinement_options;
 mod semi_global_options;
@@ -11,6 +12,7 @@ use multiscopic::{
     stereo::{CostFunction, Optimizer, cost::mccnn::Architecture},
 };
 
+pub use self::matching_options::MatchingOptions;
 use self::{
     graph_cuts_options::GraphCutsOptions, mc_cnn_options::McCnnOptions, refinement_options::RefinementOptions,
     semi_global_options::SemiGlobalOptions,

@@ -1,4 +1,4 @@
-// The viewer: it decodes the scenes of the page, and shows them.
+// The viewer: it decodes scenes, those of the page or of a server, and shows them.
 
 import { INVALID, bytes, disparities, palette } from "viewer/codec.js";
 import { drawConfidences, drawDisparities, drawErrors, drawGray, ramp } from "viewer/color.js";
@@ -39,14 +39,18 @@ const layerOf = (id) => scene.layers.find((layer) => layer.id === id);
 // The map whose costs are shown: the first that is on show, else the best.
 const currentMap = () => layerOf(choice.first)?.map ?? layerOf(choice.second)?.map ?? scene.maps[0];
 
+async function decodeMap(raw, width) {
+  return {
+    ...raw,
+    bits: await disparities(raw.disparities, width),
+    confidences: raw.confidences && (await bytes(raw.confidences, width)),
+  };
+}
+
 async function decode(raw) {
   const [width, height] = raw.size;
   const frames = await Promise.all(raw.frames.map(async (frame) => ({ ...frame, gray: await bytes(frame.gray, width) })));
-  const maps = await Promise.all(raw.maps.map(async (map) => ({
-    ...map,
-    bits: await disparities(map.disparities, width),
-    confidences: map.confidences && (await bytes(map.confidences, width)),
-  })));
+  const maps = await Promise.all(raw.maps.map((map) => decodeMap(map, width)));
   if (maps.every((map) => map.metrics)) maps.sort((a, b) => a.metrics.avg_err - b.metrics.avg_err);
   const truth = raw.truth && (await disparities(raw.truth, width));
   let color = null;
@@ -111,14 +115,22 @@ function fillChoices() {
 // The range of all maps, but for the few disparities at its ends.
 function fullRange() {
   const all = scene.truth ? [scene.truth] : scene.maps.map((map) => map.bits);
-  const values = all.flatMap((bits) => [...bits.filter((value, i) => value !== INVALID && i % 7 === 0)]).sort((a, b) => a - b);
+  const sampled = all.map((bits) => bits.filter((value, i) => value !== INVALID && i % 7 === 0));
+  const values = new Int16Array(sampled.reduce((count, each) => count + each.length, 0));
+  sampled.reduce((start, each) => (values.set(each, start), start + each.length), 0);
+  values.sort();
   if (!values.length) return [0, 1];
   const at = (share) => values[Math.round(share * (values.length - 1))] / 64;
   return [at(0.002), at(0.998)];
 }
 
 async function open(index) {
-  scene = await (page.decoded ??= [])[index] ?? await (page.decoded[index] = decode(page.scenes[index]));
+  show(await (page.decoded ??= [])[index] ?? await (page.decoded[index] = decode(page.scenes[index])));
+}
+
+function show(decoded) {
+  scene = decoded;
+  byId("viewer").hidden = false;
   panes.resize(scene.width, scene.height);
   byId("cloud").style.aspectRatio = `${scene.width} / ${scene.height}`;
   cloud.points = null;
@@ -126,6 +138,12 @@ async function open(index) {
   scene.layers.forEach((layer) => {
     layer.canvas = null;
   });
+  showAround();
+  panes.moveCursor([Math.floor(scene.width / 2), Math.floor(scene.height / 2)]);
+}
+
+// What stands around the pictures, which depends on the maps.
+function showAround() {
   fillChoices();
   const cloudMode = document.querySelector("input[value=cloud]");
   cloudMode.disabled = !scene.geometry || !scene.maps.length;
@@ -134,7 +152,29 @@ async function open(index) {
   byId("plots").replaceChildren(...sceneCharts(scene));
   byId("making").replaceChildren(...making());
   update();
-  panes.moveCursor([Math.floor(scene.width / 2), Math.floor(scene.height / 2)]);
+}
+
+// Shows a scene of a server.
+export async function showScene(raw) {
+  show(await decode(raw));
+}
+
+// Shows another map of the scene in the place of those before. What is looked at stays: the zoom, the cursor, and colours that were dragged.
+export async function showMap(raw) {
+  const target = scene;
+  const map = await decodeMap(raw, target.width);
+  if (scene !== target) return;
+  const hadMap = scene.maps.length > 0;
+  const pictures = new Map(scene.layers.filter((layer) => layer.kind === "picture").map((layer) => [layer.id, layer.canvas]));
+  scene.maps = [map];
+  scene.layers = layersOf(scene);
+  scene.layers.forEach((layer) => {
+    layer.canvas = pictures.get(layer.id);
+  });
+  if (!hadMap) choice.first = scene.layers[0].id;
+  if (!scale.isDragged) scale.reset(...fullRange(), scene.geometry);
+  showAround();
+  if (panes.cursor) showReadout(scene, panes.cursor, currentMap());
 }
 
 function making() {
@@ -240,8 +280,11 @@ byId("fit").addEventListener("click", () => (mode() === "cloud" ? cloud.reset() 
 byId("scene").replaceChildren(...page.scenes.map((each, index) => new Option(each.name, index)));
 byId("scene-choice").hidden = page.scenes.length < 2;
 byId("scene").addEventListener("change", (event) => open(Number(event.target.value)));
-byId("viewer").hidden = false;
-await open(0);
 // For whoever wants to look deeper, from the browser's console.
 window.multiscopic = { valuesAt: (u, v) => valuesAt(scene, [u, v]), costsAt: (u, v) => costsAt(scene, currentMap().costs, [u, v]), panes, cloud, current: () => scene };
-document.documentElement.dataset.viewer = "ready";
+
+// Shows the first scene of the page.
+export async function openFirst() {
+  await open(0);
+  document.documentElement.dataset.viewer = "ready";
+}

@@ -13,7 +13,7 @@ export class Cloud {
     new ResizeObserver(() => this.draw()).observe(canvas);
   }
 
-  // The points of a map with the colours of the centre.
+  // The points of a map with the colours of the centre. Another map of the same scene is seen from the same place.
   show({ width, geometry }, bits, colors) {
     const [places, shades] = [[], []];
     for (let i = 0; i < bits.length; i++) {
@@ -23,9 +23,15 @@ export class Cloud {
         shades.push(colors[i]);
       }
     }
+    const isNew = this.points === null;
     this.points = Float32Array.from(places);
     this.shades = Int32Array.from(shades);
     this.focal = geometry.focal_px / width;
+    if (!isNew) {
+      this.clear();
+      this.draw();
+      return;
+    }
     const depths = Float32Array.from({ length: shades.length }, (_, i) => this.points[3 * i + 2]).sort();
     this.pivot = [0, 0, depths.length ? depths[Math.floor(depths.length / 2)] : 1];
     this.reset();

@@ -14,6 +14,7 @@ export class Scale {
       input.addEventListener("input", () => {
         const [far, near] = this.inputs.map((each) => Number(each.value));
         const step = Number(input.step);
+        this.isDragged = true;
         // The ends push each other along.
         this.range = input === this.inputs[0] ? [far, Math.max(near, far + step)] : [Math.min(far, near - step), near];
         this.show();
@@ -24,6 +25,7 @@ export class Scale {
 
   // The limits between which the ends can be dragged.
   reset(least, greatest, geometry) {
+    this.isDragged = false;
     this.geometry = geometry;
     const [from, to] = [Math.floor(least), Math.max(Math.ceil(greatest), Math.floor(least) + 1)];
     for (const input of this.inputs) Object.assign(input, { min: from, max: to, step: (to - from) / 400 });

@@ -23,6 +23,9 @@ pub fn fused_costs(network: &Network, frames: &Frames, search: &Search, progress
     let height = costs.band_height();
     let mut views = vec![vec![0.0; height * row]; search.views().len()];
     for (band, fused) in fused.costs_mut().chunks_mut(height * row).enumerate() {
+        if progress.is_interrupted() {
+            break;
+        }
         let rows = band * height..band * height + fused.len() / row;
         let mut views: Vec<&mut [f32]> = views.iter_mut().map(|costs| &mut costs[..fused.len()]).collect();
         costs.fill(rows.clone(), &mut views);

@@ -104,6 +104,10 @@ impl<R: CostRows<Cost = u8>> Task for Worker<'_, '_, R> {
         let mut lanes: Vec<_> = strips[0].iter().map(|_| Lane::new(RowSweep::new(stride, p1, p2, width))).collect();
         let last = strips.len() - 1;
         for (i, strip) in strips.into_iter().enumerate() {
+            // The workers that wait for this one end too.
+            if progress.is_interrupted() {
+                return;
+            }
             for (task, lane) in strip.iter().zip(&mut lanes) {
                 let v = task.v;
                 let v_above = if self.pass.upwards { (v + 1).min(rows.search().height() - 1) } else { v.saturating_sub(1) };

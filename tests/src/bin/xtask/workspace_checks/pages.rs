@@ -12,10 +12,10 @@ use crate::{
     tools::tool,
 };
 
-/// The test and what it needs, in `tests/page`.
-const FILES: [&str; 4] = ["package.json", "package-lock.json", ".npmrc", "page.test.mjs"];
+/// The tests and what they need, in `tests/page`.
+const FILES: [&str; 6] = ["package.json", "package-lock.json", ".npmrc", "browser.mjs", "page.test.mjs", "live.test.mjs"];
 
-/// Makes the page of the demo, and tests it. The screenshots stay in `target/page/screenshots`.
+/// Makes the page of the demo, and tests it and the live view of the demo. The screenshots stay in `target/page/screenshots`.
 pub fn run_tests() -> Result<()> {
     let (browser, node, npm) = (tool::CHROMIUM.install()?, tool::NODE.install()?, tool::NPM.install()?);
     let folder = folders::target().join("page");
@@ -27,7 +27,12 @@ pub fn run_tests() -> Result<()> {
     let program = built_program("dev")?;
     run(command(&program.to_string_lossy(), ["demo", "--width", "320", "--height", "240", "-o"]).arg(&demo))?;
     let mut test = node.command(&["page.test.mjs"])?;
-    run(test.current_dir(&folder).arg(browser.path()).arg(demo.join("index.html")).arg(&demo).arg(&screenshots))
+    run(test.current_dir(&folder).arg(browser.path()).arg(demo.join("index.html")).arg(&demo).arg(&screenshots))?;
+    let live = folder.join("live");
+    let _ = fs::remove_dir_all(&live);
+    fs::create_dir(&live).with_context(|| format!("cannot make {}", live.display()))?;
+    let mut test = node.command(&["live.test.mjs"])?;
+    run(test.current_dir(&folder).arg(browser.path()).arg(&program).arg(&demo).arg(&live).arg(&screenshots))
 }
 
 /// Copies the test into `folder`, and installs its libraries unless they are there.

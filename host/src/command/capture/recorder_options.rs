@@ -1,0 +1,93 @@
+//! The camera, the stage, and what is known of both: all that a capture needs but its folder.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use multiscopic::{
+    Engine, Error, Result,
+    capture::{
+        SimulatedCamera,
+        stage::{AnyStage, TurnedStage},
+    },
+    lens::Mount,
+};
+use multiscopic_core::capture::Plan;
+
+use super::{layout_options::LayoutOptions, long_baseline::LongBaseline, recorder::Recorder};
+use crate::command::{
+    hardware::Hardware,
+    options::{HardwareOptions, LensFile, SearchOptions, value::positive},
+};
+
+/// The hardware, and which frames it takes.
+#[derive(Clone, Debug, Args)]
+pub struct RecorderOptions {
+    #[command(flatten)]
+    hardware: HardwareOptions,
+
+    /// The camera's focal length in pixels, recorded in rig.toml; depth needs it [default: that of --lens, --mount, or what a simulated camera is sold as]
+    #[arg(long, value_name = "PX", value_parser = positive, allow_negative_numbers = true)]
+    focal_px: Option<f64>,
+
+    /// Calibration of the camera's lens, which distorts the images: a camera.toml, or the YAML of ROS, OpenCV or Kalibr. A copy is kept
+    /// beside rig.toml, and `match` undistorts the images by it
+    #[arg(long, value_name = "FILE")]
+    lens: Option<PathBuf>,
+
+    /// How the camera is turned against the stage, as `multiscopic calibrate mount` finds it. A turn about the optical axis is taken out by
+    /// moving along the camera's own rows and columns. What remains is recorded in rig.toml, and `match` rectifies the images by it
+    #[arg(long, value_name = "MOUNT.toml")]
+    mount: Option<PathBuf>,
+
+    #[command(flatten)]
+    layout: LayoutOptions,
+
+    #[command(flatten)]
+    pub search: SearchOptions,
+}
+
+impl RecorderOptions {
+    /// Reads the files, and opens the camera and the stage.
+    ///
+    /// From then on, Ctrl-C no longer ends the program.
+    pub fn recorder(&self) -> Result<Recorder> {
+        let lens = self.lens.as_deref().map(LensFile::read).transpose()?;
+        let mount = self.mount.as_deref().map(Mount::read).transpose()?;
+        let mut hardware = Hardware::open(&self.hardware)?;
+        if let Some(lens) = &lens {
+            lens.camera.check_size(&lens.path, hardware.size.map(|side| side as usize))?;
+            lens.check_focal(self.focal_px, "--focal-px")?;
+        }
+        let simulated = hardware.simulated.as_ref().map(SimulatedCamera::nominal_focal_px);
+        let focal_px =
+            self.focal_px.or(lens.as_ref().map(LensFile::focal_px)).or(mount.and_then(|mount| mount.focal_px)).or(simulated);
+        let mount_rotation_deg = match (mount, &self.mount) {
+            (Some(_), Some(path)) if focal_px.is_none() => {
+                let path = path.display();
+                return Err(Error::Usage(format!(
+                    "{path} has no focal length, without which images are not rectified: give --focal-px or --lens"
+                )));
+            }
+            (Some(mount), _) => {
+                let (roll, rest) = mount.split_roll();
+                hardware.stage = AnyStage::new(TurnedStage::new(hardware.stage, roll));
+                Some(rest.rotation_deg)
+            }
+            (None, _) => None,
+        };
+        let long_baseline = match (self.layout.accuracy, focal_px) {
+            (None, _) => None,
+            (Some(accuracy), None) => {
+                let message = format!("--accuracy {accuracy} needs the focal length in pixels: give --focal-px or --lens");
+                return Err(Error::Usage(message));
+            }
+            (Some(accuracy), Some(_)) => {
+                let (search, engine) = (self.search.clone(), Engine::new(None, 0)?);
+                Some(LongBaseline { accuracy, search, engine, reach_um: hardware.limits.reach_um })
+            }
+        };
+        let baseline_um = self.layout.baseline_um()?;
+        let plan = Plan::new(self.layout.views()?, baseline_um).shortened(hardware.policy.backlash_um);
+        Ok(Recorder { plan, baseline_um, long_baseline, focal_px, lens, mount_rotation_deg, hardware })
+    }
+}

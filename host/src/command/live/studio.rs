@@ -1,0 +1,255 @@
+//! The thread of the camera and the stage: it shows what the camera sees, and takes sets of frames.
+
+use std::{
+    fs,
+    io::Cursor,
+    path::{Path, PathBuf},
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
+    thread,
+    time::{Duration, Instant},
+};
+
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use image::{GrayImage, codecs::jpeg::JpegEncoder};
+use multiscopic::{Error, Result, Rig};
+use multiscopic_core::capture::Camera as _;
+use serde::Deserialize;
+use serde_json::json;
+
+use super::{
+    frame_meters::FrameMeters,
+    notice_board::{NoticeBoard, Subject},
+    server::Messages,
+    tuning::{TunedRig, Wish, Workbench},
+};
+use crate::command::{
+    capture::{Recorder, free_folders},
+    terminal,
+};
+
+/// The quality of pictures of the preview. Its measures are those of the frame itself.
+const JPEG_QUALITY: u8 = 80;
+/// The least time between two pictures of the preview.
+const BETWEEN_PICTURES: Duration = Duration::from_millis(60);
+/// How often the camera and the orders are looked at.
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
+/// How long after a failure the camera is opened again.
+const AFTER_FAILURE: Duration = Duration::from_secs(2);
+/// The most folders that the page lists.
+const MOST_FOLDERS: usize = 100;
+
+/// What a page of `live` says.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Message {
+    /// Match with these settings.
+    Match(Wish),
+    /// Take a set.
+    Take,
+    /// Stop taking it.
+    Stop,
+    /// Open the folder of this name.
+    Open(String),
+}
+
+/// What the thread is to do next.
+#[derive(Debug)]
+enum Order {
+    Take,
+    Open(String),
+}
+
+/// The orders of pages, and the folder of the sets.
+pub struct Studio {
+    bench: Arc<Workbench>,
+    output: PathBuf,
+    order: Mutex<Option<Order>>,
+    /// Each increase stops a capture: at the first one the stage returns to the centre, at the second it stops where it is.
+    stops: Arc<AtomicUsize>,
+    /// How many signals have come.
+    signals: AtomicUsize,
+}
+
+impl Studio {
+    /// A studio that puts its sets into folders within `output`.
+    pub fn new(bench: Arc<Workbench>, output: &Path) -> Studio {
+        Studio { bench, output: output.into(), order: Mutex::default(), stops: Arc::default(), signals: AtomicUsize::new(0) }
+    }
+
+    /// Ends the studio: at the first signal as soon as the stage has returned, at the second at once.
+    pub fn receive(&self, signals: usize) {
+        let before = self.signals.swap(signals, Ordering::Relaxed);
+        self.stops.fetch_add(signals - before, Ordering::Relaxed);
+    }
+
+    fn has_ended(&self) -> bool {
+        self.signals.load(Ordering::Relaxed) > 0
+    }
+
+    fn order(&self, order: Order) {
+        *self.order.lock().unwrap_or_else(PoisonError::into_inner) = Some(order);
+    }
+
+    fn next_order(&self) -> Option<Order> {
+        self.order.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    fn has_order(&self) -> bool {
+        self.order.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
+    /// Runs the camera and the stage until a signal comes.
+    pub fn run(&self, mut recorder: Recorder) {
+        recorder.hardware.interrupts = self.stops.clone();
+        let newest = self.folders().into_iter().next();
+        self.tell_history(newest.as_deref());
+        if let Some(name) = newest {
+            self.open(&name);
+        }
+        let mut is_on = false;
+        while !self.has_ended() {
+            match self.next_order() {
+                Some(order) => {
+                    switch_off(&mut recorder, &mut is_on);
+                    match order {
+                        Order::Take => self.take_set(&mut recorder),
+                        Order::Open(name) => self.open(&name),
+                    }
+                }
+                // Without anyone who looks, the camera rests.
+                None if self.bench.board.readers() == 0 => {
+                    switch_off(&mut recorder, &mut is_on);
+                    thread::sleep(BETWEEN_PICTURES);
+                }
+                None => {
+                    if let Err(error) = self.preview(&mut recorder, &mut is_on) {
+                        self.bench.board.put(Subject::Preview, json!({ "failure": error.to_string() }));
+                        switch_off(&mut recorder, &mut is_on);
+                        self.wait(AFTER_FAILURE);
+                    }
+                }
+            }
+        }
+        switch_off(&mut recorder, &mut is_on);
+    }
+
+    /// Waits, unless there is something to do.
+    fn wait(&self, time: Duration) {
+        let start = Instant::now();
+        while start.elapsed() < time && !self.has_ended() && !self.has_order() {
+            thread::sleep(POLL_INTERVAL);
+        }
+    }
+
+    /// Shows a picture of the camera, unless an order comes before it is there.
+    fn preview(&self, recorder: &mut Recorder, is_on: &mut bool) -> Result<()> {
+        let start = Instant::now();
+        let camera = &mut recorder.hardware.camera;
+        if !*is_on {
+            camera.begin()?;
+            *is_on = true;
+        }
+        camera.start(0)?;
+        while !camera.is_complete()? {
+            if self.has_ended() || self.has_order() {
+                return Ok(());
+            }
+            thread::sleep(POLL_INTERVAL);
+        }
+        if let Some(frame) = camera.take_image(0) {
+            let (width, height) = frame.dimensions();
+            let contents =
+                json!({ "picture": jpeg(&frame), "width": width, "height": height, "meters": FrameMeters::of(&frame) });
+            self.bench.board.put(Subject::Preview, contents);
+        }
+        self.wait(BETWEEN_PICTURES.saturating_sub(start.elapsed()));
+        Ok(())
+    }
+
+    fn take_set(&self, recorder: &mut Recorder) {
+        let tell = |step: &str, done: usize, total: usize| {
+            let contents = json!({ "step": step, "done": done, "total": total, "is_running": true });
+            self.bench.board.put(Subject::Capture, contents);
+        };
+        tell("opening the camera", 0, recorder.plan.frames().len());
+        let outcome = match free_folders(&self.output).next() {
+            Some(folder) => recorder.record(&folder, &mut |step, done, total| tell(step, done, total)).map(|()| folder),
+            None => Err(Error::Usage(format!("{} is full, give another folder", self.output.display()))),
+        };
+        match outcome {
+            Ok(folder) => {
+                let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                self.bench.board.put(Subject::Capture, json!({ "step": format!("{name} is taken"), "is_running": false }));
+                self.open(&name);
+            }
+            Err(error) => {
+                terminal::say(&error.to_string());
+                self.bench.board.put(Subject::Capture, json!({ "failure": error.to_string(), "is_running": false }));
+            }
+        }
+    }
+
+    /// Opens a set, if there is one of this name.
+    fn open(&self, name: &str) {
+        if !self.folders().iter().any(|known| known == name) {
+            return;
+        }
+        match TunedRig::open(&self.output.join(name)) {
+            Ok(rig) => {
+                self.bench.open(rig);
+                self.tell_history(Some(name));
+            }
+            Err(error) => {
+                self.bench.board.put(Subject::Capture, json!({ "failure": error.to_string(), "is_running": false }));
+            }
+        }
+    }
+
+    fn tell_history(&self, current: Option<&str>) {
+        self.bench.board.put(Subject::History, json!({ "folders": self.folders(), "current": current }));
+    }
+
+    /// The names of the sets, the newest first.
+    fn folders(&self) -> Vec<String> {
+        let entries = fs::read_dir(&self.output).into_iter().flatten().flatten();
+        let sets = entries.filter(|entry| entry.path().join(Rig::FILE_NAME).is_file());
+        let mut names: Vec<String> = sets.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+        names.sort_unstable_by(|a, b| b.cmp(a));
+        names.truncate(MOST_FOLDERS);
+        names
+    }
+}
+
+impl Messages for Studio {
+    fn board(&self) -> &NoticeBoard {
+        &self.bench.board
+    }
+
+    fn take(&self, text: &str) -> std::result::Result<(), String> {
+        match serde_json::from_str(text).map_err(|error| error.to_string())? {
+            Message::Match(wish) => self.bench.ask(wish),
+            Message::Take => self.order(Order::Take),
+            Message::Stop => {
+                self.stops.fetch_add(1, Ordering::Relaxed);
+            }
+            Message::Open(name) => self.order(Order::Open(name)),
+        }
+        Ok(())
+    }
+}
+
+/// Closes the camera. What it says then no longer matters.
+fn switch_off(recorder: &mut Recorder, is_on: &mut bool) {
+    if std::mem::take(is_on) {
+        let _ = recorder.hardware.camera.end();
+    }
+}
+
+fn jpeg(frame: &GrayImage) -> String {
+    let mut bytes = Cursor::new(Vec::new());
+    JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).encode_image(frame).expect("memory takes any picture");
+    format!("data:image/jpeg;base64,{}", STANDARD.encode(bytes.into_inner()))
+}

@@ -1,0 +1,10 @@
+//! A rig that is matched while the options of `match` are set.
+
+mod controls;
+mod rust_code;
+mod tuned_options;
+mod tuned_rig;
+mod workbench;
+
+pub use tuned_rig::TunedRig;
+pub use workbench::{Wish, Workbench};

@@ -1,0 +1,156 @@
+//! A match as a function in Rust.
+
+use std::fmt::Write as _;
+
+use multiscopic::{
+    GraphCuts, SemiGlobal,
+    stereo::{
+        CostFunction, Optimizer,
+        cost::BirchfieldTomasi,
+        refinement::{Refinement, Speckles, TextureThreshold},
+    },
+};
+
+use super::tuned_rig::TunedMatch;
+
+/// A function that matches frames like `plan`. It needs the crates `multiscopic` and `multiscopic-core`.
+pub fn of_match(plan: &TunedMatch) -> String {
+    let TunedMatch { name, method, search } = plan;
+    let refinement = method.refinement;
+    let lines = refinement_lines(&refinement);
+    let mut code = String::new();
+    let mut line = |text: &str| {
+        let _ = writeln!(code, "{text}");
+    };
+    let stereo = match (name, lines.iter().any(|line| line.contains("refinement::"))) {
+        (&"net", false) => "",
+        (&"net", true) => ", stereo::refinement",
+        (_, false) => ", stereo",
+        (_, true) => ", stereo, stereo::refinement",
+    };
+    line(&format!("use multiscopic::{{DisparityMap, Engine, Frames, Method, Result{stereo}}};"));
+    line("use multiscopic_core::{Fusion, Search};");
+    line("");
+    line("/// The disparities of frames without distortion, by what `multiscopic tune` found.");
+    line("pub fn disparities(frames: &Frames) -> Result<DisparityMap> {");
+    line("    let [width, height] = frames.size().map(|side| side as u16);");
+    let (fusion, least, count) = (search.fusion(), search.min_disparity(), search.num_disparities());
+    line(&format!("    let search = Search::new(width, height, frames.views(), Fusion::{fusion:?}, {least}, {count})?;"));
+    let mutable = if lines.is_empty() { "" } else { "mut " };
+    match (cost(&method.cost, name), optimizer(&method.optimizer)) {
+        (Some(cost), Some(optimizer)) => {
+            line(&format!("    let cost = stereo::CostFunction::{cost};"));
+            if let Some(aggregation) = method.aggregation {
+                let region = aggregation.region;
+                line("    let aggregation = stereo::aggregation::Aggregation {");
+                line(&format!(
+                    "        region: stereo::aggregation::SupportRegion {{ intensity: {:?}, distance: {} }},",
+                    region.intensity, region.distance
+                ));
+                line(&format!("        iterations: {:?},", aggregation.iterations));
+                line("    };");
+            }
+            let aggregation = if method.aggregation.is_some() { "Some(aggregation)" } else { "None" };
+            optimizer.iter().for_each(|text| line(&format!("    {text}")));
+            line(&format!("    let {mutable}method = Method::new(cost, {aggregation}, optimizer);"));
+        }
+        _ => line(&format!("    let {mutable}method = Method::net();")),
+    }
+    lines.iter().for_each(|text| line(&format!("    method.refinement.{text};")));
+    line("    method.disparities(&Engine::new(None, 0)?, frames, &search, &())");
+    line("}");
+    code
+}
+
+/// The cost. `None` for the network, which has its own.
+fn cost(cost: &CostFunction, name: &str) -> Option<String> {
+    if name == "net" {
+        return None;
+    }
+    Some(match cost {
+        CostFunction::Sad { block_size } => format!("Sad {{ block_size: {block_size} }}"),
+        CostFunction::Census(census) => format!("Census(multiscopic_core::Census::{census:?})"),
+        CostFunction::TwoScaleCensus(census) => format!("TwoScaleCensus(multiscopic_core::Census::{census:?})"),
+        CostFunction::BirchfieldTomasi(BirchfieldTomasi { color }) => {
+            format!("BirchfieldTomasi(stereo::cost::BirchfieldTomasi {{ color: {color} }})")
+        }
+        CostFunction::McCnn(_) => {
+            let architecture = if name == "mccnn-fast" { "Fast" } else { "Accurate" };
+            format!("McCnn(Box::new(stereo::cost::mccnn::Network::load(stereo::cost::mccnn::Architecture::{architecture})?))")
+        }
+    })
+}
+
+/// The lines that make the optimizer. `None` for the network.
+fn optimizer(optimizer: &Optimizer) -> Option<Vec<String>> {
+    Some(match optimizer {
+        Optimizer::WinnerTakesAll => vec!["let optimizer = stereo::Optimizer::WinnerTakesAll;".into()],
+        Optimizer::SemiGlobal(SemiGlobal { paths, penalties }) => {
+            let (p1, p2, edge) = (penalties.p1(), penalties.p2(0), penalties.p2_edge());
+            vec![
+                format!("let penalties = multiscopic_core::PathPenalties::new({p1}, {p2}, {edge:?})?;"),
+                format!("let paths = stereo::optimization::sgm::Paths::{paths:?};"),
+                "let optimizer = stereo::Optimizer::SemiGlobal(multiscopic::SemiGlobal { paths, penalties });".into(),
+            ]
+        }
+        Optimizer::EdgeAware(penalties) => vec![
+            "use stereo::optimization::edge_aware::Penalties;".into(),
+            format!("let penalties = {penalties:?};"),
+            "let optimizer = stereo::Optimizer::EdgeAware(penalties);".into(),
+        ],
+        Optimizer::GraphCuts(cuts) => {
+            let changes = graph_cuts_lines(cuts);
+            let mutable = if changes.is_empty() { "" } else { "mut " };
+            let mut lines = vec![format!("let {mutable}cuts = multiscopic::GraphCuts::default();")];
+            lines.extend(changes);
+            lines.push("let optimizer = stereo::Optimizer::GraphCuts(cuts);".into());
+            lines
+        }
+        Optimizer::Network(_) => return None,
+    })
+}
+
+/// What differs from the defaults of graph cuts.
+fn graph_cuts_lines(cuts: &GraphCuts) -> Vec<String> {
+    let default = GraphCuts::default();
+    let mut lines = Vec::new();
+    let mut set = |is_default: bool, text: String| {
+        if !is_default {
+            lines.push(format!("cuts.{text};"));
+        }
+    };
+    set(cuts.occlusion == default.occlusion, format!("occlusion = {:?}", cuts.occlusion));
+    set(cuts.lambda == default.lambda, format!("lambda = {:?}", cuts.lambda));
+    let smoothness = format!("smoothness = stereo::optimization::graph_cuts::Smoothness::{:?}", cuts.smoothness);
+    set(cuts.smoothness == default.smoothness, smoothness);
+    set(cuts.start_block_size == default.start_block_size, format!("start_block_size = {}", cuts.start_block_size));
+    set(cuts.sweeps == default.sweeps, format!("sweeps = {}", cuts.sweeps));
+    lines
+}
+
+/// The fields of the refinement that are set.
+fn refinement_lines(refinement: &Refinement) -> Vec<String> {
+    let Refinement { uniqueness, left_right, texture, median, bilateral, speckles, sub_pixel, min_confidence, smoother, fill } =
+        refinement;
+    debug_assert!(bilateral.is_none(), "the page has no control of the bilateral filter");
+    let texture = texture.map(|TextureThreshold { threshold, block_size }| {
+        format!("texture = Some(refinement::TextureThreshold {{ threshold: {threshold}, block_size: {block_size} }})")
+    });
+    let speckles = speckles.map(|Speckles { window_size, range }| {
+        format!("speckles = Some(refinement::Speckles {{ window_size: {window_size}, range: {range} }})")
+    });
+    [
+        uniqueness.map(|percent| format!("uniqueness = Some({percent})")),
+        left_right.map(|tolerance| format!("left_right = Some({tolerance})")),
+        texture,
+        median.map(|median| format!("median = Some(refinement::Median::new({})?)", median.size())),
+        speckles,
+        sub_pixel.map(|_| "sub_pixel = Some(refinement::LucasKanade)".into()),
+        min_confidence.map(|least| format!("min_confidence = Some({least})")),
+        smoother.map(|_| "smoother = Some(refinement::Smoother::DEFAULT)".into()),
+        fill.map(|_| "fill = Some(refinement::BackgroundFill)".into()),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}

@@ -1,0 +1,256 @@
+//! The rig on the page, the settings that were asked for, and the thread that matches the one with the other.
+
+use std::{
+    sync::{
+        Arc, Condvar, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+use multiscopic::{
+    Engine, Error, Processor, Progress, Result,
+    stereo::{CostFunction, Optimizer},
+    target::Ram,
+};
+use multiscopic_core::{Params, SemiGlobalCost, SemiGlobalParams};
+use multiscopic_edge::Matching;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::{
+    controls::{self, Control, Settings},
+    rust_code,
+    tuned_options::TunedOptions,
+    tuned_rig::{TunedMatch, TunedRig},
+};
+use crate::command::{
+    budget::{Prediction, TargetOptions},
+    live::notice_board::{NoticeBoard, Subject},
+    options::Named,
+    view::shell_line,
+};
+
+/// A match that runs longer than this ends when the settings change. Faster ones come to their end, so that the picture follows a
+/// slider that does not stop.
+const PATIENCE: Duration = Duration::from_millis(150);
+/// The least time between two notices of progress.
+const BETWEEN_NOTICES: Duration = Duration::from_millis(100);
+
+/// What a page asks for.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wish {
+    settings: Settings,
+    /// The microcontroller whose memory and time are predicted.
+    core: String,
+}
+
+impl Default for Wish {
+    fn default() -> Wish {
+        Wish { settings: Settings::from([("method".into(), "bm".into())]), core: Processor::ALL[0].name().into() }
+    }
+}
+
+/// The rig, the wish, and what came of it.
+pub struct Workbench {
+    /// What pages are told.
+    pub board: NoticeBoard,
+    controls: Vec<Control>,
+    engine: Engine,
+    desk: Mutex<Desk>,
+    /// Notified when the desk changes.
+    change: Condvar,
+    /// How often it has changed.
+    changes: AtomicU64,
+}
+
+/// What is to be matched.
+#[derive(Default)]
+struct Desk {
+    rig: Option<Arc<TunedRig>>,
+    wish: Wish,
+    is_closed: bool,
+}
+
+/// What a page is told before the match.
+#[derive(Debug, Serialize)]
+struct PlanNotice {
+    settings: Settings,
+    /// The options that have an effect.
+    applying: Vec<&'static str>,
+    core: String,
+    command: String,
+    rust: String,
+    /// The prediction, or why there is none.
+    prediction: std::result::Result<Prediction, String>,
+}
+
+impl Workbench {
+    /// An empty one.
+    pub fn new(engine: Engine) -> Workbench {
+        Workbench {
+            board: NoticeBoard::new(),
+            controls: controls::all(),
+            engine,
+            desk: Mutex::default(),
+            change: Condvar::new(),
+            changes: AtomicU64::new(0),
+        }
+    }
+
+    /// What can be set.
+    pub fn controls(&self) -> &[Control] {
+        &self.controls
+    }
+
+    /// Puts a rig onto the page, in the place of the one before.
+    pub fn open(&self, rig: TunedRig) {
+        let found = rig.found_range().map(|(least, count)| json!({ "min_disparity": least, "num_disparities": count }));
+        let folder = rig.folder().display().to_string();
+        self.board.put(Subject::Scene, json!({ "folder": folder, "scene": rig.scene(), "found_range": found }));
+        self.alter(|desk| desk.rig = Some(Arc::new(rig)));
+    }
+
+    /// Asks for another match.
+    pub fn ask(&self, wish: Wish) {
+        self.alter(|desk| desk.wish = wish);
+    }
+
+    /// Ends the matching.
+    pub fn close(&self) {
+        self.alter(|desk| desk.is_closed = true);
+    }
+
+    fn desk(&self) -> MutexGuard<'_, Desk> {
+        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn alter(&self, alter: impl FnOnce(&mut Desk)) {
+        let mut desk = self.desk();
+        alter(&mut desk);
+        self.changes.fetch_add(1, Ordering::Relaxed);
+        self.change.notify_all();
+    }
+
+    /// Matches whatever is asked for, until it is closed.
+    pub fn run(&self) {
+        let mut seen = 0;
+        loop {
+            let (rig, wish) = {
+                let mut desk = self.desk();
+                while self.changes.load(Ordering::Relaxed) == seen && !desk.is_closed {
+                    desk = self.change.wait(desk).unwrap_or_else(PoisonError::into_inner);
+                }
+                if desk.is_closed {
+                    return;
+                }
+                seen = self.changes.load(Ordering::Relaxed);
+                (desk.rig.clone(), desk.wish.clone())
+            };
+            if let Some(rig) = rig
+                && let Err(error) = self.match_once(&rig, &wish, seen)
+            {
+                let settings = &wish.settings;
+                self.board.put(Subject::Result, json!({ "settings": settings, "failure": error.to_string() }));
+            }
+        }
+    }
+
+    fn match_once(&self, rig: &TunedRig, wish: &Wish, number: u64) -> Result<()> {
+        let words = controls::words(&self.controls, &wish.settings)?;
+        let processor = Processor::ALL.iter().find(|processor| processor.name() == wish.core).copied();
+        let processor =
+            processor.ok_or_else(|| Error::Usage(format!("{:.40} is none of the processors on the page", wish.core)))?;
+        let plan = rig.plan(&TunedOptions::parse(&words)?)?;
+        let ends = ["-o", "disparity.pfm"].map(str::to_owned);
+        let folder = rig.folder().display().to_string();
+        let command = ["match".to_owned(), folder.clone()].into_iter().chain(words).chain(ends);
+        let applying = self.controls.iter().filter(|control| control.applies(&wish.settings)).map(Control::option);
+        self.board.put(
+            Subject::Plan,
+            PlanNotice {
+                settings: wish.settings.clone(),
+                applying: applying.collect(),
+                core: wish.core.clone(),
+                command: shell_line(command),
+                rust: rust_code::of_match(&plan),
+                prediction: prediction(&plan, processor),
+            },
+        );
+        let watcher = Watcher { bench: self, number, start: Instant::now(), steps: Mutex::new(Steps::default()) };
+        let outcome = rig.run(&plan, &self.engine, &watcher);
+        if watcher.is_interrupted() {
+            return Ok(());
+        }
+        let tuned = rig.tuned(&plan, outcome?);
+        let (map, summary, warnings) = (tuned.map, tuned.summary, tuned.warnings);
+        let notice = json!({ "settings": wish.settings, "folder": folder, "map": map, "summary": summary, "warnings": warnings });
+        self.board.put(Subject::Result, notice);
+        Ok(())
+    }
+}
+
+/// What the same match takes on a microcontroller, or why it cannot run there.
+fn prediction(plan: &TunedMatch, processor: Processor) -> std::result::Result<Prediction, String> {
+    let TunedMatch { name, method, search } = plan;
+    let matching = match (&method.cost, &method.optimizer) {
+        (CostFunction::Sad { block_size }, Optimizer::WinnerTakesAll) => {
+            let params = Params::block_matching(*search, *block_size).map_err(|error| error.to_string())?;
+            Matching::Blocks { params, tile_width: params.width() }
+        }
+        (CostFunction::Sad { block_size }, Optimizer::SemiGlobal(sgm)) => {
+            let cost = SemiGlobalCost::Sad { block_size: *block_size };
+            let params = SemiGlobalParams::new(*search, cost).map_err(|error| error.to_string())?;
+            if sgm.penalties != params.penalties() || sgm.paths.count() != SemiGlobalParams::PATHS {
+                return Err("The firmware has five paths and the default penalties.".into());
+            }
+            Matching::SemiGlobal(params)
+        }
+        (_, Optimizer::SemiGlobal(_)) => {
+            return Err("The firmware has semi-global matching by sad alone: choose this cost.".into());
+        }
+        _ => return Err(format!("{name} does not run on microcontrollers: bm does, and sgm by sad.")),
+    };
+    Ok(Prediction::new(&TargetOptions::of(processor), &matching, &Ram::new(&matching, processor)))
+}
+
+/// Tells pages how far a match has come, and ends it if it is no longer asked for.
+struct Watcher<'a> {
+    bench: &'a Workbench,
+    number: u64,
+    start: Instant,
+    steps: Mutex<Steps>,
+}
+
+#[derive(Default)]
+struct Steps {
+    done: u64,
+    total: u64,
+    name: String,
+    told: Option<Instant>,
+}
+
+impl Progress for Watcher<'_> {
+    fn begin(&self, steps: u64, name: &str) {
+        let mut now = self.steps.lock().unwrap_or_else(PoisonError::into_inner);
+        *now = Steps { done: 0, total: steps, name: name.into(), told: now.told };
+    }
+
+    fn advance(&self, steps: u64) {
+        let mut now = self.steps.lock().unwrap_or_else(PoisonError::into_inner);
+        now.done += steps;
+        // What is done at once needs no progress.
+        let is_due = now.told.unwrap_or(self.start).elapsed() > BETWEEN_NOTICES;
+        if is_due && !self.is_interrupted() {
+            now.told = Some(Instant::now());
+            let Steps { done, total, name, .. } = &*now;
+            self.bench.board.put(Subject::Progress, json!({ "done": done, "total": total, "name": name }));
+        }
+    }
+
+    fn is_interrupted(&self) -> bool {
+        let is_newest = self.bench.changes.load(Ordering::Relaxed) == self.number;
+        !is_newest && self.start.elapsed() > PATIENCE
+    }
+}

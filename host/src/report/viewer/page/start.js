@@ -1,0 +1,3 @@
+import { openFirst } from "viewer/app.js";
+
+await openFirst();

@@ -1,0 +1,98 @@
+// A headless browser, pages in it, and what tests look at.
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import puppeteer from "puppeteer-core";
+
+const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+
+// A PFM file, read without the program: rows from the bottom up.
+export function readPfm(path) {
+  const bytes = readFileSync(path);
+  let place = 0;
+  const word = () => {
+    const start = place;
+    while (bytes[place] > 32) place++;
+    return bytes.toString("latin1", start, place++);
+  };
+  assert.equal(word(), "Pf");
+  const [width, height, scale] = [Number(word()), Number(word()), Number(word())];
+  assert(scale < 0, "little-endian");
+  return { width, height, at: (u, v) => bytes.readFloatLE(place + 4 * ((height - 1 - v) * width + u)) };
+}
+
+export class Browser {
+  // Everything that pages complain about.
+  problems = [];
+
+  static async launch(path) {
+    const browser = new Browser();
+    browser.browser = await puppeteer.launch({ executablePath: path, headless: true, args: ["--no-sandbox", "--disable-gpu", "--force-color-profile=srgb"] });
+    return browser;
+  }
+
+  // A page of a width with a colour scheme, once it shows something. It may ask for what begins with one of `own`, and for nothing else.
+  async open(address, [width, height], scheme, own) {
+    const page = await this.browser.newPage();
+    page.on("console", (message) => ["error", "warn"].includes(message.type()) && this.problems.push(message.text()));
+    page.on("pageerror", (error) => this.problems.push(String(error)));
+    page.on("request", (request) => {
+      const isOwn = /^(data|blob):/.test(request.url()) || own.some((start) => request.url().startsWith(start));
+      if (!isOwn) this.problems.push(`a request to ${request.url()}`);
+    });
+    await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
+    await page.setViewport({ width, height });
+    const start = performance.now();
+    await page.goto(address);
+    await page.waitForSelector("html[data-viewer=ready]", { timeout: 60_000 });
+    return { page, seconds: (performance.now() - start) / 1000 };
+  }
+
+  async check(name, run) {
+    await run();
+    assert.deepEqual(this.problems, [], name);
+    console.log(`ok: ${name}`);
+  }
+
+  close() {
+    return this.browser.close();
+  }
+}
+
+export const settled = (page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+
+// The colours of a canvas.
+export async function pixels(page, id) {
+  await settled(page);
+  return page.$eval(id, (canvas) => {
+    const { width, height } = canvas;
+    const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+    copy.drawImage(canvas, 0, 0);
+    return [...copy.getImageData(0, 0, width, height).data];
+  });
+}
+
+// The share of pixels that differ, between two shares of the width.
+export function changed(before, after, [from, to] = [0, 1], width = 0) {
+  let [count, different] = [0, 0];
+  for (let i = 0; i < before.length; i += 4) {
+    const column = width ? ((i / 4) % width) / width : from;
+    if (column < from || column > to) continue;
+    count++;
+    if (before[i] !== after[i] || before[i + 1] !== after[i + 1] || before[i + 2] !== after[i + 2]) different++;
+  }
+  return different / count;
+}
+
+// Fails if someone cannot use the page as it is, or if it is wider than its window.
+export async function assertUsable(page, name) {
+  await settled(page);
+  // The page's policy forbids scripts of others but for the tests'.
+  await page.evaluate(axe);
+  const { violations } = await page.evaluate(() => axe.run());
+  const told = violations.map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html.slice(0, 120)).join(" | ")}`);
+  assert.deepEqual(told, [], name);
+  const overflow = await page.evaluate(() => document.documentElement.scrollWidth - window.innerWidth);
+  assert(overflow <= 0, `${name} is ${overflow} pixels too wide`);
+}

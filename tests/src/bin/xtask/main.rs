@@ -25,7 +25,7 @@ use std::process::ExitCode;
 
 use emulation::setup;
 use firmware_checks::{capturing, cycles, faults, kernel_twins, profiles};
-use workspace_checks::{emulated_arm64, emulated_cameras, host_instructions, packaging, pages, suite};
+use workspace_checks::{crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, soaking, suite};
 
 /// Runs the project's checks, tests and firmware.
 #[derive(Parser)]
@@ -68,6 +68,12 @@ enum Task {
     Page,
     /// Package the published crates, and build each from its package
     Package,
+    /// Fuzz the readers of outside bytes, and what must equal its reference, guided by coverage
+    Fuzz(fuzzing::Fuzzing),
+    /// Kill commands at random moments, and check what they leave behind
+    Crash(crashes::Crashing),
+    /// Capture and match on simulated hardware that fails at random, and watch memory, files and threads
+    Soak(soaking::Soaking),
     /// Link the matcher alone, which fails if any path leads to a panic
     NoPanic,
 }
@@ -95,6 +101,9 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Instructions(guard) => guard.run(),
         Task::Page => pages::run_tests(),
         Task::Package => packaging::check(),
+        Task::Fuzz(fuzzing) => fuzzing.run(),
+        Task::Crash(crashing) => crashing.run(),
+        Task::Soak(soaking) => soaking.run(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Capture => capturing::run(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),

@@ -5,15 +5,21 @@
 //! | [`split_mix`] | random numbers that are the same everywhere |
 //! | `reference` | the definitions that the product is compared with |
 //! | [`program`] | the command line as a process |
+//! | `crashes` | commands that are killed at random moments |
 //! | [`test_images`] | images and matches: golden, random, drawn and real |
 //! | [`simulated`] | arms, machines and cameras, with faults on demand |
+//! | `soak` | captures over and over on that hardware |
 //! | [`architecture`] | the rules that the workspace's sources keep |
 
 #[cfg(feature = "xtask")]
 pub mod architecture;
+#[cfg(unix)]
+pub mod crashes;
 pub mod program;
 pub mod reference;
 pub mod simulated;
+#[cfg(target_os = "linux")]
+pub mod soak;
 pub mod split_mix;
 pub mod test_images;
 

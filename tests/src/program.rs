@@ -8,9 +8,15 @@ use std::{
     sync::OnceLock,
 };
 
+static BINARY: OnceLock<PathBuf> = OnceLock::new();
+
+/// Makes a program the one that [`binary`] returns, unless it has returned another.
+pub fn use_binary(program: PathBuf) {
+    let _ = BINARY.set(program);
+}
+
 /// The `multiscopic` binary: `$MULTISCOPIC_BINARY` if set, otherwise built once in this test's profile.
 pub fn binary() -> &'static Path {
-    static BINARY: OnceLock<PathBuf> = OnceLock::new();
     BINARY.get_or_init(|| {
         if let Some(path) = env::var_os("MULTISCOPIC_BINARY") {
             return path.into();

@@ -315,6 +315,10 @@ fn checkpoints() -> Result<(), Failed> {
     // A deeply nested tuple in place of the first pickle after the version.
     let nested = [&bytes[..23], b")", &b"\x85".repeat(1 << 20), b"."].concat();
     assert!(checkpoint::model(&nested).expect_err("it is refused").contains("operations"));
+    // Two tensors with the same values: a short file could name long ones without end.
+    let seed = |name: &str| fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds/weights").join(name));
+    assert_eq!(checkpoint::model(&seed("small.checkpoint")?)?["w"].values, [1.0, 2.0]);
+    assert!(checkpoint::model(&seed("shared.checkpoint")?).expect_err("it is refused").contains("second use"));
     let mut random = Random(14);
     for _ in 0..20_000 {
         let mut changed = bytes.clone();

@@ -17,7 +17,7 @@ use multiscopic::{
 };
 use multiscopic_core::{Disparity, Fusion, Params, Region, Views};
 use multiscopic_edge::packet::{Sender, buffer_bytes_with_confidences};
-use multiscopic_tests::{program, test_images::golden};
+use multiscopic_tests::{program, split_mix::Random, test_images::golden};
 use proptest::{collection::vec, prelude::*, sample::Index, test_runner::TestRunner};
 
 /// The address space in megabytes in which everything must be read. The largest picture takes half of it.
@@ -205,6 +205,91 @@ fn settings() {
             let _ = Rig::load(folder);
         },
     );
+}
+
+/// Parsers that recurse would overflow their stacks, and end the program.
+#[test]
+fn deeply_nested_texts_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    for (open, close) in [("- ", ""), ("? ", ""), ("[", "]"), ("{a: ", "}"), ("- [", "]"), ("- a:\n", "")] {
+        for depth in [101, 100_000] {
+            let text = match open.strip_suffix('\n') {
+                // A line for each level, as far as a text may be long.
+                Some(line) => (0..depth.min(1000)).map(|level| format!("{:1$}{line}\n", "", 4 * level)).collect(),
+                None => open.repeat(depth) + &close.repeat(depth),
+            };
+            fs::write(path("deep.yaml"), text).expect("a file");
+            let error = CameraModel::read(&path("deep.yaml")).expect_err("it is no calibration").to_string();
+            assert!(error.contains("levels of YAML") || error.contains("damaged"), "{open:?}, {depth} levels: {error}");
+        }
+    }
+    for text in
+        ["a = ".to_owned() + &"[".repeat(100_000), "a.".repeat(100_000) + "b = 1", "a = ".to_owned() + &"{b = ".repeat(100_000)]
+    {
+        fs::write(path(Rig::FILE_NAME), text).expect("a file");
+        assert!(Rig::load(folder.path()).is_err());
+    }
+}
+
+/// Random words of the command line, the last of which is always wrong, so that nothing runs: whatever the others are, it is refused.
+#[test]
+fn command_lines_are_refused_without_a_panic() {
+    const WORDS: [&str; 44] = [
+        "match",
+        "evaluate",
+        "demo",
+        "align",
+        "capture",
+        "calibrate",
+        "lens",
+        "mount",
+        "rig",
+        "scene",
+        "bench",
+        "budget",
+        "simulate",
+        "view",
+        "listen",
+        "--center",
+        "--view",
+        "1,-1=a.png",
+        "--num-disparities",
+        "--min-disparity",
+        "--block-size",
+        "--stage",
+        "ur10:[::1]:0,99999",
+        "gcode:@",
+        "--camera",
+        "sim:",
+        "--size",
+        "0x0",
+        "99999999999x1",
+        "--region",
+        "1x1+-1+-1",
+        "--layout",
+        "3x",
+        "--accuracy",
+        "1mm@0m",
+        "--views",
+        "4,4,4",
+        "--baseline",
+        "-1e999",
+        "nan",
+        "--shard",
+        "0/0",
+        "",
+        "\u{fffd}=\u{0}",
+    ];
+    let mut random = Random(u64::from(std::process::id()));
+    for _ in 0..150 {
+        let words: Vec<&str> = (0..1 + random.below(6)).map(|_| WORDS[random.below(WORDS.len())]).collect();
+        // The system takes no zeros.
+        let words = words.iter().map(|word| word.replace('\0', "\u{1}")).chain(["--no-such-option".into()]);
+        let words: Vec<String> = words.collect();
+        let run = program::Invocation::new(&words);
+        assert!(run.code == Some(2) && !run.stderr.contains("panicked"), "{words:?}: {run:?}");
+    }
 }
 
 #[test]

@@ -86,6 +86,9 @@ impl Align {
         }
         let reports: Vec<&Path> = self.report.iter().map(PathBuf::as_path).collect();
         output::check(&reports, &source.paths().collect::<Vec<_>>())?;
+        if let Some(folder) = &self.output {
+            output::check_folder(folder)?;
+        }
         let (frames, _, undistortion) = source.load()?;
         let search = self.search.search(frames.size(), frames.views(), None, SearchOptions::DEFAULT_RANGE)?;
         let rig = match (source.rig.take(), &source.lens) {
@@ -110,26 +113,29 @@ impl Align {
             center: rectified(Frame::Center),
             views: frames.views().iter().filter_map(line).collect(),
         };
-        if let (Some(folder), Some(rig)) = (&self.output, rig) {
-            output::write_folder(folder, |folder| {
-                let mut images = FrameFiles::of_capture(frames.views());
-                for rectified in source.rectified(undistortion.as_ref(), &alignment) {
-                    let (frame, picture) = rectified?;
-                    if picture.has_16_bits() {
-                        images.bits = Some(BitDepth::Sixteen);
+        let written = [self.output.as_ref().filter(|_| rig.is_some()), self.report.as_ref()];
+        output::write_together(|| {
+            if let (Some(folder), Some(rig)) = (&self.output, rig) {
+                output::write_folder(folder, |folder| {
+                    let mut images = FrameFiles::of_capture(frames.views());
+                    for rectified in source.rectified(undistortion.as_ref(), &alignment) {
+                        let (frame, picture) = rectified?;
+                        if picture.has_16_bits() {
+                            images.bits = Some(BitDepth::Sixteen);
+                        }
+                        picture.write_png(&folder.join(FrameFiles::name_of(frame)))?;
                     }
-                    picture.write_png(&folder.join(FrameFiles::name_of(frame)))?;
-                }
-                let principal_point = Some(alignment.principal_point(rig.principal_point(frames.size())));
-                Rig { images, principal_point, alignment: Some(record), ..rig }.save(folder)
-            })?;
-            terminal::say(&format!("wrote {}", folder.display()));
-        }
-        if let Some(path) = &self.report {
-            let page = findings.page(&alignment, frames.size());
-            output::write(path, |writer| writer.write_all(page.as_bytes()))?;
-            terminal::say(&format!("wrote {}", path.display()));
-        }
+                    let principal_point = Some(alignment.principal_point(rig.principal_point(frames.size())));
+                    Rig { images, principal_point, alignment: Some(record), ..rig }.save(folder)
+                })?;
+            }
+            if let Some(path) = &self.report {
+                let page = findings.page(&alignment, frames.size());
+                output::write(path, |writer| writer.write_all(page.as_bytes()))?;
+            }
+            Ok(())
+        })?;
+        written.into_iter().flatten().for_each(|path| terminal::say(&format!("wrote {}", path.display())));
         let warnings = inspection.warnings(search.min_disparity()).into_iter().chain(alignment.warning());
         warnings.for_each(|warning| terminal::say(&format!("warning: {warning}")));
         inspection.range_line().into_iter().for_each(|line| terminal::say(&line));

@@ -11,18 +11,24 @@ use crate::{
 pub(crate) const MAX_SIDE: u32 = u16::MAX as u32;
 /// The largest file in bytes.
 pub(crate) const MAX_BYTES: u64 = 1 << 30;
+/// The largest file of text in bytes. Parsed, it takes many times as much.
+const MAX_TEXT_BYTES: u64 = 1 << 22;
 
 /// The contents of the file `path`. An empty file is an error.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
+    read_at_most(path, MAX_BYTES)
+}
+
+fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>> {
     let failed = |source| Error::Read { path: path.into(), source };
     if is_device(path) {
         return Err(Error::format(path, "a device", "a file or a pipe"));
     }
     let mut bytes = Vec::new();
-    File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(failed)?;
+    File::open(path).and_then(|file| file.take(most + 1).read_to_end(&mut bytes)).map_err(failed)?;
     match bytes.len() as u64 {
         0 => Err(Error::format(path, "an empty file", "data")),
-        n if n > MAX_BYTES => Err(Error::format(path, "more than 1 GiB", "at most 1 GiB")),
+        n if n > most => Err(Error::format(path, format!("more than {} MiB", most >> 20), format!("at most {} MiB", most >> 20))),
         _ => Ok(bytes),
     }
 }
@@ -44,7 +50,8 @@ fn is_device(path: &Path) -> bool {
 
 /// The text in the file `path`. An empty file is an error.
 pub(crate) fn read_text(path: &Path) -> Result<String> {
-    String::from_utf8(read(path)?).map_err(|_| Error::format(path, "bytes that are not text", "UTF-8 text"))
+    String::from_utf8(read_at_most(path, MAX_TEXT_BYTES)?)
+        .map_err(|_| Error::format(path, "bytes that are not text", "UTF-8 text"))
 }
 
 /// Refuses an empty or absurdly large picture before any memory is allocated for it.
@@ -72,6 +79,17 @@ mod tests {
         assert!(matches!(read(dir.path()), Err(Error::Read { .. })));
         #[cfg(unix)]
         assert_eq!(read(Path::new("/dev/zero")).unwrap_err().to_string(), "/dev/zero: found a device, expected a file or a pipe");
+    }
+
+    #[test]
+    fn a_text_is_short() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("rig.toml");
+        std::fs::write(&path, vec![b'\n'; 1 << 22]).unwrap();
+        assert_eq!(read_text(&path).unwrap().len(), 1 << 22);
+        std::fs::write(&path, vec![b'\n'; (1 << 22) + 1]).unwrap();
+        assert!(read_text(&path).unwrap_err().to_string().ends_with("found more than 4 MiB, expected at most 4 MiB"));
+        assert_eq!(read(&path).unwrap().len(), (1 << 22) + 1);
     }
 
     #[test]

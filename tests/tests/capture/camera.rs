@@ -49,6 +49,23 @@ proptest! {
     }
 }
 
+/// Drivers may claim any size.
+#[test]
+fn absurd_layouts_do_no_harm() {
+    for format in PixelFormat::ALL {
+        for (size, stride) in
+            [([u32::MAX; 2], 0), ([u32::MAX; 2], u32::MAX), ([1, u32::MAX], u32::MAX), ([0, 0], 0), ([0, 5], 0), ([5, 0], 0)]
+        {
+            let layout = FrameLayout { format, size, stride };
+            match layout.to_gray(&[7; 100]) {
+                Ok(image) => assert!(image.is_empty() && <[u32; 2]>::from(image.dimensions()) == size, "{layout:?}"),
+                Err(CameraFault::Truncated { found: 100, expected, .. }) => assert!(expected > 1 << 32, "{layout:?}"),
+                Err(error) => assert_eq!(format, PixelFormat::Mjpg, "{layout:?}: {error}"),
+            }
+        }
+    }
+}
+
 #[test]
 fn sixteen_bit_samples_lose_their_low_bits() {
     for (format, words, gray) in [

@@ -12,6 +12,7 @@ use std::{
 
 use image::GrayImage;
 use multiscopic_tests::{
+    crashes::{VICTIMS, Victim, Want},
     program::{self, Invocation},
     split_mix::Random,
 };
@@ -127,4 +128,31 @@ fn evaluate_and_listen_write_together_or_not_at_all() {
     Invocation::new(["listen", &packets, "-o", &path("o.pfm"), "--png", &path("o.png"), "--raw16", "/dev/full"])
         .assert_refused(&["cannot write", "/dev/full"]);
     assert_eq!(names(dir.path()), ["packets", "rig"]);
+}
+
+#[test]
+fn commands_without_room_write_nothing() {
+    let starve = |victim: Victim| {
+        assert_eq!(victim.starve(Want::FileSize(1)), Some(true), "{}", victim.name);
+        for want in [Want::Disk(4), Want::ReadOnly] {
+            match victim.starve(want) {
+                Some(is_refused) => assert!(is_refused, "{}, {want:?}", victim.name),
+                None => println!("{want:?}: not tried, this system lets users mount nothing"),
+            }
+        }
+    };
+    thread::scope(|scope| VICTIMS.into_iter().for_each(|victim| drop(scope.spawn(move || starve(victim)))));
+}
+
+/// `cargo xtask crash` does this hundreds of times.
+#[test]
+fn commands_that_are_killed_leave_nothing_half_done() {
+    thread::scope(|scope| {
+        for (seed, victim) in (std::process::id().into()..).zip(VICTIMS) {
+            scope.spawn(move || {
+                let tally = victim.kill(8, &mut Random(seed));
+                assert!(tally.killed > 0, "{}: all runs ended before they were killed", victim.name);
+            });
+        }
+    });
 }

@@ -11,7 +11,6 @@ use clap::{Args, value_parser};
 use multiscopic::{
     Frames, Method, Result,
     evaluation::{Record, results},
-    files::output,
     images::Layout,
     report::{ViewedMap, ViewedScene},
     scene::{PinholeCamera, Scene, Shot, render_views},
@@ -101,7 +100,7 @@ impl Demo {
         let views: Views = variants.iter().flat_map(|variant| variant.views.iter()).collect();
         let others = variants::other_methods(self.layout);
         let all: Vec<Variant> = variants.iter().chain(&others).copied().collect();
-        let folder = ResultsFolder::create(&self.output, views, &all)?;
+        let folder = ResultsFolder::check(&self.output, views, &all)?;
 
         let bar = terminal::progress(1 + all.len() as u64, "steps");
         bar.set_message("rendering");
@@ -140,7 +139,7 @@ impl Demo {
             scene: &scene,
             others: &others,
         };
-        let page_path = output::write_together(|| {
+        let page_path = folder.write(|folder| {
             folder.write_capture(&shot, &camera, self.seed)?;
             folder.write_maps(&shot, &camera, &outcomes, variants.len())?;
             folder.write_charts(&errors)?;

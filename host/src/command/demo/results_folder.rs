@@ -53,16 +53,23 @@ const SHEET_PANEL: u32 = 168;
 /// A folder in which every result can be written.
 pub struct ResultsFolder {
     path: PathBuf,
+    /// Whether it is made together with its files.
+    is_new: bool,
     /// All views of the capture.
     views: Views,
 }
 
 impl ResultsFolder {
-    /// Creates the folder if it is missing, and checks that the results of `variants`, which are captured in `views`, can be
-    /// written to it. They replace those of an earlier demo, but no files of the user.
-    pub fn create(path: &Path, views: Views, variants: &[Variant]) -> Result<ResultsFolder> {
-        fs::create_dir_all(path).map_err(|source| Error::Write { path: path.into(), source })?;
-        let folder = ResultsFolder { path: path.into(), views };
+    /// Checks that the results of `variants`, which are captured in `views`, can be written to the folder `path`, or that it can be made.
+    /// They replace those of an earlier demo, but no files of the user.
+    pub fn check(path: &Path, views: Views, variants: &[Variant]) -> Result<ResultsFolder> {
+        let folder = ResultsFolder { path: path.into(), is_new: !path.exists(), views };
+        if folder.is_new {
+            let parent = path.parent().unwrap_or(path);
+            fs::create_dir_all(parent).map_err(|source| Error::Write { path: path.into(), source })?;
+            output::check_folder(path)?;
+            return Ok(folder);
+        }
         let maps = variants.iter().map(variants::stem).flat_map(|stem| [map_pfm(&stem), map_png(&stem), errors_png(&stem)]);
         let single = [
             Rig::FILE_NAME,
@@ -90,9 +97,22 @@ impl ResultsFolder {
         Ok(folder)
     }
 
-    /// Whether an earlier demo has written the results that are there. All its files are written together.
+    /// Whether an earlier demo has written the results that are there, or was killed while it did.
     fn is_of_a_demo(&self) -> bool {
-        fs::read_to_string(self.file(Rig::FILE_NAME)).is_ok_and(|rig| rig.contains(SCENE))
+        let rig = self.file(Rig::FILE_NAME);
+        let tells = |path: &Path| fs::read_to_string(path).is_ok_and(|rig| rig.contains(SCENE));
+        tells(&rig) || (!rig.exists() && tells(&output::broken_seal(&rig)))
+    }
+
+    /// Writes all that `contents` writes to the folder that it is given, or nothing. Returns the path of the page.
+    ///
+    /// A folder without a `rig.toml` is incomplete.
+    pub fn write(&self, contents: impl FnOnce(&ResultsFolder) -> Result<()>) -> Result<PathBuf> {
+        match self.is_new {
+            true => output::write_folder(&self.path, |path| contents(&ResultsFolder { path: path.into(), ..*self }))?,
+            false => output::replace_together(&self.file(Rig::FILE_NAME), || contents(self))?,
+        }
+        Ok(self.file(PAGE))
     }
 
     fn file(&self, name: &str) -> PathBuf {
@@ -154,11 +174,9 @@ impl ResultsFolder {
         Ok(())
     }
 
-    /// Writes the page and returns its path.
-    pub fn write_page(&self, html: &str) -> Result<PathBuf> {
-        let path = self.file(PAGE);
-        output::write(&path, |writer| writer.write_all(html.as_bytes()))?;
-        Ok(path)
+    /// Writes the page.
+    pub fn write_page(&self, html: &str) -> Result<()> {
+        output::write(&self.file(PAGE), |writer| writer.write_all(html.as_bytes()))
     }
 }
 

@@ -9,7 +9,7 @@ use std::{
 
 use super::{
     destination::Destination,
-    temporary::{Complete, Temporary, persist_all},
+    temporary::{Complete, Output, Temporary, persist_all, persist_sealed},
 };
 use crate::error::{Error, Result};
 
@@ -33,22 +33,64 @@ pub fn write(path: &Path, contents: impl FnOnce(&mut dyn Write) -> io::Result<()
     written.map_err(|source| Error::Write { path: path.into(), source })
 }
 
-/// Writes several files as one: all that `contents` [writes](write()) on this thread, or none if it fails. Pipes and devices are
-/// written directly.
+/// Writes several outputs as one: all that `contents` [writes](write()) on this thread, files and
+/// [folders](super::write_folder()), or none if it fails. Pipes and devices are written directly.
 ///
 /// # Errors
-/// Those of `contents`, or [`Error::Write`] if a complete file cannot get its final name.
+/// Those of `contents`, or [`Error::Write`] if a complete output cannot get its final name.
 pub fn write_together<T>(contents: impl FnOnce() -> Result<T>) -> Result<T> {
-    let before = COMPLETE.replace(Some(Vec::new()));
-    let written = contents();
-    let complete = COMPLETE.replace(before).unwrap_or_default();
-    let written = written?;
+    let (complete, written) = collect(contents)?;
     persist_all(complete).map_err(|(path, source)| Error::Write { path, source })?;
     Ok(written)
 }
 
+/// As [`write_together`], for files in a folder that one of them, the `seal`, makes look complete. It is not there while the others
+/// are replaced, so that a program that is killed meanwhile leaves nothing that looks complete. [`broken_seal`](super::broken_seal) is the
+/// name that it then has.
+///
+/// # Errors
+/// Those of [`write_together`].
+pub fn replace_together<T>(seal: &Path, contents: impl FnOnce() -> Result<T>) -> Result<T> {
+    let (complete, written) = collect(contents)?;
+    let failed = |source| Error::Write { path: seal.into(), source };
+    let seal = match Destination::of(seal).map_err(failed)? {
+        Destination::File { path, .. } => path,
+        Destination::Stream => seal.into(),
+    };
+    persist_sealed(complete, Some(&seal)).map_err(|(path, source)| Error::Write { path, source })?;
+    Ok(written)
+}
+
+/// What `contents` writes, still without final names.
+fn collect<T>(contents: impl FnOnce() -> Result<T>) -> Result<(Vec<Complete>, T)> {
+    let before = COMPLETE.replace(Some(Vec::new()));
+    let written = contents();
+    let complete = COMPLETE.replace(before).unwrap_or_default();
+    Ok((complete, written?))
+}
+
+/// Runs `contents`, whose files get their final names at once, within [`write_together`] too.
+pub(super) fn apart<T>(contents: impl FnOnce() -> T) -> T {
+    let before = COMPLETE.replace(None);
+    let written = contents();
+    COMPLETE.set(before);
+    written
+}
+
+/// Gives a complete output its final name, now or together with others.
+pub(super) fn finish(complete: Complete) -> io::Result<()> {
+    let alone = COMPLETE.with_borrow_mut(|waiting| match waiting {
+        Some(waiting) => {
+            waiting.push(complete);
+            None
+        }
+        None => Some(complete),
+    });
+    persist_all(alone.into_iter().collect()).map_err(|(_, error)| error)
+}
+
 thread_local! {
-    /// The complete files of this thread that wait for the others.
+    /// The complete outputs of this thread that wait for the others.
     static COMPLETE: RefCell<Option<Vec<Complete>>> = const { RefCell::new(None) };
 }
 
@@ -67,15 +109,7 @@ fn replace(
     if let Some(permissions) = permissions {
         temporary.file().set_permissions(permissions)?;
     }
-    let complete = Complete { temporary, target: target.to_owned() };
-    let alone = COMPLETE.with_borrow_mut(|waiting| match waiting {
-        Some(waiting) => {
-            waiting.push(complete);
-            None
-        }
-        None => Some(complete),
-    });
-    persist_all(alone.into_iter().collect()).map_err(|(_, error)| error)
+    finish(Complete { output: Output::File(temporary), target: target.to_owned() })
 }
 
 fn fill(file: &mut File, contents: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
@@ -141,6 +175,36 @@ mod tests {
         fs::remove_file(&a).unwrap();
         text(&a).unwrap();
         assert_eq!(names(dir.path()), ["a", "b"]);
+    }
+
+    #[test]
+    fn the_seal_comes_last_and_is_not_there_before() {
+        let dir = tempfile::tempdir().unwrap();
+        let [seal, b] = ["seal", "b"].map(|name| dir.path().join(name));
+        let text = |path: &Path, text: &'static str| write(path, |w| w.write_all(text.as_bytes()));
+        let both = |new| replace_together(&seal, || text(&seal, new).and(text(&b, new)));
+        both("1").unwrap();
+        both("2").unwrap();
+        assert_eq!((names(dir.path()), fs::read_to_string(&seal).unwrap()), (vec!["b".into(), "seal".into()], "2".into()));
+        let failed = replace_together(&seal, || {
+            text(&seal, "3")?;
+            write(&b, |_| Err(io::Error::other("the disk is full")))
+        });
+        assert!(failed.is_err());
+        assert_eq!((names(dir.path()), fs::read_to_string(&seal).unwrap()), (vec!["b".into(), "seal".into()], "2".into()));
+        // Nothing can be renamed to a folder that is not empty: as if the program were killed there.
+        fs::remove_file(&b).unwrap();
+        let killed = replace_together(&seal, || {
+            text(&seal, "4").and(text(&b, "4"))?;
+            fs::create_dir_all(b.join("full")).unwrap();
+            Ok(())
+        });
+        assert!(killed.is_err());
+        assert_eq!(names(dir.path()), [".multiscopic-seal", "b"]);
+        assert_eq!(fs::read_to_string(crate::files::output::broken_seal(&seal)).unwrap(), "2");
+        fs::remove_dir_all(&b).unwrap();
+        both("5").unwrap();
+        assert_eq!((names(dir.path()), fs::read_to_string(&seal).unwrap()), (vec!["b".into(), "seal".into()], "5".into()));
     }
 
     #[test]

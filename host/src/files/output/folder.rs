@@ -2,7 +2,10 @@
 
 use std::{fs, io, path::Path};
 
-use super::temporary::Temporary;
+use super::{
+    file::{apart, finish},
+    temporary::{Complete, Output, Temporary},
+};
 use crate::error::{Error, Result};
 
 /// Makes the folder `path`; `contents` writes its files into the folder that it is given.
@@ -18,8 +21,8 @@ pub fn write_folder<T>(path: &Path, contents: impl FnOnce(&Path) -> Result<T>) -
     check_folder(path)?;
     let failed = |source| Error::Write { path: path.into(), source };
     let temporary = Temporary::folder_beside(path).map_err(failed)?;
-    let written = contents(temporary.path())?;
-    temporary.persist(path).map_err(failed)?;
+    let written = apart(|| contents(temporary.path()))?;
+    finish(Complete { output: Output::Folder(temporary), target: path.into() }).map_err(failed)?;
     Ok(written)
 }
 
@@ -45,6 +48,7 @@ pub fn check_folder(path: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::output::{write, write_together};
 
     fn names(dir: &Path) -> Vec<String> {
         fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
@@ -72,6 +76,18 @@ mod tests {
         assert!(write_folder(&path.join("a"), write_a_file).unwrap_err().to_string().contains("is there already"));
         fs::remove_file(path.join("a")).unwrap();
         write_folder(&path, write_a_file).unwrap();
+        // Together with a file, or not at all.
+        let (other, page) = (dir.path().join("other"), dir.path().join("none/page"));
+        let together = |page: &Path| {
+            write_together(|| {
+                write_folder(&other, write_a_file)?;
+                write(page, |_| Ok(()))
+            })
+        };
+        together(&page).unwrap_err();
+        assert_eq!(names(dir.path()), ["rig"]);
+        together(&dir.path().join("page")).unwrap();
+        assert_eq!((names(dir.path()).len(), names(&other)), (3, vec!["a".into()]));
         assert!(matches!(write_folder(&dir.path().join("none/rig"), write_a_file), Err(Error::Write { .. })));
     }
 }

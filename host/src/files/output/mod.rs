@@ -4,9 +4,10 @@ mod check;
 mod destination;
 mod file;
 mod folder;
+mod leftovers;
 mod temporary;
 
 pub use check::check;
-pub use file::{write, write_together};
+pub use file::{replace_together, write, write_together};
 pub use folder::{check_folder, write_folder};
-pub use temporary::abandon;
+pub use temporary::{abandon, broken_seal};

@@ -3,8 +3,12 @@
 use std::path::Path;
 
 use saphyr::{LoadableYamlNode, Yaml};
+use saphyr_parser::{Event, Parser};
 
 use crate::error::{Error, Result};
+
+/// How deeply a calibration may be nested. Loading it recurses as deeply.
+const MAX_DEPTH: usize = 100;
 
 /// The first document of a YAML file.
 pub struct Document<'a> {
@@ -20,6 +24,9 @@ impl<'a> Document<'a> {
         }
         // OpenCV before version 5 begins with its own spelling of the directive, which is no YAML.
         let text = text.strip_prefix("%YAML:1.0").unwrap_or(text);
+        if is_deeper_than(MAX_DEPTH, text) {
+            return Err(Error::format(path, format!("more than {MAX_DEPTH} levels of YAML"), "a calibration"));
+        }
         let documents = Yaml::load_from_str(text).map_err(|error| {
             let (line, cause) = (error.marker().line(), error.info());
             Error::format(path, format!("damaged or truncated YAML (line {line}: {cause})"), "a calibration")
@@ -32,6 +39,19 @@ impl<'a> Document<'a> {
     pub fn fields(&self) -> Result<Fields<'_>> {
         Fields::of(self.path, String::new(), &self.root)
     }
+}
+
+/// Whether a YAML text is nested more deeply than `most` levels, up to where it is damaged.
+fn is_deeper_than(most: usize, text: &str) -> bool {
+    let depth = Parser::new_from_str(text).map_while(|event| event.ok()).scan(0_usize, |depth, (event, _)| {
+        match event {
+            Event::SequenceStart(..) | Event::MappingStart(..) => *depth += 1,
+            Event::SequenceEnd | Event::MappingEnd => *depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        Some(*depth)
+    });
+    depth.into_iter().any(|depth| depth > most)
 }
 
 /// The fields of a mapping.

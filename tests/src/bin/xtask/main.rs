@@ -25,7 +25,9 @@ use std::process::ExitCode;
 
 use emulation::setup;
 use firmware_checks::{capturing, cycles, faults, kernel_twins, profiles};
-use workspace_checks::{emulated_arm64, emulated_cameras, host_instructions, packaging, pages, suite, supply_chain};
+use workspace_checks::{
+    crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, soaking, suite, supply_chain,
+};
 
 /// Runs the project's checks, tests and firmware.
 #[derive(Parser)]
@@ -70,6 +72,12 @@ enum Task {
     Package,
     /// Check the licences of dependencies, the reasons for them and the count of unsafe code
     SupplyChain(supply_chain::SupplyChain),
+    /// Fuzz the readers of outside bytes, and what must equal its reference, guided by coverage
+    Fuzz(fuzzing::Fuzzing),
+    /// Kill commands at random moments, and check what they leave behind
+    Crash(crashes::Crashing),
+    /// Capture and match on simulated hardware that fails at random, and watch memory, files and threads
+    Soak(soaking::Soaking),
     /// Link the matcher alone, which fails if any path leads to a panic
     NoPanic,
 }
@@ -98,6 +106,9 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Page => pages::run_tests(),
         Task::Package => packaging::check(),
         Task::SupplyChain(check) => check.run(),
+        Task::Fuzz(fuzzing) => fuzzing.run(),
+        Task::Crash(crashing) => crashing.run(),
+        Task::Soak(soaking) => soaking.run(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Capture => capturing::run(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),

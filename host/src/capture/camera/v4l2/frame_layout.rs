@@ -21,11 +21,15 @@ impl FrameLayout {
     pub(super) fn bytes(&self) -> u64 {
         let [width, height] = self.size.map(u64::from);
         let stride = self.stride() as u64;
-        let luma = height.saturating_sub(1) * stride;
+        // A driver may claim any size. No buffer has as many bytes as the greatest number.
+        let luma = height.saturating_sub(1).saturating_mul(stride);
         match self.format {
             // One row of chroma for every two of luma.
-            PixelFormat::Nv12 => luma + height.div_ceil(2) * stride + 2 * width.div_ceil(2),
-            _ => luma + self.row_bytes() as u64,
+            PixelFormat::Nv12 => {
+                let chroma = height.div_ceil(2).saturating_mul(stride);
+                luma.saturating_add(chroma).saturating_add(2 * width.div_ceil(2))
+            }
+            _ => luma.saturating_add(self.row_bytes() as u64),
         }
     }
 

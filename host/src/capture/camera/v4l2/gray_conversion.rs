@@ -37,7 +37,7 @@ impl FrameLayout {
             return Err(CameraFault::Truncated { found, expected, layout: *self });
         }
         let [width, height] = self.size;
-        let rows = frame.chunks(self.stride()).take(height as usize).map(|row| &row[..self.row_bytes()]);
+        let rows = frame.chunks(self.stride().max(1)).take(height as usize).map(|row| &row[..self.row_bytes()]);
         let pixels = rows.flat_map(|row| row.chunks_exact(self.pixel_bytes())).map(gray).collect();
         Ok(GrayImage::from_raw(width, height, pixels).expect("every row has the width of the image"))
     }

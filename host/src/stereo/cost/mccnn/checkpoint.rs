@@ -44,11 +44,12 @@ pub fn model(bytes: &[u8]) -> Result<BTreeMap<String, Tensor>, String> {
     let Value::Dictionary(model) = state.get("model")? else {
         return Err("a model that is no dictionary".into());
     };
-    let tensor = |(name, value): &(Value, Value)| {
+    let mut tensor = |(name, value): &(Value, Value)| {
         let (Value::Text(name), Value::Tensor { storage, shape }) = (name, value) else {
             return Err("a model of more than tensors".to_string());
         };
-        let values = *storages.get(storage).ok_or_else(|| format!("no storage {storage}"))?;
+        // Each storage is for one tensor: a short file that names a long one often would take memory without end.
+        let values = storages.remove(storage).ok_or_else(|| format!("no storage {storage}, or a second use of it"))?;
         let values: Vec<f32> = values.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
         let count = shape.iter().try_fold(1usize, |count, &side| count.checked_mul(side));
         if count != Some(values.len()) {
@@ -56,5 +57,5 @@ pub fn model(bytes: &[u8]) -> Result<BTreeMap<String, Tensor>, String> {
         }
         Ok((name.to_string(), Tensor { shape: shape.clone(), values }))
     };
-    model.iter().map(tensor).collect()
+    model.iter().map(&mut tensor).collect()
 }

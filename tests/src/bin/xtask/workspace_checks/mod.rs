@@ -1,9 +1,12 @@
 //! Checks of the whole workspace, and the suites that combine all checks.
 
+pub mod crashes;
 pub mod emulated_arm64;
 pub mod emulated_cameras;
+pub mod fuzzing;
 pub mod host_instructions;
 pub mod packaging;
 pub mod pages;
+pub mod soaking;
 pub mod suite;
 pub mod supply_chain;

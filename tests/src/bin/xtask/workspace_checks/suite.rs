@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{process::Command, time::Instant};
 
-use super::{emulated_arm64, emulated_cameras, host_instructions, packaging, pages, supply_chain::SupplyChain};
+use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, supply_chain::SupplyChain};
 use crate::{
     emulation::{build, emulated_board, setup},
     firmware_checks::{capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, profiles},
@@ -87,7 +87,8 @@ fn step<T>(name: &str, run: impl FnOnce() -> Result<T>) -> Result<T> {
 }
 
 fn formatting() -> Result<()> {
-    run(&mut cargo(&["fmt", "--all", "--check"]))
+    run(&mut cargo(&["fmt", "--all", "--check"]))?;
+    run(&mut cargo(&["fmt", "--check", "--manifest-path", fuzzing::MANIFEST]))
 }
 
 fn lints() -> Result<()> {
@@ -97,7 +98,7 @@ fn lints() -> Result<()> {
         let build = ["clippy", "--package", "multiscopic", "--no-default-features", "--features", features];
         run(cargo(&build).args(["--", "-Dwarnings"]))?;
     }
-    Ok(())
+    fuzzing::lint()
 }
 
 fn test_workspace(profile: &str, selection: &[&str]) -> Result<()> {

@@ -1,0 +1,20 @@
+//! Calibrations of lenses, as TOML and as the YAML of other programs.
+
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use multiscopic::{
+    CameraModel,
+    lens::{Mount, Undistortion},
+};
+use multiscopic_fuzz::file;
+
+fuzz_target!(|bytes: &[u8]| {
+    for name in ["calibration.toml", "calibration.yaml"] {
+        if let Ok(camera) = CameraModel::read(&file(name, bytes)) {
+            // What was read can be used.
+            let undistortion = Undistortion::new(&camera, &Mount { rotation_deg: [0.5, -1.0, 2.0], focal_px: None }, [8, 6]);
+            let _ = (undistortion.place(3, 2), camera.direction([3.0, 2.0]), camera.pixel([0.1, -0.2]));
+        }
+    }
+});

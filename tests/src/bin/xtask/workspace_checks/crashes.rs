@@ -1,0 +1,53 @@
+//! Kills commands at random moments, and checks what they leave behind.
+
+use std::time::Instant;
+
+use anyhow::Result;
+use clap::Args;
+
+/// How often to kill each command.
+#[derive(Args)]
+pub struct Crashing {
+    /// Moments at which each command is killed
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    moments: usize,
+
+    /// Seed of the moments
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+}
+
+impl Crashing {
+    /// Kills all commands.
+    #[cfg(unix)]
+    pub fn run(&self) -> Result<()> {
+        use multiscopic_tests::{crashes::VICTIMS, split_mix::Random};
+
+        // Built as the runner itself, which takes no second build of everything.
+        multiscopic_tests::program::use_binary(crate::system::process::built_program("dev")?);
+        for victim in VICTIMS {
+            let start = Instant::now();
+            let tally = victim.kill(self.moments, &mut Random(self.seed));
+            println!(
+                "crash: {}: killed {} of {} runs in {:.0} s: {} left everything, {} nothing, {} a folder that is marked incomplete; \
+                 {} left temporary files, which the next run removed",
+                victim.name,
+                tally.killed,
+                self.moments,
+                start.elapsed().as_secs_f64(),
+                tally.complete,
+                tally.killed - tally.complete - tally.unsealed,
+                tally.unsealed,
+                tally.with_leftovers,
+            );
+        }
+        Ok(())
+    }
+
+    /// Reports that nothing can be killed.
+    #[cfg(not(unix))]
+    pub fn run(&self) -> Result<()> {
+        println!("crash: skipped, it needs a system of the Unix family");
+        Ok(())
+    }
+}

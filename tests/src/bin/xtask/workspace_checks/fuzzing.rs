@@ -1,0 +1,128 @@
+//! Fuzzes what reads outside bytes, and what must equal its reference.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Stdio,
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::Args;
+
+use crate::system::{
+    folders,
+    process::{command, read, run},
+};
+
+/// Instruments code for libFuzzer: counters of edges, their table, and compared values. Stable Rust does so when it is asked to directly.
+const COVERAGE: &str = "-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
+                        -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
+                        -Cllvm-args=-sanitizer-coverage-trace-compares -Dwarnings";
+/// The workspace of the targets.
+pub const MANIFEST: &str = "fuzz/Cargo.toml";
+/// The memory in megabytes that an input may take.
+const MEMORY: u32 = 2048;
+/// How long an input may take, in seconds.
+const LONGEST: u32 = 20;
+
+/// What to fuzz, and for how long.
+#[derive(Args)]
+pub struct Fuzzing {
+    /// Targets, by their names in `fuzz/targets` [default: all]
+    targets: Vec<String>,
+
+    /// Minutes for each target
+    #[arg(long, value_name = "N", default_value_t = 1.0)]
+    minutes: f64,
+
+    /// End after so many inputs, which are the same each time
+    #[arg(long, value_name = "N")]
+    runs: Option<u64>,
+}
+
+/// What came of fuzzing a target.
+struct Outcome {
+    inputs: u64,
+    time: Duration,
+    /// The edges reached, and all.
+    edges: [u64; 2],
+}
+
+impl Fuzzing {
+    /// Builds the targets and runs each.
+    pub fn run(&self) -> Result<()> {
+        let all = targets()?;
+        if let Some(unknown) = self.targets.iter().find(|target| !all.contains(target)) {
+            bail!("no target is called {unknown}; there are {}", all.join(", "));
+        }
+        let programs = build()?;
+        for target in all.iter().filter(|target| self.targets.is_empty() || self.targets.contains(target)) {
+            let Outcome { inputs, time, edges: [reached, all] } = self.fuzz(target, &programs.join(target))?;
+            let seconds = time.as_secs_f64();
+            println!("fuzz: {target}: {inputs} inputs in {seconds:.0} s reached {reached} of {all} edges");
+        }
+        Ok(())
+    }
+
+    /// Fuzzes with what was found earlier and with the seeds of the repository. New inputs are added to the former.
+    fn fuzz(&self, target: &str, program: &Path) -> Result<Outcome> {
+        let seeds = folders::root().join("fuzz/seeds").join(target);
+        let folder = folders::target().join("fuzz");
+        let (found, failed) = (folder.join("corpus").join(target), folder.join("failures"));
+        for folder in [&found, &failed] {
+            fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        }
+        let mut fuzzer = command(&program.to_string_lossy(), ["-print_final_stats=1"]);
+        fuzzer.arg(format!("-artifact_prefix={}/{target}-", failed.display()));
+        fuzzer.args([format!("-rss_limit_mb={MEMORY}"), format!("-timeout={LONGEST}")]);
+        match self.runs {
+            // Inputs that were found earlier would make each time another.
+            Some(runs) => fuzzer.arg(format!("-runs={runs}")).arg("-seed=1"),
+            None => fuzzer.arg(format!("-max_total_time={:.0}", 60.0 * self.minutes)).arg(found),
+        };
+        let start = Instant::now();
+        let output = fuzzer.arg(seeds).stdin(Stdio::null()).output().with_context(|| format!("cannot start {target}"))?;
+        let messages = String::from_utf8_lossy(&output.stderr);
+        if !output.status.success() {
+            let last: Vec<&str> = messages.lines().rev().take(40).collect();
+            bail!("{}\n{target} failed ({})", last.into_iter().rev().collect::<Vec<_>>().join("\n"), output.status);
+        }
+        let number = |label: &str| {
+            let after = messages.rsplit_once(label)?.1.trim_start();
+            after.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
+        };
+        let number = |label| number(label).with_context(|| format!("{target} does not say {label:?}"));
+        let edges = [number(" cov:")?, number("INFO: Loaded 1 modules   (")?];
+        Ok(Outcome { inputs: number("stat::number_of_executed_units:")?, time: start.elapsed(), edges })
+    }
+}
+
+/// Checks the sources of the targets, without libFuzzer.
+pub fn lint() -> Result<()> {
+    let mut clippy =
+        command("cargo", ["clippy", "--locked", "--no-default-features", "--manifest-path", MANIFEST, "--target-dir"]);
+    run(clippy.arg(folders::target()).args(["--", "-Dwarnings"]))
+}
+
+/// The names of all targets, sorted.
+fn targets() -> Result<Vec<String>> {
+    let folder = folders::root().join("fuzz/targets");
+    let entries = fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let names = entries.map(|entry| Ok(entry?.path().file_stem().context("a file's name")?.to_string_lossy().into_owned()));
+    let mut names: Vec<String> = names.collect::<Result<_>>()?;
+    names.sort();
+    ensure!(!names.is_empty(), "no targets in {}", folder.display());
+    Ok(names)
+}
+
+/// Builds all targets in a folder of their own, and returns the one of the programs.
+fn build() -> Result<PathBuf> {
+    let version = read(&mut command("rustc", ["-vV"]))?;
+    let host = version.lines().find_map(|line| line.strip_prefix("host: ")).context("rustc does not tell its host")?;
+    let folder = folders::target().join("fuzz");
+    // With a target, build scripts and macros are not instrumented.
+    let mut cargo = command("cargo", ["build", "--release", "--locked", "--manifest-path", MANIFEST, "--target", host]);
+    run(cargo.arg("--target-dir").arg(&folder).env("RUSTFLAGS", COVERAGE))?;
+    Ok(folder.join(host).join("release"))
+}

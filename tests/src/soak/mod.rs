@@ -1,0 +1,118 @@
+//! Captures and matches over and over, on simulated hardware that fails at random, in one process whose resources are watched.
+
+mod eye;
+mod rig;
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    sync::Mutex,
+    thread,
+    time::{Duration, Instant},
+};
+
+use crate::split_mix::Random;
+use rig::Rig;
+
+/// How many captures of ten have a trouble.
+const TROUBLED: usize = 3;
+/// How much memory may grow after the first rounds, in KiB: the allocator's own fragments.
+const GROWTH_KIB: u64 = 8 * 1024;
+/// How long threads and connections that are closed may take to be gone.
+const CLOSING: Duration = Duration::from_secs(10);
+
+/// How many captures, and on how many rigs at once.
+#[derive(Clone, Copy, Debug)]
+pub struct Soak {
+    /// Captures in all, rounded up to whole rounds.
+    pub captures: usize,
+    /// Rigs that capture at the same time.
+    pub rigs: usize,
+    /// Captures of each rig between two looks at the process.
+    pub captures_per_round: usize,
+    /// Seed of the troubles.
+    pub seed: u64,
+}
+
+/// What the process takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Usage {
+    /// Captures so far.
+    pub captures: usize,
+    /// Resident memory in KiB.
+    pub resident_kib: u64,
+    /// Open files, sockets and terminals.
+    pub descriptors: usize,
+    /// Threads.
+    pub threads: usize,
+}
+
+/// How many captures had each trouble.
+pub type Troubles = BTreeMap<&'static str, usize>;
+
+impl Soak {
+    /// Captures until all are done. Tells `observe` what the process takes after each round, when all rigs are at rest. Panics if anything is
+    /// not as it should be.
+    pub fn run(&self, mut observe: impl FnMut(&Usage)) -> Troubles {
+        let rigs: Vec<(Rig, Mutex<Random>)> =
+            (0..self.rigs).map(|number| (Rig::start(number), Mutex::new(Random(self.seed + number as u64)))).collect();
+        let counts = Mutex::new(Troubles::new());
+        let troubles = &counts;
+        let mut usages: Vec<Usage> = Vec::new();
+        let rounds = self.captures.div_ceil(self.rigs * self.captures_per_round);
+        for round in 1..=rounds {
+            thread::scope(|scope| {
+                for (rig, random) in &rigs {
+                    scope.spawn(move || {
+                        let mut random = random.lock().expect("no other round runs");
+                        for _ in 0..self.captures_per_round {
+                            let trouble = (random.below(10) < TROUBLED).then(|| rig.trouble(&mut random));
+                            rig.capture(trouble, &mut random);
+                            let name = trouble.map_or("none", rig::Trouble::name);
+                            *troubles.lock().expect("no panic while it is locked").entry(name).or_default() += 1;
+                        }
+                    });
+                }
+            });
+            let captures = round * self.rigs * self.captures_per_round;
+            let usage = Usage::settled(captures, usages.first());
+            observe(&usage);
+            usages.push(usage);
+        }
+        // The first half warms up.
+        let [first, half, last] = [usages[0], usages[usages.len() / 2], usages[usages.len() - 1]];
+        assert_eq!((last.descriptors, last.threads), (first.descriptors, first.threads), "descriptors and threads, {usages:?}");
+        assert!(last.resident_kib <= half.resident_kib + GROWTH_KIB, "memory grows: {usages:?}");
+        counts.into_inner().expect("no thread is left")
+    }
+}
+
+impl Usage {
+    fn now(captures: usize) -> Usage {
+        let status = fs::read_to_string("/proc/self/status").expect("Linux tells");
+        let number = |label: &str| {
+            let line = status.lines().find_map(|line| line.strip_prefix(label)).expect("Linux tells");
+            line.split_whitespace().next().and_then(|number| number.parse().ok()).expect("a number")
+        };
+        let descriptors = fs::read_dir("/proc/self/fd").expect("Linux tells").count();
+        Usage { captures, resident_kib: number("VmRSS:"), descriptors, threads: number("Threads:") as usize }
+    }
+
+    /// What the process takes once it takes no more files and threads than at `first`.
+    fn settled(captures: usize, first: Option<&Usage>) -> Usage {
+        let start = Instant::now();
+        let mut before = Usage::now(captures);
+        loop {
+            thread::sleep(Duration::from_millis(100));
+            let now = Usage::now(captures);
+            let is_settled = match first {
+                Some(first) => (now.descriptors, now.threads) == (first.descriptors, first.threads),
+                None => (now.descriptors, now.threads) == (before.descriptors, before.threads) && start.elapsed() > CLOSING / 5,
+            };
+            if is_settled || start.elapsed() > CLOSING {
+                return now;
+            }
+            before = now;
+        }
+    }
+}

@@ -1,7 +1,7 @@
 """From nothing to weights: scenes, features, training, weights in whole numbers, metrics.
 
     cargo build --release -p multiscopic --bin multiscopic
-    python train/run.py --program target/release/multiscopic --folder out/train --minutes 75
+    python train/run.py --program target/release/multiscopic --folder out/train
 
 A run that was stopped goes on where it was.
 """
@@ -19,18 +19,16 @@ HERE = Path(__file__).parent
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--program", type=Path, required=True)
-    parser.add_argument("--folder", type=Path, required=True, help="for scenes, features and checkpoints: 5 GB")
-    parser.add_argument("--minutes", type=float, default=75, help="how long training takes")
-    parser.add_argument("--steps", type=int, help="how many steps training takes, instead")
+    parser.add_argument("--folder", type=Path, required=True, help="for scenes, features and checkpoints: 9 GB")
+    parser.add_argument("--steps", type=int, default=30_000, help="how many steps training takes: about an hour on two cores")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
 
     scenes.make(options.program, options.folder, options.threads)
     run, weights = options.folder / "run", options.folder / "network.weights"
-    end = ["--steps", options.steps] if options.steps else ["--minutes", options.minutes]
     commands = [
-        ["train.py", options.folder, "--run", run, *end, "--seed", options.seed, "--processes", options.threads],
+        ["train.py", options.folder, "--run", run, "--steps", options.steps, "--seed", options.seed, "--processes", options.threads],
         ["export.py", run / "checkpoint.pt", weights, "--calibrate", options.folder],
         ["curves.py", run / "log.jsonl", run / "curves.svg"],
         ["check.py", run / "checkpoint.pt", weights, options.folder],

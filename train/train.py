@@ -1,7 +1,6 @@
 """Trains the network on features of made-up scenes.
 
-The learning rate rises, then falls along a cosine to the end, which is a number of steps or of minutes. A run that was stopped
-goes on from its last checkpoint.
+The learning rate rises, then falls along a cosine to the end. A run that was stopped goes on from its last checkpoint.
 """
 
 import argparse
@@ -99,12 +98,8 @@ class Run:
             file.write(line + "\n")
 
     def part(self):
-        """How much of the training is done, from 0 to 1, as the first process sees it."""
-        options = self.options
-        part = self.step / options.steps if options.steps else self.elapsed / 60 / options.minutes
-        part = torch.tensor([part], dtype=torch.float64)
-        dist.broadcast(part, 0)
-        return float(part)
+        """How much of the training is done, from 0 to 1."""
+        return self.step / self.options.steps
 
     def learn(self, batch, part):
         """A step of the optimizer. Returns the loss and the size of its gradient."""
@@ -169,9 +164,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path, help="scenes and features, as scenes.py makes them")
     parser.add_argument("--run", type=Path, required=True, help="folder for checkpoints and the log")
-    end = parser.add_mutually_exclusive_group(required=True)
-    end.add_argument("--steps", type=int)
-    end.add_argument("--minutes", type=float)
+    parser.add_argument("--steps", type=int, required=True)
     parser.add_argument("--batch", type=int, default=2)
     parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--seed", type=int, default=1)

@@ -148,7 +148,8 @@ pub fn persist_sealed(mut outputs: Vec<Complete>, seal: Option<&Path>) -> Result
         }
         None => None,
     };
-    let renamed = outputs.into_iter().try_for_each(|Complete { output, target }| {
+    let mut outputs = outputs.into_iter();
+    let renamed = outputs.try_for_each(|Complete { output, target }| {
         let (of_output, renamed) = output.persist(&target);
         listed.push(of_output);
         renamed.map_err(|error| (target, error))
@@ -157,7 +158,7 @@ pub fn persist_sealed(mut outputs: Vec<Complete>, seal: Option<&Path>) -> Result
         // Nobody reads it while there is a seal.
         let _ = fs::remove_file(broken);
     }
-    // What is listed takes the lock when it is dropped.
+    // What is listed takes the lock when it is dropped, as do the outputs that are left.
     drop(guard);
     renamed
 }

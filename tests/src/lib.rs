@@ -5,7 +5,7 @@
 //! | [`split_mix`] | random numbers that are the same everywhere |
 //! | `reference` | the definitions that the product is compared with |
 //! | [`program`] | the command line as a process |
-//! | `crashes` | commands that are killed at random moments |
+//! | `killed_commands` | commands that are killed at random moments |
 //! | [`test_images`] | images and matches: golden, random, drawn and real |
 //! | [`simulated`] | arms, machines and cameras, with faults on demand |
 //! | `soak` | captures over and over on that hardware |
@@ -14,7 +14,7 @@
 #[cfg(feature = "xtask")]
 pub mod architecture;
 #[cfg(unix)]
-pub mod crashes;
+pub mod killed_commands;
 pub mod program;
 pub mod reference;
 pub mod simulated;

@@ -1,7 +1,7 @@
 //! Captures and matches over and over, on simulated hardware that fails at random, in one process whose resources are watched.
 
 mod eye;
-mod rig;
+mod failing_rig;
 
 use std::{
     collections::BTreeMap,
@@ -12,7 +12,7 @@ use std::{
 };
 
 use crate::split_mix::Random;
-use rig::Rig;
+use failing_rig::FailingRig;
 
 /// How many captures of ten have a trouble.
 const TROUBLED: usize = 3;
@@ -54,8 +54,8 @@ impl Soak {
     /// Captures until all are done. Tells `observe` what the process takes after each round, when all rigs are at rest. Panics if anything is
     /// not as it should be.
     pub fn run(&self, mut observe: impl FnMut(&Usage)) -> Troubles {
-        let rigs: Vec<(Rig, Mutex<Random>)> =
-            (0..self.rigs).map(|number| (Rig::start(number), Mutex::new(Random(self.seed + number as u64)))).collect();
+        let rigs: Vec<(FailingRig, Mutex<Random>)> =
+            (0..self.rigs).map(|number| (FailingRig::start(number), Mutex::new(Random(self.seed + number as u64)))).collect();
         let counts = Mutex::new(Troubles::new());
         let troubles = &counts;
         let mut usages: Vec<Usage> = Vec::new();
@@ -68,7 +68,7 @@ impl Soak {
                         for _ in 0..self.captures_per_round {
                             let trouble = (random.below(10) < TROUBLED).then(|| rig.trouble(&mut random));
                             rig.capture(trouble, &mut random);
-                            let name = trouble.map_or("none", rig::Trouble::name);
+                            let name = trouble.map_or("none", failing_rig::Trouble::name);
                             *troubles.lock().expect("no panic while it is locked").entry(name).or_default() += 1;
                         }
                     });

@@ -12,7 +12,7 @@ use std::{
 
 use image::GrayImage;
 use multiscopic_tests::{
-    crashes::{VICTIMS, Victim, Want},
+    killed_commands::{VICTIMS, Victim, Want},
     program::{self, Invocation},
     split_mix::Random,
 };

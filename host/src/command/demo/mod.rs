@@ -107,7 +107,7 @@ impl Demo {
         let camera = PinholeCamera::new(self.width, self.height);
         let shot = render_views(&Scene::demo(), &camera, views, self.seed);
         bar.inc(1);
-        let frames = shot.frames(views);
+        let frames = shot.color_frames();
         let subject = Subject { dataset: "demo", scene: "demo", camera_steps: None, frames: &frames, truth: &shot.truth };
         bar.set_message("matching");
         let mut outcomes = Vec::new();

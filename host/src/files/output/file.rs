@@ -9,7 +9,7 @@ use std::{
 
 use super::{
     destination::Destination,
-    temporary::{Complete, Output, Temporary, persist_all, persist_sealed},
+    temporary::{Complete, Temporary, Written, persist_all, persist_sealed},
 };
 use crate::error::{Error, Result};
 
@@ -109,7 +109,7 @@ fn replace(
     if let Some(permissions) = permissions {
         temporary.file().set_permissions(permissions)?;
     }
-    finish(Complete { output: Output::File(temporary), target: target.to_owned() })
+    finish(Complete { output: Written::File(temporary), target: target.to_owned() })
 }
 
 fn fill(file: &mut File, contents: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {

@@ -4,7 +4,7 @@ use std::{fs, io, path::Path};
 
 use super::{
     file::{apart, finish},
-    temporary::{Complete, Output, Temporary},
+    temporary::{Complete, Temporary, Written},
 };
 use crate::error::{Error, Result};
 
@@ -22,7 +22,7 @@ pub fn write_folder<T>(path: &Path, contents: impl FnOnce(&Path) -> Result<T>) -
     let failed = |source| Error::Write { path: path.into(), source };
     let temporary = Temporary::folder_beside(path).map_err(failed)?;
     let written = apart(|| contents(temporary.path()))?;
-    finish(Complete { output: Output::Folder(temporary), target: path.into() }).map_err(failed)?;
+    finish(Complete { output: Written::Folder(temporary), target: path.into() }).map_err(failed)?;
     Ok(written)
 }
 

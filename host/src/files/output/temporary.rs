@@ -84,35 +84,35 @@ impl Temporary<TempDir> {
 #[derive(Debug)]
 pub struct Complete {
     /// What is written.
-    pub output: Output,
+    pub output: Written,
     /// Its final name.
     pub target: PathBuf,
 }
 
 /// What [`Complete`] can be.
 #[derive(Debug)]
-pub enum Output {
+pub enum Written {
     /// A file.
     File(Temporary<NamedTempFile>),
     /// A folder.
     Folder(Temporary<TempDir>),
 }
 
-impl Output {
+impl Written {
     fn path(&self) -> &Path {
         match self {
-            Output::File(file) => file.inner.path(),
-            Output::Folder(folder) => folder.path(),
+            Written::File(file) => file.inner.path(),
+            Written::Folder(folder) => folder.path(),
         }
     }
 
     /// Gives it its final name. What is returned takes the lock of the list when it is dropped.
     fn persist(self, target: &Path) -> (Listed, io::Result<()>) {
         match self {
-            Output::File(Temporary { inner, _listed, .. }) => {
+            Written::File(Temporary { inner, _listed, .. }) => {
                 (_listed, inner.persist(target).map(drop).map_err(|error| error.error))
             }
-            Output::Folder(Temporary { inner, _listed, _folder }) => {
+            Written::Folder(Temporary { inner, _listed, _folder }) => {
                 let renamed = fs::rename(inner.path(), target);
                 if renamed.is_ok() {
                     // There is nothing left to delete.

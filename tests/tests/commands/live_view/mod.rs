@@ -12,12 +12,12 @@ use multiscopic_tests::program::Invocation;
 use page_server::PageServer;
 use serde_json::json;
 
-/// A rig of the demo's scene.
+/// A rig of a made-up scene.
 fn rig(folder: &Path) -> String {
-    let rig = folder.join("rig").to_str().unwrap().to_owned();
+    let scenes = folder.join("rig").to_str().unwrap().to_owned();
     let size = ["--random", "--seed", "3", "--size", "160x120", "--views", "4"];
-    Invocation::new(["scene"].into_iter().chain(size).chain(["-o", &rig])).assert_done();
-    rig
+    Invocation::new(["scene"].into_iter().chain(size).chain(["-o", &scenes])).assert_done();
+    scenes + "/0000"
 }
 
 #[test]

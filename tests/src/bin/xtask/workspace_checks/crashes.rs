@@ -21,7 +21,7 @@ impl Crashing {
     /// Kills all commands.
     #[cfg(unix)]
     pub fn run(&self) -> Result<()> {
-        use multiscopic_tests::{crashes::VICTIMS, split_mix::Random};
+        use multiscopic_tests::{killed_commands::VICTIMS, split_mix::Random};
 
         // Built as the runner itself, which takes no second build of everything.
         multiscopic_tests::program::use_binary(crate::system::process::built_program("dev")?);

@@ -110,21 +110,21 @@ enum Mover {
 }
 
 /// A camera and what moves it.
-pub struct Rig {
+pub struct FailingRig {
     mover: Mover,
     blindness: SharedBlindness,
 }
 
-impl Rig {
+impl FailingRig {
     /// One of several kinds of rigs in turn.
-    pub fn start(number: usize) -> Rig {
+    pub fn start(number: usize) -> FailingRig {
         let machine = |firmware| Mover::Machine(Arc::new(SimulatedMachine::start(firmware, START, Duration::ZERO)));
         let mover = match number % 4 {
             0 | 1 => Mover::Arm(Arc::new(SimulatedArm::start(DOWN))),
             2 => machine(Firmware::Grbl),
             _ => machine(Firmware::Marlin),
         };
-        Rig { mover, blindness: SharedBlindness::default() }
+        FailingRig { mover, blindness: SharedBlindness::default() }
     }
 
     /// What may go wrong with it.

@@ -1,5 +1,19 @@
-use multiscopic::{DisparityMap, Frames, Result};
+use multiscopic::{DisparityMap, Engine, Frames, Method, Result, stereo, stereo::refinement};
+use multiscopic_core::{Fusion, Search};
 
-pub fn disparities(_: &Frames) -> Result<DisparityMap> {
-    unimplemented!()
+/// The disparities of frames without distortion, by what `multiscopic tune` found.
+pub fn disparities(frames: &Frames) -> Result<DisparityMap> {
+    let [width, height] = frames.size().map(|side| side as u16);
+    let search = Search::new(width, height, frames.views(), Fusion::Mean, -2, 40)?;
+    let cost = stereo::CostFunction::Sad { block_size: 9 };
+    let optimizer = stereo::Optimizer::WinnerTakesAll;
+    let mut method = Method::new(cost, None, optimizer);
+    method.refinement.uniqueness = Some(5);
+    method.refinement.left_right = Some(2);
+    method.refinement.texture = Some(refinement::TextureThreshold { threshold: 100, block_size: 9 });
+    method.refinement.median = Some(refinement::Median::new(5)?);
+    method.refinement.speckles = Some(refinement::Speckles { window_size: 30, range: 2 });
+    method.refinement.sub_pixel = Some(refinement::LucasKanade);
+    method.refinement.min_confidence = Some(77);
+    method.disparities(&Engine::new(None, 0)?, frames, &search, &())
 }

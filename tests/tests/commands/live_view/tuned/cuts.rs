@@ -1,5 +1,18 @@
-use multiscopic::{DisparityMap, Frames, Result};
+use multiscopic::{DisparityMap, Engine, Frames, Method, Result, stereo};
+use multiscopic_core::{Fusion, Search};
 
-pub fn disparities(_: &Frames) -> Result<DisparityMap> {
-    unimplemented!()
+/// The disparities of frames without distortion, by what `multiscopic tune` found.
+pub fn disparities(frames: &Frames) -> Result<DisparityMap> {
+    let [width, height] = frames.size().map(|side| side as u16);
+    let search = Search::new(width, height, frames.views(), Fusion::Heuristic, 1, 16)?;
+    let cost = stereo::CostFunction::BirchfieldTomasi(stereo::cost::BirchfieldTomasi { color: true });
+    let mut cuts = multiscopic::GraphCuts::default();
+    cuts.occlusion = Some(12.0);
+    cuts.lambda = [Some(4.0), None];
+    cuts.smoothness = stereo::optimization::graph_cuts::Smoothness::Potts;
+    cuts.start_block_size = 7;
+    cuts.sweeps = 2;
+    let optimizer = stereo::Optimizer::GraphCuts(cuts);
+    let method = Method::new(cost, None, optimizer);
+    method.disparities(&Engine::new(None, 0)?, frames, &search, &())
 }

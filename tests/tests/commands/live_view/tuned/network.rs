@@ -1,5 +1,12 @@
-use multiscopic::{DisparityMap, Frames, Result};
+use multiscopic::{DisparityMap, Engine, Frames, Method, Result, stereo::refinement};
+use multiscopic_core::{Fusion, Search};
 
-pub fn disparities(_: &Frames) -> Result<DisparityMap> {
-    unimplemented!()
+/// The disparities of frames without distortion, by what `multiscopic tune` found.
+pub fn disparities(frames: &Frames) -> Result<DisparityMap> {
+    let [width, height] = frames.size().map(|side| side as u16);
+    let search = Search::new(width, height, frames.views(), Fusion::Heuristic, 1, 40)?;
+    let mut method = Method::net();
+    method.refinement.sub_pixel = Some(refinement::LucasKanade);
+    method.refinement.fill = Some(refinement::BackgroundFill);
+    method.disparities(&Engine::new(None, 0)?, frames, &search, &())
 }

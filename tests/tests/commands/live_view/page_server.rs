@@ -1,7 +1,7 @@
 //! The program as a server, and clients that say whatever they like.
 
 use std::{
-    io::{BufRead, BufReader, Read, Write},
+    io::{BufRead, BufReader, ErrorKind, Read, Write},
     net::TcpStream,
     process::{Child, Command, Stdio},
     time::Duration,
@@ -11,7 +11,7 @@ use multiscopic_tests::program;
 use serde_json::Value;
 
 /// The time within which a server must answer.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(20);
 
 /// A server that runs until it is dropped.
 pub struct PageServer {
@@ -77,7 +77,19 @@ impl PageServer {
         (head.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or_default(), stream)
     }
 
-    /// A socket like that of the page.
+    /// A socket of a page that says that it is there, as browsers do.
+    pub fn page(&self) -> PageSocket {
+        let socket = self.socket();
+        let mut other = PageSocket(socket.0.try_clone().unwrap());
+        std::thread::spawn(move || {
+            while other.send(10, b"") {
+                std::thread::sleep(Duration::from_secs(2));
+            }
+        });
+        socket
+    }
+
+    /// A socket that only says what the test says.
     pub fn socket(&self) -> PageSocket {
         let (status, stream) = self.handshake(&format!("{}socket", self.path), Some(&format!("http://{}", self.host)));
         assert_eq!(status, 101, "the socket is accepted");
@@ -175,11 +187,13 @@ impl PageSocket {
 
     /// Whether the server closes it without being asked to.
     pub fn is_closed_by_server(&mut self) -> bool {
-        loop {
-            match self.receive() {
-                Some((8, _)) | None => return true,
-                Some(_) => {}
+        while let Some((code, _)) = self.receive() {
+            if code == 8 {
+                return true;
             }
         }
+        // Nothing was read because the socket has ended, not because time has passed.
+        let ended = self.0.read(&mut [0]).map_err(|error| error.kind());
+        matches!(ended, Ok(0) | Err(ErrorKind::ConnectionReset | ErrorKind::BrokenPipe))
     }
 }

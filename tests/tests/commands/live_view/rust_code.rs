@@ -63,7 +63,7 @@ fn the_code_on_the_page_computes_what_the_command_computes() {
     let rig = Rig::load(Path::new(&folder)).unwrap();
     let (frames, _) = Frames::load(&rig.images.within(Path::new(&folder))).unwrap();
     let server = PageServer::start(&["tune", &folder]);
-    let mut socket = server.socket();
+    let mut socket = server.page();
     for (settings, code, disparities) in cases() {
         socket.ask(settings.clone());
         let plan = socket.notice("plan", |contents| contents["settings"] == settings);

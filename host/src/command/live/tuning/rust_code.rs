@@ -100,9 +100,15 @@ fn optimizer(optimizer: &Optimizer) -> Option<Vec<String>> {
         ],
         Optimizer::GraphCuts(cuts) => {
             let changes = graph_cuts_lines(cuts);
-            let mutable = if changes.is_empty() { "" } else { "mut " };
-            let mut lines = vec![format!("let {mutable}cuts = multiscopic::GraphCuts::default();")];
-            lines.extend(changes);
+            let mut lines = Vec::new();
+            if changes.is_empty() {
+                lines.push("let cuts = multiscopic::GraphCuts::default();".into());
+            } else {
+                lines.push("let cuts = multiscopic::GraphCuts {".into());
+                lines.extend(changes.into_iter().map(|change| format!("    {change},")));
+                lines.push("    ..multiscopic::GraphCuts::default()".into());
+                lines.push("};".into());
+            }
             lines.push("let optimizer = stereo::Optimizer::GraphCuts(cuts);".into());
             lines
         }
@@ -110,22 +116,20 @@ fn optimizer(optimizer: &Optimizer) -> Option<Vec<String>> {
     })
 }
 
-/// What differs from the defaults of graph cuts.
+/// The fields that differ from the defaults of graph cuts.
 fn graph_cuts_lines(cuts: &GraphCuts) -> Vec<String> {
     let default = GraphCuts::default();
-    let mut lines = Vec::new();
-    let mut set = |is_default: bool, text: String| {
-        if !is_default {
-            lines.push(format!("cuts.{text};"));
-        }
-    };
-    set(cuts.occlusion == default.occlusion, format!("occlusion = {:?}", cuts.occlusion));
-    set(cuts.lambda == default.lambda, format!("lambda = {:?}", cuts.lambda));
-    let smoothness = format!("smoothness = stereo::optimization::graph_cuts::Smoothness::{:?}", cuts.smoothness);
-    set(cuts.smoothness == default.smoothness, smoothness);
-    set(cuts.start_block_size == default.start_block_size, format!("start_block_size = {}", cuts.start_block_size));
-    set(cuts.sweeps == default.sweeps, format!("sweeps = {}", cuts.sweeps));
-    lines
+    let smoothness = format!("smoothness: stereo::optimization::graph_cuts::Smoothness::{:?}", cuts.smoothness);
+    [
+        (cuts.occlusion != default.occlusion).then(|| format!("occlusion: {:?}", cuts.occlusion)),
+        (cuts.lambda != default.lambda).then(|| format!("lambda: {:?}", cuts.lambda)),
+        (cuts.smoothness != default.smoothness).then_some(smoothness),
+        (cuts.start_block_size != default.start_block_size).then(|| format!("start_block_size: {}", cuts.start_block_size)),
+        (cuts.sweeps != default.sweeps).then(|| format!("sweeps: {}", cuts.sweeps)),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }
 
 /// The fields of the refinement that are set.

@@ -6,12 +6,14 @@ pub fn disparities(frames: &Frames) -> Result<DisparityMap> {
     let [width, height] = frames.size().map(|side| side as u16);
     let search = Search::new(width, height, frames.views(), Fusion::Heuristic, 1, 16)?;
     let cost = stereo::CostFunction::BirchfieldTomasi(stereo::cost::BirchfieldTomasi { color: true });
-    let mut cuts = multiscopic::GraphCuts::default();
-    cuts.occlusion = Some(12.0);
-    cuts.lambda = [Some(4.0), None];
-    cuts.smoothness = stereo::optimization::graph_cuts::Smoothness::Potts;
-    cuts.start_block_size = 7;
-    cuts.sweeps = 2;
+    let cuts = multiscopic::GraphCuts {
+        occlusion: Some(12.0),
+        lambda: [Some(4.0), None],
+        smoothness: stereo::optimization::graph_cuts::Smoothness::Potts,
+        start_block_size: 7,
+        sweeps: 2,
+        ..multiscopic::GraphCuts::default()
+    };
     let optimizer = stereo::Optimizer::GraphCuts(cuts);
     let method = Method::new(cost, None, optimizer);
     method.disparities(&Engine::new(None, 0)?, frames, &search, &())

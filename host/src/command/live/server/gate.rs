@@ -114,8 +114,8 @@ mod tests {
         let host = (HOST, "127.0.0.1:4000");
         let own = headers(&[host.clone(), (ORIGIN, "http://127.0.0.1:4000")]);
         assert_eq!((gate.refusal(&own), gate.refusal_of_socket(&own)), (None, None));
-        assert_eq!(gate.refusal(&headers(&[host.clone()])), None);
-        assert!(gate.refusal_of_socket(&headers(&[host.clone()])).is_some());
+        assert_eq!(gate.refusal(&headers(std::slice::from_ref(&host))), None);
+        assert!(gate.refusal_of_socket(&headers(std::slice::from_ref(&host))).is_some());
         for origin in ["null", "https://127.0.0.1:4000", "http://localhost:4000", "http://127.0.0.1:4001", "http://evil.example"]
         {
             assert!(gate.refusal(&headers(&[host.clone(), (ORIGIN, origin)])).is_some(), "{origin}");

@@ -7,16 +7,19 @@
 use std::{fmt, hint::black_box, sync::LazyLock, thread};
 
 use divan::{Bencher, counter::ItemsCount};
+use image::RgbImage;
 use multiscopic::{
-    Engine, Frames, Simd,
+    DisparityMap, Engine, Frames, Simd,
+    images::{Picture, Raster},
     scene::{PinholeCamera, Scene, render},
-    stereo::Task,
+    stereo::{Task, refinement::Smoother},
 };
 use multiscopic_core::{
-    Fusion, Params, Views,
+    Disparity, Fusion, Params, Views,
     kernel::{Block, Blocks, Change, Column, Isa, Kernel, Rule, Work},
 };
 use multiscopic_tests::split_mix::Random;
+use rayon::ThreadPoolBuilder;
 
 const DISPARITIES: u16 = 64;
 const BLOCK_SIZE: u8 = 11;
@@ -78,6 +81,19 @@ fn refinement(bencher: Bencher, case: Case) {
 fn threads(bencher: Bencher, threads: usize) {
     let simd = Simd::fastest(DISPARITIES.into());
     bench_match(bencher, Case { simd, views: Views::CROSS, fusion: Fusion::Heuristic }, threads, DISPARITIES, BLOCK_SIZE);
+}
+
+/// The smoother on a whole frame in colour, on the calling thread.
+#[divan::bench(sample_count = 12, sample_size = 1)]
+fn smoother(bencher: Bencher) {
+    let [width, height] = [1390, 1110];
+    let disparities = noise(width * height).into_iter().map(|d| Disparity::from_bits(i16::from(d) * 16));
+    let map = DisparityMap::new(width, height, disparities.collect());
+    let confidence = Raster::new(width, height, noise(width * height));
+    let guide = RgbImage::from_raw(width as u32, height as u32, noise(3 * width * height)).expect("a picture");
+    let guide = Picture::Rgb(guide);
+    let pool = ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    bencher.bench_local(|| pool.install(|| Smoother::DEFAULT.apply(&map, &confidence, &guide)));
 }
 
 fn bench_match(bencher: Bencher, case: Case, threads: usize, disparities: u16, block_size: u8) {

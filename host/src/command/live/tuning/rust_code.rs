@@ -7,7 +7,7 @@ use multiscopic::{
     stereo::{
         CostFunction, Optimizer,
         cost::BirchfieldTomasi,
-        refinement::{Refinement, Speckles, TextureThreshold},
+        refinement::{Refinement, Smoother, Speckles, TextureThreshold},
     },
 };
 
@@ -151,7 +151,10 @@ fn refinement_lines(refinement: &Refinement) -> Vec<String> {
         speckles,
         sub_pixel.map(|_| "sub_pixel = Some(refinement::LucasKanade)".into()),
         min_confidence.map(|least| format!("min_confidence = Some({least})")),
-        smoother.map(|_| "smoother = Some(refinement::Smoother::DEFAULT)".into()),
+        smoother.map(|smoother| {
+            let values = if smoother == Smoother::GRAPH_CUTS { "GRAPH_CUTS" } else { "DEFAULT" };
+            format!("smoother = Some(refinement::Smoother::{values})")
+        }),
         fill.map(|_| "fill = Some(refinement::BackgroundFill)".into()),
     ]
     .into_iter()

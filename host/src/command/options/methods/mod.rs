@@ -135,6 +135,6 @@ impl MethodOptions {
             MethodName::Net => Method::net(),
         };
         let block_size = block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
-        Ok(method.with_refinement(refinement.refinement(block_size, name == MethodName::Net)?))
+        Ok(method.with_refinement(refinement.refinement(name, block_size)?))
     }
 }

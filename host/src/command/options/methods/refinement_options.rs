@@ -9,6 +9,7 @@ use multiscopic::{
     },
 };
 
+use super::MethodName;
 use crate::command::options::{
     named::{Named, named},
     value::{point, probability},
@@ -121,8 +122,10 @@ impl RefinementOptions {
         self.texture_threshold.is_some()
     }
 
-    /// The refinement, with a sub-pixel step by default or not. Texture counts in blocks of `block_size`.
-    pub fn refinement(&self, block_size: u8, sharpens: bool) -> Result<Refinement> {
+    /// The refinement of a method, with its defaults. Texture counts in blocks of `block_size`.
+    pub fn refinement(&self, name: MethodName, block_size: u8) -> Result<Refinement> {
+        let sharpens = name == MethodName::Net;
+        let smoother = if name == MethodName::Gc { Smoother::GRAPH_CUTS } else { Smoother::DEFAULT };
         let speckles = |window_size| Speckles { window_size, range: self.speckle_range };
         Ok(Refinement {
             uniqueness: self.uniqueness_ratio,
@@ -132,7 +135,7 @@ impl RefinementOptions {
             sub_pixel: self.sub_pixel.map_or(sharpens, |name| name == SubPixelName::LucasKanade).then_some(LucasKanade),
             median: self.median.map(Median::new).transpose()?,
             bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
-            smoother: self.smooth.then_some(Smoother::DEFAULT),
+            smoother: self.smooth.then_some(smoother),
             fill: self.fill.map(|FillName::Background| BackgroundFill),
             min_confidence: self.min_confidence.map(confidence_map::of_probability),
         })

@@ -9,7 +9,7 @@ use multiscopic::{
     },
 };
 
-use super::MethodName;
+use super::method_name::MethodName;
 use crate::command::options::{
     named::{Named, named},
     value::{point, probability},

@@ -21,7 +21,9 @@ use multiscopic::{
 use multiscopic_core::{Frame, Search};
 
 use self::map_folder::MapFile;
-pub use self::matched_map::{command_line, matched_map, shell_line};
+#[cfg(feature = "live")]
+pub use self::matched_map::shell_line;
+pub use self::matched_map::{command_line, matched_map};
 use super::{
     options::{
         BitsOption, EngineOptions, GeometryOptions, MethodName, MethodOptions, Named, SearchOptions, Source, named, output_file,

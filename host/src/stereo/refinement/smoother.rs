@@ -445,7 +445,7 @@ mod tests {
             let picture = Picture::Gray(GrayImage::from_raw(width as u32, height as u32, guide.clone()).unwrap());
             let (found, _) = smoother.apply(&map, &confidence, &picture).unwrap();
             let error = worst(&mut found.to_float().into_pixels().into_iter());
-            assert!(error < 0.25, "{error}: {width}x{height}, few iterations");
+            assert!(error < 0.3, "{error}: {width}x{height}, few iterations");
         }
     }
 

@@ -7,7 +7,7 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::stereo::{CostFunction, LongBaselines, Optimizer, confidence_map::ConfidenceMap, network::Inputs};
+use multiscopic::stereo::{LongBaselines, confidence_map::ConfidenceMap, network::Inputs};
 use multiscopic::{
     DisparityMap, Error, Geometry, Picture, Result,
     files::{
@@ -25,6 +25,9 @@ use super::{
     terminal::{self, Watch},
     view,
 };
+
+/// Matches that take more megabytes say so beforehand.
+const MUCH_MEMORY: u64 = 1000;
 
 /// Estimates the disparity of each pixel of a centre image by matching it with its neighbours
 #[derive(Clone, Debug, Args)]
@@ -128,13 +131,9 @@ impl Match {
         if !method.needs_color() {
             frames = frames.without_color();
         }
-        if let (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) = (&method.cost, &method.optimizer)
-            && cuts.upsample > 1
-        {
-            let colored = frames.color(Frame::Center).is_some();
-            let bytes = cuts.bytes(*cost, search.width() * search.height(), search.views().len(), colored);
-            let megabytes = bytes.div_ceil(1_000_000);
-            terminal::say(&format!("matching at {} times the size takes about {megabytes} MB of memory", cuts.upsample));
+        let megabytes = method.bytes(&search, &frames).div_ceil(1_000_000);
+        if megabytes >= MUCH_MEMORY {
+            terminal::say(&format!("matching takes about {megabytes} MB of memory"));
         }
         let watch = Watch::new();
         let start = Instant::now();

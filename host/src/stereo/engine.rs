@@ -16,6 +16,7 @@ use crate::{
 pub struct Engine {
     simd: Option<Simd>,
     pool: rayon::ThreadPool,
+    most_bytes: Option<u64>,
 }
 
 impl Engine {
@@ -34,7 +35,12 @@ impl Engine {
         }
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let pool = pool.map_err(|error| Error::Usage(format!("cannot start {threads} threads: {error}")))?;
-        Ok(Engine { simd, pool })
+        Ok(Engine { simd, pool, most_bytes: None })
+    }
+
+    /// The same engine, which refuses matches that take more [bytes](crate::Method::bytes) than these.
+    pub fn with_most_bytes(self, most_bytes: Option<u64>) -> Engine {
+        Engine { most_bytes, ..self }
     }
 
     /// The number of threads.
@@ -64,6 +70,22 @@ impl Engine {
     pub fn check(&self, frames: &Frames, search: &Search) -> Result<()> {
         check_size(frames, search)?;
         check_frames(frames, search.views().iter().map(Frame::View))
+    }
+
+    /// Checks that a match that takes these bytes is not too large.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] with what it takes and what there is.
+    pub(super) fn check_memory(&self, bytes: u64) -> Result<()> {
+        match self.most_bytes {
+            Some(most) if bytes > most => {
+                let [needed, most] = [bytes.div_ceil(1_000_000), most / 1_000_000];
+                Err(Error::Usage(format!(
+                    "the match takes about {needed} MB of memory, and {most} MB may be taken: match fewer disparities or smaller images"
+                )))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Block matching by the core: the centre of `frames` with the views of `params`. Calls `line_done` after

@@ -134,7 +134,7 @@ impl Method {
 
     /// Whether the evidence for its disparities is how far the network supports them. Graph cuts give no costs, and where those
     /// of MC-CNN mislead, their least is as clear as elsewhere.
-    fn takes_second_opinion(&self) -> bool {
+    pub(super) fn takes_second_opinion(&self) -> bool {
         matches!(self.optimizer, Optimizer::GraphCuts(_) | Optimizer::EdgeAware(_))
     }
 
@@ -219,6 +219,7 @@ impl Method {
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
         engine.check(frames, search)?;
+        engine.check_memory(self.bytes(search, frames))?;
         let sets = LongBaselines::sets(search.views());
         let map = match (self.long_baselines, &sets[..]) {
             (Some(long_baselines), [shortest, longer @ ..]) if !longer.is_empty() => {

@@ -19,6 +19,7 @@ mod baselines;
 pub mod confidence_map;
 pub mod cost;
 mod engine;
+mod memory;
 mod method;
 pub mod network;
 pub mod optimization;

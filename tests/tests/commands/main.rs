@@ -11,6 +11,7 @@ mod interruptions;
 mod layouts;
 mod lenses;
 mod live_view;
+mod memory;
 mod photos;
 mod pictures;
 mod rig_quality;

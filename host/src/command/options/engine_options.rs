@@ -1,9 +1,11 @@
-//! Threads and vector instructions.
+//! Threads, vector instructions and memory.
 
-use clap::Args;
+use clap::{Args, value_parser};
 use multiscopic::{Engine, Error, Result, Simd};
 
-/// The threads and vector instructions that matching may use.
+use crate::command::available_memory;
+
+/// The threads, vector instructions and memory that matching may use.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Machine")]
 pub struct EngineOptions {
@@ -14,6 +16,10 @@ pub struct EngineOptions {
     /// Vector instructions; they do not change the result [default: the fastest available for the number of disparities]
     #[arg(long, value_name = "NAME")]
     pub simd: Option<String>,
+
+    /// Refuse matches that take more memory, in megabytes [default: what is available]
+    #[arg(long, value_name = "MB", value_parser = value_parser!(u64).range(1..))]
+    pub max_memory: Option<u64>,
 }
 
 impl EngineOptions {
@@ -25,6 +31,8 @@ impl EngineOptions {
                 Error::Usage(format!("--simd is {name}, but this processor supports {}", available.join(", ")))
             })
         };
-        Engine::new(self.simd.as_ref().map(named).transpose()?, self.threads)
+        let engine = Engine::new(self.simd.as_ref().map(named).transpose()?, self.threads)?;
+        let megabytes = self.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
+        Ok(engine.with_most_bytes(megabytes.or_else(available_memory::bytes)))
     }
 }

@@ -1,0 +1,47 @@
+//! The memory that a match takes.
+
+use multiscopic_core::{Frame, Search};
+
+use super::{
+    cost::mccnn::Architecture,
+    method::{CostFunction, Method, Optimizer},
+    optimization::sgm::Paths,
+};
+use crate::images::Frames;
+
+impl Method {
+    /// About how many bytes it takes to match these frames, themselves included, and to tell how confident the disparities are.
+    ///
+    /// Of graph cuts it is counted. Of others it is a line through what the program took at up to eight views and 64
+    /// disparities, rounded up: up to twice as much.
+    pub fn bytes(&self, search: &Search, frames: &Frames) -> u64 {
+        let (pixels, views, disparities) = (search.width() * search.height(), search.views().len(), search.num_disparities());
+        // Costs are kept in whole vectors.
+        let lanes = disparities.next_multiple_of(32) as f64;
+        let network = 80.0 + 2.0 * lanes + 10.0 * views as f64;
+        let matching = match (&self.cost, &self.optimizer) {
+            (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) => {
+                let colored = frames.color(Frame::Center).is_some();
+                // Bands and their margins come on top.
+                1.5 * cuts.bytes(*cost, pixels, views, colored) as f64 / pixels as f64
+            }
+            (_, Optimizer::Network(_)) => network,
+            (CostFunction::McCnn(network), _) => {
+                let features = match network.architecture() {
+                    Architecture::Fast => 30.0 + 65.0 * views as f64,
+                    Architecture::Accurate => 1000.0 + 100.0 * views as f64,
+                };
+                features + (7.0 + 0.5 * views as f64) * disparities as f64
+            }
+            (_, Optimizer::SemiGlobal(sgm)) => match sgm.paths {
+                Paths::Five if self.refinement.left_right.is_none() => 8.0 * views as f64,
+                _ => 14.0 + 2.0 * lanes + 8.0 * views as f64,
+            },
+            (CostFunction::Sad { .. }, Optimizer::WinnerTakesAll) if self.refinement.left_right.is_none() => 0.0,
+            _ => 30.0 + 8.0 * lanes,
+        };
+        let opinion = if self.takes_second_opinion() { network } else { 0.0 };
+        let images = 14.0 + 4.0 * (views + 1) as f64;
+        (pixels as f64 * (images + matching.max(opinion))) as u64
+    }
+}

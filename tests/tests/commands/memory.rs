@@ -1,0 +1,83 @@
+//! The memory that matches take, and are refused for.
+#![cfg(target_os = "linux")]
+
+use std::{
+    fs,
+    path::Path,
+    process::{Command, Stdio},
+    thread,
+    time::Duration,
+};
+
+use multiscopic_tests::program::{self, Invocation};
+
+/// The most resident memory of a run of the program, in megabytes.
+fn most_resident(words: &[&str]) -> f64 {
+    let mut child = Command::new(program::binary()).args(words).stderr(Stdio::null()).spawn().expect("the program starts");
+    let status = format!("/proc/{}/status", child.id());
+    let mut most = 0.0;
+    while child.try_wait().expect("a status").is_none() {
+        let text = fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        most = line.and_then(|line| line.trim().strip_suffix(" kB")?.parse().ok()).unwrap_or(most);
+        thread::sleep(Duration::from_millis(1));
+    }
+    assert!(child.wait().expect("a status").success(), "{words:?}");
+    1.024e-3 * most
+}
+
+/// What the program says that a match takes, in megabytes.
+fn announced(words: &[&str]) -> f64 {
+    let run = Invocation::new(words.iter().copied().chain(["--max-memory", "1"]));
+    run.assert_refused(&["takes about", "MB of memory, and 1 MB may be taken"]);
+    let (_, rest) = run.stderr.split_once("about ").expect("a number");
+    rest.split(' ').next().and_then(|number| number.parse().ok()).expect("a number")
+}
+
+/// A made-up capture in a folder.
+fn scene(folder: &Path, size: &str, views: &str) -> String {
+    let folder = folder.join(format!("{size} {views}"));
+    let output = folder.to_str().expect("UTF-8");
+    Invocation::new(["scene", "--random", "--size", size, "--views", views, "-o", output]).assert_done();
+    format!("{output}/0000")
+}
+
+#[test]
+fn matches_take_what_they_announce() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let (tiny, pair, cross) =
+        (scene(dir.path(), "48x36", "1"), scene(dir.path(), "640x480", "1"), scene(dir.path(), "640x480", "4"));
+    let small = scene(dir.path(), "400x300", "1");
+    let output = dir.path().join("d.pfm");
+    let words = |rig, options: &'static str| {
+        let words = ["match", rig, "--num-disparities", "40", "-o", output.to_str().expect("UTF-8"), "--threads", "2"];
+        words.into_iter().chain(options.split(' ')).collect::<Vec<_>>()
+    };
+    let program = most_resident(&words(&tiny, "--method bm"));
+    for (rig, options) in [
+        (&cross, "--method bm"),
+        (&pair, "--method bm --disp12-max-diff 1"),
+        (&cross, "--method sgm"),
+        (&pair, "--method sgm --disp12-max-diff 1"),
+        (&cross, "--method sgm --paths 8 --cost census2"),
+        (&cross, "--method net"),
+        (&small, "--method gc --sweeps 1"),
+    ] {
+        let words = words(rig, options);
+        let (expected, taken) = (announced(&words), most_resident(&words) - program);
+        println!("{options}: {expected} MB are announced, {taken:.1} MB taken");
+        assert!(taken < expected && expected < 2.5 * taken, "{options}: {expected} MB are announced, {taken:.1} MB taken");
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused_beforehand() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let (rig, output) = (scene(dir.path(), "640x480", "2"), dir.path().join("d.pfm"));
+    for method in ["net", "sgm --paths 8"] {
+        let words = ["match", &rig, "--num-disparities", "500", "-o", output.to_str().expect("UTF-8"), "--method"];
+        let run = Invocation::within(400, words.into_iter().chain(method.split(' ')));
+        run.assert_refused(&["MB of memory", "may be taken"]);
+        assert!(!output.exists());
+    }
+}

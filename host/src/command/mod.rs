@@ -1,7 +1,6 @@
 //! The commands, a module each, and what they share: [`options`] and the [`terminal`].
 
 pub mod align;
-mod available_memory;
 pub mod bench;
 pub mod budget;
 pub mod calibrate;

@@ -19,7 +19,7 @@ mod baselines;
 pub mod confidence_map;
 pub mod cost;
 mod engine;
-mod memory;
+mod memory_demand;
 mod method;
 pub mod network;
 pub mod optimization;

@@ -11,7 +11,6 @@ mod interruptions;
 mod layouts;
 mod lenses;
 mod live_view;
-mod memory;
 mod photos;
 mod pictures;
 mod rig_quality;

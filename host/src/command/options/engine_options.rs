@@ -3,7 +3,7 @@
 use clap::{Args, value_parser};
 use multiscopic::{Engine, Error, Result, Simd};
 
-use crate::command::available_memory;
+use super::available_memory;
 
 /// The threads, vector instructions and memory that matching may use.
 #[derive(Clone, Debug, Args)]

@@ -1,5 +1,6 @@
 //! Options that several commands share.
 
+mod available_memory;
 mod baseline_options;
 mod bits_option;
 mod engine_options;

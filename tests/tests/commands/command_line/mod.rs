@@ -2,6 +2,8 @@
 
 mod bench;
 mod hostile_files;
+#[cfg(target_os = "linux")]
+mod memory_demand;
 mod outputs;
 mod refusals;
 mod view;

@@ -1,5 +1,4 @@
 //! The memory that matches take, and are refused for.
-#![cfg(target_os = "linux")]
 
 use std::{
     fs,

@@ -26,6 +26,21 @@ const QUICK: [&str; 8] = [
     "--test=methods",
 ];
 
+/// The tests that optimisation might change: of what computes, not of what talks to users, browsers, cameras and stages.
+const OPTIMIZED: [&str; 11] = [
+    "-pmultiscopic-core",
+    "-pmultiscopic-edge",
+    "-pmultiscopic-drivers",
+    "-pmultiscopic-tests",
+    "--lib",
+    "--test=matching",
+    "--test=methods",
+    "--test=mccnn",
+    "--test=outside_bytes",
+    "--test=real_data",
+    "--test=rectified_lines",
+];
+
 /// The checks for every change.
 pub fn check() -> Result<()> {
     step("formatting", formatting)?;
@@ -59,13 +74,10 @@ pub fn lint() -> Result<()> {
 /// Every test.
 pub fn test() -> Result<()> {
     let toolchain = step("setup", setup::run)?;
-    step("tests in debug", || test_workspace("dev", &[]))?;
+    step("tests in debug", || run_tests("dev", &["--workspace"]))?;
     step("pages in a browser", pages::run_tests)?;
     step("the published packages", packaging::check)?;
-    // Without the unit tests of the host, which would be compiled once more, for minutes, and without what waits or is about the
-    // program's surroundings: servers, clients and signals.
-    let once = ["--exclude", "multiscopic", "--", "--skip", "live_view", "--skip", "interruptions"];
-    step("tests in release", || test_workspace("release", &once))?;
+    step("tests in release", || run_tests("release", &OPTIMIZED))?;
     step("the kernel of 64-bit Arm", emulated_arm64::run_tests)?;
     step("instructions", || host_instructions::Guard::COMPARE.run())?;
     step("cameras in a virtual machine", emulated_cameras::run_tests)?;
@@ -103,9 +115,9 @@ fn lints() -> Result<()> {
     fuzzing::lint()
 }
 
-fn test_workspace(profile: &str, selection: &[&str]) -> Result<()> {
+fn run_tests(profile: &str, selection: &[&str]) -> Result<()> {
     let program = built_program(profile)?;
-    run(cargo(&["test", "--workspace", "--profile", profile]).args(selection).env("MULTISCOPIC_BINARY", program))
+    run(cargo(&["test", "--profile", profile]).args(selection).env("MULTISCOPIC_BINARY", program))
 }
 
 fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {

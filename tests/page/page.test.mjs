@@ -120,7 +120,7 @@ await check("zoom and move are linked, and the keyboard does as the mouse", asyn
 await check("the range of colours is dragged", async () => {
   await choose(page, "single");
   const before = await pixels(page, "#pane-first");
-  await page.focus("#near");
+  await page.focus("#upper");
   for (let k = 0; k < 60; k++) await page.keyboard.press("ArrowLeft");
   assert(changed(before, await pixels(page, "#pane-first")) > 0.3);
 });

@@ -147,7 +147,7 @@ impl Demo {
         })?;
         bar.finish_and_clear();
 
-        terminal::print(&results::to_text(&rows))?;
+        terminal::print(&results::to_text(&rows, terminal::columns()))?;
         terminal::say(&format!("open {}", page_path.display()));
         Ok(ExitCode::SUCCESS)
     }

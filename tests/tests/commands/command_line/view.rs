@@ -62,10 +62,10 @@ fn the_truth_is_that_of_aligned_frames() {
     let evaluated = dir.path().join("metrics.json").to_str().expect("UTF-8").to_owned();
     let run = Invocation::new(["evaluate", &rig, "--align", "--json", &evaluated]);
     assert_eq!(run.code, Some(0), "{run:#?}");
-    let evaluated: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(&evaluated).expect("metrics")).expect("JSON");
+    let evaluated: serde_json::Value = serde_json::from_str(&fs::read_to_string(&evaluated).expect("metrics")).expect("JSON");
     let rms = evaluated[0]["rms"].as_f64().expect("a number");
-    let commands: [&[&str]; 2] = [&["match", &rig, "--align", "--report", &page], &["view", &rig, "--align", "--no-open", "-o", &page]];
+    let commands: [&[&str]; 2] =
+        [&["match", &rig, "--align", "--report", &page], &["view", &rig, "--align", "--no-open", "-o", &page]];
     for words in commands {
         Invocation::new(words).assert_done();
         let shown = data(&page);

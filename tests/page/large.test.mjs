@@ -47,6 +47,8 @@ async function opened(open) {
     }
     if (best.seconds < OPENING_SECONDS) break;
   }
+  // A page behind another one draws no frames.
+  await best.page.bringToFront();
   assert(best.seconds < OPENING_SECONDS, `it opens in ${best.seconds.toFixed(1)} s`);
   return best;
 }

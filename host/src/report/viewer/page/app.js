@@ -15,6 +15,8 @@ const page = JSON.parse(byId("viewer-data").textContent);
 const palettes = Object.fromEntries(Object.entries(page.palettes).map(([kind, text]) => [kind, ramp(palette(text))]));
 palettes.depth = palettes.disparity;
 const BLINK_MS = 700;
+// The share of a range that is left free beyond its far end: the first colours are almost black, which is no disparity.
+const FAR_ROOM = 0.06;
 
 let scene = null;
 let blinkTimer = 0;
@@ -125,11 +127,12 @@ function fullRanges() {
   sampled.reduce((start, each) => (values.set(each, start), start + each.length), 0);
   values.sort();
   const ends = (values) => [0.002, 0.998].map((share) => values[Math.round(share * (values.length - 1))] / 64);
-  const disparity = values.length ? ends(values) : [0, 1];
+  const [least, greatest] = values.length ? ends(values) : [0, 1];
+  const disparity = [least - FAR_ROOM * (greatest - least), greatest];
   if (!scene.geometry) return { disparity };
   const finite = values.filter((value) => depth(value / 64, scene.geometry) !== null);
   const [far, near] = finite.length ? ends(finite).map((pixels) => depth(pixels, scene.geometry)) : [1, 0];
-  return { disparity, depth: [near, far] };
+  return { disparity, depth: [near, far + FAR_ROOM * (far - near)] };
 }
 
 async function open(index) {

@@ -1,8 +1,10 @@
-// A headless browser, pages in it, and what tests look at.
+// A headless browser, pages in it, servers of the program, and what tests look at.
 
 import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
 import { readFileSync } from "node:fs";
 import { createRequire } from "node:module";
+import { createInterface } from "node:readline";
 import puppeteer from "puppeteer-core";
 
 const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
@@ -57,6 +59,36 @@ export class Browser {
 
   close() {
     return this.browser.close();
+  }
+}
+
+// A server of the program.
+export class Server {
+  // Starts it. It is there once it has told the address of its page.
+  static async start(program, words) {
+    const server = new Server();
+    server.process = spawn(program, [...words, "--no-open"], { stdio: ["ignore", "inherit", "pipe"] });
+    process.on("exit", () => server.process.kill("SIGKILL"));
+    server.ended = new Promise((done) => server.process.on("exit", (code) => done(code)));
+    const lines = createInterface({ input: server.process.stderr });
+    server.address = await new Promise((done, fail) => {
+      lines.on("line", (line) => {
+        const found = line.match(/open (http:\S+)/);
+        if (found) done(found[1]);
+        else console.error(line);
+      });
+      server.ended.then((code) => fail(new Error(`the server has ended with ${code}`)));
+    });
+    return server;
+  }
+
+  open(browser, size, scheme) {
+    return browser.open(this.address, size, scheme, [this.address, new URL("/favicon.ico", this.address).href]);
+  }
+
+  async end() {
+    this.process.kill("SIGINT");
+    assert.equal(await this.ended, 130, "Ctrl-C ends the server");
   }
 }
 

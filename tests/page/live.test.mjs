@@ -1,39 +1,14 @@
 // Drives the live view in a headless browser. Arguments: the browser, the program, a rig, an empty folder, and a folder for screenshots.
 
 import assert from "node:assert/strict";
-import { execFileSync, spawn } from "node:child_process";
+import { execFileSync } from "node:child_process";
 import { readdirSync } from "node:fs";
 import { join } from "node:path";
-import { createInterface } from "node:readline";
-import { Browser, assertUsable, readPfm } from "./browser.mjs";
+import { Browser, Server, assertUsable, readPfm } from "./browser.mjs";
 
 const [browserPath, program, rig, folder, screenshots] = process.argv.slice(2);
 const browser = await Browser.launch(browserPath);
 const check = (name, run) => browser.check(name, run);
-
-// A server of the program, once it has told the address of its page.
-async function started(words) {
-  const server = spawn(program, [...words, "--no-open"], { stdio: ["ignore", "inherit", "pipe"] });
-  process.on("exit", () => server.kill("SIGKILL"));
-  const ended = new Promise((done) => server.on("exit", (code) => done(code)));
-  const lines = createInterface({ input: server.stderr });
-  const address = await new Promise((done, fail) => {
-    lines.on("line", (line) => {
-      const found = line.match(/open (http:\S+)/);
-      if (found) done(found[1]);
-      else console.error(line);
-    });
-    ended.then((code) => fail(new Error(`the server has ended with ${code}`)));
-  });
-  return {
-    address,
-    open: (size, scheme) => browser.open(address, size, scheme, [address, new URL("/favicon.ico", address).href]),
-    end: async () => {
-      server.kill("SIGINT");
-      assert.equal(await ended, 130, "Ctrl-C ends the server");
-    },
-  };
-}
 
 // Does something on the page, and waits for the disparities that come of it.
 async function matched(page, act) {
@@ -78,8 +53,8 @@ async function assertIsMatch(page, name) {
   assert(valid > 0, `${name}: some pixels have a disparity`);
 }
 
-const tune = await started(["tune", rig]);
-const { page } = await tune.open([1400, 1000], "light");
+const tune = await Server.start(program, ["tune", rig]);
+const { page } = await tune.open(browser, [1400, 1000], "light");
 
 await check("the page of a rig opens with its disparities", async () => {
   await assertIsMatch(page, "at first");
@@ -162,7 +137,7 @@ await check("another page shows the same, and what was looked at stays", async (
   await page.focus("#pane-first");
   await page.keyboard.press("+");
   const zoom = await page.evaluate(() => multiscopic.panes.zoom);
-  const other = await tune.open([800, 900], "dark");
+  const other = await tune.open(browser, [800, 900], "dark");
   const command = await page.$eval("#command", (node) => node.textContent);
   assert.equal(await other.page.$eval("#command", (node) => node.textContent), command);
   assert.equal(await other.page.$eval("#option-method", (node) => node.value), "sgm");
@@ -173,7 +148,7 @@ await check("another page shows the same, and what was looked at stays", async (
 
 for (const [width, scheme] of [[1600, "dark"], [1100, "light"], [390, "light"], [390, "dark"]]) {
   await check(`no violation of accessibility at ${width} pixels, ${scheme}`, async () => {
-    const { page } = await tune.open([width, 844], scheme);
+    const { page } = await tune.open(browser, [width, 844], scheme);
     for (const method of ["bm", "sgm", "gc"]) {
       await matched(page, () => set(page, { method, "num-disparities": 16 }));
       await assertUsable(page, method);
@@ -187,7 +162,7 @@ await page.close();
 await tune.end();
 
 const sets = join(folder, "sets");
-const live = await started(["live", "--camera", "sim", "--stage", "sim", "--size", "160x120", "--baseline", "5", "--settle", "0.05", "-o", sets]);
+const live = await Server.start(program, ["live", "--camera", "sim", "--stage", "sim", "--size", "160x120", "--baseline", "5", "--settle", "0.05", "-o", sets]);
 const opened = async (size, scheme) => {
   const page = await browser.browser.newPage();
   page.on("console", (message) => ["error", "warn"].includes(message.type()) && browser.problems.push(message.text()));

@@ -1,7 +1,8 @@
 // Drives the page in a headless browser. Arguments: the browser, the page, the folder with the maps, and a folder for screenshots.
 
 import assert from "node:assert/strict";
-import { join } from "node:path";
+import { readFileSync, writeFileSync } from "node:fs";
+import { dirname, join } from "node:path";
 import { pathToFileURL } from "node:url";
 import { Browser, assertUsable, changed, pixels, readPfm, settled } from "./browser.mjs";
 
@@ -120,9 +121,40 @@ await check("zoom and move are linked, and the keyboard does as the mouse", asyn
 await check("the range of colours is dragged", async () => {
   await choose(page, "single");
   const before = await pixels(page, "#pane-first");
-  await page.focus("#near");
+  await page.focus("#upper");
   for (let k = 0; k < 60; k++) await page.keyboard.press("ArrowLeft");
   assert(changed(before, await pixels(page, "#pane-first")) > 0.3);
+});
+
+await check("depths have colours, and a scale in metres", async () => {
+  await page.select("#first", "depth-0");
+  const { colors, depths, near, far } = await page.evaluate(() => {
+    const scene = multiscopic.current();
+    const { canvas } = scene.layers.find(({ id }) => id === "depth-0");
+    const pixels = canvas.getContext("2d").getImageData(0, 0, scene.width, scene.height).data;
+    const [near, far] = ["lower", "upper"].map((id) => Number(document.getElementById(id).value));
+    const samples = Array.from({ length: 500 }, (_, k) => [(k * 37) % scene.width, (k * 53) % scene.height]);
+    return {
+      colors: samples.map(([u, v]) => [...pixels.slice(4 * (v * scene.width + u), 4 * (v * scene.width + u) + 3)]),
+      depths: samples.map(([u, v]) => multiscopic.valuesAt(u, v).maps[0].depth),
+      near,
+      far,
+    };
+  });
+  assert(near > 0.2 && far < 5, `${near} to ${far} m`);
+  assert.match(await page.$eval("#scale-title", (node) => node.textContent), /^Depth: [\d.]+ m to [\d.]+ m/);
+  const isRed = ([r, , b]) => r > 2 * b;
+  const third = (far - near) / 3;
+  for (const [i, depth] of depths.entries()) {
+    if (depth === null) assert.deepEqual(colors[i], [0, 0, 0]);
+    else if (depth < near + third) assert(isRed(colors[i]), `${depth} m is ${colors[i]}`);
+    else if (depth > far - third) assert(!isRed(colors[i]), `${depth} m is ${colors[i]}`);
+  }
+  const before = await pixels(page, "#pane-first");
+  await page.focus("#upper");
+  for (let k = 0; k < 60; k++) await page.keyboard.press("ArrowLeft");
+  assert(changed(before, await pixels(page, "#pane-first")) > 0.3);
+  await page.select("#first", "disparity-0");
 });
 
 await check("blinking shows two pictures in turn", async () => {
@@ -181,5 +213,20 @@ for (const [width, scheme] of [[1600, "dark"], [390, "light"], [390, "dark"], [9
     await page.close();
   });
 }
+await check("a page says what is left out", async () => {
+  const html = readFileSync(pagePath, "utf8");
+  const [, json] = html.match(/id="viewer-data">(.*?)<\/script>/s);
+  const data = JSON.parse(json);
+  const [scene] = data.scenes;
+  scene.frames = scene.frames.slice(0, 1);
+  for (const map of scene.maps) Object.assign(map, { costs: null, confidences: null });
+  scene.left_out = ["confidences", "neighbors"];
+  const path = join(dirname(pagePath), "left-out.html");
+  writeFileSync(path, html.replace(json, () => JSON.stringify(data).replaceAll("<", "\\u003c")));
+  const { page } = await browser.open(pathToFileURL(path).href, [1280, 1000], "light", [new URL(".", address).href]);
+  assert.match(await page.$eval("#left-out", (node) => node.textContent), /confidences; the pictures of the neighbours/);
+  assert.match(await page.$eval("#fused", (node) => node.textContent), /^No costs: .* left out/);
+  await page.close();
+});
 await browser.close();
 console.log("the page: every check passed");

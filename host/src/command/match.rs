@@ -155,8 +155,8 @@ impl Match {
 
         let name = if self.prior.is_some() { "around a prior" } else { self.matching.method.name() };
         let report = self.outputs.report.as_ref().map(|page| -> Result<Report> {
-            let folder = source.folder().filter(|_| preparation.alignment.is_none());
-            let truth = folder.map(|folder| view::truth(folder, size, &source.images.center)).transpose()?.flatten();
+            let truth = source.folder().map(|folder| view::truth(folder, size, &source.images.center)).transpose()?.flatten();
+            let truth = truth.map(|truth| preparation.truth(truth));
             let title = source.folder().map_or_else(|| "Disparities".into(), view::title);
             let mut scene = ViewedScene::new(&*title, size)
                 .with_geometry(geometry.as_ref())

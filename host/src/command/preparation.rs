@@ -2,11 +2,12 @@
 
 use clap::Args;
 use multiscopic::{
-    Alignment, DisparityMap, Frames, Geometry, Inspection, Result,
+    Alignment, DisparityMap, FloatImage, Frames, Geometry, Inspection, Result,
+    images::ImageRegion,
     lens::Undistortion,
     stereo::confidence_map::{self, ConfidenceMap},
 };
-use multiscopic_core::Search;
+use multiscopic_core::{Frame, Search};
 
 use super::options::{SearchOptions, Source};
 
@@ -91,6 +92,15 @@ impl Preparation {
         let of_alignment = alignment.as_ref().and_then(Alignment::warning);
         inspection.warnings(search.min_disparity()).into_iter().chain(of_alignment).chain(cut).collect()
     }
+
+    /// The truth of the prepared centre, given that of the centre in its file.
+    pub fn truth(&self, truth: FloatImage) -> FloatImage {
+        match &self.alignment {
+            // The disparity of a point is that in the rectified frames already.
+            Some(alignment) => resampled(&truth, alignment.homography(Frame::Center)),
+            None => truth,
+        }
+    }
 }
 
 /// Invalidates the pixels that the undistorted centre does not show.
@@ -118,4 +128,36 @@ fn cut_range(disparities: &DisparityMap, search: &Search, flat: f64) -> Option<S
     };
     let percent = 100.0 * share;
     Some(format!("{percent:.0} % of the disparities are {end}, an end of the range: give {option}, or --auto-range"))
+}
+
+/// The true disparities where a homography takes the pixels of another picture: those of the nearest pixels.
+fn resampled(truth: &FloatImage, [x, y, z]: [[f64; 3]; 3]) -> FloatImage {
+    let size = [truth.width(), truth.height()];
+    let at = |[u, v]: [usize; 2]| {
+        let along = |row: [f64; 3]| row[0] * u as f64 + row[1] * v as f64 + row[2];
+        let [u, v] = [x, y].map(|row| (along(row) / along(z)).round());
+        let is_inside = (0.0..size[0] as f64).contains(&u) && (0.0..size[1] as f64).contains(&v);
+        if is_inside { truth.get(u as usize, v as usize) } else { f32::INFINITY }
+    };
+    FloatImage::new(size[0], size[1], ImageRegion::whole(size).pixels().map(at).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_follows_a_homography() {
+        let truth = FloatImage::new(5, 4, (0..20).map(|d| d as f32).collect());
+        // Two pixels to the right and one up, written with another scale.
+        let moved = resampled(&truth, [[3.0, 0.0, 6.0], [0.0, 3.0, -3.0], [0.0, 0.0, 3.0]]);
+        for [u, v] in ImageRegion::whole([5, 4]).pixels() {
+            let expected = if u < 3 && v > 0 { truth.get(u + 2, v - 1) } else { f32::INFINITY };
+            assert_eq!(moved.get(u, v), expected, "({u}, {v})");
+        }
+        // A quarter turn about the top left corner shows its column alone.
+        let turned = resampled(&truth, [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
+        assert_eq!(turned.row(0), [0.0, 5.0, 10.0, 15.0, f32::INFINITY]);
+        assert!(turned.rows().skip(1).flatten().all(|d| d.is_infinite()));
+    }
 }

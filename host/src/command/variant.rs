@@ -68,9 +68,7 @@ impl Variant {
     /// Matches `subject` with `method`, which is this variant's, and compares the disparities and their confidences with the
     /// truth. Disparities are those at the default baseline.
     pub fn measure(&self, method: &Method, engine: &Engine, subject: &Subject, search: &Search) -> Result<Measured> {
-        let start = Instant::now();
-        let (disparities, confidences) = method.disparities_and_confidences(engine, subject.frames, search, &())?;
-        let seconds = start.elapsed().as_secs_f64();
+        let (disparities, confidences, seconds) = self.timed(method, engine, subject.frames, search)?;
         let disparities = match subject.camera_steps {
             Some(steps) => disparities.times(steps.disparity_scale()),
             None => disparities,
@@ -84,10 +82,16 @@ impl Variant {
     }
 
     /// Matches frames with `method`, which is this variant's. The time is in seconds.
-    pub fn timed(&self, method: &Method, engine: &Engine, frames: &Frames, search: &Search) -> Result<(DisparityMap, f64)> {
+    pub fn timed(
+        &self,
+        method: &Method,
+        engine: &Engine,
+        frames: &Frames,
+        search: &Search,
+    ) -> Result<(DisparityMap, ConfidenceMap, f64)> {
         let start = Instant::now();
-        let disparities = method.disparities(engine, frames, search, &())?;
-        Ok((disparities, start.elapsed().as_secs_f64()))
+        let (disparities, confidences) = method.disparities_and_confidences(engine, frames, search, &())?;
+        Ok((disparities, confidences, start.elapsed().as_secs_f64()))
     }
 
     /// What was measured in the scene of a data set.

@@ -77,16 +77,16 @@ fn variants(records: &[Record]) -> Vec<String> {
     variants
 }
 
-/// The rows as a table in plain text, with a line of dashes between scenes.
-pub fn to_text(rows: &[ResultRow]) -> String {
+/// The rows as a table in plain text, with a line of dashes between scenes. It is cut to a width of `limit` characters.
+pub fn to_text(rows: &[ResultRow], limit: Option<usize>) -> String {
     let cells: Vec<Vec<String>> = rows.iter().map(|row| row.cells().into()).collect();
-    text_table(&ResultRow::HEADINGS, &cells, 2)
+    text_table(&ResultRow::HEADINGS, &cells, 2, limit)
 }
 
-/// The [`confidence_rows`] as a table in plain text.
-pub fn confidences_to_text(rows: &[[String; 9]]) -> String {
+/// The [`confidence_rows`] as a table in plain text, cut to a width of `limit` characters.
+pub fn confidences_to_text(rows: &[[String; 9]], limit: Option<usize>) -> String {
     let cells: Vec<Vec<String>> = rows.iter().map(|row| row.to_vec()).collect();
-    text_table(&CONFIDENCE_HEADINGS, &cells, 2)
+    text_table(&CONFIDENCE_HEADINGS, &cells, 2, limit)
 }
 
 #[cfg(test)]
@@ -125,7 +125,7 @@ mean errors of 2      multiscopic bm (2 views, min)            3.250            
 ---------------------------------------------------------------------------------------------------------------------
 mean reductions of 2  multiscopic bm (2 views, min)           +0.0 %          -62.5 %
 ";
-        let table = to_text(&rows(&records()));
+        let table = to_text(&rows(&records()), None);
         assert_eq!(table, expected, "\n{table}");
     }
 }

@@ -137,6 +137,7 @@ impl Demo {
             params: &params,
             rows: &rows,
             scene: &scene,
+            best: records.iter().min_by(|a, b| a.metrics.avg_err.total_cmp(&b.metrics.avg_err)).expect("several variants"),
             others: &others,
         };
         let page_path = folder.write(|folder| {
@@ -147,7 +148,7 @@ impl Demo {
         })?;
         bar.finish_and_clear();
 
-        terminal::print(&results::to_text(&rows))?;
+        terminal::print(&results::to_text(&rows, terminal::columns()))?;
         terminal::say(&format!("open {}", page_path.display()));
         Ok(ExitCode::SUCCESS)
     }

@@ -34,6 +34,8 @@ pub struct ResultsPage<'a> {
     pub params: &'a Params,
     /// What there is to look at.
     pub scene: &'a ViewedScene,
+    /// What was measured with the fewest errors.
+    pub best: &'a Record,
     /// What other methods are shown.
     pub others: &'a [Variant],
     /// The rows of the table.
@@ -77,9 +79,9 @@ impl ResultsPage<'_> {
             .to_html()
     }
 
-    /// The first and the last record in words.
+    /// The first and the last record in words, and the best one.
     fn summary(&self) -> String {
-        let [stereo, .., best] = self.errors.records else { unreachable!("there are several variants") };
+        let [stereo, .., last] = self.errors.records else { unreachable!("there are several variants") };
         let accuracy = |record: &Record| {
             let (rms, bad) = (record.metrics.rms, record.metrics.bad_1);
             format!("an RMS error of {rms:.2} px, with {bad:.1} % of the pixels off by more than one")
@@ -89,13 +91,16 @@ impl ResultsPage<'_> {
         } else {
             "A camera takes a picture, moves in its image plane by whole baselines, and takes another each time."
         };
-        let all = if best.baselines.is_empty() { "at once" } else { "at several baselines" };
+        let all = if last.baselines.is_empty() { "at once" } else { "at several baselines" };
+        let best = match self.best.method == last.method {
+            true => String::new(),
+            false => format!(" The best of the methods, {}, has {}.", self.best.method, accuracy(self.best)),
+        };
         format!(
-            "{moves} Matched with one neighbour, as in stereo, the centre gives disparities with {}. Matched with all {} {all}, \
-             it gives {}.",
+            "{moves} Block matching with one neighbour, as in stereo, has {}. With all {} {all}, it has {}.{best}",
             accuracy(stereo),
-            best.views,
-            accuracy(best)
+            last.views,
+            accuracy(last)
         )
     }
 }

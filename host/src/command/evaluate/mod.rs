@@ -31,6 +31,9 @@ use super::{
     view::{command_line, matched_map},
 };
 
+/// What the scenes of a page take at most, unless their disparities alone take more.
+const PAGE_BYTES: usize = 16_000_000;
+
 /// Measures how good matching is on a data set with ground truth, or how good a rig is
 ///
 /// A captured folder is compared with the truth, if it is known, and with a plane, if the scene is a flat wall (--plane). Several
@@ -135,14 +138,9 @@ impl Evaluate {
             bar.set_message(scene.name.clone());
             let (mut frames, center, truth) = scene.load(most)?;
             let mut seen = self.report.as_ref().map(|_| {
-                let (seen, color) = (ViewedScene::new(&*scene.name, frames.size()), center.to_rgb());
-                // The views of many scenes would make a large page.
-                let seen = if scenes.len() > 1 {
-                    seen.with_center(&frames, Some(&color))
-                } else {
-                    seen.with_frames(&frames, Some(&color))
-                };
-                seen.with_truth(Some(&truth))
+                ViewedScene::new(&*scene.name, frames.size())
+                    .with_frames(&frames, Some(&center.to_rgb()))
+                    .with_truth(Some(&truth))
             });
             let first = records.len();
             for variant in &variants {
@@ -163,7 +161,7 @@ impl Evaluate {
                 records.push(record);
                 let record = records.last().expect("it has just been added");
                 if let Some(seen) = &mut seen {
-                    let results = (&disparities, (scenes.len() == 1).then_some(&confidences));
+                    let results = (&disparities, Some(&confidences));
                     let map = matched_map(record.variant(), (variant.method.name(), method), &search, results, record.seconds);
                     let costs = map.costs.filter(|_| dataset.camera_steps().is_none());
                     let (metrics, reduction) = (Some(record.metrics), record.reduction(&records[first..]));
@@ -174,6 +172,7 @@ impl Evaluate {
             viewed.extend(seen);
         }
         bar.finish_and_clear();
+        ViewedScene::fit(&mut viewed, PAGE_BYTES);
 
         let (rows, confidences) = (results::rows(&records), results::confidence_rows(&records));
         let report = self.report.as_ref().map(|_| {
@@ -189,7 +188,8 @@ impl Evaluate {
             Self::page(dataset, &rows, &confidences, &charts, &viewed)
         });
         self.write(&records, report)?;
-        terminal::print(&format!("{}\n{}", results::to_text(&rows), results::confidences_to_text(&confidences)))
+        let limit = terminal::columns();
+        terminal::print(&format!("{}\n{}", results::to_text(&rows, limit), results::confidences_to_text(&confidences, limit)))
     }
 
     /// The files that are written.

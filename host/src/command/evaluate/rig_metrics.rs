@@ -7,6 +7,8 @@ use multiscopic::{
 };
 use serde::Serialize;
 
+use crate::command::terminal;
+
 /// What is measured of a capture that a variant matched.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct RigMetrics {
@@ -45,7 +47,7 @@ impl RigTable {
 
     /// The table in plain text.
     pub fn to_text(&self) -> String {
-        format!("{}\n\n{}", self.title, text_table(&self.headings, &self.rows, self.names))
+        format!("{}\n\n{}", self.title, text_table(&self.headings, &self.rows, self.names, terminal::columns()))
     }
 
     /// A page with the table.

@@ -6,7 +6,6 @@ use clap::Args;
 use multiscopic::{
     Error, FloatImage, Frames, Geometry, Result, Rig, evaluation::ground_truth, images::ImageRegion, lens::Undistortion,
 };
-use multiscopic_core::Frame;
 
 use crate::command::{
     options::{BitsOption, GeometryOptions, SearchOptions, Source, value::positive},
@@ -109,46 +108,11 @@ impl RigFiles {
         let Source { rig, lens, images, .. } = &self.source;
         let mut geometry = geometry.geometry(rig.as_ref(), lens.as_ref(), &frames)?;
         let read = |path: &PathBuf| ground_truth::read_pfm(path, frames.size(), &images.center);
-        let mut truth = self.truth.as_ref().map(read).transpose()?;
+        let truth = self.truth.as_ref().map(read).transpose()?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| search.search(size, views, None, range);
         let preparation = preparation.prepare(&self.source, undistortion.as_ref(), &mut frames, &mut geometry, search)?;
-        if let Some(alignment) = &preparation.alignment {
-            // The disparity of a point is that in the rectified frames already.
-            truth = truth.map(|truth| resampled(&truth, alignment.homography(Frame::Center)));
-        }
+        let truth = truth.map(|truth| preparation.truth(truth));
         Ok(PreparedRig { frames, undistortion, geometry, truth, preparation })
-    }
-}
-
-/// The true disparities where a homography takes the pixels of another picture: those of the nearest pixels.
-fn resampled(truth: &FloatImage, [x, y, z]: [[f64; 3]; 3]) -> FloatImage {
-    let size = [truth.width(), truth.height()];
-    let at = |[u, v]: [usize; 2]| {
-        let along = |row: [f64; 3]| row[0] * u as f64 + row[1] * v as f64 + row[2];
-        let [u, v] = [x, y].map(|row| (along(row) / along(z)).round());
-        let is_inside = (0.0..size[0] as f64).contains(&u) && (0.0..size[1] as f64).contains(&v);
-        if is_inside { truth.get(u as usize, v as usize) } else { f32::INFINITY }
-    };
-    FloatImage::new(size[0], size[1], ImageRegion::whole(size).pixels().map(at).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn truth_follows_a_homography() {
-        let truth = FloatImage::new(5, 4, (0..20).map(|d| d as f32).collect());
-        // Two pixels to the right and one up, written with another scale.
-        let moved = resampled(&truth, [[3.0, 0.0, 6.0], [0.0, 3.0, -3.0], [0.0, 0.0, 3.0]]);
-        for [u, v] in ImageRegion::whole([5, 4]).pixels() {
-            let expected = if u < 3 && v > 0 { truth.get(u + 2, v - 1) } else { f32::INFINITY };
-            assert_eq!(moved.get(u, v), expected, "({u}, {v})");
-        }
-        // A quarter turn about the top left corner shows its column alone.
-        let turned = resampled(&truth, [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
-        assert_eq!(turned.row(0), [0.0, 5.0, 10.0, 15.0, f32::INFINITY]);
-        assert!(turned.rows().skip(1).flatten().all(|d| d.is_infinite()));
     }
 }

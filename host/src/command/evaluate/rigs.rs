@@ -9,13 +9,14 @@ use multiscopic::{
 };
 
 use super::{
-    Evaluate,
+    Evaluate, PAGE_BYTES,
     method_table::MethodTable,
     rig_metrics::{RigMetrics, RigTable},
     rig_options::{PreparedRig, RigFiles},
 };
 use crate::command::{
     options::{Named, Source},
+    preparation::mask_unseen,
     terminal,
     variant::Variant,
     view::{command_line, matched_map},
@@ -37,7 +38,6 @@ impl Evaluate {
 
         let bar = terminal::progress((rigs.len() * variants.len()) as u64, "maps");
         let (mut records, mut viewed, mut planes, mut warnings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let is_single = rigs.len() == 1;
         let mut maps: Vec<Vec<DisparityMap>> = vec![Vec::new(); variants.len()];
         let mut first: Option<([usize; 2], Option<Geometry>)> = None;
         for files in &mut rigs {
@@ -47,17 +47,18 @@ impl Evaluate {
             let size = rig.frames.size();
             check_same(&name, size, rig.geometry, *first.get_or_insert((size, rig.geometry)))?;
             let mut seen = self.report.as_ref().map(|_| {
-                let seen = ViewedScene::new(&*name, size).with_geometry(rig.geometry.as_ref()).with_truth(rig.truth.as_ref());
-                if is_single { seen.with_frames(&rig.frames, None) } else { seen.with_center(&rig.frames, None) }
+                ViewedScene::new(&*name, size)
+                    .with_geometry(rig.geometry.as_ref())
+                    .with_truth(rig.truth.as_ref())
+                    .with_frames(&rig.frames, None)
             });
             for (variant, maps) in variants.iter().zip(&mut maps) {
                 let search = self.search.search(size, variant.views, Some(variant.fusion), rig.preparation.range)?;
                 let method = methods.get(variant);
                 let gray = (!method.needs_color()).then(|| rig.frames.clone().without_color());
-                let (mut disparities, seconds) = variant.timed(method, &engine, gray.as_ref().unwrap_or(&rig.frames), &search)?;
-                if let Some(undistortion) = &rig.undistortion {
-                    undistortion.mask(&mut disparities);
-                }
+                let (mut disparities, mut confidences, seconds) =
+                    variant.timed(method, &engine, gray.as_ref().unwrap_or(&rig.frames), &search)?;
+                mask_unseen(rig.undistortion.as_ref(), &mut disparities, Some(&mut confidences));
                 let (metrics, plane) = self.measure(&rig, &disparities, variant).map_err(|error| match error {
                     Error::Usage(message) => Error::Usage(format!("{name}: {message}")),
                     other => other,
@@ -68,7 +69,7 @@ impl Evaluate {
                         record.variant(),
                         (variant.method.name(), method),
                         &search,
-                        (&disparities, None),
+                        (&disparities, Some(&confidences)),
                         seconds,
                     ));
                     planes.extend(plane.map(|plane| {
@@ -94,6 +95,7 @@ impl Evaluate {
         for (k, record) in records.iter_mut().enumerate() {
             record.metrics.noise = TemporalNoise::new(&maps[k % variants.len()], geometry.as_ref(), self.rig.region(size));
         }
+        ViewedScene::fit(&mut viewed, PAGE_BYTES);
         self.write_rigs(&records, &viewed, planes)?;
         warnings.iter().for_each(|warning| terminal::say(warning));
         Ok(())

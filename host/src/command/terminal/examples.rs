@@ -63,7 +63,16 @@ const EXAMPLES: &[(&str, &[Example])] = &[
         ],
     ),
     #[cfg(feature = "live")]
-    ("tune", &[("Sliders for the range, the block, the fusion and the filters", "multiscopic tune rig")]),
+    (
+        "tune",
+        &[
+            ("Sliders for the range, the block, the fusion and the filters", "multiscopic tune rig"),
+            (
+                "For a browser on another machine, on a network that you trust",
+                "multiscopic tune rig --listen 0.0.0.0:8080 --no-open",
+            ),
+        ],
+    ),
     #[cfg(feature = "live")]
     (
         "live",

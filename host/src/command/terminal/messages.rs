@@ -11,6 +11,8 @@ use multiscopic::{
 };
 use serde::Serialize;
 
+use super::columns::{columns, wrapped};
+
 /// Writes to standard output. It is not an error if the reader has closed it, as `| head` does.
 pub fn print(text: &str) -> Result<()> {
     print_bytes(text.as_bytes())
@@ -25,11 +27,11 @@ pub fn print_bytes(bytes: &[u8]) -> Result<()> {
     }
 }
 
-/// Writes a report to standard output: as one line of JSON, or as text.
+/// Writes a report to standard output: as one line of JSON, or as text that fits the terminal.
 pub fn print_report(report: &(impl Display + Serialize), json: bool) -> Result<()> {
     let text = match json {
         true => serde_json::to_string(report).expect("a report is numbers and strings") + "\n",
-        false => report.to_string(),
+        false => columns().map_or_else(|| report.to_string(), |limit| wrapped(&report.to_string(), limit)),
     };
     print(&text)
 }

@@ -1,7 +1,8 @@
-//! Standard output, standard error, progress bars, pictures, examples in the help, and signals.
+//! Standard output, standard error, the terminal's width, progress bars, pictures, examples in the help, and signals.
 
 mod bar;
 mod browser;
+mod columns;
 pub mod examples;
 mod messages;
 mod preview;
@@ -10,6 +11,7 @@ mod watch;
 
 pub use bar::progress;
 pub use browser::open;
+pub use columns::columns;
 pub use messages::{print, print_bytes, print_report, say, sure};
 pub use preview::preview;
 pub use watch::Watch;

@@ -3,7 +3,8 @@
 use std::{env, fmt::Write as _};
 
 use image::{RgbImage, imageops};
-use terminal_size::{Width, terminal_size};
+
+use super::columns::columns;
 
 /// The colours of a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,14 +16,14 @@ enum Palette {
 }
 
 /// The width of a terminal that does not tell.
-const COLUMNS: u16 = 80;
+const COLUMNS: usize = 80;
 
 /// A picture in half blocks, as wide as the terminal or as the picture if that is narrower: each character is two
 /// pixels, one above the other. Lines end with the colours reset.
 pub fn preview(picture: &RgbImage) -> String {
-    let Width(columns) = terminal_size().map_or(Width(COLUMNS), |(width, _)| width);
+    let columns = columns().unwrap_or(COLUMNS) as u32;
     let is_full = env::var("COLORTERM").is_ok_and(|kind| kind == "truecolor" || kind == "24bit");
-    half_blocks(picture, columns.into(), if is_full { Palette::Full } else { Palette::Cube })
+    half_blocks(picture, columns, if is_full { Palette::Full } else { Palette::Cube })
 }
 
 fn half_blocks(picture: &RgbImage, columns: u32, palette: Palette) -> String {

@@ -137,11 +137,10 @@ impl View {
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.search.search(size, views, None, range);
         let preparation = self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, search)?;
-        let is_aligned = preparation.alignment.is_some();
         // Maps in files are of the frames as they were.
-        let files = if is_aligned { Vec::new() } else { map_folder::read_all(folder, Some(size))? };
+        let files = if preparation.alignment.is_some() { Vec::new() } else { map_folder::read_all(folder, Some(size))? };
         output::check(&[output], &files.iter().map(|map| &*map.path).collect::<Vec<_>>())?;
-        let truth = if is_aligned { None } else { truth(folder, size, &source.images.center)? };
+        let truth = truth(folder, size, &source.images.center)?.map(|truth| preparation.truth(truth));
         let methods = if self.methods.is_empty() && files.is_empty() { &[MethodName::Bm][..] } else { &self.methods };
         let engine = self.engine.engine()?;
         let mut matched = Vec::new();

@@ -28,4 +28,9 @@ impl BlockCosts {
             exact,
         }
     }
+
+    /// Baselines to the right and down of the views whose costs these are.
+    pub(super) fn views(&self) -> &[[i8; 2]] {
+        &self.views
+    }
 }

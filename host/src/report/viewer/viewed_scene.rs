@@ -33,10 +33,21 @@ pub struct ViewedScene {
     color: Option<String>,
     truth: Option<String>,
     maps: Vec<EncodedMap>,
+    /// What [`fit`](ViewedScene::fit) has left out.
+    left_out: Vec<Part>,
     #[serde(skip)]
     true_disparities: Option<FloatImage>,
     #[serde(skip)]
     aim: Aim,
+}
+
+/// What a page can do without.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Part {
+    Confidences,
+    /// The pictures of the neighbours, and with them the costs.
+    Neighbors,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -70,6 +81,7 @@ impl ViewedScene {
             color: None,
             truth: None,
             maps: Vec::new(),
+            left_out: Vec::new(),
             true_disparities: None,
             aim: Aim::default(),
         }
@@ -143,10 +155,51 @@ impl ViewedScene {
             confidences: confidences.map(|confidences| compact::bytes(confidences.pixels(), confidences.width(), self.aim)),
             metrics,
             parameters,
-            // Costs need the pictures of all views.
-            costs: costs.filter(|_| self.frames.len() > 1),
+            costs: costs.filter(|costs| costs.views().iter().all(|view| self.shows(*view))),
             file: file.as_deref().map(percent_encoded),
         }
+    }
+
+    /// Whether the picture of a view is there.
+    fn shows(&self, view: [i8; 2]) -> bool {
+        self.frames.iter().any(|frame| frame.view == Some(view))
+    }
+
+    /// Leaves out parts of `scenes` until they take at most `limit` bytes on a page, if that is possible: confidences first, those of
+    /// the last scene before others, then the neighbours. The page tells what is missing.
+    pub fn fit(scenes: &mut [ViewedScene], limit: usize) {
+        let mut bytes: usize = scenes.iter().map(ViewedScene::bytes).sum();
+        for part in [Part::Confidences, Part::Neighbors] {
+            for scene in scenes.iter_mut().rev() {
+                if bytes <= limit {
+                    return;
+                }
+                bytes -= scene.bytes();
+                scene.leave_out(part);
+                bytes += scene.bytes();
+            }
+        }
+    }
+
+    fn leave_out(&mut self, part: Part) {
+        let before = self.bytes();
+        match part {
+            Part::Confidences => self.maps.iter_mut().for_each(|map| map.confidences = None),
+            Part::Neighbors => {
+                self.frames.retain(|frame| frame.view.is_none());
+                self.maps.iter_mut().for_each(|map| map.costs = None);
+            }
+        }
+        if self.bytes() < before {
+            self.left_out.push(part);
+        }
+    }
+
+    /// About how many bytes it takes on a page.
+    fn bytes(&self) -> usize {
+        let frames = self.frames.iter().map(|frame| &frame.gray);
+        let maps = self.maps.iter().flat_map(|map| [&map.disparities].into_iter().chain(&map.confidences));
+        frames.chain(maps).chain(&self.color).chain(&self.truth).map(String::len).sum()
     }
 }
 
@@ -166,4 +219,73 @@ fn jpeg(image: &RgbImage) -> String {
     let mut bytes = Cursor::new(Vec::new());
     JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).encode_image(image).expect("memory takes any picture");
     format!("data:image/jpeg;base64,{}", STANDARD.encode(bytes.into_inner()))
+}
+
+#[cfg(test)]
+mod tests {
+    use image::GrayImage;
+    use multiscopic_core::{Disparity, Fusion, Search, Views};
+
+    use super::*;
+    use crate::images::Raster;
+
+    const SIZE: [usize; 2] = [40, 30];
+
+    /// A scene with a neighbour, and a map with confidences and costs.
+    fn scene() -> ViewedScene {
+        let picture = |seed: u32| GrayImage::from_fn(40, 30, |u, v| image::Luma([((u * 31 + v * 17 + seed) % 251) as u8]));
+        let frames = Frames::new(picture(0)).with(View::RIGHT, picture(5));
+        let mut scene = ViewedScene::new("scene", SIZE).with_frames(&frames, None);
+        let disparities = DisparityMap::new(40, 30, vec![Disparity::from_bits(64); 1200]);
+        let confidences = Raster::new(40, 30, (0..1200).map(|i| (i * 7 % 256) as u8).collect());
+        let search = Search::new(40, 30, Views::STEREO, Fusion::Min, 0, 4).expect("a search");
+        scene.add(ViewedMap {
+            name: "map".into(),
+            disparities: &disparities,
+            confidences: Some(&confidences),
+            metrics: None,
+            reduction: None,
+            parameters: Vec::new(),
+            costs: Some(BlockCosts::new(&search, 3, true)),
+            file: None,
+        });
+        scene
+    }
+
+    #[test]
+    fn what_does_not_fit_is_left_out_and_named() {
+        let whole = scene();
+        let bytes = whole.bytes();
+        assert!(whole.maps[0].costs.is_some());
+        let left_out = |limit: usize| {
+            let mut scenes = [whole.clone(), whole.clone()];
+            ViewedScene::fit(&mut scenes, limit);
+            for ViewedScene { frames, maps, left_out, .. } in &scenes {
+                let map = &maps[0];
+                assert_eq!(map.confidences.is_none(), left_out.contains(&Part::Confidences));
+                assert_eq!([frames.len() == 1, map.costs.is_none()], [left_out.contains(&Part::Neighbors); 2]);
+            }
+            scenes.map(|scene| scene.left_out)
+        };
+        assert_eq!(left_out(2 * bytes), [vec![], vec![]]);
+        assert_eq!(left_out(2 * bytes - 1), [vec![], vec![Part::Confidences]]);
+        assert_eq!(left_out(0), [[Part::Confidences, Part::Neighbors]; 2].map(Vec::from));
+    }
+
+    #[test]
+    fn costs_need_the_pictures_of_their_views() {
+        let mut scene = scene();
+        scene.frames.truncate(1);
+        let map = scene.encoded(ViewedMap {
+            name: "map".into(),
+            disparities: &DisparityMap::new(40, 30, vec![None; 1200]),
+            confidences: None,
+            metrics: None,
+            reduction: None,
+            parameters: Vec::new(),
+            costs: scene.maps[0].costs.clone(),
+            file: None,
+        });
+        assert!(map.costs.is_none());
+    }
 }

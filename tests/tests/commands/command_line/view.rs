@@ -53,6 +53,29 @@ fn a_rig_is_shown_with_its_maps_or_matched() {
 }
 
 #[test]
+fn the_truth_is_that_of_aligned_frames() {
+    let dir = tempfile::tempdir().expect("a folder for the test");
+    let [scenes, page] = ["scenes", "page.html"].map(|name| dir.path().join(name).to_str().expect("UTF-8").to_owned());
+    let made = ["--random", "--seed", "3", "--size", "160x120", "--views", "4", "-o", &scenes];
+    Invocation::new([&["scene"], &made[..]].concat()).assert_done();
+    let rig = scenes + "/0000";
+    let evaluated = dir.path().join("metrics.json").to_str().expect("UTF-8").to_owned();
+    let run = Invocation::new(["evaluate", &rig, "--align", "--json", &evaluated]);
+    assert_eq!(run.code, Some(0), "{run:#?}");
+    let evaluated: serde_json::Value = serde_json::from_str(&fs::read_to_string(&evaluated).expect("metrics")).expect("JSON");
+    let rms = evaluated[0]["rms"].as_f64().expect("a number");
+    let commands: [&[&str]; 2] =
+        [&["match", &rig, "--align", "--report", &page], &["view", &rig, "--align", "--no-open", "-o", &page]];
+    for words in commands {
+        Invocation::new(words).assert_done();
+        let shown = data(&page);
+        let scene = &shown["scenes"][0];
+        assert!(scene["truth"].is_string(), "{words:?}");
+        assert_eq!(scene["maps"][0]["metrics"]["rms"].as_f64(), Some(rms), "{words:?}");
+    }
+}
+
+#[test]
 fn maps_alone_are_shown() {
     let dir = tempfile::tempdir().expect("a folder for the test");
     let demo = demo(dir.path());
@@ -92,9 +115,16 @@ fn match_evaluate_and_capture_write_the_same_page() {
     assert_eq!(names(&shown), ["bm"]);
     assert_eq!(shown["scenes"][0]["maps"][0]["file"], "map.pfm");
     assert!(shown["scenes"][0]["maps"][0]["confidences"].is_string());
-    let run = Invocation::new(["evaluate", &demo, "--methods", "bm,sgm", "--num-disparities", "6", "--report", &page]);
+    // Of several captures, all have everything.
+    let run = Invocation::new(["evaluate", &demo, &demo, "--methods", "bm,sgm", "--num-disparities", "6", "--report", &page]);
     assert_eq!(run.code, Some(0), "{run:#?}");
-    assert_eq!(names(&data(&page)).len(), 2);
+    let shown = data(&page);
+    for scene in shown["scenes"].as_array().filter(|scenes| scenes.len() == 2).expect("two captures") {
+        assert_eq!(scene["frames"].as_array().map(Vec::len), Some(5));
+        assert_eq!(scene["left_out"], serde_json::json!([]));
+        let maps = scene["maps"].as_array().filter(|maps| maps.len() == 2).expect("two methods");
+        assert!(maps.iter().all(|map| map["confidences"].is_string() && map["costs"].is_object()), "{maps:#?}");
+    }
     let simulated =
         ["capture", "--camera", "sim", "--stage", "sim", "--size", "64x48", "--baseline", "5", "--views", "2", "-o", &rig];
     let run = Invocation::new([&simulated[..], &["--num-disparities", "2", "--report", &page]].concat());

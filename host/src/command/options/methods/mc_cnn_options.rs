@@ -15,7 +15,7 @@ use crate::command::options::value::positive;
 
 /// The options of `--method mccnn-fast` and `mccnn-accurate`, named as by the authors of MC-CNN.
 #[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "MC-CNN (--method mccnn-fast and mccnn-accurate; defaults as published for Middlebury)")]
+#[command(next_help_heading = "MC-CNN (--method mccnn-fast or mccnn-accurate; defaults for Middlebury)")]
 pub struct McCnnOptions {
     /// Penalty for a disparity change of one between neighbouring pixels (sgm_P1) [default: 2.3 fast, 1.3 accurate]
     #[arg(long, value_name = "COST", value_parser = positive)]

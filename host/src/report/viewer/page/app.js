@@ -1,9 +1,10 @@
 // The viewer: it decodes scenes, those of the page or of a server, and shows them.
 
 import { INVALID, bytes, disparities, palette } from "viewer/codec.js";
-import { drawConfidences, drawDisparities, drawErrors, drawGray, ramp } from "viewer/color.js";
+import { drawConfidences, drawDepths, drawDisparities, drawErrors, drawGray, ramp } from "viewer/color.js";
 import { costsAt } from "viewer/costs.js";
 import { Cloud } from "viewer/cloud.js";
+import { depth } from "viewer/numbers.js";
 import { Panes } from "viewer/panes.js";
 import { sceneCharts } from "viewer/plots.js";
 import { showReadout, valuesAt } from "viewer/readout.js";
@@ -12,7 +13,10 @@ import { Scale } from "viewer/scale.js";
 const byId = (id) => document.getElementById(id);
 const page = JSON.parse(byId("viewer-data").textContent);
 const palettes = Object.fromEntries(Object.entries(page.palettes).map(([kind, text]) => [kind, ramp(palette(text))]));
+palettes.depth = palettes.disparity;
 const BLINK_MS = 700;
+// The share of a range that is left free beyond its far end: the first colours are almost black, which is no disparity.
+const FAR_ROOM = 0.06;
 
 let scene = null;
 let blinkTimer = 0;
@@ -21,7 +25,7 @@ const choice = { first: null, second: null };
 
 const scale = new Scale(palettes, () => {
   scene.layers.forEach((layer) => {
-    if (layer.kind === "disparity") layer.canvas = null;
+    if (layer.kind === scale.kind) layer.canvas = null;
   });
   update();
 });
@@ -64,10 +68,12 @@ async function decode(raw) {
   return decoded;
 }
 
-function layersOf({ frames, maps, truth }) {
+function layersOf({ frames, maps, truth, geometry }) {
   const layers = [];
   maps.forEach((map, k) => layers.push({ id: `disparity-${k}`, name: map.name, group: "Disparity", kind: "disparity", map, bits: map.bits }));
   if (truth) layers.push({ id: "truth", name: "truth", group: "Disparity", kind: "disparity", bits: truth });
+  if (geometry) maps.forEach((map, k) => layers.push({ id: `depth-${k}`, name: `depth by ${map.name}`, group: "Depth", kind: "depth", map, bits: map.bits }));
+  if (geometry && truth) layers.push({ id: "depth-truth", name: "true depth", group: "Depth", kind: "depth", bits: truth });
   frames.forEach((frame, k) => layers.push({ id: `frame-${k}`, name: frame.name, group: "Pictures", kind: "picture", frame }));
   maps.filter((map) => map.confidences).forEach((map) => {
     layers.push({ id: `confidence-${maps.indexOf(map)}`, name: `confidence of ${map.name}`, group: "Confidence", kind: "confidence", map });
@@ -86,7 +92,8 @@ function drawn(layer) {
   const pixels = new Int32Array(image.data.buffer);
   const draw = {
     picture: () => drawGray(layer.frame.gray, pixels),
-    disparity: () => drawDisparities(layer.bits, scale.range, palettes.disparity, pixels),
+    disparity: () => drawDisparities(layer.bits, scale.ranges.disparity, palettes.disparity, pixels),
+    depth: () => drawDepths(layer.bits, scale.ranges.depth, scene.geometry, palettes.depth, pixels),
     confidence: () => drawConfidences(layer.map.confidences, layer.map.bits, palettes.confidence, pixels),
     error: () => drawErrors(layer.map.bits, scene.truth, palettes.error, pixels),
   };
@@ -112,16 +119,20 @@ function fillChoices() {
   }
 }
 
-// The range of all maps, but for the few disparities at its ends.
-function fullRange() {
+// The ranges of all maps, but for the few disparities at their ends.
+function fullRanges() {
   const all = scene.truth ? [scene.truth] : scene.maps.map((map) => map.bits);
   const sampled = all.map((bits) => bits.filter((value, i) => value !== INVALID && i % 7 === 0));
   const values = new Int16Array(sampled.reduce((count, each) => count + each.length, 0));
   sampled.reduce((start, each) => (values.set(each, start), start + each.length), 0);
   values.sort();
-  if (!values.length) return [0, 1];
-  const at = (share) => values[Math.round(share * (values.length - 1))] / 64;
-  return [at(0.002), at(0.998)];
+  const ends = (values) => [0.002, 0.998].map((share) => values[Math.round(share * (values.length - 1))] / 64);
+  const [least, greatest] = values.length ? ends(values) : [0, 1];
+  const disparity = [least - FAR_ROOM * (greatest - least), greatest];
+  if (!scene.geometry) return { disparity };
+  const finite = values.filter((value) => depth(value / 64, scene.geometry) !== null);
+  const [far, near] = finite.length ? ends(finite).map((pixels) => depth(pixels, scene.geometry)) : [1, 0];
+  return { disparity, depth: [near, far + FAR_ROOM * (far - near)] };
 }
 
 async function open(index) {
@@ -134,7 +145,7 @@ function show(decoded) {
   panes.resize(scene.width, scene.height);
   byId("cloud").style.aspectRatio = `${scene.width} / ${scene.height}`;
   cloud.points = null;
-  scale.reset(...fullRange(), scene.geometry);
+  scale.reset(fullRanges(), scene.geometry);
   scene.layers.forEach((layer) => {
     layer.canvas = null;
   });
@@ -151,6 +162,8 @@ function showAround() {
   if (cloudMode.disabled && cloudMode.checked) document.querySelector("input[value=single]").checked = true;
   byId("plots").replaceChildren(...sceneCharts(scene));
   byId("making").replaceChildren(...making());
+  byId("left-out").hidden = !scene.left_out.length;
+  byId("left-out").textContent = leftOut(scene);
   update();
 }
 
@@ -172,7 +185,7 @@ export async function showMap(raw) {
     layer.canvas = pictures.get(layer.id);
   });
   if (!hadMap) choice.first = scene.layers[0].id;
-  if (!scale.isDragged) scale.reset(...fullRange(), scene.geometry);
+  if (!scale.isDragged) scale.reset(fullRanges(), scene.geometry);
   showAround();
   if (panes.cursor) showReadout(scene, panes.cursor, currentMap());
 }
@@ -197,6 +210,12 @@ function making() {
     parts.push(list);
   }
   return parts;
+}
+
+// What a page of many scenes does without.
+function leftOut({ name, left_out }) {
+  const parts = left_out.map((part) => ({ confidences: "confidences", neighbors: "the pictures of the neighbours, and with them costs" })[part]);
+  return `Left out here, to keep the page small: ${parts.join("; ")}. A page of ${name} alone has them.`;
 }
 
 function measurement(places) {

@@ -88,7 +88,7 @@ export class Cloud {
     const pixels = new Int32Array(image.data.buffer);
     const nearest = new Float32Array(width * height).fill(Infinity);
     // While it moves, a large cloud is thinned.
-    const step = this.isMoving ? Math.ceil(shades.length / 400_000) : 1;
+    const step = this.isMoving ? Math.ceil(shades.length / 250_000) : 1;
     const [sinY, cosY, sinP, cosP] = [Math.sin(this.yaw), Math.cos(this.yaw), Math.sin(this.pitch), Math.cos(this.pitch)];
     const [px, py, pz] = this.pivot;
     const focal = this.focal * width * this.zoom;
@@ -102,7 +102,7 @@ export class Cloud {
       const x = left + (focal * (cosY * a + sinY * c)) / depth;
       const y = top + (focal * (cosP * b - sinP * behind)) / depth;
       // A point is as wide as the pixel that saw it.
-      const side = Math.min(12, Math.max(1, Math.ceil((1.25 * across * this.zoom * points[3 * i + 2]) / depth)));
+      const side = Math.min(12, Math.max(1, Math.ceil((1.7 * across * this.zoom * points[3 * i + 2]) / depth)));
       const [fromX, fromY] = [Math.max(0, Math.round(x - side / 2)), Math.max(0, Math.round(y - side / 2))];
       const [toX, toY] = [Math.min(width, fromX + side), Math.min(height, fromY + side)];
       for (let row = fromY; row < toY; row++) {

@@ -1,7 +1,15 @@
 // Decodes what the program encoded: planes of numbers, each predicted from its neighbours and deflated.
 
+// A loop, since `Uint8Array.from` with a function takes seconds for the pictures of a large rig.
+function decoded(text) {
+  const characters = atob(text);
+  const bytes = new Uint8Array(characters.length);
+  for (let i = 0; i < bytes.length; i++) bytes[i] = characters.charCodeAt(i);
+  return bytes;
+}
+
 async function inflate(text) {
-  const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+  const bytes = decoded(text);
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
@@ -37,5 +45,5 @@ export async function disparities(text, width) {
 
 // Three bytes for each of 256 colours.
 export function palette(text) {
-  return Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+  return decoded(text);
 }

@@ -1,6 +1,7 @@
 // Colours of layers, one 32-bit number for a pixel, as canvases store them on little-endian machines.
 
 import { INVALID } from "viewer/codec.js";
+import { depth } from "viewer/numbers.js";
 
 const opaque = (r, g, b) => (255 << 24) | (b << 16) | (g << 8) | r;
 
@@ -24,6 +25,17 @@ export function drawDisparities(bits, [far, near], colors, pixels) {
     const place = Math.round((bits[i] - 64 * far) * factor);
     pixels[i] = bits[i] === INVALID ? BLACK : colors[place < 0 ? 0 : place > 255 ? 255 : place];
   }
+}
+
+export function drawDepths(bits, [near, far], geometry, colors, pixels) {
+  // The colour of every disparity that there can be: there are fewer than pixels.
+  const table = Int32Array.from({ length: 65536 }, (_, i) => {
+    const disparity = (i << 16) >> 16;
+    const z = disparity === INVALID ? null : depth(disparity / 64, geometry);
+    const place = z === null ? 0 : Math.round((255 * (far - z)) / Math.max(far - near, 1e-6));
+    return z === null ? BLACK : colors[Math.min(255, Math.max(0, place))];
+  });
+  for (let i = 0; i < bits.length; i++) pixels[i] = table[bits[i] & 0xffff];
 }
 
 export function drawConfidences(confidences, bits, colors, pixels) {

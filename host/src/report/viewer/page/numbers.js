@@ -10,8 +10,10 @@ export function depth(pixels, geometry) {
 
 export function depthText(pixels, geometry) {
   const metres = depth(pixels, geometry);
-  return metres === null ? "∞" : `${metres < 10 ? metres.toFixed(3) : metres.toFixed(1)} m`;
+  return metres === null ? "∞" : metresText(metres);
 }
+
+export const metresText = (metres) => `${metres < 10 ? metres.toFixed(3) : metres.toFixed(1)} m`;
 
 export const pixels = (bits) => (bits === INVALID ? null : bits / 64);
 export const px = (value, digits = 2) => (value === null || value === undefined ? "–" : value.toFixed(digits));

@@ -61,12 +61,18 @@ function row(cells, tag) {
   return line;
 }
 
+function whyNoCosts({ frames, left_out }) {
+  if (left_out.includes("neighbors")) return "No costs: the neighbours' pictures are left out, to keep the page small.";
+  if (frames.length > 1) return "No costs: the pictures are at other baselines than the disparities.";
+  return "No costs: they are computed from the pictures of a rig, which are not part of this page.";
+}
+
 function showCosts(scene, cursor, map, current) {
   const costs = map?.costs;
-  if (!costs || !scene.frames.length) {
+  if (!costs) {
     byId("costs-title").textContent = "";
     byId("costs").replaceChildren();
-    byId("fused").textContent = map ? "No costs: they are computed from the pictures of a rig, which are not part of this page." : "";
+    byId("fused").textContent = map ? whyNoCosts(scene) : "";
     return;
   }
   const found = costsAt(scene, costs, cursor);

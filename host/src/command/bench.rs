@@ -8,7 +8,7 @@ use multiscopic::{Error, Frames, Method, Picture, Result, stereo::network::DotPr
 use multiscopic_core::{Fusion, Params};
 
 use super::{
-    options::{EngineOptions, MethodName, MethodOptions, Named, SearchOptions, named, views_of_count},
+    options::{EngineOptions, MethodName, MethodOptions, SearchOptions, named, views_of_count},
     terminal,
 };
 

@@ -10,7 +10,7 @@ use multiscopic::{
 };
 use multiscopic_core::{Fusion, Search, View, Views};
 
-use super::options::{MethodName, Named};
+use super::options::MethodName;
 
 /// A method with the views that it matches and the rule that fuses their costs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

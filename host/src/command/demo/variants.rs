@@ -4,7 +4,7 @@ use multiscopic::{Error, Result, images::Layout, stereo::LongBaselines};
 use multiscopic_core::{Fusion, View, Views};
 
 use crate::command::{
-    options::{MethodName, Named, views_of_count},
+    options::{MethodName, views_of_count},
     variant::Variant,
 };
 

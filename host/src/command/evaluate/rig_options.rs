@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use multiscopic::{
-    Error, FloatImage, Frames, Geometry, Result, Rig, evaluation::ground_truth, images::ImageRegion, lens::Undistortion,
+    Error, FloatImage, Frames, Geometry, Preparation, Result, Rig, evaluation::ground_truth, images::ImageRegion,
+    lens::Undistortion,
 };
 use multiscopic_core::Frame;
 
 use crate::command::{
     options::{BitsOption, GeometryOptions, SearchOptions, Source, value::positive},
-    preparation::{Preparation, PreparationOptions},
+    preparation::PreparationOptions,
     scene::rendered_capture::TRUTH_FILE_NAME,
 };
 

@@ -15,7 +15,7 @@ use super::{
     rig_options::{PreparedRig, RigFiles},
 };
 use crate::command::{
-    options::{Named, Source},
+    options::Source,
     terminal,
     variant::Variant,
     view::{command_line, matched_map},

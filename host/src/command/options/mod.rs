@@ -5,7 +5,6 @@ mod bits_option;
 mod engine_options;
 mod geometry_options;
 mod hardware_options;
-mod lens_file;
 mod methods;
 mod named;
 mod neighbor_options;
@@ -21,7 +20,6 @@ pub use geometry_options::GeometryOptions;
 #[cfg(feature = "calibration")]
 pub use hardware_options::SettingsOptions;
 pub use hardware_options::{CameraSpec, HardwareOptions, micrometres};
-pub use lens_file::LensFile;
 pub use methods::{MatchingOptions, MethodName, MethodOptions};
 pub use named::{Named, named};
 pub use neighbor_options::NeighborOptions;

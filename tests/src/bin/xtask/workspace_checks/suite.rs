@@ -3,13 +3,15 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{process::Command, time::Instant};
 
-use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, supply_chain::SupplyChain};
+use super::{
+    emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, python_package, supply_chain::SupplyChain,
+};
 use crate::{
     emulation::{build, emulated_board, setup},
     firmware_checks::{capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, profiles},
     system::{
         folders,
-        process::{built_program, command, run},
+        process::{PYTHON_PACKAGE, built_program, command, run},
     },
     tools::toolchain::Toolchain,
 };
@@ -62,6 +64,7 @@ pub fn test() -> Result<()> {
     step("tests in debug", || test_workspace("dev", &[]))?;
     step("pages in a browser", pages::run_tests)?;
     step("the published packages", packaging::check)?;
+    step("the Python package", python_package::run_tests)?;
     // Without the unit tests of the host, which would be compiled once more, for minutes.
     step("tests in release", || test_workspace("release", &["--exclude", "multiscopic"]))?;
     step("the kernel of 64-bit Arm", emulated_arm64::run_tests)?;
@@ -103,7 +106,8 @@ fn lints() -> Result<()> {
 
 fn test_workspace(profile: &str, selection: &[&str]) -> Result<()> {
     let program = built_program(profile)?;
-    run(cargo(&["test", "--workspace", "--profile", profile]).args(selection).env("MULTISCOPIC_BINARY", program))
+    let whole = ["test", "--workspace", "--exclude", PYTHON_PACKAGE, "--profile", profile];
+    run(cargo(&whole).args(selection).env("MULTISCOPIC_BINARY", program))
 }
 
 fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {

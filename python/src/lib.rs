@@ -14,6 +14,7 @@
 //! | `capture` | the images of one capture, and how they are matched |
 //! | `rig` | captured folders |
 //! | `views` | matching, rectification and inspection of arrays |
+//! | `multiscopic` | what Python imports |
 
 mod arrays;
 mod capture;

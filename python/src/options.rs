@@ -15,16 +15,19 @@ use pyo3::{
     types::PyDict,
 };
 
-/// Defines [`Options`] with a field for each keyword.
+/// What the keyword arguments say.
+pub type Options = Keywords;
+
+/// Defines [`Keywords`] with a field for each of them.
 macro_rules! options {
     ($($keyword:ident: $kind:ty,)*) => {
-        /// What the keyword arguments say. `None` is the default.
+        /// The value of each keyword, `None` for its default.
         #[derive(Clone, Debug, Default)]
-        pub struct Options {
+        pub struct Keywords {
             $($keyword: Option<$kind>,)*
         }
 
-        impl Options {
+        impl Keywords {
             /// Sets a keyword. `false` if there is no such keyword.
             fn set(&mut self, keyword: &str, value: &Bound<'_, PyAny>) -> PyResult<bool> {
                 match keyword {

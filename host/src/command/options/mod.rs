@@ -20,7 +20,7 @@ pub use geometry_options::GeometryOptions;
 #[cfg(feature = "calibration")]
 pub use hardware_options::SettingsOptions;
 pub use hardware_options::{CameraSpec, HardwareOptions, micrometres};
-pub use methods::{MatchingOptions, MethodName, MethodOptions};
+pub use methods::{MatchingOptions, MethodOptions};
 pub use named::{Named, named};
 pub use neighbor_options::NeighborOptions;
 pub use outputs::{MapFiles, output_file};

@@ -10,7 +10,7 @@ mod semi_global_options;
 use clap::Args;
 use multiscopic::{
     Dataset, Error, Method, Result,
-    stereo::{CostFunction, Optimizer, cost::mccnn::Architecture},
+    stereo::{CostFunction, MethodName, Optimizer, cost::mccnn::Architecture},
 };
 
 pub use self::matching_options::MatchingOptions;
@@ -19,7 +19,6 @@ use self::{
     semi_global_options::SemiGlobalOptions,
 };
 use super::{named::Named, search_options::SearchOptions};
-pub use multiscopic::stereo::MethodName;
 
 /// The options of all methods but block matching.
 #[derive(Clone, Debug, Args)]

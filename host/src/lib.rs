@@ -13,6 +13,7 @@
 //! | [`capture`] | cameras, the stages that move them, and the capture that runs both |
 //! | [`stereo`] | matching: cost, aggregation, optimization, refinement, and the engine that runs the core on all cores |
 //! | [`alignment`] | how far the views are from where they should be, estimated and taken out |
+//! | `preparation` | [`Preparation`]: what is done to frames before they are matched, and the warnings after it |
 //! | [`evaluation`] | data sets with ground truth, error metrics, those of walls and repeated captures, and the tables made of them |
 //! | [`report`] | HTML pages, error maps and montages |
 //! | [`target`] | microcontrollers: memory and time budgets, the firmware's pipeline simulated, its packets received |
@@ -26,6 +27,7 @@ pub mod evaluation;
 pub mod files;
 pub mod images;
 pub mod lens;
+mod preparation;
 pub mod progress;
 pub mod report;
 #[cfg(feature = "scene")]
@@ -39,6 +41,7 @@ pub use evaluation::{Dataset, Metrics};
 pub use files::Rig;
 pub use images::{DisparityMap, FloatImage, Frames, Geometry, Picture, Raster};
 pub use lens::{CameraModel, Lens, LensModel};
+pub use preparation::Preparation;
 pub use progress::Progress;
 pub use stereo::{Engine, Method, Simd, Volume, optimization::graph_cuts::GraphCuts, optimization::sgm::SemiGlobal};
 pub use target::Processor;

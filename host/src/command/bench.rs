@@ -4,11 +4,14 @@ use std::{fmt, process::ExitCode, time::Instant};
 
 use clap::Args;
 use image::{GrayImage, Luma};
-use multiscopic::{Error, Frames, Method, Picture, Result, stereo::network::DotProducts};
+use multiscopic::{
+    Error, Frames, Method, Picture, Result,
+    stereo::{MethodName, network::DotProducts},
+};
 use multiscopic_core::{Fusion, Params};
 
 use super::{
-    options::{EngineOptions, MethodName, MethodOptions, Named, SearchOptions, named, views_of_count},
+    options::{EngineOptions, MethodOptions, SearchOptions, named, views_of_count},
     terminal,
 };
 

@@ -20,7 +20,7 @@ use multiscopic::{
 use multiscopic_core::{Frame, Search};
 
 use super::{
-    options::{EngineOptions, GeometryOptions, MapFiles, MatchingOptions, Named, SourceOptions, output_file},
+    options::{EngineOptions, GeometryOptions, MapFiles, MatchingOptions, SourceOptions, output_file},
     preparation::{PreparationOptions, mask_unseen},
     terminal::{self, Watch},
     view,

@@ -6,11 +6,9 @@ use multiscopic::{
     DisparityMap, Engine, FloatImage, Frames, Method, Metrics, Result,
     evaluation::{CameraSteps, Record, Sparsification},
     images::Layout,
-    stereo::{LongBaselines, confidence_map::ConfidenceMap},
+    stereo::{LongBaselines, MethodName, confidence_map::ConfidenceMap},
 };
 use multiscopic_core::{Fusion, Search, View, Views};
-
-use super::options::{MethodName, Named};
 
 /// A method with the views that it matches and the rule that fuses their costs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

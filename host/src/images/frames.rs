@@ -63,6 +63,20 @@ impl Frames {
         Frames { colors, ..Frames::new(gray) }
     }
 
+    /// Frames of pictures, with their colours if all have some. `None` if none of them is the centre.
+    ///
+    /// # Panics
+    /// As [`with_picture`](Frames::with_picture).
+    pub fn of_pictures(mut pictures: Vec<(Frame, Picture)>) -> Option<Frames> {
+        let at = pictures.iter().position(|(frame, _)| *frame == Frame::Center)?;
+        let (_, center) = pictures.swap_remove(at);
+        let add = |frames: Frames, (frame, picture)| match frame {
+            Frame::View(view) => frames.with_picture(view, picture),
+            Frame::Center => frames,
+        };
+        Some(pictures.into_iter().fold(Frames::of_picture(center), add))
+    }
+
     /// Adds or replaces a neighbour. The frames keep their colours only if this neighbour has colours too.
     ///
     /// # Panics

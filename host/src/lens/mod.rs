@@ -11,15 +11,18 @@
 //! | `calibration_files` | the files of ROS, OpenCV and Kalibr, and `camera.toml` |
 //! | `mount` | [`Mount`]: how a camera is turned against its stage |
 //! | `undistortion` | [`Undistortion`]: pictures as an ideal camera, square to its stage, would have taken them |
+//! | `lens_file` | [`LensFile`]: a calibration and the file that it is from |
 
 mod calibration_files;
 mod camera_model;
 mod distortion;
+mod lens_file;
 mod mount;
 mod undistortion;
 
 pub(crate) use calibration_files::CameraToml;
 pub use camera_model::CameraModel;
 pub use distortion::{Lens, LensError, LensModel};
+pub use lens_file::LensFile;
 pub use mount::Mount;
 pub use undistortion::Undistortion;

@@ -20,7 +20,7 @@ use super::{
         sgm::SemiGlobal,
         winner,
     },
-    refinement::Refinement,
+    refinement::{Refinement, Smoother},
 };
 use crate::{
     error::{Error, Result},
@@ -101,6 +101,11 @@ pub enum Optimizer {
 }
 
 impl Method {
+    /// The smallest disparity and the number of disparities of the paper.
+    pub const DEFAULT_RANGE: (i16, u16) = (1, 60);
+    /// The side of the paper's block in pixels.
+    pub const DEFAULT_BLOCK_SIZE: u8 = 11;
+
     /// A method without refinement, by which views at longer baselines refine what those at the shortest find.
     pub fn new(cost: CostFunction, aggregation: Option<Aggregation>, optimizer: Optimizer) -> Method {
         Method { cost, aggregation, optimizer, refinement: Refinement::NONE, long_baselines: Some(LongBaselines::DEFAULT) }
@@ -122,6 +127,18 @@ impl Method {
     /// The same method with a refinement.
     pub fn with_refinement(self, refinement: Refinement) -> Method {
         Method { refinement, ..self }
+    }
+
+    /// The smoother that suits its confidences.
+    pub fn smoother(&self) -> Smoother {
+        if matches!(self.optimizer, Optimizer::GraphCuts(_)) { Smoother::GRAPH_CUTS } else { Smoother::DEFAULT }
+    }
+
+    /// Whether it counts in blocks anywhere, so that a block size has an effect.
+    pub fn has_blocks(&self) -> bool {
+        matches!(self.cost, CostFunction::Sad { .. })
+            || matches!(self.optimizer, Optimizer::GraphCuts(_))
+            || self.refinement.texture.is_some()
     }
 
     /// Whether colours matter to it, where frames have them.

@@ -13,6 +13,8 @@
 //! | [`LongBaselines`] | how views at longer baselines refine what those at the shortest found |
 //! | [`network`] | a small network that decides between two passes of semi-global matching |
 //! | [`Method`] | a choice for each of the four steps |
+//! | [`SemiGlobalMethod`] | semi-global matching as options describe it |
+//! | [`MethodName`] | the methods by name, each with its defaults |
 
 pub mod aggregation;
 mod baselines;
@@ -21,13 +23,17 @@ pub mod cost;
 mod engine;
 mod memory_demand;
 mod method;
+mod method_name;
 pub mod network;
 pub mod optimization;
 pub mod refinement;
+mod semi_global_method;
 mod simd;
 
 pub use baselines::LongBaselines;
 pub use cost::Volume;
 pub use engine::Engine;
 pub use method::{CostFunction, Method, Optimizer};
+pub use method_name::MethodName;
+pub use semi_global_method::{CostName, SemiGlobalMethod};
 pub use simd::{Simd, Task};

@@ -59,9 +59,10 @@ const SHARED_TYPES: [Shared; 5] = [
 ];
 
 /// Folders whose names follow those of other parts, and the reason.
-const FOLLOWING: [(&str, &str); 5] = [
+const FOLLOWING: [(&str, &str); 6] = [
     ("core/src/kernel/arm/", "the kernels of each instruction set are divided alike"),
     ("host/src/command/", "commands and options are named for what they run and set"),
+    ("python/src/", "what Python sees is named for what it runs"),
     ("tests/src/reference/", "second implementations are named for what they are compared with"),
     ("tests/src/simulated/", "simulated hardware is named for what drives it"),
     ("tests/src/test_images/real_data.rs", "it reads the data sets a second time"),

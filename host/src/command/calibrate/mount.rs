@@ -3,12 +3,18 @@
 use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
-use multiscopic::{Error, Frames, Geometry, Result, alignment::Mounting, capture::acquire_images, files::output, lens::Mount};
+use multiscopic::{
+    Error, Frames, Geometry, Result,
+    alignment::Mounting,
+    capture::acquire_images,
+    files::output,
+    lens::{LensFile, Mount},
+};
 use multiscopic_core::{View, Views, capture::Plan};
 
 use crate::command::{
     hardware::Hardware,
-    options::{HardwareOptions, LensFile, micrometres, value::positive},
+    options::{HardwareOptions, micrometres, value::positive},
     terminal,
 };
 

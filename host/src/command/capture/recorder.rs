@@ -7,7 +7,7 @@ use multiscopic::{
     CameraModel, FloatImage, Frames, Inspection, Result, Rig,
     capture::{Acquisition, SimulatedCamera, acquire_images},
     files::{FrameFiles, Provenance, output},
-    lens::Undistortion,
+    lens::{LensFile, Undistortion},
 };
 use multiscopic_core::{
     Views,
@@ -18,7 +18,7 @@ use super::{
     capture_log::{self, CaptureLog},
     long_baseline::LongBaseline,
 };
-use crate::command::{hardware::Hardware, options::LensFile, scene::rendered_capture::TRUTH_FILE_NAME, terminal};
+use crate::command::{hardware::Hardware, scene::rendered_capture::TRUTH_FILE_NAME, terminal};
 
 /// Takes captures that differ only in their folder and date.
 pub struct Recorder {

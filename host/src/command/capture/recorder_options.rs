@@ -9,14 +9,14 @@ use multiscopic::{
         SimulatedCamera,
         stage::{AnyStage, TurnedStage},
     },
-    lens::Mount,
+    lens::{LensFile, Mount},
 };
 use multiscopic_core::capture::Plan;
 
 use super::{layout_options::LayoutOptions, long_baseline::LongBaseline, recorder::Recorder};
 use crate::command::{
     hardware::Hardware,
-    options::{HardwareOptions, LensFile, SearchOptions, value::positive},
+    options::{HardwareOptions, SearchOptions, value::positive},
 };
 
 /// The hardware, and which frames it takes.

@@ -14,19 +14,13 @@ use multiscopic::{
     images::Layout,
     report::{ViewedMap, ViewedScene},
     scene::{PinholeCamera, Scene, Shot, render_views},
-    stereo::{
-        CostFunction, Optimizer,
-        cost::BirchfieldTomasi,
-        optimization::graph_cuts::GraphCuts,
-        refinement::{LucasKanade, Refinement},
-    },
 };
 use multiscopic_core::{Params, Search, Views};
 
 use self::{outcome::Outcome, results_folder::ResultsFolder, results_page::ResultsPage, variants::variants};
 use super::{
     charts::Errors,
-    options::{EngineOptions, MethodName, Named, SearchOptions},
+    options::{EngineOptions, SearchOptions},
     scene::rendered_capture,
     terminal,
     variant::{Measured, Subject, Variant},
@@ -112,7 +106,7 @@ impl Demo {
         bar.set_message("matching");
         let mut outcomes = Vec::new();
         for (variant, search) in all.into_iter().zip(searches.into_iter().chain(self.searches(&others)?)) {
-            let method = self.method(&variant);
+            let method = self.method(&variant)?;
             let gray = (!method.needs_color()).then(|| frames.clone().without_color());
             let subject = Subject { frames: gray.as_ref().unwrap_or(&frames), ..subject };
             let Measured { disparities, confidences, record, .. } = variant.measure(&method, &engine, &subject, &search)?;
@@ -154,17 +148,8 @@ impl Demo {
     }
 
     /// The method of a variant, with its default parameters.
-    fn method(&self, variant: &Variant) -> Method {
-        let block_size = self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
-        match variant.method {
-            MethodName::Net => Method::net().with_refinement(Refinement { sub_pixel: Some(LucasKanade), ..Refinement::NONE }),
-            MethodName::Sgm => Method::census_sgm(variant.views.len()),
-            MethodName::Gc => {
-                let cuts = GraphCuts { start_block_size: block_size, refine: true, fill: true, ..GraphCuts::default() };
-                Method::new(CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: true }), None, Optimizer::GraphCuts(cuts))
-            }
-            _ => Method::new(CostFunction::Sad { block_size }, None, Optimizer::WinnerTakesAll),
-        }
+    fn method(&self, variant: &Variant) -> Result<Method> {
+        variant.method.method(self.search.block_size, variant.views.len())
     }
 
     /// The search of each variant.

@@ -18,11 +18,12 @@ use multiscopic::{
         error_map, montage,
     },
     scene::{PinholeCamera, Shot},
+    stereo::MethodName,
 };
 use multiscopic_core::{Frame, View, Views};
 
 use super::{outcome::Outcome, variants};
-use crate::command::{charts::Errors, options::MethodName, scene::rendered_capture, variant::Variant};
+use crate::command::{charts::Errors, scene::rendered_capture, variant::Variant};
 
 /// The frames, with their captions.
 pub fn frames(views: Views) -> Vec<(Frame, String)> {

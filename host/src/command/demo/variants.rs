@@ -1,12 +1,13 @@
 //! What the demo compares, and what it calls it.
 
-use multiscopic::{Error, Result, images::Layout, stereo::LongBaselines};
+use multiscopic::{
+    Error, Result,
+    images::Layout,
+    stereo::{LongBaselines, MethodName},
+};
 use multiscopic_core::{Fusion, View, Views};
 
-use crate::command::{
-    options::{MethodName, Named, views_of_count},
-    variant::Variant,
-};
+use crate::command::{options::views_of_count, variant::Variant};
 
 /// Stereo, and all rules for two and four views. The heuristic rule is left out for two views, where it equals the mean.
 const NEAREST: [(Views, Fusion); 6] = [

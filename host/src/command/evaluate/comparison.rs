@@ -1,11 +1,11 @@
 //! What an evaluation compares: methods, sets of views, and fusion rules.
 
 use clap::Args;
-use multiscopic::{Dataset, Error, Result, evaluation::CameraSteps, images::Layout};
+use multiscopic::{Dataset, Error, Result, evaluation::CameraSteps, images::Layout, stereo::MethodName};
 use multiscopic_core::{Fusion, View, Views};
 
 use crate::command::{
-    options::{BaselineOptions, MethodName, named, views_of_count},
+    options::{BaselineOptions, named, views_of_count},
     variant::Variant,
 };
 

@@ -1,9 +1,9 @@
 //! The methods of variants.
 
-use multiscopic::{Method, Result};
+use multiscopic::{Method, Result, stereo::MethodName};
 
 use crate::command::{
-    options::{BaselineOptions, MethodName, MethodOptions},
+    options::{BaselineOptions, MethodOptions},
     variant::Variant,
 };
 

@@ -24,7 +24,7 @@ use serde::Serialize;
 use self::{comparison::Comparison, method_table::MethodTable, rig_options::RigOptions};
 use super::{
     charts::{self, Errors},
-    options::{BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, Named, SearchOptions, named, output_file},
+    options::{BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, SearchOptions, named, output_file},
     preparation::PreparationOptions,
     terminal,
     variant::{Measured, Subject},

@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use multiscopic::{
-    Error, FloatImage, Frames, Geometry, Result, Rig, evaluation::ground_truth, images::ImageRegion, lens::Undistortion,
+    Error, FloatImage, Frames, Geometry, Preparation, Result, Rig, evaluation::ground_truth, images::ImageRegion,
+    lens::Undistortion,
 };
 
 use crate::command::{
     options::{BitsOption, GeometryOptions, SearchOptions, Source, value::positive},
-    preparation::{Preparation, PreparationOptions},
+    preparation::PreparationOptions,
     scene::rendered_capture::TRUTH_FILE_NAME,
 };
 

@@ -15,7 +15,7 @@ use super::{
     rig_options::{PreparedRig, RigFiles},
 };
 use crate::command::{
-    options::{Named, Source},
+    options::Source,
     preparation::mask_unseen,
     terminal,
     variant::Variant,

@@ -1,12 +1,9 @@
 //! The camera's geometry, for depth and point clouds.
 
 use clap::Args;
-use multiscopic::{Error, Frames, Geometry, Result, Rig};
+use multiscopic::{Error, Frames, Geometry, Result, Rig, lens::LensFile};
 
-use super::{
-    lens_file::LensFile,
-    value::{finite, length, point},
-};
+use super::value::{finite, length, point};
 
 /// The geometry that turns disparities into depth.
 #[derive(Clone, Debug, Default, Args)]

@@ -6,7 +6,6 @@ mod bits_option;
 mod engine_options;
 mod geometry_options;
 mod hardware_options;
-mod lens_file;
 mod methods;
 mod named;
 mod neighbor_options;
@@ -22,8 +21,7 @@ pub use geometry_options::GeometryOptions;
 #[cfg(feature = "calibration")]
 pub use hardware_options::SettingsOptions;
 pub use hardware_options::{CameraSpec, HardwareOptions, micrometres};
-pub use lens_file::LensFile;
-pub use methods::{MatchingOptions, MethodName, MethodOptions};
+pub use methods::{MatchingOptions, MethodOptions};
 pub use named::{Named, named};
 pub use neighbor_options::NeighborOptions;
 pub use outputs::{MapFiles, output_file};

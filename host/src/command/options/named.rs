@@ -96,7 +96,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::command::options::MethodName;
+    use multiscopic::stereo::MethodName;
 
     fn names<T: Named>() -> Vec<&'static str> {
         T::ALL.iter().map(Named::name).collect()

@@ -1,7 +1,7 @@
 //! The search range and the block.
 
 use clap::Args;
-use multiscopic::{Error, Result};
+use multiscopic::{Error, Method, Result};
 use multiscopic_core::{Fusion, Params, Search, Views};
 
 /// The views that `--views` stands for.
@@ -37,9 +37,9 @@ pub struct SearchOptions {
 
 impl SearchOptions {
     /// The paper's search range: the smallest disparity and the number of disparities.
-    pub const DEFAULT_RANGE: (i16, u16) = (1, 60);
+    pub const DEFAULT_RANGE: (i16, u16) = Method::DEFAULT_RANGE;
     /// The paper's block size.
-    pub const DEFAULT_BLOCK_SIZE: u8 = 11;
+    pub const DEFAULT_BLOCK_SIZE: u8 = Method::DEFAULT_BLOCK_SIZE;
 
     /// The search in frames of `width` x `height` with `views`. `default_range` is the smallest disparity and the
     /// number of disparities that apply unless options override them.

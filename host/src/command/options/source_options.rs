@@ -6,10 +6,14 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::{Alignment, Error, Frames, Picture, Rig, files::FrameFiles, lens::Undistortion};
+use multiscopic::{
+    Alignment, Error, Frames, Picture, Rig,
+    files::FrameFiles,
+    lens::{LensFile, Undistortion},
+};
 use multiscopic_core::{Frame, ParseViewError, View, Views};
 
-use super::{BitsOption, lens_file::LensFile};
+use super::BitsOption;
 
 /// The frames: a captured folder, or an image for each.
 #[derive(Clone, Debug, Args)]
@@ -82,10 +86,8 @@ impl Source {
             });
         }
         let rig = Rig::load(directory)?;
-        let lens = lens.map(PathBuf::from).or(rig.lens.as_ref().map(|lens| directory.join(lens)));
-        let lens = lens.map(|path| LensFile::read(&path)).transpose()?;
+        let lens = LensFile::of_rig(&rig, directory, lens)?;
         let path = directory.join(Rig::FILE_NAME);
-        let lens = LensFile::with_mount(lens, &rig, &path);
         Ok(Source { images: rig.images.within(directory), rig: Some(rig), lens, rig_file: Some(path), bits: bits.clone() })
     }
 
@@ -119,14 +121,8 @@ impl Source {
 
     /// The frames of [`rectified`](Source::rectified).
     pub fn rectified_frames(&self, undistortion: Option<&Undistortion>, alignment: &Alignment) -> multiscopic::Result<Frames> {
-        let mut rectified = self.rectified(undistortion, alignment);
-        let (_, center) = rectified.next().expect("the centre comes first")?;
-        rectified.try_fold(Frames::of_picture(center), |frames, rectified| {
-            Ok(match rectified? {
-                (Frame::View(view), picture) => frames.with_picture(view, picture),
-                (Frame::Center, _) => frames,
-            })
-        })
+        let rectified = self.rectified(undistortion, alignment).collect::<multiscopic::Result<Vec<_>>>()?;
+        Ok(Frames::of_pictures(rectified).expect("the centre is among them"))
     }
 
     /// The captured folder, if it is one.

@@ -16,7 +16,7 @@ use multiscopic::{
     evaluation::ground_truth,
     files::output,
     report::{BlockCosts, Report, ViewedMap, ViewedScene},
-    stereo::confidence_map::ConfidenceMap,
+    stereo::{MethodName, confidence_map::ConfidenceMap},
 };
 use multiscopic_core::{Frame, Search};
 
@@ -25,9 +25,7 @@ use self::map_folder::MapFile;
 pub use self::matched_map::shell_line;
 pub use self::matched_map::{command_line, matched_map};
 use super::{
-    options::{
-        BitsOption, EngineOptions, GeometryOptions, MethodName, MethodOptions, Named, SearchOptions, Source, named, output_file,
-    },
+    options::{BitsOption, EngineOptions, GeometryOptions, MethodOptions, Named, SearchOptions, Source, named, output_file},
     preparation::{PreparationOptions, mask_unseen},
     scene::rendered_capture::TRUTH_FILE_NAME,
     terminal,

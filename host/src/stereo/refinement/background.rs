@@ -8,6 +8,9 @@ use crate::images::{DisparityMap, Raster};
 pub struct BackgroundFill;
 
 impl BackgroundFill {
+    /// The name on command lines.
+    pub const NAME: &str = "background";
+
     /// The filled map and its confidence. A filled pixel has half the confidence of the one whose disparity it took.
     ///
     /// A row without any disparity takes, pixel by pixel, the smaller of the nearest disparities above and below, when all other

@@ -51,6 +51,9 @@ const MOST_SHIFT: f32 = 0.5;
 pub struct LucasKanade;
 
 impl LucasKanade {
+    /// The name on command lines.
+    pub const NAME: &str = "lucas-kanade";
+
     /// The map with sharpened disparities, which stay in `range`, in pixels. The disparities are those of the centre of `frames`.
     /// Computed on the threads of the current pool.
     ///

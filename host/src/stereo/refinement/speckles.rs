@@ -18,6 +18,9 @@ pub struct Speckles {
 }
 
 impl Speckles {
+    /// The usual range.
+    pub const DEFAULT_RANGE: u16 = 1;
+
     /// Filters a map.
     pub fn apply(self, map: &mut DisparityMap) {
         let (width, height) = (map.width(), map.height());

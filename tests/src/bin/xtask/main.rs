@@ -26,7 +26,8 @@ use std::process::ExitCode;
 use emulation::setup;
 use firmware_checks::{capturing, cycles, faults, kernel_twins, profiles};
 use workspace_checks::{
-    crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, soaking, suite, supply_chain,
+    crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, python_package, soaking, suite,
+    supply_chain,
 };
 
 /// Runs the project's checks, tests and firmware.
@@ -68,6 +69,8 @@ enum Task {
     Instructions(host_instructions::Guard),
     /// Drive the page of results in a headless browser
     Page,
+    /// Build the Python package, and test it against the program
+    Python,
     /// Package the published crates, and build each from its package
     Package,
     /// Check the licences of dependencies, the reasons for them and the count of unsafe code
@@ -104,6 +107,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Aarch64 => emulated_arm64::run_tests(),
         Task::Instructions(guard) => guard.run(),
         Task::Page => pages::run_tests(),
+        Task::Python => python_package::run_tests(),
         Task::Package => packaging::check(),
         Task::SupplyChain(check) => check.run(),
         Task::Fuzz(fuzzing) => fuzzing.run(),

@@ -6,7 +6,7 @@ use std::{
 };
 
 use multiscopic::{
-    DisparityMap, Engine, Frames, Inspection, Method, Progress, Result,
+    DisparityMap, Engine, Frames, Inspection, Method, Preparation, Progress, Result,
     lens::Undistortion,
     report::{EncodedMap, ViewedScene},
     stereo::confidence_map::ConfidenceMap,
@@ -15,8 +15,8 @@ use multiscopic_core::{Frame, Search};
 
 use super::tuned_options::TunedOptions;
 use crate::command::{
-    options::{BitsOption, GeometryOptions, Named, SearchOptions, Source},
-    preparation::{Preparation, mask_unseen},
+    options::{BitsOption, GeometryOptions, SearchOptions, Source},
+    preparation::mask_unseen,
     terminal,
     view::{matched_map, title, truth},
 };

@@ -1,10 +1,10 @@
 //! All options that decide which disparities frames get.
 
 use clap::Args;
-use multiscopic::{Method, Result};
+use multiscopic::{Method, Result, stereo::MethodName};
 use multiscopic_core::{Fusion, Search, Views};
 
-use super::{MethodName, MethodOptions};
+use super::MethodOptions;
 use crate::command::options::{BaselineOptions, SearchOptions, named};
 
 /// A method, what it searches, and its options.

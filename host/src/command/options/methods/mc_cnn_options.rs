@@ -1,14 +1,10 @@
 //! The options of MC-CNN.
 
 use clap::Args;
-use multiscopic::{
-    Result,
-    stereo::{
-        CostFunction,
-        aggregation::{Aggregation, SupportRegion},
-        cost::mccnn::{Architecture, Network},
-        optimization::edge_aware::Penalties,
-    },
+use multiscopic::stereo::{
+    aggregation::{Aggregation, SupportRegion},
+    cost::mccnn::Architecture,
+    optimization::edge_aware::Penalties,
 };
 
 use crate::command::options::value::positive;
@@ -60,11 +56,6 @@ pub struct McCnnOptions {
 }
 
 impl McCnnOptions {
-    /// The cost function, with the installed weights of the network.
-    pub fn cost(&self, architecture: Architecture) -> Result<CostFunction> {
-        Ok(CostFunction::McCnn(Box::new(Network::load(architecture)?)))
-    }
-
     /// The aggregation.
     pub fn aggregation(&self, architecture: Architecture) -> Aggregation {
         let [before, after] = architecture.iterations();

@@ -1,37 +1,14 @@
-//! The methods that the command line offers.
+//! What `--help` says about the methods.
+
+use multiscopic::stereo::MethodName;
 
 use crate::command::options::named::Named;
 
-/// A method that the command line offers: a pipeline of steps that are known to work well together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MethodName {
-    /// Block matching.
-    Bm,
-    /// Graph cuts.
-    Gc,
-    /// Semi-global matching.
-    Sgm,
-    /// MC-CNN with the fast network.
-    MccnnFast,
-    /// MC-CNN with the accurate network.
-    MccnnAccurate,
-    /// The network that is part of the program.
-    Net,
-}
-
 impl Named for MethodName {
-    const ALL: &'static [MethodName] =
-        &[MethodName::Bm, MethodName::Gc, MethodName::Sgm, MethodName::MccnnFast, MethodName::MccnnAccurate, MethodName::Net];
+    const ALL: &'static [MethodName] = &MethodName::ALL;
 
     fn name(&self) -> &'static str {
-        match self {
-            MethodName::Bm => "bm",
-            MethodName::Gc => "gc",
-            MethodName::Sgm => "sgm",
-            MethodName::MccnnFast => "mccnn-fast",
-            MethodName::MccnnAccurate => "mccnn-accurate",
-            MethodName::Net => "net",
-        }
+        MethodName::name(*self)
     }
 
     fn about(&self) -> &'static str {

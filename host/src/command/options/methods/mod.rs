@@ -10,14 +10,14 @@ mod semi_global_options;
 use clap::Args;
 use multiscopic::{
     Dataset, Error, Method, Result,
-    stereo::{CostFunction, Optimizer, cost::mccnn::Architecture},
+    stereo::{CostFunction, MethodName, Optimizer, cost::mccnn::Architecture},
 };
 
+pub use self::matching_options::MatchingOptions;
 use self::{
     graph_cuts_options::GraphCutsOptions, mc_cnn_options::McCnnOptions, refinement_options::RefinementOptions,
     semi_global_options::SemiGlobalOptions,
 };
-pub use self::{matching_options::MatchingOptions, method_name::MethodName};
 use super::{named::Named, search_options::SearchOptions};
 
 /// The options of all methods but block matching.
@@ -65,29 +65,23 @@ impl MethodOptions {
     /// graph cuts start, and of sums of absolute differences, if one was asked for.
     pub fn method(&self, name: MethodName, block_size: Option<u8>, views: usize) -> Result<Method> {
         let MethodOptions { graph_cuts, semi_global, mc_cnn, refinement } = self;
-        let mc_cnn = |architecture| -> Result<Method> {
-            let optimizer = Optimizer::EdgeAware(mc_cnn.penalties(architecture));
-            Ok(Method::new(mc_cnn.cost(architecture)?, Some(mc_cnn.aggregation(architecture)), optimizer))
+        let method = name.method(block_size, views)?;
+        let with_options = |architecture, method: Method| {
+            let (aggregation, penalties) = (mc_cnn.aggregation(architecture), mc_cnn.penalties(architecture));
+            Method { aggregation: Some(aggregation), optimizer: Optimizer::EdgeAware(penalties), ..method }
         };
+        let block_size_or_default = block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
         let method = match name {
-            MethodName::Bm => {
-                let block_size = block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
-                Method::new(CostFunction::Sad { block_size }, None, Optimizer::WinnerTakesAll)
-            }
+            MethodName::Bm | MethodName::Net => method,
             MethodName::Gc => {
-                let optimizer =
-                    Optimizer::GraphCuts(graph_cuts.graph_cuts(block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE)));
-                Method::new(CostFunction::BirchfieldTomasi(graph_cuts.cost()), None, optimizer)
+                let optimizer = Optimizer::GraphCuts(graph_cuts.graph_cuts(block_size_or_default));
+                Method { cost: CostFunction::BirchfieldTomasi(graph_cuts.cost()), optimizer, ..method }
             }
-            MethodName::Sgm => {
-                let optimizer = Optimizer::SemiGlobal(semi_global.semi_global(block_size, views)?);
-                Method::new(semi_global.cost(block_size)?, None, optimizer)
-            }
-            MethodName::MccnnFast => mc_cnn(Architecture::Fast)?,
-            MethodName::MccnnAccurate => mc_cnn(Architecture::Accurate)?,
-            MethodName::Net => Method::net(),
+            MethodName::Sgm => semi_global.with_block_size(block_size).method(views)?,
+            MethodName::MccnnFast => with_options(Architecture::Fast, method),
+            MethodName::MccnnAccurate => with_options(Architecture::Accurate, method),
         };
-        let block_size = block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
-        Ok(method.with_refinement(refinement.refinement(name, block_size)?))
+        let refinement = refinement.refinement(&method, block_size_or_default)?;
+        Ok(method.with_refinement(refinement))
     }
 }

@@ -2,14 +2,13 @@
 
 use clap::{Args, value_parser};
 use multiscopic::{
-    Result,
+    Method, Result,
     stereo::{
         confidence_map,
-        refinement::{BackgroundFill, Bilateral, LucasKanade, Median, Refinement, Smoother, Speckles, TextureThreshold},
+        refinement::{BackgroundFill, Bilateral, LucasKanade, Median, Refinement, Speckles, TextureThreshold},
     },
 };
 
-use super::method_name::MethodName;
 use crate::command::options::{
     named::{Named, named},
     value::{point, probability},
@@ -39,7 +38,7 @@ pub struct RefinementOptions {
     speckle_window_size: Option<u32>,
 
     /// By how many pixels neighbouring disparities of a patch may differ (OpenCV: speckleRange of StereoSGBM)
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "speckle_window_size")]
+    #[arg(long, value_name = "N", default_value_t = Speckles::DEFAULT_RANGE, requires = "speckle_window_size")]
     speckle_range: u16,
 
     /// Median filter with a window of this size, odd, from 3 to 31 pixels [default: none]
@@ -81,7 +80,7 @@ impl Named for FillName {
     const ALL: &'static [FillName] = &[FillName::Background];
 
     fn name(&self) -> &'static str {
-        "background"
+        BackgroundFill::NAME
     }
 
     fn about(&self) -> &'static str {
@@ -103,7 +102,7 @@ impl Named for SubPixelName {
 
     fn name(&self) -> &'static str {
         match self {
-            SubPixelName::LucasKanade => "lucas-kanade",
+            SubPixelName::LucasKanade => LucasKanade::NAME,
             SubPixelName::None => "none",
         }
     }
@@ -122,10 +121,9 @@ impl RefinementOptions {
         self.texture_threshold.is_some()
     }
 
-    /// The refinement of a method, with its defaults. Texture counts in blocks of `block_size`.
-    pub fn refinement(&self, name: MethodName, block_size: u8) -> Result<Refinement> {
-        let sharpens = name == MethodName::Net;
-        let smoother = if name == MethodName::Gc { Smoother::GRAPH_CUTS } else { Smoother::DEFAULT };
+    /// The refinement of a method, whose own has its defaults. Texture counts in blocks of `block_size`.
+    pub fn refinement(&self, method: &Method, block_size: u8) -> Result<Refinement> {
+        let sharpens = method.refinement.sub_pixel.is_some();
         let speckles = |window_size| Speckles { window_size, range: self.speckle_range };
         Ok(Refinement {
             uniqueness: self.uniqueness_ratio,
@@ -135,7 +133,7 @@ impl RefinementOptions {
             sub_pixel: self.sub_pixel.map_or(sharpens, |name| name == SubPixelName::LucasKanade).then_some(LucasKanade),
             median: self.median.map(Median::new).transpose()?,
             bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
-            smoother: self.smooth.then_some(smoother),
+            smoother: self.smooth.then(|| method.smoother()),
             fill: self.fill.map(|FillName::Background| BackgroundFill),
             min_confidence: self.min_confidence.map(confidence_map::of_probability),
         })

@@ -2,10 +2,10 @@
 
 use clap::Args;
 use multiscopic::{
-    Error, Result, SemiGlobal,
-    stereo::{CostFunction, optimization::sgm::Paths},
+    Error, Result,
+    stereo::{CostName, SemiGlobalMethod, optimization::sgm::Paths},
 };
-use multiscopic_core::{Census, PathPenalties, SemiGlobalCost};
+use multiscopic_core::Census;
 
 use crate::command::options::named::{Named, named};
 
@@ -40,68 +40,29 @@ pub struct SemiGlobalOptions {
     census: Census,
 }
 
-/// A matching cost of semi-global matching.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum CostName {
-    Census,
-    Census2,
-    Sad,
-}
-
 impl SemiGlobalOptions {
     /// Whether the matching cost counts in blocks.
     pub fn has_blocks(&self) -> bool {
         self.cost == CostName::Sad
     }
 
-    /// The matching cost. `block_size` is the block's, if one was asked for.
-    pub fn cost(&self, block_size: Option<u8>) -> Result<CostFunction> {
-        Ok(match self.core_cost(block_size)? {
-            SemiGlobalCost::Sad { block_size } => CostFunction::Sad { block_size },
-            SemiGlobalCost::Census(census) if self.cost == CostName::Census2 => CostFunction::TwoScaleCensus(census),
-            SemiGlobalCost::Census(census) => CostFunction::Census(census),
-        })
-    }
-
-    /// The optimizer of costs that are fused over a number of views.
-    pub fn semi_global(&self, block_size: Option<u8>, views: usize) -> Result<SemiGlobal> {
-        let default = SemiGlobal::default_for(self.core_cost(block_size)?, views);
-        let p1 = self.p1.unwrap_or(default.penalties.p1());
-        let p2 = match self.p1 {
-            Some(p1) => p1.saturating_mul(6).min(PathPenalties::MAX),
-            None => default.penalties.p2(0),
-        };
-        let p2_edge = self.p2_edge.or(default.penalties.p2_edge());
-        let penalties = PathPenalties::new(p1, self.p2.unwrap_or(p2), p2_edge)?;
-        Ok(SemiGlobal { paths: self.paths, penalties })
-    }
-
-    fn core_cost(&self, block_size: Option<u8>) -> Result<SemiGlobalCost> {
-        Ok(match self.cost {
-            CostName::Census | CostName::Census2 => SemiGlobalCost::Census(self.census),
-            CostName::Sad => {
-                let block_size = block_size.unwrap_or(SemiGlobalCost::DEFAULT_BLOCK_SIZE);
-                SemiGlobalCost::Sad { block_size }.checked()?
-            }
-        })
+    /// What these options describe. `block_size` is that of sums of absolute differences, if one was asked for.
+    pub fn with_block_size(&self, block_size: Option<u8>) -> SemiGlobalMethod {
+        let SemiGlobalOptions { cost, p1, p2, p2_edge, paths, census } = *self;
+        SemiGlobalMethod { cost, census, block_size, p1, p2, p2_edge, paths }
     }
 }
 
 fn paths(text: &str) -> Result<Paths> {
-    let all = [Paths::Four, Paths::Five, Paths::Eight];
-    let paths = all.into_iter().find(|paths| paths.count().to_string() == text);
+    let paths = Paths::ALL.into_iter().find(|paths| paths.count().to_string() == text);
     paths.ok_or_else(|| Error::Usage("it must be 4, 5 or 8".into()))
 }
 
 impl Named for CostName {
-    const ALL: &'static [CostName] = &[CostName::Census, CostName::Census2, CostName::Sad];
+    const ALL: &'static [CostName] = &CostName::ALL;
 
     fn name(&self) -> &'static str {
-        match self {
-            CostName::Census => "census",
-            CostName::Census2 => "census2",
-            CostName::Sad => "sad",
-        }
+        CostName::name(*self)
     }
 
     fn about(&self) -> &'static str {

@@ -15,6 +15,9 @@ pub enum Paths {
 }
 
 impl Paths {
+    /// All sets of paths.
+    pub const ALL: [Paths; 3] = [Paths::Four, Paths::Five, Paths::Eight];
+
     /// The number of paths.
     pub const fn count(self) -> usize {
         match self {

@@ -71,6 +71,10 @@ pub const NODE: Tool = Tool { program: "node", debian: &["nodejs"], fedora: Some
 /// What installs the libraries for that.
 pub const NPM: Tool = Tool { program: "npm", debian: &["npm"], fedora: Some("nodejs-npm"), homebrew: Some("node") };
 
+/// The interpreter for which the Python package is tested. Debian has its virtual environments in a package of their own.
+pub const PYTHON: Tool =
+    Tool { program: "python3", debian: &["python3", "python3-venv"], fedora: Some("python3"), homebrew: Some("python") };
+
 /// Every program that the firmware's tests need.
 pub const ALL: [Tool; 2] = [QEMU, CC];
 

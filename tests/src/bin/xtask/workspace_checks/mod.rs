@@ -7,6 +7,7 @@ pub mod fuzzing;
 pub mod host_instructions;
 pub mod packaging;
 pub mod pages;
+pub mod python_package;
 pub mod soaking;
 pub mod suite;
 pub mod supply_chain;

@@ -1,10 +1,11 @@
-//! The calibration of the camera that a command line or a rig names.
+//! The calibration of a camera, and the file that it is from.
 
 use std::path::{Path, PathBuf};
 
-use multiscopic::{
-    CameraModel, Error, Lens, Result, Rig,
-    lens::{Mount, Undistortion},
+use super::{CameraModel, Lens, Mount, Undistortion};
+use crate::{
+    error::{Error, Result},
+    files::Rig,
 };
 
 /// A calibration and its file.
@@ -22,9 +23,23 @@ pub struct LensFile {
 const CONTRADICTION: f64 = 1.01;
 
 impl LensFile {
-    /// Reads the calibration of a lens.
+    /// Reads the calibration of a lens, square to its stage.
+    ///
+    /// # Errors
+    /// Those of [`CameraModel::read`].
     pub fn read(path: &Path) -> Result<LensFile> {
         Ok(LensFile { path: path.into(), camera: CameraModel::read(path)?, mount: Mount::SQUARE })
+    }
+
+    /// Reads the calibration that the images of the `rig` in `directory` were taken with: its lens, or another one, and its
+    /// mount. `None` if the images are ideal.
+    ///
+    /// # Errors
+    /// Those of [`CameraModel::read`].
+    pub fn of_rig(rig: &Rig, directory: &Path, other: Option<&Path>) -> Result<Option<LensFile>> {
+        let lens = other.map(PathBuf::from).or(rig.lens.as_ref().map(|lens| directory.join(lens)));
+        let lens = lens.map(|path| LensFile::read(&path)).transpose()?;
+        Ok(LensFile::with_mount(lens, rig, &directory.join(Rig::FILE_NAME)))
     }
 
     /// A lens together with the mount in the rig at `path`. `None` if the rig's images are ideal.
@@ -41,7 +56,10 @@ impl LensFile {
         }
     }
 
-    /// The undistortion of images of a size, which must be that of the calibration.
+    /// The undistortion of images of a size.
+    ///
+    /// # Errors
+    /// If the calibration is for another size.
     pub fn undistortion(&self, size: [usize; 2]) -> Result<Undistortion> {
         self.camera.check_size(&self.path, size)?;
         Ok(Undistortion::new(&self.camera, &self.mount, size))
@@ -58,6 +76,9 @@ impl LensFile {
     }
 
     /// The rig of the images, of a size, without their distortion.
+    ///
+    /// # Errors
+    /// Those of [`check_focal`](LensFile::check_focal).
     pub fn ideal_rig(&self, rig: Rig, size: [usize; 2]) -> Result<Rig> {
         self.check_focal(rig.focal_px, Rig::FILE_NAME)?;
         let (focal_px, principal_point) = (Some(self.focal_px()), Some(self.principal_point(size)));
@@ -65,6 +86,9 @@ impl LensFile {
     }
 
     /// Refuses a focal length in pixels, if there is one, that contradicts the calibration. `origin` is where it is from.
+    ///
+    /// # Errors
+    /// [`Error::Usage`], with both.
     pub fn check_focal(&self, focal_px: Option<f64>, origin: &str) -> Result<()> {
         let contradicts = |given: &f64| given.max(self.focal_px()) / given.min(self.focal_px()) > CONTRADICTION;
         match focal_px.filter(contradicts) {

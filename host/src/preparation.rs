@@ -1,0 +1,144 @@
+//! What comes between reading frames and matching them, and the warnings after it.
+
+use multiscopic_core::{Frame, Search};
+
+use crate::{
+    alignment::{Alignment, Inspection},
+    error::Result,
+    images::{DisparityMap, FloatImage, Frames, Geometry, ImageRegion},
+    stereo::Method,
+};
+
+/// The least share of pixels at an end of the range that is a pile.
+const MIN_PILE: f64 = 0.02;
+/// How many times the mean share of a disparity a pile has.
+const PILE: f64 = 3.0;
+
+/// What is known of frames before they are matched.
+#[derive(Clone, Debug)]
+pub struct Preparation {
+    /// What the prepared images tell.
+    pub inspection: Inspection,
+    /// What rectified them, if that was asked for.
+    pub alignment: Option<Alignment>,
+    /// The smallest disparity and the number of disparities, unless options override them.
+    pub range: (i16, u16),
+    /// The search in this range.
+    pub search: Search,
+}
+
+impl Preparation {
+    /// Leaves `frames` as they are. `search` makes a search of a range of disparities: the smallest one and their number. The
+    /// range is the one that the images show if `auto_range` is set, and else [that of the paper](Method::DEFAULT_RANGE).
+    ///
+    /// # Errors
+    /// Those of `search`, and [`Error::Usage`](crate::Error::Usage) if the images do not show a range.
+    pub fn new(frames: &Frames, auto_range: bool, search: impl Fn((i16, u16)) -> Result<Search>) -> Result<Preparation> {
+        let inspection = Inspection::of(frames);
+        let range = range(&inspection, auto_range)?;
+        Ok(Preparation { search: search(range)?, inspection, alignment: None, range })
+    }
+
+    /// Rectifies `frames`, and the principal point of their geometry with them. `rectified` gives the frames as an alignment
+    /// rectifies them.
+    ///
+    /// # Errors
+    /// Those of [`new`](Preparation::new), of [`Alignment::estimate`] and of `rectified`.
+    pub fn rectifying(
+        frames: &mut Frames,
+        geometry: &mut Option<Geometry>,
+        auto_range: bool,
+        search: impl Fn((i16, u16)) -> Result<Search>,
+        rectified: impl FnOnce(&Alignment) -> Result<Frames>,
+    ) -> Result<Preparation> {
+        let before = Preparation::new(frames, auto_range, &search)?;
+        let alignment = Alignment::estimate(frames, &before.search, geometry.as_ref())?;
+        *frames = rectified(&alignment)?;
+        if let Some(geometry) = geometry {
+            geometry.principal_point = alignment.principal_point(geometry.principal_point);
+        }
+        // Views that are turned show other disparities.
+        let inspection = alignment.inspect(&before.inspection, frames);
+        let range = range(&inspection, auto_range)?;
+        Ok(Preparation { search: search(range)?, inspection, alignment: Some(alignment), range })
+    }
+
+    /// The truth of the prepared centre, given that of the centre in its file.
+    pub fn truth(&self, truth: FloatImage) -> FloatImage {
+        match &self.alignment {
+            // The disparity of a point is that in the rectified frames already.
+            Some(alignment) => resampled(&truth, alignment.homography(Frame::Center)),
+            None => truth,
+        }
+    }
+
+    /// What the images and the disparities that a `search` found in them give reason to doubt.
+    pub fn warnings(&self, disparities: &DisparityMap, search: &Search) -> Vec<String> {
+        let Preparation { inspection, alignment, .. } = self;
+        // Swapped views explain disparities at the end of the range.
+        let is_swapped = inspection.refuse_swapped(search.min_disparity()).is_err();
+        let cut = match is_swapped {
+            true => None,
+            // In a range of a few disparities none stands out, and in one that is far off all are mismatches.
+            false => cut_range(disparities, search, inspection.flat)
+                .or_else(|| inspection.beyond_line(search.min_disparity()..=search.max_disparity())),
+        };
+        let of_alignment = alignment.as_ref().and_then(Alignment::warning);
+        inspection.warnings(search.min_disparity()).into_iter().chain(of_alignment).chain(cut).collect()
+    }
+}
+
+/// The range of disparities, unless other options override it.
+fn range(inspection: &Inspection, auto_range: bool) -> Result<(i16, u16)> {
+    if auto_range { inspection.found_range() } else { Ok(Method::DEFAULT_RANGE) }
+}
+
+/// Tells whether disparities pile up at an end of the range, so that it seems to be too narrow. Where nothing has texture, as on
+/// the share `flat` of the centre, any of them may win.
+fn cut_range(disparities: &DisparityMap, search: &Search, flat: f64) -> Option<String> {
+    let (first, last, count) = (search.min_disparity(), search.max_disparity(), search.num_disparities());
+    let [at_first, at_last] = disparities.shares_at_ends(first..=last);
+    let limit = f64::max(MIN_PILE, PILE / count as f64) + flat;
+    // Points at infinity are no sign of a range that is cut.
+    let (share, end, option) = if at_last > limit {
+        (at_last, last, format!("--num-disparities above {count}"))
+    } else if at_first > limit && first != 0 {
+        (at_first, first, format!("--min-disparity below {first}"))
+    } else {
+        return None;
+    };
+    let percent = 100.0 * share;
+    Some(format!("{percent:.0} % of the disparities are {end}, an end of the range: give {option}, or --auto-range"))
+}
+
+/// The true disparities where a homography takes the pixels of another picture: those of the nearest pixels.
+fn resampled(truth: &FloatImage, [x, y, z]: [[f64; 3]; 3]) -> FloatImage {
+    let size = [truth.width(), truth.height()];
+    let at = |[u, v]: [usize; 2]| {
+        let along = |row: [f64; 3]| row[0] * u as f64 + row[1] * v as f64 + row[2];
+        let [u, v] = [x, y].map(|row| (along(row) / along(z)).round());
+        let is_inside = (0.0..size[0] as f64).contains(&u) && (0.0..size[1] as f64).contains(&v);
+        if is_inside { truth.get(u as usize, v as usize) } else { f32::INFINITY }
+    };
+    FloatImage::new(size[0], size[1], ImageRegion::whole(size).pixels().map(at).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn truth_follows_a_homography() {
+        let truth = FloatImage::new(5, 4, (0..20).map(|d| d as f32).collect());
+        // Two pixels to the right and one up, written with another scale.
+        let moved = resampled(&truth, [[3.0, 0.0, 6.0], [0.0, 3.0, -3.0], [0.0, 0.0, 3.0]]);
+        for [u, v] in ImageRegion::whole([5, 4]).pixels() {
+            let expected = if u < 3 && v > 0 { truth.get(u + 2, v - 1) } else { f32::INFINITY };
+            assert_eq!(moved.get(u, v), expected, "({u}, {v})");
+        }
+        // A quarter turn about the top left corner shows its column alone.
+        let turned = resampled(&truth, [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
+        assert_eq!(turned.row(0), [0.0, 5.0, 10.0, 15.0, f32::INFINITY]);
+        assert!(turned.rows().skip(1).flatten().all(|d| d.is_infinite()));
+    }
+}

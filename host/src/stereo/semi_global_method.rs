@@ -1,0 +1,90 @@
+//! Semi-global matching as options describe it.
+
+use multiscopic_core::{Census, PathPenalties, SemiGlobalCost};
+
+use super::{
+    method::{CostFunction, Method, Optimizer},
+    optimization::sgm::{Paths, SemiGlobal},
+};
+use crate::error::Result;
+
+/// Semi-global matching, with penalties that follow from the cost unless they are given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SemiGlobalMethod {
+    /// The matching cost.
+    pub cost: CostName,
+    /// The window of census transforms.
+    pub census: Census,
+    /// The side of the block of [`CostName::Sad`] in pixels: [`SemiGlobalCost::DEFAULT_BLOCK_SIZE`] if it is `None`.
+    pub block_size: Option<u8>,
+    /// The penalty for a disparity change of one.
+    pub p1: Option<u8>,
+    /// The penalty for larger changes: six times P1 if that alone is given.
+    pub p2: Option<u8>,
+    /// The difference of brightness above which P2 is lowered.
+    pub p2_edge: Option<u8>,
+    /// Where paths come from.
+    pub paths: Paths,
+}
+
+/// A matching cost of semi-global matching.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CostName {
+    /// The census transform.
+    Census,
+    /// The census transform at two scales.
+    Census2,
+    /// Sums of absolute differences.
+    Sad,
+}
+
+impl CostName {
+    /// All costs.
+    pub const ALL: [CostName; 3] = [CostName::Census, CostName::Census2, CostName::Sad];
+
+    /// The name on command lines.
+    pub const fn name(self) -> &'static str {
+        match self {
+            CostName::Census => "census",
+            CostName::Census2 => "census2",
+            CostName::Sad => "sad",
+        }
+    }
+}
+
+impl Default for SemiGlobalMethod {
+    /// The census transform in its usual window, and five paths.
+    fn default() -> SemiGlobalMethod {
+        let (cost, census, paths) = (CostName::Census, Census::Window9x7, Paths::default());
+        SemiGlobalMethod { cost, census, block_size: None, p1: None, p2: None, p2_edge: None, paths }
+    }
+}
+
+impl SemiGlobalMethod {
+    /// The method, for matches in a number of `views` at the shortest baseline.
+    ///
+    /// # Errors
+    /// If the block size or a penalty is out of range.
+    pub fn method(&self, views: usize) -> Result<Method> {
+        let core_cost = match self.cost {
+            CostName::Census | CostName::Census2 => SemiGlobalCost::Census(self.census),
+            CostName::Sad => {
+                let block_size = self.block_size.unwrap_or(SemiGlobalCost::DEFAULT_BLOCK_SIZE);
+                SemiGlobalCost::Sad { block_size }.checked()?
+            }
+        };
+        let cost = match core_cost {
+            SemiGlobalCost::Sad { block_size } => CostFunction::Sad { block_size },
+            SemiGlobalCost::Census(census) if self.cost == CostName::Census2 => CostFunction::TwoScaleCensus(census),
+            SemiGlobalCost::Census(census) => CostFunction::Census(census),
+        };
+        let default = core_cost.default_penalties(views);
+        let p1 = self.p1.unwrap_or(default.p1());
+        let p2 = match self.p1 {
+            Some(p1) => p1.saturating_mul(6).min(PathPenalties::MAX),
+            None => default.p2(0),
+        };
+        let penalties = PathPenalties::new(p1, self.p2.unwrap_or(p2), self.p2_edge.or(default.p2_edge()))?;
+        Ok(Method::new(cost, None, Optimizer::SemiGlobal(SemiGlobal { paths: self.paths, penalties })))
+    }
+}

@@ -1,0 +1,161 @@
+"""Accurate depth from one camera that is moved on purpose: multiscopic matching of numpy arrays."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal, TypedDict, final
+
+import numpy as np
+import numpy.typing as npt
+from typing_extensions import Unpack
+
+__version__: str
+
+#: uint8 of height x width, or height x width x 3 (RGB).
+_Image = npt.NDArray[np.uint8]
+#: Offsets from the centre in baselines to the right and down.
+_Offset = tuple[int, int]
+
+class _Options(TypedDict, total=False):
+    """The keyword arguments of match(), whose help describes them."""
+
+    method: Literal["bm", "gc", "sgm", "mccnn-fast", "mccnn-accurate", "net"] | None
+    fusion: Literal["min", "mean", "heuristic", "half"] | None
+    min_disparity: int | None
+    num_disparities: int | None
+    block_size: int | None
+    auto_range: bool | None
+    align: bool | None
+    cost: Literal["census", "census2", "sad"] | None
+    census: Literal["5x5", "7x7", "9x7"] | None
+    p1: int | None
+    p2: int | None
+    p2_edge: int | None
+    paths: Literal[4, 5, 8] | None
+    occlusion_cost: float | Literal["auto"] | None
+    lambda1: float | None
+    lambda2: float | None
+    smoothness: Literal["linear", "potts"] | None
+    sweeps: int | None
+    seed: int | None
+    uniqueness_ratio: int | None
+    disp12_max_diff: int | None
+    texture_threshold: int | None
+    speckle_window_size: int | None
+    speckle_range: int | None
+    median: int | None
+    bilateral: tuple[float, float] | None
+    sub_pixel: Literal["lucas-kanade", "none"] | None
+    min_confidence: float | None
+    smooth: bool | None
+    fill: Literal["background"] | None
+    confidence: bool | None
+    threads: int | None
+
+@final
+class Result:
+    """Disparities, how sure they are, and the depths that follow from them."""
+
+    @property
+    def disparity(self) -> npt.NDArray[np.float32]:
+        """Disparities in pixels: height x width, NaN where there is none."""
+
+    @property
+    def confidence(self) -> npt.NDArray[np.uint8] | None:
+        """The probability that a disparity is at most one pixel off, times 255: height x width, 0 where there is none."""
+
+    def depth(
+        self, focal_px: float | None = None, baseline_mm: float | None = None, doffs: float | None = None
+    ) -> npt.NDArray[np.float32]:
+        """Depths in metres: height x width, NaN where there is none."""
+
+@final
+class Rig:
+    """A captured folder: images and the rig.toml that describes them."""
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Rig:
+        """Reads the rig.toml in a folder, and the calibration of its lens, if it names one."""
+
+    @property
+    def path(self) -> Path:
+        """The folder."""
+
+    @property
+    def baseline_mm(self) -> float | None:
+        """The distance from the centre to each neighbour in millimetres, if it is known."""
+
+    @property
+    def focal_px(self) -> float | None:
+        """The focal length in pixels, if it is known."""
+
+    @property
+    def doffs(self) -> float:
+        """The negated disparity of a point at infinity, in pixels."""
+
+    @property
+    def views(self) -> list[_Offset]:
+        """The offsets of the neighbours from the centre, in baselines to the right and down."""
+
+    def frames(self) -> dict[_Offset, _Image]:
+        """Reads the images, without the distortion of the lens, by their offsets from the centre, whose own is (0, 0)."""
+
+    def match(self, **options: Unpack[_Options]) -> Result:
+        """Reads the images and matches the centre with its neighbours."""
+
+def match(
+    center: _Image,
+    left: _Image | None = None,
+    right: _Image | None = None,
+    top: _Image | None = None,
+    bottom: _Image | None = None,
+    *,
+    views: Mapping[_Offset, _Image] | None = None,
+    **options: Unpack[_Options],
+) -> Result:
+    """Estimates the disparity of each pixel of a centre image by matching it with its neighbours."""
+
+def align(
+    center: _Image,
+    left: _Image | None = None,
+    right: _Image | None = None,
+    top: _Image | None = None,
+    bottom: _Image | None = None,
+    *,
+    views: Mapping[_Offset, _Image] | None = None,
+    min_disparity: int | None = None,
+    num_disparities: int | None = None,
+    focal_px: float | None = None,
+) -> dict[_Offset, _Image]:
+    """Rectifies views: finds from the images how each is turned, scaled and off its place, and takes that out."""
+
+def inspect(
+    center: _Image,
+    left: _Image | None = None,
+    right: _Image | None = None,
+    top: _Image | None = None,
+    bottom: _Image | None = None,
+    *,
+    views: Mapping[_Offset, _Image] | None = None,
+) -> tuple[tuple[int, int] | None, list[str]]:
+    """Tells what images show before they are matched: the range of their disparities, and what may be wrong with them."""
+
+def evaluate(
+    disparity: npt.ArrayLike, truth: npt.ArrayLike, confidence: npt.NDArray[np.uint8] | None = None
+) -> dict[str, float]:
+    """The errors of disparities over all pixels whose true disparity is known."""
+
+def colorize(disparity: npt.ArrayLike, range: tuple[float, float] | None = None) -> npt.NDArray[np.uint8]:
+    """Disparities in colour: near is red, far is blue, and pixels without a disparity are black."""
+
+def read_image(path: str | os.PathLike[str]) -> _Image:
+    """Reads a PNG, PGM, PPM or JPEG image in 8 bits."""
+
+def write_png(path: str | os.PathLike[str], image: _Image) -> None:
+    """Writes an image as PNG."""
+
+def read_pfm(path: str | os.PathLike[str]) -> npt.NDArray[np.float32]:
+    """Reads a PFM file with one channel: height x width, NaN where the file has +inf."""
+
+def write_pfm(path: str | os.PathLike[str], values: npt.ArrayLike) -> None:
+    """Writes a PFM file with one channel. NaN becomes +inf."""

@@ -1,0 +1,48 @@
+//! The Python package `multiscopic`: multiscopic matching of numpy arrays, with the bits of the program.
+//!
+//! Doc comments of what Python sees are written for `help()`.
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | `exceptions` | errors of the library as Python's exceptions |
+//! | `interruption` | long work that leaves the interpreter to other threads, and that Ctrl-C ends |
+//! | `arrays` | numpy arrays as pictures and maps, and back |
+//! | `files` | reading and writing the program's files |
+//! | `evaluation` | how good disparities are |
+//! | `options` | the keyword arguments of matching |
+//! | `match_result` | what matching gives |
+//! | `capture` | the images of one capture, and how they are matched |
+//! | `rig` | captured folders |
+//! | `views` | matching, rectification and inspection of arrays |
+//! | `multiscopic` | what Python imports |
+
+mod arrays;
+mod capture;
+mod evaluation;
+mod exceptions;
+mod files;
+mod interruption;
+mod match_result;
+mod options;
+mod rig;
+mod views;
+
+/// Accurate depth from one camera that is moved on purpose: multiscopic matching of numpy arrays.
+///
+/// match() estimates the disparity of each pixel of a centre image by matching it with its neighbours. Rig.load() reads
+/// captured folders. evaluate() measures errors.
+#[pyo3::pymodule]
+mod multiscopic {
+    #[pymodule_export]
+    use crate::{
+        evaluation::evaluate,
+        files::{colorize, read_image, read_pfm, write_pfm, write_png},
+        match_result::MatchResult,
+        rig::Rig,
+        views::{align, inspect, matched},
+    };
+
+    #[pymodule_export]
+    #[expect(non_upper_case_globals, reason = "it is Python's name")]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+}

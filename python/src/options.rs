@@ -1,0 +1,267 @@
+//! The keyword arguments of matching: the options of `multiscopic match`, with `_` for `-`.
+
+use multiscopic::{
+    Engine, Error, Frames, GraphCuts, Method, Result,
+    stereo::{
+        CostName, LongBaselines, MethodName, Optimizer, SemiGlobalMethod, confidence_map,
+        optimization::{graph_cuts::Smoothness, sgm::Paths},
+        refinement::{BackgroundFill, Bilateral, LucasKanade, Median, Refinement, Speckles, TextureThreshold},
+    },
+};
+use multiscopic_core::{Census, Fusion, Search};
+use pyo3::{
+    exceptions::{PyOverflowError, PyTypeError, PyValueError},
+    prelude::*,
+    types::PyDict,
+};
+
+/// What the keyword arguments say.
+pub type Options = Keywords;
+
+/// Defines [`Keywords`] with a field for each of them.
+macro_rules! options {
+    ($($keyword:ident: $kind:ty,)*) => {
+        /// The value of each keyword, `None` for its default.
+        #[derive(Clone, Debug, Default)]
+        pub struct Keywords {
+            $($keyword: Option<$kind>,)*
+        }
+
+        impl Keywords {
+            /// Sets a keyword. `false` if there is no such keyword.
+            fn set(&mut self, keyword: &str, value: &Bound<'_, PyAny>) -> PyResult<bool> {
+                match keyword {
+                    $(stringify!($keyword) => self.$keyword = value.extract()?,)*
+                    _ => return Ok(false),
+                }
+                Ok(true)
+            }
+        }
+    };
+}
+
+options! {
+    method: String,
+    fusion: String,
+    min_disparity: i16,
+    num_disparities: u16,
+    block_size: u8,
+    auto_range: bool,
+    align: bool,
+    cost: String,
+    census: String,
+    p1: u8,
+    p2: u8,
+    p2_edge: u8,
+    paths: usize,
+    occlusion_cost: OcclusionCost,
+    lambda1: f64,
+    lambda2: f64,
+    smoothness: String,
+    sweeps: usize,
+    seed: u64,
+    uniqueness_ratio: u8,
+    disp12_max_diff: u16,
+    texture_threshold: u32,
+    speckle_window_size: u32,
+    speckle_range: u16,
+    median: u8,
+    bilateral: (f64, f64),
+    sub_pixel: String,
+    min_confidence: f64,
+    smooth: bool,
+    fill: String,
+    confidence: bool,
+    threads: usize,
+}
+
+/// The cost of an occlusion in graph cuts: a number, or a word for it.
+#[derive(Clone, Debug, FromPyObject)]
+enum OcclusionCost {
+    Number(f64),
+    Word(String),
+}
+
+impl Options {
+    /// The options that a call gives.
+    pub fn new(given: Option<&Bound<'_, PyDict>>) -> PyResult<Options> {
+        let mut options = Options::default();
+        for (keyword, value) in given.into_iter().flatten() {
+            let keyword: String = keyword.extract()?;
+            let known = options.set(&keyword, &value).map_err(|error| out_of_range(value.py(), &keyword, &value, error))?;
+            if !known {
+                return Err(PyTypeError::new_err(format!("there is no keyword argument {keyword}")));
+            }
+        }
+        Ok(options)
+    }
+
+    /// Those of a range of disparities alone.
+    pub fn of_range(min_disparity: Option<i16>, num_disparities: Option<u16>) -> Options {
+        Options { min_disparity, num_disparities, ..Options::default() }
+    }
+
+    /// Whether the views are rectified before they are matched.
+    pub fn aligns(&self) -> bool {
+        self.align.unwrap_or_default()
+    }
+
+    /// Whether the range of disparities is found from the images.
+    pub fn finds_range(&self) -> Result<bool> {
+        let finds = self.auto_range.unwrap_or_default();
+        if finds && (self.min_disparity.is_some() || self.num_disparities.is_some()) {
+            let message = "auto_range finds the range of disparities: leave out min_disparity and num_disparities";
+            return Err(Error::Usage(message.into()));
+        }
+        Ok(finds)
+    }
+
+    /// Whether confidences are asked for.
+    pub fn has_confidence(&self) -> bool {
+        self.confidence.unwrap_or(true)
+    }
+
+    /// The engine.
+    pub fn engine(&self) -> Result<Engine> {
+        Engine::new(None, self.threads.unwrap_or_default())
+    }
+
+    /// The search in `frames`. `range` is the smallest disparity and their number, unless options override them.
+    pub fn search(&self, frames: &Frames, range: (i16, u16)) -> Result<Search> {
+        let side = |length: usize| {
+            u16::try_from(length).map_err(|_| Error::Usage(format!("a frame has a side of {length} pixels, the limit is 65535")))
+        };
+        let views = frames.views();
+        let fusion = choice("fusion", &self.fusion, &Fusion::ALL, |fusion| fusion.name().into())?;
+        Ok(Search::new(
+            side(frames.width())?,
+            side(frames.height())?,
+            views,
+            fusion.unwrap_or(Fusion::default_for(LongBaselines::shortest(views).len())),
+            self.min_disparity.unwrap_or(range.0),
+            self.num_disparities.unwrap_or(range.1),
+        )?)
+    }
+
+    /// The method, for matches with the views of `frames`.
+    pub fn method(&self, frames: &Frames) -> Result<Method> {
+        let views = LongBaselines::shortest(frames.views()).len();
+        let name = choice("method", &self.method, &MethodName::ALL, |name| name.name().into())?.unwrap_or(MethodName::Bm);
+        let method = match name {
+            MethodName::Sgm => self.semi_global()?.method(views)?,
+            name => name.method(self.block_size, views)?,
+        };
+        let method = match method.optimizer {
+            Optimizer::GraphCuts(cuts) => Method { optimizer: Optimizer::GraphCuts(self.graph_cuts(cuts)?), ..method },
+            _ => method,
+        };
+        let refinement = self.refinement(&method)?;
+        let method = method.with_refinement(refinement);
+        if self.block_size.is_some() && !method.has_blocks() {
+            let name = name.name();
+            let with_blocks = "bm, gc, sgm with the cost sad, and texture_threshold";
+            return Err(Error::Usage(format!("block_size has no effect on {name} as it is here: it is for {with_blocks}")));
+        }
+        Ok(method)
+    }
+
+    /// Semi-global matching.
+    fn semi_global(&self) -> Result<SemiGlobalMethod> {
+        let default = SemiGlobalMethod::default();
+        Ok(SemiGlobalMethod {
+            cost: choice("cost", &self.cost, &CostName::ALL, |cost| cost.name().into())?.unwrap_or(default.cost),
+            census: choice("census", &self.census, &Census::ALL, |census| census.name().into())?.unwrap_or(default.census),
+            block_size: self.block_size,
+            p1: self.p1,
+            p2: self.p2,
+            p2_edge: self.p2_edge,
+            paths: choice("paths", &self.paths, &Paths::ALL, Paths::count)?.unwrap_or(default.paths),
+        })
+    }
+
+    /// Graph cuts with these options in place of the parameters of `cuts`.
+    fn graph_cuts(&self, cuts: GraphCuts) -> Result<GraphCuts> {
+        let smoothness = choice("smoothness", &self.smoothness, &Smoothness::ALL, |smoothness| smoothness.name().into())?;
+        let occlusion = match &self.occlusion_cost {
+            None => cuts.occlusion,
+            Some(OcclusionCost::Word(word)) if word == "auto" => None,
+            Some(OcclusionCost::Word(word)) => {
+                return Err(Error::Usage(format!("occlusion_cost is {word}, it must be a number above 0, or auto")));
+            }
+            Some(OcclusionCost::Number(cost)) => Some(positive("occlusion_cost", *cost)?),
+        };
+        let lambda1 = self.lambda1.map(|lambda| positive("lambda1", lambda)).transpose()?;
+        let lambda2 = self.lambda2.map(|lambda| positive("lambda2", lambda)).transpose()?;
+        Ok(GraphCuts {
+            occlusion,
+            lambda: [lambda1, lambda2],
+            smoothness: smoothness.unwrap_or(cuts.smoothness),
+            sweeps: self.sweeps.unwrap_or(cuts.sweeps),
+            seed: self.seed.unwrap_or(cuts.seed),
+            ..cuts
+        })
+    }
+
+    /// The refinement of a method, whose own has its defaults.
+    fn refinement(&self, method: &Method) -> Result<Refinement> {
+        let within = |keyword, value: f64, least, most| match (least..=most).contains(&value) {
+            true => Ok(value),
+            false => Err(Error::Usage(format!("{keyword} is {value}, it must be a number from {least} to {most}"))),
+        };
+        let block_size = self.block_size.unwrap_or(Method::DEFAULT_BLOCK_SIZE);
+        let sub_pixel = choice("sub_pixel", &self.sub_pixel, &[Some(LucasKanade), None], |step| match step {
+            Some(_) => LucasKanade::NAME.into(),
+            None => "none".into(),
+        })?;
+        if let Some(percent) = self.uniqueness_ratio {
+            within("uniqueness_ratio", percent.into(), 0.0, 100.0)?;
+        }
+        let min_confidence =
+            self.min_confidence.map(|probability| within("min_confidence", probability, 0.0, 1.0)).transpose()?;
+        let speckles = |window_size| Speckles { window_size, range: self.speckle_range.unwrap_or(Speckles::DEFAULT_RANGE) };
+        Ok(Refinement {
+            uniqueness: self.uniqueness_ratio,
+            left_right: self.disp12_max_diff,
+            texture: self.texture_threshold.map(|threshold| TextureThreshold { threshold, block_size }),
+            median: self.median.map(Median::new).transpose()?,
+            bilateral: self.bilateral.map(|(sigma, threshold)| Bilateral::new(sigma, threshold)).transpose()?,
+            speckles: self.speckle_window_size.map(speckles),
+            sub_pixel: sub_pixel.unwrap_or(method.refinement.sub_pixel),
+            min_confidence: min_confidence.map(confidence_map::of_probability),
+            smoother: self.smooth.unwrap_or_default().then(|| method.smoother()),
+            fill: choice("fill", &self.fill, &[BackgroundFill], |_| BackgroundFill::NAME.into())?,
+        })
+    }
+}
+
+/// The value that a keyword names.
+fn choice<T: Copy, N: PartialEq + ToString>(
+    keyword: &str,
+    given: &Option<N>,
+    all: &[T],
+    name: impl Fn(T) -> N,
+) -> Result<Option<T>> {
+    let Some(given) = given else { return Ok(None) };
+    let found = all.iter().copied().find(|value| name(*value) == *given);
+    let names = || all.iter().map(|value| name(*value).to_string()).collect::<Vec<_>>().join(", ");
+    found.map(Some).ok_or_else(|| Error::Usage(format!("{keyword} is {}, it must be one of {}", given.to_string(), names())))
+}
+
+/// A number that must be above 0.
+fn positive(keyword: &str, value: f64) -> Result<f64> {
+    match value > 0.0 && value.is_finite() {
+        true => Ok(value),
+        false => Err(Error::Usage(format!("{keyword} is {value}, it must be a number above 0"))),
+    }
+}
+
+/// Integers that do not fit their type are wrong values, as those are that fit and are refused later.
+fn out_of_range(py: Python<'_>, keyword: &str, value: &Bound<'_, PyAny>, error: PyErr) -> PyErr {
+    if error.is_instance_of::<PyOverflowError>(py) {
+        return PyValueError::new_err(format!("{keyword} is {value}, which is out of its range"));
+    }
+    if error.is_instance_of::<PyTypeError>(py) {
+        return PyTypeError::new_err(format!("{keyword} is {value}: {}", error.value(py)));
+    }
+    error
+}

@@ -1,0 +1,52 @@
+"""The program, and scenes that it makes."""
+
+import os
+import subprocess
+from pathlib import Path
+
+import multiscopic
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope="session")
+def program():
+    """Runs the program, which the variable MULTISCOPIC_BINARY names."""
+    path = os.environ["MULTISCOPIC_BINARY"]
+
+    def run(*arguments):
+        command = [path, *map(str, arguments)]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode == 0, f"{command}: {done.stderr}"
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def rig(program, tmp_path_factory) -> Path:
+    """A made-up scene in colour with four neighbours and known disparities."""
+    folder = tmp_path_factory.mktemp("scenes")
+    program("scene", "--random", "--seed", 7, "--count", 1, "--width", 160, "--height", 120, "-o", folder / "set")
+    return next(path.parent for path in sorted((folder / "set").rglob("rig.toml")))
+
+
+@pytest.fixture(scope="session")
+def images(rig) -> dict[str, np.ndarray]:
+    """The images of the rig by their names."""
+    return {name: multiscopic.read_image(rig / f"{name}.png") for name in ["center", "left", "right", "top", "bottom"]}
+
+
+def pixels_of_pfm(path) -> np.ndarray:
+    """The numbers of a PFM file, by numpy alone."""
+    with open(path, "rb") as file:
+        assert file.readline() == b"Pf\n"
+        width, height = map(int, file.readline().split())
+        assert float(file.readline()) < 0, "little-endian"
+        return np.fromfile(file, "<f4").reshape(height, width)[::-1]
+
+
+def assert_same_bits(ours, program_map):
+    """Both have the same numbers, and none where the other has none."""
+    assert np.array_equal(np.isnan(ours), np.isinf(program_map))
+    valid = np.isfinite(program_map)
+    assert np.array_equal(ours[valid].view(np.uint32), program_map[valid].view(np.uint32))

@@ -1,0 +1,178 @@
+"""What the package takes and refuses, its documentation, and the notebook."""
+
+import _thread
+import ast
+import doctest
+import inspect
+import threading
+import time
+from importlib import resources
+from pathlib import Path
+
+import multiscopic
+import nbformat
+import numpy as np
+import pytest
+from nbclient import NotebookClient
+
+PACKAGE = Path(__file__).parents[1]
+NOISE = np.random.default_rng(1).integers(0, 256, (60, 80, 3), dtype=np.uint8)
+GRAY = np.ascontiguousarray(NOISE[..., 0])
+
+
+def moved(image, columns):
+    """The right view of a plane at this disparity."""
+    return np.roll(image, -columns, axis=1)
+
+
+def test_documentation():
+    failed, tried = doctest.testmod(multiscopic, optionflags=doctest.NORMALIZE_WHITESPACE)
+    assert failed == 0 and tried >= 15
+
+
+def test_stubs_and_signature_name_the_same_options():
+    stubs = ast.parse((PACKAGE / "multiscopic.pyi").read_text())
+    classes = {node.name: node for node in stubs.body if isinstance(node, ast.ClassDef)}
+    options = [field.target.id for field in classes["_Options"].body if isinstance(field, ast.AnnAssign)]
+    keywords = [
+        name for name, parameter in inspect.signature(multiscopic.match).parameters.items()
+        if parameter.kind is parameter.KEYWORD_ONLY and name != "views"
+    ]
+    assert keywords == options
+    # Each may be given, as its default.
+    defaults = {name: inspect.signature(multiscopic.match).parameters[name].default for name in options}
+    with_defaults = multiscopic.match(GRAY, right=moved(GRAY, 5), **defaults)
+    assert np.array_equal(with_defaults.disparity, multiscopic.match(GRAY, right=moved(GRAY, 5)).disparity, equal_nan=True)
+    functions = {node.name for node in stubs.body if isinstance(node, ast.FunctionDef)}
+    public = {name for name in dir(multiscopic) if not name.startswith("_") and name != "multiscopic"}
+    assert public == functions | {name for name in classes if not name.startswith("_")}
+    for name in ["Result", "Rig"]:
+        stubbed = {node.name for node in classes[name].body if isinstance(node, ast.FunctionDef)}
+        assert {member for member in dir(getattr(multiscopic, name)) if not member.startswith("_")} == stubbed
+
+
+def test_the_package_is_typed():
+    installed = resources.files(multiscopic)
+    assert (installed / "py.typed").is_file() and (installed / "__init__.pyi").is_file()
+
+
+@pytest.mark.parametrize("layout", [np.asfortranarray, lambda image: np.repeat(image, 2, axis=1)[:, ::2]])
+def test_any_order_of_memory(layout):
+    expected = multiscopic.match(NOISE, right=moved(NOISE, 5), method="gc", sweeps=1)
+    result = multiscopic.match(layout(NOISE), right=layout(moved(NOISE, 5)), method="gc", sweeps=1)
+    assert np.array_equal(result.disparity, expected.disparity, equal_nan=True)
+
+
+def test_colours_become_grey_as_the_program_makes_them():
+    red, green, blue = np.moveaxis(NOISE.astype(np.uint32), 2, 0)
+    gray = ((77 * red + 150 * green + 29 * blue + 128) >> 8).astype(np.uint8)
+    of_colours = multiscopic.match(NOISE, left=moved(NOISE, -5))
+    assert np.array_equal(of_colours.disparity, multiscopic.match(gray, left=moved(gray, -5)).disparity, equal_nan=True)
+    assert np.nanmedian(of_colours.disparity) == 5
+
+
+def test_refused_arguments():
+    for error, message, arguments, options in [
+        (ValueError, "there is no neighbour to match", [GRAY], {}),
+        (ValueError, "the left view has 79x60 pixels, the centre has 80x60", [GRAY, GRAY[:, 1:]], {}),
+        (ValueError, "center has the shape", [NOISE[..., :2], NOISE], {}),
+        (ValueError, "two images of the left view", [GRAY, GRAY], {"views": {(-1, 0): GRAY}}),
+        (ValueError, "the offset", [GRAY, GRAY], {"views": {(0, 0): GRAY}}),
+        (TypeError, "uint8", [GRAY.astype(np.float32), GRAY], {}),
+        (TypeError, "no keyword argument blocksize", [GRAY, GRAY], {"blocksize": 5}),
+        (TypeError, "median is wide", [GRAY, GRAY], {"median": "wide"}),
+        (ValueError, "method is sift, it must be one of bm, gc", [GRAY, GRAY], {"method": "sift"}),
+        (ValueError, "block_size is 300", [GRAY, GRAY], {"block_size": 300}),
+        (ValueError, "block size", [GRAY, GRAY], {"block_size": 8}),
+        (ValueError, "block_size has no effect on net", [GRAY, GRAY], {"method": "net", "block_size": 7}),
+        (ValueError, "min_confidence is 1.5", [GRAY, GRAY], {"min_confidence": 1.5}),
+        (ValueError, "uniqueness_ratio is 101", [GRAY, GRAY], {"uniqueness_ratio": 101}),
+        (ValueError, "occlusion_cost is -1", [GRAY, GRAY], {"method": "gc", "occlusion_cost": -1}),
+        (ValueError, "need matching costs", [GRAY, GRAY], {"method": "gc", "disp12_max_diff": 1}),
+        (ValueError, "auto_range finds the range", [GRAY, GRAY], {"auto_range": True, "num_disparities": 5}),
+        (ValueError, "threads are too many", [GRAY, GRAY], {"threads": 1000}),
+    ]:
+        with pytest.raises(error, match=message):
+            multiscopic.match(*arguments, **options)
+    result = multiscopic.match(GRAY, GRAY)
+    with pytest.raises(ValueError, match="depth needs the focal length and the baseline"):
+        result.depth(focal_px=500)
+    with pytest.raises(ValueError, match="baseline_mm is 0"):
+        result.depth(focal_px=500, baseline_mm=0)
+    with pytest.raises(ValueError, match="no disparity of the truth is known"):
+        multiscopic.evaluate(result.disparity, np.full_like(result.disparity, np.nan))
+    with pytest.raises(ValueError, match="disparity has the shape"):
+        multiscopic.evaluate(result.disparity[1:], result.disparity)
+
+
+def test_files(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"cannot read .*rig.toml"):
+        multiscopic.Rig.load(tmp_path)
+    (tmp_path / "rig.toml").write_text('[images]\ncenter = "c.png"\n')
+    with pytest.raises(ValueError, match="no neighbour in"):
+        multiscopic.Rig.load(str(tmp_path))
+    (tmp_path / "rig.toml").write_text('[images]\ncenter = "c.png"\nright = "r.png"\n')
+    rig = multiscopic.Rig.load(tmp_path)
+    assert (rig.path, rig.views, rig.focal_px, rig.doffs) == (tmp_path, [(1, 0)], None, 0.0)
+    with pytest.raises(FileNotFoundError, match="c.png"):
+        rig.match()
+    multiscopic.write_png(tmp_path / "c.png", NOISE)
+    multiscopic.write_png(tmp_path / "r.png", moved(GRAY, 5)[:, 1:])
+    with pytest.raises(ValueError, match="found 79x60 pixels, expected 80x60"):
+        rig.frames()
+    multiscopic.write_png(tmp_path / "r.png", moved(NOISE, 5))
+    frames = rig.frames()
+    assert np.array_equal(frames[0, 0], NOISE) and np.array_equal(frames[1, 0], moved(NOISE, 5))
+    values = np.array([[1.5, np.nan, np.inf], [-2, 0, 1e30]], np.float32)
+    multiscopic.write_pfm(tmp_path / "v.pfm", values)
+    read = multiscopic.read_pfm(tmp_path / "v.pfm")
+    assert np.array_equal(read, np.where(np.isinf(values), np.nan, values), equal_nan=True)
+    with pytest.raises(ValueError, match="expected a PFM file"):
+        multiscopic.read_pfm(tmp_path / "c.png")
+    with pytest.raises(OSError, match="cannot write"):
+        multiscopic.write_pfm(tmp_path / "missing" / "v.pfm", values)
+
+
+def test_inspect():
+    image = np.kron(GRAY[:30, :40], np.ones((8, 8), np.uint8))
+    (least, count), warnings = multiscopic.inspect(image, right=moved(image, 24), left=moved(image, -24))
+    assert least <= 24 < least + count and warnings == []
+    _, warnings = multiscopic.inspect(image, right=moved(image, -24), left=moved(image, 24))
+    assert any("swapped" in warning for warning in warnings)
+
+
+def test_other_threads_run_while_it_matches():
+    image = np.kron(GRAY, np.ones((6, 6), np.uint8))
+    slow = threading.Thread(target=lambda: multiscopic.match(image, right=moved(image, 30), method="gc"))
+    slow.start()
+    turns = 0
+    while slow.is_alive():
+        time.sleep(0.001)
+        turns += 1
+    assert turns > 20
+
+
+def test_control_c_ends_it():
+    image = np.kron(GRAY, np.ones((12, 12), np.uint8))
+    timer = threading.Timer(0.5, _thread.interrupt_main)
+    timer.start()
+    start = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        multiscopic.match(image, right=moved(image, 60), method="gc", num_disparities=100, confidence=False)
+    assert time.monotonic() - start < 20
+
+
+def test_notebook(rig, monkeypatch):
+    monkeypatch.setenv("MULTISCOPIC_RIG", str(rig))
+    notebook = nbformat.read(PACKAGE / "examples" / "multiscopic.ipynb", as_version=4)
+    assert all(not cell.get("outputs") and not cell.get("execution_count") for cell in notebook.cells), "outputs go stale"
+    NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
+
+
+def test_code_of_the_guide(rig, tmp_path, monkeypatch):
+    """The Python blocks of docs/python.md run, one after the other."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rig").symlink_to(rig)
+    blocks = (PACKAGE.parent / "docs" / "python.md").read_text().split("```python\n")[1:]
+    code = "\n".join(block.split("```")[0] for block in blocks)
+    exec(compile(code, "docs/python.md", "exec"), {})

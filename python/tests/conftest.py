@@ -26,8 +26,8 @@ def program():
 def rig(program, tmp_path_factory) -> Path:
     """A made-up scene in colour with four neighbours and known disparities."""
     folder = tmp_path_factory.mktemp("scenes")
-    program("scene", "--random", "--seed", 7, "--count", 1, "--width", 160, "--height", 120, "-o", folder / "set")
-    return next(path.parent for path in sorted((folder / "set").rglob("rig.toml")))
+    program("scene", "--random", "--seed", 7, "--size", "160x120", "-o", folder / "set")
+    return folder / "set" / "0000"
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use crate::{
     system::{
         folders,
-        process::{PYTHON_PACKAGE, built, command, run},
+        process::{built_program, command, run},
     },
     tools::tool,
 };
@@ -21,12 +21,12 @@ pub fn run_tests() -> Result<()> {
     let (environment, wheels) = (folder.join("environment"), folder.join("wheels"));
     let python = environment.join("bin/python").to_string_lossy().into_owned();
     install(&environment, &python)?;
-    // With the package, so that cargo builds each library once for both.
-    let packages = ["--package", "multiscopic", "--package", PYTHON_PACKAGE, "--bin", "multiscopic", "--profile", "release"];
-    let program = built("build", &packages, "multiscopic")?;
+    // That of the tests in debug.
+    let program = built_program("dev")?;
     let _ = fs::remove_dir_all(&wheels);
     let maturin = environment.join("bin/maturin").to_string_lossy().into_owned();
-    let build = ["build", "--release", "--locked", "--quiet", "--manifest-path", "python/Cargo.toml", "--interpreter", &python];
+    let build =
+        ["build", "--profile", "dev", "--locked", "--quiet", "--manifest-path", "python/Cargo.toml", "--interpreter", &python];
     run(command(&maturin, build).arg("--out").arg(&wheels))?;
     let pip = ["-m", "pip", "install", "--quiet", "--no-index", "--no-deps", "--force-reinstall", "--find-links"];
     run(command(&python, pip).arg(&wheels).arg("multiscopic"))?;

@@ -34,8 +34,8 @@ export class Browser {
     return browser;
   }
 
-  // A page of a width with a colour scheme, once it shows something. `work()` tells for how many seconds its main thread has run: other
-  // than the time on a clock, this is the same on a busy machine. It may ask for what begins with one of `own`, and for nothing else.
+  // A page of a width with a colour scheme, once it shows something. It may ask for what begins with one of `own`, and for nothing
+  // else. `work()` tells for how many seconds its main thread has run, which does not depend on what else the machine does.
   async open(address, [width, height], scheme, own) {
     const page = await this.browser.newPage();
     page.on("console", (message) => ["error", "warn"].includes(message.type()) && this.problems.push(message.text()));

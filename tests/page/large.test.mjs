@@ -1,5 +1,5 @@
-// Opens the page of a large rig, and measures how smooth it is. To render and match one takes long without optimization: the test puts
-// numbers in its place that take as long to decode. Arguments: the browser, and a page.
+// Opens the page of a large rig, and measures how smooth it is. To render and match one takes long without optimization: the
+// test puts numbers in its place that take as long to decode. Arguments: the browser, and a page.
 
 import assert from "node:assert/strict";
 import { readFileSync, writeFileSync } from "node:fs";
@@ -73,8 +73,8 @@ async function assertSmooth(opened) {
   return times;
 }
 
-// What the program writes for planes whose values differ by up to `most` from what their neighbours predict: of `bytes` bytes, the low
-// ones first.
+// What the program writes for planes whose values differ by up to `most` from what their neighbours predict: of `bytes` bytes,
+// the low ones first.
 function plane(most, bytes) {
   const count = SIZE[0] * SIZE[1];
   const values = Buffer.alloc(bytes * count);

@@ -16,7 +16,8 @@ use crate::{
 const FILES: [&str; 7] =
     ["package.json", "package-lock.json", ".npmrc", "browser.mjs", "page.test.mjs", "large.test.mjs", "live.test.mjs"];
 
-/// Makes the page of the demo, and tests it and the live view of the demo, and how fast the page of a large rig is. The screenshots stay in `target/page/screenshots`.
+/// Makes the page of the demo, and tests it, the live view of the demo, and how fast the page of a large rig is. The screenshots
+/// stay in `target/page/screenshots`.
 pub fn run_tests() -> Result<()> {
     let (browser, node, npm) = (tool::CHROMIUM.install()?, tool::NODE.install()?, tool::NPM.install()?);
     let folder = folders::target().join("page");

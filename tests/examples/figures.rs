@@ -54,29 +54,34 @@ impl Figures {
 
     /// Disparities by semi-global matching, their confidences, those that are sure, and the smoothed map.
     fn draw_confidence(&self) -> Result<()> {
-        let matched = |options: &str| {
-            let [demo, map] = ["demo", "sgm.pfm"].map(|name| self.path(name));
-            self.run(&format!("match {demo} --method sgm -o {map} {options}"))
+        // All in the colours of one range: those of a map alone would differ by its outliers.
+        let range = self.true_disparities("demo")?.range();
+        let confidence = self.path("confidence.png");
+        let matched = |name: &str, options: &str| -> Result<RgbImage> {
+            let [demo, map] = ["demo".into(), format!("{name}.pfm")].map(|name: String| self.path(&name));
+            self.run(&format!("match {demo} --method sgm -o {map} {options}"))?;
+            Ok(DisparityMap::from_float(&FloatImage::read_pfm(Path::new(&map))?).to_color(range.clone()))
         };
-        let [all, confidence, sure, smooth] = ["all.png", "confidence.png", "sure.png", "smooth.png"].map(|name| self.path(name));
-        matched(&format!("--png {all} --confidence {confidence}"))?;
-        matched(&format!("--png {sure} --min-confidence 0.9"))?;
-        matched(&format!("--png {smooth} --smooth"))?;
-        self.draw_row("confidence.png", &[picture(&all)?, picture(&confidence)?, picture(&sure)?, picture(&smooth)?])
+        let all = matched("all", &format!("--confidence {confidence}"))?;
+        let [sure, smooth] = [matched("sure", "--min-confidence 0.9")?, matched("smooth", "--smooth")?];
+        self.draw_row("confidence.png", &[all, picture(&confidence)?, sure, smooth])
     }
 
     /// What a microcontroller sees: the centre image, block matching, semi-global matching.
     fn draw_microcontroller(&self) -> Result<()> {
         self.run(&format!("demo --width 320 --height 240 -o {}", self.path("qvga")))?;
         let mut row = vec![picture(&self.path("qvga/center.png"))?];
-        let range = FloatImage::read_pfm(&self.folder.join("qvga/truth.pfm"))?;
-        let range = DisparityMap::from_float(&range).range();
+        let range = self.true_disparities("qvga")?.range();
         for profile in ["qvga", "qvga-sgm"] {
             let map = self.path(&format!("{profile}.pfm"));
             self.run(&format!("simulate --profile {profile} {} -o {map}", self.path("qvga")))?;
             row.push(DisparityMap::from_float(&FloatImage::read_pfm(Path::new(&map))?).to_color(range.clone()));
         }
         self.draw_row("microcontroller.png", &row)
+    }
+
+    fn true_disparities(&self, demo: &str) -> Result<DisparityMap> {
+        Ok(DisparityMap::from_float(&FloatImage::read_pfm(&self.folder.join(demo).join("truth.pfm"))?))
     }
 
     fn draw_row(&self, name: &str, pictures: &[RgbImage]) -> Result<()> {

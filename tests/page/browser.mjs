@@ -34,7 +34,8 @@ export class Browser {
     return browser;
   }
 
-  // A page of a width with a colour scheme, once it shows something. It may ask for what begins with one of `own`, and for nothing else.
+  // A page of a width with a colour scheme, once it shows something. It may ask for what begins with one of `own`, and for nothing
+  // else. `work()` tells for how many seconds its main thread has run, which does not depend on what else the machine does.
   async open(address, [width, height], scheme, own) {
     const page = await this.browser.newPage();
     page.on("console", (message) => ["error", "warn"].includes(message.type()) && this.problems.push(message.text()));
@@ -45,10 +46,13 @@ export class Browser {
     });
     await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
     await page.setViewport({ width, height });
+    const session = await page.createCDPSession();
+    await session.send("Performance.enable", { timeDomain: "threadTicks" });
+    const work = async () => (await session.send("Performance.getMetrics")).metrics.find(({ name }) => name === "TaskDuration").value;
     const start = performance.now();
     await page.goto(address);
     await page.waitForSelector("html[data-viewer=ready]", { timeout: 60_000 });
-    return { page, seconds: (performance.now() - start) / 1000 };
+    return { page, work, seconds: (performance.now() - start) / 1000 };
   }
 
   async check(name, run) {

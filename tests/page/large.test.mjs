@@ -1,59 +1,50 @@
-// Opens the page of a large rig, and its live view, and measures how smooth they are. Arguments: the browser, the program, the rig, its
-// page, and a folder for screenshots.
+// Opens the page of a large rig, and measures how smooth it is. To render and match one takes long without optimization: the
+// test puts numbers in its place that take as long to decode. Arguments: the browser, and a page.
 
 import assert from "node:assert/strict";
-import { join } from "node:path";
+import { readFileSync, writeFileSync } from "node:fs";
+import { dirname, join } from "node:path";
 import { pathToFileURL } from "node:url";
-import { Browser, Server, settled } from "./browser.mjs";
+import { deflateSync } from "node:zlib";
+import { Browser, settled } from "./browser.mjs";
 
-const [browserPath, program, rig, pagePath, screenshots] = process.argv.slice(2);
+const [browserPath, pagePath] = process.argv.slice(2);
 const browser = await Browser.launch(browserPath);
+const SIZE = [1390, 1110];
 const OPENING_SECONDS = 3;
 const FRAME_MS = 50;
 
-// The median time between frames of the screen while something is done on the page, in milliseconds.
-async function frameTime(page, act) {
+// The milliseconds of work for a frame of the screen while something is done on the page.
+async function frameWork({ page, work }, act) {
   await page.evaluate(() => {
-    const [times, start] = [[], performance.now()];
-    let last = start;
-    const tick = (now) => {
-      times.push(now - last);
-      last = now;
-      if (window.frameTimes === times) requestAnimationFrame(tick);
+    window.frames = 0;
+    const tick = () => {
+      if (window.frames === null) return;
+      window.frames++;
+      requestAnimationFrame(tick);
     };
-    window.frameTimes = times;
     requestAnimationFrame(tick);
   });
+  const before = await work();
   await act();
-  const times = await page.evaluate(() => {
-    const times = window.frameTimes.slice(2);
-    window.frameTimes = null;
-    return times;
+  const after = await work();
+  const frames = await page.evaluate(() => {
+    const { frames } = window;
+    window.frames = null;
+    return frames;
   });
-  assert(times.length >= 5, `${times.length} frames`);
-  return times.sort((a, b) => a - b)[Math.floor(times.length / 2)];
+  assert(frames >= 5, `${frames} frames`);
+  return (1000 * (after - before)) / frames;
 }
 
-// Others may keep the machine busy: the best of three.
-async function opened(open) {
-  let best = null;
-  for (let k = 0; k < 3; k++) {
-    const now = await open();
-    if (!best || now.seconds < best.seconds) {
-      await best?.page.close();
-      best = now;
-    } else {
-      await now.page.close();
-    }
-    if (best.seconds < OPENING_SECONDS) break;
-  }
-  // A page behind another one draws no frames.
-  await best.page.bringToFront();
-  assert(best.seconds < OPENING_SECONDS, `it opens in ${best.seconds.toFixed(1)} s`);
-  return best;
+async function assertOpensSoon({ work }) {
+  const seconds = await work();
+  assert(seconds < OPENING_SECONDS, `to open it takes ${seconds.toFixed(1)} s of work`);
+  return seconds;
 }
 
-async function assertSmooth(page) {
+async function assertSmooth(opened) {
+  const { page } = opened;
   const box = await (await page.$("#pane-first")).boundingBox();
   const move = (x, y) => page.mouse.move(box.x + x * box.width, box.y + y * box.height);
   const sweep = async ([fromX, fromY], [toX, toY]) => {
@@ -76,28 +67,51 @@ async function assertSmooth(page) {
     await choose(name === "divide" ? "divide" : "single");
     await move(0.5, 0.3);
     await settled(page);
-    times[name] = Math.round(await frameTime(page, act));
+    times[name] = Math.round(await frameWork(opened, act));
   }
-  assert(Object.values(times).every((time) => time < FRAME_MS), `milliseconds for a frame: ${JSON.stringify(times)}`);
+  assert(Object.values(times).every((time) => time < FRAME_MS), `milliseconds of work for a frame: ${JSON.stringify(times)}`);
   return times;
 }
 
-const folder = new URL(".", pathToFileURL(pagePath)).href;
-const large = await opened(() => browser.open(pathToFileURL(pagePath).href, [1920, 1200], "light", [folder]));
-await browser.check(`a large rig opens in ${large.seconds.toFixed(1)} s, and stays smooth`, async () => {
-  const { width, height, frames } = await large.page.evaluate(() => multiscopic.current());
-  assert.deepEqual([width, height, frames.length], [1390, 1110, 5]);
-  console.log("milliseconds for a frame:", await assertSmooth(large.page));
-  await large.page.screenshot({ path: join(screenshots, "large.png"), fullPage: true });
-  await large.page.close();
-});
+// What the program writes for planes whose values differ by up to `most` from what their neighbours predict: of `bytes` bytes,
+// the low ones first.
+function plane(most, bytes) {
+  const count = SIZE[0] * SIZE[1];
+  const values = Buffer.alloc(bytes * count);
+  let state = 1;
+  for (let i = 0; i < count; i++) {
+    state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
+    const difference = i === 0 ? 20 * 64 : ((state >>> 16) % (2 * most + 1)) - most;
+    for (let k = 0; k < bytes; k++) values[k * count + i] = difference >> (8 * k);
+  }
+  return deflateSync(values).toString("base64");
+}
 
-const server = await Server.start(program, ["tune", rig]);
-const tuned = await opened(() => server.open(browser, [1920, 1200], "dark"));
-await browser.check(`its live view opens in ${tuned.seconds.toFixed(1)} s, and stays smooth`, async () => {
-  console.log("milliseconds for a frame:", await assertSmooth(tuned.page));
-  await tuned.page.close();
+// The scene of a page with other pictures and maps.
+function enlarged(scene) {
+  const [gray, disparities, confidences] = [plane(12, 1), plane(1, 2), plane(2, 1)];
+  const frames = scene.frames.map((frame) => ({ ...frame, gray }));
+  const maps = scene.maps.map((map) => ({ ...map, disparities, confidences }));
+  return { ...scene, size: SIZE, frames, maps, color: null, truth: disparities };
+}
+
+const html = readFileSync(pagePath, "utf8");
+const [, json] = html.match(/id="viewer-data">(.*?)<\/script>/s);
+const data = JSON.parse(json);
+data.scenes = data.scenes.map(enlarged);
+// Beside the page, whose other pictures it shows.
+const path = join(dirname(pagePath), "large.html");
+writeFileSync(path, html.replace(json, () => JSON.stringify(data).replaceAll("<", "\\u003c")));
+
+const address = pathToFileURL(path).href;
+const opened = await browser.open(address, [1920, 1200], "light", [new URL(".", address).href]);
+await browser.check("a large rig opens soon, and stays smooth", async () => {
+  const shown = await opened.page.evaluate(() => {
+    const { width, height, frames } = multiscopic.current();
+    return [width, height, frames.length];
+  });
+  assert.deepEqual(shown, [...SIZE, 5]);
+  console.log("seconds to open it:", await assertOpensSoon(opened), "milliseconds for a frame:", await assertSmooth(opened));
 });
-await server.end();
 await browser.close();
 console.log("a large rig: every check passed");

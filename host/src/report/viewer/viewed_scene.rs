@@ -165,8 +165,8 @@ impl ViewedScene {
         self.frames.iter().any(|frame| frame.view == Some(view))
     }
 
-    /// Leaves out parts of `scenes` until they take at most `limit` bytes on a page, if that is possible: confidences first, those of
-    /// the last scene before others, then the neighbours. The page tells what is missing.
+    /// Leaves out parts of `scenes` until they take at most `limit` bytes on a page, if that is possible: confidences first,
+    /// those of the last scene before others, then the neighbours. The page tells what is missing.
     pub fn fit(scenes: &mut [ViewedScene], limit: usize) {
         let mut bytes: usize = scenes.iter().map(ViewedScene::bytes).sum();
         for part in [Part::Confidences, Part::Neighbors] {

@@ -16,7 +16,8 @@ use crate::{
 const FILES: [&str; 7] =
     ["package.json", "package-lock.json", ".npmrc", "browser.mjs", "page.test.mjs", "large.test.mjs", "live.test.mjs"];
 
-/// Makes the page of the demo, and tests it and the live view of the demo, and how fast those of a large rig are. The screenshots stay in `target/page/screenshots`.
+/// Makes the page of the demo, and tests it, the live view of the demo, and how fast the page of a large rig is. The screenshots
+/// stay in `target/page/screenshots`.
 pub fn run_tests() -> Result<()> {
     let (browser, node, npm) = (tool::CHROMIUM.install()?, tool::NODE.install()?, tool::NPM.install()?);
     let folder = folders::target().join("page");
@@ -29,13 +30,8 @@ pub fn run_tests() -> Result<()> {
     run(command(&program.to_string_lossy(), ["demo", "--width", "320", "--height", "240", "-o"]).arg(&demo))?;
     let mut test = node.command(&["page.test.mjs"])?;
     run(test.current_dir(&folder).arg(browser.path()).arg(demo.join("index.html")).arg(&demo).arg(&screenshots))?;
-    let (large, page) = (folder.join("large"), folder.join("large.html"));
-    let _ = fs::remove_dir_all(&large);
-    run(command(&program.to_string_lossy(), ["scene", "--random", "--size", "1390x1110", "--views", "4", "-o"]).arg(&large))?;
-    let rig = large.join("0000");
-    run(command(&program.to_string_lossy(), ["view", "--no-open", "-o"]).arg(&page).arg(&rig))?;
     let mut test = node.command(&["large.test.mjs"])?;
-    run(test.current_dir(&folder).arg(browser.path()).arg(&program).arg(&rig).arg(&page).arg(&screenshots))?;
+    run(test.current_dir(&folder).arg(browser.path()).arg(demo.join("index.html")))?;
     let live = folder.join("live");
     let _ = fs::remove_dir_all(&live);
     fs::create_dir(&live).with_context(|| format!("cannot make {}", live.display()))?;

@@ -3,9 +3,7 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{process::Command, time::Instant};
 
-use super::{
-    emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, python_package, supply_chain::SupplyChain,
-};
+use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, supply_chain::SupplyChain};
 use crate::{
     emulation::{build, emulated_board, setup},
     firmware_checks::{capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, profiles},
@@ -79,7 +77,6 @@ pub fn test() -> Result<()> {
     step("tests in debug", || run_tests("dev", &["--workspace", "--exclude", PYTHON_PACKAGE]))?;
     step("pages in a browser", pages::run_tests)?;
     step("the published packages", packaging::check)?;
-    step("the Python package", python_package::run_tests)?;
     step("tests in release", || run_tests("release", &OPTIMIZED))?;
     step("the kernel of 64-bit Arm", emulated_arm64::run_tests)?;
     step("instructions", || host_instructions::Guard::COMPARE.run())?;

@@ -26,12 +26,10 @@ const QUICK: [&str; 8] = [
     "--test=methods",
 ];
 
+/// What is tested in release. The unit tests of the host would be compiled once more, for minutes.
+const OPTIMIZED: [&str; 4] = ["-pmultiscopic-core", "-pmultiscopic-edge", "-pmultiscopic-drivers", "-pmultiscopic-tests"];
 /// The tests that optimisation might change: of what computes, not of what talks to users, browsers, cameras and stages.
-const OPTIMIZED: [&str; 11] = [
-    "-pmultiscopic-core",
-    "-pmultiscopic-edge",
-    "-pmultiscopic-drivers",
-    "-pmultiscopic-tests",
+const COMPUTATIONS: [&str; 7] = [
     "--lib",
     "--test=matching",
     "--test=methods",
@@ -40,6 +38,8 @@ const OPTIMIZED: [&str; 11] = [
     "--test=real_data",
     "--test=rectified_lines",
 ];
+/// The parts of others with tests that take minutes in debug, which leaves them out.
+const LONG: [&str; 7] = ["--test=commands", "--test=capture", "--", "alignment", "edge_commands", "lenses", "mounts"];
 
 /// The checks for every change.
 pub fn check() -> Result<()> {
@@ -77,7 +77,8 @@ pub fn test() -> Result<()> {
     step("tests in debug", || run_tests("dev", &["--workspace", "--exclude", PYTHON_PACKAGE]))?;
     step("pages in a browser", pages::run_tests)?;
     step("the published packages", packaging::check)?;
-    step("tests in release", || run_tests("release", &OPTIMIZED))?;
+    step("computations in release", || run_tests("release", &[&OPTIMIZED[..], &COMPUTATIONS].concat()))?;
+    step("long tests in release", || run_tests("release", &[&OPTIMIZED[..], &LONG].concat()))?;
     step("the kernel of 64-bit Arm", emulated_arm64::run_tests)?;
     step("instructions", || host_instructions::Guard::COMPARE.run())?;
     step("cameras in a virtual machine", emulated_cameras::run_tests)?;

@@ -146,6 +146,22 @@ await check("another page shows the same, and what was looked at stays", async (
   await other.page.close();
 });
 
+await check("in a narrow window, the controls stay below the picture", async () => {
+  const { page } = await tune.open(browser, [390, 844], "light");
+  const { bottom, covered, picture } = await page.evaluate(() => {
+    const side = document.querySelector(".side");
+    const { left, top, right, bottom } = side.getBoundingClientRect();
+    let covered = 0;
+    for (let y = top + 10; y < bottom - 5; y += 5) {
+      for (let x = left + 10; x < right - 5; x += 10) covered += !side.contains(document.elementFromPoint(x, y));
+    }
+    return { bottom, covered, picture: document.getElementById("pane-first").getBoundingClientRect().top - top };
+  });
+  assert(bottom <= 844 && picture < -100, `the controls end at ${bottom}, and the picture begins ${-picture} above them`);
+  assert.equal(covered, 0, "nothing lies on the controls");
+  await page.close();
+});
+
 for (const [width, scheme] of [[1600, "dark"], [1100, "light"], [390, "light"], [390, "dark"]]) {
   await check(`no violation of accessibility at ${width} pixels, ${scheme}`, async () => {
     const { page } = await tune.open(browser, [width, 844], scheme);

@@ -20,21 +20,25 @@ export function drawGray(gray, pixels) {
 }
 
 export function drawDisparities(bits, [far, near], colors, pixels) {
-  const factor = 255 / (64 * Math.max(near - far, 1 / 64));
-  for (let i = 0; i < bits.length; i++) {
-    const place = Math.round((bits[i] - 64 * far) * factor);
-    pixels[i] = bits[i] === INVALID ? BLACK : colors[place < 0 ? 0 : place > 255 ? 255 : place];
-  }
+  const factor = 255 / Math.max(near - far, 1 / 64);
+  drawByTable(bits, (disparity) => colors[clamped((disparity - far) * factor)], pixels);
 }
 
 export function drawDepths(bits, [near, far], geometry, colors, pixels) {
-  // The colour of every disparity that there can be: there are fewer than pixels.
-  const table = Int32Array.from({ length: 65536 }, (_, i) => {
-    const disparity = (i << 16) >> 16;
-    const z = disparity === INVALID ? null : depth(disparity / 64, geometry);
-    const place = z === null ? 0 : Math.round((255 * (far - z)) / Math.max(far - near, 1e-6));
-    return z === null ? BLACK : colors[Math.min(255, Math.max(0, place))];
-  });
+  const factor = 255 / Math.max(far - near, 1e-6);
+  const color = (disparity) => {
+    const z = depth(disparity, geometry);
+    return z === null ? BLACK : colors[clamped((far - z) * factor)];
+  };
+  drawByTable(bits, color, pixels);
+}
+
+const clamped = (place) => Math.min(255, Math.max(0, Math.round(place)));
+
+// Looks up the colours of all disparities that there can be: there are fewer than pixels in a picture.
+function drawByTable(bits, color, pixels) {
+  const table = new Int32Array(65536).fill(BLACK);
+  for (let value = INVALID + 1; value <= 32767; value++) table[value & 0xffff] = color(value / 64);
   for (let i = 0; i < bits.length; i++) pixels[i] = table[bits[i] & 0xffff];
 }
 

@@ -2,6 +2,7 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
+    ffi::OsStr,
     fs,
     path::{Path, PathBuf},
     process::{Command, Stdio},
@@ -85,6 +86,8 @@ pub struct Tally {
     pub killed: usize,
     /// Of those, how many left all of their outputs.
     pub complete: usize,
+    /// Of those, how many were killed between two renames, and left the other outputs whole under temporary names.
+    pub parted: usize,
     /// Of those, how many left temporary files.
     pub with_leftovers: usize,
     /// Of those, how many left a folder that was being replaced, and that did not look complete.
@@ -107,6 +110,8 @@ struct Bench {
     folder: tempfile::TempDir,
     victim: Victim,
     runs: usize,
+    /// How long the last whole run took, which changes with what else the machine does.
+    length: Duration,
     /// What a whole run makes where nothing is.
     outputs: BTreeSet<PathBuf>,
 }
@@ -118,9 +123,7 @@ impl Victim {
         let mut bench = Bench::new(*self);
         bench.outputs = bench.run();
         bench.clear();
-        let start = Instant::now();
         bench.run();
-        let length = start.elapsed();
         let mut tally = Tally::default();
         for number in 0..count {
             // Half of the moments are in the last quarter, when outputs are written.
@@ -128,7 +131,7 @@ impl Victim {
                 0 => random.below(1000),
                 _ => 750 + random.below(250),
             };
-            bench.kill_after(length.mul_f64(share as f64 / 1000.0), &mut tally);
+            bench.kill_after(bench.length.mul_f64(share as f64 / 1000.0), &mut tally);
         }
         tally
     }
@@ -199,7 +202,7 @@ impl Bench {
                 fs::write(place.join(OF_THE_USER), "the user's").expect("a file");
             }
         }
-        Bench { folder, victim, runs: 0, outputs: BTreeSet::new() }
+        Bench { folder, victim, runs: 0, length: Duration::ZERO, outputs: BTreeSet::new() }
     }
 
     /// Starts the next run, which makes other outputs than the last one.
@@ -215,7 +218,9 @@ impl Bench {
     /// Runs the command to its end. It works, and leaves no temporary files.
     fn run(&mut self) -> BTreeSet<PathBuf> {
         let before = self.files();
+        let start = Instant::now();
         let output = self.command().output().expect("the command runs");
+        let length = start.elapsed();
         let messages = String::from_utf8_lossy(&output.stderr);
         let after = self.files();
         self.check(&after);
@@ -225,7 +230,10 @@ impl Bench {
                 assert_eq!(output.status.code(), Some(2), "{}: {messages}", self.victim.name);
                 assert!(messages.contains("is there already"), "{}: {messages}", self.victim.name);
             }
-            _ => assert_eq!(output.status.code(), Some(0), "{}: {messages}", self.victim.name),
+            _ => {
+                assert_eq!(output.status.code(), Some(0), "{}: {messages}", self.victim.name);
+                self.length = length;
+            }
         }
         changes(&before, &after)
     }
@@ -260,7 +268,6 @@ impl Bench {
         let is_unsealed = self.victim.seal.is_some_and(|seal| !after.contains_key(Path::new(seal)));
         if !ended_before {
             tally.killed += 1;
-            tally.complete += usize::from(!changed.is_empty() && !is_unsealed);
             tally.with_leftovers += usize::from(!temporaries(&after).is_empty());
             tally.unsealed += usize::from(is_unsealed);
         }
@@ -271,9 +278,19 @@ impl Bench {
             Some(_) => self.outputs.clone(),
             None => changes(&before, &self.files()),
         };
-        if !changed.is_empty() && !is_unsealed {
-            assert_eq!(changed, expected, "{name}, killed after {time:?}: outputs appear together or not at all");
+        if changed.is_empty() || is_unsealed {
+            return;
         }
+        let missing: Vec<&PathBuf> = expected.difference(&changed).collect();
+        let waits =
+            |output: &Path| temporaries(&after).into_iter().any(|path| self.is_whole(output.extension(), path, &after[path]));
+        assert!(changed.is_subset(&expected), "{name}, killed after {time:?}: {changed:?} instead of {expected:?}");
+        assert!(
+            missing.iter().all(|output| !ended_before && waits(output)),
+            "{name}, killed after {time:?}: {missing:?} are missing, but outputs appear together or not at all"
+        );
+        tally.complete += usize::from(!ended_before && missing.is_empty());
+        tally.parted += usize::from(!missing.is_empty());
     }
 
     /// The files below the folder of the bench, with their contents.
@@ -296,30 +313,35 @@ impl Bench {
     fn check(&self, files: &BTreeMap<PathBuf, Vec<u8>>) {
         let name = self.victim.name;
         for (path, contents) in files.iter().filter(|(path, _)| !is_temporary(path)) {
-            let is_whole = match path.extension().and_then(|extension| extension.to_str()) {
-                Some("png") => image::load_from_memory_with_format(contents, image::ImageFormat::Png).is_ok(),
-                Some("pfm") => {
-                    let header = contents.splitn(4, |&byte| byte == b'\n').take(3).map(|line| line.len() + 1).sum::<usize>();
-                    contents.starts_with(b"Pf") && contents.len() == header + 4 * 96 * 64
-                }
-                Some("ply") => contents.starts_with(b"ply\n") && contents.len() > 1000,
-                Some("html") => contents.trim_ascii_end().ends_with(b"</html>"),
-                Some("svg") => contents.trim_ascii_end().ends_with(b"</svg>"),
-                Some("json") => serde_json::from_slice::<serde_json::Value>(contents).is_ok(),
-                Some("log") => contents.ends_with(b"\n"),
-                Some("txt") => contents == b"the user's",
-                Some("toml") => {
-                    let folder = self.folder.path().join(path.parent().expect("a folder"));
-                    // A rig that is there is complete, with all of its images.
-                    Rig::load(&folder).is_ok_and(|rig| Frames::load(&rig.images.within(&folder)).is_ok())
-                }
-                _ => false,
-            };
+            let is_whole = self.is_whole(path.extension(), path, contents);
             assert!(is_whole, "{name} left {} in {} bytes", path.display(), contents.len());
         }
         let users = files.keys().filter(|path| path.ends_with(OF_THE_USER)).count();
         assert_eq!(users, if self.victim.seal.is_some() { 2 } else { 1 }, "{name}: the user's files");
         assert!(files.contains_key(Path::new("rig/rig.toml")), "{name}: the input");
+    }
+
+    /// Whether the contents of the file `path` are all that a file with such an extension should have.
+    fn is_whole(&self, extension: Option<&OsStr>, path: &Path, contents: &[u8]) -> bool {
+        match extension.and_then(OsStr::to_str) {
+            Some("png") => image::load_from_memory_with_format(contents, image::ImageFormat::Png).is_ok(),
+            Some("pfm") => {
+                let header = contents.splitn(4, |&byte| byte == b'\n').take(3).map(|line| line.len() + 1).sum::<usize>();
+                contents.starts_with(b"Pf") && contents.len() == header + 4 * 96 * 64
+            }
+            Some("ply") => contents.starts_with(b"ply\n") && contents.len() > 1000,
+            Some("html") => contents.trim_ascii_end().ends_with(b"</html>"),
+            Some("svg") => contents.trim_ascii_end().ends_with(b"</svg>"),
+            Some("json") => serde_json::from_slice::<serde_json::Value>(contents).is_ok(),
+            Some("log") => contents.ends_with(b"\n"),
+            Some("txt") => contents == b"the user's",
+            Some("toml") => {
+                let folder = self.folder.path().join(path.parent().expect("a folder"));
+                // A rig that is there is complete, with all of its images.
+                Rig::load(&folder).is_ok_and(|rig| Frames::load(&rig.images.within(&folder)).is_ok())
+            }
+            _ => false,
+        }
     }
 }
 

@@ -29,15 +29,16 @@ impl Crashing {
             let start = Instant::now();
             let tally = victim.kill(self.moments, &mut Random(self.seed));
             println!(
-                "crash: {}: killed {} of {} runs in {:.0} s: {} left everything, {} nothing, {} a folder that is marked incomplete; \
-                 {} left temporary files, which the next run removed",
+                "crash: {}: killed {} of {} runs in {:.0} s: {} left everything, {} nothing, {} a folder that is marked incomplete, \
+                 {} some outputs with the others whole under temporary names; {} left temporary files, which the next run removed",
                 victim.name,
                 tally.killed,
                 self.moments,
                 start.elapsed().as_secs_f64(),
                 tally.complete,
-                tally.killed - tally.complete - tally.unsealed,
+                tally.killed - tally.complete - tally.unsealed - tally.parted,
                 tally.unsealed,
+                tally.parted,
                 tally.with_leftovers,
             );
         }

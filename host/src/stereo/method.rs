@@ -9,7 +9,7 @@ use super::{
     baselines::LongBaselines,
     confidence_map::{self, ConfidenceMap},
     cost::{
-        BirchfieldTomasi, BlockRows, CensusRows, Cost, CostRows, SadRows, TwoScaleRows, Volume,
+        BirchfieldTomasi, BlockRows, CensusPairRows, CensusRows, Cost, CostRows, SadRows, Volume,
         mccnn::{self, Network},
     },
     engine::Engine,
@@ -309,7 +309,7 @@ impl Method {
                 ));
             }
             (CostFunction::TwoScaleCensus(Census::Window9x7), Optimizer::Network(network)) if self.aggregation.is_none() => {
-                let inputs = Inputs::new(frames, search, engine, progress)?;
+                let inputs = Inputs::new(frames, &DisparityNetwork::search(search), engine, progress)?;
                 if progress.is_interrupted() {
                     return Ok(DisparityMap::filled(search.width(), search.height(), None));
                 }
@@ -330,7 +330,7 @@ impl Method {
                 self.along_paths(sgm, &rows, engine, frames, evidence, progress)
             }
             (CostFunction::TwoScaleCensus(census), Optimizer::SemiGlobal(sgm)) if self.aggregation.is_none() => {
-                let rows = TwoScaleRows::new(frames, search, *census, engine);
+                let rows = CensusPairRows::two_scales(frames, search, *census, engine);
                 self.along_paths(sgm, &rows, engine, frames, evidence, progress)
             }
             (CostFunction::Census(census), Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
@@ -338,7 +338,7 @@ impl Method {
                 self.take_winners(&rows, search.fusion().scale(search.views().len()) as u8, engine, evidence, progress)
             }
             (CostFunction::TwoScaleCensus(census), Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {
-                let rows = TwoScaleRows::new(frames, search, *census, engine);
+                let rows = CensusPairRows::two_scales(frames, search, *census, engine);
                 self.take_winners(&rows, search.fusion().scale(search.views().len()) as u8, engine, evidence, progress)
             }
             (CostFunction::BirchfieldTomasi(cost), Optimizer::WinnerTakesAll) if self.aggregation.is_none() => {

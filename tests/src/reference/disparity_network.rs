@@ -233,8 +233,33 @@ impl DisparityNetwork {
         file
     }
 
-    /// The disparity of each pixel, in 64ths from the least of the search on, and its confidence.
+    /// The disparity of each pixel, in 64ths from the least of the search on, and its confidence, by two looks.
     pub fn disparities(&self, inputs: &NetworkInputs) -> Vec<(i64, u8)> {
+        let (looks, width) = ([self.look(inputs), self.look(&inputs.turned())], inputs.padded_width());
+        let pixels = (0..inputs.height).flat_map(|y| (0..inputs.width).map(move |x| (x, y)));
+        let both = pixels.map(|(x, y)| {
+            let turned = (inputs.padded_height() - 1 - y) * width + width - 1 - x;
+            [looks[0][(y * inputs.width + x) as usize], looks[1][turned as usize]].map(|(d, sure)| (d, i64::from(sure)))
+        });
+        both.map(|[(a, p), (b, q)]| match (a - b).abs() <= 64 {
+            true => {
+                let (sum, weights) = ((p * p + 1) * a + (q * q + 1) * b, p * p + q * q + 2);
+                // Rounded half up.
+                ((2 * sum + weights) / (2 * weights), ((p + q) / 2) as u8)
+            }
+            false => {
+                let [p, q] = [p, q].map(|sure| sure as f64 / 255.0);
+                let (surer, p, q) = if q > p { (b, q, p) } else { (a, p, q) };
+                // Not rounded down wrongly where it is a whole number.
+                let sure = if q < 1.0 { 255.0 * p * (1.0 - q) / (1.0 - p * q) + 1e-9 } else { 0.0 };
+                (surer, sure as u8)
+            }
+        })
+        .collect()
+    }
+
+    /// The same by one look at the inputs.
+    fn look(&self, inputs: &NetworkInputs) -> Vec<(i64, u8)> {
         let mut layers = Remaining(self.layers.iter());
         let blocks = self.blocks(inputs, &mut layers);
         let outputs = image(inputs, &blocks, &mut layers);

@@ -31,7 +31,7 @@ impl NetworkInputs {
         let (width, height) = (images.width as usize, images.height as usize);
         let (min_disparity, count) = (images.min_disparity, images.num_disparities);
         let matched = |fusion, cost| SemiGlobal { fusion, cost, paths: PATHS.to_vec(), p2_edge: Some(10), ..images.clone() };
-        let costs_of = [Cost::Census(4, 3), Cost::TwoScaleCensus(4, 3)];
+        let costs_of = [Cost::CensusBothWays(4, 3), Cost::TwoScaleCensus(4, 3)];
         let views = images.views.iter().flatten().count() + images.others.len();
         let penalties = if views >= 5 { [5, 30] } else { [8, 48] };
         let passes = costs_of.map(|cost| {
@@ -95,6 +95,26 @@ impl NetworkInputs {
             }
         }
         inputs
+    }
+
+    /// Those turned by half a turn, with the pixels beyond the images that whole cells need.
+    pub fn turned(&self) -> NetworkInputs {
+        let (width, height) = (self.padded_width(), self.padded_height());
+        let pixels: Vec<(i64, i64)> =
+            (0..height).flat_map(|y| (0..width).map(move |x| (width - 1 - x, height - 1 - y))).collect();
+        let cells =
+            (0..self.count).flat_map(|index| (0..height / 4).flat_map(move |y| (0..width / 4).map(move |x| (index, x, y))));
+        NetworkInputs {
+            width,
+            height,
+            count: self.count,
+            colors: pixels.iter().map(|&(x, y)| self.colors[self.at(x, y)]).collect(),
+            passes: self.passes.each_ref().map(|pass| pixels.iter().map(|&(x, y)| pass[self.at(x, y)]).collect()),
+            measures: pixels.iter().map(|&(x, y)| self.measures[self.at(x, y)]).collect(),
+            volume: cells
+                .map(|(index, x, y)| self.pooled(index, width / 4 - 1 - x, height / 4 - 1 - y).map(|value| value as u8))
+                .collect(),
+        }
     }
 
     /// The width, rounded up to whole cells of the coarsest level of the network.

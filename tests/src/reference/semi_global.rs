@@ -14,6 +14,8 @@ const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 pub enum Cost {
     /// The Hamming distance of census transforms, by the horizontal and vertical radius of the window.
     Census(i32, i32),
+    /// The mean of two such distances: one of transforms with the bits of darker pixels, one with those of brighter ones.
+    CensusBothWays(i32, i32),
     /// The mean of two Hamming distances, of the images and of blurred ones, by the radii of the first window.
     TwoScaleCensus(i32, i32),
     /// The sum of absolute differences over a block, by its radius.
@@ -179,6 +181,15 @@ impl SemiGlobal<'_> {
                 let pairs: Vec<_> = half.map(|(du, dv)| [(du, dv), (-du, -dv)]).collect();
                 fused(&|pixel, found, image| self.hamming_distance(&pairs, &center, image, pixel, found), &images)
             }
+            Cost::CensusBothWays(rx, ry) => {
+                let window = (-ry..=ry).flat_map(|dv| (-rx..=rx).map(move |du| (du, dv)));
+                let pairs = window.filter(|&offset| offset != (0, 0)).map(|(du, dv)| [(du, dv), (-du, -dv)]);
+                let (darker, brighter): (Vec<_>, Vec<_>) = pairs.partition(|[(du, dv), _]| (dv, du) < (&0, &0));
+                let [darker, brighter] = [darker, brighter].map(|pairs| {
+                    fused(&|pixel, found, image| self.hamming_distance(&pairs, &center, image, pixel, found), &images)
+                });
+                means(&darker, &brighter)
+            }
             Cost::TwoScaleCensus(rx, ry) => {
                 let window = (-ry..=ry).flat_map(|dv| (-rx..=rx).map(move |du| (du, dv)));
                 let pairs: Vec<_> = window.filter(|(du, dv)| (du + dv) % 2 != 0).map(|offset| [offset, (0, 0)]).collect();
@@ -188,8 +199,7 @@ impl SemiGlobal<'_> {
                 let fine = fused(&|pixel, found, image| self.hamming_distance(&pairs, &center, image, pixel, found), &images);
                 let coarse =
                     fused(&|pixel, found, image| self.hamming_distance(&distant, &blurred_center, image, pixel, found), &blurred);
-                let mean = |(fine, coarse): (&Option<i64>, &Option<i64>)| Some(((*fine)? + (*coarse)?) / 2);
-                fine.iter().zip(&coarse).map(|(fine, coarse)| fine.iter().zip(coarse).map(mean).collect()).collect()
+                means(&fine, &coarse)
             }
         }
     }
@@ -198,7 +208,7 @@ impl SemiGlobal<'_> {
     fn fused_costs(&self, cost: &MatchCost, images: &[ShiftedImage], u: i32, v: i32) -> Vec<Option<i64>> {
         let disparities = self.min_disparity..self.min_disparity + self.num_disparities;
         let unit = match self.cost {
-            Cost::Census(..) | Cost::TwoScaleCensus(..) => 1,
+            Cost::Census(..) | Cost::CensusBothWays(..) | Cost::TwoScaleCensus(..) => 1,
             // The greatest power of two that is at most a third of the block's pixels, but at least 1.
             Cost::Sad(radius) => {
                 (0..).map(|shift| 1 << shift).take_while(|unit| 3 * unit <= (2 * radius + 1).pow(2)).last().unwrap_or(1)
@@ -306,6 +316,12 @@ impl SemiGlobal<'_> {
     fn at(&self, u: i32, v: i32) -> usize {
         (v * self.width + u) as usize
     }
+}
+
+/// The means of two costs each, rounded down.
+fn means(first: &[Vec<Option<i64>>], second: &[Vec<Option<i64>>]) -> Vec<Vec<Option<i64>>> {
+    let mean = |(first, second): (&Option<i64>, &Option<i64>)| Some(((*first)? + (*second)?) / 2);
+    first.iter().zip(second).map(|(first, second)| first.iter().zip(second).map(mean).collect()).collect()
 }
 
 fn wide(image: &[u8]) -> Vec<i64> {

@@ -45,7 +45,7 @@ pub fn semi_global_params(reference: &SemiGlobal) -> SemiGlobalParams {
             let window = Census::ALL.into_iter().find(|census| census.radius() == [rx as usize, ry as usize]);
             SemiGlobalCost::Census(window.expect("a window of the core"))
         }
-        Cost::TwoScaleCensus(..) => panic!("the core has no census at two scales"),
+        Cost::CensusBothWays(..) | Cost::TwoScaleCensus(..) => panic!("the core has no such census"),
         Cost::Sad(radius) => SemiGlobalCost::Sad { block_size: 2 * radius as u8 + 1 },
     };
     let penalties = PathPenalties::new(p1 as u8, p2 as u8, p2_edge.map(|edge| edge as u8)).expect("valid penalties");

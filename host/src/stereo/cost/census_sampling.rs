@@ -9,6 +9,8 @@ use rayon::prelude::*;
 pub(super) enum CensusSampling {
     /// Opposite pixels of the window, as the core does.
     Opposite,
+    /// The same the other way round: a bit is set where the core's pair is the brighter one first.
+    Reversed,
     /// Every other pixel of the window, as in a quincunx, with the one in the middle.
     Central,
     /// The same in the [blurred](blurred) image, with a window of three times the size.
@@ -20,6 +22,7 @@ impl CensusSampling {
     pub fn pairs(self, census: Census) -> Vec<[[isize; 2]; 2]> {
         let spacing = match self {
             CensusSampling::Opposite => return census.offsets().map(|[dx, dy]| [[dx, dy], [-dx, -dy]]).collect(),
+            CensusSampling::Reversed => return census.offsets().map(|[dx, dy]| [[-dx, -dy], [dx, dy]]).collect(),
             CensusSampling::Central => 1,
             CensusSampling::CentralBlurred => 3,
         };
@@ -93,7 +96,7 @@ mod tests {
     #[test]
     fn every_sampling_has_about_as_many_bits_which_fit_a_word() {
         let bits = |sampling: CensusSampling| Census::ALL.map(|census| sampling.pairs(census).len());
-        assert_eq!(bits(CensusSampling::Opposite), Census::ALL.map(Census::bits));
+        assert_eq!([CensusSampling::Opposite, CensusSampling::Reversed].map(bits), [Census::ALL.map(Census::bits); 2]);
         // A window of 9x7 has 32 pixels of the colour that its middle does not have on a chessboard.
         let chessboard = Census::ALL.map(|census| if census.bits() == 31 { 32 } else { census.bits() });
         assert_eq!([CensusSampling::Central, CensusSampling::CentralBlurred].map(bits), [chessboard; 2]);

@@ -6,6 +6,7 @@
 pub mod birchfield_tomasi;
 mod block_rows;
 mod census_image;
+mod census_pair_rows;
 mod census_rows;
 mod census_sampling;
 mod cost_rows;
@@ -13,14 +14,13 @@ mod fused_cost;
 pub mod matches;
 pub mod mccnn;
 mod sad;
-mod two_scale_rows;
 pub mod volume;
 
 pub use birchfield_tomasi::BirchfieldTomasi;
 pub use block_rows::BlockRows;
+pub use census_pair_rows::CensusPairRows;
 pub use census_rows::CensusRows;
 pub use cost_rows::{Cost, CostRows};
 pub use fused_cost::fused_cost;
 pub use sad::SadRows;
-pub use two_scale_rows::TwoScaleRows;
 pub use volume::Volume;

@@ -11,6 +11,7 @@ use super::{
     dot_products::DotProducts,
     exponentials::Exponentials,
     inputs::{BLOCK, CHANNELS, Inputs},
+    look::Look,
     operations::{Operations, RawOutputs, Skip},
     pixel_channels::{PIXEL_CHANNELS, PixelChannels},
     pixel_head::PixelHead,
@@ -94,24 +95,39 @@ impl DisparityNetwork {
         Ok(DisparityNetwork { guide, volume, image, exponentials, confidences })
     }
 
+    /// The search for whose inputs the network was trained: `search` with an even number of disparities, since two are in a slice. It has one
+    /// more than was asked for if that is odd, and not yet the greatest possible.
+    pub fn search(search: &Search) -> Search {
+        let (least, count) = (search.min_disparity(), search.num_disparities() as u16);
+        let (views, fusion) = (search.views(), search.fusion());
+        let even = Search::new(search.width() as u16, search.height() as u16, views, fusion, least, count.next_multiple_of(2));
+        even.unwrap_or(*search)
+    }
+
     /// The disparities of a search with these inputs, and the probabilities that they are at most a pixel off, times
-    /// 255. Every pixel has one.
+    /// 255. Every pixel has one. The inputs are those of the search, or of that with an [even number](DisparityNetwork::search) of disparities.
+    ///
+    /// The network looks twice: at the inputs, and at the same turned by half a turn. What it finds only in one position it is not
+    /// sure of, and errors that differ cancel.
     pub fn disparities(&self, mut inputs: Inputs, search: &Search, engine: &Engine) -> (DisparityMap, Raster<u8>) {
         let operations = Operations { products: DotProducts::of(engine) };
         engine.pool().install(|| {
-            let blocks = self.block_disparities(&mut inputs, operations);
-            self.pixel_disparities(&inputs, &blocks, search, operations)
+            let look = self.look(&inputs, operations);
+            inputs.turn();
+            look.with_turned(&self.look(&inputs, operations), search)
         })
     }
 
-    /// The disparities of blocks. Takes the volume of `inputs`.
-    fn block_disparities(&self, inputs: &mut Inputs, operations: Operations) -> BlockDisparities {
+    /// What the network finds in one look.
+    fn look(&self, inputs: &Inputs, operations: Operations) -> Look {
+        let blocks = self.block_disparities(inputs, operations);
+        self.pixel_disparities(inputs, &blocks, operations)
+    }
+
+    /// The disparities of blocks.
+    fn block_disparities(&self, inputs: &Inputs, operations: Operations) -> BlockDisparities {
         let VolumeLayers { down, halve, bottom, double, up, .. } = &self.volume;
-        let volume = std::mem::take(&mut inputs.volume);
-        let input = self.first_volume(inputs, &volume, operations);
-        // All that the head needs.
-        let excesses: Vec<u8> = volume.iter().map(|candidate| candidate[4]).collect();
-        drop(volume);
+        let input = self.first_volume(inputs, operations);
         let fine = down[0].of_volume(operations, input);
         let middle = down[1].of_volume(operations, operations.halve_volume(&halve[0], &fine));
         let mut coarse = operations.halve_volume(&halve[1], &middle);
@@ -121,11 +137,11 @@ impl DisparityNetwork {
         let middle = up[0].of_volume(operations, operations.double_volume(&double[0], &coarse, &middle));
         let fine = operations.double_volume(&double[1], &middle, &fine);
         let fine = up[1].of_volume(operations, fine);
-        self.volume_head(inputs, &excesses, &fine, operations)
+        self.volume_head(inputs, &fine, operations)
     }
 
     /// The activations of the volume part before its first block.
-    fn first_volume(&self, inputs: &Inputs, volume: &[[u8; CHANNELS]], operations: Operations) -> Activations {
+    fn first_volume(&self, inputs: &Inputs, operations: Operations) -> Activations {
         let [columns, rows] = inputs.blocks;
         let guide = self.guide(inputs, operations);
         let count = inputs.num_disparities;
@@ -134,7 +150,7 @@ impl DisparityNetwork {
         let layer = &self.volume.first;
         operations.rows([slices, rows, columns], layer.outputs(), CHANNELS, Skip::Raw(&guide), |[slice, y]| {
             let runs = [2 * slice, 2 * slice + 1].map(|index| match index as usize {
-                index if index < count => volume[(y as usize * count + index) * columns..][..columns].as_flattened(),
+                index if index < count => inputs.volume[(y as usize * count + index) * columns..][..columns].as_flattened(),
                 _ => &bad,
             });
             (layer, runs)
@@ -162,7 +178,7 @@ impl DisparityNetwork {
 
     /// Selects a disparity for each block: its candidate of the greatest score, which is the output of the last layer
     /// less the mean excess in B.
-    fn volume_head(&self, inputs: &Inputs, excesses: &[u8], fine: &Activations, operations: Operations) -> BlockDisparities {
+    fn volume_head(&self, inputs: &Inputs, fine: &Activations, operations: Operations) -> BlockDisparities {
         let layer = &self.volume.last;
         let ([columns, rows], count) = (inputs.blocks, inputs.num_disparities);
         let [slices, ..] = fine.size();
@@ -179,7 +195,7 @@ impl DisparityNetwork {
             }
             let select = |(column, scores): (usize, &[i16])| {
                 let score = |index: usize| {
-                    let excess = excesses[(row * count + index) * columns + column];
+                    let excess = inputs.volume[(row * count + index) * columns + column][4];
                     i32::from(scores[index]) - i32::from(excess)
                 };
                 self.select_candidate((0..count).map(score))
@@ -211,13 +227,7 @@ impl DisparityNetwork {
     }
 
     /// The disparities and confidences of pixels.
-    fn pixel_disparities(
-        &self,
-        inputs: &Inputs,
-        blocks: &BlockDisparities,
-        search: &Search,
-        operations: Operations,
-    ) -> (DisparityMap, Raster<u8>) {
+    fn pixel_disparities(&self, inputs: &Inputs, blocks: &BlockDisparities, operations: Operations) -> Look {
         let ImageLayers { first, down, halve, bottom, double, up, last } = &self.image;
         let mut levels = Vec::new();
         let mut current = self.first_image(inputs, blocks, first, operations);
@@ -235,7 +245,7 @@ impl DisparityNetwork {
             current = operations.convolve(convolution, &doubled, Skip::None);
         }
         let head = PixelHead { inputs, blocks, exponentials: &self.exponentials, confidences: &self.confidences };
-        head.disparities(search, last, &current, operations)
+        head.look(last, &current, operations)
     }
 
     /// The activations of the image part before its first block, at half the size.

@@ -11,6 +11,7 @@
 //! | [`Activations`], `operations` | what goes from layer to layer, and how |
 //! | `block_disparities` | the disparities of blocks, by the costs |
 //! | `pixel_channels`, `pixel_head` | the first and the last step by pixels |
+//! | `look` | what the network finds, once and in two looks |
 //! | `weight_file` | the file with the weights |
 //! | [`DisparityNetwork`] | all of it |
 
@@ -19,8 +20,8 @@ mod block_disparities;
 mod disparity_network;
 mod dot_products;
 mod exponentials;
-mod feature_files;
 mod inputs;
+mod look;
 mod operations;
 mod pixel_channels;
 mod pixel_head;

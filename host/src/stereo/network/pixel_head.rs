@@ -1,6 +1,6 @@
 //! The end of the network: disparities of pixels by the outputs of its last layer.
 
-use multiscopic_core::{Disparity, Search};
+use multiscopic_core::Disparity;
 use rayon::prelude::*;
 
 use super::{
@@ -8,10 +8,11 @@ use super::{
     block_disparities::BlockDisparities,
     exponentials::Exponentials,
     inputs::{BLOCK, Inputs},
+    look::Look,
     operations::Operations,
     quantized_layer::{QuantizedLayer, Runs},
 };
-use crate::images::{DisparityMap, Raster};
+use crate::images::Raster;
 
 /// The neighbours whose disparities are mixed: the pixel itself, then those around at distances of 1 and 3.
 const NEIGHBORS: usize = 17;
@@ -56,13 +57,7 @@ impl PixelHead<'_> {
 
     /// The disparities and confidences of all pixels. The layers compute the outputs of the upper and of the lower of
     /// two rows.
-    pub fn disparities(
-        &self,
-        search: &Search,
-        layers: &[QuantizedLayer; 2],
-        input: &Activations,
-        operations: Operations,
-    ) -> (DisparityMap, Raster<u8>) {
+    pub fn look(&self, layers: &[QuantizedLayer; 2], input: &Activations, operations: Operations) -> Look {
         let [columns, rows] = self.inputs.blocks;
         let (width, height) = (BLOCK * columns, BLOCK * rows);
         let mut pixels = vec![Pixel::default(); width * height];
@@ -78,12 +73,12 @@ impl PixelHead<'_> {
             }
         });
 
-        let least = i32::from(search.min_disparity()) * Disparity::STEPS;
-        let most = Disparity::STEPS * (search.num_disparities() as i32 - 1);
-        let mut map = DisparityMap::filled(search.width(), search.height(), None);
-        let mut confidences = Raster::filled(search.width(), search.height(), 0);
-        let lines = map.pixels_mut().par_chunks_exact_mut(search.width());
-        let lines = lines.zip(confidences.pixels_mut().par_chunks_exact_mut(search.width())).enumerate();
+        let most = Disparity::STEPS * (self.inputs.num_disparities as i32 - 1);
+        let [across, down] = [self.inputs.colors.width(), self.inputs.colors.height()];
+        let mut disparities = Raster::filled(across, down, 0);
+        let mut confidences = Raster::filled(across, down, 0);
+        let lines = disparities.pixels_mut().par_chunks_exact_mut(across);
+        let lines = lines.zip(confidences.pixels_mut().par_chunks_exact_mut(across)).enumerate();
         lines.for_each(|(y, (line, confidences))| {
             let row = |offset: isize| &pixels[y.saturating_add_signed(offset).min(height - 1) * width..][..width];
             let rows = [-3, -1, 0, 1, 3].map(row);
@@ -92,11 +87,11 @@ impl PixelHead<'_> {
                 let choices = neighbors(rows, x);
                 let mean = self.exponentials.mean(std::iter::zip(pixel.below, choices));
                 let steps = (i32::from(mean) + i32::from(pixel.correction)).clamp(0, most);
-                *disparity = Disparity::from_bits((least + steps) as i16);
+                *disparity = steps as u16;
                 *confidence = pixel.confidence;
             }
         });
-        (map, confidences)
+        Look { disparities, confidences }
     }
 
     /// What is known of a pixel by its outputs.

@@ -89,6 +89,7 @@ fn results_are_those_of_the_references() {
                         let name = if matches!(cost, Cost::Census(..)) { "census" } else { "census2" };
                         bench.add("--cost", name).add("--census", format!("{}x{}", 2 * rx + 1, 2 * ry + 1))
                     }
+                    Cost::CensusBothWays(..) => panic!("this cost is the network's own"),
                 };
             }
         }

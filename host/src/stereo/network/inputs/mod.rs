@@ -1,5 +1,8 @@
 //! What the network sees of the images.
 
+mod feature_files;
+mod half_turn;
+
 use multiscopic_core::{
     Census, Disparity, Frame, Fusion, Search, SemiGlobalCost,
     kernel::{Kernel, Work},
@@ -11,7 +14,7 @@ use crate::{
     images::{Frames, Raster},
     progress::Progress,
     stereo::{
-        cost::{CensusRows, Cost, CostRows, TwoScaleRows, Volume},
+        cost::{CensusPairRows, Cost, CostRows, Volume},
         engine::Engine,
         optimization::sgm::{Paths, SemiGlobal},
         simd::Task,
@@ -34,7 +37,8 @@ const NONE_POOLED: u8 = 63;
 /// What the network sees of the images: whole numbers, whose meaning does not depend on the number of views.
 ///
 /// Two passes of semi-global matching along eight paths, with the census in its usual window, give disparities and sums
-/// of path costs: A by [`CensusRows`], and B by [`TwoScaleRows`]. The *excess* of a candidate is what its sum has above
+/// of path costs: A by the census [both ways](CensusPairRows::both_ways), and B by that at
+/// [two scales](CensusPairRows::two_scales). The *excess* of a candidate is what its sum has above
 /// the least sum of the pixel, in eighths rounded down, at most 127; that of a candidate which no view sees is 127.
 ///
 /// There are four matching costs: those of A fused by their least and by their mean over all views, then those of B.
@@ -74,11 +78,11 @@ impl Inputs {
         let census = Census::Window9x7;
         let fused = [Fusion::Min, Fusion::Mean].map(|fusion| search.with_fusion(fusion));
         let mut inputs = Inputs::empty(frames, search);
-        inputs.take_pass(&CensusRows::new(frames, search, census, engine), 0, frames, engine, progress);
-        inputs.take_pass(&TwoScaleRows::new(frames, search, census, engine), 1, frames, engine, progress);
+        inputs.take_pass(&CensusPairRows::both_ways(frames, search, census, engine), 0, frames, engine, progress);
+        inputs.take_pass(&CensusPairRows::two_scales(frames, search, census, engine), 1, frames, engine, progress);
         for (kind, search) in fused.iter().enumerate() {
-            inputs.take_costs(&CensusRows::new(frames, search, census, engine), kind, engine);
-            inputs.take_costs(&TwoScaleRows::new(frames, search, census, engine), 2 + kind, engine);
+            inputs.take_costs(&CensusPairRows::both_ways(frames, search, census, engine), kind, engine);
+            inputs.take_costs(&CensusPairRows::two_scales(frames, search, census, engine), 2 + kind, engine);
         }
         Ok(inputs)
     }

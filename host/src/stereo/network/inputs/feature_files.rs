@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::inputs::{CHANNELS, Inputs, MEASURES};
+use super::{CHANNELS, Inputs, MEASURES};
 use crate::{error::Result, files::output};
 
 impl Inputs {

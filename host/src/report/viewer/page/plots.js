@@ -105,6 +105,7 @@ export function sceneCharts({ maps, truth }) {
       points: sparsification(map.bits, map.confidences, truth),
     }));
     const figure = document.createElement("figure");
+    figure.className = "curve";
     const caption = document.createElement("figcaption");
     caption.textContent = "Wrong pixels among the surest: the lower, the better the confidences";
     const chart = lineChart({ label: caption.textContent, x: "surest pixels in percent", y: "wrong in percent", lines });

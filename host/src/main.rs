@@ -13,6 +13,10 @@ use command::terminal::{self, examples};
 struct Cli {
     #[command(subcommand)]
     command: Command,
+
+    /// Print results, warnings and errors alone: no notes and no progress
+    #[arg(short, long, global = true)]
+    quiet: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -36,10 +40,19 @@ enum Command {
     Listen(command::listen::Listen),
     Devices(command::devices::Devices),
     Weights(command::weights::WeightsCommand),
+    #[cfg(feature = "manuals")]
+    Completions(command::manuals::Completions),
+    #[cfg(feature = "manuals")]
+    Man(command::manuals::Man),
+}
+
+/// All commands and options, with examples.
+fn program() -> clap::Command {
+    examples::add_to(Cli::command())
 }
 
 fn main() -> ExitCode {
-    let arguments = examples::add_to(Cli::command()).try_get_matches();
+    let arguments = program().try_get_matches();
     let cli = match arguments.and_then(|arguments| Cli::from_arg_matches(&arguments)) {
         Ok(cli) => cli,
         // Running without arguments shows the help and succeeds.
@@ -50,8 +63,11 @@ fn main() -> ExitCode {
         Err(error) => error.exit(),
     };
     if let Err(error) = terminal::signals::install() {
-        terminal::say(&error.to_string());
+        terminal::complain(&error.to_string());
         return ExitCode::from(2);
+    }
+    if cli.quiet {
+        terminal::be_quiet();
     }
     let done = match cli.command {
         Command::Demo(command) => command.run(),
@@ -73,9 +89,13 @@ fn main() -> ExitCode {
         Command::Listen(command) => command.run(),
         Command::Devices(command) => command.run(),
         Command::Weights(command) => command.run(),
+        #[cfg(feature = "manuals")]
+        Command::Completions(command) => command.run(program()),
+        #[cfg(feature = "manuals")]
+        Command::Man(command) => command.run(program()),
     };
     done.unwrap_or_else(|error| {
-        terminal::say(&error.to_string());
+        terminal::complain(&error.to_string());
         ExitCode::from(2)
     })
 }

@@ -137,7 +137,7 @@ impl Align {
         })?;
         written.into_iter().flatten().for_each(|path| terminal::say(&format!("wrote {}", path.display())));
         let warnings = inspection.warnings(search.min_disparity()).into_iter().chain(alignment.warning());
-        warnings.for_each(|warning| terminal::say(&format!("warning: {warning}")));
+        warnings.for_each(|warning| terminal::warn(&warning));
         inspection.range_line().into_iter().for_each(|line| terminal::say(&line));
         terminal::print(&match self.json {
             true => serde_json::to_string(&findings).expect("numbers and strings") + "\n",

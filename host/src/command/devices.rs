@@ -28,7 +28,7 @@ impl Devices {
             let json = serde_json::to_string(&cameras).expect("names and numbers");
             terminal::print(&format!("{json}\n"))?;
         } else if cameras.is_empty() {
-            terminal::say("there are no cameras: no /dev/videoN captures images; plug in a camera or load its driver");
+            terminal::complain("there are no cameras: no /dev/videoN captures images; plug in a camera or load its driver");
         } else {
             terminal::print(&cameras.iter().map(text).collect::<String>())?;
         }

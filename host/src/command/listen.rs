@@ -77,14 +77,17 @@ impl Listen {
                 is_whole &= !flaw.is_harmful();
                 flaws += 1;
                 if flaws <= REPORTED_FLAWS {
-                    bar.suspend(|| terminal::say(&format!("{}: {flaw}", path.display())));
+                    bar.suspend(|| terminal::complain(&format!("{}: {flaw}", path.display())));
                 }
             }
         });
         bar.finish_and_clear();
         if flaws > REPORTED_FLAWS {
             let more = flaws - REPORTED_FLAWS;
-            terminal::say(&format!("{}: {more} more packets or groups of packets are lost, damaged or foreign", path.display()));
+            terminal::complain(&format!(
+                "{}: {more} more packets or groups of packets are lost, damaged or foreign",
+                path.display()
+            ));
         }
 
         let received = received?;

@@ -13,6 +13,8 @@ mod hardware;
 pub mod listen;
 #[cfg(feature = "live")]
 pub mod live;
+#[cfg(feature = "manuals")]
+pub mod manuals;
 pub mod r#match;
 mod options;
 mod preparation;

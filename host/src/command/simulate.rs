@@ -48,8 +48,8 @@ pub struct Simulate {
     #[arg(long)]
     json: bool,
 
-    /// Disparities in pixels, +inf where invalid
-    #[arg(short, long, value_name = "OUT.pfm", help_heading = "Output", value_parser = output_file::pfm)]
+    /// Disparities in pixels, +inf where invalid, as PFM or for numpy (OUT.npy)
+    #[arg(short, long, value_name = "OUT.pfm", help_heading = "Output", value_parser = output_file::floats)]
     output: Option<PathBuf>,
 
     /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid;
@@ -86,7 +86,7 @@ impl Simulate {
             }
             if self.output.is_some() || self.confidence.is_some() {
                 let received = reception::receive(&simulation.packets[..], Path::new("the simulated packets"), |_| ())?;
-                self.output.iter().try_for_each(|path| received.disparities.write_pfm(path))?;
+                self.output.iter().try_for_each(|path| output_file::write_floats(&received.disparities.to_float(), path))?;
                 if let (Some(path), Some(confidences)) = (&self.confidence, &received.confidences) {
                     Picture::from(confidences).write_png(path)?;
                 }

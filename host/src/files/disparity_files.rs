@@ -1,4 +1,4 @@
-//! Reading and writing disparity maps: PFM and 16-bit PNG.
+//! Reading and writing disparity maps and depths: PFM and 16-bit PNG.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use multiscopic_core::Disparity;
 use crate::{
     error::{Error, Result},
     files::{image_codec, input},
-    images::{DisparityMap, Raster},
+    images::{DisparityMap, Geometry, Raster},
 };
 
 impl DisparityMap {
@@ -26,9 +26,18 @@ impl DisparityMap {
     /// [`Error::Write`]. Any previous version of the file is unchanged.
     pub fn write_raw16(&self, path: &Path) -> Result<()> {
         let samples = self.pixels().iter().map(|&pixel| Disparity::to_raw16(pixel)).collect();
-        let (width, height) = (self.width() as u32, self.height() as u32);
-        let image = ImageBuffer::<Luma<u16>, _>::from_raw(width, height, samples).expect("a sample for every pixel");
-        image_codec::write_png(path, &image)
+        image_codec::write_png(path, &gray16(self.width(), self.height(), samples))
+    }
+
+    /// Writes the depths of this map as a 16-bit PNG file in millimetres, rounded; 0 where unknown or beyond 65.535 m, as depth cameras do.
+    ///
+    /// # Errors
+    /// [`Error::Write`]. Any previous version of the file is unchanged.
+    pub fn write_depth_mm(&self, geometry: &Geometry, path: &Path) -> Result<()> {
+        let millimetres = |&metres: &f32| (1e3 * f64::from(metres)).round();
+        let sample = |metres| Some(millimetres(metres)).filter(|mm| (1.0..=65535.0).contains(mm)).map_or(0, |mm| mm as u16);
+        let samples = self.to_depth(geometry).pixels().iter().map(sample).collect();
+        image_codec::write_png(path, &gray16(self.width(), self.height(), samples))
     }
 
     /// Reads a file that [`write_raw16`](DisparityMap::write_raw16) wrote.
@@ -65,6 +74,10 @@ impl DisparityMap {
         }
         Ok(prior)
     }
+}
+
+fn gray16(width: usize, height: usize, samples: Vec<u16>) -> ImageBuffer<Luma<u16>, Vec<u16>> {
+    ImageBuffer::from_raw(width as u32, height as u32, samples).expect("a sample for every pixel")
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ pub mod image_codec;
 pub(crate) mod input;
 mod jpeg_markers;
 mod jpeg_scans;
+pub(crate) mod npy;
 pub mod output;
 mod panics;
 pub mod pfm;

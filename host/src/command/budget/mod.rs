@@ -95,7 +95,7 @@ impl Budget {
         let prediction = Prediction::new(&self.target, &matching, &Ram::new(&matching, self.target.core));
         terminal::print_report(&prediction, self.json)?;
         let failures = self.failures(&prediction, &matching);
-        failures.iter().for_each(|failure| terminal::say(failure));
+        failures.iter().for_each(|failure| terminal::complain(failure));
         Ok(ExitCode::from(if failures.is_empty() { 0 } else { 1 }))
     }
 

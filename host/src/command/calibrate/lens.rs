@@ -106,7 +106,7 @@ impl LensCommand {
         for line in &left_out {
             terminal::say(&format!("left out {line}"));
         }
-        outcome.warnings().iter().for_each(|warning| terminal::say(warning));
+        outcome.warnings().iter().for_each(|warning| terminal::complain(warning));
         terminal::print(&if self.json { outcome.json() + "\n" } else { outcome.table() })?;
         terminal::say(&format!("wrote {}", self.output.display()));
         Ok(ExitCode::SUCCESS)

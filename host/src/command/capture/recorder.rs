@@ -53,7 +53,7 @@ impl Recorder {
             None => self.extend(&mut frames, &mut log, &mut notes, observe),
         };
         for note in &notes {
-            terminal::say(note);
+            terminal::complain(note);
             log.note(note);
         }
         if let Err(error) = &ended {
@@ -78,7 +78,7 @@ impl Recorder {
         terminal::say(&format!("{}: {} frames of {width}x{height}", folder.display(), 1 + frames.views().len()));
         let ideal = undistortion.map_or_else(|| frames.clone(), |undistortion| undistortion.frames(&frames));
         Inspection::of(&ideal).range_line().into_iter().for_each(|line| terminal::say(&line));
-        ended.inspect_err(|_| terminal::say(&format!("{} is kept, but the capture ended with an error:", folder.display())))
+        ended.inspect_err(|_| terminal::complain(&format!("{} is kept, but the capture ended with an error:", folder.display())))
     }
 
     /// Takes views at a longer baseline as well, if they are needed. Whatever fails, the frames that are there stay.

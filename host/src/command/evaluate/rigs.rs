@@ -79,7 +79,7 @@ impl Evaluate {
                     }));
                 }
                 for warning in rig.preparation.warnings(&disparities, &search).into_iter().chain(no_wall(&metrics)) {
-                    let warning = format!("warning: {name}: {warning}");
+                    let warning = format!("{name}: {warning}");
                     if !warnings.contains(&warning) {
                         warnings.push(warning);
                     }
@@ -97,7 +97,7 @@ impl Evaluate {
         }
         ViewedScene::fit(&mut viewed, PAGE_BYTES);
         self.write_rigs(&records, &viewed, planes)?;
-        warnings.iter().for_each(|warning| terminal::say(warning));
+        warnings.iter().for_each(|warning| terminal::warn(warning));
         Ok(())
     }
 

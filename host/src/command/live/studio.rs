@@ -186,7 +186,7 @@ impl Studio {
                 self.open(&name);
             }
             Err(error) => {
-                terminal::say(&error.to_string());
+                terminal::complain(&error.to_string());
                 self.bench.board.put(Subject::Capture, json!({ "failure": error.to_string(), "is_running": false }));
             }
         }

@@ -1,5 +1,8 @@
 //! `multiscopic match`: disparities from images.
 
+mod outputs;
+mod summary;
+
 use std::{
     path::{Path, PathBuf},
     process::ExitCode,
@@ -7,20 +10,18 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::stereo::{LongBaselines, confidence_map::ConfidenceMap, network::Inputs};
 use multiscopic::{
-    DisparityMap, Error, Geometry, Picture, Result,
-    files::{
-        output,
-        ply::{self, Encoding},
-    },
-    images::ColorScale,
+    DisparityMap, Error, Result,
+    files::output,
     report::{Report, ViewedMap, ViewedScene},
+    stereo::network::Inputs,
 };
-use multiscopic_core::{Frame, Search};
+use multiscopic_core::Frame;
+use outputs::Outputs;
+use summary::Summary;
 
 use super::{
-    options::{EngineOptions, GeometryOptions, MapFiles, MatchingOptions, SourceOptions, output_file},
+    options::{EngineOptions, GeometryOptions, MatchingOptions, SourceOptions},
     preparation::{PreparationOptions, mask_unseen},
     terminal::{self, Watch},
     view,
@@ -54,46 +55,6 @@ pub struct Match {
 
     #[command(flatten)]
     engine: EngineOptions,
-}
-
-/// The files that the command writes.
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Output")]
-struct Outputs {
-    #[command(flatten)]
-    maps: MapFiles,
-
-    /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid
-    #[arg(long, value_name = "OUT.png", conflicts_with = "prior", value_parser = output_file::png)]
-    confidence: Option<PathBuf>,
-
-    /// Depth in metres, +inf where unknown; needs the focal length and the baseline
-    #[arg(long, value_name = "OUT.pfm", value_parser = output_file::pfm)]
-    depth: Option<PathBuf>,
-
-    /// Depth in colour, with the colours of --png; the nearest and the farthest hundredth are clamped
-    #[arg(long, value_name = "OUT.png", value_parser = output_file::png)]
-    depth_png: Option<PathBuf>,
-
-    /// What the network of --method net sees of the images, as a folder of arrays for numpy: train/README.md tells what they are
-    #[arg(long, value_name = "DIR")]
-    features: Option<PathBuf>,
-
-    /// Draw the disparities in the terminal as well
-    #[arg(long)]
-    preview: bool,
-
-    /// Coloured point cloud in metres, with confidences if --confidence is given; needs the focal length and the baseline
-    #[arg(long, value_name = "OUT.ply", value_parser = output_file::ply)]
-    ply: Option<PathBuf>,
-
-    /// Page to look at the disparities, the pictures, the costs and the points, see `multiscopic view`
-    #[arg(long, value_name = "FILE.html", value_parser = output_file::html)]
-    report: Option<PathBuf>,
-
-    /// Write the point cloud as text instead of binary
-    #[arg(long, requires = "ply")]
-    ply_ascii: bool,
 }
 
 impl Match {
@@ -182,92 +143,13 @@ impl Match {
             let picture = self.outputs.maps.scale(&disparities).draw(&disparities.to_float());
             terminal::print(&terminal::preview(&picture))?;
         }
-        terminal::say(&summary(name, &search, &disparities, confidences.as_ref(), seconds));
-        preparation.warnings(&disparities, &search).into_iter().for_each(|warning| terminal::say(&format!("warning: {warning}")));
+        let warnings = preparation.warnings(&disparities, &search);
+        let summary = Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings);
+        match self.outputs.json {
+            true => terminal::print_report(&summary, true)?,
+            false => terminal::say(&summary.to_string()),
+        }
+        summary.warnings().iter().for_each(|warning| terminal::warn(warning));
         Ok(ExitCode::SUCCESS)
     }
-}
-
-impl Outputs {
-    /// Refuses to match for nothing, and two things on standard output.
-    fn check(&self) -> Result<()> {
-        let is_printed = self.maps.is_printed();
-        let complaint = match (self.paths().is_empty() && self.features.is_none(), is_printed, self.preview) {
-            (true, false, false) => {
-                "there is nothing to write: give -o OUT.pfm, or another output such as --png OUT.png or --preview"
-            }
-            (_, true, true) => "-o - and --preview both take standard output: give one of them",
-            _ => return Ok(()),
-        };
-        Err(Error::Usage(complaint.into()))
-    }
-
-    fn paths(&self) -> Vec<&Path> {
-        let Outputs { maps, confidence, depth, depth_png, ply, report, ply_ascii: _, features: _, preview: _ } = self;
-        maps.paths().chain([confidence, depth, depth_png, ply, report].into_iter().flatten().map(PathBuf::as_path)).collect()
-    }
-
-    fn write(
-        &self,
-        disparities: &DisparityMap,
-        confidences: Option<&ConfidenceMap>,
-        geometry: Option<&Geometry>,
-        center: Option<&Picture>,
-    ) -> Result<()> {
-        self.maps.write(disparities)?;
-        if let (Some(path), Some(confidences)) = (&self.confidence, confidences) {
-            Picture::from(confidences).write_png(path)?;
-        }
-        if let (Some(path), Some(geometry)) = (&self.depth, geometry) {
-            disparities.to_depth(geometry).write_pfm(path)?;
-        }
-        if let (Some(path), Some(geometry)) = (&self.depth_png, geometry) {
-            let depth = disparities.to_depth(geometry);
-            self.maps.draw(&depth, &ColorScale::of_depth(self.maps.colormap(), &depth)).write_png(path)?;
-        }
-        if let (Some(path), Some(geometry), Some(center)) = (&self.ply, geometry, center) {
-            let encoding = if self.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
-            ply::write(path, disparities, confidences, geometry, center, encoding)?;
-        }
-        Ok(())
-    }
-
-    /// Whether an output has confidences.
-    fn has_confidences(&self) -> bool {
-        self.confidence.is_some() || self.report.is_some()
-    }
-
-    /// The option and the file of an output that needs the geometry, if there is one.
-    fn of_depth(&self) -> Option<String> {
-        let outputs = [("--depth", &self.depth), ("--depth-png", &self.depth_png), ("--ply", &self.ply)];
-        outputs.into_iter().find_map(|(option, path)| Some(format!("{option} {}", path.as_ref()?.display())))
-    }
-}
-
-/// One line about the match and its result.
-fn summary(
-    method: &str,
-    search: &Search,
-    disparities: &DisparityMap,
-    confidences: Option<&ConfidenceMap>,
-    seconds: f64,
-) -> String {
-    let valid = disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64;
-    let sure = confidences.map(terminal::sure).unwrap_or_default();
-    let baselines: Vec<String> = LongBaselines::sets(search.views()).iter().map(|views| views.multiple().to_string()).collect();
-    let views = match (search.views().len(), &baselines[..]) {
-        (1, _) => "1 view".into(),
-        (views, [_]) => format!("{views} views"),
-        (views, baselines) => format!("{views} views at baselines {}", baselines.join(", ")),
-    };
-    format!(
-        "{}x{}, {method}, {views}, {}, {}..={}: {:.1} % valid{sure}, {:.0} ms",
-        search.width(),
-        search.height(),
-        search.fusion().name(),
-        search.min_disparity(),
-        search.max_disparity(),
-        100.0 * valid,
-        1e3 * seconds
-    )
 }

@@ -2,9 +2,13 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A progress bar on standard error for `length` `steps` (a plural noun). It is hidden unless standard error is a terminal.
+use super::messages;
+
+/// A progress bar on standard error for `length` `steps` (a plural noun). It is hidden unless standard error is a terminal,
+/// and if notes are left out.
 pub fn progress(length: u64, steps: &str) -> ProgressBar {
-    ProgressBar::new(length).with_style(style(steps))
+    let bar = if messages::is_quiet() { ProgressBar::hidden() } else { ProgressBar::new(length) };
+    bar.with_style(style(steps))
 }
 
 /// The style of a bar that counts `steps`.

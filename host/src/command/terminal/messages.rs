@@ -3,6 +3,7 @@
 use std::{
     fmt::Display,
     io::{self, ErrorKind, Write},
+    sync::atomic::{AtomicBool, Ordering},
 };
 
 use multiscopic::{
@@ -36,8 +37,33 @@ pub fn print_report(report: &(impl Display + Serialize), json: bool) -> Result<(
     print(&text)
 }
 
-/// Writes a message to standard error, and ignores failure.
-pub fn say(message: &str) {
+/// Whether notes are left out.
+static IS_QUIET: AtomicBool = AtomicBool::new(false);
+
+/// Leaves out notes and progress bars from now on.
+pub fn be_quiet() {
+    IS_QUIET.store(true, Ordering::Relaxed);
+}
+
+/// Whether notes and progress bars are left out.
+pub fn is_quiet() -> bool {
+    IS_QUIET.load(Ordering::Relaxed)
+}
+
+/// Writes a note to standard error, unless notes are left out. Ignores failure.
+pub fn say(note: &str) {
+    if !is_quiet() {
+        complain(note);
+    }
+}
+
+/// Writes a warning to standard error, and ignores failure.
+pub fn warn(message: &str) {
+    complain(&format!("warning: {message}"));
+}
+
+/// Writes an error, or what leads to one, to standard error, and ignores failure.
+pub fn complain(message: &str) {
     let _ = writeln!(io::stderr(), "multiscopic: {message}");
 }
 

@@ -54,7 +54,7 @@ fn receive(signal: i32) {
     let received = 1 + RECEIVED.fetch_add(1, Ordering::Relaxed);
     if received >= LAST.load(Ordering::Relaxed) {
         output::abandon();
-        super::say("interrupted: what was not finished is not written");
+        super::complain("interrupted: what was not finished is not written");
         process::exit(exit_code_of(signal));
     }
 }

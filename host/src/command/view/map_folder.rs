@@ -59,7 +59,7 @@ pub fn read_all(folder: &Path, size: Option<[usize; 2]>) -> Result<Vec<MapFile>>
             maps.push(map);
         } else {
             let [w, h] = map.size();
-            terminal::say(&format!("{} is left out: it has {w}x{h} pixels, not {width}x{height}", path.display()));
+            terminal::complain(&format!("{} is left out: it has {w}x{h} pixels, not {width}x{height}", path.display()));
         }
     }
     Ok(maps)

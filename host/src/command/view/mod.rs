@@ -150,7 +150,7 @@ impl View {
             let seconds = start.elapsed().as_secs_f64();
             mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));
             for warning in preparation.warnings(&disparities, &search) {
-                terminal::say(&format!("warning: {}: {warning}", name.name()));
+                terminal::warn(&format!("{}: {warning}", name.name()));
             }
             matched.push(Matched { name, method, search, disparities, confidences, seconds });
         }

@@ -3,6 +3,7 @@
 mod bench;
 mod hostile_files;
 #[cfg(target_os = "linux")]
+mod manuals;
 mod memory_demand;
 mod outputs;
 mod refusals;

@@ -1,15 +1,20 @@
 //! Which outputs a command writes, and where.
 
-use std::{fs, process::Command};
+use std::{fs, path::Path, process::Command};
 
+use multiscopic::FloatImage;
 use multiscopic_tests::program::{Invocation, binary};
 
-/// A made-up capture in a new folder, and its path.
+/// A small made-up capture in a new folder, and its path.
 fn rig() -> (tempfile::TempDir, String) {
+    rig_of("48x36")
+}
+
+fn rig_of(size: &str) -> (tempfile::TempDir, String) {
     let dir = tempfile::tempdir().expect("a folder");
     let scenes = dir.path().join("scenes");
     let scenes = scenes.to_str().expect("a path in UTF-8");
-    Invocation::new(["scene", "--random", "--size", "48x36", "-o", scenes]).assert_done();
+    Invocation::new(["scene", "--random", "--seed", "7", "--size", size, "-o", scenes]).assert_done();
     let rig = format!("{scenes}/0000");
     (dir, rig)
 }
@@ -49,5 +54,73 @@ fn the_end_of_a_name_must_be_that_of_the_format() {
         ("--report", "d.pdf", ".html"),
     ] {
         Invocation::new(["match", &rig, option, name]).assert_refused(&[name, expected]);
+    }
+}
+
+/// The sides and the values of an array of `float32`, as the description of NPY 1.0 says.
+fn read_npy(path: &Path) -> ([usize; 2], Vec<f32>) {
+    let bytes = fs::read(path).expect("the file");
+    assert_eq!(bytes[..8], *b"\x93NUMPY\x01\x00");
+    let length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    let header = std::str::from_utf8(&bytes[10..10 + length]).expect("a header in ASCII");
+    assert!(header.contains("'descr': '<f4'") && header.contains("'fortran_order': False"), "{header}");
+    let shape = header.split(['(', ')']).nth(1).expect("a shape");
+    let sides: Vec<usize> = shape.split(',').filter_map(|side| side.trim().parse().ok()).collect();
+    let values = bytes[10 + length..].as_chunks::<4>().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
+    (sides.try_into().expect("two sides"), values)
+}
+
+#[test]
+fn every_format_has_the_same_numbers() {
+    let (dir, rig) = rig_of("160x120");
+    let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
+    let base = ["match", &rig, "--num-disparities", "24", "--uniqueness-ratio", "10"];
+    Invocation::new(base.into_iter().chain(["-o", &path("d.pfm"), "--depth", &path("z.pfm")])).assert_done();
+    Invocation::new(base.into_iter().chain(["-o", &path("d.npy"), "--depth", &path("z.npy")])).assert_done();
+    Invocation::new(base.into_iter().chain(["--depth", &path("z.png")])).assert_done();
+    for name in ["d", "z"] {
+        let pfm = FloatImage::read_pfm(Path::new(&path(&format!("{name}.pfm")))).expect("a map");
+        assert!(pfm.pixels().contains(&f32::INFINITY) && pfm.pixels().iter().any(|value| value.is_finite()), "{name}");
+        let ([height, width], values) = read_npy(Path::new(&path(&format!("{name}.npy"))));
+        assert_eq!(([width, height], &values[..]), ([pfm.width(), pfm.height()], pfm.pixels()), "{name}");
+    }
+    let depth = FloatImage::read_pfm(Path::new(&path("z.pfm"))).expect("a map");
+    let image::DynamicImage::ImageLuma16(millimetres) = image::open(path("z.png")).expect("a picture") else {
+        panic!("16 bits are expected");
+    };
+    for (&metres, &millimetres) in depth.pixels().iter().zip(millimetres.as_raw()) {
+        let expected = if metres > 65.535 { 0.0 } else { f64::from(metres) * 1e3 };
+        assert!((f64::from(millimetres) - expected).abs() <= 0.5, "{metres} m, {millimetres} mm");
+    }
+}
+
+#[test]
+fn a_summary_is_a_line_or_a_json_object_or_left_out() {
+    let (dir, rig) = rig_of("160x120");
+    let file = dir.path().join("d.pfm");
+    let run = |options: &[&str]| {
+        let run = Invocation::new(["match", &rig, "-o", file.to_str().expect("UTF-8")].iter().chain(options).copied());
+        assert_eq!(run.code, Some(0), "{run:#?}");
+        run
+    };
+    let line = run(&[]).stderr;
+    assert!(line.contains("160x120, bm, 4 views, heuristic") && line.contains("% valid"), "{line}");
+    assert_eq!(run(&["--quiet"]).stderr, "");
+
+    let json = run(&["--json", "--method", "sgm", "--num-disparities", "16"]);
+    let summary: serde_json::Value = serde_json::from_str(&json.stdout).expect("JSON");
+    let map = FloatImage::read_pfm(&file).expect("a map");
+    let valid = map.pixels().iter().filter(|value| value.is_finite()).count() as f64 / (160.0 * 120.0);
+    assert_eq!(summary["method"], "sgm");
+    assert_eq!((&summary["width"], &summary["height"], &summary["num_disparities"]), (&160.into(), &120.into(), &16.into()));
+    assert!((summary["valid"].as_f64().expect("a number") - valid).abs() < 1e-9, "{summary}");
+    assert!(!json.stderr.contains("% valid"), "{}", json.stderr);
+    Invocation::new(["match", &rig, "-o", "-", "--json"]).assert_refused(&["-o -", "--json"]);
+
+    // Warnings stay.
+    let narrow = ["--min-disparity", "0", "--num-disparities", "2"];
+    for options in [&["--quiet"][..], &["--quiet", "--json"]] {
+        let quiet = run(&[&narrow[..], options].concat());
+        assert!(quiet.stderr.starts_with("multiscopic: warning: "), "{quiet:#?}");
     }
 }

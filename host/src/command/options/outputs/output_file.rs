@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use multiscopic::{Error, Result};
+use multiscopic::{Error, FloatImage, Result};
 
 /// The name of standard output.
 const STANDARD_OUTPUT: &str = "-";
 
-/// Parses the name of a PFM file, or `-` for standard output.
-pub fn pfm_or_standard(text: &str) -> Result<PathBuf> {
-    if text == STANDARD_OUTPUT { Ok(text.into()) } else { pfm(text) }
+/// Parses the name of a file for real numbers, or `-` for standard output.
+pub fn floats_or_standard(text: &str) -> Result<PathBuf> {
+    if text == STANDARD_OUTPUT { Ok(text.into()) } else { floats(text) }
 }
 
 /// Whether a path is the name of standard output.
@@ -17,9 +17,24 @@ pub fn is_standard_output(path: &Path) -> bool {
     path == Path::new(STANDARD_OUTPUT)
 }
 
-/// Parses the name of a PFM file.
-pub fn pfm(text: &str) -> Result<PathBuf> {
-    named(text, &["pfm"])
+/// Parses the name of a file for real numbers: PFM or NPY.
+pub fn floats(text: &str) -> Result<PathBuf> {
+    named(text, &["pfm", "npy"])
+}
+
+/// Parses the name of a file for depths: those, or PNG.
+pub fn depths(text: &str) -> Result<PathBuf> {
+    named(text, &["pfm", "npy", "png"])
+}
+
+/// Whether a path ends in `.` and `end`.
+pub fn ends_in(path: &Path, end: &str) -> bool {
+    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(end))
+}
+
+/// Writes real numbers as the name of the file says.
+pub fn write_floats(image: &FloatImage, path: &Path) -> Result<()> {
+    if ends_in(path, "npy") { image.write_npy(path) } else { image.write_pfm(path) }
 }
 
 /// Parses the name of a PNG file.
@@ -42,7 +57,7 @@ fn named(text: &str, ends: &[&str]) -> Result<PathBuf> {
     let path = PathBuf::from(text);
     match path.extension() {
         Some(end) if !ends.iter().any(|expected| end.eq_ignore_ascii_case(expected)) => {
-            Err(Error::Usage(format!("it ends in .{}, and this option writes .{} files", end.display(), ends[0])))
+            Err(Error::Usage(format!("it ends in .{}, and this option writes .{} files", end.display(), ends.join(" or ."))))
         }
         _ => Ok(path),
     }
@@ -55,11 +70,12 @@ mod tests {
     #[test]
     fn names_end_as_their_formats() {
         for name in ["d.pfm", "a/b.c/D.PFM", "/dev/null", "pipe"] {
-            assert_eq!(pfm(name).unwrap(), Path::new(name));
+            assert_eq!(floats(name).unwrap(), Path::new(name));
         }
-        let error = pfm("d.png").unwrap_err().to_string();
-        assert!(error.contains(".png") && error.contains(".pfm"), "{error}");
+        let error = floats("d.png").unwrap_err().to_string();
+        assert!(error.contains("it ends in .png") && error.contains("writes .pfm or .npy files"), "{error}");
         assert!(png("d.jpg").is_err() && ply("d.pfm").is_err() && html("d").is_ok() && html("d.htm").is_ok());
-        assert!(is_standard_output(&pfm_or_standard("-").unwrap()) && pfm_or_standard("d.txt").is_err());
+        assert!(depths("d.png").is_ok() && depths("d.NPY").is_ok() && depths("d.exr").is_err());
+        assert!(is_standard_output(&floats_or_standard("-").unwrap()) && floats_or_standard("d.txt").is_err());
     }
 }

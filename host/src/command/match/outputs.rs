@@ -1,0 +1,117 @@
+//! What `multiscopic match` writes.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use multiscopic::{
+    DisparityMap, Error, Geometry, Picture, Result,
+    files::ply::{self, Encoding},
+    images::ColorScale,
+    stereo::confidence_map::ConfidenceMap,
+};
+
+use crate::command::options::{MapFiles, output_file};
+
+/// The files that the command writes.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Output")]
+pub struct Outputs {
+    #[command(flatten)]
+    pub maps: MapFiles,
+
+    /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid
+    #[arg(long, value_name = "OUT.png", conflicts_with = "prior", value_parser = output_file::png)]
+    pub confidence: Option<PathBuf>,
+
+    /// Depth in metres, +inf where unknown, as PFM or for numpy (OUT.npy); or in millimetres as a 16-bit image, 0 where unknown (OUT.png);
+    /// needs the focal length and the baseline
+    #[arg(long, value_name = "OUT.pfm", value_parser = output_file::depths)]
+    depth: Option<PathBuf>,
+
+    /// Depth in colour, with the colours of --png; the nearest and the farthest hundredth are clamped
+    #[arg(long, value_name = "OUT.png", value_parser = output_file::png)]
+    depth_png: Option<PathBuf>,
+
+    /// What the network of --method net sees of the images, as a folder of arrays for numpy: train/README.md tells what they are
+    #[arg(long, value_name = "DIR")]
+    pub features: Option<PathBuf>,
+
+    /// Draw the disparities in the terminal as well
+    #[arg(long)]
+    pub preview: bool,
+
+    /// Print the summary as one JSON object on standard output
+    #[arg(long)]
+    pub json: bool,
+
+    /// Coloured point cloud in metres, with confidences if --confidence is given; needs the focal length and the baseline
+    #[arg(long, value_name = "OUT.ply", value_parser = output_file::ply)]
+    pub ply: Option<PathBuf>,
+
+    /// Page to look at the disparities, the pictures, the costs and the points, see `multiscopic view`
+    #[arg(long, value_name = "FILE.html", value_parser = output_file::html)]
+    pub report: Option<PathBuf>,
+
+    /// Write the point cloud as text instead of binary
+    #[arg(long, requires = "ply")]
+    ply_ascii: bool,
+}
+
+impl Outputs {
+    /// Refuses to match for nothing, and two things on standard output.
+    pub fn check(&self) -> Result<()> {
+        let printed = [("-o -", self.maps.is_printed()), ("--preview", self.preview), ("--json", self.json)];
+        let printed: Vec<&str> = printed.into_iter().filter_map(|(option, is_given)| is_given.then_some(option)).collect();
+        match &printed[..] {
+            [first, second, ..] => Err(Error::Usage(format!("{first} and {second} both take standard output: give one of them"))),
+            [] if self.paths().is_empty() && self.features.is_none() => Err(Error::Usage(
+                "there is nothing to write: give -o OUT.pfm, or another output such as --png OUT.png, --preview or --json".into(),
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    pub fn paths(&self) -> Vec<&Path> {
+        let Outputs { maps, confidence, depth, depth_png, ply, report, ply_ascii: _, features: _, preview: _, json: _ } = self;
+        maps.paths().chain([confidence, depth, depth_png, ply, report].into_iter().flatten().map(PathBuf::as_path)).collect()
+    }
+
+    pub fn write(
+        &self,
+        disparities: &DisparityMap,
+        confidences: Option<&ConfidenceMap>,
+        geometry: Option<&Geometry>,
+        center: Option<&Picture>,
+    ) -> Result<()> {
+        self.maps.write(disparities)?;
+        if let (Some(path), Some(confidences)) = (&self.confidence, confidences) {
+            Picture::from(confidences).write_png(path)?;
+        }
+        if let (Some(path), Some(geometry)) = (&self.depth, geometry) {
+            match output_file::ends_in(path, "png") {
+                true => disparities.write_depth_mm(geometry, path)?,
+                false => output_file::write_floats(&disparities.to_depth(geometry), path)?,
+            }
+        }
+        if let (Some(path), Some(geometry)) = (&self.depth_png, geometry) {
+            let depth = disparities.to_depth(geometry);
+            self.maps.draw(&depth, &ColorScale::of_depth(self.maps.colormap(), &depth)).write_png(path)?;
+        }
+        if let (Some(path), Some(geometry), Some(center)) = (&self.ply, geometry, center) {
+            let encoding = if self.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
+            ply::write(path, disparities, confidences, geometry, center, encoding)?;
+        }
+        Ok(())
+    }
+
+    /// Whether an output has confidences.
+    pub fn has_confidences(&self) -> bool {
+        self.confidence.is_some() || self.report.is_some()
+    }
+
+    /// The option and the file of an output that needs the geometry, if there is one.
+    pub fn of_depth(&self) -> Option<String> {
+        let outputs = [("--depth", &self.depth), ("--depth-png", &self.depth_png), ("--ply", &self.ply)];
+        outputs.into_iter().find_map(|(option, path)| Some(format!("{option} {}", path.as_ref()?.display())))
+    }
+}

@@ -15,6 +15,8 @@ mod picture_files;
 pub mod ply;
 mod png_chunks;
 mod rig_file;
+#[cfg(feature = "mcap")]
+pub mod ros;
 pub(crate) mod toml_file;
 mod truncation;
 

@@ -37,16 +37,7 @@ pub fn write(
     center: &Picture,
     encoding: Encoding,
 ) -> Result<()> {
-    let size = (disparities.width() as u32, disparities.height() as u32);
-    if center.dimensions() != size {
-        let ((width, height), (w, h)) = (size, center.dimensions());
-        return Err(Error::Usage(format!(
-            "the centre image has {w}x{h} pixels, the disparities {width}x{height}: use the image that was matched"
-        )));
-    }
-    if let Some(confidences) = confidences {
-        assert_eq!((confidences.width(), confidences.height()), (disparities.width(), disparities.height()), "sizes");
-    }
+    check(disparities, confidences, center)?;
     let points = || points(disparities, confidences, geometry, center);
     output::write(path, |writer| {
         let format = match encoding {
@@ -78,8 +69,23 @@ pub fn write(
     })
 }
 
+/// Checks that the pixels of all belong together.
+pub(super) fn check(disparities: &DisparityMap, confidences: Option<&Raster<u8>>, center: &Picture) -> Result<()> {
+    let size = (disparities.width() as u32, disparities.height() as u32);
+    if center.dimensions() != size {
+        let ((width, height), (w, h)) = (size, center.dimensions());
+        return Err(Error::Usage(format!(
+            "the centre image has {w}x{h} pixels, the disparities {width}x{height}: use the image that was matched"
+        )));
+    }
+    if let Some(confidences) = confidences {
+        assert_eq!((confidences.width(), confidences.height()), (disparities.width(), disparities.height()), "sizes");
+    }
+    Ok(())
+}
+
 /// The point, colour and confidence of every pixel with a finite depth.
-fn points(
+pub(super) fn points(
     disparities: &DisparityMap,
     confidences: Option<&Raster<u8>>,
     geometry: &Geometry,

@@ -78,7 +78,7 @@ impl Match {
         let search = |range| self.matching.search(size, views, range);
         let preparation = self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, search)?;
         let search = preparation.search;
-        let center = self.outputs.ply.is_some().then(|| match (&preparation.alignment, &undistortion) {
+        let center = self.outputs.has_center().then(|| match (&preparation.alignment, &undistortion) {
             (Some(alignment), undistortion) => alignment.rectified(Frame::Center, center, undistortion.as_ref()),
             (None, Some(undistortion)) => undistortion.picture(&center),
             (None, None) => center,
@@ -130,9 +130,10 @@ impl Match {
             Ok(Report::new(title).viewer(&view::command_line(), &[scene]))
         });
         let report = report.transpose()?;
-        let own = confidences.as_ref().filter(|_| self.outputs.confidence.is_some());
         output::write_together(|| {
-            self.outputs.write(&disparities, own, geometry.as_ref(), center.as_ref())?;
+            self.outputs.write(&disparities, confidences.as_ref(), geometry.as_ref(), center.as_ref())?;
+            #[cfg(feature = "mcap")]
+            self.outputs.record(&search, &disparities, confidences.as_ref(), geometry.as_ref(), center.as_ref())?;
             match (&self.outputs.report, &report) {
                 (Some(path), Some(report)) => output::write(path, |writer| writer.write_all(report.to_html().as_bytes())),
                 _ => Ok(()),

@@ -1,14 +1,21 @@
 //! What `multiscopic match` writes.
 
 use std::path::{Path, PathBuf};
+#[cfg(feature = "mcap")]
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
+#[cfg(feature = "mcap")]
+use multiscopic::files::ros::RosRecording;
 use multiscopic::{
     DisparityMap, Error, Geometry, Picture, Result,
     files::ply::{self, Encoding},
     images::ColorScale,
     stereo::confidence_map::ConfidenceMap,
 };
+
+#[cfg(feature = "mcap")]
+use multiscopic_core::Search;
 
 use crate::command::options::{MapFiles, output_file};
 
@@ -48,6 +55,12 @@ pub struct Outputs {
     #[arg(long, value_name = "OUT.ply", value_parser = output_file::ply)]
     pub ply: Option<PathBuf>,
 
+    /// Recording for ROS 2 and Foxglove: depth, camera, points, disparities with all their fields, confidences; needs the focal length and
+    /// the baseline
+    #[cfg(feature = "mcap")]
+    #[arg(long, value_name = "OUT.mcap", value_parser = output_file::mcap)]
+    mcap: Option<PathBuf>,
+
     /// Page to look at the disparities, the pictures, the costs and the points, see `multiscopic view`
     #[arg(long, value_name = "FILE.html", value_parser = output_file::html)]
     pub report: Option<PathBuf>,
@@ -72,8 +85,10 @@ impl Outputs {
     }
 
     pub fn paths(&self) -> Vec<&Path> {
-        let Outputs { maps, confidence, depth, depth_png, ply, report, ply_ascii: _, features: _, preview: _, json: _ } = self;
-        maps.paths().chain([confidence, depth, depth_png, ply, report].into_iter().flatten().map(PathBuf::as_path)).collect()
+        let Outputs { maps, confidence, depth, depth_png, ply, report, .. } = self;
+        maps.paths()
+            .chain([confidence, depth, depth_png, ply, report, self.recording()].into_iter().flatten().map(PathBuf::as_path))
+            .collect()
     }
 
     pub fn write(
@@ -99,19 +114,50 @@ impl Outputs {
         }
         if let (Some(path), Some(geometry), Some(center)) = (&self.ply, geometry, center) {
             let encoding = if self.ply_ascii { Encoding::Ascii } else { Encoding::Binary };
+            let confidences = confidences.filter(|_| self.confidence.is_some());
             ply::write(path, disparities, confidences, geometry, center, encoding)?;
         }
         Ok(())
     }
 
+    /// Writes the recording for ROS 2, if it was asked for.
+    #[cfg(feature = "mcap")]
+    pub fn record(
+        &self,
+        search: &Search,
+        disparities: &DisparityMap,
+        confidences: Option<&ConfidenceMap>,
+        geometry: Option<&Geometry>,
+        center: Option<&Picture>,
+    ) -> Result<()> {
+        let (Some(path), Some(geometry), Some(center)) = (&self.mcap, geometry, center) else { return Ok(()) };
+        let range = [search.min_disparity(), search.max_disparity()];
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        RosRecording { center, disparities, confidences, geometry, range }.write(path, now)
+    }
+
+    /// The recording for ROS 2.
+    fn recording(&self) -> &Option<PathBuf> {
+        #[cfg(feature = "mcap")]
+        return &self.mcap;
+        #[cfg(not(feature = "mcap"))]
+        &None
+    }
+
     /// Whether an output has confidences.
     pub fn has_confidences(&self) -> bool {
-        self.confidence.is_some() || self.report.is_some()
+        self.confidence.is_some() || self.report.is_some() || self.recording().is_some()
+    }
+
+    /// Whether an output has the colours of the centre.
+    pub fn has_center(&self) -> bool {
+        self.ply.is_some() || self.recording().is_some()
     }
 
     /// The option and the file of an output that needs the geometry, if there is one.
     pub fn of_depth(&self) -> Option<String> {
-        let outputs = [("--depth", &self.depth), ("--depth-png", &self.depth_png), ("--ply", &self.ply)];
+        let outputs =
+            [("--depth", &self.depth), ("--depth-png", &self.depth_png), ("--ply", &self.ply), ("--mcap", self.recording())];
         outputs.into_iter().find_map(|(option, path)| Some(format!("{option} {}", path.as_ref()?.display())))
     }
 }

@@ -6,6 +6,7 @@ mod hostile_files;
 mod manuals;
 mod memory_demand;
 mod outputs;
+mod recordings;
 mod refusals;
 mod view;
 

@@ -47,6 +47,12 @@ pub fn ply(text: &str) -> Result<PathBuf> {
     named(text, &["ply"])
 }
 
+/// Parses the name of a recording.
+#[cfg(feature = "mcap")]
+pub fn mcap(text: &str) -> Result<PathBuf> {
+    named(text, &["mcap"])
+}
+
 /// Parses the name of a page.
 pub fn html(text: &str) -> Result<PathBuf> {
     named(text, &["html", "htm"])

@@ -139,20 +139,17 @@ fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {
 
 fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
     DistortedSet::render()?.write(&folders::flash_set())?;
+    // Examples of libraries run on this machine.
+    let libraries = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers"].map(|package| format!("--package={package}"));
+    let firmware = ["--package=multiscopic-firmware", "--features=multiscopic-firmware/flash-set", "--bins", "--examples"];
     emulated_board::targets().iter().try_for_each(|target| {
-        let mut clippy = toolchain.cargo("clippy");
-        clippy.env(build::FLASH_SET, folders::flash_set());
-        let packages = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", "multiscopic-firmware"];
-        run(clippy.args(packages.map(|package| format!("--package={package}"))).args([
-            "--target",
-            target,
-            "--features=multiscopic-firmware/flash-set",
-            "--lib",
-            "--bins",
-            "--examples",
-            "--",
-            "-Dwarnings",
-        ]))
+        let clippy = |arguments: &[&str]| {
+            let mut clippy = toolchain.cargo("clippy");
+            clippy.env(build::FLASH_SET, folders::flash_set());
+            run(clippy.args(["--target", target, "--lib"]).args(arguments).args(["--", "-Dwarnings"]))
+        };
+        clippy(&libraries.each_ref().map(String::as_str))?;
+        clippy(&firmware)
     })
 }
 

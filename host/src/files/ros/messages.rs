@@ -1,0 +1,144 @@
+//! Messages of ROS 2: images, cameras, points and disparities.
+
+use std::time::Duration;
+
+use multiscopic_core::Disparity;
+
+use super::cdr::Cdr;
+use crate::images::{FloatImage, Geometry, Picture};
+
+/// When and where something was seen.
+#[derive(Clone, Copy, Debug)]
+pub struct Stamp<'a> {
+    /// The time since 1970.
+    pub time: Duration,
+    /// The frame of coordinates.
+    pub frame_id: &'a str,
+}
+
+/// A point in metres, its colour, and its confidence from 0 to 255 if there is one.
+pub type CloudPoint = ([f32; 3], [u8; 3], Option<u8>);
+
+impl Stamp<'_> {
+    fn begin(self) -> Cdr {
+        let mut cdr = Cdr::new();
+        self.put(&mut cdr);
+        cdr
+    }
+
+    fn put(self, cdr: &mut Cdr) {
+        // Until 2038, as ROS 2 has it.
+        cdr.i32(self.time.as_secs() as i32);
+        cdr.u32(self.time.subsec_nanos());
+        cdr.string(self.frame_id);
+    }
+
+    /// `sensor_msgs/msg/Image` of a picture: `mono8`, `rgb8`, `mono16` or `rgb16`.
+    pub fn picture(self, picture: &Picture) -> Vec<u8> {
+        let size = <[u32; 2]>::from(picture.dimensions());
+        let wide = |samples: &[u16]| samples.iter().flat_map(|sample| sample.to_le_bytes()).collect::<Vec<u8>>();
+        let mut cdr = self.begin();
+        match picture {
+            Picture::Gray(image) => put_image(&mut cdr, size, "mono8", image.as_raw()),
+            Picture::Rgb(image) => put_image(&mut cdr, size, "rgb8", image.as_raw()),
+            Picture::Gray16(image) => put_image(&mut cdr, size, "mono16", &wide(image.as_raw())),
+            Picture::Rgb16(image) => put_image(&mut cdr, size, "rgb16", &wide(image.as_raw())),
+        }
+        cdr.into_bytes()
+    }
+
+    /// `sensor_msgs/msg/Image` of depths in metres, NaN where unknown (REP 118).
+    pub fn depth(self, depth: &FloatImage) -> Vec<u8> {
+        let mut cdr = self.begin();
+        put_floats(&mut cdr, depth, |metres| if metres.is_finite() { metres } else { f32::NAN });
+        cdr.into_bytes()
+    }
+
+    /// `sensor_msgs/msg/CameraInfo` of a camera whose images are rectified.
+    pub fn camera(self, geometry: &Geometry, [width, height]: [usize; 2]) -> Vec<u8> {
+        let Geometry { focal_px: f, principal_point: [cx, cy], .. } = *geometry;
+        let mut cdr = self.begin();
+        cdr.u32(height as u32);
+        cdr.u32(width as u32);
+        cdr.string("plumb_bob");
+        cdr.length(5);
+        cdr.f64s(&[0.0; 5]);
+        cdr.f64s(&[f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0]);
+        cdr.f64s(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        cdr.f64s(&[f, 0.0, cx, 0.0, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0]);
+        // No binning, and all of the image.
+        [0; 2].into_iter().for_each(|binning| cdr.u32(binning));
+        put_region(&mut cdr, [0; 2]);
+        cdr.into_bytes()
+    }
+
+    /// `stereo_msgs/msg/DisparityImage` of disparities in pixels, from `min` to `max`. Those that are not finite are a pixel below `min`.
+    ///
+    /// Depth is `f t / d`, so that disparities have the geometry's `doffs` in them.
+    pub fn disparities(self, disparities: &FloatImage, geometry: &Geometry, [min, max]: [i16; 2]) -> Vec<u8> {
+        let doffs = geometry.doffs as f32;
+        let [min, max] = [min, max].map(|disparity| f32::from(disparity) + doffs);
+        let mut cdr = self.begin();
+        self.put(&mut cdr);
+        put_floats(&mut cdr, disparities, |d| if d.is_finite() { d + doffs } else { min - 1.0 });
+        cdr.f32(geometry.focal_px as f32);
+        cdr.f32((geometry.baseline_mm / 1000.0) as f32);
+        put_region(&mut cdr, [disparities.width(), disparities.height()]);
+        [min, max, 1.0 / Disparity::STEPS as f32].into_iter().for_each(|value| cdr.f32(value));
+        cdr.into_bytes()
+    }
+
+    /// `sensor_msgs/msg/PointCloud2` of points in a row: `x`, `y`, `z`, `rgb`, and `confidence` from 0 to 1 if they have one.
+    pub fn points(self, points: &[CloudPoint]) -> Vec<u8> {
+        let has_confidences = points.iter().any(|(.., confidence)| confidence.is_some());
+        let names = ["x", "y", "z", "rgb", "confidence"];
+        let names = if has_confidences { &names[..] } else { &names[..4] };
+        let mut data = Vec::with_capacity(points.len() * 4 * names.len());
+        for &([x, y, z], [red, green, blue], confidence) in points {
+            [x, y, z].iter().for_each(|metres| data.extend(metres.to_le_bytes()));
+            data.extend([blue, green, red, 0]);
+            if has_confidences {
+                data.extend((f32::from(confidence.unwrap_or(0)) / 255.0).to_le_bytes());
+            }
+        }
+        let mut cdr = self.begin();
+        cdr.u32(1);
+        cdr.length(points.len());
+        cdr.length(names.len());
+        for (name, offset) in names.iter().zip((0..).step_by(4)) {
+            const FLOAT32: u8 = 7;
+            cdr.string(name);
+            cdr.u32(offset);
+            cdr.u8(FLOAT32);
+            cdr.u32(1);
+        }
+        cdr.u8(false);
+        cdr.length(4 * names.len());
+        cdr.length(data.len());
+        cdr.bytes(&data);
+        // Without points that are not finite.
+        cdr.u8(true);
+        cdr.into_bytes()
+    }
+}
+
+/// What follows the header of an image.
+fn put_image(cdr: &mut Cdr, [width, height]: [u32; 2], encoding: &str, data: &[u8]) {
+    cdr.u32(height);
+    cdr.u32(width);
+    cdr.string(encoding);
+    cdr.u8(false);
+    cdr.u32((data.len() / height.max(1) as usize) as u32);
+    cdr.bytes(data);
+}
+
+fn put_floats(cdr: &mut Cdr, image: &FloatImage, value: impl Fn(f32) -> f32) {
+    let data: Vec<u8> = image.pixels().iter().flat_map(|&pixel| value(pixel).to_le_bytes()).collect();
+    put_image(cdr, [image.width() as u32, image.height() as u32], "32FC1", &data);
+}
+
+/// A region of this size at the top left; of no size for all of the image.
+fn put_region(cdr: &mut Cdr, [width, height]: [usize; 2]) {
+    [0, 0, height as u32, width as u32].into_iter().for_each(|value| cdr.u32(value));
+    cdr.u8(false);
+}

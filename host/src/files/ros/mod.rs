@@ -1,0 +1,105 @@
+//! Recordings for ROS 2: MCAP files, which `ros2 bag`, Foxglove and others read. Nothing of ROS is needed to write them.
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | `cdr` | how messages are encoded |
+//! | `definitions` | the fields of each type of message |
+//! | `messages` | the messages |
+
+mod cdr;
+mod definitions;
+mod messages;
+
+use std::{
+    collections::BTreeMap,
+    io::{self, Cursor},
+    path::Path,
+    time::Duration,
+};
+
+use mcap::{WriteOptions, records::MessageHeader};
+use messages::{CloudPoint, Stamp};
+
+use crate::{
+    error::Result,
+    files::{output, ply},
+    images::{DisparityMap, Geometry, Picture, Raster},
+};
+
+/// What was found of a scene, for ROS 2.
+///
+/// | topic | type | what |
+/// | --- | --- | --- |
+/// | `/camera/image` | `sensor_msgs/msg/Image` | the centre, as it was matched |
+/// | `/camera/camera_info`, `/depth/camera_info` | `sensor_msgs/msg/CameraInfo` | the camera, of rectified images |
+/// | `/depth/image` | `sensor_msgs/msg/Image` | metres as `32FC1`, NaN where unknown (REP 118) |
+/// | `/confidence/image` | `sensor_msgs/msg/Image` | confidences, if there are any, 255 is certain |
+/// | `/disparity` | `stereo_msgs/msg/DisparityImage` | pixels as `32FC1`, below `min_disparity` where unknown |
+/// | `/points` | `sensor_msgs/msg/PointCloud2` | metres in the frame of the camera: x to the right, y down, z away |
+#[derive(Clone, Copy, Debug)]
+pub struct RosRecording<'a> {
+    /// The centre image.
+    pub center: &'a Picture,
+    /// The disparities of its pixels.
+    pub disparities: &'a DisparityMap,
+    /// How confident they are, from 0 to 255.
+    pub confidences: Option<&'a Raster<u8>>,
+    /// The camera.
+    pub geometry: &'a Geometry,
+    /// The smallest and the largest disparity of the search, in pixels.
+    pub range: [i16; 2],
+}
+
+impl RosRecording<'_> {
+    /// The frame of coordinates of all messages.
+    pub const FRAME_ID: &'static str = "camera_optical_frame";
+
+    /// Writes an MCAP file with one message on each topic, all from a `time` since 1970.
+    ///
+    /// # Errors
+    /// [`Error::Usage`](crate::Error::Usage) if the centre and the disparities differ in size, and
+    /// [`Error::Write`](crate::Error::Write). Any previous version of the file is unchanged.
+    ///
+    /// # Panics
+    /// If the confidences and the disparities differ in size.
+    pub fn write(&self, path: &Path, time: Duration) -> Result<()> {
+        let RosRecording { center, disparities, confidences, geometry, range } = *self;
+        ply::check(disparities, confidences, center)?;
+        let stamp = Stamp { time, frame_id: Self::FRAME_ID };
+        let size = [disparities.width(), disparities.height()];
+        let points: Vec<CloudPoint> = ply::points(disparities, confidences, geometry, center).collect();
+        let camera = stamp.camera(geometry, size);
+        let mut messages = vec![
+            ("/camera/image", definitions::IMAGE, stamp.picture(center)),
+            ("/camera/camera_info", definitions::CAMERA_INFO, camera.clone()),
+            ("/depth/image", definitions::IMAGE, stamp.depth(&disparities.to_depth(geometry))),
+            ("/depth/camera_info", definitions::CAMERA_INFO, camera),
+            ("/disparity", definitions::DISPARITY_IMAGE, stamp.disparities(&disparities.to_float(), geometry, range)),
+            ("/points", definitions::POINT_CLOUD, stamp.points(&points)),
+        ];
+        if let Some(confidences) = confidences {
+            messages.push(("/confidence/image", definitions::IMAGE, stamp.picture(&Picture::from(confidences))));
+        }
+        output::write(path, |file| {
+            let bytes = bag(messages, time).map_err(io::Error::other)?;
+            file.write_all(&bytes)
+        })
+    }
+}
+
+/// An MCAP file of messages: topics, types and encoded contents.
+fn bag(messages: Vec<(&str, definitions::Definition, Vec<u8>)>, time: Duration) -> mcap::McapResult<Vec<u8>> {
+    let library = concat!("multiscopic ", env!("CARGO_PKG_VERSION"));
+    let options = WriteOptions::new().compression(None).profile("ros2").library(library);
+    let mut writer = options.create(Cursor::new(Vec::new()))?;
+    let time = time.as_nanos() as u64;
+    for (topic, definition, message) in messages {
+        // A schema that is there already is not written again.
+        let schema = writer.add_schema(definition.0, "ros2msg", definitions::text(definition).as_bytes())?;
+        let channel_id = writer.add_channel(schema, topic, "cdr", &BTreeMap::new())?;
+        writer
+            .write_to_known_channel(&MessageHeader { channel_id, sequence: 0, log_time: time, publish_time: time }, &message)?;
+    }
+    writer.finish()?;
+    Ok(writer.into_inner().into_inner())
+}

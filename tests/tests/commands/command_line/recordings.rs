@@ -1,0 +1,203 @@
+//! Recordings for ROS 2, read back by their definitions.
+
+use std::{collections::BTreeMap, fs, path::Path};
+
+use multiscopic::FloatImage;
+use multiscopic_tests::program::Invocation;
+
+/// Reads a message of plain little-endian CDR: each number lies at a multiple of its size.
+struct Fields<'a> {
+    body: &'a [u8],
+    place: usize,
+}
+
+impl<'a> Fields<'a> {
+    fn new(message: &'a [u8]) -> Fields<'a> {
+        assert_eq!(message[..4], [0, 1, 0, 0], "plain CDR, little-endian");
+        Fields { body: &message[4..], place: 0 }
+    }
+
+    fn take(&mut self, length: usize) -> &'a [u8] {
+        self.place += length;
+        &self.body[self.place - length..self.place]
+    }
+
+    fn number<const SIZE: usize>(&mut self) -> [u8; SIZE] {
+        self.place = self.place.div_ceil(SIZE) * SIZE;
+        self.take(SIZE).try_into().expect("so many bytes")
+    }
+
+    fn u32(&mut self) -> u32 {
+        u32::from_le_bytes(self.number())
+    }
+
+    fn f32(&mut self) -> f32 {
+        f32::from_le_bytes(self.number())
+    }
+
+    fn f64s(&mut self, count: usize) -> Vec<f64> {
+        (0..count).map(|_| f64::from_le_bytes(self.number())).collect()
+    }
+
+    fn bytes(&mut self) -> &'a [u8] {
+        let length = self.u32() as usize;
+        self.take(length)
+    }
+
+    fn text(&mut self) -> &'a str {
+        std::str::from_utf8(self.bytes()).expect("UTF-8").strip_suffix('\0').expect("a zero at the end")
+    }
+
+    /// The seconds of a header.
+    fn header(&mut self) -> u32 {
+        let seconds = self.u32();
+        assert!(self.u32() < 1_000_000_000, "nanoseconds");
+        assert_eq!(self.text(), "camera_optical_frame");
+        seconds
+    }
+
+    /// What follows the header of an image: its size, encoding and data.
+    fn image(&mut self) -> ([u32; 2], &'a str, &'a [u8]) {
+        let [height, width] = [self.u32(), self.u32()];
+        let encoding = self.text();
+        assert_eq!(self.take(1), [0], "the lower byte comes first");
+        let step = self.u32();
+        let data = self.bytes();
+        assert_eq!(data.len() as u32, step * height, "{encoding}");
+        ([width, height], encoding, data)
+    }
+
+    /// The size of a region at the top left.
+    fn region(&mut self) -> [u32; 2] {
+        assert_eq!([self.u32(), self.u32()], [0, 0]);
+        let [height, width] = [self.u32(), self.u32()];
+        assert_eq!(self.take(1), [0]);
+        [width, height]
+    }
+
+    fn end(&self) {
+        assert_eq!(self.place, self.body.len(), "all fields were read");
+    }
+}
+
+fn floats(data: &[u8]) -> Vec<f32> {
+    data.as_chunks::<4>().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect()
+}
+
+#[test]
+fn every_field_and_pixel_is_that_of_the_other_files() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
+    let scene = ["scene", "--random", "--seed", "7", "--views", "2", "--size", "160x120", "-o", &path("scenes")];
+    Invocation::new(scene).assert_done();
+    let rig = path("scenes/0000");
+    let outputs = [("-o", "d.pfm"), ("--depth", "z.pfm"), ("--confidence", "c.png"), ("--ply", "p.ply"), ("--mcap", "r.mcap")];
+    let mut words: Vec<String> =
+        ["match", &rig, "--num-disparities", "24", "--uniqueness-ratio", "10", "--doffs", "2"].map(Into::into).into();
+    outputs.iter().for_each(|(option, name)| words.extend([(*option).into(), path(name)]));
+    Invocation::new(words).assert_done();
+
+    let bag = fs::read(path("r.mcap")).expect("a recording");
+    let mut messages = BTreeMap::new();
+    for message in mcap::MessageStream::new(&bag).expect("an MCAP file") {
+        let message = message.expect("a message");
+        let schema = message.channel.schema.clone().expect("a definition");
+        assert_eq!((&*message.channel.message_encoding, &*schema.encoding), ("cdr", "ros2msg"));
+        let seconds = Fields::new(&message.data).header();
+        assert_eq!(u64::from(seconds), message.log_time / 1_000_000_000);
+        messages.insert(message.channel.topic.clone(), (schema.name.clone(), message.data.into_owned()));
+    }
+    assert_eq!(messages.len(), 7, "{:?}", messages.keys());
+    let message = |topic: &str, name: &str| {
+        let (found, data) = &messages[topic];
+        assert_eq!(found, name, "{topic}");
+        let mut fields = Fields::new(data);
+        fields.header();
+        fields
+    };
+    let size = [160, 120];
+    let map = |name: &str| FloatImage::read_pfm(Path::new(&path(name))).expect("a map");
+
+    let mut center = message("/camera/image", "sensor_msgs/msg/Image");
+    let picture = image::open(Path::new(&rig).join("center.png")).expect("the centre").into_rgb8();
+    assert_eq!(center.image(), (size, "rgb8", &picture.as_raw()[..]));
+    center.end();
+
+    let mut depth = message("/depth/image", "sensor_msgs/msg/Image");
+    let (found, encoding, data) = depth.image();
+    assert_eq!((found, encoding), (size, "32FC1"));
+    let known = |(found, metres): (f32, &f32)| if metres.is_finite() { found == *metres } else { found.is_nan() };
+    assert!(floats(data).into_iter().zip(map("z.pfm").pixels()).all(known), "depths");
+    depth.end();
+
+    let mut confidence = message("/confidence/image", "sensor_msgs/msg/Image");
+    let picture = image::open(path("c.png")).expect("confidences").into_luma8();
+    assert_eq!(confidence.image(), (size, "mono8", &picture.as_raw()[..]));
+
+    let mut disparity = message("/disparity", "stereo_msgs/msg/DisparityImage");
+    disparity.header();
+    let (found, encoding, data) = disparity.image();
+    assert_eq!((found, encoding), (size, "32FC1"));
+    let [focal_px, baseline] = [disparity.f32(), disparity.f32()];
+    assert_eq!(disparity.region(), size);
+    let [min, max, step] = [disparity.f32(), disparity.f32(), disparity.f32()];
+    disparity.end();
+    assert_eq!((max - min, step), (23.0, 1.0 / 64.0));
+    let (disparities, depths) = (floats(data), map("z.pfm"));
+    assert!(disparities.iter().any(|d| *d < min) && disparities.iter().any(|d| *d >= min));
+    for ((&found, &d), &metres) in disparities.iter().zip(map("d.pfm").pixels()).zip(depths.pixels()) {
+        assert!(if d.is_finite() { found == d + 2.0 } else { found < min }, "{found} for {d}");
+        // Depth as readers compute it.
+        assert!(!metres.is_finite() || (focal_px * baseline / found - metres).abs() < 1e-5 * metres, "{found}: {metres} m");
+    }
+
+    for topic in ["/camera/camera_info", "/depth/camera_info"] {
+        let mut camera = message(topic, "sensor_msgs/msg/CameraInfo");
+        assert_eq!([camera.u32(), camera.u32()], [120, 160]);
+        assert_eq!((camera.text(), camera.u32()), ("plumb_bob", 5));
+        assert_eq!(camera.f64s(5), [0.0; 5]);
+        let [k, r, p] = [9, 9, 12].map(|count| camera.f64s(count));
+        assert_eq!((k[0] as f32, k[4], k[8]), (focal_px, k[0], 1.0));
+        assert_eq!(r, [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        assert_eq!((p[0], p[2], p[3], p[6], p[10]), (k[0], k[2], 0.0, k[5], 1.0));
+        assert_eq!([camera.u32(), camera.u32()], [0, 0]);
+        assert_eq!(camera.region(), [0, 0]);
+        camera.end();
+    }
+
+    let mut cloud = message("/points", "sensor_msgs/msg/PointCloud2");
+    assert_eq!(cloud.u32(), 1, "a row of points");
+    let count = cloud.u32();
+    let names: Vec<&str> = (0..cloud.u32())
+        .map(|index| {
+            let name = cloud.text();
+            assert_eq!((cloud.u32(), cloud.take(1), cloud.u32()), (4 * index, &[7][..], 1), "{name} is one float32");
+            name
+        })
+        .collect();
+    assert_eq!(names, ["x", "y", "z", "rgb", "confidence"]);
+    assert_eq!((cloud.take(1), cloud.u32(), cloud.u32()), (&[0][..], 20, 20 * count));
+    let points = cloud.bytes();
+    assert_eq!(cloud.take(1), [1], "all are finite");
+    cloud.end();
+    let ply = fs::read(path("p.ply")).expect("points");
+    let start = ply.windows(11).position(|text| text == b"end_header\n").expect("a header") + 11;
+    let (vertices, rest) = ply[start..].as_chunks::<16>();
+    assert_eq!((vertices.len(), rest.len()), (count as usize, 0));
+    for (point, vertex) in points.as_chunks::<20>().0.iter().zip(vertices) {
+        assert_eq!(point[..12], vertex[..12], "coordinates");
+        assert_eq!([point[14], point[13], point[12]], vertex[12..15], "red, green, blue");
+        assert_eq!(floats(&point[16..]), [f32::from(vertex[15]) / 255.0], "confidence");
+    }
+}
+
+#[test]
+fn a_recording_needs_a_baseline() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
+    Invocation::new(["scene", "--random", "--size", "48x36", "-o", &path("scenes")]).assert_done();
+    let frame = |name: &str| path(&format!("scenes/0000/{name}.png"));
+    let words = ["match", "--center", &frame("center"), "--right", &frame("right"), "--mcap", &path("r.mcap")];
+    Invocation::new(words).assert_refused(&["--mcap", "baseline"]);
+    Invocation::new(["match", &path("scenes/0000"), "--mcap", "r.bag"]).assert_refused(&["r.bag", ".mcap"]);
+}

@@ -13,7 +13,7 @@ use multiscopic_tests::{
 /// The longest side of an image.
 const MAX_SIDE: usize = 20;
 /// The most samples of a block that the reference adds up, in all.
-const MAX_SAMPLES: u64 = 400_000;
+const MAX_SAMPLES: u64 = 50_000;
 
 /// A match that its reference does in milliseconds.
 #[derive(Debug)]

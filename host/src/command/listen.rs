@@ -11,6 +11,7 @@ use clap::Args;
 use multiscopic::{
     Error, Picture, Result,
     files::output,
+    stereo::confidence_map,
     target::reception::{self, Notice, ReceivedFrame},
 };
 
@@ -117,7 +118,7 @@ fn summary(received: &ReceivedFrame) -> String {
     let ReceivedFrame { disparities, confidences, pixels, stack } = received;
     let share = |count: usize| 100.0 * count as f64 / disparities.pixels().len() as f64;
     let valid = disparities.pixels().iter().flatten().count();
-    let sure = confidences.as_ref().map(terminal::sure).unwrap_or_default();
+    let sure = confidences.as_ref().map(confidence_map::sure_share).map(terminal::sure).unwrap_or_default();
     let stack = stack.map(|bytes| format!(", {bytes} bytes of stack")).unwrap_or_default();
     format!(
         "{}x{}: {:.1} % received, {:.1} % valid{sure}{stack}",

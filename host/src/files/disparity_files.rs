@@ -29,7 +29,8 @@ impl DisparityMap {
         image_codec::write_png(path, &gray16(self.width(), self.height(), samples))
     }
 
-    /// Writes the depths of this map as a 16-bit PNG file in millimetres, rounded; 0 where unknown or beyond 65.535 m, as depth cameras do.
+    /// Writes the depths of this map as a 16-bit PNG file in millimetres, rounded; 0 where unknown or beyond 65.535 m, as depth
+    /// cameras do.
     ///
     /// # Errors
     /// [`Error::Write`]. Any previous version of the file is unchanged.

@@ -84,13 +84,16 @@ pub(super) fn check(disparities: &DisparityMap, confidences: Option<&Raster<u8>>
     Ok(())
 }
 
-/// The point, colour and confidence of every pixel with a finite depth.
+/// A point in metres, its colour, and its confidence from 0 to 255 if there is one.
+pub(super) type CloudPoint = ([f32; 3], [u8; 3], Option<u8>);
+
+/// The point of every pixel with a finite depth.
 pub(super) fn points(
     disparities: &DisparityMap,
     confidences: Option<&Raster<u8>>,
     geometry: &Geometry,
     center: &Picture,
-) -> impl Iterator<Item = ([f32; 3], [u8; 3], Option<u8>)> {
+) -> impl Iterator<Item = CloudPoint> {
     let pixels = disparities.rows().enumerate().flat_map(|(v, row)| row.iter().enumerate().map(move |(u, &pixel)| (u, v, pixel)));
     pixels.filter_map(move |(u, v, pixel)| {
         let point = geometry.point(u, v, pixel?)?.map(|metres| metres as f32);

@@ -309,7 +309,7 @@ impl Method {
                 ));
             }
             (CostFunction::TwoScaleCensus(Census::Window9x7), Optimizer::Network(network)) if self.aggregation.is_none() => {
-                let inputs = Inputs::new(frames, &DisparityNetwork::search(search), engine, progress)?;
+                let inputs = Inputs::new(frames, search, engine, progress)?;
                 if progress.is_interrupted() {
                     return Ok(DisparityMap::filled(search.width(), search.height(), None));
                 }

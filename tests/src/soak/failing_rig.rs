@@ -152,7 +152,8 @@ impl FailingRig {
         all[random.below(all.len())]
     }
 
-    /// Captures, with a trouble after one of the frames, and matches what was captured. Panics unless what happens is what should.
+    /// Captures, with a trouble after one of the frames, and matches what was captured. Panics unless what happens is what
+    /// should.
     pub fn capture(&self, trouble: Option<Trouble>, random: &mut Random) {
         let mut stage = self.open();
         let (plan, policy) = self.sequence();

@@ -51,8 +51,8 @@ pub struct Usage {
 pub type Troubles = BTreeMap<&'static str, usize>;
 
 impl Soak {
-    /// Captures until all are done. Tells `observe` what the process takes after each round, when all rigs are at rest. Panics if anything is
-    /// not as it should be.
+    /// Captures until all are done. Tells `observe` what the process takes after each round, when all rigs are at rest. Panics if
+    /// anything is not as it should be.
     pub fn run(&self, mut observe: impl FnMut(&Usage)) -> Troubles {
         let rigs: Vec<(FailingRig, Mutex<Random>)> =
             (0..self.rigs).map(|number| (FailingRig::start(number), Mutex::new(Random(self.seed + number as u64)))).collect();

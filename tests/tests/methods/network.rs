@@ -170,8 +170,7 @@ fn inputs_equal_the_reference() {
         let search = Search::new(width, height, set, fusion, case.min_disparity as i16, case.num_disparities as u16);
         let search = search.expect("a search of the case");
         let engine = &engines[case.seed as usize % engines.len()];
-        let even = DisparityNetwork::search(&search);
-        let found = Inputs::new(&images.frames(), &even, engine, &()).expect("the frames fit the search");
+        let found = Inputs::new(&images.frames(), &search, engine, &()).expect("the frames fit the search");
         assert_eq!(found, product_inputs(&NetworkInputs::of_images(&sgm)));
         let method = Method { long_baselines: None, ..Method::net() };
         let (map, confidences) =

@@ -25,17 +25,19 @@ pub struct RecorderOptions {
     #[command(flatten)]
     hardware: HardwareOptions,
 
-    /// The camera's focal length in pixels, recorded in rig.toml; depth needs it [default: that of --lens, --mount, or what a simulated camera is sold as]
+    /// The camera's focal length in pixels, recorded in rig.toml; depth needs it [default: that of --lens, --mount, or what a
+    /// simulated camera is sold as]
     #[arg(long, value_name = "PX", value_parser = positive, allow_negative_numbers = true)]
     focal_px: Option<f64>,
 
-    /// Calibration of the camera's lens, which distorts the images: a camera.toml, or the YAML of ROS, OpenCV or Kalibr. A copy is kept
-    /// beside rig.toml, and `match` undistorts the images by it
+    /// Calibration of the camera's lens, which distorts the images: a camera.toml, or the YAML of ROS, OpenCV or Kalibr. A copy
+    /// is kept beside rig.toml, and `match` undistorts the images by it
     #[arg(long, value_name = "FILE")]
     lens: Option<PathBuf>,
 
-    /// How the camera is turned against the stage, as `multiscopic calibrate mount` finds it. A turn about the optical axis is taken out by
-    /// moving along the camera's own rows and columns. What remains is recorded in rig.toml, and `match` rectifies the images by it
+    /// How the camera is turned against the stage, as `multiscopic calibrate mount` finds it. A turn about the optical axis is
+    /// taken out by moving along the camera's own rows and columns. What remains is recorded in rig.toml, and `match` rectifies
+    /// the images by it
     #[arg(long, value_name = "MOUNT.toml")]
     mount: Option<PathBuf>,
 

@@ -61,8 +61,8 @@ pub struct ResultsFolder {
 }
 
 impl ResultsFolder {
-    /// Checks that the results of `variants`, which are captured in `views`, can be written to the folder `path`, or that it can be made.
-    /// They replace those of an earlier demo, but no files of the user.
+    /// Checks that the results of `variants`, which are captured in `views`, can be written to the folder `path`, or that it can
+    /// be made. They replace those of an earlier demo, but no files of the user.
     pub fn check(path: &Path, views: Views, variants: &[Variant]) -> Result<ResultsFolder> {
         let folder = ResultsFolder { path: path.into(), is_new: !path.exists(), views };
         if folder.is_new {

@@ -9,8 +9,8 @@ const BINS: usize = 64;
 /// Measures of a frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FrameMeters {
-    /// How sharp it is: the root mean square of the second differences of grey between neighbouring pixels, in percent of the mean. It does
-    /// not depend on the brightness.
+    /// How sharp it is: the root mean square of the second differences of grey between neighbouring pixels, in percent of the
+    /// mean. It does not depend on the brightness.
     pub focus: f64,
     /// The mean of grey, from 0 to 255.
     pub mean: f64,

@@ -15,11 +15,11 @@ use super::{
 };
 use crate::command::options::EngineOptions;
 
-/// Serves a page with a camera on a stage: what it sees, whether it is in focus and well exposed, and the sets that it takes, which are
-/// matched as on the page of `tune`
+/// Serves a page with a camera on a stage: what it sees, whether it is in focus and well exposed, and the sets that it takes,
+/// which are matched as on the page of `tune`
 ///
-/// The page is served on the loopback address, to whoever has the address with its token: they can move the stage. Ctrl-C returns the stage
-/// to the centre and ends the program; a second Ctrl-C stops the stage where it is.
+/// The page is served on the loopback address, to whoever has the address with its token: they can move the stage. Ctrl-C returns
+/// the stage to the centre and ends the program; a second Ctrl-C stops the stage where it is.
 #[derive(Debug, Args)]
 pub struct Live {
     #[command(flatten)]

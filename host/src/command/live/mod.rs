@@ -1,5 +1,5 @@
-//! `multiscopic tune` and `multiscopic live`: a page on which a rig is matched while the options of `match` are set, and a camera takes
-//! further rigs.
+//! `multiscopic tune` and `multiscopic live`: a page on which a rig is matched while the options of `match` are set, and a camera
+//! takes further rigs.
 
 mod frame_meters;
 mod live_command;

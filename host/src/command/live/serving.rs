@@ -29,8 +29,8 @@ const POLL_INTERVAL: Duration = Duration::from_millis(50);
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Page")]
 pub struct ServingOptions {
-    /// Address and port to listen on; port 0 is any that is free. At another address than the loopback's, whoever reads along on the way can
-    /// use the page too, since it is not encrypted
+    /// Address and port to listen on; port 0 is any that is free. At another address than the loopback's, whoever reads along on
+    /// the way can use the page too, since it is not encrypted
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
     listen: SocketAddr,
 
@@ -59,7 +59,8 @@ impl ServingOptions {
 }
 
 impl Served {
-    /// Serves a page, and matches what it asks for. `is_over` is asked again and again, with the number of signals that have come.
+    /// Serves a page, and matches what it asks for. `is_over` is asked again and again, with the number of signals that have
+    /// come.
     pub fn serve(
         self,
         page: Page<'_>,
@@ -82,7 +83,8 @@ impl Served {
             }
         }));
         bench.close();
-        // A match under way is left to the end of the program, since nothing waits for it. A thread that has ended by itself has panicked.
+        // A match under way is left to the end of the program, since nothing waits for it. A thread that has ended by itself has
+        // panicked.
         if matching.is_finished()
             && let Err(panic) = matching.join()
         {

@@ -21,9 +21,9 @@ use crate::command::{options::EngineOptions, view};
 
 /// Serves a page on which a captured folder is matched while you set the method, the range, the block and the filters
 ///
-/// The picture follows the sliders. Beside it stand the command of `match` that gives these disparities, the same in Rust, and what the
-/// match would take on a microcontroller. The page is that of `multiscopic view`. It is served on the loopback address, to whoever has the
-/// address with its token. Ctrl-C ends it.
+/// The picture follows the sliders. Beside it stand the command of `match` that gives these disparities, the same in Rust, and
+/// what the match would take on a microcontroller. The page is that of `multiscopic view`. It is served on the loopback address,
+/// to whoever has the address with its token. Ctrl-C ends it.
 #[derive(Debug, Args)]
 pub struct Tune {
     /// Captured folder with a rig.toml

@@ -6,11 +6,13 @@ use multiscopic::{
     DisparityMap,
     stereo::{
         LongBaselines,
-        confidence_map::{self, ConfidenceMap, SURE},
+        confidence_map::{self, ConfidenceMap},
     },
 };
 use multiscopic_core::Search;
 use serde::Serialize;
+
+use crate::command::terminal;
 
 /// What a match found. Shares are from 0 to 1.
 #[derive(Clone, Debug, Serialize)]
@@ -26,7 +28,7 @@ pub struct Summary {
     num_disparities: usize,
     /// The share of pixels with a disparity.
     valid: f64,
-    /// The share with a confidence from [`SURE`] on, if confidences were computed.
+    /// The share with a confidence from 0.9 on, if confidences were computed.
     #[serde(skip_serializing_if = "Option::is_none")]
     sure: Option<f64>,
     milliseconds: f64,
@@ -78,9 +80,7 @@ impl Display for Summary {
         };
         let last = i32::from(*min_disparity) + self.num_disparities as i32 - 1;
         write!(f, "{width}x{height}, {method}, {views}, {fusion}, {min_disparity}..={last}: {:.1} % valid", 100.0 * self.valid)?;
-        if let Some(sure) = self.sure {
-            write!(f, ", {:.1} % sure (from {SURE} on)", 100.0 * sure)?;
-        }
-        write!(f, ", {:.0} ms", self.milliseconds)
+        let sure = self.sure.map(terminal::sure).unwrap_or_default();
+        write!(f, "{sure}, {:.0} ms", self.milliseconds)
     }
 }

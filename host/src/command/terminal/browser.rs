@@ -7,8 +7,8 @@ use std::{
     process::{Command, Stdio},
 };
 
-/// Opens a page, a file or an address, with the program that the user has for it, if messages go to a terminal. If there is no such
-/// program, a message has told where the page is.
+/// Opens a page, a file or an address, with the program that the user has for it, if messages go to a terminal. If there is no
+/// such program, a message has told where the page is.
 pub fn open(page: &OsStr) {
     if !stderr().is_terminal() {
         return;

@@ -6,10 +6,7 @@ use std::{
     sync::atomic::{AtomicBool, Ordering},
 };
 
-use multiscopic::{
-    Error, Result,
-    stereo::confidence_map::{self, ConfidenceMap, SURE},
-};
+use multiscopic::{Error, Result, stereo::confidence_map::SURE};
 use serde::Serialize;
 
 use super::columns::{columns, wrapped};
@@ -67,7 +64,7 @@ pub fn complain(message: &str) {
     let _ = writeln!(io::stderr(), "multiscopic: {message}");
 }
 
-/// What a summary says about confidences, after what it says about disparities.
-pub fn sure(confidences: &ConfidenceMap) -> String {
-    format!(", {:.1} % sure (from {SURE} on)", 100.0 * confidence_map::sure_share(confidences))
+/// What a summary says about the share of confidences from [`SURE`] on, after what it says about disparities.
+pub fn sure(share: f64) -> String {
+    format!(", {:.1} % sure (from {SURE} on)", 100.0 * share)
 }

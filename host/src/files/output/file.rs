@@ -44,9 +44,9 @@ pub fn write_together<T>(contents: impl FnOnce() -> Result<T>) -> Result<T> {
     Ok(written)
 }
 
-/// As [`write_together`], for files in a folder that one of them, the `seal`, makes look complete. It is not there while the others
-/// are replaced, so that a program that is killed meanwhile leaves nothing that looks complete. [`broken_seal`](super::broken_seal) is the
-/// name that it then has.
+/// As [`write_together`], for files in a folder that one of them, the `seal`, makes look complete. It is not there while the
+/// others are replaced, so that a program that is killed meanwhile leaves nothing that looks complete.
+/// [`broken_seal`](super::broken_seal) is the name that it then has.
 ///
 /// # Errors
 /// Those of [`write_together`].

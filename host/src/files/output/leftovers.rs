@@ -1,7 +1,7 @@
 //! What programs that were killed have left behind.
 //!
-//! A running program locks its temporary files and folders. The system releases the locks however the program ends, so what is not
-//! locked belongs to none that runs.
+//! A running program locks its temporary files and folders. The system releases the locks however the program ends, so what is
+//! not locked belongs to none that runs.
 
 use std::{
     collections::BTreeSet,
@@ -15,7 +15,8 @@ pub const PREFIX: &str = ".multiscopic-";
 /// How many letters and digits follow.
 pub const RANDOM_CHARACTERS: usize = 6;
 
-/// Locks a temporary file or folder that was just made. False if another program was faster, took it for a leftover, and deletes it.
+/// Locks a temporary file or folder that was just made. False if another program was faster, took it for a leftover, and deletes
+/// it.
 pub fn lock(opened: &File, path: &Path) -> bool {
     match opened.try_lock() {
         Ok(()) => path.exists(),

@@ -1,57 +1,64 @@
 //! The definitions of messages, as readers of MCAP files expect them beside the data.
 
-/// A type of message: its name, and its fields followed by the definitions of the types that they have.
-pub type Definition = (&'static str, &'static [&'static str]);
-
-const TIME: &str = "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec";
-const HEADER: &str = "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id";
-const REGION: &str =
-    "MSG: sensor_msgs/RegionOfInterest\nuint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify";
-const POINT_FIELD: &str = "MSG: sensor_msgs/PointField\nstring name\nuint32 offset\nuint8 datatype\nuint32 count";
-
-macro_rules! image_fields {
-    () => {
-        "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\nuint8[] data"
-    };
+/// A type of message.
+#[derive(Clone, Copy, Debug)]
+pub struct Definition {
+    /// The package and the name.
+    name: &'static str,
+    /// A field in each line.
+    fields: &'static str,
+    /// The types of fields that are messages, and those of theirs.
+    types: &'static [&'static Definition],
 }
 
-pub const IMAGE: Definition = ("sensor_msgs/msg/Image", &[image_fields!(), HEADER, TIME]);
+const TIME: Definition = Definition { name: "builtin_interfaces/Time", fields: "int32 sec\nuint32 nanosec", types: &[] };
+const HEADER: Definition =
+    Definition { name: "std_msgs/Header", fields: "builtin_interfaces/Time stamp\nstring frame_id", types: &[&TIME] };
+const REGION: Definition = Definition {
+    name: "sensor_msgs/RegionOfInterest",
+    fields: "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify",
+    types: &[],
+};
+const POINT_FIELD: Definition =
+    Definition { name: "sensor_msgs/PointField", fields: "string name\nuint32 offset\nuint8 datatype\nuint32 count", types: &[] };
 
-pub const CAMERA_INFO: Definition = (
-    "sensor_msgs/msg/CameraInfo",
-    &[
-        "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\nfloat64[9] r\n\
-         float64[12] p\nuint32 binning_x\nuint32 binning_y\nsensor_msgs/RegionOfInterest roi",
-        HEADER,
-        TIME,
-        REGION,
-    ],
-);
+pub const IMAGE: Definition = Definition {
+    name: "sensor_msgs/Image",
+    fields: "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\nuint8[] data",
+    types: &[&HEADER, &TIME],
+};
 
-pub const POINT_CLOUD: Definition = (
-    "sensor_msgs/msg/PointCloud2",
-    &[
-        "std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\nbool is_bigendian\n\
-         uint32 point_step\nuint32 row_step\nuint8[] data\nbool is_dense",
-        HEADER,
-        TIME,
-        POINT_FIELD,
-    ],
-);
+pub const CAMERA_INFO: Definition = Definition {
+    name: "sensor_msgs/CameraInfo",
+    fields: "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\nfloat64[9] r\n\
+             float64[12] p\nuint32 binning_x\nuint32 binning_y\nsensor_msgs/RegionOfInterest roi",
+    types: &[&HEADER, &TIME, &REGION],
+};
 
-pub const DISPARITY_IMAGE: Definition = (
-    "stereo_msgs/msg/DisparityImage",
-    &[
-        "std_msgs/Header header\nsensor_msgs/Image image\nfloat32 f\nfloat32 t\nsensor_msgs/RegionOfInterest valid_window\n\
-         float32 min_disparity\nfloat32 max_disparity\nfloat32 delta_d",
-        HEADER,
-        TIME,
-        concat!("MSG: sensor_msgs/Image\n", image_fields!()),
-        REGION,
-    ],
-);
+pub const POINT_CLOUD: Definition = Definition {
+    name: "sensor_msgs/PointCloud2",
+    fields: "std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\nbool is_bigendian\n\
+             uint32 point_step\nuint32 row_step\nuint8[] data\nbool is_dense",
+    types: &[&HEADER, &TIME, &POINT_FIELD],
+};
 
-/// The text of a definition.
-pub fn text((_, parts): Definition) -> String {
-    parts.join(&format!("\n{}\n", "=".repeat(80)))
+pub const DISPARITY_IMAGE: Definition = Definition {
+    name: "stereo_msgs/DisparityImage",
+    fields: "std_msgs/Header header\nsensor_msgs/Image image\nfloat32 f\nfloat32 t\nsensor_msgs/RegionOfInterest valid_window\n\
+             float32 min_disparity\nfloat32 max_disparity\nfloat32 delta_d",
+    types: &[&HEADER, &TIME, &IMAGE, &REGION],
+};
+
+impl Definition {
+    /// The name of the schema.
+    pub fn full_name(&self) -> String {
+        self.name.replacen('/', "/msg/", 1)
+    }
+
+    /// The text of the schema: the fields, then those of the types that they have.
+    pub fn text(&self) -> String {
+        let line = "=".repeat(80);
+        let types = self.types.iter().map(|Definition { name, fields, .. }| format!("\n{line}\nMSG: {name}\n{fields}"));
+        self.fields.to_owned() + &types.collect::<String>()
+    }
 }

@@ -5,7 +5,10 @@ use std::time::Duration;
 use multiscopic_core::Disparity;
 
 use super::cdr::Cdr;
-use crate::images::{FloatImage, Geometry, Picture};
+use crate::{
+    files::ply::CloudPoint,
+    images::{FloatImage, Geometry, Picture},
+};
 
 /// When and where something was seen.
 #[derive(Clone, Copy, Debug)]
@@ -15,9 +18,6 @@ pub struct Stamp<'a> {
     /// The frame of coordinates.
     pub frame_id: &'a str,
 }
-
-/// A point in metres, its colour, and its confidence from 0 to 255 if there is one.
-pub type CloudPoint = ([f32; 3], [u8; 3], Option<u8>);
 
 impl Stamp<'_> {
     fn begin(self) -> Cdr {
@@ -72,7 +72,8 @@ impl Stamp<'_> {
         cdr.into_bytes()
     }
 
-    /// `stereo_msgs/msg/DisparityImage` of disparities in pixels, from `min` to `max`. Those that are not finite are a pixel below `min`.
+    /// `stereo_msgs/msg/DisparityImage` of disparities in pixels, from `min` to `max`. Those that are not finite are a pixel
+    /// below `min`.
     ///
     /// Depth is `f t / d`, so that disparities have the geometry's `doffs` in them.
     pub fn disparities(self, disparities: &FloatImage, geometry: &Geometry, [min, max]: [i16; 2]) -> Vec<u8> {

@@ -18,7 +18,7 @@ use std::{
 };
 
 use mcap::{WriteOptions, records::MessageHeader};
-use messages::{CloudPoint, Stamp};
+use messages::Stamp;
 
 use crate::{
     error::Result,
@@ -67,18 +67,18 @@ impl RosRecording<'_> {
         ply::check(disparities, confidences, center)?;
         let stamp = Stamp { time, frame_id: Self::FRAME_ID };
         let size = [disparities.width(), disparities.height()];
-        let points: Vec<CloudPoint> = ply::points(disparities, confidences, geometry, center).collect();
+        let points: Vec<_> = ply::points(disparities, confidences, geometry, center).collect();
         let camera = stamp.camera(geometry, size);
         let mut messages = vec![
-            ("/camera/image", definitions::IMAGE, stamp.picture(center)),
-            ("/camera/camera_info", definitions::CAMERA_INFO, camera.clone()),
-            ("/depth/image", definitions::IMAGE, stamp.depth(&disparities.to_depth(geometry))),
-            ("/depth/camera_info", definitions::CAMERA_INFO, camera),
-            ("/disparity", definitions::DISPARITY_IMAGE, stamp.disparities(&disparities.to_float(), geometry, range)),
-            ("/points", definitions::POINT_CLOUD, stamp.points(&points)),
+            ("/camera/image", &definitions::IMAGE, stamp.picture(center)),
+            ("/camera/camera_info", &definitions::CAMERA_INFO, camera.clone()),
+            ("/depth/image", &definitions::IMAGE, stamp.depth(&disparities.to_depth(geometry))),
+            ("/depth/camera_info", &definitions::CAMERA_INFO, camera),
+            ("/disparity", &definitions::DISPARITY_IMAGE, stamp.disparities(&disparities.to_float(), geometry, range)),
+            ("/points", &definitions::POINT_CLOUD, stamp.points(&points)),
         ];
         if let Some(confidences) = confidences {
-            messages.push(("/confidence/image", definitions::IMAGE, stamp.picture(&Picture::from(confidences))));
+            messages.push(("/confidence/image", &definitions::IMAGE, stamp.picture(&Picture::from(confidences))));
         }
         output::write(path, |file| {
             let bytes = bag(messages, time).map_err(io::Error::other)?;
@@ -88,14 +88,14 @@ impl RosRecording<'_> {
 }
 
 /// An MCAP file of messages: topics, types and encoded contents.
-fn bag(messages: Vec<(&str, definitions::Definition, Vec<u8>)>, time: Duration) -> mcap::McapResult<Vec<u8>> {
+fn bag(messages: Vec<(&str, &definitions::Definition, Vec<u8>)>, time: Duration) -> mcap::McapResult<Vec<u8>> {
     let library = concat!("multiscopic ", env!("CARGO_PKG_VERSION"));
     let options = WriteOptions::new().compression(None).profile("ros2").library(library);
     let mut writer = options.create(Cursor::new(Vec::new()))?;
     let time = time.as_nanos() as u64;
     for (topic, definition, message) in messages {
         // A schema that is there already is not written again.
-        let schema = writer.add_schema(definition.0, "ros2msg", definitions::text(definition).as_bytes())?;
+        let schema = writer.add_schema(&definition.full_name(), "ros2msg", definition.text().as_bytes())?;
         let channel_id = writer.add_channel(schema, topic, "cdr", &BTreeMap::new())?;
         writer
             .write_to_known_channel(&MessageHeader { channel_id, sequence: 0, log_time: time, publish_time: time }, &message)?;

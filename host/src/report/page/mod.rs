@@ -149,7 +149,8 @@ impl Report {
         self.part(viewer::markup(command, scenes))
     }
 
-    /// Adds a viewer that shows what a server tells it, beside controls. A page has at most one viewer. `command` started the server.
+    /// Adds a viewer that shows what a server tells it, beside controls. A page has at most one viewer. `command` started the
+    /// server.
     pub fn live_viewer(mut self, command: &str, panel: LivePanel<'_>) -> Report {
         self.has_viewer = true;
         self.panel_style = Some(panel.style);

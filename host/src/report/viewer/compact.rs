@@ -41,8 +41,8 @@ pub fn disparities(map: &DisparityMap, aim: Aim) -> String {
     deflated(&byte(0).chain(byte(1)).collect::<Vec<_>>(), aim)
 }
 
-/// The difference of each value from what its neighbours predict: the median of the left one, the one above, and the plane through
-/// them and the one between (LOCO-I, Weinberger et al. 2000).
+/// The difference of each value from what its neighbours predict: the median of the left one, the one above, and the plane
+/// through them and the one between (LOCO-I, Weinberger et al. 2000).
 fn differences<T>(values: &[T], width: usize, number: impl Fn(&T) -> i32) -> Vec<i32> {
     let at = |i: usize| number(&values[i]);
     let predicted = |i: usize| {

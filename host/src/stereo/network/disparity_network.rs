@@ -95,20 +95,11 @@ impl DisparityNetwork {
         Ok(DisparityNetwork { guide, volume, image, exponentials, confidences })
     }
 
-    /// The search for whose inputs the network was trained: `search` with an even number of disparities, since two are in a slice. It has one
-    /// more than was asked for if that is odd, and not yet the greatest possible.
-    pub fn search(search: &Search) -> Search {
-        let (least, count) = (search.min_disparity(), search.num_disparities() as u16);
-        let (views, fusion) = (search.views(), search.fusion());
-        let even = Search::new(search.width() as u16, search.height() as u16, views, fusion, least, count.next_multiple_of(2));
-        even.unwrap_or(*search)
-    }
-
     /// The disparities of a search with these inputs, and the probabilities that they are at most a pixel off, times
-    /// 255. Every pixel has one. The inputs are those of the search, or of that with an [even number](DisparityNetwork::search) of disparities.
+    /// 255. Every pixel has one.
     ///
-    /// The network looks twice: at the inputs, and at the same turned by half a turn. What it finds only in one position it is not
-    /// sure of, and errors that differ cancel.
+    /// The network looks twice: at the inputs, and at the same turned by half a turn. What it finds only in one position it is
+    /// not sure of, and errors that differ cancel. The inputs may have a disparity more than the search, which is not found.
     pub fn disparities(&self, mut inputs: Inputs, search: &Search, engine: &Engine) -> (DisparityMap, Raster<u8>) {
         let operations = Operations { products: DotProducts::of(engine) };
         engine.pool().install(|| {

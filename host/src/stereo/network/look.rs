@@ -16,9 +16,9 @@ pub struct Look {
 impl Look {
     /// The disparities and confidences of a search by this look and by one at [turned](super::Inputs::turn) inputs.
     ///
-    /// Where both disparities are at most a pixel apart, they are averaged, with the squares of their confidences plus one as weights, and
-    /// their confidences too. Elsewhere the surer is taken. With probabilities `p` and `q` that each is right, and not both, its own is
-    /// `p (1 - q) / (1 - p q)`.
+    /// Where both disparities are at most a pixel apart, they are averaged, with the squares of their confidences plus one as
+    /// weights, and their confidences too. Elsewhere the surer is taken. With probabilities `p` and `q` that each is right, and
+    /// not both, its own is `p (1 - q) / (1 - p q)`.
     pub fn with_turned(&self, other: &Look, search: &Search) -> (DisparityMap, Raster<u8>) {
         let (width, height) = (search.width(), search.height());
         let least = i32::from(search.min_disparity()) * Disparity::STEPS;

@@ -74,10 +74,10 @@ impl Smoother {
     /// The smooth disparities, which are all valid, and their confidence, computed on the threads of the current pool.
     ///
     /// `confidence` and its result are estimates of the probability that the error is at most one pixel, 255 being 1. The
-    /// result is the mean of the final weights around a pixel up to the edges of the image, or its root if confidences are squared:
-    /// the share of the surroundings that is sure and agrees with the result. Where the result differs by more than a pixel from the disparity
-    /// that was matched, or none was, it is at most [`MOST_REPLACED`](Smoother::MOST_REPLACED). If no valid pixel has any
-    /// confidence, the disparities stay as they are, with no confidence.
+    /// result is the mean of the final weights around a pixel up to the edges of the image, or its root if confidences are
+    /// squared: the share of the surroundings that is sure and agrees with the result. Where the result differs by more than a
+    /// pixel from the disparity that was matched, or none was, it is at most [`MOST_REPLACED`](Smoother::MOST_REPLACED). If no
+    /// valid pixel has any confidence, the disparities stay as they are, with no confidence.
     ///
     /// # Errors
     /// [`Error::Usage`] if sizes differ, or a parameter is not a finite number above 0.

@@ -59,8 +59,8 @@ impl Gate {
         }
     }
 
-    /// Whether a host is this server. Names other than `localhost` are not: whoever owns one can point it here, and read with a page
-    /// of their own what a browser gets from it.
+    /// Whether a host is this server. Names other than `localhost` are not: whoever owns one can point it here, and read with a
+    /// page of their own what a browser gets from it.
     fn is_host(&self, host: &str) -> bool {
         let Some((name, port)) = host.rsplit_once(':') else { return false };
         let is_loopback = self.listening.ip().is_loopback();

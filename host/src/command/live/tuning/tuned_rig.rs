@@ -9,7 +9,7 @@ use multiscopic::{
     DisparityMap, Engine, Frames, Inspection, Method, Preparation, Progress, Result,
     lens::Undistortion,
     report::{EncodedMap, ViewedScene},
-    stereo::confidence_map::ConfidenceMap,
+    stereo::confidence_map::{self, ConfidenceMap},
 };
 use multiscopic_core::{Frame, Search};
 
@@ -103,7 +103,12 @@ impl TunedRig {
         let results = (&disparities, Some(&confidences));
         let map = self.scene.encoded(matched_map((*name).into(), (name, method), search, results, seconds));
         let valid = disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64;
-        let summary = format!("{:.0} ms, {:.1} % valid{}", 1e3 * seconds, 100.0 * valid, terminal::sure(&confidences));
+        let summary = format!(
+            "{:.0} ms, {:.1} % valid{}",
+            1e3 * seconds,
+            100.0 * valid,
+            terminal::sure(confidence_map::sure_share(&confidences))
+        );
         let preparation = Preparation {
             inspection: self.inspection.clone(),
             alignment: None,

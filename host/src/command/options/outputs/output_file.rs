@@ -62,7 +62,7 @@ pub fn html(text: &str) -> Result<PathBuf> {
 fn named(text: &str, ends: &[&str]) -> Result<PathBuf> {
     let path = PathBuf::from(text);
     match path.extension() {
-        Some(end) if !ends.iter().any(|expected| end.eq_ignore_ascii_case(expected)) => {
+        Some(end) if !ends.iter().any(|expected| ends_in(&path, expected)) => {
             Err(Error::Usage(format!("it ends in .{}, and this option writes .{} files", end.display(), ends.join(" or ."))))
         }
         _ => Ok(path),

@@ -44,7 +44,7 @@ const NONE_POOLED: u8 = 63;
 /// There are four matching costs: those of A fused by their least and by their mean over all views, then those of B.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inputs {
-    /// The number of disparities.
+    /// The number of disparities: even, unless the last one is the greatest possible.
     pub num_disparities: usize,
     /// The colours of the centre, or three times its grey value.
     pub colors: Raster<[u8; 3]>,
@@ -69,12 +69,14 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// The inputs of a search in `frames`.
+    /// The inputs of a search in `frames`. If it has an odd number of disparities, they are those of a search with one more: a
+    /// volume has two in a slice, and the network was never trained with half a slice.
     ///
     /// # Errors
     /// As [`Engine::check`].
     pub fn new(frames: &Frames, search: &Search, engine: &Engine, progress: &dyn Progress) -> Result<Inputs> {
         engine.check(frames, search)?;
+        let search = &even(search);
         let census = Census::Window9x7;
         let fused = [Fusion::Min, Fusion::Mean].map(|fusion| search.with_fusion(fusion));
         let mut inputs = Inputs::empty(frames, search);
@@ -166,6 +168,13 @@ impl Inputs {
         };
         engine.pool().install(|| rows.into_par_iter().enumerate().for_each_init(Scratch::default, take_row));
     }
+}
+
+/// A search with an even number of disparities, if there is another one.
+fn even(search: &Search) -> Search {
+    let [width, height, count] = [search.width(), search.height(), search.num_disparities()].map(|number| number as u16);
+    let (views, fusion, least) = (search.views(), search.fusion(), search.min_disparity());
+    Search::new(width, height, views, fusion, least, count.next_multiple_of(2)).unwrap_or(*search)
 }
 
 /// Where values of candidates come from, line by line.

@@ -15,7 +15,8 @@ use crate::system::{
     process::{command, read, run},
 };
 
-/// Instruments code for libFuzzer: counters of edges, their table, and compared values. Stable Rust does so when it is asked to directly.
+/// Instruments code for libFuzzer: counters of edges, their table, and compared values. Stable Rust does so when it is asked to
+/// directly.
 const COVERAGE: &str = "-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
                         -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
                         -Cllvm-args=-sanitizer-coverage-trace-compares -Dwarnings";

@@ -47,6 +47,8 @@ enum Task {
     Check,
     /// Run every test: debug and release builds, cameras in a virtual machine, firmware in the emulator
     Test,
+    /// Run every test of the firmware: libraries for Arm, kernels, profiles, cycles, captures and faults
+    Firmware,
     /// Check formatting, architecture, lints and documentation
     Lint,
     /// Build the firmware, run it in the emulator, compare it with the host bit for bit, and measure it
@@ -100,6 +102,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Architecture => suite::architecture(),
         Task::Setup => setup::run().map(drop),
         Task::Test => suite::test(),
+        Task::Firmware => suite::firmware(),
         Task::Check => suite::check(),
         Task::Lint => suite::lint(),
         Task::V4l2 => emulated_cameras::run_tests(),

@@ -23,6 +23,13 @@ pub struct EmulatedBoard {
     pub ram: usize,
 }
 
+impl EmulatedBoard {
+    /// Whether its firmware has the same instructions as another board's: the boards differ in memory alone.
+    pub fn runs_code_of(&self, other: &EmulatedBoard) -> bool {
+        (self.target, self.rustflags) == (other.target, other.rustflags)
+    }
+}
+
 /// The reference board: a Cortex-M4F with the memory that `memory.x` gives it.
 pub const REFERENCE: EmulatedBoard = EmulatedBoard {
     name: "nrf52840",

@@ -54,6 +54,9 @@ pub struct Selection {
     /// Only this board
     #[arg(long, value_parser = emulated_board::ALL.map(|board| board.name))]
     board: Option<String>,
+    /// Of boards that run the same code, run all fusion rules on the first that has the RAM, and min on the others
+    #[arg(long, conflicts_with_all = ["fit", "fusion"])]
+    once: bool,
     /// First fit the cost model of `multiscopic budget`, and write it and the measured RAM to
     /// host/src/target/measured.toml
     #[arg(long, conflicts_with_all = ["profile", "fusion", "board"])]
@@ -67,6 +70,18 @@ pub struct Selection {
 }
 
 impl Selection {
+    /// Each rule once for each code that it is compiled to.
+    pub fn once() -> Selection {
+        Selection { once: true, ..Selection::default() }
+    }
+
+    /// The rules that run for a profile on a board.
+    fn fusions(&self, board: &EmulatedBoard, profile: &Profile) -> impl Iterator<Item = Fusion> {
+        let earlier = emulated_board::ALL.iter().take_while(|earlier| earlier.name != board.name);
+        let is_repeated = self.once && { earlier }.any(|earlier| earlier.runs_code_of(board) && self.has(earlier, profile));
+        fusions(profile).filter(move |fusion| wanted(&self.fusion, fusion.name()) && (!is_repeated || *fusion == Fusion::Min))
+    }
+
     /// Whether a profile runs on a board: both are selected, and the board has enough RAM.
     fn has(&self, board: &EmulatedBoard, profile: &Profile) -> bool {
         wanted(&self.board, board.name) && wanted(&self.profile, profile.name) && profile.ram_budget <= board.ram
@@ -194,8 +209,7 @@ fn build(toolchain: &Toolchain, selection: &Selection) -> Result<Vec<Run>> {
         }
         let programs: Vec<_> = profiles.iter().map(Program::of).collect();
         for (profile, image) in profiles.into_iter().zip(build::build(toolchain, board, &programs)?) {
-            let fusions = fusions(&profile).filter(|fusion| wanted(&selection.fusion, fusion.name()));
-            runs.extend(fusions.map(|fusion| Run { board, profile, fusion, image: image.clone() }));
+            runs.extend(selection.fusions(board, &profile).map(|fusion| Run { board, profile, fusion, image: image.clone() }));
         }
     }
     Ok(runs)

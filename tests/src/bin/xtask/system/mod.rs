@@ -1,5 +1,6 @@
 //! Processes, threads and folders.
 
+pub mod background;
 pub mod folders;
 pub mod process;
 pub mod workers;

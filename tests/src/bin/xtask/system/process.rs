@@ -58,19 +58,34 @@ pub fn read(command: &mut Command) -> Result<String> {
     Ok(String::from_utf8(stdout)?.trim_end().to_owned())
 }
 
-/// Builds the command line, and returns its path.
+/// The packages that are tested in release, and their features. The unit tests of the host would be compiled once more, for
+/// minutes, and so would the runner.
+pub const OPTIMIZED: [&str; 6] = [
+    "-pmultiscopic-core",
+    "-pmultiscopic-edge",
+    "-pmultiscopic-drivers",
+    "-pmultiscopic-tests",
+    "--no-default-features",
+    "--features=multiscopic-tests/program,multiscopic-drivers/hm01b0,multiscopic-drivers/stepper",
+];
+
+/// Builds the command line as the tests in debug use it, and returns its path.
 ///
 /// The tests are selected with it, so that cargo unifies their features and builds each library once for
 /// both.
-pub fn built_program(profile: &str) -> Result<PathBuf> {
-    let packages = ["--package", "multiscopic", "--package", "multiscopic-tests"];
-    built("build", &[packages.as_slice(), &["--bin", "multiscopic", "--profile", profile]].concat(), "multiscopic")
+pub fn built_program() -> Result<PathBuf> {
+    built("build", &["-pmultiscopic", "-pmultiscopic-tests", "--bin=multiscopic"], "multiscopic")
+}
+
+/// Builds the command line as the tests in release use it, and returns its path.
+pub fn built_optimized_program() -> Result<PathBuf> {
+    let program = ["--release", "-pmultiscopic", "--features=multiscopic/default", "--bin=multiscopic"];
+    built("build", &[&OPTIMIZED[..], &program].concat(), "multiscopic")
 }
 
 /// Builds a test program in release, and returns its path.
 pub fn built_test(name: &str) -> Result<PathBuf> {
-    let selection = ["--no-run", "--workspace", "--exclude", PYTHON_PACKAGE, "--profile", "release", "--test", name];
-    built("test", &selection, name)
+    built("test", &[&OPTIMIZED[..], &["--no-run", "--release", "--test", name]].concat(), name)
 }
 
 /// Runs cargo, and returns the path of the executable `name` that it built.

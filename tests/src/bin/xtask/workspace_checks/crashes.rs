@@ -24,7 +24,7 @@ impl Crashing {
         use multiscopic_tests::{killed_commands::VICTIMS, split_mix::Random};
 
         // Built as the runner itself, which takes no second build of everything.
-        multiscopic_tests::program::use_binary(crate::system::process::built_program("dev")?);
+        multiscopic_tests::program::use_binary(crate::system::process::built_program()?);
         for victim in VICTIMS {
             let start = Instant::now();
             let tally = victim.kill(self.moments, &mut Random(self.seed));

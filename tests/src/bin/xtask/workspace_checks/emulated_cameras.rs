@@ -11,7 +11,7 @@ use crate::{
     },
     system::{
         folders,
-        process::{built_program, built_test, command, run},
+        process::{OPTIMIZED, built_optimized_program, built_test, command, run},
     },
     tools::{debian, tool},
 };
@@ -23,10 +23,10 @@ const TEST: &str = "cameras";
 pub fn run_tests() -> Result<()> {
     if let Some(reason) = missing() {
         println!("v4l2: no virtual machine: {reason}");
-        return run(&mut command("cargo", ["test", "--release", "--package", "multiscopic-tests", "--test", TEST]));
+        return run(command("cargo", ["test", "--release", "--test", TEST]).args(OPTIMIZED));
     }
     let mut machine = Machine::new()?;
-    let program = built_program("release")?;
+    let program = built_optimized_program()?;
     machine.add_program(&program)?;
     machine.add_folder(&folders::root().join("tests/golden"))?;
     let mut variables = format!("MULTISCOPIC_CAMERAS=1 MULTISCOPIC_BINARY='{}'", program.display());

@@ -10,7 +10,7 @@ use crate::{
     counts::{self, Counts},
     system::{
         folders,
-        process::{built_program, read},
+        process::{built_optimized_program, read},
     },
     tools::tool::{self, InstalledProgram},
 };
@@ -44,7 +44,7 @@ impl Guard {
             return Ok(());
         }
         let valgrind = tool::VALGRIND.install()?;
-        let binary = built_program("release")?;
+        let binary = built_optimized_program()?;
         let mut counts = Counts::new();
         for kernel in KERNELS {
             if Simd::named(kernel).is_none() {

@@ -41,7 +41,7 @@ pub fn check() -> Result<()> {
     // The versions that the workspace was tested with.
     fs::copy(folders::root().join("Cargo.lock"), unpacked.join("Cargo.lock"))?;
     for name in PUBLISHED {
-        let mut cargo = command("cargo", ["build", "--quiet", "--package", name, "--manifest-path"]);
+        let mut cargo = command("cargo", ["check", "--quiet", "--package", name, "--manifest-path"]);
         run(cargo.arg(&manifest).arg("--target-dir").arg(folders::target()))?;
     }
     Ok(())

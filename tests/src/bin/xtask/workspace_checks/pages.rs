@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use crate::{
     system::{
         folders,
-        process::{built_program, command, run},
+        process::{built_optimized_program, command, run},
     },
     tools::tool,
 };
@@ -26,7 +26,7 @@ pub fn run_tests() -> Result<()> {
     install(&folder, npm.command(&["ci", "--ignore-scripts", "--no-audit", "--no-fund"])?.current_dir(&folder))?;
     let demo = folder.join("demo");
     let _ = fs::remove_dir_all(&demo);
-    let program = built_program("dev")?;
+    let program = built_optimized_program()?;
     run(command(&program.to_string_lossy(), ["demo", "--width", "320", "--height", "240", "-o"]).arg(&demo))?;
     let mut test = node.command(&["page.test.mjs"])?;
     run(test.current_dir(&folder).arg(browser.path()).arg(demo.join("index.html")).arg(&demo).arg(&screenshots))?;

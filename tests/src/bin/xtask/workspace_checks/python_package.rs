@@ -22,7 +22,7 @@ pub fn run_tests() -> Result<()> {
     let python = environment.join("bin/python").to_string_lossy().into_owned();
     install(&environment, &python)?;
     // That of the tests in debug.
-    let program = built_program("dev")?;
+    let program = built_program()?;
     let _ = fs::remove_dir_all(&wheels);
     let maturin = environment.join("bin/maturin").to_string_lossy().into_owned();
     let build =

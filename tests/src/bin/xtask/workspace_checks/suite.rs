@@ -1,15 +1,16 @@
 //! The suites of checks: what `check`, `lint` and `test` run.
 
 use anyhow::{Context, Result, anyhow, ensure};
-use std::{process::Command, time::Instant};
+use std::{path::Path, process::Command, time::Instant};
 
 use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, supply_chain::SupplyChain};
 use crate::{
     emulation::{build, emulated_board, setup},
     firmware_checks::{capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, profiles},
     system::{
+        background::Background,
         folders,
-        process::{PYTHON_PACKAGE, built_program, command, run},
+        process::{OPTIMIZED, PYTHON_PACKAGE, built_optimized_program, built_program, command, run},
     },
     tools::toolchain::Toolchain,
 };
@@ -26,8 +27,6 @@ const QUICK: [&str; 8] = [
     "--test=methods",
 ];
 
-/// What is tested in release. The unit tests of the host would be compiled once more, for minutes.
-const OPTIMIZED: [&str; 4] = ["-pmultiscopic-core", "-pmultiscopic-edge", "-pmultiscopic-drivers", "-pmultiscopic-tests"];
 /// The tests that optimisation might change: of what computes, not of what talks to users, browsers, cameras and stages.
 const COMPUTATIONS: [&str; 7] = [
     "--lib",
@@ -71,25 +70,32 @@ pub fn lint() -> Result<()> {
     step("documentation", || run(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")))
 }
 
-/// Every test.
+/// Every test. Those of the firmware run in the background: their compilers and emulators use one processor at a time.
 pub fn test() -> Result<()> {
-    let toolchain = step("setup", setup::run)?;
-    step("tests in debug", || run_tests("dev", &["--workspace", "--exclude", PYTHON_PACKAGE]))?;
-    step("pages in a browser", pages::run_tests)?;
+    step("setup", setup::run)?;
+    let firmware = Background::start("firmware")?;
+    step("tests in debug", || run_tests(&built_program()?, &["--workspace", "--exclude", PYTHON_PACKAGE]))?;
     step("the published packages", packaging::check)?;
-    step("computations in release", || run_tests("release", &[&OPTIMIZED[..], &COMPUTATIONS].concat()))?;
-    step("long tests in release", || run_tests("release", &[&OPTIMIZED[..], &LONG].concat()))?;
-    step("the kernel of 64-bit Arm", emulated_arm64::run_tests)?;
+    step("computations in release", || run_optimized_tests(&COMPUTATIONS))?;
+    step("long tests in release", || run_optimized_tests(&LONG))?;
+    step("pages in a browser", pages::run_tests)?;
     step("instructions", || host_instructions::Guard::COMPARE.run())?;
     step("cameras in a virtual machine", emulated_cameras::run_tests)?;
-    step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
-    step("the kernels in the emulator", || kernel_twins::run(&toolchain))?;
-    step("the firmware in the emulator", || profiles::run(&toolchain, &profiles::Selection::default()))?;
-    step("the firmware's cycles", || cycles::Accounting::compare().run(&toolchain))?;
-    step("the firmware that captures", || capturing::run(&toolchain))?;
-    step("the firmware's faults", || faults::run(&toolchain))?;
+    step("the kernel of 64-bit Arm", emulated_arm64::run_tests)?;
+    step("the firmware", || firmware.finish())?;
     println!("\nevery test passed");
     Ok(())
+}
+
+/// Every test of the firmware, and of the libraries as firmware depends on them.
+pub fn firmware() -> Result<()> {
+    let toolchain = step("setup", setup::run)?;
+    step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
+    step("the kernels in the emulator", || kernel_twins::run(&toolchain))?;
+    step("the firmware in the emulator", || profiles::run(&toolchain, &profiles::Selection::once()))?;
+    step("the firmware's cycles", || cycles::Accounting::compare().run(&toolchain))?;
+    step("the firmware that captures", || capturing::run(&toolchain))?;
+    step("the firmware's faults", || faults::run(&toolchain))
 }
 
 /// Runs a named step and reports its time.
@@ -116,9 +122,12 @@ fn lints() -> Result<()> {
     fuzzing::lint()
 }
 
-fn run_tests(profile: &str, selection: &[&str]) -> Result<()> {
-    let program = built_program(profile)?;
-    run(cargo(&["test", "--profile", profile]).args(selection).env("MULTISCOPIC_BINARY", program))
+fn run_tests(program: &Path, selection: &[&str]) -> Result<()> {
+    run(cargo(&["test"]).args(selection).env("MULTISCOPIC_BINARY", program))
+}
+
+fn run_optimized_tests(selection: &[&str]) -> Result<()> {
+    run_tests(&built_optimized_program()?, &[&OPTIMIZED[..], &["--release"], selection].concat())
 }
 
 fn libraries_for_arm(toolchain: &Toolchain) -> Result<()> {

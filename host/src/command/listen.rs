@@ -1,6 +1,7 @@
 //! `multiscopic listen`: disparity maps from the firmware's packets.
 
 use std::{
+    fmt::{self, Display},
     fs::File,
     io::{self, BufRead, BufReader},
     path::{Path, PathBuf},
@@ -14,6 +15,7 @@ use multiscopic::{
     stereo::confidence_map,
     target::reception::{self, Notice, ReceivedFrame},
 };
+use serde::Serialize;
 
 use super::{
     options::{MapFiles, output_file},
@@ -42,6 +44,29 @@ pub struct Listen {
     /// needs firmware that sends them, such as that of the profile qvga-confidence
     #[arg(long, value_name = "OUT.png", help_heading = "Output", value_parser = output_file::png)]
     confidence: Option<PathBuf>,
+
+    /// Print the summary as one JSON object on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+/// What was received. Shares are from 0 to 1.
+#[derive(Debug, Serialize)]
+struct Summary {
+    width: usize,
+    height: usize,
+    /// The share of pixels that arrived.
+    received: f64,
+    /// The share of pixels with a disparity.
+    valid: f64,
+    /// The share with a confidence from 0.9 on, if confidences arrived.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sure: Option<f64>,
+    /// Bytes of stack that the firmware took, if it told.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stack: Option<usize>,
+    /// Packets or groups of packets that were lost, damaged or foreign.
+    flaws: usize,
 }
 
 /// How many flaws are reported one by one. The others are counted.
@@ -60,10 +85,13 @@ impl Listen {
             (&self.source, Box::new(BufReader::new(file)))
         };
         let outputs: Vec<&Path> = self.maps.paths().chain(self.confidence.as_deref()).collect();
-        if outputs.is_empty() && !self.maps.is_printed() {
-            return Err(Error::Usage(
-                "there is nothing to write: give -o OUT.pfm, or another output such as --png OUT.png".into(),
-            ));
+        match (self.maps.is_printed(), self.json) {
+            (true, true) => return Err(Error::Usage("-o - and --json both take standard output: give one of them".into())),
+            (false, false) if outputs.is_empty() => {
+                let message = "there is nothing to write: give -o OUT.pfm, or another output such as --png OUT.png or --json";
+                return Err(Error::Usage(message.into()));
+            }
+            _ => {}
         }
         output::check(&outputs, &[path])?;
 
@@ -100,7 +128,11 @@ impl Listen {
             Ok(())
         })?;
         self.maps.print(&received.disparities)?;
-        terminal::say(&summary(&received));
+        let summary = Summary::new(&received, flaws);
+        match self.json {
+            true => terminal::print_report(&summary, true)?,
+            false => terminal::say(&summary.to_string()),
+        }
         if let (Some(_), None) = (&self.confidence, &received.confidences) {
             return Err(Error::Format {
                 path: path.into(),
@@ -113,18 +145,27 @@ impl Listen {
     }
 }
 
-/// One line about the received map.
-fn summary(received: &ReceivedFrame) -> String {
-    let ReceivedFrame { disparities, confidences, pixels, stack } = received;
-    let share = |count: usize| 100.0 * count as f64 / disparities.pixels().len() as f64;
-    let valid = disparities.pixels().iter().flatten().count();
-    let sure = confidences.as_ref().map(confidence_map::sure_share).map(terminal::sure).unwrap_or_default();
-    let stack = stack.map(|bytes| format!(", {bytes} bytes of stack")).unwrap_or_default();
-    format!(
-        "{}x{}: {:.1} % received, {:.1} % valid{sure}{stack}",
-        disparities.width(),
-        disparities.height(),
-        share(*pixels),
-        share(valid)
-    )
+impl Summary {
+    fn new(frame: &ReceivedFrame, flaws: usize) -> Summary {
+        let ReceivedFrame { disparities, confidences, pixels, stack } = frame;
+        let share = |count: usize| count as f64 / disparities.pixels().len() as f64;
+        Summary {
+            width: disparities.width(),
+            height: disparities.height(),
+            received: share(*pixels),
+            valid: share(disparities.pixels().iter().flatten().count()),
+            sure: confidences.as_ref().map(confidence_map::sure_share),
+            stack: *stack,
+            flaws,
+        }
+    }
+}
+
+impl Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let Summary { width, height, received, valid, sure, stack, .. } = self;
+        write!(f, "{width}x{height}: {:.1} % received, {:.1} % valid", 100.0 * received, 100.0 * valid)?;
+        sure.map_or(Ok(()), |sure| f.write_str(&terminal::sure(sure)))?;
+        stack.map_or(Ok(()), |bytes| write!(f, ", {bytes} bytes of stack"))
+    }
 }

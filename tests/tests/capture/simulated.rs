@@ -52,6 +52,28 @@ fn a_perfect_rig_sees_the_scene_of_the_demo() {
 }
 
 #[test]
+fn programs_are_told_what_was_captured() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("live");
+    let run = capture("sim", &folder, &["--views", "2", "--live", "--count", "2", "--json"]);
+    assert_eq!(run.code, Some(0), "{run:#?}");
+    let lines: Vec<serde_json::Value> = run.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(lines.len(), 2, "{run:#?}");
+    for (line, name) in lines.iter().zip(["0001", "0002"]) {
+        let rig = Rig::load(&folder.join(name)).unwrap();
+        assert_eq!(line["folder"], folder.join(name).to_str().unwrap());
+        assert_eq!((&line["frames"], &line["width"], &line["height"]), (&3.into(), &SIZE[0].into(), &SIZE[1].into()));
+        assert_eq!(line["views"], serde_json::json!(["left", "right"]));
+        assert_eq!((line["baseline_mm"].as_f64(), line["focal_px"].as_f64()), (rig.baseline_mm, rig.focal_px));
+        let truth = read_pfm(&folder.join(name).join("truth.pfm")).2;
+        let [least, greatest] =
+            [f32::min, f32::max].map(|of| truth.iter().copied().filter(|d| d.is_finite()).reduce(of).unwrap());
+        let [min, count] = ["min_disparity", "num_disparities"].map(|field| line[field].as_i64().unwrap() as f32);
+        assert!(min <= least + 1.0 && min + count >= greatest - 1.0, "{line}: {least} to {greatest}");
+    }
+}
+
+#[test]
 fn calibrations_make_up_for_a_lens_and_a_mount() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);

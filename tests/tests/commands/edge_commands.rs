@@ -147,6 +147,25 @@ fn packets_come_through_standard_input() {
 }
 
 #[test]
+fn the_summary_is_json() {
+    let dir = folder();
+    let stream = dir.path().join("stream");
+    let mut some = packets();
+    some.remove(6);
+    fs::write(&stream, some.concat()).expect("a stream for the test");
+    let listen = |more: &[&str]| Invocation::new(["listen", stream.to_str().expect("UTF-8"), "--json"].iter().chain(more));
+    let summary = json(&listen(&[]), 1);
+    // The packet had 3 of the 35 pixels.
+    let lost: Vec<u16> = samples(&[6]);
+    let valid = lost.iter().filter(|sample| **sample != 0).count();
+    let expected = serde_json::json!({
+        "width": 7, "height": 5, "received": 32.0 / 35.0, "valid": valid as f64 / 35.0, "stack": 3000, "flaws": 1
+    });
+    assert_eq!(summary, expected);
+    listen(&["-o", "-"]).assert_refused(&["-o - and --json both take standard output"]);
+}
+
+#[test]
 fn lost_packets_are_named() {
     let mut one = packets();
     one.remove(6);

@@ -18,7 +18,7 @@ use clap::Args;
 use multiscopic::{Error, Result, files::output};
 
 pub use self::{recorder::Recorder, recorder_options::RecorderOptions};
-use super::{options::output_file, view::View};
+use super::{options::output_file, terminal, view::View};
 
 /// Captures the frames of a rig: a stage moves a camera to the centre and to its neighbours
 ///
@@ -44,6 +44,10 @@ pub struct Capture {
     /// Number of captures with --live [default: no limit]
     #[arg(long, value_name = "N", requires = "live")]
     count: Option<NonZeroU32>,
+
+    /// Print what was captured as a JSON object on standard output, one a line with --live
+    #[arg(long)]
+    json: bool,
 }
 
 impl Capture {
@@ -60,12 +64,18 @@ impl Capture {
         if self.live {
             self.run_live(&mut recorder)?;
         } else {
-            recorder.record(&self.output, &mut |_, _, _| ())?;
+            self.record(&mut recorder, &self.output)?;
             if let Some(page) = &self.report {
                 View::of_capture(&self.output, page, &self.recorder.search).run()?;
             }
         }
         Ok(ExitCode::SUCCESS)
+    }
+
+    /// Takes a capture and reports it.
+    fn record(&self, recorder: &mut Recorder, folder: &Path) -> Result<()> {
+        let recorded = recorder.record(folder, &mut |_, _, _| ())?;
+        if self.json { terminal::print_report(&recorded, true) } else { Ok(()) }
     }
 
     /// Records captures in numbered folders until there are enough or the user interrupts.
@@ -79,7 +89,7 @@ impl Capture {
             let Some(folder) = folders.next() else {
                 return Err(Error::Usage(format!("{} is full, give another folder", self.output.display())));
             };
-            recorder.record(&folder, &mut |_, _, _| ())?;
+            self.record(recorder, &folder)?;
         }
         Ok(())
     }

@@ -1,6 +1,10 @@
 //! Captures written to folders.
 
-use std::{path::Path, time::Duration};
+use std::{
+    fmt::{self, Display},
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use jiff::Zoned;
 use multiscopic::{
@@ -13,6 +17,8 @@ use multiscopic_core::{
     Views,
     capture::{CaptureProgress, Plan, Position},
 };
+
+use serde::Serialize;
 
 use super::{
     capture_log::{self, CaptureLog},
@@ -38,10 +44,38 @@ pub struct Recorder {
     pub hardware: Hardware,
 }
 
+/// What was recorded.
+#[derive(Debug, Serialize)]
+pub struct Recorded {
+    folder: PathBuf,
+    frames: usize,
+    width: usize,
+    height: usize,
+    /// The neighbours, by name.
+    views: Vec<String>,
+    baseline_mm: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    focal_px: Option<f64>,
+    /// The range of disparities that the images show, where corners tell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    min_disparity: Option<i16>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    num_disparities: Option<u16>,
+    /// How views at a longer baseline were chosen.
+    notes: Vec<String>,
+}
+
+impl Display for Recorded {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let Recorded { folder, frames, width, height, .. } = self;
+        write!(f, "{}: {frames} frames of {width}x{height}", folder.display())
+    }
+}
+
 impl Recorder {
     /// Takes one capture and writes it to `folder`, which appears once it is complete, even if the stage fails after the last
     /// frame. `observe` is told each step, how many frames are taken, and how many there are.
-    pub fn record(&mut self, folder: &Path, observe: &mut dyn FnMut(&str, usize, usize)) -> Result<()> {
+    pub fn record(&mut self, folder: &Path, observe: &mut dyn FnMut(&str, usize, usize)) -> Result<Recorded> {
         let date = Zoned::now().strftime("%F %T %:z").to_string();
         let mut log = CaptureLog::new(&date, &self.hardware.camera_name, &self.hardware.stage_name);
         let mut taken = acquire(&mut self.hardware, &self.plan, &mut log, observe)?;
@@ -75,10 +109,26 @@ impl Recorder {
             rig.save(folder)
         })?;
         let [width, height] = frames.size();
-        terminal::say(&format!("{}: {} frames of {width}x{height}", folder.display(), 1 + frames.views().len()));
         let ideal = undistortion.map_or_else(|| frames.clone(), |undistortion| undistortion.frames(&frames));
-        Inspection::of(&ideal).range_line().into_iter().for_each(|line| terminal::say(&line));
-        ended.inspect_err(|_| terminal::complain(&format!("{} is kept, but the capture ended with an error:", folder.display())))
+        let inspection = Inspection::of(&ideal);
+        let (min_disparity, num_disparities) = inspection.found_range().ok().unzip();
+        let recorded = Recorded {
+            folder: folder.into(),
+            frames: 1 + frames.views().len(),
+            width,
+            height,
+            views: frames.views().iter().map(|view| view.to_string()).collect(),
+            baseline_mm: f64::from(self.baseline_um) / 1000.0,
+            focal_px: self.focal_px,
+            min_disparity,
+            num_disparities,
+            notes,
+        };
+        terminal::say(&recorded.to_string());
+        inspection.range_line().into_iter().for_each(|line| terminal::say(&line));
+        ended
+            .map(|()| recorded)
+            .inspect_err(|_| terminal::complain(&format!("{} is kept, but the capture ended with an error:", folder.display())))
     }
 
     /// Takes views at a longer baseline as well, if they are needed. Whatever fails, the frames that are there stay.

@@ -176,7 +176,7 @@ impl Studio {
         };
         tell("opening the camera", 0, recorder.plan.frames().len());
         let outcome = match free_folders(&self.output).next() {
-            Some(folder) => recorder.record(&folder, &mut |step, done, total| tell(step, done, total)).map(|()| folder),
+            Some(folder) => recorder.record(&folder, &mut |step, done, total| tell(step, done, total)).map(|_| folder),
             None => Err(Error::Usage(format!("{} is full, give another folder", self.output.display()))),
         };
         match outcome {

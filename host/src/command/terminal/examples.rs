@@ -158,6 +158,7 @@ const EXAMPLES: &[(&str, &[Example])] = &[
         &[
             ("From a board", "multiscopic listen /dev/ttyACM0 -o disparity.pfm --png disparity.png"),
             ("From a file", "multiscopic listen frame.packets -o disparity.pfm"),
+            ("How much arrived, for programs", "multiscopic listen frame.packets --json"),
         ],
     ),
     ("devices", &[("For people", "multiscopic devices"), ("For programs", "multiscopic devices --json")]),

@@ -40,6 +40,8 @@ impl Lengths {
 ///
 /// `WORDS` are for the matcher and the confidences, `COLUMNS` for a line of disparities, and `PACKET` bytes to encode it in. They
 /// come from [`Lengths`]; [`workspace!`](crate::workspace) is the type for a profile.
+// In this order in memory, so that a debugger finds each part.
+#[repr(C)]
 pub struct Workspace<const WORDS: usize, const COLUMNS: usize, const PACKET: usize> {
     pub(crate) words: [u32; WORDS],
     pub(crate) line: [Option<Disparity>; COLUMNS],

@@ -24,7 +24,7 @@ use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
 use emulation::setup;
-use firmware_checks::{capturing, cycles, faults, kernel_twins, profiles};
+use firmware_checks::{bit_flips, capturing, cycles, faults, kernel_twins, profiles};
 use workspace_checks::{
     crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, python_package, soaking, suite,
     supply_chain,
@@ -59,6 +59,8 @@ enum Task {
     Capture,
     /// Run firmware that must fail: too large, out of stack, without its frames
     Faults,
+    /// Flip bits in the memory of firmware that matches: every end has a name, and later frames are right
+    Flips(bit_flips::BitFlips),
     /// Run the camera tests in a virtual machine with real drivers
     V4l2,
     /// Compare each Arm kernel with its portable twin in the emulator
@@ -119,6 +121,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Capture => capturing::run(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),
+        Task::Flips(flips) => flips.run(&setup::run()?),
         Task::Cycles(accounting) => accounting.run(&setup::run()?),
         Task::Edge(selection) => profiles::run(&setup::run()?, &selection),
     }

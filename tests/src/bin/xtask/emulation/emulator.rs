@@ -3,7 +3,8 @@
 use anyhow::{Context, Result};
 use std::{
     fs::{self, File},
-    path::Path,
+    path::{Path, PathBuf},
+    process::{Child, Stdio},
     time::Duration,
 };
 
@@ -25,20 +26,57 @@ pub struct Exit {
     pub output: String,
 }
 
+/// Firmware that runs.
+pub struct Running<'a> {
+    board: &'a EmulatedBoard,
+    image: &'a Path,
+    emulator: Child,
+    log: PathBuf,
+    text: PathBuf,
+}
+
 /// Runs `image` on `board` with the arguments `args` and the working folder `folder`, watched by `plugin`.
 pub fn run(board: &EmulatedBoard, image: &Path, args: &[&str], folder: &Path, plugin: Option<&str>) -> Result<Exit> {
+    let options: Vec<&str> = plugin.into_iter().flat_map(|plugin| ["-plugin", plugin]).collect();
+    start(board, image, args, folder, &options)?.end(LIMIT)
+}
+
+/// Starts `image` on `board` with the arguments `args`, the working folder `folder` and further options of the emulator.
+pub fn start<'a>(
+    board: &'a EmulatedBoard,
+    image: &'a Path,
+    args: &[&str],
+    folder: &Path,
+    options: &[&str],
+) -> Result<Running<'a>> {
     let emulator = tool::QEMU.install()?;
     let (log, text) = (folder.join("log.defmt"), folder.join("output.txt"));
     let create = |path: &Path| File::create(path).with_context(|| format!("cannot make {}", path.display()));
     let machine = ["-machine", board.machine, "-nographic", "-monitor", "none", "-serial", "none"];
-    let mut emulator = emulator.command(&machine)?;
-    emulator.args(plugin.into_iter().flat_map(|plugin| ["-plugin", plugin]));
+    let mut command = emulator.command(&machine)?;
+    command.args(options);
     let args: String = args.iter().map(|arg| format!(",arg={arg}")).collect();
-    emulator.arg("-semihosting-config").arg(format!("enable=on,target=native,arg=firmware{args}"));
-    emulator.arg("-kernel").arg(image).current_dir(folder);
-    emulator.stdout(create(&log)?).stderr(create(&text)?);
-    let code = exit_code_within(&mut emulator, LIMIT).with_context(|| format!("the firmware on {}", board.name))?;
-    let mut lines = log::decode(image, &fs::read(&log)?)?;
-    lines.extend(String::from_utf8_lossy(&fs::read(&text)?).lines().map(str::to_owned));
-    Ok(Exit { code, output: lines.join("\n") })
+    command.arg("-semihosting-config").arg(format!("enable=on,target=native,arg=firmware{args}"));
+    command.arg("-kernel").arg(image).current_dir(folder);
+    command.stdin(Stdio::null()).stdout(create(&log)?).stderr(create(&text)?);
+    let emulator = command.spawn().with_context(|| format!("cannot start {emulator}"))?;
+    Ok(Running { board, image, emulator, log, text })
+}
+
+impl Running<'_> {
+    /// Waits for the end, at most so long.
+    pub fn end(mut self, limit: Duration) -> Result<Exit> {
+        let code = exit_code_within(&mut self.emulator, limit);
+        let code = code.with_context(|| format!("the firmware on {}", self.board.name))?;
+        let mut lines = log::decode(self.image, &fs::read(&self.log)?)?;
+        lines.extend(String::from_utf8_lossy(&fs::read(&self.text)?).lines().map(str::to_owned));
+        Ok(Exit { code, output: lines.join("\n") })
+    }
+}
+
+impl Drop for Running<'_> {
+    fn drop(&mut self) {
+        let _ = self.emulator.kill();
+        let _ = self.emulator.wait();
+    }
 }

@@ -3,6 +3,7 @@
 pub mod block_trace;
 pub mod build;
 pub mod counter;
+pub mod debugger;
 pub mod emulated_board;
 pub mod emulator;
 pub mod footprint;

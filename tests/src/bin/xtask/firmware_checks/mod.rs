@@ -1,5 +1,6 @@
 //! Checks of the firmware on emulated boards.
 
+pub mod bit_flips;
 pub mod capturing;
 pub mod cycles;
 pub mod distorted_set;

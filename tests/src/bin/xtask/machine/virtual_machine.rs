@@ -4,6 +4,7 @@ use anyhow::{Context, Result, ensure};
 use std::{
     fs::{self, File},
     path::{Path, PathBuf},
+    process::Stdio,
     time::Duration,
 };
 
@@ -75,8 +76,8 @@ impl Machine {
         emulator.args(["-append", "console=ttyS0 quiet panic=-1 mitigations=off nokaslr"]);
         emulator.arg("-kernel").arg(&self.kernel.image).arg("-initrd").arg(&archive);
         let output = File::create(&log).with_context(|| format!("cannot make {}", log.display()))?;
-        emulator.stdout(output.try_clone()?).stderr(output);
-        let ended = exit_code_within(&mut emulator, LIMIT);
+        emulator.stdin(Stdio::null()).stdout(output.try_clone()?).stderr(output);
+        let ended = exit_code_within(&mut emulator.spawn().context("cannot start the emulator")?, LIMIT);
 
         let text = String::from_utf8_lossy(&fs::read(&log)?).replace('\r', "");
         let output = text.find(UP).map_or(&*text, |start| &text[start..]);

@@ -32,22 +32,22 @@ pub fn run(command: &mut Command) -> Result<()> {
 /// Runs `command` and kills it after `limit`; fails unless it succeeds.
 pub fn run_within(command: &mut Command, limit: Duration) -> Result<()> {
     show(command);
-    let status = status_within(command, limit)?;
+    let mut child = command.stdin(Stdio::null()).spawn().with_context(|| format!("cannot start {}", name(command)))?;
+    let status = status_within(&mut child, limit).with_context(|| name(command))?;
     ensure!(status.success(), "{} failed ({status})", name(command));
     Ok(())
 }
 
-/// Runs `command` and kills it after `limit`; returns its exit code.
-pub fn exit_code_within(command: &mut Command, limit: Duration) -> Result<i32> {
-    let status = status_within(command, limit)?;
-    status.code().with_context(|| format!("{} was killed by a signal ({status})", name(command)))
+/// Waits for `child` and kills it after `limit`; returns its exit code.
+pub fn exit_code_within(child: &mut Child, limit: Duration) -> Result<i32> {
+    let status = status_within(child, limit)?;
+    status.code().with_context(|| format!("killed by a signal ({status})"))
 }
 
-fn status_within(command: &mut Command, limit: Duration) -> Result<ExitStatus> {
-    let mut child = command.stdin(Stdio::null()).spawn().with_context(|| format!("cannot start {}", name(command)))?;
-    match wait(&mut child, limit)? {
+fn status_within(child: &mut Child, limit: Duration) -> Result<ExitStatus> {
+    match wait(child, limit)? {
         Some(status) => Ok(status),
-        None => bail!("{} was killed after {} s", name(command), limit.as_secs()),
+        None => bail!("killed after {} s", limit.as_secs()),
     }
 }
 

@@ -15,11 +15,13 @@ use crate::system::{
     process::{command, read, run},
 };
 
-/// Instruments code for libFuzzer: counters of edges, their table, and compared values. Stable Rust does so when it is asked to
-/// directly.
-const COVERAGE: &str = "-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
-                        -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
-                        -Cllvm-args=-sanitizer-coverage-trace-compares -Dwarnings";
+/// Instruments code for libFuzzer: counters of edges, their table, and compared values; and AddressSanitizer, which ends the program
+/// at an access outside of what was allocated.
+const INSTRUMENTS: &str = "-Zsanitizer=address -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
+                           -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
+                           -Cllvm-args=-sanitizer-coverage-trace-compares -Dwarnings";
+/// Lets stable Rust use a sanitizer, which it has but does not promise to keep.
+const UNSTABLE: (&str, &str) = ("RUSTC_BOOTSTRAP", "1");
 /// The workspace of the targets.
 pub const MANIFEST: &str = "fuzz/Cargo.toml";
 /// The memory in megabytes that an input may take.
@@ -37,7 +39,7 @@ pub struct Fuzzing {
     #[arg(long, value_name = "N", default_value_t = 1.0)]
     minutes: f64,
 
-    /// End after so many inputs, which are the same each time
+    /// End after so many inputs, if they take less time; they are the same each time
     #[arg(long, value_name = "N")]
     runs: Option<u64>,
 }
@@ -51,6 +53,11 @@ struct Outcome {
 }
 
 impl Fuzzing {
+    /// All targets, a few seconds each, with the same inputs each time.
+    pub fn briefly() -> Fuzzing {
+        Fuzzing { targets: Vec::new(), minutes: 0.05, runs: Some(100_000) }
+    }
+
     /// Builds the targets and runs each.
     pub fn run(&self) -> Result<()> {
         let all = targets()?;
@@ -77,10 +84,11 @@ impl Fuzzing {
         let mut fuzzer = command(&program.to_string_lossy(), ["-print_final_stats=1"]);
         fuzzer.arg(format!("-artifact_prefix={}/{target}-", failed.display()));
         fuzzer.args([format!("-rss_limit_mb={MEMORY}"), format!("-timeout={LONGEST}")]);
+        fuzzer.arg(format!("-max_total_time={:.0}", 60.0 * self.minutes));
         match self.runs {
             // Inputs that were found earlier would make each time another.
             Some(runs) => fuzzer.arg(format!("-runs={runs}")).arg("-seed=1"),
-            None => fuzzer.arg(format!("-max_total_time={:.0}", 60.0 * self.minutes)).arg(found),
+            None => fuzzer.arg(found),
         };
         let start = Instant::now();
         let output = fuzzer.arg(seeds).stdin(Stdio::null()).output().with_context(|| format!("cannot start {target}"))?;
@@ -124,6 +132,6 @@ fn build() -> Result<PathBuf> {
     let folder = folders::target().join("fuzz");
     // With a target, build scripts and macros are not instrumented.
     let mut cargo = command("cargo", ["build", "--release", "--locked", "--manifest-path", MANIFEST, "--target", host]);
-    run(cargo.arg("--target-dir").arg(&folder).env("RUSTFLAGS", COVERAGE))?;
+    run(cargo.arg("--target-dir").arg(&folder).env("RUSTFLAGS", INSTRUMENTS).env(UNSTABLE.0, UNSTABLE.1))?;
     Ok(folder.join(host).join("release"))
 }

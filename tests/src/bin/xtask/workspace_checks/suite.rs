@@ -6,7 +6,7 @@ use std::{path::Path, process::Command, time::Instant};
 use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, supply_chain::SupplyChain};
 use crate::{
     emulation::{build, emulated_board, setup},
-    firmware_checks::{capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, profiles},
+    firmware_checks::{bit_flips::BitFlips, capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, profiles},
     system::{
         background::Background,
         folders,
@@ -95,7 +95,8 @@ pub fn firmware() -> Result<()> {
     step("the firmware in the emulator", || profiles::run(&toolchain, &profiles::Selection::once()))?;
     step("the firmware's cycles", || cycles::Accounting::compare().run(&toolchain))?;
     step("the firmware that captures", || capturing::run(&toolchain))?;
-    step("the firmware's faults", || faults::run(&toolchain))
+    step("the firmware's faults", || faults::run(&toolchain))?;
+    step("flipped bits", || BitFlips::few().run(&toolchain))
 }
 
 /// Runs a named step and reports its time.

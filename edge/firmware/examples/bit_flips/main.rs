@@ -1,0 +1,115 @@
+//! Matches the same frames three times, while a debugger flips bits in memory: `cargo xtask flips`.
+//!
+//! A watchdog is fed whenever the pipeline makes progress, and the parameters are kept twice. A flip may spoil the frame that is
+//! being matched, or end the firmware with a message that names the reason; it may not stop it silently or spoil a later frame.
+//! The packets of each frame go to a file of their own. The watchdog is that of the emulator's board; firmware for a real part
+//! feeds that of the part in [`Board::enter`].
+//!
+//! With the argument `stuck`, it makes no progress.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod watchdog;
+
+#[cfg(target_os = "none")]
+mod image {
+    use core::{ffi::CStr, fmt::Display, hint, time::Duration};
+    use embedded_io::Write;
+    use multiscopic_core::{Fusion, Params, Search};
+    use multiscopic_edge::{Board, Matching, Phase, Streams, Workspace, profile::QQVGA, workspace};
+    use multiscopic_firmware::{BoardKernel, HostFile, Semihosted};
+    use semihosting::{experimental::env, process};
+    use static_cell::ConstStaticCell;
+
+    use crate::watchdog;
+
+    const PARAMS: Params = match QQVGA.matching(Fusion::Min) {
+        Matching::Blocks { params, .. } => params,
+        _ => panic!("the profile matches blocks"),
+    };
+    /// The files for the packets of each frame.
+    const PACKETS: [&CStr; 3] = [c"packets.0.bin", c"packets.1.bin", c"packets.2.bin"];
+
+    /// The exit code if a frame was lost.
+    const LOST: i32 = 2;
+
+    type Memory = workspace!(BoardKernel, QQVGA);
+
+    static WORKSPACE: ConstStaticCell<Memory> = ConstStaticCell::new(Workspace::new());
+    /// The parameters and their copy.
+    static PARAMETERS: ConstStaticCell<[Params; 2]> = ConstStaticCell::new([PARAMS; 2]);
+
+    /// A board with a watchdog.
+    struct Watched;
+
+    impl Board for Watched {
+        type Frames = Streams<HostFile>;
+        type Output = HostFile;
+        type Error = <Semihosted as Board>::Error;
+
+        fn frames(&mut self, search: &Search) -> Result<Streams<HostFile>, Self::Error> {
+            Semihosted.frames(search)
+        }
+
+        fn output(&mut self) -> Result<HostFile, Self::Error> {
+            Semihosted.output()
+        }
+
+        fn elapsed(&self) -> Duration {
+            Semihosted.elapsed()
+        }
+
+        fn enter(phase: Phase) {
+            watchdog::feed();
+            Semihosted::enter(phase);
+        }
+    }
+
+    #[cortex_m_rt::entry]
+    fn main() -> ! {
+        watchdog::start();
+        while is_stuck() {
+            hint::spin_loop();
+        }
+        let (workspace, parameters) = (WORKSPACE.take(), PARAMETERS.take());
+        let mut lost = false;
+        for (n, packets) in PACKETS.into_iter().enumerate() {
+            let is_whole = match_frame(workspace, &parameters[0], packets);
+            if hint::black_box(&*parameters) != &[PARAMS; 2] {
+                defmt::error!("frame {=usize}: the parameters changed in memory; they are restored", n);
+                *parameters = [PARAMS; 2];
+                lost = true;
+            }
+            lost |= !is_whole;
+        }
+        process::exit(if lost { LOST } else { 0 })
+    }
+
+    /// Matches the frames of the board and sends the packets. Returns whether all were sent, and logs why not.
+    #[inline(never)]
+    fn match_frame(workspace: &mut Memory, params: &Params, packets: &CStr) -> bool {
+        let Some(mut frames) = logged(Watched.frames(params.search())) else { return false };
+        let Some(mut output) = logged(HostFile::create(packets)) else { return false };
+        let (kernel, pipeline) = (BoardKernel::default(), workspace.pipeline());
+        let run = pipeline.match_blocks::<Watched, _>(kernel, params, params.width(), &mut frames, &mut output);
+        let Some(mut sender) = logged(run) else { return false };
+        let Some(end) = logged(sender.end(None)) else { return false };
+        logged(output.write_all(end)).is_some()
+    }
+
+    fn logged<T>(result: Result<T, impl Display>) -> Option<T> {
+        result.map_err(|error| defmt::error!("{}", defmt::Display2Format(&error))).ok()
+    }
+
+    /// Whether it shall make no progress.
+    ///
+    /// Not inlined, so that the command line leaves the stack.
+    #[inline(never)]
+    fn is_stuck() -> bool {
+        let words = env::args::<128>();
+        words.is_ok_and(|words| (&words).into_iter().any(|word| word == Ok("stuck")))
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {}

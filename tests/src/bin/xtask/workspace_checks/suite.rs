@@ -3,10 +3,11 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{path::Path, process::Command, time::Instant};
 
-use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, supply_chain::SupplyChain};
+use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages};
 use crate::{
     emulation::{build, emulated_board, setup},
     firmware_checks::{bit_flips::BitFlips, capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, profiles},
+    publishing::{crates, release, supply_chain::SupplyChain},
     system::{
         background::Background,
         folders,
@@ -75,9 +76,10 @@ pub fn test() -> Result<()> {
     step("setup", setup::run)?;
     let firmware = Background::start("firmware")?;
     step("tests in debug", || run_tests(&built_program()?, &["--workspace", "--exclude", PYTHON_PACKAGE]))?;
-    step("the published packages", packaging::check)?;
+    step("the published packages", crates::check)?;
     step("computations in release", || run_optimized_tests(&COMPUTATIONS))?;
     step("long tests in release", || run_optimized_tests(&LONG))?;
+    step("archives of the program", release::check)?;
     step("pages in a browser", pages::run_tests)?;
     step("instructions", || host_instructions::Guard::COMPARE.run())?;
     step("cameras in a virtual machine", emulated_cameras::run_tests)?;

@@ -83,7 +83,7 @@ pub fn test() -> Result<()> {
     step("pages in a browser", pages::run_tests)?;
     step("instructions", || host_instructions::Guard::COMPARE.run())?;
     step("cameras in a virtual machine", emulated_cameras::run_tests)?;
-    step("the kernel of 64-bit Arm", emulated_arm64::run_tests)?;
+    step("64-bit Arm", emulated_arm64::run_tests)?;
     step("the firmware", || firmware.finish())?;
     println!("\nevery test passed");
     Ok(())

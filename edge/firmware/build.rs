@@ -3,8 +3,12 @@
 use std::{env, error::Error, fs, path::PathBuf};
 
 /// The boards beside the reference board: their features, and the linker scripts that set their memory.
-const BOARDS: [(&str, &str); 3] =
-    [("stm32f405", "boards/stm32f405.x"), ("stm32h743", "boards/stm32h743.x"), ("an547", "boards/an547.x")];
+const BOARDS: [(&str, &str); 4] = [
+    ("stm32f405", "boards/stm32f405.x"),
+    ("stm32h743", "boards/stm32h743.x"),
+    ("rp2350", "boards/rp2350.x"),
+    ("an547", "boards/an547.x"),
+];
 
 /// The memory script that `link.x` of cortex-m-rt includes. The script of another board precedes it.
 const MEMORY: &str = "../../memory.x";

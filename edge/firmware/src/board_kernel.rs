@@ -2,7 +2,7 @@
 
 use multiscopic_core::kernel::{self, Isa, Portable};
 
-/// The kernel of a Cortex-M4 or M7, with their DSP instructions.
+/// The kernel of a Cortex-M4, M7 or M33, with their DSP instructions.
 #[cfg(not(feature = "an547"))]
 pub type BoardKernel = kernel::Dsp;
 

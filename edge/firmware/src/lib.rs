@@ -16,7 +16,7 @@
 //! | `entry_points` | the main functions of the binaries |
 //!
 //! # Features
-//! `stm32f405`, `stm32h743`, `an547`: the board that the firmware is linked for, at most one. Without: the
+//! `stm32f405`, `stm32h743`, `rp2350`, `an547`: the board that the firmware is linked for, at most one. Without: the
 //! reference board of `memory.x`.
 //!
 //! `array`: for the profile `qqvga-3x3`, which matches more than four views together.

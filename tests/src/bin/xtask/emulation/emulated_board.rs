@@ -54,8 +54,20 @@ pub const VECTORS: EmulatedBoard = EmulatedBoard {
     ram: 512 * 1024,
 };
 
+/// The board with the memory of a Raspberry Pi Pico 2.
+pub const PICO: EmulatedBoard = EmulatedBoard {
+    name: "rp2350",
+    core: "Cortex-M33",
+    processor: Processor::CortexM33,
+    feature: Some("rp2350"),
+    target: "thumbv8m.main-none-eabihf",
+    rustflags: "-Ctarget-cpu=cortex-m33",
+    machine: "mps2-an505",
+    ram: 512 * 1024,
+};
+
 /// Every board.
-pub const ALL: [EmulatedBoard; 4] = [
+pub const ALL: [EmulatedBoard; 5] = [
     REFERENCE,
     EmulatedBoard { name: "stm32f405", feature: Some("stm32f405"), machine: "netduinoplus2", ram: 128 * 1024, ..REFERENCE },
     EmulatedBoard {
@@ -67,6 +79,7 @@ pub const ALL: [EmulatedBoard; 4] = [
         ram: 512 * 1024,
         ..REFERENCE
     },
+    PICO,
     VECTORS,
 ];
 

@@ -58,8 +58,8 @@ pub struct Selection {
     #[arg(long, conflicts_with_all = ["fit", "fusion"])]
     once: bool,
     /// First fit the cost model of `multiscopic budget`, and write it and the measured RAM to
-    /// host/src/target/measured.toml
-    #[arg(long, conflicts_with_all = ["profile", "fusion", "board"])]
+    /// host/src/target/measured.toml; with --board rp2350 or an547, only for that board's instruction set
+    #[arg(long, conflicts_with_all = ["profile", "fusion"])]
     fit: bool,
     /// Record the instructions per disparity evaluation instead of comparing them with the record
     #[arg(long)]
@@ -145,7 +145,7 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
 
 fn run_profiles(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     let counter = Counter::build()?;
-    let mut table = if selection.fit { fitted(toolchain, &counter)? } else { MEASURED.clone() };
+    let mut table = if selection.fit { fitted(toolchain, selection, &counter)? } else { MEASURED.clone() };
     let runs = build(toolchain, selection)?;
     ensure!(!runs.is_empty(), "no selected board has enough RAM for a selected profile");
     let mut measurements = workers::map(&runs, |run| {
@@ -175,19 +175,21 @@ fn counts(measurements: &[Measurement]) -> Counts {
     measurements.iter().map(|m| (name(m), m.instructions_per_de)).collect()
 }
 
-/// A table with fitted prices and without RAM.
-fn fitted(toolchain: &Toolchain, counter: &Counter) -> Result<FirmwareCostTable> {
-    let of = |board| -> Result<FirmwareCosts> {
-        Ok(FirmwareCosts { prices: price_fit::prices(toolchain, board, counter)?, ..FirmwareCosts::default() })
-    };
+/// The table with fitted prices and without RAM for the selected boards' instruction sets.
+fn fitted(toolchain: &Toolchain, selection: &Selection, counter: &Counter) -> Result<FirmwareCostTable> {
+    // The RAM of an instruction set is the most that any of its boards takes.
+    let is_alone = |name: &str| name == emulated_board::PICO.name || name == emulated_board::VECTORS.name;
+    ensure!(selection.board.as_deref().is_none_or(is_alone), "--fit runs on rp2350, on an547 or on every board");
     let compiler = read(&mut command("rustc", ["--version"]))?;
-    Ok(FirmwareCostTable {
-        date: read(&mut command("date", ["-u", "+%Y-%m-%d"]))?,
-        machine: format!("{}, {compiler}", counter.emulator()),
-        cycles_per_instruction: MEASURED.cycles_per_instruction.clone(),
-        armv7e_m: of(&emulated_board::REFERENCE)?,
-        armv8_1_m: of(&emulated_board::VECTORS)?,
-    })
+    let mut table = MEASURED.clone();
+    table.date = read(&mut command("date", ["-u", "+%Y-%m-%d"]))?;
+    table.machine = format!("{}, {compiler}", counter.emulator());
+    let boards = [&emulated_board::REFERENCE, &emulated_board::PICO, &emulated_board::VECTORS];
+    for board in boards.into_iter().filter(|board| wanted(&selection.board, board.name)) {
+        let prices = price_fit::prices(toolchain, board, counter)?;
+        *table.of_mut(board.processor) = FirmwareCosts { prices, ..FirmwareCosts::default() };
+    }
+    Ok(table)
 }
 
 /// Adds the measured RAM to the table.

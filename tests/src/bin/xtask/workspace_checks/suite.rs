@@ -6,7 +6,9 @@ use std::{path::Path, process::Command, time::Instant};
 use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, supply_chain::SupplyChain};
 use crate::{
     emulation::{build, emulated_board, setup},
-    firmware_checks::{bit_flips::BitFlips, capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, profiles},
+    firmware_checks::{
+        bit_flips::BitFlips, capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, pico2, profiles,
+    },
     system::{
         background::Background,
         folders,
@@ -66,6 +68,7 @@ pub fn lint() -> Result<()> {
     step("architecture", architecture)?;
     step("lints", lints)?;
     step("lints for Arm", || lints_for_arm(&toolchain))?;
+    step("lints for the Pico 2", || pico2::lint(&toolchain))?;
     step("supply chain", || SupplyChain::CHECK.run())?;
     step("documentation", || run(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")))
 }
@@ -91,6 +94,7 @@ pub fn test() -> Result<()> {
 pub fn firmware() -> Result<()> {
     let toolchain = step("setup", setup::run)?;
     step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
+    step("the firmware for the Pico 2", || pico2::build(&toolchain))?;
     step("the kernels in the emulator", || kernel_twins::run(&toolchain))?;
     step("the firmware in the emulator", || profiles::run(&toolchain, &profiles::Selection::once()))?;
     step("the firmware's cycles", || cycles::Accounting::compare().run(&toolchain))?;
@@ -110,7 +114,8 @@ fn step<T>(name: &str, run: impl FnOnce() -> Result<T>) -> Result<T> {
 
 fn formatting() -> Result<()> {
     run(&mut cargo(&["fmt", "--all", "--check"]))?;
-    run(&mut cargo(&["fmt", "--check", "--manifest-path", fuzzing::MANIFEST]))
+    run(&mut cargo(&["fmt", "--check", "--manifest-path", fuzzing::MANIFEST]))?;
+    run(&mut cargo(&["fmt", "--check", "--manifest-path", pico2::MANIFEST]))
 }
 
 fn lints() -> Result<()> {

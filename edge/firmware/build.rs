@@ -22,8 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if env::var("CARGO_CFG_TARGET_OS")? != "none" {
         return Ok(());
     }
-    let is_chosen =
-        |feature: &str| env::var_os(format!("CARGO_FEATURE_{}", feature.to_uppercase().replace('-', "_"))).is_some();
+    let is_chosen = |feature: &str| env::var_os(format!("CARGO_FEATURE_{}", feature.to_uppercase().replace('-', "_"))).is_some();
     let chosen: Vec<_> = BOARDS.iter().filter(|(feature, _)| is_chosen(feature)).collect();
     let mut scripts = Vec::new();
     match chosen[..] {

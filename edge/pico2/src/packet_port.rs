@@ -22,7 +22,7 @@ use crate::Interrupts;
 
 /// The bytes of a USB packet.
 const USB_PACKET: usize = 64;
-/// The bytes on their way from the program to USB: about three lines.
+/// The bytes on their way from the program to USB: six lines of a column tile.
 const PIPE_BYTES: usize = 2048;
 /// How long a program on the host may read nothing.
 const STALL: Duration = Duration::from_secs(1);

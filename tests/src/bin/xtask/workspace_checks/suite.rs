@@ -5,7 +5,11 @@ use std::{path::Path, process::Command, time::Instant};
 
 use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, supply_chain::SupplyChain};
 use crate::{
-    emulation::{build, emulated_board, setup},
+    emulation::{
+        build,
+        emulated_board::{self, EmulatedBoard},
+        setup,
+    },
     firmware_checks::{
         bit_flips::BitFlips, capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, pico2, profiles,
     },
@@ -68,6 +72,7 @@ pub fn lint() -> Result<()> {
     step("architecture", architecture)?;
     step("lints", lints)?;
     step("lints for Arm", || lints_for_arm(&toolchain))?;
+    step("lints for RISC-V", lints_for_risc_v)?;
     step("lints for the Pico 2", || pico2::lint(&toolchain))?;
     step("supply chain", || SupplyChain::CHECK.run())?;
     step("documentation", || run(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")))
@@ -166,6 +171,14 @@ fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
         clippy(&libraries.each_ref().map(String::as_str))?;
         clippy(&firmware)
     })
+}
+
+fn lints_for_risc_v() -> Result<()> {
+    let EmulatedBoard { target, feature, .. } = &emulated_board::RISC_V;
+    let mut clippy = Toolchain::install(&[target])?.cargo("clippy");
+    // Of the examples, some use registers of Arm.
+    clippy.args(["--target", target, "--package=multiscopic-firmware", "--lib", "--bins"]);
+    run(clippy.args(feature.map(|feature| format!("--features={feature}"))).args(["--", "-Dwarnings"]))
 }
 
 fn cargo(args: &[&str]) -> Command {

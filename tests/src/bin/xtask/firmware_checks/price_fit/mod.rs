@@ -1,5 +1,7 @@
 //! Fits the cost model of `multiscopic budget` to instruction counts of small matches in the emulator.
 
+mod least_squares;
+
 use anyhow::{Context, Result, ensure};
 use multiscopic::target::{
     Processor,
@@ -16,7 +18,7 @@ use crate::{
         emulated_board::EmulatedBoard,
         emulator,
     },
-    firmware_checks::{image_set::ImageSet, least_squares},
+    firmware_checks::image_set::ImageSet,
     system::{folders, workers},
     tools::toolchain::Toolchain,
 };

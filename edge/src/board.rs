@@ -14,7 +14,7 @@ use multiscopic_core::{Rewind, Search};
 /// use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, Search, View, Views};
 /// use multiscopic_edge::{Board, Lengths, Matching, Phase, Workspace};
 ///
-/// /// The kernel of the processor: `Dsp` for a Cortex-M4 or M7, `Mve` for a Cortex-M55.
+/// /// The kernel of the processor: `Dsp` for a Cortex-M4, M7 or M33, `Mve` for a Cortex-M55.
 /// #[cfg(target_arch = "arm")]
 /// type Kernel = multiscopic_core::kernel::Dsp;
 /// /// Its portable twin, for tests on a host: the same memory, the same disparities.

@@ -13,7 +13,7 @@ mod image {
 
     static WORKSPACE: ConstStaticCell<Workspace<WORDS, COLUMNS, PACKET>> = ConstStaticCell::new(Workspace::new());
 
-    #[cortex_m_rt::entry]
+    #[multiscopic_firmware::entry]
     fn main() -> ! {
         multiscopic_firmware::calibrate(WORKSPACE.take().pipeline())
     }

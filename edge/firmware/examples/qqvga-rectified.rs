@@ -156,7 +156,7 @@ mod image {
         let pipeline = WORKSPACE.take().pipeline();
         let run = pipeline.match_blocks::<FlashBoard, _>(BoardKernel::default(), &params, tile_width, &mut frames, &mut output);
         let mut sender = run.unwrap_or_else(|error| fail(error));
-        let stack = cortex_m_stack::stack_size() as usize - cortex_m_stack::stack_painted() as usize;
+        let stack = multiscopic_firmware::stack_depth();
         let end = sender.end(Some(stack)).unwrap_or_else(|error| fail(error));
         output.write_all(end).unwrap_or_else(|error| fail(error));
         process::exit(0)

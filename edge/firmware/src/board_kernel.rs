@@ -1,14 +1,20 @@
 //! The matcher's kernel for the processor of the board.
 
-use multiscopic_core::kernel::{self, Isa, Portable};
+#[cfg(target_arch = "arm")]
+use multiscopic_core::kernel;
+use multiscopic_core::kernel::{Isa, Portable};
 
-/// The kernel of a Cortex-M4 or M7, with their DSP instructions.
-#[cfg(not(feature = "an547"))]
+/// The kernel of a Cortex-M4, M7 or M33, with their DSP instructions.
+#[cfg(all(target_arch = "arm", not(feature = "an547")))]
 pub type BoardKernel = kernel::Dsp;
 
 /// The kernel of a Cortex-M55, with its vector extension.
-#[cfg(feature = "an547")]
+#[cfg(all(target_arch = "arm", feature = "an547"))]
 pub type BoardKernel = kernel::Mve;
+
+/// The kernel of processors without vector instructions, such as those of RISC-V.
+#[cfg(not(target_arch = "arm"))]
+pub type BoardKernel = Twin;
 
 /// Its portable twin, which has the same memory layout on a host.
 type Twin = Portable<8>;

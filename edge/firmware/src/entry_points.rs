@@ -1,6 +1,5 @@
 //! The main functions of the firmware.
 
-use cortex_m as _; // Provides the critical section.
 use defmt_semihosting as _; // Sends the log to the host's standard output.
 use embedded_io::Write;
 use multiscopic_core::{Params, Search, SemiGlobalParams};
@@ -13,6 +12,7 @@ use crate::{
     error::FirmwareError,
     fault,
     host_file::HostFile,
+    runtime,
     semihosted::{self, Semihosted},
 };
 
@@ -109,7 +109,7 @@ fn open(name: &str, tile_width: usize, search: &Search) -> Result<Streams<HostFi
 fn send<'w>(run: impl FnOnce(&mut HostFile) -> Result<Sender<'w>, RunError<Semihosted>>) -> Result<(), FirmwareError> {
     let mut output = Semihosted.output()?;
     let mut sender = run(&mut output).map_err(FirmwareError::Pipeline)?;
-    let stack = cortex_m_stack::stack_size() as usize - cortex_m_stack::stack_painted() as usize;
+    let stack = runtime::stack_depth();
     output
         .write_all(sender.end(Some(stack)).map_err(FirmwareError::Packet)?)
         .map_err(|error| FirmwareError::Pipeline(PipelineError::Write(error)))?;

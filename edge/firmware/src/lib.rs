@@ -1,8 +1,8 @@
 //! Firmware that matches.
 //!
 //! Each profile of `multiscopic-edge` is a binary of its name. A debugger or an emulator lends it files for
-//! frames and packets, a clock and a log, through semihosting. The firmware runs on Arm alone; on other
-//! processors this library is empty.
+//! frames and packets, a clock and a log, through semihosting. The firmware runs on microcontrollers with Arm or
+//! RISC-V processors; elsewhere this library is empty.
 //!
 //! | room | what it is |
 //! | --- | --- |
@@ -11,13 +11,14 @@
 //! | `phase_marker` | marks where phases begin, for an emulator that counts |
 //! | `error` | why the firmware failed |
 //! | `fault` | ends the firmware after an error, a panic or a fault |
+//! | `runtime` | what the processor's runtime gives |
 //! | `arguments` | the command line that the firmware is started with |
 //! | `semihosted` | the board that a debugger or an emulator lends |
 //! | `entry_points` | the main functions of the binaries |
 //!
 //! # Features
-//! `stm32f405`, `stm32h743`, `an547`: the board that the firmware is linked for, at most one. Without: the
-//! reference board of `memory.x`.
+//! `stm32f405`, `stm32h743`, `rp2350`, `rp2350-riscv`, `an547`: the board that the firmware is linked for, at most one.
+//! Without: the reference board of `memory.x`.
 //!
 //! `array`: for the profile `qqvga-3x3`, which matches more than four views together.
 //!
@@ -39,6 +40,8 @@ mod host_file;
 #[cfg(target_os = "none")]
 mod phase_marker;
 #[cfg(target_os = "none")]
+mod runtime;
+#[cfg(target_os = "none")]
 mod semihosted;
 
 #[cfg(target_os = "none")]
@@ -52,6 +55,8 @@ pub use entry_points::{
 pub use fault::fail;
 #[cfg(target_os = "none")]
 pub use host_file::{HostError, HostFile};
+#[cfg(target_os = "none")]
+pub use runtime::{entry, stack_depth};
 #[cfg(target_os = "none")]
 pub use semihosted::Semihosted;
 
@@ -70,7 +75,7 @@ macro_rules! firmware {
 
             static WORKSPACE: ConstStaticCell<workspace!(BoardKernel, PROFILE)> = ConstStaticCell::new(Workspace::new());
 
-            #[cortex_m_rt::entry]
+            #[multiscopic_firmware::entry]
             fn main() -> ! {
                 let pipeline = WORKSPACE.take().pipeline();
                 match const { PROFILE.matching(Fusion::Min) } {
@@ -93,7 +98,7 @@ macro_rules! firmware {
 
         #[cfg(not(target_os = "none"))]
         fn main() -> std::process::ExitCode {
-            eprintln!("firmware runs on Arm: `cargo xtask edge` builds it and runs it in the emulator");
+            eprintln!("firmware runs on microcontrollers: `cargo xtask edge` builds it and runs it in the emulator");
             std::process::ExitCode::from(2)
         }
     };

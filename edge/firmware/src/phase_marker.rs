@@ -15,6 +15,20 @@ pub fn mark(phase: Phase) {
     }
 }
 
+/// The instruction that writes a number to a register.
+#[cfg(target_arch = "arm")]
+macro_rules! copy {
+    () => {
+        "movs"
+    };
+}
+#[cfg(target_arch = "riscv32")]
+macro_rules! copy {
+    () => {
+        "li"
+    };
+}
+
 macro_rules! marker {
     ($name:ident, $number:literal) => {
         // Exported under its name, which no other symbol of the image has.
@@ -23,7 +37,7 @@ macro_rules! marker {
         extern "C" fn $name() {
             // SAFETY: the instruction writes the register that it declares, and the flags, which `asm!` takes
             // as clobbered. Bodies without it would be the same, and could be folded into one function.
-            unsafe { asm!("movs {}, {}", out(reg) _, const $number) }
+            unsafe { asm!(concat!(copy!(), " {}, {}"), out(reg) _, const $number) }
         }
     };
 }

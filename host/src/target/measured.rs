@@ -26,6 +26,9 @@ pub struct FirmwareCostTable {
     /// Cortex-M4 and M7.
     #[serde(rename = "armv7e-m")]
     pub armv7e_m: FirmwareCosts,
+    /// Cortex-M33.
+    #[serde(rename = "armv8-m")]
+    pub armv8_m: FirmwareCosts,
     /// Cortex-M55.
     #[serde(rename = "armv8_1-m")]
     pub armv8_1_m: FirmwareCosts,
@@ -85,6 +88,7 @@ impl FirmwareCostTable {
     pub fn of(&self, processor: Processor) -> &FirmwareCosts {
         match processor {
             Processor::CortexM4 | Processor::CortexM7 => &self.armv7e_m,
+            Processor::CortexM33 => &self.armv8_m,
             Processor::CortexM55 => &self.armv8_1_m,
         }
     }
@@ -93,6 +97,7 @@ impl FirmwareCostTable {
     pub fn of_mut(&mut self, processor: Processor) -> &mut FirmwareCosts {
         match processor {
             Processor::CortexM4 | Processor::CortexM7 => &mut self.armv7e_m,
+            Processor::CortexM33 => &mut self.armv8_m,
             Processor::CortexM55 => &mut self.armv8_1_m,
         }
     }
@@ -116,8 +121,8 @@ impl Processor {
     /// Average cycles per instruction.
     ///
     /// `cargo xtask cycles` measures them: the emulator counts how often each block of the firmware runs, and each
-    /// block takes the cycles of Arm's manual (Cortex-M4) or of LLVM's model of the processor (M7, M55). They leave out
-    /// wait states and caches, the cycle that a Cortex-M4 waits for an address that the instruction before computes, the
+    /// block takes the cycles of Arm's manual (Cortex-M4) or of LLVM's model of the processor (M7, M55). Neither has a
+    /// table for the M33, which is counted as an M4 and pairs some short instructions beside that. They leave out wait states and caches, the cycle that a Cortex-M4 waits for an address that the instruction before computes, the
     /// branches that a Cortex-M7 predicts wrongly, and the unaligned words that a Cortex-M7 or M55 loads in two accesses.
     /// If you have measured your part, use `multiscopic budget --cpi` instead.
     pub fn cycles_per_instruction(self) -> f64 {

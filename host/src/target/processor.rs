@@ -10,29 +10,33 @@ pub enum Processor {
     CortexM4,
     /// Arm Cortex-M7, with the same instructions.
     CortexM7,
+    /// Arm Cortex-M33, with the DSP extension of Armv8-M.
+    CortexM33,
     /// Arm Cortex-M55, with the vector extension (MVE) of Armv8.1-M.
     CortexM55,
 }
 
 impl Processor {
     /// All processors.
-    pub const ALL: [Processor; 3] = [Processor::CortexM4, Processor::CortexM7, Processor::CortexM55];
+    pub const ALL: [Processor; 4] = [Processor::CortexM4, Processor::CortexM7, Processor::CortexM33, Processor::CortexM55];
 
     /// The name on the command line and in reports.
     pub fn name(self) -> &'static str {
         match self {
             Processor::CortexM4 => "cortex-m4",
             Processor::CortexM7 => "cortex-m7",
+            Processor::CortexM33 => "cortex-m33",
             Processor::CortexM55 => "cortex-m55",
         }
     }
 
-    /// Clock in MHz of the part that the firmware is linked for: nRF52840, STM32H743, or Arm's MPS3 image
-    /// AN547.
+    /// Clock in MHz of the part that the firmware is linked for: nRF52840, STM32H743, RP2350, or Arm's MPS3
+    /// image AN547.
     pub fn clock_mhz(self) -> f64 {
         match self {
             Processor::CortexM4 => 64.0,
             Processor::CortexM7 => 480.0,
+            Processor::CortexM33 => 150.0,
             Processor::CortexM55 => 32.0,
         }
     }

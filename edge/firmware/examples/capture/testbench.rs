@@ -194,7 +194,7 @@ impl Testbench<'_, '_> {
                 }
             }
             if is_complete {
-                let stack = cortex_m_stack::stack_size() as usize - cortex_m_stack::stack_painted() as usize;
+                let stack = multiscopic_firmware::stack_depth();
                 let end = sender.end(Some(stack)).map_err(CaptureFailure::Packet)?;
                 output.write_all(end).map_err(CaptureFailure::Send)?;
                 defmt::info!("{=usize} lines were sent while the last frame was read out", lines_during_readout);

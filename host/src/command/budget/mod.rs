@@ -30,7 +30,8 @@ use super::{
 /// four views, and for --fusion mean with more than four.
 ///
 /// Time depends on the average cycles per instruction. They come from Arm's manual (M4) and LLVM's models of the
-/// processors (M7, M55), with memory that never waits: pass --cpi if you have measured your part.
+/// processors (M7, M55), with memory that never waits: pass --cpi if you have measured your part. Arm publishes none for
+/// the M33, which is taken to be as slow as an M4. There are no prices for RISC-V.
 ///
 /// Exit code 1 if --ram or --fps is not met.
 #[derive(Clone, Debug, Args)]

@@ -13,7 +13,8 @@ pub struct TargetOptions {
     #[arg(long, value_parser = named::<Processor>(), default_value = "cortex-m4")]
     pub core: Processor,
 
-    /// Clock in MHz [default: 64 (M4, nRF52840), 480 (M7, STM32H743) or 32 (M55, Arm's AN547)]
+    /// Clock in MHz [default: 64 (M4, nRF52840), 480 (M7, STM32H743), 150 (M33, RP2350) or 32 (M55,
+    /// Arm's AN547)]
     #[arg(long, value_name = "MHZ", value_parser = positive, allow_negative_numbers = true)]
     pub clock: Option<f64>,
 

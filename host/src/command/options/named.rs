@@ -69,6 +69,7 @@ impl Named for Processor {
         match self {
             Processor::CortexM4 => "Armv7E-M with DSP instructions",
             Processor::CortexM7 => "Armv7E-M with DSP instructions, two instructions at a time",
+            Processor::CortexM33 => "Armv8-M with DSP instructions",
             Processor::CortexM55 => "Armv8.1-M with vectors",
         }
     }

@@ -26,7 +26,7 @@ use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
 use emulation::setup;
-use firmware_checks::{bit_flips, capturing, cycles, faults, kernel_twins, profiles};
+use firmware_checks::{bit_flips, capturing, cycles, faults, kernel_twins, pico2, profiles};
 use publishing::{crates, release, supply_chain};
 use workspace_checks::{
     crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages, python_package, soaking, suite,
@@ -89,6 +89,8 @@ enum Task {
     Crash(crashes::Crashing),
     /// Capture and match on simulated hardware that fails at random, and watch memory, files and threads
     Soak(soaking::Soaking),
+    /// Lint and link the firmware for a Raspberry Pi Pico 2
+    Pico2,
     /// Link the matcher alone, which fails if any path leads to a panic
     NoPanic,
 }
@@ -124,6 +126,11 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Crash(crashing) => crashing.run(),
         Task::Soak(soaking) => soaking.run(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
+        Task::Pico2 => {
+            let toolchain = setup::run()?;
+            pico2::lint(&toolchain)?;
+            pico2::build(&toolchain)
+        }
         Task::Capture => capturing::run(&setup::run()?),
         Task::Faults => faults::run(&setup::run()?),
         Task::Flips(flips) => flips.run(&setup::run()?),

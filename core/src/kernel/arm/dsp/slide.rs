@@ -158,7 +158,7 @@ pub(super) unsafe fn prime<const V: usize>(step: RawStep<'_, Dsp, V>, vectors: u
     // SAFETY: the step has samples and sums of `V` views in so many vectors. Every register that changes is
     // an output.
     unsafe {
-        asm_up_to!(600 bytes,
+        asm_up_to!(620 bytes,
             ".rept {views}",
             "ldr {x}, [{tracks}, #8]",
             "ldr {entering}, [{tracks}], #{track}",

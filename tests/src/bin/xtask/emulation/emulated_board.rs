@@ -2,21 +2,24 @@
 
 use multiscopic::Processor;
 
+use crate::tools::tool::{self, Tool};
+
 /// A board: how its firmware is built and emulated.
-#[derive(Debug, PartialEq, Eq)]
 pub struct EmulatedBoard {
     /// Its name in reports.
     pub name: &'static str,
     /// Its processor.
     pub core: &'static str,
-    /// The processor in budgets.
-    pub processor: Processor,
+    /// The processor in budgets, if there are any for it.
+    pub processor: Option<Processor>,
     /// The firmware's feature that selects its memory layout; `None` for the reference board.
     pub feature: Option<&'static str>,
     /// Its processor's Rust target.
     pub target: &'static str,
     /// Compiler flags for its processor.
     pub rustflags: &'static str,
+    /// The emulator.
+    pub emulator: &'static Tool,
     /// The emulator's machine.
     pub machine: &'static str,
     /// Bytes of RAM, as in its linker script.
@@ -24,9 +27,15 @@ pub struct EmulatedBoard {
 }
 
 impl EmulatedBoard {
-    /// Whether its firmware has the same instructions as another board's: the boards differ in memory alone.
-    pub fn runs_code_of(&self, other: &EmulatedBoard) -> bool {
-        (self.target, self.rustflags) == (other.target, other.rustflags)
+    /// Whether its firmware matches with the same kernel as another board's, or with the portable one, which runs everywhere.
+    pub fn has_kernel_of(&self, other: &EmulatedBoard) -> bool {
+        let is_vector = |board: &EmulatedBoard| board.processor == Some(Processor::CortexM55);
+        is_vector(self) == is_vector(other)
+    }
+
+    /// Whether its processor is an Arm, for which there are kernels and a toolchain that all of them share.
+    pub fn is_arm(&self) -> bool {
+        ARM.iter().any(|board| board.name == self.name)
     }
 }
 
@@ -34,10 +43,11 @@ impl EmulatedBoard {
 pub const REFERENCE: EmulatedBoard = EmulatedBoard {
     name: "nrf52840",
     core: "Cortex-M4F",
-    processor: Processor::CortexM4,
+    processor: Some(Processor::CortexM4),
     feature: None,
     target: "thumbv7em-none-eabihf",
     rustflags: "",
+    emulator: &tool::QEMU,
     machine: "mps2-an386",
     ram: 256 * 1024,
 };
@@ -46,38 +56,74 @@ pub const REFERENCE: EmulatedBoard = EmulatedBoard {
 pub const VECTORS: EmulatedBoard = EmulatedBoard {
     name: "an547",
     core: "Cortex-M55",
-    processor: Processor::CortexM55,
+    processor: Some(Processor::CortexM55),
     feature: Some("an547"),
     target: "thumbv8m.main-none-eabihf",
     rustflags: "-Ctarget-cpu=cortex-m55",
+    emulator: &tool::QEMU,
     machine: "mps3-an547",
     ram: 512 * 1024,
 };
 
-/// Every board.
-pub const ALL: [EmulatedBoard; 4] = [
+/// The board with the memory of a Raspberry Pi Pico 2.
+pub const PICO: EmulatedBoard = EmulatedBoard {
+    name: "rp2350",
+    core: "Cortex-M33",
+    processor: Some(Processor::CortexM33),
+    feature: Some("rp2350"),
+    target: "thumbv8m.main-none-eabihf",
+    rustflags: "-Ctarget-cpu=cortex-m33",
+    emulator: &tool::QEMU,
+    machine: "mps2-an505",
+    ram: 512 * 1024,
+};
+
+/// The board with the same memory and a RISC-V processor, for which there are no kernels but the portable one.
+pub const RISC_V: EmulatedBoard = EmulatedBoard {
+    name: "rp2350-riscv",
+    core: "RV32IMAC",
+    processor: None,
+    feature: Some("rp2350-riscv"),
+    target: "riscv32imac-unknown-none-elf",
+    rustflags: "",
+    emulator: &tool::QEMU_RISCV,
+    machine: "virt",
+    ram: PICO.ram,
+};
+
+/// Every board with an Arm processor.
+pub const ARM: [EmulatedBoard; 5] = [
     REFERENCE,
     EmulatedBoard { name: "stm32f405", feature: Some("stm32f405"), machine: "netduinoplus2", ram: 128 * 1024, ..REFERENCE },
     EmulatedBoard {
         name: "stm32h743",
         core: "Cortex-M7",
-        processor: Processor::CortexM7,
+        processor: Some(Processor::CortexM7),
         feature: Some("stm32h743"),
         machine: "mps2-an500",
         ram: 512 * 1024,
         ..REFERENCE
     },
+    PICO,
     VECTORS,
 ];
 
-/// One board per processor.
-pub fn one_per_processor() -> impl Iterator<Item = &'static EmulatedBoard> {
-    Processor::ALL.into_iter().filter_map(|processor| ALL.iter().find(|board| board.processor == processor))
+/// One board per processor that has a kernel of its own.
+pub fn one_per_processor() -> impl Iterator<Item = (Processor, &'static EmulatedBoard)> {
+    Processor::ALL.into_iter().filter_map(|processor| {
+        let board = ARM.iter().find(|board| board.processor == Some(processor))?;
+        Some((processor, board))
+    })
 }
 
-/// The Rust targets of all boards.
+/// Every board.
+pub fn all() -> impl Iterator<Item = &'static EmulatedBoard> {
+    ARM.iter().chain([&RISC_V])
+}
+
+/// The Rust targets of Arm processors.
 pub fn targets() -> Vec<&'static str> {
-    let mut targets: Vec<_> = ALL.iter().map(|board| board.target).collect();
+    let mut targets: Vec<_> = ARM.iter().map(|board| board.target).collect();
     targets.sort_unstable();
     targets.dedup();
     targets

@@ -11,7 +11,6 @@ use std::{
 use crate::{
     emulation::{emulated_board::EmulatedBoard, log},
     system::process::exit_code_within,
-    tools::tool,
 };
 
 /// How long a run may take.
@@ -49,7 +48,7 @@ pub fn start<'a>(
     folder: &Path,
     options: &[&str],
 ) -> Result<Running<'a>> {
-    let emulator = tool::QEMU.install()?;
+    let emulator = board.emulator.install()?;
     let (log, text) = (folder.join("log.defmt"), folder.join("output.txt"));
     let create = |path: &Path| File::create(path).with_context(|| format!("cannot make {}", path.display()));
     let machine = ["-machine", board.machine, "-nographic", "-monitor", "none", "-serial", "none"];
@@ -57,7 +56,12 @@ pub fn start<'a>(
     command.args(options);
     let args: String = args.iter().map(|arg| format!(",arg={arg}")).collect();
     command.arg("-semihosting-config").arg(format!("enable=on,target=native,arg=firmware{args}"));
-    command.arg("-kernel").arg(image).current_dir(folder);
+    // The machine `virt` starts at the beginning of its memory, the loader at the image's entry.
+    match board.machine {
+        "virt" => command.args(["-bios", "none", "-device"]).arg(format!("loader,file={},cpu-num=0", image.display())),
+        _ => command.arg("-kernel").arg(image),
+    };
+    command.current_dir(folder);
     command.stdin(Stdio::null()).stdout(create(&log)?).stderr(create(&text)?);
     let emulator = command.spawn().with_context(|| format!("cannot start {emulator}"))?;
     Ok(Running { board, image, emulator, log, text })

@@ -48,7 +48,12 @@ fn measure(bytes: &[u8]) -> object::Result<Footprint> {
     let header = FileHeader32::<LittleEndian>::parse(bytes)?;
     let endian = header.endian()?;
     let mut footprint = Footprint::default();
-    for section in header.sections(endian, bytes)?.iter() {
+    let sections = header.sections(endian, bytes)?;
+    for section in sections.iter() {
+        // Measured by itself. On Arm it is no section.
+        if sections.section_name(endian, section)? == b".stack" {
+            continue;
+        }
         let (flags, size) = (section.sh_flags.get(endian), u64::from(section.sh_size.get(endian)));
         let has = |flag: u32| flags & flag != 0;
         match (has(SHF_ALLOC), has(SHF_WRITE), section.sh_type.get(endian)) {

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use multiscopic_core::{Disparity, Fusion};
-use multiscopic_edge::{Matching, profile::QQVGA};
+use multiscopic_edge::{Matching, Wide, profile::QQVGA};
 use multiscopic_tests::split_mix::Random;
 use object::{Object, ObjectSymbol, read::elf::ElfFile32};
 use std::{
@@ -136,7 +136,7 @@ impl<'a> Target<'a> {
         let function = |name: &str| symbol(name).map(|range| range.start & !1);
         let matching = QQVGA.matching(Fusion::Min);
         let images = ImageSet::demo(&matching);
-        let (workspace, lengths) = (symbol("WORKSPACE")?, BOARD.processor.lengths(&matching));
+        let (workspace, lengths) = (symbol("WORKSPACE")?, matching.lengths::<Wide>());
         let size = (workspace.end - workspace.start) as usize;
         // The cell has a flag beside it.
         ensure!(size >= lengths.bytes(), "the workspace has {size} bytes, expected {}", lengths.bytes());
@@ -202,7 +202,7 @@ impl<'a> Target<'a> {
 
     /// Where a part is.
     fn memory(&self, part: Part, stack_pointer: u32) -> Range<u32> {
-        let lengths = BOARD.processor.lengths(&self.matching);
+        let lengths = self.matching.lengths::<Wide>();
         let words = self.workspace..self.workspace + 4 * lengths.words() as u32;
         let line = words.end..words.end + lengths.line_bytes() as u32;
         match part {

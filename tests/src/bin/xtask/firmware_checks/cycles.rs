@@ -34,6 +34,9 @@ pub struct Accounting {
     /// The profile
     #[arg(long, default_value = REFERENCE.name, value_parser = profile::ALL.map(|profile| profile.name))]
     profile: String,
+    /// Only this board, one per processor
+    #[arg(long, value_parser = emulated_board::one_per_processor().map(|(_, board)| board.name).collect::<Vec<_>>())]
+    board: Option<String>,
     /// Record the cycles instead of comparing them with the record. With the default profile, also write the cycles
     /// per instruction to host/src/target/measured.toml
     #[arg(long)]
@@ -50,7 +53,7 @@ struct Cost {
 impl Accounting {
     /// The default profile, compared.
     pub fn compare() -> Accounting {
-        Accounting { profile: REFERENCE.name.to_owned(), update: false }
+        Accounting { profile: REFERENCE.name.to_owned(), board: None, update: false }
     }
 
     /// Runs the profile on one board per processor, and compares or records its cycles.
@@ -62,20 +65,23 @@ impl Accounting {
         let profile = profile::ALL.into_iter().find(|profile| profile.name == self.profile).context("no such profile")?;
         let counter = Counter::build()?;
         let (mut counts, mut ratios) = (Counts::new(), Counts::new());
-        for board in emulated_board::one_per_processor().filter(|board| profile.ram_budget <= board.ram) {
+        let is_wanted = |board: &EmulatedBoard| self.board.as_deref().is_none_or(|name| name == board.name);
+        let boards = emulated_board::one_per_processor().filter(|(_, board)| is_wanted(board) && profile.ram_budget <= board.ram);
+        for (processor, board) in boards {
             let image = build::build(toolchain, board, &[Program::of(&profile)])?.pop().context("one image")?;
-            let disassembly = Disassembly::of(&image, board.processor)?;
+            let disassembly = Disassembly::of(&image, processor)?;
             let mut sum = Cost::default();
             for fusion in profiles::fusions(&profile) {
                 let run = format!("{}, {}, {}", board.name, profile.name, fusion.name());
-                let functions = costs(board, &profile, fusion, &image, &disassembly, &counter).context(run.clone())?;
+                let functions =
+                    costs((processor, board), &profile, fusion, &image, &disassembly, &counter).context(run.clone())?;
                 let total: Cost = functions.values().copied().sum();
                 let evaluations = profile.matching(fusion).evaluations() as f64;
                 print(&run, total, &functions, evaluations);
                 counts.insert(run, total.cycles as f64 / evaluations);
                 sum = [sum, total].into_iter().sum();
             }
-            ratios.insert(board.processor.name().to_owned(), sum.cycles_per_instruction());
+            ratios.insert(processor.name().to_owned(), sum.cycles_per_instruction());
         }
         ensure!(!counts.is_empty(), "no board has enough RAM for {}", profile.name);
         counts::CYCLES.hold(&counts, self.update, &format!("cargo xtask cycles --profile {} --update", profile.name))?;
@@ -103,7 +109,7 @@ impl std::iter::Sum for Cost {
 
 /// Runs `image` with `fusion`, and returns the cost of each function.
 fn costs(
-    board: &EmulatedBoard,
+    (processor, board): (Processor, &EmulatedBoard),
     profile: &Profile,
     fusion: Fusion,
     image: &Path,
@@ -115,7 +121,7 @@ fn costs(
     let plugin = format!("{},{}", counter.plugin(image)?, block_trace::ARGUMENT);
     let exit = emulator::run(board, image, &[fusion.name()], &folder, Some(&plugin))?;
     ensure!(exit.code == 0, "the firmware ended with exit code {} and printed:\n{}", exit.code, exit.output);
-    let costs = priced(&block_trace::read(&folder)?, disassembly, board.processor)?;
+    let costs = priced(&block_trace::read(&folder)?, disassembly, processor)?;
     let (traced, counted) = (costs.values().copied().sum::<Cost>().instructions, Instructions::read(&folder)?.pipeline());
     ensure!(traced == counted, "the blocks have {traced} instructions, the emulator counted {counted}");
     Ok(costs)

@@ -26,7 +26,7 @@ const OVERFLOWED: i32 = 103;
 pub fn run(toolchain: &Toolchain) -> Result<()> {
     too_large(toolchain)?;
     two_boards(toolchain)?;
-    for board in &emulated_board::ALL {
+    for board in &emulated_board::ARM {
         stack_overflow(toolchain, board)?;
     }
     no_panic(toolchain)?;
@@ -35,7 +35,7 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
 
 /// An image that needs more RAM than the board has must not link.
 fn too_large(toolchain: &Toolchain) -> Result<()> {
-    for board in &emulated_board::ALL {
+    for board in &emulated_board::ARM {
         let output = process::read_failure(&mut build::command(toolchain, board, &[Program::Example("too_large")]))?;
         let reason = output.lines().find(|line| line.contains("will not fit in region 'RAM': overflowed by"));
         let reason = reason.with_context(|| format!("too_large for {} was refused for another reason:\n{output}", board.name))?;
@@ -47,7 +47,7 @@ fn too_large(toolchain: &Toolchain) -> Result<()> {
 
 /// Firmware for two boards at once must not build.
 fn two_boards(toolchain: &Toolchain) -> Result<()> {
-    let features = emulated_board::ALL.iter().filter_map(|board| board.feature).collect::<Vec<_>>();
+    let features = emulated_board::ARM.iter().filter_map(|board| board.feature).collect::<Vec<_>>();
     let [first, second, ..] = features[..] else { bail!("fewer than two boards have features") };
     let mut build = build::command(toolchain, &emulated_board::REFERENCE, &[Program::of(&profile::QQVGA)]);
     let output = process::read_failure(build.arg(format!("--features={first},{second}")))?;
@@ -59,7 +59,7 @@ fn two_boards(toolchain: &Toolchain) -> Result<()> {
 
 /// Links the matcher alone for every target, which fails if any path leads to a panic.
 pub fn no_panic(toolchain: &Toolchain) -> Result<()> {
-    for board in emulated_board::ALL.iter().filter(|board| [emulated_board::REFERENCE.name, "an547"].contains(&board.name)) {
+    for board in emulated_board::ARM.iter().filter(|board| [emulated_board::REFERENCE.name, "an547"].contains(&board.name)) {
         for (program, views) in [(Program::Example("no_panic"), "four"), (Program::ArrayExample("no_panic"), "eight")] {
             process::run(&mut build::command(toolchain, board, &[program]))
                 .with_context(|| format!("the matcher of up to {views} views can panic on a {}", board.core))?;

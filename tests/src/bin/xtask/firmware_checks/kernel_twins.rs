@@ -14,7 +14,7 @@ use crate::{
 
 /// Runs the comparison on one board per processor.
 pub fn run(toolchain: &Toolchain) -> Result<()> {
-    for board in emulated_board::one_per_processor() {
+    for (_, board) in emulated_board::one_per_processor() {
         let folder = folders::edge_target().join("runs").join("kernels").join(board.name);
         fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
         for image in build::build(toolchain, board, &["kernels", "matches", "path_matches"].map(Program::Example))? {

@@ -7,7 +7,7 @@ pub mod distorted_set;
 pub mod faults;
 pub mod image_set;
 pub mod kernel_twins;
-pub mod least_squares;
+pub mod pico2;
 pub mod price_fit;
 pub mod profiles;
 pub mod received;

@@ -7,7 +7,7 @@ use multiscopic::target::{
     FirmwareCostTable, FirmwareCosts, MEASURED, instruction_model::Workload, reception::ReceivedFrame, simulation::simulate,
 };
 use multiscopic_core::Fusion;
-use multiscopic_edge::{Profile, frame_file, profile};
+use multiscopic_edge::{Profile, Wide, frame_file, profile};
 use serde::Serialize;
 use std::{
     fs,
@@ -52,14 +52,14 @@ pub struct Selection {
     #[arg(long, value_parser = Fusion::ALL.map(Fusion::name))]
     fusion: Option<String>,
     /// Only this board
-    #[arg(long, value_parser = emulated_board::ALL.map(|board| board.name))]
+    #[arg(long, value_parser = emulated_board::all().map(|board| board.name).collect::<Vec<_>>())]
     board: Option<String>,
-    /// Of boards that run the same code, run all fusion rules on the first that has the RAM, and min on the others
+    /// Of boards whose processors have the same kernel, run all fusion rules on the first that has the RAM, and min on the others
     #[arg(long, conflicts_with_all = ["fit", "fusion"])]
     once: bool,
     /// First fit the cost model of `multiscopic budget`, and write it and the measured RAM to
-    /// host/src/target/measured.toml
-    #[arg(long, conflicts_with_all = ["profile", "fusion", "board"])]
+    /// host/src/target/measured.toml; with --board rp2350 or an547, only for that board's instruction set
+    #[arg(long, conflicts_with_all = ["profile", "fusion"])]
     fit: bool,
     /// Record the instructions per disparity evaluation instead of comparing them with the record
     #[arg(long)]
@@ -70,21 +70,26 @@ pub struct Selection {
 }
 
 impl Selection {
-    /// Each rule once for each code that it is compiled to.
+    /// Each rule once with each kernel.
     pub fn once() -> Selection {
         Selection { once: true, ..Selection::default() }
     }
 
     /// The rules that run for a profile on a board.
     fn fusions(&self, board: &EmulatedBoard, profile: &Profile) -> impl Iterator<Item = Fusion> {
-        let earlier = emulated_board::ALL.iter().take_while(|earlier| earlier.name != board.name);
-        let is_repeated = self.once && { earlier }.any(|earlier| earlier.runs_code_of(board) && self.has(earlier, profile));
+        let earlier = emulated_board::all().take_while(|earlier| earlier.name != board.name);
+        let is_repeated = self.once && { earlier }.any(|earlier| earlier.has_kernel_of(board) && self.has(earlier, profile));
         fusions(profile).filter(move |fusion| wanted(&self.fusion, fusion.name()) && (!is_repeated || *fusion == Fusion::Min))
     }
 
-    /// Whether a profile runs on a board: both are selected, and the board has enough RAM.
+    /// Whether a profile runs on a board: both are selected, and the board has enough RAM. The portable kernel, which every
+    /// other test runs too, has to show on RISC-V only that it works there.
     fn has(&self, board: &EmulatedBoard, profile: &Profile) -> bool {
-        wanted(&self.board, board.name) && wanted(&self.profile, profile.name) && profile.ram_budget <= board.ram
+        let is_shown = [profile::QQVGA.name, profile::QVGA_TILED.name].contains(&profile.name);
+        wanted(&self.board, board.name)
+            && wanted(&self.profile, profile.name)
+            && profile.ram_budget <= board.ram
+            && (board.is_arm() || self.board.is_some() || is_shown)
     }
 
     /// Whether the firmware that rectifies runs on a board.
@@ -145,7 +150,7 @@ pub fn run(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
 
 fn run_profiles(toolchain: &Toolchain, selection: &Selection) -> Result<()> {
     let counter = Counter::build()?;
-    let mut table = if selection.fit { fitted(toolchain, &counter)? } else { MEASURED.clone() };
+    let mut table = if selection.fit { fitted(toolchain, selection, &counter)? } else { MEASURED.clone() };
     let runs = build(toolchain, selection)?;
     ensure!(!runs.is_empty(), "no selected board has enough RAM for a selected profile");
     let mut measurements = workers::map(&runs, |run| {
@@ -175,25 +180,29 @@ fn counts(measurements: &[Measurement]) -> Counts {
     measurements.iter().map(|m| (name(m), m.instructions_per_de)).collect()
 }
 
-/// A table with fitted prices and without RAM.
-fn fitted(toolchain: &Toolchain, counter: &Counter) -> Result<FirmwareCostTable> {
-    let of = |board| -> Result<FirmwareCosts> {
-        Ok(FirmwareCosts { prices: price_fit::prices(toolchain, board, counter)?, ..FirmwareCosts::default() })
-    };
+/// The table with fitted prices and without RAM for the selected boards' instruction sets.
+fn fitted(toolchain: &Toolchain, selection: &Selection, counter: &Counter) -> Result<FirmwareCostTable> {
+    // The RAM of an instruction set is the most that any of its boards takes.
+    let is_alone = |name: &str| [emulated_board::PICO.name, emulated_board::VECTORS.name].contains(&name);
+    ensure!(selection.board.as_deref().is_none_or(is_alone), "--fit runs on rp2350, on an547 or on every board");
     let compiler = read(&mut command("rustc", ["--version"]))?;
-    Ok(FirmwareCostTable {
-        date: read(&mut command("date", ["-u", "+%Y-%m-%d"]))?,
-        machine: format!("{}, {compiler}", counter.emulator()),
-        cycles_per_instruction: MEASURED.cycles_per_instruction.clone(),
-        armv7e_m: of(&emulated_board::REFERENCE)?,
-        armv8_1_m: of(&emulated_board::VECTORS)?,
-    })
+    let mut table = MEASURED.clone();
+    table.date = read(&mut command("date", ["-u", "+%Y-%m-%d"]))?;
+    table.machine = format!("{}, {compiler}", counter.emulator());
+    let boards = [&emulated_board::REFERENCE, &emulated_board::PICO, &emulated_board::VECTORS];
+    for board in boards.into_iter().filter(|board| wanted(&selection.board, board.name)) {
+        let processor = board.processor.context("there are no budgets for the board")?;
+        let prices = price_fit::prices(toolchain, (processor, board), counter)?;
+        *table.of_mut(processor) = FirmwareCosts { prices, ..FirmwareCosts::default() };
+    }
+    Ok(table)
 }
 
 /// Adds the measured RAM to the table.
 fn note_ram(table: &mut FirmwareCostTable, runs: &[Run], measurements: &[Measurement]) {
     for (run, measurement) in runs.iter().zip(measurements) {
-        let noted = table.of_mut(run.board.processor);
+        let Some(processor) = run.board.processor else { continue };
+        let noted = table.of_mut(processor);
         noted.statics = noted.statics.max(measurement.ram_static - run.workspace_bytes());
         noted.note_stack(&run.profile.matching(run.fusion), measurement.stack_max);
     }
@@ -202,13 +211,17 @@ fn note_ram(table: &mut FirmwareCostTable, runs: &[Run], measurements: &[Measure
 /// Builds the selected images, board by board.
 fn build(toolchain: &Toolchain, selection: &Selection) -> Result<Vec<Run>> {
     let mut runs = Vec::new();
-    for board in &emulated_board::ALL {
+    for board in emulated_board::all() {
         let profiles: Vec<_> = profile::ALL.into_iter().filter(|profile| selection.has(board, profile)).collect();
         if profiles.is_empty() {
             continue;
         }
         let programs: Vec<_> = profiles.iter().map(Program::of).collect();
-        for (profile, image) in profiles.into_iter().zip(build::build(toolchain, board, &programs)?) {
+        let images = match board.is_arm() {
+            true => build::build(toolchain, board, &programs)?,
+            false => build::build(&Toolchain::install(&[board.target])?, board, &programs)?,
+        };
+        for (profile, image) in profiles.into_iter().zip(images) {
             runs.extend(selection.fusions(board, &profile).map(|fusion| Run { board, profile, fusion, image: image.clone() }));
         }
     }
@@ -222,12 +235,13 @@ impl Run {
 
     /// Whether the cost model covers it.
     fn is_modelled(&self) -> bool {
-        Workload::new(&self.profile.matching(self.fusion), self.board.processor).is_some()
+        let matching = self.profile.matching(self.fusion);
+        self.board.processor.is_some_and(|processor| Workload::new(&matching, processor).is_some())
     }
 
     /// The size of its workspace in bytes.
     fn workspace_bytes(&self) -> usize {
-        self.board.processor.lengths(&self.profile.matching(self.fusion)).bytes()
+        self.profile.matching(self.fusion).lengths::<Wide>().bytes()
     }
 
     /// Runs the image and measures it. Fails unless its packets equal the host's.
@@ -284,8 +298,9 @@ impl Run {
 impl Measurement {
     /// Adds the prediction of the cost model.
     fn predict(&mut self, run: &Run, table: &FirmwareCostTable) {
-        let prices = &table.of(run.board.processor).prices;
-        self.instructions_predicted = prices.instructions(&run.profile.matching(run.fusion), run.board.processor);
+        let Some(processor) = run.board.processor else { return };
+        let prices = &table.of(processor).prices;
+        self.instructions_predicted = prices.instructions(&run.profile.matching(run.fusion), processor);
     }
 
     /// The error of the prediction, in percent of the measurement.
@@ -344,11 +359,12 @@ fn check(runs: &[Run], measurements: &[Measurement], table: &FirmwareCostTable) 
         eprintln!("edge: {}: {what}", run.name());
     };
     for (run, m) in runs.iter().zip(measurements) {
-        let measured = table.of(run.board.processor);
-        let statics = run.workspace_bytes() + measured.statics;
         if m.ram_total > m.ram_budget {
             fail(run, format!("{} bytes of RAM, at most {} are allowed", m.ram_total, m.ram_budget));
         }
+        let Some(processor) = run.board.processor else { continue };
+        let measured = table.of(processor);
+        let statics = run.workspace_bytes() + measured.statics;
         if m.ram_static != statics {
             fail(run, format!("{} bytes of statics, the formula says {statics}: run cargo xtask edge --fit", m.ram_static));
         }

@@ -95,8 +95,9 @@ pub fn run(toolchain: &Toolchain, boards: &[&'static EmulatedBoard], update: boo
     let mut counts = Counts::new();
     for (pair, measured) in runs.chunks_exact(2).zip(measurements.chunks_exact(2)) {
         let ([run, _], [rectified, plain]) = (pair, measured) else { continue };
-        let workspace = run.board.processor.lengths(&QQVGA.matching(FUSION)).bytes();
-        let formula = workspace + lines + FLAG + MEASURED.of(run.board.processor).statics;
+        let processor = run.board.processor.context("there are no budgets for the board")?;
+        let workspace = processor.lengths(&QQVGA.matching(FUSION)).bytes();
+        let formula = workspace + lines + FLAG + MEASURED.of(processor).statics;
         ensure!(
             rectified.statics == formula,
             "{}: {} bytes of statics, the formula says {formula}",

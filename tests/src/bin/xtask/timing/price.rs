@@ -14,7 +14,7 @@ use super::{
 pub fn added<'a>(processor: Processor, pairs: impl Iterator<Item = [&'a [&'a Instruction]; 2]>) -> Result<Vec<u64>> {
     let sequences: Vec<_> = pairs.flat_map(|pair| [pair[0].to_vec(), pair.concat()]).collect();
     let cycles = match processor {
-        Processor::CortexM4 => sequences.iter().map(|sequence| cortex_m4::cycles(sequence)).collect(),
+        Processor::CortexM4 | Processor::CortexM33 => sequences.iter().map(|sequence| cortex_m4::cycles(sequence)).collect(),
         Processor::CortexM7 => CORTEX_M7.cycles(&sequences)?,
         Processor::CortexM55 => CORTEX_M55.cycles(&sequences)?,
     };
@@ -26,7 +26,7 @@ pub fn added<'a>(processor: Processor, pairs: impl Iterator<Item = [&'a [&'a Ins
 pub fn refill(processor: Processor, branch: &Instruction) -> u64 {
     match processor {
         // Arm's manual says 1 to 3, by the alignment and width of the target.
-        Processor::CortexM4 => 2,
+        Processor::CortexM4 | Processor::CortexM33 => 2,
         // Branches are predicted.
         Processor::CortexM7 => 0,
         // The end of a low-overhead loop fetches the loop's beginning in advance.
@@ -39,7 +39,7 @@ pub fn refill(processor: Processor, branch: &Instruction) -> u64 {
 /// The cycles of an additional access to memory, if an unaligned one is split into aligned ones.
 pub fn split(processor: Processor) -> u64 {
     match processor {
-        Processor::CortexM4 => 1,
+        Processor::CortexM4 | Processor::CortexM33 => 1,
         // 64 bits wide, they load most unaligned words at once. How many they do not is left out.
         Processor::CortexM7 | Processor::CortexM55 => 0,
     }

@@ -24,6 +24,14 @@ pub struct Tool {
 pub const QEMU: Tool =
     Tool { program: "qemu-system-arm", debian: &["qemu-system-arm"], fedora: Some("qemu-system-arm"), homebrew: Some("qemu") };
 
+/// The emulator of boards with RISC-V processors.
+pub const QEMU_RISCV: Tool = Tool {
+    program: "qemu-system-riscv32",
+    debian: &["qemu-system-misc"],
+    fedora: Some("qemu-system-riscv-core"),
+    homebrew: Some("qemu"),
+};
+
 /// The emulator of the virtual machine with cameras.
 pub const QEMU_X86: Tool = Tool {
     program: "qemu-system-x86_64",

@@ -54,7 +54,14 @@ fn emulate() -> Result<()> {
         .context("a kernel of 64-bit Arm differs from the reference")?;
     println!("aarch64: every kernel equals the reference in the emulator");
     // With the features that the tests have, so that the library is built once.
-    run(cargo("build").args(["--package", "multiscopic", "--features", "multiscopic/scene,multiscopic/v4l2", "--bin", "multiscopic"]))?;
+    run(cargo("build").args([
+        "--package",
+        "multiscopic",
+        "--features",
+        "multiscopic/scene,multiscopic/v4l2",
+        "--bin",
+        "multiscopic",
+    ]))?;
     let program = folders::edge_target().join(TARGET).join("debug/multiscopic");
     same_maps(&|| {
         let mut command = emulator.command(&["-L", SYSROOT])?;

@@ -5,8 +5,14 @@ use std::{path::Path, process::Command, time::Instant};
 
 use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages};
 use crate::{
-    emulation::{build, emulated_board, setup},
-    firmware_checks::{bit_flips::BitFlips, capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, profiles},
+    emulation::{
+        build,
+        emulated_board::{self, EmulatedBoard},
+        setup,
+    },
+    firmware_checks::{
+        bit_flips::BitFlips, capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, pico2, profiles,
+    },
     publishing::{crates, release, supply_chain::SupplyChain},
     system::{
         background::Background,
@@ -67,6 +73,8 @@ pub fn lint() -> Result<()> {
     step("architecture", architecture)?;
     step("lints", lints)?;
     step("lints for Arm", || lints_for_arm(&toolchain))?;
+    step("lints for RISC-V", lints_for_risc_v)?;
+    step("lints for the Pico 2", || pico2::lint(&toolchain))?;
     step("supply chain", || SupplyChain::CHECK.run())?;
     step("documentation", || run(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")))
 }
@@ -93,6 +101,7 @@ pub fn test() -> Result<()> {
 pub fn firmware() -> Result<()> {
     let toolchain = step("setup", setup::run)?;
     step("the libraries for Arm", || libraries_for_arm(&toolchain))?;
+    step("the firmware for the Pico 2", || pico2::build(&toolchain))?;
     step("the kernels in the emulator", || kernel_twins::run(&toolchain))?;
     step("the firmware in the emulator", || profiles::run(&toolchain, &profiles::Selection::once()))?;
     step("the firmware's cycles", || cycles::Accounting::compare().run(&toolchain))?;
@@ -112,7 +121,8 @@ fn step<T>(name: &str, run: impl FnOnce() -> Result<T>) -> Result<T> {
 
 fn formatting() -> Result<()> {
     run(&mut cargo(&["fmt", "--all", "--check"]))?;
-    run(&mut cargo(&["fmt", "--check", "--manifest-path", fuzzing::MANIFEST]))
+    run(&mut cargo(&["fmt", "--check", "--manifest-path", fuzzing::MANIFEST]))?;
+    run(&mut cargo(&["fmt", "--check", "--manifest-path", pico2::MANIFEST]))
 }
 
 fn lints() -> Result<()> {
@@ -163,6 +173,14 @@ fn lints_for_arm(toolchain: &Toolchain) -> Result<()> {
         clippy(&libraries.each_ref().map(String::as_str))?;
         clippy(&firmware)
     })
+}
+
+fn lints_for_risc_v() -> Result<()> {
+    let EmulatedBoard { target, feature, .. } = &emulated_board::RISC_V;
+    let mut clippy = Toolchain::install(&[target])?.cargo("clippy");
+    // Of the examples, some use registers of Arm.
+    clippy.args(["--target", target, "--package=multiscopic-firmware", "--lib", "--bins"]);
+    run(clippy.args(feature.map(|feature| format!("--features={feature}"))).args(["--", "-Dwarnings"]))
 }
 
 fn cargo(args: &[&str]) -> Command {

@@ -1,5 +1,7 @@
 //! Fits the cost model of `multiscopic budget` to instruction counts of small matches in the emulator.
 
+mod least_squares;
+
 use anyhow::{Context, Result, ensure};
 use multiscopic::target::{
     Processor,
@@ -16,7 +18,7 @@ use crate::{
         emulated_board::EmulatedBoard,
         emulator,
     },
-    firmware_checks::{image_set::ImageSet, least_squares},
+    firmware_checks::image_set::ImageSet,
     system::{folders, workers},
     tools::toolchain::Toolchain,
 };
@@ -103,17 +105,17 @@ struct Calibrating {
 }
 
 /// The instructions per unit of work of the firmware on `board`.
-pub fn prices(toolchain: &Toolchain, board: &EmulatedBoard, counter: &Counter) -> Result<Prices> {
+pub fn prices(toolchain: &Toolchain, (processor, board): (Processor, &EmulatedBoard), counter: &Counter) -> Result<Prices> {
     let programs = [Program::Example("calibrate"), Program::ArrayExample("calibrate")];
     let [few, array] = build::build(toolchain, board, &programs)?.try_into().ok().context("each program gives an image")?;
     let firmware = Calibrating { few, array };
     let images = SHAPES.each_ref().map(Shape::images);
     let mut runs = runs(&images)?;
-    runs.retain(|run| Workload::new(&run.matching, board.processor).is_some());
+    runs.retain(|run| Workload::new(&run.matching, processor).is_some());
     let counted = workers::map(&runs, |run| run.count(board, &firmware, counter).with_context(|| run.name(board)))?;
-    let prices = fit(&runs, &counted, board.processor);
+    let prices = fit(&runs, &counted, processor);
     let off = runs.iter().zip(&counted).filter_map(|(run, counted)| {
-        let predicted = prices.instructions(&run.matching, board.processor)?;
+        let predicted = prices.instructions(&run.matching, processor)?;
         Some(((100.0 * (predicted / counted.pipeline() as f64 - 1.0)), run))
     });
     if let Some((percent, run)) = off.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs())) {

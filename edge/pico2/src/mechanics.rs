@@ -1,0 +1,64 @@
+//! The slide, the camera's settings, and the match: what to change for another slide.
+
+use core::time::Duration;
+use embedded_hal::digital::PinState;
+use multiscopic_core::{Fusion, Params, Views, capture::Policy, kernel::Dsp};
+use multiscopic_drivers::{
+    hm01b0::{Configuration, Size},
+    stepper::Axis,
+};
+use multiscopic_edge::{Lengths, Matching};
+
+/// Each axis: a screw with a lead of 2 mm on a motor with 200 steps a turn, 16 micro-steps a step, and 30 mm of travel to
+/// each side of the centre.
+pub const AXIS: Axis = Axis {
+    steps: 200 * 16,
+    um: 2000,
+    home_um: -31_000,
+    min_um: -30_000,
+    max_um: 30_000,
+    release_um: 2000,
+    speed_um_per_s: 10_000,
+    acceleration_um_per_s2: 50_000,
+    homing_um_per_s: 4000,
+    forward: PinState::High,
+    pressed: PinState::High,
+};
+/// The length of a step pulse in nanoseconds: what the slowest common drivers need.
+pub const PULSE_NS: u32 = 2000;
+/// The baseline in micrometres.
+pub const BASELINE_UM: u32 = 10_000;
+
+/// How long the stage and the camera may take.
+pub const POLICY: Policy = Policy {
+    settle: Duration::from_millis(300),
+    move_timeout: Duration::from_secs(15),
+    frame_timeout: Duration::from_secs(1),
+    retries: 2,
+    tolerance_um: 1,
+    backlash_um: 1000,
+    return_to_center: true,
+};
+/// How long homing may take.
+pub const HOMING_TIMEOUT: Duration = Duration::from_secs(60);
+
+/// Frames of 320x240 pixels at a pixel clock of 3 MHz: 31 ms each, of which 15 ms are exposure.
+pub const CONFIGURATION: Configuration = Configuration { stream_last: false, ..Configuration::new(Size::Qvga) };
+
+/// The match of the profile `qvga`: four views, 32 disparities, blocks of 11x11 pixels.
+pub const PARAMS: Params = match Params::new(
+    CONFIGURATION.size.width() as u16,
+    CONFIGURATION.size.height() as u16,
+    Views::CROSS,
+    Fusion::Heuristic,
+    1,
+    32,
+    11,
+) {
+    Ok(params) => params,
+    Err(_) => panic!("the parameters are out of range: see Params::new"),
+};
+/// Columns that are matched in one pass. All 320 at once would not fit beside five frames.
+pub const TILE_WIDTH: usize = 160;
+/// The memory of the match.
+pub const LENGTHS: Lengths = Matching::Blocks { params: PARAMS, tile_width: TILE_WIDTH }.lengths::<Dsp>();

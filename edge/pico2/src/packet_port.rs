@@ -1,0 +1,152 @@
+//! The serial port on USB that packets leave through.
+
+use core::{
+    error, fmt,
+    sync::atomic::{AtomicBool, Ordering},
+};
+use embassy_futures::{
+    join::join,
+    select::{Either, select},
+};
+use embassy_rp::{Peri, peripherals::USB, usb::Driver};
+use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, pipe::Pipe};
+use embassy_time::{Duration, Instant};
+use embassy_usb::{
+    Builder, Config,
+    class::cdc_acm::{CdcAcmClass, ControlChanged, Sender, State},
+    driver::EndpointError,
+};
+use embedded_io::{Error, ErrorKind, ErrorType, Write};
+
+use crate::Interrupts;
+
+/// The bytes of a USB packet.
+const USB_PACKET: usize = 64;
+/// The bytes on their way from the program to USB: six lines of a column tile.
+const PIPE_BYTES: usize = 2048;
+/// How long a program on the host may read nothing.
+const STALL: Duration = Duration::from_secs(1);
+
+static PIPE: Pipe<CriticalSectionRawMutex, PIPE_BYTES> = Pipe::new();
+/// Whether a program on the host has the port open.
+static IS_OPEN: AtomicBool = AtomicBool::new(false);
+
+type UsbSender<'d> = Sender<'d, Driver<'d, USB>>;
+
+/// The USB device.
+#[embassy_executor::task]
+pub async fn serve(peripheral: Peri<'static, USB>) -> ! {
+    let (mut configuration, mut objects, mut control) = ([0; 128], [0; 16], [0; USB_PACKET]);
+    let mut state = State::new();
+    // The numbers that are set aside for private tests. A product needs its own.
+    let mut config = Config::new(0x1209, 0x0001);
+    config.manufacturer = Some("multiscopic");
+    config.product = Some("multiscopic Pico 2");
+    let driver = Driver::new(peripheral, Interrupts);
+    let mut builder = Builder::new(driver, config, &mut configuration, &mut objects, &mut [], &mut control);
+    let port = CdcAcmClass::new(&mut builder, &mut state, USB_PACKET as u16);
+    let (sender, _, changes) = port.split_with_control();
+    join(builder.build().run(), send_packets(sender, changes)).await.0
+}
+
+/// Sends what is in the pipe while the port is open.
+async fn send_packets(mut sender: UsbSender<'_>, changes: ControlChanged<'_>) -> ! {
+    loop {
+        sender.wait_connection().await;
+        while !sender.dtr() {
+            changes.control_changed().await;
+        }
+        PIPE.clear();
+        IS_OPEN.store(true, Ordering::Release);
+        defmt::info!("the port is open");
+        while sender.dtr() {
+            match select(send_chunk(&mut sender), changes.control_changed()).await {
+                Either::First(Err(_)) => break,
+                Either::First(Ok(())) | Either::Second(()) => {}
+            }
+        }
+        IS_OPEN.store(false, Ordering::Release);
+        defmt::info!("the port is closed");
+    }
+}
+
+/// Sends a USB packet of what is in the pipe.
+async fn send_chunk(sender: &mut UsbSender<'_>) -> Result<(), EndpointError> {
+    // Shorter than a full packet, so that the host does not wait for more.
+    let mut chunk = [0; USB_PACKET - 1];
+    let bytes = PIPE.read(&mut chunk).await;
+    sender.write_packet(&chunk[..bytes]).await
+}
+
+/// Whether a program on the host has the port open.
+pub fn is_open() -> bool {
+    IS_OPEN.load(Ordering::Acquire)
+}
+
+/// Where the program writes packets.
+pub struct PacketPort;
+
+impl ErrorType for PacketPort {
+    type Error = PortError;
+}
+
+impl Write for PacketPort {
+    /// Waits for room in the pipe.
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, PortError> {
+        let start = Instant::now();
+        loop {
+            if !is_open() {
+                return Err(PortError::Closed);
+            }
+            if let Ok(written) = PIPE.try_write(bytes) {
+                return Ok(written);
+            }
+            if start.elapsed() > STALL {
+                return Err(PortError::Stalled);
+            }
+        }
+    }
+
+    /// Waits until the pipe is empty.
+    fn flush(&mut self) -> Result<(), PortError> {
+        let start = Instant::now();
+        while !PIPE.is_empty() {
+            if !is_open() {
+                return Err(PortError::Closed);
+            }
+            if start.elapsed() > STALL {
+                return Err(PortError::Stalled);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Why a packet was not sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PortError {
+    /// The program on the host closed the port.
+    Closed,
+    /// The program on the host reads nothing.
+    Stalled,
+}
+
+impl fmt::Display for PortError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            PortError::Closed => "the host closed the port",
+            PortError::Stalled => "the host reads nothing",
+        })
+    }
+}
+
+impl error::Error for PortError {}
+
+impl Error for PortError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            PortError::Closed => ErrorKind::NotConnected,
+            PortError::Stalled => ErrorKind::TimedOut,
+        }
+    }
+}

@@ -1,6 +1,6 @@
 //! Processes, threads and folders.
 
-pub mod background;
+pub mod background_task;
 pub mod folders;
 pub mod process;
 pub mod workers;

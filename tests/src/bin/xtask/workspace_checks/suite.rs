@@ -15,7 +15,7 @@ use crate::{
     },
     publishing::{crates, release, supply_chain::SupplyChain},
     system::{
-        background::Background,
+        background_task::BackgroundTask,
         folders,
         process::{OPTIMIZED, PYTHON_PACKAGE, built_optimized_program, built_program, command, run},
     },
@@ -82,7 +82,7 @@ pub fn lint() -> Result<()> {
 /// Every test. Those of the firmware run in the background: their compilers and emulators use one processor at a time.
 pub fn test() -> Result<()> {
     step("setup", setup::run)?;
-    let firmware = Background::start("firmware")?;
+    let firmware = BackgroundTask::start("firmware")?;
     step("tests in debug", || run_tests(&built_program()?, &["--workspace", "--exclude", PYTHON_PACKAGE]))?;
     step("the published packages", crates::check)?;
     step("computations in release", || run_optimized_tests(&COMPUTATIONS))?;

@@ -11,15 +11,15 @@ use std::{
 use crate::system::folders;
 
 /// `cargo xtask` with a task, in the background.
-pub struct Background {
+pub struct BackgroundTask {
     task: &'static str,
     child: Child,
     log: PathBuf,
 }
 
-impl Background {
+impl BackgroundTask {
     /// Starts `task` with what others leave of the processors. Its output goes to `target/TASK.log`.
-    pub fn start(task: &'static str) -> Result<Background> {
+    pub fn start(task: &'static str) -> Result<BackgroundTask> {
         let log = folders::target().join(format!("{task}.log"));
         let file = File::create(&log).with_context(|| format!("cannot write {}", log.display()))?;
         let runner = env::current_exe().context("this runner's path")?;
@@ -30,7 +30,7 @@ impl Background {
         let child = command.arg(task).stdout(file.try_clone()?).stderr(file).spawn();
         let child = child.with_context(|| format!("cannot start {}", runner.display()))?;
         println!("{task} runs in the background: {}", log.display());
-        Ok(Background { task, child, log })
+        Ok(BackgroundTask { task, child, log })
     }
 
     /// Waits for its end, and prints its output; fails unless it succeeded.
@@ -43,7 +43,7 @@ impl Background {
     }
 }
 
-impl Drop for Background {
+impl Drop for BackgroundTask {
     /// Ends it, if another step failed before.
     fn drop(&mut self) {
         let _ = self.child.kill();

@@ -46,22 +46,15 @@ fn emulate() -> Result<()> {
         cargo.env("CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER", linker.path());
         cargo.env("CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER", format!("{emulator} -L {SYSROOT}"));
         cargo.env("CARGO_PROFILE_DEV_DEBUG", "0");
-        cargo.args(["--package", "multiscopic-tests", "--no-default-features", "--target", TARGET]);
+        cargo.args(["--package", "multiscopic", "--package", "multiscopic-tests", "--test", "matching", "--target", TARGET]);
+        cargo.args(["--no-default-features", "--features", "multiscopic/scene,multiscopic/v4l2"]);
         cargo
     };
+    // Together, so that the library is built once.
+    run(cargo("build").args(["--bin", "multiscopic"]))?;
     // The engine's matches, and random matches of semi-global matching.
-    run(cargo("test").args(["--test", "matching", "--", "engine::", "semi_global::"]))
-        .context("a kernel of 64-bit Arm differs from the reference")?;
+    run(cargo("test").args(["--", "engine::", "semi_global::"])).context("a kernel of 64-bit Arm differs from the reference")?;
     println!("aarch64: every kernel equals the reference in the emulator");
-    // With the features that the tests have, so that the library is built once.
-    run(cargo("build").args([
-        "--package",
-        "multiscopic",
-        "--features",
-        "multiscopic/scene,multiscopic/v4l2",
-        "--bin",
-        "multiscopic",
-    ]))?;
     let program = folders::edge_target().join(TARGET).join("debug/multiscopic");
     same_maps(&|| {
         let mut command = emulator.command(&["-L", SYSROOT])?;

@@ -216,6 +216,7 @@ mod tests {
     use super::*;
 
     use clap::CommandFactory;
+    use std::{fs, path::Path};
 
     /// The paths of all commands that do something.
     fn leaves(command: &Command, path: &str) -> Vec<String> {
@@ -234,19 +235,49 @@ mod tests {
         assert_eq!(with_examples, all);
     }
 
+    /// Panics unless the program takes a line of the shell.
+    fn assert_valid(line: &str) {
+        let is_shells = |word: &&str| word.starts_with(['>', '|', '#', ';']);
+        let words = line.split_whitespace().take_while(|word| !is_shells(word)).filter(|word| *word != "\\");
+        // The placeholder of a number.
+        let words = words.map(|word| if word == "N" { "24" } else { word });
+        if let Err(error) = crate::Cli::command().try_get_matches_from(words) {
+            panic!("{line}: {error}");
+        }
+    }
+
     #[test]
     fn examples_are_valid() {
         for (path, examples) in EXAMPLES {
             for (_, line) in *examples {
-                // Without what is the shell's.
-                let words = line.split_whitespace().take_while(|word| !word.starts_with('>')).filter(|word| *word != "\\");
-                let words: Vec<&str> = words.collect();
                 assert!(line.starts_with(&format!("multiscopic {path}")), "{line}");
                 assert!(line.lines().all(|line| line.len() <= 78), "{line} is too wide for a terminal");
-                if let Err(error) = crate::Cli::command().try_get_matches_from(words) {
-                    panic!("{line}: {error}");
+                assert_valid(line);
+            }
+        }
+    }
+
+    /// In the guides of the repository, which the published crate comes without.
+    #[test]
+    fn commands_of_the_guides_are_valid() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let Ok(guides) = fs::read_dir(root.join("docs")) else {
+            eprintln!("skipped: the guides are not here");
+            return;
+        };
+        let guides = guides.map(|entry| entry.expect("a guide").path()).filter(|path| path.extension() == Some("md".as_ref()));
+        let mut found = 0;
+        for path in guides.chain([root.join("README.md")]) {
+            let text = fs::read_to_string(&path).expect("a guide").replace("\\\n", " ");
+            for line in text.lines().map(str::trim_start).filter(|line| line.starts_with("multiscopic ")) {
+                // In the shell's blocks, not in prose.
+                if text.split("```sh\n").skip(1).any(|block| block.split("```").next().is_some_and(|block| block.contains(line)))
+                {
+                    assert_valid(line);
+                    found += 1;
                 }
             }
         }
+        assert!(found > 50, "{found} commands");
     }
 }

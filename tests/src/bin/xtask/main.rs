@@ -9,12 +9,14 @@
 //! | `machine` | the virtual machine with cameras |
 //! | `emulation` | emulated boards: firmware is built for them, run and measured |
 //! | `firmware_checks` | what the firmware must do on the boards |
+//! | `publishing` | what others receive: crates, archives of the program, and what both depend on |
 //! | `workspace_checks` | what the whole workspace must do, step by step |
 
 mod counts;
 mod emulation;
 mod firmware_checks;
 mod machine;
+mod publishing;
 mod system;
 mod timing;
 mod tools;
@@ -25,9 +27,9 @@ use std::process::ExitCode;
 
 use emulation::setup;
 use firmware_checks::{bit_flips, capturing, cycles, faults, kernel_twins, pico2, profiles};
+use publishing::{crates, release, supply_chain};
 use workspace_checks::{
-    crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, python_package, soaking, suite,
-    supply_chain,
+    crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages, python_package, soaking, suite,
 };
 
 /// Runs the project's checks, tests and firmware.
@@ -77,6 +79,8 @@ enum Task {
     Python,
     /// Package the published crates, and build each from its package
     Package,
+    /// Make archives of the program for Linux and Debian, which the same commit gives the same bytes
+    Release(release::Release),
     /// Check the licences of dependencies, the reasons for them and the count of unsafe code
     SupplyChain(supply_chain::SupplyChain),
     /// Fuzz the readers of outside bytes, and what must equal its reference, guided by coverage
@@ -115,7 +119,8 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Instructions(guard) => guard.run(),
         Task::Page => pages::run_tests(),
         Task::Python => python_package::run_tests(),
-        Task::Package => packaging::check(),
+        Task::Package => crates::check(),
+        Task::Release(release) => release.run(),
         Task::SupplyChain(check) => check.run(),
         Task::Fuzz(fuzzing) => fuzzing.run(),
         Task::Crash(crashing) => crashing.run(),

@@ -1,6 +1,7 @@
 //! The command line as users meet it: files, messages and exit codes.
 
 mod bench;
+mod documented_commands;
 mod hostile_files;
 #[cfg(target_os = "linux")]
 mod manuals;

@@ -30,10 +30,14 @@ use crate::{
 const BOARD: &EmulatedBoard = &REFERENCE;
 /// The files of packets, by frame. Bits are flipped while the first is matched.
 const PACKETS: [&str; 3] = ["packets.0.bin", "packets.1.bin", "packets.2.bin"];
+/// The emulator's clock advances by 32 ns with each instruction, whatever time this machine takes for it.
+const CLOCK: [&str; 2] = ["-icount", "shift=5"];
 /// The longest run, in which the watchdog ends what is stuck.
 const LIMIT: Duration = Duration::from_secs(60);
 /// The most instructions between the beginning of a phase and a flip.
 const STEPS: usize = 400;
+/// About the instructions that encode and send the packet of a line.
+const STEPS_OF_PACKET: usize = 7000;
 
 /// Exit codes of the firmware: all frames were matched, one was lost, and those of a panic, a fault, a stack overflow and the
 /// watchdog.
@@ -85,6 +89,7 @@ struct Target<'a> {
     workspace: u32,
     parameters: Range<u32>,
     stack: Range<u32>,
+    /// Where phases begin: matching, fetching and sending.
     phases: [u32; 3],
     matching: Matching,
     expected: Vec<Option<Disparity>>,
@@ -150,7 +155,7 @@ impl<'a> Target<'a> {
     /// Every frame is right where nothing is flipped.
     fn without_flips(&self) -> Result<()> {
         let folder = self.folder("none")?;
-        let exit = emulator::start(BOARD, self.image, &[""], &folder, &[])?.end(LIMIT)?;
+        let exit = emulator::start(BOARD, self.image, &[""], &folder, &CLOCK)?.end(LIMIT)?;
         let effect = self.effect(&exit, &folder)?;
         ensure!(effect == Effect::Nothing, "without a flip: {effect}:\n{}", exit.output);
         Ok(())
@@ -159,7 +164,7 @@ impl<'a> Target<'a> {
     /// The watchdog ends what is stuck.
     fn stuck(&self) -> Result<()> {
         let folder = self.folder("stuck")?;
-        let exit = emulator::start(BOARD, self.image, &["stuck"], &folder, &[])?.end(LIMIT)?;
+        let exit = emulator::start(BOARD, self.image, &["stuck"], &folder, &CLOCK)?.end(LIMIT)?;
         let effect = self.effect(&exit, &folder)?;
         ensure!(effect == Effect::Ended("the watchdog"), "stuck firmware: {effect}:\n{}", exit.output);
         println!("flips: {}", exit.output.lines().last().unwrap_or_default());
@@ -171,14 +176,19 @@ impl<'a> Target<'a> {
         let mut random = Random(seed);
         let folder = self.folder(&format!("{seed:x}"))?;
         let port = debugger::free_port()?;
-        let options = ["-S", "-gdb", &format!("tcp:127.0.0.1:{port}")];
+        let address = format!("tcp:127.0.0.1:{port}");
+        let options = [&CLOCK[..], &["-S", "-gdb", &address]].concat();
         let running = emulator::start(BOARD, self.image, &[""], &folder, &options)?;
         let mut debugger = Debugger::connect(port)?;
-        // Each phase begins at least once a line.
-        let (phase, times) = (self.phases[random.below(3)], 1 + random.below(self.matching.search().height()) as u32);
-        ensure!(debugger.run_to(phase, times)? == Stop::Trapped, "the firmware ended before the flip");
-        debugger.step(random.below(STEPS))?;
         let part = Part::ALL[random.below(Part::ALL.len())];
+        let (phase, steps) = match part {
+            Part::Packet => (self.phases[2], STEPS_OF_PACKET),
+            _ => (self.phases[random.below(3)], STEPS),
+        };
+        // Each phase begins at least once a line.
+        let times = 1 + random.below(self.matching.search().height()) as u32;
+        ensure!(debugger.run_to(phase, times)? == Stop::Trapped, "the firmware ended before the flip");
+        debugger.step(random.below(steps))?;
         let memory = self.memory(part, debugger.stack_pointer()?);
         debugger.flip(memory.start + random.below(memory.len()) as u32, random.below(8) as u32)?;
         debugger.leave()?;

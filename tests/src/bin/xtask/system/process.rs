@@ -74,24 +74,25 @@ pub const OPTIMIZED: [&str; 6] = [
 /// The tests are selected with it, so that cargo unifies their features and builds each library once for
 /// both.
 pub fn built_program() -> Result<PathBuf> {
-    built("build", &["-pmultiscopic", "-pmultiscopic-tests", "--bin=multiscopic"], "multiscopic")
+    built("build", &["-pmultiscopic", "-pmultiscopic-tests", "--bin=multiscopic"], "multiscopic", &[])
 }
 
 /// Builds the command line as the tests in release use it, and returns its path.
 pub fn built_optimized_program() -> Result<PathBuf> {
     let program = ["--release", "-pmultiscopic", "--features=multiscopic/default", "--bin=multiscopic"];
-    built("build", &[&OPTIMIZED[..], &program].concat(), "multiscopic")
+    built("build", &[&OPTIMIZED[..], &program].concat(), "multiscopic", &[])
 }
 
 /// Builds a test program in release, and returns its path.
 pub fn built_test(name: &str) -> Result<PathBuf> {
-    built("test", &[&OPTIMIZED[..], &["--no-run", "--release", "--test", name]].concat(), name)
+    built("test", &[&OPTIMIZED[..], &["--no-run", "--release", "--test", name]].concat(), name, &[])
 }
 
 /// Runs cargo, and returns the path of the executable `name` that it built.
-pub fn built(verb: &str, arguments: &[&str], name: &str) -> Result<PathBuf> {
+pub fn built(verb: &str, arguments: &[&str], name: &str, variables: &[(&str, String)]) -> Result<PathBuf> {
     let is_test = verb == "test";
     let mut cargo = command("cargo", [verb]);
+    cargo.envs(variables.iter().map(|(name, value)| (name, value)));
     let messages = read(cargo.args(arguments).args(["--quiet", "--message-format", "json-render-diagnostics"]))?;
     let executable = |message: &str| {
         let message: serde_json::Value = serde_json::from_str(message).ok()?;

@@ -83,6 +83,9 @@ pub const NPM: Tool = Tool { program: "npm", debian: &["npm"], fedora: Some("nod
 pub const PYTHON: Tool =
     Tool { program: "python3", debian: &["python3", "python3-venv"], fedora: Some("python3"), homebrew: Some("python") };
 
+/// What packs and unpacks packages of Debian.
+pub const DPKG_DEB: Tool = Tool { program: "dpkg-deb", debian: &["dpkg"], fedora: Some("dpkg"), homebrew: Some("dpkg") };
+
 /// Every program that the firmware's tests need.
 pub const ALL: [Tool; 2] = [QEMU, CC];
 

@@ -53,11 +53,6 @@ struct Outcome {
 }
 
 impl Fuzzing {
-    /// All targets, a few seconds each, with the same inputs each time.
-    pub fn briefly() -> Fuzzing {
-        Fuzzing { targets: Vec::new(), minutes: 0.05, runs: Some(100_000) }
-    }
-
     /// Builds the targets and runs each.
     pub fn run(&self) -> Result<()> {
         let all = targets()?;

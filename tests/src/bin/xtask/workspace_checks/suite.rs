@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{path::Path, process::Command, time::Instant};
 
-use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, supply_chain::SupplyChain};
+use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages};
 use crate::{
     emulation::{
         build,
@@ -13,6 +13,7 @@ use crate::{
     firmware_checks::{
         bit_flips::BitFlips, capturing, cycles, distorted_set::DistortedSet, faults, kernel_twins, pico2, profiles,
     },
+    publishing::{crates, release, supply_chain::SupplyChain},
     system::{
         background::Background,
         folders,
@@ -83,13 +84,14 @@ pub fn test() -> Result<()> {
     step("setup", setup::run)?;
     let firmware = Background::start("firmware")?;
     step("tests in debug", || run_tests(&built_program()?, &["--workspace", "--exclude", PYTHON_PACKAGE]))?;
-    step("the published packages", packaging::check)?;
+    step("the published packages", crates::check)?;
     step("computations in release", || run_optimized_tests(&COMPUTATIONS))?;
     step("long tests in release", || run_optimized_tests(&LONG))?;
+    step("archives of the program", release::check)?;
     step("pages in a browser", pages::run_tests)?;
     step("instructions", || host_instructions::Guard::COMPARE.run())?;
     step("cameras in a virtual machine", emulated_cameras::run_tests)?;
-    step("the kernel of 64-bit Arm", emulated_arm64::run_tests)?;
+    step("64-bit Arm", emulated_arm64::run_tests)?;
     step("the firmware", || firmware.finish())?;
     println!("\nevery test passed");
     Ok(())

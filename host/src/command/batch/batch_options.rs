@@ -27,8 +27,8 @@ const MOST_NAMES: usize = 5;
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Many items, on many machines")]
 pub struct BatchOptions {
-    /// Folder of the results: each item has a folder of its name there, with its record.json. Items whose record is there and fits
-    /// are not done again. `multiscopic merge DIR` reads the records
+    /// Folder of the results: each item has a folder of its name there, with its record.json. Items whose record is there and
+    /// fits are not done again. `multiscopic merge DIR` reads the records
     #[arg(long, value_name = "DIR")]
     results: Option<PathBuf>,
 
@@ -68,9 +68,9 @@ impl BatchOptions {
 }
 
 impl Batch<'_> {
-    /// Does every item of the share that is not done. An item is given by its index; `inputs` returns the files that are read, and
-    /// `work` does it, with the outputs in a folder that is there. An item that fails is reported, and the others are done all the
-    /// same. The exit code is then 1.
+    /// Does every item of the share that is not done. An item is given by its index; `inputs` returns the files that are read,
+    /// and `work` does it, with the outputs in a folder that is there. An item that fails is reported, and the others are done
+    /// all the same. The exit code is then 1.
     pub fn run<R: Serialize>(
         &self,
         mut inputs: impl FnMut(usize) -> Result<Vec<PathBuf>>,

@@ -15,7 +15,7 @@ use multiscopic::{
 };
 use multiscopic_core::Views;
 
-use super::{Evaluate, PAGE_BYTES, method_table::MethodTable, print_tables};
+use super::{Evaluate, PAGE_BYTES, SceneRecord, method_table::MethodTable, print_tables};
 use crate::command::{
     batch::{Done, RunSettings},
     charts::{self, Errors},
@@ -71,7 +71,7 @@ impl Evaluate {
                     let SceneResults { records, .. } = self.measure_scene(&contest, &scenes[index])?;
                     let name = &scenes[index].name;
                     terminal::say(&format!("{name}: {} maps compared with the truth", records.len()));
-                    let results = records.into_iter().map(|record| Record { seconds: None, ..record }).collect::<Vec<_>>();
+                    let results: Vec<SceneRecord> = records.into_iter().map(SceneRecord::from).collect();
                     Ok(Done { results, outputs: Vec::new() })
                 },
             )),

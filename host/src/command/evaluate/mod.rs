@@ -6,6 +6,7 @@ mod method_table;
 mod rig_metrics;
 mod rig_options;
 mod rigs;
+mod scene_record;
 
 use std::{
     path::{Path, PathBuf},
@@ -21,6 +22,7 @@ use multiscopic::{
 };
 use serde::Serialize;
 
+pub use self::scene_record::SceneRecord;
 use self::{comparison::Comparison, rig_options::RigOptions};
 use super::{
     batch::{BatchOptions, RunSettings},

@@ -8,7 +8,6 @@ use std::{
 use multiscopic::{Error, Result, evaluation::text_table};
 use serde::{Serialize, de::DeserializeOwned};
 
-use super::mixed;
 use crate::command::{
     batch::{Fingerprint, ItemRecord, OutputRecord, RunFile, names},
     r#match::Summary,
@@ -58,6 +57,12 @@ impl<R: DeserializeOwned> MergedRecords<R> {
             ))),
         }
     }
+}
+
+/// An error about a folder that has something else than another one.
+pub fn mixed(directory: &Path, first: &Path, difference: &str) -> Error {
+    let [directory, first] = [directory, first].map(Path::display);
+    Error::Usage(format!("{directory} has {difference} as in {first}: give the folders of one run"))
 }
 
 /// Refuses a folder that is given twice.

@@ -2,18 +2,15 @@
 
 mod merged_records;
 
-use std::{
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::{path::PathBuf, process::ExitCode};
 
 use clap::Args;
-use multiscopic::{Error, Result, evaluation::Record, files::output};
+use multiscopic::{Result, evaluation::Record, files::output};
 
-use self::merged_records::{MergedRecords, MergedRig};
+use self::merged_records::{MergedRecords, MergedRig, mixed};
 use super::{
     batch::RunFile,
-    evaluate::{print_tables, write_json},
+    evaluate::{SceneRecord, print_tables, write_json},
     r#match::Summary,
     terminal,
 };
@@ -21,8 +18,8 @@ use super::{
 /// Joins the results of several machines, and prints the table that one machine would print
 ///
 /// The folders are the --results of `match --list` or `evaluate`. They must have been made by the same version with the same
-/// options, and have every item once in all: gaps and duplicates are refused by name. Results have the same bits however the items
-/// were shared. Times are left out, since they are never the same twice.
+/// options, and have every item once in all: gaps and duplicates are refused by name. Results have the same bits however the
+/// items were shared. Times are left out, since they are never the same twice.
 #[derive(Clone, Debug, Args)]
 pub struct Merge {
     /// Folders of results: one that all machines shared, or one of each
@@ -45,8 +42,8 @@ impl Merge {
             self.json.as_ref().map_or(Ok(()), |path| write_json(&rigs, path))?;
             terminal::print(&MergedRig::to_text(&rigs))?;
         } else {
-            let scenes = MergedRecords::<Vec<Record>>::read(&self.directories, &run)?;
-            let records: Vec<Record> = scenes.records.into_iter().flat_map(|record| record.results).collect();
+            let scenes = MergedRecords::<Vec<SceneRecord>>::read(&self.directories, &run)?;
+            let records: Vec<Record> = scenes.records.into_iter().flat_map(|scene| scene.results).map(Record::from).collect();
             self.json.as_ref().map_or(Ok(()), |path| write_json(&records, path))?;
             print_tables(&records)?;
         }
@@ -65,12 +62,6 @@ impl Merge {
         }
         Ok(first)
     }
-}
-
-/// An error about a folder that has something else than another one.
-fn mixed(directory: &Path, first: &Path, difference: &str) -> Error {
-    let [directory, first] = [directory, first].map(Path::display);
-    Error::Usage(format!("{directory} has {difference} as in {first}: give the folders of one run"))
 }
 
 /// How the items of another run differ.

@@ -26,8 +26,8 @@ use std::process::ExitCode;
 use emulation::setup;
 use firmware_checks::{capturing, cycles, faults, kernel_twins, profiles};
 use workspace_checks::{
-    crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, python_package, soaking, suite,
-    supply_chain,
+    cluster, crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, packaging, pages, python_package, soaking,
+    suite, supply_chain,
 };
 
 /// Runs the project's checks, tests and firmware.
@@ -71,6 +71,8 @@ enum Task {
     Page,
     /// Build the Python package, and test it against the program
     Python,
+    /// Share matches between the nodes of a Slurm cluster and of a Ray cluster on this machine, and lose a node
+    Cluster(cluster::Clusters),
     /// Package the published crates, and build each from its package
     Package,
     /// Check the licences of dependencies, the reasons for them and the count of unsafe code
@@ -108,6 +110,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Instructions(guard) => guard.run(),
         Task::Page => pages::run_tests(),
         Task::Python => python_package::run_tests(),
+        Task::Cluster(clusters) => clusters.run(),
         Task::Package => packaging::check(),
         Task::SupplyChain(check) => check.run(),
         Task::Fuzz(fuzzing) => fuzzing.run(),

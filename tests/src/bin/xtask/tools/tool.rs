@@ -75,6 +75,12 @@ pub const NPM: Tool = Tool { program: "npm", debian: &["npm"], fedora: Some("nod
 pub const PYTHON: Tool =
     Tool { program: "python3", debian: &["python3", "python3-venv"], fedora: Some("python3"), homebrew: Some("python") };
 
+/// The workload manager of clusters: its controller, with the daemon of its nodes and the commands of its users.
+pub const SLURM: Tool = Tool { program: "slurmctld", debian: &["slurm-wlm"], fedora: Some("slurm-slurmctld"), homebrew: None };
+
+/// What authenticates its users.
+pub const MUNGE: Tool = Tool { program: "munged", debian: &["munge"], fedora: Some("munge"), homebrew: None };
+
 /// Every program that the firmware's tests need.
 pub const ALL: [Tool; 2] = [QEMU, CC];
 

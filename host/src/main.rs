@@ -2,10 +2,13 @@
 
 mod command;
 
-use std::process::ExitCode;
+use std::{env, process::ExitCode};
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, error::ErrorKind};
-use command::terminal::{self, examples};
+use command::{
+    batch::RunSettings,
+    terminal::{self, examples},
+};
 
 /// Accurate depth from one camera moved on purpose.
 #[derive(Debug, Parser)]
@@ -24,6 +27,7 @@ enum Command {
     Demo(command::demo::Demo),
     Match(Box<command::r#match::Match>),
     Evaluate(Box<command::evaluate::Evaluate>),
+    Merge(command::merge::Merge),
     Capture(command::capture::Capture),
     Align(command::align::Align),
     Calibrate(command::calibrate::Calibrate),
@@ -52,9 +56,10 @@ fn program() -> clap::Command {
 }
 
 fn main() -> ExitCode {
-    let arguments = program().try_get_matches();
-    let cli = match arguments.and_then(|arguments| Cli::from_arg_matches(&arguments)) {
-        Ok(cli) => cli,
+    let mut program = program();
+    let arguments = program.try_get_matches_from_mut(env::args_os());
+    let (cli, arguments) = match arguments.and_then(|arguments| Ok((Cli::from_arg_matches(&arguments)?, arguments))) {
+        Ok(parsed) => parsed,
         // Running without arguments shows the help and succeeds.
         Err(error) if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             let _ = terminal::print(&error.render().to_string());
@@ -71,8 +76,9 @@ fn main() -> ExitCode {
     }
     let done = match cli.command {
         Command::Demo(command) => command.run(),
-        Command::Match(command) => command.run(),
-        Command::Evaluate(command) => command.run(),
+        Command::Match(command) => command.run(&RunSettings::given(&program, &arguments)),
+        Command::Evaluate(command) => command.run(&RunSettings::given(&program, &arguments)),
+        Command::Merge(command) => command.run(),
         Command::Capture(command) => command.run(),
         Command::Align(command) => command.run(),
         Command::Calibrate(command) => command.run(),
@@ -90,9 +96,9 @@ fn main() -> ExitCode {
         Command::Devices(command) => command.run(),
         Command::Weights(command) => command.run(),
         #[cfg(feature = "manuals")]
-        Command::Completions(command) => command.run(program()),
+        Command::Completions(command) => command.run(self::program()),
         #[cfg(feature = "manuals")]
-        Command::Man(command) => command.run(program()),
+        Command::Man(command) => command.run(self::program()),
     };
     done.unwrap_or_else(|error| {
         terminal::complain(&error.to_string());

@@ -1,6 +1,7 @@
 //! The commands, a module each, and what they share: [`options`] and the [`terminal`].
 
 pub mod align;
+pub mod batch;
 pub mod bench;
 pub mod budget;
 pub mod calibrate;
@@ -16,6 +17,7 @@ pub mod live;
 #[cfg(feature = "manuals")]
 pub mod manuals;
 pub mod r#match;
+pub mod merge;
 mod options;
 mod preparation;
 pub mod rig;

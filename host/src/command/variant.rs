@@ -105,7 +105,7 @@ impl Variant {
             fusion: self.fusion.name().into(),
             metrics,
             confidence: None,
-            seconds,
+            seconds: Some(seconds),
         }
     }
 }

@@ -1,14 +1,14 @@
 //! Error metrics of disparity maps.
 
 use multiscopic_core::Disparity;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::images::{DisparityMap, FloatImage};
 
 /// The errors of a disparity map over all pixels whose true disparity is known.
 ///
 /// An invalid pixel counts as bad, and enters the mean errors as a disparity of 0.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
     /// Root mean square error, in pixels.
     pub rms: f64,

@@ -1,11 +1,14 @@
 //! The result of one method on one scene.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{metrics::Metrics, sparsification::ConfidenceMetrics};
 
 /// The errors of one method on one scene, or whatever else of `M` was measured: a record of `evaluate --json`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+///
+/// `serde_json` reads a record, but not real numbers in `M` if anything in the program turns on its `arbitrary_precision`, as
+/// they are flattened.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record<M = Metrics> {
     /// The name of the data set.
     pub dataset: String,
@@ -19,7 +22,7 @@ pub struct Record<M = Metrics> {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layout: Option<String>,
     /// The baselines of the views, if they are at several, the shortest first.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub baselines: Vec<u8>,
     /// The baseline in camera steps, if it is not the data set's default. Errors are in pixels at the default baseline.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -32,8 +35,9 @@ pub struct Record<M = Metrics> {
     /// How good the confidences are, if that was measured.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub confidence: Option<ConfidenceMetrics>,
-    /// The time that matching took, with the confidences.
-    pub seconds: f64,
+    /// The time that matching took, with the confidences. `None` in what several machines measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
 }
 
 impl<M> Record<M> {
@@ -96,7 +100,7 @@ pub(super) mod tests {
             fusion,
             metrics,
             confidence: None,
-            seconds: 0.25,
+            seconds: Some(0.25),
         }
     }
 
@@ -128,5 +132,7 @@ pub(super) mod tests {
         let json = serde_json::to_string(&records()[..1]).unwrap();
         let expected = r#"[{"dataset":"made","scene":"A","method":"bm","views":1,"fusion":"min","rms":2.0,"avg_err":1.0,"bad_0_5":30.0,"bad_1":20.0,"bad_2":10.0,"coverage":0.98765,"seconds":0.25}]"#;
         assert_eq!(json, expected);
+        let unmeasured = Record { confidence: None, ..records().remove(0).with_metrics(()) };
+        assert_eq!(serde_json::from_str::<Vec<Record<()>>>(&json).unwrap(), [unmeasured]);
     }
 }

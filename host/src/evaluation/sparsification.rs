@@ -1,6 +1,6 @@
 //! How good confidences are: what is wrong among the surest pixels.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::images::{DisparityMap, FloatImage, Raster};
 
@@ -16,7 +16,7 @@ pub struct Sparsification {
 }
 
 /// How good the confidences of a disparity map are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ConfidenceMetrics {
     /// The area under the sparsification curve: the mean share of wrong pixels at densities of 5, 10, ... 100 %.
     pub auc: f64,

@@ -21,4 +21,4 @@ pub(crate) mod toml_file;
 mod truncation;
 
 pub use frame_files::FrameFiles;
-pub use rig_file::{AlignmentRecord, Provenance, Residual, Rig};
+pub use rig_file::{AlignmentRecord, ListedRig, Provenance, Residual, Rig};

@@ -16,3 +16,4 @@ mod pictures;
 mod rig_quality;
 mod scenes;
 mod search_ranges;
+mod shards;

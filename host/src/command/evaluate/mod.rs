@@ -1,10 +1,12 @@
 //! `multiscopic evaluate`: the accuracy of methods on data sets with ground truth, and of rigs.
 
 mod comparison;
+mod data_set;
 mod method_table;
 mod rig_metrics;
 mod rig_options;
 mod rigs;
+mod scene_record;
 
 use std::{
     path::{Path, PathBuf},
@@ -14,21 +16,19 @@ use std::{
 use clap::Args;
 use multiscopic::{
     Dataset, Error, Result,
-    evaluation::{CameraSteps, DatasetScene, ResultRow, results},
+    evaluation::{Record, results},
     files::output,
-    report::{Chart, Report, ViewedMap, ViewedScene},
+    report::Report,
 };
-use multiscopic_core::Views;
 use serde::Serialize;
 
-use self::{comparison::Comparison, method_table::MethodTable, rig_options::RigOptions};
+pub use self::scene_record::SceneRecord;
+use self::{comparison::Comparison, rig_options::RigOptions};
 use super::{
-    charts::{self, Errors},
+    batch::{BatchOptions, RunSettings},
     options::{BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, SearchOptions, named, output_file},
     preparation::PreparationOptions,
     terminal,
-    variant::{Measured, Subject},
-    view::{command_line, matched_map},
 };
 
 /// What the scenes of a page take at most, unless their disparities alone take more.
@@ -62,13 +62,16 @@ pub struct Evaluate {
     comparison: Comparison,
 
     /// Write the results as a JSON list
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "results")]
     json: Option<PathBuf>,
 
     /// Write a page with the tables and pictures, and for data sets with charts of the error over the number of views and over
     /// the baseline
-    #[arg(long, value_name = "FILE.html", value_parser = output_file::html)]
+    #[arg(long, value_name = "FILE.html", value_parser = output_file::html, conflicts_with = "results")]
     report: Option<PathBuf>,
+
+    #[command(flatten)]
+    batch: BatchOptions,
 
     #[command(flatten)]
     rig: RigOptions,
@@ -93,103 +96,25 @@ pub struct Evaluate {
 }
 
 impl Evaluate {
-    /// Runs the command.
-    pub fn run(&self) -> Result<ExitCode> {
+    /// Runs the command, with these settings for the scenes of a data set.
+    pub fn run(&self, settings: &RunSettings) -> Result<ExitCode> {
         match (self.dataset, &self.directories[..]) {
             (None, _) => {
                 let scenes = (!self.scenes.is_empty()).then_some("--scenes");
-                if let Some(option) = scenes.or(self.comparison.dataset_option()) {
+                // Captures of one scene are compared with each other, which one machine does.
+                let results = self.batch.is_given().then_some("--results");
+                if let Some(option) = scenes.or(results).or(self.comparison.dataset_option()) {
                     return Err(Error::Usage(format!("{option} is for data sets: give --dataset as well")));
                 }
                 self.run_rigs()?;
+                Ok(ExitCode::SUCCESS)
             }
-            (Some(dataset), [directory]) => self.run_dataset(dataset, directory)?,
+            (Some(dataset), [directory]) => self.run_dataset(dataset, directory, settings),
             (Some(dataset), directories) => {
                 let count = directories.len();
-                return Err(Error::Usage(format!(
-                    "--dataset {dataset} takes one folder, not {count}: choose scenes by --scenes"
-                )));
+                Err(Error::Usage(format!("--dataset {dataset} takes one folder, not {count}: choose scenes by --scenes")))
             }
         }
-        Ok(ExitCode::SUCCESS)
-    }
-
-    fn run_dataset(&self, dataset: Dataset, directory: &Path) -> Result<()> {
-        let dataset = self.comparison.dataset(dataset)?;
-        let variants = self.comparison.variants(dataset, &self.long_baselines)?;
-        let options = self.options.clone().for_dataset(dataset);
-        let methods = MethodTable::new(&variants, &options, self.search.block_size, &self.long_baselines)?;
-        let scenes = self.selected_scenes(dataset, directory)?;
-        let views = || variants.iter().map(|variant| variant.views);
-        let files = |scene: &DatasetScene| -> Vec<PathBuf> {
-            let images = views().flat_map(|views| scene.images(views).paths().map(PathBuf::from).collect::<Vec<_>>());
-            images.chain([scene.truth()]).collect()
-        };
-        let inputs: Vec<PathBuf> = scenes.iter().flat_map(files).collect();
-        output::check(&self.outputs(), &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
-        let engine = self.engine.engine()?;
-
-        // As many as fit a set, which is all but for large arrays at several baselines.
-        let most: Views = views().flat_map(Views::iter).collect();
-        let bar = terminal::progress((scenes.len() * variants.len()) as u64, "maps");
-        let (mut records, mut curves) = (Vec::new(), Vec::new());
-        let mut viewed = Vec::new();
-        for scene in &scenes {
-            bar.set_message(scene.name.clone());
-            let (mut frames, center, truth) = scene.load(most)?;
-            let mut seen = self.report.as_ref().map(|_| {
-                ViewedScene::new(&*scene.name, frames.size())
-                    .with_frames(&frames, Some(&center.to_rgb()))
-                    .with_truth(Some(&truth))
-            });
-            let first = records.len();
-            for variant in &variants {
-                if !variant.views.iter().all(|view| frames.views().contains(view)) {
-                    (frames, ..) = scene.load(variant.views)?;
-                }
-                let subject = Subject {
-                    dataset: dataset.name(),
-                    scene: &scene.name,
-                    camera_steps: dataset.camera_steps(),
-                    frames: &frames,
-                    truth: &truth,
-                };
-                let search = self.search.search(frames.size(), variant.views, Some(variant.fusion), dataset.range())?;
-                let method = methods.get(variant);
-                let Measured { disparities, confidences, curve, record } = variant.measure(method, &engine, &subject, &search)?;
-                curves.push(curve);
-                records.push(record);
-                let record = records.last().expect("it has just been added");
-                if let Some(seen) = &mut seen {
-                    let results = (&disparities, Some(&confidences));
-                    let map = matched_map(record.variant(), (variant.method.name(), method), &search, results, record.seconds);
-                    let costs = map.costs.filter(|_| dataset.camera_steps().is_none());
-                    let (metrics, reduction) = (Some(record.metrics), record.reduction(&records[first..]));
-                    seen.add(ViewedMap { metrics, reduction, costs, ..map });
-                }
-                bar.inc(1);
-            }
-            viewed.extend(seen);
-        }
-        bar.finish_and_clear();
-        ViewedScene::fit(&mut viewed, PAGE_BYTES);
-
-        let (rows, confidences) = (results::rows(&records), results::confidence_rows(&records));
-        let report = self.report.as_ref().map(|_| {
-            let baselines = match dataset.camera_steps() {
-                None => "baselines".to_owned(),
-                Some(CameraSteps::One) => "camera steps".into(),
-                Some(steps) => format!("baselines of {steps} camera steps"),
-            };
-            let has_default_fusion = self.comparison.has_default_fusion();
-            let errors = Errors { variants: &variants, records: &records, has_default_fusion, baselines: &baselines };
-            let curves = charts::sparsification(&variants, &records, &curves);
-            let charts: Vec<Chart> = errors.charts().into_iter().chain([curves]).collect();
-            Self::page(dataset, &rows, &confidences, &charts, &viewed)
-        });
-        self.write(&records, report)?;
-        let limit = terminal::columns();
-        terminal::print(&format!("{}\n{}", results::to_text(&rows, limit), results::confidences_to_text(&confidences, limit)))
     }
 
     /// The files that are written.
@@ -201,8 +126,7 @@ impl Evaluate {
     fn write(&self, records: &[impl Serialize], report: Option<Report>) -> Result<()> {
         output::write_together(|| {
             if let Some(path) = &self.json {
-                let json = serde_json::to_string_pretty(&records).expect("numbers and strings");
-                output::write(path, |writer| writeln!(writer, "{json}"))?;
+                write_json(records, path)?;
             }
             if let (Some(path), Some(report)) = (&self.report, report) {
                 output::write(path, |writer| writer.write_all(report.to_html().as_bytes()))?;
@@ -210,38 +134,17 @@ impl Evaluate {
             Ok(())
         })
     }
+}
 
-    fn page(
-        dataset: Dataset,
-        rows: &[ResultRow],
-        confidences: &[[String; 9]],
-        charts: &[Chart],
-        scenes: &[ViewedScene],
-    ) -> Report {
-        let page = Report::new(format!("Errors on {dataset}"))
-            .viewer(&command_line(), scenes)
-            .paragraph(
-                "RMS and AvgErr are in pixels, with the change from stereo in brackets; the other columns are percentages.",
-            )
-            .table(ResultRow::HEADINGS, rows.iter().map(ResultRow::cells))
-            .paragraph(
-                "Confidences: AUC is the mean share of wrong pixels, those with an error above 1 pixel, as the least sure are taken \
-                 away, and the optimum what is possible; ECE is by how much confidences differ from the share that is right; Bad1 is in \
-                 percent of the surest.",
-            )
-            .table(results::CONFIDENCE_HEADINGS, confidences.iter().cloned());
-        charts.iter().fold(page, Report::chart)
-    }
+/// Writes results as a JSON list.
+pub fn write_json(records: &[impl Serialize], path: &Path) -> Result<()> {
+    let json = serde_json::to_string_pretty(records).expect("numbers and strings");
+    output::write(path, |writer| writeln!(writer, "{json}"))
+}
 
-    /// The scenes that `--scenes` selects.
-    fn selected_scenes(&self, dataset: Dataset, directory: &Path) -> Result<Vec<DatasetScene>> {
-        let mut scenes = dataset.scenes(directory)?;
-        let names: Vec<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
-        if let Some(unknown) = self.scenes.iter().find(|name| !names.contains(&name.as_str())) {
-            let (directory, names) = (directory.display(), names.join(", "));
-            return Err(Error::Usage(format!("--scenes includes {unknown}, which is not in {directory}: choose from {names}")));
-        }
-        scenes.retain(|scene| self.scenes.is_empty() || self.scenes.contains(&scene.name));
-        Ok(scenes)
-    }
+/// Prints the tables of results on a data set.
+pub fn print_tables(records: &[Record]) -> Result<()> {
+    let (rows, confidences) = (results::rows(records), results::confidence_rows(records));
+    let limit = terminal::columns();
+    terminal::print(&format!("{}\n{}", results::to_text(&rows, limit), results::confidences_to_text(&confidences, limit)))
 }

@@ -70,7 +70,7 @@ impl Evaluate {
                         (variant.method.name(), method),
                         &search,
                         (&disparities, Some(&confidences)),
-                        seconds,
+                        Some(seconds),
                     ));
                     planes.extend(plane.map(|plane| {
                         let estimates = disparities.pixels().iter().map(|d| d.map(f32::from));

@@ -1,5 +1,6 @@
 //! `multiscopic match`: disparities from images.
 
+mod listed_rigs;
 mod outputs;
 mod summary;
 
@@ -11,17 +12,18 @@ use std::{
 
 use clap::Args;
 use multiscopic::{
-    DisparityMap, Error, Result,
+    DisparityMap, Engine, Error, Result,
     files::output,
     report::{Report, ViewedMap, ViewedScene},
     stereo::network::Inputs,
 };
 use multiscopic_core::Frame;
 use outputs::Outputs;
-use summary::Summary;
 
+pub use self::summary::Summary;
 use super::{
-    options::{EngineOptions, GeometryOptions, MatchingOptions, SourceOptions},
+    batch::{BatchOptions, RunSettings},
+    options::{EngineOptions, GeometryOptions, MatchingOptions, Source, SourceOptions},
     preparation::{PreparationOptions, mask_unseen},
     terminal::{self, Watch},
     view,
@@ -35,6 +37,21 @@ const MUCH_MEMORY: u64 = 1000;
 pub struct Match {
     #[command(flatten)]
     source: SourceOptions,
+
+    /// Match every captured folder in a list, which has the path of one on each line; relative ones are relative to the list. The
+    /// outputs of a rig go to a folder in --results, named as the rig's path in the list: give their names alone, such as
+    /// -o disparity.pfm. A rig that fails does not stop the others
+    #[arg(
+        long,
+        value_name = "RIGS.txt",
+        requires = "results",
+        conflicts_with_all = ["rig", "center", "left", "right", "top", "bottom", "view", "prior", "features", "preview", "json"],
+        help_heading = "Many items, on many machines"
+    )]
+    list: Option<PathBuf>,
+
+    #[command(flatten)]
+    batch: BatchOptions,
 
     #[command(flatten)]
     matching: MatchingOptions,
@@ -58,37 +75,59 @@ pub struct Match {
 }
 
 impl Match {
-    /// Runs the command.
-    pub fn run(&self) -> Result<ExitCode> {
-        let Some(mut source) = self.source.source()? else {
+    /// Runs the command, with these settings for the rigs of a list.
+    pub fn run(&self, settings: &RunSettings) -> Result<ExitCode> {
+        if let Some(list) = &self.list {
+            return self.run_list(list, settings);
+        }
+        if self.batch.is_given() {
+            let message = "--results is for the rigs of a list: give --list RIGS.txt, or -o OUT.pfm for the results of one rig";
+            return Err(Error::Usage(message.into()));
+        }
+        let Some(source) = self.source.source()? else {
             let message = "there are no images to match: give --center and its neighbours, or RIG_DIR, a folder with a rig.toml";
             return Err(Error::Usage(message.into()));
         };
+        let (summary, disparities) = self.matched(source, &self.outputs, &self.engine.engine()?)?;
+        self.outputs.maps.print(&disparities)?;
+        if self.outputs.preview {
+            let picture = self.outputs.maps.scale(&disparities).draw(&disparities.to_float());
+            terminal::print(&terminal::preview(&picture))?;
+        }
+        match self.outputs.json {
+            true => terminal::print_report(&summary, true)?,
+            false => terminal::say(&summary.to_string()),
+        }
+        summary.warnings().iter().for_each(|warning| terminal::warn(warning));
+        Ok(ExitCode::SUCCESS)
+    }
+
+    /// Matches the images of a rig, and writes the outputs together.
+    fn matched(&self, mut source: Source, outputs: &Outputs, engine: &Engine) -> Result<(Summary, DisparityMap)> {
         let (mut frames, center, undistortion) = source.load()?;
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
-        if let Some(output) = self.outputs.of_depth() {
+        if let Some(output) = outputs.of_depth() {
             self.geometry.refuse_missing(&output, source.rig.as_ref(), source.lens.as_ref())?;
         }
-        self.outputs.check()?;
+        outputs.check()?;
         let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).collect();
-        output::check(&self.outputs.paths(), &inputs)?;
-        let engine = self.engine.engine()?;
+        output::check(&outputs.paths(), &inputs)?;
         let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size())).transpose()?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.matching.search(size, views, range);
         let preparation = self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, search)?;
         let search = preparation.search;
-        let center = self.outputs.has_center().then(|| match (&preparation.alignment, &undistortion) {
+        let center = outputs.has_center().then(|| match (&preparation.alignment, &undistortion) {
             (Some(alignment), undistortion) => alignment.rectified(Frame::Center, center, undistortion.as_ref()),
             (None, Some(undistortion)) => undistortion.picture(&center),
             (None, None) => center,
         });
 
         let method = self.matching.method(views)?;
-        if let Some(folder) = &self.outputs.features {
-            Inputs::new(&frames, &search, &engine, &())?.write(folder)?;
+        if let Some(folder) = &outputs.features {
+            Inputs::new(&frames, &search, engine, &())?.write(folder)?;
         }
-        let color = frames.color(Frame::Center).filter(|_| self.outputs.report.is_some()).cloned();
+        let color = frames.color(Frame::Center).filter(|_| outputs.report.is_some()).cloned();
         if !method.needs_color() {
             frames = frames.without_color();
         }
@@ -98,15 +137,15 @@ impl Match {
         }
         let watch = Watch::new();
         let start = Instant::now();
-        let (mut disparities, mut confidences) = match (prior, method.long_baselines, self.outputs.has_confidences()) {
+        let (mut disparities, mut confidences) = match (prior, method.long_baselines, outputs.has_confidences()) {
             (Some(prior), Some(long), _) => {
-                let refined = long.refine_prior(&engine, &frames, prior, &watch)?;
+                let refined = long.refine_prior(engine, &frames, prior, &watch)?;
                 let range = refined.range().map_or(0..=0, |range| range.start().floor() as i16..=range.end().ceil() as i16);
-                (method.sharpened(&engine, &frames, frames.views(), range, refined), None)
+                (method.sharpened(engine, &frames, frames.views(), range, refined), None)
             }
-            (_, _, false) => (method.disparities(&engine, &frames, &search, &watch)?, None),
+            (_, _, false) => (method.disparities(engine, &frames, &search, &watch)?, None),
             (_, _, true) => {
-                let (disparities, confidences) = method.disparities_and_confidences(&engine, &frames, &search, &watch)?;
+                let (disparities, confidences) = method.disparities_and_confidences(engine, &frames, &search, &watch)?;
                 (disparities, Some(confidences))
             }
         };
@@ -115,7 +154,7 @@ impl Match {
         mask_unseen(undistortion.as_ref(), &mut disparities, confidences.as_mut());
 
         let name = if self.prior.is_some() { "around a prior" } else { self.matching.method.name() };
-        let report = self.outputs.report.as_ref().map(|page| -> Result<Report> {
+        let report = outputs.report.as_ref().map(|page| -> Result<Report> {
             let truth = source.folder().map(|folder| view::truth(folder, size, &source.images.center)).transpose()?.flatten();
             let truth = truth.map(|truth| preparation.truth(truth));
             let title = source.folder().map_or_else(|| "Disparities".into(), view::title);
@@ -124,33 +163,23 @@ impl Match {
                 .with_frames(&frames, color.as_ref())
                 .with_truth(truth.as_ref());
             let results = (&disparities, confidences.as_ref());
-            let map = view::matched_map(name.into(), (self.matching.method.name(), &method), &search, results, seconds);
-            let file = self.outputs.maps.beside(page);
+            let map = view::matched_map(name.into(), (self.matching.method.name(), &method), &search, results, Some(seconds));
+            let file = outputs.maps.beside(page);
             scene.add(ViewedMap { file, ..map });
             Ok(Report::new(title).viewer(&view::command_line(), &[scene]))
         });
         let report = report.transpose()?;
         output::write_together(|| {
-            self.outputs.write(&disparities, confidences.as_ref(), geometry.as_ref(), center.as_ref())?;
+            outputs.write(&disparities, confidences.as_ref(), geometry.as_ref(), center.as_ref())?;
             #[cfg(feature = "mcap")]
-            self.outputs.record(&search, &disparities, confidences.as_ref(), geometry.as_ref(), center.as_ref())?;
-            match (&self.outputs.report, &report) {
+            outputs.record(&search, &disparities, confidences.as_ref(), geometry.as_ref(), center.as_ref())?;
+            match (&outputs.report, &report) {
                 (Some(path), Some(report)) => output::write(path, |writer| writer.write_all(report.to_html().as_bytes())),
                 _ => Ok(()),
             }
         })?;
-        self.outputs.maps.print(&disparities)?;
-        if self.outputs.preview {
-            let picture = self.outputs.maps.scale(&disparities).draw(&disparities.to_float());
-            terminal::print(&terminal::preview(&picture))?;
-        }
         let warnings = preparation.warnings(&disparities, &search);
         let summary = Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings);
-        match self.outputs.json {
-            true => terminal::print_report(&summary, true)?,
-            false => terminal::say(&summary.to_string()),
-        }
-        summary.warnings().iter().for_each(|warning| terminal::warn(warning));
-        Ok(ExitCode::SUCCESS)
+        Ok((summary, disparities))
     }
 }

@@ -91,6 +91,37 @@ impl Outputs {
             .collect()
     }
 
+    /// These outputs in a folder, where a name of each is given.
+    pub fn within(&self, folder: &Path) -> Result<Outputs> {
+        let mut outputs = self.clone();
+        let Outputs {
+            maps,
+            confidence,
+            depth,
+            depth_png,
+            ply,
+            report,
+            #[cfg(feature = "mcap")]
+            mcap,
+            ..
+        } = &mut outputs;
+        #[cfg(feature = "mcap")]
+        let recording = mcap.as_mut();
+        #[cfg(not(feature = "mcap"))]
+        let recording = None;
+        let paths = [confidence, depth, depth_png, ply, report].into_iter().flatten();
+        for path in maps.paths_mut().chain(paths).chain(recording) {
+            if output_file::is_standard_output(path) || path.file_name() != Some(path.as_os_str()) {
+                return Err(Error::Usage(format!(
+                    "the output {} is not a name alone: with --list, outputs are in the folder of each rig in --results",
+                    path.display()
+                )));
+            }
+            *path = folder.join(&*path);
+        }
+        Ok(outputs)
+    }
+
     pub fn write(
         &self,
         disparities: &DisparityMap,

@@ -10,12 +10,12 @@ use multiscopic::{
     },
 };
 use multiscopic_core::Search;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::command::terminal;
 
 /// What a match found. Shares are from 0 to 1.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     width: usize,
     height: usize,
@@ -23,7 +23,7 @@ pub struct Summary {
     views: usize,
     /// Their baselines, in multiples of the shortest.
     baselines: Vec<u32>,
-    fusion: &'static str,
+    fusion: String,
     min_disparity: i16,
     num_disparities: usize,
     /// The share of pixels with a disparity.
@@ -31,7 +31,9 @@ pub struct Summary {
     /// The share with a confidence from 0.9 on, if confidences were computed.
     #[serde(skip_serializing_if = "Option::is_none")]
     sure: Option<f64>,
-    milliseconds: f64,
+    /// How long the match took, unless it is one of many.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    milliseconds: Option<f64>,
     warnings: Vec<String>,
 }
 
@@ -51,14 +53,35 @@ impl Summary {
             method: method.into(),
             views: search.views().len(),
             baselines: LongBaselines::sets(search.views()).iter().map(|views| u32::from(views.multiple())).collect(),
-            fusion: search.fusion().name(),
+            fusion: search.fusion().name().into(),
             min_disparity: search.min_disparity(),
             num_disparities: search.num_disparities(),
             valid: disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64,
             sure: confidences.map(confidence_map::sure_share),
-            milliseconds: 1e3 * seconds,
+            milliseconds: Some(1e3 * seconds),
             warnings,
         }
+    }
+
+    /// The headings of [`cells`](Summary::cells).
+    pub const HEADINGS: [&str; 6] = ["method", "rig", "size", "views", "disparities", "valid %"];
+
+    /// The row of a rig in a table.
+    pub fn cells(&self, rig: &str) -> [String; 6] {
+        let size = format!("{}x{}", self.width, self.height);
+        let valid = format!("{:.2}", 100.0 * self.valid);
+        [self.method.clone(), rig.into(), size, self.views.to_string(), self.range(), valid]
+    }
+
+    /// The smallest and the largest disparity.
+    fn range(&self) -> String {
+        let last = i32::from(self.min_disparity) + self.num_disparities as i32 - 1;
+        format!("{}..={last}", self.min_disparity)
+    }
+
+    /// The same without the time, which is another on each machine.
+    pub fn without_time(self) -> Summary {
+        Summary { milliseconds: None, ..self }
     }
 
     /// What the user should know.
@@ -69,7 +92,7 @@ impl Summary {
 
 impl Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let Summary { width, height, method, fusion, min_disparity, .. } = self;
+        let Summary { width, height, method, fusion, .. } = self;
         let views = match (self.views, &self.baselines[..]) {
             (1, _) => "1 view".into(),
             (views, [_]) => format!("{views} views"),
@@ -78,9 +101,9 @@ impl Display for Summary {
                 format!("{views} views at baselines {}", baselines.join(", "))
             }
         };
-        let last = i32::from(*min_disparity) + self.num_disparities as i32 - 1;
-        write!(f, "{width}x{height}, {method}, {views}, {fusion}, {min_disparity}..={last}: {:.1} % valid", 100.0 * self.valid)?;
+        write!(f, "{width}x{height}, {method}, {views}, {fusion}, {}: {:.1} % valid", self.range(), 100.0 * self.valid)?;
         let sure = self.sure.map(terminal::sure).unwrap_or_default();
-        write!(f, "{sure}, {:.0} ms", self.milliseconds)
+        write!(f, "{sure}")?;
+        self.milliseconds.map_or(Ok(()), |milliseconds| write!(f, ", {milliseconds:.0} ms"))
     }
 }

@@ -154,10 +154,15 @@ impl FromStr for ViewImage {
 }
 
 impl SourceOptions {
+    /// The captured folder at a path, with these options.
+    pub fn source_of(&self, directory: &Path) -> multiscopic::Result<Source> {
+        Source::of_rig(directory, self.lens.as_deref(), &self.bits)
+    }
+
     /// What the command line names. `None` if it names no images.
     pub fn source(&self) -> multiscopic::Result<Option<Source>> {
         if let Some(directory) = &self.rig {
-            return Source::of_rig(directory, self.lens.as_deref(), &self.bits).map(Some);
+            return self.source_of(directory).map(Some);
         }
         let SourceOptions { center, left, right, top, bottom, view, rig: _, lens, bits } = self.clone();
         let images = FrameFiles { center: center.clone().unwrap_or_default(), left, right, top, bottom, ..FrameFiles::default() };

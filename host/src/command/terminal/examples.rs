@@ -28,6 +28,10 @@ const EXAMPLES: &[(&str, &[Example])] = &[
                 "The fewest errors, by the network; seen in the terminal",
                 "multiscopic match rig --method net --preview -o disparity.pfm",
             ),
+            (
+                "All rigs of a list, on the second of eight machines",
+                "multiscopic match --list rigs.txt --results out --shard 2/8 -o disparity.pfm",
+            ),
         ],
     ),
     (
@@ -38,6 +42,17 @@ const EXAMPLES: &[(&str, &[Example])] = &[
                 "multiscopic evaluate data --dataset middlebury2006-third --methods bm,sgm",
             ),
             ("Your own rig, on a flat wall at 1 m", "multiscopic evaluate rig --plane 1000"),
+            (
+                "Every eighth scene of a data set, for `multiscopic merge`",
+                "multiscopic evaluate data --dataset middlebury2006-third --results out --shard 2/8",
+            ),
+        ],
+    ),
+    (
+        "merge",
+        &[
+            ("A folder that all machines shared", "multiscopic merge out"),
+            ("A folder of each machine", "multiscopic merge out1 out2 --json results.json"),
         ],
     ),
     (

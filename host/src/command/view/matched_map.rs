@@ -11,13 +11,13 @@ use multiscopic_core::Search;
 
 use crate::command::options::SearchOptions;
 
-/// A map that was matched.
+/// A map that was matched, in a number of seconds if they were measured.
 pub fn matched_map<'a>(
     name: String,
     method: (&str, &Method),
     search: &Search,
     (disparities, confidences): (&'a DisparityMap, Option<&'a ConfidenceMap>),
-    seconds: f64,
+    seconds: Option<f64>,
 ) -> ViewedMap<'a> {
     let (method_name, method) = method;
     let block_size = match method.cost {
@@ -35,7 +35,7 @@ pub fn matched_map<'a>(
         ("disparities".into(), format!("{} to {} px", search.min_disparity(), search.max_disparity())),
     ];
     parameters.extend(block_size.map(|side| ("block".into(), format!("{side} x {side}"))));
-    parameters.push(("time".into(), format!("{:.0} ms", 1e3 * seconds)));
+    parameters.extend(seconds.map(|seconds| ("time".into(), format!("{:.0} ms", 1e3 * seconds))));
     let costs =
         BlockCosts::new(search, block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE), is_exact && block_size.is_some());
     ViewedMap { name, disparities, confidences, metrics: None, reduction: None, parameters, costs: Some(costs), file: None }

@@ -159,7 +159,7 @@ impl View {
             .with_frames(&frames, frames.color(Frame::Center))
             .with_truth(truth.as_ref());
         let maps = matched.iter().map(|Matched { name, method, search, disparities, confidences, seconds }| {
-            matched_map(name.name().into(), (name.name(), method), search, (disparities, Some(confidences)), *seconds)
+            matched_map(name.name().into(), (name.name(), method), search, (disparities, Some(confidences)), Some(*seconds))
         });
         let blocks = self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
         let costs = BlockCosts::new(&preparation.search, blocks, false);

@@ -29,7 +29,7 @@ use emulation::setup;
 use firmware_checks::{bit_flips, capturing, cycles, faults, kernel_twins, pico2, profiles};
 use publishing::{crates, release, supply_chain};
 use workspace_checks::{
-    crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages, python_package, soaking, suite,
+    cluster, crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages, python_package, soaking, suite,
 };
 
 /// Runs the project's checks, tests and firmware.
@@ -77,6 +77,8 @@ enum Task {
     Page,
     /// Build the Python package, and test it against the program
     Python,
+    /// Share matches between the nodes of a Slurm cluster and of a Ray cluster on this machine, and lose a node
+    Cluster(cluster::Clusters),
     /// Package the published crates, and build each from its package
     Package,
     /// Make archives of the program for Linux and Debian, which the same commit gives the same bytes
@@ -121,6 +123,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Python => python_package::run_tests(),
         Task::Package => crates::check(),
         Task::Release(release) => release.run(),
+        Task::Cluster(clusters) => clusters.run(),
         Task::SupplyChain(check) => check.run(),
         Task::Fuzz(fuzzing) => fuzzing.run(),
         Task::Crash(crashing) => crashing.run(),

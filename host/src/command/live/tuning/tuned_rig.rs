@@ -101,7 +101,7 @@ impl TunedRig {
     pub fn tuned(&self, plan: &TunedMatch, (disparities, confidences, seconds): (DisparityMap, ConfidenceMap, f64)) -> Tuned {
         let TunedMatch { name, method, search } = plan;
         let results = (&disparities, Some(&confidences));
-        let map = self.scene.encoded(matched_map((*name).into(), (name, method), search, results, seconds));
+        let map = self.scene.encoded(matched_map((*name).into(), (name, method), search, results, Some(seconds)));
         let valid = disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64;
         let summary = format!(
             "{:.0} ms, {:.1} % valid{}",

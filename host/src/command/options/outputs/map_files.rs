@@ -43,6 +43,11 @@ impl MapFiles {
         [self.output_file(), self.png.as_deref(), self.raw16.as_deref()].into_iter().flatten()
     }
 
+    /// The paths of all files, and of standard output.
+    pub fn paths_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        [&mut self.output, &mut self.png, &mut self.raw16].into_iter().flatten()
+    }
+
     /// Whether standard output gets the disparities.
     pub fn is_printed(&self) -> bool {
         self.output.as_deref().is_some_and(output_file::is_standard_output)

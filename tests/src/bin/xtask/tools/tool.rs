@@ -86,6 +86,12 @@ pub const PYTHON: Tool =
 /// What packs and unpacks packages of Debian.
 pub const DPKG_DEB: Tool = Tool { program: "dpkg-deb", debian: &["dpkg"], fedora: Some("dpkg"), homebrew: Some("dpkg") };
 
+/// The workload manager of clusters: its controller, with the daemon of its nodes and the commands of its users.
+pub const SLURM: Tool = Tool { program: "slurmctld", debian: &["slurm-wlm"], fedora: Some("slurm-slurmctld"), homebrew: None };
+
+/// What authenticates its users.
+pub const MUNGE: Tool = Tool { program: "munged", debian: &["munge"], fedora: Some("munge"), homebrew: None };
+
 /// Every program that the firmware's tests need.
 pub const ALL: [Tool; 2] = [QEMU, CC];
 

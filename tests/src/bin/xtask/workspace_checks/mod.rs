@@ -1,5 +1,6 @@
 //! Checks of the whole workspace, and the suites that combine all checks.
 
+pub mod cluster;
 pub mod crashes;
 pub mod emulated_arm64;
 pub mod emulated_cameras;

@@ -1,0 +1,107 @@
+//! The record of an item that is done.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use multiscopic::{Error, Result, files::output};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+use super::{fingerprint::Fingerprint, run_settings::RunSettings};
+
+/// What was done to an item, and what came of it. It is written last: an item with a record is done.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ItemRecord<R> {
+    /// The item's name.
+    pub item: String,
+    /// What decided the results, besides the inputs.
+    pub run: RunSettings,
+    /// The files that were read.
+    pub inputs: Fingerprint,
+    /// The files that were written, in the folder of the record.
+    pub outputs: Vec<OutputRecord>,
+    /// The results.
+    pub results: R,
+    /// The time that it took.
+    pub seconds: f64,
+}
+
+/// A file that was written.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct OutputRecord {
+    /// Its name.
+    pub file: String,
+    /// Its contents.
+    #[serde(flatten)]
+    pub contents: Fingerprint,
+}
+
+impl OutputRecord {
+    /// That of a file that is there.
+    pub fn of(path: &Path) -> Result<OutputRecord> {
+        let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(OutputRecord { file, contents: Fingerprint::of_file(path)? })
+    }
+}
+
+impl<R> ItemRecord<R> {
+    /// The name of the file.
+    const FILE_NAME: &str = "record.json";
+
+    /// The folder of an item of this name.
+    pub fn folder(results: &Path, item: &str) -> PathBuf {
+        results.join(item)
+    }
+
+    /// The file in the folder of an item.
+    pub fn path(folder: &Path) -> PathBuf {
+        folder.join(Self::FILE_NAME)
+    }
+
+    /// Whether the outputs in a folder are there and have the bytes that they should have.
+    pub fn has_outputs(&self, folder: &Path) -> bool {
+        let has_bytes = |metadata: fs::Metadata, output: &OutputRecord| metadata.len() == output.contents.bytes;
+        self.outputs.iter().all(|output| fs::metadata(folder.join(&output.file)).is_ok_and(|there| has_bytes(there, output)))
+    }
+
+    /// Refuses outputs in a folder that are not those of the record.
+    pub fn check_outputs(&self, folder: &Path) -> Result<()> {
+        for output in &self.outputs {
+            let path = folder.join(&output.file);
+            if Fingerprint::of_file(&path)? != output.contents {
+                let found = "other contents than those in its record".into();
+                let expected = "what was written: remove the record, and do the item again".into();
+                return Err(Error::Format { path, found, expected });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<R: DeserializeOwned> ItemRecord<R> {
+    /// Reads the record in the folder of an item. `None` if there is none.
+    ///
+    /// # Errors
+    /// [`Error::Read`], and [`Error::Format`] if it is not a record.
+    pub fn read(folder: &Path) -> Result<Option<ItemRecord<R>>> {
+        let path = Self::path(folder);
+        let bytes = match fs::read(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            bytes => bytes.map_err(|source| Error::Read { path: path.clone(), source })?,
+        };
+        serde_json::from_slice(&bytes).map(Some).map_err(|error| Error::Format {
+            path,
+            found: format!("no record ({error})"),
+            expected: "that of an item that is done: do it again".into(),
+        })
+    }
+}
+
+impl<R: Serialize> ItemRecord<R> {
+    /// Writes the record into the folder of the item.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        let json = serde_json::to_string_pretty(self).expect("numbers and strings");
+        output::write(&Self::path(folder), |writer| writeln!(writer, "{json}"))
+    }
+}

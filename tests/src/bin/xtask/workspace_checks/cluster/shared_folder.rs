@@ -1,0 +1,101 @@
+//! The folder that all nodes of a cluster see.
+
+use anyhow::{Context, Result, ensure};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+    thread,
+    time::{Duration, Instant},
+};
+
+use super::guide;
+use crate::system::process::{command, read, run};
+
+/// How many rigs are in the list.
+const RIGS: usize = 24;
+/// What a cluster may take.
+const PATIENCE: Duration = Duration::from_secs(540);
+
+/// The folder, with rigs and their list.
+pub struct SharedFolder {
+    folder: tempfile::TempDir,
+    /// The folder of the program.
+    programs: PathBuf,
+    /// What one machine makes of the list.
+    pub expected: String,
+}
+
+/// The records of the items that are done, by their names.
+pub type Records = BTreeMap<String, Vec<u8>>;
+
+impl SharedFolder {
+    /// Makes rigs and their list, and matches them on one machine.
+    pub fn new(program: PathBuf) -> Result<SharedFolder> {
+        let programs = program.parent().context("the program is in a folder")?.into();
+        let mut shared = SharedFolder { folder: tempfile::tempdir()?, programs, expected: String::new() };
+        let scenes = ["scene", "--random", "--count", &RIGS.to_string(), "--size", "160x120", "-o", "rigs"];
+        run(shared.command(&program.to_string_lossy()).args(scenes))?;
+        let list: String = (0..RIGS).map(|number| format!("rigs/{number:04}\n")).collect();
+        fs::write(shared.path("rigs.txt"), list)?;
+        run(shared.command("sh").args(["-e", "-c", &guide::block("--results whole")?]))?;
+        shared.expected = fs::read_to_string(shared.path("whole.json"))?;
+        Ok(shared)
+    }
+
+    /// A path in the folder.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// A command that runs in the folder, and finds the program.
+    pub fn command(&self, program: &str) -> Command {
+        let mut command = command(program, [""; 0]);
+        let path = std::env::var("PATH").unwrap_or_default();
+        command.current_dir(&self.folder).env("PATH", format!("{}:{path}", self.programs.display()));
+        command
+    }
+
+    /// The records in a folder of results.
+    pub fn records(&self, results: &Path) -> Records {
+        let path = |name: &String| results.join(name).join("record.json");
+        let names = (0..RIGS).map(|number| format!("rigs/{number:04}"));
+        names.filter_map(|name| Some((name.clone(), fs::read(path(&name)).ok()?))).collect()
+    }
+
+    /// Waits until a condition holds.
+    pub fn wait(&self, what: &str, mut holds: impl FnMut() -> Result<bool>) -> Result<()> {
+        let start = Instant::now();
+        while !holds()? {
+            ensure!(start.elapsed() < PATIENCE, "{what} took more than {} s", PATIENCE.as_secs());
+            thread::sleep(Duration::from_millis(20));
+        }
+        Ok(())
+    }
+
+    /// Checks that all rigs are done, and that none of those that were done `before` was done again.
+    pub fn check(&self, results: &Path, before: &Records) -> Result<()> {
+        let records = self.records(results);
+        ensure!(records.len() == RIGS, "{} of {RIGS} rigs are done", records.len());
+        for (name, record) in before {
+            ensure!(records.get(name) == Some(record), "{name} was done twice: its record is another one");
+        }
+        Ok(())
+    }
+
+    /// The SHA-256 of the disparities of each rig, in JSON that one machine or a cluster wrote.
+    pub fn disparities(json: &str) -> Result<Vec<(String, String)>> {
+        let rigs: Vec<serde_json::Value> = serde_json::from_str(json)?;
+        let pair = |rig: &serde_json::Value| {
+            let output = rig["outputs"].as_array()?.iter().find(|output| output["file"] == "disparity.pfm")?;
+            Some((rig["rig"].as_str()?.to_owned(), output["sha256"].as_str()?.to_owned()))
+        };
+        rigs.iter().map(|rig| pair(rig).context("a rig without disparities")).collect()
+    }
+}
+
+/// The standard output of a command that succeeds.
+pub fn output(command: &mut Command, arguments: &[&str]) -> Result<String> {
+    read(command.args(arguments))
+}

@@ -44,7 +44,7 @@ const EXAMPLES: &[(&str, &[Example])] = &[
             ("Your own rig, on a flat wall at 1 m", "multiscopic evaluate rig --plane 1000"),
             (
                 "Every eighth scene of a data set, for `multiscopic merge`",
-                "multiscopic evaluate data --dataset middlebury2006-third --results out --shard 2/8",
+                "multiscopic evaluate data --dataset middlebury2006-third \\\n    --results out --shard 2/8",
             ),
         ],
     ),

@@ -71,10 +71,9 @@ pub const OPTIMIZED: [&str; 6] = [
 
 /// Builds the command line as the tests in debug use it, and returns its path.
 ///
-/// The tests are selected with it, so that cargo unifies their features and builds each library once for
-/// both.
+/// This runner is selected too, although it is there: cargo then builds the macros of both alike, and each library once.
 pub fn built_program() -> Result<PathBuf> {
-    built("build", &["-pmultiscopic", "-pmultiscopic-tests", "--bin=multiscopic"], "multiscopic", &[])
+    built("build", &["-pmultiscopic", "-pmultiscopic-tests", "--bin=multiscopic", "--bin=xtask"], "multiscopic", &[])
 }
 
 /// Builds the command line as the tests in release use it, and returns its path.

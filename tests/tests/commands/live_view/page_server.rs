@@ -26,6 +26,11 @@ impl PageServer {
     /// Starts the program, and waits until it tells the address of its page.
     pub fn start(words: &[&str]) -> PageServer {
         let mut command = Command::new(program::binary());
+        if cfg!(target_os = "linux") {
+            // Whoever runs the tests may ignore these signals, as `nohup` does.
+            command = Command::new("env");
+            command.arg("--default-signal=INT,HUP").arg(program::binary());
+        }
         let mut child = command.args(words).arg("--no-open").stderr(Stdio::piped()).stdin(Stdio::null()).spawn().unwrap();
         let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
         let address = lines.find_map(|line| Some(line.unwrap().split_once("open http://")?.1.to_owned())).expect("an address");

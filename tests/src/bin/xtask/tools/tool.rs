@@ -93,7 +93,7 @@ pub const SLURM: Tool = Tool { program: "slurmctld", debian: &["slurm-wlm"], fed
 pub const MUNGE: Tool = Tool { program: "munged", debian: &["munge"], fedora: Some("munge"), homebrew: None };
 
 /// Every program that the firmware's tests need.
-pub const ALL: [Tool; 2] = [QEMU, CC];
+pub const ALL: [Tool; 3] = [QEMU, QEMU_RISCV, CC];
 
 impl Tool {
     /// The program, installed first if it is missing.

@@ -15,6 +15,9 @@ pub fn use_binary(program: PathBuf) {
     let _ = BINARY.set(program);
 }
 
+/// The option of `env` that makes a program take signals: whoever runs the tests may ignore some, as `nohup` does.
+pub const DEFAULT_SIGNALS: &str = "--default-signal=INT,HUP";
+
 /// The `multiscopic` binary: `$MULTISCOPIC_BINARY` if set, otherwise built once in this test's profile.
 pub fn binary() -> &'static Path {
     BINARY.get_or_init(|| {
@@ -30,6 +33,8 @@ pub fn binary() -> &'static Path {
             // With the tests, whose features cargo unifies with its own: alone, all of its libraries would be
             // built a second time.
             .args(["build", "--quiet", "--package", "multiscopic", "--package", "multiscopic-tests", "--bin", "multiscopic"])
+            // With the runner, too, since its macros are built in another way without it, and then all libraries again.
+            .args(cfg!(feature = "xtask").then_some("--bin=xtask"))
             .args(["--message-format", "json", "--profile", profile])
             .current_dir(env!("CARGO_MANIFEST_DIR"))
             .stderr(Stdio::inherit())

@@ -85,13 +85,9 @@ impl Listen {
             (&self.source, Box::new(BufReader::new(file)))
         };
         let outputs: Vec<&Path> = self.maps.paths().chain(self.confidence.as_deref()).collect();
-        match (self.maps.is_printed(), self.json) {
-            (true, true) => return Err(Error::Usage("-o - and --json both take standard output: give one of them".into())),
-            (false, false) if outputs.is_empty() => {
-                let message = "there is nothing to write: give -o OUT.pfm, or another output such as --png OUT.png or --json";
-                return Err(Error::Usage(message.into()));
-            }
-            _ => {}
+        if !self.maps.check_printed(&[("--json", self.json)])? && outputs.is_empty() {
+            let message = "there is nothing to write: give -o OUT.pfm, or another output such as --png OUT.png or --json";
+            return Err(Error::Usage(message.into()));
         }
         output::check(&outputs, &[path])?;
 

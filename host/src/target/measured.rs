@@ -122,7 +122,8 @@ impl Processor {
     ///
     /// `cargo xtask cycles` measures them: the emulator counts how often each block of the firmware runs, and each
     /// block takes the cycles of Arm's manual (Cortex-M4) or of LLVM's model of the processor (M7, M55). Neither has a
-    /// table for the M33, which is counted as an M4 and pairs some short instructions beside that. They leave out wait states and caches, the cycle that a Cortex-M4 waits for an address that the instruction before computes, the
+    /// table for the M33, which is counted as an M4 and pairs some short instructions beside that. They leave out wait
+    /// states and caches, the cycle that a Cortex-M4 waits for an address that the instruction before computes, the
     /// branches that a Cortex-M7 predicts wrongly, and the unaligned words that a Cortex-M7 or M55 loads in two accesses.
     /// If you have measured your part, use `multiscopic budget --cpi` instead.
     pub fn cycles_per_instruction(self) -> f64 {

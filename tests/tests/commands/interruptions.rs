@@ -65,9 +65,6 @@ fn names(dir: &Path) -> Vec<String> {
     names
 }
 
-/// Whoever runs the tests may ignore these signals, as `nohup` does.
-const ALL_SIGNALS: &str = "exec env --default-signal=INT,HUP";
-
 /// Graph cuts of these images take far longer than the test.
 const SLOW: &str = "--method gc --num-disparities 200 -o o.pfm --png p.png";
 
@@ -75,8 +72,9 @@ const SLOW: &str = "--method gc --num-disparities 200 -o o.pfm --png p.png";
 fn an_interrupted_match_writes_nothing() {
     let dir = tempfile::tempdir().unwrap();
     images(dir.path(), 600, 400);
+    let all_signals = format!("exec env {}", program::DEFAULT_SIGNALS);
     for (signal, code) in [("INT", 130), ("TERM", 143), ("HUP", 129)] {
-        let child = start(dir.path(), ALL_SIGNALS, SLOW);
+        let child = start(dir.path(), &all_signals, SLOW);
         wait_until_signals_are_handled(&child);
         send(signal, &child);
         let (found, messages) = finish(child);

@@ -17,7 +17,6 @@ use multiscopic_core::{
     Views,
     capture::{CaptureProgress, Plan, Position},
 };
-
 use serde::Serialize;
 
 use super::{

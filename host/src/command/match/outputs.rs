@@ -73,15 +73,12 @@ pub struct Outputs {
 impl Outputs {
     /// Refuses to match for nothing, and two things on standard output.
     pub fn check(&self) -> Result<()> {
-        let printed = [("-o -", self.maps.is_printed()), ("--preview", self.preview), ("--json", self.json)];
-        let printed: Vec<&str> = printed.into_iter().filter_map(|(option, is_given)| is_given.then_some(option)).collect();
-        match &printed[..] {
-            [first, second, ..] => Err(Error::Usage(format!("{first} and {second} both take standard output: give one of them"))),
-            [] if self.paths().is_empty() && self.features.is_none() => Err(Error::Usage(
-                "there is nothing to write: give -o OUT.pfm, or another output such as --png OUT.png, --preview or --json".into(),
-            )),
-            _ => Ok(()),
+        let is_printed = self.maps.check_printed(&[("--preview", self.preview), ("--json", self.json)])?;
+        if is_printed || !self.paths().is_empty() || self.features.is_some() {
+            return Ok(());
         }
+        let message = "there is nothing to write: give -o OUT.pfm, or another output such as --png OUT.png, --preview or --json";
+        Err(Error::Usage(message.into()))
     }
 
     pub fn paths(&self) -> Vec<&Path> {

@@ -49,7 +49,7 @@ enum Task {
     Check,
     /// Run every test: debug and release builds, cameras in a virtual machine, firmware in the emulator
     Test,
-    /// Run every test of the firmware: libraries for Arm, kernels, profiles, cycles, captures and faults
+    /// Run every test of the firmware: libraries, kernels, profiles, cycles, captures, faults and flipped bits
     Firmware,
     /// Check formatting, architecture, lints and documentation
     Lint,
@@ -79,7 +79,7 @@ enum Task {
     Python,
     /// Share matches between the nodes of a Slurm cluster and of a Ray cluster on this machine, and lose a node
     Cluster(cluster::Clusters),
-    /// Package the published crates, and build each from its package
+    /// Package the published crates, and compile each from its package
     Package,
     /// Make archives of the program for Linux and Debian, which the same commit gives the same bytes
     Release(release::Release),

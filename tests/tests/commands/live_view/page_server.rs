@@ -27,9 +27,8 @@ impl PageServer {
     pub fn start(words: &[&str]) -> PageServer {
         let mut command = Command::new(program::binary());
         if cfg!(target_os = "linux") {
-            // Whoever runs the tests may ignore these signals, as `nohup` does.
             command = Command::new("env");
-            command.arg("--default-signal=INT,HUP").arg(program::binary());
+            command.arg(program::DEFAULT_SIGNALS).arg(program::binary());
         }
         let mut child = command.args(words).arg("--no-open").stderr(Stdio::piped()).stdin(Stdio::null()).spawn().unwrap();
         let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use multiscopic::{
-    DisparityMap, FloatImage, Picture, Result,
+    DisparityMap, Error, FloatImage, Picture, Result,
     images::{ColorScale, Colormap},
     report::color_bar,
 };
@@ -48,8 +48,19 @@ impl MapFiles {
         [&mut self.output, &mut self.png, &mut self.raw16].into_iter().flatten()
     }
 
+    /// Refuses two things on standard output: the disparities, or what one of `others` prints, an option that may be given.
+    /// Returns whether anything is printed.
+    pub fn check_printed(&self, others: &[(&str, bool)]) -> Result<bool> {
+        let printed = [("-o -", self.is_printed())].into_iter().chain(others.iter().copied());
+        let printed: Vec<&str> = printed.filter_map(|(option, is_given)| is_given.then_some(option)).collect();
+        match printed[..] {
+            [first, second, ..] => Err(Error::Usage(format!("{first} and {second} both take standard output: give one of them"))),
+            _ => Ok(!printed.is_empty()),
+        }
+    }
+
     /// Whether standard output gets the disparities.
-    pub fn is_printed(&self) -> bool {
+    fn is_printed(&self) -> bool {
         self.output.as_deref().is_some_and(output_file::is_standard_output)
     }
 

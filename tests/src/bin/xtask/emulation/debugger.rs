@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use std::{
     io::{Read, Write},
-    net::{Ipv4Addr, TcpListener, TcpStream},
+    net::{Ipv4Addr, TcpStream},
     thread,
     time::{Duration, Instant},
 };
@@ -26,11 +26,6 @@ pub enum Stop {
     Trapped,
     /// It ended.
     Exited,
-}
-
-/// A port of this machine that is free, for the emulator to listen at.
-pub fn free_port() -> Result<u16> {
-    Ok(TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?.local_addr()?.port())
 }
 
 impl Debugger {

@@ -17,12 +17,12 @@ use std::{
 use crate::{
     emulation::{
         build::{self, Program},
-        debugger::{self, Debugger, Stop},
+        debugger::{Debugger, Stop},
         emulated_board::{EmulatedBoard, REFERENCE},
         emulator::{self, Exit},
     },
     firmware_checks::{image_set::ImageSet, received},
-    system::{folders, workers},
+    system::{folders, free_ports, workers},
     tools::toolchain::Toolchain,
 };
 
@@ -175,7 +175,7 @@ impl<'a> Target<'a> {
     fn flip(&self, seed: u64) -> Result<(Part, Effect)> {
         let mut random = Random(seed);
         let folder = self.folder(&format!("{seed:x}"))?;
-        let port = debugger::free_port()?;
+        let [port] = free_ports::find()?;
         let address = format!("tcp:127.0.0.1:{port}");
         let options = [&CLOCK[..], &["-S", "-gdb", &address]].concat();
         let running = emulator::start(BOARD, self.image, &[""], &folder, &options)?;

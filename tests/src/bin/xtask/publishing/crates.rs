@@ -1,4 +1,4 @@
-//! Packages the published crates as a registry would receive them, and builds each from its package.
+//! Packages the published crates as a registry would receive them, and compiles each from its package, without linking it.
 //!
 //! Cargo can build packages itself, but it keeps what it unpacks by name, version and folder: after an edit
 //! it would build against the core of the last check.
@@ -19,7 +19,7 @@ const PUBLISHED: [&str; 4] = ["multiscopic-core", "multiscopic-edge", "multiscop
 /// host's package needs libclang, as it does for whoever depends on the published crate.
 const BINDINGS: &str = "v4l2-sys-mit";
 
-/// Packages and builds every published crate.
+/// Packages and compiles every published crate.
 pub fn check() -> Result<()> {
     let selected = PUBLISHED.map(|name| format!("--package={name}"));
     run(command("cargo", ["package", "--quiet", "--no-verify", "--allow-dirty"]).args(selected))?;

@@ -1,7 +1,8 @@
-//! Archives of the program: a tar file for any Linux, and a package for Debian. Both have the manual and the completions of shells.
+//! Archives of the program: a tar file for any Linux, and a package for Debian. Both have the manual and the completions of
+//! shells.
 //!
-//! The same commit and compiler give the same bytes: paths of this machine are left out, files are sorted, and their date is that of
-//! the commit.
+//! The same commit and compiler give the same bytes: paths of this machine are left out, files are sorted, and their date is
+//! that of the commit.
 
 use std::{
     collections::BTreeSet,
@@ -17,7 +18,7 @@ use crate::{
         folders,
         process::{built, built_optimized_program, command, read, run},
     },
-    tools::tool,
+    tools::{tool, toolchain},
 };
 
 const NAME: &str = concat!("multiscopic-", env!("CARGO_PKG_VERSION"));
@@ -45,7 +46,7 @@ impl Release {
         let archives = archives(&program("release-build")?, "publish")?;
         if self.twice {
             // Paths of another length would move what follows them.
-            same(&archives, &archives_of_another_build()?)?;
+            same(&archives, &self::archives(&program("release-build-in-another-folder")?, "publish-again")?)?;
             println!("release: built twice, the same bytes");
         }
         let folder = folders::target().join("publish");
@@ -101,15 +102,11 @@ fn program(folder: &str) -> Result<PathBuf> {
     built("build", &arguments, "multiscopic", &[("RUSTFLAGS", flags.join(" "))])
 }
 
-fn archives_of_another_build() -> Result<Vec<PathBuf>> {
-    archives(&program("release-build-in-another-folder")?, "publish-again")
-}
-
 /// Archives `program` and what belongs to it in a folder of the target folder.
 fn archives(program: &Path, folder: &str) -> Result<Vec<PathBuf>> {
     let folder = folders::target().join(folder);
     let _ = fs::remove_dir_all(&folder);
-    let name = format!("{NAME}-{}", host()?);
+    let name = format!("{NAME}-{}", toolchain::host()?);
     let prefix = folder.join(&name);
     stage(program, &prefix)?;
     // The date of the commit, or of the package that this is built from.
@@ -195,12 +192,6 @@ fn copy(from: &Path, to: &Path) -> Result<()> {
 fn archive_name_without_extension(path: &Path) -> Result<String> {
     let name = path.file_name().and_then(|name| name.to_str()).context("a name in UTF-8")?;
     Ok(name.trim_end_matches(".tar.gz").to_owned())
-}
-
-/// The target that this machine's compiler builds for.
-fn host() -> Result<String> {
-    let version = read(&mut command("rustc", ["-vV"]))?;
-    version.lines().find_map(|line| line.strip_prefix("host: ")).map(str::to_owned).context("rustc does not tell its host")
 }
 
 #[cfg(test)]

@@ -81,6 +81,12 @@ impl fmt::Display for Toolchain {
     }
 }
 
+/// The target that the active toolchain builds for by itself.
+pub fn host() -> Result<String> {
+    let version = read(&mut command("rustc", ["-vV"]))?;
+    version.lines().find_map(|line| line.strip_prefix("host: ")).map(str::to_owned).context("rustc does not tell its host")
+}
+
 /// Adds `targets` to the active toolchain with rustup.
 fn add(targets: &[&str]) -> Result<()> {
     let mut rustup = command("rustup", ["target", "add"].iter().chain(targets));

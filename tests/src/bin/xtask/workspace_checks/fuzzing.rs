@@ -10,13 +10,16 @@ use std::{
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 
-use crate::system::{
-    folders,
-    process::{command, read, run},
+use crate::{
+    system::{
+        folders,
+        process::{command, run},
+    },
+    tools::toolchain,
 };
 
-/// Instruments code for libFuzzer: counters of edges, their table, and compared values; and AddressSanitizer, which ends the program
-/// at an access outside of what was allocated.
+/// Instruments code for libFuzzer: counters of edges, their table, and compared values; and for AddressSanitizer, which ends the
+/// program at an access outside of what was allocated.
 const INSTRUMENTS: &str = "-Zsanitizer=address -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
                            -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
                            -Cllvm-args=-sanitizer-coverage-trace-compares -Dwarnings";
@@ -122,11 +125,10 @@ fn targets() -> Result<Vec<String>> {
 
 /// Builds all targets in a folder of their own, and returns the one of the programs.
 fn build() -> Result<PathBuf> {
-    let version = read(&mut command("rustc", ["-vV"]))?;
-    let host = version.lines().find_map(|line| line.strip_prefix("host: ")).context("rustc does not tell its host")?;
+    let host = toolchain::host()?;
     let folder = folders::target().join("fuzz");
     // With a target, build scripts and macros are not instrumented.
-    let mut cargo = command("cargo", ["build", "--release", "--locked", "--manifest-path", MANIFEST, "--target", host]);
+    let mut cargo = command("cargo", ["build", "--release", "--locked", "--manifest-path", MANIFEST, "--target", &host]);
     run(cargo.arg("--target-dir").arg(&folder).env("RUSTFLAGS", INSTRUMENTS).env(UNSTABLE.0, UNSTABLE.1))?;
     Ok(folder.join(host).join("release"))
 }

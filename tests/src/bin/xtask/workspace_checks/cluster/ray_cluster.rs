@@ -1,11 +1,11 @@
 //! A cluster of Ray: two nodes on the loopback address.
 
 use anyhow::{Context, Result, ensure};
-use std::{fs, net::TcpListener, process::Command, time::Instant};
+use std::{fs, process::Command, time::Instant};
 
 use super::{daemon::Daemon, guide, shared_folder::SharedFolder};
 use crate::{
-    system::process::run,
+    system::{free_ports, process::run},
     workspace_checks::python_package::{PythonEnvironment, wheels},
 };
 
@@ -17,7 +17,7 @@ pub fn check(shared: &SharedFolder) -> Result<()> {
     let environment = PythonEnvironment::install("ray", REQUIREMENTS)?;
     environment.install_package(&wheels()?)?;
     let start = Instant::now();
-    let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
+    let [port] = free_ports::find()?;
     let address = format!("127.0.0.1:{port}");
     let node = |arguments: &[&str], log: &str| {
         let mut ray = Command::new(environment.program("ray"));

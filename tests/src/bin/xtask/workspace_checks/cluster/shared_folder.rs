@@ -11,7 +11,7 @@ use std::{
 };
 
 use super::guide;
-use crate::system::process::{command, read, run};
+use crate::system::process::{command, run};
 
 /// How many rigs are in the list.
 const RIGS: usize = 24;
@@ -93,9 +93,4 @@ impl SharedFolder {
         };
         rigs.iter().map(|rig| pair(rig).context("a rig without disparities")).collect()
     }
-}
-
-/// The standard output of a command that succeeds.
-pub fn output(command: &mut Command, arguments: &[&str]) -> Result<String> {
-    read(command.args(arguments))
 }

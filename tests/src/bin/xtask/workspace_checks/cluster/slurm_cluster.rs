@@ -3,7 +3,6 @@
 use anyhow::{Result, ensure};
 use std::{
     fs,
-    net::TcpListener,
     path::{Path, PathBuf},
     time::Instant,
 };
@@ -11,10 +10,13 @@ use std::{
 use super::{
     daemon::{self, Daemon},
     guide,
-    shared_folder::{SharedFolder, output},
+    shared_folder::SharedFolder,
 };
 use crate::{
-    system::process::{command, read},
+    system::{
+        free_ports,
+        process::{command, read},
+    },
     tools::tool,
 };
 
@@ -39,7 +41,7 @@ pub fn check(shared: &SharedFolder) -> Result<()> {
     let mut cluster = SlurmCluster::start(shared)?;
     fs::write(shared.path("match.sh"), guide::block("#SBATCH --array")?)?;
     let submit = guide::block("sbatch --parsable")?;
-    output(&mut cluster.client("sh"), &["-e", "-c", &submit])?;
+    cluster.read("sh", &["-e", "-c", &submit])?;
     let out = shared.path("out");
     shared.wait("the first rigs", || {
         let is_busy = || cluster.read("squeue", &["--noheader", "--states=RUNNING", "--nodelist=two"]);
@@ -100,7 +102,7 @@ impl SlurmCluster<'_> {
     }
 
     fn read(&self, program: &str, arguments: &[&str]) -> Result<String> {
-        output(&mut self.client(program), arguments)
+        read(self.client(program).args(arguments))
     }
 
     /// Kills the second node with all that runs on it. Its tasks are no children of its daemon.
@@ -146,8 +148,7 @@ fn munged(shared: &SharedFolder, folder: &Path) -> Result<std::process::Command>
 
 /// The configuration of a cluster whose files are in a folder.
 fn configured(folder: &Path) -> Result<String> {
-    let listeners = [(); 3].map(|()| TcpListener::bind("127.0.0.1:0"));
-    let ports = listeners.into_iter().map(|listener| Ok(listener?.local_addr()?.port())).collect::<Result<Vec<u16>>>()?;
+    let ports: [u16; 1 + NODES.len()] = free_ports::find()?;
     let (host, folder) = (read(&mut command("hostname", ["-s"]))?, folder.display());
     let nodes: String = NODES
         .iter()

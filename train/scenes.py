@@ -139,6 +139,7 @@ def all_features(program, folder, sets, threads=2):
 def make(program, folder, threads=2):
     """Everything to train with: two lists of features, for training and for selection."""
     program, folder = str(program), Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
     for scenes in [*HELD_BACK, *TRAINING]:
         render(program, folder, scenes)
     return all_features(program, folder, TRAINING, threads), all_features(program, folder, HELD_BACK, threads)

@@ -6,6 +6,7 @@
 use std::{
     collections::BTreeSet,
     fs::{self, DirEntry, File, TryLockError},
+    io,
     path::{Path, PathBuf},
     sync::{Mutex, PoisonError},
 };
@@ -23,6 +24,15 @@ pub fn lock(opened: &File, path: &Path) -> bool {
         Err(TryLockError::WouldBlock) => false,
         // Where nothing can be locked, nothing is taken for a leftover either.
         Err(TryLockError::Error(_)) => true,
+    }
+}
+
+/// As [`lock`], a temporary folder. `None` if another program is deleting it, or already has.
+pub fn lock_folder(path: &Path) -> io::Result<Option<File>> {
+    match File::open(path) {
+        Ok(opened) => Ok(lock(&opened, path).then_some(opened)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
     }
 }
 
@@ -93,5 +103,20 @@ mod tests {
         drop(running);
         fs::remove_file(path(".multiscopic-locked")).unwrap();
         assert!(!lock(&again, &path(".multiscopic-locked")));
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_folder_that_another_program_deletes_is_not_used() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = dir.path().join(".multiscopic-000000");
+        fs::create_dir(&folder).unwrap();
+        let other = File::open(&folder).unwrap();
+        assert!(lock(&other, &folder));
+        assert!(lock_folder(&folder).unwrap().is_none(), "it is being deleted");
+        fs::remove_dir(&folder).unwrap();
+        assert!(lock_folder(&folder).unwrap().is_none(), "it is gone");
+        fs::create_dir(&folder).unwrap();
+        assert!(lock_folder(&folder).unwrap().is_some());
     }
 }

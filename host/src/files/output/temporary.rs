@@ -68,8 +68,8 @@ impl Temporary<TempDir> {
             if !cfg!(unix) {
                 return Ok(Some((folder, None)));
             }
-            let opened = File::open(folder.path())?;
-            Ok(leftovers::lock(&opened, folder.path()).then_some((folder, Some(opened))))
+            let locked = leftovers::lock_folder(folder.path())?;
+            Ok(locked.map(|locked| (folder, Some(locked))))
         };
         listed(make, TempDir::path)
     }

@@ -31,6 +31,7 @@
 //! | `confidence` | [`ConfidenceTable`], [`ConfidenceLines`]: how probable it is that a disparity is right |
 //! | `matcher` | [`Matcher`]: pulls lines, and computes disparity lines by block matching |
 //! | `semi_global` | [`SemiGlobalMatcher`]: the same by semi-global matching |
+//! | `network` | with the feature `network`: the inputs of the disparity network |
 //! | [`capture`] | how the frames are taken: the camera moves, settles and captures |
 //!
 //! The crate does not allocate, panic or recurse. Unsafe code is confined to modules of [`kernel`], each of
@@ -39,7 +40,11 @@
 //! # Features
 //! `array`: matchers take up to eight views instead of four.
 //!
+//! `network`: the learned network, `network`, and its weights: 182 kB.
+//!
 //! `defmt`: parameters, results and errors implement `defmt::Format`.
+//!
+//! `network`: what the disparity network needs, `network` and `EightPaths`.
 #![no_std]
 
 mod availability;
@@ -55,6 +60,8 @@ pub mod kernel;
 mod lines;
 mod matcher;
 mod memory;
+#[cfg(feature = "network")]
+pub mod network;
 mod params;
 mod prior_line;
 mod rectification;
@@ -79,6 +86,8 @@ pub use params::{Census, Params, ParamsError, PathPenalties, Prior, Search, Semi
 pub use rectification::{Displacement, DisplacementGrid, Rectification, RectificationError, Rectified, RectifiedError};
 pub use region::{Region, RegionError};
 pub use scanline::{Rewind, ScanlineSource};
+#[cfg(feature = "network")]
+pub use semi_global::{EightPaths, EightPathsLine};
 pub use semi_global::{PathWinners, SemiGlobalMatcher};
 pub use view::{Frame, ParseViewError, View, ViewError};
 pub use views::Views;

@@ -92,6 +92,8 @@ pub struct Memory {
     /// Lines of all frames that rectified lines are interpolated from: see
     /// [`Rectification::memory`](crate::Rectification::memory).
     pub rectified: usize,
+    /// All that the network takes, the frames as well: see `network::NetworkMemory`.
+    pub network: usize,
 }
 
 impl Memory {
@@ -111,6 +113,7 @@ impl Memory {
         paths: 0,
         samples: 0,
         rectified: 0,
+        network: 0,
     };
 
     /// The memory for regions of up to `columns` columns with an instruction set.
@@ -172,6 +175,12 @@ impl Memory {
         }
     }
 
+    /// The memory for the network with an instruction set.
+    #[cfg(feature = "network")]
+    pub const fn network<I: Isa>(params: &crate::network::NetworkParams) -> Memory {
+        Memory { network: params.memory::<I>().bytes(), ..Memory::NONE }
+    }
+
     /// The memory of two matchers side by side, or of a matcher and of the rectification of what it reads.
     pub const fn plus(&self, other: &Memory) -> Memory {
         Memory {
@@ -189,6 +198,7 @@ impl Memory {
             paths: self.paths + other.paths,
             samples: self.samples + other.samples,
             rectified: self.rectified + other.rectified,
+            network: self.network + other.network,
         }
     }
 
@@ -208,6 +218,7 @@ impl Memory {
             + self.paths
             + self.samples
             + self.rectified
+            + self.network
     }
 
     /// The sum of all buffers in words: the length of the `[u32]` lent to the matcher.
@@ -418,21 +429,40 @@ impl<'m> Lender<'m> {
         Ok(lent)
     }
 
+    /// Hands out what is left, until it is dropped.
+    pub fn rest(&mut self) -> Lender<'_> {
+        Lender { rest: self.rest, vector_bytes: self.vector_bytes, too_small: self.too_small }
+    }
+
     /// The next bytes.
     pub fn bytes(&mut self, bytes: usize) -> Result<&'m mut [u8], MemoryTooSmall> {
         let too_small = self.too_small;
         let lent: &'m mut [u8] = bytemuck::cast_slice_mut(self.words(bytes)?);
         lent.get_mut(..bytes).ok_or(too_small)
     }
+
+    /// The next elements of two bytes each.
+    #[cfg(feature = "network")]
+    pub fn halfwords<T: bytemuck::Pod>(&mut self, count: usize) -> Result<&'m mut [T], MemoryTooSmall> {
+        const { assert!(size_of::<T>() == 2, "elements have two bytes") };
+        let too_small = self.too_small;
+        let lent: &'m mut [T] = bytemuck::try_cast_slice_mut(self.words(2 * count)?).unwrap_or_default();
+        lent.get_mut(..count).ok_or(too_small)
+    }
+}
+
+/// The bytes that a [`Lender`] takes for a piece.
+pub(crate) const fn lent<I: Isa>(bytes: usize) -> usize {
+    align(bytes, vector_bytes::<I>())
 }
 
 /// The bytes of a vector of column sums, in whole words: the unit of every buffer.
-const fn vector_bytes<I: Isa>() -> usize {
+pub(crate) const fn vector_bytes<I: Isa>() -> usize {
     (2 * I::LANES).next_multiple_of(size_of::<u32>())
 }
 
 /// The bytes rounded up to whole vectors.
-const fn align(bytes: usize, vector_bytes: usize) -> usize {
+pub(crate) const fn align(bytes: usize, vector_bytes: usize) -> usize {
     // Not `next_multiple_of`, which panics for 0: the compiler cannot see that vectors are not empty.
     match bytes.checked_next_multiple_of(vector_bytes) {
         Some(bytes) => bytes,

@@ -87,6 +87,7 @@ mod tests {
             size_of::<workspace!(Wide, profile::QVGA_PRIOR)>(),
             size_of::<workspace!(Wide, profile::QVGA_CONFIDENCE)>(),
             size_of::<workspace!(Wide, profile::QQVGA_SGM_CONFIDENCE)>(),
+            size_of::<workspace!(Wide, profile::QQVGA_NET)>(),
         ];
         assert_eq!(sizes, profile::ALL.map(|profile| profile.lengths::<Wide>().bytes()));
     }

@@ -1,6 +1,8 @@
 //! What a pipeline computes.
 
-use multiscopic_core::{ConfidenceLines, Memory, Params, Region, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa};
+use multiscopic_core::{
+    ConfidenceLines, Memory, Params, Region, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa, network::NetworkParams,
+};
 
 use crate::{Lengths, packet};
 
@@ -30,6 +32,8 @@ pub enum Matching {
     },
     /// Disparities and how probable it is that each is right, in one pass.
     WithConfidences(WholeLines),
+    /// The network, which gives confidences too. It needs whole frames in memory.
+    Network(NetworkParams),
 }
 
 /// A method that confidences can be computed for: one that matches whole lines, and searches all of the range.
@@ -77,20 +81,21 @@ impl Matching {
             Matching::Blocks { params, .. } | Matching::AroundPrior { short: params, .. } => params.search(),
             Matching::SemiGlobal(params) => params.search(),
             Matching::WithConfidences(lines) => lines.search(),
+            Matching::Network(params) => params.search(),
         }
     }
 
     /// The search at long baselines around the disparities of [`search`](Matching::search).
     pub const fn long_search(&self) -> Option<&Search> {
         match self {
-            Matching::Blocks { .. } | Matching::SemiGlobal(_) | Matching::WithConfidences(_) => None,
+            Matching::Blocks { .. } | Matching::SemiGlobal(_) | Matching::WithConfidences(_) | Matching::Network(_) => None,
             Matching::AroundPrior { long, .. } => Some(long.search()),
         }
     }
 
     /// Whether confidences are computed.
     pub const fn has_confidences(&self) -> bool {
-        matches!(self, Matching::WithConfidences(_))
+        matches!(self, Matching::WithConfidences(_) | Matching::Network(_))
     }
 
     /// All searches. Each reads the centre and its own views.
@@ -108,7 +113,8 @@ impl Matching {
         self.searches().map(Search::evaluations).sum()
     }
 
-    /// The block matching whose sums are the costs, at short baselines if there are long ones too; `None` for the census.
+    /// The block matching whose sums are the costs, at short baselines if there are long ones too; `None` for the census, which
+    /// the network takes as well.
     pub fn block_matching(&self) -> Option<Params> {
         match self {
             Matching::Blocks { params, .. } | Matching::AroundPrior { short: params, .. } => Some(*params),
@@ -117,6 +123,7 @@ impl Matching {
                 SemiGlobalCost::Census(_) => None,
             },
             Matching::WithConfidences(lines) => lines.alone().block_matching(),
+            Matching::Network(_) => None,
         }
     }
 
@@ -126,6 +133,7 @@ impl Matching {
             Matching::Blocks { .. } | Matching::AroundPrior { .. } => "bm",
             Matching::SemiGlobal(_) => "sgm",
             Matching::WithConfidences(lines) => lines.alone().name(),
+            Matching::Network(_) => "net",
         }
     }
 
@@ -133,7 +141,9 @@ impl Matching {
     pub const fn tile_width(&self) -> usize {
         match self {
             Matching::Blocks { tile_width, .. } => *tile_width,
-            Matching::SemiGlobal(_) | Matching::AroundPrior { .. } | Matching::WithConfidences(_) => self.search().width(),
+            Matching::SemiGlobal(_) | Matching::AroundPrior { .. } | Matching::WithConfidences(_) | Matching::Network(_) => {
+                self.search().width()
+            }
         }
     }
 
@@ -151,6 +161,7 @@ impl Matching {
             Matching::WithConfidences(lines) => {
                 (lines.alone().latency_lines() + ConfidenceLines::LATENCY_LINES).min(self.search().height())
             }
+            Matching::Network(params) => params.search().height(),
             // The first blocks of the long match need as many lines of the prior as their radius, and one more.
             Matching::AroundPrior { short, long } => {
                 (short.latency_lines() + long.radius()).min(short.height()).max(long.around(short.search()).latency_lines())
@@ -168,6 +179,7 @@ impl Matching {
                 Memory::new::<I>(short, short.width()).plus(&around)
             }
             Matching::WithConfidences(lines) => lines.alone().lengths::<I>().matcher,
+            Matching::Network(params) => Memory::network::<I>(params),
         };
         let columns = self.tile_width();
         match self {
@@ -175,6 +187,10 @@ impl Matching {
                 let packet = packet::buffer_bytes_with_confidences(columns);
                 let confidence = size_of::<u32>() * (ConfidenceLines::memory_words(columns) + confidence_line_words(columns));
                 Lengths { matcher, confidence, columns, packet }
+            }
+            Matching::Network(_) => {
+                let confidence = size_of::<u32>() * confidence_line_words(columns);
+                Lengths { matcher, confidence, columns, packet: packet::buffer_bytes_with_confidences(columns) }
             }
             _ => Lengths { matcher, confidence: 0, columns, packet: packet::buffer_bytes(columns) },
         }

@@ -6,6 +6,7 @@ use multiscopic_core::{
     ConfidenceLines, ConfidenceTable, Disparity, Frame, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region,
     Rewind, ScanlineSource, Search, SemiGlobalMatcher, SemiGlobalParams,
     kernel::{Isa, Kernel},
+    network::{NetworkError, NetworkMatcher, NetworkParams, TRAINED_WEIGHTS},
 };
 
 use crate::{
@@ -99,6 +100,15 @@ impl<'w> Pipeline<'w> {
         ) -> Result<Sender<'w>, RunError<B>> {
             pipeline.match_semi_globally_with_confidences::<B, I>(kernel, params, source, output)
         }
+        #[inline(never)]
+        fn network<'w, B: Board, I: Kernel>(
+            pipeline: Pipeline<'w>,
+            kernel: I,
+            params: &NetworkParams,
+            (source, output): (&mut B::Frames, &mut B::Output),
+        ) -> Result<Sender<'w>, RunError<B>> {
+            pipeline.match_by_network::<B, I>(kernel, params, source, output)
+        }
         match (matching, sources) {
             (Matching::Blocks { params, tile_width }, [source, ..]) => {
                 blocks::<B, I>(self, kernel, params, *tile_width, (source, output))
@@ -113,6 +123,7 @@ impl<'w> Pipeline<'w> {
             (Matching::WithConfidences(WholeLines::SemiGlobal(params)), [source, ..]) => {
                 semi_global_with_confidences::<B, I>(self, kernel, params, (source, output))
             }
+            (Matching::Network(params), [source, ..]) => network::<B, I>(self, kernel, params, (source, output)),
             (_, sources) => Err(PipelineError::Sources { needed: matching.searches().count(), given: sources.len() }),
         }
     }
@@ -211,6 +222,34 @@ impl<'w> Pipeline<'w> {
         Ok(sender)
     }
 
+    /// [`run`](Pipeline::run) for the network with the trained weights. All frames are read first.
+    ///
+    /// # Errors
+    /// Those of [`run`](Pipeline::run).
+    #[inline(always)]
+    pub fn match_by_network<B: Board, I: Kernel>(
+        self,
+        kernel: I,
+        params: &NetworkParams,
+        source: &mut B::Frames,
+        output: &mut B::Output,
+    ) -> Result<Sender<'w>, RunError<B>> {
+        let mut sender = Sender::new(params.search(), self.packet);
+        let whole = Region::whole(params.search());
+        let width = params.search().width();
+        let pass = Pass::<B>::new(&whole, self.line, &mut sender, output)?;
+        let words = confidence_line_words(width);
+        let too_small = MemoryTooSmall { needed: words, given: self.words.len() };
+        let (confidences, rest) = self.words.split_at_mut_checked(words).ok_or(PipelineError::Memory(too_small))?;
+        let confidences = bytemuck::cast_slice_mut(confidences).get_mut(..width).unwrap_or_default();
+        let mut matcher = NetworkMatcher::new(kernel, params, TRAINED_WEIGHTS, rest).map_err(PipelineError::Network)?;
+        let read = matcher.read_frames(&mut Fetching::<B>::new(source));
+        read.map_err(|error| PipelineError::Match(MatchError::Source(error)))?;
+        matcher.run(|| B::enter(Phase::Matching)).map_err(PipelineError::Memory)?;
+        pass.send_result(confidences, |v| matcher.line(v))?;
+        Ok(sender)
+    }
+
     /// [`run`](Pipeline::run) for semi-global matching and its confidences.
     ///
     /// # Errors
@@ -292,6 +331,25 @@ impl<'a, 'w, B: Board> Pass<'a, 'w, B> {
             let packet = sender.line(tile, v, line).map_err(PipelineError::Packet)?;
             output.write_all(packet).map_err(PipelineError::Write)?;
             B::enter(Phase::Matching);
+        }
+        B::enter(Phase::Idle);
+        Ok(())
+    }
+
+    /// Sends every line, with its confidences, of a result.
+    fn send_result<L: Iterator<Item = (Option<Disparity>, u8)>>(
+        self,
+        confidences: &mut [u8],
+        of_line: impl Fn(usize) -> L,
+    ) -> Result<(), RunError<B>> {
+        let Pass { tile, line, sender, output } = self;
+        B::enter(Phase::Sending);
+        for v in 0..tile.height() {
+            for ((disparity, confidence), found) in line.iter_mut().zip(&mut *confidences).zip(of_line(v)) {
+                (*disparity, *confidence) = found;
+            }
+            let packet = sender.line_with_confidences(tile, v, line, confidences).map_err(PipelineError::Packet)?;
+            output.write_all(packet).map_err(PipelineError::Write)?;
         }
         B::enter(Phase::Idle);
         Ok(())
@@ -386,6 +444,8 @@ pub enum PipelineError<S, W> {
     },
     /// The matcher's memory in the workspace is too small.
     Memory(MemoryTooSmall),
+    /// There is no network in the memory of the workspace.
+    Network(NetworkError),
     /// The frames cannot be read again.
     Rewind(S),
     /// A line could not be matched.
@@ -404,6 +464,7 @@ impl<S: fmt::Display, W: fmt::Display> fmt::Display for PipelineError<S, W> {
                 write!(f, "the match needs {needed} sources of frames, {given} were given")
             }
             PipelineError::Memory(error) => write!(f, "{error}"),
+            PipelineError::Network(error) => write!(f, "{error}"),
             PipelineError::Rewind(error) => write!(f, "cannot rewind to the first line: {error}"),
             PipelineError::Match(error) => write!(f, "{error}"),
             PipelineError::Packet(error) => write!(f, "{error}"),

@@ -1,6 +1,8 @@
 //! Ready-made match sizes and their RAM budgets.
 
-use multiscopic_core::{Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams, View, Views, kernel::Isa};
+use multiscopic_core::{
+    Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams, View, Views, kernel::Isa, network::NetworkParams,
+};
 
 use crate::{
     buffers::{Lengths, Wide},
@@ -12,7 +14,7 @@ use crate::{
 pub struct Profile {
     /// Its name in reports, and the name of its firmware.
     pub name: &'static str,
-    /// The most RAM in bytes, statics and greatest stack together, frames excluded.
+    /// The most RAM in bytes, statics and greatest stack together, frames excluded but for the network.
     pub ram_budget: usize,
     size: MatchSize,
     method: Method,
@@ -29,6 +31,8 @@ enum Method {
     BlocksWithConfidences,
     /// Semi-globally, and the confidences.
     SemiGlobalWithConfidences,
+    /// By the network.
+    Network,
     /// Blocks, and then blocks at long baselines around the disparities found.
     AroundPrior { long: MatchSize },
 }
@@ -67,6 +71,9 @@ pub const QVGA_CONFIDENCE: Profile = QVGA.with_confidences("qvga-confidence", 15
 /// The match of [`QQVGA_SGM`] and its confidences.
 pub const QQVGA_SGM_CONFIDENCE: Profile = QQVGA_SGM.with_confidences("qqvga-sgm-confidence", 48);
 
+/// The match of [`QQVGA`] by the network, with its confidences. The budget holds the frames too.
+pub const QQVGA_NET: Profile = Profile::network("qqvga-net", QQVGA.size, 512);
+
 /// The views four baselines to the left and to the right.
 const FOUR_BASELINES: Views = match (View::new(-4, 0), View::new(4, 0)) {
     (Ok(left), Ok(right)) => Views::NONE.with(left).with(right),
@@ -77,8 +84,20 @@ const FOUR_BASELINES: Views = match (View::new(-4, 0), View::new(4, 0)) {
 pub const CAPTURE: Params = MatchSize::new(160, 120, 16, 7).params(Fusion::Heuristic);
 
 /// Every profile.
-pub const ALL: [Profile; 11] =
-    [QQVGA, QVGA, QVGA_TILED, VGA, VGA_TILED, QQVGA_SGM, QVGA_SGM, QQVGA_3X3, QVGA_PRIOR, QVGA_CONFIDENCE, QQVGA_SGM_CONFIDENCE];
+pub const ALL: [Profile; 12] = [
+    QQVGA,
+    QVGA,
+    QVGA_TILED,
+    VGA,
+    VGA_TILED,
+    QQVGA_SGM,
+    QVGA_SGM,
+    QQVGA_3X3,
+    QVGA_PRIOR,
+    QVGA_CONFIDENCE,
+    QQVGA_SGM_CONFIDENCE,
+    QQVGA_NET,
+];
 
 /// Bytes of a tiled profile's budget for the stack, the disparity line, its packet, and the runtime's
 /// statics.
@@ -108,6 +127,11 @@ impl Profile {
     /// Semi-global matching, with the sum of absolute differences as its cost.
     const fn semi_global(name: &'static str, size: MatchSize, budget_kib: usize) -> Profile {
         Profile { name, ram_budget: 1024 * budget_kib, size, method: Method::SemiGlobal }
+    }
+
+    /// The network.
+    const fn network(name: &'static str, size: MatchSize, budget_kib: usize) -> Profile {
+        Profile { name, ram_budget: 1024 * budget_kib, size, method: Method::Network }
     }
 
     /// Block matching in one pass, and with `long` around its disparities.
@@ -141,6 +165,7 @@ impl Profile {
             Method::SemiGlobal => Matching::SemiGlobal(self.size.semi_global(fusion)),
             Method::BlocksWithConfidences => Matching::WithConfidences(WholeLines::Blocks(self.size.params(fusion))),
             Method::SemiGlobalWithConfidences => Matching::WithConfidences(WholeLines::SemiGlobal(self.size.semi_global(fusion))),
+            Method::Network => Matching::Network(self.size.network(fusion)),
             Method::AroundPrior { long } => Matching::AroundPrior { short: self.size.params(fusion), long: long.params(fusion) },
         }
     }
@@ -182,6 +207,13 @@ impl MatchSize {
                 "a profile's block size is out of range, or it has more than four views and the feature `array` of \
                  multiscopic-core is off: see Params::block_matching"
             ),
+        }
+    }
+
+    const fn network(self, fusion: Fusion) -> NetworkParams {
+        match NetworkParams::new(self.search(fusion)) {
+            Ok(params) => params,
+            Err(_) => panic!("the network takes up to four views in the centre's row of the array"),
         }
     }
 

@@ -67,6 +67,17 @@ pub trait Isa: sealed::Sealed + Copy + Debug {
         counts + is_within(0) + is_within(16)
     }
 
+    /// Adds the products of signed weights and inputs, each at most 127, to a sum for each of four positions. There are as many
+    /// inputs at each as weights, a multiple of 4.
+    #[inline(always)]
+    fn add_products(self, mut sums: [i32; 4], weights: &[u8], inputs: [&[u8]; 4]) -> [i32; 4] {
+        for (sum, inputs) in sums.iter_mut().zip(inputs) {
+            let products = weights.iter().zip(inputs).map(|(&weight, &input)| i32::from(weight.cast_signed()) * i32::from(input));
+            *sum = sum.wrapping_add(products.sum());
+        }
+        sums
+    }
+
     /// The excess in every column sum after it has moved down by a number of lines. Block sums are free of
     /// it: what a column adds on entering, it takes away on leaving.
     fn bias(_lines: u32) -> u16 {

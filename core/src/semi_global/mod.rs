@@ -8,10 +8,13 @@
 //! | `slots` | the paths from the line above |
 //! | `path_selection` | disparities by the sums of path costs |
 //! | `path_lines` | the paths through a line |
+//! | `eight_paths` | with the feature `network`: sums of path costs along eight paths |
 
 mod census_lines;
 mod census_window;
 mod cost_lines;
+#[cfg(feature = "network")]
+mod eight_paths;
 mod path_lines;
 mod path_selection;
 mod slots;
@@ -22,6 +25,8 @@ use crate::{
     memory::{Lender, PathShape},
 };
 use cost_lines::CostLines;
+#[cfg(feature = "network")]
+pub use eight_paths::{EightPaths, EightPathsLine};
 use path_lines::{PathLines, PathSweep};
 pub use path_selection::PathWinners;
 

@@ -7,7 +7,7 @@ use super::{
 use crate::{
     Disparity, SemiGlobalParams,
     confidence::PeakRatio,
-    kernel::{BackwardRun, ForwardRun, Kernel, RunPenalties, Slot, Work},
+    kernel::{BackwardRun, ForwardRun, Kernel, Reached, RunPenalties, Slot, Work},
     memory::PathShape,
 };
 
@@ -19,17 +19,17 @@ pub(super) struct PathLines<'m> {
     /// last disparity.
     pub costs: &'m mut [u8],
     /// The sum of what the paths add to them.
-    excess: &'m mut [u8],
+    pub excess: &'m mut [u8],
     /// The paths from the top left, the top and the top right.
     from_above: [Slots<'m>; 3],
     /// The path along the line, at a pixel and at the one before.
     along: [&'m mut [u8]; 2],
     /// A path that begins.
-    start: &'m mut [u8],
+    pub start: &'m mut [u8],
     /// The centre's samples in the line and in the one above.
     samples: [&'m mut [u8]; 2],
     /// The penalty P2 by the change of brightness.
-    p2: &'m mut [u8],
+    pub p2: &'m mut [u8],
 }
 
 impl<'m> PathLines<'m> {
@@ -64,6 +64,15 @@ impl<'m> PathLines<'m> {
         here.iter_mut().zip(line).for_each(|(here, &sample)| *here = sample);
         self.from_above.iter_mut().for_each(|slots| slots.enter_line(self.start));
     }
+
+    /// Extends the path from the right through the line, and hands over each pixel, in any order.
+    #[inline(always)]
+    pub fn extend_backward<I: Kernel>(&mut self, isa: I, p1: u8, reach: impl FnMut(Reached<'_>)) {
+        let PathLines { shape, costs, excess, along, start, samples: [here, above], p2, .. } = self;
+        Slot::copy(along[0], start);
+        let penalties = RunPenalties { p1, p2, here, above };
+        isa.extend_backward(PATHS, BackwardRun { depth: shape.depth, costs, excess, along, penalties }, reach);
+    }
 }
 
 /// Extends all paths by a line, and selects its disparities.
@@ -92,7 +101,7 @@ impl<I: Kernel> PathSweep<'_, '_, I> {
     /// The paths from the left and from above.
     #[cfg_attr(target_arch = "arm", inline(never))]
     #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
-    fn forward(&mut self) {
+    pub fn forward(&mut self) {
         let PathLines { shape, costs, excess, from_above, along, start, samples: [here, above], p2 } = &mut *self.paths;
         let (PathShape { width, depth }, p1) = (*shape, self.params.penalties().p1());
         Slot::copy(along[0], start);
@@ -117,13 +126,9 @@ impl<I: Kernel> PathSweep<'_, '_, I> {
     #[cfg_attr(target_arch = "arm", inline(never))]
     #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
     fn backward<const PEAKS: bool>(&mut self) {
-        let PathLines { shape, costs, excess, along, start, samples: [here, above], p2, .. } = &mut *self.paths;
         let (search, uniqueness_ratio) = (self.params.search(), self.params.uniqueness_ratio());
         let (disparities, peaks) = (&mut *self.disparities, self.peaks.as_deref_mut().unwrap_or_default());
-        Slot::copy(along[0], start);
-        let penalties = RunPenalties { p1: self.params.penalties().p1(), p2, here, above };
-        let run = BackwardRun { depth: shape.depth, costs, excess, along, penalties };
-        self.isa.extend_backward(PATHS, run, |reached| {
+        self.paths.extend_backward(self.isa, self.params.penalties().p1(), |reached| {
             let mut is_unique = true;
             if PEAKS {
                 let grade;

@@ -22,8 +22,14 @@ pub(super) struct Slots<'m> {
 impl<'m> Slots<'m> {
     /// No line yet. `bytes` are those of all slots, and `start` is the slot of a path that begins.
     pub fn new(slope: isize, shape: PathShape, bytes: &'m mut [u8], start: &[u8]) -> Slots<'m> {
-        bytes.chunks_exact_mut(shape.stride().max(1)).for_each(|slot| Slot::copy(slot, start));
-        Slots { slope, bytes, stride: shape.stride(), width: shape.width, count: shape.slots(), here: 0 }
+        let mut slots = Slots { slope, bytes, stride: shape.stride(), width: shape.width, count: shape.slots(), here: 0 };
+        slots.begin(start);
+        slots
+    }
+
+    /// Begins all paths. `start` is the slot of a path that begins.
+    pub fn begin(&mut self, start: &[u8]) {
+        self.bytes.chunks_exact_mut(self.stride.max(1)).for_each(|slot| Slot::copy(slot, start));
     }
 
     /// Goes to the next line. `start` is the slot of a path that begins.
@@ -60,5 +66,24 @@ impl<'m> Slots<'m> {
     pub fn run(&mut self, u: usize, length: usize) -> &mut [u8] {
         let first = self.wrap(self.here + u);
         self.bytes.get_mut(first * self.stride..(first + length + 1) * self.stride).unwrap_or_default()
+    }
+
+    /// Copies the path costs of this line to `costs`, without what is around them in a slot.
+    #[cfg(feature = "network")]
+    pub fn store(&self, costs: &mut [u8], depth: usize) {
+        for (u, costs) in costs.chunks_exact_mut(depth.max(1)).enumerate().take(self.width) {
+            let slot = self.wrap(self.here + u) * self.stride;
+            Slot::copy(costs, self.bytes.get(slot + Slot::LEAD..).unwrap_or_default());
+        }
+    }
+
+    /// Makes this line the one whose path costs were [stored](Slots::store).
+    #[cfg(feature = "network")]
+    pub fn load(&mut self, costs: &[u8], depth: usize) {
+        self.here = 0;
+        for (slot, costs) in self.bytes.chunks_exact_mut(self.stride.max(1)).zip(costs.chunks_exact(depth.max(1))) {
+            slot.iter_mut().take(1).for_each(|least| *least = costs.iter().copied().fold(u8::MAX, u8::min));
+            Slot::copy(slot.get_mut(Slot::LEAD..Slot::LEAD + depth).unwrap_or_default(), costs);
+        }
     }
 }

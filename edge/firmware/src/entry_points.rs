@@ -2,7 +2,7 @@
 
 use defmt_semihosting as _; // Sends the log to the host's standard output.
 use embedded_io::Write;
-use multiscopic_core::{Params, Search, SemiGlobalParams};
+use multiscopic_core::{Params, Search, SemiGlobalParams, network::NetworkParams};
 use multiscopic_edge::{Board, Pipeline, PipelineError, RunError, Streams, packet::Sender};
 use semihosting::process;
 
@@ -75,6 +75,16 @@ pub fn match_semi_globally_with_confidences(name: &str, params: SemiGlobalParams
         send(|output| {
             pipeline.match_semi_globally_with_confidences::<Semihosted, _>(BoardKernel::default(), &params, &mut frames, output)
         })
+    })
+}
+
+/// Matches the frames of the board by the network, with the fusion on the command line.
+#[inline(always)]
+pub fn match_by_network(name: &str, params: NetworkParams, pipeline: Pipeline<'_>) -> ! {
+    end(|| {
+        let params = params.with_fusion(arguments::fusion()?);
+        let mut frames = open(name, params.search().width(), params.search())?;
+        send(|output| pipeline.match_by_network::<Semihosted, _>(BoardKernel::default(), &params, &mut frames, output))
     })
 }
 

@@ -48,7 +48,7 @@ mod semihosted;
 pub use board_kernel::BoardKernel;
 #[cfg(target_os = "none")]
 pub use entry_points::{
-    calibrate, match_around_prior, match_blocks, match_blocks_with_confidences, match_semi_globally,
+    calibrate, match_around_prior, match_blocks, match_blocks_with_confidences, match_by_network, match_semi_globally,
     match_semi_globally_with_confidences,
 };
 #[cfg(target_os = "none")]
@@ -92,6 +92,7 @@ macro_rules! firmware {
                     Matching::WithConfidences(WholeLines::SemiGlobal(params)) => {
                         multiscopic_firmware::match_semi_globally_with_confidences(PROFILE.name, params, pipeline)
                     }
+                    Matching::Network(params) => multiscopic_firmware::match_by_network(PROFILE.name, params, pipeline),
                 }
             }
         }

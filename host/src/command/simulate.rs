@@ -53,7 +53,7 @@ pub struct Simulate {
     output: Option<PathBuf>,
 
     /// Confidences as an 8-bit image: the probability that a disparity is at most one pixel off, times 255, 0 where invalid;
-    /// needs a profile that computes them: qvga-confidence or qqvga-sgm-confidence
+    /// needs a profile that computes them: qvga-confidence, qqvga-sgm-confidence or qqvga-net
     #[arg(long, value_name = "OUT.png", help_heading = "Output", value_parser = output_file::png)]
     confidence: Option<PathBuf>,
 

@@ -52,6 +52,8 @@ pub struct FirmwareCosts {
     pub confidence_stack: usize,
     /// The same with semi-global matching and confidences.
     pub path_confidence_stack: usize,
+    /// The same with the network.
+    pub network_stack: usize,
     /// The prices of the instruction model.
     pub prices: Prices,
 }
@@ -66,6 +68,7 @@ impl FirmwareCosts {
             Matching::SemiGlobal(_) => self.path_stack,
             Matching::WithConfidences(WholeLines::Blocks(_)) => self.confidence_stack,
             Matching::WithConfidences(WholeLines::SemiGlobal(_)) => self.path_confidence_stack,
+            Matching::Network(_) => self.network_stack,
         }
     }
 
@@ -78,6 +81,7 @@ impl FirmwareCosts {
             Matching::SemiGlobal(_) => &mut self.path_stack,
             Matching::WithConfidences(WholeLines::Blocks(_)) => &mut self.confidence_stack,
             Matching::WithConfidences(WholeLines::SemiGlobal(_)) => &mut self.path_confidence_stack,
+            Matching::Network(_) => &mut self.network_stack,
         };
         *noted = bytes.max(*noted);
     }

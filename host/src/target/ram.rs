@@ -64,6 +64,7 @@ impl Ram {
             ("paths", matcher.paths, "path costs of a line, by path and disparity"),
             ("samples", matcher.samples, "the centre's samples in two lines, and the penalties by their change"),
             ("rectified", matcher.rectified, "lines of the frames that rectified lines are interpolated from"),
+            ("network", matcher.network, "the frames, what the network sees of them, and its activations"),
             (
                 "confidence",
                 confidence,

@@ -85,6 +85,7 @@ pub fn simulate(profile: &Profile, fusion: Fusion, frames: &Frames, on_line: &dy
         profile::QVGA_PRIOR,
         profile::QVGA_CONFIDENCE,
         profile::QQVGA_SGM_CONFIDENCE,
+        profile::QQVGA_NET,
         profile::QQVGA,
         profile::QVGA,
         profile::QVGA_TILED,

@@ -280,6 +280,7 @@ fn assert_simulated_as_matched(profile: &Profile) {
             SemiGlobalCost::Sad { block_size } => format!("--method sgm --cost sad --block-size {block_size}"),
             SemiGlobalCost::Census(census) => format!("--method sgm --census {}", census.name()),
         },
+        Matching::Network(_) => "--method net".into(),
     };
     for fusion in Fusion::ALL.map(Fusion::name) {
         let common = ["--fusion", fusion, "-o"].map(str::to_owned);
@@ -327,7 +328,7 @@ fn assert_simulated_as_matched(profile: &Profile) {
 }
 
 /// The profiles that are simulated in seconds without optimisation.
-const SMALL: [Profile; 3] = [profile::QQVGA, profile::QQVGA_SGM, profile::QQVGA_SGM_CONFIDENCE];
+const SMALL: [Profile; 4] = [profile::QQVGA, profile::QQVGA_SGM, profile::QQVGA_SGM_CONFIDENCE, profile::QQVGA_NET];
 
 #[test]
 fn small_profiles_are_simulated() {
@@ -484,12 +485,19 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
             Matching::SemiGlobal(params) => Memory::semi_global::<Wide>(&params),
             Matching::WithConfidences(WholeLines::Blocks(params)) => Memory::new::<Wide>(&params, params.width()),
             Matching::WithConfidences(WholeLines::SemiGlobal(params)) => Memory::semi_global::<Wide>(&params),
+            Matching::Network(params) => Memory::network::<Wide>(&params),
             Matching::AroundPrior { short, long } => {
                 let long = Memory::new::<Wide>(&long.around(short.search()), 320);
                 Memory::new::<Wide>(&short, 320).plus(&long)
             }
         };
         assert_eq!(report["method"], matching.name(), "{}", profile.name);
+        let confidence = match matching {
+            // Eleven lines of disparities, six of peak ratios, and one of confidences.
+            Matching::WithConfidences(_) => (2 * 11 + 6 + 1) * matching.tile_width(),
+            Matching::Network(_) => matching.tile_width(),
+            _ => 0,
+        };
         for (buffer, bytes) in [
             ("column_sums", memory.column_sums),
             ("block_sums", memory.block_sums),
@@ -504,8 +512,8 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
             ("costs", memory.costs),
             ("paths", memory.paths),
             ("samples", memory.samples),
-            // Eleven lines of disparities, six of peak ratios, and one of confidences.
-            ("confidence", if matching.has_confidences() { (2 * 11 + 6 + 1) * matching.tile_width() } else { 0 }),
+            ("network", memory.network),
+            ("confidence", confidence),
             ("disparities", 2 * matching.tile_width()),
         ] {
             // A buffer that the method does not have is not listed.

@@ -1,16 +1,22 @@
 //! The network equals its reference on every bit, with every instruction set that this processor has and any number of
 //! threads.
 
+use std::cell::RefCell;
+
 use multiscopic::{
-    Engine, Method, Metrics, Raster, Simd,
+    Engine, Frames, Method, Metrics, Raster, Simd,
     scene::RandomScene,
     stereo::{
         Optimizer,
-        network::{DisparityNetwork, DotProducts, Inputs, Output, QuantizedLayer, Runs, Scale},
+        network::{DisparityNetwork, DotProducts, Inputs, QuantizedLayer, Runs},
         refinement::Refinement,
     },
 };
-use multiscopic_core::{Fusion as CoreFusion, Search, Views};
+use multiscopic_core::{
+    Disparity, Fusion as CoreFusion, Search, View, Views,
+    network::{NetworkError, NetworkMatcher, NetworkParams, NetworkViewsError, QuantizedOutput, TRAINED_WEIGHTS, WeightError},
+};
+use multiscopic_edge::Wide;
 use multiscopic_tests::{
     reference::{self, Fusion, NetworkInputs, semi_global::Cost},
     split_mix::Random,
@@ -95,10 +101,11 @@ fn layers_are_direct_sums() {
         // Every fourth layer has the largest sums.
         let mut weight = || if case % 4 == 0 { [-127, 127][random.below(2)] } else { random.below(255) as i32 - 127 };
         let weights: Vec<i8> = (0..runs * length * outputs).map(|_| weight() as i8).collect();
-        let outputs: Vec<Output> = (0..outputs)
-            .map(|_| Output {
+        let outputs: Vec<QuantizedOutput> = (0..outputs)
+            .map(|_| QuantizedOutput {
                 bias: random.below(20_000) as i32 - 10_000,
-                scale: Scale { shift: random.below(17) as u8, multiplier: random.below(1 << 15) as u16 },
+                shift: random.below(17) as u8,
+                multiplier: random.below(1 << 15) as u16,
             })
             .collect();
         let mut input = || if case % 4 == 0 { 127 } else { random.byte() / 2 };
@@ -111,8 +118,8 @@ fn layers_are_direct_sums() {
             for (i, output) in outputs.iter().enumerate() {
                 let seen = inputs[..runs].iter().flat_map(|run| &run[position * stride..][..length]);
                 let products = seen.zip(&weights[i * runs * length..]).map(|(&x, &w)| i64::from(x) * i64::from(w));
-                let shifted = ((i64::from(output.bias) + products.sum::<i64>()) >> output.scale.shift).clamp(-32768, 32767);
-                expected[i] = ((shifted * i64::from(output.scale.multiplier) + 16384) >> 15) as i16;
+                let shifted = ((i64::from(output.bias) + products.sum::<i64>()) >> output.shift).clamp(-32768, 32767);
+                expected[i] = ((shifted * i64::from(output.multiplier) + 16384) >> 15) as i16;
             }
         }
         for simd in Simd::available() {
@@ -142,7 +149,7 @@ fn random_networks_equal_the_reference() {
 #[test]
 fn the_trained_network_equals_the_reference() {
     let (mut random, engines) = (Random(3), engines());
-    let file = DisparityNetwork::TRAINED;
+    let file = TRAINED_WEIGHTS;
     for engine in &engines {
         assert_equal(file, &random_inputs(&mut random), engine, 1);
     }
@@ -178,6 +185,62 @@ fn inputs_equal_the_reference() {
         let expected = DisparityNetwork::trained().disparities(found, &search, engine);
         assert_eq!((map, confidences), expected);
     });
+}
+
+/// The disparities and confidences of the matcher for microcontrollers.
+fn in_bounded_memory(search: Search, weights: &[u8], mut frames: &Frames) -> Vec<(Option<Disparity>, u8)> {
+    let params = NetworkParams::new(search).expect("views in a row");
+    // With any content.
+    let mut memory = vec![0xa5a5_a5a5; params.memory::<Wide>().words()];
+    let mut matcher = NetworkMatcher::new(Wide::default(), &params, weights, &mut memory).expect("weights and memory");
+    matcher.read_frames(&mut frames).expect("the frames are there");
+    matcher.run(|| ()).expect("as much memory as is needed");
+    (0..search.height()).flat_map(|v| matcher.line(v).collect::<Vec<_>>()).collect()
+}
+
+#[test]
+fn the_matcher_in_bounded_memory_equals_the_network() {
+    let (engine, random) = (Engine::new(None, 1).expect("a thread"), RefCell::new(Random(5)));
+    property(41, cases(20_000, 6_000), |case: &Case| {
+        let images = case.images();
+        let offsets: Vec<(i32, i32)> = images.others.iter().map(|(offset, _)| *offset).collect();
+        let set = views(images.views.each_ref().map(Option::is_some), &offsets);
+        let set: Views = set.iter().filter(|view| view.is_horizontal()).take(Views::MAX_MATCHED).collect();
+        if set.is_empty() {
+            return;
+        }
+        let (width, height) = (images.width as u16, images.height as u16);
+        let fusion = [CoreFusion::Min, CoreFusion::Mean][case.seed as usize % 2];
+        let search = Search::new(width, height, set, fusion, case.min_disparity as i16, case.num_disparities as u16);
+        let (search, frames) = (search.expect("a search of the case"), images.frames());
+        let inputs = Inputs::new(&frames, &search, &engine, &()).expect("the frames fit the search");
+        let random_file = reference::DisparityNetwork::random_file(&mut random.borrow_mut());
+        let weights = if case.seed.is_multiple_of(3) { TRAINED_WEIGHTS } else { &random_file };
+        let network = DisparityNetwork::new(weights).expect("a file of weights");
+        let (map, confidences) = network.disparities(inputs, &search, &engine);
+        let expected: Vec<_> = map.pixels().iter().copied().zip(confidences.pixels().iter().copied()).collect();
+        let found = in_bounded_memory(search, weights, &frames);
+        for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            assert_eq!(found, expected, "({}, {}) of {search:?}", i % images.width, i / images.width);
+        }
+        assert_eq!(found.len(), expected.len());
+    });
+}
+
+#[test]
+fn the_matcher_in_bounded_memory_takes_views_in_a_row() {
+    for views in [Views::CROSS, Views::NONE.with(View::TOP)] {
+        let search = Search::new(8, 8, views, CoreFusion::Min, 0, 4).expect("a search");
+        assert_eq!(NetworkParams::new(search), Err(NetworkViewsError { views }));
+    }
+    let search = Search::new(8, 8, Views::HORIZONTAL, CoreFusion::Min, 0, 4).expect("a search");
+    let params = NetworkParams::new(search).expect("views in a row");
+    let mut memory = vec![0; params.memory::<Wide>().words() - 1];
+    let error = NetworkMatcher::new(Wide::default(), &params, TRAINED_WEIGHTS, &mut memory).expect_err("too little memory");
+    assert!(matches!(error, NetworkError::Memory(_)));
+    let mut memory = vec![0; memory.len() + 1];
+    let error = NetworkMatcher::new(Wide::default(), &params, &TRAINED_WEIGHTS[1..], &mut memory).expect_err("no weights");
+    assert_eq!(error, NetworkError::Weights(WeightError::Start));
 }
 
 #[test]

@@ -76,7 +76,7 @@ impl RunPenalties<'_> {
 
     /// The penalties P2 of the paths from the left, the top left, the top and the top right to column `u`.
     #[inline(always)]
-    pub(in crate::kernel) fn forward_p2(&self, u: usize) -> [u8; 4] {
+    pub(crate) fn forward_p2(&self, u: usize) -> [u8; 4] {
         let RunPenalties { here, above, .. } = self;
         let before = u.wrapping_sub(1);
         [here.get(before), above.get(before), above.get(u), above.get(u + 1)].map(|other| self.p2(here.get(u), other))

@@ -131,7 +131,9 @@ impl Budget {
         if let Some(limit) = self.target.ram.filter(|limit| prediction.ram_total > *limit) {
             let tile = match matching {
                 Matching::Blocks { params, .. } => widest_tile(params, self.target.core, limit),
-                Matching::SemiGlobal(_) | Matching::AroundPrior { .. } | Matching::WithConfidences(_) => None,
+                Matching::SemiGlobal(_) | Matching::AroundPrior { .. } | Matching::WithConfidences(_) | Matching::Network(_) => {
+                    None
+                }
             };
             let tile = tile.filter(|&width| width < prediction.tile_width);
             let hint = tile.map(|width| format!("; narrower column tiles would fit: --tile-width {width}")).unwrap_or_default();

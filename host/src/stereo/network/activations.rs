@@ -19,9 +19,6 @@ pub struct Activations {
 }
 
 impl Activations {
-    /// The most that an activation is.
-    pub const MAX: u8 = 127;
-
     /// Activations of zero.
     pub fn zeros([slices, height, width]: [usize; 3], channels: usize) -> Activations {
         let row = (width + 2) * channels.next_multiple_of(4);

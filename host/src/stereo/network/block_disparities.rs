@@ -1,21 +1,29 @@
 //! The disparities of blocks of pixels.
 
+use multiscopic_core::network::{BLOCK, BlockDisparity};
+
 /// The disparity of each block of 4x4 pixels that the volume part of the network finds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BlockDisparities {
     width: usize,
-    /// Disparities from the least of the search on, and how sure they are, from 0 to 127.
-    blocks: Vec<(u16, u8)>,
+    blocks: Vec<BlockDisparity>,
 }
 
 impl BlockDisparities {
     /// Blocks row by row, `width` in each.
-    pub fn new(width: usize, blocks: Vec<(u16, u8)>) -> BlockDisparities {
+    pub fn new(width: usize, blocks: Vec<BlockDisparity>) -> BlockDisparities {
         BlockDisparities { width, blocks }
     }
 
+    /// The disparities of the 3x3 blocks around that of a pixel, those nearest where there is none.
+    pub fn around(&self, [x, y]: [usize; 2]) -> [u16; 9] {
+        let inside = |index: usize, offset: usize, count: usize| (index / BLOCK + offset).saturating_sub(1).min(count - 1);
+        let rows = self.blocks.len() / self.width;
+        std::array::from_fn(|i| self.blocks[inside(y, i / 3, rows) * self.width + inside(x, i % 3, self.width)][0])
+    }
+
     /// The blocks of the row of pixels `y`.
-    pub fn row(&self, y: usize) -> &[(u16, u8)] {
-        &self.blocks[y / 4 * self.width..][..self.width]
+    pub fn row(&self, y: usize) -> &[BlockDisparity] {
+        &self.blocks[y / BLOCK * self.width..][..self.width]
     }
 }

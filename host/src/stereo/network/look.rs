@@ -1,7 +1,18 @@
 //! What the network finds in one look at its inputs, and what two looks find together.
 
-use multiscopic_core::{Disparity, Search};
+use multiscopic_core::{
+    Disparity, Search,
+    network::{BLOCK, PixelHead, PixelScores, two_looks},
+};
+use rayon::prelude::*;
 
+use super::{
+    activations::Activations,
+    block_disparities::BlockDisparities,
+    inputs::Inputs,
+    operations::Operations,
+    quantized_layer::{QuantizedLayer, Runs},
+};
 use crate::images::{DisparityMap, Raster};
 
 /// What the network finds in one look.
@@ -14,11 +25,50 @@ pub struct Look {
 }
 
 impl Look {
-    /// The disparities and confidences of a search by this look and by one at [turned](super::Inputs::turn) inputs.
-    ///
-    /// Where both disparities are at most a pixel apart, they are averaged, with the squares of their confidences plus one as
-    /// weights, and their confidences too. Elsewhere the surer is taken. With probabilities `p` and `q` that each is right, and
-    /// not both, its own is `p (1 - q) / (1 - p q)`.
+    /// What the outputs of the last layer tell. The `layers` compute those of the upper and of the lower of two rows.
+    pub fn of_outputs(
+        head: PixelHead,
+        layers: &[QuantizedLayer; 2],
+        input: &Activations,
+        (inputs, blocks): (&Inputs, &BlockDisparities),
+        operations: Operations,
+    ) -> Look {
+        let [across, down] = [inputs.colors.width(), inputs.colors.height()];
+        let [width, height] = inputs.blocks.map(|count| BLOCK * count);
+        let mut choices = vec![0; width * height];
+        let mut scores = vec![PixelScores::default(); width * height];
+        let rows = choices.par_chunks_exact_mut(width).zip(scores.par_chunks_exact_mut(width)).enumerate();
+        rows.for_each_init(Vec::new, |outputs, (y, (choices, scores))| {
+            let layer = &layers[y % 2];
+            outputs.resize(width / 2 * layer.padded_outputs(), 0);
+            let runs = Runs { runs: [input.row(0, (y / 2) as isize)], stride: input.cell() };
+            layer.row(operations.products, runs, outputs);
+            let winners = inputs.winners.each_ref().map(|winners| winners.row(y.min(down - 1)));
+            for (x, (choice, scores)) in choices.iter_mut().zip(scores).enumerate() {
+                let outputs = &outputs[x / 2 * layer.padded_outputs() + x % 2 * PixelHead::OUTPUTS..];
+                let outputs = outputs.first_chunk().expect("as many outputs as the head takes");
+                (*choice, *scores) =
+                    head.pixel(outputs, winners.map(|winners| winners[x.min(across - 1)]), blocks.around([x, y]));
+            }
+        });
+
+        let most = (Disparity::STEPS * (inputs.num_disparities as i32 - 1)) as u16;
+        let mut disparities = Raster::filled(across, down, 0);
+        let mut confidences = Raster::filled(across, down, 0);
+        let lines = disparities.pixels_mut().par_chunks_exact_mut(across);
+        let lines = lines.zip(confidences.pixels_mut().par_chunks_exact_mut(across)).enumerate();
+        lines.for_each(|(y, (line, confidences))| {
+            let row = |offset: isize| &choices[y.saturating_add_signed(offset).min(height - 1) * width..][..width];
+            let rows = [-3, -1, 0, 1, 3].map(row);
+            let found = line.iter_mut().zip(confidences).zip(&scores[y * width..]);
+            for (x, ((disparity, confidence), pixel)) in found.enumerate() {
+                (*disparity, *confidence) = head.disparity(rows, x, pixel, most);
+            }
+        });
+        Look { disparities, confidences }
+    }
+
+    /// The disparities and confidences of a search by this look and by one at [turned](Inputs::turn) inputs: see [`two_looks`].
     pub fn with_turned(&self, other: &Look, search: &Search) -> (DisparityMap, Raster<u8>) {
         let (width, height) = (search.width(), search.height());
         let least = i32::from(search.min_disparity()) * Disparity::STEPS;
@@ -31,24 +81,11 @@ impl Look {
             let these = self.disparities.row(y).iter().zip(self.confidences.row(y)).zip(others);
             let found = map.row_mut(y).iter_mut().zip(confidences.row_mut(y));
             for ((disparity, confidence), ((&a, &p), (&b, &q))) in found.zip(these) {
-                let (steps, sure) = together([a, b], [p, q]);
+                let (steps, sure) = two_looks([a, b], [p, q]);
                 *disparity = Disparity::from_bits((least + i32::from(steps).min(most)) as i16);
                 *confidence = sure;
             }
         }
         (map, confidences)
     }
-}
-
-/// A disparity and its confidence by two.
-fn together(disparities: [u16; 2], confidences: [u8; 2]) -> (u16, u8) {
-    let ([a, b], [p, q]) = (disparities.map(u64::from), confidences.map(u64::from));
-    if a.abs_diff(b) <= Disparity::STEPS as u64 {
-        let [v, w] = [p, q].map(|confidence| confidence * confidence + 1);
-        return (((v * a + w * b + (v + w) / 2) / (v + w)) as u16, ((p + q) / 2) as u8);
-    }
-    let ((surer, most), least) = if q > p { ((b, q), p) } else { ((a, p), q) };
-    // Zero if both are certain: nothing is known then.
-    let not_both = (255 * 255 - most * least).max(1);
-    (surer as u16, (255 * most * (255 - least) / not_both) as u8)
 }

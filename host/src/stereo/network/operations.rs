@@ -1,5 +1,6 @@
 //! The operations of a network on activations.
 
+use multiscopic_core::network::MAX_ACTIVATION;
 use rayon::prelude::*;
 
 use super::{
@@ -66,6 +67,18 @@ impl Operations {
         self.rows(input.size(), layer.outputs(), input.cell(), skip, |[slice, y]| {
             (layer, [slice - 1, slice, slice + 1].map(|slice| input.row(slice, y)))
         })
+    }
+
+    /// A convolution within slices and a layer across them, whose outputs are added to their input.
+    pub fn residual_in_volume(self, [within, across]: &[QuantizedLayer; 2], input: Activations) -> Activations {
+        let hidden = self.convolve(within, &input, Skip::None);
+        self.mix_slices(across, &hidden, Skip::Activations(&input))
+    }
+
+    /// Two convolutions in an image, whose outputs are added to their input.
+    pub fn residual_in_image(self, [first, second]: &[QuantizedLayer; 2], input: Activations) -> Activations {
+        let hidden = self.convolve(first, &input, Skip::None);
+        self.convolve(second, &hidden, Skip::Activations(&input))
     }
 
     /// A product of the channels of 2x2 cells, which gives an image of half the size.
@@ -155,7 +168,7 @@ fn clamp(values: &[i16], stride: usize, out: &mut [u8], count: usize, skip: impl
         let values = &values.as_chunks::<4>().0[..groups];
         for (i, (values, out)) in values.iter().zip(out.as_chunks_mut::<4>().0).enumerate() {
             let skip = skip(position * groups + i);
-            *out = std::array::from_fn(|lane| values[lane].saturating_add(skip[lane]).clamp(0, Activations::MAX.into()) as u8);
+            *out = std::array::from_fn(|lane| values[lane].saturating_add(skip[lane]).clamp(0, MAX_ACTIVATION.into()) as u8);
         }
     }
 }

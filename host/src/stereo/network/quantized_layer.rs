@@ -1,36 +1,8 @@
 //! A layer in whole numbers: sums of products, brought back to the scale of activations.
 
+use multiscopic_core::network::{LayerRecord, QuantizedOutput};
+
 use super::dot_products::{DotProducts, PANEL, Panel, PanelTask, WeightLine};
-
-/// How the sums of an output become activations: a shift, a multiplication and a rounding.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Scale {
-    /// Bits by which a sum is shifted down.
-    pub shift: u8,
-    /// What it is multiplied by then, in 2^-15.
-    pub multiplier: u16,
-}
-
-impl Scale {
-    /// The most that a sum is shifted by.
-    pub const MAX_SHIFT: u8 = 31;
-    /// The largest multiplier.
-    pub const MAX_MULTIPLIER: u16 = 0x7fff;
-}
-
-/// An output of a layer: its bias and its scale.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Output {
-    /// What its sum starts from.
-    pub bias: i32,
-    /// How its sum becomes an activation.
-    pub scale: Scale,
-}
-
-impl Output {
-    /// The largest bias, whatever its sign: no sum of products from there on leaves 32 bits.
-    pub const MAX_BIAS: u32 = 1 << 30;
-}
 
 /// The inputs of a layer that lie side by side in memory, in runs of equal length.
 ///
@@ -66,10 +38,15 @@ struct LayerPanel {
 impl QuantizedLayer {
     /// The layer with these outputs, the `weight` from an input to an output, and inputs in `runs` of `run_length`, a
     /// multiple of 4.
-    pub fn new(runs: usize, run_length: usize, outputs: &[Output], weight: impl Fn(usize, usize) -> i8) -> QuantizedLayer {
+    pub fn new(
+        runs: usize,
+        run_length: usize,
+        outputs: &[QuantizedOutput],
+        weight: impl Fn(usize, usize) -> i8,
+    ) -> QuantizedLayer {
         assert!(run_length.is_multiple_of(4), "runs of {run_length} inputs");
-        let panel = |(panel, outputs): (usize, &[Output])| {
-            let each = |value: &dyn Fn(&Output) -> i32| {
+        let panel = |(panel, outputs): (usize, &[QuantizedOutput])| {
+            let each = |value: &dyn Fn(&QuantizedOutput) -> i32| {
                 let mut values = [0; PANEL];
                 values.iter_mut().zip(outputs).for_each(|(out, output)| *out = value(output));
                 values
@@ -82,13 +59,20 @@ impl QuantizedLayer {
             };
             LayerPanel {
                 biases: each(&|output| output.bias),
-                shifts: each(&|output| output.scale.shift.into()),
-                multipliers: each(&|output| output.scale.multiplier.into()),
+                shifts: each(&|output| output.shift.into()),
+                multipliers: each(&|output| output.multiplier.into()),
                 weights: (0..runs * run_length / 4).map(line).collect(),
             }
         };
         let panels = outputs.chunks(PANEL).enumerate().map(panel).collect();
         QuantizedLayer { run_length, outputs: outputs.len(), panels }
+    }
+
+    /// The layer that a file has.
+    pub fn of(record: LayerRecord) -> QuantizedLayer {
+        let (weights, outputs): (Vec<_>, Vec<_>) = record.outputs().unzip();
+        let runs = weights[0].len() / record.run_length();
+        QuantizedLayer::new(runs, record.run_length(), &outputs, |input, output| weights[output][input].cast_signed())
     }
 
     /// The number of outputs.
@@ -188,9 +172,7 @@ impl LayerPanel {
             panel.store(sums, &mut values);
             let out = &mut out[(first + i) * outputs..][..P::OUTPUTS];
             for (output, out) in out.iter_mut().enumerate() {
-                // A sum in 16 bits times a multiplier of 15 bits fits 32 bits.
-                let shifted = (values[output] >> self.shifts[output]).clamp(i16::MIN.into(), i16::MAX.into());
-                *out = ((shifted * self.multipliers[output] + (1 << 14)) >> 15) as i16;
+                *out = QuantizedOutput::scaled(values[output], self.shifts[output], self.multipliers[output]);
             }
         }
     }

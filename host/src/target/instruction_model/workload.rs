@@ -30,7 +30,7 @@ impl Workload {
         let mut work = match matching {
             Matching::AroundPrior { short, long } => Workload::of_blocks(short, short.min_disparity(), passes, processor)
                 .plus(Workload::around(long, short, processor)),
-            Matching::WithConfidences(_) => return None,
+            Matching::WithConfidences(_) | Matching::Network(_) => return None,
             Matching::Blocks { .. } | Matching::SemiGlobal(_) => {
                 let params = matching.block_matching()?;
                 Workload::of_blocks(&params, params.min_disparity(), passes, processor)

@@ -32,6 +32,35 @@ instruction!(uqadd16);
 instruction!(uxtab16);
 instruction!(uxtab16_high, "uxtab16", ", ror #8");
 
+/// A function that is one instruction of this name, with this suffix to its operand.
+macro_rules! extension {
+    ($name:ident, $mnemonic:literal, $suffix:literal) => {
+        #[inline(always)]
+        pub(super) fn $name(a: u32) -> u32 {
+            let result;
+            unsafe {
+                asm!(concat!($mnemonic, " {}, {}", $suffix), lateout(reg) result, in(reg) a, options(pure, nomem, nostack));
+            }
+            result
+        }
+    };
+}
+
+extension!(uxtb16, "uxtb16", "");
+extension!(uxtb16_high, "uxtb16", ", ror #8");
+extension!(sxtb16, "sxtb16", "");
+extension!(sxtb16_high, "sxtb16", ", ror #8");
+
+/// A sum, and the products of two signed halves.
+#[inline(always)]
+pub(super) fn smlad(a: u32, b: u32, sum: i32) -> i32 {
+    let result;
+    unsafe {
+        asm!("smlad {}, {}, {}, {}", lateout(reg) result, in(reg) a, in(reg) b, in(reg) sum, options(pure, nomem, nostack));
+    }
+    result
+}
+
 /// `then` in the halves where `a >= b`, and `otherwise` elsewhere. Two instructions in one block, since flags
 /// connect them.
 #[inline(always)]

@@ -1,7 +1,9 @@
 //! The operations on column sums in the DSP extension.
 
 use super::{
-    instruction::{count_within, differences, splat, uxtab16, uxtab16_high, words},
+    instruction::{
+        count_within, differences, smlad, splat, sxtb16, sxtb16_high, uxtab16, uxtab16_high, uxtb16, uxtb16_high, words,
+    },
     vector::U16x8,
 };
 use crate::kernel::{
@@ -54,6 +56,20 @@ impl Isa for Dsp {
         let [x, y] = words(view.leaving).map(|samples| !differences(splat(center.leaving), samples));
         let kept = U16x8([uxtab16(0, x), uxtab16_high(0, x), uxtab16(0, y), uxtab16_high(0, y)]);
         Column::add(Column::add(sums, entering), kept)
+    }
+
+    #[inline(always)]
+    fn add_products(self, mut sums: [i32; 4], weights: &[u8], inputs: [&[u8]; 4]) -> [i32; 4] {
+        let [a, b, c, d] = inputs.map(|inputs| inputs.as_chunks::<4>().0);
+        for ((((&weights, &a), &b), &c), &d) in weights.as_chunks::<4>().0.iter().zip(a).zip(b).zip(c).zip(d) {
+            let weights = u32::from_le_bytes(weights);
+            let (even, odd) = (sxtb16(weights), sxtb16_high(weights));
+            for (sum, inputs) in sums.iter_mut().zip([a, b, c, d]) {
+                let inputs = u32::from_le_bytes(inputs);
+                *sum = smlad(uxtb16_high(inputs), odd, smlad(uxtb16(inputs), even, *sum));
+            }
+        }
+        sums
     }
 
     // Instead of subtracting a difference, `advance` adds 255 less the difference.

@@ -5,7 +5,7 @@
 //!
 //! | room | what it is |
 //! | --- | --- |
-//! | `isa` | the token, and the operations on column sums |
+//! | `isa` | the token, the operations on column sums, and sums of products |
 //! | `slide` | column sums move down, and blocks slide |
 //! | `slide_to_min` | blocks slide and are fused to the minimum at once |
 //! | `fuse` | fused costs, with the least of all |

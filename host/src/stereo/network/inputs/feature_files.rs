@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::{CHANNELS, Inputs, MEASURES};
+use multiscopic_core::network::{CANDIDATE_CHANNELS, MEASURES};
+
+use super::Inputs;
 use crate::{
     error::Result,
     files::{
@@ -24,14 +26,14 @@ impl Inputs {
         // In the file, rows of a disparity follow each other; in memory, disparities of a row.
         let count = self.num_disparities;
         let candidates = (0..count).flat_map(|index| (0..rows).map(move |row| row * count + index));
-        let volume: Vec<[u8; CHANNELS]> =
+        let volume: Vec<[u8; CANDIDATE_CHANNELS]> =
             candidates.flat_map(|line| &self.volume[line * columns..][..columns]).copied().collect();
         output::write_folder(folder, |folder| {
             let write = |name: &str, number, shape: &[usize], data: &[u8]| npy::write(&folder.join(name), number, shape, data);
             write("colors.npy", Number::U8, &[height, width, 3], self.colors.pixels().as_flattened())?;
             write("winners.npy", Number::U16, &[2, height, width], &winners)?;
             write("measures.npy", Number::U8, &[height, width, MEASURES], self.measures.pixels().as_flattened())?;
-            write("volume.npy", Number::U8, &[count, rows, columns, CHANNELS], volume.as_flattened())
+            write("volume.npy", Number::U8, &[count, rows, columns, CANDIDATE_CHANNELS], volume.as_flattened())
         })
     }
 }

@@ -1,6 +1,8 @@
 //! Inputs turned by half a turn.
 
-use super::{BLOCK, Inputs};
+use multiscopic_core::network::BLOCK;
+
+use super::Inputs;
 use crate::images::Raster;
 
 impl Inputs {

@@ -6,42 +6,31 @@ mod half_turn;
 use multiscopic_core::{
     Census, Disparity, Frame, Fusion, Search, SemiGlobalCost,
     kernel::{Kernel, Work},
+    network::{
+        BLOCK, CANDIDATE_CHANNELS, MAX_ACTIVATION, MAX_POOLED_COST, MEASURES, PixelRow, block_rows, cost_channel, cost_measure,
+        excess_channels, excesses, nearest_candidate, padded_blocks, paired, pool,
+    },
 };
 use rayon::prelude::*;
 
+use super::block_disparities::BlockDisparities;
 use crate::{
     error::Result,
     images::{Frames, Raster},
     progress::Progress,
     stereo::{
-        cost::{CensusPairRows, Cost, CostRows, Volume},
+        cost::{CensusPairRows, CostRows, Volume},
         engine::Engine,
         optimization::sgm::{Paths, SemiGlobal},
         simd::Task,
     },
 };
 
-/// The side of the blocks of pixels over which costs are pooled.
-pub const BLOCK: usize = 4;
-/// The sides of pooled images are multiples of so many blocks, so that they can be halved twice.
-const BLOCKS: usize = 4;
-/// The measures of a pixel.
-pub const MEASURES: usize = 11;
-/// The channels of a pooled candidate.
-pub const CHANNELS: usize = 8;
-/// The largest measure: inputs have 7 bits.
-const MOST: u8 = 127;
-/// The cost of a candidate that no view sees, where costs are pooled.
-const NONE_POOLED: u8 = 63;
-
 /// What the network sees of the images: whole numbers, whose meaning does not depend on the number of views.
 ///
 /// Two passes of semi-global matching along eight paths, with the census in its usual window, give disparities and sums
 /// of path costs: A by the census [both ways](CensusPairRows::both_ways), and B by that at
-/// [two scales](CensusPairRows::two_scales). The *excess* of a candidate is what its sum has above
-/// the least sum of the pixel, in eighths rounded down, at most 127; that of a candidate which no view sees is 127.
-///
-/// There are four matching costs: those of A fused by their least and by their mean over all views, then those of B.
+/// [two scales](CensusPairRows::two_scales).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inputs {
     /// The number of disparities: even, unless the last one is the greatest possible.
@@ -50,20 +39,10 @@ pub struct Inputs {
     pub colors: Raster<[u8; 3]>,
     /// The disparities of A and B from the least of the search on, in steps of a [`Disparity`]; 0 where there is none.
     pub winners: [Raster<u16>; 2],
-    /// What is known of these two disparities, to the nearest candidates `a` and `b`:
-    ///
-    /// - the margins of A and B: the excess of the best candidate that is more than one disparity from the winner; 127
-    ///   if there is none, 0 where no view sees a candidate,
-    /// - three times the four costs of `a`, at most 126, then of `b`; 127 where no view sees it,
-    /// - the excess of `a` in B.
+    /// What is known of these two disparities: see [`MEASURES`].
     pub measures: Raster<[u8; MEASURES]>,
-    /// Candidates pooled over blocks of 4 x 4 pixels: row of blocks by row, and within it disparity by disparity.
-    /// Pixels beyond the image are those of its last row and column.
-    ///
-    /// - The sums of the four costs, in eighths rounded down; a cost is at most 63, which is that of a candidate which
-    ///   no view sees,
-    /// - the mean, rounded down, and the least of the excesses in B, then in A.
-    pub volume: Vec<[u8; CHANNELS]>,
+    /// Candidates [pooled](pool) over blocks of 4 x 4 pixels: row of blocks by row, and within it disparity by disparity.
+    pub volume: Vec<[u8; CANDIDATE_CHANNELS]>,
     /// The width and the height of the pooled images: multiples of four blocks.
     pub blocks: [usize; 2],
 }
@@ -76,7 +55,7 @@ impl Inputs {
     /// As [`Engine::check`].
     pub fn new(frames: &Frames, search: &Search, engine: &Engine, progress: &dyn Progress) -> Result<Inputs> {
         engine.check(frames, search)?;
-        let search = &even(search);
+        let search = &paired(search);
         let census = Census::Window9x7;
         let fused = [Fusion::Min, Fusion::Mean].map(|fusion| search.with_fusion(fusion));
         let mut inputs = Inputs::empty(frames, search);
@@ -89,10 +68,22 @@ impl Inputs {
         Ok(inputs)
     }
 
+    /// What the image part of the network sees of row `y` of the padded image, with the disparities of `blocks`.
+    pub fn pixel_row<'a>(&'a self, y: usize, blocks: &'a BlockDisparities) -> PixelRow<'a> {
+        let inside = |y: usize| y.min(self.colors.height() - 1);
+        PixelRow {
+            colors: self.colors.row(inside(y)),
+            winners: self.winners.each_ref().map(|winners| [y.saturating_sub(1), y, y + 1].map(|y| winners.row(inside(y)))),
+            measures: self.measures.row(inside(y)),
+            blocks: blocks.row(y),
+            num_disparities: self.num_disparities,
+        }
+    }
+
     /// Inputs without costs.
     fn empty(frames: &Frames, search: &Search) -> Inputs {
         let (width, height, count) = (search.width(), search.height(), search.num_disparities());
-        let blocks = [width, height].map(|side| side.next_multiple_of(BLOCK * BLOCKS) / BLOCK);
+        let blocks = [width, height].map(padded_blocks);
         let colors: Vec<[u8; 3]> = match frames.color(Frame::Center) {
             Some(image) => image.pixels().map(|pixel| pixel.0).collect(),
             None => frames.get(Frame::Center).into_iter().flat_map(|image| image.as_raw()).map(|&gray| [gray; 3]).collect(),
@@ -102,7 +93,7 @@ impl Inputs {
             colors: Raster::new(width, height, colors),
             winners: [0, 1].map(|_| Raster::filled(width, height, 0)),
             measures: Raster::filled(width, height, [0; MEASURES]),
-            volume: vec![[0; CHANNELS]; blocks[0] * blocks[1] * count],
+            volume: vec![[0; CANDIDATE_CHANNELS]; blocks[0] * blocks[1] * count],
             blocks,
         }
     }
@@ -130,15 +121,16 @@ impl Inputs {
             search,
             engine,
             |candidate, sum, least| {
-                candidate[channel] = (sum / (BLOCK * BLOCK) as u16) as u8;
-                candidate[channel + 1] = least;
+                candidate[channel..channel + 2].copy_from_slice(&excess_channels(sum, least));
             },
         );
     }
 
     /// Takes the costs of a kind.
     fn take_costs<R: CostRows<Cost = u8>>(&mut self, rows: &R, kind: usize, engine: &Engine) {
-        self.take_lines(&CostLines { rows, kind }, rows.search(), engine, |candidate, sum, _| candidate[kind] = (sum / 8) as u8);
+        self.take_lines(&CostLines { rows, kind }, rows.search(), engine, |candidate, sum, _| {
+            candidate[kind] = cost_channel(sum)
+        });
     }
 
     /// Takes the values of all lines, and pools them over blocks. `put` takes their sum and the least for each
@@ -148,7 +140,7 @@ impl Inputs {
         lines: &L,
         search: &Search,
         engine: &Engine,
-        put: impl Fn(&mut [u8; CHANNELS], u16, u8) + Sync,
+        put: impl Fn(&mut [u8; CANDIDATE_CHANNELS], u16, u8) + Sync,
     ) {
         let ([columns, _], count, width) = (self.blocks, self.num_disparities, search.width());
         let simd = engine.simd(search);
@@ -168,13 +160,6 @@ impl Inputs {
         };
         engine.pool().install(|| rows.into_par_iter().enumerate().for_each_init(Scratch::default, take_row));
     }
-}
-
-/// A search with an even number of disparities, if there is another one.
-fn even(search: &Search) -> Search {
-    let [width, height, count] = [search.width(), search.height(), search.num_disparities()].map(|number| number as u16);
-    let (views, fusion, least) = (search.views(), search.fusion(), search.min_disparity());
-    Search::new(width, height, views, fusion, least, count.next_multiple_of(2)).unwrap_or(*search)
 }
 
 /// Where values of candidates come from, line by line.
@@ -213,20 +198,9 @@ impl Lines for PassLines<'_> {
     ) {
         for (u, values) in values.chunks_exact_mut(stride).enumerate() {
             let (sums, values) = (&self.sums.pixel(u, v)[..self.count], &mut values[..self.count]);
-            let least = sums.iter().copied().fold(u16::NONE, u16::min);
-            // Sums are far below that of a candidate which does not exist, so its excess is the most possible. If none
-            // exists, all are.
-            let base = if least == u16::NONE { 0 } else { least };
-            for (value, &sum) in values.iter_mut().zip(sums) {
-                *value = ((sum - base) / 8).min(MOST.into()) as u8;
-            }
-            let best = sums.iter().position(|&sum| sum == least).unwrap_or_default();
-            let before = &values[..best.saturating_sub(1)];
-            let after = values.get(best + 2..).unwrap_or_default();
-            let margin = before.iter().chain(after).copied().fold(MOST, u8::min);
-            measures[u][self.pass] = if least == u16::NONE { 0 } else { margin };
+            measures[u][self.pass] = excesses(sums, values);
             if self.pass == 1 {
-                measures[u][10] = values[nearest(winners[0][u])];
+                measures[u][10] = values[nearest_candidate(winners[0][u])];
             }
         }
     }
@@ -252,19 +226,11 @@ impl<R: CostRows<Cost = u8>> Lines for CostLines<'_, R> {
         self.rows.row(isa, v, stride, values);
         for (u, values) in values.chunks_exact_mut(stride).enumerate() {
             for (pass, winners) in winners.iter().enumerate() {
-                let cost = values[nearest(winners[u])];
-                let measure = if cost == u8::NONE { MOST } else { cost.saturating_mul(3).min(MOST - 1) };
-                measures[u][2 + 4 * pass + self.kind] = measure;
+                measures[u][2 + 4 * pass + self.kind] = cost_measure(values[nearest_candidate(winners[u])]);
             }
-            values.iter_mut().for_each(|cost| *cost = (*cost).min(NONE_POOLED));
+            values.iter_mut().for_each(|cost| *cost = (*cost).min(MAX_POOLED_COST));
         }
     }
-}
-
-/// The candidate nearest to a disparity.
-fn nearest(disparity: u16) -> usize {
-    let steps = Disparity::STEPS as usize;
-    (usize::from(disparity) + steps / 2) / steps
 }
 
 /// What a thread needs for a row of blocks.
@@ -287,7 +253,7 @@ impl Scratch {
         self.sums.clear();
         self.sums.resize(columns * stride, 0);
         self.least.clear();
-        self.least.resize(columns * stride, MOST);
+        self.least.resize(columns * stride, MAX_ACTIVATION);
     }
 }
 
@@ -322,21 +288,12 @@ impl<I: Kernel, L: Lines> Work for TakeRowWith<'_, I, L> {
     fn run(self) {
         let TakeRow { lines, search, winners, row, stride, measures, scratch } = self.task;
         let Scratch { values, measures: beyond, sums, least } = scratch;
-        let (width, height) = (search.width(), search.height());
+        let width = search.width();
         let mut measures = measures.chunks_exact_mut(width);
-        for v in (BLOCK * row..BLOCK * (row + 1)).map(|v| v.min(height - 1)) {
+        for v in block_rows(row, search.height()) {
             let winners = winners.each_ref().map(|winners| winners.row(v));
             lines.line(self.isa, v, stride, winners, measures.next().unwrap_or(beyond), values);
-            let blocks = sums.chunks_exact_mut(stride).zip(least.chunks_exact_mut(stride));
-            for (column, (sums, least)) in blocks.enumerate() {
-                for u in (BLOCK * column..BLOCK * (column + 1)).map(|u| u.min(width - 1)) {
-                    let values = &values[u * stride..][..stride];
-                    for ((sum, least), &value) in sums.iter_mut().zip(&mut *least).zip(values) {
-                        *sum += u16::from(value);
-                        *least = (*least).min(value);
-                    }
-                }
-            }
+            pool(values, stride, sums, least);
         }
     }
 }

@@ -6,7 +6,9 @@ use multiscopic::{
     scene::{PinholeCamera, Scene, render_views},
     stereo::{CostFunction, Optimizer, confidence_map::ConfidenceMap, optimization::sgm::SemiGlobal},
 };
-use multiscopic_core::{Disparity, Frame, Matcher, Params, Region, SemiGlobalCost, SemiGlobalMatcher, View, Views};
+use multiscopic_core::{
+    Disparity, Frame, Matcher, Params, Region, SemiGlobalCost, SemiGlobalMatcher, View, Views, network::NetworkParams,
+};
 use multiscopic_edge::{Matching, WholeLines, frame_file::FrameFile};
 use multiscopic_tests::test_images::{
     real_data::{self, Dataset},
@@ -79,6 +81,7 @@ impl ImageSet {
         match matching {
             Matching::Blocks { params, .. } => self.matched_blocks(params),
             Matching::WithConfidences(lines) => self.disparities(&lines.alone()),
+            Matching::Network(params) => Ok(self.by_network(params)?.0.pixels().to_vec()),
             Matching::AroundPrior { short, long } => {
                 let prior = DisparityMap::new(short.width(), short.height(), self.matched_blocks(short)?);
                 let long = long.around(short.search());
@@ -101,7 +104,11 @@ impl ImageSet {
 
     /// The confidences that the host's methods compute, if `matching` has any.
     pub fn confidences(&self, matching: &Matching) -> Result<Option<ConfidenceMap>> {
-        let Matching::WithConfidences(lines) = matching else { return Ok(None) };
+        let lines = match matching {
+            Matching::WithConfidences(lines) => lines,
+            Matching::Network(params) => return Ok(Some(self.by_network(params)?.1)),
+            _ => return Ok(None),
+        };
         let (block_size, optimizer) = match lines {
             WholeLines::Blocks(params) => (params.block_size() as u8, Optimizer::WinnerTakesAll),
             WholeLines::SemiGlobal(params) => {
@@ -112,6 +119,12 @@ impl ImageSet {
         };
         let (method, engine) = (Method::new(CostFunction::Sad { block_size }, None, optimizer), Engine::new(None, 2)?);
         Ok(Some(method.disparities_and_confidences(&engine, &self.frames(), lines.search(), &())?.1))
+    }
+
+    /// What the host's network gives.
+    fn by_network(&self, params: &NetworkParams) -> Result<(DisparityMap, ConfidenceMap)> {
+        let method = Method { long_baselines: None, ..Method::net() };
+        Ok(method.disparities_and_confidences(&Engine::new(None, 2)?, &self.frames(), params.search(), &())?)
     }
 
     fn matched_blocks(&self, params: &Params) -> Result<Vec<Option<Disparity>>> {

@@ -194,7 +194,9 @@ impl Run<'_> {
             tile_width.to_string(),
         ];
         match self.matching {
-            Matching::Blocks { .. } | Matching::SemiGlobal(_) | Matching::WithConfidences(_) => arguments.push(method.to_owned()),
+            Matching::Blocks { .. } | Matching::SemiGlobal(_) | Matching::WithConfidences(_) | Matching::Network(_) => {
+                arguments.push(method.to_owned())
+            }
             Matching::AroundPrior { long, .. } => {
                 let [multiple, disparities] = [long.views().multiple().into(), long.num_disparities()];
                 arguments.extend([format!("{method}-around"), multiple.to_string(), disparities.to_string()]);

@@ -1,0 +1,46 @@
+//! Lines of a frame that is blurred by a Gaussian.
+
+/// A Gaussian with a standard deviation of 1.5 pixels, in 256ths: the weights of a pixel and of those 1 to 4 pixels to
+/// either side.
+const WEIGHTS: [u16; 5] = [68, 55, 28, 9, 2];
+const _: () = assert!(WEIGHTS[0] + 2 * (WEIGHTS[1] + WEIGHTS[2] + WEIGHTS[3] + WEIGHTS[4]) == 256);
+
+/// How far the Gaussian reaches in pixels.
+const REACH: usize = WEIGHTS.len() - 1;
+
+/// The column sums that [`blur`] needs for a frame of `width` columns.
+pub(super) const fn column_sums(width: usize) -> usize {
+    width + 2 * REACH
+}
+
+/// Computes line `v` of the blurred frame, in 256ths of a grey level, rounded half up. `line` has a sample for each column, and
+/// there are as many sums as [`column_sums`]. The frame is replicated beyond its borders.
+// Along columns first: of the lines, a single one is computed at a time, and sums are not rounded.
+#[inline(always)]
+pub(super) fn blur(frame: &[u8], v: usize, sums: &mut [u16], blurred: &mut [u16]) {
+    let width = blurred.len();
+    let line = |v: usize| frame.get(v * width..(v + 1) * width);
+    let Some((before, rest)) = sums.split_at_mut_checked(REACH) else { return };
+    let Some((middle, after)) = rest.split_at_mut_checked(width) else { return };
+    let last = frame.len().checked_div(width).unwrap_or_default().saturating_sub(1);
+    // Sums are at most 256 times a sample, so that they fit 16 bits.
+    for (sum, &sample) in middle.iter_mut().zip(line(v).unwrap_or_default()) {
+        *sum = WEIGHTS[0] * u16::from(sample);
+    }
+    for (k, weight) in WEIGHTS.into_iter().enumerate().skip(1) {
+        let (Some(above), Some(below)) = (line(v.saturating_sub(k)), line((v + k).min(last))) else { return };
+        for ((sum, &above), &below) in middle.iter_mut().zip(above).zip(below) {
+            *sum = sum.wrapping_add(weight * (u16::from(above) + u16::from(below)));
+        }
+    }
+    let (Some(&first), Some(&end)) = (middle.first(), middle.last()) else { return };
+    before.fill(first);
+    after.fill(end);
+    for (sample, sums) in blurred.iter_mut().zip(sums.windows(2 * REACH + 1)) {
+        let &[a, b, c, d, e, f, g, h, i] = sums else { return };
+        let [center, one, two, three, four] = WEIGHTS.map(u32::from);
+        let pair = |one: u16, other: u16| u32::from(one) + u32::from(other);
+        let total = center * u32::from(e) + one * pair(d, f) + two * pair(c, g) + three * pair(b, h) + four * pair(a, i);
+        *sample = ((total + 128) >> 8) as u16;
+    }
+}

@@ -1,0 +1,176 @@
+//! The file with the weights of the network.
+
+use core::{array, error, fmt};
+
+use super::quantized_output::QuantizedOutput;
+
+/// What the file starts with.
+const MAGIC: &[u8; 8] = b"MSCNET01";
+
+/// What is left of a file to be read. All numbers are little-endian.
+///
+/// After the characters `MSCNET01` come the layers in the order of the network, then its tables, and nothing else. Of a layer, the
+/// weights come first: for each output those from all inputs. Then come the biases of all outputs, their multipliers
+/// and their shifts.
+#[derive(Clone, Copy, Debug)]
+pub struct WeightFile<'a> {
+    rest: &'a [u8],
+}
+
+/// A layer as the file has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LayerRecord<'a> {
+    run_length: usize,
+    inputs: usize,
+    weights: &'a [u8],
+    biases: &'a [[u8; 4]],
+    multipliers: &'a [[u8; 2]],
+    shifts: &'a [u8],
+}
+
+/// Why a file does not have the weights of the network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum WeightError {
+    /// It starts with something else.
+    Start,
+    /// It ends this many bytes before the end of a layer or table.
+    TooShort(usize),
+    /// It has this many bytes after the last table.
+    TooLong(usize),
+    /// A shift is above [`QuantizedOutput::MAX_SHIFT`].
+    Shift(u8),
+    /// A multiplier is above [`QuantizedOutput::MAX_MULTIPLIER`].
+    Multiplier(u16),
+    /// A bias is beyond [`QuantizedOutput::MAX_BIAS`].
+    Bias(i32),
+}
+
+impl fmt::Display for WeightError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (shifts, multipliers) = (QuantizedOutput::MAX_SHIFT, QuantizedOutput::MAX_MULTIPLIER);
+        match self {
+            WeightError::Start => f.write_str("the weights do not start with \"MSCNET01\""),
+            WeightError::TooShort(missing) => write!(f, "the weights end {missing} bytes before the end of a layer or table"),
+            WeightError::TooLong(bytes) => write!(f, "the weights have {bytes} bytes too many"),
+            WeightError::Shift(shift) => write!(f, "the weights have a shift of {shift} bits, at most {shifts} are possible"),
+            WeightError::Multiplier(multiplier) => {
+                write!(f, "the weights have a multiplier of {multiplier}, at most {multipliers} is possible")
+            }
+            WeightError::Bias(bias) => {
+                write!(f, "the weights have a bias of {bias}, at most {} is possible", QuantizedOutput::MAX_BIAS)
+            }
+        }
+    }
+}
+
+impl error::Error for WeightError {}
+
+impl<'a> WeightFile<'a> {
+    /// The file with these bytes.
+    ///
+    /// # Errors
+    /// If it is none.
+    pub fn new(bytes: &'a [u8]) -> Result<WeightFile<'a>, WeightError> {
+        let rest = bytes.strip_prefix(MAGIC).ok_or(WeightError::Start)?;
+        Ok(WeightFile { rest })
+    }
+
+    /// The next layer, which has this many inputs, in `runs` of equal length, and outputs.
+    ///
+    /// # Errors
+    /// If the file is too short, or a number is out of range.
+    pub fn layer(&mut self, runs: usize, run_length: usize, outputs: usize) -> Result<LayerRecord<'a>, WeightError> {
+        let inputs = runs * run_length;
+        let weights = self.take(inputs * outputs)?;
+        let biases = self.take(4 * outputs)?.as_chunks::<4>().0;
+        let multipliers = self.take(2 * outputs)?.as_chunks::<2>().0;
+        let shifts = self.take(outputs)?;
+        let layer = LayerRecord { run_length, inputs, weights, biases, multipliers, shifts };
+        for (_, QuantizedOutput { bias, shift, multiplier }) in layer.outputs() {
+            if shift > QuantizedOutput::MAX_SHIFT {
+                return Err(WeightError::Shift(shift));
+            }
+            if multiplier > QuantizedOutput::MAX_MULTIPLIER {
+                return Err(WeightError::Multiplier(multiplier));
+            }
+            if bias.unsigned_abs() > QuantizedOutput::MAX_BIAS {
+                return Err(WeightError::Bias(bias));
+            }
+        }
+        Ok(layer)
+    }
+
+    /// The next table of bytes.
+    ///
+    /// # Errors
+    /// If the file is too short.
+    pub fn bytes<const COUNT: usize>(&mut self) -> Result<[u8; COUNT], WeightError> {
+        let bytes = self.take(COUNT)?;
+        bytes.try_into().map_err(|_| WeightError::TooShort(COUNT))
+    }
+
+    /// The next table of 16-bit numbers.
+    ///
+    /// # Errors
+    /// If the file is too short.
+    pub fn numbers<const COUNT: usize>(&mut self) -> Result<[u16; COUNT], WeightError> {
+        let mut bytes = self.take(2 * COUNT)?.as_chunks::<2>().0.iter();
+        Ok(array::from_fn(|_| bytes.next().map_or(0, |&bytes| u16::from_le_bytes(bytes))))
+    }
+
+    /// Checks that nothing is left.
+    ///
+    /// # Errors
+    /// If something is.
+    pub fn finish(self) -> Result<(), WeightError> {
+        if self.rest.is_empty() { Ok(()) } else { Err(WeightError::TooLong(self.rest.len())) }
+    }
+
+    fn take(&mut self, count: usize) -> Result<&'a [u8], WeightError> {
+        let (taken, rest) = self.rest.split_at_checked(count).ok_or_else(|| WeightError::TooShort(count - self.rest.len()))?;
+        self.rest = rest;
+        Ok(taken)
+    }
+}
+
+impl<'a> LayerRecord<'a> {
+    /// The number of outputs.
+    pub fn count(&self) -> usize {
+        self.shifts.len()
+    }
+
+    /// The inputs of a run.
+    pub fn run_length(&self) -> usize {
+        self.run_length
+    }
+
+    /// The weights from all inputs to each output, as signed bytes, and what becomes of its sum.
+    pub fn outputs(&self) -> impl ExactSizeIterator<Item = (&'a [u8], QuantizedOutput)> + Clone + use<'a> {
+        let numbers = self.biases.iter().zip(self.multipliers).zip(self.shifts);
+        self.weights.chunks_exact(self.inputs.max(1)).zip(numbers).map(|(weights, ((&bias, &multiplier), &shift))| {
+            let (bias, multiplier) = (i32::from_le_bytes(bias), u16::from_le_bytes(multiplier));
+            (weights, QuantizedOutput { bias, shift, multiplier })
+        })
+    }
+
+    /// The layer in `PARTS` with an equal number of outputs.
+    pub fn parts<const PARTS: usize>(&self) -> [LayerRecord<'a>; PARTS] {
+        let count = self.count() / PARTS.max(1);
+        array::from_fn(|part| {
+            let (first, inputs) = (part * count, self.inputs);
+            LayerRecord {
+                weights: piece(self.weights, first * inputs, count * inputs),
+                biases: piece(self.biases, first, count),
+                multipliers: piece(self.multipliers, first, count),
+                shifts: piece(self.shifts, first, count),
+                ..*self
+            }
+        })
+    }
+}
+
+/// `count` items from `first` on.
+fn piece<T>(items: &[T], first: usize, count: usize) -> &[T] {
+    items.get(first..first + count).unwrap_or_default()
+}

@@ -17,15 +17,17 @@ pub struct WeightFile<'a> {
     rest: &'a [u8],
 }
 
-/// A layer as the file has it.
+/// A layer as the file has it, or some of its outputs.
+// Small: a microcontroller keeps all of them on its stack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LayerRecord<'a> {
-    run_length: usize,
-    inputs: usize,
-    weights: &'a [u8],
-    biases: &'a [[u8; 4]],
-    multipliers: &'a [[u8; 2]],
-    shifts: &'a [u8],
+    /// The weights, biases, multipliers and shifts of all outputs.
+    bytes: &'a [u8],
+    run_length: u16,
+    inputs: u16,
+    all_outputs: u16,
+    first: u16,
+    count: u16,
 }
 
 /// Why a file does not have the weights of the network.
@@ -82,11 +84,9 @@ impl<'a> WeightFile<'a> {
     /// If the file is too short, or a number is out of range.
     pub fn layer(&mut self, runs: usize, run_length: usize, outputs: usize) -> Result<LayerRecord<'a>, WeightError> {
         let inputs = runs * run_length;
-        let weights = self.take(inputs * outputs)?;
-        let biases = self.take(4 * outputs)?.as_chunks::<4>().0;
-        let multipliers = self.take(2 * outputs)?.as_chunks::<2>().0;
-        let shifts = self.take(outputs)?;
-        let layer = LayerRecord { run_length, inputs, weights, biases, multipliers, shifts };
+        let bytes = self.take((inputs + 7) * outputs)?;
+        let [run_length, inputs, count] = [run_length, inputs, outputs].map(|number| number as u16);
+        let layer = LayerRecord { bytes, run_length, inputs, all_outputs: count, first: 0, count };
         for (_, QuantizedOutput { bias, shift, multiplier }) in layer.outputs() {
             if shift > QuantizedOutput::MAX_SHIFT {
                 return Err(WeightError::Shift(shift));
@@ -137,18 +137,26 @@ impl<'a> WeightFile<'a> {
 impl<'a> LayerRecord<'a> {
     /// The number of outputs.
     pub fn count(&self) -> usize {
-        self.shifts.len()
+        self.count.into()
     }
 
     /// The inputs of a run.
     pub fn run_length(&self) -> usize {
-        self.run_length
+        self.run_length.into()
     }
 
     /// The weights from all inputs to each output, as signed bytes, and what becomes of its sum.
-    pub fn outputs(&self) -> impl ExactSizeIterator<Item = (&'a [u8], QuantizedOutput)> + Clone + use<'a> {
-        let numbers = self.biases.iter().zip(self.multipliers).zip(self.shifts);
-        self.weights.chunks_exact(self.inputs.max(1)).zip(numbers).map(|(weights, ((&bias, &multiplier), &shift))| {
+    #[inline(always)]
+    pub fn outputs(&self) -> impl ExactSizeIterator<Item = (&'a [u8], QuantizedOutput)> + use<'a> {
+        let [inputs, all, first, count] = [self.inputs, self.all_outputs, self.first, self.count].map(usize::from);
+        let piece = |skipped: usize, of_output: usize| {
+            let start = skipped * all + first * of_output;
+            self.bytes.get(start..start + count * of_output).unwrap_or_default()
+        };
+        let weights = piece(0, inputs).chunks_exact(inputs.max(1));
+        let (biases, multipliers) = (piece(inputs, 4).as_chunks().0, piece(inputs + 4, 2).as_chunks().0);
+        let numbers = biases.iter().zip(multipliers).zip(piece(inputs + 6, 1));
+        weights.zip(numbers).map(|(weights, ((&bias, &multiplier), &shift))| {
             let (bias, multiplier) = (i32::from_le_bytes(bias), u16::from_le_bytes(multiplier));
             (weights, QuantizedOutput { bias, shift, multiplier })
         })
@@ -156,21 +164,7 @@ impl<'a> LayerRecord<'a> {
 
     /// The layer in `PARTS` with an equal number of outputs.
     pub fn parts<const PARTS: usize>(&self) -> [LayerRecord<'a>; PARTS] {
-        let count = self.count() / PARTS.max(1);
-        array::from_fn(|part| {
-            let (first, inputs) = (part * count, self.inputs);
-            LayerRecord {
-                weights: piece(self.weights, first * inputs, count * inputs),
-                biases: piece(self.biases, first, count),
-                multipliers: piece(self.multipliers, first, count),
-                shifts: piece(self.shifts, first, count),
-                ..*self
-            }
-        })
+        let count = self.count / (PARTS as u16).max(1);
+        array::from_fn(|part| LayerRecord { first: self.first + part as u16 * count, count, ..*self })
     }
-}
-
-/// `count` items from `first` on.
-fn piece<T>(items: &[T], first: usize, count: usize) -> &[T] {
-    items.get(first..first + count).unwrap_or_default()
 }

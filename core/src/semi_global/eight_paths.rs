@@ -20,9 +20,35 @@ const PATHS: u16 = 8;
 /// The sum of a candidate is `8 C + sum of E`, as [`SemiGlobalParams`] defines them. Disparities are selected and refined by
 /// these sums as they are there.
 ///
-/// The paths from below need all lines, so a first pass goes up. It keeps their costs of one line in several only. A second pass
-/// goes down band by band: of each band, it extends the paths from below once more, from the costs that were kept, and keeps
-/// what they add. So the caller computes the matching costs of each line up to three times.
+/// A first pass goes up. It keeps the costs of the paths from below for one line in several only. A second pass goes down, band
+/// by band. For each band, it extends the paths from below again, from the costs that were kept, and keeps what they add to the
+/// matching costs. So the caller computes the matching costs of each line up to three times.
+///
+/// ```
+/// use multiscopic_core::network::{CensusPair, CensusPairLines};
+/// use multiscopic_core::{Census, EightPaths, Fusion, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Portable};
+///
+/// const PAIR: CensusPair = CensusPair::BothWays;
+/// const PARAMS: SemiGlobalParams = {
+///     let Ok(search) = Search::new(40, 30, Views::STEREO, Fusion::Min, 0, 8) else { panic!("out of range") };
+///     let Ok(params) = SemiGlobalParams::new(search, SemiGlobalCost::Census(Census::Window9x7)) else { panic!("out of range") };
+///     params
+/// };
+/// // A texture, seen three pixels further to the left.
+/// let pixel = |u: usize, v: usize| (u * (u + 3 * v) % 61) as u8;
+/// let frame = |shift: usize| -> [u8; 1200] { std::array::from_fn(|i| pixel(i % 40 + shift, i / 40)) };
+/// let (center, right) = (frame(0), frame(3));
+///
+/// let mut lent = [0; CensusPairLines::<Portable<4>>::memory_words(PAIR, PARAMS.search())];
+/// let mut lines = CensusPairLines::new(Portable::<4>, PAIR, PARAMS.search(), &[&center, &right], &mut lent)?;
+/// let mut lent = [0; EightPaths::<Portable<4>>::memory_words(&PARAMS)];
+/// let mut paths = EightPaths::new(Portable::<4>, &PARAMS, &center, &mut lent)?;
+/// let mut costs = |v: usize, costs: &mut [u8]| lines.line(v, PARAMS.search().fusion(), costs);
+/// while let Some(line) = paths.next_line(&mut costs) {
+///     assert_eq!(line.disparities[20].map(|d| f32::from(d).round()), Some(3.0));
+/// }
+/// # Ok::<(), multiscopic_core::MemoryTooSmall>(())
+/// ```
 #[derive(Debug)]
 pub struct EightPaths<'m, 'f, I> {
     isa: I,
@@ -33,7 +59,7 @@ pub struct EightPaths<'m, 'f, I> {
     downward: PathLines<'m>,
     /// The paths from the bottom left, the bottom and the bottom right.
     upward: [Slots<'m>; 3],
-    /// The costs of these paths in the first line of each band but the first two, from the third on.
+    /// The costs of these paths in the first line of each band from the third on.
     kept: &'m mut [u8],
     /// The lines of a band.
     band: usize,
@@ -312,5 +338,34 @@ fn select(min_disparity: i16, sums: &[u16]) -> Option<Disparity> {
             Disparity::refine_equiangular(d, before.into(), least.into(), after.into())
         }
         _ => Disparity::whole(d),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Census, Fusion, Search, SemiGlobalCost, Views, kernel::Portable};
+
+    #[test]
+    fn small_frames_take_less_than_120_kilobytes() {
+        let bytes = |width, height, count| {
+            let search = Search::new(width, height, Views::HORIZONTAL, Fusion::Min, 0, count).unwrap();
+            let params = SemiGlobalParams::new(search, SemiGlobalCost::Census(Census::Window9x7)).unwrap();
+            4 * EightPaths::<Portable<8>>::memory_words(&params)
+        };
+        assert_eq!(bytes(160, 120, 16), 116_672);
+        assert_eq!(bytes(320, 240, 32), 611_728);
+    }
+
+    #[test]
+    fn bands_take_the_least_memory() {
+        let shape = PathShape { width: 1, depth: 1 };
+        for height in 1..300_usize {
+            // Path costs take three bytes, and what paths add takes one.
+            let bytes = |lines: usize| 3 * height.div_ceil(lines).saturating_sub(2) + lines;
+            let bands = Bands::new(shape, height);
+            assert_eq!(bands.kept_bytes() + bands.excess_bytes(), bytes(bands.lines));
+            assert_eq!((1..=height).map(bytes).min(), Some(bytes(bands.lines)), "{height} lines");
+        }
     }
 }

@@ -18,8 +18,8 @@ struct Shared {
 const SHARED_MODULES: [Shared; 8] = [
     Shared {
         name: "network",
-        places: &["host/src/stereo/"],
-        reason: "the networks of MC-CNN give costs, the method's own disparities",
+        places: &["core/src/", "host/src/stereo/"],
+        reason: "the networks of MC-CNN give costs, the method's own disparities, which the core gives as well",
     },
     Shared { name: "parameters", places: &["host/src/stereo/"], reason: "each method has its own" },
     Shared { name: "error", places: &[""], reason: "each crate and room has its own errors" },

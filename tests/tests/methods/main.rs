@@ -1,4 +1,4 @@
-//! The host's other methods equal their definitions.
+//! The host's other methods, and what the core has for them, equal their definitions.
 
 mod baseline_noise;
 mod cost_volumes;
@@ -6,5 +6,6 @@ mod graph_cuts;
 mod lucas_kanade;
 mod many_views;
 mod network;
+mod network_passes;
 mod pairs;
 mod sgm;

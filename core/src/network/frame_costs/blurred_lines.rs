@@ -15,7 +15,7 @@ pub(super) const fn column_sums(width: usize) -> usize {
 
 /// Computes line `v` of the blurred frame, in 256ths of a grey level, rounded half up. `line` has a sample for each column, and
 /// there are as many sums as [`column_sums`]. The frame is replicated beyond its borders.
-// Along columns first: of the lines, a single one is computed at a time, and sums are not rounded.
+// Along columns first, since a single line is blurred at a time. Sums are not rounded, so the order changes nothing.
 #[inline(always)]
 pub(super) fn blur(frame: &[u8], v: usize, sums: &mut [u16], blurred: &mut [u16]) {
     let width = blurred.len();
@@ -42,5 +42,36 @@ pub(super) fn blur(frame: &[u8], v: usize, sums: &mut [u16], blurred: &mut [u16]
         let pair = |one: u16, other: u16| u32::from(one) + u32::from(other);
         let total = center * u32::from(e) + one * pair(d, f) + two * pair(c, g) + three * pair(b, h) + four * pair(a, i);
         *sample = ((total + 128) >> 8) as u16;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At the smallest sizes as well. A point of 32 has a total of exactly a half at the corners of the Gaussian.
+    #[test]
+    fn lines_have_the_blurred_samples_of_the_definition() {
+        let noise: [u8; 120] = core::array::from_fn(|i| (i * i * 89 + i * 31 + i / 5) as u8);
+        let point: [u8; 120] = core::array::from_fn(|i| if i == 5 * 12 + 6 { 32 } else { 0 });
+        for (frame, width, height) in
+            [(&noise, 1, 1), (&noise, 1, 7), (&noise, 3, 2), (&noise, 12, 10), (&noise, 16, 1), (&point, 12, 10)]
+        {
+            let frame = &frame[..width * height];
+            let sample = |u: i32, v: i32| {
+                let [u, v] = [(u, width), (v, height)].map(|(at, side)| at.clamp(0, side as i32 - 1) as usize);
+                u32::from(frame[v * width + u])
+            };
+            let weight = |k: i32| u32::from(WEIGHTS[k.unsigned_abs() as usize]);
+            for v in 0..height {
+                let (mut sums, mut blurred) = ([99; 24], [99; 16]);
+                blur(frame, v, &mut sums[..column_sums(width)], &mut blurred[..width]);
+                for (u, &blurred) in blurred.iter().enumerate().take(width) {
+                    let at = |du, dv| weight(du) * weight(dv) * sample(u as i32 + du, v as i32 + dv);
+                    let total: u32 = (-4..=4).flat_map(|dv| (-4..=4).map(move |du| at(du, dv))).sum();
+                    assert_eq!(u32::from(blurred), (total + 128) / 256, "({u}, {v}) of {width}x{height}");
+                }
+            }
+        }
     }
 }

@@ -1,5 +1,7 @@
 //! The descriptors of a view's line, so that those of a pixel's candidates are contiguous.
 
+use core::array;
+
 use crate::View;
 
 /// Bytes of a descriptor.
@@ -7,8 +9,8 @@ pub(super) const BYTES: usize = 4;
 
 /// The descriptors of a line of a horizontal view: a plane for each of their bytes.
 ///
-/// Matches of ascending disparity are as many pixels apart as the view is baselines away. So a plane has as many phases, one
-/// after the other: that of every pixel whose column has the same remainder. If matches move to the left, lines are mirrored.
+/// In a view `n` baselines away, the matches of a pixel at successive disparities lie `n` columns apart. So a plane consists of
+/// `n` phases, one after the other: each has the columns with the same remainder. Lines are mirrored if matches move to the left.
 #[derive(Debug)]
 pub(super) struct CandidatePlanes<'m> {
     planes: &'m mut [u8],
@@ -66,12 +68,9 @@ impl<'m> CandidatePlanes<'m> {
             1 => (u, 0),
             baselines => (u.checked_div(baselines).unwrap_or_default(), u.checked_rem(baselines).unwrap_or_default()),
         };
-        let mut start = remainder * self.phase + place;
-        [(); BYTES].map(|()| {
-            let candidates = self.planes.get(start..start + depth).unwrap_or_default();
-            start += self.baselines * self.phase;
-            candidates
-        })
+        let start = remainder * self.phase + place;
+        let plane = self.baselines * self.phase;
+        array::from_fn(|byte| self.planes.get(byte * plane + start..).and_then(|rest| rest.get(..depth)).unwrap_or_default())
     }
 }
 

@@ -54,7 +54,7 @@ impl CensusPair {
     }
 }
 
-/// The pixels of a window three times as large, from one to the next.
+/// From a pixel of the larger window to the next.
 const SPACING: usize = 3;
 
 /// A frame that lies whole in memory, and the lines of it under the windows.
@@ -67,7 +67,7 @@ struct FrameRings<'m, 'f> {
 
 /// The matching costs by a [`CensusPair`] of any line, of frames that lie whole in memory.
 ///
-/// Lines may be asked for in any order. From one to the next, up or down, the least is computed.
+/// Lines may be asked for in any order. A neighbour of the last line takes the least time.
 ///
 /// Views are in the centre's row of the array, and at most [`Views::MAX_MATCHED`]. Any other view sees no candidate.
 #[derive(Debug)]
@@ -156,6 +156,7 @@ impl<'m, 'f, I: Isa> CensusPairLines<'m, 'f, I> {
         memory: &'m mut [u32],
     ) -> Result<CensusPairLines<'m, 'f, I>, MemoryTooSmall> {
         let mut lender = Lender::new::<I>(memory, CensusPairLines::<I>::memory_words(pair, search))?;
+        let search = &search.with_views(search.views().iter().take(Views::MAX_MATCHED).collect()).unwrap_or(*search);
         let (width, depth) = (search.width(), search.num_disparities().next_multiple_of(I::LANES));
         let mut frames = frames.iter();
         let center = FrameRings::new(pair, search, frames.next(), &mut lender)?;
@@ -293,5 +294,18 @@ impl<I: Kernel, const V: usize> Work for FusePair<'_, '_, '_, I, V> {
             // The mean of the costs of a candidate that no view sees is that cost again.
             costs.iter_mut().zip(&**second).for_each(|(cost, &second)| *cost = cost.midpoint(second));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::Portable;
+
+    #[test]
+    fn small_frames_take_less_than_thirty_kilobytes() {
+        let search = Search::new(160, 120, Views::HORIZONTAL, Fusion::Min, 0, 16).unwrap();
+        let bytes = |pair| 4 * CensusPairLines::<Portable<8>>::memory_words(pair, &search);
+        assert_eq!([CensusPair::BothWays, CensusPair::TwoScales].map(bytes), [8640, 29_616]);
     }
 }

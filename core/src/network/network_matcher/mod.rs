@@ -201,6 +201,8 @@ impl<'m, 'w, I: Isa> NetworkMatcher<'m, 'w, I> {
     ///
     /// # Errors
     /// [`NetworkError`].
+    // Functions of their own, as below, so that the stack has to hold what one does at a time.
+    #[inline(never)]
     pub fn new(isa: I, params: &NetworkParams, weights: &'w [u8], memory: &'m mut [u32]) -> Result<Self, NetworkError> {
         let layers = NetworkLayers::read(weights, |record| record).map_err(NetworkError::Weights)?;
         split::<I>(params, memory).map_err(NetworkError::Memory)?;
@@ -250,6 +252,7 @@ impl<I: Kernel> NetworkMatcher<'_, '_, I> {
     ///
     /// # Errors
     /// None: [`new`](NetworkMatcher::new) has checked the memory.
+    #[inline(never)]
     pub fn run(&mut self, mut progress: impl FnMut()) -> Result<(), MemoryTooSmall> {
         let NetworkMatcher { isa, params, layers, memory } = self;
         let network = NetworkOn { isa: *isa, layers };

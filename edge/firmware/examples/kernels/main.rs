@@ -23,7 +23,7 @@ mod image {
 
     use super::{
         bytes::compare_bytes,
-        operations::{TRIALS, compare_columns, compare_costs},
+        operations::{TRIALS, compare_columns, compare_costs, compare_products},
         runs::compare_runs,
         twin::Difference,
         xorshift::Xorshift,
@@ -43,6 +43,7 @@ mod image {
     fn compare(random: &mut Xorshift) -> Result<(), Difference> {
         let kernel = BoardKernel::default();
         compare_columns(kernel, random)?;
+        compare_products(kernel, random)?;
         compare_costs::<u16, _>(kernel, random, 0xffff)?;
         // More than six times the greatest cost of a block, four views together.
         compare_costs::<u32, _>(kernel, random, 0x1f_ffff)?;

@@ -11,6 +11,8 @@ use super::{
 
 /// How often each operation is tried.
 pub const TRIALS: usize = 1000;
+/// The most products in a sum, a multiple of 4.
+const MOST_PRODUCTS: usize = 100;
 /// The most vectors in a run.
 pub const MAX_RUN: usize = 8;
 
@@ -51,6 +53,20 @@ pub fn compare_columns<K: Isa>(kernel: K, random: &mut Xorshift) -> Result<(), D
         let moved = stored(kernel.advance(of_a, center, view)).map(|sum| sum.wrapping_sub(K::bias(1)));
         let view = Change { entering: &entering, leaving: &leaving };
         same("moving a column", moved, twin.advance(a, center, view))?;
+    }
+    Ok(())
+}
+
+/// Compares sums of products.
+pub fn compare_products<K: Isa>(kernel: K, random: &mut Xorshift) -> Result<(), Difference> {
+    let twin = Twin::default();
+    for trial in 0..TRIALS {
+        let weights = random.samples::<MOST_PRODUCTS>();
+        let inputs = [(); 4].map(|()| random.samples::<MOST_PRODUCTS>().map(|input| input >> 1));
+        let sums = [(); 4].map(|()| i32::from_le_bytes(random.samples()));
+        let count = trial % (MOST_PRODUCTS / 4 + 1) * 4;
+        let (weights, inputs) = (&weights[..count], inputs.each_ref().map(|inputs| &inputs[..count]));
+        same("sums of products", kernel.add_products(sums, weights, inputs), twin.add_products(sums, weights, inputs))?;
     }
     Ok(())
 }

@@ -73,7 +73,10 @@ pub fn no_panic(toolchain: &Toolchain) -> Result<()> {
 fn stack_overflow(toolchain: &Toolchain, board: &EmulatedBoard) -> Result<()> {
     let images = build::build(toolchain, board, &[Program::Example("stack_overflow")])?;
     let folder = folder("stack_overflow")?;
-    images.iter().try_for_each(|image| ends(board, image, "", &folder, OVERFLOWED, "stack overflow: the stack has 8192 bytes"))
+    // Boards that have room for the network have more.
+    let stack = if board.ram < profile::QQVGA_NET.ram_budget { 8192 } else { 16384 };
+    let named = format!("stack overflow: the stack has {stack} bytes");
+    images.iter().try_for_each(|image| ends(board, image, "", &folder, OVERFLOWED, &named))
 }
 
 /// Missing frames, frames of the wrong size, and an unknown argument.

@@ -193,12 +193,9 @@ impl<I: Kernel> CensusPairLines<'_, '_, I> {
     /// Computes the costs of line `v`, at most 32 each, pixel by pixel: the disparities of the search, rounded up to whole
     /// vectors. They are 255 where no view sees a candidate, and past the last disparity.
     ///
-    /// Of the same line by another fusion, descriptors are not computed again.
+    /// Of the same line once more, descriptors are not computed again.
     pub fn line(&mut self, v: usize, fusion: Fusion, costs: &mut [u8]) {
-        if self.held != Some(v) {
-            self.held = Some(v);
-            self.describe(v);
-        }
+        self.describe(v);
         // By the number of views, so that the inner loops unroll.
         match self.search.views().len() {
             5.. if const { Views::MAX_MATCHED > 4 } => self.fuse::<8>(v, fusion, costs),
@@ -208,8 +205,41 @@ impl<I: Kernel> CensusPairLines<'_, '_, I> {
         }
     }
 
-    /// Computes the descriptors of line `v` in all frames.
+    /// The costs of a single candidate of the pixel in column `u` of line `v`, fused by their least and by their mean.
+    pub fn candidate(&mut self, [u, v]: [usize; 2], index: usize) -> [u8; 2] {
+        self.describe(v);
+        let (width, depth) = (self.search.width(), self.depth);
+        let size = (width, self.search.height());
+        let (least, count) = (self.search.min_disparity(), self.search.num_disparities());
+        let of_transform = |k: usize| {
+            let here = self.here.get(k).map(|here| &**here).unwrap_or_default();
+            let byte = |plane: &[u8], at: usize| u32::from(plane.get(at).copied().unwrap_or_default());
+            let here = (0..BYTES).fold(0, |bits, k| bits << 8 | byte(here, k * width + u));
+            // As the kernels add distances, in eight bits.
+            let (mut least_distance, mut sum, mut views) = (u8::MAX, 0_u8, 0);
+            for (view, rings) in self.search.views().iter().zip(&self.views) {
+                let is_available = view.available((u, v), size, least, count).contains(&(index as u16));
+                let Some(planes) = rings.as_ref().filter(|_| is_available).and_then(|rings| rings.planes.get(k)) else {
+                    continue;
+                };
+                let there = planes.candidates(u, depth).iter().fold(0, |bits, plane| bits << 8 | byte(plane, index));
+                let distance = (here ^ there).count_ones() as u8;
+                least_distance = least_distance.min(distance);
+                sum = sum.saturating_add(distance);
+                views += 1;
+            }
+            [least_distance, sum.checked_div(views).unwrap_or(u8::MAX)]
+        };
+        let ([least_of_first, mean_of_first], [least_of_second, mean_of_second]) = (of_transform(0), of_transform(1));
+        [least_of_first.midpoint(least_of_second), mean_of_first.midpoint(mean_of_second)]
+    }
+
+    /// Computes the descriptors of line `v` in all frames, unless they are there.
     fn describe(&mut self, v: usize) {
+        if self.held == Some(v) {
+            return;
+        }
+        self.held = Some(v);
         let (isa, pair) = (self.isa, self.pair);
         for (k, descriptors) in self.here.iter_mut().enumerate() {
             isa.compiled(Describe { rings: &mut self.center, pair, is_second: k == 1, v, sums: self.sums, descriptors });

@@ -35,7 +35,7 @@ pub struct FrameInputs<'m, 'f, I> {
     margins: &'m mut [[u8; 3]],
     /// The costs or excesses of a line.
     line: &'m mut [u8],
-    /// Their sums and the least, for a row of blocks.
+    /// Their sums, of two kinds, and the least, for a row of blocks.
     sums: &'m mut [u16],
     least: &'m mut [u8],
     /// Whether everything is turned by half a turn.
@@ -56,7 +56,7 @@ impl<'m, 'f, I: Isa> FrameInputs<'m, 'f, I> {
     const fn buffer_bytes(search: &Search) -> [usize; 5] {
         let (pixels, depth) = (search.width() * search.height(), Self::depth(search));
         let [columns, _] = Self::blocks(search);
-        [2 * pixels, 3 * pixels, search.width() * depth, 2 * columns * depth, columns * depth]
+        [2 * pixels, 3 * pixels, search.width() * depth, 2 * 2 * columns * depth, columns * depth]
     }
 
     /// The bytes of all [`Excesses`].
@@ -260,18 +260,15 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
             [*a, *b, *last] = [margin_a, margin_b, excess];
             measures
         });
-        let (width, depth, turned) = (self.search.width(), self.depth, self.turned);
-        let padded = measures.len();
-        for kind in 0..4 {
-            self.cost_line(kind, v);
-            for (x, measures) in measures.iter_mut().enumerate() {
-                let u = if turned { padded - 1 - x } else { x }.min(width.saturating_sub(1));
-                for (pass, winners) in self.winners.iter().enumerate() {
-                    let candidate = nearest_candidate(winners.get(start + u).copied().unwrap_or_default());
-                    let cost = self.line.get(u * depth + candidate).copied().unwrap_or_default();
-                    if let Some(measure) = measures.get_mut(2 + 4 * pass + kind) {
-                        *measure = cost_measure(cost);
-                    }
+        let (width, turned, padded) = (self.search.width(), self.turned, measures.len());
+        for (x, measures) in measures.iter_mut().enumerate() {
+            let u = if turned { padded - 1 - x } else { x }.min(width.saturating_sub(1));
+            let (_, of_costs) = measures.split_at_mut(2);
+            let winners = self.winners.each_ref().map(|winners| winners.get(start + u).copied().unwrap_or_default());
+            let candidates = winners.into_iter().flat_map(|winner| [0, 1].map(|pair| (nearest_candidate(winner), pair)));
+            for ((candidate, pair), measures) in candidates.zip(of_costs.as_chunks_mut::<2>().0) {
+                if let Some(pair) = self.costs.get_mut(pair) {
+                    *measures = pair.candidate([u, v], candidate).map(cost_measure);
                 }
             }
         }
@@ -284,18 +281,25 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
         let count = self.search.num_disparities();
         let turned = self.turned;
         let place = |index: usize, column: usize| index * columns + if turned { columns - 1 - column } else { column };
-        for kind in 0..4 {
-            self.sums.fill(0);
-            for v in block_rows(row, self.search.height()) {
-                self.cost_line(kind, v);
-                self.line.iter_mut().for_each(|cost| *cost = (*cost).min(MAX_POOLED_COST));
-                pool(self.line, self.depth, self.sums, self.least);
+        let FrameInputs { search, depth, costs, line, sums, least, .. } = self;
+        for (pass, pair) in costs.iter_mut().enumerate() {
+            sums.fill(0);
+            let (of_least, of_mean) = sums.split_at_mut(columns * *depth);
+            for v in block_rows(row, search.height()) {
+                for (fusion, sums) in [(Fusion::Min, &mut *of_least), (Fusion::Mean, &mut *of_mean)] {
+                    pair.line(v, fusion, line);
+                    line.iter_mut().for_each(|cost| *cost = (*cost).min(MAX_POOLED_COST));
+                    pool(line, *depth, sums, least);
+                }
             }
-            for (column, sums) in self.sums.chunks_exact(self.depth).enumerate() {
-                for (index, &sum) in sums.iter().enumerate().take(count) {
-                    if let Some(channel) = candidates.get_mut(place(index, column)).and_then(|candidate| candidate.get_mut(kind))
-                    {
-                        *channel = cost_channel(sum);
+            for (kind, sums) in (2 * pass..).zip([of_least, of_mean]) {
+                for (column, sums) in sums.chunks_exact(*depth).enumerate() {
+                    for (index, &sum) in sums.iter().enumerate().take(count) {
+                        if let Some(channel) =
+                            candidates.get_mut(place(index, column)).and_then(|candidate| candidate.get_mut(kind))
+                        {
+                            *channel = cost_channel(sum);
+                        }
                     }
                 }
             }
@@ -305,14 +309,6 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
             if let Some([_, _, _, _, to @ ..]) = candidates.get_mut(place(i / columns, i % columns)) {
                 *to = *kept;
             }
-        }
-    }
-
-    /// Computes the costs of a kind in a line of the frames: those of A fused by their least and by their mean, then those of B.
-    fn cost_line(&mut self, kind: usize, v: usize) {
-        let fusion = if kind.is_multiple_of(2) { Fusion::Min } else { Fusion::Mean };
-        if let Some(pair) = self.costs.get_mut(kind / 2) {
-            pair.line(v, fusion, self.line);
         }
     }
 }

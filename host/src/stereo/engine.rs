@@ -72,6 +72,11 @@ impl Engine {
         check_frames(frames, search.views().iter().map(Frame::View))
     }
 
+    /// The most bytes that a match may take, if that is limited.
+    pub(super) fn most_bytes(&self) -> Option<u64> {
+        self.most_bytes
+    }
+
     /// Checks that a match that takes these bytes is not too large.
     ///
     /// # Errors

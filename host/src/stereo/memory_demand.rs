@@ -4,7 +4,9 @@ use multiscopic_core::{Frame, Search};
 
 use super::{
     cost::mccnn::Architecture,
+    engine::Engine,
     method::{CostFunction, Method, Optimizer},
+    network::Bands,
     optimization::sgm::Paths,
 };
 use crate::images::Frames;
@@ -41,7 +43,26 @@ impl Method {
             _ => 30.0 + 8.0 * lanes,
         };
         let opinion = if self.takes_second_opinion() { network } else { 0.0 };
-        let images = 14.0 + 4.0 * (views + 1) as f64;
-        (pixels as f64 * (images + matching.max(opinion))) as u64
+        image_bytes(search) + (pixels as f64 * matching.max(opinion)) as u64
     }
+
+    /// The bands that the network is computed in: none if it fits at once into the memory that the engine may take.
+    pub(super) fn bands(&self, search: &Search, frames: &Frames, engine: &Engine) -> Option<Bands> {
+        let most = engine.most_bytes().filter(|&most| self.bytes(search, frames) > most)?;
+        let is_network = matches!(self.optimizer, Optimizer::Network(_)) && search.check_views().is_ok();
+        Bands::within(most.saturating_sub(image_bytes(search)), search).filter(|_| is_network)
+    }
+
+    /// The same as [`bytes`](Method::bytes), in bands if it is the network that does not fit at once.
+    pub(super) fn least_bytes(&self, search: &Search, frames: &Frames, engine: &Engine) -> u64 {
+        match self.bands(search, frames, engine) {
+            Some(bands) => image_bytes(search) + bands.bytes(search),
+            None => self.bytes(search, frames),
+        }
+    }
+}
+
+/// The bytes of the images and of the result.
+fn image_bytes(search: &Search) -> u64 {
+    (search.width() * search.height() * (14 + 4 * (search.views().len() + 1))) as u64
 }

@@ -236,7 +236,7 @@ impl Method {
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
         engine.check(frames, search)?;
-        engine.check_memory(self.bytes(search, frames))?;
+        engine.check_memory(self.least_bytes(search, frames, engine))?;
         let sets = LongBaselines::sets(search.views());
         let map = match (self.long_baselines, &sets[..]) {
             (Some(long_baselines), [shortest, longer @ ..]) if !longer.is_empty() => {
@@ -309,11 +309,16 @@ impl Method {
                 ));
             }
             (CostFunction::TwoScaleCensus(Census::Window9x7), Optimizer::Network(network)) if self.aggregation.is_none() => {
-                let inputs = Inputs::new(frames, search, engine, progress)?;
-                if progress.is_interrupted() {
-                    return Ok(DisparityMap::filled(search.width(), search.height(), None));
-                }
-                let (map, confidences) = network.disparities(inputs, search, engine);
+                let (map, confidences) = match self.bands(search, frames, engine) {
+                    Some(bands) => bands.disparities(network, frames, search, engine, progress)?,
+                    None => {
+                        let inputs = Inputs::new(frames, search, engine, progress)?;
+                        if progress.is_interrupted() {
+                            return Ok(DisparityMap::filled(search.width(), search.height(), None));
+                        }
+                        network.disparities(inputs, search, engine)
+                    }
+                };
                 if let Some(evidence) = evidence {
                     *evidence = confidences;
                 }

@@ -8,7 +8,7 @@ use multiscopic::{
     scene::RandomScene,
     stereo::{
         Optimizer,
-        network::{DisparityNetwork, DotProducts, Inputs, QuantizedLayer, Runs},
+        network::{Bands, DisparityNetwork, DotProducts, Inputs, QuantizedLayer, Runs},
         refinement::Refinement,
     },
 };
@@ -225,6 +225,31 @@ fn the_matcher_in_bounded_memory_equals_the_network() {
         }
         assert_eq!(found.len(), expected.len());
     });
+}
+
+#[test]
+fn bands_give_the_bits_of_the_whole_image() {
+    let (engine, mut random) = (Engine::new(None, 2).expect("threads"), Random(6));
+    for (width, height, rows, views) in [
+        (20, 470, 96, Views::CROSS),
+        (9, 431, 48, Views::HORIZONTAL),
+        (12, 240, 16, Views::NONE.with(View::RIGHT)),
+        (17, 50, 16, Views::HORIZONTAL),
+        (5, 1, 16, Views::HORIZONTAL),
+    ] {
+        let shot = RandomScene::new(1_000_004, random.below(1000) as u64, [width, height]).render(views);
+        let search = Search::new(width as u16, height as u16, views, CoreFusion::Mean, 0, 3 + random.below(9) as u16);
+        let (search, frames) = (search.expect("a search"), shot.color_frames());
+        // With random weights, everything depends on all that it can depend on.
+        let network = DisparityNetwork::new(&reference::DisparityNetwork::random_file(&mut random)).expect("a file of weights");
+        let inputs = Inputs::new(&frames, &search, &engine, &()).expect("the frames fit the search");
+        let (map, confidences) = network.disparities(inputs, &search, &engine);
+        let found = Bands::of(rows).disparities(&network, &frames, &search, &engine, &()).expect("the frames fit the search");
+        for v in 0..search.height() {
+            assert_eq!(found.0.row(v), map.row(v), "line {v} of {width}x{height} in bands of {rows}");
+            assert_eq!(found.1.row(v), confidences.row(v), "line {v} of {width}x{height} in bands of {rows}");
+        }
+    }
 }
 
 #[test]

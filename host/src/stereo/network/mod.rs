@@ -14,8 +14,10 @@
 //! | `block_disparities` | the disparities of blocks, by the costs |
 //! | `look` | what the network finds, once and in two looks |
 //! | [`DisparityNetwork`] | all of it |
+//! | [`Bands`] | the same band by band |
 
 mod activations;
+mod bands;
 mod block_disparities;
 mod disparity_network;
 mod dot_products;
@@ -25,6 +27,7 @@ mod operations;
 mod quantized_layer;
 
 pub use activations::Activations;
+pub use bands::Bands;
 pub use disparity_network::DisparityNetwork;
 pub use dot_products::DotProducts;
 pub use inputs::Inputs;

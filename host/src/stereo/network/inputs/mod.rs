@@ -59,11 +59,12 @@ impl Inputs {
         let census = Census::Window9x7;
         let fused = [Fusion::Min, Fusion::Mean].map(|fusion| search.with_fusion(fusion));
         let mut inputs = Inputs::empty(frames, search);
+        inputs.volume = vec![[0; CANDIDATE_CHANNELS]; inputs.blocks[0] * inputs.blocks[1] * inputs.num_disparities];
         inputs.take_pass(&CensusPairRows::both_ways(frames, search, census, engine), 0, frames, engine, progress);
         inputs.take_pass(&CensusPairRows::two_scales(frames, search, census, engine), 1, frames, engine, progress);
         for (kind, search) in fused.iter().enumerate() {
-            inputs.take_costs(&CensusPairRows::both_ways(frames, search, census, engine), kind, engine);
-            inputs.take_costs(&CensusPairRows::two_scales(frames, search, census, engine), 2 + kind, engine);
+            inputs.take_costs(&CensusPairRows::both_ways(frames, search, census, engine), kind, 0, engine);
+            inputs.take_costs(&CensusPairRows::two_scales(frames, search, census, engine), 2 + kind, 0, engine);
         }
         Ok(inputs)
     }
@@ -80,8 +81,8 @@ impl Inputs {
         }
     }
 
-    /// Inputs without costs.
-    fn empty(frames: &Frames, search: &Search) -> Inputs {
+    /// Inputs without anything that costs give.
+    pub(super) fn empty(frames: &Frames, search: &Search) -> Inputs {
         let (width, height, count) = (search.width(), search.height(), search.num_disparities());
         let blocks = [width, height].map(padded_blocks);
         let colors: Vec<[u8; 3]> = match frames.color(Frame::Center) {
@@ -93,7 +94,7 @@ impl Inputs {
             colors: Raster::new(width, height, colors),
             winners: [0, 1].map(|_| Raster::filled(width, height, 0)),
             measures: Raster::filled(width, height, [0; MEASURES]),
-            volume: vec![[0; CANDIDATE_CHANNELS]; blocks[0] * blocks[1] * count],
+            volume: Vec::new(),
             blocks,
         }
     }
@@ -113,31 +114,56 @@ impl Inputs {
         let center = frames.get(Frame::Center).expect("every set of frames has a centre");
         let (map, sums) = sgm.optimize(rows, center, engine, true, None, progress);
         let sums = sums.expect("sums were asked for");
-        let least = i32::from(search.min_disparity()) * Disparity::STEPS;
-        self.winners[pass] = map.map(|disparity| disparity.map_or(0, |d| (i32::from(d.to_bits()) - least) as u16));
-        let channel = if pass == 1 { 4 } else { 6 };
-        self.take_lines(
-            &PassLines { sums: &sums, count: search.num_disparities(), pass },
-            search,
-            engine,
-            |candidate, sum, least| {
-                candidate[channel..channel + 2].copy_from_slice(&excess_channels(sum, least));
-            },
-        );
+        self.winners[pass] = map.map(|disparity| Inputs::steps(*disparity, search));
+        self.take_sums(&PassSums { sums: &sums, first: 0, count: search.num_disparities(), pass }, search, engine);
     }
 
-    /// Takes the costs of a kind.
-    fn take_costs<R: CostRows<Cost = u8>>(&mut self, rows: &R, kind: usize, engine: &Engine) {
-        self.take_lines(&CostLines { rows, kind }, rows.search(), engine, |candidate, sum, _| {
+    /// The inputs of the rows of pixels from `first` to `end` of the padded image, both multiples of 16, with the volume of their
+    /// rows of blocks.
+    pub(super) fn part(&self, first: usize, end: usize, volume: &[[u8; CANDIDATE_CHANNELS]]) -> Inputs {
+        fn rows<T: Copy>(raster: &Raster<T>, first: usize, end: usize) -> Raster<T> {
+            let (width, end) = (raster.width(), end.min(raster.height()));
+            Raster::new(width, end - first, raster.pixels()[first * width..end * width].to_vec())
+        }
+        let [columns, _] = self.blocks;
+        let blocks = [columns, (end - first) / BLOCK];
+        Inputs {
+            num_disparities: self.num_disparities,
+            colors: rows(&self.colors, first, end),
+            winners: self.winners.each_ref().map(|winners| rows(winners, first, end)),
+            measures: rows(&self.measures, first, end),
+            volume: volume[..blocks[0] * blocks[1] * self.num_disparities].to_vec(),
+            blocks,
+        }
+    }
+
+    /// A disparity from the least of the search on; 0 if there is none.
+    pub(super) fn steps(disparity: Option<Disparity>, search: &Search) -> u16 {
+        let least = i32::from(search.min_disparity()) * Disparity::STEPS;
+        disparity.map_or(0, |disparity| (i32::from(disparity.to_bits()) - least) as u16)
+    }
+
+    /// Takes the sums of path costs of a pass, whose disparities are taken.
+    pub(super) fn take_sums(&mut self, sums: &PassSums, search: &Search, engine: &Engine) {
+        let channel = if sums.pass == 1 { 4 } else { 6 };
+        self.take_lines(sums, sums.first / BLOCK, search, engine, |candidate, sum, least| {
+            candidate[channel..channel + 2].copy_from_slice(&excess_channels(sum, least));
+        });
+    }
+
+    /// Takes the costs of a kind, of the rows of blocks from `first` on for which there is a volume.
+    pub(super) fn take_costs<R: CostRows<Cost = u8>>(&mut self, rows: &R, kind: usize, first: usize, engine: &Engine) {
+        self.take_lines(&CostLines { rows, kind }, first, rows.search(), engine, |candidate, sum, _| {
             candidate[kind] = cost_channel(sum)
         });
     }
 
-    /// Takes the values of all lines, and pools them over blocks. `put` takes their sum and the least for each
-    /// candidate of the volume.
+    /// Takes the values of the rows of blocks from `first` on for which there is a volume, and pools them over blocks. `put` takes
+    /// their sum and the least for each candidate of the volume.
     fn take_lines<L: Lines>(
         &mut self,
         lines: &L,
+        first: usize,
         search: &Search,
         engine: &Engine,
         put: impl Fn(&mut [u8; CANDIDATE_CHANNELS], u16, u8) + Sync,
@@ -145,12 +171,12 @@ impl Inputs {
         let ([columns, _], count, width) = (self.blocks, self.num_disparities, search.width());
         let simd = engine.simd(search);
         let stride = count.next_multiple_of(simd.lanes());
-        let mut measures = self.measures.pixels_mut().chunks_mut(BLOCK * width);
+        let mut measures = self.measures.pixels_mut().chunks_mut(BLOCK * width).skip(first);
         let rows: Vec<_> = self.volume.chunks_exact_mut(columns * count).map(|row| (measures.next(), row)).collect();
         let winners = &self.winners;
-        let take_row = |scratch: &mut Scratch, (row, (measures, candidates)): (usize, (Option<&mut [_]>, &mut [_]))| {
+        let take_row = |scratch: &mut Scratch, (i, (measures, candidates)): (usize, (Option<&mut [_]>, &mut [_]))| {
             scratch.resize(width, columns, stride);
-            let measures = measures.unwrap_or(&mut []);
+            let (row, measures) = (first + i, measures.unwrap_or(&mut []));
             simd.run(TakeRow { lines, search, winners, row, stride, measures, scratch });
             for (column, (sums, least)) in scratch.sums.chunks_exact(stride).zip(scratch.least.chunks_exact(stride)).enumerate() {
                 for (index, (&sum, &least)) in sums.iter().zip(least).take(count).enumerate() {
@@ -177,15 +203,20 @@ trait Lines: Sync {
     );
 }
 
-/// The excesses in a pass.
-struct PassLines<'a> {
-    sums: &'a Volume<u16>,
+/// The sums of path costs of a pass.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PassSums<'a> {
+    /// Those of some lines, or of all.
+    pub sums: &'a Volume<u16>,
+    /// The first of these lines.
+    pub first: usize,
     /// The number of disparities.
-    count: usize,
-    pass: usize,
+    pub count: usize,
+    /// 0 for A, 1 for B.
+    pub pass: usize,
 }
 
-impl Lines for PassLines<'_> {
+impl Lines for PassSums<'_> {
     #[inline(always)]
     fn line<I: Kernel>(
         &self,
@@ -197,7 +228,7 @@ impl Lines for PassLines<'_> {
         values: &mut [u8],
     ) {
         for (u, values) in values.chunks_exact_mut(stride).enumerate() {
-            let (sums, values) = (&self.sums.pixel(u, v)[..self.count], &mut values[..self.count]);
+            let (sums, values) = (&self.sums.pixel(u, v - self.first)[..self.count], &mut values[..self.count]);
             measures[u][self.pass] = excesses(sums, values);
             if self.pass == 1 {
                 measures[u][10] = values[nearest_candidate(winners[0][u])];

@@ -1,0 +1,174 @@
+//! The network in bands of rows, where the whole image would take too much memory.
+
+use multiscopic_core::{
+    Census, EightPaths, EightPathsLine, Frame, Fusion, Search, SemiGlobalCost, SemiGlobalParams,
+    kernel::Kernel,
+    network::{BLOCK, BLOCKS, CANDIDATE_CHANNELS, padded_blocks, paired},
+};
+
+use super::{
+    disparity_network::DisparityNetwork,
+    inputs::{Inputs, PassSums},
+};
+use crate::{
+    error::Result,
+    images::{DisparityMap, Frames, Raster},
+    progress::Progress,
+    stereo::{
+        cost::{CensusPairRows, CostRows, Volume},
+        engine::Engine,
+        simd::Task,
+    },
+};
+
+/// The rows of pixels that the sides of an image are rounded up to.
+const STEP: usize = BLOCK * BLOCKS;
+
+/// Bands of rows. Each is computed with the rows around that its disparities depend on, so that they are those of the whole image.
+///
+/// Semi-global matching goes through the image once, by [`EightPaths`]: one thread, and half as many steps again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bands {
+    rows: usize,
+}
+
+impl Bands {
+    /// How far the disparities of a band depend on inputs beyond it, in rows of pixels: those of its pixels on the disparities of
+    /// blocks up to 128 away, and these on costs up to 64 further.
+    const REACH: usize = 12 * STEP;
+    /// The highest band.
+    const MOST: usize = 128 * STEP;
+
+    /// Bands of this many rows, rounded up to the next multiple of 16.
+    pub fn of(rows: usize) -> Bands {
+        Bands { rows: rows.next_multiple_of(STEP).max(STEP) }
+    }
+
+    /// The highest bands that take at most so many bytes.
+    pub fn within(bytes: u64, search: &Search) -> Option<Bands> {
+        let mut rows = Bands::MOST;
+        while rows >= STEP {
+            let bands = Bands { rows };
+            if bands.bytes(search) <= bytes {
+                return Some(bands);
+            }
+            rows /= 2;
+        }
+        None
+    }
+
+    /// About how many bytes bands take, without the images.
+    pub fn bytes(self, search: &Search) -> u64 {
+        let (width, height, count) = (search.width(), search.height(), search.num_disparities());
+        let stride = count.next_multiple_of(32);
+        let rows = (self.rows + 2 * Bands::REACH).min(height.next_multiple_of(STEP));
+        // Costs and activations of a band; what is kept of every pixel; two passes.
+        let band = width * rows * (90 + 2 * stride);
+        let kept = width * height * (30 + 10 * search.views().len());
+        let paths = 2 * width * stride * (STEP * 2 + 4 * height.isqrt());
+        (band + kept + paths) as u64
+    }
+
+    /// What [`DisparityNetwork::disparities`] gives for all rows.
+    ///
+    /// # Errors
+    /// As [`Engine::check`], and if there are more views than the core matches together.
+    pub fn disparities(
+        self,
+        network: &DisparityNetwork,
+        frames: &Frames,
+        search: &Search,
+        engine: &Engine,
+        progress: &dyn Progress,
+    ) -> Result<(DisparityMap, Raster<u8>)> {
+        engine.check(frames, search)?;
+        let paired = &paired(search);
+        let params = SemiGlobalParams::new(*paired, SemiGlobalCost::Census(Census::Window9x7))?;
+        let fused = [Fusion::Min, Fusion::Mean].map(|fusion| paired.with_fusion(fusion));
+        let (census, both_ways, two_scales) = (Census::Window9x7, CensusPairRows::both_ways, CensusPairRows::two_scales);
+        let passes = [both_ways(frames, paired, census, engine), two_scales(frames, paired, census, engine)];
+        let kinds = fused.each_ref().map(|search| [both_ways, two_scales].map(|rows| rows(frames, search, census, engine)));
+        progress.begin((2 * search.height()) as u64, "lines");
+        engine.simd(paired).run(BandTask { bands: self, network, frames, search, params, passes, kinds, engine, progress })
+    }
+}
+
+/// All bands, with the vectors that suit the search.
+struct BandTask<'a> {
+    bands: Bands,
+    network: &'a DisparityNetwork,
+    frames: &'a Frames,
+    search: &'a Search,
+    /// The passes, which search an even number of disparities.
+    params: SemiGlobalParams,
+    passes: [CensusPairRows<'a>; 2],
+    /// The costs by their least and by their mean, each of both passes.
+    kinds: [[CensusPairRows<'a>; 2]; 2],
+    engine: &'a Engine,
+    progress: &'a dyn Progress,
+}
+
+impl Task for BandTask<'_> {
+    type Output = Result<(DisparityMap, Raster<u8>)>;
+
+    fn run<I: Kernel>(self, isa: I) -> Self::Output {
+        let BandTask { bands, network, frames, search, params, passes, kinds, engine, progress } = self;
+        let paired = params.search();
+        let (width, height, count) = (paired.width(), paired.height(), paired.num_disparities());
+        let columns = padded_blocks(width);
+        let padded = BLOCK * padded_blocks(height);
+        let center = frames.get(Frame::Center).expect("every set of frames has a centre").as_raw();
+        let mut memory = [(); 2].map(|()| vec![0; EightPaths::<I>::memory_words(&params)]);
+        let [of_a, of_b] = &mut memory;
+        let paths = |memory| EightPaths::new(isa, &params, center, memory).expect("as much memory as is needed");
+        let mut paths = [paths(of_a), paths(of_b)];
+        let stride = count.next_multiple_of(I::LANES);
+        let mut sums = Volume::filled(width, STEP, stride, 0);
+
+        let mut map = DisparityMap::filled(width, height, None);
+        let mut confidences = Raster::filled(width, height, 0);
+        let mut inputs = Inputs::empty(frames, paired);
+        // The rows of blocks of the volume, from this row of pixels on.
+        let (mut window, mut from) = (Vec::new(), 0);
+        for band in (0..height).step_by(bands.rows) {
+            let first = band.saturating_sub(Bands::REACH);
+            let end = (band + bands.rows + Bands::REACH).min(padded);
+            window.drain(..(first - from) / BLOCK * columns * count);
+            from = first;
+            let known = first + window.len() / (columns * count) * BLOCK;
+            for slab in (known..end).step_by(STEP) {
+                inputs.volume = vec![[0; CANDIDATE_CHANNELS]; BLOCKS * columns * count];
+                for (pass, (paths, rows)) in paths.iter_mut().zip(&passes).enumerate() {
+                    let mut costs = |v: usize, costs: &mut [u8]| rows.row(isa, v, stride, costs);
+                    for (line, of_line) in (slab..height.min(slab + STEP)).zip(sums.rows_mut()) {
+                        let Some(EightPathsLine { sums, disparities, .. }) = paths.next_line(&mut costs) else { break };
+                        of_line.copy_from_slice(sums);
+                        let winners = inputs.winners[pass].row_mut(line).iter_mut().zip(disparities);
+                        winners.for_each(|(winner, &disparity)| *winner = Inputs::steps(disparity, paired));
+                        progress.advance(1);
+                    }
+                    inputs.take_sums(&PassSums { sums: &sums, first: slab, count, pass }, paired, engine);
+                }
+                for (kind, rows) in kinds.iter().enumerate() {
+                    for (pass, rows) in rows.iter().enumerate() {
+                        inputs.take_costs(rows, 2 * pass + kind, slab / BLOCK, engine);
+                    }
+                }
+                window.append(&mut inputs.volume);
+                if progress.is_interrupted() {
+                    return Ok((map, confidences));
+                }
+            }
+
+            let rows = (end.min(height) - first) as u16;
+            let [columns, disparities] = [width, search.num_disparities()].map(|number| number as u16);
+            let part = Search::new(columns, rows, search.views(), search.fusion(), search.min_disparity(), disparities)?;
+            let (found, sure) = network.disparities(inputs.part(first, end, &window), &part, engine);
+            for v in band..height.min(band + bands.rows) {
+                map.row_mut(v).copy_from_slice(found.row(v - first));
+                confidences.row_mut(v).copy_from_slice(sure.row(v - first));
+            }
+        }
+        Ok((map, confidences))
+    }
+}

@@ -31,7 +31,7 @@
 //! | `confidence` | [`ConfidenceTable`], [`ConfidenceLines`]: how probable it is that a disparity is right |
 //! | `matcher` | [`Matcher`]: pulls lines, and computes disparity lines by block matching |
 //! | `semi_global` | [`SemiGlobalMatcher`]: the same by semi-global matching |
-//! | `network` | with the feature `network`: the inputs of the disparity network |
+//! | `network` | with the feature `network`: the learned network, and how it runs in bounded memory |
 //! | [`capture`] | how the frames are taken: the camera moves, settles and captures |
 //!
 //! The crate does not allocate, panic or recurse. Unsafe code is confined to modules of [`kernel`], each of
@@ -40,11 +40,9 @@
 //! # Features
 //! `array`: matchers take up to eight views instead of four.
 //!
-//! `network`: the learned network, `network`, and its weights: 182 kB.
-//!
 //! `defmt`: parameters, results and errors implement `defmt::Format`.
 //!
-//! `network`: what the disparity network needs, `network` and `EightPaths`.
+//! `network`: the learned network with its weights, 182 kB, and `EightPaths`.
 #![no_std]
 
 mod availability;

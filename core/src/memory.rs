@@ -175,12 +175,6 @@ impl Memory {
         }
     }
 
-    /// The memory for the network with an instruction set.
-    #[cfg(feature = "network")]
-    pub const fn network<I: Isa>(params: &crate::network::NetworkParams) -> Memory {
-        Memory { network: params.memory::<I>().bytes(), ..Memory::NONE }
-    }
-
     /// The memory of two matchers side by side, or of a matcher and of the rectification of what it reads.
     pub const fn plus(&self, other: &Memory) -> Memory {
         Memory {

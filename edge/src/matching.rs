@@ -179,7 +179,7 @@ impl Matching {
                 Memory::new::<I>(short, short.width()).plus(&around)
             }
             Matching::WithConfidences(lines) => lines.alone().lengths::<I>().matcher,
-            Matching::Network(params) => Memory::network::<I>(params),
+            Matching::Network(params) => params.memory::<I>().of_matcher(),
         };
         let columns = self.tile_width();
         match self {

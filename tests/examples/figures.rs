@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use image::RgbImage;
+use image::{RgbImage, RgbaImage};
 use multiscopic::{DisparityMap, FloatImage, report::montage};
 use multiscopic_tests::program::Invocation;
 
@@ -23,7 +23,8 @@ fn main() -> Result<()> {
     let figures = Figures { docs, folder: folder.path().into() };
     figures.draw_demo()?;
     figures.draw_confidence()?;
-    figures.draw_microcontroller()
+    figures.draw_microcontroller()?;
+    figures.draw_failures()
 }
 
 /// Where pictures are drawn.
@@ -78,6 +79,34 @@ impl Figures {
             row.push(DisparityMap::from_float(&FloatImage::read_pfm(Path::new(&map))?).to_color(range.clone()));
         }
         self.draw_row("microcontroller.png", &row)
+    }
+
+    /// Made-up scenes in which much cannot be matched: the centre, the truth, what the network makes of it, and how confident it is.
+    fn draw_failures(&self) -> Result<()> {
+        let mut rows = Vec::new();
+        for (setting, number) in [("studio", 26), ("studio", 22), ("field", 20)] {
+            let [scenes, map, confidence] = [setting, "failure.pfm", "failure.png"].map(|name| self.path(name));
+            let scene = format!("{setting}/{number:04}");
+            if !self.folder.join(&scene).exists() {
+                let sizes = "--seed 1000006 --count 30 --views 2 --size 384x288";
+                self.run(&format!("scene --random --setting {setting} {sizes} -o {scenes}"))?;
+            }
+            let rig = self.path(&scene);
+            self.run(&format!("match {rig} --method net --num-disparities 40 -o {map} --confidence {confidence}"))?;
+            let truth = self.true_disparities(&scene)?;
+            let found = DisparityMap::from_float(&FloatImage::read_pfm(Path::new(&map))?);
+            let maps = [&truth, &found].map(|map| map.to_color(truth.range()));
+            let [truth, found] = maps;
+            rows.push(montage::row(&[picture(&format!("{rig}/center.png"))?, truth, found, picture(&confidence)?], WIDTH));
+        }
+        let height = rows.iter().map(RgbaImage::height).sum();
+        let mut all = RgbaImage::new(rows[0].width(), height);
+        let mut top = 0;
+        for row in &rows {
+            image::imageops::replace(&mut all, row, 0, top);
+            top += i64::from(row.height());
+        }
+        Ok(all.save(self.docs.join("failures.png"))?)
     }
 
     fn true_disparities(&self, demo: &str) -> Result<DisparityMap> {

@@ -1,4 +1,4 @@
-//! The matcher alone, of rectified lines as well, with a panic handler that does not link: proof that neither can panic.
+//! The matchers alone, of rectified lines as well, with a panic handler that does not link: proof that none can panic.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 // By path: the library would bring its own panic handler.
@@ -16,6 +16,7 @@ mod image {
     use multiscopic_core::{
         Census, Disparity, Displacement, DisplacementGrid, Frame, Fusion, Matcher, Params, Rectification, Rectified, Region,
         Rewind, ScanlineSource, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
+        network::{NetworkMatcher, NetworkParams},
     };
     use static_cell::ConstStaticCell;
 
@@ -89,6 +90,12 @@ mod image {
                 black_box(&mut *line);
             }
         }
+        let params = NetworkParams::new(params.search().with_views(black_box(Views::HORIZONTAL)).ok()?).ok()?;
+        let weights = black_box(&[0_u8; 8][..]);
+        let mut matcher = NetworkMatcher::new(BoardKernel::default(), &params, weights, &mut memory[..]).ok()?;
+        matcher.read_frames(&mut Opaque).ok()?;
+        matcher.run(|| drop(black_box(()))).ok()?;
+        matcher.line(black_box(1)).for_each(|pixel| drop(black_box(pixel)));
         Some(())
     }
 

@@ -328,7 +328,7 @@ fn assert_simulated_as_matched(profile: &Profile) {
 }
 
 /// The profiles that are simulated in seconds without optimisation.
-const SMALL: [Profile; 4] = [profile::QQVGA, profile::QQVGA_SGM, profile::QQVGA_SGM_CONFIDENCE, profile::QQVGA_NET];
+const SMALL: [Profile; 3] = [profile::QQVGA, profile::QQVGA_SGM, profile::QQVGA_SGM_CONFIDENCE];
 
 #[test]
 fn small_profiles_are_simulated() {
@@ -485,7 +485,7 @@ fn a_budget_has_the_bytes_of_the_matcher_and_of_the_firmware() {
             Matching::SemiGlobal(params) => Memory::semi_global::<Wide>(&params),
             Matching::WithConfidences(WholeLines::Blocks(params)) => Memory::new::<Wide>(&params, params.width()),
             Matching::WithConfidences(WholeLines::SemiGlobal(params)) => Memory::semi_global::<Wide>(&params),
-            Matching::Network(params) => Memory::network::<Wide>(&params),
+            Matching::Network(params) => params.memory::<Wide>().of_matcher(),
             Matching::AroundPrior { short, long } => {
                 let long = Memory::new::<Wide>(&long.around(short.search()), 320);
                 Memory::new::<Wide>(&short, 320).plus(&long)

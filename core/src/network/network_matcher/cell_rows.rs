@@ -79,7 +79,7 @@ impl<'m> CellRows<'m> {
         padded.get_mut(channels..end).unwrap_or_default()
     }
 
-    /// Sets the cells of a row to the outputs of a layer, added to what is there, for which it computes `count` positions.
+    /// Adds the outputs of a layer to the cells of a row.
     #[inline(always)]
     pub fn add_row<I: Isa, const RUNS: usize>(
         &mut self,
@@ -127,12 +127,14 @@ impl<'m> CellRows<'m> {
         // The row above as it was, and what is between the layers, of all slices.
         let Some((above, hidden)) = scratch.split_at_mut_checked(slices * row) else { return };
         for y in 0..height {
-            for (slice, (hidden, above)) in hidden.chunks_exact_mut(line).zip(above.chunks_exact(row)).enumerate().take(slices) {
+            for (slice, (hidden, above)) in
+                hidden.chunks_exact_mut(line.max(1)).zip(above.chunks_exact(row.max(1))).enumerate().take(slices)
+            {
                 let above = if y > 0 { above } else { &[] };
                 set_outputs(isa, within, [above, self.padded(slice, y), self.padded(slice, y + 1)], channels, hidden);
             }
-            for (slice, above) in above.chunks_exact_mut(row).enumerate() {
-                above.copy_from_slice(self.padded(slice, y));
+            for (slice, above) in above.chunks_exact_mut(row.max(1)).enumerate() {
+                copy(above, self.padded(slice, y));
             }
             let hidden = |slice: Option<usize>| {
                 slice
@@ -180,10 +182,15 @@ impl<'m> CellRows<'m> {
         for y in 0..height {
             let before: &[u8] = if y > 0 { above } else { &[] };
             set_outputs(isa, layer, [before, self.padded(0, y), self.padded(0, y + 1)], channels, new);
-            above.copy_from_slice(self.padded(0, y));
-            self.cells_mut(0, y).copy_from_slice(new);
+            copy(above, self.padded(0, y));
+            copy(self.cells_mut(0, y), new);
         }
     }
+}
+
+/// Copies bytes, as many as there are in both.
+fn copy(to: &mut [u8], from: &[u8]) {
+    to.iter_mut().zip(from).for_each(|(to, &from)| *to = from);
 }
 
 /// Sets cells to the outputs of a layer.

@@ -203,7 +203,11 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
         };
         while let Some(found) = paths.next_line(&mut costs) {
             let start = found.v * width;
-            let pixels = found.disparities.iter().zip(found.sums.chunks_exact(*depth)).zip(line.chunks_exact_mut(*depth));
+            let pixels = found
+                .disparities
+                .iter()
+                .zip(found.sums.chunks_exact((*depth).max(1)))
+                .zip(line.chunks_exact_mut((*depth).max(1)));
             for (i, ((disparity, sums), values)) in (start..).zip(pixels) {
                 let steps = disparity.map_or(0, |disparity| (i32::from(disparity.to_bits()) - least_steps) as u16);
                 let (Some(sums), Some(existing), Some(margins)) =
@@ -236,7 +240,9 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
                     continue;
                 }
                 let row = y / BLOCK * count * columns;
-                for (column, (sums, least)) in sums.chunks_exact(*depth).zip(least.chunks_exact(*depth)).enumerate() {
+                for (column, (sums, least)) in
+                    sums.chunks_exact((*depth).max(1)).zip(least.chunks_exact((*depth).max(1))).enumerate()
+                {
                     for (index, (&sum, &least)) in sums.iter().zip(least).take(count).enumerate() {
                         if let Some([mean_b, least_b, mean_a, least_a]) = kept.get_mut(row + index * columns + column) {
                             let [mean, least] = excess_channels(sum, least);
@@ -263,7 +269,7 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
         let (width, turned, padded) = (self.search.width(), self.turned, measures.len());
         for (x, measures) in measures.iter_mut().enumerate() {
             let u = if turned { padded - 1 - x } else { x }.min(width.saturating_sub(1));
-            let (_, of_costs) = measures.split_at_mut(2);
+            let [_, _, of_costs @ ..] = measures;
             let winners = self.winners.each_ref().map(|winners| winners.get(start + u).copied().unwrap_or_default());
             let candidates = winners.into_iter().flat_map(|winner| [0, 1].map(|pair| (nearest_candidate(winner), pair)));
             for ((candidate, pair), measures) in candidates.zip(of_costs.as_chunks_mut::<2>().0) {
@@ -284,7 +290,7 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
         let FrameInputs { search, depth, costs, line, sums, least, .. } = self;
         for (pass, pair) in costs.iter_mut().enumerate() {
             sums.fill(0);
-            let (of_least, of_mean) = sums.split_at_mut(columns * *depth);
+            let Some((of_least, of_mean)) = sums.split_at_mut_checked(columns * *depth) else { return };
             for v in block_rows(row, search.height()) {
                 for (fusion, sums) in [(Fusion::Min, &mut *of_least), (Fusion::Mean, &mut *of_mean)] {
                     pair.line(v, fusion, line);
@@ -293,7 +299,7 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
                 }
             }
             for (kind, sums) in (2 * pass..).zip([of_least, of_mean]) {
-                for (column, sums) in sums.chunks_exact(*depth).enumerate() {
+                for (column, sums) in sums.chunks_exact((*depth).max(1)).enumerate() {
                     for (index, &sum) in sums.iter().enumerate().take(count) {
                         if let Some(channel) =
                             candidates.get_mut(place(index, column)).and_then(|candidate| candidate.get_mut(kind))
@@ -304,10 +310,11 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
                 }
             }
         }
-        let kept = excesses.iter().skip(row * count * columns).take(count * columns);
-        for (i, kept) in kept.enumerate() {
-            if let Some([_, _, _, _, to @ ..]) = candidates.get_mut(place(i / columns, i % columns)) {
-                *to = *kept;
+        for (index, kept) in excesses.chunks_exact(columns.max(1)).skip(row * count).take(count).enumerate() {
+            for (column, kept) in kept.iter().enumerate() {
+                if let Some([_, _, _, _, to @ ..]) = candidates.get_mut(place(index, column)) {
+                    *to = *kept;
+                }
             }
         }
     }

@@ -173,17 +173,17 @@ impl ImagePart {
             progress();
             inputs.colors(y, colors);
             inputs.measures(y, measures);
-            for (i, winners) in winners.chunks_exact_mut(width).enumerate() {
+            for (i, winners) in winners.chunks_exact_mut(width.max(1)).enumerate() {
                 inputs.winners(i / 3, (y + i % 3).saturating_sub(1).min(height - 1), winners);
             }
-            let mut rows = winners.chunks_exact(width);
+            let mut rows = winners.chunks_exact(width.max(1));
             let winners = [(); 2].map(|()| array::from_fn(|_| rows.next().unwrap_or_default()));
             let blocks = self.block_row(blocks, y);
             let row = PixelRow { colors, winners, measures, blocks, num_disparities: inputs.num_disparities() };
             let start = y % 2 * line;
             row.channels(channels.get_mut(start..start + line).unwrap_or_default());
             if y % 2 == 1 {
-                let (upper, lower) = channels.split_at(line);
+                let (upper, lower) = channels.split_at_checked(line).unwrap_or_default();
                 fine.add_row(isa, &layers.image.first, [upper, lower], 2 * PIXEL_CHANNELS, [0, y / 2]);
             }
         }
@@ -218,11 +218,11 @@ impl ImagePart {
                         }
                     });
                 }
-                let (a, b) = winners.split_at_mut(width);
+                let (a, b) = winners.split_at_mut_checked(width).unwrap_or_default();
                 inputs.winners(0, ahead, a);
                 inputs.winners(1, ahead, b.get_mut(..width).unwrap_or_default());
-                let choices = choices.chunks_exact_mut(width).nth(ahead % CHOICE_ROWS).unwrap_or_default();
-                let scores = scores.chunks_exact_mut(width).nth(ahead % SCORE_ROWS).unwrap_or_default();
+                let choices = choices.chunks_exact_mut(width.max(1)).nth(ahead % CHOICE_ROWS).unwrap_or_default();
+                let scores = scores.chunks_exact_mut(width.max(1)).nth(ahead % SCORE_ROWS).unwrap_or_default();
                 let (outputs, pixels) = (outputs.as_chunks().0.iter(), choices.iter_mut().zip(scores));
                 for (x, ((outputs, (choice, scores)), (&a, &b))) in outputs.zip(pixels).zip(a.iter().zip(&*b)).enumerate() {
                     (*choice, *scores) = head.pixel(outputs, [a, b], self.around(blocks, [x, ahead]));
@@ -230,10 +230,13 @@ impl ImagePart {
             }
             let Some(y) = ahead.checked_sub(REACH) else { continue };
             let row = |offset: isize| {
-                choices.chunks_exact(width).nth(y.saturating_add_signed(offset).min(height - 1) % CHOICE_ROWS).unwrap_or_default()
+                choices
+                    .chunks_exact(width.max(1))
+                    .nth(y.saturating_add_signed(offset).min(height - 1) % CHOICE_ROWS)
+                    .unwrap_or_default()
             };
             let rows = [-3, -1, 0, 1, 3].map(row);
-            for (x, pixel) in scores.chunks_exact(width).nth(y % SCORE_ROWS).unwrap_or_default().iter().enumerate() {
+            for (x, pixel) in scores.chunks_exact(width.max(1)).nth(y % SCORE_ROWS).unwrap_or_default().iter().enumerate() {
                 put(y, x, head.disparity(rows, x, pixel, most));
             }
         }

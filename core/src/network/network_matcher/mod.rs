@@ -20,7 +20,7 @@ use super::{BLOCK, BlockDisparity, LayerRecord, NetworkLayers, WeightError, pool
 use crate::{
     Census, Disparity, Frame, Fusion, MemoryTooSmall, ScanlineSource, Search, SemiGlobalCost, SemiGlobalParams, Views,
     kernel::{Isa, Kernel},
-    memory::{Lender, lent},
+    memory::{Lender, Memory, lent},
     semi_global::EightPaths,
 };
 use frame_inputs::{Excesses, FrameInputs};
@@ -140,6 +140,11 @@ impl NetworkMemory {
     /// All of it, in bytes.
     pub const fn bytes(&self) -> usize {
         self.frames + self.inputs + larger(self.excesses + larger(self.paths, self.volume), self.result + self.image)
+    }
+
+    /// All of it, as the memory of a matcher.
+    pub const fn of_matcher(&self) -> Memory {
+        Memory { network: self.bytes(), ..Memory::NONE }
     }
 
     /// All of it, in words: the length of the `[u32]` that is lent.

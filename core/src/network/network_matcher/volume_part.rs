@@ -166,7 +166,7 @@ impl VolumePart {
             progress();
             candidates.fill(MAX_ACTIVATION);
             let line = columns * CANDIDATE_CHANNELS;
-            let (exist, _) = candidates.split_at_mut(self.count * line);
+            let exist = candidates.get_mut(..self.count * line).unwrap_or_default();
             inputs.candidates(row, excesses, exist.as_chunks_mut().0);
             for slice in 0..self.size(0)[0] {
                 let runs = array::from_fn::<_, 2, _>(|i| (2 * slice + i).min(self.count))
@@ -206,8 +206,8 @@ impl VolumePart {
                     }
                 });
             }
-            for (column, (block, scores)) in blocks.iter_mut().zip(scores.chunks_exact(2 * slices)).enumerate() {
-                let scores = scores.iter().take(self.count).enumerate();
+            for (column, block) in blocks.iter_mut().enumerate() {
+                let scores = scores.iter().skip(column * 2 * slices).take(self.count).enumerate();
                 let score = scores
                     .map(|(index, &score)| i32::from(score) - i32::from(inputs.mean_excess(excesses, [row, index, column])));
                 *block = layers.exponentials.selected(score);

@@ -2,6 +2,8 @@
 
 mod capture_log;
 mod layout_options;
+#[cfg(feature = "mcap")]
+mod live_recording;
 mod long_baseline;
 mod recorder;
 mod recorder_options;
@@ -18,6 +20,9 @@ use clap::Args;
 use multiscopic::{Error, Result, files::output};
 
 pub use self::{recorder::Recorder, recorder_options::RecorderOptions};
+#[cfg(feature = "mcap")]
+use live_recording::LiveRecording;
+
 use super::{options::output_file, terminal, view::View};
 
 /// Captures the frames of a rig: a stage moves a camera to the centre and to its neighbours
@@ -44,6 +49,12 @@ pub struct Capture {
     /// Number of captures with --live [default: no limit]
     #[arg(long, value_name = "N", requires = "live")]
     count: Option<NonZeroU32>,
+
+    /// With --live, a recording for ROS 2 and Foxglove, or a pipe: depth, disparities and the other topics of `match --mcap` of each
+    /// capture, matched by blocks as soon as it is taken; needs the focal length
+    #[cfg(feature = "mcap")]
+    #[arg(long, value_name = "OUT.mcap", requires = "live", value_parser = output_file::mcap)]
+    mcap: Option<PathBuf>,
 
     /// Print what was captured as a JSON object on standard output, one a line with --live
     #[arg(long)]
@@ -78,8 +89,19 @@ impl Capture {
         if self.json { terminal::print_report(&recorded, true) } else { Ok(()) }
     }
 
-    /// Records captures in numbered folders until there are enough or the user interrupts.
+    /// Records captures in numbered folders, and what is found of them, if that is asked for.
     fn run_live(&self, recorder: &mut Recorder) -> Result<()> {
+        #[cfg(feature = "mcap")]
+        if let Some(path) = &self.mcap {
+            output::check(&[path], &[])?;
+            let mut live = LiveRecording::new(recorder, &self.recorder.search)?;
+            return live.write(path, |found| self.run_captures(recorder, found));
+        }
+        self.run_captures(recorder, &mut |_| Ok(()))
+    }
+
+    /// Records captures in numbered folders until there are enough or the user interrupts. `done` is told each folder.
+    fn run_captures(&self, recorder: &mut Recorder, done: &mut dyn FnMut(&Path) -> Result<()>) -> Result<()> {
         fs::create_dir_all(&self.output).map_err(|source| Error::Write { path: self.output.clone(), source })?;
         let mut folders = free_folders(&self.output);
         for _ in 0..self.count.map_or(u32::MAX, NonZeroU32::get) {
@@ -90,6 +112,7 @@ impl Capture {
                 return Err(Error::Usage(format!("{} is full, give another folder", self.output.display())));
             };
             self.record(recorder, &folder)?;
+            done(&folder)?;
         }
         Ok(())
     }

@@ -12,12 +12,13 @@ mod messages;
 
 use std::{
     collections::BTreeMap,
-    io::{self, Cursor},
+    io::{self, Write},
     path::Path,
     time::Duration,
 };
 
-use mcap::{WriteOptions, records::MessageHeader};
+use definitions::Definition;
+use mcap::{WriteOptions, records::MessageHeader, write::NoSeek};
 use messages::Stamp;
 
 use crate::{
@@ -63,9 +64,21 @@ impl RosRecording<'_> {
     /// # Panics
     /// If the confidences and the disparities differ in size.
     pub fn write(&self, path: &Path, time: Duration) -> Result<()> {
+        self.check()?;
+        output::write(path, |file| {
+            let mut stream = RosStream::new(file)?;
+            stream.send(self, time)?;
+            stream.finish()
+        })
+    }
+
+    fn check(&self) -> Result<()> {
+        ply::check(self.disparities, self.confidences, self.center)
+    }
+
+    /// The messages: topics, types and encoded contents.
+    fn messages(&self, stamp: Stamp) -> Vec<(&'static str, &'static Definition, Vec<u8>)> {
         let RosRecording { center, disparities, confidences, geometry, range } = *self;
-        ply::check(disparities, confidences, center)?;
-        let stamp = Stamp { time, frame_id: Self::FRAME_ID };
         let size = [disparities.width(), disparities.height()];
         let points: Vec<_> = ply::points(disparities, confidences, geometry, center).collect();
         let camera = stamp.camera(geometry, size);
@@ -80,26 +93,60 @@ impl RosRecording<'_> {
         if let Some(confidences) = confidences {
             messages.push(("/confidence/image", &definitions::IMAGE, stamp.picture(&Picture::from(confidences))));
         }
-        output::write(path, |file| {
-            let bytes = bag(messages, time).map_err(io::Error::other)?;
-            file.write_all(&bytes)
-        })
+        messages
     }
 }
 
-/// An MCAP file of messages: topics, types and encoded contents.
-fn bag(messages: Vec<(&str, &definitions::Definition, Vec<u8>)>, time: Duration) -> mcap::McapResult<Vec<u8>> {
-    let library = concat!("multiscopic ", env!("CARGO_PKG_VERSION"));
-    let options = WriteOptions::new().compression(None).profile("ros2").library(library);
-    let mut writer = options.create(Cursor::new(Vec::new()))?;
-    let time = time.as_nanos() as u64;
-    for (topic, definition, message) in messages {
-        // A schema that is there already is not written again.
-        let schema = writer.add_schema(&definition.full_name(), "ros2msg", definition.text().as_bytes())?;
-        let channel_id = writer.add_channel(schema, topic, "cdr", &BTreeMap::new())?;
-        writer
-            .write_to_known_channel(&MessageHeader { channel_id, sequence: 0, log_time: time, publish_time: time }, &message)?;
+/// Recordings one after the other, as MCAP, to anything that takes bytes: a file, or a pipe.
+pub struct RosStream<W: Write> {
+    writer: mcap::Writer<NoSeek<W>>,
+    sent: u32,
+}
+
+impl<W: Write> RosStream<W> {
+    /// Begins a stream.
+    ///
+    /// # Errors
+    /// Those of writing.
+    pub fn new(to: W) -> io::Result<RosStream<W>> {
+        let library = concat!("multiscopic ", env!("CARGO_PKG_VERSION"));
+        // Messages are sent as they are written, not in large chunks.
+        let options = WriteOptions::new().compression(None).use_chunks(false).disable_seeking(true);
+        let writer = options.profile("ros2").library(library).create(NoSeek::new(to)).map_err(io::Error::other)?;
+        Ok(RosStream { writer, sent: 0 })
     }
-    writer.finish()?;
-    Ok(writer.into_inner().into_inner())
+
+    /// Writes one message on each topic, all from a `time` since 1970.
+    ///
+    /// # Errors
+    /// If the centre and the disparities differ in size, and those of writing.
+    ///
+    /// # Panics
+    /// If the confidences and the disparities differ in size.
+    pub fn send(&mut self, recording: &RosRecording, time: Duration) -> io::Result<()> {
+        recording.check().map_err(io::Error::other)?;
+        let stamp = Stamp { time, frame_id: RosRecording::FRAME_ID };
+        let time = time.as_nanos() as u64;
+        for (topic, definition, message) in recording.messages(stamp) {
+            self.write(topic, definition, time, &message).map_err(io::Error::other)?;
+        }
+        self.sent += 1;
+        self.writer.flush().map_err(io::Error::other)
+    }
+
+    fn write(&mut self, topic: &str, definition: &Definition, time: u64, message: &[u8]) -> mcap::McapResult<()> {
+        // A schema or channel that is there already is not written again.
+        let schema = self.writer.add_schema(&definition.full_name(), "ros2msg", definition.text().as_bytes())?;
+        let channel_id = self.writer.add_channel(schema, topic, "cdr", &BTreeMap::new())?;
+        let header = MessageHeader { channel_id, sequence: self.sent, log_time: time, publish_time: time };
+        self.writer.write_to_known_channel(&header, message)
+    }
+
+    /// Ends the stream with an index of what it has.
+    ///
+    /// # Errors
+    /// Those of writing.
+    pub fn finish(mut self) -> io::Result<()> {
+        self.writer.finish().map(drop).map_err(io::Error::other)
+    }
 }

@@ -191,6 +191,42 @@ fn every_field_and_pixel_is_that_of_the_other_files() {
     }
 }
 
+/// The messages of a recording by topic, without the times that they were written at.
+fn timeless(path: &str) -> BTreeMap<String, Vec<Vec<u8>>> {
+    let bag = fs::read(path).expect("a recording");
+    let mut messages = BTreeMap::<_, Vec<_>>::new();
+    for message in mcap::MessageStream::new(&bag).expect("an MCAP file") {
+        let message = message.expect("a message");
+        let mut data = message.data.into_owned();
+        let (second, rest) = (message.log_time / 1_000_000_000, message.log_time % 1_000_000_000);
+        let stamp = [(second as u32).to_le_bytes(), (rest as u32).to_le_bytes()].concat();
+        while let Some(place) = data.windows(8).position(|bytes| bytes == stamp) {
+            data[place..place + 8].fill(0);
+        }
+        messages.entry(message.channel.topic.clone()).or_default().push(data);
+    }
+    messages
+}
+
+#[test]
+fn a_live_recording_has_what_match_finds_in_each_capture() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
+    let capture = "capture --camera sim --stage sim --width 160 --height 120 --views 2 --live --count 3 --num-disparities 24";
+    let outputs = ["-o", &path("live"), "--mcap", &path("live.mcap")];
+    Invocation::new(capture.split(' ').chain(outputs)).assert_done();
+    let live = timeless(&path("live.mcap"));
+    assert_eq!(live.len(), 7, "{:?}", live.keys());
+    for (i, folder) in ["0001", "0002", "0003"].into_iter().enumerate() {
+        let rig = path(&format!("live/{folder}"));
+        Invocation::new(["match", &rig, "--num-disparities", "24", "--mcap", &path("r.mcap")]).assert_done();
+        for (topic, expected) in timeless(&path("r.mcap")) {
+            assert_eq!(live[&topic].len(), 3, "{topic}");
+            assert!(live[&topic][i] == expected[0], "{topic} of {folder}");
+        }
+    }
+}
+
 #[test]
 fn a_recording_needs_a_baseline() {
     let dir = tempfile::tempdir().expect("a folder");

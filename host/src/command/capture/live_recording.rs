@@ -1,0 +1,76 @@
+//! What is found of captures, as a stream for ROS 2.
+
+use std::{
+    path::Path,
+    time::{SystemTime, UNIX_EPOCH},
+};
+
+use multiscopic::{
+    Engine, Error, Preparation, Result,
+    files::{
+        output,
+        ros::{RosRecording, RosStream},
+    },
+    stereo::MethodName,
+};
+
+use super::recorder::Recorder;
+use crate::command::{
+    options::{BitsOption, GeometryOptions, SearchOptions, Source},
+    preparation::mask_unseen,
+};
+
+/// Matches captures by blocks, and writes the results one after the other.
+pub struct LiveRecording<'a> {
+    search: &'a SearchOptions,
+    engine: Engine,
+}
+
+impl<'a> LiveRecording<'a> {
+    /// For captures whose focal length is known.
+    pub fn new(recorder: &Recorder, search: &'a SearchOptions) -> Result<LiveRecording<'a>> {
+        if recorder.focal_px.is_none() {
+            return Err(Error::Usage(
+                "--mcap has depths, which need the focal length in pixels: give --focal-px or --lens".into(),
+            ));
+        }
+        Ok(LiveRecording { search, engine: Engine::new(None, 0)? })
+    }
+
+    /// Writes a recording. `capture` takes captures, and tells the folder of each to the function that it is given. However it ends,
+    /// the recording has all before.
+    pub fn write(&mut self, path: &Path, capture: impl FnOnce(&mut dyn FnMut(&Path) -> Result<()>) -> Result<()>) -> Result<()> {
+        let mut captured = Ok(());
+        output::write(path, |file| {
+            let mut stream = RosStream::new(file)?;
+            captured = capture(&mut |folder| self.send(folder, path, &mut stream));
+            stream.finish()
+        })?;
+        captured
+    }
+
+    /// Matches the capture in a folder, and writes the result.
+    fn send(&self, folder: &Path, path: &Path, stream: &mut RosStream<&mut dyn std::io::Write>) -> Result<()> {
+        let mut source = Source::of_rig(folder, None, &BitsOption::default())?;
+        let (frames, center, undistortion) = source.load()?;
+        let geometry = GeometryOptions::default().geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
+        let geometry = geometry.expect("the recorder knows the focal length and the baseline");
+        let views = frames.views();
+        let preparation = Preparation::new(&frames, false, |range| self.search.search(frames.size(), views, None, range))?;
+        let center = undistortion.as_ref().map_or(center.clone(), |undistortion| undistortion.picture(&center));
+        let (method, search) = (MethodName::Bm.method(self.search.block_size, views.len())?, preparation.search);
+        let (mut disparities, mut confidences) =
+            method.disparities_and_confidences(&self.engine, &frames.without_color(), &search, &())?;
+        mask_unseen(undistortion.as_ref(), &mut disparities, Some(&mut confidences));
+        let range = [search.min_disparity(), search.max_disparity()];
+        let recording = RosRecording {
+            center: &center,
+            disparities: &disparities,
+            confidences: Some(&confidences),
+            geometry: &geometry,
+            range,
+        };
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        stream.send(&recording, now).map_err(|source| Error::Write { path: path.into(), source })
+    }
+}

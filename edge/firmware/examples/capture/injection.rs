@@ -37,6 +37,10 @@ pub enum FaultKind {
     Torn,
     /// A line of the frame is too short.
     Short,
+    /// The sensor leaves out a line of the frame.
+    Missing,
+    /// The sensor sends a line of the frame twice.
+    Doubled,
     /// Lines arrive faster than they are matched or stored.
     Burst,
     /// The capture is aborted when it reaches a stage.
@@ -89,6 +93,8 @@ impl Injection {
             "silent" => FaultKind::Silent,
             "torn" => FaultKind::Torn,
             "short" => FaultKind::Short,
+            "missing" => FaultKind::Missing,
+            "doubled" => FaultKind::Doubled,
             "burst" => FaultKind::Burst,
             "abort-move" => FaultKind::Abort(CaptureStage::Move),
             "abort-settle" => FaultKind::Abort(CaptureStage::Settle),

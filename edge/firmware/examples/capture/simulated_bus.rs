@@ -24,6 +24,10 @@ pub struct Transmission {
     pub lines: usize,
     /// A line that is too short.
     pub short_line: Option<usize>,
+    /// A line of the scene that is left out.
+    pub missing_line: Option<usize>,
+    /// A line that is followed by itself.
+    pub doubled_line: Option<usize>,
 }
 
 struct Bus {
@@ -31,13 +35,15 @@ struct Bus {
     frame: Transmission,
     /// The number of the next line.
     next: usize,
+    /// The last line of the scene.
+    last: [u8; SIZE.width()],
     noise: u32,
 }
 
 /// Connects the bus to a line queue.
 pub fn connect(sender: LineSender<'static, 'static>) {
-    let frame = Transmission { scene: None, lines: 0, short_line: None };
-    let bus = Bus { sender, frame, next: 0, noise: 1 };
+    let frame = Transmission { scene: None, lines: 0, short_line: None, missing_line: None, doubled_line: None };
+    let bus = Bus { sender, frame, next: 0, last: [0; SIZE.width()], noise: 1 };
     interrupt::free(|section| BUS.borrow(section).replace(Some(bus)));
 }
 
@@ -76,11 +82,14 @@ impl Bus {
         let mut pixels = [0; SIZE.width()];
         let is_inside = (border..border + SIZE.height()).contains(&self.next);
         match &mut self.frame.scene {
+            Some(_) if self.next > 0 && self.frame.doubled_line == Some(self.next - 1) => pixels = self.last,
             // A file that ends early goes on as noise.
             Some(scene) if is_inside => {
-                if scene.read_exact(&mut pixels).is_err() {
+                let is_read = |scene: &mut HostFile, pixels: &mut [u8]| scene.read_exact(pixels).is_ok();
+                if self.frame.missing_line == Some(self.next) && !is_read(scene, &mut pixels) || !is_read(scene, &mut pixels) {
                     self.frame.scene = None;
                 }
+                self.last = pixels;
             }
             Some(_) => {}
             None => pixels.fill_with(|| {

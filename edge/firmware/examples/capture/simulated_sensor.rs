@@ -92,10 +92,19 @@ impl<'s> Sensor<'s> {
         if self.is_hit(FaultKind::Bumped, exposure) {
             self.slide.borrow_mut().screws[0].at += BUMP;
         }
-        let lines = if self.is_hit(FaultKind::Torn, exposure) { SIZE.lines() / 2 } else { SIZE.lines() };
-        let short_line = self.is_hit(FaultKind::Short, exposure).then_some(SIZE.lines() / 3);
+        let hit = [FaultKind::Torn, FaultKind::Missing, FaultKind::Doubled].into_iter().find(|&kind| self.is_hit(kind, exposure));
+        let lines = match hit {
+            Some(FaultKind::Torn) => SIZE.lines() / 2,
+            Some(FaultKind::Missing) => SIZE.lines() - 1,
+            Some(FaultKind::Doubled) => SIZE.lines() + 1,
+            _ => SIZE.lines(),
+        };
+        let at = SIZE.lines() / 3;
+        let short_line = self.is_hit(FaultKind::Short, exposure).then_some(at);
+        let missing_line = (hit == Some(FaultKind::Missing)).then_some(at);
+        let doubled_line = (hit == Some(FaultKind::Doubled)).then_some(at);
         let scene = self.frame_in_view().and_then(|frame| HostFile::open(FrameFile::new(frame).name()).ok());
-        simulated_bus::begin(Transmission { scene, lines, short_line });
+        simulated_bus::begin(Transmission { scene, lines, short_line, missing_line, doubled_line });
         lines
     }
 

@@ -212,7 +212,8 @@ fn timeless(path: &str) -> BTreeMap<String, Vec<Vec<u8>>> {
 fn a_live_recording_has_what_match_finds_in_each_capture() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
-    let capture = "capture --camera sim --stage sim --width 160 --height 120 --views 2 --live --count 3 --num-disparities 24";
+    let capture = "capture --camera sim --stage sim --baseline 20 --speed 250 --acceleration 1200 --settle 0 --size 160x120 --views 2 --live --count 3 \
+                   --num-disparities 24";
     let outputs = ["-o", &path("live"), "--mcap", &path("live.mcap")];
     Invocation::new(capture.split(' ').chain(outputs)).assert_done();
     let live = timeless(&path("live.mcap"));

@@ -28,7 +28,7 @@ type Case = (&'static str, i32, &'static str);
 const WHOLE: Case = ("nothing 0 once", DONE, "118 lines were sent while the last frame was read out");
 
 /// The faults.
-const FAULTS: [Case; 30] = [
+const FAULTS: [Case; 38] = [
     ("pressed 0 once", FAILED, "homing: the switch at the low end of axis y stays pressed"),
     ("released 0 once", FAILED, "homing: the switch at the low end of axis x was not found"),
     ("jam 0 once", FAILED, "homing: the switch at the low end of axis x was not found"),
@@ -52,6 +52,14 @@ const FAULTS: [Case; 30] = [
     ("torn 4 always", FAILED, "frame 4: the frame is torn: it ended after 61 lines"),
     ("short 4 once", DONE, "frame 4 is tried again"),
     ("short 4 always", FAILED, "frame 4: line 40 of the sensor came with 81 pixels"),
+    ("missing 3 once", DONE, "frame 3 is tried again"),
+    ("missing 3 always", FAILED, "frame 3: the frame is torn: it ended after 121 lines"),
+    ("missing 4 once", DONE, "frame 4 is tried again"),
+    ("missing 4 always", FAILED, "frame 4: the frame is torn: it ended after 121 lines"),
+    ("doubled 3 once", DONE, "frame 3 is tried again"),
+    ("doubled 3 always", FAILED, "frame 3: line 122 of the sensor came with 162 pixels"),
+    ("doubled 4 once", DONE, "frame 4 is tried again"),
+    ("doubled 4 always", FAILED, "frame 4: line 122 of the sensor came with 162 pixels"),
     ("burst 0 always", FAILED, "frame 0: lines from 6 on came faster than they were taken"),
     ("burst 4 once", DONE, "frame 4 is tried again"),
     ("burst 4 always", FAILED, "frame 4: lines from 6 on came faster than they were taken"),

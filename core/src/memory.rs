@@ -424,6 +424,7 @@ impl<'m> Lender<'m> {
     }
 
     /// Hands out what is left, until it is dropped.
+    #[cfg(feature = "network")]
     pub fn rest(&mut self) -> Lender<'_> {
         Lender { rest: self.rest, vector_bytes: self.vector_bytes, too_small: self.too_small }
     }
@@ -445,7 +446,14 @@ impl<'m> Lender<'m> {
     }
 }
 
+/// The larger of two sizes.
+#[cfg(feature = "network")]
+pub(crate) const fn larger(a: usize, b: usize) -> usize {
+    if a > b { a } else { b }
+}
+
 /// The bytes that a [`Lender`] takes for a piece.
+#[cfg(feature = "network")]
 pub(crate) const fn lent<I: Isa>(bytes: usize) -> usize {
     align(bytes, vector_bytes::<I>())
 }

@@ -2,11 +2,15 @@
 
 use core::array;
 
-use super::{NetworkOn, cell_rows::CellRows, frame_inputs::FrameInputs, larger, layer_row::layer_row};
+use super::{
+    cell_rows::CellRows,
+    frame_inputs::FrameInputs,
+    layer_row::{NetworkOn, layer_row},
+};
 use crate::{
     MemoryTooSmall,
     kernel::{Isa, Kernel},
-    memory::{Lender, lent},
+    memory::{Lender, larger, lent},
     network::{BLOCK, BlockDisparity, MEASURES, PIXEL_CHANNELS, PixelHead, PixelRow, PixelScores, Skeleton},
 };
 

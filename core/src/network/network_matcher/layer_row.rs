@@ -2,7 +2,19 @@
 
 use core::{array, iter};
 
-use crate::{kernel::Isa, network::LayerRecord};
+use crate::{
+    kernel::Isa,
+    network::{LayerRecord, NetworkLayers},
+};
+
+/// The network, and the instructions that compute it.
+#[derive(Clone, Copy, Debug)]
+pub struct NetworkOn<'a, I> {
+    /// The instructions.
+    pub isa: I,
+    /// The layers.
+    pub layers: &'a NetworkLayers<LayerRecord<'a>>,
+}
 
 /// The positions whose sums are computed together.
 const POSITIONS: usize = 4;

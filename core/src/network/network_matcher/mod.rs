@@ -20,24 +20,13 @@ use super::{BLOCK, BlockDisparity, LayerRecord, NetworkLayers, WeightError, pool
 use crate::{
     Census, Disparity, Frame, Fusion, MemoryTooSmall, ScanlineSource, Search, SemiGlobalCost, SemiGlobalParams, Views,
     kernel::{Isa, Kernel},
-    memory::{Lender, Memory, lent},
+    memory::{Lender, Memory, larger, lent},
     semi_global::EightPaths,
 };
 use frame_inputs::{Excesses, FrameInputs};
 use image_part::ImagePart;
+use layer_row::NetworkOn;
 use volume_part::VolumePart;
-
-/// The network, and the instructions that compute it.
-#[derive(Clone, Copy, Debug)]
-struct NetworkOn<'a, I> {
-    isa: I,
-    layers: &'a NetworkLayers<LayerRecord<'a>>,
-}
-
-/// The larger of two sizes.
-const fn larger(a: usize, b: usize) -> usize {
-    if a > b { a } else { b }
-}
 
 /// What the network computes: a search in views of the centre's row of the array.
 ///

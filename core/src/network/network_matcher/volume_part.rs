@@ -3,16 +3,14 @@
 use core::array;
 
 use super::{
-    NetworkOn,
     cell_rows::{CellRows, set_outputs},
     frame_inputs::{Excesses, FrameInputs},
-    larger,
-    layer_row::layer_row,
+    layer_row::{NetworkOn, layer_row},
 };
 use crate::{
     MemoryTooSmall,
     kernel::{Isa, Kernel},
-    memory::{Lender, lent},
+    memory::{Lender, larger, lent},
     network::{BlockDisparity, CANDIDATE_CHANNELS, MAX_ACTIVATION, Skeleton},
 };
 

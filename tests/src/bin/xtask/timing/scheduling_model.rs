@@ -28,7 +28,7 @@ pub const CORTEX_M55: SchedulingModel =
 
 /// Instructions that the models do not know, and which take no cycle of their own: those of low-overhead loops, and
 /// on a Cortex-M7 conditions.
-const FREE: [&str; 4] = ["it", "le", "dls", "wls"];
+const FREE: [&str; 7] = ["it", "le", "dls", "wls", "letp", "dlstp", "wlstp"];
 
 /// Registers that a multiple transfer moves in a cycle. The models count all of them as one.
 const REGISTERS_PER_CYCLE: u64 = 2;

@@ -94,8 +94,11 @@ mod image {
         let weights = black_box(&[0_u8; 8][..]);
         let mut matcher = NetworkMatcher::new(BoardKernel::default(), &params, weights, &mut memory[..]).ok()?;
         matcher.read_frames(&mut Opaque).ok()?;
-        matcher.run(|| drop(black_box(()))).ok()?;
-        matcher.line(black_box(1)).for_each(|pixel| drop(black_box(pixel)));
+        let mut steps = 0;
+        matcher.run(|| steps += black_box(1)).ok()?;
+        for pixel in matcher.line(black_box(1)) {
+            black_box((steps, pixel));
+        }
         Some(())
     }
 

@@ -18,7 +18,9 @@ pub struct Prediction {
     fusion: &'static str,
     min_disparity: i16,
     num_disparities: usize,
-    block_size: usize,
+    /// That of the sums of absolute differences; the network has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    block_size: Option<usize>,
     /// The search at long baselines around what was found.
     long: Option<LongSearch>,
     /// Columns of a tile.
@@ -69,7 +71,6 @@ impl Prediction {
     /// Predicts a match on `target`.
     pub fn new(target: &TargetOptions, matching: &Matching, ram: &Ram) -> Prediction {
         let search = matching.search();
-        let blocks = matching.block_matching().expect("the cost is not the census");
         let processor = target.core;
         let clock_mhz = target.clock.unwrap_or(processor.clock_mhz());
         let cycles_per_instruction = target.cpi.unwrap_or(processor.cycles_per_instruction());
@@ -83,7 +84,7 @@ impl Prediction {
             fusion: search.fusion().name(),
             min_disparity: search.min_disparity(),
             num_disparities: search.num_disparities(),
-            block_size: blocks.block_size(),
+            block_size: matching.block_matching().map(|params| params.block_size()),
             long: LongSearch::of(matching),
             tile_width: matching.tile_width(),
             core: processor.name(),
@@ -111,10 +112,11 @@ impl fmt::Display for Prediction {
             method, width, height, views, fusion, min_disparity, num_disparities, block_size, tile_width, core, ..
         } = self;
         let last = i32::from(*min_disparity) + *num_disparities as i32 - 1;
+        let block = block_size.map_or_else(String::new, |size| format!("block {size}, "));
         writeln!(
             f,
-            "{method}, {width}x{height}, views {views}, {fusion}, disparities {min_disparity}..={last}, block {block_size}, \
-             column tiles of {tile_width}"
+            "{method}, {width}x{height}, views {views}, {fusion}, disparities {min_disparity}..={last}, {block}column tiles of \
+             {tile_width}"
         )?;
         if let Some(LongSearch { views, min_disparity, num_disparities, block_size }) = &self.long {
             let last = i32::from(*min_disparity) + *num_disparities as i32 - 1;
@@ -123,9 +125,11 @@ impl fmt::Display for Prediction {
         for Buffer { name, bytes, contents } in &self.buffers {
             writeln!(f, "{bytes:>12}  {name:<12}  {contents}")?;
         }
+        // The network's buffers hold them.
+        let frames = if self.ram.iter().any(|(name, _)| *name == "network") { "with" } else { "without" };
         writeln!(
             f,
-            "{:>12}  bytes of RAM in total, without frames: {} statics, {} stack",
+            "{:>12}  bytes of RAM in total, {frames} frames: {} statics, {} stack",
             self.ram_total, self.ram_static, self.stack_max
         )?;
         writeln!(f, "{:>12}  evaluations (DE: pixel x disparity x view)", self.de)?;

@@ -1,6 +1,6 @@
 //! Matching costs by the census transform, for rows in any order.
 
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
 use multiscopic_core::{
     Census, Frame, MatchingCost, Search, View, Views,
@@ -131,8 +131,8 @@ fn columns_of_all(available: &[Range<u16>], width: usize, count: usize) -> Range
 #[derive(Debug)]
 pub struct CensusRows<'a> {
     search: &'a Search,
-    center: CensusImage,
-    views: Vec<CensusView>,
+    center: Arc<CensusImage>,
+    views: Arc<[CensusView]>,
 }
 
 /// What is compared for row `v`.
@@ -209,9 +209,14 @@ impl<'a> CensusRows<'a> {
         };
         engine.pool().install(|| CensusRows {
             search,
-            center: census_image(Frame::Center, Orientation::Upright, [0, 0]),
+            center: Arc::new(census_image(Frame::Center, Orientation::Upright, [0, 0])),
             views: search.views().iter().map(view).collect(),
         })
+    }
+
+    /// The same with the fusion of another search, which is otherwise the same.
+    pub(super) fn with_fusion_of(&self, search: &'a Search) -> CensusRows<'a> {
+        CensusRows { search, center: self.center.clone(), views: self.views.clone() }
     }
 
     /// What is compared for row `v`, with `stride` candidates for each pixel.
@@ -219,7 +224,7 @@ impl<'a> CensusRows<'a> {
         let (width, count) = (self.search.width(), self.search.num_disparities());
         let mut views = Vec::with_capacity(self.views.len());
         let mut complete = 0..width;
-        for view in &self.views {
+        for view in &*self.views {
             let line = view.line(self.search, v, stride);
             let columns = columns_of_all(view.available(&line), width, count);
             complete = complete.start.max(columns.start)..complete.end.min(columns.end);
@@ -314,7 +319,7 @@ impl<I: Kernel, const BYTES: usize, const V: usize> Work for FuseColumns<'_, I, 
         let mut center = lines.center.chunks_exact(width);
         let center: [&[u8]; BYTES] = std::array::from_fn(|_| center.next().expect("a plane for each byte"));
         let mut views = [ViewRow::NONE; V];
-        for ((row, view), line) in views.iter_mut().zip(all_views).zip(&lines.views) {
+        for ((row, view), line) in views.iter_mut().zip(all_views.iter()).zip(&lines.views) {
             *row = view.row::<BYTES>(search, lines.v, line, stride);
         }
         let mut run = columns.start.max(lines.complete.start)..columns.end.min(lines.complete.end);

@@ -64,7 +64,7 @@ impl Bands {
         let rows = (self.rows + 2 * Bands::REACH).min(height.next_multiple_of(STEP));
         // Costs and activations of a band; what is kept of every pixel; two passes.
         let band = width * rows * (90 + 2 * stride);
-        let kept = width * height * (30 + 10 * search.views().len());
+        let kept = width * height * (40 + 20 * search.views().len());
         let paths = 2 * width * stride * (STEP * 2 + 4 * height.isqrt());
         (band + kept + paths) as u64
     }
@@ -85,9 +85,10 @@ impl Bands {
         let paired = &paired(search);
         let params = SemiGlobalParams::new(*paired, SemiGlobalCost::Census(Census::Window9x7))?;
         let fused = [Fusion::Min, Fusion::Mean].map(|fusion| paired.with_fusion(fusion));
-        let (census, both_ways, two_scales) = (Census::Window9x7, CensusPairRows::both_ways, CensusPairRows::two_scales);
-        let passes = [both_ways(frames, paired, census, engine), two_scales(frames, paired, census, engine)];
-        let kinds = fused.each_ref().map(|search| [both_ways, two_scales].map(|rows| rows(frames, search, census, engine)));
+        let census = Census::Window9x7;
+        let both_ways = CensusPairRows::both_ways(frames, paired, census, engine);
+        let passes = [both_ways, CensusPairRows::two_scales(frames, paired, census, engine)];
+        let kinds = fused.each_ref().map(|search| passes.each_ref().map(|rows| rows.with_fusion_of(search)));
         progress.begin((2 * search.height()) as u64, "lines");
         engine.simd(paired).run(BandTask { bands: self, network, frames, search, params, passes, kinds, engine, progress })
     }

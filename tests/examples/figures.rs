@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use image::{RgbImage, RgbaImage};
+use image::{DynamicImage, RgbImage, RgbaImage};
 use multiscopic::{DisparityMap, FloatImage, report::montage};
 use multiscopic_tests::program::Invocation;
 
@@ -84,20 +84,21 @@ impl Figures {
     /// Made-up scenes in which much cannot be matched: the centre, the truth, what the network makes of it, and how confident it is.
     fn draw_failures(&self) -> Result<()> {
         let mut rows = Vec::new();
-        for (setting, number) in [("studio", 26), ("studio", 22), ("field", 20)] {
+        for (setting, seed) in [("studio", 2006), ("studio", 2015), ("field", 2010)] {
             let [scenes, map, confidence] = [setting, "failure.pfm", "failure.png"].map(|name| self.path(name));
-            let scene = format!("{setting}/{number:04}");
-            if !self.folder.join(&scene).exists() {
-                let sizes = "--seed 1000006 --count 30 --views 2 --size 384x288";
-                self.run(&format!("scene --random --setting {setting} {sizes} -o {scenes}"))?;
-            }
+            let scene = format!("{setting}{seed}/0000");
+            let sizes = "--count 1 --views 2 --size 384x288";
+            self.run(&format!("scene --random --setting {setting} --seed {seed} {sizes} -o {scenes}{seed}"))?;
             let rig = self.path(&scene);
             self.run(&format!("match {rig} --method net --num-disparities 40 -o {map} --confidence {confidence}"))?;
             let truth = self.true_disparities(&scene)?;
             let found = DisparityMap::from_float(&FloatImage::read_pfm(Path::new(&map))?);
             let maps = [&truth, &found].map(|map| map.to_color(truth.range()));
             let [truth, found] = maps;
-            rows.push(montage::row(&[picture(&format!("{rig}/center.png"))?, truth, found, picture(&confidence)?], WIDTH));
+            rows.push(montage::row(
+                &[picture(&format!("{rig}/center.png"))?, truth, found, picture(&confidence)?],
+                WIDTH / 3 * 2,
+            ));
         }
         let height = rows.iter().map(RgbaImage::height).sum();
         let mut all = RgbaImage::new(rows[0].width(), height);
@@ -106,7 +107,7 @@ impl Figures {
             image::imageops::replace(&mut all, row, 0, top);
             top += i64::from(row.height());
         }
-        Ok(all.save(self.docs.join("failures.png"))?)
+        Ok(DynamicImage::from(all).into_rgb8().save(self.docs.join("failures.png"))?)
     }
 
     fn true_disparities(&self, demo: &str) -> Result<DisparityMap> {

@@ -91,7 +91,7 @@ fn what_does_not_fit_is_refused_beforehand() {
     let (rig, output) = (scene(dir.path(), "640x480", "2"), dir.path().join("d.pfm"));
     for method in ["net", "sgm --paths 8"] {
         let words = ["match", &rig, "--num-disparities", "500", "-o", output.to_str().expect("UTF-8"), "--method"];
-        let run = Invocation::within(300, words.into_iter().chain(method.split(' ')));
+        let run = Invocation::within(400, words.into_iter().chain(method.split(' ')));
         run.assert_refused(&["MB of memory", "may be taken"]);
         assert!(!output.exists());
     }

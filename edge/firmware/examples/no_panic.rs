@@ -13,10 +13,11 @@ mod image {
     use super::board_kernel::BoardKernel;
     use core::{convert::Infallible, hint::black_box, panic::PanicInfo};
     use cortex_m as _; // Provides the critical section.
+    #[cfg(not(all(feature = "array", feature = "an547")))]
+    use multiscopic_core::network::{NetworkMatcher, NetworkParams};
     use multiscopic_core::{
         Census, Disparity, Displacement, DisplacementGrid, Frame, Fusion, Matcher, Params, Rectification, Rectified, Region,
         Rewind, ScanlineSource, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
-        network::{NetworkMatcher, NetworkParams},
     };
     use static_cell::ConstStaticCell;
 
@@ -90,15 +91,26 @@ mod image {
                 black_box(&mut *line);
             }
         }
+        network(&params, memory)
+    }
+
+    /// The network. With loops over eight views, a Cortex-M55 has no flash for it besides.
+    #[cfg(not(all(feature = "array", feature = "an547")))]
+    fn network(params: &Params, memory: &mut [u32]) -> Option<()> {
         let params = NetworkParams::new(params.search().with_views(black_box(Views::HORIZONTAL)).ok()?).ok()?;
         let weights = black_box(&[0_u8; 8][..]);
-        let mut matcher = NetworkMatcher::new(BoardKernel::default(), &params, weights, &mut memory[..]).ok()?;
+        let mut matcher = NetworkMatcher::new(BoardKernel::default(), &params, weights, memory).ok()?;
         matcher.read_frames(&mut Opaque).ok()?;
         let mut steps = 0;
         matcher.run(|| steps += black_box(1)).ok()?;
         for pixel in matcher.line(black_box(1)) {
             black_box((steps, pixel));
         }
+        Some(())
+    }
+
+    #[cfg(all(feature = "array", feature = "an547"))]
+    fn network(_: &Params, _: &mut [u32]) -> Option<()> {
         Some(())
     }
 

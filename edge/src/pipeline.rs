@@ -52,6 +52,34 @@ impl<'w> Pipeline<'w> {
         sources: &mut [B::Frames],
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
+        // A function of its own, as those of the other matchers.
+        #[inline(never)]
+        fn network<'w, B: Board, I: Kernel>(
+            pipeline: Pipeline<'w>,
+            kernel: I,
+            params: &NetworkParams,
+            (source, output): (&mut B::Frames, &mut B::Output),
+        ) -> Result<Sender<'w>, RunError<B>> {
+            pipeline.match_by_network::<B, I>(kernel, params, source, output)
+        }
+        match (matching, &mut *sources) {
+            (Matching::Network(params), [source, ..]) => network::<B, I>(self, kernel, params, (source, output)),
+            _ => self.run_lines::<B, I>(kernel, matching, sources, output),
+        }
+    }
+
+    /// [`run`](Pipeline::run) for all that is matched line by line: not for the network, so that firmware without it need not have
+    /// its weights in flash.
+    ///
+    /// # Errors
+    /// Those of [`run`](Pipeline::run), and [`PipelineError::Unlinked`] for the network.
+    pub fn run_lines<B: Board, I: Kernel>(
+        self,
+        kernel: I,
+        matching: &Matching,
+        sources: &mut [B::Frames],
+        output: &mut B::Output,
+    ) -> Result<Sender<'w>, RunError<B>> {
         // Functions of their own, so that the stack has to hold one matcher at a time.
         #[inline(never)]
         fn blocks<'w, B: Board, I: Kernel>(
@@ -100,15 +128,6 @@ impl<'w> Pipeline<'w> {
         ) -> Result<Sender<'w>, RunError<B>> {
             pipeline.match_semi_globally_with_confidences::<B, I>(kernel, params, source, output)
         }
-        #[inline(never)]
-        fn network<'w, B: Board, I: Kernel>(
-            pipeline: Pipeline<'w>,
-            kernel: I,
-            params: &NetworkParams,
-            (source, output): (&mut B::Frames, &mut B::Output),
-        ) -> Result<Sender<'w>, RunError<B>> {
-            pipeline.match_by_network::<B, I>(kernel, params, source, output)
-        }
         match (matching, sources) {
             (Matching::Blocks { params, tile_width }, [source, ..]) => {
                 blocks::<B, I>(self, kernel, params, *tile_width, (source, output))
@@ -123,7 +142,7 @@ impl<'w> Pipeline<'w> {
             (Matching::WithConfidences(WholeLines::SemiGlobal(params)), [source, ..]) => {
                 semi_global_with_confidences::<B, I>(self, kernel, params, (source, output))
             }
-            (Matching::Network(params), [source, ..]) => network::<B, I>(self, kernel, params, (source, output)),
+            (Matching::Network(_), [_, ..]) => Err(PipelineError::Unlinked),
             (_, sources) => Err(PipelineError::Sources { needed: matching.searches().count(), given: sources.len() }),
         }
     }
@@ -444,6 +463,8 @@ pub enum PipelineError<S, W> {
     },
     /// The matcher's memory in the workspace is too small.
     Memory(MemoryTooSmall),
+    /// The network is not among the methods that are run.
+    Unlinked,
     /// There is no network in the memory of the workspace.
     Network(NetworkError),
     /// The frames cannot be read again.
@@ -464,6 +485,7 @@ impl<S: fmt::Display, W: fmt::Display> fmt::Display for PipelineError<S, W> {
                 write!(f, "the match needs {needed} sources of frames, {given} were given")
             }
             PipelineError::Memory(error) => write!(f, "{error}"),
+            PipelineError::Unlinked => f.write_str("the network is not among the methods that are run"),
             PipelineError::Network(error) => write!(f, "{error}"),
             PipelineError::Rewind(error) => write!(f, "cannot rewind to the first line: {error}"),
             PipelineError::Match(error) => write!(f, "{error}"),

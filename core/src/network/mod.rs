@@ -33,7 +33,7 @@ pub use frame_costs::{CensusPair, CensusPairLines};
 pub use network_layers::{ImageLayers, NetworkLayers, Skeleton, VolumeLayers};
 pub use network_matcher::{NetworkError, NetworkMatcher, NetworkMemory, NetworkParams, NetworkViewsError};
 pub use pixel_channels::{PIXEL_CHANNELS, PixelRow};
-pub use pixel_head::{PixelHead, PixelScores};
+pub use pixel_head::{PixelHead, PixelScores, blocks_around};
 pub use pooled_candidates::{
     BLOCK, BLOCKS, CANDIDATE_CHANNELS, MAX_POOLED_COST, MEASURES, block_rows, cost_channel, cost_measure, excess_channels,
     excesses, nearest_candidate, padded_blocks, paired, pool,

@@ -1,8 +1,11 @@
 //! The end of the network: disparities of pixels by the outputs of its last layer.
 
-use core::iter;
+use core::{array, iter};
 
-use super::exponentials::Exponentials;
+use super::{
+    exponentials::{BlockDisparity, Exponentials},
+    pooled_candidates::BLOCK,
+};
 
 /// The neighbours whose disparities are mixed: the pixel itself, then those around at distances of 1 and 3.
 const NEIGHBORS: usize = 17;
@@ -51,8 +54,8 @@ impl PixelHead<'_> {
     }
 
     /// The disparity of the pixel in column `x`, from the least of the search on in steps, at most `most`, and its confidence.
-    /// `rows` are the choices of those at distances of -3, -1, 0, 1 and 3, with the nearest row of the image instead of those beyond
-    /// it.
+    /// `rows` are the choices of those at distances of -3, -1, 0, 1 and 3, with the nearest row of the image instead of those
+    /// beyond it.
     #[inline]
     pub fn disparity(&self, rows: [&[u16]; 5], x: usize, pixel: &PixelScores, most: u16) -> (u16, u8) {
         let [low, high, below @ .., confidence] = *pixel;
@@ -60,6 +63,16 @@ impl PixelHead<'_> {
         let correction = i16::from_le_bytes([low, high]);
         ((i32::from(mean) + i32::from(correction)).clamp(0, most.into()) as u16, confidence)
     }
+}
+
+/// The disparities of the 3x3 blocks around that of a pixel, those nearest where there is none. The blocks lie row by row.
+#[inline]
+pub fn blocks_around(blocks: &[BlockDisparity], [columns, rows]: [usize; 2], [x, y]: [usize; 2]) -> [u16; 9] {
+    let inside = |index: usize, offset: usize, count: usize| (index / BLOCK + offset).saturating_sub(1).min(count - 1);
+    array::from_fn(|i| {
+        let block = blocks.get(inside(y, i / 3, rows) * columns + inside(x, i % 3, columns));
+        block.map_or(0, |&[disparity, _]| disparity)
+    })
 }
 
 /// The choices of a pixel and of its neighbours: first those at a distance of 1, then those of 3, row by row.

@@ -1,8 +1,9 @@
 //! What the network sees of the costs.
 //!
-//! Two passes of semi-global matching along eight paths, A and B, give disparities and sums of path costs. There are four matching
-//! costs: those of A fused by their least and by their mean over all views, then those of B. The *excess* of a candidate is what its
-//! sum has above the least sum of the pixel, in eighths rounded down, at most 127; that of a candidate which no view sees is 127.
+//! Two passes of semi-global matching along eight paths, A and B, give disparities and sums of path costs. There are four
+//! matching costs: those of A fused by their least and by their mean over all views, then those of B. The *excess* of a candidate
+//! is what its sum has above the least sum of the pixel, in eighths rounded down, at most 127; that of a candidate which no view
+//! sees is 127.
 
 use core::ops::Range;
 
@@ -74,8 +75,8 @@ pub fn excess_channels(sum: u16, least: u8) -> [u8; 2] {
     [(sum / (BLOCK * BLOCK) as u16) as u8, least]
 }
 
-/// The excesses of a pixel's candidates, by their sums of path costs; and its margin: the excess of the best candidate that is more
-/// than one disparity from the winner, 127 if there is none, and 0 where no view sees a candidate.
+/// The excesses of a pixel's candidates, by their sums of path costs; and its margin: the excess of the best candidate that is
+/// more than one disparity from the winner, 127 if there is none, and 0 where no view sees a candidate.
 #[inline(always)]
 pub fn excesses(sums: &[u16], values: &mut [u8]) -> u8 {
     let least = sums.iter().copied().fold(NO_SUM, u16::min);
@@ -100,8 +101,8 @@ pub fn cost_measure(cost: u8) -> u8 {
     if cost == NO_COST { MAX_ACTIVATION } else { cost.saturating_mul(3).min(MAX_ACTIVATION - 1) }
 }
 
-/// Adds the values of a line of pixels to the sums of the blocks that they are in, and lowers the least ones. There are `stride` values
-/// for each pixel, and as many sums and least values for each block.
+/// Adds the values of a line of pixels to the sums of the blocks that they are in, and lowers the least ones. There are `stride`
+/// values for each pixel, and as many sums and least values for each block.
 #[inline(always)]
 pub fn pool(values: &[u8], stride: usize, sums: &mut [u16], least: &mut [u8]) {
     let last = (values.len() / stride.max(1)).saturating_sub(1);

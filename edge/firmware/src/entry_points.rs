@@ -3,7 +3,7 @@
 use defmt_semihosting as _; // Sends the log to the host's standard output.
 use embedded_io::Write;
 use multiscopic_core::{Params, Search, SemiGlobalParams, network::NetworkParams};
-use multiscopic_edge::{Board, Matching, Pipeline, PipelineError, RunError, Streams, packet::Sender};
+use multiscopic_edge::{Board, Pipeline, PipelineError, RunError, Streams, packet::Sender};
 use semihosting::process;
 
 use crate::{
@@ -94,46 +94,8 @@ pub fn calibrate(pipeline: Pipeline<'_>) -> ! {
         let matching = arguments::calibration().ok_or(FirmwareError::Calibration)?;
         let long = matching.long_search().unwrap_or(matching.search());
         let mut frames = [open("calibration", matching.tile_width(), matching.search())?, Semihosted.frames(long)?];
-        send(|output| run(pipeline, &matching, &mut frames, output))
+        send(|output| pipeline.run_lines::<Semihosted, _>(BoardKernel::default(), &matching, &mut frames, output))
     })
-}
-
-type Ran<'w> = Result<Sender<'w>, RunError<Semihosted>>;
-type Frames = Streams<HostFile>;
-
-/// [`Pipeline::run`] for what is calibrated: not the network, for which some boards have no flash besides.
-fn run<'w>(pipeline: Pipeline<'w>, matching: &Matching, frames: &mut [Frames; 2], output: &mut HostFile) -> Ran<'w> {
-    // Functions of their own, so that the stack has to hold one matcher at a time.
-    #[inline(never)]
-    fn blocks<'w>(
-        pipeline: Pipeline<'w>,
-        (params, tile_width): (&Params, usize),
-        frames: &mut Frames,
-        output: &mut HostFile,
-    ) -> Ran<'w> {
-        pipeline.match_blocks::<Semihosted, _>(BoardKernel::default(), params, tile_width, frames, output)
-    }
-    #[inline(never)]
-    fn semi_global<'w>(pipeline: Pipeline<'w>, params: &SemiGlobalParams, frames: &mut Frames, output: &mut HostFile) -> Ran<'w> {
-        pipeline.match_semi_globally::<Semihosted, _>(BoardKernel::default(), params, frames, output)
-    }
-    #[inline(never)]
-    fn around_prior<'w>(
-        pipeline: Pipeline<'w>,
-        params: (&Params, &Params),
-        frames: [&mut Frames; 2],
-        output: &mut HostFile,
-    ) -> Ran<'w> {
-        pipeline.match_around_prior::<Semihosted, _>(BoardKernel::default(), params, frames, output)
-    }
-    let [first, second] = frames;
-    match matching {
-        Matching::Blocks { params, tile_width } => blocks(pipeline, (params, *tile_width), first, output),
-        Matching::SemiGlobal(params) => semi_global(pipeline, params, first, output),
-        Matching::AroundPrior { short, long } => around_prior(pipeline, (short, long), [first, second], output),
-        // The command line names no other.
-        Matching::WithConfidences(_) | Matching::Network(_) => Err(PipelineError::Sources { needed: 0, given: 2 }),
-    }
 }
 
 /// Does `work` and exits.

@@ -19,8 +19,8 @@ pub type Excesses = [u8; 4];
 
 /// What the network sees of frames, in one look at a time.
 ///
-/// Kept is what semi-global matching gives. Costs are computed again from the frames whenever they are needed: they would take more
-/// memory than there is.
+/// Kept is what semi-global matching gives. Costs are computed again from the frames whenever they are needed: they would take
+/// more memory than there is.
 #[derive(Debug)]
 pub struct FrameInputs<'m, 'f, I> {
     search: Search,
@@ -174,7 +174,8 @@ impl<'m, 'f, I: Isa> FrameInputs<'m, 'f, I> {
 }
 
 impl<I: Kernel> FrameInputs<'_, '_, I> {
-    /// Takes both passes of semi-global matching, and sets the excesses of all candidates. `memory` has as many [`words`](EightPaths::memory_words) as a pass needs.
+    /// Takes both passes of semi-global matching, and sets the excesses of all candidates. `memory` has as many
+    /// [`words`](EightPaths::memory_words) as a pass needs.
     pub fn take_passes(
         &mut self,
         isa: I,

@@ -11,7 +11,7 @@ use crate::{
     MemoryTooSmall,
     kernel::{Isa, Kernel},
     memory::{Lender, larger, lent},
-    network::{BLOCK, BlockDisparity, MEASURES, PIXEL_CHANNELS, PixelHead, PixelRow, PixelScores, Skeleton},
+    network::{BLOCK, BlockDisparity, MEASURES, PIXEL_CHANNELS, PixelHead, PixelRow, PixelScores, Skeleton, blocks_around},
 };
 
 /// How far the head reaches: the choices of neighbours are known so many rows ahead of a pixel's disparity.
@@ -229,7 +229,7 @@ impl ImagePart {
                 let scores = scores.chunks_exact_mut(width.max(1)).nth(ahead % SCORE_ROWS).unwrap_or_default();
                 let (outputs, pixels) = (outputs.as_chunks().0.iter(), choices.iter_mut().zip(scores));
                 for (x, ((outputs, (choice, scores)), (&a, &b))) in outputs.zip(pixels).zip(a.iter().zip(&*b)).enumerate() {
-                    (*choice, *scores) = head.pixel(outputs, [a, b], self.around(blocks, [x, ahead]));
+                    (*choice, *scores) = head.pixel(outputs, [a, b], blocks_around(blocks, self.blocks, [x, ahead]));
                 }
             }
             let Some(y) = ahead.checked_sub(REACH) else { continue };
@@ -245,14 +245,5 @@ impl ImagePart {
             }
         }
         Ok(())
-    }
-
-    /// The disparities of the 3x3 blocks around that of a pixel, those nearest where there is none.
-    fn around(&self, blocks: &[BlockDisparity], [x, y]: [usize; 2]) -> [u16; 9] {
-        let [columns, rows] = self.blocks;
-        let inside = |index: usize, offset: usize, count: usize| (index / BLOCK + offset).saturating_sub(1).min(count - 1);
-        array::from_fn(|i| {
-            blocks.get(inside(y, i / 3, rows) * columns + inside(x, i % 3, columns)).map_or(0, |&[disparity, _]| disparity)
-        })
     }
 }

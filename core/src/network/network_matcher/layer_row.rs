@@ -19,11 +19,11 @@ pub struct NetworkOn<'a, I> {
 /// The positions whose sums are computed together.
 const POSITIONS: usize = 4;
 
-/// Computes the outputs of a layer at the first `count` positions of a row, and gives each to `put`: the position, the output, and its
-/// value.
+/// Computes the outputs of a layer at the first `count` positions of a row, and gives each to `put`: the position, the output,
+/// and its value.
 ///
-/// The inputs lie side by side in as many runs as the layer has, and those of a position `stride` bytes behind those of the position
-/// before. A run without inputs counts as zeros.
+/// The inputs lie side by side in as many runs as the layer has, and those of a position `stride` bytes behind those of the
+/// position before. A run without inputs counts as zeros.
 #[inline(always)]
 pub fn layer_row<I: Isa, const RUNS: usize>(
     isa: I,

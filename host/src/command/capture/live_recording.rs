@@ -39,7 +39,7 @@ impl<'a> LiveRecording<'a> {
 
     /// Writes a recording. `capture` takes captures, and tells the folder of each to the function that it is given. However it ends,
     /// the recording has all before.
-    pub fn write(&mut self, path: &Path, capture: impl FnOnce(&mut dyn FnMut(&Path) -> Result<()>) -> Result<()>) -> Result<()> {
+    pub fn write(&self, path: &Path, capture: impl FnOnce(&mut dyn FnMut(&Path) -> Result<()>) -> Result<()>) -> Result<()> {
         let mut captured = Ok(());
         output::write(path, |file| {
             let mut stream = RosStream::new(file)?;
@@ -57,7 +57,10 @@ impl<'a> LiveRecording<'a> {
         let geometry = geometry.expect("the recorder knows the focal length and the baseline");
         let views = frames.views();
         let preparation = Preparation::new(&frames, false, |range| self.search.search(frames.size(), views, None, range))?;
-        let center = undistortion.as_ref().map_or(center.clone(), |undistortion| undistortion.picture(&center));
+        let center = match &undistortion {
+            Some(undistortion) => undistortion.picture(&center),
+            None => center,
+        };
         let (method, search) = (MethodName::Bm.method(self.search.block_size, views.len())?, preparation.search);
         let (mut disparities, mut confidences) =
             method.disparities_and_confidences(&self.engine, &frames.without_color(), &search, &())?;

@@ -94,7 +94,7 @@ impl Capture {
         #[cfg(feature = "mcap")]
         if let Some(path) = &self.mcap {
             output::check(&[path], &[])?;
-            let mut live = LiveRecording::new(recorder, &self.recorder.search)?;
+            let live = LiveRecording::new(recorder, &self.recorder.search)?;
             return live.write(path, |found| self.run_captures(recorder, found));
         }
         self.run_captures(recorder, &mut |_| Ok(()))

@@ -1,6 +1,6 @@
 //! The disparities of blocks of pixels.
 
-use multiscopic_core::network::{BLOCK, BlockDisparity};
+use multiscopic_core::network::{BLOCK, BlockDisparity, blocks_around};
 
 /// The disparity of each block of 4x4 pixels that the volume part of the network finds.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,9 +17,7 @@ impl BlockDisparities {
 
     /// The disparities of the 3x3 blocks around that of a pixel, those nearest where there is none.
     pub fn around(&self, [x, y]: [usize; 2]) -> [u16; 9] {
-        let inside = |index: usize, offset: usize, count: usize| (index / BLOCK + offset).saturating_sub(1).min(count - 1);
-        let rows = self.blocks.len() / self.width;
-        std::array::from_fn(|i| self.blocks[inside(y, i / 3, rows) * self.width + inside(x, i % 3, self.width)][0])
+        blocks_around(&self.blocks, [self.width, self.blocks.len() / self.width], [x, y])
     }
 
     /// The blocks of the row of pixels `y`.

@@ -46,8 +46,8 @@ impl Isa for Mve {
     }
 }
 
-/// Adds the products of signed weights and inputs, each at most 127, to a sum for each of four positions, which has as many inputs as
-/// there are weights.
+/// Adds the products of signed weights and inputs, each at most 127, to a sum for each of four positions, which has as many
+/// inputs as there are weights.
 #[inline(always)]
 fn add_products(sums: [i32; 4], weights: &[u8], inputs: [&[u8]; 4]) -> [i32; 4] {
     let count = inputs.iter().fold(weights.len(), |count, inputs| count.min(inputs.len()));

@@ -46,6 +46,7 @@ class _Options(TypedDict, total=False):
     median: int | None
     bilateral: tuple[float, float] | None
     sub_pixel: Literal["lucas-kanade", "none"] | None
+    repair: Literal["smooth", "none"] | None
     min_confidence: float | None
     smooth: bool | None
     fill: Literal["background"] | None

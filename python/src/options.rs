@@ -68,6 +68,7 @@ options! {
     median: u8,
     bilateral: (f64, f64),
     sub_pixel: String,
+    repair: String,
     min_confidence: f64,
     smooth: bool,
     fill: String,
@@ -213,6 +214,10 @@ impl Options {
             Some(_) => LucasKanade::NAME.into(),
             None => "none".into(),
         })?;
+        let repair = choice("repair", &self.repair, &[Some(method.smoother()), None], |smoother| match smoother {
+            Some(_) => "smooth".into(),
+            None => "none".into(),
+        })?;
         if let Some(percent) = self.uniqueness_ratio {
             within("uniqueness_ratio", percent.into(), 0.0, 100.0)?;
         }
@@ -227,6 +232,7 @@ impl Options {
             bilateral: self.bilateral.map(|(sigma, threshold)| Bilateral::new(sigma, threshold)).transpose()?,
             speckles: self.speckle_window_size.map(speckles),
             sub_pixel: sub_pixel.unwrap_or(method.refinement.sub_pixel),
+            repair: repair.unwrap_or(method.refinement.repair),
             min_confidence: min_confidence.map(confidence_map::of_probability),
             smoother: self.smooth.unwrap_or_default().then(|| method.smoother()),
             fill: choice("fill", &self.fill, &[BackgroundFill], |_| BackgroundFill::NAME.into())?,

@@ -57,6 +57,8 @@ type DisparityRange = (i16, u16);
 ///     bilateral: bilateral filter: standard deviation of its Gaussian in pixels, and greatest difference of disparities.
 ///     sub_pixel: "lucas-kanade" sharpens disparities by up to half a pixel, "none" does not. The default of "net" is
 ///         "lucas-kanade".
+///     repair: "smooth" replaces what is more probably wrong than right by what is sure around it, and moves others by up to
+///         half a pixel; "none" does not. The default of "net" is "smooth".
 ///     min_confidence: keep a disparity only if it is at most one pixel off with this probability, from 0 to 1.
 ///     smooth: smooth disparities within the edges of the centre, so that all pixels get one.
 ///     fill: "background" fills pixels without a disparity, after all other filters.
@@ -88,7 +90,8 @@ type DisparityRange = (i16, u16);
                       census='9x7', p1=None, p2=None, p2_edge=None, paths=5, occlusion_cost=None, lambda1=None, lambda2=None, \
                       smoothness='linear', sweeps=None, seed=0, uniqueness_ratio=None, disp12_max_diff=None, \
                       texture_threshold=None, speckle_window_size=None, speckle_range=None, median=None, bilateral=None, \
-                      sub_pixel=None, min_confidence=None, smooth=False, fill=None, confidence=True, threads=0)"
+                      sub_pixel=None, repair=None, min_confidence=None, smooth=False, fill=None, confidence=True, \
+                      threads=0)"
 )]
 #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
 pub fn matched<'py>(

@@ -25,6 +25,8 @@ VARIANTS = [
     {"method": "mccnn-fast"},
     {"method": "net"},
     {"method": "net", "sub_pixel": "none", "smooth": True},
+    {"method": "net", "repair": "none"},
+    {"method": "sgm", "repair": "smooth", "min_confidence": 0.6},
 ]
 
 

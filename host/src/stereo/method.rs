@@ -131,7 +131,10 @@ impl Method {
 
     /// The smoother that suits its confidences.
     pub fn smoother(&self) -> Smoother {
-        if matches!(self.optimizer, Optimizer::GraphCuts(_)) { Smoother::GRAPH_CUTS } else { Smoother::DEFAULT }
+        match self.optimizer {
+            Optimizer::GraphCuts(_) | Optimizer::Network(_) => Smoother::REGIONAL,
+            _ => Smoother::DEFAULT,
+        }
     }
 
     /// Whether it counts in blocks anywhere, so that a block size has an effect.

@@ -63,7 +63,11 @@ impl MethodName {
             MethodName::Sgm => SemiGlobalMethod::default().method(views)?,
             MethodName::MccnnFast => mc_cnn(Architecture::Fast, Penalties::FAST)?,
             MethodName::MccnnAccurate => mc_cnn(Architecture::Accurate, Penalties::ACCURATE)?,
-            MethodName::Net => Method::net().with_refinement(Refinement { sub_pixel: Some(LucasKanade), ..Refinement::NONE }),
+            MethodName::Net => {
+                let net = Method::net();
+                let repair = Some(net.smoother());
+                net.with_refinement(Refinement { sub_pixel: Some(LucasKanade), repair, ..Refinement::NONE })
+            }
         })
     }
 }

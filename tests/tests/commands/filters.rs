@@ -47,7 +47,7 @@ fn count(map: &FloatImage) -> usize {
 fn filters_act_for_every_method() {
     let capture = Capture::new();
     for method in ["bm", "bm --fusion mean", "sgm", "sgm --paths 8", "sgm --cost sad", "sgm --cost census2", "gc", "net"] {
-        let of = |filter: &str| format!("--method {method} --sub-pixel none {filter}");
+        let of = |filter: &str| format!("--method {method} --sub-pixel none --repair none {filter}");
         let has_no_costs = ["gc", "net"].contains(&method);
         let all = capture.disparities(&of(""));
         for filter in [
@@ -73,10 +73,40 @@ fn filters_act_for_every_method() {
         assert_ne!(capture.disparities(&of("--smooth")), all, "{method}");
         // What is filtered out stays out, and everything else moves by half a pixel at most.
         let unique = if has_no_costs { "--texture-threshold 2800" } else { "--uniqueness-ratio 25" };
-        let [coarse, fine] =
-            ["none", "lucas-kanade"].map(|step| capture.disparities(&format!("--method {method} {unique} --sub-pixel {step}")));
+        let [coarse, fine] = ["none", "lucas-kanade"]
+            .map(|step| capture.disparities(&format!("--method {method} --repair none {unique} --sub-pixel {step}")));
         let moved = |(fine, coarse): (&f32, &f32)| (fine - coarse).abs() <= 0.5 || fine == coarse;
         assert!(fine != coarse && fine.pixels().iter().zip(coarse.pixels()).all(moved), "{method}");
+    }
+}
+
+/// What is probably right is hardly moved, whatever the method. The rest follows it, and is still unsure.
+#[test]
+fn what_is_probably_wrong_is_repaired() {
+    let capture = Capture::new();
+    let picture = capture.path("sure.png");
+    let confidences = |options: &str| {
+        capture.matched(&format!("{options} --confidence {picture}")).assert_done();
+        image::open(&picture).expect("the picture").into_luma8().into_raw()
+    };
+    for method in ["bm", "sgm", "gc", "net"] {
+        let of = |repair: &str| format!("--method {method} --repair {repair}");
+        let [before, after] = ["none", "smooth"].map(|repair| capture.disparities(&of(repair)));
+        let [sure, sure_after] = ["none", "smooth"].map(|repair| confidences(&of(repair)));
+        let mut replaced = 0;
+        for (i, (before, after)) in before.pixels().iter().zip(after.pixels()).enumerate() {
+            if (before - after).abs() > 0.5 {
+                assert!(sure[i] < 128 && sure_after[i] < 128, "{method}: {before} with {} became {after}", sure[i]);
+                replaced += 1;
+            } else {
+                assert_eq!(sure[i], sure_after[i], "{method}: {before} became {after}");
+            }
+        }
+        assert!(replaced > 0, "{method}");
+        // It is not for the repair to fill holes, and what is kept is as repaired.
+        let kept = capture.disparities(&format!("{} --min-confidence 0.8", of("smooth")));
+        assert!(kept.pixels().iter().zip(after.pixels()).all(|(kept, after)| kept.is_infinite() || kept == after), "{method}");
+        assert_eq!(count(&kept), sure_after.iter().filter(|&&sure| sure >= 204).count(), "{method}");
     }
 }
 

@@ -34,6 +34,8 @@ pub struct Refinement {
     pub speckles: Option<Speckles>,
     /// A sub-pixel step by the gradients of all views, those at longer baselines included.
     pub sub_pixel: Option<LucasKanade>,
+    /// What is more probably wrong than right is [repaired](Smoother::repair) by what is sure around it.
+    pub repair: Option<Smoother>,
     /// The least [confidence](crate::stereo::confidence_map) that disparities are kept with, after these filters.
     pub min_confidence: Option<u8>,
     /// A dense map from what is sure.
@@ -52,6 +54,7 @@ impl Refinement {
         bilateral: None,
         speckles: None,
         sub_pixel: None,
+        repair: None,
         min_confidence: None,
         smoother: None,
         fill: None,
@@ -64,12 +67,12 @@ impl Refinement {
 
     /// Whether [`by_confidence`](Refinement::by_confidence) does anything.
     pub fn needs_confidences(&self) -> bool {
-        self.min_confidence.is_some() || self.smoother.is_some() || self.fill.is_some()
+        self.repair.is_some() || self.min_confidence.is_some() || self.smoother.is_some() || self.fill.is_some()
     }
 
     /// Whether the centre's colours matter.
     pub fn needs_color(&self) -> bool {
-        self.smoother.is_some()
+        self.repair.is_some() || self.smoother.is_some()
     }
 
     /// Applies the checks by the costs that the disparities were selected by, on the threads of the current pool.
@@ -86,18 +89,22 @@ impl Refinement {
     /// edges are those of the centre of `frames`.
     ///
     /// # Errors
-    /// If the smoother's parameters are out of range.
+    /// If the parameters of a smoother are out of range.
     pub fn by_confidence(
         &self,
         mut map: DisparityMap,
         mut confidences: ConfidenceMap,
         frames: &Frames,
     ) -> Result<(DisparityMap, ConfidenceMap)> {
+        let guide = || frames.picture(Frame::Center).expect("a centre");
+        if let Some(smoother) = self.repair {
+            (map, confidences) = smoother.repair(&map, &confidences, &guide())?;
+        }
         if let Some(least) = self.min_confidence {
             confidence_map::keep_sure(&mut map, &mut confidences, least);
         }
         if let Some(smoother) = self.smoother {
-            (map, confidences) = smoother.apply(&map, &confidences, &frames.picture(Frame::Center).expect("a centre"))?;
+            (map, confidences) = smoother.apply(&map, &confidences, &guide())?;
         }
         if let Some(fill) = self.fill {
             (map, confidences) = fill.apply(&map, &confidences);

@@ -53,9 +53,9 @@ impl Smoother {
     /// The values for most methods. The scale is the error that the confidence is about. Noise of a camera, one or two grey
     /// levels, leaves links within a surface, and edges of ten cut them to less than a hundredth.
     pub const DEFAULT: Smoother = Smoother { smoothness: 40.0, sigma: 2.0, scale: 1.0, squares: false };
-    /// The values for graph cuts. Their errors fill whole regions, and must not outvote the few disparities in between that are
-    /// sure. On made-up scenes, as on the others, errors become smaller than with the confidence itself.
-    pub const GRAPH_CUTS: Smoother = Smoother { squares: true, ..Smoother::DEFAULT };
+    /// The values for graph cuts and the network. Their errors fill whole regions, and must not outvote the few disparities in
+    /// between that are sure. On made-up scenes, as on the others, errors become smaller than with the confidence itself.
+    pub const REGIONAL: Smoother = Smoother { squares: true, ..Smoother::DEFAULT };
 
     /// The confidence of what was replaced or filled is at most this, one half, so that a threshold above it leaves what was
     /// measured.
@@ -70,6 +70,9 @@ impl Smoother {
     const HALF: f32 = 0.5;
     /// The weight of what has no confidence. It keeps surroundings without anything sure defined.
     const LEAST_WEIGHT: f32 = 1e-4;
+
+    /// The farthest that [`repair`](Smoother::repair) moves what is more probably right than wrong, in pixels.
+    const MOST_MOVED: f32 = 0.5;
 
     /// The smooth disparities, which are all valid, and their confidence, computed on the threads of the current pool.
     ///
@@ -94,6 +97,26 @@ impl Smoother {
             Picture::Gray16(_) => self.smooth::<1>(map, confidence, guide.to_gray().as_raw(), range),
             Picture::Rgb16(_) => self.smooth::<3>(map, confidence, guide.to_rgb().as_raw(), range),
         })
+    }
+
+    /// Repairs disparities where they are more probably wrong than right: those with a confidence below one half become
+    /// smooth ones, with the confidence of [`apply`](Smoother::apply) and at most one half. Others become smooth where that
+    /// moves them by at most half a pixel, and keep their confidence. Invalid pixels stay invalid.
+    ///
+    /// # Errors
+    /// Those of [`apply`](Smoother::apply).
+    pub fn repair(&self, map: &DisparityMap, confidence: &Raster<u8>, guide: &Picture) -> Result<(DisparityMap, Raster<u8>)> {
+        let (mut repaired, mut confidences) = self.apply(map, confidence, guide)?;
+        let smooth = repaired.pixels_mut().iter_mut().zip(confidences.pixels_mut());
+        for ((to, smooth), (d, &confidence)) in smooth.zip(map.pixels().iter().zip(confidence.pixels())) {
+            let moved = d.zip(*to).map(|(d, to)| (f32::from(d) - f32::from(to)).abs());
+            match moved {
+                Some(moved) if moved <= Smoother::MOST_MOVED => *smooth = confidence,
+                Some(_) if confidence <= Smoother::MOST_REPLACED => *smooth = (*smooth).min(Smoother::MOST_REPLACED),
+                _ => (*to, *smooth) = (*d, confidence),
+            }
+        }
+        Ok((repaired, confidences))
     }
 
     /// The same with the samples of a guide of `N` channels, given the range of the disparities.
@@ -490,6 +513,33 @@ mod tests {
     }
 
     #[test]
+    fn what_is_probably_right_is_not_repaired() {
+        let (map, confidence, picture, truth) = step();
+        let (smooth, support) = Smoother::REGIONAL.apply(&map, &confidence, &picture).unwrap();
+        let (repaired, sure) = Smoother::REGIONAL.repair(&map, &confidence, &picture).unwrap();
+        let [mut moved, mut replaced, mut kept] = [0; 3];
+        for (i, (&found, &sure)) in repaired.pixels().iter().zip(sure.pixels()).enumerate() {
+            let (before, smooth, trust) = (map.pixels()[i], smooth.pixels()[i].unwrap(), confidence.pixels()[i]);
+            let Some(before) = before else {
+                assert_eq!((found, sure), (None, trust));
+                continue;
+            };
+            if (f32::from(smooth) - f32::from(before)).abs() <= 0.5 {
+                assert_eq!((found, sure), (Some(smooth), trust));
+                moved += 1;
+            } else if trust < 128 {
+                assert_eq!((found, sure), (Some(smooth), support.pixels()[i].min(127)));
+                assert!((f32::from(smooth) - truth[i]).abs() < 0.5, "{smooth:?} instead of {}", truth[i]);
+                replaced += 1;
+            } else {
+                assert_eq!((found, sure), (Some(before), trust));
+                kept += 1;
+            }
+        }
+        assert!(moved > 1000 && replaced > 100 && kept > 10, "{moved} {replaced} {kept}");
+    }
+
+    #[test]
     fn all_pictures_guide_alike() {
         let (map, confidence, picture, _) = step();
         let Picture::Gray(gray) = &picture else { unreachable!() };
@@ -525,7 +575,9 @@ mod tests {
         assert!(sure.pixels().iter().enumerate().all(|(i, &c)| i == 321 || c <= Smoother::MOST_REPLACED));
         let (map, _, _, _) = step();
         let unsure = Raster::filled(width, height, 0);
-        assert_eq!(Smoother::DEFAULT.apply(&map, &unsure, &picture).unwrap(), (map, unsure));
+        for smoothed in [Smoother::apply, Smoother::repair] {
+            assert_eq!(smoothed(&Smoother::DEFAULT, &map, &unsure, &picture).unwrap(), (map.clone(), unsure.clone()));
+        }
     }
 
     #[test]

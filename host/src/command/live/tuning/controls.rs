@@ -79,6 +79,7 @@ pub fn all() -> Vec<Control> {
         control(FILTERS, "speckle-window-size", "Speckles up to, pixels", slider([10.0, 3000.0, 10.0], 200.0, Unset::Off)),
         control(FILTERS, "speckle-range", "Speckle range, px", slider([0.0, 16.0, 1.0], 1.0, Unset::Default)),
         control(FILTERS, "sub-pixel", "Sub-pixel step", choice(&["default", "lucas-kanade", "none"])),
+        control(FILTERS, "repair", "Repair", choice(&["default", "smooth", "none"])),
         control(FILTERS, "min-confidence", "Least confidence", slider([0.0, 1.0, 0.01], 0.9, Unset::Off)),
         control(FILTERS, "smooth", "Smooth", Input::Flag { value: "" }),
         control(FILTERS, "fill", "Fill from the background", Input::Flag { value: "background" }),

@@ -132,10 +132,27 @@ fn graph_cuts_lines(cuts: &GraphCuts) -> Vec<String> {
     .collect()
 }
 
+/// A smoother that a method has.
+fn smoother_code(smoother: Smoother) -> String {
+    let values = if smoother == Smoother::REGIONAL { "REGIONAL" } else { "DEFAULT" };
+    format!("Some(refinement::Smoother::{values})")
+}
+
 /// The fields of the refinement that are set.
 fn refinement_lines(refinement: &Refinement) -> Vec<String> {
-    let Refinement { uniqueness, left_right, texture, median, bilateral, speckles, sub_pixel, min_confidence, smoother, fill } =
-        refinement;
+    let Refinement {
+        uniqueness,
+        left_right,
+        texture,
+        median,
+        bilateral,
+        speckles,
+        sub_pixel,
+        repair,
+        min_confidence,
+        smoother,
+        fill,
+    } = refinement;
     debug_assert!(bilateral.is_none(), "the page has no control of the bilateral filter");
     let texture = texture.map(|TextureThreshold { threshold, block_size }| {
         format!("texture = Some(refinement::TextureThreshold {{ threshold: {threshold}, block_size: {block_size} }})")
@@ -150,11 +167,9 @@ fn refinement_lines(refinement: &Refinement) -> Vec<String> {
         median.map(|median| format!("median = Some(refinement::Median::new({})?)", median.size())),
         speckles,
         sub_pixel.map(|_| "sub_pixel = Some(refinement::LucasKanade)".into()),
+        repair.map(|smoother| format!("repair = {}", smoother_code(smoother))),
         min_confidence.map(|least| format!("min_confidence = Some({least})")),
-        smoother.map(|smoother| {
-            let values = if smoother == Smoother::GRAPH_CUTS { "GRAPH_CUTS" } else { "DEFAULT" };
-            format!("smoother = Some(refinement::Smoother::{values})")
-        }),
+        smoother.map(|smoother| format!("smoother = {}", smoother_code(smoother))),
         fill.map(|_| "fill = Some(refinement::BackgroundFill)".into()),
     ]
     .into_iter()

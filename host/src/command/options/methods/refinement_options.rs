@@ -54,6 +54,11 @@ pub struct RefinementOptions {
     #[arg(long, value_name = "STEP", value_parser = named::<SubPixelName>())]
     sub_pixel: Option<SubPixelName>,
 
+    /// Replace disparities that are more probably wrong than right by what is sure around them, within the edges of the centre
+    /// image; others move by up to half a pixel [default: none, smooth for net]
+    #[arg(long, value_name = "STEP", value_parser = named::<RepairName>())]
+    repair: Option<RepairName>,
+
     /// Keep a disparity only if it is at most one pixel off with this probability, from 0 to 1: 0.9 for few mistakes [default:
     /// keep all]
     #[arg(long, value_name = "P", value_parser = probability)]
@@ -115,6 +120,33 @@ impl Named for SubPixelName {
     }
 }
 
+/// What becomes of disparities that are more probably wrong than right.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum RepairName {
+    /// They follow what is sure around them.
+    Smooth,
+    /// They stay.
+    None,
+}
+
+impl Named for RepairName {
+    const ALL: &'static [RepairName] = &[RepairName::Smooth, RepairName::None];
+
+    fn name(&self) -> &'static str {
+        match self {
+            RepairName::Smooth => "smooth",
+            RepairName::None => "none",
+        }
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            RepairName::Smooth => "By what --smooth gives there",
+            RepairName::None => "Not at all",
+        }
+    }
+}
+
 impl RefinementOptions {
     /// Whether a filter counts in blocks.
     pub fn has_blocks(&self) -> bool {
@@ -124,6 +156,7 @@ impl RefinementOptions {
     /// The refinement of a method, whose own has its defaults. Texture counts in blocks of `block_size`.
     pub fn refinement(&self, method: &Method, block_size: u8) -> Result<Refinement> {
         let sharpens = method.refinement.sub_pixel.is_some();
+        let repairs = method.refinement.repair.is_some();
         let speckles = |window_size| Speckles { window_size, range: self.speckle_range };
         Ok(Refinement {
             uniqueness: self.uniqueness_ratio,
@@ -131,6 +164,7 @@ impl RefinementOptions {
             speckles: self.speckle_window_size.map(speckles),
             left_right: self.disp12_max_diff,
             sub_pixel: self.sub_pixel.map_or(sharpens, |name| name == SubPixelName::LucasKanade).then_some(LucasKanade),
+            repair: self.repair.map_or(repairs, |name| name == RepairName::Smooth).then(|| method.smoother()),
             median: self.median.map(Median::new).transpose()?,
             bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
             smoother: self.smooth.then(|| method.smoother()),

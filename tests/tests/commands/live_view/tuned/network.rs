@@ -7,6 +7,7 @@ pub fn disparities(frames: &Frames) -> Result<DisparityMap> {
     let search = Search::new(width, height, frames.views(), Fusion::Heuristic, 1, 40)?;
     let mut method = Method::net();
     method.refinement.sub_pixel = Some(refinement::LucasKanade);
+    method.refinement.repair = Some(refinement::Smoother::REGIONAL);
     method.refinement.fill = Some(refinement::BackgroundFill);
     method.disparities(&Engine::new(None, 0)?, frames, &search, &())
 }

@@ -48,7 +48,7 @@ pub struct Simulate {
     #[arg(long)]
     json: bool,
 
-    /// Disparities in pixels, +inf where invalid, as PFM or for numpy (OUT.npy)
+    /// Disparities in pixels, +inf where invalid, as PFM or for numpy (OUT.npy, OUT.npz)
     #[arg(short, long, value_name = "OUT.pfm", help_heading = "Output", value_parser = output_file::floats)]
     output: Option<PathBuf>,
 
@@ -86,7 +86,9 @@ impl Simulate {
             }
             if self.output.is_some() || self.confidence.is_some() {
                 let received = reception::receive(&simulation.packets[..], Path::new("the simulated packets"), |_| ())?;
-                self.output.iter().try_for_each(|path| output_file::write_floats(&received.disparities.to_float(), path))?;
+                self.output
+                    .iter()
+                    .try_for_each(|path| output_file::write_floats(&received.disparities.to_float(), path, "disparity"))?;
                 if let (Some(path), Some(confidences)) = (&self.confidence, &received.confidences) {
                     Picture::from(confidences).write_png(path)?;
                 }

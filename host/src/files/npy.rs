@@ -1,6 +1,8 @@
-//! NPY files: arrays as numpy stores them.
+//! NPY and NPZ files: arrays as numpy stores them.
 
-use std::path::Path;
+use std::{io, path::Path};
+
+use zip::{ZipWriter, write::SimpleFileOptions};
 
 use crate::{error::Result, files::output, images::FloatImage};
 
@@ -18,8 +20,26 @@ impl FloatImage {
     /// # Errors
     /// [`Error::Write`](crate::Error::Write). Any previous version of the file is unchanged.
     pub fn write_npy(&self, path: &Path) -> Result<()> {
-        let data: Vec<u8> = self.pixels().iter().flat_map(|value| value.to_le_bytes()).collect();
-        write(path, Number::F32, &[self.height(), self.width()], &data)
+        write(path, Number::F32, &[self.height(), self.width()], &self.bytes())
+    }
+
+    /// Writes a file that `numpy.load` reads as the array of [`write_npy`](FloatImage::write_npy) by its `name`, compressed.
+    ///
+    /// # Errors
+    /// [`Error::Write`](crate::Error::Write). Any previous version of the file is unchanged.
+    pub fn write_npz(&self, path: &Path, name: &str) -> Result<()> {
+        output::write(path, |file| {
+            let mut archive = ZipWriter::new_stream(file);
+            archive.start_file(format!("{name}.npy"), SimpleFileOptions::default())?;
+            io::Write::write_all(&mut archive, &header(Number::F32, &[self.height(), self.width()]))?;
+            io::Write::write_all(&mut archive, &self.bytes())?;
+            archive.finish()?;
+            Ok(())
+        })
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        self.pixels().iter().flat_map(|value| value.to_le_bytes()).collect()
     }
 }
 

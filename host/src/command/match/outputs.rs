@@ -30,7 +30,7 @@ pub struct Outputs {
     #[arg(long, value_name = "OUT.png", conflicts_with = "prior", value_parser = output_file::png)]
     pub confidence: Option<PathBuf>,
 
-    /// Depth in metres, +inf where unknown, as PFM or for numpy (OUT.npy); or in millimetres as a 16-bit image, 0 where unknown
+    /// Depth in metres, +inf where unknown, as PFM or for numpy (OUT.npy, OUT.npz); or in millimetres as a 16-bit image, 0 where unknown
     /// (OUT.png); needs the focal length and the baseline
     #[arg(long, value_name = "OUT.pfm", value_parser = output_file::depths)]
     depth: Option<PathBuf>,
@@ -133,7 +133,7 @@ impl Outputs {
         if let (Some(path), Some(geometry)) = (&self.depth, geometry) {
             match output_file::ends_in(path, "png") {
                 true => disparities.write_depth_mm(geometry, path)?,
-                false => output_file::write_floats(&disparities.to_depth(geometry), path)?,
+                false => output_file::write_floats(&disparities.to_depth(geometry), path, "depth")?,
             }
         }
         if let (Some(path), Some(geometry)) = (&self.depth_png, geometry) {

@@ -110,8 +110,8 @@ impl<W: Write> RosStream<W> {
     /// Those of writing.
     pub fn new(to: W) -> io::Result<RosStream<W>> {
         let library = concat!("multiscopic ", env!("CARGO_PKG_VERSION"));
-        // Messages are sent as they are written, not in large chunks.
-        let options = WriteOptions::new().compression(None).use_chunks(false).disable_seeking(true);
+        // A chunk has a capture, which `send` closes. Readers such as Rerun's find nothing that is outside of chunks.
+        let options = WriteOptions::new().compression(None).chunk_size(None).disable_seeking(true);
         let writer = options.profile("ros2").library(library).create(NoSeek::new(to)).map_err(io::Error::other)?;
         Ok(RosStream { writer, sent: 0 })
     }

@@ -1,6 +1,6 @@
 //! Which outputs a command writes, and where.
 
-use std::{fs, path::Path, process::Command};
+use std::{fs, io::Read, path::Path, process::Command};
 
 use multiscopic::FloatImage;
 use multiscopic_tests::program::{Invocation, binary};
@@ -58,8 +58,7 @@ fn the_end_of_a_name_must_be_that_of_the_format() {
 }
 
 /// The sides and the values of an array of `float32`, as the description of NPY 1.0 says.
-fn read_npy(path: &Path) -> ([usize; 2], Vec<f32>) {
-    let bytes = fs::read(path).expect("the file");
+fn read_npy(bytes: &[u8]) -> ([usize; 2], Vec<f32>) {
     assert_eq!(bytes[..8], *b"\x93NUMPY\x01\x00");
     let length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
     let header = std::str::from_utf8(&bytes[10..10 + length]).expect("a header in ASCII");
@@ -77,12 +76,20 @@ fn every_format_has_the_same_numbers() {
     let base = ["match", &rig, "--num-disparities", "24", "--uniqueness-ratio", "10"];
     Invocation::new(base.into_iter().chain(["-o", &path("d.pfm"), "--depth", &path("z.pfm")])).assert_done();
     Invocation::new(base.into_iter().chain(["-o", &path("d.npy"), "--depth", &path("z.npy")])).assert_done();
+    Invocation::new(base.into_iter().chain(["-o", &path("d.npz"), "--depth", &path("z.npz")])).assert_done();
     Invocation::new(base.into_iter().chain(["--depth", &path("z.png")])).assert_done();
     for name in ["d", "z"] {
         let pfm = FloatImage::read_pfm(Path::new(&path(&format!("{name}.pfm")))).expect("a map");
         assert!(pfm.pixels().contains(&f32::INFINITY) && pfm.pixels().iter().any(|value| value.is_finite()), "{name}");
-        let ([height, width], values) = read_npy(Path::new(&path(&format!("{name}.npy"))));
+        let array = fs::read(path(&format!("{name}.npy"))).expect("an array");
+        let ([height, width], values) = read_npy(&array);
         assert_eq!(([width, height], &values[..]), ([pfm.width(), pfm.height()], pfm.pixels()), "{name}");
+        let mut archive =
+            zip::ZipArchive::new(fs::File::open(path(&format!("{name}.npz"))).expect("a file")).expect("an archive");
+        let mut named = Vec::new();
+        let of = if name == "d" { "disparity.npy" } else { "depth.npy" };
+        archive.by_name(of).expect("an array").read_to_end(&mut named).expect("its bytes");
+        assert!(named == array, "{name}.npz");
     }
     let depth = FloatImage::read_pfm(Path::new(&path("z.pfm"))).expect("a map");
     let image::DynamicImage::ImageLuma16(millimetres) = image::open(path("z.png")).expect("a picture") else {
@@ -123,4 +130,24 @@ fn a_summary_is_a_line_or_a_json_object_or_left_out() {
         let quiet = run(&[&narrow[..], options].concat());
         assert!(quiet.stderr.starts_with("multiscopic: warning: "), "{quiet:#?}");
     }
+}
+
+#[test]
+fn bench_prints_what_to_compare_with() {
+    let bench = |options: &str| Invocation::new(["bench"].into_iter().chain(options.split(' ')));
+    let size = "--opencv --width 320 --height 240 --repeat 3 --num-disparities 40";
+    for (options, matcher, threads) in [
+        ("--threads 1 --block-size 9", "cv2.StereoBM.create(48, 9)", "1"),
+        ("--method sgm --paths 8", "cv2.StereoSGBM.create(0, 48, 5, 200, 800, -1, 63, 0, 0, 0, cv2.STEREO_SGBM_MODE_HH)", "-1"),
+    ] {
+        let run = bench(&format!("{size} {options}"));
+        assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""), "{run:#?}");
+        let lines = [&format!("matcher = {matcher}"), &format!("cv2.setNumThreads({threads})"), "for _ in range(3):"];
+        for line in lines {
+            assert!(run.stdout.lines().any(|found| found == line), "{line} in {}", run.stdout);
+        }
+        assert!(run.stdout.contains("(240, 320 + 20)") && !run.stdout.contains("{repeat}"), "{}", run.stdout);
+    }
+    bench(&format!("{size} --block-size 3")).assert_refused(&["StereoBM", "5 pixels", "--block-size"]);
+    bench(&format!("{size} --method gc")).assert_refused(&["bm and sgm", "--method"]);
 }

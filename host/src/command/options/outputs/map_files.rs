@@ -16,7 +16,7 @@ use crate::command::{options::named, terminal};
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Output")]
 pub struct MapFiles {
-    /// Disparities in pixels, +inf where invalid, as PFM or for numpy (OUT.npy); - is standard output, as PFM
+    /// Disparities in pixels, +inf where invalid, as PFM or for numpy (OUT.npy, OUT.npz); - is standard output, as PFM
     #[arg(short, long, value_name = "OUT.pfm", value_parser = output_file::floats_or_standard)]
     output: Option<PathBuf>,
 
@@ -72,7 +72,7 @@ impl MapFiles {
     /// Writes `disparities` to all files.
     pub fn write(&self, disparities: &DisparityMap) -> Result<()> {
         if let Some(path) = self.output_file() {
-            output_file::write_floats(&disparities.to_float(), path)?;
+            output_file::write_floats(&disparities.to_float(), path, "disparity")?;
         }
         if let Some(path) = &self.png {
             self.draw(&disparities.to_float(), &self.scale(disparities)).write_png(path)?;

@@ -17,14 +17,14 @@ pub fn is_standard_output(path: &Path) -> bool {
     path == Path::new(STANDARD_OUTPUT)
 }
 
-/// Parses the name of a file for real numbers: PFM or NPY.
+/// Parses the name of a file for real numbers: PFM, NPY or NPZ.
 pub fn floats(text: &str) -> Result<PathBuf> {
-    named(text, &["pfm", "npy"])
+    named(text, &["pfm", "npy", "npz"])
 }
 
 /// Parses the name of a file for depths: those, or PNG.
 pub fn depths(text: &str) -> Result<PathBuf> {
-    named(text, &["pfm", "npy", "png"])
+    named(text, &["pfm", "npy", "npz", "png"])
 }
 
 /// Whether a path ends in `.` and `end`.
@@ -32,9 +32,13 @@ pub fn ends_in(path: &Path, end: &str) -> bool {
     path.extension().is_some_and(|found| found.eq_ignore_ascii_case(end))
 }
 
-/// Writes real numbers as the name of the file says.
-pub fn write_floats(image: &FloatImage, path: &Path) -> Result<()> {
-    if ends_in(path, "npy") { image.write_npy(path) } else { image.write_pfm(path) }
+/// Writes real numbers as the name of the file says, in an archive by the name of `what` they are.
+pub fn write_floats(image: &FloatImage, path: &Path, what: &str) -> Result<()> {
+    match () {
+        () if ends_in(path, "npy") => image.write_npy(path),
+        () if ends_in(path, "npz") => image.write_npz(path, what),
+        () => image.write_pfm(path),
+    }
 }
 
 /// Parses the name of a PNG file.
@@ -79,9 +83,9 @@ mod tests {
             assert_eq!(floats(name).unwrap(), Path::new(name));
         }
         let error = floats("d.png").unwrap_err().to_string();
-        assert!(error.contains("it ends in .png") && error.contains("writes .pfm or .npy files"), "{error}");
+        assert!(error.contains("it ends in .png") && error.contains("writes .pfm or .npy or .npz files"), "{error}");
         assert!(png("d.jpg").is_err() && ply("d.pfm").is_err() && html("d").is_ok() && html("d.htm").is_ok());
-        assert!(depths("d.png").is_ok() && depths("d.NPY").is_ok() && depths("d.exr").is_err());
+        assert!(depths("d.png").is_ok() && depths("d.NPY").is_ok() && depths("d.npz").is_ok() && depths("d.exr").is_err());
         assert!(is_standard_output(&floats_or_standard("-").unwrap()) && floats_or_standard("d.txt").is_err());
     }
 }

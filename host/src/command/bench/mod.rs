@@ -1,5 +1,7 @@
 //! `multiscopic bench`: the speed of matching on this machine.
 
+mod opencv;
+
 use std::{fmt, process::ExitCode, time::Instant};
 
 use clap::Args;
@@ -37,6 +39,11 @@ pub struct Bench {
     /// Print one JSON object instead of a line of text
     #[arg(long)]
     json: bool,
+
+    /// Measure nothing, and print a Python program that measures OpenCV's StereoBM, or StereoSGBM with --method sgm, with frames of
+    /// the same size and as many disparities
+    #[arg(long, conflicts_with = "json")]
+    opencv: bool,
 
     /// Fusion rule for the views' costs [default: min with one or two neighbours, heuristic with three or four, half with more]
     #[arg(long, value_parser = named::<Fusion>())]
@@ -86,10 +93,16 @@ impl Bench {
         }
         let search = self.search.search(size, views, self.fusion, (1, 64))?;
         let params = self.search.params(search)?;
-        let frames = noise_frames(&params);
-        let engine = self.engine.engine()?;
         self.options.check_block_size(&[self.method], self.search.block_size)?;
         let method: Method = self.options.method(self.method, self.search.block_size, views.len())?;
+        if self.opencv {
+            let matcher = opencv::matcher(&method, params.num_disparities())?;
+            let program = opencv::program(params.search(), &matcher, [self.engine.threads, self.repeat]);
+            terminal::print(&program)?;
+            return Ok(ExitCode::SUCCESS);
+        }
+        let frames = noise_frames(&params);
+        let engine = self.engine.engine()?;
         let mut kernel = engine.simd(params.search()).to_string();
         if self.method == MethodName::Net {
             kernel = format!("{kernel} and {}", DotProducts::of(&engine));

@@ -83,7 +83,7 @@ enum Task {
     Package,
     /// Make archives of the program for Linux and Debian, which the same commit gives the same bytes
     Release(release::Release),
-    /// Check the licences of dependencies, the reasons for them and the count of unsafe code
+    /// Check the licences and versions of dependencies, the reasons for them and the count of unsafe code
     SupplyChain(supply_chain::SupplyChain),
     /// Fuzz the readers of outside bytes, and what must equal its reference, guided by coverage
     Fuzz(fuzzing::Fuzzing),

@@ -12,7 +12,10 @@ use serde_json::{Value, json};
 use spdx::{Expression, LicenseId, ParseMode};
 use syn::visit::{self, Visit};
 
-use crate::system::{folders, process::command};
+use crate::system::{
+    folders,
+    process::{command, read},
+};
 
 /// The licences that any dependency may have. MPL-2.0 asks for the sources of its own files if they are changed, and nothing of
 /// others.
@@ -34,7 +37,7 @@ const LICENCES: [&str; 12] = [
 /// The document with the reason for each direct dependency and the count of unsafe code.
 const DOCUMENT: &str = "docs/dependencies.md";
 
-/// Checks licences and the reasons for dependencies, and counts unsafe code.
+/// Checks licences, duplicate versions and the reasons for dependencies, and counts unsafe code.
 #[derive(Args)]
 pub struct SupplyChain {
     /// Write a bill of materials of what the program and the firmware are built from, as CycloneDX
@@ -52,6 +55,11 @@ impl SupplyChain {
         let document = fs::read_to_string(folders::root().join(DOCUMENT)).with_context(|| format!("cannot read {DOCUMENT}"))?;
         let mut complaints = workspace.forbidden_licences();
         complaints.extend(differences("dependency", &workspace.direct(), &first_cells(&document, "## Direct dependencies")));
+        complaints.extend(differences(
+            "duplicate version",
+            &duplicates_of_program()?,
+            &first_cells(&document, "## Duplicate versions"),
+        ));
         let counted: BTreeSet<String> = unsafe_code(&workspace)?.iter().map(ToString::to_string).collect();
         let written = table_rows(&document, "## Unsafe code").map(str::to_owned).collect();
         complaints.extend(differences("row of unsafe code", &counted, &written));
@@ -71,7 +79,7 @@ struct Metadata(Value);
 
 impl Metadata {
     fn read() -> Result<Metadata> {
-        let output = command("cargo", ["metadata", "--locked", "--format-version", "1"]).current_dir(folders::root()).output()?;
+        let output = command("cargo", ["metadata", "--locked", "--format-version", "1"]).output()?;
         let error = || anyhow!("cargo metadata failed:\n{}", String::from_utf8_lossy(&output.stderr));
         ensure!(output.status.success(), error());
         Ok(Metadata(serde_json::from_slice(&output.stdout)?))
@@ -141,6 +149,21 @@ impl Metadata {
             "dependencies": dependencies,
         })
     }
+}
+
+/// The packages that the program for Linux is built from in more than one version.
+fn duplicates_of_program() -> Result<BTreeSet<String>> {
+    let words = ["tree", "--locked", "--package=multiscopic", "--edges=normal", "--target=x86_64-unknown-linux-gnu"];
+    // Lines such as `syn v2.0.1 (proc-macro)`.
+    let tree = read(command("cargo", words).args(["--prefix=none", "--format={p}"]))?;
+    let versions: BTreeSet<(&str, &str)> = tree
+        .lines()
+        .filter_map(|line| line.split_once(' '))
+        .map(|(name, rest)| (name, rest.split(' ').next().unwrap_or(rest)))
+        .collect();
+    let mut counts = BTreeMap::<&str, usize>::new();
+    versions.iter().for_each(|(name, _)| *counts.entry(name).or_default() += 1);
+    Ok(counts.into_iter().filter(|(_, count)| *count > 1).map(|(name, _)| name.to_owned()).collect())
 }
 
 fn text(value: &Value) -> String {

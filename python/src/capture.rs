@@ -3,17 +3,19 @@
 use std::collections::BTreeMap;
 
 use multiscopic::{
-    Alignment, DisparityMap, Error, Frames, Geometry, Picture, Preparation, Result,
+    Alignment, DisparityMap, Error, Frames, Picture, Preparation, Result,
+    images::BitDepth,
     lens::Undistortion,
     stereo::confidence_map::{self, ConfidenceMap},
 };
-use multiscopic_core::{Frame, View, Views};
+use multiscopic_core::{Frame, Search, View, Views};
 use pyo3::prelude::*;
 
 use crate::{
     arrays::{self, ImageArray},
     exceptions::exception,
     interruption,
+    known_camera::KnownCamera,
     match_result::MatchResult,
     options::Options,
 };
@@ -28,16 +30,18 @@ pub struct Capture {
     pub pictures: Vec<(Frame, Picture)>,
     /// What takes out the distortion of the lens, if it is known.
     pub undistortion: Option<Undistortion>,
-    /// What turns disparities into depth, if it is known.
-    pub geometry: Option<Geometry>,
+    /// What is known of the camera.
+    pub camera: KnownCamera,
 }
 
 impl Capture {
-    /// A capture of arrays, of an ideal camera.
+    /// A capture of arrays, of an ideal camera. All uint16 have the same `depth`: if it is not given, the least that has their
+    /// brightest sample.
     pub fn of_arrays(
         center: &ImageArray<'_>,
         [left, right, top, bottom]: [Option<&ImageArray<'_>>; 4],
         views: &ViewArrays<'_>,
+        depth: Option<BitDepth>,
     ) -> PyResult<Capture> {
         let named = [(View::LEFT, left), (View::RIGHT, right), (View::TOP, top), (View::BOTTOM, bottom)];
         let mut neighbors: Vec<(View, &ImageArray<'_>)> =
@@ -57,75 +61,89 @@ impl Capture {
         if neighbors.len() > Views::MAX {
             return Err(usage(format!("there are more than {} views", Views::MAX)));
         }
-        let center = arrays::picture(center, "center")?;
+        let arrays = [center].into_iter().chain(neighbors.iter().map(|(_, array)| *array));
+        let brightest = arrays.filter_map(ImageArray::brightest).max();
+        let depth = depth.unwrap_or(BitDepth::of_brightest(brightest.unwrap_or_default()));
+        let center = arrays::picture(center, "center", depth)?;
+        let camera = KnownCamera::unknown(center.dimensions());
         let (width, height) = center.dimensions();
         let mut pictures = vec![(Frame::Center, center)];
         for (view, array) in neighbors {
-            let picture = arrays::picture(array, &format!("the {view} view"))?;
+            let picture = arrays::picture(array, &format!("the {view} view"), depth)?;
             if picture.dimensions() != (width, height) {
                 let (w, h) = picture.dimensions();
                 return Err(usage(format!("the {view} view has {w}x{h} pixels, the centre has {width}x{height}")));
             }
             pictures.push((Frame::View(view), picture));
         }
-        Ok(Capture { pictures, undistortion: None, geometry: None })
+        Ok(Capture { pictures, undistortion: None, camera })
     }
 
     /// The frames without distortion.
     pub fn frames(&self) -> Frames {
-        let pictures = self.pictures.iter().map(|(frame, picture)| {
-            let ideal = self.undistortion.as_ref().map(|undistortion| undistortion.picture(picture));
-            (*frame, ideal.unwrap_or_else(|| picture.clone()))
-        });
-        Frames::of_pictures(pictures.collect()).expect("the centre is among them")
+        Frames::of_pictures(self.ideal(None).collect()).expect("the centre is among them")
     }
 
-    /// The pictures as `alignment` rectifies them.
-    pub fn rectified(&self, alignment: &Alignment) -> Vec<(Frame, Picture)> {
-        let pictures = self.pictures.iter();
-        let rectified = |(frame, picture): &(Frame, Picture)| {
-            (*frame, alignment.rectified(*frame, picture.clone(), self.undistortion.as_ref()))
-        };
-        pictures.map(rectified).collect()
+    /// The pictures without distortion and as `alignment` rectifies them, the centre's first.
+    pub fn ideal<'a>(&'a self, alignment: Option<&'a Alignment>) -> impl Iterator<Item = (Frame, Picture)> + 'a {
+        self.pictures.iter().map(move |(frame, picture)| {
+            let ideal = match (alignment, &self.undistortion) {
+                (Some(alignment), undistortion) => alignment.rectified(*frame, picture.clone(), undistortion.as_ref()),
+                (None, Some(undistortion)) => undistortion.picture(picture),
+                (None, None) => picture.clone(),
+            };
+            (*frame, ideal)
+        })
     }
 
     /// Matches it without the interpreter's lock.
     pub fn matched(mut self, py: Python<'_>, options: &Options) -> PyResult<MatchResult> {
-        let (map, confidences) = interruption::run(py, |progress| {
+        let (map, confidences, center) = interruption::run(py, |progress| {
             let mut frames = self.frames();
-            let search = self.prepare(&mut frames, options)?;
+            let (search, alignment) = self.prepare(&mut frames, options)?;
             let method = options.method(&frames)?;
             if !method.needs_color() {
                 frames = frames.without_color();
             }
             let engine = options.engine()?;
-            let (mut map, confidences) = match options.has_confidence() {
-                true => method.disparities_and_confidences(&engine, &frames, &search, progress).map(|(map, c)| (map, Some(c)))?,
-                false => (method.disparities(&engine, &frames, &search, progress)?, None),
+            let (mut map, confidences) = match (options.prior(), method.long_baselines, options.has_confidence()) {
+                (Some(prior), Some(long), _) => {
+                    let refined = long.refine_prior(&engine, &frames, prior.clone(), progress)?;
+                    let range = refined.range().map_or(0..=0, |range| range.start().floor() as i16..=range.end().ceil() as i16);
+                    (method.sharpened(&engine, &frames, frames.views(), range, refined), None)
+                }
+                (_, _, false) => (method.disparities(&engine, &frames, &search, progress)?, None),
+                (_, _, true) => {
+                    let (map, confidences) = method.disparities_and_confidences(&engine, &frames, &search, progress)?;
+                    (map, Some(confidences))
+                }
             };
             let confidences = self.mask_unseen(&mut map, confidences);
-            Ok((map, confidences))
+            let (_, center) = self.ideal(alignment.as_ref()).next().expect("the centre is the first");
+            Ok((map, confidences, center))
         })?;
-        MatchResult::new(py, map, confidences, self.geometry)
+        MatchResult::new(py, map, confidences, center, self.camera)
     }
 
     /// Rectifies `frames` and finds the range of disparities, as far as the options ask for it.
-    fn prepare(&mut self, frames: &mut Frames, options: &Options) -> Result<multiscopic_core::Search> {
-        let finds_range = options.finds_range()?;
-        if !options.aligns() && !finds_range {
+    fn prepare(&mut self, frames: &mut Frames, options: &Options) -> Result<(Search, Option<Alignment>)> {
+        let (aligns, finds_range) = (options.aligns(), options.finds_range());
+        if !aligns && !finds_range {
             // Nothing has to be known of the images.
-            return options.search(frames, multiscopic::Method::DEFAULT_RANGE);
+            return Ok((options.search(frames, multiscopic::Method::DEFAULT_RANGE)?, None));
         }
-        let (size_and_views, mut geometry) = (frames.clone().without_color(), self.geometry);
+        let size_and_views = frames.clone().without_color();
         let search = |range| options.search(&size_and_views, range);
-        let preparation = match options.aligns() {
+        let Preparation { search, alignment, .. } = match aligns {
             false => Preparation::new(frames, finds_range, search)?,
-            true => Preparation::rectifying(frames, &mut geometry, finds_range, search, |alignment| {
-                Ok(Frames::of_pictures(self.rectified(alignment)).expect("the centre is among them"))
+            true => Preparation::rectifying(frames, &mut self.camera.geometry(), finds_range, search, |alignment| {
+                Ok(Frames::of_pictures(self.ideal(Some(alignment)).collect()).expect("the centre is among them"))
             })?,
         };
-        self.geometry = geometry;
-        Ok(preparation.search)
+        if let Some(alignment) = &alignment {
+            self.camera.principal_point = alignment.principal_point(self.camera.principal_point);
+        }
+        Ok((search, alignment))
     }
 
     /// Invalidates the pixels that the undistorted centre does not show.

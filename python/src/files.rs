@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use multiscopic::{DisparityMap, FloatImage, Picture};
+use multiscopic::{DisparityMap, FloatImage, Picture, images::BitDepth};
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
 
@@ -24,21 +24,22 @@ use crate::{
 ///     ValueError: it is not an image.
 #[pyfunction]
 pub fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
-    arrays::image_array(py, py.detach(|| Picture::read(&path)).map_err(exception)?)
+    arrays::image_array(py, py.detach(|| Picture::read(&path)).map_err(exception)?.into_8_bits())
 }
 
 /// Writes an image as PNG. Any previous version of the file is replaced as a whole.
 ///
 /// Args:
 ///     path: the file.
-///     image: uint8 of height x width, or height x width x 3 (RGB).
+///     image: uint8 or uint16 of height x width, or height x width x 3 (RGB).
 ///
 /// Raises:
 ///     OSError: the file cannot be written.
 ///     ValueError: the shape is another one.
 #[pyfunction]
 pub fn write_png(py: Python<'_>, path: PathBuf, image: ImageArray<'_>) -> PyResult<()> {
-    let picture = arrays::picture(&image, "image")?;
+    // All values of 16 bits, which leaves them as they are.
+    let picture = arrays::picture(&image, "image", BitDepth::Sixteen)?;
     py.detach(|| picture.write_png(&path)).map_err(exception)
 }
 

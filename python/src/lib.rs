@@ -10,6 +10,7 @@
 //! | `files` | reading and writing the program's files |
 //! | `evaluation` | how good disparities are |
 //! | `options` | the keyword arguments of matching |
+//! | `known_camera` | what is known of the camera |
 //! | `match_result` | what matching gives |
 //! | `capture` | the images of one capture, and how they are matched |
 //! | `rig` | captured folders |
@@ -22,6 +23,7 @@ mod evaluation;
 mod exceptions;
 mod files;
 mod interruption;
+mod known_camera;
 mod match_result;
 mod options;
 mod rig;

@@ -1,10 +1,16 @@
 //! What matching gives.
 
-use multiscopic::{DisparityMap, Error, Geometry, stereo::confidence_map::ConfidenceMap};
+use std::path::PathBuf;
+
+use multiscopic::{
+    DisparityMap, Error, Geometry, Picture,
+    files::ply::{self, Encoding},
+    stereo::confidence_map::ConfidenceMap,
+};
 use numpy::PyArray2;
 use pyo3::prelude::*;
 
-use crate::{arrays, exceptions::exception};
+use crate::{arrays, exceptions::exception, known_camera::KnownCamera};
 
 /// Disparities, how sure they are, and the depths that follow from them.
 ///
@@ -18,27 +24,66 @@ use crate::{arrays, exceptions::exception};
 #[pyclass(name = "Result", module = "multiscopic", frozen)]
 pub struct MatchResult {
     map: DisparityMap,
-    geometry: Option<Geometry>,
+    confidences: Option<ConfidenceMap>,
+    /// The centre as it was matched, in 8 bits.
+    center: Picture,
+    camera: KnownCamera,
     /// Disparities in pixels: float32 of height x width, NaN where there is none. They are whole multiples of 1/64.
     #[pyo3(get)]
     disparity: Py<PyArray2<f32>>,
     /// The probability that a disparity is at most one pixel off, times 255: uint8 of height x width, 0 where there is none.
-    /// None if match() was called with confidence=False.
+    /// None if match() was called with confidence=False or with a prior.
     #[pyo3(get)]
     confidence: Option<Py<PyArray2<u8>>>,
 }
 
 impl MatchResult {
-    /// What was matched, and what turns it into depth, if it is known.
+    /// What was found in the frames of `center`, and what is known of their camera.
     pub fn new(
         py: Python<'_>,
         map: DisparityMap,
         confidences: Option<ConfidenceMap>,
-        geometry: Option<Geometry>,
+        center: Picture,
+        camera: KnownCamera,
     ) -> PyResult<MatchResult> {
         let disparity = arrays::float_map(py, map.to_float())?.unbind();
-        let confidence = confidences.map(|confidences| arrays::map(py, confidences)).transpose()?.map(Bound::unbind);
-        Ok(MatchResult { map, geometry, disparity, confidence })
+        let confidence = confidences.clone().map(|confidences| arrays::map(py, confidences)).transpose()?.map(Bound::unbind);
+        Ok(MatchResult { map, confidences, center: center.into_8_bits(), camera, disparity, confidence })
+    }
+
+    /// What turns disparities into depth: these numbers, or else what is known of the camera.
+    fn geometry(
+        &self,
+        focal_px: Option<f64>,
+        baseline_mm: Option<f64>,
+        doffs: Option<f64>,
+        principal_point: Option<[f64; 2]>,
+    ) -> PyResult<Geometry> {
+        let usage = |message: String| exception(Error::Usage(message));
+        let camera = KnownCamera {
+            focal_px: focal_px.or(self.camera.focal_px),
+            baseline_mm: baseline_mm.or(self.camera.baseline_mm),
+            principal_point: principal_point.unwrap_or(self.camera.principal_point),
+            doffs: doffs.unwrap_or(self.camera.doffs),
+        };
+        let Some(geometry) = camera.geometry() else {
+            let message =
+                "depth needs the focal length and the baseline: give focal_px and baseline_mm, or match a rig with them";
+            return Err(usage(message.into()));
+        };
+        for (keyword, length) in [("focal_px", geometry.focal_px), ("baseline_mm", geometry.baseline_mm)] {
+            if !(length > 0.0 && length <= Geometry::MAX_LENGTH) {
+                let most = Geometry::MAX_LENGTH;
+                return Err(usage(format!("{keyword} is {length}, it must be a number above 0 and at most {most}")));
+            }
+        }
+        let [cx, cy] = geometry.principal_point;
+        for (keyword, number) in [("doffs", geometry.doffs), ("principal_point", cx), ("principal_point", cy)] {
+            if !number.is_finite() {
+                return Err(usage(format!("{keyword} is {number}, it must be a number")));
+            }
+        }
+        Ok(geometry)
     }
 }
 
@@ -70,25 +115,39 @@ impl MatchResult {
         baseline_mm: Option<f64>,
         doffs: Option<f64>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let usage = |message: String| exception(Error::Usage(message));
-        let known = self.geometry.as_ref();
-        let focal_px = focal_px.or(known.map(|geometry| geometry.focal_px));
-        let baseline_mm = baseline_mm.or(known.map(|geometry| geometry.baseline_mm));
-        let (Some(focal_px), Some(baseline_mm)) = (focal_px, baseline_mm) else {
-            let message =
-                "depth needs the focal length and the baseline: give focal_px and baseline_mm, or match a rig with them";
-            return Err(usage(message.into()));
-        };
-        for (keyword, length) in [("focal_px", focal_px), ("baseline_mm", baseline_mm)] {
-            if !(length > 0.0 && length <= Geometry::MAX_LENGTH) {
-                let most = Geometry::MAX_LENGTH;
-                return Err(usage(format!("{keyword} is {length}, it must be a number above 0 and at most {most}")));
-            }
-        }
-        let doffs = doffs.or(known.map(|geometry| geometry.doffs)).unwrap_or_default();
-        // Depths do not depend on the principal point.
-        let geometry = Geometry { focal_px, baseline_mm, principal_point: [0.0; 2], doffs };
+        let geometry = self.geometry(focal_px, baseline_mm, doffs, None)?;
         arrays::float_map(py, self.map.to_depth(&geometry))
+    }
+
+    /// Writes a point cloud in metres as PLY: x to the right, y down, z away from the camera, in the colours of the centre, and with
+    /// the confidences if there are some. Any previous version of the file is replaced as a whole.
+    ///
+    /// Args:
+    ///     path: the file.
+    ///     focal_px, baseline_mm, doffs: as depth() takes them.
+    ///     principal_point: where the optical axis meets the image, (x, y) in pixels from the centre of the top left pixel. The
+    ///         default is the rig's, or the middle of the image.
+    ///     ascii: write text instead of binary numbers.
+    ///
+    /// Raises:
+    ///     OSError: the file cannot be written.
+    ///     ValueError: the focal length or the baseline is unknown, or not above 0.
+    #[pyo3(signature = (path, focal_px=None, baseline_mm=None, doffs=None, principal_point=None, ascii=false))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn write_ply(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        focal_px: Option<f64>,
+        baseline_mm: Option<f64>,
+        doffs: Option<f64>,
+        principal_point: Option<[f64; 2]>,
+        ascii: bool,
+    ) -> PyResult<()> {
+        let geometry = self.geometry(focal_px, baseline_mm, doffs, principal_point)?;
+        let encoding = if ascii { Encoding::Ascii } else { Encoding::Binary };
+        py.detach(|| ply::write(&path, &self.map, self.confidences.as_ref(), &geometry, &self.center, encoding))
+            .map_err(exception)
     }
 
     fn __repr__(&self) -> String {

@@ -1,18 +1,31 @@
 //! The keyword arguments of matching: the options of `multiscopic match`, with `_` for `-`.
 
 use multiscopic::{
-    Engine, Error, Frames, GraphCuts, Method, Result,
+    DisparityMap, Engine, Error, Frames, GraphCuts, Method, Result, Simd,
+    images::BitDepth,
     stereo::{
-        CostName, LongBaselines, MethodName, Optimizer, SemiGlobalMethod, confidence_map,
-        optimization::{graph_cuts::Smoothness, sgm::Paths},
+        CostFunction, CostName, LongBaselines, MethodName, Optimizer, SemiGlobalMethod,
+        aggregation::{Aggregation, SupportRegion},
+        confidence_map,
+        cost::BirchfieldTomasi,
+        optimization::{
+            edge_aware::Penalties,
+            graph_cuts::{Occlusion, Smoothness},
+            sgm::Paths,
+        },
         refinement::{BackgroundFill, Bilateral, LucasKanade, Median, Refinement, Speckles, TextureThreshold},
     },
 };
-use multiscopic_core::{Census, Fusion, Search};
+use multiscopic_core::{Census, Fusion, Search, Views};
 use pyo3::{
     exceptions::{PyOverflowError, PyTypeError, PyValueError},
     prelude::*,
     types::PyDict,
+};
+
+use crate::{
+    arrays::{Bits, PriorArray},
+    exceptions::exception,
 };
 
 /// What the keyword arguments say.
@@ -48,6 +61,7 @@ options! {
     block_size: u8,
     auto_range: bool,
     align: bool,
+    bits: Bits,
     cost: String,
     census: String,
     p1: u8,
@@ -55,11 +69,28 @@ options! {
     p2_edge: u8,
     paths: usize,
     occlusion_cost: OcclusionCost,
+    occlusions: String,
+    smoothness: String,
     lambda1: f64,
     lambda2: f64,
-    smoothness: String,
+    theta: u8,
+    cutoff: u16,
+    gray: bool,
     sweeps: usize,
     seed: u64,
+    refine: bool,
+    keep_occluded: bool,
+    upsample: u8,
+    sgm_p1: f64,
+    sgm_p2: f64,
+    sgm_q1: f64,
+    sgm_q2: f64,
+    sgm_v: f64,
+    sgm_d: f64,
+    cbca_intensity: f64,
+    cbca_distance: u16,
+    cbca_iterations_1: usize,
+    cbca_iterations_2: usize,
     uniqueness_ratio: u8,
     disp12_max_diff: u16,
     texture_threshold: u32,
@@ -72,8 +103,14 @@ options! {
     min_confidence: f64,
     smooth: bool,
     fill: String,
+    prior: PriorArray,
+    prior_disparities: u16,
+    prior_median: u8,
+    together: bool,
     confidence: bool,
     threads: usize,
+    simd: String,
+    max_memory: u64,
 }
 
 /// The cost of an occlusion in graph cuts: a number, or a word for it.
@@ -94,7 +131,28 @@ impl Options {
                 return Err(PyTypeError::new_err(format!("there is no keyword argument {keyword}")));
             }
         }
+        options.check_together().map_err(exception)?;
         Ok(options)
+    }
+
+    /// Refuses what does not go together.
+    fn check_together(&self) -> Result<()> {
+        let has_prior = self.prior.is_some();
+        let finds_range = self.auto_range == Some(true);
+        for (is_refused, message) in [
+            (has_prior && self.together == Some(true), "prior cannot be used with together"),
+            (has_prior && self.confidence == Some(true), "prior cannot be used with confidence"),
+            (self.speckle_range.is_some() && self.speckle_window_size.is_none(), "speckle_range needs speckle_window_size"),
+            (
+                finds_range && (self.min_disparity.is_some() || self.num_disparities.is_some()),
+                "auto_range finds the range of disparities: leave out min_disparity and num_disparities",
+            ),
+        ] {
+            if is_refused {
+                return Err(Error::Usage(message.into()));
+            }
+        }
+        Ok(())
     }
 
     /// Those of a range of disparities alone.
@@ -108,13 +166,18 @@ impl Options {
     }
 
     /// Whether the range of disparities is found from the images.
-    pub fn finds_range(&self) -> Result<bool> {
-        let finds = self.auto_range.unwrap_or_default();
-        if finds && (self.min_disparity.is_some() || self.num_disparities.is_some()) {
-            let message = "auto_range finds the range of disparities: leave out min_disparity and num_disparities";
-            return Err(Error::Usage(message.into()));
-        }
-        Ok(finds)
+    pub fn finds_range(&self) -> bool {
+        self.auto_range.unwrap_or_default()
+    }
+
+    /// How many bits of 16 carry values, if that is given.
+    pub fn bits(&self) -> Option<BitDepth> {
+        self.bits.map(|Bits(depth)| depth)
+    }
+
+    /// Disparities to search around.
+    pub fn prior(&self) -> Option<&DisparityMap> {
+        self.prior.as_ref().map(|PriorArray(map)| map)
     }
 
     /// Whether confidences are asked for.
@@ -124,7 +187,12 @@ impl Options {
 
     /// The engine.
     pub fn engine(&self) -> Result<Engine> {
-        Engine::new(None, self.threads.unwrap_or_default())
+        let simd = choice("simd", &self.simd, &Simd::available(), |simd| simd.to_string())?;
+        if self.max_memory == Some(0) {
+            return Err(Error::Usage("max_memory is 0, it must be above 0".into()));
+        }
+        let most_bytes = self.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
+        Ok(Engine::new(simd, self.threads.unwrap_or_default())?.with_most_bytes(most_bytes))
     }
 
     /// The search in `frames`. `range` is the smallest disparity and their number, unless options override them.
@@ -138,7 +206,7 @@ impl Options {
             side(frames.width())?,
             side(frames.height())?,
             views,
-            fusion.unwrap_or(Fusion::default_for(LongBaselines::shortest(views).len())),
+            fusion.unwrap_or(Fusion::default_for(self.first(views).len())),
             self.min_disparity.unwrap_or(range.0),
             self.num_disparities.unwrap_or(range.1),
         )?)
@@ -146,24 +214,48 @@ impl Options {
 
     /// The method, for matches with the views of `frames`.
     pub fn method(&self, frames: &Frames) -> Result<Method> {
-        let views = LongBaselines::shortest(frames.views()).len();
+        let views = self.first(frames.views()).len();
         let name = choice("method", &self.method, &MethodName::ALL, |name| name.name().into())?.unwrap_or(MethodName::Bm);
         let method = match name {
             MethodName::Sgm => self.semi_global()?.method(views)?,
             name => name.method(self.block_size, views)?,
         };
         let method = match method.optimizer {
-            Optimizer::GraphCuts(cuts) => Method { optimizer: Optimizer::GraphCuts(self.graph_cuts(cuts)?), ..method },
+            Optimizer::GraphCuts(cuts) => {
+                let cost = CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: !self.gray.unwrap_or_default() });
+                Method { cost, optimizer: Optimizer::GraphCuts(self.graph_cuts(cuts)?), ..method }
+            }
+            Optimizer::EdgeAware(penalties) => {
+                let aggregation = method.aggregation.map(|aggregation| self.aggregation(aggregation)).transpose()?;
+                Method { aggregation, optimizer: Optimizer::EdgeAware(self.penalties(penalties)?), ..method }
+            }
             _ => method,
         };
         let refinement = self.refinement(&method)?;
-        let method = method.with_refinement(refinement);
+        let method = Method { long_baselines: self.long_baselines()?, ..method.with_refinement(refinement) };
         if self.block_size.is_some() && !method.has_blocks() {
             let name = name.name();
             let with_blocks = "bm, gc, sgm with the cost sad, and texture_threshold";
             return Err(Error::Usage(format!("block_size has no effect on {name} as it is here: it is for {with_blocks}")));
         }
         Ok(method)
+    }
+
+    /// Those of `views` that are matched first.
+    fn first(&self, views: Views) -> Views {
+        if self.together == Some(true) { views } else { LongBaselines::shortest(views) }
+    }
+
+    /// How views at longer baselines refine what those at the shortest found, or `None` to match all together.
+    fn long_baselines(&self) -> Result<Option<LongBaselines>> {
+        let default = LongBaselines::DEFAULT;
+        let median = match self.prior_median {
+            None => default.median,
+            Some(0) => None,
+            Some(size) => Some(Median::new(size)?),
+        };
+        let num_disparities = self.prior_disparities.unwrap_or(default.num_disparities);
+        Ok((self.together != Some(true)).then_some(LongBaselines { num_disparities, median, ..default }))
     }
 
     /// Semi-global matching.
@@ -193,22 +285,47 @@ impl Options {
         };
         let lambda1 = self.lambda1.map(|lambda| positive("lambda1", lambda)).transpose()?;
         let lambda2 = self.lambda2.map(|lambda| positive("lambda2", lambda)).transpose()?;
+        let upsample = self.upsample.unwrap_or(cuts.upsample);
+        within("upsample", upsample.into(), 1.0, GraphCuts::MAX_UPSAMPLE.into())?;
         Ok(GraphCuts {
             occlusion,
-            lambda: [lambda1, lambda2],
+            occlusions: choice("occlusions", &self.occlusions, &Occlusion::ALL, |rule| rule.name().into())?,
             smoothness: smoothness.unwrap_or(cuts.smoothness),
+            lambda: [lambda1, lambda2],
+            threshold: self.theta.unwrap_or(cuts.threshold),
+            cutoff: self.cutoff.unwrap_or(cuts.cutoff),
             sweeps: self.sweeps.unwrap_or(cuts.sweeps),
             seed: self.seed.unwrap_or(cuts.seed),
+            refine: self.refine.unwrap_or(cuts.refine),
+            fill: self.keep_occluded.map_or(cuts.fill, |keep| !keep),
+            upsample,
             ..cuts
+        })
+    }
+
+    /// The aggregation of MC-CNN with these options in place of its parameters.
+    fn aggregation(&self, Aggregation { region, iterations: [before, after] }: Aggregation) -> Result<Aggregation> {
+        let intensity = positive_or("cbca_intensity", self.cbca_intensity, region.intensity)?;
+        Ok(Aggregation {
+            region: SupportRegion { intensity, distance: self.cbca_distance.unwrap_or(region.distance) },
+            iterations: [self.cbca_iterations_1.unwrap_or(before), self.cbca_iterations_2.unwrap_or(after)],
+        })
+    }
+
+    /// The penalties of MC-CNN with these options in their place.
+    fn penalties(&self, Penalties { p1, p2, q1, q2, vertical, edge }: Penalties) -> Result<Penalties> {
+        Ok(Penalties {
+            p1: positive_or("sgm_p1", self.sgm_p1, p1)?,
+            p2: positive_or("sgm_p2", self.sgm_p2, p2)?,
+            q1: positive_or("sgm_q1", self.sgm_q1, q1)?,
+            q2: positive_or("sgm_q2", self.sgm_q2, q2)?,
+            vertical: positive_or("sgm_v", self.sgm_v, vertical)?,
+            edge: positive_or("sgm_d", self.sgm_d, edge)?,
         })
     }
 
     /// The refinement of a method, whose own has its defaults.
     fn refinement(&self, method: &Method) -> Result<Refinement> {
-        let within = |keyword, value: f64, least, most| match (least..=most).contains(&value) {
-            true => Ok(value),
-            false => Err(Error::Usage(format!("{keyword} is {value}, it must be a number from {least} to {most}"))),
-        };
         let block_size = self.block_size.unwrap_or(Method::DEFAULT_BLOCK_SIZE);
         let sub_pixel = choice("sub_pixel", &self.sub_pixel, &[Some(LucasKanade), None], |step| match step {
             Some(_) => LucasKanade::NAME.into(),
@@ -258,6 +375,19 @@ fn positive(keyword: &str, value: f64) -> Result<f64> {
     match value > 0.0 && value.is_finite() {
         true => Ok(value),
         false => Err(Error::Usage(format!("{keyword} is {value}, it must be a number above 0"))),
+    }
+}
+
+/// A number that must be above 0, or a default.
+fn positive_or(keyword: &str, given: Option<f64>, default: f32) -> Result<f32> {
+    given.map_or(Ok(default), |value| Ok(positive(keyword, value)? as f32))
+}
+
+/// A number that must be in a range.
+fn within(keyword: &str, value: f64, least: f64, most: f64) -> Result<f64> {
+    match (least..=most).contains(&value) {
+        true => Ok(value),
+        false => Err(Error::Usage(format!("{keyword} is {value}, it must be a number from {least} to {most}"))),
     }
 }
 

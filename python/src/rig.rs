@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use multiscopic::{Frames, Geometry, Result, lens::LensFile};
+use multiscopic::{Frames, Result, images::BitDepth, lens::LensFile};
 use multiscopic_core::{Frame, View};
 use pyo3::{prelude::*, types::PyDict};
 
-use crate::{arrays, capture::Capture, exceptions::exception, interruption, options::Options};
+use crate::{arrays, capture::Capture, exceptions::exception, interruption, known_camera::KnownCamera, options::Options};
 
 /// A captured folder: images and the rig.toml that describes them.
 ///
@@ -20,10 +20,10 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Reads the images.
-    fn capture(&self) -> Result<Capture> {
+    /// Reads the images, whose samples of 16 bits have this depth or that of the rig.
+    fn capture(&self, depth: Option<BitDepth>) -> Result<Capture> {
         let mut images = self.rig.images.within(&self.directory);
-        images.bits = images.depth()?;
+        images.bits = depth.map_or_else(|| images.depth(), |depth| Ok(Some(depth)))?;
         let mut pictures = Vec::new();
         let (frames, _) = Frames::load_each(&images, |picture| {
             pictures.push(picture.clone());
@@ -31,17 +31,22 @@ impl Rig {
         })?;
         let order = [Frame::Center].into_iter().chain(images.views().iter().map(Frame::View));
         let undistortion = self.lens.as_ref().map(|lens| lens.undistortion(frames.size())).transpose()?;
-        Ok(Capture { pictures: order.zip(pictures).collect(), undistortion, geometry: self.geometry(frames.size())? })
+        Ok(Capture { pictures: order.zip(pictures).collect(), undistortion, camera: self.camera(frames.size())? })
     }
 
-    /// What turns the disparities of undistorted images of a size into depth, as far as it is known. The rig's focal length comes
-    /// first, and the principal point of undistorted images.
-    fn geometry(&self, size: [usize; 2]) -> Result<Option<Geometry>> {
-        let Some(lens) = &self.lens else { return Ok(self.rig.geometry(size)) };
-        lens.check_focal(self.rig.focal_px, multiscopic::Rig::FILE_NAME)?;
-        let focal_px = self.rig.focal_px.or(Some(lens.focal_px()));
-        let principal_point = Some(lens.principal_point(size));
-        Ok(multiscopic::Rig { focal_px, principal_point, ..self.rig.clone() }.geometry(size))
+    /// What is known of the camera, whose undistorted images have this size. The rig's focal length comes first, and the principal
+    /// point of undistorted images.
+    fn camera(&self, size: [usize; 2]) -> Result<KnownCamera> {
+        if let Some(lens) = &self.lens {
+            lens.check_focal(self.rig.focal_px, multiscopic::Rig::FILE_NAME)?;
+        }
+        let of_lens = self.lens.as_ref().map(|lens| lens.principal_point(size));
+        Ok(KnownCamera {
+            focal_px: self.focal_px(),
+            baseline_mm: self.rig.baseline_mm,
+            principal_point: of_lens.unwrap_or_else(|| self.rig.principal_point(size)),
+            doffs: self.rig.doffs,
+        })
     }
 }
 
@@ -99,7 +104,7 @@ impl Rig {
     ///     OSError: an image cannot be read.
     ///     ValueError: a file is not an image, or the images differ in size.
     fn frames<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let frames = interruption::run(py, |_| Ok(self.capture()?.frames()))?;
+        let frames = interruption::run(py, |_| Ok(self.capture(None)?.frames()))?;
         let arrays = PyDict::new(py);
         let views = frames.views();
         for frame in [Frame::Center].into_iter().chain(views.iter().map(Frame::View)) {
@@ -120,7 +125,7 @@ impl Rig {
     #[pyo3(name = "match", signature = (**options))]
     fn matched(&self, py: Python<'_>, options: Option<&Bound<'_, PyDict>>) -> PyResult<crate::match_result::MatchResult> {
         let options = Options::new(options)?;
-        let capture = interruption::run(py, |_| self.capture())?;
+        let capture = interruption::run(py, |_| self.capture(options.bits()))?;
         capture.matched(py, &options)
     }
 

@@ -29,7 +29,8 @@ use emulation::setup;
 use firmware_checks::{bit_flips, capturing, cycles, faults, kernel_twins, pico2, profiles};
 use publishing::{crates, release, supply_chain};
 use workspace_checks::{
-    cluster, crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages, python_package, soaking, suite,
+    cluster, crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages, python_package, sanitizing, soaking,
+    suite,
 };
 
 /// Runs the project's checks, tests and firmware.
@@ -93,6 +94,8 @@ enum Task {
     Soak(soaking::Soaking),
     /// Lint and link the firmware for a Raspberry Pi Pico 2
     Pico2,
+    /// Run the tests of everything that computes with AddressSanitizer
+    Sanitize,
     /// Link the matcher alone, which fails if any path leads to a panic
     NoPanic,
 }
@@ -128,6 +131,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Fuzz(fuzzing) => fuzzing.run(),
         Task::Crash(crashing) => crashing.run(),
         Task::Soak(soaking) => soaking.run(),
+        Task::Sanitize => sanitizing::run_tests(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Pico2 => {
             let toolchain = setup::run()?;

@@ -42,6 +42,7 @@ fn scene(folder: &Path, size: &str, views: &str) -> String {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes minutes without optimisation")]
 fn matches_take_what_they_announce() {
     let dir = tempfile::tempdir().expect("a folder");
     let (tiny, pair, cross) =
@@ -70,6 +71,7 @@ fn matches_take_what_they_announce() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn the_network_takes_bands_where_the_image_does_not_fit() {
     let dir = tempfile::tempdir().expect("a folder");
     let rig = scene(dir.path(), "120x1600", "1");

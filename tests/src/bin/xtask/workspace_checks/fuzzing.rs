@@ -24,7 +24,7 @@ const INSTRUMENTS: &str = "-Zsanitizer=address -Cpasses=sancov-module -Cllvm-arg
                            -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
                            -Cllvm-args=-sanitizer-coverage-trace-compares -Dwarnings";
 /// Lets stable Rust use a sanitizer, which it has but does not promise to keep.
-const UNSTABLE: (&str, &str) = ("RUSTC_BOOTSTRAP", "1");
+pub const UNSTABLE: (&str, &str) = ("RUSTC_BOOTSTRAP", "1");
 /// The workspace of the targets.
 pub const MANIFEST: &str = "fuzz/Cargo.toml";
 /// The memory in megabytes that an input may take.

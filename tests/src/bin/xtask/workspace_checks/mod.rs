@@ -8,5 +8,6 @@ pub mod fuzzing;
 pub mod host_instructions;
 pub mod pages;
 pub mod python_package;
+pub mod sanitizing;
 pub mod soaking;
 pub mod suite;

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{path::Path, process::Command, time::Instant};
 
-use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages};
+use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages, python_package};
 use crate::{
     emulation::{
         build,
@@ -45,7 +45,8 @@ const COMPUTATIONS: [&str; 7] = [
     "--test=rectified_lines",
 ];
 /// The parts of others with tests that take minutes in debug, which leaves them out.
-const LONG: [&str; 7] = ["--test=commands", "--test=capture", "--", "alignment", "edge_commands", "lenses", "mounts"];
+const LONG: [&str; 8] =
+    ["--test=commands", "--test=capture", "--", "alignment", "edge_commands", "lenses", "memory_demand", "mounts"];
 
 /// The checks for every change.
 pub fn check() -> Result<()> {
@@ -84,6 +85,7 @@ pub fn test() -> Result<()> {
     step("setup", setup::run)?;
     let firmware = BackgroundTask::start("firmware")?;
     step("tests in debug", || run_tests(&built_program()?, &["--workspace", "--exclude", PYTHON_PACKAGE]))?;
+    step("the Python package", python_package::run_tests)?;
     step("the published packages", crates::check)?;
     step("computations in release", || run_optimized_tests(&COMPUTATIONS))?;
     step("long tests in release", || run_optimized_tests(&LONG))?;

@@ -52,6 +52,13 @@ pub struct Alignment {
 }
 
 impl Alignment {
+    /// About how many bytes it takes to estimate the alignment of these frames and to rectify them, themselves included: a line
+    /// through what the program took for up to five million pixels and four views, rounded up.
+    pub fn bytes(frames: &Frames) -> u64 {
+        let bytes = 80 + 8 * frames.views().len();
+        (frames.width() * frames.height() * bytes) as u64
+    }
+
     /// Estimates the misalignment of every view of `frames`. `search` gives the range of disparities, and `geometry` the
     /// focal length and the principal point: without it, those of a usual camera are taken, and large rotations are found
     /// less precisely.

@@ -16,7 +16,7 @@ use multiscopic_core::{Frame, View};
 use serde::Serialize;
 
 use super::{
-    options::{SearchOptions, SourceOptions, output_file},
+    options::{MemoryOptions, SearchOptions, SourceOptions, output_file},
     terminal,
 };
 
@@ -44,6 +44,9 @@ pub struct Align {
     /// Print JSON instead of a table
     #[arg(long)]
     json: bool,
+
+    #[command(flatten)]
+    memory: MemoryOptions,
 }
 
 /// What `--json` prints.
@@ -96,6 +99,7 @@ impl Align {
             (rig, _) => rig,
         };
         let geometry = rig.as_ref().and_then(|rig| rig.geometry(frames.size()));
+        self.memory.check_alignment(&frames)?;
         let inspection = Inspection::of(&frames);
         let alignment = Alignment::estimate(&frames, &search, geometry.as_ref());
         let refuse_swapped = |inspection: &Inspection| inspection.refuse_swapped(search.min_disparity());

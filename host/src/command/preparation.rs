@@ -8,7 +8,7 @@ use multiscopic::{
 };
 use multiscopic_core::Search;
 
-use super::options::Source;
+use super::options::{MemoryOptions, Source};
 
 /// How frames are prepared for matching.
 #[derive(Clone, Debug, Args)]
@@ -26,18 +26,20 @@ pub struct PreparationOptions {
 
 impl PreparationOptions {
     /// Prepares the frames of `source` and their geometry. `search` makes a search of a range of disparities: the smallest one
-    /// and their number.
+    /// and their number. Alignments that take more `memory` than may be taken are refused.
     pub fn prepare(
         &self,
         source: &Source,
         undistortion: Option<&Undistortion>,
         frames: &mut Frames,
         geometry: &mut Option<Geometry>,
+        memory: &MemoryOptions,
         search: impl Fn((i16, u16)) -> Result<Search>,
     ) -> Result<Preparation> {
         if !self.align {
             return Preparation::new(frames, self.auto_range, search);
         }
+        memory.check_alignment(frames)?;
         let rectified = |alignment: &_| source.rectified_frames(undistortion, alignment);
         Preparation::rectifying(frames, geometry, self.auto_range, search, rectified)
     }

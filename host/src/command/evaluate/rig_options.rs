@@ -9,7 +9,7 @@ use multiscopic::{
 };
 
 use crate::command::{
-    options::{BitsOption, GeometryOptions, SearchOptions, Source, value::positive},
+    options::{BitsOption, GeometryOptions, MemoryOptions, SearchOptions, Source, value::positive},
     preparation::PreparationOptions,
     scene::rendered_capture::TRUTH_FILE_NAME,
 };
@@ -104,6 +104,7 @@ impl RigFiles {
         geometry: &GeometryOptions,
         preparation: &PreparationOptions,
         search: &SearchOptions,
+        memory: &MemoryOptions,
     ) -> Result<PreparedRig> {
         let (mut frames, _, undistortion) = self.source.load()?;
         let Source { rig, lens, images, .. } = &self.source;
@@ -112,7 +113,7 @@ impl RigFiles {
         let truth = self.truth.as_ref().map(read).transpose()?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| search.search(size, views, None, range);
-        let preparation = preparation.prepare(&self.source, undistortion.as_ref(), &mut frames, &mut geometry, search)?;
+        let preparation = preparation.prepare(&self.source, undistortion.as_ref(), &mut frames, &mut geometry, memory, search)?;
         let truth = truth.map(|truth| preparation.truth(truth));
         Ok(PreparedRig { frames, undistortion, geometry, truth, preparation })
     }

@@ -43,7 +43,7 @@ impl Evaluate {
         for files in &mut rigs {
             let name = files.directory.display().to_string();
             bar.set_message(name.clone());
-            let rig = files.load(&self.geometry, &self.preparation, &self.search)?;
+            let rig = files.load(&self.geometry, &self.preparation, &self.search, &self.engine.memory)?;
             let size = rig.frames.size();
             check_same(&name, size, rig.geometry, *first.get_or_insert((size, rig.geometry)))?;
             let mut seen = self.report.as_ref().map(|_| {

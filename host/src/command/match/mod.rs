@@ -23,14 +23,11 @@ use outputs::Outputs;
 pub use self::summary::Summary;
 use super::{
     batch::{BatchOptions, RunSettings},
-    options::{EngineOptions, GeometryOptions, MatchingOptions, Source, SourceOptions},
+    options::{EngineOptions, GeometryOptions, MatchingOptions, Source, SourceOptions, say_if_much},
     preparation::{PreparationOptions, mask_unseen},
     terminal::{self, Watch},
     view,
 };
-
-/// Matches that take more megabytes say so beforehand.
-const MUCH_MEMORY: u64 = 1000;
 
 /// Estimates the disparity of each pixel of a centre image by matching it with its neighbours
 #[derive(Clone, Debug, Args)]
@@ -115,7 +112,8 @@ impl Match {
         let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size())).transpose()?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.matching.search(size, views, range);
-        let preparation = self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, search)?;
+        let preparation =
+            self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
         let search = preparation.search;
         let center = outputs.has_center().then(|| match (&preparation.alignment, &undistortion) {
             (Some(alignment), undistortion) => alignment.rectified(Frame::Center, center, undistortion.as_ref()),
@@ -131,10 +129,7 @@ impl Match {
         if !method.needs_color() {
             frames = frames.without_color();
         }
-        let megabytes = method.bytes(&search, &frames).div_ceil(1_000_000);
-        if megabytes >= MUCH_MEMORY {
-            terminal::say(&format!("matching takes about {megabytes} MB of memory"));
-        }
+        say_if_much("matching", method.bytes(&search, &frames));
         let watch = Watch::new();
         let start = Instant::now();
         let (mut disparities, mut confidences) = match (prior, method.long_baselines, outputs.has_confidences()) {

@@ -1,9 +1,9 @@
 //! Threads, vector instructions and memory.
 
-use clap::{Args, value_parser};
+use clap::Args;
 use multiscopic::{Engine, Error, Result, Simd};
 
-use super::available_memory;
+use super::MemoryOptions;
 
 /// The threads, vector instructions and memory that matching may use.
 #[derive(Clone, Debug, Args)]
@@ -17,9 +17,8 @@ pub struct EngineOptions {
     #[arg(long, value_name = "NAME")]
     pub simd: Option<String>,
 
-    /// Refuse matches that take more memory, in megabytes [default: what is available]
-    #[arg(long, value_name = "MB", value_parser = value_parser!(u64).range(1..))]
-    pub max_memory: Option<u64>,
+    #[command(flatten)]
+    pub memory: MemoryOptions,
 }
 
 impl EngineOptions {
@@ -32,7 +31,6 @@ impl EngineOptions {
             })
         };
         let engine = Engine::new(self.simd.as_ref().map(named).transpose()?, self.threads)?;
-        let megabytes = self.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
-        Ok(engine.with_most_bytes(megabytes.or_else(available_memory::bytes)))
+        Ok(engine.with_most_bytes(self.memory.most_bytes()))
     }
 }

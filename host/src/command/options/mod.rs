@@ -1,11 +1,11 @@
 //! Options that several commands share.
 
-mod available_memory;
 mod baseline_options;
 mod bits_option;
 mod engine_options;
 mod geometry_options;
 mod hardware_options;
+mod memory_options;
 mod methods;
 mod named;
 mod neighbor_options;
@@ -21,6 +21,7 @@ pub use geometry_options::GeometryOptions;
 #[cfg(feature = "calibration")]
 pub use hardware_options::SettingsOptions;
 pub use hardware_options::{CameraSpec, HardwareOptions, micrometres};
+pub use memory_options::{MemoryOptions, say_if_much};
 pub use methods::{MatchingOptions, MethodOptions};
 pub use named::{Named, named};
 pub use neighbor_options::NeighborOptions;

@@ -134,7 +134,8 @@ impl View {
         let mut geometry = self.geometry.geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.search.search(size, views, None, range);
-        let preparation = self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, search)?;
+        let preparation =
+            self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
         // Maps in files are of the frames as they were.
         let files = if preparation.alignment.is_some() { Vec::new() } else { map_folder::read_all(folder, Some(size))? };
         output::check(&[output], &files.iter().map(|map| &*map.path).collect::<Vec<_>>())?;

@@ -72,6 +72,25 @@ fn matches_take_what_they_announce() {
 
 #[test]
 #[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
+fn alignments_take_what_they_announce() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
+    let tiny = scene(dir.path(), "96x72", "2");
+    let program = most_resident(&["align", &tiny]);
+    for views in ["1", "4"] {
+        let rig = scene(dir.path(), "1280x960", views);
+        let aligned = path(views);
+        let words = ["align", &rig, "-o", &aligned];
+        let (expected, taken) = (announced(&words), most_resident(&words) - program);
+        println!("{views} views: {expected} MB are announced, {taken:.1} MB taken");
+        assert!(taken < expected && expected < 2.5 * taken, "{views}: {expected} MB are announced, {taken:.1} MB taken");
+        let matched = Invocation::new(["match", &rig, "--align", "--max-memory", "50", "-o", &path("d.pfm")]);
+        matched.assert_refused(&["aligning takes about", "50 MB may be taken: align smaller images"]);
+    }
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn the_network_takes_bands_where_the_image_does_not_fit() {
     let dir = tempfile::tempdir().expect("a folder");
     let rig = scene(dir.path(), "120x1600", "1");

@@ -1,10 +1,59 @@
-//! How much memory the program may take.
+//! How much memory the program may take, and what is told of it.
 
 use std::fs;
 
+use clap::{Args, value_parser};
+use multiscopic::{Alignment, Error, Frames, Result};
+
+use crate::command::terminal;
+
+/// From how many megabytes on the user is told.
+const MUCH: u64 = 1000;
+
+/// The memory that the program may take.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Machine")]
+pub struct MemoryOptions {
+    /// Refuse what takes more memory, in megabytes [default: what is available]
+    #[arg(long, value_name = "MB", value_parser = value_parser!(u64).range(1..))]
+    max_memory: Option<u64>,
+}
+
+impl MemoryOptions {
+    /// The most bytes that may be taken. `None` if nothing limits them.
+    pub fn most_bytes(&self) -> Option<u64> {
+        self.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000)).or_else(available_bytes)
+    }
+
+    /// Checks that the alignment of `frames` may take what it takes.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if it may not.
+    pub fn check_alignment(&self, frames: &Frames) -> Result<()> {
+        let needed = Alignment::bytes(frames);
+        say_if_much("aligning", needed);
+        match self.most_bytes() {
+            Some(most) if needed > most => {
+                let [needed, most] = [needed.div_ceil(1_000_000), most / 1_000_000];
+                let taken = format!("aligning takes about {needed} MB of memory, and {most} MB may be taken");
+                Err(Error::Usage(format!("{taken}: align smaller images")))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Tells how much memory is taken, if it is much.
+pub fn say_if_much(what: &str, bytes: u64) {
+    let megabytes = bytes.div_ceil(1_000_000);
+    if megabytes >= MUCH {
+        terminal::say(&format!("{what} takes about {megabytes} MB of memory"));
+    }
+}
+
 /// The bytes that are available: of the machine, of the group of processes that this one is in, and of its address space. `None`
 /// where the system does not tell.
-pub fn bytes() -> Option<u64> {
+fn available_bytes() -> Option<u64> {
     let text = |path: &str| fs::read_to_string(path).ok();
     let machine = text("/proc/meminfo").and_then(|text| kibibytes(&text, "MemAvailable:"));
     let group = |name: &str| text(&format!("/sys/fs/cgroup/{name}"))?.trim().parse::<u64>().ok();
@@ -40,6 +89,6 @@ mod tests {
         assert_eq!(address_space(limits), Some(400_000_000));
         assert_eq!(address_space(&limits.replace("400000000", "unlimited")), None);
         #[cfg(target_os = "linux")]
-        assert!(bytes().is_some());
+        assert!(available_bytes().is_some());
     }
 }

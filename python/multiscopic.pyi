@@ -11,8 +11,8 @@ from typing_extensions import Unpack
 
 __version__: str
 
-#: uint8 of height x width, or height x width x 3 (RGB).
-_Image = npt.NDArray[np.uint8]
+#: Of height x width, or height x width x 3 (RGB).
+_Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 #: Offsets from the centre in baselines to the right and down.
 _Offset = tuple[int, int]
 
@@ -26,6 +26,7 @@ class _Options(TypedDict, total=False):
     block_size: int | None
     auto_range: bool | None
     align: bool | None
+    bits: Literal[10, 12, 14, 16] | None
     cost: Literal["census", "census2", "sad"] | None
     census: Literal["5x5", "7x7", "9x7"] | None
     p1: int | None
@@ -33,11 +34,28 @@ class _Options(TypedDict, total=False):
     p2_edge: int | None
     paths: Literal[4, 5, 8] | None
     occlusion_cost: float | Literal["auto"] | None
+    occlusions: Literal["unique", "capped"] | None
+    smoothness: Literal["linear", "potts"] | None
     lambda1: float | None
     lambda2: float | None
-    smoothness: Literal["linear", "potts"] | None
+    theta: int | None
+    cutoff: int | None
+    gray: bool | None
     sweeps: int | None
     seed: int | None
+    refine: bool | None
+    keep_occluded: bool | None
+    upsample: Literal[1, 2, 3, 4] | None
+    sgm_p1: float | None
+    sgm_p2: float | None
+    sgm_q1: float | None
+    sgm_q2: float | None
+    sgm_v: float | None
+    sgm_d: float | None
+    cbca_intensity: float | None
+    cbca_distance: int | None
+    cbca_iterations_1: int | None
+    cbca_iterations_2: int | None
     uniqueness_ratio: int | None
     disp12_max_diff: int | None
     texture_threshold: int | None
@@ -50,8 +68,14 @@ class _Options(TypedDict, total=False):
     min_confidence: float | None
     smooth: bool | None
     fill: Literal["background"] | None
+    prior: npt.ArrayLike | None
+    prior_disparities: int | None
+    prior_median: int | None
+    together: bool | None
     confidence: bool | None
     threads: int | None
+    simd: str | None
+    max_memory: int | None
 
 @final
 class Result:
@@ -69,6 +93,17 @@ class Result:
         self, focal_px: float | None = None, baseline_mm: float | None = None, doffs: float | None = None
     ) -> npt.NDArray[np.float32]:
         """Depths in metres: height x width, NaN where there is none."""
+
+    def write_ply(
+        self,
+        path: str | os.PathLike[str],
+        focal_px: float | None = None,
+        baseline_mm: float | None = None,
+        doffs: float | None = None,
+        principal_point: tuple[float, float] | None = None,
+        ascii: bool = False,
+    ) -> None:
+        """Writes a point cloud in metres, in the colours of the centre and with the confidences if there are some."""
 
 @final
 class Rig:
@@ -98,7 +133,7 @@ class Rig:
     def views(self) -> list[_Offset]:
         """The offsets of the neighbours from the centre, in baselines to the right and down."""
 
-    def frames(self) -> dict[_Offset, _Image]:
+    def frames(self) -> dict[_Offset, npt.NDArray[np.uint8]]:
         """Reads the images, without the distortion of the lens, by their offsets from the centre, whose own is (0, 0)."""
 
     def match(self, **options: Unpack[_Options]) -> Result:
@@ -127,6 +162,7 @@ def align(
     min_disparity: int | None = None,
     num_disparities: int | None = None,
     focal_px: float | None = None,
+    bits: Literal[10, 12, 14, 16] | None = None,
 ) -> dict[_Offset, _Image]:
     """Rectifies views: finds from the images how each is turned, scaled and off its place, and takes that out."""
 
@@ -138,6 +174,7 @@ def inspect(
     bottom: _Image | None = None,
     *,
     views: Mapping[_Offset, _Image] | None = None,
+    bits: Literal[10, 12, 14, 16] | None = None,
 ) -> tuple[tuple[int, int] | None, list[str]]:
     """Tells what images show before they are matched: the range of their disparities, and what may be wrong with them."""
 
@@ -149,7 +186,7 @@ def evaluate(
 def colorize(disparity: npt.ArrayLike, range: tuple[float, float] | None = None) -> npt.NDArray[np.uint8]:
     """Disparities in colour: near is red, far is blue, and pixels without a disparity are black."""
 
-def read_image(path: str | os.PathLike[str]) -> _Image:
+def read_image(path: str | os.PathLike[str]) -> npt.NDArray[np.uint8]:
     """Reads a PNG, PGM, PPM or JPEG image in 8 bits."""
 
 def write_png(path: str | os.PathLike[str], image: _Image) -> None:

@@ -132,6 +132,9 @@ impl Capture {
             // Nothing has to be known of the images.
             return Ok((options.search(frames, multiscopic::Method::DEFAULT_RANGE)?, None));
         }
+        if aligns {
+            options.check_alignment(frames)?;
+        }
         let size_and_views = frames.clone().without_color();
         let search = |range| options.search(&size_and_views, range);
         let Preparation { search, alignment, .. } = match aligns {

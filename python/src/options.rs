@@ -1,7 +1,7 @@
 //! The keyword arguments of matching: the options of `multiscopic match`, with `_` for `-`.
 
 use multiscopic::{
-    DisparityMap, Engine, Error, Frames, GraphCuts, Method, Result, Simd,
+    Alignment, DisparityMap, Engine, Error, Frames, GraphCuts, Method, Result, Simd,
     images::BitDepth,
     stereo::{
         CostFunction, CostName, LongBaselines, MethodName, Optimizer, SemiGlobalMethod,
@@ -185,14 +185,31 @@ impl Options {
         self.confidence.unwrap_or(true)
     }
 
+    /// The most bytes that may be taken, if there is a limit.
+    fn most_bytes(&self) -> Result<Option<u64>> {
+        match self.max_memory {
+            Some(0) => Err(Error::Usage("max_memory is 0, it must be a number above 0".into())),
+            megabytes => Ok(megabytes.map(|megabytes| megabytes.saturating_mul(1_000_000))),
+        }
+    }
+
     /// The engine.
     pub fn engine(&self) -> Result<Engine> {
         let simd = choice("simd", &self.simd, &Simd::available(), |simd| simd.to_string())?;
-        if self.max_memory == Some(0) {
-            return Err(Error::Usage("max_memory is 0, it must be above 0".into()));
+        Ok(Engine::new(simd, self.threads.unwrap_or_default())?.with_most_bytes(self.most_bytes()?))
+    }
+
+    /// Refuses to align `frames` if that takes more memory than it may.
+    pub fn check_alignment(&self, frames: &Frames) -> Result<()> {
+        let needed = Alignment::bytes(frames);
+        match self.most_bytes()? {
+            Some(most) if needed > most => {
+                let [needed, most] = [needed.div_ceil(1_000_000), most / 1_000_000];
+                let taken = format!("aligning takes about {needed} MB of memory, and {most} MB may be taken");
+                Err(Error::Usage(format!("{taken}: align smaller images")))
+            }
+            _ => Ok(()),
         }
-        let most_bytes = self.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000));
-        Ok(Engine::new(simd, self.threads.unwrap_or_default())?.with_most_bytes(most_bytes))
     }
 
     /// The search in `frames`. `range` is the smallest disparity and their number, unless options override them.
@@ -214,6 +231,11 @@ impl Options {
 
     /// The method, for matches with the views of `frames`.
     pub fn method(&self, frames: &Frames) -> Result<Method> {
+        // What is out of range is refused even where it has no effect, as the program does.
+        self.semi_global()?;
+        self.graph_cuts(GraphCuts::default())?;
+        self.aggregation(Aggregation { region: SupportRegion::ACCURATE, iterations: [0; 2] })?;
+        self.penalties(Penalties::FAST)?;
         let views = self.first(frames.views()).len();
         let name = choice("method", &self.method, &MethodName::ALL, |name| name.name().into())?.unwrap_or(MethodName::Bm);
         let method = match name {

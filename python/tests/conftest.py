@@ -11,29 +11,45 @@ import pytest
 
 @pytest.fixture(scope="session")
 def program():
-    """Runs the program, which the variable MULTISCOPIC_BINARY names."""
+    """Runs the program, which the variable MULTISCOPIC_BINARY names. It ends with an exit code, 2 if it refuses its options."""
     path = os.environ["MULTISCOPIC_BINARY"]
 
-    def run(*arguments):
+    def run(*arguments, code=0):
         command = [path, *map(str, arguments)]
         done = subprocess.run(command, capture_output=True, text=True)
-        assert done.returncode == 0, f"{command}: {done.stderr}"
+        assert done.returncode == code, f"{command}: {done.stderr}"
 
     return run
 
 
+def scene(program, folder, views) -> Path:
+    """A made-up scene in colour with so many neighbours and known disparities."""
+    program("scene", "--random", "--seed", 7, "--size", "112x84", "--views", views, "-o", folder / "set")
+    return folder / "set" / "0000"
+
+
 @pytest.fixture(scope="session")
 def rig(program, tmp_path_factory) -> Path:
-    """A made-up scene in colour with four neighbours and known disparities."""
-    folder = tmp_path_factory.mktemp("scenes")
-    program("scene", "--random", "--seed", 7, "--size", "160x120", "-o", folder / "set")
-    return folder / "set" / "0000"
+    """A scene with four neighbours."""
+    return scene(program, tmp_path_factory.mktemp("scenes"), 4)
+
+
+@pytest.fixture(scope="session")
+def small_rig(program, tmp_path_factory) -> Path:
+    """A scene with two neighbours, which are rectified in half the time."""
+    return scene(program, tmp_path_factory.mktemp("scenes"), 2)
+
+
+def images_of(rig) -> dict[str, np.ndarray]:
+    """The images of a rig by their names."""
+    names = ["center", "left", "right", "top", "bottom"]
+    return {name: multiscopic.read_image(rig / f"{name}.png") for name in names if (rig / f"{name}.png").exists()}
 
 
 @pytest.fixture(scope="session")
 def images(rig) -> dict[str, np.ndarray]:
     """The images of the rig by their names."""
-    return {name: multiscopic.read_image(rig / f"{name}.png") for name in ["center", "left", "right", "top", "bottom"]}
+    return images_of(rig)
 
 
 def pixels_of_pfm(path) -> np.ndarray:

@@ -18,6 +18,7 @@ from nbclient import NotebookClient
 PACKAGE = Path(__file__).parents[1]
 NOISE = np.random.default_rng(1).integers(0, 256, (60, 80, 3), dtype=np.uint8)
 GRAY = np.ascontiguousarray(NOISE[..., 0])
+LARGE = np.kron(GRAY, np.ones((2, 2), np.uint8))
 
 
 def moved(image, columns):
@@ -80,7 +81,12 @@ def test_refused_arguments():
         (ValueError, "center has the shape", [NOISE[..., :2], NOISE], {}),
         (ValueError, "two images of the left view", [GRAY, GRAY], {"views": {(-1, 0): GRAY}}),
         (ValueError, "the offset", [GRAY, GRAY], {"views": {(0, 0): GRAY}}),
-        (TypeError, "uint8", [GRAY.astype(np.float32), GRAY], {}),
+        (TypeError, "array of uint8 or uint16, not float32", [GRAY.astype(np.float32), GRAY], {}),
+        (TypeError, "array of uint8 or uint16, not <class 'list'>", [GRAY.tolist(), GRAY], {}),
+        (ValueError, "the left view has a sample of 1024, it must be at most 1023", [GRAY, np.full_like(GRAY, 1024, np.uint16)],
+         {"bits": 10}),
+        (ValueError, "bits is 11, it must be one of 10, 12, 14, 16", [GRAY, GRAY], {"bits": 11}),
+        (ValueError, "bits is 300", [GRAY, GRAY], {"bits": 300}),
         (TypeError, "no keyword argument blocksize", [GRAY, GRAY], {"blocksize": 5}),
         (TypeError, "median is wide", [GRAY, GRAY], {"median": "wide"}),
         (ValueError, "method is sift, it must be one of bm, gc", [GRAY, GRAY], {"method": "sift"}),
@@ -92,7 +98,18 @@ def test_refused_arguments():
         (ValueError, "occlusion_cost is -1", [GRAY, GRAY], {"method": "gc", "occlusion_cost": -1}),
         (ValueError, "need matching costs", [GRAY, GRAY], {"method": "gc", "disp12_max_diff": 1}),
         (ValueError, "auto_range finds the range", [GRAY, GRAY], {"auto_range": True, "num_disparities": 5}),
+        (ValueError, "theta is 300", [GRAY, GRAY], {"theta": 300}),
+        (ValueError, "upsample is 5, it must be a number from 1 to 4", [GRAY, GRAY], {"upsample": 5}),
+        (ValueError, "sgm_q1 is 0, it must be a number above 0", [GRAY, GRAY], {"sgm_q1": 0}),
+        (ValueError, "prior cannot be used with together", [GRAY, GRAY], {"prior": GRAY, "together": True}),
+        (ValueError, "prior cannot be used with confidence", [GRAY, GRAY], {"prior": GRAY, "confidence": True}),
+        (ValueError, "the prior has 79x60 pixels, the frames have 80x60", [GRAY, GRAY], {"prior": GRAY[:, 1:]}),
+        (ValueError, "no pixel of the prior has a disparity", [GRAY, GRAY], {"prior": np.full(GRAY.shape, np.nan)}),
+        (TypeError, "prior is ", [GRAY, GRAY], {"prior": NOISE}),
         (ValueError, "threads are too many", [GRAY, GRAY], {"threads": 1000}),
+        (ValueError, "simd is mmx, it must be one of .*baseline", [GRAY, GRAY], {"simd": "mmx"}),
+        (ValueError, "and 1 MB may be taken", [GRAY, GRAY], {"method": "gc", "max_memory": 1}),
+        (ValueError, "aligning takes about 2 MB", [LARGE, LARGE], {"align": True, "max_memory": 1}),
     ]:
         with pytest.raises(error, match=message):
             multiscopic.match(*arguments, **options)
@@ -101,6 +118,8 @@ def test_refused_arguments():
         result.depth(focal_px=500)
     with pytest.raises(ValueError, match="baseline_mm is 0"):
         result.depth(focal_px=500, baseline_mm=0)
+    with pytest.raises(ValueError, match="principal_point is NaN"):
+        result.write_ply("never.ply", focal_px=500, baseline_mm=20, principal_point=(np.nan, 0))
     with pytest.raises(ValueError, match="no disparity of the truth is known"):
         multiscopic.evaluate(result.disparity, np.full_like(result.disparity, np.nan))
     with pytest.raises(ValueError, match="disparity has the shape"):
@@ -133,6 +152,9 @@ def test_files(tmp_path):
         multiscopic.read_pfm(tmp_path / "c.png")
     with pytest.raises(OSError, match="cannot write"):
         multiscopic.write_pfm(tmp_path / "missing" / "v.pfm", values)
+    # The file keeps all bits of uint16, of which read_image gives the upper eight.
+    multiscopic.write_png(tmp_path / "deep.png", NOISE * np.uint16(257))
+    assert np.array_equal(multiscopic.read_image(tmp_path / "deep.png"), NOISE)
 
 
 def test_inspect():
@@ -144,8 +166,8 @@ def test_inspect():
 
 
 def test_other_threads_run_while_it_matches():
-    image = np.kron(GRAY, np.ones((6, 6), np.uint8))
-    slow = threading.Thread(target=lambda: multiscopic.match(image, right=moved(image, 30), method="gc"))
+    options = {"method": "gc", "sweeps": 1, "confidence": False}
+    slow = threading.Thread(target=lambda: multiscopic.match(LARGE, right=moved(LARGE, 20), **options))
     slow.start()
     turns = 0
     while slow.is_alive():
@@ -155,7 +177,7 @@ def test_other_threads_run_while_it_matches():
 
 
 def test_control_c_ends_it():
-    image = np.kron(GRAY, np.ones((12, 12), np.uint8))
+    image = np.kron(GRAY, np.ones((8, 8), np.uint8))
     timer = threading.Timer(0.5, _thread.interrupt_main)
     timer.start()
     start = time.monotonic()

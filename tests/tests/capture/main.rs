@@ -5,6 +5,7 @@ mod arm;
 mod camera;
 #[cfg(unix)]
 mod gcode;
+mod hostile_arm;
 mod mounts;
 mod path;
 mod sequence;

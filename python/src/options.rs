@@ -139,9 +139,22 @@ impl Options {
     fn check_together(&self) -> Result<()> {
         let has_prior = self.prior.is_some();
         let finds_range = self.auto_range == Some(true);
+        let filters = [
+            self.disp12_max_diff.is_some(),
+            self.uniqueness_ratio.is_some(),
+            self.texture_threshold.is_some(),
+            self.speckle_window_size.is_some(),
+            self.median.is_some(),
+            self.bilateral.is_some(),
+            self.repair.is_some(),
+            self.min_confidence.is_some(),
+            self.smooth == Some(true),
+            self.fill.is_some(),
+        ];
         for (is_refused, message) in [
             (has_prior && self.together == Some(true), "prior cannot be used with together"),
             (has_prior && self.confidence == Some(true), "prior cannot be used with confidence"),
+            (has_prior && filters.contains(&true), "prior cannot be used with filters other than sub_pixel"),
             (self.speckle_range.is_some() && self.speckle_window_size.is_none(), "speckle_range needs speckle_window_size"),
             (
                 finds_range && (self.min_disparity.is_some() || self.num_disparities.is_some()),

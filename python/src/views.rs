@@ -85,7 +85,7 @@ type DisparityRange = (i16, u16);
 ///     fill: "background" fills pixels without a disparity, after all other filters.
 ///     prior: disparities around which all views are searched instead of over the whole range: numbers of height x width in pixels
 ///         of one baseline, NaN or infinite where unknown. They are rounded to multiples of 1/64, which those of match() are. Of the
-///         filters, sub_pixel alone is applied then, and there are no confidences.
+///         filters, sub_pixel alone goes with it, and there are no confidences.
 ///     prior_disparities: number of disparities that views at longer baselines search around those found at the shortest one, or
 ///         all views around the prior, in pixels of the longer baseline.
 ///     prior_median: side of the median filter of what is searched around, odd, from 3 to 31, or 0 for none.

@@ -24,7 +24,7 @@ def program():
 
 def scene(program, folder, views) -> Path:
     """A made-up scene in colour with so many neighbours and known disparities."""
-    program("scene", "--random", "--seed", 7, "--size", "112x84", "--views", views, "-o", folder / "set")
+    program("scene", "--random", "--seed", 7, "--size", "96x72", "--views", views, "-o", folder / "set")
     return folder / "set" / "0000"
 
 

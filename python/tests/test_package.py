@@ -44,8 +44,11 @@ def test_stubs_and_signature_name_the_same_options():
     assert keywords == options
     # Each may be given, as its default.
     defaults = {name: inspect.signature(multiscopic.match).parameters[name].default for name in options}
-    with_defaults = multiscopic.match(GRAY, right=moved(GRAY, 5), **defaults)
-    assert np.array_equal(with_defaults.disparity, multiscopic.match(GRAY, right=moved(GRAY, 5)).disparity, equal_nan=True)
+    center, right = GRAY[:30, :40], moved(GRAY, 5)[:30, :40]
+    for method in ["bm", "sgm", "gc"]:
+        with_defaults = multiscopic.match(center, right=right, **defaults | {"method": method})
+        without = multiscopic.match(center, right=right, method=method)
+        assert np.array_equal(with_defaults.disparity, without.disparity, equal_nan=True)
     functions = {node.name for node in stubs.body if isinstance(node, ast.FunctionDef)}
     public = {name for name in dir(multiscopic) if not name.startswith("_") and name != "multiscopic"}
     assert public == functions | {name for name in classes if not name.startswith("_")}

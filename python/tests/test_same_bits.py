@@ -81,7 +81,7 @@ def test_match(program, tmp_path, rig, images, options):
 @pytest.mark.parametrize(
     "options",
     [
-        {"occlusion_cost": 20.0, "lambda1": 5.0, "lambda2": 2.0, "theta": 20, "cutoff": 3, "seed": 3},
+        {"occlusion_cost": 20.0, "lambda1": 5.0, "lambda2": 2.0, "theta": 20, "cutoff": 1, "seed": 3},
         {"occlusions": "unique", "keep_occluded": True, "refine": False},
         {"occlusions": "capped", "upsample": 2, "num_disparities": 8},
     ],
@@ -99,7 +99,7 @@ def test_graph_cuts_without_confidences(program, tmp_path, rig, images, options)
     "options",
     [
         {},
-        {"sgm_p1": 2.0, "sgm_p2": 40.0, "sgm_q1": 3.0, "sgm_q2": 6.0, "sgm_v": 1.25, "sgm_d": 0.1}
+        {"sgm_p1": 2.0, "sgm_p2": 6.0, "sgm_q1": 3.0, "sgm_q2": 6.0, "sgm_v": 1.25, "sgm_d": 0.1}
         | {"cbca_intensity": 0.5, "cbca_distance": 5, "cbca_iterations_1": 1, "cbca_iterations_2": 2},
     ],
     ids=str,
@@ -217,7 +217,7 @@ def test_rig_with_a_lens(program, tmp_path, small_rig):
     text = (small_rig / "rig.toml").read_text()
     folder = shutil.copytree(small_rig, tmp_path / "rig")
     (folder / "rig.toml").write_text('lens = "camera.toml"\nmount_rotation_deg = [0.2, -0.3, 0.1]\n' + text)
-    camera = f"focal_px = [{loaded.focal_px}, {loaded.focal_px}]\nprincipal_point = [54.0, 43.0]\n"
+    camera = f"focal_px = [{loaded.focal_px}, {loaded.focal_px}]\nprincipal_point = [46.0, 37.0]\n"
     (folder / "camera.toml").write_text(camera + 'model = "plumb_bob"\ncoefficients = [-0.2, 0.05, 0.0, 0.0, 0.0]\n')
     depth, points, ours = tmp_path / "depth.pfm", tmp_path / "points.ply", tmp_path / "ours.ply"
     for options in [RANGE, RANGE | {"align": True}]:
@@ -233,7 +233,7 @@ def test_rig_with_a_lens(program, tmp_path, small_rig):
 
 def test_points_of_arrays(program, tmp_path, rig, images):
     points, ours = tmp_path / "points.ply", tmp_path / "ours.ply"
-    camera = {"focal_px": 250.0, "baseline_mm": 12.5, "doffs": 1.0, "principal_point": (50.5, 40.0)}
+    camera = {"focal_px": 250.0, "baseline_mm": 12.5, "doffs": 1.0, "principal_point": (45.5, 36.0)}
     program("match", *files(rig, images), *words(RANGE | camera), "--ply", points, "--ply-ascii")
     result = multiscopic.match(**images, **RANGE, confidence=False)
     result.write_ply(ours, **camera, ascii=True)

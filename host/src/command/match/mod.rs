@@ -55,7 +55,15 @@ pub struct Match {
 
     /// Disparities around which all views are searched, instead of over the whole range: a 16-bit image as --raw16 writes,
     /// in pixels of one baseline [default: those of the views at the shortest of several baselines]
-    #[arg(long, value_name = "PRIOR.png", conflicts_with = "together", help_heading = "Several baselines")]
+    #[arg(
+        long,
+        value_name = "PRIOR.png",
+        conflicts_with_all = [
+            "together", "disp12_max_diff", "uniqueness_ratio", "texture_threshold", "speckle_window_size", "median", "bilateral",
+            "repair", "min_confidence", "smooth", "fill",
+        ],
+        help_heading = "Several baselines"
+    )]
     prior: Option<PathBuf>,
 
     #[command(flatten)]

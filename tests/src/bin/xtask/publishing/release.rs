@@ -12,6 +12,7 @@ use std::{
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
+use serde_json::Value;
 
 use crate::{
     system::{
@@ -86,6 +87,11 @@ pub fn check() -> Result<()> {
         for (shell, path) in COMPLETIONS {
             let script = fs::read_to_string(prefix.join(path))?;
             ensure!(script.contains("num-disparities"), "{archive_name} has other completions for {shell}");
+        }
+        if archive_name.ends_with(".tar.gz") {
+            let (url, program) = (binstall("pkg-url")?, binstall("bin-dir")?);
+            let found = archive.file_name().is_some_and(|name| url.ends_with(&format!("/{}", name.to_string_lossy())));
+            ensure!(found && unpacked.join(&program).is_file(), "cargo binstall would look for {program} in {url}");
         }
         println!("release: {}: the program runs, and the manual and the completions are its own", archive_name);
     }
@@ -187,6 +193,16 @@ fn copy(from: &Path, to: &Path) -> Result<()> {
     fs::create_dir_all(to.parent().context("a folder")?)?;
     fs::copy(from, to).with_context(|| format!("cannot copy {}", from.display()))?;
     Ok(())
+}
+
+/// What the program's package tells `cargo binstall`, for this version and machine.
+fn binstall(key: &str) -> Result<String> {
+    let metadata = read(&mut command("cargo", ["metadata", "--no-deps", "--format-version", "1"]))?;
+    let metadata: Value = serde_json::from_str(&metadata)?;
+    let packages = metadata["packages"].as_array().context("packages")?;
+    let package = packages.iter().find(|package| package["name"] == "multiscopic").context("the program's package")?;
+    let template = package["metadata"]["binstall"][key].as_str().with_context(|| format!("no {key} for cargo binstall"))?;
+    Ok(template.replace("{ version }", env!("CARGO_PKG_VERSION")).replace("{ target }", &toolchain::host()?))
 }
 
 fn archive_name_without_extension(path: &Path) -> Result<String> {

@@ -25,6 +25,9 @@ fn most_resident(words: &[&str]) -> f64 {
     1.024e-3 * most
 }
 
+/// What stacks of threads and the allocator may take besides, in megabytes. The least of a program is no constant.
+const BESIDES: f64 = 3.0;
+
 /// What the program says that a match takes, in megabytes.
 fn announced(words: &[&str]) -> f64 {
     let run = Invocation::new(words.iter().copied().chain(["--max-memory", "1"]));
@@ -66,7 +69,7 @@ fn matches_take_what_they_announce() {
         let words = words(rig, options);
         let (expected, taken) = (announced(&words), most_resident(&words) - program);
         println!("{options}: {expected} MB are announced, {taken:.1} MB taken");
-        assert!(taken < expected && expected < 2.5 * taken, "{options}: {expected} MB are announced, {taken:.1} MB taken");
+        assert!(taken < expected + BESIDES && expected < 2.5 * taken, "{options}: {expected} MB are announced, {taken:.1} MB taken");
     }
 }
 
@@ -83,7 +86,7 @@ fn alignments_take_what_they_announce() {
         let words = ["align", &rig, "-o", &aligned];
         let (expected, taken) = (announced(&words), most_resident(&words) - program);
         println!("{views} views: {expected} MB are announced, {taken:.1} MB taken");
-        assert!(taken < expected && expected < 2.5 * taken, "{views}: {expected} MB are announced, {taken:.1} MB taken");
+        assert!(taken < expected + BESIDES && expected < 2.5 * taken, "{views}: {expected} MB are announced, {taken:.1} MB taken");
         let matched = Invocation::new(["match", &rig, "--align", "--max-memory", "50", "-o", &path("d.pfm")]);
         matched.assert_refused(&["aligning takes about", "50 MB may be taken: align smaller images"]);
     }

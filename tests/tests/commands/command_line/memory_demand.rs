@@ -25,8 +25,10 @@ fn most_resident(words: &[&str]) -> f64 {
     1.024e-3 * most
 }
 
-/// What stacks of threads and the allocator may take besides, in megabytes. The least of a program is no constant.
-const BESIDES: f64 = 3.0;
+/// The same of a run that takes a few milliseconds, which may end before it is looked at.
+fn most_of_many(words: &[&str]) -> f64 {
+    (0..30).map(|_| most_resident(words)).fold(0.0, f64::max)
+}
 
 /// What the program says that a match takes, in megabytes.
 fn announced(words: &[&str]) -> f64 {
@@ -56,7 +58,7 @@ fn matches_take_what_they_announce() {
         let words = ["match", rig, "--num-disparities", "40", "-o", output.to_str().expect("UTF-8"), "--threads", "2"];
         words.into_iter().chain(options.split(' ')).collect::<Vec<_>>()
     };
-    let program = most_resident(&words(&tiny, "--method bm"));
+    let program = most_of_many(&words(&tiny, "--method bm"));
     for (rig, options) in [
         (&cross, "--method bm"),
         (&pair, "--method bm --disp12-max-diff 1"),
@@ -69,7 +71,7 @@ fn matches_take_what_they_announce() {
         let words = words(rig, options);
         let (expected, taken) = (announced(&words), most_resident(&words) - program);
         println!("{options}: {expected} MB are announced, {taken:.1} MB taken");
-        assert!(taken < expected + BESIDES && expected < 2.5 * taken, "{options}: {expected} MB are announced, {taken:.1} MB taken");
+        assert!(taken < expected && expected < 2.5 * taken, "{options}: {expected} MB are announced, {taken:.1} MB taken");
     }
 }
 
@@ -79,14 +81,14 @@ fn alignments_take_what_they_announce() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
     let tiny = scene(dir.path(), "96x72", "2");
-    let program = most_resident(&["align", &tiny]);
+    let program = most_of_many(&["align", &tiny]);
     for views in ["1", "4"] {
         let rig = scene(dir.path(), "1280x960", views);
         let aligned = path(views);
         let words = ["align", &rig, "-o", &aligned];
         let (expected, taken) = (announced(&words), most_resident(&words) - program);
         println!("{views} views: {expected} MB are announced, {taken:.1} MB taken");
-        assert!(taken < expected + BESIDES && expected < 2.5 * taken, "{views}: {expected} MB are announced, {taken:.1} MB taken");
+        assert!(taken < expected && expected < 2.5 * taken, "{views}: {expected} MB are announced, {taken:.1} MB taken");
         let matched = Invocation::new(["match", &rig, "--align", "--max-memory", "50", "-o", &path("d.pfm")]);
         matched.assert_refused(&["aligning takes about", "50 MB may be taken: align smaller images"]);
     }

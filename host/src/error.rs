@@ -62,6 +62,18 @@ impl Error {
     pub(crate) fn format(path: &Path, found: impl Into<String>, expected: impl Into<String>) -> Error {
         Error::Format { path: path.into(), found: found.into(), expected: expected.into() }
     }
+
+    /// Checks that `what` may take the bytes `needed`, given the most that may be taken, if that is limited.
+    pub(crate) fn check_memory(what: &str, needed: u64, most: Option<u64>, advice: &str) -> Result<()> {
+        match most {
+            Some(most) if needed > most => {
+                let [needed, most] = [needed.div_ceil(1_000_000), most / 1_000_000];
+                let taken = format!("{what} takes about {needed} MB of memory, and {most} MB may be taken");
+                Err(Error::Usage(format!("{taken}: {advice}")))
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// The result of an operation on the host.

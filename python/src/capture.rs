@@ -106,14 +106,10 @@ impl Capture {
                 frames = frames.without_color();
             }
             let engine = options.engine()?;
-            let (mut map, confidences) = match (options.prior(), method.long_baselines, options.has_confidence()) {
-                (Some(prior), Some(long), _) => {
-                    let refined = long.refine_prior(&engine, &frames, prior.clone(), progress)?;
-                    let range = refined.range().map_or(0..=0, |range| range.start().floor() as i16..=range.end().ceil() as i16);
-                    (method.sharpened(&engine, &frames, frames.views(), range, refined), None)
-                }
-                (_, _, false) => (method.disparities(&engine, &frames, &search, progress)?, None),
-                (_, _, true) => {
+            let (mut map, confidences) = match (options.prior(), options.has_confidence()) {
+                (Some(prior), _) => (method.disparities_around(&engine, &frames, prior.clone(), progress)?, None),
+                (None, false) => (method.disparities(&engine, &frames, &search, progress)?, None),
+                (None, true) => {
                     let (map, confidences) = method.disparities_and_confidences(&engine, &frames, &search, progress)?;
                     (map, Some(confidences))
                 }

@@ -214,15 +214,7 @@ impl Options {
 
     /// Refuses to align `frames` if that takes more memory than it may.
     pub fn check_alignment(&self, frames: &Frames) -> Result<()> {
-        let needed = Alignment::bytes(frames);
-        match self.most_bytes()? {
-            Some(most) if needed > most => {
-                let [needed, most] = [needed.div_ceil(1_000_000), most / 1_000_000];
-                let taken = format!("aligning takes about {needed} MB of memory, and {most} MB may be taken");
-                Err(Error::Usage(format!("{taken}: align smaller images")))
-            }
-            _ => Ok(()),
-        }
+        Alignment::check_memory(frames, self.most_bytes()?)
     }
 
     /// The search in `frames`. `range` is the smallest disparity and their number, unless options override them.

@@ -17,10 +17,10 @@ type DisparityRange = (i16, u16);
 
 /// Estimates the disparity of each pixel of a centre image by matching it with its neighbours.
 ///
-/// Images are uint8 or uint16 of height x width, or height x width x 3 (RGB), all of the same size. Each is named by where the camera was
-/// moved to: the match of centre pixel (u, v) at disparity d is at (u - d, v) in the right view, (u + d, v) in the left,
-/// (u, v + d) in the top and (u, v - d) in the bottom view. The right image of a stereo pair whose left image is the centre is
-/// the right view. Other threads run meanwhile, and Ctrl-C ends all methods but block matching.
+/// Images are uint8 or uint16 of height x width, or height x width x 3 (RGB), all of the same size. Each is named by where the
+/// camera was moved to: the match of centre pixel (u, v) at disparity d is at (u - d, v) in the right view, (u + d, v) in the
+/// left, (u, v + d) in the top and (u, v - d) in the bottom view. The right image of a stereo pair whose left image is the
+/// centre is the right view. Other threads run meanwhile, and Ctrl-C ends all methods but block matching.
 ///
 /// Args:
 ///     center: the reference image.
@@ -36,8 +36,8 @@ type DisparityRange = (i16, u16);
 ///         "sad".
 ///     auto_range: find the range of disparities from the images.
 ///     align: rectify the views first.
-///     bits: bits of the values in uint16, or in a rig's files of 16 bits: 10, 12, 14 or 16. White is the largest number of so many
-///         bits. The default is that of rig.toml, or the least that have the brightest sample of all images.
+///     bits: bits of the values in uint16, or in a rig's files of 16 bits: 10, 12, 14 or 16. White is the largest number of so
+///         many bits. The default is that of rig.toml, or the least that have the brightest sample of all images.
 ///     cost: cost of "sgm": "census", "census2" or "sad".
 ///     census: window of the census transform: "5x5", "7x7" or "9x7".
 ///     p1, p2: penalties of "sgm" for disparity changes of one and for larger ones, up to 51 (OpenCV: P1, P2).
@@ -62,8 +62,8 @@ type DisparityRange = (i16, u16);
 ///     sgm_q1, sgm_q2: divisors of both penalties at an edge in one image and in both. The defaults are 4 and 8, 4.5 and 9.
 ///     sgm_v: further divisor of the first penalty on vertical paths. The default is 1.5, 2.75.
 ///     sgm_d: difference of brightness that makes an edge, in standard deviations of the image. The default is 0.08, 0.13.
-///     cbca_intensity: average the costs of MC-CNN over a cross of pixels that differ in brightness by less than this, in standard
-///         deviations of the image.
+///     cbca_intensity: average the costs of MC-CNN over a cross of pixels that differ in brightness by less than this, in
+///         standard deviations of the image.
 ///     cbca_distance: limit the arms of that cross to less than so many pixels.
 ///     cbca_iterations_1, cbca_iterations_2: number of averaging passes before and after the paths. The defaults are 0 and 0 for
 ///         "mccnn-fast", 2 and 0 for "mccnn-accurate".
@@ -83,9 +83,9 @@ type DisparityRange = (i16, u16);
 ///     min_confidence: keep a disparity only if it is at most one pixel off with this probability, from 0 to 1.
 ///     smooth: smooth disparities within the edges of the centre, so that all pixels get one.
 ///     fill: "background" fills pixels without a disparity, after all other filters.
-///     prior: disparities around which all views are searched instead of over the whole range: numbers of height x width in pixels
-///         of one baseline, NaN or infinite where unknown. They are rounded to multiples of 1/64, which those of match() are. Of the
-///         filters, sub_pixel alone goes with it, and there are no confidences.
+///     prior: disparities around which all views are searched instead of over the whole range: numbers of height x width in
+///         pixels of one baseline, NaN or infinite where unknown. They are rounded to multiples of 1/64, which those of match()
+///         are. Of the filters, sub_pixel alone goes with it, and there are no confidences.
 ///     prior_disparities: number of disparities that views at longer baselines search around those found at the shortest one, or
 ///         all views around the prior, in pixels of the longer baseline.
 ///     prior_median: side of the median filter of what is searched around, odd, from 3 to 31, or 0 for none.
@@ -151,8 +151,8 @@ pub fn matched<'py>(
 ///     bits: bits of the values in uint16, as match() takes them.
 ///
 /// Returns:
-///     The rectified images by their offsets in baselines to the right and down. The centre's is (0, 0). Those of uint16 are uint16,
-///     in which white is 65535.
+///     The rectified images by their offsets in baselines to the right and down. The centre's is (0, 0). Those of uint16 are
+///     uint16, in which white is 65535.
 ///
 /// Raises:
 ///     TypeError: an image is neither uint8 nor uint16.

@@ -59,6 +59,14 @@ impl Alignment {
         (frames.width() * frames.height() * bytes) as u64
     }
 
+    /// Checks that the alignment of these frames does not take more than `most_bytes`, if that is limited.
+    ///
+    /// # Errors
+    /// [`Error::Usage`](crate::Error::Usage) with what it takes and what there is.
+    pub fn check_memory(frames: &Frames, most_bytes: Option<u64>) -> Result<()> {
+        Error::check_memory("aligning", Alignment::bytes(frames), most_bytes, "align smaller images")
+    }
+
     /// Estimates the misalignment of every view of `frames`. `search` gives the range of disparities, and `geometry` the
     /// focal length and the principal point: without it, those of a usual camera are taken, and large rotations are found
     /// less precisely.

@@ -1,6 +1,9 @@
 //! NPY and NPZ files: arrays as numpy stores them.
 
-use std::{io, path::Path};
+use std::{
+    io::{self, Write},
+    path::Path,
+};
 
 use zip::{ZipWriter, write::SimpleFileOptions};
 
@@ -31,8 +34,7 @@ impl FloatImage {
         output::write(path, |file| {
             let mut archive = ZipWriter::new_stream(file);
             archive.start_file(format!("{name}.npy"), SimpleFileOptions::default())?;
-            io::Write::write_all(&mut archive, &header(Number::F32, &[self.height(), self.width()]))?;
-            io::Write::write_all(&mut archive, &self.bytes())?;
+            put(&mut archive, Number::F32, &[self.height(), self.width()], &self.bytes())?;
             archive.finish()?;
             Ok(())
         })
@@ -45,10 +47,12 @@ impl FloatImage {
 
 /// Writes an array of `shape`, the last dimension contiguous, of which `data` has the bytes.
 pub(crate) fn write(path: &Path, number: Number, shape: &[usize], data: &[u8]) -> Result<()> {
-    output::write(path, |file| {
-        file.write_all(&header(number, shape))?;
-        file.write_all(data)
-    })
+    output::write(path, |mut file| put(&mut file, number, shape, data))
+}
+
+fn put(to: &mut impl Write, number: Number, shape: &[usize], data: &[u8]) -> io::Result<()> {
+    to.write_all(&header(number, shape))?;
+    to.write_all(data)
 }
 
 /// The header of version 1.0, padded to a multiple of 64 bytes.

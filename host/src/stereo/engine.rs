@@ -82,15 +82,7 @@ impl Engine {
     /// # Errors
     /// [`Error::Usage`] with what it takes and what there is.
     pub(super) fn check_memory(&self, bytes: u64) -> Result<()> {
-        match self.most_bytes {
-            Some(most) if bytes > most => {
-                let [needed, most] = [bytes.div_ceil(1_000_000), most / 1_000_000];
-                Err(Error::Usage(format!(
-                    "the match takes about {needed} MB of memory, and {most} MB may be taken: match fewer disparities or smaller images"
-                )))
-            }
-            _ => Ok(()),
-        }
+        Error::check_memory("the match", bytes, self.most_bytes, "match fewer disparities or smaller images")
     }
 
     /// Block matching by the core: the centre of `frames` with the views of `params`. Calls `line_done` after

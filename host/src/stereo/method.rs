@@ -252,12 +252,27 @@ impl Method {
         Ok(self.sharpened(engine, frames, search.views(), search.min_disparity()..=search.max_disparity(), map))
     }
 
+    /// Refines disparities of the centre of `frames` that are known beforehand, in pixels of one baseline, by all views, and
+    /// applies the sub-pixel step of the refinement, if it has one. Nothing else of the method counts.
+    ///
+    /// # Errors
+    /// Those of [`LongBaselines::refine_prior`].
+    pub fn disparities_around(
+        &self,
+        engine: &Engine,
+        frames: &Frames,
+        prior: DisparityMap,
+        progress: &dyn Progress,
+    ) -> Result<DisparityMap> {
+        let long_baselines = self.long_baselines.unwrap_or(LongBaselines::DEFAULT);
+        let map = long_baselines.refine_prior(engine, frames, prior, progress)?;
+        let range = map.range().map_or(0..=0, |range| range.start().floor() as i16..=range.end().ceil() as i16);
+        Ok(self.sharpened(engine, frames, frames.views(), range, map))
+    }
+
     /// Applies the sub-pixel step of the refinement, if it has one, to disparities of the centre of `frames` that
     /// were found in `range`, in pixels, by these views or beforehand.
-    ///
-    /// # Panics
-    /// If a view is missing.
-    pub fn sharpened(
+    fn sharpened(
         &self,
         engine: &Engine,
         frames: &Frames,

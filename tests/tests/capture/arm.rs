@@ -2,13 +2,14 @@
 
 use std::{
     f64::consts::PI,
-    io::{self, Read, Write},
+    io::{self, Write},
     net::TcpListener,
     sync::Arc,
     thread,
     time::{Duration, Instant},
 };
 
+use crate::hostile_arm::{ANSWERS, hear};
 use multiscopic::capture::stage::{self, AnyStage, Limits, SafetyMode, StageError, StageSpec};
 use multiscopic_core::{
     Views,
@@ -361,13 +362,9 @@ fn noisy(noise: Vec<u8>) -> StageSpec {
     let spec = format!("ur10:127.0.0.1:{0},{0}", port.local_addr().unwrap().port());
     thread::spawn(move || -> io::Result<()> {
         let (mut stream, _) = port.accept()?;
-        // The client requests a version, a recipe, and the start.
-        for answer in
-            [b"\0\x04V\x01".to_vec(), b"\0\x2fO\x01DOUBLE,VECTOR6D,VECTOR6D,INT32,INT32,UINT32".to_vec(), b"\0\x04S\x01".to_vec()]
-        {
-            let mut question = [0; 256];
-            let _ = stream.read(&mut question)?;
-            stream.write_all(&answer)?;
+        for answer in ANSWERS {
+            hear(&mut stream)?;
+            stream.write_all(answer)?;
         }
         stream.write_all(&noise)
     });

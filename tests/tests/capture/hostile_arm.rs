@@ -15,13 +15,14 @@ use proptest::prelude::*;
 /// Where the tool is when the arm is opened.
 const START: [f64; 6] = [0.4, -0.2, 0.5, 1.2, -0.3, 0.7];
 /// The answers to the questions of the handshake: the version, the recipe and the start.
-const ANSWERS: [&[u8]; 3] = [b"\0\x04V\x01", b"\0\x2fO\x01DOUBLE,VECTOR6D,VECTOR6D,INT32,INT32,UINT32", b"\0\x04S\x01"];
+pub const ANSWERS: [&[u8]; 3] = [b"\0\x04V\x01", b"\0\x2fO\x01DOUBLE,VECTOR6D,VECTOR6D,INT32,INT32,UINT32", b"\0\x04S\x01"];
 
-fn limits() -> Limits {
+/// Limits with this patience for silence.
+fn limits(milliseconds: u64) -> Limits {
     Limits {
         reach_um: 50_000,
-        connect_timeout: Duration::from_millis(200),
-        silence_timeout: Duration::from_millis(40),
+        connect_timeout: Duration::from_millis(5 * milliseconds),
+        silence_timeout: Duration::from_millis(milliseconds),
         stall_timeout: Duration::from_millis(60),
         ..Limits::default()
     }
@@ -119,7 +120,7 @@ impl LyingArm {
 }
 
 /// Hears a question out.
-fn hear(stream: &mut TcpStream) -> io::Result<()> {
+pub fn hear(stream: &mut TcpStream) -> io::Result<()> {
     let mut question = [0; 256];
     stream.read(&mut question).map(drop)
 }
@@ -209,7 +210,7 @@ proptest! {
         orders in proptest::collection::vec(order(), 1..25),
     ) {
         let arm = LyingArm::saying(sayings);
-        if let Ok(mut stage) = Arm::connect(&arm.address, &limits()) {
+        if let Ok(mut stage) = Arm::connect(&arm.address, &limits(40)) {
             follow(&mut stage, &orders);
         }
         let asked = orders.iter().filter_map(|order| if let Order::MoveTo(position) = order { Some(*position) } else { None });
@@ -237,10 +238,16 @@ fn a_connection_may_end_at_every_byte() {
                 say(stream, answer)?;
             }
             say(stream, &Saying::TRUE.bytes())?;
-            thread::sleep(Duration::from_millis(1));
-            say(stream, &Saying::TRUE.bytes())
+            say(stream, &Saying::TRUE.bytes())?;
+            // A move waits for a sample that is new.
+            for _ in 0..200 {
+                thread::sleep(Duration::from_millis(5));
+                stream.write_all(&Saying::TRUE.bytes())?;
+            }
+            Ok(())
         });
-        if let Ok(mut stage) = Arm::connect(&arm.address, &limits()) {
+        // It hangs up, so that patience on a busy system takes no time.
+        if let Ok(mut stage) = Arm::connect(&arm.address, &limits(1500)) {
             opened += 1;
             follow(&mut stage, &[Order::MoveTo(target), Order::HasArrived]);
         }

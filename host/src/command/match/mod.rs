@@ -140,14 +140,10 @@ impl Match {
         say_if_much("matching", method.bytes(&search, &frames));
         let watch = Watch::new();
         let start = Instant::now();
-        let (mut disparities, mut confidences) = match (prior, method.long_baselines, outputs.has_confidences()) {
-            (Some(prior), Some(long), _) => {
-                let refined = long.refine_prior(engine, &frames, prior, &watch)?;
-                let range = refined.range().map_or(0..=0, |range| range.start().floor() as i16..=range.end().ceil() as i16);
-                (method.sharpened(engine, &frames, frames.views(), range, refined), None)
-            }
-            (_, _, false) => (method.disparities(engine, &frames, &search, &watch)?, None),
-            (_, _, true) => {
+        let (mut disparities, mut confidences) = match (prior, outputs.has_confidences()) {
+            (Some(prior), _) => (method.disparities_around(engine, &frames, prior, &watch)?, None),
+            (None, false) => (method.disparities(engine, &frames, &search, &watch)?, None),
+            (None, true) => {
                 let (disparities, confidences) = method.disparities_and_confidences(engine, &frames, &search, &watch)?;
                 (disparities, Some(confidences))
             }

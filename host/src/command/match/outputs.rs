@@ -30,8 +30,8 @@ pub struct Outputs {
     #[arg(long, value_name = "OUT.png", conflicts_with = "prior", value_parser = output_file::png)]
     pub confidence: Option<PathBuf>,
 
-    /// Depth in metres, +inf where unknown, as PFM or for numpy (OUT.npy, OUT.npz); or in millimetres as a 16-bit image, 0 where unknown
-    /// (OUT.png); needs the focal length and the baseline
+    /// Depth in metres, +inf where unknown, as PFM or for numpy (OUT.npy, OUT.npz); or in millimetres as a 16-bit image, 0 where
+    /// unknown (OUT.png); needs the focal length and the baseline
     #[arg(long, value_name = "OUT.pfm", value_parser = output_file::depths)]
     depth: Option<PathBuf>,
 

@@ -3,7 +3,7 @@
 use std::fs;
 
 use clap::{Args, value_parser};
-use multiscopic::{Alignment, Error, Frames, Result};
+use multiscopic::{Alignment, Frames, Result};
 
 use crate::command::terminal;
 
@@ -28,18 +28,10 @@ impl MemoryOptions {
     /// Checks that the alignment of `frames` may take what it takes.
     ///
     /// # Errors
-    /// [`Error::Usage`] if it may not.
+    /// Those of [`Alignment::check_memory`].
     pub fn check_alignment(&self, frames: &Frames) -> Result<()> {
-        let needed = Alignment::bytes(frames);
-        say_if_much("aligning", needed);
-        match self.most_bytes() {
-            Some(most) if needed > most => {
-                let [needed, most] = [needed.div_ceil(1_000_000), most / 1_000_000];
-                let taken = format!("aligning takes about {needed} MB of memory, and {most} MB may be taken");
-                Err(Error::Usage(format!("{taken}: align smaller images")))
-            }
-            _ => Ok(()),
-        }
+        say_if_much("aligning", Alignment::bytes(frames));
+        Alignment::check_memory(frames, self.most_bytes())
     }
 }
 

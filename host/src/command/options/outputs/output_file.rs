@@ -34,10 +34,12 @@ pub fn ends_in(path: &Path, end: &str) -> bool {
 
 /// Writes real numbers as the name of the file says, in an archive by the name of `what` they are.
 pub fn write_floats(image: &FloatImage, path: &Path, what: &str) -> Result<()> {
-    match () {
-        () if ends_in(path, "npy") => image.write_npy(path),
-        () if ends_in(path, "npz") => image.write_npz(path, what),
-        () => image.write_pfm(path),
+    if ends_in(path, "npy") {
+        image.write_npy(path)
+    } else if ends_in(path, "npz") {
+        image.write_npz(path, what)
+    } else {
+        image.write_pfm(path)
     }
 }
 

@@ -89,7 +89,7 @@ pub fn check() -> Result<()> {
             ensure!(script.contains("num-disparities"), "{archive_name} has other completions for {shell}");
         }
         if archive_name.ends_with(".tar.gz") {
-            let (url, program) = (binstall("pkg-url")?, binstall("bin-dir")?);
+            let [url, program] = binstall()?;
             let found = archive.file_name().is_some_and(|name| url.ends_with(&format!("/{}", name.to_string_lossy())));
             ensure!(found && unpacked.join(&program).is_file(), "cargo binstall would look for {program} in {url}");
         }
@@ -195,14 +195,18 @@ fn copy(from: &Path, to: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What the program's package tells `cargo binstall`, for this version and machine.
-fn binstall(key: &str) -> Result<String> {
+/// What the program's package tells `cargo binstall`, for this version and machine: where the archive is, and the program in it.
+fn binstall() -> Result<[String; 2]> {
     let metadata = read(&mut command("cargo", ["metadata", "--no-deps", "--format-version", "1"]))?;
     let metadata: Value = serde_json::from_str(&metadata)?;
     let packages = metadata["packages"].as_array().context("packages")?;
     let package = packages.iter().find(|package| package["name"] == "multiscopic").context("the program's package")?;
-    let template = package["metadata"]["binstall"][key].as_str().with_context(|| format!("no {key} for cargo binstall"))?;
-    Ok(template.replace("{ version }", env!("CARGO_PKG_VERSION")).replace("{ target }", &toolchain::host()?))
+    let target = toolchain::host()?;
+    let value = |key| -> Result<String> {
+        let template = package["metadata"]["binstall"][key].as_str().with_context(|| format!("no {key} for cargo binstall"))?;
+        Ok(template.replace("{ version }", env!("CARGO_PKG_VERSION")).replace("{ target }", &target))
+    };
+    Ok([value("pkg-url")?, value("bin-dir")?])
 }
 
 fn archive_name_without_extension(path: &Path) -> Result<String> {

@@ -6,7 +6,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
 #[cfg(feature = "mcap")]
-use multiscopic::files::ros::RosRecording;
+use multiscopic::files::ros::{RosRecording, check_rerun};
 use multiscopic::{
     DisparityMap, Error, Geometry, Picture, Result,
     files::ply::{self, Encoding},
@@ -61,6 +61,11 @@ pub struct Outputs {
     #[arg(long, value_name = "OUT.mcap", value_parser = output_file::mcap)]
     mcap: Option<PathBuf>,
 
+    /// The same as a file of Rerun, whose program `rerun` converts it: install it with `pip install rerun-sdk`
+    #[cfg(feature = "mcap")]
+    #[arg(long, value_name = "OUT.rrd", value_parser = output_file::rrd)]
+    rerun: Option<PathBuf>,
+
     /// Page to look at the disparities, the pictures, the costs and the points, see `multiscopic view`
     #[arg(long, value_name = "FILE.html", value_parser = output_file::html)]
     pub report: Option<PathBuf>,
@@ -71,8 +76,12 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    /// Refuses to match for nothing, and two things on standard output.
+    /// Refuses to match for nothing, for a program that is missing, and two things on standard output.
     pub fn check(&self) -> Result<()> {
+        #[cfg(feature = "mcap")]
+        if self.rerun.is_some() {
+            check_rerun()?;
+        }
         let is_printed = self.maps.check_printed(&[("--preview", self.preview), ("--json", self.json)])?;
         if is_printed || !self.paths().is_empty() || self.features.is_some() {
             return Ok(());
@@ -84,7 +93,8 @@ impl Outputs {
     pub fn paths(&self) -> Vec<&Path> {
         let Outputs { maps, confidence, depth, depth_png, ply, report, .. } = self;
         maps.paths()
-            .chain([confidence, depth, depth_png, ply, report, self.recording()].into_iter().flatten().map(PathBuf::as_path))
+            .chain([confidence, depth, depth_png, ply, report].into_iter().flatten().map(PathBuf::as_path))
+            .chain(self.recordings().into_iter().map(|(_, path)| path))
             .collect()
     }
 
@@ -100,14 +110,16 @@ impl Outputs {
             report,
             #[cfg(feature = "mcap")]
             mcap,
+            #[cfg(feature = "mcap")]
+            rerun,
             ..
         } = &mut outputs;
         #[cfg(feature = "mcap")]
-        let recording = mcap.as_mut();
+        let recordings = [mcap, rerun];
         #[cfg(not(feature = "mcap"))]
-        let recording = None;
-        let paths = [confidence, depth, depth_png, ply, report].into_iter().flatten();
-        for path in maps.paths_mut().chain(paths).chain(recording) {
+        let recordings: [&mut Option<PathBuf>; 0] = [];
+        let paths = [confidence, depth, depth_png, ply, report].into_iter().chain(recordings).flatten();
+        for path in maps.paths_mut().chain(paths) {
             if output_file::is_standard_output(path) || path.file_name() != Some(path.as_os_str()) {
                 return Err(Error::Usage(format!(
                     "the output {} is not a name alone: with --list, outputs are in the folder of each rig in --results",
@@ -148,7 +160,7 @@ impl Outputs {
         Ok(())
     }
 
-    /// Writes the recording for ROS 2, if it was asked for.
+    /// Writes the recordings that were asked for.
     #[cfg(feature = "mcap")]
     pub fn record(
         &self,
@@ -158,34 +170,37 @@ impl Outputs {
         geometry: Option<&Geometry>,
         center: Option<&Picture>,
     ) -> Result<()> {
-        let (Some(path), Some(geometry), Some(center)) = (&self.mcap, geometry, center) else { return Ok(()) };
+        let (Some(geometry), Some(center)) = (geometry, center) else { return Ok(()) };
         let range = [search.min_disparity(), search.max_disparity()];
+        let recording = RosRecording { center, disparities, confidences, geometry, range };
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        RosRecording { center, disparities, confidences, geometry, range }.write(path, now)
+        self.mcap.iter().try_for_each(|path| recording.write(path, now))?;
+        self.rerun.iter().try_for_each(|path| recording.write_rerun(path, now))
     }
 
-    /// The recording for ROS 2.
-    fn recording(&self) -> &Option<PathBuf> {
+    /// The recordings, with their options.
+    fn recordings(&self) -> Vec<(&'static str, &Path)> {
         #[cfg(feature = "mcap")]
-        return &self.mcap;
+        let recordings = [("--mcap", &self.mcap), ("--rerun", &self.rerun)];
         #[cfg(not(feature = "mcap"))]
-        &None
+        let recordings: [(_, &Option<PathBuf>); 0] = [];
+        recordings.into_iter().filter_map(|(option, path)| Some((option, path.as_deref()?))).collect()
     }
 
     /// Whether an output has confidences.
     pub fn has_confidences(&self) -> bool {
-        self.confidence.is_some() || self.report.is_some() || self.recording().is_some()
+        self.confidence.is_some() || self.report.is_some() || !self.recordings().is_empty()
     }
 
     /// Whether an output has the colours of the centre.
     pub fn has_center(&self) -> bool {
-        self.ply.is_some() || self.recording().is_some()
+        self.ply.is_some() || !self.recordings().is_empty()
     }
 
     /// The option and the file of an output that needs the geometry, if there is one.
     pub fn of_depth(&self) -> Option<String> {
-        let outputs =
-            [("--depth", &self.depth), ("--depth-png", &self.depth_png), ("--ply", &self.ply), ("--mcap", self.recording())];
-        outputs.into_iter().find_map(|(option, path)| Some(format!("{option} {}", path.as_ref()?.display())))
+        let outputs = [("--depth", &self.depth), ("--depth-png", &self.depth_png), ("--ply", &self.ply)];
+        let outputs = outputs.into_iter().filter_map(|(option, path)| Some((option, path.as_deref()?)));
+        outputs.chain(self.recordings()).next().map(|(option, path)| format!("{option} {}", path.display()))
     }
 }

@@ -5,10 +5,12 @@
 //! | `cdr` | how messages are encoded |
 //! | `definitions` | the fields of each type of message |
 //! | `messages` | the messages |
+//! | `rerun_file` | files for Rerun, made of recordings |
 
 mod cdr;
 mod definitions;
 mod messages;
+mod rerun_file;
 
 use std::{
     collections::BTreeMap,
@@ -20,6 +22,7 @@ use std::{
 use definitions::Definition;
 use mcap::{WriteOptions, records::MessageHeader, write::NoSeek};
 use messages::Stamp;
+pub use rerun_file::check_rerun;
 
 use crate::{
     error::Result,

@@ -1,6 +1,10 @@
 //! Recordings for ROS 2, read back by their definitions.
 
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
 
 use multiscopic::FloatImage;
 use multiscopic_tests::program::Invocation;
@@ -240,4 +244,39 @@ fn a_recording_needs_a_baseline() {
     let words = ["match", "--center", &frame("center"), "--right", &frame("right"), "--mcap", &path("r.mcap")];
     Invocation::new(words).assert_refused(&["--mcap", "baseline"]);
     Invocation::new(["match", &path("scenes/0000"), "--mcap", "r.bag"]).assert_refused(&["r.bag", ".mcap"]);
+}
+
+/// A folder with a program `rerun` in its place that runs a script.
+#[cfg(unix)]
+fn folder_of_rerun(dir: &Path, script: &str) -> PathBuf {
+    use std::os::unix::fs::PermissionsExt;
+
+    let folder = dir.join("bin");
+    fs::create_dir_all(&folder).expect("a folder");
+    let program = folder.join("rerun");
+    fs::write(&program, format!("#!/bin/sh\n{script}\n")).expect("a script");
+    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).expect("permissions");
+    folder
+}
+
+#[cfg(unix)]
+#[test]
+fn rerun_converts_the_same_recording() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
+    Invocation::new(["scene", "--random", "--size", "48x36", "-o", &path("scenes")]).assert_done();
+    let words = ["match", &path("scenes/0000"), "--num-disparities", "8", "--mcap", &path("r.mcap"), "--rerun", &path("r.rrd")];
+    let run = |folder: PathBuf| Invocation::with(words, [("PATH", folder)]);
+    let names = || fs::read_dir(dir.path()).expect("a folder").count();
+
+    run(dir.path().join("nowhere")).assert_refused(&["rerun", "pip install rerun-sdk"]);
+    let failing = run(folder_of_rerun(dir.path(), r#"[ "$1" = --version ] || { echo "no such version" >&2; exit 3; }"#));
+    failing.assert_refused(&["no such version", "r.rrd", "3"]);
+    assert_eq!(names(), 2, "the scenes and the programs");
+
+    // What it is given, so that it can be compared.
+    let copying = r#"[ "$1" = --version ] || { [ "$1 $2 $5" = "mcap convert -o" ] && /bin/cp "$7" "$6"; }"#;
+    run(folder_of_rerun(dir.path(), copying)).assert_done();
+    assert_eq!(timeless(&path("r.rrd")), timeless(&path("r.mcap")));
+    assert_eq!(names(), 4);
 }

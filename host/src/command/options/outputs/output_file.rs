@@ -59,6 +59,12 @@ pub fn mcap(text: &str) -> Result<PathBuf> {
     named(text, &["mcap"])
 }
 
+/// Parses the name of a file for Rerun.
+#[cfg(feature = "mcap")]
+pub fn rrd(text: &str) -> Result<PathBuf> {
+    named(text, &["rrd"])
+}
+
 /// Parses the name of a page.
 pub fn html(text: &str) -> Result<PathBuf> {
     named(text, &["html", "htm"])

@@ -27,10 +27,10 @@ use std::process::ExitCode;
 
 use emulation::setup;
 use firmware_checks::{bit_flips, capturing, cycles, faults, kernel_twins, pico2, profiles};
-use publishing::{crates, release, supply_chain};
+use publishing::{crates, public_api, release, supply_chain};
 use workspace_checks::{
-    cluster, crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages, python_package, sanitizing, soaking,
-    suite,
+    cluster, crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, mutating, pages, python_package, sanitizing,
+    soaking, suite,
 };
 
 /// Runs the project's checks, tests and firmware.
@@ -82,6 +82,8 @@ enum Task {
     Cluster(cluster::Clusters),
     /// Package the published crates, and compile each from its package
     Package,
+    /// Compare what the published crates offer with an earlier revision
+    Semver(public_api::PublicApi),
     /// Make archives of the program for Linux and Debian, which the same commit gives the same bytes
     Release(release::Release),
     /// Check the licences and versions of dependencies, the reasons for them and the count of unsafe code
@@ -96,6 +98,8 @@ enum Task {
     Pico2,
     /// Run the tests of everything that computes with AddressSanitizer
     Sanitize,
+    /// Break the code in small ways, one at a time, and look whether a test notices
+    Mutants(mutating::Mutating),
     /// Link the matcher alone, which fails if any path leads to a panic
     NoPanic,
 }
@@ -125,6 +129,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Page => pages::run_tests(),
         Task::Python => python_package::run_tests(),
         Task::Package => crates::check(),
+        Task::Semver(public_api) => public_api.check(),
         Task::Release(release) => release.run(),
         Task::Cluster(clusters) => clusters.run(),
         Task::SupplyChain(check) => check.run(),
@@ -132,6 +137,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Crash(crashing) => crashing.run(),
         Task::Soak(soaking) => soaking.run(),
         Task::Sanitize => sanitizing::run_tests(),
+        Task::Mutants(mutating) => mutating.run(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Pico2 => {
             let toolchain = setup::run()?;

@@ -13,7 +13,7 @@ use crate::system::{
 };
 
 /// The crates in the order of their dependencies.
-const PUBLISHED: [&str; 4] = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", "multiscopic"];
+pub const PUBLISHED: [&str; 4] = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", "multiscopic"];
 
 /// The bindings for V4L2, which are patched in the packages as in the workspace. Without them, building the
 /// host's package needs libclang, as it does for whoever depends on the published crate.

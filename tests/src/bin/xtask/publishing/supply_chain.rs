@@ -8,31 +8,21 @@ use std::{
 
 use anyhow::{Context, Result, anyhow, ensure};
 use clap::Args;
+use serde::Deserialize;
 use serde_json::{Value, json};
 use spdx::{Expression, LicenseId, ParseMode};
 use syn::visit::{self, Visit};
 
-use crate::system::{
-    folders,
-    process::{command, read},
+use crate::{
+    system::{
+        folders,
+        process::{command, read, run},
+    },
+    tools::cargo_tool,
 };
 
-/// The licences that any dependency may have. MPL-2.0 asks for the sources of its own files if they are changed, and nothing of
-/// others.
-const LICENCES: [&str; 12] = [
-    "0BSD",
-    "Apache-2.0",
-    "BSD-2-Clause",
-    "BSD-3-Clause",
-    "BSL-1.0",
-    "CC0-1.0",
-    "ISC",
-    "MIT",
-    "MPL-2.0",
-    "Unicode-3.0",
-    "Unlicense",
-    "Zlib",
-];
+/// What dependencies may be, for `cargo deny` too.
+const POLICY: &str = "deny.toml";
 
 /// The document with the reason for each direct dependency and the count of unsafe code.
 const DOCUMENT: &str = "docs/dependencies.md";
@@ -43,17 +33,21 @@ pub struct SupplyChain {
     /// Write a bill of materials of what the program and the firmware are built from, as CycloneDX
     #[arg(long, value_name = "OUT.json")]
     sbom: Option<PathBuf>,
+
+    /// Look the dependencies up in RustSec's database of advisories, which is fetched
+    #[arg(long)]
+    advisories: bool,
 }
 
 impl SupplyChain {
     /// The check alone.
-    pub const CHECK: SupplyChain = SupplyChain { sbom: None };
+    pub const CHECK: SupplyChain = SupplyChain { sbom: None, advisories: false };
 
     /// Runs the checks.
     pub fn run(&self) -> Result<()> {
         let workspace = Metadata::read()?;
         let document = fs::read_to_string(folders::root().join(DOCUMENT)).with_context(|| format!("cannot read {DOCUMENT}"))?;
-        let mut complaints = workspace.forbidden_licences();
+        let mut complaints = workspace.forbidden_licences(&allowed_licences()?);
         complaints.extend(differences("dependency", &workspace.direct(), &first_cells(&document, "## Direct dependencies")));
         complaints.extend(differences(
             "duplicate version",
@@ -64,6 +58,9 @@ impl SupplyChain {
         let written = table_rows(&document, "## Unsafe code").map(str::to_owned).collect();
         complaints.extend(differences("row of unsafe code", &counted, &written));
         ensure!(complaints.is_empty(), "{DOCUMENT} or the licences:\n{}", complaints.join("\n"));
+        if self.advisories {
+            run(cargo_tool::DENY.command()?.args(["--locked", "check", "advisories"]))?;
+        }
         if let Some(path) = &self.sbom {
             let text = serde_json::to_string_pretty(&workspace.bill_of_materials())?;
             fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
@@ -104,13 +101,13 @@ impl Metadata {
         dependencies.filter(|dependency| dependency["path"].is_null()).map(|dependency| text(&dependency["name"])).collect()
     }
 
-    fn forbidden_licences(&self) -> Vec<String> {
-        let is_allowed = |id: LicenseId| LICENCES.contains(&id.name);
+    fn forbidden_licences(&self, allowed: &[String]) -> Vec<String> {
+        let is_allowed = |id: LicenseId| allowed.iter().any(|name| name == id.name);
         let complaint = |package: &Value| {
             let licence = text(&package["license"]);
-            let allowed = Expression::parse_mode(&licence, ParseMode::LAX)
+            let is_fine = Expression::parse_mode(&licence, ParseMode::LAX)
                 .is_ok_and(|expression| expression.evaluate(|requirement| requirement.license.id().is_some_and(is_allowed)));
-            (!allowed).then(|| format!("{}: the licence is {licence:?}", text(&package["name"])))
+            (!is_fine).then(|| format!("{}: the licence is {licence:?}", text(&package["name"])))
         };
         self.foreign().filter_map(complaint).collect()
     }
@@ -149,6 +146,21 @@ impl Metadata {
             "dependencies": dependencies,
         })
     }
+}
+
+/// The licences that any dependency may have.
+fn allowed_licences() -> Result<Vec<String>> {
+    #[derive(Deserialize)]
+    struct Policy {
+        licenses: Licenses,
+    }
+    #[derive(Deserialize)]
+    struct Licenses {
+        allow: Vec<String>,
+    }
+    let text = fs::read_to_string(folders::root().join(POLICY)).with_context(|| format!("cannot read {POLICY}"))?;
+    let policy: Policy = toml::from_str(&text).with_context(|| format!("cannot read {POLICY}"))?;
+    Ok(policy.licenses.allow)
 }
 
 /// The packages that the program for Linux is built from in more than one version.
@@ -282,6 +294,9 @@ mod tests {
     fn licences_of_others_are_refused() {
         let package = |licence: &str| json!({ "name": "x", "source": "registry", "license": licence });
         let packages = ["MIT/Apache-2.0", "GPL-3.0-only OR MIT", "GPL-3.0-only", "Apache-2.0 AND AGPL-3.0-only", ""].map(package);
-        assert_eq!(Metadata(json!({ "packages": packages })).forbidden_licences().len(), 3);
+        assert_eq!(
+            Metadata(json!({ "packages": packages })).forbidden_licences(&["MIT", "Apache-2.0"].map(str::to_owned)).len(),
+            3
+        );
     }
 }

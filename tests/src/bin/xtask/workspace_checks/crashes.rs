@@ -15,16 +15,22 @@ pub struct Crashing {
     /// Seed of the moments
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+
+    /// Kill the optimised program, which users run, instead of the one in debug
+    #[arg(long)]
+    release: bool,
 }
 
 impl Crashing {
     /// Kills all commands.
     #[cfg(unix)]
     pub fn run(&self) -> Result<()> {
+        use crate::system::process::{built_optimized_program, built_program};
         use multiscopic_tests::{killed_commands::VICTIMS, split_mix::Random};
 
-        // Built as the runner itself, which takes no second build of everything.
-        multiscopic_tests::program::use_binary(crate::system::process::built_program()?);
+        // In debug, it is built as the runner itself, which takes no second build of everything.
+        let program = if self.release { built_optimized_program()? } else { built_program()? };
+        multiscopic_tests::program::use_binary(program);
         for victim in VICTIMS {
             let start = Instant::now();
             let tally = victim.kill(self.moments, &mut Random(self.seed));

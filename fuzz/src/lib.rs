@@ -1,6 +1,8 @@
 //! What the targets share.
 
 mod small_match;
+#[cfg(not(feature = "libfuzzer"))]
+mod standalone;
 
 use std::{fs, path::PathBuf, sync::OnceLock};
 

@@ -7,6 +7,8 @@ use libfuzzer_sys::{
     fuzz_target,
 };
 use multiscopic::capture::camera::{FrameLayout, PixelFormat};
+// Without libFuzzer, it has the entry point.
+use multiscopic_fuzz as _;
 
 /// What a driver says about a buffer, and the buffer.
 fn convert(input: &mut Unstructured) -> Result<()> {

@@ -10,6 +10,8 @@ use std::{
 use libfuzzer_sys::fuzz_target;
 use multiscopic::capture::stage::{Limits, gcode};
 use multiscopic_core::capture::{Position, Stage};
+// Without libFuzzer, it has the entry point.
+use multiscopic_fuzz as _;
 
 /// A port that brings the input, in pieces of a few bytes, and is then unplugged.
 struct Port(Vec<u8>);

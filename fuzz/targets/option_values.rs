@@ -12,6 +12,8 @@ use multiscopic::{
     images::{ImageRegion, Layout},
 };
 use multiscopic_core::View;
+// Without libFuzzer, it has the entry point.
+use multiscopic_fuzz as _;
 
 /// Parses a value. What is accepted is accepted again as it is printed.
 fn parse<T: FromStr + Display>(text: &str) {

@@ -6,6 +6,8 @@ use std::path::Path;
 
 use libfuzzer_sys::fuzz_target;
 use multiscopic::target::reception;
+// Without libFuzzer, it has the entry point.
+use multiscopic_fuzz as _;
 
 /// What separates the packets of an input. It is rare in them.
 const SEPARATOR: u8 = 0xA5;

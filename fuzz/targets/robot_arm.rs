@@ -16,6 +16,8 @@ use std::{
 use libfuzzer_sys::fuzz_target;
 use multiscopic::capture::stage::{Arm, ArmAddress, Limits};
 use multiscopic_core::capture::Stage;
+// Without libFuzzer, it has the entry point.
+use multiscopic_fuzz as _;
 
 /// An arm that says the input on its port of the Real-Time Data Exchange, and hangs up.
 struct TalkingArm {

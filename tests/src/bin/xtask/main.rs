@@ -96,8 +96,8 @@ enum Task {
     Soak(soaking::Soaking),
     /// Lint and link the firmware for a Raspberry Pi Pico 2
     Pico2,
-    /// Run the tests of everything that computes with AddressSanitizer
-    Sanitize,
+    /// Run the tests of everything that computes with AddressSanitizer or Valgrind
+    Sanitize(sanitizing::Sanitizing),
     /// Break the code in small ways, one at a time, and look whether a test notices
     Mutants(mutating::Mutating),
     /// Link the matcher alone, which fails if any path leads to a panic
@@ -136,7 +136,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Fuzz(fuzzing) => fuzzing.run(),
         Task::Crash(crashing) => crashing.run(),
         Task::Soak(soaking) => soaking.run(),
-        Task::Sanitize => sanitizing::run_tests(),
+        Task::Sanitize(sanitizing) => sanitizing.run_tests(),
         Task::Mutants(mutating) => mutating.run(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Pico2 => {

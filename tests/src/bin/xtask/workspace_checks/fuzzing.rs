@@ -32,6 +32,9 @@ const MEMORY: u32 = 2048;
 /// How long an input may take, in seconds.
 const LONGEST: u32 = 20;
 
+/// The inputs of a short run.
+const SHORT_RUN: &str = "500";
+
 /// What to fuzz, and for how long.
 #[derive(Args)]
 pub struct Fuzzing {
@@ -103,6 +106,19 @@ impl Fuzzing {
         let edges = [number(" cov:")?, number("INFO: Loaded 1 modules   (")?];
         Ok(Outcome { inputs: number("stat::number_of_executed_units:")?, time: start.elapsed(), edges })
     }
+}
+
+/// Runs each target without libFuzzer and its instruments, which takes a minute: on its seeds, and on a few random changes of them.
+pub fn run_shortly() -> Result<()> {
+    let folder = folders::target();
+    let mut cargo = command("cargo", ["build", "--locked", "--no-default-features", "--manifest-path", MANIFEST, "--target-dir"]);
+    run(cargo.arg(&folder))?;
+    for target in targets()? {
+        let program = folder.join("debug").join(&target);
+        let seeds = folders::root().join("fuzz/seeds").join(&target);
+        run(command(&program.to_string_lossy(), [SHORT_RUN]).arg(seeds))?;
+    }
+    Ok(())
 }
 
 /// Checks the sources of the targets, without libFuzzer.

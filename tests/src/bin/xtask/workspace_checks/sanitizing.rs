@@ -1,6 +1,8 @@
-//! Runs the tests of everything that computes with AddressSanitizer, which ends them at an access outside of what was allocated.
+//! Runs the tests of everything that computes under watch: an access outside of what was allocated ends them, or a decision by memory that was
+//! never written.
 
 use anyhow::Result;
+use clap::Args;
 
 use super::fuzzing::UNSTABLE;
 use crate::{
@@ -8,7 +10,7 @@ use crate::{
         folders,
         process::{command, run},
     },
-    tools::toolchain,
+    tools::{tool, toolchain},
 };
 
 /// The units of the libraries, and the comparisons of all methods and kernels with their references.
@@ -22,11 +24,30 @@ const TESTS: [&str; 7] = [
     "--test=methods",
 ];
 
-/// Builds the tests in a folder of their own, a little optimised, since the sanitizer makes them slower, and runs them.
-pub fn run_tests() -> Result<()> {
-    // With a target, build scripts and macros are not instrumented.
-    let mut cargo =
-        command("cargo", ["test", "--locked", "--target", &toolchain::host()?, "--config", "profile.dev.opt-level=1"]);
-    cargo.arg("--target-dir").arg(folders::target().join("sanitized")).args(TESTS);
-    run(cargo.env("RUSTFLAGS", "-Zsanitizer=address").env(UNSTABLE.0, UNSTABLE.1))
+/// What watches the tests.
+#[derive(Args)]
+pub struct Sanitizing {
+    /// Watch with Valgrind instead of AddressSanitizer: it sees memory that was never written, and takes thirty times as long; it has no
+    /// AVX-512
+    #[arg(long)]
+    valgrind: bool,
+}
+
+impl Sanitizing {
+    /// Builds the tests in a folder of their own, a little optimised, since watching makes them slower, and runs them.
+    pub fn run_tests(&self) -> Result<()> {
+        // With a target, build scripts and macros are not instrumented.
+        let host = toolchain::host()?;
+        let mut cargo = command("cargo", ["test", "--locked", "--target", &host, "--config", "profile.dev.opt-level=1"]);
+        if self.valgrind {
+            let valgrind = tool::VALGRIND.install()?;
+            let runner = format!("CARGO_TARGET_{}_RUNNER", host.replace('-', "_").to_uppercase());
+            cargo.env(runner, format!("{valgrind} --quiet --error-exitcode=99 --main-stacksize=67108864"));
+            cargo.args(["--target-dir".as_ref(), folders::target().join("watched").as_os_str()]);
+        } else {
+            cargo.env("RUSTFLAGS", "-Zsanitizer=address").env(UNSTABLE.0, UNSTABLE.1);
+            cargo.args(["--target-dir".as_ref(), folders::target().join("sanitized").as_os_str()]);
+        }
+        run(cargo.args(TESTS))
+    }
 }

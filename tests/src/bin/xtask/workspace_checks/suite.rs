@@ -85,6 +85,7 @@ pub fn test() -> Result<()> {
     step("setup", setup::run)?;
     let firmware = BackgroundTask::start("firmware")?;
     step("tests in debug", || run_tests(&built_program()?, &["--workspace", "--exclude", PYTHON_PACKAGE]))?;
+    step("a short fuzz run", fuzzing::run_shortly)?;
     step("the Python package", python_package::run_tests)?;
     step("the published packages", crates::check)?;
     step("computations in release", || run_optimized_tests(&COMPUTATIONS))?;

@@ -1,0 +1,99 @@
+//! Runs a target without libFuzzer and without instruments, which takes no C++ compiler: on each file of a folder of seeds, and on random changes
+//! of them, the same ones each time.
+//!
+//! ```text
+//! TARGET INPUTS SEEDS
+//! ```
+
+#![allow(unsafe_code, reason = "libFuzzer, which this stands in for, calls the target by its symbol and has the entry point")]
+
+use std::{
+    env, fs, panic,
+    path::{Path, PathBuf},
+    process,
+    sync::{Mutex, PoisonError},
+};
+
+use multiscopic_tests::split_mix::Random;
+
+/// The longest input in bytes, if the seeds are shorter.
+const LONGEST: usize = 4096;
+
+unsafe extern "C" {
+    // `fuzz_target!` defines it, in Rust.
+    #[allow(improper_ctypes)]
+    safe fn rust_fuzzer_test_input(input: &[u8]) -> i32;
+}
+
+/// The input that is tried. If it breaks something, it is written to a file.
+static INPUT: Mutex<Vec<u8>> = Mutex::new(Vec::new());
+
+/// The entry point of the targets, whose `no_main` leaves it to libFuzzer.
+#[unsafe(no_mangle)]
+extern "C" fn main() -> i32 {
+    let arguments: Vec<String> = env::args().collect();
+    let [_, inputs, seeds] = &arguments[..] else { panic!("TARGET INPUTS SEEDS") };
+    let (seeds, inputs) = (files(Path::new(seeds)), inputs.parse().expect("a number of inputs"));
+    let usual = panic::take_hook();
+    panic::set_hook(Box::new(move |what| {
+        usual(what);
+        let path = env::temp_dir().join(format!("fuzz-failure-{}", process::id()));
+        let _ = fs::write(&path, &*INPUT.lock().unwrap_or_else(PoisonError::into_inner));
+        eprintln!("the input is {}", path.display());
+        process::abort();
+    }));
+    let random = &mut Random(1);
+    for seed in &seeds {
+        test(seed.clone());
+    }
+    for _ in seeds.len()..inputs {
+        test(changed(&seeds, random));
+    }
+    println!("{} inputs", inputs.max(seeds.len()));
+    0
+}
+
+fn test(input: Vec<u8>) {
+    *INPUT.lock().expect("an input") = input.clone();
+    rust_fuzzer_test_input(&input);
+}
+
+/// The contents of a folder's files, in the order of their names.
+fn files(folder: &Path) -> Vec<Vec<u8>> {
+    let entries = fs::read_dir(folder).expect("a folder of seeds");
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.expect("an entry").path()).collect();
+    paths.sort();
+    assert!(!paths.is_empty(), "no seeds in {}", folder.display());
+    paths.iter().map(|path| fs::read(path).expect("a seed")).collect()
+}
+
+/// A seed with one to eight changes: bits, bytes, numbers, what is cut out, repeated, or taken from another seed.
+fn changed(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
+    let mut input = seeds[random.below(seeds.len())].clone();
+    for _ in 0..=random.below(8) {
+        if input.is_empty() {
+            input.push(random.byte());
+        }
+        let place = random.below(input.len());
+        let end = place + random.below((input.len() - place).min(64) + 1);
+        match random.below(7) {
+            0 => input[place] ^= 1 << random.below(8),
+            1 => input[place] = random.byte(),
+            2 => input[place] = [0, 1, 0x7F, 0x80, 0xFF][random.below(5)],
+            3 => drop(input.drain(place..end)),
+            4 => {
+                let part = input[place..end].to_vec();
+                input.splice(place..place, part);
+            }
+            5 => input.insert(place, random.byte()),
+            _ => {
+                let other = &seeds[random.below(seeds.len())];
+                let start = random.below(other.len() + 1);
+                let length = random.below((other.len() - start).min(64) + 1);
+                input.splice(place..end, other[start..start + length].iter().copied());
+            }
+        }
+    }
+    input.truncate(LONGEST.max(seeds.iter().map(Vec::len).max().unwrap_or(0)));
+    input
+}

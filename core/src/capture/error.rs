@@ -83,3 +83,33 @@ impl<S: fmt::Display, C: fmt::Display> fmt::Display for CaptureError<S, C> {
 }
 
 impl<S: error::Error, C: error::Error> error::Error for CaptureError<S, C> {}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use std::string::ToString;
+
+    #[test]
+    fn errors_tell_what_failed_and_where() {
+        let (after, target) = (Duration::from_millis(1500), Position { x_um: 20_000, y_um: -10 });
+        let measured = Position { x_um: 19_000, y_um: 3 };
+        let errors: [(CaptureError<&str, &str>, _, _, _); 7] = [
+            (CaptureError::Stage("stuck"), None, true, "stuck"),
+            (CaptureError::MoveTimeout { after }, None, true, "the stage did not arrive within 1.5 s"),
+            (
+                CaptureError::Missed { index: 3, target, measured },
+                Some(3),
+                true,
+                "the stage measures to be at (19000, 3) um, expected (20000, -10) um",
+            ),
+            (CaptureError::Camera { index: 4, error: "gone" }, Some(4), false, "gone"),
+            (CaptureError::FrameTimeout { index: 2, after }, Some(2), false, "the camera gave no frame within 1.5 s"),
+            (CaptureError::Aborted, None, false, "the capture was aborted"),
+            (CaptureError::Ended, None, false, "the capture has ended"),
+        ];
+        for (error, index, is_of_stage, text) in errors {
+            assert_eq!((error.index(), error.is_of_stage(), &*error.to_string()), (index, is_of_stage, text));
+        }
+    }
+}

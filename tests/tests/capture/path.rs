@@ -41,6 +41,7 @@ fn shortest(visited: &mut Vec<Position>, left: &mut Vec<Position>, backlash: f64
 fn checked(views: Views, backlash_um: u32) -> f64 {
     let plan = Plan::new(views, BASELINE_UM);
     let short = plan.shortened(backlash_um);
+    assert_eq!(plan.frames().len(), 1 + views.len(), "the centre and all neighbours");
     assert_eq!((short.frames()[0], short.positions()[0]), (Frame::Center, Position::CENTER));
     let of = |plan: &Plan| {
         let mut pairs: Vec<_> = plan.frames().iter().zip(plan.positions()).map(|(f, p)| (f.to_string(), *p)).collect();

@@ -108,7 +108,7 @@ impl Fuzzing {
     }
 }
 
-/// Runs each target without libFuzzer and its instruments, which takes a minute: on its seeds, and on a few random changes of them.
+/// Runs each target without libFuzzer, on its seeds and on a few random changes of them: a minute or two.
 pub fn run_shortly() -> Result<()> {
     let folder = folders::target();
     let mut cargo = command("cargo", ["build", "--locked", "--no-default-features", "--manifest-path", MANIFEST, "--target-dir"]);

@@ -13,7 +13,10 @@ use crate::system::{
 };
 
 /// The crates in the order of their dependencies.
-pub const PUBLISHED: [&str; 4] = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", "multiscopic"];
+pub const PUBLISHED: [&str; 4] = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", HOST];
+
+/// The crate of the host, with the program.
+pub const HOST: &str = "multiscopic";
 
 /// The bindings for V4L2, which are patched in the packages as in the workspace. Without them, building the
 /// host's package needs libclang, as it does for whoever depends on the published crate.

@@ -40,7 +40,7 @@ const PARTS: [Part; 5] = [
         files: &["core/src/capture/**"],
         excluded: &[],
         tests: &["--lib", "--test=capture"],
-        words: &["path::", "sequence::"],
+        words: &["error::", "path::", "sequence::"],
     },
     Part {
         name: "selection",

@@ -6,6 +6,8 @@ mod camera;
 #[cfg(unix)]
 mod gcode;
 mod hostile_arm;
+#[cfg(unix)]
+mod hostile_machine;
 mod mounts;
 mod path;
 mod sequence;

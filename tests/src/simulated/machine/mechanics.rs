@@ -19,9 +19,25 @@ pub(super) struct Machine {
     pub restart: Option<Instant>,
     pub is_locked: bool,
     pub is_unplugged: bool,
+    /// Whether moves take no time.
+    pub is_instant: bool,
 }
 
 impl Machine {
+    /// A machine that stands still at `place`, in millimetres.
+    pub fn at(place: [f64; 2]) -> Machine {
+        Machine {
+            place,
+            motion: None,
+            fault: Fault::None,
+            heard: Vec::new(),
+            restart: None,
+            is_locked: false,
+            is_unplugged: false,
+            is_instant: false,
+        }
+    }
+
     pub fn advance(&mut self) {
         let Some(motion) = &mut self.motion else { return };
         motion.advance(if self.fault == Fault::Stuck { 0.0 } else { 1.0 });
@@ -38,6 +54,10 @@ impl Machine {
 
     /// Starts a move to `target` in millimetres at `speed` in millimetres per second.
     pub fn go(&mut self, target: [f64; 2], speed: f64) {
+        if self.is_instant {
+            self.place = target;
+            return;
+        }
         let pose = |place: [f64; 2]| [place[0] * 1e-3, place[1] * 1e-3, 0.0, 0.0, 0.0, 0.0];
         self.motion = Some(Motion::new(pose(self.place), pose(target), speed * 1e-3, ACCELERATION * 1e-3));
     }

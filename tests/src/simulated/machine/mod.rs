@@ -1,12 +1,14 @@
-//! Simulated machines that take G-code through a pseudo-terminal.
+//! Simulated machines that take G-code, through a pseudo-terminal or byte by byte.
 
 mod fault;
 mod grbl;
+mod instant;
 mod marlin;
 mod mechanics;
 mod words;
 
 pub use fault::Fault;
+pub use instant::InstantMachine;
 
 use std::{
     io::{self, ErrorKind, Read, Write},
@@ -32,6 +34,16 @@ pub enum Firmware {
     Marlin,
 }
 
+impl Firmware {
+    fn control(self) -> Box<dyn Control> {
+        match self {
+            Firmware::Grbl => Box::new(Grbl::new(false)),
+            Firmware::GrblInches => Box::new(Grbl::new(true)),
+            Firmware::Marlin => Box::new(Marlin::default()),
+        }
+    }
+}
+
 /// A running machine. Dropping it unplugs it.
 pub struct SimulatedMachine {
     path: String,
@@ -47,24 +59,11 @@ impl SimulatedMachine {
         let (mut port, near) = TTYPort::pair().expect("a pseudo-terminal");
         port.set_timeout(Duration::from_millis(2)).expect("a time-out");
         let path = near.name().expect("the terminal's name");
-        let shared = Arc::new(Mutex::new(Machine {
-            place,
-            motion: None,
-            fault: Fault::None,
-            heard: Vec::new(),
-            restart: Some(Instant::now() + boot),
-            is_locked: false,
-            is_unplugged: false,
-        }));
+        let shared = Arc::new(Mutex::new(Machine { restart: Some(Instant::now() + boot), ..Machine::at(place) }));
         let machine = shared.clone();
         let thread = thread::spawn(move || {
-            let control: Box<dyn Control> = match firmware {
-                Firmware::Grbl => Box::new(Grbl::new(false)),
-                Firmware::GrblInches => Box::new(Grbl::new(true)),
-                Firmware::Marlin => Box::new(Marlin::default()),
-            };
             // Closing the terminal ends the machine.
-            let _ = run(port, &machine, control);
+            let _ = run(port, &machine, firmware.control());
         });
         SimulatedMachine { path, shared, thread: Some(thread), _near: near }
     }

@@ -13,6 +13,9 @@ const MAX_LINE_BYTES: usize = 1024;
 /// A pause of this length means that no more lines are pending. USB adapters gather bytes for less.
 const QUIET: Duration = Duration::from_millis(100);
 
+/// The errors of a read that has brought nothing, though the port works.
+const NOTHING_YET: [io::ErrorKind; 3] = [io::ErrorKind::TimedOut, io::ErrorKind::WouldBlock, io::ErrorKind::Interrupted];
+
 /// Sends and receives lines over a serial port.
 pub struct LinePort<P> {
     port: P,
@@ -44,15 +47,12 @@ impl<P: Read + Write> LinePort<P> {
     }
 
     /// The next line that is not empty. `None` if there is none until `deadline`; a line that is already
-    /// there is returned even after it.
+    /// there, or comes with one read, is returned even after it.
     pub fn next(&mut self, deadline: Instant) -> Result<Option<String>, StageError> {
+        let mut has_read = false;
         loop {
-            while let Some(end) = self.bytes.iter().position(|byte| *byte == b'\n') {
-                let line: Vec<u8> = self.bytes.drain(..=end).collect();
-                let line = String::from_utf8_lossy(&line);
-                if !line.trim().is_empty() {
-                    return Ok(Some(line.trim().to_owned()));
-                }
+            if let Some(line) = self.take_line() {
+                return Ok(Some(line));
             }
             if self.bytes.len() > MAX_LINE_BYTES {
                 return Err(StageError::Protocol {
@@ -61,19 +61,31 @@ impl<P: Read + Write> LinePort<P> {
                     expected: "lines; is the baud rate right?".into(),
                 });
             }
+            // Also while bytes arrive: they may never make a line.
+            if has_read && Instant::now() >= deadline {
+                return Ok(None);
+            }
             let mut chunk = [0; 256];
             match self.port.read(&mut chunk) {
                 Ok(0) => return Err(self.disconnected(io::ErrorKind::UnexpectedEof.into())),
                 Ok(length) => self.bytes.extend_from_slice(&chunk[..length]),
-                Err(error) if matches!(error.kind(), io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock) => {
-                    if Instant::now() >= deadline {
-                        return Ok(None);
-                    }
-                }
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) if NOTHING_YET.contains(&error.kind()) => {}
                 Err(source) => return Err(self.disconnected(source)),
             }
+            has_read = true;
         }
+    }
+
+    /// Takes the first line that has arrived and is not empty.
+    fn take_line(&mut self) -> Option<String> {
+        while let Some(end) = self.bytes.iter().position(|byte| *byte == b'\n') {
+            let line: Vec<u8> = self.bytes.drain(..=end).collect();
+            let line = String::from_utf8_lossy(&line);
+            if !line.trim().is_empty() {
+                return Some(line.trim().to_owned());
+            }
+        }
+        None
     }
 
     /// The next line that is not empty, which must arrive before `deadline`.
@@ -133,16 +145,46 @@ mod tests {
     fn lines_are_assembled_from_chunks() {
         let mut port = line_port([Some(&b"\r\no"[..]), None, Some(b"k\r\nerr"), Some(b"or:9\n\xff"), None]);
         let now = Instant::now();
+        let later = now + Duration::from_secs(60);
         assert_eq!(port.next(now).unwrap(), None);
-        assert_eq!(port.next(now).unwrap().as_deref(), Some("ok"));
-        assert_eq!(port.next(now).unwrap().as_deref(), Some("error:9"));
+        assert_eq!(port.next(later).unwrap().as_deref(), Some("ok"));
+        assert_eq!(port.next(later).unwrap().as_deref(), Some("error:9"));
         assert_eq!(port.next(now).unwrap(), None);
         assert!(matches!(port.next(now), Err(StageError::Disconnected { .. })));
+    }
+
+    /// Brings the same bytes without end.
+    struct EndlessPort(&'static [u8]);
+
+    impl Read for EndlessPort {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            Port([Some(self.0)].into()).read(buffer)
+        }
+    }
+
+    impl Write for EndlessPort {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn empty_lines_without_end_are_not_waited_for() {
+        let mut port = LinePort::new(EndlessPort(b"\r\n\n"), "port", Duration::from_millis(5));
+        let deadline = Instant::now() + Duration::from_millis(5);
+        assert_eq!(port.next(deadline).unwrap(), None);
+        assert!(matches!(port.expect(deadline + Duration::from_millis(5)), Err(StageError::Silent { .. })));
+        port.discard_pending().unwrap();
     }
 
     #[test]
     fn noise_without_lines_is_refused() {
         let mut port = line_port([Some(&[0xff; 256][..]); 5]);
-        assert!(matches!(port.next(Instant::now()), Err(StageError::Protocol { .. })));
+        let later = Instant::now() + Duration::from_secs(60);
+        assert!(matches!(port.next(later), Err(StageError::Protocol { .. })));
     }
 }

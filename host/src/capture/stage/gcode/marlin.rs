@@ -92,7 +92,8 @@ impl<P: Read + Write> Marlin<P> {
             // Some versions answer on the same line.
             return Ok(line.strip_prefix("ok ").map(str::to_owned));
         }
-        if line == "start" {
+        // It may restart in the middle of a line.
+        if line.ends_with("start") {
             self.start = None;
             return Err(StageError::Restarted { by });
         }
@@ -129,8 +130,9 @@ impl<P: Read + Write> Marlin<P> {
         Ok(true)
     }
 
-    fn restarted(&self) -> StageError {
-        StageError::Restarted { by: self.port.name() }
+    /// The coordinates when it was opened. Fails if it has restarted since.
+    fn start(&self) -> Result<[f64; 2], StageError> {
+        self.start.ok_or_else(|| StageError::Restarted { by: self.port.name() })
     }
 
     fn is_moving(&self) -> bool {
@@ -143,7 +145,7 @@ impl<P: Read + Write> Stage for Marlin<P> {
 
     fn move_to(&mut self, position: Position) -> Result<(), StageError> {
         self.limits.check_reach(position)?;
-        let start = self.start.ok_or_else(|| self.restarted())?;
+        let start = self.start()?;
         if self.is_moving() {
             self.stop()?;
         }
@@ -158,6 +160,7 @@ impl<P: Read + Write> Stage for Marlin<P> {
     }
 
     fn has_arrived(&mut self) -> Result<bool, StageError> {
+        self.start()?;
         let has_heard = self.process_pending("M400")?;
         let now = Instant::now();
         match self.motion {
@@ -187,7 +190,7 @@ impl<P: Read + Write> Stage for Marlin<P> {
     }
 
     fn position(&mut self) -> Result<Option<Position>, StageError> {
-        let start = self.start.ok_or_else(|| self.restarted())?;
+        let start = self.start()?;
         match self.is_moving() {
             true => Ok(None),
             false => self.query_coordinates().map(|coordinates| Some(to_position(start, coordinates))),
@@ -215,8 +218,10 @@ impl<P: Read + Write> Drop for Marlin<P> {
 /// Parses an answer to `M114`, such as `X:0.00 Y:127.00 Z:145.00 E:0.00 Count X: 0 Y:10160 Z:116000`.
 fn parse_coordinates(answer: &str) -> Option<[f64; 2]> {
     let number = |name: &str| {
-        let rest = answer.split_once(name)?.1.trim_start();
-        parse_coordinate(rest.split(char::is_whitespace).next()?)
+        // A number at the end of a line that broke off may lack digits.
+        let (number, _) = answer.split_once(name)?.1.trim_start().split_once(char::is_whitespace)?;
+        // Numbers of steps have no decimals. They come first if the beginning is lost.
+        parse_coordinate(number).filter(|_| number.contains('.'))
     };
     Some([number("X:")?, number("Y:")?])
 }
@@ -228,8 +233,16 @@ mod tests {
     #[test]
     fn positions_are_parsed() {
         assert_eq!(parse_coordinates("X:0.50 Y:127.00 Z:145.00 E:0.00 Count X: 0 Y:10160 Z:116000"), Some([0.5, 127.0]));
-        assert_eq!(parse_coordinates("X: -1.00 Y: 2.00"), Some([-1.0, 2.0]));
-        assert_eq!(parse_coordinates("X:nan Y:0"), None);
+        assert_eq!(parse_coordinates("X: -1.00 Y: 2.00 Z: 3.00"), Some([-1.0, 2.0]));
+        assert_eq!(parse_coordinates("X:nan Y:0 Z:0"), None);
         assert_eq!(parse_coordinates("T:20.0"), None);
+    }
+
+    #[test]
+    fn a_report_that_lacks_its_beginning_or_its_end_tells_the_truth_or_nothing() {
+        let report = "X:10.50 Y:127.25 Z:145.00 E:0.00 Count X:840 Y:10180 Z:116000";
+        let parts = (0..=report.len()).flat_map(|length| [&report[..length], &report[length..]]);
+        let found: Vec<_> = parts.filter_map(parse_coordinates).collect();
+        assert!(!found.is_empty() && found.iter().all(|coordinates| *coordinates == [10.5, 127.25]), "{found:?}");
     }
 }

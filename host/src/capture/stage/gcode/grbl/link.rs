@@ -26,8 +26,17 @@ impl<P: Read + Write> GrblLink<P> {
     /// Takes over a port at which Grbl has answered.
     pub fn open(port: LinePort<P>, silence_timeout: Duration) -> Result<GrblLink<P>, StageError> {
         let mut link = GrblLink { port, parser: StatusParser::new(1.0), silence_timeout, has_restarted: false };
+        link.port.send("$$")?;
+        let deadline = Instant::now() + silence_timeout;
+        let settings = loop {
+            let answers = link.answers("$$", deadline)?;
+            // Without settings, it is the late answer to an earlier line.
+            if answers.iter().any(|line| line.starts_with('$')) {
+                break answers;
+            }
+        };
         // Setting 13 makes it report inches.
-        if link.command("$$")?.iter().any(|line| line.starts_with("$13=1")) {
+        if settings.iter().any(|line| line.starts_with("$13=1")) {
             link.parser = StatusParser::new(25.4);
         }
         Ok(link)
@@ -36,7 +45,12 @@ impl<P: Read + Write> GrblLink<P> {
     /// Sends a line, and returns the answers before `ok`.
     pub fn command(&mut self, line: &str) -> Result<Vec<String>, StageError> {
         self.port.send(line)?;
-        let (mut answers, deadline) = (Vec::new(), Instant::now() + self.silence_timeout);
+        self.answers(line, Instant::now() + self.silence_timeout)
+    }
+
+    /// Receives the answers to `line` before `ok`.
+    fn answers(&mut self, line: &str, deadline: Instant) -> Result<Vec<String>, StageError> {
+        let mut answers = Vec::new();
         loop {
             let answer = self.receive(deadline)?;
             match answer.strip_prefix("error:") {
@@ -72,11 +86,11 @@ impl<P: Read + Write> GrblLink<P> {
             self.port.send_bytes(&[STATUS_QUERY])?;
             let report = loop {
                 let line = self.receive(deadline)?;
-                if let Some(report) = line.strip_prefix('<') {
-                    break report.to_owned();
+                if line.starts_with('<') {
+                    break line;
                 }
             };
-            if let Some(status) = self.parser.parse(report.trim_end_matches('>')) {
+            if let Some(status) = self.parser.parse(&report) {
                 return Ok(status);
             }
         }
@@ -131,5 +145,38 @@ impl<P: Read + Write> GrblLink<P> {
 
     fn restarted(&self) -> StageError {
         StageError::Restarted { by: self.port.name() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io;
+
+    /// Brings these bytes, whatever is sent.
+    struct Port(&'static [u8]);
+
+    impl Read for Port {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            self.0.read(buffer)
+        }
+    }
+
+    impl Write for Port {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_late_answer_does_not_hide_the_unit() {
+        let port = Port(b"ok\r\nok\r\n$0=10\r\n$13=1\r\nok\r\n<Idle|MPos:1.000,2.000,0.000|FS:0,0>\r\n");
+        let patience = Duration::from_secs(60);
+        let mut link = GrblLink::open(LinePort::new(port, "port", patience), patience).unwrap();
+        assert_eq!(link.status().unwrap().coordinates, [25.4, 50.8]);
     }
 }

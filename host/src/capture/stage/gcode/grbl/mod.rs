@@ -76,6 +76,7 @@ impl<P: Read + Write> Stage for Grbl<P> {
     }
 
     fn has_arrived(&mut self) -> Result<bool, StageError> {
+        self.link.check_not_restarted()?;
         let status = self.link.status()?;
         self.link.check_ready(&status)?;
         let Some(mut current) = self.current_move else { return Ok(false) };

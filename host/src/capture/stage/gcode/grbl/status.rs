@@ -32,9 +32,10 @@ impl StatusParser {
         StatusParser { unit_mm, work_offset: None }
     }
 
-    /// Parses a report, without its angle brackets. `None` if it does not tell the machine coordinates.
+    /// Parses a report. `None` if it does not tell the machine coordinates.
     pub fn parse(&mut self, report: &str) -> Option<Status> {
-        let mut fields = report.split('|');
+        // A number in a report that broke off may lack digits.
+        let mut fields = report.strip_prefix('<')?.strip_suffix('>')?.split('|');
         let state = fields.next()?.to_owned();
         let (mut machine, mut work) = (None, None);
         for (name, value) in fields.filter_map(|field| field.split_once(':')) {
@@ -84,7 +85,8 @@ mod tests {
     #[test]
     fn reports_in_machine_and_work_coordinates() {
         let mut parser = StatusParser::new(1.0);
-        let coordinates = |parser: &mut StatusParser, report: &str| parser.parse(report).map(|status| status.coordinates);
+        let coordinates =
+            |parser: &mut StatusParser, report: &str| parser.parse(&format!("<{report}>")).map(|status| status.coordinates);
         assert_eq!(coordinates(&mut parser, "Idle|MPos:1.000,-2.500,0.000|FS:0,0"), Some([1.0, -2.5]));
         // Work coordinates need their offset, which is remembered.
         assert_eq!(coordinates(&mut parser, "Idle|WPos:1.000,2.000,0.000|FS:0,0"), None);
@@ -95,6 +97,16 @@ mod tests {
         for report in ["", "Idle", "Idle|MPos:", "Idle|MPos:1", "Idle|MPos:1,x", "Idle|MPos:nan,0", "Idle|MPos:1e9,0", "|:|,:"] {
             assert_eq!(coordinates(&mut inches, report), None, "{report}");
         }
+    }
+
+    #[test]
+    fn a_report_that_breaks_off_tells_nothing() {
+        let report = "<Idle|WPos:1.000,2.000,0.000|FS:0,0|WCO:10.000,20.000,0.000>";
+        let mut parser = StatusParser::new(1.0);
+        assert!((0..report.len()).all(|length| parser.parse(&report[..length]).is_none()));
+        // Not even the offset.
+        assert_eq!(parser.parse("<Idle|WPos:1.000,2.000,0.000>"), None);
+        assert!(parser.parse(report).is_some());
     }
 
     #[test]

@@ -47,3 +47,22 @@ impl Position {
         Position { x_um: self.x_um.saturating_sub_unsigned(distance_um), y_um: self.y_um.saturating_sub_unsigned(distance_um) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::View;
+
+    #[test]
+    fn positions_of_absurd_baselines_saturate() {
+        let right = |baseline_um| Position::of(Frame::View(View::RIGHT), baseline_um);
+        assert_eq!([20_000, i32::MAX as u32, u32::MAX].map(|baseline_um| right(baseline_um).x_um), [20_000, i32::MAX, i32::MAX]);
+    }
+
+    #[test]
+    fn the_greater_distance_counts() {
+        let at = |x_um, y_um| Position { x_um, y_um };
+        assert_eq!([at(3, -7), at(-7, 3), at(5, 5)].map(|to| at(1, 1).distance_um(to)), [8, 8, 4]);
+        assert_eq!(at(i32::MIN, 0).distance_um(at(i32::MAX, 0)), u32::MAX);
+    }
+}

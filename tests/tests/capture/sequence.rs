@@ -428,3 +428,79 @@ fn an_abort_returns_and_a_second_one_stays() {
         assert!(!world.slide.moving() && !world.eye.begun && returning | (polls > 0));
     });
 }
+
+/// A stage that is there at once, but so far off.
+struct OffBy(u32, Position);
+
+impl Stage for OffBy {
+    type Error = ();
+
+    fn move_to(&mut self, position: Position) -> Result<(), ()> {
+        self.1 = position;
+        Ok(())
+    }
+
+    fn has_arrived(&mut self) -> Result<bool, ()> {
+        Ok(true)
+    }
+
+    fn position(&mut self) -> Result<Option<Position>, ()> {
+        Ok(Some(Position { x_um: self.1.x_um - self.0 as i32, y_um: self.1.y_um + 3 }))
+    }
+
+    fn stop(&mut self) -> Result<(), ()> {
+        Ok(())
+    }
+}
+
+/// A camera that takes a frame at once.
+struct Ready;
+
+impl Camera for Ready {
+    type Error = ();
+
+    fn begin(&mut self) -> Result<(), ()> {
+        Ok(())
+    }
+
+    fn start(&mut self, _: usize) -> Result<(), ()> {
+        Ok(())
+    }
+
+    fn is_complete(&mut self) -> Result<bool, ()> {
+        Ok(true)
+    }
+
+    fn end(&mut self) -> Result<(), ()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn tolerances_and_waiting_times_are_exact() {
+    let positions = [Position { x_um: 20_000, y_um: 0 }];
+    let outcome = |off: u32| {
+        let (mut sequence, mut stage) = (Sequence::new(&positions, POLICY), OffBy(off, Position::CENTER));
+        let mut now = Duration::ZERO;
+        loop {
+            match sequence.poll(now, &mut stage, &mut Ready) {
+                Ok(CaptureProgress::Settling(_)) => {
+                    // Its time begins now. A moment before its end it is not over, and at its end it is.
+                    let before = now + POLICY.settle - Duration::from_nanos(1);
+                    assert_eq!(sequence.poll(before, &mut stage, &mut Ready), Ok(CaptureProgress::Settling(0)));
+                    now += POLICY.settle;
+                    let next = sequence.poll(now, &mut stage, &mut Ready);
+                    assert!(next != Ok(CaptureProgress::Settling(0)));
+                    if next.is_err() {
+                        return next;
+                    }
+                }
+                Ok(CaptureProgress::Done) => return Ok(CaptureProgress::Done),
+                Err(error) => return Err(error),
+                Ok(_) => now += TICK,
+            }
+        }
+    };
+    assert_eq!(outcome(POLICY.tolerance_um), Ok(CaptureProgress::Done));
+    assert!(matches!(outcome(POLICY.tolerance_um + 1), Err(CaptureError::Missed { index: 0, .. })));
+}

@@ -21,7 +21,7 @@ impl RosRecording<'_> {
     /// Writes a file for Rerun with one message on each topic, all from a `time` since 1970.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) if the centre and the disparities differ in size, and [`Error::Write`], also if Rerun
+    /// [`Error::Usage`] if the centre and the disparities differ in size, and [`Error::Write`], also if Rerun
     /// is not installed or fails. Any previous version of the file is unchanged.
     ///
     /// # Panics

@@ -74,11 +74,17 @@ impl Fuzzing {
         Ok(())
     }
 
-    /// Fuzzes with what was found earlier and with the seeds of the repository. New inputs are added to the former.
+    /// Fuzzes with the seeds of the repository and, unless the number of runs is given, with what was found earlier. New inputs
+    /// are added to that.
     fn fuzz(&self, target: &str, program: &Path) -> Result<Outcome> {
         let seeds = folders::root().join("fuzz/seeds").join(target);
         let folder = folders::target().join("fuzz");
-        let (found, failed) = (folder.join("corpus").join(target), folder.join("failures"));
+        let corpus = if self.runs.is_some() { "corpus-of-runs" } else { "corpus" };
+        let (found, failed) = (folder.join(corpus).join(target), folder.join("failures"));
+        if self.runs.is_some() {
+            // Inputs that were found earlier would make each time another.
+            let _ = fs::remove_dir_all(&found);
+        }
         for folder in [&found, &failed] {
             fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         }
@@ -86,13 +92,13 @@ impl Fuzzing {
         fuzzer.arg(format!("-artifact_prefix={}/{target}-", failed.display()));
         fuzzer.args([format!("-rss_limit_mb={MEMORY}"), format!("-timeout={LONGEST}")]);
         fuzzer.arg(format!("-max_total_time={:.0}", 60.0 * self.minutes));
-        match self.runs {
-            // Inputs that were found earlier would make each time another.
-            Some(runs) => fuzzer.arg(format!("-runs={runs}")).arg("-seed=1"),
-            None => fuzzer.arg(found),
-        };
+        if let Some(runs) = self.runs {
+            fuzzer.arg(format!("-runs={runs}")).arg("-seed=1");
+        }
+        // libFuzzer adds what it finds to the first folder, which must not be that of the seeds.
+        fuzzer.args([found, seeds]);
         let start = Instant::now();
-        let output = fuzzer.arg(seeds).stdin(Stdio::null()).output().with_context(|| format!("cannot start {target}"))?;
+        let output = fuzzer.stdin(Stdio::null()).output().with_context(|| format!("cannot start {target}"))?;
         let messages = String::from_utf8_lossy(&output.stderr);
         if !output.status.success() {
             let last: Vec<&str> = messages.lines().rev().take(40).collect();

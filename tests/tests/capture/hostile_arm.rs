@@ -12,6 +12,8 @@ use multiscopic::capture::stage::{Arm, ArmAddress, Limits};
 use multiscopic_core::capture::{Position, Stage};
 use proptest::prelude::*;
 
+use super::orders::{Order, order};
+
 /// Where the tool is when the arm is opened.
 const START: [f64; 6] = [0.4, -0.2, 0.5, 1.2, -0.3, 0.7];
 /// The answers to the questions of the handshake: the version, the recipe and the start.
@@ -123,31 +125,6 @@ impl LyingArm {
 pub fn hear(stream: &mut TcpStream) -> io::Result<()> {
     let mut question = [0; 256];
     stream.read(&mut question).map(drop)
-}
-
-/// What is asked of the stage.
-#[derive(Clone, Debug)]
-enum Order {
-    MoveTo(Position),
-    HasArrived,
-    Position,
-    Stop,
-    Wait(u64),
-}
-
-fn position() -> impl Strategy<Value = Position> {
-    let coordinate = || prop_oneof![4 => -60_000..60_000, 1 => any::<i32>()];
-    (coordinate(), coordinate()).prop_map(|(x_um, y_um)| Position { x_um, y_um })
-}
-
-fn order() -> impl Strategy<Value = Order> {
-    prop_oneof![
-        3 => position().prop_map(Order::MoveTo),
-        4 => Just(Order::HasArrived),
-        1 => Just(Order::Position),
-        1 => Just(Order::Stop),
-        2 => (0..30_u64).prop_map(Order::Wait),
-    ]
 }
 
 fn saying() -> impl Strategy<Value = Saying> {

@@ -21,6 +21,8 @@ use proptest::{
 };
 use rayon::prelude::*;
 
+use super::orders::{Order, order};
+
 /// Where the machine is when it is opened, in millimetres: whole inches, which each firmware reports exactly.
 const START: [f64; 2] = [127.0, 76.2];
 const FIRMWARES: [Firmware; 3] = [Firmware::Grbl, Firmware::GrblInches, Firmware::Marlin];
@@ -221,26 +223,14 @@ impl Write for Port {
     }
 }
 
-/// What is asked of the stage.
-#[derive(Clone, Debug)]
-enum Order {
-    MoveTo(Position),
-    HasArrived,
-    Position,
-    Stop,
-    Wait(u64),
-}
-
-impl Order {
-    /// The lines that may follow it from either driver, besides a move.
-    fn harmless_lines(&self) -> &'static [&'static str] {
-        match self {
-            Order::MoveTo(_) => &["?", "!", "^X", "M410", "M114", "G21", "G90"],
-            Order::HasArrived => &["?", "M400"],
-            Order::Position => &["?", "M114"],
-            Order::Stop => &["?", "!", "^X", "M410", "M114"],
-            Order::Wait(_) => &[],
-        }
+/// The lines that may follow an order from either driver, besides a move.
+fn harmless_lines(order: &Order) -> &'static [&'static str] {
+    match order {
+        Order::MoveTo(_) => &["?", "!", "^X", "M410", "M114", "G21", "G90"],
+        Order::HasArrived => &["?", "M400"],
+        Order::Position => &["?", "M114"],
+        Order::Stop => &["?", "!", "^X", "M410", "M114"],
+        Order::Wait(_) => &[],
     }
 }
 
@@ -314,7 +304,7 @@ impl Conversation {
         let told = self.port.told();
         match order {
             Order::MoveTo(position) => self.check_move(*position, &result, &told)?,
-            order => check_lines(&told, order.harmless_lines())?,
+            order => check_lines(&told, harmless_lines(order))?,
         }
         prop_assert!(!(has_arrived && self.has_restarted), "it arrived after a restart");
         let mut machine = self.port.machine();
@@ -336,7 +326,7 @@ impl Conversation {
             told.split_last().and_then(|(line, rest)| Some((line, rest, target(line)?)))
         else {
             prop_assert!(result.is_err(), "no move in {told:?}");
-            return check_lines(told, Order::MoveTo(position).harmless_lines());
+            return check_lines(told, harmless_lines(&Order::MoveTo(position)));
         };
         // Its Y points up, and it takes four decimals.
         self.starts.retain(|start| (target[0] - start[0] - x).abs() < 1e-4 && (target[1] - start[1] + y).abs() < 1e-4);
@@ -344,13 +334,13 @@ impl Conversation {
         prop_assert!(sets_modes || before.ends_with(&["G21".into(), "G90".into()]), "{told:?}");
         prop_assert!(!self.has_restarted, "{line} after a restart");
         self.outcome.moves += 1;
-        check_lines(before, Order::MoveTo(position).harmless_lines())
+        check_lines(before, harmless_lines(&Order::MoveTo(position)))
     }
 
     /// Drops the stage, which may stop the machine.
     fn close(self) -> Result<Outcome, TestCaseError> {
         drop(self.stage);
-        check_lines(&self.port.told(), Order::Stop.harmless_lines())?;
+        check_lines(&self.port.told(), harmless_lines(&Order::Stop))?;
         Ok(self.outcome)
     }
 }
@@ -371,21 +361,6 @@ fn converse(machine: LyingMachine, orders: &[Order], limits: &Limits) -> Result<
     let Some(mut conversation) = Conversation::open(machine, limits)? else { return Ok(Outcome::default()) };
     orders.iter().try_for_each(|order| conversation.follow(order))?;
     conversation.close()
-}
-
-fn position() -> impl Strategy<Value = Position> {
-    let coordinate = || prop_oneof![4 => -60_000..60_000, 4 => -500..500, 1 => any::<i32>()];
-    (coordinate(), coordinate()).prop_map(|(x_um, y_um)| Position { x_um, y_um })
-}
-
-fn order() -> impl Strategy<Value = Order> {
-    prop_oneof![
-        4 => position().prop_map(Order::MoveTo),
-        4 => Just(Order::HasArrived),
-        1 => Just(Order::Position),
-        1 => Just(Order::Stop),
-        2 => (0..30_u64).prop_map(Order::Wait),
-    ]
 }
 
 fn saying() -> impl Strategy<Value = Saying> {

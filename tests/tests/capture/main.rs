@@ -9,6 +9,7 @@ mod hostile_arm;
 #[cfg(unix)]
 mod hostile_machine;
 mod mounts;
+mod orders;
 mod path;
 mod sequence;
 mod simulated;

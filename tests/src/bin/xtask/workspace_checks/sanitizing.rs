@@ -1,5 +1,5 @@
-//! Runs the tests of everything that computes under watch. An access outside of what was allocated ends them, or a decision by memory
-//! that was never written.
+//! Runs the tests of everything that computes under watch. An access outside of what was allocated ends them, or a decision
+//! by memory that was never written.
 
 use anyhow::Result;
 use clap::Args;
@@ -27,8 +27,8 @@ const TESTS: [&str; 7] = [
 /// What watches the tests.
 #[derive(Args)]
 pub struct Sanitizing {
-    /// Watch with Valgrind instead of AddressSanitizer: it also sees memory that was never written, but takes thirty times as long and
-    /// has no AVX-512
+    /// Watch with Valgrind instead of AddressSanitizer: it also sees memory that was never written, but takes thirty times
+    /// as long and has no AVX-512
     #[arg(long)]
     valgrind: bool,
 }

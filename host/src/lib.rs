@@ -5,6 +5,7 @@
 //! | room | what it is |
 //! | --- | --- |
 //! | [`error`], [`progress`] | what every room reports: errors that name the file, and how far long work has come |
+//! | `memory` | [`available_memory`]: what the machine leaves to this process |
 //! | [`images`] | rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth |
 //! | [`files`] | reading and writing them: PNG, JPEG, PNM, PFM, PLY, `rig.toml`; whole files or none |
 //! | [`lens`] | lens distortion, the calibration files that describe it, and images without it |
@@ -27,6 +28,7 @@ pub mod evaluation;
 pub mod files;
 pub mod images;
 pub mod lens;
+mod memory;
 mod preparation;
 pub mod progress;
 pub mod report;
@@ -41,6 +43,7 @@ pub use evaluation::{Dataset, Metrics};
 pub use files::Rig;
 pub use images::{DisparityMap, FloatImage, Frames, Geometry, Picture, Raster};
 pub use lens::{CameraModel, Lens, LensModel};
+pub use memory::available_memory;
 pub use preparation::Preparation;
 pub use progress::Progress;
 pub use stereo::{Engine, Method, Simd, Volume, optimization::graph_cuts::GraphCuts, optimization::sgm::SemiGlobal};

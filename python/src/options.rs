@@ -1,7 +1,7 @@
 //! The keyword arguments of matching: the options of `multiscopic match`, with `_` for `-`.
 
 use multiscopic::{
-    Alignment, DisparityMap, Engine, Error, Frames, GraphCuts, Method, Result, Simd,
+    Alignment, DisparityMap, Engine, Error, Frames, GraphCuts, Method, Result, Simd, available_memory,
     images::BitDepth,
     stereo::{
         CostFunction, CostName, LongBaselines, MethodName, Optimizer, SemiGlobalMethod,
@@ -198,11 +198,12 @@ impl Options {
         self.confidence.unwrap_or(true)
     }
 
-    /// The most bytes that may be taken, if there is a limit.
+    /// The most bytes that may be taken, by default what is available. `None` if nothing limits them.
     fn most_bytes(&self) -> Result<Option<u64>> {
         match self.max_memory {
             Some(0) => Err(Error::Usage("max_memory is 0, it must be a number above 0".into())),
-            megabytes => Ok(megabytes.map(|megabytes| megabytes.saturating_mul(1_000_000))),
+            Some(megabytes) => Ok(Some(megabytes.saturating_mul(1_000_000))),
+            None => Ok(available_memory()),
         }
     }
 

@@ -93,7 +93,8 @@ type DisparityRange = (i16, u16);
 ///     confidence: whether the result has confidences, which take time. The default is True, and False with a prior.
 ///     threads: number of threads. 0, the default, is one for each core.
 ///     simd: vector instructions by the program's name for them. They do not change the result.
-///     max_memory: refuse to match or to align if that takes more than so many megabytes. The default is no limit.
+///     max_memory: refuse to match or to align if that takes more than so many megabytes. The default is
+///         what is available.
 ///
 /// Returns:
 ///     A Result with the disparities and their confidences. The bits are those of `multiscopic match` with the same options.

@@ -4,6 +4,7 @@ import _thread
 import ast
 import doctest
 import inspect
+import sys
 import threading
 import time
 from importlib import resources
@@ -127,6 +128,22 @@ def test_refused_arguments():
         multiscopic.evaluate(result.disparity, np.full_like(result.disparity, np.nan))
     with pytest.raises(ValueError, match="disparity has the shape"):
         multiscopic.evaluate(result.disparity[1:], result.disparity)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells what is available")
+def test_more_memory_than_is_available_is_refused():
+    import resource
+
+    status = Path("/proc/self/status").read_text()
+    taken = next(int(line.split()[1]) * 1024 for line in status.splitlines() if line.startswith("VmSize:"))
+    large = np.zeros((1000, 1000), np.uint8)
+    limits = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (taken + 200_000_000, limits[1]))
+    try:
+        with pytest.raises(ValueError, match=r"the match takes about \d+ MB of memory, and \d\d MB may be taken"):
+            multiscopic.match(large, large, method="gc", num_disparities=256, threads=1)
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, limits)
 
 
 def test_files(tmp_path):

@@ -1,6 +1,6 @@
 //! Random matches, and the core's results for them.
 
-use std::{env, ops::Range, time::SystemTime};
+use std::{env, ops::Range, str::FromStr, time::SystemTime};
 
 use multiscopic_core::{Disparity, Fusion as CoreFusion, Matcher, Memory, Params, Region, View, Views, kernel::Kernel};
 use proptest::{
@@ -337,17 +337,19 @@ pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
 /// Runs a test with `count` random values and panics with the simplest value that fails.
 ///
 /// The values follow from `$MULTISCOPIC_SEED`, or from the clock if it is not set. The seed is printed and
-/// part of the failure's message. `$MULTISCOPIC_EFFORT` multiplies the number of values.
+/// part of the failure's message. `$MULTISCOPIC_EFFORT` multiplies the number of values: 10, or 0.01 where all is slow.
 pub fn property<S: Strategy>(count: u32, strategy: S, test: impl Fn(&S::Value)) {
-    let variable =
-        |name| env::var(name).ok().map(|value| value.parse().unwrap_or_else(|_| panic!("{name} is {value}, not a number")));
+    fn variable<T: FromStr>(name: &str) -> Option<T> {
+        env::var(name).ok().map(|value| value.parse().unwrap_or_else(|_| panic!("{name} is {value}, not a number")))
+    }
     let seed = variable("MULTISCOPIC_SEED");
     let seed = seed.unwrap_or_else(|| SystemTime::UNIX_EPOCH.elapsed().map_or(0, |time| time.as_nanos() as u64));
-    let effort = variable("MULTISCOPIC_EFFORT").unwrap_or(1) as u32;
+    let effort = variable("MULTISCOPIC_EFFORT").unwrap_or(1.0);
+    let cases = (effort * f64::from(count)).ceil().max(1.0) as u32;
     println!("MULTISCOPIC_SEED={seed}");
     let mut random = Random(seed);
     let bytes: Vec<u8> = (0..4).flat_map(|_| random.bits().to_le_bytes()).collect();
-    let config = Config { cases: effort * count, max_local_rejects: u32::MAX, failure_persistence: None, ..Config::default() };
+    let config = Config { cases, max_local_rejects: u32::MAX, failure_persistence: None, ..Config::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes));
     let result = runner.run(&strategy, |value| {
         test(&value);

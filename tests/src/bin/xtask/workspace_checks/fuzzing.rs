@@ -10,6 +10,7 @@ use std::{
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 
+use super::sanitizing::{UNSTABLE, under_address_sanitizer};
 use crate::{
     system::{
         folders,
@@ -23,8 +24,6 @@ use crate::{
 const INSTRUMENTS: &str = "-Zsanitizer=address -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
                            -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
                            -Cllvm-args=-sanitizer-coverage-trace-compares -Dwarnings";
-/// Lets stable Rust use a sanitizer, which it has but does not promise to keep.
-pub const UNSTABLE: (&str, &str) = ("RUSTC_BOOTSTRAP", "1");
 /// The workspace of the targets.
 pub const MANIFEST: &str = "fuzz/Cargo.toml";
 /// The memory in megabytes that an input may take.
@@ -114,15 +113,14 @@ impl Fuzzing {
     }
 }
 
-/// Runs each target without libFuzzer, on its seeds and on a few random changes of them: a minute or two.
+/// Runs each target without libFuzzer but under AddressSanitizer, on its seeds and on a few random changes of them: a minute or
+/// two.
 pub fn run_shortly() -> Result<()> {
-    let folder = folders::target();
-    let mut cargo = command("cargo", ["build", "--locked", "--no-default-features", "--manifest-path", MANIFEST, "--target-dir"]);
-    run(cargo.arg(&folder))?;
+    let (mut cargo, programs) = under_address_sanitizer("build")?;
+    run(cargo.args(["--no-default-features", "--manifest-path", MANIFEST]))?;
     for target in targets()? {
-        let program = folder.join("debug").join(&target);
         let seeds = folders::root().join("fuzz/seeds").join(&target);
-        run(command(&program.to_string_lossy(), [SHORT_RUN]).arg(seeds))?;
+        run(command(&programs.join(target).to_string_lossy(), [SHORT_RUN]).arg(seeds))?;
     }
     Ok(())
 }

@@ -1,10 +1,11 @@
 //! Runs the tests of everything that computes under watch. An access outside of what was allocated ends them, or a decision
 //! by memory that was never written.
 
+use std::{path::PathBuf, process::Command};
+
 use anyhow::Result;
 use clap::Args;
 
-use super::fuzzing::UNSTABLE;
 use crate::{
     system::{
         folders,
@@ -12,6 +13,9 @@ use crate::{
     },
     tools::{tool, toolchain},
 };
+
+/// Lets stable Rust use a sanitizer, which it has but does not promise to keep.
+pub const UNSTABLE: (&str, &str) = ("RUSTC_BOOTSTRAP", "1");
 
 /// The units of the libraries, and the comparisons of all methods and kernels with their references.
 const TESTS: [&str; 7] = [
@@ -36,18 +40,32 @@ pub struct Sanitizing {
 impl Sanitizing {
     /// Builds the tests in a folder of their own, a little optimised, since watching makes them slower, and runs them.
     pub fn run_tests(&self) -> Result<()> {
-        // With a target, build scripts and macros are not instrumented.
-        let host = toolchain::host()?;
-        let mut cargo = command("cargo", ["test", "--locked", "--target", &host, "--config", "profile.dev.opt-level=1"]);
-        if self.valgrind {
-            let valgrind = tool::VALGRIND.install()?;
-            let runner = format!("CARGO_TARGET_{}_RUNNER", host.replace('-', "_").to_uppercase());
-            cargo.env(runner, format!("{valgrind} --quiet --error-exitcode=99 --main-stacksize=67108864"));
-            cargo.args(["--target-dir".as_ref(), folders::target().join("watched").as_os_str()]);
-        } else {
-            cargo.env("RUSTFLAGS", "-Zsanitizer=address").env(UNSTABLE.0, UNSTABLE.1);
-            cargo.args(["--target-dir".as_ref(), folders::target().join("sanitized").as_os_str()]);
-        }
-        run(cargo.args(TESTS))
+        let mut cargo = if self.valgrind { under_valgrind()? } else { under_address_sanitizer("test")?.0 };
+        run(cargo.args(["--config", "profile.dev.opt-level=1"]).args(TESTS))
     }
+}
+
+/// The tests of the libraries' units alone, under AddressSanitizer: minutes, most of them for building.
+pub fn run_shortly() -> Result<()> {
+    let (mut cargo, _) = under_address_sanitizer("test")?;
+    run(cargo.args(&TESTS[..3]).arg("--lib"))
+}
+
+/// The cargo command `verb` for code under AddressSanitizer, and the folder for the programs of the profile `dev`.
+pub fn under_address_sanitizer(verb: &str) -> Result<(Command, PathBuf)> {
+    let (host, folder) = (toolchain::host()?, folders::target().join("sanitized"));
+    // With a target, build scripts and macros are not instrumented.
+    let mut cargo = command("cargo", [verb, "--locked", "--target", &host, "--target-dir"]);
+    cargo.arg(&folder).env("RUSTFLAGS", "-Zsanitizer=address").env(UNSTABLE.0, UNSTABLE.1);
+    Ok((cargo, folder.join(host).join("debug")))
+}
+
+/// The command that runs tests in Valgrind.
+fn under_valgrind() -> Result<Command> {
+    let (host, valgrind) = (toolchain::host()?, tool::VALGRIND.install()?);
+    let mut cargo = command("cargo", ["test", "--locked", "--target", &host, "--target-dir"]);
+    cargo.arg(folders::target().join("watched"));
+    let runner = format!("CARGO_TARGET_{}_RUNNER", host.replace('-', "_").to_uppercase());
+    cargo.env(runner, format!("{valgrind} --quiet --error-exitcode=99 --main-stacksize=67108864"));
+    Ok(cargo)
 }

@@ -234,3 +234,32 @@ fn least_of<C: MatchingCost, const V: usize, const N: usize>(costs: [C; V], coun
     }
     least
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rules_are_named_and_chosen_by_the_number_of_views() {
+        assert_eq!(Fusion::ALL.map(Fusion::name), ["min", "mean", "heuristic", "half"]);
+        let chosen = [0, 1, 2, 3, 4, 5, 8, 24].map(|views| Fusion::default_for(views).name());
+        assert_eq!(chosen, ["min", "min", "min", "heuristic", "heuristic", "half", "half", "half"]);
+    }
+
+    /// The scale is the least number that every number of averaged costs divides, of up to
+    /// four views, eight, or an array.
+    #[test]
+    fn scales_are_least_common_multiples() {
+        fn multiple(of: u64, and: u64) -> u64 {
+            (1..).map(|n| n * of).find(|multiple| multiple.is_multiple_of(and)).expect("their product")
+        }
+        for views in 1..=24 {
+            let most = [4, 8, 24].into_iter().find(|&most| views <= most).expect("at most all");
+            let expected = |averaged: fn(usize) -> usize| (1..=most).map(averaged).fold(1, |scale, n| multiple(scale, n as u64));
+            assert_eq!(Fusion::Min.scale(views), expected(|_| 1));
+            assert_eq!(Fusion::Mean.scale(views), expected(|n| n));
+            assert_eq!(Fusion::Heuristic.scale(views), expected(|n| n.min(3)), "{views} views");
+            assert_eq!(Fusion::Half.scale(views), expected(|n| n.div_ceil(2)));
+        }
+    }
+}

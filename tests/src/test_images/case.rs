@@ -283,6 +283,8 @@ pub fn cut<T: Copy>(pixels: &[T], width: usize, region: &Region) -> Vec<T> {
 /// Frames are small, often smaller than the block or the search range. Ranges are near 0, wide, or far
 /// outside the frame.
 pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
+    // An interpreter takes a thousand times as long.
+    let (samples, evaluations) = if cfg!(miri) { (samples.min(2000), evaluations.min(500)) } else { (samples, evaluations) };
     let sizes = prop_oneof![
         5 => (1..=12_usize, 1..=12_usize),
         3 => (1..=64_usize, 1..=8_usize),

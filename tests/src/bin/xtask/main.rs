@@ -29,8 +29,8 @@ use emulation::setup;
 use firmware_checks::{bit_flips, capturing, cycles, faults, kernel_twins, pico2, profiles};
 use publishing::{crates, public_api, release, supply_chain};
 use workspace_checks::{
-    cluster, crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, mutating, pages, python_package, sanitizing,
-    soaking, suite,
+    cluster, crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, interpreting, mutating, pages,
+    python_package, sanitizing, soaking, suite,
 };
 
 /// Runs the project's checks, tests and firmware.
@@ -98,6 +98,8 @@ enum Task {
     Pico2,
     /// Run the tests of everything that computes with AddressSanitizer or Valgrind
     Sanitize(sanitizing::Sanitizing),
+    /// Run tests of matching in Miri, which ends them at undefined behaviour
+    Miri,
     /// Break the code in small ways, one at a time, and look whether a test notices
     Mutants(mutating::Mutating),
     /// Link the matcher alone, which fails if any path leads to a panic
@@ -137,6 +139,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Crash(crashing) => crashing.run(),
         Task::Soak(soaking) => soaking.run(),
         Task::Sanitize(sanitizing) => sanitizing.run_tests(),
+        Task::Miri => interpreting::run_tests(),
         Task::Mutants(mutating) => mutating.run(),
         Task::NoPanic => faults::no_panic(&setup::run()?),
         Task::Pico2 => {

@@ -68,8 +68,8 @@ impl<'w> Pipeline<'w> {
         }
     }
 
-    /// [`run`](Pipeline::run) for all that is matched line by line: not for the network, so that firmware without it need not have
-    /// its weights in flash.
+    /// [`run`](Pipeline::run) for all that is matched line by line: not for the network, so that firmware without it need not
+    /// have its weights in flash.
     ///
     /// # Errors
     /// Those of [`run`](Pipeline::run), and [`PipelineError::Unlinked`] for the network.

@@ -1,5 +1,5 @@
-//! Runs a target without libFuzzer and its instruments, which takes no C++ compiler: on each file of a folder of seeds, and on random
-//! changes of them, the same ones each time.
+//! Runs a target without libFuzzer and its instruments, which takes no C++ compiler: on each file of a folder of seeds, and on
+//! random changes of them, the same ones each time.
 //!
 //! ```text
 //! TARGET INPUTS SEEDS

@@ -119,8 +119,8 @@ impl MatchResult {
         arrays::float_map(py, self.map.to_depth(&geometry))
     }
 
-    /// Writes a point cloud in metres as PLY: x to the right, y down, z away from the camera, in the colours of the centre, and with
-    /// the confidences if there are some. Any previous version of the file is replaced as a whole.
+    /// Writes a point cloud in metres as PLY: x to the right, y down, z away from the camera, in the colours of the centre, and
+    /// with the confidences if there are some. Any previous version of the file is replaced as a whole.
     ///
     /// Args:
     ///     path: the file.

@@ -152,6 +152,7 @@ impl Options {
             self.fill.is_some(),
         ];
         for (is_refused, message) in [
+            (has_prior && self.method.is_some(), "prior cannot be used with method"),
             (has_prior && self.together == Some(true), "prior cannot be used with together"),
             (has_prior && self.confidence == Some(true), "prior cannot be used with confidence"),
             (has_prior && filters.contains(&true), "prior cannot be used with filters other than sub_pixel"),

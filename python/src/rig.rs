@@ -34,8 +34,8 @@ impl Rig {
         Ok(Capture { pictures: order.zip(pictures).collect(), undistortion, camera: self.camera(frames.size())? })
     }
 
-    /// What is known of the camera, whose undistorted images have this size. The rig's focal length comes first, and the principal
-    /// point of undistorted images.
+    /// What is known of the camera, whose undistorted images have this size. The rig's focal length comes first, and the
+    /// principal point of undistorted images.
     fn camera(&self, size: [usize; 2]) -> Result<KnownCamera> {
         if let Some(lens) = &self.lens {
             lens.check_focal(self.rig.focal_px, multiscopic::Rig::FILE_NAME)?;

@@ -105,6 +105,7 @@ def test_refused_arguments():
         (ValueError, "theta is 300", [GRAY, GRAY], {"theta": 300}),
         (ValueError, "upsample is 5, it must be a number from 1 to 4", [GRAY, GRAY], {"upsample": 5}),
         (ValueError, "sgm_q1 is 0, it must be a number above 0", [GRAY, GRAY], {"sgm_q1": 0}),
+        (ValueError, "prior cannot be used with method", [GRAY, GRAY], {"prior": GRAY, "method": "sgm"}),
         (ValueError, "prior cannot be used with together", [GRAY, GRAY], {"prior": GRAY, "together": True}),
         (ValueError, "prior cannot be used with confidence", [GRAY, GRAY], {"prior": GRAY, "confidence": True}),
         (ValueError, "the prior has 79x60 pixels, the frames have 80x60", [GRAY, GRAY], {"prior": GRAY[:, 1:]}),

@@ -81,7 +81,8 @@ impl Figures {
         self.draw_row("microcontroller.png", &row)
     }
 
-    /// Made-up scenes in which much cannot be matched: the centre, the truth, what the network makes of it, and how confident it is.
+    /// Made-up scenes in which much cannot be matched: the centre, the truth, what the network makes of it, and how confident
+    /// it is.
     fn draw_failures(&self) -> Result<()> {
         let mut rows = Vec::new();
         for (setting, seed) in [("studio", 2006), ("studio", 2015), ("field", 2010)] {

@@ -55,6 +55,12 @@ impl DisparityMap {
         Some(valid().min()?.into()..=valid().max()?.into())
     }
 
+    /// The whole pixels that include the [`range`](DisparityMap::range), or `None` if all pixels are invalid.
+    pub fn whole_range(&self) -> Option<RangeInclusive<i16>> {
+        let range = self.range()?;
+        Some(range.start().floor() as i16..=range.end().ceil() as i16)
+    }
+
     /// The noise of the disparities in pixels: the standard deviation of their errors on smooth surfaces, estimated without
     /// the truth. `None` if too few pixels are valid.
     ///

@@ -99,8 +99,8 @@ impl LongBaselines {
         prior: DisparityMap,
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
-        let range = prior.range().ok_or_else(|| Error::Usage("no pixel of the prior has a disparity".into()))?;
-        let (least, most) = (range.start().floor() as i16, range.end().ceil() as i16);
+        let range = prior.whole_range().ok_or_else(|| Error::Usage("no pixel of the prior has a disparity".into()))?;
+        let (least, most) = range.into_inner();
         let (width, height) = (prior.width() as u16, prior.height() as u16);
         let earlier = Search::new(width, height, frames.views(), Fusion::Min, least, (most - least + 1) as u16)?;
         self.refine(engine, frames, &earlier, &LongBaselines::sets(frames.views()), prior, progress)

@@ -266,7 +266,7 @@ impl Method {
     ) -> Result<DisparityMap> {
         let long_baselines = self.long_baselines.unwrap_or(LongBaselines::DEFAULT);
         let map = long_baselines.refine_prior(engine, frames, prior, progress)?;
-        let range = map.range().map_or(0..=0, |range| range.start().floor() as i16..=range.end().ceil() as i16);
+        let range = map.whole_range().unwrap_or(0..=0);
         Ok(self.sharpened(engine, frames, frames.views(), range, map))
     }
 

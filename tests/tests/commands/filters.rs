@@ -118,7 +118,7 @@ fn disparities_around_a_prior_are_sharpened() {
     capture.matched(&format!("--raw16 {prior}")).assert_done();
     let [coarse, fine] = ["", "--sub-pixel lucas-kanade"].map(|step| capture.disparities(&format!("--prior {prior} {step}")));
     assert!(fine != coarse && count(&fine) == count(&coarse));
-    for filter in ["--median 5", "--repair smooth", "--smooth", "--fill background", "--min-confidence 0.5"] {
+    for filter in ["--method sgm", "--median 5", "--repair smooth", "--smooth", "--fill background", "--min-confidence 0.5"] {
         let option = filter.split(' ').next().expect("a name");
         capture.matched(&format!("--prior {prior} {filter}")).assert_refused(&["--prior", option]);
     }

@@ -59,8 +59,8 @@ pub struct Match {
         long,
         value_name = "PRIOR.png",
         conflicts_with_all = [
-            "together", "disp12_max_diff", "uniqueness_ratio", "texture_threshold", "speckle_window_size", "median", "bilateral",
-            "repair", "min_confidence", "smooth", "fill",
+            "method", "together", "disp12_max_diff", "uniqueness_ratio", "texture_threshold", "speckle_window_size", "median",
+            "bilateral", "repair", "min_confidence", "smooth", "fill",
         ],
         help_heading = "Several baselines"
     )]

@@ -92,3 +92,47 @@ impl fmt::Display for RegionError {
 }
 
 impl error::Error for RegionError {}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::{format, string::ToString, vec::Vec};
+
+    use super::*;
+    use crate::{Fusion, Views};
+
+    fn search() -> Search {
+        Search::new(5, 4, Views::STEREO, Fusion::Min, 1, 2).expect("valid")
+    }
+
+    #[test]
+    fn rectangles_lie_in_the_frame_and_are_not_empty() {
+        for (columns, rows) in [(0..5, 0..4), (4..5, 3..4), (1..2, 0..3)] {
+            let region = Region::new(&search(), columns.clone(), rows.clone()).expect("inside");
+            assert_eq!((region.columns(), region.rows()), (columns.clone(), rows.clone()));
+            assert_eq!((region.width(), region.height()), (columns.len(), rows.len()));
+        }
+        assert_eq!(Region::new(&search(), 0..5, 0..4), Ok(Region::whole(&search())));
+        let (none, backwards) = (2..2, Range { start: 3, end: 2 });
+        for (columns, rows) in
+            [(none.clone(), 0..4), (backwards.clone(), 0..4), (0..6, 0..4), (0..5, none), (0..5, backwards), (0..5, 0..5)]
+        {
+            let error = Region::new(&search(), columns.clone(), rows.clone()).expect_err("empty or outside");
+            let expected = format!("columns {columns:?} and rows {rows:?} are empty or outside the frame");
+            assert_eq!(error.to_string(), expected);
+        }
+    }
+
+    #[test]
+    fn tiles_and_bands_cover_the_frame() {
+        let columns = |width| Region::tiles(&search(), width).map(|tile| tile.columns()).collect::<Vec<_>>();
+        assert_eq!(columns(2), [0..2, 2..4, 4..5]);
+        assert_eq!(columns(5), [0..5]);
+        assert_eq!(columns(usize::MAX), [0..5]);
+        assert_eq!(columns(0), [0..1, 1..2, 2..3, 3..4, 4..5]);
+        let rows = |height| Region::bands(&search(), height).map(|band| band.rows()).collect::<Vec<_>>();
+        assert_eq!(rows(3), [0..3, 3..4]);
+        assert!(Region::tiles(&search(), 2).all(|tile| tile.rows() == (0..4)));
+        assert!(Region::bands(&search(), 3).all(|band| band.columns() == (0..5)));
+    }
+}

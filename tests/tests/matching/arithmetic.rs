@@ -39,6 +39,19 @@ fn fusion_is_exact() {
                 let found = found.map(|found| found * core.scale(8) as f64 / core.scale(4) as f64);
                 assert_eq!(found, expected, "{core:?} of four views");
             }
+            // Wide integers, on the scale of any number of views.
+            let mut views = [u64::NONE; 24];
+            views.iter_mut().zip(costs).for_each(|(view, &cost)| *view = cost.into());
+            let found = Some(core.fuse(views)).filter(|cost| cost.exists());
+            let found = found.map(|found| u128::from(found) * u128::from(core.scale(8)));
+            let expected_wide = expected.map(|expected| expected as u128 * u128::from(core.scale(24)));
+            assert_eq!(found, expected_wide, "{core:?} of an array");
+            // Floats, on the scale of one view. Their sums are exact.
+            let mut views = [f32::NONE; 8];
+            views.iter_mut().zip(costs).for_each(|(view, &cost)| *view = cost as f32);
+            let found = Some(core.fuse(views)).filter(|cost| cost.exists());
+            let quotient = expected.map(|expected| (expected / core.scale(8) as f64) as f32);
+            assert_eq!(found, quotient, "{core:?} of floats");
         }
     });
 }

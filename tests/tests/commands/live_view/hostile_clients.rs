@@ -2,8 +2,8 @@
 
 use std::{io::Write, thread, time::Duration};
 
-use multiscopic_tests::split_mix::Random;
-use serde_json::json;
+use multiscopic_tests::{program::Invocation, split_mix::Random};
+use serde_json::{Value, json};
 
 use super::{page_server::PageServer, rig};
 
@@ -117,6 +117,101 @@ fn broken_requests_and_messages_end_their_connection_alone() {
         page.ask(settings.clone());
         let result = page.notice("result", |contents| contents["settings"] == settings);
         assert!(result["failure"].is_string(), "{settings}: {result}");
+    }
+    let settings = json!({ "method": "bm", "num-disparities": "17" });
+    page.ask(settings.clone());
+    assert!(page.notice("result", |contents| contents["settings"] == settings)["map"].is_object());
+    assert!(server.is_running());
+}
+
+/// Options of the page, with values that some of them take.
+const SETTINGS: [(&str, &[&str]); 25] = [
+    ("method", &["bm", "sgm", "gc", "net", "mccnn-fast"]),
+    ("fusion", &["min", "mean", "heuristic", "half"]),
+    ("min-disparity", &["-128", "0", "255"]),
+    ("num-disparities", &["2", "17", "256"]),
+    ("block-size", &["1", "3", "21"]),
+    ("cost", &["census", "census2", "sad"]),
+    ("census", &["9x7", "7x7", "5x5"]),
+    ("p1", &["0", "51"]),
+    ("p2", &["0", "51"]),
+    ("p2-edge", &["1", "255"]),
+    ("paths", &["4", "5", "8"]),
+    ("occlusion-cost", &["1", "60"]),
+    ("lambda1", &["0.5", "40"]),
+    ("smoothness", &["linear", "potts"]),
+    ("sweeps", &["1"]),
+    ("uniqueness-ratio", &["0", "60"]),
+    ("disp12-max-diff", &["0", "16"]),
+    ("texture-threshold", &["0", "4000"]),
+    ("median", &["3", "31"]),
+    ("speckle-window-size", &["10", "3000"]),
+    ("speckle-range", &["0", "16"]),
+    ("sub-pixel", &["default", "lucas-kanade", "none"]),
+    ("repair", &["default", "smooth", "none"]),
+    ("min-confidence", &["0", "1"]),
+    ("smooth", &["", "x"]),
+];
+
+/// Values that few options take.
+const ODD_VALUES: [&str; 9] = ["", "-1", "1e9", "nan", "65536", "99999999999999999999", "0.5", "--help", "\u{0}"];
+
+/// Any of the settings, in any combination, with values of their own, of others, or odd ones.
+fn random_settings(random: &mut Random) -> Value {
+    let count = 1 + random.below(6);
+    let settings = (0..count).map(|_| {
+        let (name, values) = SETTINGS[random.below(SETTINGS.len())];
+        let (_, others) = SETTINGS[random.below(SETTINGS.len())];
+        let values = match random.below(8) {
+            0 => &ODD_VALUES[..],
+            1 => others,
+            _ => values,
+        };
+        (name.to_owned(), values[random.below(values.len())].into())
+    });
+    Value::Object(settings.collect())
+}
+
+#[test]
+fn whatever_is_asked_for_is_matched_or_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let small = dir.path().join("small").display().to_string();
+    let size = ["scene", "--random", "--seed", "3", "--size", "48x36", "--views", "4", "-o", &small];
+    Invocation::new(size).assert_done();
+    let mut server = PageServer::start(&["tune", &format!("{small}/0000")]);
+    let mut page = server.page();
+    page.notice("result", |_| true);
+
+    let mut random = Random(21);
+    let (mut matched, mut refused) = (0, 0);
+    for _ in 0..150 {
+        let settings = random_settings(&mut random);
+        page.ask(settings.clone());
+        let result = page.notice("result", |contents| contents["settings"] == settings);
+        match (result["map"].is_object(), result["failure"].is_string()) {
+            (true, false) => matched += 1,
+            (false, true) => refused += 1,
+            _ => panic!("{settings}: {result}"),
+        }
+    }
+    assert!(matched > 30 && refused > 30, "{matched} matched, {refused} refused");
+
+    // Messages that were damaged on their way. The server takes them, or ends their connection.
+    for _ in 0..150 {
+        let wish = json!({ "match": { "settings": random_settings(&mut random), "core": "cortex-m4" } });
+        let mut text = wish.to_string().into_bytes();
+        for _ in 0..1 + random.below(3) {
+            let at = random.below(text.len());
+            match random.below(3) {
+                0 => text[at] = random.byte(),
+                1 => drop(text.drain(at..)),
+                _ => text.insert(at, b"{}[]\",:\\0"[random.below(9)]),
+            }
+            if text.is_empty() {
+                break;
+            }
+        }
+        server.socket().send(1, &text);
     }
     let settings = json!({ "method": "bm", "num-disparities": "17" });
     page.ask(settings.clone());

@@ -103,9 +103,11 @@ fn program(folder: &str) -> Result<PathBuf> {
     let cargo_home = read(&mut command("sh", ["-c", "echo ${CARGO_HOME:-$HOME/.cargo}"]))?;
     let flags = [(folders::root().display().to_string(), "/multiscopic"), (cargo_home, "/cargo")]
         .map(|(from, to)| format!("--remap-path-prefix={from}={to}"));
+    // The linker's names of symbols within the program have hashes of the folder.
+    let flags = format!("{} -Cstrip=symbols", flags.join(" "));
     let target = folders::target().join(folder).display().to_string();
     let arguments = ["-pmultiscopic", "--bin=multiscopic", "--release", "--locked", "--target-dir", &target];
-    built("build", &arguments, "multiscopic", &[("RUSTFLAGS", flags.join(" "))])
+    built("build", &arguments, "multiscopic", &[("RUSTFLAGS", flags)])
 }
 
 /// Archives `program` and what belongs to it in a folder of the target folder.

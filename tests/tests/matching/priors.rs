@@ -1,10 +1,12 @@
 //! Matching around a prior equals the reference on every bit.
 
-use std::cell::Cell;
+use std::{cell::Cell, convert::Infallible};
 
 use image::GrayImage;
 use multiscopic::{DisparityMap, Engine, Frames, Simd};
-use multiscopic_core::{Disparity, Params, Search, View, Views};
+use multiscopic_core::{
+    Disparity, Frame, Gradients, Matcher, Memory, Params, Region, ScanlineSource, Search, View, Views, kernel::Portable,
+};
 use multiscopic_tests::{
     reference::{AroundPrior, Fusion, gradients},
     split_mix::Random,
@@ -90,6 +92,20 @@ impl Case {
         DisparityMap::new(self.width, self.height, pixels)
     }
 
+    /// The disparities as a microcontroller finds them: pixel by pixel.
+    fn disparities(&self) -> Vec<Option<i32>> {
+        let (params, frames, prior) = (self.params(), self.frames(), self.prior_map());
+        let region = Region::whole(params.search());
+        let mut memory = vec![0; Memory::new::<Portable<4, 1>>(&params, region.width()).words()];
+        let mut matcher = Matcher::with_isa(Portable::<4, 1>, &params, &region, &mut memory).expect("enough memory");
+        let mut source = Lines { frames: &frames, prior: &prior };
+        let mut found = DisparityMap::filled(self.width, self.height, None);
+        for line in found.pixels_mut().chunks_exact_mut(self.width) {
+            matcher.next_line(&mut source, line).expect("lines in memory do not fail");
+        }
+        steps(&found)
+    }
+
     fn reference(&self) -> Vec<Option<i32>> {
         let views: Vec<_> = self.views.iter().map(|(offset, image)| (*offset, gradients(image, self.width))).collect();
         let reference = AroundPrior {
@@ -109,6 +125,30 @@ impl Case {
     }
 }
 
+/// The lines of the gradients of `frames`, and those of the prior.
+struct Lines<'a> {
+    frames: &'a Frames,
+    prior: &'a DisparityMap,
+}
+
+impl ScanlineSource for Lines<'_> {
+    type Error = Infallible;
+
+    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Infallible> {
+        Gradients(self.frames).read_line(frame, v, line)
+    }
+
+    fn read_prior(&mut self, v: usize, line: &mut [Option<Disparity>]) -> Result<(), Infallible> {
+        line.copy_from_slice(&self.prior.pixels()[v * line.len()..][..line.len()]);
+        Ok(())
+    }
+}
+
+/// Disparities in 64ths of a pixel.
+fn steps(map: &DisparityMap) -> Vec<Option<i32>> {
+    map.pixels().iter().map(|d| Some(i32::from((*d)?.to_bits()))).collect()
+}
+
 #[test]
 fn equals_the_reference() {
     let engines: Vec<Engine> = Simd::available()
@@ -123,10 +163,13 @@ fn equals_the_reference() {
         pixels.set(pixels.get() + expected.len());
         let engine = &engines[(seed % engines.len() as u64) as usize];
         let map = engine.disparities_around(&case.frames(), &case.prior_map(), &case.params(), || {});
-        let found: Vec<_> = map.expect("the frames fit").pixels().iter().map(|d| Some(i32::from((*d)?.to_bits()))).collect();
-        let different = (0..expected.len()).find(|&i| found[i] != expected[i]);
-        let place = different.map(|i| (i % case.width, i / case.width, found[i], expected[i]));
-        assert_eq!(place, None, "with {}: {case:?}", engine.simd(case.params().search()));
+        let engines = steps(&map.expect("the frames fit"));
+        for (found, what) in [(engines, engine.simd(case.params().search()).to_string()), (case.disparities(), "4 lanes".into())]
+        {
+            let different = (0..expected.len()).find(|&i| found[i] != expected[i]);
+            let place = different.map(|i| (i % case.width, i / case.width, found[i], expected[i]));
+            assert_eq!(place, None, "with {what}: {case:?}");
+        }
     });
     let (refined, pixels) = (refined.get(), pixels.get());
     assert!(8 * refined > pixels, "only {refined} of {pixels} pixels differ from their prior");

@@ -3,7 +3,7 @@
 use std::{
     fs,
     path::{Path, PathBuf},
-    process::Stdio,
+    process::{Command, Stdio},
     time::{Duration, Instant},
 };
 
@@ -87,7 +87,8 @@ impl Fuzzing {
         for folder in [&found, &failed] {
             fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         }
-        let mut fuzzer = command(&program.to_string_lossy(), ["-print_final_stats=1"]);
+        let mut fuzzer = target_command(program);
+        fuzzer.arg("-print_final_stats=1");
         fuzzer.arg(format!("-artifact_prefix={}/{target}-", failed.display()));
         fuzzer.args([format!("-rss_limit_mb={MEMORY}"), format!("-timeout={LONGEST}")]);
         fuzzer.arg(format!("-max_total_time={:.0}", 60.0 * self.minutes));
@@ -120,9 +121,19 @@ pub fn run_shortly() -> Result<()> {
     run(cargo.args(["--no-default-features", "--manifest-path", MANIFEST]))?;
     for target in targets()? {
         let seeds = folders::root().join("fuzz/seeds").join(&target);
-        run(command(&programs.join(target).to_string_lossy(), [SHORT_RUN]).arg(seeds))?;
+        run(target_command(&programs.join(target)).arg(SHORT_RUN).arg(seeds))?;
     }
     Ok(())
+}
+
+/// The command that runs a target. Its files are in memory where there is a folder for that: a disk would take most of the time.
+fn target_command(program: &Path) -> Command {
+    let mut target = command::<&str>(&program.to_string_lossy(), []);
+    let memory = Path::new("/dev/shm");
+    if memory.is_dir() {
+        target.env("TMPDIR", memory);
+    }
+    target
 }
 
 /// Checks the sources of the targets, without libFuzzer.

@@ -32,23 +32,28 @@ const TESTS: [&str; 7] = [
 #[derive(Args)]
 pub struct Sanitizing {
     /// Watch with Valgrind instead of AddressSanitizer: it also sees memory that was never written, but takes thirty times
-    /// as long and has no AVX-512
+    /// as long, so that it gets a tenth of the random values, and it has no AVX-512
     #[arg(long)]
     valgrind: bool,
+
+    /// Run the units of the libraries alone, as `cargo xtask test` does
+    #[arg(long, conflicts_with = "valgrind")]
+    units: bool,
 }
 
 impl Sanitizing {
-    /// Builds the tests in a folder of their own, a little optimised, since watching makes them slower, and runs them.
+    /// The units under AddressSanitizer.
+    pub const UNITS: Sanitizing = Sanitizing { valgrind: false, units: true };
+
+    /// Builds the tests in a folder of their own and runs them. All of them are a little optimised, since watching makes them slower.
     pub fn run_tests(&self) -> Result<()> {
         let mut cargo = if self.valgrind { under_valgrind()? } else { under_address_sanitizer("test")?.0 };
-        run(cargo.args(["--config", "profile.dev.opt-level=1"]).args(TESTS))
+        match self.units {
+            true => cargo.args(&TESTS[..3]).arg("--lib"),
+            false => cargo.args(["--config", "profile.dev.opt-level=1"]).args(TESTS),
+        };
+        run(&mut cargo)
     }
-}
-
-/// The tests of the libraries' units alone, under AddressSanitizer: minutes, most of them for building.
-pub fn run_shortly() -> Result<()> {
-    let (mut cargo, _) = under_address_sanitizer("test")?;
-    run(cargo.args(&TESTS[..3]).arg("--lib"))
 }
 
 /// The cargo command `verb` for code under AddressSanitizer, and the folder for the programs of the profile `dev`.
@@ -65,6 +70,7 @@ fn under_valgrind() -> Result<Command> {
     let (host, valgrind) = (toolchain::host()?, tool::VALGRIND.install()?);
     let mut cargo = command("cargo", ["test", "--locked", "--target", &host, "--target-dir"]);
     cargo.arg(folders::target().join("watched"));
+    cargo.env("MULTISCOPIC_EFFORT", "0.1");
     let runner = format!("CARGO_TARGET_{}_RUNNER", host.replace('-', "_").to_uppercase());
     cargo.env(runner, format!("{valgrind} --quiet --error-exitcode=99 --main-stacksize=67108864"));
     Ok(cargo)

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, anyhow, ensure};
 use std::{path::Path, process::Command, time::Instant};
 
-use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages, python_package, sanitizing};
+use super::{emulated_arm64, emulated_cameras, fuzzing, host_instructions, pages, python_package, sanitizing::Sanitizing};
 use crate::{
     emulation::{
         build,
@@ -85,7 +85,7 @@ pub fn test() -> Result<()> {
     step("setup", setup::run)?;
     let firmware = BackgroundTask::start("firmware")?;
     step("tests in debug", || run_tests(&built_program()?, &["--workspace", "--exclude", PYTHON_PACKAGE]))?;
-    step("units under AddressSanitizer", sanitizing::run_shortly)?;
+    step("units under AddressSanitizer", || Sanitizing::UNITS.run_tests())?;
     step("a short fuzz run under AddressSanitizer", fuzzing::run_shortly)?;
     step("the Python package", python_package::run_tests)?;
     step("the published packages", crates::check)?;

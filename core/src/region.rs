@@ -127,8 +127,7 @@ mod tests {
     fn tiles_and_bands_cover_the_frame() {
         let columns = |width| Region::tiles(&search(), width).map(|tile| tile.columns()).collect::<Vec<_>>();
         assert_eq!(columns(2), [0..2, 2..4, 4..5]);
-        assert_eq!(columns(5), [0..5]);
-        assert_eq!(columns(usize::MAX), [0..5]);
+        assert!([5, 6, usize::MAX].into_iter().all(|width| Region::tiles(&search(), width).eq([Region::whole(&search())])));
         assert_eq!(columns(0), [0..1, 1..2, 2..3, 3..4, 4..5]);
         let rows = |height| Region::bands(&search(), height).map(|band| band.rows()).collect::<Vec<_>>();
         assert_eq!(rows(3), [0..3, 3..4]);

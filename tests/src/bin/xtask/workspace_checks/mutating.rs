@@ -33,7 +33,7 @@ struct Part {
     words: &'static [&'static str],
 }
 
-const PARTS: [Part; 5] = [
+const PARTS: [Part; 6] = [
     Part {
         name: "capture",
         package: "multiscopic-core",
@@ -45,10 +45,18 @@ const PARTS: [Part; 5] = [
     Part {
         name: "selection",
         package: "multiscopic-core",
-        files: &["core/src/{fusion,region}.rs", "core/src/matcher/selection.rs", "core/src/semi_global/path_selection.rs"],
+        files: &["core/src/{fusion,region}.rs", "core/src/matcher/selection.rs"],
         excluded: &[],
         tests: &["--lib", "--test=matching"],
         words: &[],
+    },
+    Part {
+        name: "paths",
+        package: "multiscopic-core",
+        files: &["core/src/semi_global/**"],
+        excluded: &[],
+        tests: &["--lib", "--test=matching", "--test=methods"],
+        words: &["path", "semi_global", "sgm"],
     },
     Part {
         name: "matching",
@@ -57,8 +65,7 @@ const PARTS: [Part; 5] = [
         excluded: &[
             "core/src/{fusion,region}.rs",
             "core/src/matcher/selection.rs",
-            "core/src/semi_global/path_selection.rs",
-            "core/src/{capture,network}/**",
+            "core/src/{capture,network,semi_global}/**",
             "core/src/kernel/{arm,aarch64}/**",
         ],
         tests: &["--lib", "--test=matching", "--test=rectified_lines"],

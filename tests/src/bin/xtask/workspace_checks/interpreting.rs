@@ -24,7 +24,7 @@ const TESTS: [&[&str]; 2] = [
     &["--package=multiscopic-tests", "--test=matching", "--", "small_matches", "engine::", "priors::", "semi_global_matches"],
 ];
 
-/// Runs the tests for each processor, on a hundredth of the usual random values.
+/// Runs the tests for each processor, on a few of the usual random values.
 pub fn run_tests() -> Result<()> {
     let miri = ["run", NIGHTLY, "cargo", "miri"];
     if read(command("rustup", miri).arg("--version")).is_err() {
@@ -38,7 +38,7 @@ pub fn run_tests() -> Result<()> {
             cargo.args(["test", "--locked", "--no-default-features", "--target-dir"]).arg(folders::target().join("miri"));
             // Rayon's queues break the rules of Stacked Borrows, and its threads run until the program ends.
             let flags = "-Zmiri-disable-isolation -Zmiri-tree-borrows -Zmiri-permissive-provenance -Zmiri-ignore-leaks";
-            cargo.env("MIRIFLAGS", flags).env("RUSTFLAGS", features).env("MULTISCOPIC_EFFORT", "0.01");
+            cargo.env("MIRIFLAGS", flags).env("RUSTFLAGS", features).env("MULTISCOPIC_EFFORT", "0.003");
             run(cargo.args(tests))?;
         }
     }

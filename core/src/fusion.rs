@@ -246,8 +246,8 @@ mod tests {
         assert_eq!(chosen, ["min", "min", "min", "heuristic", "heuristic", "half", "half", "half"]);
     }
 
-    /// The scale is the least number that every number of averaged costs divides, of up to
-    /// four views, eight, or an array.
+    /// The scale is the least number that every number of averaged costs divides, of up to four views, eight, or an
+    /// array.
     #[test]
     fn scales_are_least_common_multiples() {
         fn multiple(of: u64, and: u64) -> u64 {

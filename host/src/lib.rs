@@ -5,7 +5,7 @@
 //! | room | what it is |
 //! | --- | --- |
 //! | [`error`], [`progress`] | what every room reports: errors that name the file, and how far long work has come |
-//! | `available_memory` | [`available_memory()`]: what the machine leaves to this process |
+//! | `memory_limit` | [`memory_limit()`]: the memory that may be taken, by default what the machine leaves |
 //! | [`images`] | rasters, pictures, the frames of a capture, disparity maps, and the geometry that turns disparity into depth |
 //! | [`files`] | reading and writing them: PNG, JPEG, PNM, PFM, PLY, `rig.toml`; whole files or none |
 //! | [`lens`] | lens distortion, the calibration files that describe it, and images without it |
@@ -20,7 +20,6 @@
 //! | [`target`] | microcontrollers: memory and time budgets, the firmware's pipeline simulated, its packets received |
 
 pub mod alignment;
-mod available_memory;
 #[cfg(feature = "calibration")]
 pub mod calibration;
 pub mod capture;
@@ -29,6 +28,7 @@ pub mod evaluation;
 pub mod files;
 pub mod images;
 pub mod lens;
+mod memory_limit;
 mod preparation;
 pub mod progress;
 pub mod report;
@@ -38,12 +38,12 @@ pub mod stereo;
 pub mod target;
 
 pub use alignment::{Alignment, Inspection};
-pub use available_memory::available_memory;
 pub use error::{Error, Result};
 pub use evaluation::{Dataset, Metrics};
 pub use files::Rig;
 pub use images::{DisparityMap, FloatImage, Frames, Geometry, Picture, Raster};
 pub use lens::{CameraModel, Lens, LensModel};
+pub use memory_limit::memory_limit;
 pub use preparation::Preparation;
 pub use progress::Progress;
 pub use stereo::{Engine, Method, Simd, Volume, optimization::graph_cuts::GraphCuts, optimization::sgm::SemiGlobal};

@@ -1,8 +1,9 @@
 //! The keyword arguments of matching: the options of `multiscopic match`, with `_` for `-`.
 
 use multiscopic::{
-    Alignment, DisparityMap, Engine, Error, Frames, GraphCuts, Method, Result, Simd, available_memory,
+    Alignment, DisparityMap, Engine, Error, Frames, GraphCuts, Method, Result, Simd,
     images::BitDepth,
+    memory_limit,
     stereo::{
         CostFunction, CostName, LongBaselines, MethodName, Optimizer, SemiGlobalMethod,
         aggregation::{Aggregation, SupportRegion},
@@ -203,8 +204,7 @@ impl Options {
     fn most_bytes(&self) -> Result<Option<u64>> {
         match self.max_memory {
             Some(0) => Err(Error::Usage("max_memory is 0, it must be a number above 0".into())),
-            Some(megabytes) => Ok(Some(megabytes.saturating_mul(1_000_000))),
-            None => Ok(available_memory()),
+            megabytes => Ok(memory_limit(megabytes)),
         }
     }
 

@@ -163,8 +163,9 @@ fn equals_the_reference() {
         pixels.set(pixels.get() + expected.len());
         let engine = &engines[(seed % engines.len() as u64) as usize];
         let map = engine.disparities_around(&case.frames(), &case.prior_map(), &case.params(), || {});
-        let engines = steps(&map.expect("the frames fit"));
-        for (found, what) in [(engines, engine.simd(case.params().search()).to_string()), (case.disparities(), "4 lanes".into())]
+        let of_engine = steps(&map.expect("the frames fit"));
+        for (found, what) in
+            [(of_engine, engine.simd(case.params().search()).to_string()), (case.disparities(), "4 lanes".into())]
         {
             let different = (0..expected.len()).find(|&i| found[i] != expected[i]);
             let place = different.map(|i| (i % case.width, i / case.width, found[i], expected[i]));

@@ -1,7 +1,7 @@
 //! How much memory the program may take, and what is told of it.
 
 use clap::{Args, value_parser};
-use multiscopic::{Alignment, Frames, Result, available_memory};
+use multiscopic::{Alignment, Frames, Result, memory_limit};
 
 use crate::command::terminal;
 
@@ -20,7 +20,7 @@ pub struct MemoryOptions {
 impl MemoryOptions {
     /// The most bytes that may be taken. `None` if nothing limits them.
     pub fn most_bytes(&self) -> Option<u64> {
-        self.max_memory.map(|megabytes| megabytes.saturating_mul(1_000_000)).or_else(available_memory)
+        memory_limit(self.max_memory)
     }
 
     /// Checks that the alignment of `frames` may take what it takes.

@@ -10,13 +10,10 @@ use std::{
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 
-use super::sanitizing::{UNSTABLE, under_address_sanitizer};
-use crate::{
-    system::{
-        folders,
-        process::{command, run},
-    },
-    tools::toolchain,
+use super::sanitizing::{instrumented, under_address_sanitizer};
+use crate::system::{
+    folders,
+    process::{command, run},
 };
 
 /// Instruments code for libFuzzer: counters of edges, their table, and compared values; and for AddressSanitizer, which ends the
@@ -156,10 +153,7 @@ fn targets() -> Result<Vec<String>> {
 
 /// Builds all targets in a folder of their own, and returns the one of the programs.
 fn build() -> Result<PathBuf> {
-    let host = toolchain::host()?;
-    let folder = folders::target().join("fuzz");
-    // With a target, build scripts and macros are not instrumented.
-    let mut cargo = command("cargo", ["build", "--release", "--locked", "--manifest-path", MANIFEST, "--target", &host]);
-    run(cargo.arg("--target-dir").arg(&folder).env("RUSTFLAGS", INSTRUMENTS).env(UNSTABLE.0, UNSTABLE.1))?;
-    Ok(folder.join(host).join("release"))
+    let (mut cargo, folder) = instrumented("build", INSTRUMENTS, "fuzz")?;
+    run(cargo.args(["--release", "--manifest-path", MANIFEST]))?;
+    Ok(folder.join("release"))
 }

@@ -14,9 +14,6 @@ use crate::{
     tools::{tool, toolchain},
 };
 
-/// Lets stable Rust use a sanitizer, which it has but does not promise to keep.
-pub const UNSTABLE: (&str, &str) = ("RUSTC_BOOTSTRAP", "1");
-
 /// The units of the libraries, and the comparisons of all methods and kernels with their references.
 const TESTS: [&str; 7] = [
     "--package=multiscopic-core",
@@ -45,7 +42,8 @@ impl Sanitizing {
     /// The units under AddressSanitizer.
     pub const UNITS: Sanitizing = Sanitizing { valgrind: false, units: true };
 
-    /// Builds the tests in a folder of their own and runs them. All of them are a little optimised, since watching makes them slower.
+    /// Builds the tests in a folder of their own and runs them. All of them are a little optimised, since watching makes them
+    /// slower.
     pub fn run_tests(&self) -> Result<()> {
         let mut cargo = if self.valgrind { under_valgrind()? } else { under_address_sanitizer("test")?.0 };
         match self.units {
@@ -58,20 +56,32 @@ impl Sanitizing {
 
 /// The cargo command `verb` for code under AddressSanitizer, and the folder for the programs of the profile `dev`.
 pub fn under_address_sanitizer(verb: &str) -> Result<(Command, PathBuf)> {
-    let (host, folder) = (toolchain::host()?, folders::target().join("sanitized"));
-    // With a target, build scripts and macros are not instrumented.
-    let mut cargo = command("cargo", [verb, "--locked", "--target", &host, "--target-dir"]);
-    cargo.arg(&folder).env("RUSTFLAGS", "-Zsanitizer=address").env(UNSTABLE.0, UNSTABLE.1);
-    Ok((cargo, folder.join(host).join("debug")))
+    let (cargo, folder) = instrumented(verb, "-Zsanitizer=address", "sanitized")?;
+    Ok((cargo, folder.join("debug")))
+}
+
+/// The cargo command `verb` for instrumented code, with a target folder of this name, and where the folders of profiles are.
+pub fn instrumented(verb: &str, instruments: &str, folder: &str) -> Result<(Command, PathBuf)> {
+    let (mut cargo, folder) = apart(verb, folder)?;
+    // Lets stable Rust use a sanitizer, which it has but does not promise to keep.
+    cargo.env("RUSTFLAGS", instruments).env("RUSTC_BOOTSTRAP", "1");
+    Ok((cargo, folder))
 }
 
 /// The command that runs tests in Valgrind.
 fn under_valgrind() -> Result<Command> {
-    let (host, valgrind) = (toolchain::host()?, tool::VALGRIND.install()?);
-    let mut cargo = command("cargo", ["test", "--locked", "--target", &host, "--target-dir"]);
-    cargo.arg(folders::target().join("watched"));
+    let (valgrind, (mut cargo, _)) = (tool::VALGRIND.install()?, apart("test", "watched")?);
     cargo.env("MULTISCOPIC_EFFORT", "0.1");
-    let runner = format!("CARGO_TARGET_{}_RUNNER", host.replace('-', "_").to_uppercase());
+    let runner = format!("CARGO_TARGET_{}_RUNNER", toolchain::host()?.replace('-', "_").to_uppercase());
     cargo.env(runner, format!("{valgrind} --quiet --error-exitcode=99 --main-stacksize=67108864"));
     Ok(cargo)
+}
+
+/// The cargo command `verb` with a target folder of this name, and where the folders of profiles are.
+fn apart(verb: &str, folder: &str) -> Result<(Command, PathBuf)> {
+    let (host, folder) = (toolchain::host()?, folders::target().join(folder));
+    // With a target, build scripts and macros are neither instrumented nor watched.
+    let mut cargo = command("cargo", [verb, "--locked", "--target", &host, "--target-dir"]);
+    cargo.arg(&folder);
+    Ok((cargo, folder.join(host)))
 }

@@ -1,10 +1,16 @@
-//! The memory that the machine leaves to this process.
+//! The memory that may be taken.
 
 use std::fs;
 
+/// The most bytes that may be taken: these megabytes, by default what is available. `None` if nothing limits them, or the system
+/// does not tell.
+pub fn memory_limit(megabytes: Option<u64>) -> Option<u64> {
+    megabytes.map(|megabytes| megabytes.saturating_mul(1_000_000)).or_else(available_bytes)
+}
+
 /// The bytes that are available: of the machine, of the group of processes that this one is in, and of its address space. `None`
 /// where the system does not tell.
-pub fn available_memory() -> Option<u64> {
+fn available_bytes() -> Option<u64> {
     let text = |path: &str| fs::read_to_string(path).ok();
     let machine = text("/proc/meminfo").and_then(|text| kibibytes(&text, "MemAvailable:"));
     let group = |name: &str| text(&format!("/sys/fs/cgroup/{name}"))?.trim().parse::<u64>().ok();
@@ -40,6 +46,7 @@ mod tests {
         assert_eq!(address_space(limits), Some(400_000_000));
         assert_eq!(address_space(&limits.replace("400000000", "unlimited")), None);
         #[cfg(target_os = "linux")]
-        assert!(available_memory().is_some());
+        assert!(memory_limit(None).is_some());
+        assert_eq!(memory_limit(Some(3)), Some(3_000_000));
     }
 }

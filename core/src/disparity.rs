@@ -251,6 +251,13 @@ mod tests {
     const BATCH: usize = 32;
 
     #[test]
+    fn disparities_are_printed_in_pixels() {
+        let printed = |bits| Disparity::from_bits(bits).map(|d| std::format!("{d} {d:?} {d:.1}"));
+        assert_eq!(printed(-96).as_deref(), Some("-1.5 -1.5 -1.5"));
+        assert_eq!(printed(3 * 64).as_deref(), Some("3 3 3.0"));
+    }
+
+    #[test]
     fn refinement_rounds_halves_away_from_zero() {
         for (fall, rise) in (0..140).flat_map(|fall| (0..140).map(move |rise| (fall, rise))) {
             for d in [-511, -300, -2, -1, 0, 1, 2, 300, 511] {
@@ -259,6 +266,9 @@ mod tests {
                 let exact = (f64::from(d) + shift) * 64.0;
                 let found = Disparity::refine(d, 7 + fall, 7, 7 + rise).map(Disparity::to_bits);
                 assert_eq!(found.map(f64::from), Some(exact.round()), "{d}, {fall}, {rise}");
+                let [before, at, after] = [fall, 0, rise].map(|cost| 840 * 441 * (7 + u64::from(cost)));
+                let wide = Disparity::refine_wide(d, before, at, after).map(Disparity::to_bits);
+                assert_eq!(wide, found, "{d}, {fall}, {rise}");
             }
         }
     }

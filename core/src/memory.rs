@@ -471,3 +471,33 @@ pub(crate) const fn align(bytes: usize, vector_bytes: usize) -> usize {
         None => bytes,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memories_are_added_buffer_by_buffer() {
+        // A bit for each buffer.
+        let memory = Memory {
+            column_sums: 1 << 0,
+            block_sums: 1 << 1,
+            masks: 1 << 2,
+            fused: 1 << 3,
+            center: 1 << 4,
+            horizontal: 1 << 5,
+            vertical: 1 << 6,
+            zeros: 1 << 7,
+            prior: 1 << 8,
+            line: 1 << 9,
+            costs: 1 << 10,
+            paths: 1 << 11,
+            samples: 1 << 12,
+            rectified: 1 << 13,
+            network: 1 << 14,
+        };
+        assert_eq!(memory.bytes(), (1 << 15) - 1);
+        assert_eq!([memory.plus(&Memory::NONE), Memory::NONE.plus(&memory)], [memory; 2]);
+        assert_eq!(memory.plus(&memory).plus(&memory).bytes(), 3 * memory.bytes());
+    }
+}

@@ -339,3 +339,32 @@ impl fmt::Display for Frame {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn matches_lie_opposite_to_the_view_and_inside_the_frame() {
+        let view = |right, down| View::new(right, down).unwrap();
+        for (view, shift) in [(View::LEFT, (2, 0)), (View::BOTTOM, (0, -2)), (view(-1, 1), (2, -2)), (view(2, -1), (-4, 2))] {
+            assert_eq!(view.shift(2), shift);
+            for (u, v) in (0..6).flat_map(|v| (0..7).map(move |u| (u, v))) {
+                let (x, y) = (u + shift.0, v + shift.1);
+                let expected = ((0..7).contains(&x) && (0..6).contains(&y)).then_some((x as usize, y as usize));
+                assert_eq!(view.match_of((u as usize, v as usize), 2, (7, 6)), expected, "{view:?} at ({u}, {v})");
+            }
+        }
+    }
+
+    #[test]
+    fn views_are_ranked_by_how_their_matches_move() {
+        let view = |right, down| View::new(right, down).unwrap();
+        // In the line, the nearest first; then askew; then in the column.
+        let ranked =
+            [View::LEFT, View::RIGHT, view(2, 0), view(-1, -1), view(1, -1), view(1, 2), View::TOP, View::BOTTOM, view(0, 3)];
+        assert!(ranked.is_sorted_by_key(|view| view.rank()), "{:?}", ranked.map(View::rank));
+        assert_eq!(ranked.map(View::is_vertical), [false, false, false, false, false, false, true, true, true]);
+        assert_eq!(ranked.map(View::is_horizontal), [true, true, true, false, false, false, false, false, false]);
+    }
+}

@@ -157,3 +157,16 @@ impl FromIterator<View> for Views {
         views.into_iter().fold(Views::NONE, Views::with)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_array_has_all_neighbours() {
+        let offsets = (-1..=1).flat_map(|down| (-1..=1).map(move |right| (right, down)));
+        let mut neighbours = offsets.filter(|&offset| offset != (0, 0)).map(|(right, down)| View::new(right, down).unwrap());
+        assert!(neighbours.all(|view| Views::ARRAY.contains(view)));
+        assert_eq!(Views::ARRAY.len(), 8);
+    }
+}

@@ -223,3 +223,15 @@ impl<const N: usize> ByteVector for [u8; N] {
         array::from_fn(|i| if i == N - 1 { next[0] } else { self[i + 1] })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_move_between_vectors() {
+        assert_eq!([1, 2, 3, 4].moved_up([5, 6, 7, 8]), [8, 1, 2, 3]);
+        assert_eq!([1, 2, 3, 4].moved_down([5, 6, 7, 8]), [2, 3, 4, 5]);
+        assert_eq!([4, 2, 3, 9].least_in_each(), [2; 4]);
+    }
+}

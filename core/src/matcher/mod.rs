@@ -380,3 +380,48 @@ fn cast_mut<T: Pod, U: Pod>(memory: &mut [T]) -> &mut [U] {
     let whole = bytes.len() / size_of::<U>() * size_of::<U>();
     bytes.get_mut(..whole).and_then(|bytes| bytemuck::try_cast_slice_mut(bytes).ok()).unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Fusion, View};
+
+    /// A texture, seen two pixels further to each side, and anything from above.
+    struct Texture;
+
+    impl ScanlineSource for Texture {
+        type Error = core::convert::Infallible;
+
+        fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
+            for (pixel, u) in line.iter_mut().zip(0..) {
+                *pixel = match frame {
+                    Frame::View(view) if !view.is_horizontal() => (u * 89 + v as i32 * 57) as u8,
+                    Frame::View(view) => texture(u - view.shift(2).0, v as i32),
+                    Frame::Center => texture(u, v as i32),
+                };
+            }
+            Ok(())
+        }
+    }
+
+    fn texture(u: i32, v: i32) -> u8 {
+        (u * u * 31 + v * v * 17 + u * v * 7) as u8
+    }
+
+    /// Fused by exact costs without the feature `array`, and otherwise in lanes.
+    #[test]
+    fn the_least_half_of_three_views() {
+        for views in [Views::HORIZONTAL.with(View::TOP), Views::CROSS] {
+            let params = Params::new(30, 20, views, Fusion::Half, 0, 6, 3).unwrap();
+            let mut memory = [0; 20_000];
+            let mut matcher = Matcher::new(&params, &mut memory).unwrap();
+            let (mut line, mut peaks) = ([None; 30], [0; 30]);
+            while let Some(v) = matcher.next_line_and_peaks(&mut Texture, &mut line, &mut peaks).unwrap() {
+                for u in 8..22 {
+                    assert_eq!(line[u].map(|d| f32::from(d).round()), Some(2.0), "({u}, {v})");
+                }
+                line.fill(None);
+            }
+        }
+    }
+}

@@ -280,7 +280,7 @@ pub fn cut<T: Copy>(pixels: &[T], width: usize, region: &Region) -> Vec<T> {
 /// Valid matches that take the float reference at most `samples` samples and the core at most `evaluations`
 /// candidates.
 ///
-/// Frames are small, often smaller than the block or the search range. Ranges are near 0, wide, or far
+/// Frames are small, often smaller than the block or the search range, or wide but low. Ranges are near 0, wide, or far
 /// outside the frame.
 pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
     // An interpreter takes a thousand times as long.
@@ -291,6 +291,8 @@ pub fn cases(samples: i64, evaluations: u64) -> impl Strategy<Value = Case> {
         3 => (1..=8_usize, 1..=64_usize),
         3 => (9..=40_usize, 9..=40_usize),
         2 => (32..=64_usize, 16..=48_usize),
+        // Batches of pixels within sight of every view.
+        3 => (65..=200_usize, 1..=12_usize),
     ];
     let search = prop_oneof![
         6 => (-8..=8_i32, 1..=20_i32),

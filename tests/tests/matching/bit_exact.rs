@@ -109,7 +109,7 @@ fn lanes_past_the_last_disparity_are_no_second_candidate() {
 
 #[test]
 fn small_matches_equal_the_reference() {
-    property(2000, cases(30_000, 8_000), equals_the_reference);
+    property(2000, cases(60_000, 16_000), equals_the_reference);
 }
 
 #[test]

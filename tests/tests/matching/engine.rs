@@ -13,7 +13,7 @@ fn equals_the_reference() {
         .into_iter()
         .flat_map(|simd| [1, 2, 5].map(|threads| Engine::new(Some(simd), threads).expect("threads")))
         .collect();
-    property(500, cases(30_000, 10_000), |case: &Case| {
+    property(500, cases(100_000, 30_000), |case: &Case| {
         let images = case.images();
         let (frames, expected) = (images.frames(), case.reference(&images));
         let first = case.seed as usize % 3;

@@ -45,8 +45,17 @@ const COMPUTATIONS: [&str; 7] = [
     "--test=rectified_lines",
 ];
 /// The parts of others with tests that take minutes in debug, which leaves them out.
-const LONG: [&str; 8] =
-    ["--test=commands", "--test=capture", "--", "alignment", "edge_commands", "lenses", "memory_demand", "mounts"];
+const LONG: [&str; 9] = [
+    "--test=commands",
+    "--test=capture",
+    "--",
+    "alignment",
+    "calibrations",
+    "edge_commands",
+    "lenses",
+    "memory_demand",
+    "mounts",
+];
 
 /// The checks for every change.
 pub fn check() -> Result<()> {
@@ -84,7 +93,11 @@ pub fn lint() -> Result<()> {
 pub fn test() -> Result<()> {
     step("setup", setup::run)?;
     let firmware = BackgroundTask::start("firmware")?;
-    step("tests in debug", || run_tests(&built_program()?, &["--workspace", "--exclude", PYTHON_PACKAGE]))?;
+    step("tests in debug", || {
+        run_tests(&built_program()?, &["--workspace", "--exclude", PYTHON_PACKAGE])?;
+        // As most firmware has it. In the workspace, the tests' features are on.
+        run(&mut cargo(&["test", "-pmultiscopic-core", "--lib"]))
+    })?;
     step("units under AddressSanitizer", || Sanitizing::UNITS.run_tests())?;
     step("a short fuzz run under AddressSanitizer", fuzzing::run_shortly)?;
     step("the Python package", python_package::run_tests)?;

@@ -7,10 +7,10 @@ use multiscopic_core::{
     kernel::{Kernel, Portable},
 };
 use multiscopic_tests::{
-    reference::Fusion,
+    reference::{Fusion, raw16},
     split_mix::Random,
     test_images::{
-        case::{Appearance, Case, cases, cut, matched, matched_with_peaks, property},
+        case::{Appearance, Case, cases, cut, matched, matched_with_peaks, params_in, property, views},
         view_set::ViewSet,
     },
 };
@@ -105,6 +105,30 @@ fn lanes_past_the_last_disparity_are_no_second_candidate() {
             seed,
         });
     }
+}
+
+/// Black and white noise that all views see: the costs beside a match are so great that refining it takes 64 bits.
+#[test]
+fn the_greatest_means_are_refined() {
+    const SIZE: i32 = 24;
+    const SHIFT: i32 = 2;
+    const SEARCH: (i32, i32) = (1, 3);
+    const BLOCK: i32 = 21;
+    let random = &mut Random(1);
+    let center: Vec<u8> = (0..SIZE * SIZE).map(|_| [0, 255][random.below(2)]).collect();
+    let seen_from = |(right, down): (i32, i32)| {
+        let shifted = |i: i32, by: i32| (i + SHIFT * by).clamp(0, SIZE - 1);
+        (0..SIZE * SIZE).map(|i| center[(shifted(i / SIZE, down) * SIZE + shifted(i % SIZE, right)) as usize]).collect()
+    };
+    let corners = [(-1, -1), (1, -1), (-1, 1), (1, 1)];
+    let (width, height) = (SIZE as usize, SIZE as usize);
+    let nearest = [(-1, 0), (1, 0), (0, -1), (0, 1)].map(|offset| Some(seen_from(offset)));
+    let others = corners.map(|offset| (offset, seen_from(offset))).to_vec();
+    let images = ViewSet { width, height, center: center.clone(), views: nearest, others };
+    let params = params_in(width, height, views([true; 4], &corners), Fusion::Mean, SEARCH, BLOCK);
+    let found = matched(Portable::<4, 1>, &params, &Region::whole(params.search()), &images, random);
+    let expected = images.reference(Fusion::Mean, SEARCH.0, SEARCH.1, BLOCK).disparities();
+    assert_eq!(found, expected.into_iter().map(raw16).collect::<Vec<u16>>());
 }
 
 #[test]

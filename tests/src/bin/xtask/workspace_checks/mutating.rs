@@ -53,10 +53,10 @@ const PARTS: [Part; 6] = [
     Part {
         name: "paths",
         package: "multiscopic-core",
-        files: &["core/src/semi_global/**"],
+        files: &["core/src/semi_global/**", "core/src/kernel/bytes/**"],
         excluded: &[],
         tests: &["--lib", "--test=matching", "--test=methods"],
-        words: &["passes", "path", "semi_global", "sgm", "--skip=larger_images", "--skip=trained_network"],
+        words: &["pairs", "passes", "path", "semi_global", "sgm", "--skip=larger_images", "--skip=trained_network"],
     },
     Part {
         name: "matching",
@@ -66,7 +66,7 @@ const PARTS: [Part; 6] = [
             "core/src/{fusion,region}.rs",
             "core/src/matcher/selection.rs",
             "core/src/{capture,network,semi_global}/**",
-            "core/src/kernel/{arm,aarch64}/**",
+            "core/src/kernel/{aarch64,arm,bytes}/**",
         ],
         tests: &["--lib", "--test=matching", "--test=rectified_lines"],
         words: &[],

@@ -91,6 +91,7 @@ fn a_mount_is_kept_if_the_stage_stops_on_its_way_back() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn what_does_not_determine_a_mount_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let [errors, mount] = ["errors.toml", "mount.toml"].map(|name| dir.path().join(name));

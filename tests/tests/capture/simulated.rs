@@ -74,6 +74,7 @@ fn programs_are_told_what_was_captured() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn calibrations_make_up_for_a_lens_and_a_mount() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);

@@ -417,8 +417,8 @@ mod tests {
             let mut matcher = Matcher::new(&params, &mut memory).unwrap();
             let (mut line, mut peaks) = ([None; 30], [0; 30]);
             while let Some(v) = matcher.next_line_and_peaks(&mut Texture, &mut line, &mut peaks).unwrap() {
-                for u in 8..22 {
-                    assert_eq!(line[u].map(|d| f32::from(d).round()), Some(2.0), "({u}, {v})");
+                for (u, disparity) in (8..22).zip(&line[8..22]) {
+                    assert_eq!(disparity.map(|d| f32::from(d).round()), Some(2.0), "({u}, {v})");
                 }
                 line.fill(None);
             }

@@ -70,6 +70,7 @@ fn a_folder_matches_in_all_its_views_like_its_images() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn the_demo_takes_any_layout_and_longer_baselines() {
     let folder = tempfile::tempdir().expect("a folder for the test");
     let cases: [(&[&str], usize, &str, bool); 4] = [

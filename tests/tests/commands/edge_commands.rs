@@ -331,6 +331,7 @@ fn assert_simulated_as_matched(profile: &Profile) {
 const SMALL: [Profile; 3] = [profile::QQVGA, profile::QQVGA_SGM, profile::QQVGA_SGM_CONFIDENCE];
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn small_profiles_are_simulated() {
     SMALL.iter().for_each(assert_simulated_as_matched);
 }

@@ -44,6 +44,7 @@ fn count(map: &FloatImage) -> usize {
 
 /// No filter is ignored: each invalidates pixels and changes none, or is refused.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn filters_act_for_every_method() {
     let capture = Capture::new();
     for method in ["bm", "bm --fusion mean", "sgm", "sgm --paths 8", "sgm --cost sad", "sgm --cost census2", "gc", "net"] {
@@ -82,6 +83,7 @@ fn filters_act_for_every_method() {
 
 /// What is probably right is hardly moved, whatever the method. The rest follows it, and is still unsure.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn what_is_probably_wrong_is_repaired() {
     let capture = Capture::new();
     let picture = capture.path("sure.png");

@@ -52,6 +52,7 @@ fn the_range_covers_the_scene_and_little_more() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn swapped_views_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let said = said(&swapped(), folder.path(), &[]);

@@ -53,6 +53,7 @@ fn a_rig_is_shown_with_its_maps_or_matched() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn the_truth_is_that_of_aligned_frames() {
     let dir = tempfile::tempdir().expect("a folder for the test");
     let [scenes, page] = ["scenes", "page.html"].map(|name| dir.path().join(name).to_str().expect("UTF-8").to_owned());

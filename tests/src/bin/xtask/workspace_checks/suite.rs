@@ -45,16 +45,21 @@ const COMPUTATIONS: [&str; 7] = [
     "--test=rectified_lines",
 ];
 /// The parts of others with tests that take minutes in debug, which leaves them out.
-const LONG: [&str; 9] = [
+const LONG: [&str; 14] = [
     "--test=commands",
     "--test=capture",
     "--",
     "alignment",
+    "arrays",
     "calibrations",
+    "commands_that_are_killed",
     "edge_commands",
+    "filters",
     "lenses",
     "memory_demand",
     "mounts",
+    "search_ranges",
+    "the_truth_is",
 ];
 
 /// The checks for every change.

@@ -133,7 +133,7 @@ fn the_greatest_means_are_refined() {
 
 #[test]
 fn small_matches_equal_the_reference() {
-    property(2000, cases(60_000, 16_000), equals_the_reference);
+    property(2000, cases(30_000, 8_000), equals_the_reference);
 }
 
 #[test]

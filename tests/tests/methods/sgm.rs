@@ -13,7 +13,7 @@ use multiscopic_tests::{
     },
     split_mix::Random,
     test_images::{
-        case::{Appearance, Case, cases, property},
+        case::{Appearance, Case, cases, property, wide_cases},
         semi_global_case::{semi_global_params, semi_globally_matched},
         view_set::ViewSet,
     },
@@ -46,34 +46,43 @@ fn assert_equal(map: &DisparityMap, expected: &[u16], what: &str) {
 #[test]
 fn equals_the_reference() {
     let engines = engines([1, 2, 5]);
-    property(200, cases(300_000, 12_000), |case: &Case| {
-        let (images, mut random) = (case.images(), Random(case.seed));
-        let (paths, steps) = [
-            (Paths::Four, vec![PATHS[0], PATHS[1], PATHS[2], PATHS[5]]),
-            (Paths::Five, PATHS[..5].to_vec()),
-            (Paths::Eight, PATHS.to_vec()),
-        ][random.below(3)]
-        .clone();
-        let left_right = [None, Some(random.below(3) as u16)][random.below(2)];
-        let reference = case.semi_global(&images, &mut random);
-        let reference = SemiGlobal { paths: steps, left_right: left_right.map(i32::from), ..reference };
-        let params = semi_global_params(&reference);
-        let method = method(&params, paths).with_refinement(Refinement { left_right, ..Refinement::NONE });
-        // The core has no census at two scales.
-        let (reference, method) = match (reference.cost, params.cost()) {
-            (Cost::Census(rx, ry), SemiGlobalCost::Census(census)) if random.below(2) == 0 => (
-                SemiGlobal { cost: Cost::TwoScaleCensus(rx, ry), ..reference },
-                Method { cost: CostFunction::TwoScaleCensus(census), ..method },
-            ),
-            _ => (reference, method),
-        };
-        let expected: Vec<u16> = reference.disparities().into_iter().map(raw16).collect();
-        for engine in engines.iter().skip(case.seed as usize % 3).step_by(3) {
-            let map = method.disparities(engine, &images.frames(), params.search(), &()).expect("the frames fit the search");
-            let what = format!("{} on {} threads, {method:?}", engine.simd(params.search()), engine.threads());
-            assert_equal(&map, &expected, &what);
-        }
-    });
+    property(200, cases(300_000, 12_000), |case: &Case| check(&engines, case));
+}
+
+#[test]
+fn equals_the_reference_in_wide_images() {
+    let engines = engines([1, 2, 5]);
+    property(200, wide_cases(), |case: &Case| check(&engines, case));
+}
+
+/// Matches with an engine of each instruction set.
+fn check(engines: &[Engine], case: &Case) {
+    let (images, mut random) = (case.images(), Random(case.seed));
+    let (paths, steps) = [
+        (Paths::Four, vec![PATHS[0], PATHS[1], PATHS[2], PATHS[5]]),
+        (Paths::Five, PATHS[..5].to_vec()),
+        (Paths::Eight, PATHS.to_vec()),
+    ][random.below(3)]
+    .clone();
+    let left_right = [None, Some(random.below(3) as u16)][random.below(2)];
+    let reference = case.semi_global(&images, &mut random);
+    let reference = SemiGlobal { paths: steps, left_right: left_right.map(i32::from), ..reference };
+    let params = semi_global_params(&reference);
+    let method = method(&params, paths).with_refinement(Refinement { left_right, ..Refinement::NONE });
+    // The core has no census at two scales.
+    let (reference, method) = match (reference.cost, params.cost()) {
+        (Cost::Census(rx, ry), SemiGlobalCost::Census(census)) if random.below(2) == 0 => (
+            SemiGlobal { cost: Cost::TwoScaleCensus(rx, ry), ..reference },
+            Method { cost: CostFunction::TwoScaleCensus(census), ..method },
+        ),
+        _ => (reference, method),
+    };
+    let expected: Vec<u16> = reference.disparities().into_iter().map(raw16).collect();
+    for engine in engines.iter().skip(case.seed as usize % 3).step_by(3) {
+        let map = method.disparities(engine, &images.frames(), params.search(), &()).expect("the frames fit the search");
+        let what = format!("{} on {} threads, {method:?}", engine.simd(params.search()), engine.threads());
+        assert_equal(&map, &expected, &what);
+    }
 }
 
 /// A match by the core.

@@ -52,10 +52,8 @@ fn emulate() -> Result<()> {
     };
     // Together, so that the library is built once.
     run(cargo("build").args(["--bin", "multiscopic"]))?;
-    // The engine's matches, and random matches of semi-global matching: fewer than elsewhere, since the emulator is slow.
-    let mut tests = cargo("test");
-    tests.env("MULTISCOPIC_EFFORT", "0.4").args(["--", "engine::", "semi_global::"]);
-    run(&mut tests).context("a kernel of 64-bit Arm differs from the reference")?;
+    // The engine's matches, and random matches of semi-global matching.
+    run(cargo("test").args(["--", "engine::", "semi_global::"])).context("a kernel of 64-bit Arm differs from the reference")?;
     println!("aarch64: every kernel equals the reference in the emulator");
     let program = folders::edge_target().join(TARGET).join("debug/multiscopic");
     same_maps(&|| {

@@ -182,3 +182,48 @@ impl JpegFile {
         sides[0] * sides[1]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use image::{ExtendedColorType, codecs::jpeg::JpegEncoder};
+
+    use super::*;
+
+    /// A file, and where its marker of this number begins.
+    fn photo(marker: u8) -> (Vec<u8>, usize) {
+        let pixels: Vec<u8> = (0..40 * 24 * 3_u32).map(|i| (i * i / 7 + i % 3 * 80) as u8).collect();
+        let mut bytes = Vec::new();
+        JpegEncoder::new_with_quality(&mut bytes, 90).encode(&pixels, 40, 24, ExtendedColorType::Rgb8).unwrap();
+        let place = bytes.windows(2).position(|pair| pair == [0xFF, marker]).unwrap();
+        (bytes, place)
+    }
+
+    #[test]
+    fn lost_and_changed_bytes_of_coded_data_are_noticed() {
+        let (photo, scan) = photo(START_OF_SCAN);
+        assert!(check(&photo).is_ok());
+        let coded = scan + 2 + usize::from(u16::from_be_bytes([photo[scan + 2], photo[scan + 3]]))..photo.len() - 2;
+        let noticed = |damage: &dyn Fn(&mut Vec<u8>, usize)| {
+            let is_noticed = |&place: &usize| {
+                let mut damaged = photo.clone();
+                damage(&mut damaged, place);
+                check(&damaged).is_err()
+            };
+            coded.clone().filter(is_noticed).count() * 100 / coded.len()
+        };
+        let lost = noticed(&|bytes, place| _ = bytes.remove(place));
+        let changed = noticed(&|bytes, place| bytes[place] ^= 0x10);
+        // The bits of a coefficient can have any value.
+        assert!(lost >= 80 && changed >= 50, "{lost} % and {changed} %");
+    }
+
+    #[test]
+    fn frames_without_a_size_or_with_unknown_sampling_pass() {
+        let (photo, frame) = photo(0xC0);
+        for (place, value) in [(5, [0, 0]), (7, [0, 0]), (11, [0x01, 0]), (11, [0x10, 0]), (11, [0x51, 0]), (11, [0x15, 0])] {
+            let mut changed = photo.clone();
+            changed[frame + place..frame + place + 2].copy_from_slice(&value);
+            assert!(check(&changed).is_ok(), "{place}: {value:?}");
+        }
+    }
+}

@@ -344,9 +344,12 @@ impl fmt::Display for Frame {
 mod tests {
     use super::*;
 
+    fn view(right: i8, down: i8) -> View {
+        View::new(right, down).unwrap()
+    }
+
     #[test]
     fn matches_lie_opposite_to_the_view_and_inside_the_frame() {
-        let view = |right, down| View::new(right, down).unwrap();
         for (view, shift) in [(View::LEFT, (2, 0)), (View::BOTTOM, (0, -2)), (view(-1, 1), (2, -2)), (view(2, -1), (-4, 2))] {
             assert_eq!(view.shift(2), shift);
             for (u, v) in (0..6).flat_map(|v| (0..7).map(move |u| (u, v))) {
@@ -359,7 +362,6 @@ mod tests {
 
     #[test]
     fn views_are_ranked_by_how_their_matches_move() {
-        let view = |right, down| View::new(right, down).unwrap();
         // In the line, the nearest first; then askew; then in the column.
         let ranked =
             [View::LEFT, View::RIGHT, view(2, 0), view(-1, -1), view(1, -1), view(1, 2), View::TOP, View::BOTTOM, view(0, 3)];

@@ -65,15 +65,19 @@ impl Census {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use std::collections::BTreeSet;
+
     use super::*;
 
     #[test]
     fn each_pair_of_opposite_pixels_has_a_bit() {
         for (window, size, bits) in [(Census::Window5x5, 25, 12), (Census::Window7x7, 49, 24), (Census::Window9x7, 63, 31)] {
             assert_eq!((window.bits(), window.offsets().count()), (bits, bits), "{}", window.name());
-            let with_opposites = || window.offsets().flat_map(|[dx, dy]| [[dx, dy], [-dx, -dy]]).chain([[0, 0]]);
-            let different = with_opposites().enumerate().filter(|&(i, offset)| with_opposites().skip(i + 1).all(|o| o != offset));
-            assert_eq!(different.count(), size, "{}", window.name());
+            let with_opposites = window.offsets().flat_map(|[dx, dy]| [[dx, dy], [-dx, -dy]]);
+            let pixels: BTreeSet<_> = with_opposites.chain([[0, 0]]).collect();
+            assert_eq!(pixels.len(), size, "{}", window.name());
         }
     }
 }

@@ -124,7 +124,7 @@ fn the_greatest_means_are_refined() {
     let (width, height) = (SIZE as usize, SIZE as usize);
     let nearest = [(-1, 0), (1, 0), (0, -1), (0, 1)].map(|offset| Some(seen_from(offset)));
     let others = corners.map(|offset| (offset, seen_from(offset))).to_vec();
-    let images = ViewSet { width, height, center: center.clone(), views: nearest, others };
+    let images = ViewSet { width, height, center, views: nearest, others };
     let params = params_in(width, height, views([true; 4], &corners), Fusion::Mean, SEARCH, BLOCK);
     let found = matched(Portable::<4, 1>, &params, &Region::whole(params.search()), &images, random);
     let expected = images.reference(Fusion::Mean, SEARCH.0, SEARCH.1, BLOCK).disparities();

@@ -18,10 +18,20 @@ const INSTALLING: &str = "rustup toolchain install nightly --component miri,rust
 /// Processors, and their features as flags of the compiler. Miri knows few instructions of AVX-512.
 const PROCESSORS: [(&str, &str); 2] = [("the baseline alone", ""), ("AVX2", "-Ctarget-feature=+avx2,+bmi1,+bmi2,+lzcnt,+popcnt")];
 
-/// The units of the core, without those that try all numbers, and the comparisons of matchers with their references.
+/// The units of the core, without those that try all numbers, and the comparisons of matchers with their references on
+/// small images.
 const TESTS: [&[&str]; 2] = [
     &["--package=multiscopic-core", "--features=array,network", "--lib", "--", "--skip=disparity::"],
-    &["--package=multiscopic-tests", "--test=matching", "--", "small_matches", "engine::", "priors::", "semi_global_matches"],
+    &[
+        "--package=multiscopic-tests",
+        "--test=matching",
+        "--",
+        "small_matches",
+        "engine::",
+        "priors::",
+        "semi_global_matches",
+        "--skip=wide_images",
+    ],
 ];
 
 /// Runs the tests for each processor, on a few of the usual random values.

@@ -80,12 +80,11 @@ impl Disparity {
     #[inline(always)]
     pub fn refine(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
         let (fall, rise) = (before.wrapping_sub(at), after.wrapping_sub(at));
-        // Rounding positive values half up, and mirroring the others, rounds halves away from zero. The sign
-        // is that of d, since the shift is at most half a pixel, or that of the shift where d is 0.
+        // Rounding positive values half up, and mirroring the others, rounds halves away from zero.
         let (whole, half) = (i32::from(d) * Disparity::STEPS, Disparity::STEPS / 2);
-        Disparity::from_bits(match d > 0 || (d == 0 && fall >= rise) {
-            true => whole - half + Disparity::steps(fall, rise),
-            false => whole + half - Disparity::steps(rise, fall),
+        Disparity::from_bits(match is_negative(d.into(), fall, rise) {
+            true => whole + half - Disparity::steps(rise, fall),
+            false => whole - half + Disparity::steps(fall, rise),
         } as i16)
     }
 
@@ -104,7 +103,7 @@ impl Disparity {
     pub fn refine_wide(d: i16, before: u64, at: u64, after: u64) -> Option<Disparity> {
         let [fall, rise] = [before, after].map(|cost| cost.wrapping_sub(at) as i64);
         let (steps, sum) = (i64::from(Disparity::STEPS), fall + rise);
-        let sign = if d < 0 || (d == 0 && fall < rise) { -1 } else { 1 };
+        let sign = if is_negative(d.into(), fall, rise) { -1 } else { 1 };
         // The floor of 64 (1/2 + shift) + 1/2, which is never negative, as in `steps`.
         let dividend = steps * sign * (fall - rise) + sum * (steps + 1);
         let shift = dividend.checked_div(2 * sum).unwrap_or(steps / 2) - steps / 2;
@@ -121,7 +120,7 @@ impl Disparity {
     pub fn refine_equiangular(d: i16, before: u32, at: u32, after: u32) -> Option<Disparity> {
         let (fall, rise) = (before.wrapping_sub(at), after.wrapping_sub(at));
         // Positive values are rounded half up, and negative ones half down.
-        let is_negative = d < 0 || (d == 0 && fall < rise);
+        let is_negative = is_negative(d.into(), fall, rise);
         let denominator = fall.max(rise);
         // The floor of 64 shift + 32 + 1/2, which is not negative. The shift is (fall - rise) / (2 denominator).
         let dividend = fall.wrapping_sub(rise).wrapping_mul(64).wrapping_add(denominator.wrapping_mul(65));
@@ -134,7 +133,7 @@ impl Disparity {
     pub fn refine_equiangular_wide(d: i16, before: u64, at: u64, after: u64) -> Option<Disparity> {
         let [fall, rise] = [before, after].map(|cost| cost.wrapping_sub(at) as i64);
         let (steps, denominator) = (i64::from(Disparity::STEPS), fall.max(rise));
-        let is_negative = d < 0 || (d == 0 && fall < rise);
+        let is_negative = is_negative(d.into(), fall, rise);
         // The floor of 64 shift + 32 + 1/2, as above.
         let dividend = steps * (fall - rise) + denominator * (steps + 1) - i64::from(is_negative);
         let shift = dividend.checked_div(2 * denominator).unwrap_or(steps / 2) - steps / 2;
@@ -148,7 +147,7 @@ impl Disparity {
         for (i, refined) in refined.iter_mut().enumerate() {
             let (d, steps) = (i32::from(costs.d[i]), Disparity::STEPS);
             let [fall, rise] = costs.slopes(i);
-            let sign = if d < 0 || (d == 0 && fall < rise) { -1 } else { 1 };
+            let sign = if is_negative(d, fall, rise) { -1 } else { 1 };
             let sum = fall.wrapping_add(rise).max(1);
             let numerator = fall.wrapping_sub(rise).wrapping_mul(steps * sign);
             let dividend = numerator.wrapping_add(sum.wrapping_mul(steps + 1));
@@ -166,7 +165,7 @@ impl Disparity {
         for (i, refined) in refined.iter_mut().enumerate() {
             let (d, steps) = (i32::from(costs.d[i]), Disparity::STEPS);
             let [fall, rise] = costs.slopes(i);
-            let is_negative = d < 0 || (d == 0 && fall < rise);
+            let is_negative = is_negative(d, fall, rise);
             let denominator = fall.max(rise).max(1);
             let numerator = fall.wrapping_sub(rise).wrapping_mul(steps);
             let dividend = numerator.wrapping_add(denominator.wrapping_mul(steps + 1)).wrapping_sub(is_negative.into());
@@ -229,6 +228,13 @@ impl<const N: usize> Around<N> {
     fn slopes(&self, i: usize) -> [i32; 2] {
         [self.before[i].wrapping_sub(self.at[i]) as i32, self.after[i].wrapping_sub(self.at[i]) as i32]
     }
+}
+
+/// Whether the refined disparity is negative. Its sign is that of `d`, since the shift is at most half a pixel, or that of the
+/// shift where `d` is 0.
+#[inline(always)]
+fn is_negative<T: PartialOrd>(d: i32, fall: T, rise: T) -> bool {
+    d < 0 || (d == 0 && rise > fall)
 }
 
 /// The floor of a quotient that is not negative and below 2^16. The divisor is positive; any others yield arbitrary

@@ -132,14 +132,20 @@ fn with_checksums(bytes: &mut [u8]) {
     }
 }
 
+/// Photos with every kind of scan, and their names.
+fn jpegs() -> [(&'static str, Vec<u8>); 4] {
+    ["baseline", "progressive", "restarts", "gray-progressive"].map(|name| {
+        let path = golden::folder().join(format!("jpeg/{name}.jpg"));
+        (name, fs::read(path).expect("a golden file"))
+    })
+}
+
 #[test]
 fn pictures() {
     let gray = image::GrayImage::from_fn(31, 17, |u, v| Luma([(u * v) as u8]));
     let deep = image::ImageBuffer::from_fn(13, 9, |u, v| Luma([(700 * u * v) as u16]));
     let color = image::RgbImage::from_fn(23, 19, |u, v| Rgb([(9 * u) as u8, (11 * v) as u8, (u * v) as u8]));
     let pfm = [b"Pf\n3 2\n-1.0\n".to_vec(), [0.5_f32, 0.25, 1.0, 0.0, 0.125, 0.75].map(f32::to_le_bytes).concat()].concat();
-    let jpegs = ["baseline", "progressive", "restarts", "gray-progressive"];
-    let jpegs = jpegs.map(|name| fs::read(golden::folder().join(format!("jpeg/{name}.jpg"))).expect("a golden file"));
     // Pillow made it, of 4 x 4 pixels in 6 colours.
     let palette = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x04\0\0\0\x04\x04\x03\0\0\0[\xdf\x83M\0\0\0\x12PLTE\xb4\xe7x\xc3\xbcSH\xe0yB\x9fe]p\x80=\
                     5t\xe9\xaf\xeee\0\0\0\x14IDATx\xdac\x14Rbr\xe0af\x7f\xcb\xcc\xfd\x11\0\t\x91\x02z\xf4\xf0\xee\xf8\0\0\0\0IEND\xaeB`\x82";
@@ -155,12 +161,44 @@ fn pictures() {
         b"P1 3 2\n1 0 1\n0 1 0\n".to_vec(),
         pfm,
     ];
-    survive("pictures", &[others.to_vec(), jpegs.to_vec()].concat(), with_checksums, |path| {
+    survive("pictures", &[&others[..], &jpegs().map(|(_, jpeg)| jpeg)].concat(), with_checksums, |path| {
         let _ = Picture::read(path);
         let _ = Picture::brightest(&[path]);
         let _ = FloatImage::read_pfm(path);
         let _ = DisparityMap::read_prior(path, [13, 9]);
     });
+}
+
+#[test]
+fn damage_inside_a_jpeg_is_an_error() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("damaged.jpg");
+    let is_read = |bytes: &[u8]| {
+        fs::write(&path, bytes).expect("a file");
+        Picture::read(&path).is_ok()
+    };
+    let mut random = Random(7);
+    for (name, whole) in jpegs() {
+        assert!(is_read(&whole), "{name}");
+        // Bytes that some cameras add before the end.
+        let (data, end) = whole.split_at(whole.len() - 2);
+        assert!(is_read(&[data, &[0; 6], end].concat()), "{name}");
+        assert!(!is_read(&[data, &[0; 20], end].concat()), "{name}");
+        let start = whole.windows(2).position(|marker| marker == [0xFF, 0xDA]).expect("a scan") + 14;
+        let mut refused = [0; 3];
+        for _ in 0..100 {
+            let at = start + random.below(whole.len() - start - 34);
+            let mut damaged = [(); 3].map(|()| whole.clone());
+            damaged[0][at..at + 32].fill_with(|| random.byte());
+            damaged[1][at..at + 32].fill(0);
+            damaged[2].drain(at..at + 32);
+            for (refused, damaged) in refused.iter_mut().zip(damaged) {
+                *refused += usize::from(!is_read(&damaged));
+            }
+        }
+        // What is left in step cannot be told.
+        assert!(refused.iter().all(|refused| *refused >= 70), "{name}: {refused:?} of 100 are refused");
+    }
 }
 
 #[test]

@@ -3,11 +3,12 @@
 use std::{cell::Cell, convert::Infallible};
 
 use image::GrayImage;
-use multiscopic::{DisparityMap, Engine, Frames, Simd};
+use multiscopic::{DisparityMap, Frames};
 use multiscopic_core::{
     Disparity, Frame, Gradients, Matcher, Memory, Params, Region, ScanlineSource, Search, View, Views, kernel::Portable,
 };
 use multiscopic_tests::{
+    engines::engines,
     reference::{AroundPrior, Fusion, gradients},
     split_mix::Random,
     test_images::case::{params_in, property},
@@ -151,10 +152,7 @@ fn steps(map: &DisparityMap) -> Vec<Option<i32>> {
 
 #[test]
 fn equals_the_reference() {
-    let engines: Vec<Engine> = Simd::available()
-        .into_iter()
-        .flat_map(|simd| [1, 3].map(|threads| Engine::new(Some(simd), threads).expect("threads")))
-        .collect();
+    let engines = engines([1, 3]);
     let (refined, pixels) = (Cell::new(0), Cell::new(0));
     property(1000, any::<u64>(), |&seed| {
         let case = Case::random(&mut Random(seed));

@@ -18,6 +18,7 @@ use multiscopic_core::{
 };
 use multiscopic_edge::Wide;
 use multiscopic_tests::{
+    engines::engines,
     reference::{self, Fusion, NetworkInputs, semi_global::Cost},
     split_mix::Random,
     test_images::{
@@ -26,11 +27,7 @@ use multiscopic_tests::{
     },
 };
 
-/// Engines with every instruction set, on one thread and on three.
-fn engines() -> Vec<Engine> {
-    let engines = Simd::available().into_iter().flat_map(|simd| [1, 3].map(|threads| Engine::new(Some(simd), threads)));
-    engines.collect::<Result<_, _>>().expect("threads")
-}
+const THREADS: [usize; 2] = [1, 3];
 
 /// The product's inputs with the same values.
 fn product_inputs(inputs: &NetworkInputs) -> Inputs {
@@ -138,7 +135,7 @@ fn layers_are_direct_sums() {
 
 #[test]
 fn random_networks_equal_the_reference() {
-    let (mut random, engines) = (Random(2), engines());
+    let (mut random, engines) = (Random(2), engines(THREADS));
     for case in 0..24 {
         let file = reference::DisparityNetwork::random_file(&mut random);
         let inputs = random_inputs(&mut random);
@@ -148,7 +145,7 @@ fn random_networks_equal_the_reference() {
 
 #[test]
 fn the_trained_network_equals_the_reference() {
-    let (mut random, engines) = (Random(3), engines());
+    let (mut random, engines) = (Random(3), engines(THREADS));
     let file = TRAINED_WEIGHTS;
     for engine in &engines {
         assert_equal(file, &random_inputs(&mut random), engine, 1);
@@ -158,7 +155,7 @@ fn the_trained_network_equals_the_reference() {
 
 #[test]
 fn inputs_equal_the_reference() {
-    let engines = engines();
+    let engines = engines(THREADS);
     property(40, cases(40_000, 12_000), |case: &Case| {
         let images = case.images();
         // The network takes an even number of disparities, unless the last one is the greatest possible.

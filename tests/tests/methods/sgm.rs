@@ -2,11 +2,12 @@
 //! any number of threads.
 
 use multiscopic::{
-    DisparityMap, Engine, Method, Simd,
+    Engine, Method, Simd,
     stereo::{CostFunction, Optimizer, Task, optimization::sgm::Paths, refinement::Refinement},
 };
-use multiscopic_core::{Disparity, PathPenalties, SemiGlobalCost, SemiGlobalParams, kernel::Kernel};
+use multiscopic_core::{PathPenalties, SemiGlobalCost, SemiGlobalParams, kernel::Kernel};
 use multiscopic_tests::{
+    engines::{assert_equal, engines},
     reference::{
         Fusion, raw16,
         semi_global::{Cost, PATHS, SemiGlobal},
@@ -27,20 +28,6 @@ fn method(params: &SemiGlobalParams, paths: Paths) -> Method {
     };
     let optimizer = multiscopic::SemiGlobal { paths, penalties: params.penalties() };
     Method { long_baselines: None, ..Method::new(cost, None, Optimizer::SemiGlobal(optimizer)) }
-}
-
-/// Engines with every instruction set and each number of threads.
-fn engines(threads: [usize; 3]) -> Vec<Engine> {
-    let engines = Simd::available().into_iter().flat_map(|simd| threads.map(|threads| Engine::new(Some(simd), threads)));
-    engines.collect::<Result<_, _>>().expect("threads")
-}
-
-#[track_caller]
-fn assert_equal(map: &DisparityMap, expected: &[u16], what: &str) {
-    let found: Vec<u16> = map.pixels().iter().map(|&pixel| Disparity::to_raw16(pixel)).collect();
-    let different = (0..expected.len()).find(|&i| found[i] != expected[i]);
-    let place = different.map(|i| (i % map.width(), i / map.width(), found[i], expected[i]));
-    assert_eq!(place, None, "{what}: pixel, found and expected");
 }
 
 #[test]

@@ -250,3 +250,23 @@ fn bad_files_are_refused_by_name() {
     refused("camera.toml", &toml.replace("0.1", "inf"), &["k1 = inf"]);
     refused("camera.toml", &toml[..30], &["camera.toml"]);
 }
+
+/// With k1 < 0 alone, the image of a ray at `r` is at `r (1 + k1 r^2)` from the principal point: at most `2 / (3 sqrt(-3 k1))`,
+/// times the focal length.
+#[test]
+fn a_lens_must_see_halfway_to_each_corner() {
+    const FOCAL: f64 = 500.0;
+    for corner in [[0.0, 0.0], [639.0, 0.0], [0.0, 479.0], [639.0, 479.0]] {
+        // So that this corner is the farthest.
+        let principal_point = [(319.5, corner[0]), (239.5, corner[1])].map(|(middle, end)| middle - (end - middle) / 8.0);
+        let [x, y] = [0, 1].map(|axis| corner[axis] - principal_point[axis]);
+        let is_accepted = |largest_px: f64| {
+            let k1 = -(2.0 * FOCAL / (3.0 * largest_px)).powi(2) / 3.0;
+            let lens = Lens::new(LensModel::PlumbBob, &[k1, 0.0, 0.0, 0.0, 0.0]).unwrap();
+            let camera = CameraModel { size: Some([640, 480]), focal_px: [FOCAL; 2], principal_point, lens };
+            camera.check(Path::new("lens.yaml")).is_ok()
+        };
+        let halfway_px = x.hypot(y) / 2.0;
+        assert!(is_accepted(halfway_px + 0.2) && !is_accepted(halfway_px - 0.2), "{corner:?}");
+    }
+}

@@ -14,6 +14,8 @@ use multiscopic_tests::{
 const MAX_SIDE: usize = 20;
 /// The most samples of a block that the reference adds up, in all.
 const MAX_SAMPLES: u64 = 50_000;
+/// The most candidates of all pixels in all views, with those outside of the frame, for which the core has sums too.
+const MAX_CANDIDATES: usize = 200_000;
 
 /// A match that its reference does in milliseconds.
 #[derive(Debug)]
@@ -47,9 +49,11 @@ impl<'a> Arbitrary<'a> for SmallMatch {
         let texture = Appearance::Noise;
         let block_size = 2 * radius + 1;
         let case = Case { width, height, views, others, fusion, min_disparity, num_disparities, block_size, texture, seed };
-        let candidates = case.params().evaluations();
-        if candidates * (block_size * block_size) as u64 > MAX_SAMPLES
-            || case.params().search().views().len() > Views::MAX_MATCHED
+        let params = case.params();
+        let views = params.search().views().len();
+        if params.evaluations() * (block_size * block_size) as u64 > MAX_SAMPLES
+            || width * height * num_disparities as usize * views > MAX_CANDIDATES
+            || views > Views::MAX_MATCHED
         {
             return Err(libfuzzer_sys::arbitrary::Error::IncorrectFormat);
         }

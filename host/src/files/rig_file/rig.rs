@@ -126,12 +126,13 @@ impl Rig {
         if let Some(angle) = angles.into_iter().find(|angle| !(-45.0..=45.0).contains(angle)) {
             return Err(Error::format(path, format!("mount_rotation_deg = {angle}"), "-45 to 45 degrees"));
         }
-        if self.mount_rotation_deg.is_some() && self.focal_px.is_none() && self.lens.is_none() {
-            return Err(Error::format(path, "mount_rotation_deg but no focal length", "focal_px or lens as well"));
-        }
-        if self.mount_rotation_deg.is_some() && self.lens.is_none() && (self.focal_px.is_none() || self.principal_point.is_none())
-        {
-            return Err(Error::format(path, "mount_rotation_deg alone", "focal_px and principal_point with it, or lens"));
+        if self.mount_rotation_deg.is_some() && self.lens.is_none() {
+            if self.focal_px.is_none() {
+                return Err(Error::format(path, "mount_rotation_deg but no focal length", "focal_px or lens as well"));
+            }
+            if self.principal_point.is_none() {
+                return Err(Error::format(path, "mount_rotation_deg but no principal point", "principal_point or lens as well"));
+            }
         }
         if self.images.views().is_empty() {
             return Err(Error::format(path, "no neighbour in [images]", "at least one of left, right, top or bottom"));
@@ -236,8 +237,10 @@ mod tests {
         assert!(message("focal_px", "doffs = inf\nfocal_px").contains("doffs = inf"));
         assert!(message("stage = \"manual\"", "repeatability_mm = -1.0").contains("capture.repeatability_mm = -1"));
         assert!(message("[images]", "mount_rotation_deg = [0.0, 46.0, 0.0]\n[images]").contains("mount_rotation_deg = 46"));
-        let message_without_focal = message("focal_px = 1180.5", "mount_rotation_deg = [0.0, 4.0, 0.0]");
-        assert!(message_without_focal.contains("found mount_rotation_deg but no focal length"), "{message_without_focal}");
+        let instead_of = |line| message(line, "mount_rotation_deg = [0.0, 4.0, 0.0]");
+        let (no_focal, no_principal) = (instead_of("focal_px = 1180.5"), instead_of("principal_point = [319.5, 239.5]"));
+        assert!(no_focal.contains("mount_rotation_deg but no focal length, expected focal_px or lens"), "{no_focal}");
+        assert!(no_principal.contains("but no principal point, expected principal_point or lens"), "{no_principal}");
         assert!(message("right = \"/data/right.png\"", "").contains("no neighbour in [images]"));
     }
 

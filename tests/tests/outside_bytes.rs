@@ -169,14 +169,28 @@ fn pictures() {
     });
 }
 
+/// Whether the bytes are read as a picture.
+fn is_read(bytes: &[u8]) -> bool {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("photo.jpg");
+    fs::write(&path, bytes).expect("a file");
+    Picture::read(&path).is_ok()
+}
+
+#[test]
+fn restarts_of_a_jpeg_out_of_order_are_an_error() {
+    let [_, _, (_, whole), _] = jpegs();
+    let restarts: Vec<usize> = (0..whole.len() - 1).filter(|&at| matches!(whole[at..], [0xFF, 0xD0..=0xD7, ..])).collect();
+    assert!(restarts.len() >= 8, "{restarts:?}");
+    for at in restarts {
+        let mut changed = whole.clone();
+        changed[at + 1] ^= 1;
+        assert!(!is_read(&changed), "the marker at {at}");
+    }
+}
+
 #[test]
 fn damage_inside_a_jpeg_is_an_error() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("damaged.jpg");
-    let is_read = |bytes: &[u8]| {
-        fs::write(&path, bytes).expect("a file");
-        Picture::read(&path).is_ok()
-    };
     let mut random = Random(7);
     for (name, whole) in jpegs() {
         assert!(is_read(&whole), "{name}");

@@ -412,7 +412,7 @@ mod tests {
     #[test]
     fn the_least_half_of_three_views() {
         for views in [Views::HORIZONTAL.with(View::TOP), Views::CROSS] {
-            let params = Params::new(30, 20, views, Fusion::Half, 0, 6, 3).unwrap();
+            let params = Params::new(30, 6, views, Fusion::Half, 0, 4, 3).unwrap();
             let mut memory = [0; 20_000];
             let mut matcher = Matcher::new(&params, &mut memory).unwrap();
             let (mut line, mut peaks) = ([None; 30], [0; 30]);

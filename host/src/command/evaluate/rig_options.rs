@@ -11,7 +11,7 @@ use multiscopic::{
 use crate::command::{
     options::{BitsOption, GeometryOptions, MemoryOptions, SearchOptions, Source, value::positive},
     preparation::PreparationOptions,
-    scene::rendered_capture::TRUTH_FILE_NAME,
+    scene::rendered_capture::truth_file,
 };
 
 /// What captured folders are compared with.
@@ -75,11 +75,10 @@ impl RigOptions {
                 Rig::FILE_NAME
             )));
         }
-        let own = || Some(directory.join(TRUTH_FILE_NAME)).filter(|path| path.is_file());
         Ok(RigFiles {
             directory: directory.into(),
             source: Source::of_rig(directory, self.lens.as_deref(), &self.bits)?,
-            truth: self.truth.clone().or_else(own),
+            truth: self.truth.clone().or_else(|| truth_file(directory)),
         })
     }
 

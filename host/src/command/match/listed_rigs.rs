@@ -25,7 +25,10 @@ impl Match {
         let Some(batch) = self.batch.batch(settings, rigs.iter().map(|rig| rig.name.clone()))? else {
             return Err(Error::Usage("--list needs a folder for the results: give --results DIR".into()));
         };
-        let inputs = |index: usize| Ok(self.source.source_of(&rigs[index].directory)?.paths().map(PathBuf::from).collect());
+        let inputs = |index: usize| {
+            let source = self.source.source_of(&rigs[index].directory)?;
+            Ok(source.paths().map(PathBuf::from).chain(self.truth_file(&source)).collect())
+        };
         let work = |index: usize, folder: &Path| {
             let ListedRig { name, directory } = &rigs[index];
             let outputs = self.outputs.within(folder)?;

@@ -13,6 +13,7 @@ use std::{
 use clap::Args;
 use multiscopic::{
     DisparityMap, Engine, Error, Result,
+    evaluation::ground_truth,
     files::output,
     report::{Report, ViewedMap, ViewedScene},
     stereo::network::Inputs,
@@ -25,6 +26,7 @@ use super::{
     batch::{BatchOptions, RunSettings},
     options::{EngineOptions, GeometryOptions, MatchingOptions, Source, SourceOptions, say_if_much},
     preparation::{PreparationOptions, mask_unseen},
+    scene::rendered_capture::truth_file,
     terminal::{self, Watch},
     view,
 };
@@ -107,6 +109,11 @@ impl Match {
         Ok(ExitCode::SUCCESS)
     }
 
+    /// The file of the true disparities, if a report shows them.
+    fn truth_file(&self, source: &Source) -> Option<PathBuf> {
+        self.outputs.report.as_ref().and(source.folder()).and_then(truth_file)
+    }
+
     /// Matches the images of a rig, and writes the outputs together.
     fn matched(&self, mut source: Source, outputs: &Outputs, engine: &Engine) -> Result<(Summary, DisparityMap)> {
         let (mut frames, center, undistortion) = source.load()?;
@@ -115,7 +122,8 @@ impl Match {
             self.geometry.refuse_missing(&output, source.rig.as_ref(), source.lens.as_ref())?;
         }
         outputs.check()?;
-        let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).collect();
+        let truth = self.truth_file(&source);
+        let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).chain(truth.as_deref()).collect();
         output::check(&outputs.paths(), &inputs)?;
         let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size())).transpose()?;
         let (size, views) = (frames.size(), frames.views());
@@ -154,7 +162,7 @@ impl Match {
 
         let name = if self.prior.is_some() { "around a prior" } else { self.matching.method.name() };
         let report = outputs.report.as_ref().map(|page| -> Result<Report> {
-            let truth = source.folder().map(|folder| view::truth(folder, size, &source.images.center)).transpose()?.flatten();
+            let truth = truth.map(|path| ground_truth::read_pfm(&path, size, &source.images.center)).transpose()?;
             let truth = truth.map(|truth| preparation.truth(truth));
             let title = source.folder().map_or_else(|| "Disparities".into(), view::title);
             let mut scene = ViewedScene::new(&*title, size)

@@ -1,6 +1,6 @@
 //! Rendered captures in folders, as a rig would leave them.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use multiscopic::{
     Result, Rig,
@@ -11,6 +11,11 @@ use multiscopic_core::{Frame, Views};
 
 /// The true disparities of a rendered capture, within its folder.
 pub const TRUTH_FILE_NAME: &str = "truth.pfm";
+
+/// The file of the true disparities in a captured folder, if it is there.
+pub fn truth_file(folder: &Path) -> Option<PathBuf> {
+    Some(folder.join(TRUTH_FILE_NAME)).filter(|path| path.is_file())
+}
 
 /// Writes the frames, the truth and `rig.toml` into a folder that is there. `what` says what was rendered.
 pub fn write(folder: &Path, shot: &Shot, camera: &PinholeCamera, what: String) -> Result<()> {

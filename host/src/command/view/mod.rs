@@ -27,7 +27,7 @@ pub use self::matched_map::{command_line, matched_map};
 use super::{
     options::{BitsOption, EngineOptions, GeometryOptions, MethodOptions, Named, SearchOptions, Source, named, output_file},
     preparation::{PreparationOptions, mask_unseen},
-    scene::rendered_capture::TRUTH_FILE_NAME,
+    scene::rendered_capture::truth_file,
     terminal,
 };
 
@@ -192,8 +192,7 @@ fn page<'a>(title: &str, mut scene: ViewedScene, maps: impl IntoIterator<Item = 
 
 /// The true disparities in a folder, if they are there. `center` has their size.
 pub fn truth(folder: &Path, size: [usize; 2], center: &Path) -> Result<Option<FloatImage>> {
-    let path = folder.join(TRUTH_FILE_NAME);
-    path.is_file().then(|| ground_truth::read_pfm(&path, size, center)).transpose()
+    truth_file(folder).map(|path| ground_truth::read_pfm(&path, size, center)).transpose()
 }
 
 /// The last part of a path, or the path.

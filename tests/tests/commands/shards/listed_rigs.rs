@@ -98,6 +98,11 @@ fn what_has_a_record_that_fits_is_not_done_again() {
     desk.done("scene --random --seed 9 --size 48x36 -o @others");
     fs::write(desk.path("list.txt"), list + "others/0000\n").expect("a list");
     counts(&format!("{command} --min-disparity 2"), "8 of 8 items in shard 1/1: 1 done, 7 done before");
+    // Another truth, where a page shows it.
+    let page = format!("{command} --report page.html");
+    counts(&page, "8 done, 0 done before");
+    fs::copy(desk.path("rigs/0005/truth.pfm"), desk.path("rigs/0004/truth.pfm")).expect("a map");
+    counts(&page, "1 done, 7 done before");
 }
 
 #[test]

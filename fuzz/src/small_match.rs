@@ -1,7 +1,7 @@
 //! Small matches, made of bytes.
 
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
-use multiscopic_core::Views;
+use multiscopic_core::{View, Views};
 use multiscopic_tests::{
     reference::Fusion,
     test_images::{
@@ -14,8 +14,9 @@ use multiscopic_tests::{
 const MAX_SIDE: usize = 20;
 /// The most samples of a block that the reference adds up, in all.
 const MAX_SAMPLES: u64 = 50_000;
-/// The most candidates of all pixels in all views, with those outside of the frame, for which the core has sums too.
-const MAX_CANDIDATES: usize = 200_000;
+/// The most candidates in all views, with those outside of the frame, and the most pixels that they span: the core has sums for
+/// the former and replicates the borders to the latter.
+const MAX_STEPS: usize = 200_000;
 
 /// A match that its reference does in milliseconds.
 #[derive(Debug)]
@@ -50,10 +51,15 @@ impl<'a> Arbitrary<'a> for SmallMatch {
         let block_size = 2 * radius + 1;
         let case = Case { width, height, views, others, fusion, min_disparity, num_disparities, block_size, texture, seed };
         let params = case.params();
-        let views = params.search().views().len();
+        let views = params.search().views();
+        let steps = |view: View| {
+            let (right, down) = view.shift(num_disparities as i16);
+            let [right, down] = [right, down].map(|pixels| pixels.unsigned_abs() as usize);
+            width * height * num_disparities as usize + (width + right) * (height + down)
+        };
         if params.evaluations() * (block_size * block_size) as u64 > MAX_SAMPLES
-            || width * height * num_disparities as usize * views > MAX_CANDIDATES
-            || views > Views::MAX_MATCHED
+            || views.iter().map(steps).sum::<usize>() > MAX_STEPS
+            || views.len() > Views::MAX_MATCHED
         {
             return Err(libfuzzer_sys::arbitrary::Error::IncorrectFormat);
         }

@@ -1,8 +1,8 @@
-//! Runs a target without libFuzzer and its instruments, which takes no C++ compiler: on each file of a folder of seeds, and on
-//! random changes of them, the same ones each time.
+//! Runs a target without libFuzzer and its instruments, which takes no C++ compiler: on each file of folders of seeds, and on
+//! random changes of them, the same ones each time with the same number to begin with.
 //!
 //! ```text
-//! TARGET INPUTS SEEDS
+//! TARGET NUMBER INPUTS SEEDS...
 //! ```
 
 #![allow(unsafe_code, reason = "libFuzzer, which this stands in for, calls the target by its symbol and has the entry point")]
@@ -12,6 +12,8 @@ use std::{
     path::{Path, PathBuf},
     process,
     sync::{Mutex, PoisonError},
+    thread,
+    time::{Duration, Instant},
 };
 
 use multiscopic_tests::split_mix::Random;
@@ -25,24 +27,36 @@ unsafe extern "C" {
     safe fn rust_fuzzer_test_input(input: &[u8]) -> i32;
 }
 
-/// The input that is tried. If it breaks something, it is written to a file.
-static INPUT: Mutex<Vec<u8>> = Mutex::new(Vec::new());
+/// How long an input may take.
+const MOST_TIME: Duration = Duration::from_secs(20);
+
+/// The input that is tried, and since when. If it breaks something, it is written to a file.
+static INPUT: Mutex<(Vec<u8>, Option<Instant>)> = Mutex::new((Vec::new(), None));
 
 /// The entry point of the targets, whose `no_main` leaves it to libFuzzer.
 #[unsafe(no_mangle)]
 extern "C" fn main() -> i32 {
     let arguments: Vec<String> = env::args().collect();
-    let [_, inputs, seeds] = &arguments[..] else { panic!("TARGET INPUTS SEEDS") };
-    let (seeds, inputs) = (files(Path::new(seeds)), inputs.parse().expect("a number of inputs"));
+    let [_, number, inputs, seeds @ ..] = &arguments[..] else { panic!("TARGET NUMBER INPUTS SEEDS...") };
+    let (number, inputs) = (number.parse().expect("a number"), inputs.parse().expect("a number of inputs"));
+    let seeds: Vec<Vec<u8>> = seeds.iter().flat_map(|folder| files(Path::new(folder))).collect();
+    assert!(!seeds.is_empty(), "no seeds");
     let usual = panic::take_hook();
     panic::set_hook(Box::new(move |what| {
         usual(what);
         let path = env::temp_dir().join(format!("fuzz-failure-{}", process::id()));
-        let _ = fs::write(&path, &*INPUT.lock().unwrap_or_else(PoisonError::into_inner));
+        let _ = fs::write(&path, &INPUT.lock().unwrap_or_else(PoisonError::into_inner).0);
         eprintln!("the input is {}", path.display());
         process::abort();
     }));
-    let random = &mut Random(1);
+    thread::spawn(|| {
+        loop {
+            thread::sleep(Duration::from_secs(1));
+            let start = INPUT.lock().map(|input| input.1);
+            assert!(start.is_ok_and(|start| start.is_none_or(|start| start.elapsed() < MOST_TIME)), "an input takes too long");
+        }
+    });
+    let random = &mut Random(number);
     for seed in &seeds {
         test(seed.clone());
     }
@@ -54,16 +68,15 @@ extern "C" fn main() -> i32 {
 }
 
 fn test(input: Vec<u8>) {
-    *INPUT.lock().expect("an input") = input.clone();
+    *INPUT.lock().expect("an input") = (input.clone(), Some(Instant::now()));
     rust_fuzzer_test_input(&input);
 }
 
-/// The contents of a folder's files, in the order of their names.
+/// The contents of a folder's files, in the order of their names. None, if there is no such folder.
 fn files(folder: &Path) -> Vec<Vec<u8>> {
-    let entries = fs::read_dir(folder).expect("a folder of seeds");
+    let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.expect("an entry").path()).collect();
     paths.sort();
-    assert!(!paths.is_empty(), "no seeds in {}", folder.display());
     paths.iter().map(|path| fs::read(path).expect("a seed")).collect()
 }
 

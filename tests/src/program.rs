@@ -51,8 +51,7 @@ pub fn binary() -> &'static Path {
     })
 }
 
-/// The command of a program with so many megabytes of address space, in two threads: each reserves some.
-#[cfg(unix)]
+/// The command of a program with so many megabytes of address space, in two threads: each reserves some. It takes a shell.
 pub fn within(megabytes: usize, program: &Path) -> Command {
     let mut shell = Command::new("sh");
     shell.arg("-c").arg(format!(r#"ulimit -v {} && exec "$0" "$@""#, 1024 * megabytes)).arg(program);

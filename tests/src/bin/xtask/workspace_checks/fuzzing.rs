@@ -9,11 +9,13 @@ use std::{
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
+use multiscopic_tests::program::within;
 
-use super::sanitizing::{instrumented, under_address_sanitizer};
+use super::sanitizing::{apart, instrumented, under_address_sanitizer};
 use crate::system::{
     folders,
     process::{command, run},
+    workers,
 };
 
 /// Instruments code for libFuzzer: counters of edges, their table, and compared values; and for AddressSanitizer, which ends the
@@ -44,6 +46,11 @@ pub struct Fuzzing {
     /// End after so many inputs, if they take less time; they are the same each time
     #[arg(long, value_name = "N")]
     runs: Option<u64>,
+
+    /// Try so many random changes of the seeds, and of what earlier runs found, without instruments: ten times as fast or more, but
+    /// blind to what the inputs reach
+    #[arg(long, value_name = "N", conflicts_with_all = ["minutes", "runs"])]
+    blind: Option<u64>,
 }
 
 /// What came of fuzzing a target.
@@ -61,8 +68,13 @@ impl Fuzzing {
         if let Some(unknown) = self.targets.iter().find(|target| !all.contains(target)) {
             bail!("no target is called {unknown}; there are {}", all.join(", "));
         }
+        let targets = all.iter().filter(|target| self.targets.is_empty() || self.targets.contains(target));
+        if let Some(inputs) = self.blind {
+            let programs = build_without_instruments()?;
+            return targets.map(String::as_str).try_for_each(|target| fuzz_blindly(target, &programs.join(target), inputs));
+        }
         let programs = build()?;
-        for target in all.iter().filter(|target| self.targets.is_empty() || self.targets.contains(target)) {
+        for target in targets {
             let Outcome { inputs, time, edges: [reached, all] } = self.fuzz(target, &programs.join(target))?;
             let seconds = time.as_secs_f64();
             println!("fuzz: {target}: {inputs} inputs in {seconds:.0} s reached {reached} of {all} edges");
@@ -111,6 +123,20 @@ impl Fuzzing {
     }
 }
 
+/// Tries random changes of the seeds of the repository and of what was found earlier, half of them in each of two processes,
+/// within the limit of memory.
+fn fuzz_blindly(target: &str, program: &Path, inputs: u64) -> Result<()> {
+    let folders = [folders::root().join("fuzz/seeds"), folders::target().join("fuzz/corpus")].map(|folder| folder.join(target));
+    let start = Instant::now();
+    let halves = [(1, inputs.div_ceil(2)), (2, inputs / 2)];
+    workers::map(&halves, |(number, inputs)| {
+        let mut fuzzer = in_memory(within(MEMORY as usize, program));
+        run(fuzzer.args([number, inputs].map(u64::to_string)).args(&folders))
+    })?;
+    println!("fuzz: {target}: {inputs} inputs in {:.0} s, blind", start.elapsed().as_secs_f64());
+    Ok(())
+}
+
 /// Runs each target without libFuzzer but under AddressSanitizer, on its seeds and on a few random changes of them: a minute or
 /// two.
 pub fn run_shortly() -> Result<()> {
@@ -118,14 +144,18 @@ pub fn run_shortly() -> Result<()> {
     run(cargo.args(["--no-default-features", "--manifest-path", MANIFEST]))?;
     for target in targets()? {
         let seeds = folders::root().join("fuzz/seeds").join(&target);
-        run(target_command(&programs.join(target)).arg(SHORT_RUN).arg(seeds))?;
+        run(target_command(&programs.join(target)).args(["1", SHORT_RUN]).arg(seeds))?;
     }
     Ok(())
 }
 
-/// The command that runs a target. Its files are in memory where there is a folder for that: a disk would take most of the time.
+/// The command that runs a target.
 fn target_command(program: &Path) -> Command {
-    let mut target = command::<&str>(&program.to_string_lossy(), []);
+    in_memory(command::<&str>(&program.to_string_lossy(), []))
+}
+
+/// A target whose files are in memory where there is a folder for that: a disk would take most of the time.
+fn in_memory(mut target: Command) -> Command {
     let memory = Path::new("/dev/shm");
     if memory.is_dir() {
         target.env("TMPDIR", memory);
@@ -149,6 +179,13 @@ fn targets() -> Result<Vec<String>> {
     names.sort();
     ensure!(!names.is_empty(), "no targets in {}", folder.display());
     Ok(names)
+}
+
+/// Builds all targets as they are, in a folder of their own, and returns the one of the programs.
+fn build_without_instruments() -> Result<PathBuf> {
+    let (mut cargo, folder) = apart("build", "blind")?;
+    run(cargo.args(["--release", "--no-default-features", "--manifest-path", MANIFEST]))?;
+    Ok(folder.join("release"))
 }
 
 /// Builds all targets in a folder of their own, and returns the one of the programs.

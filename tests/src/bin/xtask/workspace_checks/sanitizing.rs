@@ -78,7 +78,7 @@ fn under_valgrind() -> Result<Command> {
 }
 
 /// The cargo command `verb` with a target folder of this name, and where the folders of profiles are.
-fn apart(verb: &str, folder: &str) -> Result<(Command, PathBuf)> {
+pub fn apart(verb: &str, folder: &str) -> Result<(Command, PathBuf)> {
     let (host, folder) = (toolchain::host()?, folders::target().join(folder));
     // With a target, build scripts and macros are neither instrumented nor watched.
     let mut cargo = command("cargo", [verb, "--locked", "--target", &host, "--target-dir"]);

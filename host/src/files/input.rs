@@ -1,6 +1,10 @@
 //! Reading a whole file, within limits.
 
-use std::{fs::File, io::Read, path::Path};
+use std::{
+    fs::{self, File, Metadata},
+    io::Read,
+    path::Path,
+};
 
 use crate::{
     error::{Error, Result},
@@ -21,29 +25,38 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
 
 fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>> {
     let failed = |source| Error::Read { path: path.into(), source };
-    if is_device(path) {
+    let too_long = || {
+        let mebibytes = most >> 20;
+        Error::format(path, format!("more than {mebibytes} MiB"), format!("at most {mebibytes} MiB"))
+    };
+    let metadata = fs::metadata(path).map_err(failed)?;
+    if is_device(&metadata) {
         return Err(Error::format(path, "a device", "a file or a pipe"));
     }
+    if metadata.len() > most {
+        return Err(too_long());
+    }
+    // One more byte, so that the end is found without more memory. A pipe has a length of 0, and a file may grow meanwhile.
     let mut bytes = Vec::new();
+    bytes.try_reserve_exact(metadata.len() as usize + 1).map_err(|error| failed(error.into()))?;
     File::open(path).and_then(|file| file.take(most + 1).read_to_end(&mut bytes)).map_err(failed)?;
     match bytes.len() as u64 {
         0 => Err(Error::format(path, "an empty file", "data")),
-        n if n > most => Err(Error::format(path, format!("more than {} MiB", most >> 20), format!("at most {} MiB", most >> 20))),
+        n if n > most => Err(too_long()),
         _ => Ok(bytes),
     }
 }
 
-/// Whether a path is a device, such as `/dev/zero`, which may have no end.
-fn is_device(path: &Path) -> bool {
+/// Whether this is a device, such as `/dev/zero`, which may have no end.
+fn is_device(metadata: &Metadata) -> bool {
     #[cfg(unix)]
     {
         use std::os::unix::fs::FileTypeExt;
-        std::fs::metadata(path)
-            .is_ok_and(|metadata| metadata.file_type().is_char_device() || metadata.file_type().is_block_device())
+        metadata.file_type().is_char_device() || metadata.file_type().is_block_device()
     }
     #[cfg(not(unix))]
     {
-        let _ = path;
+        let _ = metadata;
         false
     }
 }
@@ -74,7 +87,7 @@ mod tests {
         let path = dir.path().join("c.png");
         let message = read(&path).unwrap_err().to_string();
         assert!(message.starts_with(&format!("cannot read {}: ", path.display())), "{message}");
-        std::fs::write(&path, "").unwrap();
+        fs::write(&path, "").unwrap();
         assert_eq!(read(&path).unwrap_err().to_string(), format!("{}: found an empty file, expected data", path.display()));
         assert!(matches!(read(dir.path()), Err(Error::Read { .. })));
         #[cfg(unix)]
@@ -85,11 +98,28 @@ mod tests {
     fn a_text_is_short() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("rig.toml");
-        std::fs::write(&path, vec![b'\n'; 1 << 22]).unwrap();
+        fs::write(&path, vec![b'\n'; 1 << 22]).unwrap();
         assert_eq!(read_text(&path).unwrap().len(), 1 << 22);
-        std::fs::write(&path, vec![b'\n'; (1 << 22) + 1]).unwrap();
+        fs::write(&path, vec![b'\n'; (1 << 22) + 1]).unwrap();
         assert!(read_text(&path).unwrap_err().to_string().ends_with("found more than 4 MiB, expected at most 4 MiB"));
         assert_eq!(read(&path).unwrap().len(), (1 << 22) + 1);
+        // No memory is taken for what is too long.
+        File::create(&path).unwrap().set_len(MAX_BYTES + 1).unwrap();
+        assert!(read(&path).unwrap_err().to_string().ends_with("found more than 1024 MiB, expected at most 1024 MiB"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_is_read_to_its_end() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+        let text: Vec<u8> = (0..100_000_u32).map(|i| i as u8).collect();
+        std::thread::scope(|scope| {
+            let writer = scope.spawn(|| fs::write(&path, &text).unwrap());
+            assert!(read(&path).unwrap() == text);
+            writer.join().unwrap();
+        });
     }
 
     #[test]

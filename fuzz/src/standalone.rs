@@ -2,8 +2,10 @@
 //! random changes of them, the same ones each time with the same number to begin with.
 //!
 //! ```text
-//! TARGET NUMBER INPUTS SEEDS...
+//! TARGET NUMBER INPUTS SECONDS SEEDS...
 //! ```
+//!
+//! An input may take so many seconds.
 
 #![allow(unsafe_code, reason = "libFuzzer, which this stands in for, calls the target by its symbol and has the entry point")]
 
@@ -27,9 +29,6 @@ unsafe extern "C" {
     safe fn rust_fuzzer_test_input(input: &[u8]) -> i32;
 }
 
-/// How long an input may take.
-const MOST_TIME: Duration = Duration::from_secs(20);
-
 /// The input that is tried, and since when. If it breaks something, it is written to a file.
 static INPUT: Mutex<(Vec<u8>, Option<Instant>)> = Mutex::new((Vec::new(), None));
 
@@ -37,8 +36,9 @@ static INPUT: Mutex<(Vec<u8>, Option<Instant>)> = Mutex::new((Vec::new(), None))
 #[unsafe(no_mangle)]
 extern "C" fn main() -> i32 {
     let arguments: Vec<String> = env::args().collect();
-    let [_, number, inputs, seeds @ ..] = &arguments[..] else { panic!("TARGET NUMBER INPUTS SEEDS...") };
+    let [_, number, inputs, seconds, seeds @ ..] = &arguments[..] else { panic!("TARGET NUMBER INPUTS SECONDS SEEDS...") };
     let (number, inputs) = (number.parse().expect("a number"), inputs.parse().expect("a number of inputs"));
+    let longest = Duration::from_secs(seconds.parse().expect("a number of seconds"));
     let seeds: Vec<Vec<u8>> = seeds.iter().flat_map(|folder| files(Path::new(folder))).collect();
     assert!(!seeds.is_empty(), "no seeds");
     let usual = panic::take_hook();
@@ -49,11 +49,11 @@ extern "C" fn main() -> i32 {
         eprintln!("the input is {}", path.display());
         process::abort();
     }));
-    thread::spawn(|| {
+    thread::spawn(move || {
         loop {
             thread::sleep(Duration::from_secs(1));
             let start = INPUT.lock().map(|input| input.1);
-            assert!(start.is_ok_and(|start| start.is_none_or(|start| start.elapsed() < MOST_TIME)), "an input takes too long");
+            assert!(start.is_ok_and(|start| start.is_none_or(|start| start.elapsed() < longest)), "an input takes too long");
         }
     });
     let random = &mut Random(number);
@@ -72,9 +72,9 @@ fn test(input: Vec<u8>) {
     rust_fuzzer_test_input(&input);
 }
 
-/// The contents of a folder's files, in the order of their names. None, if there is no such folder.
+/// The contents of a folder's files, in the order of their names.
 fn files(folder: &Path) -> Vec<Vec<u8>> {
-    let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
+    let entries = fs::read_dir(folder).expect("a folder of seeds");
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.expect("an entry").path()).collect();
     paths.sort();
     paths.iter().map(|path| fs::read(path).expect("a seed")).collect()

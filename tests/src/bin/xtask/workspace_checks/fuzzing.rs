@@ -28,7 +28,7 @@ pub const MANIFEST: &str = "fuzz/Cargo.toml";
 /// The memory in megabytes that an input may take.
 const MEMORY: u32 = 2048;
 /// How long an input may take, in seconds.
-const LONGEST: u32 = 20;
+const LONGEST: u64 = 20;
 
 /// The inputs of a short run.
 const SHORT_RUN: &str = "500";
@@ -126,12 +126,13 @@ impl Fuzzing {
 /// Tries random changes of the seeds of the repository and of what was found earlier, half of them in each of two processes,
 /// within the limit of memory.
 fn fuzz_blindly(target: &str, program: &Path, inputs: u64) -> Result<()> {
-    let folders = [folders::root().join("fuzz/seeds"), folders::target().join("fuzz/corpus")].map(|folder| folder.join(target));
+    let seeds = folders::root().join("fuzz/seeds").join(target);
+    let found = Some(folders::target().join("fuzz/corpus").join(target)).filter(|folder| folder.is_dir());
     let start = Instant::now();
     let halves = [(1, inputs.div_ceil(2)), (2, inputs / 2)];
     workers::map(&halves, |(number, inputs)| {
         let mut fuzzer = in_memory(within(MEMORY as usize, program));
-        run(fuzzer.args([number, inputs].map(u64::to_string)).args(&folders))
+        run(fuzzer.args([number, inputs, &LONGEST.into()].map(u64::to_string)).arg(&seeds).args(&found))
     })?;
     println!("fuzz: {target}: {inputs} inputs in {:.0} s, blind", start.elapsed().as_secs_f64());
     Ok(())
@@ -144,7 +145,7 @@ pub fn run_shortly() -> Result<()> {
     run(cargo.args(["--no-default-features", "--manifest-path", MANIFEST]))?;
     for target in targets()? {
         let seeds = folders::root().join("fuzz/seeds").join(&target);
-        run(target_command(&programs.join(target)).args(["1", SHORT_RUN]).arg(seeds))?;
+        run(target_command(&programs.join(&target)).args(["1", SHORT_RUN, &LONGEST.to_string()]).arg(seeds))?;
     }
     Ok(())
 }

@@ -57,6 +57,16 @@ fn the_end_of_a_name_must_be_that_of_the_format() {
     }
 }
 
+#[test]
+fn the_true_disparities_of_a_report_are_not_replaced() {
+    let (_dir, rig) = rig();
+    let truth = format!("{rig}/truth.pfm");
+    let before = fs::read(&truth).expect("a map");
+    let report = format!("{rig}/page.html");
+    Invocation::new(["match", &rig, "-o", &truth, "--report", &report]).assert_refused(&["would replace the input", "truth.pfm"]);
+    assert!(fs::read(&truth).expect("a map") == before && !Path::new(&report).exists());
+}
+
 /// The sides and the values of an array of `float32`, as the description of NPY 1.0 says.
 fn read_npy(bytes: &[u8]) -> ([usize; 2], Vec<f32>) {
     assert_eq!(bytes[..8], *b"\x93NUMPY\x01\x00");

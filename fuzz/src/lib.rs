@@ -4,22 +4,29 @@ mod small_match;
 #[cfg(not(feature = "libfuzzer"))]
 mod standalone;
 
-use std::{fs, path::PathBuf, sync::OnceLock};
+use std::{collections::BTreeMap, fs::File, os::unix::fs::FileExt, path::PathBuf, sync::Mutex};
 
 use tempfile::TempDir;
 
 pub use small_match::SmallMatch;
 
-/// A folder of this process. libFuzzer ends it without running destructors, so one such folder stays behind.
-fn folder() -> &'static TempDir {
-    static FOLDER: OnceLock<TempDir> = OnceLock::new();
-    FOLDER.get_or_init(|| tempfile::tempdir().expect("a temporary folder"))
+/// Files of this process, by their names. They stay open: to make one again takes longer than most readers do.
+///
+/// libFuzzer ends the process without running destructors, so one folder stays behind.
+struct Files {
+    folder: TempDir,
+    open: BTreeMap<&'static str, File>,
 }
 
 /// Writes a file with this name and these contents, for readers that take a path. The next one of this name replaces it.
-pub fn file(name: &str, contents: &[u8]) -> PathBuf {
-    let path = folder().path().join(name);
-    fs::write(&path, contents).expect("a temporary file");
+pub fn file(name: &'static str, contents: &[u8]) -> PathBuf {
+    static FILES: Mutex<Option<Files>> = Mutex::new(None);
+    let files = &mut *FILES.lock().expect("no failure before");
+    let new = || Files { folder: tempfile::tempdir().expect("a temporary folder"), open: BTreeMap::new() };
+    let Files { folder, open } = files.get_or_insert_with(new);
+    let path = folder.path().join(name);
+    let file = open.entry(name).or_insert_with(|| File::create(&path).expect("a temporary file"));
+    file.set_len(contents.len() as u64).and_then(|()| file.write_all_at(contents, 0)).expect("a temporary file");
     path
 }
 

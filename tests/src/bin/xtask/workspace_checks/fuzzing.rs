@@ -132,7 +132,7 @@ fn fuzz_blindly(target: &str, program: &Path, inputs: u64) -> Result<()> {
     let halves = [(1, inputs.div_ceil(2)), (2, inputs / 2)];
     workers::map(&halves, |(number, inputs)| {
         let mut fuzzer = in_memory(within(MEMORY as usize, program));
-        run(fuzzer.args([number, inputs, &LONGEST.into()].map(u64::to_string)).arg(&seeds).args(&found))
+        run(fuzzer.args([number, inputs, &LONGEST].map(u64::to_string)).arg(&seeds).args(&found))
     })?;
     println!("fuzz: {target}: {inputs} inputs in {:.0} s, blind", start.elapsed().as_secs_f64());
     Ok(())

@@ -66,3 +66,18 @@ impl Exponentials {
         [mean as u16, (u32::from(MAX_ACTIVATION) * around).checked_div(all).unwrap_or_default() as u16]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scores_far_below_count_as_the_last_of_the_exponentials() {
+        let exponentials = Exponentials(core::array::from_fn(|below| 1000 - below as u16));
+        for (score, below) in [(20, 0), (19, 1), (-138, 158), (-139, 159), (-140, 159), (i32::MIN / 2, 159)] {
+            assert_eq!(Exponentials::below(20, score), below, "{score}");
+            assert_eq!(exponentials.weight(below), 1000 - u32::from(below), "{score}");
+        }
+        assert_eq!(exponentials.mean_by_scores([20, -139, i16::MIN], [0, 1000, 1000]), 627);
+    }
+}

@@ -1,7 +1,7 @@
 //! The network equals its reference on every bit, with every instruction set that this processor has and any number of
 //! threads.
 
-use std::cell::RefCell;
+use std::{cell::RefCell, iter};
 
 use multiscopic::{
     Engine, Frames, Method, Metrics, Raster, Simd,
@@ -14,7 +14,10 @@ use multiscopic::{
 };
 use multiscopic_core::{
     Disparity, Fusion as CoreFusion, Search, View, Views,
-    network::{NetworkError, NetworkMatcher, NetworkParams, NetworkViewsError, QuantizedOutput, TRAINED_WEIGHTS, WeightError},
+    network::{
+        NetworkError, NetworkMatcher, NetworkMemory, NetworkParams, NetworkViewsError, QuantizedOutput, TRAINED_WEIGHTS,
+        WeightError,
+    },
 };
 use multiscopic_edge::Wide;
 use multiscopic_tests::{
@@ -263,6 +266,21 @@ fn the_matcher_in_bounded_memory_takes_views_in_a_row() {
     let mut memory = vec![0; memory.len() + 1];
     let error = NetworkMatcher::new(Wide::default(), &params, &TRAINED_WEIGHTS[1..], &mut memory).expect_err("no weights");
     assert_eq!(error, NetworkError::Weights(WeightError::Start));
+}
+
+#[test]
+fn the_matcher_takes_memory_in_proportion_to_the_frames() {
+    let parts = |[width, height]: [u16; 2]| {
+        let search = Search::new(width, height, Views::HORIZONTAL, CoreFusion::Min, 0, 24).expect("a search");
+        let NetworkMemory { frames, inputs, excesses, paths, volume, result, image } =
+            NetworkParams::new(search).expect("views in a row").memory::<Wide>();
+        [frames, inputs, excesses, paths, volume, result, image]
+    };
+    // What is kept for a few rows at a time doubles where the frames take four times as much.
+    for (part, (small, large)) in iter::zip(parts([160, 120]), parts([320, 240])).enumerate() {
+        let times = large as f64 / small as f64;
+        assert!((1.8..4.2).contains(&times), "part {part} takes {small} bytes, and {large} for four times as many pixels");
+    }
 }
 
 #[test]

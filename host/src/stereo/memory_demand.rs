@@ -15,7 +15,7 @@ impl Method {
     /// About how many bytes it takes to match these frames, themselves included, and to tell how confident the disparities are.
     ///
     /// Of graph cuts it is counted. Of others it is a line through what the program took at up to eight views and 64
-    /// disparities, rounded up: up to twice as much.
+    /// disparities, rounded up: up to twice as much, or a little more if no image has colors.
     pub fn bytes(&self, search: &Search, frames: &Frames) -> u64 {
         let (pixels, views, disparities) = (search.width() * search.height(), search.views().len(), search.num_disparities());
         // Costs are kept in whole vectors.
@@ -36,7 +36,7 @@ impl Method {
                 features + (7.0 + 0.5 * views as f64) * disparities as f64
             }
             (_, Optimizer::SemiGlobal(sgm)) => match sgm.paths {
-                Paths::Five if self.refinement.left_right.is_none() => 8.0 * views as f64,
+                Paths::Five if self.refinement.left_right.is_none() => 5.0 * views as f64,
                 _ => 14.0 + 2.0 * lanes + 8.0 * views as f64,
             },
             (CostFunction::Sad { .. }, Optimizer::WinnerTakesAll) if self.refinement.left_right.is_none() => 0.0,

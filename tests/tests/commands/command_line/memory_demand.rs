@@ -2,32 +2,56 @@
 
 use std::{
     fs,
+    io::Read,
     path::Path,
-    process::{Command, Stdio},
+    process::{Child, Command, Stdio},
     thread,
     time::Duration,
 };
 
 use multiscopic_tests::program::{self, Invocation};
 
-/// The most resident memory of a run of the program, in megabytes.
-fn most_resident(words: &[&str]) -> f64 {
-    let mut child = Command::new(program::binary()).args(words).stderr(Stdio::null()).spawn().expect("the program starts");
-    let status = format!("/proc/{}/status", child.id());
-    let mut most = 0.0;
-    while child.try_wait().expect("a status").is_none() {
-        let text = fs::read_to_string(&status).unwrap_or_default();
-        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-        most = line.and_then(|line| line.trim().strip_suffix(" kB")?.parse().ok()).unwrap_or(most);
-        thread::sleep(Duration::from_millis(1));
-    }
-    assert!(child.wait().expect("a status").success(), "{words:?}");
-    1.024e-3 * most
+/// The most memory of a process that was resident so far, in megabytes; `None` once it has ended.
+fn most_so_far(child: &Child) -> Option<f64> {
+    let status = fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix(" kB")?.parse().ok().map(|kilobytes: f64| 1.024e-3 * kilobytes)
 }
 
-/// The same of a run that takes a few milliseconds, which may end before it is looked at.
-fn most_of_many(words: &[&str]) -> f64 {
-    (0..30).map(|_| most_resident(words)).fold(0.0, f64::max)
+/// A run of the program, whose standard output is a pipe.
+fn start(words: &[&str]) -> Child {
+    let mut command = Command::new(program::binary());
+    command.args(words).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("the program starts")
+}
+
+/// The disparities that a match writes, and the most memory that was resident until then, in megabytes.
+///
+/// They do not fit into the pipe, so that the match waits at its end while its memory is looked at.
+fn matched(words: &[&str]) -> (Vec<u8>, f64) {
+    let mut child = start(&[words, &["-o", "-"]].concat());
+    let mut pipe = child.stdout.take().expect("a pipe");
+    let mut disparities = vec![0];
+    pipe.read_exact(&mut disparities).expect("disparities");
+    let most = most_so_far(&child).expect("a waiting process");
+    pipe.read_to_end(&mut disparities).expect("disparities");
+    assert!(child.wait().expect("a status").success(), "{words:?}");
+    assert!(disparities.len() > 64 << 10, "{words:?}: {} bytes fit into a pipe", disparities.len());
+    (disparities, most)
+}
+
+/// The most resident memory of ten alignments, in megabytes: one may end before it is looked at.
+fn aligned(words: &[&str], output: &Path) -> f64 {
+    let mut most = 0.0;
+    for _ in 0..10 {
+        let mut child = start(words);
+        while child.try_wait().expect("a status").is_none() {
+            most = most_so_far(&child).map_or(most, |now| now.max(most));
+            thread::sleep(Duration::from_millis(1));
+        }
+        assert!(child.wait().expect("a status").success(), "{words:?}");
+        fs::remove_dir_all(output).expect("a folder");
+    }
+    most
 }
 
 /// What the program says that a match takes, in megabytes.
@@ -51,14 +75,13 @@ fn scene(folder: &Path, size: &str, views: &str) -> String {
 fn matches_take_what_they_announce() {
     let dir = tempfile::tempdir().expect("a folder");
     let (tiny, pair, cross) =
-        (scene(dir.path(), "48x36", "1"), scene(dir.path(), "640x480", "1"), scene(dir.path(), "640x480", "4"));
+        (scene(dir.path(), "160x120", "1"), scene(dir.path(), "640x480", "1"), scene(dir.path(), "640x480", "4"));
     let small = scene(dir.path(), "400x300", "1");
-    let output = dir.path().join("d.pfm");
     let words = |rig, options: &'static str| {
-        let words = ["match", rig, "--num-disparities", "40", "-o", output.to_str().expect("UTF-8"), "--threads", "2"];
+        let words = ["match", rig, "--num-disparities", "40", "--threads", "2"];
         words.into_iter().chain(options.split(' ')).collect::<Vec<_>>()
     };
-    let program = most_of_many(&words(&tiny, "--method bm"));
+    let (_, program) = matched(&words(&tiny, "--method bm"));
     for (rig, options) in [
         (&cross, "--method bm"),
         (&pair, "--method bm --disp12-max-diff 1"),
@@ -69,7 +92,7 @@ fn matches_take_what_they_announce() {
         (&small, "--method gc --sweeps 1"),
     ] {
         let words = words(rig, options);
-        let (expected, taken) = (announced(&words), most_resident(&words) - program);
+        let (expected, taken) = (announced(&[&words[..], &["-o", "-"]].concat()), matched(&words).1 - program);
         println!("{options}: {expected} MB are announced, {taken:.1} MB taken");
         assert!(taken < expected && expected < 2.5 * taken, "{options}: {expected} MB are announced, {taken:.1} MB taken");
     }
@@ -79,17 +102,16 @@ fn matches_take_what_they_announce() {
 #[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn alignments_take_what_they_announce() {
     let dir = tempfile::tempdir().expect("a folder");
-    let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
-    let tiny = scene(dir.path(), "96x72", "2");
-    let program = most_of_many(&["align", &tiny]);
-    for views in ["1", "4"] {
-        let rig = scene(dir.path(), "1280x960", views);
-        let aligned = path(views);
-        let words = ["align", &rig, "-o", &aligned];
-        let (expected, taken) = (announced(&words), most_resident(&words) - program);
-        println!("{views} views: {expected} MB are announced, {taken:.1} MB taken");
-        assert!(taken < expected && expected < 2.5 * taken, "{views}: {expected} MB are announced, {taken:.1} MB taken");
-        let matched = Invocation::new(["match", &rig, "--align", "--max-memory", "50", "-o", &path("d.pfm")]);
+    let (tiny, pair, cross) =
+        (scene(dir.path(), "96x72", "2"), scene(dir.path(), "1280x960", "1"), scene(dir.path(), "1280x960", "4"));
+    let output = dir.path().join("aligned");
+    let words = |rig| ["align", rig, "-o", output.to_str().expect("UTF-8")];
+    let program = aligned(&words(&tiny), &output);
+    for rig in [&pair, &cross] {
+        let (expected, taken) = (announced(&words(rig)), aligned(&words(rig), &output) - program);
+        println!("{rig}: {expected} MB are announced, {taken:.1} MB taken");
+        assert!(taken < expected && expected < 2.5 * taken, "{rig}: {expected} MB are announced, {taken:.1} MB taken");
+        let matched = Invocation::new(["match", rig, "--align", "--max-memory", "50", "-o", "-"]);
         matched.assert_refused(&["aligning takes about", "50 MB may be taken: align smaller images"]);
     }
 }
@@ -99,13 +121,9 @@ fn alignments_take_what_they_announce() {
 fn the_network_takes_bands_where_the_image_does_not_fit() {
     let dir = tempfile::tempdir().expect("a folder");
     let rig = scene(dir.path(), "120x1600", "1");
-    let match_within = |name: &str, most: &str| {
-        let output = dir.path().join(name);
-        let words = ["match", &rig, "--method", "net", "--num-disparities", "64", "--max-memory", most, "--threads", "2", "-o"];
-        let taken = most_resident(&[&words[..], &[output.to_str().expect("UTF-8")]].concat());
-        (fs::read(output).expect("disparities"), taken)
-    };
-    let ((whole, most), (banded, least)) = (match_within("whole.pfm", "1000"), match_within("bands.pfm", "35"));
+    let match_within =
+        |most| matched(&["match", &rig, "--method", "net", "--num-disparities", "64", "--max-memory", most, "--threads", "2"]);
+    let ((whole, most), (banded, least)) = (match_within("1000"), match_within("35"));
     println!("at once {most:.1} MB, in bands {least:.1} MB");
     assert!(whole == banded, "the bits are the same");
     assert!(least < 0.8 * most, "{most:.1} MB at once, {least:.1} MB in bands");

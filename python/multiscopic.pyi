@@ -189,6 +189,9 @@ def colorize(disparity: npt.ArrayLike, range: tuple[float, float] | None = None)
 def read_image(path: str | os.PathLike[str]) -> npt.NDArray[np.uint8]:
     """Reads a PNG, PGM, PPM or JPEG image in 8 bits."""
 
+def set_max_pixels(pixels: int) -> None:
+    """Changes the most pixels of the images and maps that are read."""
+
 def write_png(path: str | os.PathLike[str], image: _Image) -> None:
     """Writes an image as PNG."""
 

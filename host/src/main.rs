@@ -4,11 +4,12 @@ mod command;
 
 use std::{env, process::ExitCode};
 
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, error::ErrorKind};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, error::ErrorKind, value_parser};
 use command::{
     batch::RunSettings,
     terminal::{self, examples},
 };
+use multiscopic::images::Picture;
 
 /// Accurate depth from one camera moved on purpose.
 #[derive(Debug, Parser)]
@@ -20,6 +21,11 @@ struct Cli {
     /// Print results, warnings and errors alone: no notes and no progress
     #[arg(short, long, global = true)]
     quiet: bool,
+
+    /// Most pixels of a picture: files that claim more are refused before memory is taken for them
+    #[arg(long, value_name = "N", global = true, hide_short_help = true)]
+    #[arg(default_value_t = Picture::MAX_PIXELS, value_parser = value_parser!(u64).range(1..))]
+    max_pixels: u64,
 }
 
 #[derive(Debug, Subcommand)]
@@ -71,6 +77,7 @@ fn main() -> ExitCode {
         terminal::complain(&error.to_string());
         return ExitCode::from(2);
     }
+    Picture::set_max_pixels(cli.max_pixels);
     if cli.quiet {
         terminal::be_quiet();
     }

@@ -27,6 +27,16 @@ pub fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyAny>> {
     arrays::image_array(py, py.detach(|| Picture::read(&path)).map_err(exception)?.into_8_bits())
 }
 
+/// Changes the most pixels of the images and maps that are read, 67,108,864 at first. Files that claim more are refused before
+/// memory is taken for them. No side may have more than 65,535 pixels.
+///
+/// Args:
+///     pixels: the most pixels.
+#[pyfunction]
+pub fn set_max_pixels(pixels: u64) {
+    Picture::set_max_pixels(pixels);
+}
+
 /// Writes an image as PNG. Any previous version of the file is replaced as a whole.
 ///
 /// Args:

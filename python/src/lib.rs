@@ -38,7 +38,7 @@ mod multiscopic {
     #[pymodule_export]
     use crate::{
         evaluation::evaluate,
-        files::{colorize, read_image, read_pfm, write_pfm, write_png},
+        files::{colorize, read_image, read_pfm, set_max_pixels, write_pfm, write_png},
         match_result::MatchResult,
         rig::Rig,
         views::{align, inspect, matched},

@@ -176,6 +176,13 @@ def test_files(tmp_path):
     # The file keeps all bits of uint16, of which read_image gives the upper eight.
     multiscopic.write_png(tmp_path / "deep.png", NOISE * np.uint16(257))
     assert np.array_equal(multiscopic.read_image(tmp_path / "deep.png"), NOISE)
+    try:
+        multiscopic.set_max_pixels(NOISE.size - 1)
+        with pytest.raises(ValueError, match=f"at most {NOISE.size - 1} in all"):
+            multiscopic.read_image(tmp_path / "deep.png")
+    finally:
+        multiscopic.set_max_pixels(67_108_864)
+    assert np.array_equal(multiscopic.read_image(tmp_path / "deep.png"), NOISE)
 
 
 def test_inspect():

@@ -15,11 +15,7 @@ use image::{
 use crate::{
     error::{Error, Result},
     files::{input, jpeg_scans, output, panics, png_chunks, truncation},
-    images::Picture,
 };
-
-/// The most memory that a decoder takes: for the samples of the largest picture, twice.
-const MAX_DECODER_BYTES: u64 = 16 * Picture::MAX_PIXELS as u64;
 
 /// Decodes the contents of the file `path`. They decide the format, not the name. The picture is turned as its EXIF orientation
 /// says.
@@ -84,7 +80,7 @@ impl CodedFile<'_> {
         };
         let mut reader = ImageReader::with_format(Cursor::new(bytes), self.format);
         let mut limits = Limits::default();
-        limits.max_alloc = Some(MAX_DECODER_BYTES);
+        limits.max_alloc = Some(input::max_picture_bytes());
         reader.limits(limits);
         let decoder = reader.into_decoder().map_err(|error| self.damaged(&error))?;
         let (width, height) = decoder.dimensions();

@@ -13,14 +13,16 @@ use crate::{
 
 /// The longest side of a picture in pixels. It is the core's limit too.
 pub(crate) const MAX_SIDE: u32 = u16::MAX as u32;
-/// The largest file in bytes.
-pub(crate) const MAX_BYTES: u64 = 1 << 30;
+/// The largest file in bytes, unless pictures may have more than [`Picture::MAX_PIXELS`].
+const MAX_BYTES: u64 = 1 << 30;
+/// The most bytes of a pixel: four channels of 16 bits, and as much again for the format.
+const MAX_PIXEL_BYTES: u64 = 16;
 /// The largest file of text in bytes. Parsed, it takes many times as much.
 const MAX_TEXT_BYTES: u64 = 1 << 22;
 
 /// The contents of the file `path`. An empty file is an error.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
-    read_at_most(path, MAX_BYTES)
+    read_at_most(path, MAX_BYTES.max(max_picture_bytes()))
 }
 
 fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>> {
@@ -67,13 +69,18 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
         .map_err(|_| Error::format(path, "bytes that are not text", "UTF-8 text"))
 }
 
+/// The most bytes of the samples of a picture, twice.
+pub(crate) fn max_picture_bytes() -> u64 {
+    Picture::max_pixels().saturating_mul(MAX_PIXEL_BYTES)
+}
+
 /// Refuses an empty or absurdly large picture before any memory is allocated for it.
 pub(crate) fn check_size(path: &Path, width: u32, height: u32) -> Result<()> {
-    let side = 1..=MAX_SIDE;
-    if side.contains(&width) && side.contains(&height) && u64::from(width) * u64::from(height) <= Picture::MAX_PIXELS as u64 {
+    let (side, most) = (1..=MAX_SIDE, Picture::max_pixels());
+    if side.contains(&width) && side.contains(&height) && u64::from(width) * u64::from(height) <= most {
         return Ok(());
     }
-    let expected = format!("1 to {MAX_SIDE} pixels on each side and at most {} in all", Picture::MAX_PIXELS);
+    let expected = format!("1 to {MAX_SIDE} pixels on each side and at most {most} in all (--max-pixels)");
     Err(Error::format(path, format!("a picture of {width}x{height} pixels"), expected))
 }
 

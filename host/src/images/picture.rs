@@ -1,8 +1,13 @@
 //! A picture of 8 or 16 bits, grey or in colour.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use image::{GrayImage, ImageBuffer, Luma, Pixel, Rgb, RgbImage};
 
 use super::{bit_depth::to_8_bits, raster::Raster};
+
+/// The most pixels of pictures that are read.
+static MAX_PIXELS: AtomicU64 = AtomicU64::new(Picture::MAX_PIXELS);
 
 /// An image with 8 or 16 bits per channel, as a file stores it. Matching takes 8 bits: those of a 16-bit sample are 255 times the
 /// sample through 65535, rounded to nearest.
@@ -27,8 +32,19 @@ impl From<&Raster<u8>> for Picture {
 }
 
 impl Picture {
-    /// The most pixels of a picture: 67 million. Files that claim more are refused before memory is taken for them.
-    pub const MAX_PIXELS: usize = 1 << 26;
+    /// The most pixels of a picture, unless [`Picture::set_max_pixels`] was called: 67 million.
+    pub const MAX_PIXELS: u64 = 1 << 26;
+
+    /// The most pixels of pictures and maps that are read. Files that claim more are refused before memory is taken for them.
+    pub fn max_pixels() -> u64 {
+        MAX_PIXELS.load(Ordering::Relaxed)
+    }
+
+    /// Changes [`max_pixels`](Picture::max_pixels) for all readers of this process. The sides have at most 65535 pixels
+    /// whatever it is.
+    pub fn set_max_pixels(pixels: u64) {
+        MAX_PIXELS.store(pixels, Ordering::Relaxed);
+    }
 
     /// Width and height in pixels.
     pub fn dimensions(&self) -> (u32, u32) {

@@ -6,7 +6,8 @@ use clap::{ArgMatches, Command, parser::ValueSource};
 use serde::{Deserialize, Serialize};
 
 /// Options that say which items there are and where they go, or how fast it goes. They decide no results.
-const OTHERS: [&str; 9] = ["directories", "list", "results", "scenes", "shard", "max_memory", "quiet", "simd", "threads"];
+const OTHERS: [&str; 10] =
+    ["directories", "list", "results", "scenes", "shard", "max_memory", "max_pixels", "quiet", "simd", "threads"];
 
 /// A command, its version, and its options that decide results.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -87,9 +87,11 @@ impl Bench {
             return Err(Error::Usage("--width, --height and --repeat must be at least 1".into()));
         }
         let size = [self.width, self.height].map(usize::from);
-        if size[0] * size[1] > Picture::MAX_PIXELS {
-            let ([width, height], most) = (size, Picture::MAX_PIXELS);
-            return Err(Error::Usage(format!("frames of {width}x{height} pixels are too large, at most {most} pixels")));
+        let ([width, height], most) = (size, Picture::max_pixels());
+        if (width * height) as u64 > most {
+            return Err(Error::Usage(format!(
+                "frames of {width}x{height} pixels are too large, at most {most} pixels (--max-pixels)"
+            )));
         }
         let search = self.search.search(size, views, self.fusion, (1, 64))?;
         let params = self.search.params(search)?;

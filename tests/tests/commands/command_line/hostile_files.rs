@@ -153,6 +153,31 @@ fn pictures_of_too_many_pixels_are_refused_in_little_memory() {
 }
 
 #[test]
+fn the_most_pixels_can_be_changed() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let matched = |image: &str, most: &str| {
+        let words =
+            ["match", "--center", image, "--left", image, "--num-disparities", "2", "-o", "/dev/null", "--max-pixels", most];
+        Invocation::within(MEMORY, words)
+    };
+    let small = file(&dir, "small.png", &png([4, 4], 0, &[]));
+    assert_eq!(matched(&small, "16").code, Some(0));
+    matched(&small, "15").assert_refused(&["small.png", "a picture of 4x4 pixels", "at most 15 in all (--max-pixels)"]);
+    matched(&small, "0").assert_refused(&["--max-pixels"]);
+    // The size is not refused, but still no memory is taken for it.
+    let large = file(&dir, "large.png", &png([20_000, 20_000], 0, &[]));
+    matched(&large, "400000000").assert_refused(&["large.png", "damaged or truncated"]);
+    matched(&large, "399999999").assert_refused(&["large.png", "at most 399999999 in all"]);
+    // A file may be larger than a gibibyte then.
+    let bytes = b"P5 50000 30000 255\n";
+    let sparse = file(&dir, "sparse.pgm", bytes);
+    let length = 1_500_000_000 + bytes.len() as u64;
+    fs::File::options().write(true).open(&sparse).and_then(|file| file.set_len(length)).expect("a file with a hole");
+    matched(&sparse, "67108864").assert_refused(&["sparse.pgm", "more than 1024 MiB"]);
+    matched(&sparse, "1500000000").assert_refused(&["cannot read", "sparse.pgm", "memory"]);
+}
+
+#[test]
 fn metadata_are_not_inflated() {
     let dir = tempfile::tempdir().expect("a folder");
     let profile = [b"profile\0\0", &zeros(1 << 30)[..]].concat();

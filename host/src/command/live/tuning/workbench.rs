@@ -254,3 +254,74 @@ impl Progress for Watcher<'_> {
         !is_newest && self.start.elapsed() > PATIENCE
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use multiscopic_core::Views;
+    use proptest::{
+        collection::{btree_map, vec},
+        prelude::*,
+        sample::{Index, select},
+        test_runner::{Config, TestRunner},
+    };
+
+    use super::*;
+    use crate::command::options::SearchOptions;
+
+    /// Values that some options take, and values that none does.
+    const VALUES: [&str; 23] = [
+        "", "0", "1", "-1", "7", "8", "9", "64", "0.5", "1e9", "nan", "inf", "bm", "sgm", "net", "gc", "min", "half", "sad",
+        "5x5", "none", "--output", "\u{0}",
+    ];
+
+    /// The messages of a page, of which every other one is damaged.
+    fn messages() -> impl Strategy<Value = String> {
+        let options = controls::all().iter().map(Control::option).chain(["output", ""]).collect::<Vec<_>>();
+        let value = prop_oneof![8 => select(&VALUES[..]).prop_map(String::from), 1 => any::<String>()];
+        let settings = btree_map(select(options), value, 0..6);
+        let damages = prop_oneof![Just(Vec::new()), vec((any::<Index>(), any::<char>(), 0..3), 1..4)];
+        (settings, damages).prop_map(|(settings, damages)| {
+            let mut text: Vec<char> = json!({ "settings": settings, "core": "cortex-m4" }).to_string().chars().collect();
+            for (at, letter, kind) in damages {
+                let at = at.index(text.len());
+                match kind {
+                    0 => text[at] = letter,
+                    1 => text.insert(at, letter),
+                    _ if at > 0 => text.truncate(at),
+                    _ => {}
+                }
+            }
+            text.into_iter().collect()
+        })
+    }
+
+    #[test]
+    fn any_message_is_taken_or_refused() {
+        let (controls, planned, refused) = (controls::all(), Cell::new(0), Cell::new(0));
+        let plan = |text: &str| {
+            let wish: Wish = serde_json::from_str(text).ok()?;
+            let words = controls::words(&controls, &wish.settings).ok()?;
+            let offered = |word: &String| controls.iter().any(|control| word[2..] == *control.option());
+            assert!(words.iter().filter(|word| word.starts_with("--")).all(offered), "{words:?}");
+            let matching = TunedOptions::parse(&words).ok()?.matching;
+            let search = matching.search([48, 36], Views::CROSS, SearchOptions::DEFAULT_RANGE).ok()?;
+            let plan = TunedMatch { name: matching.method.name(), method: matching.method(Views::CROSS).ok()?, search };
+            let prediction = prediction(&plan, Processor::ALL[0]);
+            Some((rust_code::of_match(&plan), prediction.map(|prediction| json!(prediction))))
+        };
+        // `PROPTEST_CASES` asks for more.
+        let cases = Config::default().cases.max(2000);
+        let config = Config { cases, failure_persistence: None, ..Config::default() };
+        let mut runner = TestRunner::new(config);
+        let result = runner.run(&messages(), |text| {
+            let count = if plan(&text).is_some() { &planned } else { &refused };
+            count.set(count.get() + 1);
+            Ok(())
+        });
+        result.unwrap_or_else(|error| panic!("{error}"));
+        println!("{} planned, {} refused", planned.get(), refused.get());
+        assert!(planned.get() > 100 && refused.get() > 500);
+    }
+}

@@ -30,6 +30,9 @@ const MEMORY: u32 = 2048;
 /// How long an input may take, in seconds.
 const LONGEST: u64 = 20;
 
+/// The most inputs of one process without instruments, which says when they are done.
+const PART: u64 = 5_000_000;
+
 /// The inputs of a short run.
 const SHORT_RUN: &str = "500";
 
@@ -123,14 +126,15 @@ impl Fuzzing {
     }
 }
 
-/// Tries random changes of the seeds of the repository and of what was found earlier, half of them in each of two processes,
-/// within the limit of memory.
+/// Tries random changes of the seeds of the repository and of what was found earlier, in processes of [`PART`] at most, within
+/// the limit of memory.
 fn fuzz_blindly(target: &str, program: &Path, inputs: u64) -> Result<()> {
     let seeds = folders::root().join("fuzz/seeds").join(target);
     let found = Some(folders::target().join("fuzz/corpus").join(target)).filter(|folder| folder.is_dir());
     let start = Instant::now();
-    let halves = [(1, inputs.div_ceil(2)), (2, inputs / 2)];
-    workers::map(&halves, |(number, inputs)| {
+    let count = inputs.div_ceil(PART).max(2);
+    let parts: Vec<_> = (1..=count).map(|number| (number, inputs / count + u64::from(number <= inputs % count))).collect();
+    workers::map(&parts, |(number, inputs)| {
         let mut fuzzer = in_memory(within(MEMORY as usize, program));
         run(fuzzer.args([number, inputs, &LONGEST].map(u64::to_string)).arg(&seeds).args(&found))
     })?;

@@ -140,7 +140,6 @@ def test_more_memory_than_is_available_is_refused():
     large = np.zeros((1000, 1000), np.uint8)
     limits = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (taken + 200_000_000, limits[1]))
-    most = NOISE.shape[0] * NOISE.shape[1] - 1
     try:
         with pytest.raises(ValueError, match=r"the match takes about \d+ MB of memory, and \d\d MB may be taken"):
             multiscopic.match(large, large, method="gc", num_disparities=256, threads=1)

@@ -127,8 +127,8 @@ mod tests {
     use super::*;
 
     /// Values that some options take, and values that none does, the first of which is empty.
-    const VALUES: &str = " 0 1 -1 7 16 64 0.5 -0 1e300 nan inf 99999999999999999999 min mean bm sgm net gc bm,sgm none smooth 3x3 cross \
-        1,0=l.png 1,2 -1,1= 1..64 0.2..0.5 1/2 0/0 ur10:[::1]:5 gcode:/dev/ttyS0 manual tsukuba out.pfm - -- \u{301}1 1é/2";
+    const VALUES: &str = " 0 1 -1 7 16 64 0.5 -0 1e300 nan inf 99999999999999999999 min mean bm sgm net gc bm,sgm none smooth 3x3 \
+        cross 1,0=l.png 1,2 -1,1= 1..64 0.2..0.5 1/2 0/0 ur10:[::1]:5 gcode:/dev/ttyS0 manual tsukuba out.pfm - -- \u{301}1 1é/2";
 
     /// The words that lead to each command, and the options that it has.
     fn commands(program: &clap::Command, words: &[String]) -> Vec<(Vec<String>, Vec<String>)> {

@@ -14,7 +14,7 @@ use crate::{
 /// The longest side of a picture in pixels. It is the core's limit too.
 pub(crate) const MAX_SIDE: u32 = u16::MAX as u32;
 /// The largest file in bytes, unless pictures may have more than [`Picture::MAX_PIXELS`].
-const MAX_BYTES: u64 = 1 << 30;
+const MAX_BYTES: u64 = MAX_PIXEL_BYTES * Picture::MAX_PIXELS;
 /// The most bytes of a pixel: four channels of 16 bits, and as much again for the format.
 const MAX_PIXEL_BYTES: u64 = 16;
 /// The largest file of text in bytes. Parsed, it takes many times as much.

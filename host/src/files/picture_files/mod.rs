@@ -21,7 +21,7 @@ impl Picture {
     ///
     /// # Errors
     /// [`Error::Read`], or [`Error::Format`] if the file has another format, is truncated or damaged, or if
-    /// the picture has a side of 0 or more than 65535 pixels, or more than [`Picture::MAX_PIXELS`] in all. A JPEG is damaged
+    /// the picture has a side of 0 or more than 65535 pixels, or more than [`Picture::max_pixels`] in all. A JPEG is damaged
     /// if its codes end too early or too late; a change of its bits that leaves them in step cannot be told.
     pub fn read(path: &Path) -> Result<Picture> {
         Picture::decode(path, &input::read(path)?)

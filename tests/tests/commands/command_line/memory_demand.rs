@@ -24,11 +24,11 @@ fn start(words: &[&str]) -> Child {
     command.args(words).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("the program starts")
 }
 
-/// The disparities that a match writes, and the most memory that was resident until then, in megabytes.
+/// The disparities that a match writes to its standard output, and the most memory that was resident until then, in megabytes.
 ///
 /// They do not fit into the pipe, so that the match waits at its end while its memory is looked at.
 fn matched(words: &[&str]) -> (Vec<u8>, f64) {
-    let mut child = start(&[words, &["-o", "-"]].concat());
+    let mut child = start(words);
     let mut pipe = child.stdout.take().expect("a pipe");
     let mut disparities = vec![0];
     pipe.read_exact(&mut disparities).expect("disparities");
@@ -78,7 +78,7 @@ fn matches_take_what_they_announce() {
         (scene(dir.path(), "160x120", "1"), scene(dir.path(), "640x480", "1"), scene(dir.path(), "640x480", "4"));
     let small = scene(dir.path(), "400x300", "1");
     let words = |rig, options: &'static str| {
-        let words = ["match", rig, "--num-disparities", "40", "--threads", "2"];
+        let words = ["match", rig, "--num-disparities", "40", "-o", "-", "--threads", "2"];
         words.into_iter().chain(options.split(' ')).collect::<Vec<_>>()
     };
     let (_, program) = matched(&words(&tiny, "--method bm"));
@@ -92,7 +92,7 @@ fn matches_take_what_they_announce() {
         (&small, "--method gc --sweeps 1"),
     ] {
         let words = words(rig, options);
-        let (expected, taken) = (announced(&[&words[..], &["-o", "-"]].concat()), matched(&words).1 - program);
+        let (expected, taken) = (announced(&words), matched(&words).1 - program);
         println!("{options}: {expected} MB are announced, {taken:.1} MB taken");
         assert!(taken < expected && expected < 2.5 * taken, "{options}: {expected} MB are announced, {taken:.1} MB taken");
     }
@@ -121,8 +121,11 @@ fn alignments_take_what_they_announce() {
 fn the_network_takes_bands_where_the_image_does_not_fit() {
     let dir = tempfile::tempdir().expect("a folder");
     let rig = scene(dir.path(), "120x1600", "1");
-    let match_within =
-        |most| matched(&["match", &rig, "--method", "net", "--num-disparities", "64", "--max-memory", most, "--threads", "2"]);
+    let match_within = |most| {
+        let words =
+            ["match", &rig, "--method", "net", "--num-disparities", "64", "--max-memory", most, "--threads", "2", "-o", "-"];
+        matched(&words)
+    };
     let ((whole, most), (banded, least)) = (match_within("1000"), match_within("35"));
     println!("at once {most:.1} MB, in bands {least:.1} MB");
     assert!(whole == banded, "the bits are the same");

@@ -1,6 +1,8 @@
 //! The command line.
 
 mod command;
+#[cfg(test)]
+mod tally;
 
 use std::{env, process::ExitCode};
 
@@ -115,35 +117,36 @@ fn main() -> ExitCode {
 
 #[cfg(test)]
 mod tests {
-    use std::{cell::Cell, ffi::OsString};
+    use std::{cell::RefCell, ffi::OsString};
 
-    use proptest::{
-        collection::vec,
-        prelude::*,
-        sample::select,
-        test_runner::{Config, TestRunner},
-    };
+    use proptest::{collection::vec, prelude::*, sample::select};
 
     use super::*;
+    use crate::tally::tally;
 
     /// Values that some options take, and values that none does, the first of which is empty.
-    const VALUES: &str = " 0 1 -1 7 16 64 0.5 -0 1e300 nan inf 99999999999999999999 min mean bm sgm net gc bm,sgm none smooth 3x3 \
-        cross 1,0=l.png 1,2 -1,1= 1..64 0.2..0.5 1/2 0/0 ur10:[::1]:5 gcode:/dev/ttyS0 manual tsukuba out.pfm - -- \u{301}1 1é/2";
+    const VALUES: &str = " 0 1 -1 7 16 64 0.5 -0 1e300 nan inf 99999999999999999999 min mean bm sgm net gc bm,sgm none smooth \
+        3x3 cross 1,0=l.png 1,2 -1,1= 1..64 0.2..0.5 1/2 0/0 ur10:[::1]:5 gcode:/dev/ttyS0 manual tsukuba out.pfm --help - -- \
+        \u{301}1 1é/2";
 
-    /// The words that lead to each command, and the options that it has.
+    /// The words that lead to each command, and the options that it has but `--help`, with one that none has.
     fn commands(program: &clap::Command, words: &[String]) -> Vec<(Vec<String>, Vec<String>)> {
-        let options = program.get_arguments().filter_map(|option| Some(format!("--{}", option.get_long()?)));
-        let own = (words.to_vec(), options.chain(["--max-pixels".into(), "--quiet".into(), "-o".into()]).collect());
-        let inner =
-            program.get_subcommands().flat_map(|command| commands(command, &[words, &[command.get_name().into()]].concat()));
+        let options = program.get_arguments().filter(|option| option.get_id() != "help").flat_map(|option| {
+            let short = option.get_short().map(|letter| format!("-{letter}"));
+            option.get_long().map(|name| format!("--{name}")).into_iter().chain(short)
+        });
+        let own = (words.to_vec(), options.chain(["--unknown".into()]).collect());
+        // `help` repeats all commands, without options.
+        let inner = program.get_subcommands().filter(|command| command.get_name() != "help");
+        let inner = inner.flat_map(|command| commands(command, &[words, &[command.get_name().into()]].concat()));
         [own].into_iter().chain(inner).collect()
     }
 
     /// The words of a command line, with options of a command and values of any kind.
-    fn command_lines() -> impl Strategy<Value = Vec<OsString>> {
+    fn command_lines(commands: Vec<(Vec<String>, Vec<String>)>) -> impl Strategy<Value = Vec<OsString>> {
         let value = prop_oneof![4 => select(VALUES.split(' ').collect::<Vec<_>>()).prop_map(String::from), 1 => any::<String>()];
         let words = vec(value.clone(), 0..3);
-        (select(commands(&program(), &[])), vec((any::<prop::sample::Index>(), value, 0..3), 0..5), words).prop_map(
+        (select(commands), vec((any::<prop::sample::Index>(), value, 0..3), 0..5), words).prop_map(
             |((command, names), options, words)| {
                 let options = options.into_iter().flat_map(|(name, value, form)| {
                     let name = name.get(&names).clone();
@@ -159,6 +162,14 @@ mod tests {
         )
     }
 
+    /// What comes of a command line.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+    enum Outcome {
+        Taken,
+        Refused,
+        Help,
+    }
+
     #[test]
     fn options_are_consistent() {
         super::Cli::command().debug_assert();
@@ -166,29 +177,24 @@ mod tests {
 
     #[test]
     fn any_command_line_is_taken_or_refused() {
-        let (taken, refused, helped) = (Cell::new(0), Cell::new(0), Cell::new(0));
-        // `PROPTEST_CASES` asks for more.
-        let cases = Config::default().cases.max(1000);
-        let config = Config { cases, failure_persistence: None, ..Config::default() };
-        let mut runner = TestRunner::new(config);
-        let result = runner.run(&command_lines(), |words| {
-            let parsed = program().try_get_matches_from(&words).and_then(|arguments| Cli::from_arg_matches(&arguments));
-            let count = match parsed {
-                Ok(_) => &taken,
+        let mut program = program();
+        program.build();
+        let lines = command_lines(commands(&program, &[]));
+        let program = RefCell::new(program);
+        let outcomes = tally(1000, &lines, |words| {
+            let arguments = program.borrow_mut().try_get_matches_from_mut(&words);
+            match arguments.and_then(|arguments| Cli::from_arg_matches(&arguments)) {
+                Ok(_) => Ok(Outcome::Taken),
                 Err(error) if error.exit_code() == 0 || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
-                    &helped
+                    Ok(Outcome::Help)
                 }
                 Err(error) => {
                     prop_assert_eq!(error.exit_code(), 2);
                     prop_assert!(error.render().to_string().starts_with("error: "));
-                    &refused
+                    Ok(Outcome::Refused)
                 }
-            };
-            count.set(count.get() + 1);
-            Ok(())
+            }
         });
-        result.unwrap_or_else(|error| panic!("{error}"));
-        println!("{} taken, {} refused, {} asked for help", taken.get(), refused.get(), helped.get());
-        assert!(taken.get() > 20 && refused.get() > 300);
+        assert!(outcomes[&Outcome::Taken] > 20 && outcomes[&Outcome::Refused] > 300);
     }
 }

@@ -257,18 +257,15 @@ impl Progress for Watcher<'_> {
 
 #[cfg(test)]
 mod tests {
-    use std::cell::Cell;
-
     use multiscopic_core::Views;
     use proptest::{
         collection::{btree_map, vec},
         prelude::*,
         sample::{Index, select},
-        test_runner::{Config, TestRunner},
     };
 
     use super::*;
-    use crate::command::options::SearchOptions;
+    use crate::{command::options::SearchOptions, tally::tally};
 
     /// Values that some options take, and values that none does.
     const VALUES: [&str; 23] = [
@@ -299,7 +296,7 @@ mod tests {
 
     #[test]
     fn any_message_is_taken_or_refused() {
-        let (controls, planned, refused) = (controls::all(), Cell::new(0), Cell::new(0));
+        let controls = controls::all();
         let plan = |text: &str| {
             let wish: Wish = serde_json::from_str(text).ok()?;
             let words = controls::words(&controls, &wish.settings).ok()?;
@@ -311,17 +308,7 @@ mod tests {
             let prediction = prediction(&plan, Processor::ALL[0]);
             Some((rust_code::of_match(&plan), prediction.map(|prediction| json!(prediction))))
         };
-        // `PROPTEST_CASES` asks for more.
-        let cases = Config::default().cases.max(2000);
-        let config = Config { cases, failure_persistence: None, ..Config::default() };
-        let mut runner = TestRunner::new(config);
-        let result = runner.run(&messages(), |text| {
-            let count = if plan(&text).is_some() { &planned } else { &refused };
-            count.set(count.get() + 1);
-            Ok(())
-        });
-        result.unwrap_or_else(|error| panic!("{error}"));
-        println!("{} planned, {} refused", planned.get(), refused.get());
-        assert!(planned.get() > 100 && refused.get() > 500);
+        let outcomes = tally(2000, &messages(), |text| Ok(if plan(&text).is_some() { "planned" } else { "refused" }));
+        assert!(outcomes["planned"] > 100 && outcomes["refused"] > 500);
     }
 }

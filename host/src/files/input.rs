@@ -1,4 +1,4 @@
-//! Reading a whole file, within limits.
+//! Reading files, within limits.
 
 use std::{
     fs::{self, File, Metadata},
@@ -25,23 +25,39 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     read_at_most(path, MAX_BYTES.max(max_picture_bytes()))
 }
 
-fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>> {
+/// Opens a file or a pipe.
+///
+/// # Errors
+/// [`Error::Read`], and [`Error::Format`] for a device, such as `/dev/zero`, which may have no end.
+pub fn open(path: &Path) -> Result<File> {
+    let failed = |source| Error::Read { path: path.into(), source };
+    // Before it is opened, which changes some devices.
+    match fs::metadata(path).map_err(failed)? {
+        metadata if is_device(&metadata) => Err(Error::format(path, "a device", "a file or a pipe")),
+        _ => File::open(path).map_err(failed),
+    }
+}
+
+/// The contents of a file or a pipe of at most `most` bytes.
+///
+/// # Errors
+/// [`Error::Read`], and [`Error::Format`] if there are more bytes or none, or for a device. Longer files are refused before
+/// memory is taken for them.
+pub fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>> {
     let failed = |source| Error::Read { path: path.into(), source };
     let too_long = || {
         let mebibytes = most >> 20;
         Error::format(path, format!("more than {mebibytes} MiB"), format!("at most {mebibytes} MiB"))
     };
-    let metadata = fs::metadata(path).map_err(failed)?;
-    if is_device(&metadata) {
-        return Err(Error::format(path, "a device", "a file or a pipe"));
-    }
-    if metadata.len() > most {
+    let file = open(path)?;
+    let length = file.metadata().map_err(failed)?.len();
+    if length > most {
         return Err(too_long());
     }
     // One more byte, so that the end is found without more memory. A pipe has a length of 0, and a file may grow meanwhile.
     let mut bytes = Vec::new();
-    bytes.try_reserve_exact(metadata.len() as usize + 1).map_err(|error| failed(error.into()))?;
-    File::open(path).and_then(|file| file.take(most + 1).read_to_end(&mut bytes)).map_err(failed)?;
+    bytes.try_reserve_exact(length as usize + 1).map_err(|error| failed(error.into()))?;
+    file.take(most + 1).read_to_end(&mut bytes).map_err(failed)?;
     match bytes.len() as u64 {
         0 => Err(Error::format(path, "an empty file", "data")),
         n if n > most => Err(too_long()),
@@ -49,7 +65,7 @@ fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>> {
     }
 }
 
-/// Whether this is a device, such as `/dev/zero`, which may have no end.
+/// Whether this is a device.
 fn is_device(metadata: &Metadata) -> bool {
     #[cfg(unix)]
     {
@@ -63,8 +79,11 @@ fn is_device(metadata: &Metadata) -> bool {
     }
 }
 
-/// The text in the file `path`. An empty file is an error.
-pub(crate) fn read_text(path: &Path) -> Result<String> {
+/// The text in the file `path`, of at most 4 MiB. An empty file is an error.
+///
+/// # Errors
+/// As [`read_at_most`], and [`Error::Format`] if it is not UTF-8.
+pub fn read_text(path: &Path) -> Result<String> {
     String::from_utf8(read_at_most(path, MAX_TEXT_BYTES)?)
         .map_err(|_| Error::format(path, "bytes that are not text", "UTF-8 text"))
 }

@@ -4,7 +4,7 @@
 mod disparity_files;
 mod frame_files;
 pub mod image_codec;
-pub(crate) mod input;
+pub mod input;
 mod jpeg_markers;
 mod jpeg_scans;
 pub(crate) mod npy;

@@ -1,8 +1,8 @@
 //! Which files there were.
 
-use std::{fmt::Write as _, fs::File, io::Read, path::Path};
+use std::{fmt::Write as _, io::Read, path::Path};
 
-use multiscopic::{Error, Result};
+use multiscopic::{Error, Result, files::input};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -37,7 +37,7 @@ impl Fingerprint {
 /// The number of bytes of a file, and their SHA-256.
 fn digest(path: &Path) -> Result<(u64, [u8; 32])> {
     let failed = |source| Error::Read { path: path.into(), source };
-    let mut file = File::open(path).map_err(failed)?;
+    let mut file = input::open(path)?;
     let (mut sha256, mut bytes, mut part) = (Sha256::new(), 0, vec![0; 1 << 16]);
     loop {
         match file.read(&mut part).map_err(failed)? {

@@ -5,7 +5,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use multiscopic::{Error, Result, files::output};
+use multiscopic::{
+    Error, Result,
+    files::{input, output},
+};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::{fingerprint::Fingerprint, run_settings::RunSettings};
@@ -86,11 +89,11 @@ impl<R: DeserializeOwned> ItemRecord<R> {
     /// [`Error::Read`], and [`Error::Format`] if it is not a record.
     pub fn read(folder: &Path) -> Result<Option<ItemRecord<R>>> {
         let path = Self::path(folder);
-        let bytes = match fs::read(&path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            bytes => bytes.map_err(|source| Error::Read { path: path.clone(), source })?,
+        let text = match input::read_text(&path) {
+            Err(Error::Read { source, .. }) if source.kind() == io::ErrorKind::NotFound => return Ok(None),
+            text => text?,
         };
-        serde_json::from_slice(&bytes).map(Some).map_err(|error| Error::Format {
+        serde_json::from_str(&text).map(Some).map_err(|error| Error::Format {
             path,
             found: format!("no record ({error})"),
             expected: "that of an item that is done: do it again".into(),

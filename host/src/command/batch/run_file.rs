@@ -5,10 +5,16 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use multiscopic::{Error, Result, files::output};
+use multiscopic::{
+    Error, Result,
+    files::{input, output},
+};
 use serde::{Deserialize, Serialize};
 
 use super::run_settings::RunSettings;
+
+/// The largest one in bytes: the longest list of rigs, with quotes, and a line for each.
+const MAX_BYTES: u64 = 1 << 25;
 
 /// The settings and all items of a run, those of other shares too.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -26,17 +32,17 @@ impl RunFile {
     /// [`Error::Read`], and [`Error::Format`] if it is something else.
     pub fn read(results: &Path) -> Result<RunFile> {
         let path = path(results);
-        let bytes = fs::read(&path).map_err(|source| match source.kind() {
-            io::ErrorKind::NotFound if results.is_dir() => Error::Format {
+        let bytes = input::read_at_most(&path, MAX_BYTES).map_err(|error| match error {
+            Error::Read { source, .. } if source.kind() == io::ErrorKind::NotFound && results.is_dir() => Error::Format {
                 path: results.into(),
                 found: "a folder without run.json".into(),
                 expected: "the --results of `match --list` or `evaluate`".into(),
             },
-            _ => Error::Read { path: path.clone(), source },
+            error => error,
         })?;
         serde_json::from_slice(&bytes).map_err(|error| Error::Format {
             path,
-            found: error.to_string(),
+            found: format!("something else ({error})"),
             expected: "what `match --list` and `evaluate --results` write".into(),
         })
     }

@@ -10,7 +10,7 @@ use multiscopic::{
     files::{
         FrameFiles,
         image_codec::write_png,
-        output,
+        input, output,
         ply::{self, Encoding},
     },
     report::{
@@ -101,7 +101,7 @@ impl ResultsFolder {
     /// Whether an earlier demo has written the results that are there, or was killed while it did.
     fn is_of_a_demo(&self) -> bool {
         let rig = self.file(Rig::FILE_NAME);
-        let tells = |path: &Path| fs::read_to_string(path).is_ok_and(|rig| rig.contains(SCENE));
+        let tells = |path: &Path| input::read_text(path).is_ok_and(|rig| rig.contains(SCENE));
         tells(&rig) || (!rig.exists() && tells(&output::broken_seal(&rig)))
     }
 

@@ -180,6 +180,43 @@ fn what_makes_no_sense_is_refused() {
     refused(&format!("{MATCH} --results @out"), &["out has the results of `evaluate`", "another folder"]);
 }
 
+/// Without its mend, this reads zeros without end.
+#[cfg(target_os = "linux")]
+#[test]
+fn devices_among_inputs_and_results_are_refused() {
+    let desk = rigs();
+    desk.done(&format!("{MATCH} --results @out"));
+    for (name, line, code) in [
+        ("rigs/0000/right.png", &*format!("{MATCH} --results @out"), 1),
+        ("out/rigs/0005/d.pfm", "merge @out", 2),
+        ("out/rigs/0003/record.json", "merge @out", 2),
+        ("out/run.json", "merge @out", 2),
+    ] {
+        fs::remove_file(desk.path(name)).expect("a file");
+        std::os::unix::fs::symlink("/dev/zero", desk.path(name)).expect("a link");
+        let run = desk.run(line);
+        assert_eq!(run.code, Some(code), "{name}: {run:#?}");
+        assert!(run.stderr.contains(&format!("{name}: found a device, expected a file or a pipe")), "{name}: {run:#?}");
+    }
+}
+
+/// No memory is taken for them.
+#[test]
+fn huge_and_damaged_results_are_refused() {
+    let desk = rigs();
+    desk.done(&format!("{MATCH} --results @out"));
+    for (name, most) in [("out/rigs/0003/record.json", "4 MiB"), ("out/run.json", "32 MiB")] {
+        let path = desk.path(name);
+        let whole = fs::read(&path).expect("a file");
+        fs::write(&path, &whole[..whole.len() / 2]).expect("a file");
+        desk.run("merge @out").assert_refused(&[name, "found ", " (EOF while parsing "]);
+        fs::File::create(&path).and_then(|file| file.set_len(1 << 40)).expect("a file without contents");
+        desk.run("merge @out").assert_refused(&[name, &format!("found more than {most}, expected at most {most}")]);
+        fs::write(&path, whole).expect("a file");
+    }
+    desk.merged("@out");
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_machine_that_is_killed_loses_nothing_that_was_done() {

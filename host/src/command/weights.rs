@@ -46,7 +46,7 @@ impl WeightsCommand {
             }
             Action::Path => Architecture::ALL.into_iter().map(Weights::installed).collect::<Result<_>>()?,
         };
-        terminal::print(&files.iter().map(|path| format!("{}\n", path.display())).collect::<String>())?;
+        terminal::print_bytes(files.iter().map(|path| format!("{}\n", path.display())).collect::<String>().as_bytes())?;
         Ok(ExitCode::SUCCESS)
     }
 }

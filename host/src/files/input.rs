@@ -32,10 +32,10 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
 pub fn open(path: &Path) -> Result<File> {
     let failed = |source| Error::Read { path: path.into(), source };
     // Before it is opened, which changes some devices.
-    match fs::metadata(path).map_err(failed)? {
-        metadata if is_device(&metadata) => Err(Error::format(path, "a device", "a file or a pipe")),
-        _ => File::open(path).map_err(failed),
+    if is_device(&fs::metadata(path).map_err(failed)?) {
+        return Err(Error::format(path, "a device", "a file or a pipe"));
     }
+    File::open(path).map_err(failed)
 }
 
 /// The contents of a file or a pipe of at most `most` bytes.

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::run_settings::RunSettings;
 
-/// The largest one in bytes: the longest list of rigs, with quotes, and a line for each.
+/// The largest file in bytes. The longest list of rigs needs less, with quotes and a line for each.
 const MAX_BYTES: u64 = 1 << 25;
 
 /// The settings and all items of a run, those of other shares too.

@@ -86,7 +86,7 @@ impl Evaluate {
 
     fn measure_scene(&self, contest: &Contest, scene: &DatasetScene) -> Result<SceneResults> {
         let Contest { dataset, variants, methods, engine, bar } = contest;
-        bar.set_message(scene.name.clone());
+        bar.set_message(terminal::visible(&scene.name).into_owned());
         // As many as fit a set, which is all but for large arrays at several baselines.
         let most: Views = variants.iter().flat_map(|variant| variant.views.iter()).collect();
         let (mut frames, center, truth) = scene.load(most)?;

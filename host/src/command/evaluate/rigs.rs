@@ -42,7 +42,7 @@ impl Evaluate {
         let mut first: Option<([usize; 2], Option<Geometry>)> = None;
         for files in &mut rigs {
             let name = files.directory.display().to_string();
-            bar.set_message(name.clone());
+            bar.set_message(terminal::visible(&name).into_owned());
             let rig = files.load(&self.geometry, &self.preparation, &self.search, &self.engine.memory)?;
             let size = rig.frames.size();
             check_same(&name, size, rig.geometry, *first.get_or_insert((size, rig.geometry)))?;

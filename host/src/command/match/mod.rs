@@ -99,7 +99,7 @@ impl Match {
         self.outputs.maps.print(&disparities)?;
         if self.outputs.preview {
             let picture = self.outputs.maps.scale(&disparities).draw(&disparities.to_float());
-            terminal::print(&terminal::preview(&picture))?;
+            terminal::print_bytes(terminal::preview(&picture).as_bytes())?;
         }
         match self.outputs.json {
             true => terminal::print_report(&summary, true)?,

@@ -2,7 +2,7 @@
 
 mod merged_records;
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{collections::BTreeSet, path::PathBuf, process::ExitCode};
 
 use clap::Args;
 use multiscopic::{Result, evaluation::Record, files::output};
@@ -66,7 +66,8 @@ impl Merge {
 
 /// How the items of another run differ.
 fn items(first: &RunFile, other: &RunFile) -> String {
-    let new = other.items.iter().find(|item| !first.items.contains(item));
+    let known: BTreeSet<&String> = first.items.iter().collect();
+    let new = other.items.iter().find(|item| !known.contains(item));
     match new {
         Some(new) => format!("{new} among its {} items, not the {}", other.items.len(), first.items.len()),
         None => format!("{} items, not the {} in the same order", other.items.len(), first.items.len()),

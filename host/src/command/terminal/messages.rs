@@ -1,7 +1,8 @@
 //! Results on standard output and messages on standard error.
 
 use std::{
-    fmt::Display,
+    borrow::Cow,
+    fmt::{Display, Write as _},
     io::{self, ErrorKind, Write},
     sync::atomic::{AtomicBool, Ordering},
 };
@@ -11,12 +12,12 @@ use serde::Serialize;
 
 use super::columns::{columns, wrapped};
 
-/// Writes to standard output. It is not an error if the reader has closed it, as `| head` does.
+/// Writes text or JSON to standard output, as [`visible`] does. It is not an error if the reader has closed it, as `| head` does.
 pub fn print(text: &str) -> Result<()> {
-    print_bytes(text.as_bytes())
+    print_bytes(visible(text).as_bytes())
 }
 
-/// Writes bytes to standard output. A closed pipe is no error.
+/// Writes bytes to standard output as they are. A closed pipe is no error.
 pub fn print_bytes(bytes: &[u8]) -> Result<()> {
     let mut stdout = io::stdout().lock();
     match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
@@ -61,10 +62,49 @@ pub fn warn(message: &str) {
 
 /// Writes an error, or what leads to one, to standard error, and ignores failure.
 pub fn complain(message: &str) {
-    let _ = writeln!(io::stderr(), "multiscopic: {message}");
+    let _ = writeln!(io::stderr(), "multiscopic: {}", visible(message));
+}
+
+/// A text in which control characters are escaped as in JSON. Names and lines of files, cameras and arms may have some that are
+/// commands to a terminal.
+pub fn visible(text: &str) -> Cow<'_, str> {
+    let is_hidden = |letter: char| letter.is_control() && !matches!(letter, '\n' | '\t');
+    if !text.contains(is_hidden) {
+        return text.into();
+    }
+    let mut escaped = String::new();
+    for letter in text.chars() {
+        match is_hidden(letter) {
+            true => _ = write!(escaped, "\\u{:04x}", u32::from(letter)),
+            false => escaped.push(letter),
+        }
+    }
+    escaped.into()
 }
 
 /// What a summary says about the share of confidences from [`SURE`] on, after what it says about disparities.
 pub fn sure(share: f64) -> String {
     format!(", {:.1} % sure (from {SURE} on)", 100.0 * share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_to_terminals_are_escaped() {
+        assert!(matches!(visible("1\u{301} \u{1f4f7}\n\tr\u{e9}sum\u{e9}"), Cow::Borrowed(_)));
+        assert_eq!(
+            visible("\u{1b}]0;a\u{7}b\r\u{8}\u{7f}\u{9b}2J\0\n"),
+            "\\u001b]0;a\\u0007b\\u000d\\u0008\\u007f\\u009b2J\\u0000\n"
+        );
+    }
+
+    #[test]
+    fn json_stays_the_same_value() {
+        let value = "a\u{7f}\u{9b}\u{1b}\n\"\\u001b";
+        let json = serde_json::to_string(value).unwrap();
+        assert_ne!(visible(&json), json);
+        assert_eq!(serde_json::from_str::<String>(&visible(&json)).unwrap(), value);
+    }
 }

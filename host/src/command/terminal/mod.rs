@@ -12,6 +12,6 @@ mod watch;
 pub use bar::progress;
 pub use browser::open;
 pub use columns::columns;
-pub use messages::{be_quiet, complain, print, print_bytes, print_report, say, sure, warn};
+pub use messages::{be_quiet, complain, print, print_bytes, print_report, say, sure, visible, warn};
 pub use preview::preview;
 pub use watch::Watch;

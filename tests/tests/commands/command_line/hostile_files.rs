@@ -235,3 +235,18 @@ fn noise_is_counted_instead_of_told() {
     assert!(run.stderr.contains(" more packets or groups of packets are lost, damaged or foreign"), "{run:?}");
     assert!(run.stderr.contains("64x48: 100.0 % received"), "{run:?}");
 }
+
+/// Lines and names of files may have control characters, which are commands to a terminal. They are escaped.
+#[test]
+fn files_do_not_command_the_terminal() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for (rig, word) in [
+        ("a = 1\n\x1b]0;title\x07 = 1\n", "rig.toml: found line 2 (\\u001b]0;title\\u0007 = 1)"),
+        ("[images]\ncenter = \"\\u009b2J.png\"\nleft = \"l.png\"\n", "\\u009b2J.png: No such file"),
+    ] {
+        file(&dir, "rig.toml", rig.as_bytes());
+        let run = Invocation::new(["match", dir.path().to_str().expect("UTF-8"), "--preview"]);
+        run.assert_refused(&[word]);
+        assert!(!run.stderr.contains(|letter: char| letter.is_control() && letter != '\n'), "{run:#?}");
+    }
+}

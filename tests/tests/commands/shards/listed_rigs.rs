@@ -217,6 +217,27 @@ fn huge_and_damaged_results_are_refused() {
     desk.merged("@out");
 }
 
+#[cfg(unix)]
+#[test]
+fn names_do_not_command_the_terminal() {
+    let desk = rigs();
+    let name = "rigs/\u{1b}[31mred\u{9b}2J";
+    fs::rename(desk.path("rigs/0003"), desk.path(name)).expect("a folder");
+    fs::write(desk.path("list.txt"), format!("{name}\nrigs/none\x07\n")).expect("a list");
+    let failed = desk.run(&format!("{MATCH} --results @out"));
+    assert_eq!(failed.code, Some(1), "{failed:#?}");
+    assert!(failed.stderr.contains("1 failed: rigs/none\\u0007"), "{failed:#?}");
+    fs::write(desk.path("list.txt"), name).expect("a list");
+    desk.done(&format!("{MATCH} --results @out"));
+    let (table, json) = desk.merged("@out");
+    for text in [&failed.stderr, &table] {
+        assert!(!text.contains(|letter: char| letter.is_control() && letter != '\n'), "{text:?}");
+    }
+    assert!(table.contains("rigs/\\u001b[31mred\\u009b2J "), "{table}");
+    let rigs: Vec<serde_json::Value> = serde_json::from_str(&json).expect("a list");
+    assert_eq!(rigs[0]["rig"], name);
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_machine_that_is_killed_loses_nothing_that_was_done() {

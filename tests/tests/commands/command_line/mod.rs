@@ -416,8 +416,13 @@ fn an_impossible_demo_is_refused() {
 
     let own = dir.path().join("center.png");
     fs::write(&own, "the user's own").expect("a file");
-    Invocation::new(["demo", "-o", dir.path().to_str().expect("UTF-8")]).assert_refused(&["center.png", "is there already"]);
-    assert_eq!(fs::read_to_string(own).expect("the file"), "the user's own");
+    // What an earlier demo wrote is replaced, but none wrote so much.
+    let long = format!("the scene of multiscopic demo{}", " ".repeat(1 << 22));
+    for rig in ["", &long] {
+        fs::write(dir.path().join("rig.toml"), rig).expect("a file");
+        Invocation::new(["demo", "-o", dir.path().to_str().expect("UTF-8")]).assert_refused(&["center.png", "is there already"]);
+        assert_eq!(fs::read_to_string(&own).expect("the file"), "the user's own");
+    }
 }
 
 #[test]

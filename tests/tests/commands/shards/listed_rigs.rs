@@ -1,8 +1,14 @@
 //! `match --list`.
 
-use std::fs;
+use std::{
+    fs,
+    time::{Duration, Instant},
+};
 
 use super::Desk;
+
+/// The longest time that a refusal takes on a busy machine.
+const LONGEST: Duration = Duration::from_secs(20);
 
 /// Seven small captures and their list, which is in another order.
 fn rigs() -> Desk {
@@ -215,6 +221,24 @@ fn huge_and_damaged_results_are_refused() {
         fs::write(&path, whole).expect("a file");
     }
     desk.merged("@out");
+}
+
+/// Long lists that differ in their last name are not compared name by name with each other, which would take minutes.
+#[test]
+fn long_lists_are_compared_at_once() {
+    const NAMES: usize = 200_000;
+    let desk = rigs();
+    desk.done(&format!("{MATCH} --results @out --shard 7/7"));
+    let text = fs::read_to_string(desk.path("out/run.json")).expect("a file");
+    let mut run: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    for (folder, last) in [("a", "one"), ("b", "other")] {
+        run["items"] = (1..NAMES).map(|number| format!("rig{number:06}")).chain([last.into()]).collect();
+        fs::create_dir(desk.path(folder)).expect("a folder");
+        fs::write(desk.path(folder).join("run.json"), run.to_string()).expect("a file");
+    }
+    let start = Instant::now();
+    desk.run("merge @a @b").assert_refused(&["b has other among its 200000 items, not the 200000 as in "]);
+    assert!(start.elapsed() < LONGEST, "{:?}", start.elapsed());
 }
 
 #[cfg(unix)]

@@ -7,10 +7,9 @@ use proptest::{
     test_runner::{Config, TestCaseError, TestRunner},
 };
 
-/// Tries random inputs, `cases` or as many as `PROPTEST_CASES` asks for, and returns how many of them had each outcome.
+/// Tries `cases` random inputs, or more if `PROPTEST_CASES` asks for them, and returns how many of them had each outcome.
 ///
 /// # Panics
-///
 /// For an input that `outcome` fails for or panics at, with the smallest such input.
 pub fn tally<S: Strategy, O: Copy + Debug + Ord>(
     cases: u32,

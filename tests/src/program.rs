@@ -103,6 +103,13 @@ impl Invocation {
         assert_eq!(self.stdout, "", "standard output is for data");
     }
 
+    /// Panics if the run printed control characters besides the ends of lines: a terminal obeys them.
+    #[track_caller]
+    pub fn assert_plain(&self) {
+        let has_commands = |text: &str| text.contains(|letter: char| letter.is_control() && letter != '\n');
+        assert!(!has_commands(&self.stdout) && !has_commands(&self.stderr), "{self:#?}");
+    }
+
     /// Panics unless the run ended with exit code 2 and a message that contains all of `words`.
     #[track_caller]
     pub fn assert_refused(&self, words: &[&str]) {

@@ -7,9 +7,6 @@ use std::{
 
 use super::Desk;
 
-/// The longest time that a refusal takes on a busy machine.
-const LONGEST: Duration = Duration::from_secs(20);
-
 /// Seven small captures and their list, which is in another order.
 fn rigs() -> Desk {
     let desk = Desk::new();
@@ -186,7 +183,7 @@ fn what_makes_no_sense_is_refused() {
     refused(&format!("{MATCH} --results @out"), &["out has the results of `evaluate`", "another folder"]);
 }
 
-/// Without its mend, this reads zeros without end.
+/// A device may have no end.
 #[cfg(target_os = "linux")]
 #[test]
 fn devices_among_inputs_and_results_are_refused() {
@@ -227,6 +224,8 @@ fn huge_and_damaged_results_are_refused() {
 #[test]
 fn long_lists_are_compared_at_once() {
     const NAMES: usize = 200_000;
+    // On a busy machine.
+    const LONGEST: Duration = Duration::from_secs(20);
     let desk = rigs();
     desk.done(&format!("{MATCH} --results @out --shard 7/7"));
     let text = fs::read_to_string(desk.path("out/run.json")).expect("a file");
@@ -251,12 +250,10 @@ fn names_do_not_command_the_terminal() {
     let failed = desk.run(&format!("{MATCH} --results @out"));
     assert_eq!(failed.code, Some(1), "{failed:#?}");
     assert!(failed.stderr.contains("1 failed: rigs/none\\u0007"), "{failed:#?}");
+    failed.assert_plain();
     fs::write(desk.path("list.txt"), name).expect("a list");
     desk.done(&format!("{MATCH} --results @out"));
     let (table, json) = desk.merged("@out");
-    for text in [&failed.stderr, &table] {
-        assert!(!text.contains(|letter: char| letter.is_control() && letter != '\n'), "{text:?}");
-    }
     assert!(table.contains("rigs/\\u001b[31mred\\u009b2J "), "{table}");
     let rigs: Vec<serde_json::Value> = serde_json::from_str(&json).expect("a list");
     assert_eq!(rigs[0]["rig"], name);

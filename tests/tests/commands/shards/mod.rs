@@ -43,6 +43,7 @@ impl Desk {
     fn merged(&self, folders: &str) -> (String, String) {
         let run = self.done(&format!("merge {folders} --json @merged.json"));
         assert_eq!(run.stderr, "", "{folders}");
+        run.assert_plain();
         (run.stdout, fs::read_to_string(self.path("merged.json")).expect("the list"))
     }
 

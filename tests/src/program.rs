@@ -32,7 +32,7 @@ pub fn binary() -> &'static Path {
         let built = Command::new(cargo)
             // With the tests, whose features cargo unifies with its own: alone, all of its libraries would be
             // built a second time.
-            .args(["build", "--quiet", "--package", "multiscopic", "--package", "multiscopic-tests", "--bin", "multiscopic"])
+            .args(["build", "--quiet", "--package", "multiscopic-cli", "--package", "multiscopic-tests", "--bin", "multiscopic"])
             // With the runner, too, since its macros are built in another way without it, and then all libraries again.
             .args(cfg!(feature = "xtask").then_some("--bin=xtask"))
             .args(["--message-format", "json", "--profile", profile])

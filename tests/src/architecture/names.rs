@@ -25,12 +25,12 @@ const SHARED_MODULES: [Shared; 8] = [
     Shared { name: "error", places: &[""], reason: "each crate and room has its own errors" },
     Shared {
         name: "capture",
-        places: &["core/src/capture/", "host/src/capture/", "host/src/command/"],
+        places: &["core/src/capture/", "host/src/capture/", "host/cli/src/command/"],
         reason: "the sequence, the host's hardware for it, and the command",
     },
     Shared {
         name: "weights",
-        places: &["host/src/stereo/cost/mccnn/", "host/src/command/"],
+        places: &["host/src/stereo/cost/mccnn/", "host/cli/src/command/"],
         reason: "the command is named after what it installs",
     },
     Shared {
@@ -61,7 +61,7 @@ const SHARED_TYPES: [Shared; 5] = [
 /// Folders whose names follow those of other parts, and the reason.
 const FOLLOWING: [(&str, &str); 6] = [
     ("core/src/kernel/arm/", "the kernels of each instruction set are divided alike"),
-    ("host/src/command/", "commands and options are named for what they run and set"),
+    ("host/cli/src/command/", "commands and options are named for what they run and set"),
     ("python/src/", "what Python sees is named for what it runs"),
     ("tests/src/reference/", "second implementations are named for what they are compared with"),
     ("tests/src/simulated/", "simulated hardware is named for what drives it"),

@@ -13,9 +13,9 @@ use crate::system::{
 };
 
 /// The crates in the order of their dependencies.
-pub const PUBLISHED: [&str; 4] = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", HOST];
+pub const PUBLISHED: [&str; 5] = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", HOST, "multiscopic-cli"];
 
-/// The crate of the host, with the program.
+/// The library for the host.
 pub const HOST: &str = "multiscopic";
 
 /// The bindings for V4L2, which are patched in the packages as in the workspace. Without them, building the

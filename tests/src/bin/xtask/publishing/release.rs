@@ -106,7 +106,7 @@ fn program(folder: &str) -> Result<PathBuf> {
     // The linker's names of symbols within the program have hashes of the folder.
     let flags = format!("{} -Cstrip=symbols", flags.join(" "));
     let target = folders::target().join(folder).display().to_string();
-    let arguments = ["-pmultiscopic", "--bin=multiscopic", "--release", "--locked", "--target-dir", &target];
+    let arguments = ["-pmultiscopic-cli", "--bin=multiscopic", "--release", "--locked", "--target-dir", &target];
     built("build", &arguments, "multiscopic", &[("RUSTFLAGS", flags)])
 }
 
@@ -202,7 +202,7 @@ fn binstall() -> Result<[String; 2]> {
     let metadata = read(&mut command("cargo", ["metadata", "--no-deps", "--format-version", "1"]))?;
     let metadata: Value = serde_json::from_str(&metadata)?;
     let packages = metadata["packages"].as_array().context("packages")?;
-    let package = packages.iter().find(|package| package["name"] == "multiscopic").context("the program's package")?;
+    let package = packages.iter().find(|package| package["name"] == "multiscopic-cli").context("the program's package")?;
     let target = toolchain::host()?;
     let value = |key| -> Result<String> {
         let template = package["metadata"]["binstall"][key].as_str().with_context(|| format!("no {key} for cargo binstall"))?;

@@ -165,7 +165,7 @@ fn allowed_licences() -> Result<Vec<String>> {
 
 /// The packages that the program for Linux is built from in more than one version.
 fn duplicates_of_program() -> Result<BTreeSet<String>> {
-    let words = ["tree", "--locked", "--package=multiscopic", "--edges=normal", "--target=x86_64-unknown-linux-gnu"];
+    let words = ["tree", "--locked", "--package=multiscopic-cli", "--edges=normal", "--target=x86_64-unknown-linux-gnu"];
     // Lines such as `syn v2.0.1 (proc-macro)`.
     let tree = read(command("cargo", words).args(["--prefix=none", "--format={p}"]))?;
     let versions: BTreeSet<(&str, &str)> = tree

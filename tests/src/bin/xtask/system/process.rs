@@ -73,12 +73,12 @@ pub const OPTIMIZED: [&str; 6] = [
 ///
 /// This runner is selected too, although it is there: cargo then builds the macros of both alike, and each library once.
 pub fn built_program() -> Result<PathBuf> {
-    built("build", &["-pmultiscopic", "-pmultiscopic-tests", "--bin=multiscopic", "--bin=xtask"], "multiscopic", &[])
+    built("build", &["-pmultiscopic-cli", "-pmultiscopic-tests", "--bin=multiscopic", "--bin=xtask"], "multiscopic", &[])
 }
 
 /// Builds the command line as the tests in release use it, and returns its path.
 pub fn built_optimized_program() -> Result<PathBuf> {
-    let program = ["--release", "-pmultiscopic", "--features=multiscopic/default", "--bin=multiscopic"];
+    let program = ["--release", "-pmultiscopic-cli", "--features=multiscopic-cli/default", "--bin=multiscopic"];
     built("build", &[&OPTIMIZED[..], &program].concat(), "multiscopic", &[])
 }
 

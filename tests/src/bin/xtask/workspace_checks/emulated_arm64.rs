@@ -46,8 +46,8 @@ fn emulate() -> Result<()> {
         cargo.env("CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER", linker.path());
         cargo.env("CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER", format!("{emulator} -L {SYSROOT}"));
         cargo.env("CARGO_PROFILE_DEV_DEBUG", "0");
-        cargo.args(["--package", "multiscopic", "--package", "multiscopic-tests", "--test", "matching", "--target", TARGET]);
-        cargo.args(["--no-default-features", "--features", "multiscopic/scene,multiscopic/v4l2"]);
+        cargo.args(["--package", "multiscopic-cli", "--package", "multiscopic-tests", "--test", "matching", "--target", TARGET]);
+        cargo.args(["--no-default-features", "--features", "multiscopic-cli/v4l2"]);
         cargo
     };
     // Together, so that the library is built once.

@@ -23,13 +23,14 @@ use crate::{
 };
 
 /// The tests of `check`: units, and the comparisons of all methods with their references.
-const QUICK: [&str; 8] = [
+const QUICK: [&str; 9] = [
     "-pmultiscopic-core",
     "-pmultiscopic",
+    "-pmultiscopic-cli",
     "-pmultiscopic-edge",
     "-pmultiscopic-tests",
     "--lib",
-    "--bin=xtask",
+    "--bins",
     "--test=matching",
     "--test=methods",
 ];
@@ -150,9 +151,8 @@ fn formatting() -> Result<()> {
 fn lints() -> Result<()> {
     run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--", "-Dwarnings"]))?;
     // The program of other systems than Linux, which have no V4L2, and the library alone.
-    for features in ["scene", ""] {
-        let build = ["clippy", "--package", "multiscopic", "--no-default-features", "--features", features];
-        run(cargo(&build).args(["--", "-Dwarnings"]))?;
+    for package in ["multiscopic-cli", "multiscopic"] {
+        run(&mut cargo(&["clippy", "--package", package, "--no-default-features", "--", "-Dwarnings"]))?;
     }
     fuzzing::lint()
 }

@@ -279,7 +279,7 @@ mod tests {
     fn commands_of_the_guides_are_valid() {
         use std::{fs, path::Path};
 
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let Ok(guides) = fs::read_dir(root.join("docs")) else {
             eprintln!("skipped: the guides are not here");
             return;

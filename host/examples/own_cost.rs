@@ -13,7 +13,7 @@ use multiscopic::{
         optimization::winner,
     },
 };
-use multiscopic_core::{Frame, Fusion, Search, SemiGlobalCost, Views, kernel::Kernel};
+use multiscopic_core::{Frame, Fusion, Search, SemiGlobalCost, Views};
 
 /// The fused costs of a centre and its views: differences of slopes, at most [`SlopeRows::MOST`].
 struct SlopeRows<'a> {
@@ -40,7 +40,7 @@ impl CostRows for SlopeRows<'_> {
         self.search
     }
 
-    fn row<I: Kernel>(&self, _isa: I, v: usize, stride: usize, row: &mut [u8]) {
+    fn row(&self, v: usize, stride: usize, row: &mut [u8]) {
         // What no view sees stays without a cost.
         row.fill(u8::NONE);
         let (search, size) = (self.search, (self.search.width(), self.search.height()));
@@ -65,8 +65,7 @@ fn main() -> multiscopic::Result<()> {
 
     let winners = winner::disparities(&rows, &engine, &());
     let sgm = SemiGlobal::default_for(SemiGlobalCost::Census(Default::default()), search.views().len());
-    let center = frames.get(Frame::Center).expect("a centre");
-    let (smooth, _) = sgm.optimize(&rows, center, &engine, false, None, &());
+    let (smooth, _) = sgm.optimize(&rows, frames.planes().center(), &engine, false, None, &());
 
     let error = |map: &DisparityMap| Metrics::new(map, &shot.truth).expect("the truth is known").avg_err;
     let errors = [error(&winners), error(&smooth)];

@@ -128,7 +128,7 @@ fn main() -> multiscopic::Result<()> {
 
     let frames = acquisition.frames();
     let search = Search::new(96, 64, frames.views(), Fusion::Heuristic, 0, 16)?;
-    let map = Method::census_sgm(4).disparities(&Engine::new(None, 0)?, &frames, &search, &())?;
+    let map = Method::semi_global(4).disparities(&Engine::new(None, 0)?, &frames, &search, &())?;
     let expected = (f64::from(BASELINE_UM) / 1000.0 * PX_PER_MM) as f32;
     let near = map.to_float().pixels().iter().filter(|disparity| (**disparity - expected).abs() < 0.5).count();
     println!("{near} of {} pixels have the disparity of the wall, {expected} px", 96 * 64);

@@ -16,7 +16,7 @@ fn match_pictures(center: &Path, right: &Path, output: &Path) -> multiscopic::Re
     let [width, height] = frames.size().map(|side| side as u16);
     let search = Search::new(width, height, Views::STEREO, Fusion::Min, 1, 60)?;
     let disparities = Method::net().disparities(&Engine::new(None, 0)?, &frames, &search, &())?;
-    disparities.write_pfm(output)
+    multiscopic::files::write_pfm(&disparities.to_float(), output)
 }
 
 fn main() -> multiscopic::Result<()> {
@@ -35,7 +35,7 @@ fn pictures_become_disparities() {
     shot.color_frames().save(&files).expect("two pictures");
     let output = folder.path().join("disparity.pfm");
     match_pictures(&files.center, files.right.as_deref().expect("a view"), &output).expect("a match");
-    let map = multiscopic::FloatImage::read_pfm(&output).expect("disparities");
+    let map = multiscopic::files::read_pfm(&output).expect("disparities");
     let error = |(found, truth): (&f32, &f32)| truth.is_finite().then_some((found - truth).abs());
     let errors: Vec<f32> = map.pixels().iter().zip(shot.truth.pixels()).filter_map(error).collect();
     let mean = errors.iter().sum::<f32>() / errors.len() as f32;

@@ -6,6 +6,7 @@ use std::{
 };
 
 use multiscopic_core::{Frame, ParamsError};
+use multiscopic_engine::EngineError;
 
 /// Bad input, bad usage, a failed device, or a file that could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -40,6 +41,9 @@ pub enum Error {
     /// A matching parameter is out of range.
     #[error(transparent)]
     Params(#[from] ParamsError),
+    /// The engine refuses the frames or its threads.
+    #[error(transparent)]
+    Engine(EngineError),
     /// A stage or a camera failed. It holds a [`StageError`](crate::capture::stage::StageError) or the
     /// camera's error.
     #[error(transparent)]
@@ -55,6 +59,15 @@ pub enum Error {
     /// The request makes no sense, or cannot be met: the message says what to change.
     #[error("{0}")]
     Usage(String),
+}
+
+impl From<EngineError> for Error {
+    fn from(error: EngineError) -> Error {
+        match error {
+            EngineError::Params(error) => Error::Params(error),
+            error => Error::Engine(error),
+        }
+    }
 }
 
 impl Error {

@@ -30,7 +30,11 @@ pub mod images;
 pub mod lens;
 mod memory_limit;
 mod preparation;
-pub mod progress;
+pub mod progress {
+    //! Reports of long-running work, and its interruption.
+
+    pub use multiscopic_engine::Progress;
+}
 pub mod report;
 #[cfg(feature = "scene")]
 pub mod scene;
@@ -46,5 +50,5 @@ pub use lens::{CameraModel, Lens, LensModel};
 pub use memory_limit::memory_limit;
 pub use preparation::Preparation;
 pub use progress::Progress;
-pub use stereo::{Engine, Method, Simd, Volume, optimization::graph_cuts::GraphCuts, optimization::sgm::SemiGlobal};
+pub use stereo::{Engine, Method, SemiGlobal, Simd, Volume, optimization::graph_cuts::GraphCuts};
 pub use target::Processor;

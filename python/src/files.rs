@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use multiscopic::{DisparityMap, FloatImage, Picture, images::BitDepth};
+use multiscopic::{DisparityMap, Picture, images::BitDepth};
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
 
@@ -66,7 +66,7 @@ pub fn write_png(py: Python<'_>, path: PathBuf, image: ImageArray<'_>) -> PyResu
 ///     ValueError: it is not a PFM file, or is damaged.
 #[pyfunction]
 pub fn read_pfm(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyArray2<f32>>> {
-    arrays::float_map(py, py.detach(|| FloatImage::read_pfm(&path)).map_err(exception)?)
+    arrays::float_map(py, py.detach(|| multiscopic::files::read_pfm(&path)).map_err(exception)?)
 }
 
 /// Writes a PFM file with one channel. Any previous version of the file is replaced as a whole.
@@ -86,7 +86,7 @@ pub fn read_pfm(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyArray2<f3
 #[pyfunction]
 pub fn write_pfm(py: Python<'_>, path: PathBuf, values: FloatArray<'_>) -> PyResult<()> {
     let image = arrays::float_image(&values, "values")?;
-    py.detach(|| image.write_pfm(&path)).map_err(exception)
+    py.detach(|| multiscopic::files::write_pfm(&image, &path)).map_err(exception)
 }
 
 /// Disparities in colour, as the program draws them: near is red, far is blue, and pixels without a disparity are black.
@@ -109,5 +109,5 @@ pub fn colorize<'py>(
     range: Option<(f32, f32)>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let map = DisparityMap::from_float(&arrays::float_image(&disparity, "disparity")?);
-    arrays::color_image(py, map.to_color(range.map(|(far, near)| far..=near)))
+    arrays::color_image(py, multiscopic::images::turbo(&map, range.map(|(far, near)| far..=near)))
 }

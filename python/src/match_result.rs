@@ -116,7 +116,7 @@ impl MatchResult {
         doffs: Option<f64>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let geometry = self.geometry(focal_px, baseline_mm, doffs, None)?;
-        arrays::float_map(py, self.map.to_depth(&geometry))
+        arrays::float_map(py, geometry.depths(&self.map))
     }
 
     /// Writes a point cloud in metres as PLY: x to the right, y down, z away from the camera, in the colours of the centre, and

@@ -5,7 +5,7 @@ use multiscopic::{
     images::BitDepth,
     memory_limit,
     stereo::{
-        CostFunction, CostName, LongBaselines, MethodName, Optimizer, SemiGlobalMethod,
+        CostName, LongBaselines, MethodName, Pipeline, SemiGlobalMethod,
         aggregation::{Aggregation, SupportRegion},
         confidence_map,
         cost::BirchfieldTomasi,
@@ -249,14 +249,14 @@ impl Options {
             MethodName::Sgm => self.semi_global()?.method(views)?,
             name => name.method(self.block_size, views)?,
         };
-        let method = match method.optimizer {
-            Optimizer::GraphCuts(cuts) => {
-                let cost = CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: !self.gray.unwrap_or_default() });
-                Method { cost, optimizer: Optimizer::GraphCuts(self.graph_cuts(cuts)?), ..method }
+        let method = match method.pipeline {
+            Pipeline::GraphCuts { cuts, .. } => {
+                let cost = BirchfieldTomasi { color: !self.gray.unwrap_or_default() };
+                Method::new(Pipeline::GraphCuts { cost, cuts: self.graph_cuts(cuts)? })
             }
-            Optimizer::EdgeAware(penalties) => {
-                let aggregation = method.aggregation.map(|aggregation| self.aggregation(aggregation)).transpose()?;
-                Method { aggregation, optimizer: Optimizer::EdgeAware(self.penalties(penalties)?), ..method }
+            Pipeline::McCnn { network, aggregation, penalties } => {
+                let (aggregation, penalties) = (self.aggregation(aggregation)?, self.penalties(penalties)?);
+                Method::new(Pipeline::McCnn { network, aggregation, penalties })
             }
             _ => method,
         };

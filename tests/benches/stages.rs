@@ -100,7 +100,7 @@ fn bench_match(bencher: Bencher, case: Case, threads: usize, disparities: u16, b
     let engine = Engine::new(Some(case.simd), threads).expect("threads");
     let params = Params::new(SIZE[0], SIZE[1], case.views, case.fusion, 1, disparities, block_size).expect("parameters");
     let frames = &*FRAMES;
-    bencher.counter(ItemsCount::new(params.evaluations())).bench_local(|| engine.disparities(frames, &params, || ()));
+    bencher.counter(ItemsCount::new(params.evaluations())).bench_local(|| engine.disparities(&frames.planes(), &params, &|| ()));
 }
 
 /// Adds differences to the column sums and subtracts them.

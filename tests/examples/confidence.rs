@@ -11,17 +11,14 @@
 use std::{env, error::Error, fmt::Write as _, fs, iter::Sum, path::Path, thread};
 
 use multiscopic::{
-    DisparityMap, Engine, FloatImage, GraphCuts, Method, SemiGlobal,
+    DisparityMap, Engine, FloatImage, Method, SemiGlobal,
     evaluation::{ConfidenceMetrics, Sparsification},
     images::Raster,
     scene::RandomScene,
     stereo::{
-        CostFunction, Optimizer,
+        CostFunction, Pipeline,
         aggregation::{Aggregation, SupportRegion},
-        cost::{
-            BirchfieldTomasi,
-            mccnn::{Architecture, Network},
-        },
+        cost::mccnn::{Architecture, Network},
         optimization::edge_aware::Penalties,
     },
 };
@@ -81,21 +78,14 @@ fn files() -> Result<[File; 2]> {
         File {
             path: "core/src/confidence/fitted.rs",
             subjects: vec![
-                subject(
-                    "BLOCK_MATCHING",
-                    false,
-                    Box::new(|_| Method::new(CostFunction::Sad { block_size: 11 }, None, Optimizer::WinnerTakesAll)),
-                ),
+                subject("BLOCK_MATCHING", false, Box::new(|_| Method::block_matching(11))),
                 subject(
                     "SEMI_GLOBAL",
                     false,
                     Box::new(|views| {
                         let cost = SemiGlobalCost::Sad { block_size: 5 };
-                        Method::new(
-                            CostFunction::Sad { block_size: 5 },
-                            None,
-                            Optimizer::SemiGlobal(SemiGlobal::default_for(cost, views)),
-                        )
+                        let paths = SemiGlobal::default_for(cost, views);
+                        Method::new(Pipeline::SemiGlobal { cost: CostFunction::Sad { block_size: 5 }, paths })
                     }),
                 ),
             ],
@@ -103,21 +93,14 @@ fn files() -> Result<[File; 2]> {
         File {
             path: "host/src/stereo/confidence_map/method_tables.rs",
             subjects: vec![
-                subject("CENSUS", false, Box::new(Method::census_sgm)),
-                subject(
-                    "GRAPH_CUTS",
-                    true,
-                    Box::new(|_| {
-                        let cost = CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: true });
-                        Method::new(cost, None, Optimizer::GraphCuts(GraphCuts::default()))
-                    }),
-                ),
+                subject("CENSUS", false, Box::new(Method::semi_global)),
+                subject("GRAPH_CUTS", true, Box::new(|_| Method::graph_cuts())),
                 subject(
                     "EDGE_AWARE",
                     true,
                     Box::new(move |_| {
-                        let cost = CostFunction::McCnn(Box::new(network.clone()));
-                        Method::new(cost, Some(aggregation), Optimizer::EdgeAware(Penalties::FAST))
+                        let network = Box::new(network.clone());
+                        Method::new(Pipeline::McCnn { network, aggregation, penalties: Penalties::FAST })
                     }),
                 ),
             ],

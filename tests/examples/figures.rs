@@ -9,7 +9,7 @@ use std::{
 };
 
 use image::{DynamicImage, RgbImage, RgbaImage};
-use multiscopic::{DisparityMap, FloatImage, report::montage};
+use multiscopic::{DisparityMap, images::turbo, report::montage};
 use multiscopic_tests::program::Invocation;
 
 /// The greatest width of a picture in a row.
@@ -61,7 +61,7 @@ impl Figures {
         let matched = |name: &str, options: &str| -> Result<RgbImage> {
             let [demo, map] = ["demo".into(), format!("{name}.pfm")].map(|name: String| self.path(&name));
             self.run(&format!("match {demo} --method sgm -o {map} {options}"))?;
-            Ok(DisparityMap::from_float(&FloatImage::read_pfm(Path::new(&map))?).to_color(range.clone()))
+            Ok(turbo(&DisparityMap::from_float(&multiscopic::files::read_pfm(Path::new(&map))?), range.clone()))
         };
         let all = matched("all", &format!("--confidence {confidence}"))?;
         let [sure, smooth] = [matched("sure", "--min-confidence 0.9")?, matched("smooth", "--smooth")?];
@@ -76,7 +76,7 @@ impl Figures {
         for profile in ["qvga", "qvga-sgm"] {
             let map = self.path(&format!("{profile}.pfm"));
             self.run(&format!("simulate --profile {profile} {} -o {map}", self.path("qvga")))?;
-            row.push(DisparityMap::from_float(&FloatImage::read_pfm(Path::new(&map))?).to_color(range.clone()));
+            row.push(turbo(&DisparityMap::from_float(&multiscopic::files::read_pfm(Path::new(&map))?), range.clone()));
         }
         self.draw_row("microcontroller.png", &row)
     }
@@ -93,8 +93,8 @@ impl Figures {
             let rig = self.path(&scene);
             self.run(&format!("match {rig} --method net --num-disparities 40 -o {map} --confidence {confidence}"))?;
             let truth = self.true_disparities(&scene)?;
-            let found = DisparityMap::from_float(&FloatImage::read_pfm(Path::new(&map))?);
-            let maps = [&truth, &found].map(|map| map.to_color(truth.range()));
+            let found = DisparityMap::from_float(&multiscopic::files::read_pfm(Path::new(&map))?);
+            let maps = [&truth, &found].map(|map| turbo(map, truth.range()));
             let [truth, found] = maps;
             rows.push(montage::row(
                 &[picture(&format!("{rig}/center.png"))?, truth, found, picture(&confidence)?],
@@ -112,7 +112,7 @@ impl Figures {
     }
 
     fn true_disparities(&self, demo: &str) -> Result<DisparityMap> {
-        Ok(DisparityMap::from_float(&FloatImage::read_pfm(&self.folder.join(demo).join("truth.pfm"))?))
+        Ok(DisparityMap::from_float(&multiscopic::files::read_pfm(&self.folder.join(demo).join("truth.pfm"))?))
     }
 
     fn draw_row(&self, name: &str, pictures: &[RgbImage]) -> Result<()> {

@@ -16,15 +16,14 @@ use libtest_mimic::{Arguments, Failed, Trial};
 use multiscopic::{
     Engine, Frames, Method, Volume,
     stereo::{
-        CostFunction, Optimizer,
+        Pipeline,
         aggregation::{Aggregation, CrossBased, SupportRegion},
         cost::{
-            Cost,
+            Cost, fuse,
             mccnn::{Architecture, Costs, Input, Network, Tensor, Weights, checkpoint},
-            volume::fuse,
         },
         optimization::edge_aware::{EdgeAware, Penalties},
-        refinement::Refinement,
+        refinement::{Refinement, check_left_right},
     },
 };
 use multiscopic_core::{Frame, Fusion, Search, View, Views};
@@ -200,9 +199,7 @@ fn disparities(name: &'static str) -> Result<(), Failed> {
         let aggregations = [random.below(2), 1 + random.below(2)];
         let left_right = [None, Some(0)][random.below(2)];
         let aggregation = Aggregation { region, iterations: aggregations };
-        let cost = CostFunction::McCnn(Box::new(network.clone()));
-        let optimizer = [Optimizer::WinnerTakesAll, Optimizer::EdgeAware(penalties)][usize::from(random.below(3) > 0)].clone();
-        let method = Method::new(cost, Some(aggregation), optimizer.clone())
+        let method = Method::new(Pipeline::McCnn { network: Box::new(network.clone()), aggregation, penalties })
             .with_refinement(Refinement { left_right, ..Refinement::NONE });
         let [width, height] = frames.size();
         let search = Search::new(width as u16, height as u16, views, fusion, -1, 4)?;
@@ -219,13 +216,11 @@ fn disparities(name: &'static str) -> Result<(), Failed> {
         };
         let costs = (0..aggregations[0]).fold(costs, |costs, _| aggregate(costs));
         let mut means = costs.clone();
-        if optimizer != Optimizer::WinnerTakesAll {
-            EdgeAware::new(&search, penalties, &center, &images).optimize(&costs, &mut means);
-        }
+        EdgeAware::new(&search, penalties, &center, &images).optimize(&costs, &mut means);
         let means = (0..aggregations[1]).fold(means, |means, _| aggregate(means));
         let mut expected = means.disparities(&search);
         if let Some(tolerance) = left_right {
-            means.check_left_right(&search, &mut expected, tolerance);
+            check_left_right(&means, &search, &mut expected, tolerance);
         }
         for threads in [1, 3] {
             let found = method.disparities(&Engine::new(None, threads)?, &frames, &search, &())?;

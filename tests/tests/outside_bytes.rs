@@ -11,10 +11,7 @@ use std::{
 };
 
 use image::{DynamicImage, ImageFormat, Luma, Rgb};
-use multiscopic::{
-    CameraModel, DisparityMap, FloatImage, Picture, Rig, capture::Imperfections, files::FrameFiles, lens::Mount,
-    target::reception,
-};
+use multiscopic::{CameraModel, Picture, Rig, capture::Imperfections, files::FrameFiles, lens::Mount, target::reception};
 use multiscopic_core::{Disparity, Fusion, Params, Region, Views};
 use multiscopic_edge::packet::{Sender, buffer_bytes_with_confidences};
 use multiscopic_tests::{program, split_mix::Random, test_images::golden};
@@ -164,8 +161,8 @@ fn pictures() {
     survive("pictures", &[&others[..], &jpegs().map(|(_, jpeg)| jpeg)].concat(), with_checksums, |path| {
         let _ = Picture::read(path);
         let _ = Picture::brightest(&[path]);
-        let _ = FloatImage::read_pfm(path);
-        let _ = DisparityMap::read_prior(path, [13, 9]);
+        let _ = multiscopic::files::read_pfm(path);
+        let _ = multiscopic::files::read_prior(path, [13, 9]);
     });
 }
 

@@ -21,7 +21,7 @@ pub(super) fn read(dataset: Dataset, path: &Path) -> Result<FloatImage> {
         Dataset::Middlebury2005Full => read_gray(path, 4.0),
         Dataset::Tsukuba => read_gray(path, 16.0),
         // The file counts pixels per camera step, and the default baseline is four steps.
-        Dataset::Hci4d(_) => Ok(FloatImage::read_pfm(path)?.map(|step| 4.0 * step)),
+        Dataset::Hci4d(_) => Ok(crate::files::read_pfm(path)?.map(|step| 4.0 * step)),
     }
 }
 
@@ -30,7 +30,7 @@ pub(super) fn read(dataset: Dataset, path: &Path) -> Result<FloatImage> {
 /// # Errors
 /// [`Error::Read`], or [`Error::Format`] if it is no PFM file, the sizes differ, or no disparity is known.
 pub fn read_pfm(path: &Path, size: [usize; 2], center: &Path) -> Result<FloatImage> {
-    let truth = FloatImage::read_pfm(path)?;
+    let truth = crate::files::read_pfm(path)?;
     check(path, &truth, size, center)?;
     Ok(truth)
 }

@@ -10,7 +10,7 @@ mod jpeg_scans;
 pub(crate) mod npy;
 pub mod output;
 mod panics;
-pub mod pfm;
+pub(crate) mod pfm;
 mod picture_files;
 pub mod ply;
 mod png_chunks;
@@ -20,5 +20,8 @@ pub mod ros;
 pub(crate) mod toml_file;
 mod truncation;
 
+pub use disparity_files::{read_prior, read_raw16, write_depth_mm, write_raw16};
 pub use frame_files::FrameFiles;
+pub use npy::{write_npy, write_npz};
+pub use pfm::{pfm_bytes, read_pfm, write_pfm};
 pub use rig_file::{AlignmentRecord, ListedRig, Provenance, Residual, Rig};

@@ -17,32 +17,30 @@ pub(crate) enum Number {
     F32,
 }
 
-impl FloatImage {
-    /// Writes a file that `numpy.load` reads as an array of `float32`, by row and column.
-    ///
-    /// # Errors
-    /// [`Error::Write`](crate::Error::Write). Any previous version of the file is unchanged.
-    pub fn write_npy(&self, path: &Path) -> Result<()> {
-        write(path, Number::F32, &[self.height(), self.width()], &self.bytes())
-    }
+/// Writes a file that `numpy.load` reads as an array of `float32`, by row and column.
+///
+/// # Errors
+/// [`Error::Write`](crate::Error::Write). Any previous version of the file is unchanged.
+pub fn write_npy(image: &FloatImage, path: &Path) -> Result<()> {
+    write(path, Number::F32, &[image.height(), image.width()], &little_endian(image))
+}
 
-    /// Writes a file that `numpy.load` reads as the array of [`write_npy`](FloatImage::write_npy) by its `name`, compressed.
-    ///
-    /// # Errors
-    /// [`Error::Write`](crate::Error::Write). Any previous version of the file is unchanged.
-    pub fn write_npz(&self, path: &Path, name: &str) -> Result<()> {
-        output::write(path, |file| {
-            let mut archive = ZipWriter::new_stream(file);
-            archive.start_file(format!("{name}.npy"), SimpleFileOptions::default())?;
-            put(&mut archive, Number::F32, &[self.height(), self.width()], &self.bytes())?;
-            archive.finish()?;
-            Ok(())
-        })
-    }
+/// Writes a file that `numpy.load` reads as the array of [`write_npy`] by its `name`, compressed.
+///
+/// # Errors
+/// [`Error::Write`](crate::Error::Write). Any previous version of the file is unchanged.
+pub fn write_npz(image: &FloatImage, path: &Path, name: &str) -> Result<()> {
+    output::write(path, |file| {
+        let mut archive = ZipWriter::new_stream(file);
+        archive.start_file(format!("{name}.npy"), SimpleFileOptions::default())?;
+        put(&mut archive, Number::F32, &[image.height(), image.width()], &little_endian(image))?;
+        archive.finish()?;
+        Ok(())
+    })
+}
 
-    fn bytes(&self) -> Vec<u8> {
-        self.pixels().iter().flat_map(|value| value.to_le_bytes()).collect()
-    }
+fn little_endian(image: &FloatImage) -> Vec<u8> {
+    image.pixels().iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
 /// Writes an array of `shape`, the last dimension contiguous, of which `data` has the bytes.

@@ -8,32 +8,30 @@ use crate::{
     images::FloatImage,
 };
 
-impl FloatImage {
-    /// Reads a PFM file with one channel, in either byte order.
-    ///
-    /// As in the Middlebury tools, the sign of the scale gives the byte order, and its magnitude is ignored.
-    ///
-    /// # Errors
-    /// [`Error::Read`], or [`Error::Format`] if the file has another format, is shorter or longer than its
-    /// header says, or is too large.
-    pub fn read_pfm(path: &Path) -> Result<FloatImage> {
-        decode(path, &input::read(path)?)
-    }
+/// Reads a PFM file with one channel, in either byte order.
+///
+/// As in the Middlebury tools, the sign of the scale gives the byte order, and its magnitude is ignored.
+///
+/// # Errors
+/// [`Error::Read`], or [`Error::Format`] if the file has another format, is shorter or longer than its
+/// header says, or is too large.
+pub fn read_pfm(path: &Path) -> Result<FloatImage> {
+    decode(path, &input::read(path)?)
+}
 
-    /// Writes a PFM file: rows from bottom to top, little-endian.
-    ///
-    /// # Errors
-    /// [`Error::Write`]. Any previous version of the file is unchanged.
-    pub fn write_pfm(&self, path: &Path) -> Result<()> {
-        output::write(path, |writer| writer.write_all(&self.to_pfm()))
-    }
+/// Writes a PFM file: rows from bottom to top, little-endian.
+///
+/// # Errors
+/// [`Error::Write`]. Any previous version of the file is unchanged.
+pub fn write_pfm(image: &FloatImage, path: &Path) -> Result<()> {
+    output::write(path, |writer| writer.write_all(&pfm_bytes(image)))
+}
 
-    /// The bytes of such a file.
-    pub fn to_pfm(&self) -> Vec<u8> {
-        let mut bytes = format!("Pf\n{} {}\n-1.0\n", self.width(), self.height()).into_bytes();
-        bytes.extend(self.rows().rev().flatten().flat_map(|value| value.to_le_bytes()));
-        bytes
-    }
+/// The bytes of a PFM file.
+pub fn pfm_bytes(image: &FloatImage) -> Vec<u8> {
+    let mut bytes = format!("Pf\n{} {}\n-1.0\n", image.width(), image.height()).into_bytes();
+    bytes.extend(image.rows().rev().flatten().flat_map(|value| value.to_le_bytes()));
+    bytes
 }
 
 /// Whether a file with these contents is a PFM file, grey or in colour.
@@ -102,8 +100,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("d.pfm");
         let image = FloatImage::new(3, 2, vec![1.5, -2.0, f32::INFINITY, 0.0, 1e30, 7.0]);
-        image.write_pfm(&path).unwrap();
-        assert_eq!(FloatImage::read_pfm(&path).unwrap(), image);
+        crate::files::write_pfm(&image, &path).unwrap();
+        assert_eq!(crate::files::read_pfm(&path).unwrap(), image);
         let bytes = std::fs::read(&path).unwrap();
         assert!(bytes.starts_with(b"Pf\n3 2\n-1.0\n\0\0\0\0"), "the bottom row comes first");
         assert_eq!(bytes.len(), 12 + 24);

@@ -4,6 +4,7 @@ use std::{collections::BTreeMap, convert::Infallible};
 
 use image::{GrayImage, RgbImage, imageops};
 use multiscopic_core::{Frame, Rewind, ScanlineSource, View, Views};
+use multiscopic_engine::Planes;
 
 use super::picture::Picture;
 
@@ -143,6 +144,16 @@ impl Frames {
         match frame {
             Frame::Center => Some(&colors.center),
             Frame::View(view) => colors.neighbors.get(&view),
+        }
+    }
+
+    /// The pixels, borrowed, as the engine takes them.
+    pub fn planes(&self) -> Planes<'_> {
+        let planes = Planes::new(self.size(), self.center.as_raw());
+        let planes = self.neighbors.iter().fold(planes, |planes, (view, image)| planes.with(*view, image.as_raw()));
+        match &self.colors {
+            Some(colors) => planes.with_color(colors.center.as_raw()),
+            None => planes,
         }
     }
 

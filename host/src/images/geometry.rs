@@ -2,6 +2,8 @@
 
 use multiscopic_core::Disparity;
 
+use super::{DisparityMap, FloatImage};
+
 /// A pinhole camera and the baseline by which it was moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
@@ -24,6 +26,11 @@ impl Geometry {
     /// The depth in metres, `focal_px * baseline / (d + doffs)`, or `None` if `d + doffs <= 0`.
     pub fn depth(&self, d: Disparity) -> Option<f64> {
         self.depth_mm(f32::from(d).into()).map(|depth| depth / 1000.0)
+    }
+
+    /// The depths of a map in metres, +inf where a pixel has none.
+    pub fn depths(&self, map: &DisparityMap) -> FloatImage {
+        map.map(|pixel| pixel.and_then(|d| self.depth(d)).map_or(f32::INFINITY, |z| z as f32))
     }
 
     /// The depth in millimetres of a disparity in pixels, or `None` if `d + doffs <= 0`.
@@ -64,5 +71,12 @@ mod tests {
         assert_eq!(GEOMETRY.point(160, 120, disparity(8)), Some([0.0, 0.0, 2.0]));
         assert_eq!(GEOMETRY.point(410, 70, disparity(8)), Some([1.0, -0.2, 2.0]));
         assert_eq!(GEOMETRY.point(0, 0, disparity(-2)), None);
+    }
+
+    #[test]
+    fn a_pixel_without_depth_is_infinitely_far() {
+        let geometry = Geometry { focal_px: 1000.0, baseline_mm: 50.0, principal_point: [0.0; 2], doffs: 0.0 };
+        let map = DisparityMap::new(2, 2, vec![Some(disparity(10)), None, Some(disparity(0)), Some(disparity(-1))]);
+        assert_eq!(geometry.depths(&map).pixels(), [5.0, f32::INFINITY, f32::INFINITY, f32::INFINITY]);
     }
 }

@@ -3,27 +3,24 @@
 
 mod bit_depth;
 mod color_scale;
-mod disparity_map;
 mod frames;
 mod geometry;
 mod image_region;
 mod interpolated;
 mod layout;
 mod picture;
-mod raster;
 mod resampled;
 mod sampled_displacements;
 
 pub use bit_depth::BitDepth;
-pub use color_scale::{ColorScale, Colormap};
-pub use disparity_map::DisparityMap;
+pub use color_scale::{ColorScale, Colormap, turbo};
 pub use frames::Frames;
 pub use geometry::Geometry;
 pub use image_region::ImageRegion;
 pub(crate) use interpolated::{InterpolatedImage, extended_pixel};
 pub use layout::Layout;
+pub use multiscopic_engine::{DisparityMap, FloatImage, Raster};
 pub use picture::Picture;
 #[cfg(all(target_os = "linux", feature = "v4l2"))]
 pub(crate) use picture::gray_of;
-pub use raster::{FloatImage, Raster};
 pub use sampled_displacements::SampledDisplacements;

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use image::{GrayImage, ImageBuffer, Luma, Pixel, Rgb, RgbImage};
 
-use super::{bit_depth::to_8_bits, raster::Raster};
+use super::{Raster, bit_depth::to_8_bits};
 
 /// The most pixels of pictures that are read.
 static MAX_PIXELS: AtomicU64 = AtomicU64::new(Picture::MAX_PIXELS);

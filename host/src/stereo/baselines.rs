@@ -2,7 +2,7 @@
 
 use multiscopic_core::{Fusion, Params, Search, View, Views};
 
-use super::{engine::Engine, refinement::Median};
+use super::{Engine, refinement::Median};
 use crate::{
     error::{Error, Result},
     images::{DisparityMap, Frames},
@@ -67,7 +67,7 @@ impl LongBaselines {
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
         let prior = match self.median {
-            Some(median) => engine.pool().install(|| median.apply(&map)),
+            Some(median) => engine.install(|| median.apply(&map)),
             None => map,
         };
         let mut refined = prior.clone();
@@ -78,7 +78,7 @@ impl LongBaselines {
             let search = Search::new(width, height, views, fusion, least, self.num_disparities)?;
             let params = Params::block_matching(search, self.block_size)?.around(earlier);
             progress.begin(search.height() as u64, "lines");
-            let found = engine.disparities_around(frames, &prior, &params, || progress.advance(1))?;
+            let found = engine.disparities_around(&frames.planes(), &prior, &params, &|| progress.advance(1))?;
             for ((refined, found), prior) in refined.pixels_mut().iter_mut().zip(found.pixels()).zip(prior.pixels()) {
                 if found != prior {
                     *refined = *found;

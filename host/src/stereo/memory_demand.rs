@@ -3,11 +3,10 @@
 use multiscopic_core::{Frame, Search};
 
 use super::{
+    Engine, Paths,
     cost::mccnn::Architecture,
-    engine::Engine,
-    method::{CostFunction, Method, Optimizer},
+    method::{Method, Pipeline},
     network::Bands,
-    optimization::sgm::Paths,
 };
 use crate::images::Frames;
 
@@ -21,35 +20,35 @@ impl Method {
         // Costs are kept in whole vectors.
         let lanes = disparities.next_multiple_of(32) as f64;
         let network = 80.0 + 2.0 * lanes + 10.0 * views as f64;
-        let matching = match (&self.cost, &self.optimizer) {
-            (CostFunction::BirchfieldTomasi(cost), Optimizer::GraphCuts(cuts)) => {
+        let matching = match &self.pipeline {
+            Pipeline::GraphCuts { cost, cuts } => {
                 let colored = frames.color(Frame::Center).is_some();
                 // Bands and their margins come on top.
                 1.5 * cuts.bytes(*cost, pixels, views, colored) as f64 / pixels as f64
             }
-            (_, Optimizer::Network(_)) => network,
-            (CostFunction::McCnn(network), _) => {
+            Pipeline::Network(_) => network,
+            Pipeline::McCnn { network, .. } => {
                 let features = match network.architecture() {
                     Architecture::Fast => 30.0 + 65.0 * views as f64,
                     Architecture::Accurate => 1000.0 + 100.0 * views as f64,
                 };
                 features + (7.0 + 0.5 * views as f64) * disparities as f64
             }
-            (_, Optimizer::SemiGlobal(sgm)) => match sgm.paths {
+            Pipeline::SemiGlobal { paths, .. } => match paths.paths {
                 Paths::Five if self.refinement.left_right.is_none() => 5.0 * views as f64,
                 _ => 14.0 + 2.0 * lanes + 8.0 * views as f64,
             },
-            (CostFunction::Sad { .. }, Optimizer::WinnerTakesAll) if self.refinement.left_right.is_none() => 0.0,
-            _ => 30.0 + 8.0 * lanes,
+            Pipeline::BlockMatching { .. } if self.refinement.left_right.is_none() => 0.0,
+            Pipeline::BlockMatching { .. } => 30.0 + 8.0 * lanes,
         };
-        let opinion = if self.takes_second_opinion() { network } else { 0.0 };
+        let opinion = if self.is_judged_by_network() { network } else { 0.0 };
         image_bytes(search) + (pixels as f64 * matching.max(opinion)) as u64
     }
 
     /// The bands that the network is computed in: none if it fits at once into the memory that the engine may take.
     pub(super) fn bands(&self, search: &Search, frames: &Frames, engine: &Engine) -> Option<Bands> {
         let most = engine.most_bytes().filter(|&most| self.bytes(search, frames) > most)?;
-        let is_network = matches!(self.optimizer, Optimizer::Network(_)) && search.check_views().is_ok();
+        let is_network = matches!(self.pipeline, Pipeline::Network(_)) && search.check_views().is_ok();
         Bands::within(most.saturating_sub(image_bytes(search)), search).filter(|_| is_network)
     }
 

@@ -6,7 +6,7 @@ use super::{
         BirchfieldTomasi,
         mccnn::{Architecture, Network},
     },
-    method::{CostFunction, Method, Optimizer},
+    method::{Method, Pipeline},
     optimization::{edge_aware::Penalties, graph_cuts::GraphCuts},
     refinement::{LucasKanade, Refinement},
     semi_global_method::SemiGlobalMethod,
@@ -55,10 +55,10 @@ impl MethodName {
     pub fn method(self, block_size: Option<u8>, views: usize) -> Result<Method> {
         let block_size = block_size.unwrap_or(Method::DEFAULT_BLOCK_SIZE);
         Ok(match self {
-            MethodName::Bm => Method::new(CostFunction::Sad { block_size }, None, Optimizer::WinnerTakesAll),
+            MethodName::Bm => Method::block_matching(block_size),
             MethodName::Gc => {
                 let cuts = GraphCuts { start_block_size: block_size, ..GraphCuts::default() };
-                Method::new(CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: true }), None, Optimizer::GraphCuts(cuts))
+                Method::new(Pipeline::GraphCuts { cost: BirchfieldTomasi { color: true }, cuts })
             }
             MethodName::Sgm => SemiGlobalMethod::default().method(views)?,
             MethodName::MccnnFast => mc_cnn(Architecture::Fast, Penalties::FAST)?,
@@ -74,7 +74,7 @@ impl MethodName {
 
 /// MC-CNN with the installed weights of a network, as published for Middlebury.
 fn mc_cnn(architecture: Architecture, penalties: Penalties) -> Result<Method> {
-    let cost = CostFunction::McCnn(Box::new(Network::load(architecture)?));
+    let network = Box::new(Network::load(architecture)?);
     let aggregation = Aggregation { region: SupportRegion::ACCURATE, iterations: architecture.iterations() };
-    Ok(Method::new(cost, Some(aggregation), Optimizer::EdgeAware(penalties)))
+    Ok(Method::new(Pipeline::McCnn { network, aggregation, penalties }))
 }

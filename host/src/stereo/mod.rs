@@ -1,18 +1,19 @@
 //! Stereo matching in its four steps (Scharstein and Szeliski 2002): matching cost, aggregation,
 //! optimization, refinement.
 //!
-//! | room | what it is |
+//! The kernels are those of the crate `multiscopic-engine`, whose types stand here beside what is built on them.
+//!
+//! | module | what it is |
 //! | --- | --- |
-//! | [`Simd`] | the vector instructions of this processor |
-//! | [`Engine`] | threads and vectors; block matching by the core, which is all four steps in one |
-//! | [`cost`] | how much a pixel differs from its match, fused over the views |
+//! | [`Engine`], [`Simd`] | threads and vectors; block matching by the core, which is all four steps in one |
+//! | [`cost`] | matching costs of a pixel and its matches, fused over the views |
 //! | [`aggregation`] | costs averaged over a support region |
 //! | [`optimization`] | from costs to disparities |
 //! | [`refinement`] | checks and filters of the disparities |
-//! | [`confidence_map`] | how probable it is that a disparity is right |
-//! | [`LongBaselines`] | how views at longer baselines refine what those at the shortest found |
+//! | [`confidence_map`] | the probabilities that disparities are right |
+//! | [`LongBaselines`] | the refinement by views at longer baselines |
 //! | [`network`] | a small network that decides between two passes of semi-global matching |
-//! | [`Method`] | a choice for each of the four steps |
+//! | [`Method`] | a pipeline of these steps, and its refinement |
 //! | [`SemiGlobalMethod`] | semi-global matching as options describe it |
 //! | [`MethodName`] | the methods by name, each with its defaults |
 
@@ -20,20 +21,23 @@ pub mod aggregation;
 mod baselines;
 pub mod confidence_map;
 pub mod cost;
-mod engine;
 mod memory_demand;
 mod method;
 mod method_name;
-pub mod network;
+mod network_inputs;
 pub mod optimization;
 pub mod refinement;
 mod semi_global_method;
-mod simd;
+
+pub use multiscopic_engine::{
+    Engine, EngineError, Simd, Task, network,
+    sgm::{Paths, SemiGlobal},
+};
 
 pub use baselines::LongBaselines;
 pub use cost::Volume;
-pub use engine::Engine;
-pub use method::{CostFunction, Method, Optimizer};
+pub use method::{CostFunction, Method, Pipeline};
 pub use method_name::MethodName;
+pub use network_inputs::write_inputs;
+pub use refinement::Refinement;
 pub use semi_global_method::{CostName, SemiGlobalMethod};
-pub use simd::{Simd, Task};

@@ -3,8 +3,8 @@
 use multiscopic_core::{Census, PathPenalties, SemiGlobalCost};
 
 use super::{
-    method::{CostFunction, Method, Optimizer},
-    optimization::sgm::{Paths, SemiGlobal},
+    Paths, SemiGlobal,
+    method::{CostFunction, Method, Pipeline},
 };
 use crate::error::Result;
 
@@ -85,6 +85,6 @@ impl SemiGlobalMethod {
             None => default.p2(0),
         };
         let penalties = PathPenalties::new(p1, self.p2.unwrap_or(p2), self.p2_edge.or(default.p2_edge()))?;
-        Ok(Method::new(cost, None, Optimizer::SemiGlobal(SemiGlobal { paths: self.paths, penalties })))
+        Ok(Method::new(Pipeline::SemiGlobal { cost, paths: SemiGlobal { paths: self.paths, penalties } }))
     }
 }

@@ -290,7 +290,7 @@ fn check_match(acquisition: Acquisition, what: &str) {
     let engine = Engine::new(None, 2).expect("two threads");
     let [width, height] = SIZE.map(|side| side as u16);
     let params = Params::new(width, height, Views::HORIZONTAL, Fusion::Min, 1, 8, 5).expect("valid parameters");
-    let map: DisparityMap = engine.disparities(&frames, &params, || ()).expect("the frames fit");
+    let map: DisparityMap = engine.disparities(&frames.planes(), &params, &|| ()).expect("the frames fit");
     let wall = map.pixels().iter().flatten().filter(|disparity| (f32::from(**disparity) - DISPARITY as f32).abs() < 0.5).count();
     let all = map.pixels().len();
     assert!(wall * 10 > all * 9, "{what}: only {wall} of {all} pixels have the wall's disparity");

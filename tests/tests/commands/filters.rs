@@ -30,7 +30,7 @@ impl Capture {
     /// The disparities, +inf where there is none.
     fn disparities(&self, options: &str) -> FloatImage {
         self.matched(options).assert_done();
-        FloatImage::read_pfm(Path::new(&self.path("d.pfm"))).expect("the disparities")
+        multiscopic::files::read_pfm(Path::new(&self.path("d.pfm"))).expect("the disparities")
     }
 
     fn valid(&self, options: &str) -> usize {

@@ -50,12 +50,12 @@ fn disparities_and_depths_have_a_colour_bar() {
     let files = ["--png", "@d.png", "--depth", "@z.pfm", "--depth-png", "@z.png"];
     for map in Colormap::ALL {
         matched(dir.path(), &[&files[..], &["--png-colorbar", "--colormap", map.name()]].concat()).assert_done();
-        let disparities = FloatImage::read_pfm(&at("d.pfm")).expect("disparities");
+        let disparities = multiscopic::files::read_pfm(&at("d.pfm")).expect("disparities");
         assert!(disparities.pixels().contains(&f32::INFINITY), "some pixels have no disparity");
         let finite = || disparities.pixels().iter().copied().filter(|d| d.is_finite());
         let ends = [finite().fold(f32::INFINITY, f32::min), finite().fold(-f32::INFINITY, f32::max)];
         assert_drawn(&picture(&at("d.png")), &disparities, &ColorScale::new(map, ends, "px"));
-        let depth = FloatImage::read_pfm(&at("z.pfm")).expect("depths");
+        let depth = multiscopic::files::read_pfm(&at("z.pfm")).expect("depths");
         assert_drawn(&picture(&at("z.png")), &depth, &ColorScale::of_depth(map, &depth));
     }
     // Without the bar, the picture has the size of the map.

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, fs, path::Path};
 
 use multiscopic::{
-    FloatImage, Frames, Rig,
+    Frames, Rig,
     scene::{RandomScene, Setting, Shot},
 };
 use multiscopic_core::{Frame, View, Views};
@@ -49,7 +49,7 @@ fn a_folder_holds_what_the_library_renders() {
     for frame in [Frame::Center, Frame::View(View::TOP), Frame::View(View::new(-1, 1).expect("a view"))] {
         assert_eq!(frames.color(frame), Some(shot.frame(frame)), "{frame}");
     }
-    let truth = FloatImage::read_pfm(&folder.join("truth.pfm")).expect("the truth");
+    let truth = multiscopic::files::read_pfm(&folder.join("truth.pfm")).expect("the truth");
     assert_eq!(truth, shot.truth);
     let geometry = rig.geometry([40, 30]).expect("the geometry");
     assert_eq!((geometry.focal_px, geometry.baseline_mm), (random.camera.focal_px, random.camera.baseline_mm));

@@ -18,7 +18,7 @@ fn check(engines: &[Engine], case: &Case) {
     let first = case.seed as usize % THREADS.len();
     for engine in engines.iter().skip(first).step_by(THREADS.len()) {
         let lines = AtomicUsize::new(0);
-        let map = engine.disparities(&frames, &case.params(), || {
+        let map = engine.disparities(&frames.planes(), &case.params(), &|| {
             lines.fetch_add(1, Ordering::Relaxed);
         });
         let map = map.expect("the frames fit the search");

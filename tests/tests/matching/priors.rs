@@ -162,7 +162,7 @@ fn equals_the_reference() {
         refined.set(refined.get() + expected.iter().zip(&case.prior).filter(|(found, prior)| found != prior).count());
         pixels.set(pixels.get() + expected.len());
         let engine = &engines[(seed % engines.len() as u64) as usize];
-        let map = engine.disparities_around(&case.frames(), &case.prior_map(), &case.params(), || {});
+        let map = engine.disparities_around(&case.frames().planes(), &case.prior_map(), &case.params(), &|| {});
         let of_engine = steps(&map.expect("the frames fit"));
         for (found, what) in
             [(of_engine, engine.simd(case.params().search()).to_string()), (case.disparities(), "4 lanes".into())]

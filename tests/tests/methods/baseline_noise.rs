@@ -3,10 +3,7 @@
 use std::f64::consts::TAU;
 
 use image::GrayImage;
-use multiscopic::{
-    Engine, Frames, Method,
-    stereo::{CostFunction, Optimizer},
-};
+use multiscopic::{Engine, Frames, Method};
 use multiscopic_core::{Fusion, Search, View, Views};
 use multiscopic_tests::split_mix::Random;
 
@@ -52,7 +49,7 @@ fn noise(multiple: i8, engine: &Engine) -> f64 {
         });
         let views: Views = frames.views();
         let search = Search::new(WIDTH as u16, HEIGHT as u16, views, Fusion::Min, 1, 16).expect("in range");
-        let method = Method::new(CostFunction::Sad { block_size: 11 }, None, Optimizer::WinnerTakesAll);
+        let method = Method::block_matching(11);
         let map = method.disparities(engine, &frames, &search, &()).expect("the frames fit the search");
         for (v, u) in (12..HEIGHT - 12).flat_map(|v| (110..WIDTH - 110).map(move |u| (v, u))) {
             let found = map.get(u, v).map_or(0.0, f32::from);

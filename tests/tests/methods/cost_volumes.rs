@@ -5,7 +5,7 @@ use multiscopic::{
     Raster, Volume,
     stereo::{
         aggregation::{CrossBased, SupportRegion},
-        cost::{Cost, volume::fuse},
+        cost::{Cost, fuse},
         optimization::edge_aware::{EdgeAware, Penalties},
     },
 };

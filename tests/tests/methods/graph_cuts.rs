@@ -4,7 +4,7 @@ use image::{GrayImage, Luma, Rgb, RgbImage};
 use multiscopic::{
     Engine, Frames, GraphCuts, Method, Picture,
     stereo::{
-        CostFunction, Optimizer,
+        Pipeline,
         cost::BirchfieldTomasi,
         optimization::graph_cuts::{Energy, Label, Labelling, MaxFlow, OCCLUDED, Occlusion, Smoothness, Topology},
     },
@@ -452,11 +452,8 @@ fn several_views_match_what_one_cannot() {
     let engine = Engine::new(None, 2).unwrap();
     let wrong = |views: Views| {
         let search = Search::new(64, 56, views, Fusion::Min, 1, 9).unwrap();
-        let method = Method::new(
-            CostFunction::BirchfieldTomasi(COLOR),
-            None,
-            Optimizer::GraphCuts(GraphCuts { fill: false, start_block_size: 5, ..GraphCuts::default() }),
-        );
+        let cuts = GraphCuts { fill: false, start_block_size: 5, ..GraphCuts::default() };
+        let method = Method::new(Pipeline::GraphCuts { cost: COLOR, cuts });
         let map = method.disparities(&engine, &frames, &search, &()).unwrap();
         let truth = |i: usize| if near((i % 64) as i32, (i / 64) as i32) { 6.0 } else { 2.0 };
         let pixels = map.pixels().iter().enumerate();

@@ -2,7 +2,7 @@
 
 use multiscopic::{
     Engine, Method, SemiGlobal,
-    stereo::{CostFunction, Optimizer},
+    stereo::{CostFunction, Pipeline},
 };
 use multiscopic_core::{Census, Disparity, Fusion as CoreFusion, Search, SemiGlobalCost};
 use multiscopic_tests::{
@@ -56,7 +56,7 @@ fn block_matching_equals_the_reference() {
         let (min, count, block_size) = (random.below(7) as i32 - 4, 1 + random.below(6) as i32, [1, 3, 7][random.below(3)]);
         let (fusion, slow) = FUSIONS[case % 4];
         let search = search(&images, fusion, min, count);
-        let method = Method::new(CostFunction::Sad { block_size: block_size as u8 }, None, Optimizer::WinnerTakesAll);
+        let method = Method::block_matching(block_size as u8);
         let expected: Vec<u16> = images.reference(slow, min, count, block_size).disparities().into_iter().map(raw16).collect();
         assert_eq!(found(&method, &images, &search), expected, "{images:?}, {search:?}, {block_size}");
     }
@@ -78,7 +78,7 @@ fn semi_global_matching_equals_the_reference() {
             0 | 1 => (CostFunction::TwoScaleCensus(census), Cost::TwoScaleCensus(radii.0, radii.1)),
             _ => (CostFunction::Census(census), Cost::Census(radii.0, radii.1)),
         };
-        let method = Method::new(cost, None, Optimizer::SemiGlobal(sgm));
+        let method = Method::new(Pipeline::SemiGlobal { cost, paths: sgm });
         let (p1, p2) = (penalties.p1().into(), penalties.p2(0).into());
         let reference = images.semi_global(slow, min, count, reference_cost, [p1, p2]);
         let expected: Vec<u16> = reference.disparities().into_iter().map(raw16).collect();

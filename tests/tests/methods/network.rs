@@ -7,7 +7,7 @@ use multiscopic::{
     Engine, Frames, Method, Metrics, Raster, Simd,
     scene::RandomScene,
     stereo::{
-        Optimizer,
+        Pipeline,
         network::{Bands, DisparityNetwork, DotProducts, Inputs, QuantizedLayer, Runs},
         refinement::Refinement,
     },
@@ -177,7 +177,7 @@ fn inputs_equal_the_reference() {
         let search = Search::new(width, height, set, fusion, case.min_disparity as i16, case.num_disparities as u16);
         let search = search.expect("a search of the case");
         let engine = &engines[case.seed as usize % engines.len()];
-        let found = Inputs::new(&images.frames(), &search, engine, &()).expect("the frames fit the search");
+        let found = Inputs::new(&images.frames().planes(), &search, engine, &()).expect("the frames fit the search");
         assert_eq!(found, product_inputs(&NetworkInputs::of_images(&sgm)));
         let method = Method { long_baselines: None, ..Method::net() };
         let (map, confidences) =
@@ -213,7 +213,7 @@ fn the_matcher_in_bounded_memory_equals_the_network() {
         let fusion = [CoreFusion::Min, CoreFusion::Mean][case.seed as usize % 2];
         let search = Search::new(width, height, set, fusion, case.min_disparity as i16, case.num_disparities as u16);
         let (search, frames) = (search.expect("a search of the case"), images.frames());
-        let inputs = Inputs::new(&frames, &search, &engine, &()).expect("the frames fit the search");
+        let inputs = Inputs::new(&frames.planes(), &search, &engine, &()).expect("the frames fit the search");
         let random_file = reference::DisparityNetwork::random_file(&mut random.borrow_mut());
         let weights = if case.seed.is_multiple_of(3) { TRAINED_WEIGHTS } else { &random_file };
         let network = DisparityNetwork::new(weights).expect("a file of weights");
@@ -242,9 +242,10 @@ fn bands_give_the_bits_of_the_whole_image() {
         let (search, frames) = (search.expect("a search"), shot.color_frames());
         // With random weights, everything depends on all that it can depend on.
         let network = DisparityNetwork::new(&reference::DisparityNetwork::random_file(&mut random)).expect("a file of weights");
-        let inputs = Inputs::new(&frames, &search, &engine, &()).expect("the frames fit the search");
+        let inputs = Inputs::new(&frames.planes(), &search, &engine, &()).expect("the frames fit the search");
         let (map, confidences) = network.disparities(inputs, &search, &engine);
-        let found = Bands::of(rows).disparities(&network, &frames, &search, &engine, &()).expect("the frames fit the search");
+        let found =
+            Bands::of(rows).disparities(&network, &frames.planes(), &search, &engine, &()).expect("the frames fit the search");
         for v in 0..search.height() {
             assert_eq!(found.0.row(v), map.row(v), "line {v} of {width}x{height} in bands of {rows}");
             assert_eq!(found.1.row(v), confidences.row(v), "line {v} of {width}x{height} in bands of {rows}");
@@ -310,7 +311,7 @@ fn checks_by_costs_are_refused() {
         [Refinement { uniqueness: Some(5), ..Refinement::NONE }, Refinement { left_right: Some(1), ..Refinement::NONE }]
     {
         let method = Method::net().with_refinement(refinement);
-        assert!(matches!(method.optimizer, Optimizer::Network(_)));
+        assert!(matches!(method.pipeline, Pipeline::Network(_)));
         let error = method.disparities(&engine, &images.frames(), &search, &()).expect_err("the network has no costs");
         assert!(error.to_string().contains("which the network does not give"), "{error}");
     }
@@ -319,7 +320,7 @@ fn checks_by_costs_are_refused() {
 #[test]
 fn the_trained_network_beats_semi_global_matching() {
     let engine = Engine::new(None, 0).expect("threads");
-    let sgm = Method::census_sgm(2);
+    let sgm = Method::semi_global(2);
     let mut errors = [0.0; 2];
     // Scenes of a seed that is neither trained nor selected with.
     for number in 0..3 {

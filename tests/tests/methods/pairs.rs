@@ -2,15 +2,14 @@
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use multiscopic::{
-    Engine, Error, Frames, GraphCuts, Method,
+    Engine, Frames, Method,
     stereo::{
-        CostFunction, Optimizer,
-        aggregation::{Aggregation, SupportRegion},
-        cost::BirchfieldTomasi,
-        refinement::Refinement,
+        cost::{BirchfieldTomasi, CensusRows},
+        optimization::winner,
+        refinement::{Refinement, check_left_right},
     },
 };
-use multiscopic_core::{Census, Disparity, Fusion, Search, SemiGlobalCost, View, Views};
+use multiscopic_core::{Census, Disparity, Fusion, Search, View, Views};
 use multiscopic_tests::{
     reference::{
         self, energy, raw16,
@@ -20,7 +19,7 @@ use multiscopic_tests::{
     test_images::case::{Case, cases, property},
 };
 
-const BIRCHFIELD_TOMASI: CostFunction = CostFunction::BirchfieldTomasi(BirchfieldTomasi { color: false });
+const BIRCHFIELD_TOMASI: BirchfieldTomasi = BirchfieldTomasi { color: false };
 
 fn raw(map: &multiscopic::DisparityMap) -> Vec<u16> {
     map.pixels().iter().map(|&pixel| Disparity::to_raw16(pixel)).collect()
@@ -47,15 +46,18 @@ fn census_costs_with_winner_takes_all_equal_the_reference() {
             ..images.semi_global(case.fusion, case.min_disparity, case.num_disparities, cost, [0, 0])
         };
         let expected: Vec<u16> = reference.disparities().into_iter().map(raw16).collect();
-        // Views at several baselines are matched together, as the reference does.
-        let method = Method {
-            long_baselines: None,
-            refinement: Refinement { left_right, ..Refinement::NONE },
-            ..Method::new(CostFunction::Census(census), None, Optimizer::WinnerTakesAll)
+        let (engine, params) = (&engines[random.below(2)], case.params());
+        let rows = CensusRows::new(&frames.planes(), params.search(), census, engine);
+        let map = match left_right {
+            None => winner::disparities(&rows, engine, &()),
+            Some(tolerance) => {
+                let costs = winner::collect(&rows, engine, &());
+                let mut map = costs.disparities(params.search());
+                check_left_right(&costs, params.search(), &mut map, tolerance);
+                map
+            }
         };
-        let engine = &engines[random.below(2)];
-        let map = method.disparities(engine, &frames, case.params().search(), &()).expect("the frames fit the search");
-        assert!(raw(&map) == expected, "{method:?} on {} threads", engine.threads());
+        assert!(raw(&map) == expected, "{census:?} with {left_right:?} on {} threads", engine.threads());
     });
 }
 
@@ -115,9 +117,8 @@ fn birchfield_tomasi_costs_with_winner_takes_all_equal_the_reference() {
             Some(f64::from(d) + if curvature > 0.0 { (before - after) / curvature } else { 0.0 })
         };
         let expected: Vec<u16> = (0..width * height).map(|i| raw16(pixel(i))).collect();
-        let method = Method::new(BIRCHFIELD_TOMASI, None, Optimizer::WinnerTakesAll);
-        let map = method.disparities(&engine, &frames, &search, &()).expect("the frames fit the search");
-        assert!(raw(&map) == expected, "{method:?}, {search:?}");
+        let map = winner::disparities(&BIRCHFIELD_TOMASI.rows(&frames, &search), &engine, &());
+        assert!(raw(&map) == expected, "{search:?}");
     }
 }
 
@@ -127,24 +128,15 @@ fn what_does_not_go_together_is_refused() {
     let frames = Frames::new(GrayImage::new(20, 10)).with(View::RIGHT, GrayImage::new(20, 10));
     let search = |width, views| Search::new(width, 10, views, Fusion::Min, 0, 4).expect("in range");
     let message = |method: Method, search: Search| match method.disparities(&engine, &frames, &search, &()) {
-        Err(Error::Usage(message)) => message,
-        other => panic!("{method:?}: {other:?}"),
+        Err(error) => error.to_string(),
+        Ok(map) => panic!("{method:?}: {map:?}"),
     };
-    let sad = || CostFunction::Sad { block_size: 5 };
-    let cuts = || Optimizer::GraphCuts(GraphCuts::default());
-    let paths = || Optimizer::SemiGlobal(multiscopic::SemiGlobal::default_for(SemiGlobalCost::Sad { block_size: 5 }, 1));
-    let aggregation = Some(Aggregation { region: SupportRegion::ACCURATE, iterations: [1, 0] });
-    for (method, parts) in [
-        (Method::new(BIRCHFIELD_TOMASI, None, paths()), ["Birchfield-Tomasi", "semi-global"]),
-        (Method::new(sad(), aggregation, paths()), ["cross-based", "semi-global"]),
-        (Method::new(sad(), aggregation, Optimizer::WinnerTakesAll), ["SAD", "cross-based"]),
-        (Method::new(CostFunction::Census(Census::default()), None, cuts()), ["census", "graph cuts"]),
-        (Method::new(BIRCHFIELD_TOMASI, aggregation, Optimizer::WinnerTakesAll), ["Birchfield-Tomasi", "cross-based"]),
-    ] {
-        let message = message(method, search(20, Views::STEREO));
-        assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+    let checked = Refinement { left_right: Some(1), ..Refinement::NONE };
+    for (method, optimizer) in [(Method::graph_cuts(), "graph cuts do not"), (Method::net(), "the network does not")] {
+        let message = message(method.with_refinement(checked), search(20, Views::STEREO));
+        assert!(message.contains("matching costs") && message.contains(optimizer), "{message}");
     }
-    let bm = || Method::new(sad(), None, Optimizer::WinnerTakesAll);
+    let bm = || Method::block_matching(5);
     let wrong_size = message(bm(), search(21, Views::STEREO));
     assert!(wrong_size.contains("20x10") && wrong_size.contains("21x10"), "{wrong_size}");
     assert!(message(bm(), search(20, Views::HORIZONTAL)).contains("left"), "the left view is missing");

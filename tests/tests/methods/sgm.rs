@@ -3,7 +3,7 @@
 
 use multiscopic::{
     Engine, Method, Simd,
-    stereo::{CostFunction, Optimizer, Task, optimization::sgm::Paths, refinement::Refinement},
+    stereo::{CostFunction, Paths, Pipeline, Task, refinement::Refinement},
 };
 use multiscopic_core::{PathPenalties, SemiGlobalCost, SemiGlobalParams, kernel::Kernel};
 use multiscopic_tests::{
@@ -26,8 +26,8 @@ fn method(params: &SemiGlobalParams, paths: Paths) -> Method {
         SemiGlobalCost::Sad { block_size } => CostFunction::Sad { block_size },
         SemiGlobalCost::Census(census) => CostFunction::Census(census),
     };
-    let optimizer = multiscopic::SemiGlobal { paths, penalties: params.penalties() };
-    Method { long_baselines: None, ..Method::new(cost, None, Optimizer::SemiGlobal(optimizer)) }
+    let paths = multiscopic::SemiGlobal { paths, penalties: params.penalties() };
+    Method { long_baselines: None, ..Method::new(Pipeline::SemiGlobal { cost, paths }) }
 }
 
 #[test]
@@ -55,14 +55,15 @@ fn check(engines: &[Engine], case: &Case) {
     let reference = case.semi_global(&images, &mut random);
     let reference = SemiGlobal { paths: steps, left_right: left_right.map(i32::from), ..reference };
     let params = semi_global_params(&reference);
-    let method = method(&params, paths).with_refinement(Refinement { left_right, ..Refinement::NONE });
+    let mut method = method(&params, paths).with_refinement(Refinement { left_right, ..Refinement::NONE });
     // The core has no census at two scales.
-    let (reference, method) = match (reference.cost, params.cost()) {
-        (Cost::Census(rx, ry), SemiGlobalCost::Census(census)) if random.below(2) == 0 => (
-            SemiGlobal { cost: Cost::TwoScaleCensus(rx, ry), ..reference },
-            Method { cost: CostFunction::TwoScaleCensus(census), ..method },
-        ),
-        _ => (reference, method),
+    let reference = match (reference.cost, &mut method.pipeline) {
+        (Cost::Census(rx, ry), Pipeline::SemiGlobal { cost: cost @ CostFunction::Census(_), .. }) if random.below(2) == 0 => {
+            let SemiGlobalCost::Census(census) = params.cost() else { unreachable!("the cost of the method") };
+            *cost = CostFunction::TwoScaleCensus(census);
+            SemiGlobal { cost: Cost::TwoScaleCensus(rx, ry), ..reference }
+        }
+        _ => reference,
     };
     let expected: Vec<u16> = reference.disparities().into_iter().map(raw16).collect();
     for engine in engines.iter().skip(case.seed as usize % 3).step_by(3) {

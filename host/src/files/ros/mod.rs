@@ -88,7 +88,7 @@ impl RosRecording<'_> {
         let mut messages = vec![
             ("/camera/image", &definitions::IMAGE, stamp.picture(center)),
             ("/camera/camera_info", &definitions::CAMERA_INFO, camera.clone()),
-            ("/depth/image", &definitions::IMAGE, stamp.depth(&disparities.to_depth(geometry))),
+            ("/depth/image", &definitions::IMAGE, stamp.depth(&geometry.depths(disparities))),
             ("/depth/camera_info", &definitions::CAMERA_INFO, camera),
             ("/disparity", &definitions::DISPARITY_IMAGE, stamp.disparities(&disparities.to_float(), geometry, range)),
             ("/points", &definitions::POINT_CLOUD, stamp.points(&points)),

@@ -8,7 +8,7 @@ use image::{Rgb, RgbImage};
 
 pub use colormap::Colormap;
 
-use super::raster::FloatImage;
+use super::{DisparityMap, FloatImage};
 
 /// The colours of the values between two ends, on a linear scale. What has no value is black.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,9 +72,22 @@ impl ColorScale {
     }
 }
 
+/// The map in the colours of Turbo: the far end of `range`, in pixels of disparity, is blue, the near end red, and invalid pixels
+/// are black.
+///
+/// Disparities outside `range` are clamped to it. `None` takes the map's own [`range`](DisparityMap::range).
+pub fn turbo(map: &DisparityMap, range: Option<RangeInclusive<f32>>) -> RgbImage {
+    ColorScale::of_disparities(Colormap::Turbo, range.or_else(|| map.range())).draw(&map.to_float())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use multiscopic_core::Disparity;
+
+    fn disparity(pixels: f32) -> Option<Disparity> {
+        Disparity::from_bits((pixels * 64.0) as i16)
+    }
 
     #[test]
     fn ends_have_the_ends_of_the_colours() {
@@ -101,5 +114,23 @@ mod tests {
         assert!((2.9..3.0).contains(&far) && (1.0..1.1).contains(&near), "{far} {near}");
         let nothing = ColorScale::of_depth(Colormap::Turbo, &FloatImage::filled(2, 2, f32::INFINITY));
         assert_eq!(nothing.ends(), [0.0, 0.0]);
+    }
+
+    #[test]
+    fn near_is_red_and_far_is_blue() {
+        let map = DisparityMap::new(5, 1, [-4.0, 4.0, 0.0, 9.0].map(disparity).into_iter().chain([None]).collect());
+        let [far, near, middle, nearer, none] = [0, 1, 2, 3, 4].map(|u| turbo(&map, Some(-4.0..=4.0)).get_pixel(u, 0).0);
+        assert!(far[2] > far[0] && near[0] > near[2] && middle[1] > 200, "{far:?} {middle:?} {near:?}");
+        assert_eq!((nearer, none), (near, [0; 3]));
+        // The map's own range is -4 to 9.
+        assert_eq!(turbo(&map, None).get_pixel(3, 0).0, near);
+        assert_ne!(turbo(&map, None).get_pixel(1, 0).0, near);
+    }
+
+    #[test]
+    fn flat_and_empty_maps_have_colours_too() {
+        assert_ne!(turbo(&DisparityMap::filled(1, 1, disparity(3.0)), None).get_pixel(0, 0).0, [0; 3]);
+        assert_eq!(turbo(&DisparityMap::filled(1, 1, None), None).get_pixel(0, 0).0, [0; 3]);
+        assert_eq!(DisparityMap::filled(1, 1, None).range(), None);
     }
 }

@@ -17,7 +17,7 @@ pub(super) use support::support;
 use multiscopic_core::ConfidenceTable;
 use rayon::prelude::*;
 
-use super::engine::Engine;
+use super::Engine;
 use crate::images::{DisparityMap, Raster};
 
 /// The confidence of every pixel: the probability that its disparity is at most one pixel off, times 255.
@@ -31,7 +31,7 @@ pub fn confidences(map: &DisparityMap, evidence: &Raster<u8>, table: &Confidence
     let (width, height) = (map.width(), map.height());
     assert_eq!((evidence.width(), evidence.height()), (width, height), "the size of the evidence");
     let mut confidences = Raster::filled(width, height, 0);
-    engine.pool().install(|| {
+    engine.install(|| {
         confidences.pixels_mut().par_chunks_exact_mut(width).enumerate().for_each(|(v, line)| {
             table.line(lattice_rows(map, v), evidence.row(v), line);
         });

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::{
     images::{DisparityMap, Raster},
-    stereo::engine::Engine,
+    stereo::Engine,
 };
 
 /// The least support of each step of the evidence but the first. The steps are 0.6 wide in the logarithm of the odds.
@@ -26,7 +26,7 @@ pub fn support(map: &DisparityMap, opinion: &DisparityMap, sure: &Raster<u8>, en
         assert_eq!((width, height), (map.width(), map.height()), "the size of the opinion");
     }
     let mut evidence = Raster::filled(map.width(), map.height(), 0);
-    engine.pool().install(|| {
+    engine.install(|| {
         evidence.pixels_mut().par_chunks_exact_mut(map.width()).enumerate().for_each(|(v, line)| {
             let pixels = map.row(v).iter().zip(opinion.row(v)).zip(sure.row(v));
             for (step_of, ((own, other), &sure)) in line.iter_mut().zip(pixels) {

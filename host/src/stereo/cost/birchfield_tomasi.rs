@@ -7,13 +7,9 @@
 //! insensitive to image sampling", 1998). Channels of colour are summed.
 
 use image::{GrayImage, RgbImage};
-use multiscopic_core::{Frame, Search, View, kernel::Kernel};
+use multiscopic_core::{Frame, Search, View};
 
-use super::{
-    cost_rows::{Cost, CostRows},
-    fused_cost::fused_cost,
-    matches::RowMatches,
-};
+use super::{Cost, CostRows, RowMatches, fused_cost};
 use crate::images::Frames;
 
 /// The matching cost, and what it is computed of.
@@ -65,7 +61,7 @@ impl CostRows for BirchfieldTomasiRows<'_> {
         self.search
     }
 
-    fn row<I: Kernel>(&self, _isa: I, v: usize, stride: usize, row: &mut [u32]) {
+    fn row(&self, v: usize, stride: usize, row: &mut [u32]) {
         row.fill(u32::NONE);
         let mut views = vec![vec![Intervals::NONE; self.search.width()]; self.views.len()];
         for (index, d) in (self.search.min_disparity()..=self.search.max_disparity()).enumerate() {

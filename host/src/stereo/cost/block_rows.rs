@@ -1,9 +1,9 @@
 //! Exact matching costs by sums of absolute differences, for more views than the core's kernels take.
 
 use image::GrayImage;
-use multiscopic_core::{Frame, Fusion, MatchingCost, Params, Search, View, Views, kernel::Kernel};
+use multiscopic_core::{Frame, Fusion, MatchingCost, Params, Search, View, Views};
 
-use super::cost_rows::CostRows;
+use super::CostRows;
 use crate::{error::Result, images::Frames};
 
 /// The fused costs of a centre and its views: sums over blocks, fused exactly, in 64 bits.
@@ -60,7 +60,7 @@ impl CostRows for BlockRows<'_> {
         self.search
     }
 
-    fn row<I: Kernel>(&self, _isa: I, v: usize, stride: usize, row: &mut [u64]) {
+    fn row(&self, v: usize, stride: usize, row: &mut [u64]) {
         row.fill(u64::NONE);
         let (search, size) = (self.search, (self.search.width(), self.search.height()));
         let mut sums = vec![vec![0; search.width()]; search.views().len()];

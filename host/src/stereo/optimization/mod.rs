@@ -2,5 +2,5 @@
 
 pub mod edge_aware;
 pub mod graph_cuts;
-pub mod sgm;
-pub mod winner;
+
+pub use multiscopic_engine::{sgm, winner};

@@ -7,7 +7,7 @@
 use multiscopic_core::kernel::{Kernel, Work};
 use rayon::prelude::*;
 
-use crate::stereo::simd::{Simd, Task};
+use crate::stereo::{Simd, Task};
 
 /// Columns in a strip, and the side of a tile.
 const STRIP: usize = 32;

@@ -17,9 +17,11 @@ pub(in crate::stereo) use background::fill_lines;
 
 pub use background::BackgroundFill;
 pub use bilateral::Bilateral;
+pub use left_right::{check_left_right, view_disparities};
 pub use lucas_kanade::LucasKanade;
 pub use median::Median;
 pub use refinements::Refinement;
 pub use smoother::Smoother;
 pub use speckles::Speckles;
 pub use texture_threshold::TextureThreshold;
+pub use uniqueness::keep_unique;

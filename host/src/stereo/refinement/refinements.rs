@@ -5,8 +5,8 @@ use std::ops::RangeInclusive;
 use multiscopic_core::{Frame, Search, Views};
 
 use super::{
-    background::BackgroundFill, bilateral::Bilateral, lucas_kanade::LucasKanade, median::Median, smoother::Smoother,
-    speckles::Speckles, texture_threshold::TextureThreshold,
+    background::BackgroundFill, bilateral::Bilateral, left_right::check_left_right, lucas_kanade::LucasKanade, median::Median,
+    smoother::Smoother, speckles::Speckles, texture_threshold::TextureThreshold, uniqueness::keep_unique,
 };
 use crate::{
     error::Result,
@@ -20,9 +20,9 @@ use crate::{
 /// The refinements that are applied, in the order of the fields; by default none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Refinement {
-    /// The [uniqueness](Volume::keep_unique) ratio in percent.
+    /// The [uniqueness](super::keep_unique) ratio in percent.
     pub uniqueness: Option<u8>,
-    /// The tolerance of the [left-right check](Volume::check_left_right) in pixels.
+    /// The tolerance of the [left-right check](super::check_left_right) in pixels.
     pub left_right: Option<u16>,
     /// The texture that is needed.
     pub texture: Option<TextureThreshold>,
@@ -78,10 +78,10 @@ impl Refinement {
     /// Applies the checks by the costs that the disparities were selected by, on the threads of the current pool.
     pub fn check<C: Cost>(&self, search: &Search, costs: &Volume<C>, map: &mut DisparityMap) {
         if let Some(percent) = self.uniqueness {
-            costs.keep_unique(search, map, percent);
+            keep_unique(costs, search, map, percent);
         }
         if let Some(tolerance) = self.left_right {
-            costs.check_left_right(search, map, tolerance);
+            check_left_right(costs, search, map, tolerance);
         }
     }
 
@@ -131,7 +131,13 @@ impl Refinement {
 
     /// Applies the sub-pixel step by `views` of `frames`, on the threads of the current pool. Disparities stay in
     /// `range`, in pixels.
-    pub fn sharpen(&self, map: DisparityMap, frames: &Frames, views: Views, range: RangeInclusive<i16>) -> DisparityMap {
+    pub fn refine_sub_pixels(
+        &self,
+        map: DisparityMap,
+        frames: &Frames,
+        views: Views,
+        range: RangeInclusive<i16>,
+    ) -> DisparityMap {
         match self.sub_pixel {
             Some(step) => step.apply(&map, frames, views, range),
             None => map,

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     images::{DisparityMap, Picture, Raster},
-    stereo::simd::Simd,
+    stereo::Simd,
 };
 
 /// An edge-aware smoother: the disparities `u` of least

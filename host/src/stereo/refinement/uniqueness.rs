@@ -11,21 +11,19 @@ use crate::{
     },
 };
 
-impl<C: Cost> Volume<C> {
-    /// Invalidates the pixels of `map` with a candidate, more than a disparity away from the best, that costs at most `percent`
-    /// of the least cost more: OpenCV's `uniquenessRatio` as its StereoBM applies it. (Its StereoSGBM takes the percentage of the
-    /// other candidate's cost.) Runs on the threads of the current pool.
-    pub fn keep_unique(&self, search: &Search, map: &mut DisparityMap, percent: u8) {
-        let width = self.width();
-        map.pixels_mut().par_chunks_exact_mut(width).enumerate().for_each(|(v, line)| {
-            for (u, pixel) in line.iter_mut().enumerate() {
-                let is_unique = |([least, second], _): ([C; 2], usize)| C::peak_ratio(least, second, second).is_unique(percent);
-                if !best_two(search, self.pixel(u, v)).is_none_or(is_unique) {
-                    *pixel = None;
-                }
+/// Invalidates the pixels of `map` with a candidate, more than a disparity away from the best, that costs at most `percent`
+/// of the least cost more: OpenCV's `uniquenessRatio` as its StereoBM applies it. (Its StereoSGBM takes the percentage of the
+/// other candidate's cost.) Runs on the threads of the current pool.
+pub fn keep_unique<C: Cost>(costs: &Volume<C>, search: &Search, map: &mut DisparityMap, percent: u8) {
+    let width = costs.width();
+    map.pixels_mut().par_chunks_exact_mut(width).enumerate().for_each(|(v, line)| {
+        for (u, pixel) in line.iter_mut().enumerate() {
+            let is_unique = |([least, second], _): ([C; 2], usize)| C::peak_ratio(least, second, second).is_unique(percent);
+            if !best_two(search, costs.pixel(u, v)).is_none_or(is_unique) {
+                *pixel = None;
             }
-        });
-    }
+        }
+    });
 }
 
 #[cfg(test)]
@@ -50,7 +48,7 @@ mod tests {
             let percent = below(101) as u8;
             let before = volume.disparities(&search);
             let mut map = before.clone();
-            volume.keep_unique(&search, &mut map, percent);
+            keep_unique(&volume, &search, &mut map, percent);
             for (i, (found, costs)) in map.pixels().iter().zip(volume.costs().chunks(count as usize)).enumerate() {
                 let best = (0..costs.len()).min_by_key(|&d| (costs[d], d)).unwrap();
                 let limit = u64::from(costs[best]) + u64::from(costs[best]) * u64::from(percent) / 100;

@@ -2,7 +2,6 @@
 
 use std::{fs, io::Read, path::Path, process::Command};
 
-use multiscopic::FloatImage;
 use multiscopic_tests::program::{Invocation, binary};
 
 /// A small made-up capture in a new folder, and its path.
@@ -89,7 +88,7 @@ fn every_format_has_the_same_numbers() {
     Invocation::new(base.into_iter().chain(["-o", &path("d.npz"), "--depth", &path("z.npz")])).assert_done();
     Invocation::new(base.into_iter().chain(["--depth", &path("z.png")])).assert_done();
     for name in ["d", "z"] {
-        let pfm = FloatImage::read_pfm(Path::new(&path(&format!("{name}.pfm")))).expect("a map");
+        let pfm = multiscopic::files::read_pfm(Path::new(&path(&format!("{name}.pfm")))).expect("a map");
         assert!(pfm.pixels().contains(&f32::INFINITY) && pfm.pixels().iter().any(|value| value.is_finite()), "{name}");
         let array = fs::read(path(&format!("{name}.npy"))).expect("an array");
         let ([height, width], values) = read_npy(&array);
@@ -101,7 +100,7 @@ fn every_format_has_the_same_numbers() {
         archive.by_name(of).expect("an array").read_to_end(&mut named).expect("its bytes");
         assert!(named == array, "{name}.npz");
     }
-    let depth = FloatImage::read_pfm(Path::new(&path("z.pfm"))).expect("a map");
+    let depth = multiscopic::files::read_pfm(Path::new(&path("z.pfm"))).expect("a map");
     let image::DynamicImage::ImageLuma16(millimetres) = image::open(path("z.png")).expect("a picture") else {
         panic!("16 bits are expected");
     };
@@ -126,7 +125,7 @@ fn a_summary_is_a_line_or_a_json_object_or_left_out() {
 
     let json = run(&["--json", "--method", "sgm", "--num-disparities", "16"]);
     let summary: serde_json::Value = serde_json::from_str(&json.stdout).expect("JSON");
-    let map = FloatImage::read_pfm(&file).expect("a map");
+    let map = multiscopic::files::read_pfm(&file).expect("a map");
     let valid = map.pixels().iter().filter(|value| value.is_finite()).count() as f64 / (160.0 * 120.0);
     assert_eq!(summary["method"], "sgm");
     assert_eq!((&summary["width"], &summary["height"], &summary["num_disparities"]), (&160.into(), &120.into(), &16.into()));

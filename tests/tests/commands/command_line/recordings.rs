@@ -6,7 +6,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use multiscopic::FloatImage;
 use multiscopic_tests::program::Invocation;
 
 /// Reads a message of plain little-endian CDR: each number lies at a multiple of its size.
@@ -123,7 +122,7 @@ fn every_field_and_pixel_is_that_of_the_other_files() {
         fields
     };
     let size = [160, 120];
-    let map = |name: &str| FloatImage::read_pfm(Path::new(&path(name))).expect("a map");
+    let map = |name: &str| multiscopic::files::read_pfm(Path::new(&path(name))).expect("a map");
 
     let mut center = message("/camera/image", "sensor_msgs/msg/Image");
     let picture = image::open(Path::new(&rig).join("center.png")).expect("the centre").into_rgb8();

@@ -15,7 +15,7 @@ mod paths;
 
 use std::{env, fs, path::Path};
 
-use multiscopic::{DisparityMap, FloatImage, Frames, Result, Rig};
+use multiscopic::{DisparityMap, Frames, Result, Rig};
 use multiscopic_tests::program::Invocation;
 use serde_json::{Value, json};
 
@@ -85,7 +85,7 @@ fn the_code_on_the_page_computes_what_the_command_computes() {
         let command = plan["command"].as_str().unwrap();
         let words = command.split(' ').skip(1).map(|word| if word == "disparity.pfm" { output.to_str().unwrap() } else { word });
         Invocation::new(words).assert_done();
-        let expected = DisparityMap::from_float(&FloatImage::read_pfm(&output).unwrap());
+        let expected = DisparityMap::from_float(&multiscopic::files::read_pfm(&output).unwrap());
         assert!(disparities(&frames).unwrap() == expected, "{command}");
     }
 }

@@ -2,7 +2,7 @@
 
 use multiscopic::{
     Error, Method, Result,
-    stereo::{CostFunction, Optimizer, optimization::sgm::Paths},
+    stereo::{Paths, Pipeline},
 };
 use multiscopic_core::Search;
 
@@ -15,15 +15,13 @@ const PROGRAM: &str = include_str!("opencv.py");
 /// If OpenCV has no such method.
 pub fn matcher(method: &Method, num_disparities: usize) -> Result<String> {
     let count = num_disparities.next_multiple_of(16);
-    match (&method.cost, &method.optimizer) {
-        (CostFunction::Sad { block_size }, Optimizer::WinnerTakesAll) if *block_size >= 5 => {
-            Ok(format!("cv2.StereoBM.create({count}, {block_size})"))
-        }
-        (CostFunction::Sad { .. }, Optimizer::WinnerTakesAll) => {
+    match &method.pipeline {
+        Pipeline::BlockMatching { block_size } if *block_size >= 5 => Ok(format!("cv2.StereoBM.create({count}, {block_size})")),
+        Pipeline::BlockMatching { .. } => {
             Err(Error::Usage("OpenCV's StereoBM has blocks of at least 5 pixels: give --block-size".into()))
         }
-        (_, Optimizer::SemiGlobal(sgm)) => {
-            let mode = match sgm.paths {
+        Pipeline::SemiGlobal { paths, .. } => {
+            let mode = match paths.paths {
                 Paths::Four => "HH4",
                 Paths::Five => "SGBM",
                 Paths::Eight => "HH",

@@ -3,7 +3,7 @@
 use multiscopic::{
     DisparityMap, Engine, Frames, Geometry, Method, Result,
     capture::{Accuracy, Choice, Survey},
-    stereo::{CostFunction, LongBaselines, Optimizer},
+    stereo::LongBaselines,
 };
 use multiscopic_core::{Search, Views};
 
@@ -37,7 +37,7 @@ impl LongBaseline {
     pub fn begin(&self, frames: &Frames, geometry: Geometry) -> Result<Refinement<'_>> {
         let search = self.search.search(frames.size(), frames.views(), None, SearchOptions::DEFAULT_RANGE)?;
         let block_size = self.search.block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
-        let method = Method::new(CostFunction::Sad { block_size }, None, Optimizer::WinnerTakesAll);
+        let method = Method::block_matching(block_size);
         let short = method.disparities(&self.engine, frames, &search, &())?;
         let survey = Survey::new(&short, geometry, block_size.into())?;
         let choice = self.choose(&survey, &search);

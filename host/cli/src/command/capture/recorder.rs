@@ -98,7 +98,7 @@ impl Recorder {
         let truth = simulated.and_then(|camera| true_disparities(camera, &rig, undistortion.as_ref()));
         output::write_folder(folder, |folder| {
             if let Some(truth) = &truth {
-                truth.write_pfm(&folder.join(TRUTH_FILE_NAME))?;
+                multiscopic::files::write_pfm(truth, &folder.join(TRUTH_FILE_NAME))?;
             }
             frames.save(&rig.images.within(folder))?;
             output::write(&folder.join(CaptureLog::FILE_NAME), |writer| writer.write_all(log.as_bytes()))?;

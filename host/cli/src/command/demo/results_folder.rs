@@ -130,13 +130,13 @@ impl ResultsFolder {
     pub fn write_maps(&self, shot: &Shot, camera: &PinholeCamera, outcomes: &[Outcome], block_matched: usize) -> Result<()> {
         let truth = DisparityMap::from_float(&shot.truth);
         let range = truth.range();
-        let color = |map: &DisparityMap| map.to_color(range.clone());
+        let color = |map: &DisparityMap| multiscopic::images::turbo(map, range.clone());
         write_png(&self.file(TRUTH_PNG), &color(&truth))?;
         let mut columns = Vec::new();
         for Outcome { variant, disparities, record, .. } in outcomes {
             let stem = &variants::stem(variant);
             let errors = error_map::draw(disparities.pixels().iter().map(|d| d.map(f32::from)), &shot.truth);
-            disparities.write_pfm(&self.file(&map_pfm(stem)))?;
+            multiscopic::files::write_pfm(&disparities.to_float(), &self.file(&map_pfm(stem)))?;
             write_png(&self.file(&map_png(stem)), &color(disparities))?;
             write_png(&self.file(&errors_png(stem)), &errors)?;
             if variants::is_default(variant) {

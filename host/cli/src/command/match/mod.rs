@@ -16,7 +16,7 @@ use multiscopic::{
     evaluation::ground_truth,
     files::output,
     report::{Report, ViewedMap, ViewedScene},
-    stereo::network::Inputs,
+    stereo::{network::Inputs, write_inputs},
 };
 use multiscopic_core::Frame;
 use outputs::Outputs;
@@ -125,7 +125,7 @@ impl Match {
         let truth = self.truth_file(&source);
         let inputs: Vec<&Path> = source.paths().chain(self.prior.as_deref()).chain(truth.as_deref()).collect();
         output::check(&outputs.paths(), &inputs)?;
-        let prior = self.prior.as_deref().map(|path| DisparityMap::read_prior(path, frames.size())).transpose()?;
+        let prior = self.prior.as_deref().map(|path| multiscopic::files::read_prior(path, frames.size())).transpose()?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.matching.search(size, views, range);
         let preparation =
@@ -139,7 +139,7 @@ impl Match {
 
         let method = self.matching.method(views)?;
         if let Some(folder) = &outputs.features {
-            Inputs::new(&frames, &search, engine, &())?.write(folder)?;
+            write_inputs(&Inputs::new(&frames.planes(), &search, engine, &())?, folder)?;
         }
         let color = frames.color(Frame::Center).filter(|_| outputs.report.is_some()).cloned();
         if !method.needs_color() {

@@ -144,12 +144,12 @@ impl Outputs {
         }
         if let (Some(path), Some(geometry)) = (&self.depth, geometry) {
             match output_file::ends_in(path, "png") {
-                true => disparities.write_depth_mm(geometry, path)?,
-                false => output_file::write_floats(&disparities.to_depth(geometry), path, "depth")?,
+                true => multiscopic::files::write_depth_mm(disparities, geometry, path)?,
+                false => output_file::write_floats(&geometry.depths(disparities), path, "depth")?,
             }
         }
         if let (Some(path), Some(geometry)) = (&self.depth_png, geometry) {
-            let depth = disparities.to_depth(geometry);
+            let depth = geometry.depths(disparities);
             self.maps.draw(&depth, &ColorScale::of_depth(self.maps.colormap(), &depth)).write_png(path)?;
         }
         if let (Some(path), Some(geometry), Some(center)) = (&self.ply, geometry, center) {

@@ -23,7 +23,7 @@ pub fn write(folder: &Path, shot: &Shot, camera: &PinholeCamera, what: String) -
     for frame in frames {
         write_png(&folder.join(FrameFiles::name_of(frame)), shot.frame(frame))?;
     }
-    shot.truth.write_pfm(&folder.join(TRUTH_FILE_NAME))?;
+    multiscopic::files::write_pfm(&shot.truth, &folder.join(TRUTH_FILE_NAME))?;
     rig(camera, shot.neighbors.keys().copied().collect(), what).save(folder)
 }
 

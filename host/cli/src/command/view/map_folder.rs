@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use multiscopic::{DisparityMap, Error, FloatImage, Picture, Result, report::ViewedMap, stereo::confidence_map::ConfidenceMap};
+use multiscopic::{DisparityMap, Error, Picture, Result, report::ViewedMap, stereo::confidence_map::ConfidenceMap};
 
 use crate::command::{scene::rendered_capture::TRUTH_FILE_NAME, terminal};
 
@@ -19,7 +19,7 @@ pub struct MapFile {
 impl MapFile {
     /// Reads a map, and its confidences if they are beside it.
     pub fn read(path: &Path) -> Result<MapFile> {
-        let disparities = DisparityMap::from_float(&FloatImage::read_pfm(path)?);
+        let disparities = DisparityMap::from_float(&multiscopic::files::read_pfm(path)?);
         let beside = path.with_file_name(format!("{}-confidence.png", stem(path)));
         let confidences = if beside.is_file() { confidences(&beside, &disparities)? } else { None };
         Ok(MapFile { path: path.into(), disparities, confidences })

@@ -5,7 +5,7 @@ use std::env;
 use multiscopic::{
     DisparityMap, Method,
     report::{BlockCosts, ViewedMap},
-    stereo::{CostFunction, LongBaselines, Optimizer, confidence_map::ConfidenceMap},
+    stereo::{CostFunction, LongBaselines, Pipeline, confidence_map::ConfidenceMap},
 };
 use multiscopic_core::Search;
 
@@ -20,13 +20,13 @@ pub fn matched_map<'a>(
     seconds: Option<f64>,
 ) -> ViewedMap<'a> {
     let (method_name, method) = method;
-    let block_size = match method.cost {
-        CostFunction::Sad { block_size } => Some(block_size),
+    let block_size = match method.pipeline {
+        Pipeline::BlockMatching { block_size } | Pipeline::SemiGlobal { cost: CostFunction::Sad { block_size }, .. } => {
+            Some(block_size)
+        }
         _ => None,
     };
-    let is_exact = method.optimizer == Optimizer::WinnerTakesAll
-        && method.aggregation.is_none()
-        && LongBaselines::sets(search.views()).len() == 1;
+    let is_exact = matches!(method.pipeline, Pipeline::BlockMatching { .. }) && LongBaselines::sets(search.views()).len() == 1;
     let views: Vec<String> = search.views().iter().map(|view| view.to_string()).collect();
     let mut parameters = vec![
         ("method".to_owned(), method_name.to_owned()),

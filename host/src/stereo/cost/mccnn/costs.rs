@@ -11,7 +11,7 @@ use super::{
     network::{Comparison, Connected},
     weights::HIDDEN,
 };
-use crate::{images::Frames, stereo::cost::matches::RowMatches};
+use crate::{images::Frames, stereo::cost::RowMatches};
 
 /// The pairs of pixels that fully connected layers compare at a time. As many fit the second-level cache
 /// beside a layer's weights.

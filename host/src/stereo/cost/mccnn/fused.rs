@@ -7,7 +7,7 @@ use super::{costs::Costs, network::Network};
 use crate::{
     images::Frames,
     progress::Progress,
-    stereo::cost::volume::{Volume, fuse},
+    stereo::cost::{Volume, fuse},
 };
 
 /// The costs of the centre of `frames`, fused over the views of `search`, all at least 0. Computed band by

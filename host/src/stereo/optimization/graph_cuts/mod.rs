@@ -46,7 +46,7 @@ use crate::{
     error::{Error, Result},
     images::{DisparityMap, Frames},
     progress::Progress,
-    stereo::{cost::BirchfieldTomasi, engine::Engine, refinement::fill_lines},
+    stereo::{Engine, cost::BirchfieldTomasi, refinement::fill_lines},
 };
 
 impl GraphCuts {
@@ -84,7 +84,7 @@ impl GraphCuts {
         match self.upsample {
             1 => self.minimize(cost, engine, frames, &params, progress),
             times @ 2..=GraphCuts::MAX_UPSAMPLE => {
-                engine.check(frames, search)?;
+                engine.check(&frames.planes(), search)?;
                 let enlarged = enlarged::params(&params, times)?;
                 let map = self.minimize(cost, engine, &enlarged::frames(frames, search, times), &enlarged, progress)?;
                 Ok(enlarged::reduced(&map, times))
@@ -107,16 +107,16 @@ impl GraphCuts {
         progress: &dyn Progress,
     ) -> Result<DisparityMap> {
         let search = params.search();
-        let start = engine.disparities(frames, params, || ())?;
+        let start = engine.disparities(&frames.planes(), params, &|| ())?;
         let energy = Energy::new(self, cost, frames, search);
         let start = start.pixels().iter().map(|pixel| pixel.map_or(OCCLUDED, |d| d.to_fixed().round().to_num()));
         let mut labelling = Labelling::new(&energy, start.collect());
         let labels: Vec<Label> = (search.min_disparity()..=search.max_disparity()).collect();
-        engine.pool().install(|| labelling.minimize(&labels, self.sweeps, self.seed, progress));
+        engine.install(|| labelling.minimize(&labels, self.sweeps, self.seed, progress));
         let labels: Vec<Label> = labelling.labels().collect();
         let range = [search.min_disparity(), search.max_disparity()];
         let disparities = match self.refine {
-            true => engine.pool().install(|| sub_pixel::disparities(&energy, &labels, range)),
+            true => engine.install(|| sub_pixel::disparities(&energy, &labels, range)),
             false => labels.into_iter().map(sub_pixel::whole).collect(),
         };
         let map = DisparityMap::new(frames.width(), frames.height(), disparities);

@@ -6,7 +6,7 @@ use super::{
     parameters::Smoothness,
     pixel::{Label, NeighborPair, OCCLUDED},
 };
-use crate::stereo::cost::matches::RowMatches;
+use crate::stereo::cost::RowMatches;
 
 impl Energy {
     /// What two neighbours pay for their labels (paper, eq. 6 and 12).

@@ -14,7 +14,7 @@ use super::{
     energy::Energy,
     pixel::{Label, OCCLUDED},
 };
-use crate::stereo::cost::{birchfield_tomasi::Intervals, fused_cost, matches::RowMatches};
+use crate::stereo::cost::{RowMatches, birchfield_tomasi::Intervals, fused_cost};
 
 /// The pixels on each side of the window's centre.
 const RADIUS: usize = 3;

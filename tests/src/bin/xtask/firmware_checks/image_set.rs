@@ -4,7 +4,7 @@ use anyhow::{Context, Result, bail};
 use multiscopic::{
     DisparityMap, Engine, Frames, Method,
     scene::{PinholeCamera, Scene, render_views},
-    stereo::{CostFunction, Optimizer, confidence_map::ConfidenceMap, optimization::sgm::SemiGlobal},
+    stereo::{CostFunction, Pipeline, SemiGlobal, confidence_map::ConfidenceMap},
 };
 use multiscopic_core::{
     Disparity, Frame, Matcher, Params, Region, SemiGlobalCost, SemiGlobalMatcher, View, Views, network::NetworkParams,
@@ -85,7 +85,7 @@ impl ImageSet {
             Matching::AroundPrior { short, long } => {
                 let prior = DisparityMap::new(short.width(), short.height(), self.matched_blocks(short)?);
                 let long = long.around(short.search());
-                let refined = Engine::new(None, 1)?.disparities_around(&self.frames(), &prior, &long, || ())?;
+                let refined = Engine::new(None, 1)?.disparities_around(&self.frames().planes(), &prior, &long, &|| ())?;
                 Ok(refined.pixels().to_vec())
             }
             Matching::SemiGlobal(params) => {
@@ -109,16 +109,15 @@ impl ImageSet {
             Matching::Network(params) => return Ok(Some(self.by_network(params)?.1)),
             _ => return Ok(None),
         };
-        let (block_size, optimizer) = match lines {
-            WholeLines::Blocks(params) => (params.block_size() as u8, Optimizer::WinnerTakesAll),
+        let method = match lines {
+            WholeLines::Blocks(params) => Method::block_matching(params.block_size() as u8),
             WholeLines::SemiGlobal(params) => {
                 let SemiGlobalCost::Sad { block_size } = params.cost() else { bail!("profiles match sums of differences") };
-                let semi_global = SemiGlobal::default_for(params.cost(), params.search().views().len());
-                (block_size, Optimizer::SemiGlobal(semi_global))
+                let paths = SemiGlobal::default_for(params.cost(), params.search().views().len());
+                Method::new(Pipeline::SemiGlobal { cost: CostFunction::Sad { block_size }, paths })
             }
         };
-        let (method, engine) = (Method::new(CostFunction::Sad { block_size }, None, optimizer), Engine::new(None, 2)?);
-        Ok(Some(method.disparities_and_confidences(&engine, &self.frames(), lines.search(), &())?.1))
+        Ok(Some(method.disparities_and_confidences(&Engine::new(None, 2)?, &self.frames(), lines.search(), &())?.1))
     }
 
     /// What the host's network gives.

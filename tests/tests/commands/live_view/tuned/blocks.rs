@@ -5,9 +5,8 @@ use multiscopic_core::{Fusion, Search};
 pub fn disparities(frames: &Frames) -> Result<DisparityMap> {
     let [width, height] = frames.size().map(|side| side as u16);
     let search = Search::new(width, height, frames.views(), Fusion::Mean, -2, 40)?;
-    let cost = stereo::CostFunction::Sad { block_size: 9 };
-    let optimizer = stereo::Optimizer::WinnerTakesAll;
-    let mut method = Method::new(cost, None, optimizer);
+    let pipeline = stereo::Pipeline::BlockMatching { block_size: 9 };
+    let mut method = Method::new(pipeline);
     method.refinement.uniqueness = Some(5);
     method.refinement.left_right = Some(2);
     method.refinement.texture = Some(refinement::TextureThreshold { threshold: 100, block_size: 9 });

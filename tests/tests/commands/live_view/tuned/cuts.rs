@@ -5,7 +5,7 @@ use multiscopic_core::{Fusion, Search};
 pub fn disparities(frames: &Frames) -> Result<DisparityMap> {
     let [width, height] = frames.size().map(|side| side as u16);
     let search = Search::new(width, height, frames.views(), Fusion::Heuristic, 1, 16)?;
-    let cost = stereo::CostFunction::BirchfieldTomasi(stereo::cost::BirchfieldTomasi { color: true });
+    let cost = stereo::cost::BirchfieldTomasi { color: true };
     let cuts = multiscopic::GraphCuts {
         occlusion: Some(12.0),
         lambda: [Some(4.0), None],
@@ -14,7 +14,7 @@ pub fn disparities(frames: &Frames) -> Result<DisparityMap> {
         sweeps: 2,
         ..multiscopic::GraphCuts::default()
     };
-    let optimizer = stereo::Optimizer::GraphCuts(cuts);
-    let method = Method::new(cost, None, optimizer);
+    let pipeline = stereo::Pipeline::GraphCuts { cost, cuts };
+    let method = Method::new(pipeline);
     method.disparities(&Engine::new(None, 0)?, frames, &search, &())
 }

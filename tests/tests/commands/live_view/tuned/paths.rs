@@ -5,11 +5,11 @@ use multiscopic_core::{Fusion, Search};
 pub fn disparities(frames: &Frames) -> Result<DisparityMap> {
     let [width, height] = frames.size().map(|side| side as u16);
     let search = Search::new(width, height, frames.views(), Fusion::Heuristic, 1, 40)?;
-    let cost = stereo::CostFunction::TwoScaleCensus(multiscopic_core::Census::Window7x7);
     let penalties = multiscopic_core::PathPenalties::new(5, 30, Some(12))?;
-    let paths = stereo::optimization::sgm::Paths::Eight;
-    let optimizer = stereo::Optimizer::SemiGlobal(multiscopic::SemiGlobal { paths, penalties });
-    let mut method = Method::new(cost, None, optimizer);
+    let paths = multiscopic::SemiGlobal { paths: stereo::Paths::Eight, penalties };
+    let cost = stereo::CostFunction::TwoScaleCensus(multiscopic_core::Census::Window7x7);
+    let pipeline = stereo::Pipeline::SemiGlobal { cost, paths };
+    let mut method = Method::new(pipeline);
     method.refinement.smoother = Some(refinement::Smoother::DEFAULT);
     method.disparities(&Engine::new(None, 0)?, frames, &search, &())
 }

@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use multiscopic::{
     GraphCuts, SemiGlobal,
     stereo::{
-        CostFunction, Optimizer,
+        CostFunction, Pipeline,
+        aggregation::Aggregation,
         cost::BirchfieldTomasi,
         refinement::{Refinement, Smoother, Speckles, TextureThreshold},
     },
@@ -37,70 +38,45 @@ pub fn of_match(plan: &TunedMatch) -> String {
     let (fusion, least, count) = (search.fusion(), search.min_disparity(), search.num_disparities());
     line(&format!("    let search = Search::new(width, height, frames.views(), Fusion::{fusion:?}, {least}, {count})?;"));
     let mutable = if lines.is_empty() { "" } else { "mut " };
-    match (cost(&method.cost, name), optimizer(&method.optimizer)) {
-        (Some(cost), Some(optimizer)) => {
-            line(&format!("    let cost = stereo::CostFunction::{cost};"));
-            if let Some(aggregation) = method.aggregation {
-                let region = aggregation.region;
-                line("    let aggregation = stereo::aggregation::Aggregation {");
-                line(&format!(
-                    "        region: stereo::aggregation::SupportRegion {{ intensity: {:?}, distance: {} }},",
-                    region.intensity, region.distance
-                ));
-                line(&format!("        iterations: {:?},", aggregation.iterations));
-                line("    };");
-            }
-            let aggregation = if method.aggregation.is_some() { "Some(aggregation)" } else { "None" };
-            optimizer.iter().for_each(|text| line(&format!("    {text}")));
-            line(&format!("    let {mutable}method = Method::new(cost, {aggregation}, optimizer);"));
-        }
-        _ => line(&format!("    let {mutable}method = Method::net();")),
-    }
+    pipeline(&method.pipeline).iter().for_each(|text| line(&format!("    {text}")));
+    let made = if *name == "net" { "Method::net()" } else { "Method::new(pipeline)" };
+    line(&format!("    let {mutable}method = {made};"));
     lines.iter().for_each(|text| line(&format!("    method.refinement.{text};")));
     line("    method.disparities(&Engine::new(None, 0)?, frames, &search, &())");
     line("}");
     code
 }
 
-/// The cost. `None` for the network, which has its own.
-fn cost(cost: &CostFunction, name: &str) -> Option<String> {
-    if name == "net" {
-        return None;
-    }
-    Some(match cost {
-        CostFunction::Sad { block_size } => format!("Sad {{ block_size: {block_size} }}"),
-        CostFunction::Census(census) => format!("Census(multiscopic_core::Census::{census:?})"),
-        CostFunction::TwoScaleCensus(census) => format!("TwoScaleCensus(multiscopic_core::Census::{census:?})"),
-        CostFunction::BirchfieldTomasi(BirchfieldTomasi { color }) => {
-            format!("BirchfieldTomasi(stereo::cost::BirchfieldTomasi {{ color: {color} }})")
+/// The lines that make the pipeline: none for the network.
+fn pipeline(pipeline: &Pipeline) -> Vec<String> {
+    match pipeline {
+        Pipeline::BlockMatching { block_size } => {
+            vec![format!("let pipeline = stereo::Pipeline::BlockMatching {{ block_size: {block_size} }};")]
         }
-        CostFunction::McCnn(_) => {
-            let architecture = if name == "mccnn-fast" { "Fast" } else { "Accurate" };
-            format!("McCnn(Box::new(stereo::cost::mccnn::Network::load(stereo::cost::mccnn::Architecture::{architecture})?))")
-        }
-    })
-}
-
-/// The lines that make the optimizer. `None` for the network.
-fn optimizer(optimizer: &Optimizer) -> Option<Vec<String>> {
-    Some(match optimizer {
-        Optimizer::WinnerTakesAll => vec!["let optimizer = stereo::Optimizer::WinnerTakesAll;".into()],
-        Optimizer::SemiGlobal(SemiGlobal { paths, penalties }) => {
+        Pipeline::SemiGlobal { cost, paths: SemiGlobal { paths, penalties } } => {
+            let cost = match cost {
+                CostFunction::Sad { block_size } => format!("Sad {{ block_size: {block_size} }}"),
+                CostFunction::Census(census) => format!("Census(multiscopic_core::Census::{census:?})"),
+                CostFunction::TwoScaleCensus(census) => format!("TwoScaleCensus(multiscopic_core::Census::{census:?})"),
+            };
             let (p1, p2, edge) = (penalties.p1(), penalties.p2(0), penalties.p2_edge());
             vec![
                 format!("let penalties = multiscopic_core::PathPenalties::new({p1}, {p2}, {edge:?})?;"),
-                format!("let paths = stereo::optimization::sgm::Paths::{paths:?};"),
-                "let optimizer = stereo::Optimizer::SemiGlobal(multiscopic::SemiGlobal { paths, penalties });".into(),
+                format!("let paths = multiscopic::SemiGlobal {{ paths: stereo::Paths::{paths:?}, penalties }};"),
+                format!("let cost = stereo::CostFunction::{cost};"),
+                "let pipeline = stereo::Pipeline::SemiGlobal { cost, paths };".into(),
             ]
         }
-        Optimizer::EdgeAware(penalties) => vec![
-            "use stereo::optimization::edge_aware::Penalties;".into(),
+        Pipeline::McCnn { network, aggregation: Aggregation { region, iterations }, penalties } => vec![
+            "use stereo::{aggregation::*, cost::mccnn::*, optimization::edge_aware::Penalties};".into(),
+            format!("let network = Box::new(Network::load(Architecture::{:?})?);", network.architecture()),
+            format!("let aggregation = Aggregation {{ region: {region:?}, iterations: {iterations:?} }};"),
             format!("let penalties = {penalties:?};"),
-            "let optimizer = stereo::Optimizer::EdgeAware(penalties);".into(),
+            "let pipeline = stereo::Pipeline::McCnn { network, aggregation, penalties };".into(),
         ],
-        Optimizer::GraphCuts(cuts) => {
+        Pipeline::GraphCuts { cost: BirchfieldTomasi { color }, cuts } => {
             let changes = graph_cuts_lines(cuts);
-            let mut lines = Vec::new();
+            let mut lines = vec![format!("let cost = stereo::cost::BirchfieldTomasi {{ color: {color} }};")];
             if changes.is_empty() {
                 lines.push("let cuts = multiscopic::GraphCuts::default();".into());
             } else {
@@ -109,11 +85,11 @@ fn optimizer(optimizer: &Optimizer) -> Option<Vec<String>> {
                 lines.push("    ..multiscopic::GraphCuts::default()".into());
                 lines.push("};".into());
             }
-            lines.push("let optimizer = stereo::Optimizer::GraphCuts(cuts);".into());
+            lines.push("let pipeline = stereo::Pipeline::GraphCuts { cost, cuts };".into());
             lines
         }
-        Optimizer::Network(_) => return None,
-    })
+        Pipeline::Network(_) => Vec::new(),
+    }
 }
 
 /// The fields that differ from the defaults of graph cuts.

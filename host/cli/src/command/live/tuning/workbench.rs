@@ -10,7 +10,7 @@ use std::{
 
 use multiscopic::{
     Engine, Error, Processor, Progress, Result,
-    stereo::{CostFunction, Optimizer},
+    stereo::{CostFunction, Pipeline},
     target::Ram,
 };
 use multiscopic_core::{Params, SemiGlobalCost, SemiGlobalParams};
@@ -194,20 +194,20 @@ impl Workbench {
 /// What the same match takes on a microcontroller, or why it cannot run there.
 fn prediction(plan: &TunedMatch, processor: Processor) -> std::result::Result<Prediction, String> {
     let TunedMatch { name, method, search } = plan;
-    let matching = match (&method.cost, &method.optimizer) {
-        (CostFunction::Sad { block_size }, Optimizer::WinnerTakesAll) => {
+    let matching = match &method.pipeline {
+        Pipeline::BlockMatching { block_size } => {
             let params = Params::block_matching(*search, *block_size).map_err(|error| error.to_string())?;
             Matching::Blocks { params, tile_width: params.width() }
         }
-        (CostFunction::Sad { block_size }, Optimizer::SemiGlobal(sgm)) => {
+        Pipeline::SemiGlobal { cost: CostFunction::Sad { block_size }, paths } => {
             let cost = SemiGlobalCost::Sad { block_size: *block_size };
             let params = SemiGlobalParams::new(*search, cost).map_err(|error| error.to_string())?;
-            if sgm.penalties != params.penalties() || sgm.paths.count() != SemiGlobalParams::PATHS {
+            if paths.penalties != params.penalties() || paths.paths.count() != SemiGlobalParams::PATHS {
                 return Err("The firmware has five paths and the default penalties.".into());
             }
             Matching::SemiGlobal(params)
         }
-        (_, Optimizer::SemiGlobal(_)) => {
+        Pipeline::SemiGlobal { .. } => {
             return Err("The firmware has semi-global matching by sad alone: choose this cost.".into());
         }
         _ => return Err(format!("{name} does not run on microcontrollers: bm does, and sgm by sad.")),

@@ -10,7 +10,7 @@ mod semi_global_options;
 use clap::Args;
 use multiscopic::{
     Dataset, Error, Method, Result,
-    stereo::{CostFunction, MethodName, Optimizer, cost::mccnn::Architecture},
+    stereo::{MethodName, Pipeline},
 };
 
 pub use self::matching_options::MatchingOptions;
@@ -66,20 +66,19 @@ impl MethodOptions {
     pub fn method(&self, name: MethodName, block_size: Option<u8>, views: usize) -> Result<Method> {
         let MethodOptions { graph_cuts, semi_global, mc_cnn, refinement } = self;
         let method = name.method(block_size, views)?;
-        let with_options = |architecture, method: Method| {
-            let (aggregation, penalties) = (mc_cnn.aggregation(architecture), mc_cnn.penalties(architecture));
-            Method { aggregation: Some(aggregation), optimizer: Optimizer::EdgeAware(penalties), ..method }
-        };
         let block_size_or_default = block_size.unwrap_or(SearchOptions::DEFAULT_BLOCK_SIZE);
-        let method = match name {
-            MethodName::Bm | MethodName::Net => method,
-            MethodName::Gc => {
-                let optimizer = Optimizer::GraphCuts(graph_cuts.graph_cuts(block_size_or_default));
-                Method { cost: CostFunction::BirchfieldTomasi(graph_cuts.cost()), optimizer, ..method }
+        let method = match method.pipeline {
+            Pipeline::GraphCuts { .. } => {
+                let cuts = graph_cuts.graph_cuts(block_size_or_default);
+                Method::new(Pipeline::GraphCuts { cost: graph_cuts.cost(), cuts })
             }
-            MethodName::Sgm => semi_global.with_block_size(block_size).method(views)?,
-            MethodName::MccnnFast => with_options(Architecture::Fast, method),
-            MethodName::MccnnAccurate => with_options(Architecture::Accurate, method),
+            Pipeline::SemiGlobal { .. } => semi_global.with_block_size(block_size).method(views)?,
+            Pipeline::McCnn { network, .. } => {
+                let architecture = network.architecture();
+                let (aggregation, penalties) = (mc_cnn.aggregation(architecture), mc_cnn.penalties(architecture));
+                Method::new(Pipeline::McCnn { network, aggregation, penalties })
+            }
+            Pipeline::BlockMatching { .. } | Pipeline::Network(_) => method,
         };
         let refinement = refinement.refinement(&method, block_size_or_default)?;
         Ok(method.with_refinement(refinement))

@@ -78,14 +78,14 @@ impl MapFiles {
             self.draw(&disparities.to_float(), &self.scale(disparities)).write_png(path)?;
         }
         if let Some(path) = &self.raw16 {
-            disparities.write_raw16(path)?;
+            multiscopic::files::write_raw16(disparities, path)?;
         }
         Ok(())
     }
 
     /// Writes `disparities` to standard output, if it gets them.
     pub fn print(&self, disparities: &DisparityMap) -> Result<()> {
-        if self.is_printed() { terminal::print_bytes(&disparities.to_float().to_pfm()) } else { Ok(()) }
+        if self.is_printed() { terminal::print_bytes(&multiscopic::files::pfm_bytes(&disparities.to_float())) } else { Ok(()) }
     }
 
     /// The file of disparities in pixels, if it is in the same folder as another file.

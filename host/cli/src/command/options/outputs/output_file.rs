@@ -35,11 +35,11 @@ pub fn ends_in(path: &Path, end: &str) -> bool {
 /// Writes real numbers as the name of the file says, in an archive by the name of `what` they are.
 pub fn write_floats(image: &FloatImage, path: &Path, what: &str) -> Result<()> {
     if ends_in(path, "npy") {
-        image.write_npy(path)
+        multiscopic::files::write_npy(image, path)
     } else if ends_in(path, "npz") {
-        image.write_npz(path, what)
+        multiscopic::files::write_npz(image, path, what)
     } else {
-        image.write_pfm(path)
+        multiscopic::files::write_pfm(image, path)
     }
 }
 

@@ -13,7 +13,11 @@ use super::{
     cost_rows::{Cost, CostRows},
     matches::RowMatches,
 };
-use crate::{images::Frames, stereo::engine::Engine};
+use crate::{
+    engine::Engine,
+    planes::Planes,
+    simd::{Simd, Task},
+};
 
 /// A view to compare with.
 #[derive(Debug)]
@@ -131,6 +135,7 @@ fn columns_of_all(available: &[Range<u16>], width: usize, count: usize) -> Range
 #[derive(Debug)]
 pub struct CensusRows<'a> {
     search: &'a Search,
+    simd: Simd,
     center: Arc<CensusImage>,
     views: Arc<[CensusView]>,
 }
@@ -152,27 +157,43 @@ impl CostRows for CensusRows<'_> {
         self.search
     }
 
-    fn row<I: Kernel>(&self, isa: I, v: usize, stride: usize, row: &mut [u8]) {
-        self.rows(isa, stride, &mut [(v, row)]);
+    fn row(&self, v: usize, stride: usize, row: &mut [u8]) {
+        self.rows(stride, &mut [(v, row)]);
     }
 
-    fn rows<I: Kernel>(&self, isa: I, stride: usize, rows: &mut [(usize, &mut [u8])]) {
+    fn rows(&self, stride: usize, rows: &mut [(usize, &mut [u8])]) {
+        self.simd.run(FuseRows { costs: self, stride, rows });
+    }
+}
+
+/// [`CensusRows::rows`] with the instructions for the search.
+struct FuseRows<'a, 'b, 'c> {
+    costs: &'a CensusRows<'a>,
+    stride: usize,
+    rows: &'b mut [(usize, &'c mut [u8])],
+}
+
+impl Task for FuseRows<'_, '_, '_> {
+    type Output = ();
+
+    fn run<I: Kernel>(self, isa: I) {
+        let FuseRows { costs, stride, rows } = self;
         let mut lines = Vec::with_capacity(rows.len());
         for (v, _) in &*rows {
-            lines.push(self.lines(*v, stride));
+            lines.push(costs.lines(*v, stride));
         }
         // By descriptor size and number of views, so that the inner loops unroll.
-        match (self.center.shape.bytes, &self.views[..]) {
-            (_, [_, _, _, _, _, _, _, _, _, ..]) => self.fuse_one_by_one(&lines, stride, rows),
-            (2, [_, _, _, _, _, ..]) => self.fuse_rows::<I, 2, 8>(isa, &lines, stride, rows),
-            (3, [_, _, _, _, _, ..]) => self.fuse_rows::<I, 3, 8>(isa, &lines, stride, rows),
-            (_, [_, _, _, _, _, ..]) => self.fuse_rows::<I, 4, 8>(isa, &lines, stride, rows),
-            (2, _) => self.fuse_rows::<I, 2, 4>(isa, &lines, stride, rows),
-            (3, _) => self.fuse_rows::<I, 3, 4>(isa, &lines, stride, rows),
-            (_, [_]) => self.fuse_rows::<I, 4, 1>(isa, &lines, stride, rows),
-            (_, [_, _]) => self.fuse_rows::<I, 4, 2>(isa, &lines, stride, rows),
-            (_, [_, _, _]) => self.fuse_rows::<I, 4, 3>(isa, &lines, stride, rows),
-            _ => self.fuse_rows::<I, 4, 4>(isa, &lines, stride, rows),
+        match (costs.center.shape.bytes, &costs.views[..]) {
+            (_, [_, _, _, _, _, _, _, _, _, ..]) => costs.fuse_one_by_one(&lines, stride, rows),
+            (2, [_, _, _, _, _, ..]) => costs.fuse_rows::<I, 2, 8>(isa, &lines, stride, rows),
+            (3, [_, _, _, _, _, ..]) => costs.fuse_rows::<I, 3, 8>(isa, &lines, stride, rows),
+            (_, [_, _, _, _, _, ..]) => costs.fuse_rows::<I, 4, 8>(isa, &lines, stride, rows),
+            (2, _) => costs.fuse_rows::<I, 2, 4>(isa, &lines, stride, rows),
+            (3, _) => costs.fuse_rows::<I, 3, 4>(isa, &lines, stride, rows),
+            (_, [_]) => costs.fuse_rows::<I, 4, 1>(isa, &lines, stride, rows),
+            (_, [_, _]) => costs.fuse_rows::<I, 4, 2>(isa, &lines, stride, rows),
+            (_, [_, _, _]) => costs.fuse_rows::<I, 4, 3>(isa, &lines, stride, rows),
+            _ => costs.fuse_rows::<I, 4, 4>(isa, &lines, stride, rows),
         }
     }
 }
@@ -182,14 +203,14 @@ impl<'a> CensusRows<'a> {
     ///
     /// # Panics
     /// If a view of `search` is missing.
-    pub fn new(frames: &Frames, search: &'a Search, census: Census, engine: &Engine) -> CensusRows<'a> {
+    pub fn new(frames: &Planes<'_>, search: &'a Search, census: Census, engine: &Engine) -> CensusRows<'a> {
         CensusRows::sampled(CensusSampling::Opposite, frames, search, census, engine)
     }
 
     /// The same by another sampling.
     pub(super) fn sampled(
         sampling: CensusSampling,
-        frames: &Frames,
+        frames: &Planes<'_>,
         search: &'a Search,
         census: Census,
         engine: &Engine,
@@ -199,7 +220,8 @@ impl<'a> CensusRows<'a> {
         // The candidates of the first and the last pixel of a line reach into the padding.
         let front = (-isize::from(least)).max(0) as usize;
         let padding = [front, isize::from(least).max(0) as usize + count.next_multiple_of(MOST_LANES)];
-        let census_image = |frame, orientation, padding| CensusImage::new(image(frame), census, sampling, orientation, padding);
+        let census_image =
+            |frame, orientation, padding| CensusImage::new(image(frame), frames.size(), census, sampling, orientation, padding);
         let view = |view: View| {
             let image = census_image(Frame::View(view), Orientation::of(view), padding);
             let all_lines = (view != View::LEFT && view != View::RIGHT).then(|| image.all_lines(simd));
@@ -209,6 +231,7 @@ impl<'a> CensusRows<'a> {
         };
         engine.pool().install(|| CensusRows {
             search,
+            simd,
             center: Arc::new(census_image(Frame::Center, Orientation::Upright, [0, 0])),
             views: search.views().iter().map(view).collect(),
         })
@@ -216,7 +239,7 @@ impl<'a> CensusRows<'a> {
 
     /// The same with the fusion of another search, which is otherwise the same.
     pub(super) fn with_fusion_of(&self, search: &'a Search) -> CensusRows<'a> {
-        CensusRows { search, center: self.center.clone(), views: self.views.clone() }
+        CensusRows { search, center: self.center.clone(), views: self.views.clone(), ..*self }
     }
 
     /// What is compared for row `v`, with `stride` candidates for each pixel.

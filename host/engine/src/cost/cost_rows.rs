@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use multiscopic_core::{Disparity, PeakRatio, Search, kernel::Kernel};
+use multiscopic_core::{Disparity, PeakRatio, Search};
 
 /// The fused matching cost of a candidate: a pixel at a disparity.
 ///
@@ -105,15 +105,14 @@ pub trait CostRows: Sync {
     /// What is searched for.
     fn search(&self) -> &Search;
 
-    /// Computes the costs of row `v`. `row` has `stride` costs for each pixel: as many as there are disparities,
-    /// rounded up to a multiple of the lanes of `isa`. Those past the last disparity become
-    /// [`NONE`](Cost::NONE).
-    fn row<I: Kernel>(&self, isa: I, v: usize, stride: usize, row: &mut [Self::Cost]);
+    /// Computes the costs of row `v`. `row` has `stride` costs for each pixel: as many as there are disparities, rounded up to whole
+    /// vectors of the [instructions](crate::Simd) for the search. Those past the last disparity become [`NONE`](Cost::NONE).
+    fn row(&self, v: usize, stride: usize, row: &mut [Self::Cost]);
 
     /// Computes the costs of several rows, each with its `v`, as [`row`](CostRows::row) does.
-    fn rows<I: Kernel>(&self, isa: I, stride: usize, rows: &mut [(usize, &mut [Self::Cost])]) {
+    fn rows(&self, stride: usize, rows: &mut [(usize, &mut [Self::Cost])]) {
         for (v, row) in rows {
-            self.row(isa, *v, stride, row);
+            self.row(*v, stride, row);
         }
     }
 }

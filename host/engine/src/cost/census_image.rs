@@ -1,6 +1,5 @@
 //! The census transform of an image, line by line.
 
-use image::{GrayImage, ImageBuffer, Luma, Primitive};
 use multiscopic_core::{
     Census, View,
     kernel::{Kernel, Work},
@@ -8,7 +7,7 @@ use multiscopic_core::{
 use rayon::prelude::*;
 
 use super::census_sampling::{CensusSampling, blurred};
-use crate::stereo::simd::{Simd, Task};
+use crate::simd::{Simd, Task};
 
 /// How an image is turned so that matches of ascending disparity are contiguous in its lines.
 #[derive(Clone, Copy, Debug)]
@@ -81,7 +80,8 @@ enum Samples {
 impl CensusImage {
     /// An image turned to an `orientation`, with `[front, back]` pixels of padding around the descriptors of a line.
     pub fn new(
-        image: &GrayImage,
+        image: &[u8],
+        size: [usize; 2],
         census: Census,
         sampling: CensusSampling,
         orientation: Orientation,
@@ -90,10 +90,10 @@ impl CensusImage {
         let pairs: Vec<_> = sampling.pairs(census).into_iter().map(|pair| pair.map(|offset| orientation.turn(offset))).collect();
         let reach = pairs.iter().flatten().flatten().map(|distance| distance.unsigned_abs()).max().unwrap_or_default();
         let samples = match sampling {
-            CensusSampling::CentralBlurred => Samples::Blurred(TurnedImage::new(&blurred(image), orientation, reach)),
-            _ => Samples::Gray(TurnedImage::new(image, orientation, reach)),
+            CensusSampling::CentralBlurred => Samples::Blurred(TurnedImage::new(&blurred(image, size), size, orientation, reach)),
+            _ => Samples::Gray(TurnedImage::new(image, size, orientation, reach)),
         };
-        let length = if orientation.is_transposed() { image.height() } else { image.width() } as usize;
+        let length = size[usize::from(orientation.is_transposed())];
         let shape = LineShape { length, front, stride: front + length + back, bytes: census.bytes() };
         CensusImage { samples, pairs, shape }
     }
@@ -116,7 +116,7 @@ impl CensusImage {
     }
 
     #[inline(always)]
-    fn compare<S: Primitive>(&self, samples: &TurnedImage<S>, y: usize, planes: &mut [u8]) {
+    fn compare<S: PartialOrd>(&self, samples: &TurnedImage<S>, y: usize, planes: &mut [u8]) {
         let LineShape { length, front, stride, .. } = self.shape;
         for (bit, pair) in self.pairs.iter().enumerate() {
             let [ones, others] = pair.map(|offset| samples.line_at(y, offset));
@@ -153,20 +153,19 @@ struct TurnedImage<S> {
     samples: Vec<S>,
 }
 
-impl<S: Primitive + Send + Sync> TurnedImage<S> {
-    fn new(image: &ImageBuffer<Luma<S>, Vec<S>>, orientation: Orientation, reach: usize) -> TurnedImage<S> {
-        let (width, height) = (image.width() as usize, image.height() as usize);
+impl<S: Copy + Default + Send + Sync> TurnedImage<S> {
+    fn new(image: &[S], [width, height]: [usize; 2], orientation: Orientation, reach: usize) -> TurnedImage<S> {
         let [length, count] = if orientation.is_transposed() { [height, width] } else { [width, height] };
         let padded = length + 2 * reach;
-        let mut samples = vec![S::zero(); padded * (count + 2 * reach)];
+        let mut samples = vec![S::default(); padded * (count + 2 * reach)];
         samples.par_chunks_exact_mut(padded).enumerate().for_each(|(y, padded)| {
             let y = y.saturating_sub(reach).min(count - 1);
             let line = &mut padded[reach..][..length];
             if orientation.is_transposed() {
-                let column = image.as_raw()[y..].iter().step_by(width);
+                let column = image[y..].iter().step_by(width);
                 line.iter_mut().zip(column).for_each(|(sample, &from)| *sample = from);
             } else {
-                line.copy_from_slice(&image.as_raw()[y * width..][..width]);
+                line.copy_from_slice(&image[y * width..][..width]);
             }
             if orientation.is_mirrored() {
                 line.reverse();

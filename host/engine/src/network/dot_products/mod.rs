@@ -27,7 +27,7 @@ use std::fmt;
 pub(super) use panel::{PANEL, Panel, PanelTask, WeightLine};
 use plain_panel::PlainPanel;
 
-use crate::stereo::{engine::Engine, simd::Simd};
+use crate::{engine::Engine, simd::Simd};
 
 /// Instructions for sums of products.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

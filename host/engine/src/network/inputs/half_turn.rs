@@ -3,7 +3,7 @@
 use multiscopic_core::network::BLOCK;
 
 use super::Inputs;
-use crate::images::Raster;
+use crate::raster::Raster;
 
 impl Inputs {
     /// Turns them by half a turn, with all pixels of the padded images. To the network they are as likely as before.

@@ -1,10 +1,9 @@
 //! What the network sees of the images.
 
-mod feature_files;
 mod half_turn;
 
 use multiscopic_core::{
-    Census, Disparity, Frame, Fusion, Search, SemiGlobalCost,
+    Census, Disparity, Fusion, Search, SemiGlobalCost,
     kernel::{Kernel, Work},
     network::{
         BLOCK, CANDIDATE_CHANNELS, MAX_ACTIVATION, MAX_POOLED_COST, MEASURES, PixelRow, block_rows, cost_channel, cost_measure,
@@ -15,15 +14,14 @@ use rayon::prelude::*;
 
 use super::block_disparities::BlockDisparities;
 use crate::{
-    error::Result,
-    images::{Frames, Raster},
+    cost::{CensusPairRows, CostRows, Volume},
+    engine::Engine,
+    error::EngineError,
+    planes::Planes,
     progress::Progress,
-    stereo::{
-        cost::{CensusPairRows, CostRows, Volume},
-        engine::Engine,
-        optimization::sgm::{Paths, SemiGlobal},
-        simd::Task,
-    },
+    raster::Raster,
+    sgm::{Paths, SemiGlobal},
+    simd::Task,
 };
 
 /// What the network sees of the images: whole numbers, whose meaning does not depend on the number of views.
@@ -53,7 +51,7 @@ impl Inputs {
     ///
     /// # Errors
     /// As [`Engine::check`].
-    pub fn new(frames: &Frames, search: &Search, engine: &Engine, progress: &dyn Progress) -> Result<Inputs> {
+    pub fn new(frames: &Planes<'_>, search: &Search, engine: &Engine, progress: &dyn Progress) -> Result<Inputs, EngineError> {
         engine.check(frames, search)?;
         let search = &paired(search);
         let census = Census::Window9x7;
@@ -82,12 +80,12 @@ impl Inputs {
     }
 
     /// Inputs without anything that costs give.
-    pub(super) fn empty(frames: &Frames, search: &Search) -> Inputs {
+    pub(super) fn empty(frames: &Planes<'_>, search: &Search) -> Inputs {
         let (width, height, count) = (search.width(), search.height(), search.num_disparities());
         let blocks = [width, height].map(padded_blocks);
-        let colors: Vec<[u8; 3]> = match frames.color(Frame::Center) {
-            Some(image) => image.pixels().map(|pixel| pixel.0).collect(),
-            None => frames.get(Frame::Center).into_iter().flat_map(|image| image.as_raw()).map(|&gray| [gray; 3]).collect(),
+        let colors: Vec<[u8; 3]> = match frames.color() {
+            Some(colors) => colors.as_chunks().0.to_vec(),
+            None => frames.center().iter().map(|&gray| [gray; 3]).collect(),
         };
         Inputs {
             num_disparities: count,
@@ -100,19 +98,18 @@ impl Inputs {
     }
 
     /// Takes what a pass of semi-global matching gives.
-    fn take_pass<R: CostRows<Cost = u8>>(
+    fn take_pass(
         &mut self,
-        rows: &R,
+        rows: &dyn CostRows<Cost = u8>,
         pass: usize,
-        frames: &Frames,
+        frames: &Planes<'_>,
         engine: &Engine,
         progress: &dyn Progress,
     ) {
         let search = rows.search();
         let cost = SemiGlobalCost::Census(Census::Window9x7);
         let sgm = SemiGlobal { paths: Paths::Eight, ..SemiGlobal::default_for(cost, search.views().len()) };
-        let center = frames.get(Frame::Center).expect("every set of frames has a centre");
-        let (map, sums) = sgm.optimize(rows, center, engine, true, None, progress);
+        let (map, sums) = sgm.optimize(rows, frames.center(), engine, true, None, progress);
         let sums = sums.expect("sums were asked for");
         self.winners[pass] = map.map(|disparity| Inputs::steps(*disparity, search));
         self.take_sums(&PassSums { sums: &sums, first: 0, count: search.num_disparities(), pass }, search, engine);
@@ -152,7 +149,7 @@ impl Inputs {
     }
 
     /// Takes the costs of a kind, of the rows of blocks from `first` on for which there is a volume.
-    pub(super) fn take_costs<R: CostRows<Cost = u8>>(&mut self, rows: &R, kind: usize, first: usize, engine: &Engine) {
+    pub(super) fn take_costs(&mut self, rows: &dyn CostRows<Cost = u8>, kind: usize, first: usize, engine: &Engine) {
         self.take_lines(&CostLines { rows, kind }, first, rows.search(), engine, |candidate, sum, _| {
             candidate[kind] = cost_channel(sum)
         });
@@ -184,7 +181,7 @@ impl Inputs {
                 }
             }
         };
-        engine.pool().install(|| rows.into_par_iter().enumerate().for_each_init(Scratch::default, take_row));
+        engine.install(|| rows.into_par_iter().enumerate().for_each_init(Scratch::default, take_row));
     }
 }
 
@@ -192,15 +189,7 @@ impl Inputs {
 trait Lines: Sync {
     /// Computes the values of line `v`, `stride` for each pixel, and the measures by them, given the disparities of
     /// both passes in this line.
-    fn line<I: Kernel>(
-        &self,
-        isa: I,
-        v: usize,
-        stride: usize,
-        winners: [&[u16]; 2],
-        measures: &mut [[u8; MEASURES]],
-        values: &mut [u8],
-    );
+    fn line(&self, v: usize, stride: usize, winners: [&[u16]; 2], measures: &mut [[u8; MEASURES]], values: &mut [u8]);
 }
 
 /// The sums of path costs of a pass.
@@ -218,15 +207,7 @@ pub(super) struct PassSums<'a> {
 
 impl Lines for PassSums<'_> {
     #[inline(always)]
-    fn line<I: Kernel>(
-        &self,
-        _isa: I,
-        v: usize,
-        stride: usize,
-        winners: [&[u16]; 2],
-        measures: &mut [[u8; MEASURES]],
-        values: &mut [u8],
-    ) {
+    fn line(&self, v: usize, stride: usize, winners: [&[u16]; 2], measures: &mut [[u8; MEASURES]], values: &mut [u8]) {
         for (u, values) in values.chunks_exact_mut(stride).enumerate() {
             let (sums, values) = (&self.sums.pixel(u, v - self.first)[..self.count], &mut values[..self.count]);
             measures[u][self.pass] = excesses(sums, values);
@@ -238,23 +219,15 @@ impl Lines for PassSums<'_> {
 }
 
 /// The costs of a kind.
-struct CostLines<'a, R> {
-    rows: &'a R,
+struct CostLines<'a> {
+    rows: &'a dyn CostRows<Cost = u8>,
     kind: usize,
 }
 
-impl<R: CostRows<Cost = u8>> Lines for CostLines<'_, R> {
+impl Lines for CostLines<'_> {
     #[inline(always)]
-    fn line<I: Kernel>(
-        &self,
-        isa: I,
-        v: usize,
-        stride: usize,
-        winners: [&[u16]; 2],
-        measures: &mut [[u8; MEASURES]],
-        values: &mut [u8],
-    ) {
-        self.rows.row(isa, v, stride, values);
+    fn line(&self, v: usize, stride: usize, winners: [&[u16]; 2], measures: &mut [[u8; MEASURES]], values: &mut [u8]) {
+        self.rows.row(v, stride, values);
         for (u, values) in values.chunks_exact_mut(stride).enumerate() {
             for (pass, winners) in winners.iter().enumerate() {
                 measures[u][2 + 4 * pass + self.kind] = cost_measure(values[nearest_candidate(winners[u])]);
@@ -304,26 +277,20 @@ impl<L: Lines> Task for TakeRow<'_, L> {
     type Output = ();
 
     fn run<I: Kernel>(self, isa: I) {
-        isa.compiled(TakeRowWith { isa, task: self });
+        isa.compiled(self);
     }
 }
 
-/// The same with an instruction set.
-struct TakeRowWith<'a, I, L> {
-    isa: I,
-    task: TakeRow<'a, L>,
-}
-
-impl<I: Kernel, L: Lines> Work for TakeRowWith<'_, I, L> {
+impl<L: Lines> Work for TakeRow<'_, L> {
     #[inline(always)]
     fn run(self) {
-        let TakeRow { lines, search, winners, row, stride, measures, scratch } = self.task;
+        let TakeRow { lines, search, winners, row, stride, measures, scratch } = self;
         let Scratch { values, measures: beyond, sums, least } = scratch;
         let width = search.width();
         let mut measures = measures.chunks_exact_mut(width);
         for v in block_rows(row, search.height()) {
             let winners = winners.each_ref().map(|winners| winners.row(v));
-            lines.line(self.isa, v, stride, winners, measures.next().unwrap_or(beyond), values);
+            lines.line(v, stride, winners, measures.next().unwrap_or(beyond), values);
             pool(values, stride, sums, least);
         }
     }

@@ -4,11 +4,7 @@ use multiscopic_core::{Matcher, Memory, Params, Region, Search, SemiGlobalCost, 
 use rayon::prelude::*;
 
 use super::{cost_rows::CostRows, volume::Volume};
-use crate::{
-    error::Result,
-    images::Frames,
-    stereo::{Engine, simd::Task},
-};
+use crate::{engine::Engine, error::EngineError, planes::Planes, simd::Task};
 
 /// The fused costs of a centre and its views: sums over blocks as [`SemiGlobalCost::Sad`] scales them. A byte
 /// for each pixel and disparity is kept.
@@ -22,8 +18,8 @@ impl<'a> SadRows<'a> {
     /// Computes all costs, on the threads of `engine`.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) if the block is not one for [`SemiGlobalCost::Sad`].
-    pub fn new(engine: &Engine, frames: &Frames, search: &'a Search, block_size: u8) -> Result<SadRows<'a>> {
+    /// [`EngineError::Params`] if the block is not one for [`SemiGlobalCost::Sad`].
+    pub fn new(engine: &Engine, frames: &Planes<'_>, search: &'a Search, block_size: u8) -> Result<SadRows<'a>, EngineError> {
         let cost = SemiGlobalCost::Sad { block_size }.checked()?;
         let params = Params::block_matching(*search, block_size)?;
         let simd = engine.simd(search);
@@ -48,7 +44,7 @@ impl CostRows for SadRows<'_> {
         self.search
     }
 
-    fn row<I: Kernel>(&self, _isa: I, v: usize, stride: usize, row: &mut [u8]) {
+    fn row(&self, v: usize, stride: usize, row: &mut [u8]) {
         let kept = self.costs.num_disparities();
         for (to, from) in row.chunks_exact_mut(stride).zip(self.costs.row(v).chunks_exact(kept)) {
             to[..kept.min(stride)].copy_from_slice(&from[..kept.min(stride)]);
@@ -58,7 +54,7 @@ impl CostRows for SadRows<'_> {
 
 /// Computes the costs of a band of rows.
 struct Band<'a> {
-    frames: &'a Frames,
+    frames: &'a Planes<'a>,
     params: &'a Params,
     region: &'a Region,
     shift: u32,

@@ -2,14 +2,9 @@
 
 use std::ops::RangeInclusive;
 
-use image::RgbImage;
 use multiscopic_core::Disparity;
 
-use super::{
-    color_scale::{ColorScale, Colormap},
-    geometry::Geometry,
-    raster::{FloatImage, Raster},
-};
+use crate::raster::{FloatImage, Raster};
 
 /// The disparity of every pixel; `None` marks an invalid one.
 pub type DisparityMap = Raster<Option<Disparity>>;
@@ -18,11 +13,6 @@ impl DisparityMap {
     /// The disparities in pixels, +inf where invalid.
     pub fn to_float(&self) -> FloatImage {
         self.map(|pixel| pixel.map_or(f32::INFINITY, f32::from))
-    }
-
-    /// The depths in metres, +inf where a pixel has none.
-    pub fn to_depth(&self, geometry: &Geometry) -> FloatImage {
-        self.map(|pixel| pixel.and_then(|d| geometry.depth(d)).map_or(f32::INFINITY, |z| z as f32))
     }
 
     /// Rounds disparities in pixels to the nearest step. A pixel that is not finite or does not fit a
@@ -86,15 +76,6 @@ impl DisparityMap {
         let square = kept.iter().sum::<f64>() / kept.len() as f64 / 1.5;
         (kept.len() >= FEWEST).then(|| square.sqrt() / LEAST_HALF)
     }
-
-    /// Colours the map with Turbo: the far end of `range` (pixels of disparity) is blue, the near end red,
-    /// and invalid pixels black.
-    ///
-    /// Disparities outside `range` are clamped to it. `None` uses the map's own
-    /// [`range`](DisparityMap::range).
-    pub fn to_color(&self, range: Option<RangeInclusive<f32>>) -> RgbImage {
-        ColorScale::of_disparities(Colormap::Turbo, range.or_else(|| self.range())).draw(&self.to_float())
-    }
 }
 
 #[cfg(test)]
@@ -154,30 +135,5 @@ mod tests {
         let most = 32767.0 / 64.0;
         assert_eq!(pixels, [Some(-10.0), None, Some(240.0), Some(0.0), Some(most), Some(-most)]);
         assert_eq!(map().times(1), map());
-    }
-
-    #[test]
-    fn near_is_red_and_far_is_blue() {
-        let map = DisparityMap::new(5, 1, [-4.0, 4.0, 0.0, 9.0].map(disparity).into_iter().chain([None]).collect());
-        let [far, near, middle, nearer, none] = [0, 1, 2, 3, 4].map(|u| map.to_color(Some(-4.0..=4.0)).get_pixel(u, 0).0);
-        assert!(far[2] > far[0] && near[0] > near[2] && middle[1] > 200, "{far:?} {middle:?} {near:?}");
-        assert_eq!((nearer, none), (near, [0; 3]));
-        // The map's own range is -4 to 9.
-        assert_eq!(map.to_color(None).get_pixel(3, 0).0, near);
-        assert_ne!(map.to_color(None).get_pixel(1, 0).0, near);
-    }
-
-    #[test]
-    fn a_pixel_without_depth_is_infinitely_far() {
-        let geometry = Geometry { focal_px: 1000.0, baseline_mm: 50.0, principal_point: [0.0; 2], doffs: 0.0 };
-        let map = DisparityMap::new(2, 2, vec![disparity(10.0), None, disparity(0.0), disparity(-1.0)]);
-        assert_eq!(map.to_depth(&geometry).pixels(), [5.0, f32::INFINITY, f32::INFINITY, f32::INFINITY]);
-    }
-
-    #[test]
-    fn flat_and_empty_maps_have_colours_too() {
-        assert_ne!(DisparityMap::filled(1, 1, disparity(3.0)).to_color(None).get_pixel(0, 0).0, [0; 3]);
-        assert_eq!(DisparityMap::filled(1, 1, None).to_color(None).get_pixel(0, 0).0, [0; 3]);
-        assert_eq!(DisparityMap::filled(1, 1, None).range(), None);
     }
 }

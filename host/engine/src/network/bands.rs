@@ -1,7 +1,7 @@
 //! The network in bands of rows, where the whole image would take too much memory.
 
 use multiscopic_core::{
-    Census, EightPaths, EightPathsLine, Frame, Fusion, Search, SemiGlobalCost, SemiGlobalParams,
+    Census, EightPaths, EightPathsLine, Fusion, Search, SemiGlobalCost, SemiGlobalParams,
     kernel::Kernel,
     network::{BLOCK, BLOCKS, CANDIDATE_CHANNELS, padded_blocks, paired},
 };
@@ -11,14 +11,14 @@ use super::{
     inputs::{Inputs, PassSums},
 };
 use crate::{
-    error::Result,
-    images::{DisparityMap, Frames, Raster},
+    cost::{CensusPairRows, CostRows, Volume},
+    disparity_map::DisparityMap,
+    engine::Engine,
+    error::EngineError,
+    planes::Planes,
     progress::Progress,
-    stereo::{
-        cost::{CensusPairRows, CostRows, Volume},
-        engine::Engine,
-        simd::Task,
-    },
+    raster::Raster,
+    simd::Task,
 };
 
 /// The rows of pixels that the sides of an image are rounded up to.
@@ -76,11 +76,11 @@ impl Bands {
     pub fn disparities(
         self,
         network: &DisparityNetwork,
-        frames: &Frames,
+        frames: &Planes<'_>,
         search: &Search,
         engine: &Engine,
         progress: &dyn Progress,
-    ) -> Result<(DisparityMap, Raster<u8>)> {
+    ) -> Result<(DisparityMap, Raster<u8>), EngineError> {
         engine.check(frames, search)?;
         let paired = &paired(search);
         let params = SemiGlobalParams::new(*paired, SemiGlobalCost::Census(Census::Window9x7))?;
@@ -98,7 +98,7 @@ impl Bands {
 struct BandTask<'a> {
     bands: Bands,
     network: &'a DisparityNetwork,
-    frames: &'a Frames,
+    frames: &'a Planes<'a>,
     search: &'a Search,
     /// The passes, which search an even number of disparities.
     params: SemiGlobalParams,
@@ -110,7 +110,7 @@ struct BandTask<'a> {
 }
 
 impl Task for BandTask<'_> {
-    type Output = Result<(DisparityMap, Raster<u8>)>;
+    type Output = Result<(DisparityMap, Raster<u8>), EngineError>;
 
     fn run<I: Kernel>(self, isa: I) -> Self::Output {
         let BandTask { bands, network, frames, search, params, passes, kinds, engine, progress } = self;
@@ -118,7 +118,7 @@ impl Task for BandTask<'_> {
         let (width, height, count) = (paired.width(), paired.height(), paired.num_disparities());
         let columns = padded_blocks(width);
         let padded = BLOCK * padded_blocks(height);
-        let center = frames.get(Frame::Center).expect("every set of frames has a centre").as_raw();
+        let center = frames.center();
         let mut memory = [(); 2].map(|()| vec![0; EightPaths::<I>::memory_words(&params)]);
         let [of_a, of_b] = &mut memory;
         let paths = |memory| EightPaths::new(isa, &params, center, memory).expect("as much memory as is needed");
@@ -140,7 +140,7 @@ impl Task for BandTask<'_> {
             for slab in (known..end).step_by(STEP) {
                 inputs.volume = vec![[0; CANDIDATE_CHANNELS]; BLOCKS * columns * count];
                 for (pass, (paths, rows)) in paths.iter_mut().zip(&passes).enumerate() {
-                    let mut costs = |v: usize, costs: &mut [u8]| rows.row(isa, v, stride, costs);
+                    let mut costs = |v: usize, costs: &mut [u8]| rows.row(v, stride, costs);
                     for (line, of_line) in (slab..height.min(slab + STEP)).zip(sums.rows_mut()) {
                         let Some(EightPathsLine { sums, disparities, .. }) = paths.next_line(&mut costs) else { break };
                         of_line.copy_from_slice(sums);

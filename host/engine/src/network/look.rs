@@ -13,7 +13,7 @@ use super::{
     operations::Operations,
     quantized_layer::{QuantizedLayer, Runs},
 };
-use crate::images::{DisparityMap, Raster};
+use crate::{disparity_map::DisparityMap, raster::Raster};
 
 /// What the network finds in one look.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,7 +8,7 @@ use multiscopic_core::{
 };
 
 use super::path_block::PathBlock;
-use crate::stereo::{cost::Cost, optimization::winner};
+use crate::{cost::Cost, winner};
 
 /// The vectors of the longest search, with the fewest lanes.
 pub(super) const MOST_VECTORS: usize = 128;

@@ -20,11 +20,7 @@ use super::{
     operations::{Operations, RawOutputs, Skip},
     quantized_layer::{QuantizedLayer, Runs},
 };
-use crate::{
-    error::{Error, Result},
-    images::{DisparityMap, Raster},
-    stereo::engine::Engine,
-};
+use crate::{disparity_map::DisparityMap, engine::Engine, error::EngineError, raster::Raster};
 
 /// The network with its weights, on threads: see [`NetworkLayers`].
 #[derive(Clone, Debug, PartialEq)]
@@ -42,8 +38,8 @@ impl DisparityNetwork {
     ///
     /// # Errors
     /// If they are not those of this network.
-    pub fn new(bytes: &[u8]) -> Result<DisparityNetwork> {
-        let layers = NetworkLayers::read(bytes, QuantizedLayer::of).map_err(|error| Error::Usage(error.to_string()))?;
+    pub fn new(bytes: &[u8]) -> Result<DisparityNetwork, EngineError> {
+        let layers = NetworkLayers::read(bytes, QuantizedLayer::of).map_err(EngineError::Weights)?;
         Ok(DisparityNetwork(layers))
     }
 
@@ -54,7 +50,7 @@ impl DisparityNetwork {
     /// not sure of, and errors that differ cancel. The inputs may have a disparity more than the search, which is not found.
     pub fn disparities(&self, mut inputs: Inputs, search: &Search, engine: &Engine) -> (DisparityMap, Raster<u8>) {
         let operations = Operations { products: DotProducts::of(engine) };
-        engine.pool().install(|| {
+        engine.install(|| {
             let look = self.look(&inputs, operations);
             inputs.turn();
             look.with_turned(&self.look(&inputs, operations), search)

@@ -1,30 +1,27 @@
 //! Winner-takes-all: each pixel takes the disparity of least cost.
 
-use multiscopic_core::{Disparity, Search, kernel::Kernel};
+use multiscopic_core::{Disparity, Search};
 use rayon::prelude::*;
 
 use crate::{
-    images::{DisparityMap, Raster},
+    cost::{Cost, CostRows, Volume},
+    disparity_map::DisparityMap,
+    engine::Engine,
     progress::Progress,
-    stereo::{
-        cost::{Cost, CostRows, Volume},
-        engine::Engine,
-        simd::Task,
-    },
+    raster::Raster,
 };
 
 /// The disparities of least cost, by the rules of [`disparity`]. Keeps one row of costs per thread.
-pub fn disparities<R: CostRows>(rows: &R, engine: &Engine, progress: &dyn Progress) -> DisparityMap {
+pub fn disparities<C: Cost>(rows: &dyn CostRows<Cost = C>, engine: &Engine, progress: &dyn Progress) -> DisparityMap {
     let search = rows.search();
-    let simd = engine.simd(search);
-    let stride = search.num_disparities().next_multiple_of(simd.lanes());
+    let stride = search.num_disparities().next_multiple_of(engine.simd(search).lanes());
     let mut map = DisparityMap::filled(search.width(), search.height(), None);
     progress.begin(search.height() as u64, "lines");
-    engine.pool().install(|| {
-        let row_of_costs = || vec![R::Cost::NONE; search.width() * stride];
+    engine.install(|| {
+        let row_of_costs = || vec![C::NONE; search.width() * stride];
         let lines = map.pixels_mut().par_chunks_exact_mut(search.width()).enumerate();
         lines.for_each_init(row_of_costs, |costs, (v, line)| {
-            simd.run(ComputeRow { rows, v, stride, costs });
+            rows.row(v, stride, costs);
             for (pixel, costs) in line.iter_mut().zip(costs.chunks_exact(stride)) {
                 *pixel = disparity(search, costs);
             }
@@ -35,36 +32,19 @@ pub fn disparities<R: CostRows>(rows: &R, engine: &Engine, progress: &dyn Progre
 }
 
 /// All costs, kept in a volume.
-pub fn collect<R: CostRows>(rows: &R, engine: &Engine, progress: &dyn Progress) -> Volume<R::Cost> {
+pub fn collect<C: Cost>(rows: &dyn CostRows<Cost = C>, engine: &Engine, progress: &dyn Progress) -> Volume<C> {
     let search = rows.search();
-    let simd = engine.simd(search);
-    let stride = search.num_disparities().next_multiple_of(simd.lanes());
-    let mut volume = Volume::filled(search.width(), search.height(), stride, R::Cost::NONE);
+    let stride = search.num_disparities().next_multiple_of(engine.simd(search).lanes());
+    let mut volume = Volume::filled(search.width(), search.height(), stride, C::NONE);
     progress.begin(search.height() as u64, "lines");
     let row_len = volume.row_len();
-    engine.pool().install(|| {
+    engine.install(|| {
         volume.costs_mut().par_chunks_exact_mut(row_len).enumerate().for_each(|(v, costs)| {
-            simd.run(ComputeRow { rows, v, stride, costs });
+            rows.row(v, stride, costs);
             progress.advance(1);
         });
     });
     volume
-}
-
-/// Computes a row of costs.
-struct ComputeRow<'a, R: CostRows> {
-    rows: &'a R,
-    v: usize,
-    stride: usize,
-    costs: &'a mut [R::Cost],
-}
-
-impl<R: CostRows> Task for ComputeRow<'_, R> {
-    type Output = ();
-
-    fn run<I: Kernel>(self, isa: I) {
-        self.rows.row(isa, self.v, self.stride, self.costs);
-    }
 }
 
 impl<C: Cost> Volume<C> {

@@ -14,28 +14,24 @@ use std::{
     thread,
 };
 
-use image::GrayImage;
 use multiscopic_core::kernel::{Along, Kernel, Slot};
 
 use super::{
     path_block::{COLUMNS, PathBlock},
     row_sweep::{MOST_VECTORS, Pass, RowSweep, RowTask},
 };
-use crate::{
-    progress::Progress,
-    stereo::{cost::CostRows, engine::Engine, simd::Task},
-};
+use crate::{cost::CostRows, engine::Engine, progress::Progress, simd::Task};
 
 /// The rows of a strip, at most. The paths of one in as many go to another thread. Those of the others stay in the
 /// cache.
 const STRIP: usize = 4;
 
 /// The input and parameters that all rows share.
-pub(super) struct Wavefront<'a, R> {
+pub(super) struct Wavefront<'a> {
     /// The matching costs.
-    pub costs: &'a R,
+    pub costs: &'a dyn CostRows<Cost = u8>,
     /// The image whose edges lower P2.
-    pub center: &'a GrayImage,
+    pub center: &'a [u8],
     /// The penalty of a step by one disparity.
     pub p1: u8,
     /// The penalty of any larger step, by the change of brightness.
@@ -47,7 +43,7 @@ pub(super) struct Wavefront<'a, R> {
     pub progress: &'a dyn Progress,
 }
 
-impl<R: CostRows<Cost = u8>> Wavefront<'_, R> {
+impl Wavefront<'_> {
     /// Computes all `rows`, which are in the order of the pass, on the threads of `engine`.
     pub fn run(&self, pass: Pass, rows: Vec<RowTask<'_>>, engine: &Engine) {
         // Strips are behind one another by a block for each row. All threads have work if there are enough blocks.
@@ -79,8 +75,8 @@ impl<R: CostRows<Cost = u8>> Wavefront<'_, R> {
 }
 
 /// The strips of a thread, and its links to the threads of the strips before and after them.
-struct Worker<'a, 'b, R> {
-    wavefront: &'a Wavefront<'a, R>,
+struct Worker<'a, 'b> {
+    wavefront: &'a Wavefront<'a>,
     pass: Pass,
     strips: Vec<Vec<RowTask<'b>>>,
     /// Whether its first strip is the first of the pass.
@@ -91,7 +87,7 @@ struct Worker<'a, 'b, R> {
     sender: Sender<PathBlock>,
 }
 
-impl<R: CostRows<Cost = u8>> Task for Worker<'_, '_, R> {
+impl Task for Worker<'_, '_> {
     type Output = ();
 
     fn run<I: Kernel>(mut self, isa: I) {
@@ -99,7 +95,7 @@ impl<R: CostRows<Cost = u8>> Task for Worker<'_, '_, R> {
         let (width, count) = (rows.search().width(), rows.search().num_disparities());
         let slopes = if self.pass.diagonals { 3 } else { 1 };
         let mut blocks = Blocks { start: PathBlock::new(slopes, stride, count), slopes, stride, count, free: Vec::new() };
-        let samples = |v: usize| &center.as_raw()[v * width..][..width];
+        let samples = |v: usize| &center[v * width..][..width];
         let strips = std::mem::take(&mut self.strips);
         let mut lanes: Vec<_> = strips[0].iter().map(|_| Lane::new(RowSweep::new(stride, p1, p2, width))).collect();
         let last = strips.len() - 1;
@@ -114,7 +110,7 @@ impl<R: CostRows<Cost = u8>> Task for Worker<'_, '_, R> {
                 lane.row.enter(samples(v), samples(v_above));
             }
             let mut costs: Vec<_> = strip.iter().zip(&mut lanes).map(|(task, lane)| (task.v, &mut lane.row.costs[..])).collect();
-            rows.rows(isa, stride, &mut costs);
+            rows.rows(stride, &mut costs);
             let ends = [self.has_first && i == 0, self.has_last && i == last];
             let lines = strip.len() as u64;
             // The usual numbers of vectors as constants.
@@ -166,7 +162,7 @@ impl Blocks {
     }
 }
 
-impl<R> Worker<'_, '_, R> {
+impl Worker<'_, '_> {
     /// Receives a block of the row before. `None` if its worker has ended early.
     ///
     /// That row is often less than a block ahead. To sleep and be woken would take longer than to compute a block, for
@@ -186,7 +182,7 @@ impl<R> Worker<'_, '_, R> {
 /// How often a thread asks for a block before it sleeps: for a fraction of a millisecond.
 const ATTEMPTS: usize = 500;
 
-impl<R: CostRows<Cost = u8>> Worker<'_, '_, R> {
+impl Worker<'_, '_> {
     /// Sweeps through the rows of a strip, in up to `M` vectors for each pixel. `None` if another worker has ended
     /// early.
     fn sweep<I: Kernel, const M: usize>(

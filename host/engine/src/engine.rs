@@ -5,10 +5,12 @@ use std::convert::Infallible;
 use multiscopic_core::{Disparity, Frame, Gradients, Matcher, Memory, Params, Region, ScanlineSource, Search, kernel::Kernel};
 use rayon::prelude::*;
 
-use super::simd::{Simd, Task};
 use crate::{
-    error::{Error, Result},
-    images::{DisparityMap, Frames, Raster},
+    disparity_map::DisparityMap,
+    error::EngineError,
+    planes::Planes,
+    raster::Raster,
+    simd::{Simd, Task},
 };
 
 /// The machine that matches: a pool of threads and their vector instructions.
@@ -28,24 +30,33 @@ impl Engine {
     ///
     /// # Errors
     /// If there are too many threads, or they cannot be started.
-    pub fn new(simd: Option<Simd>, threads: usize) -> Result<Engine> {
+    pub fn new(simd: Option<Simd>, threads: usize) -> Result<Engine, EngineError> {
         if threads > Engine::MAX_THREADS {
-            let most = Engine::MAX_THREADS;
-            return Err(Error::Usage(format!("{threads} threads are too many, at most {most}: 0 is one for each core")));
+            return Err(EngineError::TooManyThreads { given: threads, most: Engine::MAX_THREADS });
         }
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        let pool = pool.map_err(|error| Error::Usage(format!("cannot start {threads} threads: {error}")))?;
+        let pool = pool.map_err(|source| EngineError::Threads { threads, source })?;
         Ok(Engine { simd, pool, most_bytes: None })
     }
 
-    /// The same engine, which refuses matches that take more [bytes](crate::Method::bytes) than these.
+    /// The same engine, with a limit of the bytes that a match may take. Who calls the engine enforces it.
     pub fn with_most_bytes(self, most_bytes: Option<u64>) -> Engine {
         Engine { most_bytes, ..self }
+    }
+
+    /// The most bytes that a match may take, if that is limited.
+    pub fn most_bytes(&self) -> Option<u64> {
+        self.most_bytes
     }
 
     /// The number of threads.
     pub fn threads(&self) -> usize {
         self.pool.current_num_threads()
+    }
+
+    /// Runs `work` on the threads: the parallel iterators of rayon in it take these.
+    pub fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        self.pool.install(work)
     }
 
     /// The threads themselves.
@@ -59,30 +70,17 @@ impl Engine {
     }
 
     /// The vector instructions for work whose time does not depend on the number of disparities: the widest.
-    pub(crate) fn widest(&self) -> Simd {
+    pub fn widest(&self) -> Simd {
         self.simd.unwrap_or_else(|| Simd::available()[0])
     }
 
     /// Checks that `frames` have the size and the views of `search`.
     ///
     /// # Errors
-    /// [`Error::Usage`] with what was found and what was expected.
-    pub fn check(&self, frames: &Frames, search: &Search) -> Result<()> {
+    /// [`EngineError::FrameSize`] or [`EngineError::MissingFrame`].
+    pub fn check(&self, frames: &Planes<'_>, search: &Search) -> Result<(), EngineError> {
         check_size(frames, search)?;
         check_frames(frames, search.views().iter().map(Frame::View))
-    }
-
-    /// The most bytes that a match may take, if that is limited.
-    pub(super) fn most_bytes(&self) -> Option<u64> {
-        self.most_bytes
-    }
-
-    /// Checks that a match that takes these bytes is not too large.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] with what it takes and what there is.
-    pub(super) fn check_memory(&self, bytes: u64) -> Result<()> {
-        Error::check_memory("the match", bytes, self.most_bytes, "match fewer disparities or smaller images")
     }
 
     /// Block matching by the core: the centre of `frames` with the views of `params`. Calls `line_done` after
@@ -90,7 +88,12 @@ impl Engine {
     ///
     /// # Errors
     /// As [`check`](Engine::check).
-    pub fn disparities(&self, frames: &Frames, params: &Params, line_done: impl Fn() + Sync) -> Result<DisparityMap> {
+    pub fn disparities(
+        &self,
+        frames: &Planes<'_>,
+        params: &Params,
+        line_done: &(dyn Fn() + Sync),
+    ) -> Result<DisparityMap, EngineError> {
         self.run(Input { frames, prior: None }, params, None, line_done)
     }
 
@@ -100,10 +103,10 @@ impl Engine {
     /// As [`check`](Engine::check).
     pub fn disparities_and_peaks(
         &self,
-        frames: &Frames,
+        frames: &Planes<'_>,
         params: &Params,
-        line_done: impl Fn() + Sync,
-    ) -> Result<(DisparityMap, Raster<u8>)> {
+        line_done: &(dyn Fn() + Sync),
+    ) -> Result<(DisparityMap, Raster<u8>), EngineError> {
         let mut peaks = Raster::filled(params.width(), params.height(), 0);
         let map = self.run(Input { frames, prior: None }, params, Some(&mut peaks), line_done)?;
         Ok((map, peaks))
@@ -115,14 +118,14 @@ impl Engine {
     /// As [`check`](Engine::check), or if the size of `prior` is another one.
     pub fn disparities_around(
         &self,
-        frames: &Frames,
+        frames: &Planes<'_>,
         prior: &DisparityMap,
         params: &Params,
-        line_done: impl Fn() + Sync,
-    ) -> Result<DisparityMap> {
-        let ([width, height], [w, h]) = ([prior.width(), prior.height()], frames.size());
-        if [width, height] != [w, h] {
-            return Err(Error::Usage(format!("the prior has {width}x{height} pixels, the frames have {w}x{h}")));
+        line_done: &(dyn Fn() + Sync),
+    ) -> Result<DisparityMap, EngineError> {
+        let (of_prior, of_frames) = ([prior.width(), prior.height()], frames.size());
+        if of_prior != of_frames {
+            return Err(EngineError::PriorSize { prior: of_prior, frames: of_frames });
         }
         self.run(Input { frames, prior: Some(prior) }, params, None, line_done)
     }
@@ -132,8 +135,8 @@ impl Engine {
         input: Input<'_>,
         params: &Params,
         peaks: Option<&mut Raster<u8>>,
-        line_done: impl Fn() + Sync,
-    ) -> Result<DisparityMap> {
+        line_done: &(dyn Fn() + Sync),
+    ) -> Result<DisparityMap, EngineError> {
         check_size(input.frames, params.search())?;
         check_frames(input.frames, params.views().iter().map(|view| params.frame(view)))?;
         let mut map = DisparityMap::filled(params.width(), params.height(), None);
@@ -147,26 +150,33 @@ impl Engine {
         let pixels = map.pixels_mut().par_chunks_mut(height * params.width());
         self.pool.install(|| {
             pixels.zip(bands).for_each(|(out, (band, peaks))| {
-                simd.run(MatchBand { input, params, band: &band, out, peaks, line_done: &line_done });
+                simd.run(MatchBand { input, params, band: &band, out, peaks, line_done });
             });
         });
         Ok(map)
     }
 }
 
-/// Checks that `frames` have the size of `search`.
-fn check_size(frames: &Frames, search: &Search) -> Result<()> {
-    let ([width, height], [w, h]) = (frames.size(), [search.width(), search.height()]);
-    if [width, height] != [w, h] {
-        return Err(Error::Usage(format!("the frames have {width}x{height} pixels, the search is for {w}x{h}")));
+impl Default for Engine {
+    /// An engine with the fastest vector instructions for each search, and a thread for each core.
+    ///
+    /// # Panics
+    /// If the system refuses to start threads.
+    fn default() -> Engine {
+        Engine::new(None, 0).expect("the system starts threads")
     }
-    Ok(())
+}
+
+/// Checks that `frames` have the size of `search`.
+fn check_size(frames: &Planes<'_>, search: &Search) -> Result<(), EngineError> {
+    let (frames, search) = (frames.size(), [search.width(), search.height()]);
+    if frames != search { Err(EngineError::FrameSize { frames, search }) } else { Ok(()) }
 }
 
 /// Checks that no frame of `searched` is missing.
-fn check_frames(frames: &Frames, mut searched: impl Iterator<Item = Frame>) -> Result<()> {
+fn check_frames(frames: &Planes<'_>, mut searched: impl Iterator<Item = Frame>) -> Result<(), EngineError> {
     match searched.find(|&frame| frames.get(frame).is_none()) {
-        Some(view) => Err(Error::Usage(format!("the search is in the {view} view, which is missing"))),
+        Some(frame) => Err(EngineError::MissingFrame(frame)),
         None => Ok(()),
     }
 }
@@ -174,7 +184,7 @@ fn check_frames(frames: &Frames, mut searched: impl Iterator<Item = Frame>) -> R
 /// What is matched.
 #[derive(Clone, Copy, Debug)]
 struct Input<'a> {
-    frames: &'a Frames,
+    frames: &'a Planes<'a>,
     /// Around which gradients are matched, instead of grey values over the whole range.
     prior: Option<&'a DisparityMap>,
 }
@@ -182,14 +192,14 @@ struct Input<'a> {
 impl ScanlineSource for Input<'_> {
     type Error = Infallible;
 
-    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> std::result::Result<(), Infallible> {
+    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Infallible> {
         match self.prior {
             Some(_) => Gradients(self.frames).read_line(frame, v, line),
             None => self.frames.read_line(frame, v, line),
         }
     }
 
-    fn read_prior(&mut self, v: usize, line: &mut [Option<Disparity>]) -> std::result::Result<(), Infallible> {
+    fn read_prior(&mut self, v: usize, line: &mut [Option<Disparity>]) -> Result<(), Infallible> {
         let prior = self.prior.map_or(&[][..], DisparityMap::pixels);
         if let Some(pixels) = prior.get(v * line.len()..(v + 1) * line.len()) {
             line.copy_from_slice(pixels);
@@ -199,17 +209,17 @@ impl ScanlineSource for Input<'_> {
 }
 
 /// Matches a band of the input into `out`, its lines, by column tiles.
-struct MatchBand<'a, F> {
+struct MatchBand<'a> {
     input: Input<'a>,
     params: &'a Params,
     band: &'a Region,
     out: &'a mut [Option<Disparity>],
     /// The peak ratios of its lines, if they are asked for.
     peaks: Option<&'a mut [u8]>,
-    line_done: &'a F,
+    line_done: &'a (dyn Fn() + Sync),
 }
 
-impl<F: Fn()> Task for MatchBand<'_, F> {
+impl Task for MatchBand<'_> {
     type Output = ();
 
     fn run<I: Kernel>(self, isa: I) {

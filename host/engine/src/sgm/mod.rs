@@ -20,17 +20,15 @@ mod wavefront;
 
 pub use parameters::{Paths, SemiGlobal};
 
-use image::GrayImage;
 use row_sweep::{Pass, RowTask};
 use wavefront::Wavefront;
 
 use crate::{
-    images::{DisparityMap, Raster},
+    cost::{CostRows, Volume},
+    disparity_map::DisparityMap,
+    engine::Engine,
     progress::Progress,
-    stereo::{
-        cost::{CostRows, Volume},
-        engine::Engine,
-    },
+    raster::Raster,
 };
 
 impl Paths {
@@ -44,13 +42,13 @@ impl Paths {
 }
 
 impl SemiGlobal {
-    /// Selects disparities by the sums of path costs, and puts their peak ratios into `peaks`, if there is one. `center` is the
-    /// image whose edges lower P2. Also returns the sums if `keep_sums` is set, which takes the volume that several passes
+    /// Selects disparities by the sums of path costs, and puts their peak ratios into `peaks`, if there is one. `center` has the
+    /// pixels of the image whose edges lower P2. Also returns the sums if `keep_sums` is set, which takes the volume that several passes
     /// take.
-    pub fn optimize<R: CostRows<Cost = u8>>(
+    pub fn optimize(
         &self,
-        rows: &R,
-        center: &GrayImage,
+        rows: &dyn CostRows<Cost = u8>,
+        center: &[u8],
         engine: &Engine,
         keep_sums: bool,
         mut peaks: Option<&mut Raster<u8>>,

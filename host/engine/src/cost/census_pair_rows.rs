@@ -1,9 +1,9 @@
 //! Matching costs by two census transforms.
 
-use multiscopic_core::{Census, Search, kernel::Kernel};
+use multiscopic_core::{Census, Search};
 
 use super::{census_rows::CensusRows, census_sampling::CensusSampling, cost_rows::CostRows};
-use crate::{images::Frames, stereo::engine::Engine};
+use crate::{engine::Engine, planes::Planes};
 
 /// The fused costs of a centre and its views: the means of two fused Hamming distances of their descriptors, rounded down.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ impl<'a> CensusPairRows<'a> {
     ///
     /// # Panics
     /// If a view of `search` is missing.
-    pub fn two_scales(frames: &Frames, search: &'a Search, census: Census, engine: &Engine) -> CensusPairRows<'a> {
+    pub fn two_scales(frames: &Planes<'_>, search: &'a Search, census: Census, engine: &Engine) -> CensusPairRows<'a> {
         CensusPairRows::of([CensusSampling::Central, CensusSampling::CentralBlurred], frames, search, census, engine)
     }
 
@@ -36,7 +36,7 @@ impl<'a> CensusPairRows<'a> {
     ///
     /// # Panics
     /// If a view of `search` is missing.
-    pub fn both_ways(frames: &Frames, search: &'a Search, census: Census, engine: &Engine) -> CensusPairRows<'a> {
+    pub fn both_ways(frames: &Planes<'_>, search: &'a Search, census: Census, engine: &Engine) -> CensusPairRows<'a> {
         CensusPairRows::of([CensusSampling::Opposite, CensusSampling::Reversed], frames, search, census, engine)
     }
 
@@ -47,7 +47,7 @@ impl<'a> CensusPairRows<'a> {
 
     fn of(
         samplings: [CensusSampling; 2],
-        frames: &Frames,
+        frames: &Planes<'_>,
         search: &'a Search,
         census: Census,
         engine: &Engine,
@@ -63,16 +63,16 @@ impl CostRows for CensusPairRows<'_> {
         self.0[0].search()
     }
 
-    fn row<I: Kernel>(&self, isa: I, v: usize, stride: usize, row: &mut [u8]) {
-        self.rows(isa, stride, &mut [(v, row)]);
+    fn row(&self, v: usize, stride: usize, row: &mut [u8]) {
+        self.rows(stride, &mut [(v, row)]);
     }
 
-    fn rows<I: Kernel>(&self, isa: I, stride: usize, rows: &mut [(usize, &mut [u8])]) {
+    fn rows(&self, stride: usize, rows: &mut [(usize, &mut [u8])]) {
         let [first, second] = &self.0;
-        first.rows(isa, stride, rows);
+        first.rows(stride, rows);
         let mut others: Vec<(usize, Vec<u8>)> = rows.iter().map(|(v, row)| (*v, vec![0; row.len()])).collect();
         let mut others: Vec<(usize, &mut [u8])> = others.iter_mut().map(|(v, row)| (*v, &mut row[..])).collect();
-        second.rows(isa, stride, &mut others);
+        second.rows(stride, &mut others);
         for ((_, row), (_, others)) in rows.iter_mut().zip(others) {
             // The same candidates exist in both. The mean of the costs of one that does not is that cost again.
             row.iter_mut().zip(&*others).for_each(|(cost, &other)| *cost = cost.midpoint(other));

@@ -1,0 +1,55 @@
+//! Runs the stereo kernels of `multiscopic-core` on all threads and with the widest vector instructions of this processor.
+//!
+//! The core defines every result, generic over instruction sets. This crate instantiates it, once, behind functions that are not
+//! generic: who depends on it compiles no kernel. Images come borrowed, as [`Planes`]; results are [`Raster`]s. Most
+//! programs use the crate `multiscopic`, which reads pictures, puts methods together and re-exports what is here.
+//!
+//! ```
+//! use multiscopic_core::{Frame, Fusion, Params, View, Views};
+//! use multiscopic_engine::{Engine, Planes};
+//!
+//! // A scene of random texture, two pixels further to the left in the right view.
+//! let (width, height) = (64, 32);
+//! let texture = |u: usize, v: usize| ((u * 2654435761 + v * 40503) >> 7) as u8;
+//! let image = |shift: usize| (0..width * height).map(|i| texture(i % width + shift, i / width)).collect::<Vec<u8>>();
+//! let (center, right) = (image(0), image(2));
+//! let frames = Planes::new([width, height], &center).with(View::RIGHT, &right);
+//!
+//! let params = Params::new(64, 32, Views::STEREO, Fusion::Min, 0, 8, 5)?;
+//! let map = Engine::default().disparities(&frames, &params, &|| ())?;
+//! assert_eq!(map.get(40, 16).map(f32::from), Some(2.0));
+//! # Ok::<(), multiscopic_engine::EngineError>(())
+//! ```
+//!
+//! | module | what it is |
+//! | --- | --- |
+//! | `progress` | [`Progress`]: how long work reports, and how it is interrupted |
+//! | `raster`, `disparity_map` | [`Raster`], [`DisparityMap`]: grids of pixels |
+//! | `planes` | [`Planes`]: the grey frames of a set, borrowed |
+//! | `error` | [`EngineError`]: why frames cannot be matched |
+//! | `simd` | [`Simd`]: the vector instructions of this processor |
+//! | `engine` | [`Engine`]: threads and vectors, and block matching on both |
+//! | [`cost`] | fused matching costs, row by row |
+//! | [`winner`] | winner-takes-all over costs |
+//! | [`sgm`] | semi-global matching |
+//! | [`network`] | a small network that decides between two passes of semi-global matching |
+
+pub mod cost;
+mod disparity_map;
+mod engine;
+mod error;
+pub mod network;
+mod planes;
+mod progress;
+mod raster;
+pub mod sgm;
+mod simd;
+pub mod winner;
+
+pub use disparity_map::DisparityMap;
+pub use engine::Engine;
+pub use error::EngineError;
+pub use planes::Planes;
+pub use progress::Progress;
+pub use raster::{FloatImage, Raster};
+pub use simd::{Simd, Task};

@@ -2,9 +2,9 @@
 //!
 //! The crate is portable. Firmware implements [`Board`] for its hardware and lends the [`Pipeline`] its
 //! memory; a host simulates the same pipeline, byte for byte, and decodes the packets. Data flows down this
-//! table, and no room uses one below it:
+//! table, and no module uses one below it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `board` | what the pipeline asks of a board |
 //! | `streams` | scanlines from byte streams |

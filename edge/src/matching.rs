@@ -1,4 +1,4 @@
-//! What a pipeline computes.
+//! The computation of a pipeline.
 
 use multiscopic_core::{
     ConfidenceLines, Memory, Params, Region, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa, network::NetworkParams,
@@ -6,7 +6,7 @@ use multiscopic_core::{
 
 use crate::{Lengths, packet};
 
-/// What a pipeline computes: the parameters of a method.
+/// The computation of a pipeline: the parameters of a method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Matching {
     /// Block matching in column tiles.
@@ -54,7 +54,7 @@ impl WholeLines {
         }
     }
 
-    /// What is searched.
+    /// The search.
     pub const fn search(&self) -> &Search {
         match self {
             WholeLines::Blocks(params) => params.search(),
@@ -75,7 +75,7 @@ impl Matching {
         Some(Matching::AroundPrior { short, long: Params::block_matching(search, block_size).ok()? })
     }
 
-    /// What is searched; from short baselines to long ones, the search at the short ones.
+    /// The search; from short baselines to long ones, the search at the short ones.
     pub const fn search(&self) -> &Search {
         match self {
             Matching::Blocks { params, .. } | Matching::AroundPrior { short: params, .. } => params.search(),
@@ -93,7 +93,7 @@ impl Matching {
         }
     }
 
-    /// Whether confidences are computed.
+    /// True if confidences are computed.
     pub const fn has_confidences(&self) -> bool {
         matches!(self, Matching::WithConfidences(_) | Matching::Network(_))
     }

@@ -393,7 +393,7 @@ impl<'a, 'w, B: Board> Pass<'a, 'w, B> {
     }
 }
 
-/// Why a line could not be matched on the board `B`.
+/// The error of a line that could not be matched on the board `B`.
 type FetchError<B> = MatchError<<<B as Board>::Frames as ScanlineSource>::Error>;
 
 /// A board's frames. Reading them is a phase of its own.
@@ -440,10 +440,10 @@ impl<B: Board, I: Kernel> ScanlineSource for LongFrames<'_, '_, B, I> {
     }
 }
 
-/// Why a pipeline on the board `B` stopped before its last line.
+/// The error that stopped a pipeline on the board `B` before its last line.
 pub type RunError<B> = PipelineError<<<B as Board>::Frames as ScanlineSource>::Error, <<B as Board>::Output as ErrorType>::Error>;
 
-/// Why a pipeline stopped before its last line. `S` is the error of the frames, `W` that of the output.
+/// An error that stops a pipeline before its last line. `S` is the error of the frames, `W` that of the output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PipelineError<S, W> {

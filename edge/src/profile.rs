@@ -20,7 +20,7 @@ pub struct Profile {
     method: Method,
 }
 
-/// How a profile matches.
+/// The method of a profile.
 #[derive(Clone, Copy, Debug)]
 enum Method {
     /// Blocks, in column tiles of so many columns.
@@ -149,12 +149,12 @@ impl Profile {
         Profile { name, ram_budget: 1024 * budget_kib, method, ..self }
     }
 
-    /// Whether it needs the feature `array` of `multiscopic-core`: it matches more than four views together.
+    /// True if it matches more than four views together, which needs the feature `array` of `multiscopic-core`.
     pub const fn needs_array(&self) -> bool {
         self.size.views.len() > 4
     }
 
-    /// What is computed, with `fusion`.
+    /// The computation of a pipeline, with `fusion`.
     ///
     /// # Panics
     /// If the profile [needs](Profile::needs_array) a feature of `multiscopic-core` that is off; in a constant, it fails

@@ -75,7 +75,7 @@ impl<R> FrameStream<R> {
     }
 }
 
-/// Why a line cannot be read.
+/// An error of a line that cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StreamsError<E> {

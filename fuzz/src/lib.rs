@@ -1,4 +1,4 @@
-//! What the targets share.
+//! The code that the targets share.
 
 mod small_match;
 #[cfg(not(feature = "libfuzzer"))]

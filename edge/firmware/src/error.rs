@@ -1,4 +1,4 @@
-//! Why the firmware failed.
+//! The errors of the firmware.
 
 use core::fmt;
 use multiscopic_core::Frame;
@@ -6,7 +6,7 @@ use multiscopic_edge::{PipelineError, StreamsError, packet::BufferTooSmall};
 
 use crate::host_file::HostError;
 
-/// Why the firmware failed.
+/// An error that ends the firmware.
 pub enum FirmwareError {
     /// The host does not give the command line.
     CommandLine(HostError),

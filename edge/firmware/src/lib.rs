@@ -4,7 +4,7 @@
 //! frames and packets, a clock and a log, through semihosting. The firmware runs on microcontrollers with Arm or
 //! RISC-V processors; elsewhere this library is empty.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `board_kernel` | the matcher's kernel for the processor of the board |
 //! | `host_file` | files of the host, through semihosting |

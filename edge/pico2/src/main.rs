@@ -3,7 +3,7 @@
 //! Whenever a program opens the serial port that it is on USB, the slide homes and takes the camera to five places, and
 //! the disparities of the five frames go out through the port. README.md beside it has the wiring.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `mechanics` | the slide, the camera's settings, and the match: what to change for another slide |
 //! | `pixel_port` | lines from the sensor's parallel port, by a state machine and DMA |

@@ -11,7 +11,7 @@ use super::{
 /// A packet that arrived undamaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Packet<'a> {
-    /// What the packet says about itself.
+    /// The header.
     pub header: Header,
     samples: &'a [u8],
     confidences: &'a [u8],
@@ -67,7 +67,7 @@ impl<'a> Packet<'a> {
     }
 }
 
-/// Why bytes are not a packet.
+/// An error of bytes that are not a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PacketError {

@@ -1,4 +1,4 @@
-//! What a packet says about itself.
+//! The header of a packet.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +11,7 @@ pub const VERSION: u8 = 1;
 /// for 16 bits, and one for the variant of the content.
 pub(super) const MAX_HEADER_BYTES: usize = MAGIC.len() + 1 + 5 + 3 + 3 + 1 + 3 * 3;
 
-/// What a packet says about itself.
+/// The header of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
     pub(super) magic: [u8; 4],
@@ -22,11 +22,11 @@ pub struct Header {
     pub width: u16,
     /// Lines of the frame.
     pub height: u16,
-    /// What the packet carries.
+    /// The content.
     pub content: Content,
 }
 
-/// What a packet carries.
+/// The content of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Content {
     /// A line of disparities, or the part of it in one column tile.

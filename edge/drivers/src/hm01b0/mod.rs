@@ -71,7 +71,7 @@ use multiscopic_core::{
 use readout::{Readout, SensorOutput};
 use sensor_registers::{Mode, Register};
 
-/// How often the sensor is asked whether its reset is complete, a millisecond apart.
+/// The number of times that the sensor is asked if its reset is complete, a millisecond apart.
 const RESET_POLLS: usize = 20;
 
 /// The camera: registers on the I2C bus `I`, a delay `T`, lines from the bus `B`, frames in the store `S`.

@@ -10,7 +10,7 @@ pub trait PixelBus {
     fn next(&mut self) -> Option<Arrival<'_>>;
 }
 
-/// What arrives over the bus.
+/// An event on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival<'a> {
     /// A line.

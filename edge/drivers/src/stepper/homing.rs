@@ -9,7 +9,7 @@ const RETREAT_SLOWDOWN: u32 = 8;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Homing {
     pub axis: AxisId,
-    /// Whether the stage knew its position before.
+    /// True if the stage knew its position before.
     pub was_homed: bool,
     phase: HomingPhase,
     steps_left: u32,
@@ -22,7 +22,7 @@ enum HomingPhase {
     Retreat,
 }
 
-/// What to do next.
+/// The next step.
 pub(super) enum HomingAction {
     /// Make a step in the direction `way`, `interval` nanoseconds after the one before.
     Step { way: i32, interval: u32 },
@@ -46,7 +46,7 @@ impl Homing {
         Homing { phase: HomingPhase::Retreat, steps_left: limits.steps_of(limits.release_um), ramp, ..self }
     }
 
-    /// What to do next, given the switch.
+    /// The next step, given the switch.
     ///
     /// # Errors
     /// The switch was not pressed or released within its distance.

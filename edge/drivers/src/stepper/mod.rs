@@ -78,7 +78,7 @@ pub struct Stepper<X, Y, T> {
     x: X,
     y: Y,
     delay: T,
-    /// How long a step pin stays high, in nanoseconds.
+    /// The time for which a step pin stays high, in nanoseconds.
     pulse_ns: u32,
     /// The position, the target, and the drift of the last homing, all in steps.
     at: [i32; 2],
@@ -88,7 +88,7 @@ pub struct Stepper<X, Y, T> {
     activity: Activity,
 }
 
-/// What the stage is doing.
+/// The stage's current work.
 #[derive(Clone, Copy, Debug)]
 enum Activity {
     Still,

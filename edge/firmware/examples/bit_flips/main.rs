@@ -101,7 +101,7 @@ mod image {
         result.map_err(|error| defmt::error!("{}", defmt::Display2Format(&error))).ok()
     }
 
-    /// Whether it shall make no progress.
+    /// True if it shall make no progress.
     ///
     /// Not inlined, so that the command line leaves the stack.
     #[inline(never)]

@@ -7,7 +7,7 @@ use semihosting::{eprintln, process};
 /// The exit code of firmware that made no progress.
 const STARVED: i32 = 104;
 
-/// Where the registers of the emulator's board are.
+/// The address of the registers of the emulator's board.
 const BASE: usize = 0x4000_8000;
 const LOAD: *mut u32 = BASE as *mut u32;
 const CONTROL: *mut u32 = (BASE + 0x8) as *mut u32;

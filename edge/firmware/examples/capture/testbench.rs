@@ -34,7 +34,7 @@ const POLICY: Policy = Policy {
     backlash_um: 1000,
     return_to_center: true,
 };
-/// How long homing may take.
+/// The longest time of homing.
 const HOMING_TIMEOUT: Duration = Duration::from_secs(60);
 /// The time of one turn of the main loop, in nanoseconds.
 const TURN_NS: u64 = 1_000_000;

@@ -9,7 +9,7 @@ use super::{
     xorshift::Xorshift,
 };
 
-/// How often each operation is tried.
+/// The number of trials of each operation.
 pub const TRIALS: usize = 1000;
 /// The most products in a sum, a multiple of 4.
 const MOST_PRODUCTS: usize = 48;

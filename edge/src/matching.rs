@@ -30,7 +30,7 @@ pub enum Matching {
         /// were taken, before [`Params::around`] divides their offsets.
         long: Params,
     },
-    /// Disparities and how probable it is that each is right, in one pass.
+    /// Disparities and their confidences, in one pass.
     WithConfidences(WholeLines),
     /// The network, which gives confidences too. It needs whole frames in memory.
     Network(NetworkParams),
@@ -152,8 +152,8 @@ impl Matching {
         Region::tiles(self.search(), self.tile_width())
     }
 
-    /// The latency in lines: how many lines of the frame that is read furthest ahead are read before the
-    /// first disparity line is out.
+    /// The latency in lines: the number of lines of the frame that is read furthest ahead, which are read before the first
+    /// disparity line is out.
     pub fn latency_lines(&self) -> usize {
         match self {
             Matching::Blocks { params, .. } => params.latency_lines(),

@@ -10,6 +10,17 @@ use crate::{
 };
 
 /// A named match size and the RAM that it may take.
+///
+/// ```
+/// use multiscopic_core::Fusion;
+/// use multiscopic_edge::{Wide, profile::QVGA_TILED};
+///
+/// // Known at compile time: memory that does not suffice fails the build.
+/// const _: () = assert!(QVGA_TILED.lengths::<Wide>().bytes() <= QVGA_TILED.ram_budget);
+/// let matching = QVGA_TILED.matching(Fusion::Heuristic);
+/// assert_eq!((matching.search().width(), matching.search().height()), (320, 240));
+/// assert_eq!((matching.tile_width(), matching.latency_lines()), (80, 38));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Profile {
     /// Its name in reports, and the name of its firmware.

@@ -4,7 +4,7 @@ use multiscopic_core::{Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams,
 use multiscopic_edge::Matching;
 use semihosting::experimental::env;
 
-use crate::{error::FirmwareError, host_file::HostError};
+use crate::{fault::FirmwareError, host_file::HostError};
 
 /// The most bytes of a command line.
 const COMMAND_LINE_BYTES: usize = 256;

@@ -3,10 +3,7 @@
 use core::{error, fmt};
 use multiscopic_core::Disparity;
 
-use super::{
-    checksum::{CHECKSUM_BYTES, checksum},
-    header::{Content, Header, MAGIC, VERSION},
-};
+use super::format::{CHECKSUM_BYTES, Content, Header, MAGIC, VERSION, checksum};
 
 /// A packet that arrived undamaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -52,15 +52,13 @@ mod configuration;
 mod error;
 mod frame_store;
 mod line_queue;
-mod pixel_bus;
 mod readout;
 mod sensor_registers;
 
 pub use configuration::{ClockDivider, Configuration, Gain, Size};
 pub use error::Hm01b0Error;
 pub use frame_store::{FrameMemory, FrameStore, NoRoom};
-pub use line_queue::{LineQueue, LineReceiver, LineSender};
-pub use pixel_bus::{Arrival, PixelBus};
+pub use line_queue::{Arrival, LineQueue, LineReceiver, LineSender, PixelBus};
 
 use embedded_hal::{delay::DelayNs, i2c::I2c};
 use multiscopic_core::{

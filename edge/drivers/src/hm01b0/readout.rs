@@ -4,7 +4,7 @@ use multiscopic_core::Frame;
 
 use super::{
     configuration::Size,
-    pixel_bus::{Arrival, PixelBus},
+    line_queue::{Arrival, PixelBus},
 };
 
 /// A frame that is being read out.

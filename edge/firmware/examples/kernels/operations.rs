@@ -4,10 +4,7 @@ use core::fmt::Debug;
 use multiscopic_core::kernel::{Block, Blocks, Change, Column, Isa, Lane, Rule};
 use multiscopic_firmware::BoardKernel;
 
-use super::{
-    twin::{Difference, LANES, Twin, same},
-    xorshift::Xorshift,
-};
+use super::twin::{Difference, LANES, Twin, Xorshift, same};
 
 /// The number of trials of each operation.
 pub const TRIALS: usize = 1000;

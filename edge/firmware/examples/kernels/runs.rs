@@ -8,8 +8,7 @@ use multiscopic_core::{
 use super::{
     bytes::{costs, slot},
     operations::TRIALS,
-    twin::{Difference, LANES, Twin, same},
-    xorshift::Xorshift,
+    twin::{Difference, LANES, Twin, Xorshift, same},
 };
 
 const MAX_PIXELS: usize = 5;

@@ -34,7 +34,7 @@ pub struct Profile {
 /// The method of a profile.
 #[derive(Clone, Copy, Debug)]
 enum Method {
-    /// Blocks, in column tiles of so many columns.
+    /// Blocks, in tiles of `tile_width` columns.
     Blocks { tile_width: usize },
     /// Semi-globally, with the sum of absolute differences as the cost.
     SemiGlobal,

@@ -76,7 +76,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     process::exit(PANICKED)
 }
 
-/// Ends the firmware after a fault with a stack of so many bytes, whose pointer was beyond it.
+/// Ends the firmware after a fault in which the stack pointer was beyond the stack of `bytes` bytes.
 pub fn overflowed(bytes: u32, stack_pointer: u32) -> ! {
     eprintln!("firmware: stack overflow: the stack has {bytes} bytes, and the stack pointer is at {stack_pointer:#010x}");
     process::exit(OVERFLOWED)

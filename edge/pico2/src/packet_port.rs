@@ -49,7 +49,7 @@ pub async fn serve(peripheral: Peri<'static, USB>) -> ! {
     join(builder.build().run(), send_packets(sender, changes)).await.0
 }
 
-/// Sends what is in the pipe while the port is open.
+/// Sends the contents of the pipe while the port is open.
 async fn send_packets(mut sender: UsbSender<'_>, changes: ControlChanged<'_>) -> ! {
     loop {
         sender.wait_connection().await;
@@ -70,7 +70,7 @@ async fn send_packets(mut sender: UsbSender<'_>, changes: ControlChanged<'_>) ->
     }
 }
 
-/// Sends a USB packet of what is in the pipe.
+/// Sends a USB packet from the pipe.
 async fn send_chunk(sender: &mut UsbSender<'_>) -> Result<(), EndpointError> {
     // Shorter than a full packet, so that the host does not wait for more.
     let mut chunk = [0; USB_PACKET - 1];

@@ -133,7 +133,7 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Hm01b0<I, T, B, S> {
         Ok(sensor_registers::write(&mut self.i2c, Register::ModeSelect, mode as u8)?)
     }
 
-    /// Stores the lines that have arrived. Returns whether the frame is complete.
+    /// Stores the lines that have arrived. Returns true if the frame is complete.
     fn store_lines(&mut self, readout: &mut Readout) -> Result<bool, Hm01b0Error<S::Error>> {
         // Bounded, in case lines arrive as fast as they are stored.
         for _ in 0..=self.configuration.size.lines() {
@@ -149,7 +149,7 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Hm01b0<I, T, B, S> {
         Ok(false)
     }
 
-    /// Skips the border below a streamed frame. Returns whether the frame is complete.
+    /// Skips the border below a streamed frame. Returns true if the frame is complete.
     fn skip_border(&mut self, readout: &mut Readout) -> Result<bool, Hm01b0Error<S::Error>> {
         let size = self.configuration.size;
         while !readout.has_ended && readout.next >= size.border() + size.height() {

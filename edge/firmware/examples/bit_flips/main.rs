@@ -85,7 +85,7 @@ mod image {
         process::exit(if lost { LOST } else { 0 })
     }
 
-    /// Matches the frames of the board and sends the packets. Returns whether all were sent, and logs why not.
+    /// Matches the frames of the board and sends the packets. Returns true if all were sent, and logs the error otherwise.
     #[inline(never)]
     fn match_frame(workspace: &mut Memory, params: &Params, packets: &CStr) -> bool {
         let Some(mut frames) = logged(Watched.frames(params.search())) else { return false };

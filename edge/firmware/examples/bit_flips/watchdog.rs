@@ -1,4 +1,4 @@
-//! The watchdog of the emulator's board, a CMSDK APB watchdog: it interrupts whoever does not feed it.
+//! The watchdog of the emulator's board, a CMSDK APB watchdog: it interrupts a program that does not feed it.
 #![expect(unsafe_code, reason = "registers are addresses, and an exception has a handler")]
 
 use core::ptr;

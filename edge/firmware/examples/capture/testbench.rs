@@ -60,7 +60,7 @@ pub struct MatchBuffers {
 }
 
 impl Testbench<'_, '_> {
-    /// Captures with a fault. Returns whether that gave disparities, or nothing if the stage did not stop.
+    /// Captures with a fault. Returns true if that gave disparities, and `None` if the stage did not stop.
     pub fn capture_and_check(&mut self, buffers: &mut MatchBuffers, injection: Injection) -> Option<bool> {
         self.inject(injection, false);
         let captured = self.capture(buffers, injection);

@@ -9,7 +9,7 @@ from pfm import read_pfm
 
 
 class Example:
-    """What the network sees of a scene, and the truth, in 1/64 px from the least disparity on."""
+    """The features of a scene, and its truth in 1/64 px from the least disparity on."""
 
     def __init__(self, folder, truth, least):
         load = lambda name: np.load(Path(folder) / f"{name}.npy")

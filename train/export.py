@@ -16,7 +16,7 @@ def whole(layer):
     scales = layer.scales().double()
     real = layer.weight.detach().double()
     weights = (real / scales[:, None, None, None]).round().clamp(-127, 127)
-    # What was subtracted from the inputs, in whole weights.
+    # The offset that was subtracted from the inputs, in whole weights.
     bias = UNIT * layer.bias.detach().double() / scales - layer.center * weights.sum((1, 2, 3))
     # A multiplier of 12 bits: sums keep three bits more than the result has.
     shifts = torch.floor(12 - 15 - torch.log2(scales)).clamp(0, 16)

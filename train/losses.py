@@ -1,11 +1,11 @@
-"""What training minimises, and the metrics by which weights are selected."""
+"""The loss of the training, and the metrics by which weights are selected."""
 
 import torch
 import torch.nn.functional as F
 
 
 def robust(error):
-    """Of an error in pixels: nearly linear near 0, bounded but for a small slope, so that what is hidden does not count too much."""
+    """The loss of an error in pixels: nearly linear near 0, then of a small slope, so that hidden surfaces do not count too much."""
     return ((error * error + 0.01).sqrt() - 0.1).clamp(max=4.0) + 0.05 * error.abs()
 
 

@@ -1,4 +1,4 @@
-"""The network in whole numbers, straightforwardly: what the program must compute, bit for bit.
+"""The network in whole numbers, written plainly: the definition that the program must equal, bit for bit.
 
     python reference.py network.weights FEATURES OUT.npz
 

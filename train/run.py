@@ -1,9 +1,9 @@
-"""From nothing to weights: scenes, features, training, weights in whole numbers, metrics.
+"""Runs all steps: scenes, features, training, weights in whole numbers, metrics.
 
-    cargo build --release -p multiscopic --bin multiscopic
+    cargo build --release -p multiscopic-cli
     python train/run.py --program target/release/multiscopic --folder out/train
 
-A run that was stopped goes on where it was.
+A run that was stopped resumes.
 """
 
 import argparse

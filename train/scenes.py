@@ -1,4 +1,4 @@
-"""Makes scenes with the program, and what the network sees of them.
+"""Makes scenes with the program, and the features of them.
 
 Each set is rendered once (`multiscopic scene --random`). Each of its uses is the network's view of some of the scenes: by some of
 the neighbours and in a range of disparities (`multiscopic match --features`). Scenes and features that are there are kept, so that

@@ -98,7 +98,7 @@ class Run:
             file.write(line + "\n")
 
     def part(self):
-        """How much of the training is done, from 0 to 1."""
+        """The share of the training that is done, from 0 to 1."""
         return self.step / self.options.steps
 
     def learn(self, batch, part):

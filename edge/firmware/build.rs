@@ -14,7 +14,7 @@ const BOARDS: [(&str, &str); 5] = [
 /// The memory script. The script of another board precedes it.
 const MEMORY: &str = "../../memory.x";
 
-/// What the runtime of RISC-V needs to know about the memory.
+/// The regions of memory for the runtime of RISC-V.
 const REGIONS: &str = "boards/riscv-rt.x";
 
 fn main() -> Result<(), Box<dyn Error>> {

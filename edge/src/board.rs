@@ -1,4 +1,4 @@
-//! What the pipeline asks of a board.
+//! The hardware that a pipeline needs.
 
 use core::time::Duration;
 use embedded_io::Write;
@@ -103,9 +103,9 @@ pub trait Board {
     /// The stored frames. Lines are read in ascending order, once for each column tile and each of the
     /// [searches](crate::Matching::searches).
     type Frames: Rewind;
-    /// Where packets are written.
+    /// The output of packets.
     type Output: Write;
-    /// Why the frames or the output are not available.
+    /// The error of frames or an output that are not available.
     type Error;
 
     /// Opens the frames of a search: the centre, and the views of `search`. Each search opens its own.
@@ -127,7 +127,7 @@ pub trait Board {
     fn enter(phase: Phase);
 }
 
-/// What the pipeline is busy with.
+/// A phase of the pipeline's work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// Nothing: before, between and after the passes over the frames.

@@ -38,6 +38,17 @@ impl Lengths {
 
 /// The memory of a [`Pipeline`](crate::Pipeline).
 ///
+/// ```
+/// use std::sync::Mutex;
+/// use multiscopic_edge::{Wide, Workspace, profile::QQVGA, workspace};
+///
+/// // In firmware, a `static_cell::ConstStaticCell` that is taken once.
+/// static WORKSPACE: Mutex<workspace!(Wide, QQVGA)> = Mutex::new(Workspace::new());
+///
+/// let mut workspace = WORKSPACE.lock().unwrap();
+/// let pipeline = workspace.pipeline();
+/// ```
+///
 /// `WORDS` are for the matcher and the confidences, `COLUMNS` for a line of disparities, and `PACKET` bytes to encode it in. They
 /// come from [`Lengths`]; [`workspace!`](crate::workspace) is the type for a profile.
 // In this order in memory, so that a debugger finds each part.

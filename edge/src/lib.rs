@@ -1,19 +1,36 @@
 //! Multiscopic matching on a microcontroller: scanlines in, packets of disparities out.
 //!
-//! The crate is portable. Firmware implements [`Board`] for its hardware and lends the [`Pipeline`] its
-//! memory; a host simulates the same pipeline, byte for byte, and decodes the packets. Data flows down this
-//! table, and no room uses one below it:
+//! ```
+//! use embedded_io::Write;
+//! use multiscopic_core::Fusion;
+//! use multiscopic_edge::{Board, Wide, profile::QQVGA, workspace};
 //!
-//! | room | what it is |
+//! /// Matches the frames of a board, 160x120 pixels with two neighbours, and sends the disparities. In firmware, the
+//! /// memory is a static, and `Dsp` or `Mve` takes the place of their portable twin, `Wide`.
+//! fn match_and_send<B: Board>(board: &mut B, memory: &mut workspace!(Wide, QQVGA)) -> Option<()> {
+//!     let matching = QQVGA.matching(Fusion::Min);
+//!     let (frames, mut output) = (board.frames(matching.search()).ok()?, board.output().ok()?);
+//!     let mut sender = memory.pipeline().run::<B, _>(Wide::default(), &matching, &mut [frames], &mut output).ok()?;
+//!     output.write_all(sender.end(None).ok()?).ok() // the packet that ends the frame
+//! }
+//! ```
+//!
+//! Implement [`Board`] for your hardware: its documentation has a complete program. [`Profile`] has ready-made sizes, and
+//! [`Matching`] takes your own. On a host, `multiscopic listen` turns the packets into pictures, [`packet`] decodes them, and
+//! `multiscopic simulate` runs the same pipeline, byte for byte.
+//!
+//! The crate is portable. Data flows down this table, and no module uses one below it:
+//!
+//! | module | what it is |
 //! | --- | --- |
-//! | `board` | what the pipeline asks of a board |
-//! | `streams` | scanlines from byte streams |
+//! | `board` | the hardware that a pipeline needs: [`Board`] |
+//! | `streams` | scanlines from byte streams: [`Streams`] |
 //! | [`frame_file`] | the names of the files of frames and packets |
 //! | [`packet`] | the packets that carry disparities to a host |
-//! | `buffers` | the memory of the pipeline, sized at compile time |
-//! | `matching` | what a pipeline computes: [`Matching`] |
-//! | [`profile`] | ready-made match sizes and their RAM budgets |
-//! | `pipeline` | matches the frames of a board and sends the disparities |
+//! | `buffers` | the memory of the pipeline, sized at compile time: [`Workspace`], [`Lengths`] |
+//! | `matching` | the computation of a pipeline: [`Matching`] |
+//! | [`profile`] | ready-made match sizes and their RAM budgets: [`Profile`] |
+//! | `pipeline` | matches the frames of a board and sends the disparities: [`Pipeline`] |
 #![no_std]
 
 mod board;

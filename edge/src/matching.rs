@@ -1,4 +1,4 @@
-//! What a pipeline computes.
+//! The computation of a pipeline.
 
 use multiscopic_core::{
     ConfidenceLines, Memory, Params, Region, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa, network::NetworkParams,
@@ -6,7 +6,7 @@ use multiscopic_core::{
 
 use crate::{Lengths, packet};
 
-/// What a pipeline computes: the parameters of a method.
+/// The computation of a pipeline: the parameters of a method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Matching {
     /// Block matching in column tiles.
@@ -30,7 +30,7 @@ pub enum Matching {
         /// were taken, before [`Params::around`] divides their offsets.
         long: Params,
     },
-    /// Disparities and how probable it is that each is right, in one pass.
+    /// Disparities and their confidences, in one pass.
     WithConfidences(WholeLines),
     /// The network, which gives confidences too. It needs whole frames in memory.
     Network(NetworkParams),
@@ -54,7 +54,7 @@ impl WholeLines {
         }
     }
 
-    /// What is searched.
+    /// The search.
     pub const fn search(&self) -> &Search {
         match self {
             WholeLines::Blocks(params) => params.search(),
@@ -75,7 +75,7 @@ impl Matching {
         Some(Matching::AroundPrior { short, long: Params::block_matching(search, block_size).ok()? })
     }
 
-    /// What is searched; from short baselines to long ones, the search at the short ones.
+    /// The search; from short baselines to long ones, the search at the short ones.
     pub const fn search(&self) -> &Search {
         match self {
             Matching::Blocks { params, .. } | Matching::AroundPrior { short: params, .. } => params.search(),
@@ -93,7 +93,7 @@ impl Matching {
         }
     }
 
-    /// Whether confidences are computed.
+    /// True if confidences are computed.
     pub const fn has_confidences(&self) -> bool {
         matches!(self, Matching::WithConfidences(_) | Matching::Network(_))
     }
@@ -152,8 +152,8 @@ impl Matching {
         Region::tiles(self.search(), self.tile_width())
     }
 
-    /// The latency in lines: how many lines of the frame that is read furthest ahead are read before the
-    /// first disparity line is out.
+    /// The latency in lines: the number of lines of the frame that is read furthest ahead, which are read before the first
+    /// disparity line is out.
     pub fn latency_lines(&self) -> usize {
         match self {
             Matching::Blocks { params, .. } => params.latency_lines(),

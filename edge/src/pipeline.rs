@@ -1,22 +1,44 @@
 //! Matches the frames of a board and sends the disparities.
 
-use core::{error, fmt, marker::PhantomData};
-use embedded_io::{ErrorType, Write};
+mod error;
+mod pass;
+
 use multiscopic_core::{
-    ConfidenceLines, ConfidenceTable, Disparity, Frame, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region,
-    Rewind, ScanlineSource, Search, SemiGlobalMatcher, SemiGlobalParams,
-    kernel::{Isa, Kernel},
-    network::{NetworkError, NetworkMatcher, NetworkParams, TRAINED_WEIGHTS},
+    ConfidenceTable, Disparity, Gradients, MatchError, Matcher, Memory, MemoryTooSmall, Params, Region, Rewind,
+    SemiGlobalMatcher, SemiGlobalParams,
+    kernel::Kernel,
+    network::{NetworkMatcher, NetworkParams, TRAINED_WEIGHTS},
 };
 
 use crate::{
     board::{Board, Phase},
     buffers::Workspace,
     matching::{Matching, WholeLines, confidence_line_words},
-    packet::{BufferTooSmall, Sender},
+    packet::Sender,
 };
 
+pub use error::{PipelineError, RunError};
+use pass::{Confidences, Fetching, LongFrames, Pass};
+
 /// Matches frames and sends the disparities, in the memory of a [`Workspace`].
+///
+/// [`run`](Pipeline::run) takes any [`Matching`]. Firmware with a single method calls that method and links it alone:
+///
+/// ```
+/// use multiscopic_core::Fusion;
+/// use multiscopic_edge::{Board, Matching, Pipeline, RunError, Wide, packet::Sender, profile::QQVGA};
+///
+/// const MATCHING: Matching = QQVGA.matching(Fusion::Min);
+///
+/// fn match_blocks<'w, B: Board>(
+///     pipeline: Pipeline<'w>,
+///     frames: &mut B::Frames,
+///     output: &mut B::Output,
+/// ) -> Result<Sender<'w>, RunError<B>> {
+///     let Matching::Blocks { params, tile_width } = MATCHING else { unreachable!("the profile matches blocks") };
+///     pipeline.match_blocks::<B, _>(Wide::default(), &params, tile_width, frames, output)
+/// }
+/// ```
 #[derive(Debug)]
 pub struct Pipeline<'w> {
     words: &'w mut [u32],
@@ -52,18 +74,8 @@ impl<'w> Pipeline<'w> {
         sources: &mut [B::Frames],
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
-        // A function of its own, as those of the other matchers.
-        #[inline(never)]
-        fn network<'w, B: Board, I: Kernel>(
-            pipeline: Pipeline<'w>,
-            kernel: I,
-            params: &NetworkParams,
-            (source, output): (&mut B::Frames, &mut B::Output),
-        ) -> Result<Sender<'w>, RunError<B>> {
-            pipeline.match_by_network::<B, I>(kernel, params, source, output)
-        }
         match (matching, &mut *sources) {
-            (Matching::Network(params), [source, ..]) => network::<B, I>(self, kernel, params, (source, output)),
+            (Matching::Network(params), [source, ..]) => apart(|| self.match_by_network::<B, I>(kernel, params, source, output)),
             _ => self.run_lines::<B, I>(kernel, matching, sources, output),
         }
     }
@@ -80,67 +92,21 @@ impl<'w> Pipeline<'w> {
         sources: &mut [B::Frames],
         output: &mut B::Output,
     ) -> Result<Sender<'w>, RunError<B>> {
-        // Functions of their own, so that the stack has to hold one matcher at a time.
-        #[inline(never)]
-        fn blocks<'w, B: Board, I: Kernel>(
-            pipeline: Pipeline<'w>,
-            kernel: I,
-            params: &Params,
-            tile_width: usize,
-            (source, output): (&mut B::Frames, &mut B::Output),
-        ) -> Result<Sender<'w>, RunError<B>> {
-            pipeline.match_blocks::<B, I>(kernel, params, tile_width, source, output)
-        }
-        #[inline(never)]
-        fn semi_global<'w, B: Board, I: Kernel>(
-            pipeline: Pipeline<'w>,
-            kernel: I,
-            params: &SemiGlobalParams,
-            (source, output): (&mut B::Frames, &mut B::Output),
-        ) -> Result<Sender<'w>, RunError<B>> {
-            pipeline.match_semi_globally::<B, I>(kernel, params, source, output)
-        }
-        #[inline(never)]
-        fn around_prior<'w, B: Board, I: Kernel>(
-            pipeline: Pipeline<'w>,
-            kernel: I,
-            (short, long): (&Params, &Params),
-            sources: [&mut B::Frames; 2],
-            output: &mut B::Output,
-        ) -> Result<Sender<'w>, RunError<B>> {
-            pipeline.match_around_prior::<B, I>(kernel, (short, long), sources, output)
-        }
-        #[inline(never)]
-        fn blocks_with_confidences<'w, B: Board, I: Kernel>(
-            pipeline: Pipeline<'w>,
-            kernel: I,
-            params: &Params,
-            (source, output): (&mut B::Frames, &mut B::Output),
-        ) -> Result<Sender<'w>, RunError<B>> {
-            pipeline.match_blocks_with_confidences::<B, I>(kernel, params, source, output)
-        }
-        #[inline(never)]
-        fn semi_global_with_confidences<'w, B: Board, I: Kernel>(
-            pipeline: Pipeline<'w>,
-            kernel: I,
-            params: &SemiGlobalParams,
-            (source, output): (&mut B::Frames, &mut B::Output),
-        ) -> Result<Sender<'w>, RunError<B>> {
-            pipeline.match_semi_globally_with_confidences::<B, I>(kernel, params, source, output)
-        }
         match (matching, sources) {
             (Matching::Blocks { params, tile_width }, [source, ..]) => {
-                blocks::<B, I>(self, kernel, params, *tile_width, (source, output))
+                apart(|| self.match_blocks::<B, I>(kernel, params, *tile_width, source, output))
             }
-            (Matching::SemiGlobal(params), [source, ..]) => semi_global::<B, I>(self, kernel, params, (source, output)),
+            (Matching::SemiGlobal(params), [source, ..]) => {
+                apart(|| self.match_semi_globally::<B, I>(kernel, params, source, output))
+            }
             (Matching::AroundPrior { short, long }, [first, second, ..]) => {
-                around_prior::<B, I>(self, kernel, (short, long), [first, second], output)
+                apart(|| self.match_around_prior::<B, I>(kernel, (short, long), [first, second], output))
             }
             (Matching::WithConfidences(WholeLines::Blocks(params)), [source, ..]) => {
-                blocks_with_confidences::<B, I>(self, kernel, params, (source, output))
+                apart(|| self.match_blocks_with_confidences::<B, I>(kernel, params, source, output))
             }
             (Matching::WithConfidences(WholeLines::SemiGlobal(params)), [source, ..]) => {
-                semi_global_with_confidences::<B, I>(self, kernel, params, (source, output))
+                apart(|| self.match_semi_globally_with_confidences::<B, I>(kernel, params, source, output))
             }
             (Matching::Network(_), [_, ..]) => Err(PipelineError::Unlinked),
             (_, sources) => Err(PipelineError::Sources { needed: matching.searches().count(), given: sources.len() }),
@@ -293,209 +259,11 @@ impl<'w> Pipeline<'w> {
     }
 }
 
-/// The confidences of lines, computed in memory that is lent.
-struct Confidences<'w, I> {
-    lines: ConfidenceLines<'w, I>,
-    /// Those of a line.
-    line: &'w mut [u8],
+/// Runs a method in a function of its own, so that the stack holds one matcher at a time.
+#[inline(never)]
+fn apart<R>(run: impl FnOnce() -> R) -> R {
+    run()
 }
-
-impl<'w, I: Isa> Confidences<'w, I> {
-    /// In the first of `words`. Returns the others too.
-    fn new(
-        isa: I,
-        search: &Search,
-        table: &'static ConfidenceTable,
-        words: &'w mut [u32],
-    ) -> Result<(Confidences<'w, I>, &'w mut [u32]), MemoryTooSmall> {
-        let [kept, columns] = [ConfidenceLines::memory_words(search.width()), confidence_line_words(search.width())];
-        let too_small = MemoryTooSmall { needed: kept + columns, given: words.len() };
-        let (own, rest) = words.split_at_mut_checked(kept + columns).ok_or(too_small)?;
-        let (kept, line) = own.split_at_mut_checked(kept).ok_or(too_small)?;
-        let line = bytemuck::cast_slice_mut(line).get_mut(..search.width()).ok_or(too_small)?;
-        Ok((Confidences { lines: ConfidenceLines::with_isa(isa, search, table, kept)?, line }, rest))
-    }
-}
-
-/// A pass over a part of the frame.
-struct Pass<'a, 'w, B: Board> {
-    tile: &'a Region,
-    line: &'a mut [Option<Disparity>],
-    sender: &'a mut Sender<'w>,
-    output: &'a mut B::Output,
-}
-
-impl<'a, 'w, B: Board> Pass<'a, 'w, B> {
-    fn new(
-        tile: &'a Region,
-        line: &'a mut [Option<Disparity>],
-        sender: &'a mut Sender<'w>,
-        output: &'a mut B::Output,
-    ) -> Result<Pass<'a, 'w, B>, RunError<B>> {
-        let (needed, given) = (tile.width(), line.len());
-        let line = line.get_mut(..needed).ok_or(PipelineError::Line { needed, given })?;
-        B::enter(Phase::Matching);
-        Ok(Pass { tile, line, sender, output })
-    }
-
-    /// Sends every line that `next_line` computes.
-    #[inline(always)]
-    fn send(
-        self,
-        mut next_line: impl FnMut(&mut [Option<Disparity>]) -> Result<Option<usize>, FetchError<B>>,
-    ) -> Result<(), RunError<B>> {
-        let Pass { tile, line, sender, output } = self;
-        while let Some(v) = next_line(line).map_err(PipelineError::Match)? {
-            B::enter(Phase::Sending);
-            let packet = sender.line(tile, v, line).map_err(PipelineError::Packet)?;
-            output.write_all(packet).map_err(PipelineError::Write)?;
-            B::enter(Phase::Matching);
-        }
-        B::enter(Phase::Idle);
-        Ok(())
-    }
-
-    /// Sends every line, with its confidences, of a result.
-    fn send_result<L: Iterator<Item = (Option<Disparity>, u8)>>(
-        self,
-        confidences: &mut [u8],
-        of_line: impl Fn(usize) -> L,
-    ) -> Result<(), RunError<B>> {
-        let Pass { tile, line, sender, output } = self;
-        B::enter(Phase::Sending);
-        for v in 0..tile.height() {
-            for ((disparity, confidence), found) in line.iter_mut().zip(&mut *confidences).zip(of_line(v)) {
-                (*disparity, *confidence) = found;
-            }
-            let packet = sender.line_with_confidences(tile, v, line, confidences).map_err(PipelineError::Packet)?;
-            output.write_all(packet).map_err(PipelineError::Write)?;
-        }
-        B::enter(Phase::Idle);
-        Ok(())
-    }
-
-    /// Sends every line with its confidences. `matched` computes the lines of disparities and peak ratios.
-    #[inline(always)]
-    fn send_with_confidences(
-        self,
-        mut confidences: Confidences<'_, impl Isa>,
-        mut matched: impl FnMut(&mut [Option<Disparity>], &mut [u8]) -> Result<Option<usize>, FetchError<B>>,
-    ) -> Result<(), RunError<B>> {
-        let Pass { tile, line, sender, output } = self;
-        while let Some(v) = confidences.lines.next_line(&mut matched, line, confidences.line).map_err(PipelineError::Match)? {
-            B::enter(Phase::Sending);
-            let packet = sender.line_with_confidences(tile, v, line, confidences.line).map_err(PipelineError::Packet)?;
-            output.write_all(packet).map_err(PipelineError::Write)?;
-            B::enter(Phase::Matching);
-        }
-        B::enter(Phase::Idle);
-        Ok(())
-    }
-}
-
-/// Why a line could not be matched on the board `B`.
-type FetchError<B> = MatchError<<<B as Board>::Frames as ScanlineSource>::Error>;
-
-/// A board's frames. Reading them is a phase of its own.
-struct Fetching<'a, B: Board> {
-    source: &'a mut B::Frames,
-    board: PhantomData<B>,
-}
-
-impl<'a, B: Board> Fetching<'a, B> {
-    fn new(source: &'a mut B::Frames) -> Self {
-        Fetching { source, board: PhantomData }
-    }
-}
-
-impl<B: Board> ScanlineSource for Fetching<'_, B> {
-    type Error = <B::Frames as ScanlineSource>::Error;
-
-    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
-        B::enter(Phase::Fetching);
-        let result = self.source.read_line(frame, v, line);
-        B::enter(Phase::Matching);
-        result
-    }
-}
-
-/// The frames of a long match, whose prior is a short match of other frames of the board.
-struct LongFrames<'a, 'm, B: Board, I> {
-    frames: &'a mut B::Frames,
-    short: Matcher<'m, I>,
-    short_frames: &'a mut B::Frames,
-}
-
-impl<B: Board, I: Kernel> ScanlineSource for LongFrames<'_, '_, B, I> {
-    type Error = FetchError<B>;
-
-    fn read_line(&mut self, frame: Frame, v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
-        Fetching::<B>::new(self.frames).read_line(frame, v, line).map_err(MatchError::Source)
-    }
-
-    /// Matches the next line: the prior's lines are read in order, each once.
-    #[inline(always)]
-    fn read_prior(&mut self, _: usize, line: &mut [Option<Disparity>]) -> Result<(), Self::Error> {
-        self.short.next_line(&mut Fetching::<B>::new(self.short_frames), line).map(drop)
-    }
-}
-
-/// Why a pipeline on the board `B` stopped before its last line.
-pub type RunError<B> = PipelineError<<<B as Board>::Frames as ScanlineSource>::Error, <<B as Board>::Output as ErrorType>::Error>;
-
-/// Why a pipeline stopped before its last line. `S` is the error of the frames, `W` that of the output.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum PipelineError<S, W> {
-    /// The line of the workspace is shorter than the tile.
-    Line {
-        /// Columns of the tile.
-        needed: usize,
-        /// Columns of the workspace's line.
-        given: usize,
-    },
-    /// There are too few sources of frames.
-    Sources {
-        /// Sources needed: one for each search.
-        needed: usize,
-        /// Sources given.
-        given: usize,
-    },
-    /// The matcher's memory in the workspace is too small.
-    Memory(MemoryTooSmall),
-    /// The network is not among the methods that are run.
-    Unlinked,
-    /// There is no network in the memory of the workspace.
-    Network(NetworkError),
-    /// The frames cannot be read again.
-    Rewind(S),
-    /// A line could not be matched.
-    Match(MatchError<S>),
-    /// The packet buffer of the workspace is too small.
-    Packet(BufferTooSmall),
-    /// A packet could not be written.
-    Write(W),
-}
-
-impl<S: fmt::Display, W: fmt::Display> fmt::Display for PipelineError<S, W> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            PipelineError::Line { needed, given } => write!(f, "a tile has {needed} columns, the line of the workspace {given}"),
-            PipelineError::Sources { needed, given } => {
-                write!(f, "the match needs {needed} sources of frames, {given} were given")
-            }
-            PipelineError::Memory(error) => write!(f, "{error}"),
-            PipelineError::Unlinked => f.write_str("the network is not among the methods that are run"),
-            PipelineError::Network(error) => write!(f, "{error}"),
-            PipelineError::Rewind(error) => write!(f, "cannot rewind to the first line: {error}"),
-            PipelineError::Match(error) => write!(f, "{error}"),
-            PipelineError::Packet(error) => write!(f, "{error}"),
-            PipelineError::Write(error) => write!(f, "cannot send a disparity line: {error}"),
-        }
-    }
-}
-
-impl<S: error::Error, W: error::Error> error::Error for PipelineError<S, W> {}
 
 #[cfg(test)]
 mod tests {
@@ -507,8 +275,8 @@ mod tests {
         packet::{Content, Packet},
     };
     use core::{convert::Infallible, time::Duration};
-    use embedded_io::SliceWriteError;
-    use multiscopic_core::{Fusion, Search, SemiGlobalCost, View, Views};
+    use embedded_io::{ErrorType, SliceWriteError, Write};
+    use multiscopic_core::{Frame, Fusion, ScanlineSource, Search, SemiGlobalCost, View, Views};
     use std::{vec, vec::Vec};
 
     const PARAMS: Params = match Params::new(24, 20, Views::CROSS, Fusion::Heuristic, 1, 4, 3) {

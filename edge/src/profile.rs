@@ -10,6 +10,17 @@ use crate::{
 };
 
 /// A named match size and the RAM that it may take.
+///
+/// ```
+/// use multiscopic_core::Fusion;
+/// use multiscopic_edge::{Wide, profile::QVGA_TILED};
+///
+/// // Known at compile time: memory that does not suffice fails the build.
+/// const _: () = assert!(QVGA_TILED.lengths::<Wide>().bytes() <= QVGA_TILED.ram_budget);
+/// let matching = QVGA_TILED.matching(Fusion::Heuristic);
+/// assert_eq!((matching.search().width(), matching.search().height()), (320, 240));
+/// assert_eq!((matching.tile_width(), matching.latency_lines()), (80, 38));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Profile {
     /// Its name in reports, and the name of its firmware.
@@ -20,10 +31,10 @@ pub struct Profile {
     method: Method,
 }
 
-/// How a profile matches.
+/// The method of a profile.
 #[derive(Clone, Copy, Debug)]
 enum Method {
-    /// Blocks, in column tiles of so many columns.
+    /// Blocks, in tiles of `tile_width` columns.
     Blocks { tile_width: usize },
     /// Semi-globally, with the sum of absolute differences as the cost.
     SemiGlobal,
@@ -149,12 +160,12 @@ impl Profile {
         Profile { name, ram_budget: 1024 * budget_kib, method, ..self }
     }
 
-    /// Whether it needs the feature `array` of `multiscopic-core`: it matches more than four views together.
+    /// True if it matches more than four views together, which needs the feature `array` of `multiscopic-core`.
     pub const fn needs_array(&self) -> bool {
         self.size.views.len() > 4
     }
 
-    /// What is computed, with `fusion`.
+    /// The computation of a pipeline, with `fusion`.
     ///
     /// # Panics
     /// If the profile [needs](Profile::needs_array) a feature of `multiscopic-core` that is off; in a constant, it fails

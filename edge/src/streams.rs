@@ -5,6 +5,18 @@ use embedded_io::{Read, ReadExactError, Seek};
 use multiscopic_core::{Frame, Rewind, ScanlineSource, View, Views};
 
 /// A stream for each frame, which gives the frame's lines from top to bottom, one byte a pixel.
+///
+/// ```
+/// use multiscopic_core::{Frame, ScanlineSource, Views};
+/// use multiscopic_edge::Streams;
+///
+/// // Files, ports, or bytes in memory: two lines of three pixels each.
+/// let pixels = |frame| Ok::<&[u8], ()>(if frame == Frame::Center { &[1, 2, 3, 4, 5, 6] } else { &[7, 7, 7, 8, 8, 8] });
+/// let mut streams = Streams::open(Views::HORIZONTAL, pixels).unwrap();
+/// let mut line = [0; 3];
+/// streams.read_line(Frame::Center, 0, &mut line).unwrap();
+/// assert_eq!(line, [1, 2, 3]);
+/// ```
 pub struct Streams<R> {
     center: FrameStream<R>,
     views: [Option<(View, FrameStream<R>)>; Views::MAX_MATCHED],
@@ -75,7 +87,7 @@ impl<R> FrameStream<R> {
     }
 }
 
-/// Why a line cannot be read.
+/// An error of a line that cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StreamsError<E> {

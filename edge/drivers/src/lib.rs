@@ -5,7 +5,7 @@
 //! [`Sequence`](multiscopic_core::capture::Sequence) moves the camera and takes the frames. Each is a feature
 //! of its name; both are on by default.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `stepper` | a stage of two axes with stepping motors |
 //! | `hm01b0` | a camera with the sensor HM01B0 |

@@ -51,10 +51,10 @@ enum Sent {
     End { lines: usize },
 }
 
-/// What the queue must do.
+/// The queue's definition.
 #[derive(Default)]
 struct Model {
-    /// What was sent and not yet taken, each with the number of restarts before its frame began.
+    /// Sent and not yet taken, each with the number of restarts before its frame began.
     queued: VecDeque<(usize, Sent)>,
     restarts: usize,
     /// The number of restarts before the current frame began.
@@ -67,7 +67,7 @@ struct Model {
 }
 
 impl Model {
-    /// What the program receives next: nothing of a frame that began before its last restart.
+    /// The next thing that the program receives: nothing of a frame that began before its last restart.
     fn next(&mut self) -> Option<Sent> {
         self.read = None;
         while let Some((restarts, sent)) = self.queued.pop_front() {

@@ -162,7 +162,7 @@ mod image {
         process::exit(0)
     }
 
-    /// Whether frames are to be matched as they are.
+    /// True if frames are to be matched as they are.
     ///
     /// Not inlined, so that the command line leaves the stack before matching begins.
     #[inline(never)]

@@ -4,7 +4,7 @@ use multiscopic_core::{Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams,
 use multiscopic_edge::Matching;
 use semihosting::experimental::env;
 
-use crate::{error::FirmwareError, host_file::HostError};
+use crate::{fault::FirmwareError, host_file::HostError};
 
 /// The most bytes of a command line.
 const COMMAND_LINE_BYTES: usize = 256;
@@ -23,7 +23,7 @@ pub fn fusion() -> Result<Fusion, FirmwareError> {
     (&words).nth(1).and_then(Result::ok).and_then(fusion_of).ok_or(FirmwareError::Fusion)
 }
 
-/// What a calibration computes.
+/// The computation of a calibration.
 ///
 /// The arguments are width, height, number of views (1 to 4, or 8), smallest disparity, number of disparities,
 /// block size, fusion, columns of a tile, and the method: `bm`, `sgm` with sums of absolute differences,

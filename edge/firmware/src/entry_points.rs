@@ -9,8 +9,7 @@ use semihosting::process;
 use crate::{
     arguments,
     board_kernel::BoardKernel,
-    error::FirmwareError,
-    fault,
+    fault::{self, FirmwareError},
     host_file::HostFile,
     runtime,
     semihosted::{self, Semihosted},

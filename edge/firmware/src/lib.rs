@@ -4,14 +4,13 @@
 //! frames and packets, a clock and a log, through semihosting. The firmware runs on microcontrollers with Arm or
 //! RISC-V processors; elsewhere this library is empty.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `board_kernel` | the matcher's kernel for the processor of the board |
 //! | `host_file` | files of the host, through semihosting |
 //! | `phase_marker` | marks where phases begin, for an emulator that counts |
-//! | `error` | why the firmware failed |
-//! | `fault` | ends the firmware after an error, a panic or a fault |
-//! | `runtime` | what the processor's runtime gives |
+//! | `fault` | the errors of the firmware; ends it after an error, a panic or a fault |
+//! | `runtime` | the entry, the critical section and the stack of the processor |
 //! | `arguments` | the command line that the firmware is started with |
 //! | `semihosted` | the board that a debugger or an emulator lends |
 //! | `entry_points` | the main functions of the binaries |
@@ -31,8 +30,6 @@ mod arguments;
 mod board_kernel;
 #[cfg(target_os = "none")]
 mod entry_points;
-#[cfg(target_os = "none")]
-mod error;
 #[cfg(target_os = "none")]
 mod fault;
 #[cfg(target_os = "none")]

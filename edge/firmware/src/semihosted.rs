@@ -8,7 +8,7 @@ use multiscopic_edge::{
 };
 use semihosting::sys::arm_compat::sys_clock;
 
-use crate::{error::FirmwareError, host_file::HostFile, phase_marker};
+use crate::{fault::FirmwareError, host_file::HostFile, phase_marker};
 
 /// A board whose frames and packets are files of the host, and whose clock is the host's.
 pub struct Semihosted;

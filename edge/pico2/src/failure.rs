@@ -1,4 +1,4 @@
-//! Why a capture gave no disparities.
+//! The errors of a capture.
 
 use core::fmt;
 use multiscopic_core::{MatchError, MemoryTooSmall, capture::CaptureError};
@@ -10,7 +10,7 @@ use multiscopic_edge::packet::BufferTooSmall;
 
 use crate::packet_port::PortError;
 
-/// Why a capture gave no disparities.
+/// An error that left a capture without disparities.
 pub enum Failure {
     /// The slide does not find its switches.
     Homing(StepperError),

@@ -3,13 +3,13 @@
 //! Whenever a program opens the serial port that it is on USB, the slide homes and takes the camera to five places, and
 //! the disparities of the five frames go out through the port. README.md beside it has the wiring.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `mechanics` | the slide, the camera's settings, and the match: what to change for another slide |
 //! | `pixel_port` | lines from the sensor's parallel port, by a state machine and DMA |
 //! | `packet_port` | the serial port on USB |
-//! | `software_interrupts` | what receives lines and sends packets beside the program |
-//! | `failure` | why a capture gave no disparities |
+//! | `software_interrupts` | the interrupts that receive lines and send packets beside the program |
+//! | `failure` | the errors of a capture |
 //! | `rig` | captures, matches and sends |
 #![no_std]
 #![no_main]

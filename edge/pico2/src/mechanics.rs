@@ -29,7 +29,7 @@ pub const PULSE_NS: u32 = 2000;
 /// The baseline in micrometres.
 pub const BASELINE_UM: u32 = 10_000;
 
-/// How long the stage and the camera may take.
+/// The longest times of the stage and the camera.
 pub const POLICY: Policy = Policy {
     settle: Duration::from_millis(300),
     move_timeout: Duration::from_secs(15),
@@ -39,7 +39,7 @@ pub const POLICY: Policy = Policy {
     backlash_um: 1000,
     return_to_center: true,
 };
-/// How long homing may take.
+/// The longest time of homing.
 pub const HOMING_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Frames of 320x240 pixels at a pixel clock of 3 MHz: 31 ms each, of which 15 ms are exposure.

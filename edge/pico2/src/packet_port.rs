@@ -24,11 +24,11 @@ use crate::Interrupts;
 const USB_PACKET: usize = 64;
 /// The bytes on their way from the program to USB: six lines of a column tile.
 const PIPE_BYTES: usize = 2048;
-/// How long a program on the host may read nothing.
+/// The longest time for which a program on the host may read nothing.
 const STALL: Duration = Duration::from_secs(1);
 
 static PIPE: Pipe<CriticalSectionRawMutex, PIPE_BYTES> = Pipe::new();
-/// Whether a program on the host has the port open.
+/// True if a program on the host has the port open.
 static IS_OPEN: AtomicBool = AtomicBool::new(false);
 
 type UsbSender<'d> = Sender<'d, Driver<'d, USB>>;
@@ -49,7 +49,7 @@ pub async fn serve(peripheral: Peri<'static, USB>) -> ! {
     join(builder.build().run(), send_packets(sender, changes)).await.0
 }
 
-/// Sends what is in the pipe while the port is open.
+/// Sends the contents of the pipe while the port is open.
 async fn send_packets(mut sender: UsbSender<'_>, changes: ControlChanged<'_>) -> ! {
     loop {
         sender.wait_connection().await;
@@ -70,7 +70,7 @@ async fn send_packets(mut sender: UsbSender<'_>, changes: ControlChanged<'_>) ->
     }
 }
 
-/// Sends a USB packet of what is in the pipe.
+/// Sends a USB packet from the pipe.
 async fn send_chunk(sender: &mut UsbSender<'_>) -> Result<(), EndpointError> {
     // Shorter than a full packet, so that the host does not wait for more.
     let mut chunk = [0; USB_PACKET - 1];
@@ -78,12 +78,12 @@ async fn send_chunk(sender: &mut UsbSender<'_>) -> Result<(), EndpointError> {
     sender.write_packet(&chunk[..bytes]).await
 }
 
-/// Whether a program on the host has the port open.
+/// True if a program on the host has the port open.
 pub fn is_open() -> bool {
     IS_OPEN.load(Ordering::Acquire)
 }
 
-/// Where the program writes packets.
+/// The program's end of the port, which takes packets.
 pub struct PacketPort;
 
 impl ErrorType for PacketPort {
@@ -122,7 +122,7 @@ impl Write for PacketPort {
     }
 }
 
-/// Why a packet was not sent.
+/// An error of a packet that was not sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortError {
     /// The program on the host closed the port.

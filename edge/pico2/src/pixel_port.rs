@@ -54,7 +54,7 @@ impl PixelPort {
         PixelPort { sampler, channel, frame_valid: pins.frame_valid }
     }
 
-    /// Puts the next line into `line`. Returns whether it did so before the frame ended.
+    /// Puts the next line into `line`. Returns true unless the frame ended first.
     async fn read_line(&mut self, line: &mut [u8]) -> bool {
         let pixels = self.sampler.rx().dma_pull(&mut self.channel, line, false);
         matches!(select(pixels, self.frame_valid.wait_for_low()).await, Either::First(()))

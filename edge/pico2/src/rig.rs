@@ -26,7 +26,7 @@ use crate::{
     packet_port::{self, PacketPort},
 };
 
-/// How long the program may make no progress before the watchdog restarts the chip.
+/// The time without progress after which the watchdog restarts the chip.
 const WATCHDOG: embassy_time::Duration = embassy_time::Duration::from_secs(4);
 /// The time between the opening of the port and the capture.
 const AFTER_OPENING: Duration = Duration::from_millis(300);

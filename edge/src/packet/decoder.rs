@@ -3,15 +3,12 @@
 use core::{error, fmt};
 use multiscopic_core::Disparity;
 
-use super::{
-    checksum::{CHECKSUM_BYTES, checksum},
-    header::{Content, Header, MAGIC, VERSION},
-};
+use super::format::{CHECKSUM_BYTES, Content, Header, MAGIC, VERSION, checksum};
 
 /// A packet that arrived undamaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Packet<'a> {
-    /// What the packet says about itself.
+    /// The header.
     pub header: Header,
     samples: &'a [u8],
     confidences: &'a [u8],
@@ -67,7 +64,7 @@ impl<'a> Packet<'a> {
     }
 }
 
-/// Why bytes are not a packet.
+/// An error of bytes that are not a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PacketError {

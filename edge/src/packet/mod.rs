@@ -12,15 +12,32 @@
 //! lost bytes resumes after the next zero.
 //!
 //! A receiver of the same version that knows no confidences takes a packet with them for one with an invalid header.
+//!
+//! ```
+//! use multiscopic_core::{Disparity, Fusion, Region};
+//! use multiscopic_edge::packet::{Packet, Receiver, Sender, buffer_bytes};
+//! use multiscopic_edge::profile::QQVGA;
+//!
+//! // The microcontroller: a line of disparities of 5 pixels.
+//! let (matching, line) = (QQVGA.matching(Fusion::Min), [Disparity::from_bits(5 * 64); 160]);
+//! let mut buffer = [0; buffer_bytes(160)];
+//! let mut sender = Sender::new(matching.search(), &mut buffer);
+//! let mut sent = sender.line(&Region::whole(matching.search()), 0, &line)?.to_vec();
+//!
+//! // The host: the bytes before a zero are a packet.
+//! assert_eq!(sent.pop(), Some(0));
+//! let packet = Packet::decode(&mut sent)?;
+//! Receiver::default().accept(&packet.header)?; // notices packets that were lost before this one
+//! assert!(packet.disparities().eq(line));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
-mod checksum;
 mod decoder;
-mod framing;
-mod header;
+mod format;
 mod receiver;
 mod sender;
 
 pub use decoder::{Packet, PacketError};
-pub use header::{Content, Header, MAGIC, VERSION};
+pub use format::{Content, Header, MAGIC, VERSION};
 pub use receiver::{Lost, Receiver};
 pub use sender::{BufferTooSmall, Sender, buffer_bytes, buffer_bytes_with_confidences, max_bytes};

@@ -2,7 +2,7 @@
 
 use core::{error, fmt, mem};
 
-use super::header::{Content, Header};
+use super::format::{Content, Header};
 
 /// Notices packets that are missing between those that arrive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -3,11 +3,7 @@
 use core::{error, fmt};
 use multiscopic_core::{Disparity, Region, Search};
 
-use super::{
-    checksum::{CHECKSUM_BYTES, checksum},
-    framing::{encode, max_encoded_bytes},
-    header::{Content, Header, MAGIC, MAX_HEADER_BYTES, VERSION},
-};
+use super::format::{CHECKSUM_BYTES, Content, Header, MAGIC, MAX_HEADER_BYTES, VERSION, checksum, encode, max_encoded_bytes};
 
 /// The most bytes of a packet with `columns` disparities and their confidences.
 pub const fn max_bytes(columns: usize) -> usize {

@@ -1,10 +1,10 @@
-//! How the sensor takes frames.
+//! The sensor's settings for frames.
 
 use embedded_hal::i2c::{ErrorKind, I2c};
 
 use super::sensor_registers::{self, Mode, Register};
 
-/// How frames are taken. It stays fixed for a whole sequence, so that all its frames are exposed alike.
+/// The settings for frames. They stay fixed for a whole sequence, so that all its frames are exposed alike.
 ///
 /// ```
 /// use multiscopic_drivers::hm01b0::{ClockDivider, Configuration, Gain, Size};
@@ -26,7 +26,7 @@ pub struct Configuration {
     /// The line time in cycles of the divided clock, raised to [`Size::least_line_clocks`]. Longer lines give
     /// the program more time to match a frame during readout.
     pub line_clocks: u16,
-    /// Whether the last frame of a plan is read by the line during readout instead of being stored.
+    /// True if the last frame of a plan is read by the line during readout instead of being stored.
     pub stream_last: bool,
 }
 

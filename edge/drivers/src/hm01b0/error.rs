@@ -1,11 +1,11 @@
-//! Why there is no frame.
+//! The errors of the camera.
 
 use core::{error, fmt};
 use embedded_hal::i2c::ErrorKind;
 
 use super::{readout::FrameDefect, sensor_registers};
 
-/// Why there is no frame, or no line of one. `S` is the error of the frame store.
+/// An error that left no frame, or no line of one. `S` is the error of the frame store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Hm01b0Error<S> {

@@ -52,15 +52,13 @@ mod configuration;
 mod error;
 mod frame_store;
 mod line_queue;
-mod pixel_bus;
 mod readout;
 mod sensor_registers;
 
 pub use configuration::{ClockDivider, Configuration, Gain, Size};
 pub use error::Hm01b0Error;
 pub use frame_store::{FrameMemory, FrameStore, NoRoom};
-pub use line_queue::{LineQueue, LineReceiver, LineSender};
-pub use pixel_bus::{Arrival, PixelBus};
+pub use line_queue::{Arrival, LineQueue, LineReceiver, LineSender, PixelBus};
 
 use embedded_hal::{delay::DelayNs, i2c::I2c};
 use multiscopic_core::{
@@ -71,7 +69,7 @@ use multiscopic_core::{
 use readout::{Readout, SensorOutput};
 use sensor_registers::{Mode, Register};
 
-/// How often the sensor is asked whether its reset is complete, a millisecond apart.
+/// The number of times that the sensor is asked if its reset is complete, a millisecond apart.
 const RESET_POLLS: usize = 20;
 
 /// The camera: registers on the I2C bus `I`, a delay `T`, lines from the bus `B`, frames in the store `S`.
@@ -135,7 +133,7 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Hm01b0<I, T, B, S> {
         Ok(sensor_registers::write(&mut self.i2c, Register::ModeSelect, mode as u8)?)
     }
 
-    /// Stores the lines that have arrived. Returns whether the frame is complete.
+    /// Stores the lines that have arrived. Returns true if the frame is complete.
     fn store_lines(&mut self, readout: &mut Readout) -> Result<bool, Hm01b0Error<S::Error>> {
         // Bounded, in case lines arrive as fast as they are stored.
         for _ in 0..=self.configuration.size.lines() {
@@ -151,7 +149,7 @@ impl<I: I2c, T: DelayNs, B: PixelBus, S: FrameStore> Hm01b0<I, T, B, S> {
         Ok(false)
     }
 
-    /// Skips the border below a streamed frame. Returns whether the frame is complete.
+    /// Skips the border below a streamed frame. Returns true if the frame is complete.
     fn skip_border(&mut self, readout: &mut Readout) -> Result<bool, Hm01b0Error<S::Error>> {
         let size = self.configuration.size;
         while !readout.has_ended && readout.next >= size.border() + size.height() {

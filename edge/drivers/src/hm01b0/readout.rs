@@ -4,14 +4,14 @@ use multiscopic_core::Frame;
 
 use super::{
     configuration::Size,
-    pixel_bus::{Arrival, PixelBus},
+    line_queue::{Arrival, PixelBus},
 };
 
 /// A frame that is being read out.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Readout {
     pub frame: Frame,
-    /// Whether the frame is matched during readout instead of being stored.
+    /// True if the frame is matched during readout instead of being stored.
     pub is_streamed: bool,
     /// The next line of the sensor, border included.
     pub next: usize,
@@ -20,7 +20,7 @@ pub(super) struct Readout {
     pub defect: Option<FrameDefect>,
 }
 
-/// What arrived from the sensor.
+/// A line, or the end of a frame, from the sensor.
 pub(super) enum SensorOutput<'a> {
     /// A line of the sensor's border.
     Border,
@@ -30,7 +30,7 @@ pub(super) enum SensorOutput<'a> {
     End,
 }
 
-/// What is wrong with a frame. Lines count from the top of the sensor, border included.
+/// A fault of a frame. Lines count from the top of the sensor, border included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum FrameDefect {
     Lost { line: usize },

@@ -127,7 +127,7 @@ const fn clamped(number: i64) -> i32 {
     }
 }
 
-/// Why the numbers of an axis are invalid.
+/// An error of an axis whose numbers are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum AxisError {

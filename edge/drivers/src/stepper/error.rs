@@ -1,4 +1,4 @@
-//! Why the stage cannot move.
+//! The errors of the stage.
 
 use core::{error, fmt};
 use embedded_hal::digital::ErrorKind;
@@ -8,7 +8,7 @@ use super::{
     drive::{AxisEnd, AxisId},
 };
 
-/// Why the stage cannot move, or has stopped.
+/// An error that keeps the stage from moving, or has stopped it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StepperError {
@@ -16,7 +16,7 @@ pub enum StepperError {
     Axis {
         /// The axis.
         axis: AxisId,
-        /// What is wrong with it.
+        /// The fault.
         error: AxisError,
     },
     /// A pin cannot be set or read.

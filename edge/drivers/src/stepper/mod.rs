@@ -39,9 +39,8 @@
 mod axis;
 mod drive;
 mod error;
-mod homing;
+mod motion;
 mod ramp;
-mod straight_line;
 
 pub use axis::{Axis, AxisError};
 pub use drive::{AxisEnd, AxisId, Drive, Fixed, Pins};
@@ -51,8 +50,7 @@ use core::mem;
 use embedded_hal::{delay::DelayNs, digital::PinState};
 use multiscopic_core::capture::{Position, Stage};
 
-use homing::{Homing, HomingAction};
-use straight_line::StraightLine;
+use motion::{Homing, HomingAction, StraightLine};
 
 /// The time that a call of [`has_arrived`](Stage::has_arrived) spends on a motion, or a step if that is
 /// longer.
@@ -78,7 +76,7 @@ pub struct Stepper<X, Y, T> {
     x: X,
     y: Y,
     delay: T,
-    /// How long a step pin stays high, in nanoseconds.
+    /// The time for which a step pin stays high, in nanoseconds.
     pulse_ns: u32,
     /// The position, the target, and the drift of the last homing, all in steps.
     at: [i32; 2],
@@ -88,7 +86,7 @@ pub struct Stepper<X, Y, T> {
     activity: Activity,
 }
 
-/// What the stage is doing.
+/// The stage's current work.
 #[derive(Clone, Copy, Debug)]
 enum Activity {
     Still,

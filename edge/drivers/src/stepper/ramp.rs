@@ -29,7 +29,7 @@ impl Ramp {
     const MAX_SECONDS: u64 = 4;
 
     /// A motion at rest, for a speed in steps/s and an acceleration in steps/s². Both are at least 1, and the
-    /// speed is limited to a million steps/s and to what is reached in 4 s.
+    /// speed is limited to a million steps/s and to the speed reached in 4 s.
     pub const fn new(speed: u32, acceleration: u32) -> Ramp {
         let acceleration = if acceleration == 0 { 1 } else { acceleration as u64 };
         let mut speed = if speed == 0 { 1 } else { speed as u64 };

@@ -9,7 +9,7 @@ use multiscopic_drivers::stepper::Pins;
 
 /// The shortest pulse that a motor driver notices, in nanoseconds.
 const MIN_PULSE_NS: u64 = 1900;
-/// How long the direction must be stable before a pulse, in nanoseconds.
+/// The time for which the direction must be stable before a pulse, in nanoseconds.
 const DIRECTION_SETUP_NS: u64 = 650;
 /// The distance from a switch to the mechanical stop behind it, in steps.
 const STOP_DISTANCE: i32 = 800;
@@ -106,7 +106,7 @@ impl Screw {
     }
 }
 
-/// What a pin is connected to.
+/// The other end of a pin.
 #[derive(Clone, Copy)]
 pub enum Role {
     /// The step input of the motor driver.

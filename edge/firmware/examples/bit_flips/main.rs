@@ -85,7 +85,7 @@ mod image {
         process::exit(if lost { LOST } else { 0 })
     }
 
-    /// Matches the frames of the board and sends the packets. Returns whether all were sent, and logs why not.
+    /// Matches the frames of the board and sends the packets. Returns true if all were sent, and logs the error otherwise.
     #[inline(never)]
     fn match_frame(workspace: &mut Memory, params: &Params, packets: &CStr) -> bool {
         let Some(mut frames) = logged(Watched.frames(params.search())) else { return false };
@@ -101,7 +101,7 @@ mod image {
         result.map_err(|error| defmt::error!("{}", defmt::Display2Format(&error))).ok()
     }
 
-    /// Whether it shall make no progress.
+    /// True if it shall make no progress.
     ///
     /// Not inlined, so that the command line leaves the stack.
     #[inline(never)]

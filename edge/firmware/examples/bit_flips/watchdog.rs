@@ -1,4 +1,4 @@
-//! The watchdog of the emulator's board, a CMSDK APB watchdog: it interrupts whoever does not feed it.
+//! The watchdog of the emulator's board, a CMSDK APB watchdog: it interrupts a program that does not feed it.
 #![expect(unsafe_code, reason = "registers are addresses, and an exception has a handler")]
 
 use core::ptr;
@@ -7,7 +7,7 @@ use semihosting::{eprintln, process};
 /// The exit code of firmware that made no progress.
 const STARVED: i32 = 104;
 
-/// Where the registers of the emulator's board are.
+/// The address of the registers of the emulator's board.
 const BASE: usize = 0x4000_8000;
 const LOAD: *mut u32 = BASE as *mut u32;
 const CONTROL: *mut u32 = (BASE + 0x8) as *mut u32;

@@ -1,4 +1,4 @@
-//! Why a capture gave no disparities.
+//! The errors of a capture.
 
 use core::fmt;
 use multiscopic_core::{MatchError, MemoryTooSmall, capture::CaptureError};
@@ -12,7 +12,7 @@ use multiscopic_firmware::HostError;
 /// The error of the camera.
 pub type CameraError = Hm01b0Error<NoRoom>;
 
-/// Why a capture gave no disparities.
+/// An error that left a capture without disparities.
 pub enum CaptureFailure {
     Homing(StepperError),
     HomingTimeout,

@@ -4,7 +4,7 @@ use multiscopic_core::capture::CaptureProgress;
 
 use super::slide::ScrewFault;
 
-/// What goes wrong.
+/// The kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultKind {
     /// Nothing.
@@ -60,14 +60,14 @@ pub enum CaptureStage {
     Return,
 }
 
-/// What goes wrong, and when.
+/// A fault, and the attempts that it affects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Injection {
-    /// What goes wrong.
+    /// Its kind.
     pub kind: FaultKind,
     /// The index of the frame that it affects.
     pub frame: usize,
-    /// Whether it affects every attempt at the frame, not the first alone.
+    /// True if it affects every attempt at the frame, not the first alone.
     pub is_permanent: bool,
 }
 
@@ -111,12 +111,12 @@ impl Injection {
         Some(Injection { kind, frame, is_permanent })
     }
 
-    /// Whether it is a fault of `kind` that affects this attempt at a frame.
+    /// True if it is a fault of `kind` that affects this attempt at a frame.
     pub fn affects(&self, kind: FaultKind, frame: usize, is_first_attempt: bool) -> bool {
         self.kind == kind && self.frame == frame && (is_first_attempt || self.is_permanent)
     }
 
-    /// Whether the capture is to be aborted now.
+    /// True if the capture is to be aborted now.
     pub fn aborts(&self, progress: CaptureProgress) -> bool {
         let reached = match progress {
             CaptureProgress::Moving(index) => (CaptureStage::Move, index),

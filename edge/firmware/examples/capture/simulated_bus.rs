@@ -16,7 +16,7 @@ pub const SIZE: Size = Size::Qqvga;
 /// The bus, shared with the interrupt.
 static BUS: Mutex<RefCell<Option<Bus>>> = Mutex::new(RefCell::new(None));
 
-/// What the bus sends as a frame.
+/// A frame as the bus sends it.
 pub struct Transmission {
     /// The file of the pixels. Without one, they are noise.
     pub scene: Option<HostFile>,

@@ -18,9 +18,9 @@ const EXPOSURE_NS: u64 = 20_000_000;
 const LINE_NS: u64 = 1_000_000;
 /// A sharp frame needs the slide to have stood still for this long, in nanoseconds.
 const STILL_NS: u64 = 100_000_000;
-/// How far the slide may be from the place of a frame, in steps.
+/// The longest distance of the slide from the place of a frame, in steps.
 const TOLERANCE: u32 = 1;
-/// How far a bump moves the slide, in steps.
+/// The distance by which a bump moves the slide, in steps.
 const BUMP: i32 = 300;
 
 const NO_RESPONSE: ErrorKind = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data);

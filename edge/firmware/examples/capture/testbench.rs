@@ -34,7 +34,7 @@ const POLICY: Policy = Policy {
     backlash_um: 1000,
     return_to_center: true,
 };
-/// How long homing may take.
+/// The longest time of homing.
 const HOMING_TIMEOUT: Duration = Duration::from_secs(60);
 /// The time of one turn of the main loop, in nanoseconds.
 const TURN_NS: u64 = 1_000_000;
@@ -60,7 +60,7 @@ pub struct MatchBuffers {
 }
 
 impl Testbench<'_, '_> {
-    /// Captures with a fault. Returns whether that gave disparities, or nothing if the stage did not stop.
+    /// Captures with a fault. Returns true if that gave disparities, and `None` if the stage did not stop.
     pub fn capture_and_check(&mut self, buffers: &mut MatchBuffers, injection: Injection) -> Option<bool> {
         self.inject(injection, false);
         let captured = self.capture(buffers, injection);

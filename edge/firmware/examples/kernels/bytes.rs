@@ -7,8 +7,7 @@ use multiscopic_core::{
 
 use super::{
     operations::{MAX_RUN, TRIALS, vector},
-    twin::{Difference, LANES, Twin, same},
-    xorshift::Xorshift,
+    twin::{Difference, LANES, Twin, Xorshift, same},
 };
 
 /// The costs of a run, at most.

@@ -13,8 +13,6 @@ mod random_lanes;
 mod runs;
 #[cfg(target_os = "none")]
 mod twin;
-#[cfg(target_os = "none")]
-mod xorshift;
 
 #[cfg(target_os = "none")]
 mod image {
@@ -25,8 +23,7 @@ mod image {
         bytes::compare_bytes,
         operations::{TRIALS, compare_columns, compare_costs, compare_products},
         runs::compare_runs,
-        twin::Difference,
-        xorshift::Xorshift,
+        twin::{Difference, Xorshift},
     };
 
     #[cortex_m_rt::entry]

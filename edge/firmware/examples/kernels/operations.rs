@@ -4,12 +4,9 @@ use core::fmt::Debug;
 use multiscopic_core::kernel::{Block, Blocks, Change, Column, Isa, Lane, Rule};
 use multiscopic_firmware::BoardKernel;
 
-use super::{
-    twin::{Difference, LANES, Twin, same},
-    xorshift::Xorshift,
-};
+use super::twin::{Difference, LANES, Twin, Xorshift, same};
 
-/// How often each operation is tried.
+/// The number of trials of each operation.
 pub const TRIALS: usize = 1000;
 /// The most products in a sum, a multiple of 4.
 const MOST_PRODUCTS: usize = 48;

@@ -1,6 +1,6 @@
 //! Random vectors, with the costs at which fusion changes its mind.
 
-use super::xorshift::Xorshift;
+use super::twin::Xorshift;
 
 impl Xorshift {
     /// A cost of at most `most`, often an extreme, or near three times or a third of the cost before.

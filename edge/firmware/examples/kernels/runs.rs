@@ -8,15 +8,14 @@ use multiscopic_core::{
 use super::{
     bytes::{costs, slot},
     operations::TRIALS,
-    twin::{Difference, LANES, Twin, same},
-    xorshift::Xorshift,
+    twin::{Difference, LANES, Twin, Xorshift, same},
 };
 
 const MAX_PIXELS: usize = 5;
 const MAX_DEPTH: usize = 5 * LANES;
 const MAX_STRIDE: usize = Slot::bytes(MAX_DEPTH);
 
-/// What runs read and write, with space for the longest. Costs begin at words, as they do in a matcher.
+/// The data that runs read and write, with space for the longest. Costs begin at words, as they do in a matcher.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(4))]
 struct Buffers {

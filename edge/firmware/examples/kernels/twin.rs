@@ -1,4 +1,4 @@
-//! The portable twin, and how a kernel is compared with it.
+//! The portable twin, its comparison with a kernel, and the random numbers that both get.
 
 use core::fmt::Debug;
 use multiscopic_core::kernel::{Isa, Portable};
@@ -24,4 +24,16 @@ pub fn same<T: PartialEq + Debug>(name: &str, found: T, expected: T) -> Result<(
     }
     eprintln!("kernels: {name} is {found:?}, the portable one {expected:?}");
     Err(Difference)
+}
+
+/// Marsaglia's xorshift with 32 bits of state, which must not be 0: the same numbers in every run.
+pub struct Xorshift(pub u32);
+
+impl Xorshift {
+    pub fn number(&mut self) -> u32 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 17;
+        self.0 ^= self.0 << 5;
+        self.0
+    }
 }

@@ -10,9 +10,6 @@ mod pattern;
 mod twin;
 #[cfg(target_os = "none")]
 mod whole_matches;
-#[cfg(target_os = "none")]
-#[path = "../kernels/xorshift.rs"]
-mod xorshift;
 
 #[cfg(target_os = "none")]
 mod image {

@@ -3,7 +3,7 @@
 use core::convert::Infallible;
 use multiscopic_core::{Frame, ScanlineSource};
 
-use super::xorshift::Xorshift;
+use super::twin::Xorshift;
 
 /// Pixels in a line.
 pub const WIDTH: u16 = 37;

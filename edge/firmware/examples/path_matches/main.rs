@@ -11,9 +11,6 @@ mod semi_global_matches;
 #[cfg(target_os = "none")]
 #[path = "../kernels/twin.rs"]
 mod twin;
-#[cfg(target_os = "none")]
-#[path = "../kernels/xorshift.rs"]
-mod xorshift;
 
 #[cfg(target_os = "none")]
 mod image {

@@ -69,7 +69,7 @@ fn compare(
     Ok(())
 }
 
-/// Computes a match. Returns whether the memory suffices.
+/// Computes a match. Returns true if the memory suffices.
 #[inline(never)]
 fn compute<I: Kernel>(isa: I, params: &SemiGlobalParams, mut pattern: Pattern, memory: &mut [u32], image: &mut Image) -> bool {
     let Ok(mut matcher) = SemiGlobalMatcher::with_isa(isa, params, memory) else { return false };

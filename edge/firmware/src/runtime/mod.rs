@@ -1,4 +1,4 @@
-//! What the processor's runtime gives: the entry, the critical section, the handler of faults, and how deep the stack was.
+//! The processor's runtime: the entry, the critical section, the handler of faults, and how deep the stack was.
 
 #[cfg(target_arch = "arm")]
 mod cortex_m;

@@ -8,7 +8,7 @@ pub use riscv_rt::entry;
 
 use crate::fault;
 
-/// What the stack is painted with.
+/// The word that the stack is painted with.
 const PAINT: u32 = 0xccca_cacc;
 
 unsafe extern "C" {

@@ -9,7 +9,7 @@ use multiscopic::target::reception;
 // Without libFuzzer, it has the entry point.
 use multiscopic_fuzz as _;
 
-/// What separates the packets of an input. It is rare in them.
+/// The separator of the packets of an input. It is rare in them.
 const SEPARATOR: u8 = 0xA5;
 /// The most bytes of a block of COBS, without the byte before them.
 const MAX_BLOCK: usize = 254;

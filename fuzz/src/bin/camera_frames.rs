@@ -10,7 +10,7 @@ use multiscopic::capture::camera::{FrameLayout, PixelFormat};
 // Without libFuzzer, it has the entry point.
 use multiscopic_fuzz as _;
 
-/// What a driver says about a buffer, and the buffer.
+/// Converts a buffer with a layout as a driver describes it.
 fn convert(input: &mut Unstructured) -> Result<()> {
     let layout = FrameLayout {
         format: *input.choose(&PixelFormat::ALL)?,

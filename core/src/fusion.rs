@@ -1,4 +1,4 @@
-//! How the matching costs of several views become one.
+//! The fusion of the matching costs of several views into one.
 
 use crate::Views;
 
@@ -100,7 +100,7 @@ pub trait MatchingCost: Copy + PartialOrd {
     /// A cost of zero.
     const ZERO: Self;
 
-    /// Whether the candidate is available.
+    /// True if the candidate is available.
     #[inline]
     fn exists(self) -> bool {
         self != Self::NONE

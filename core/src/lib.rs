@@ -7,9 +7,9 @@
 //! for Multiscopic Vision* (Yuan, Fan, Wang, Chen). The documentation of [`View`], [`Fusion`], [`Search`],
 //! [`Params`] and [`Disparity`] defines the result, bit for bit.
 //!
-//! Data flows down this list, and each room knows only those above it:
+//! Data flows down this list, and each module knows only those above it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `view` | [`View`], [`Frame`]: where the camera was, and where matches lie |
 //! | `views` | [`Views`]: a set of views, in order |
@@ -80,7 +80,7 @@ pub use fusion::{Fusion, MatchingCost};
 pub use gradients::Gradients;
 pub use matcher::Matcher;
 pub use memory::Memory;
-pub use params::{Census, Params, ParamsError, PathPenalties, Prior, Search, SemiGlobalCost, SemiGlobalParams};
+pub use params::{Census, Params, ParamsError, PathPenalties, Prior, Search, SearchConfig, SemiGlobalCost, SemiGlobalParams};
 pub use rectification::{Displacement, DisplacementGrid, Rectification, RectificationError, Rectified, RectifiedError};
 pub use region::{Region, RegionError};
 pub use scanline::{Rewind, ScanlineSource};

@@ -99,10 +99,12 @@ mod tests {
     use std::{format, string::ToString, vec::Vec};
 
     use super::*;
-    use crate::{Fusion, Views};
+    use crate::{Fusion, SearchConfig, Views};
 
     fn search() -> Search {
-        Search::new(5, 4, Views::STEREO, Fusion::Min, 1, 2).expect("valid")
+        SearchConfig { views: Views::STEREO, fusion: Fusion::Min, num_disparities: 2, ..SearchConfig::of_size(5, 4) }
+            .checked()
+            .expect("valid")
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::{Disparity, Frame};
 /// [`Params::lead`](crate::Params::lead) states, so a source need not be able to go back. Lines of different
 /// frames interleave.
 pub trait ScanlineSource {
-    /// Why a line could not be read.
+    /// The reason why a line could not be read.
     type Error;
 
     /// Fills `line`, whose length is the width of the frame, with the 8-bit grey pixels of line `v` of

@@ -12,7 +12,7 @@ use crate::{
 /// It keeps eleven lines, and is five lines behind the matcher.
 ///
 /// ```
-/// use multiscopic_core::{ConfidenceLines, ConfidenceTable, Frame, Fusion, Matcher, Params, ScanlineSource, Views};
+/// use multiscopic_core::{ConfidenceLines, ConfidenceTable, Frame, Fusion, Matcher, Params, ScanlineSource, SearchConfig, Views};
 ///
 /// /// A texture, seen three pixels further to each side.
 /// struct Texture;
@@ -32,7 +32,9 @@ use crate::{
 ///     }
 /// }
 ///
-/// const PARAMS: Params = match Params::new(80, 30, Views::HORIZONTAL, Fusion::Min, 0, 8, 5) {
+/// const SEARCH: SearchConfig =
+///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(80, 30) };
+/// const PARAMS: Params = match SEARCH.block_matching(5) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
@@ -59,7 +61,7 @@ pub struct ConfidenceLines<'m, I = Portable<{ Params::LANES }>> {
 }
 
 impl ConfidenceLines<'_> {
-    /// How many lines the confidences are behind the disparities.
+    /// The number of lines by which the confidences are behind the disparities.
     pub const LATENCY_LINES: usize = ConfidenceTable::ROWS;
 
     /// The words of memory for a frame of `width` columns: 28 bytes for each.

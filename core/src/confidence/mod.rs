@@ -1,6 +1,6 @@
-//! Confidence: how probable it is that a disparity is right. Each room knows only those above it:
+//! Confidence: how probable it is that a disparity is right. Each module knows only those above it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `peak_ratio` | how much worse the next best candidate is |
 //! | `table` | [`ConfidenceTable`]: the probabilities by the peak ratio and by how many pixels around agree |

@@ -1,8 +1,8 @@
-//! How much worse the next best candidate is.
+//! The ratio by which the next best candidate is worse than the best.
 
-/// How much worse the next best candidate is than the one of least cost: the peak ratio of Hu and Mordohai, "A quantitative
-/// evaluation of confidence measures for stereo vision", 2012, with a floor of noise. All costs are on one scale, and below
-/// 2^30.
+/// The ratio by which the next best candidate is worse than the one of least cost: the peak ratio of Hu and Mordohai, "A
+/// quantitative evaluation of confidence measures for stereo vision", 2012, with a floor of noise. All costs are on one
+/// scale, and below 2^30.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PeakRatio {
     /// The least cost.
@@ -37,7 +37,7 @@ impl PeakRatio {
         (ratio.grade_at(is_end), uniqueness_ratio.is_none_or(|percent| ratio.is_unique(percent)))
     }
 
-    /// Whether the second candidate costs over `percent` of the least cost more than that: the uniqueness ratio of OpenCV's
+    /// True if the second candidate costs over `percent` of the least cost more than that: the uniqueness ratio of OpenCV's
     /// StereoBM.
     #[inline(always)]
     pub const fn is_unique(self, percent: u8) -> bool {

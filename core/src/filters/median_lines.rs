@@ -10,9 +10,9 @@ use crate::{Disparity, MatchError, MemoryTooSmall, Search};
 /// is one line behind the matcher.
 ///
 /// ```
-/// use multiscopic_core::{Disparity, Fusion, MedianLines, MatchError, Search, Views};
+/// use multiscopic_core::{Disparity, MatchError, MedianLines, SearchConfig};
 ///
-/// let search = Search::new(40, 30, Views::HORIZONTAL, Fusion::Min, 0, 16)?;
+/// let search = SearchConfig { num_disparities: 16, ..SearchConfig::of_size(40, 30) }.checked()?;
 /// let mut memory = [0; MedianLines::memory_words(40)];
 /// let mut lines = MedianLines::new(&search, &mut memory)?;
 /// let (mut disparities, mut peaks) = ([None; 40], [0; 40]);
@@ -35,7 +35,7 @@ pub struct MedianLines<'m> {
 }
 
 impl MedianLines<'_> {
-    /// How many lines the medians are behind the disparities.
+    /// The number of lines by which the medians are behind the disparities.
     pub const LATENCY_LINES: usize = 1;
 
     /// The words of memory for a frame of `width` columns: 8 bytes for each.

@@ -1,6 +1,6 @@
 //! Filters of disparity lines, as they stream. Each takes lines from a matcher or from another filter.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `matched_lines` | the last lines from a matcher |
 //! | `median_lines` | [`MedianLines`]: the median over 3 x 3 pixels |

@@ -1,4 +1,31 @@
 //! A batch of pixels whose block sums stay in registers, for instruction sets that have enough of them.
+//!
+//! ```text
+//! sums[j][k] = the block of the pixel before the batch     // J vectors of disparities in each of V views
+//! for each stretch of columns that the steps give:         // 1 column until blocks are full, then many
+//!     for each column i, which is a pixel:
+//!         if MASKED: masks[j][k] = the views that hide at this pixel
+//!         for j in 0..J, k in 0..V:                        // unrolled
+//!             column[j][k] += |center - view|(entering line) - |center - view|(leaving line)
+//!             sums[j][k]   += column[j][k] - leaving_column[j][k]
+//!             costs[k]      = max(sums[j][k], masks[j][k])
+//!         fused[i][j] = rule(costs), in the order of the disparities, max padding
+//!         if the rule is not Min: kept[i] = sums           // for exact costs, should lanes saturate
+//! store sums as the block of the last pixel
+//! ```
+//!
+//! The plain way over a line ([`Blocks::slide_and_fuse`]) loads and stores the block sums at each pixel, which takes as
+//! many accesses as the columns do. Here they live in `V x J` registers for a whole batch, and the addresses of a stretch
+//! are computed once. That pays for `J` of 1 or 2 vectors: more do not fit the registers.
+//!
+//! The decisions that hold for a whole batch are constants of the inner function (`J`, `MASKED`, `PADDED`, and the rule,
+//! which is a constant after inlining), so that the loop over the columns has no branch but its own.
+//!
+//! Invariants that the unsafe code relies on:
+//! - A stretch has samples and sums for each of its columns: `Steps::new` has checked the whole line.
+//! - The entering and the leaving column are different columns, since a block has at least one column.
+//! - Vectors of samples are plain bytes ([`assert_layout`](super::isa::assert_layout)), and costs have one lane for each
+//!   disparity ([`assert_costs`]).
 #![allow(unsafe_code)]
 
 use core::mem;

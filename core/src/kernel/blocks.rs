@@ -1,4 +1,25 @@
 //! The inner loops over the disparities of a pixel.
+//!
+//! Block matching spends its time here. For the next pixel, in each view and at each disparity:
+//!
+//! ```text
+//! column   = column + |c - s| - |c' - s'|     // c, s enter at the bottom of the column, c', s' leave at its top
+//! block    = block + column - leaving_column  // columns enter on the right and leave on the left
+//! fused    = rule(block of view 0, block of view 1, ...), raised to MAX where a mask is MAX
+//! least    = min(least, fused)
+//! ```
+//!
+//! So a candidate costs two differences and four additions per view, whatever the size of the block. Column sums carry
+//! over from line to line and block sums from pixel to pixel; both wrap, since additions and subtractions cancel.
+//! Column sums are 16 bits wide; block sums are 16 or 32, the [`Lane`].
+//!
+//! Data layout: a vector holds [`LANES`](Isa::LANES) neighbouring disparities of one view. A block is `[[Costs; V]]`, the
+//! vectors of all views at the same disparities side by side, because fusion needs them together. Columns and samples are
+//! view by view, because they come from different tracks.
+//!
+//! The provided methods are the definition. An instruction set overrides what it can do better: Arm's DSP and MVE have
+//! [`slide_and_fuse`](Blocks::slide_and_fuse) in assembly, and instruction sets with many registers keep the blocks of a
+//! [batch](super::Batch) in them.
 
 use bytemuck::Pod;
 
@@ -13,9 +34,9 @@ use super::{
 ///
 /// The provided loops are their definition. An instruction set that overrides one computes the same.
 pub trait Blocks<L: Lane>: Isa {
-    /// Whether batches keep the sums of a block in registers, if it has one vector or two in each view.
+    /// True if batches keep the sums of a block in registers, if it has one vector or two in each view.
     const IN_REGISTERS: bool = false;
-    /// Whether masks hide views from [`Rule::Sum`] too, of two to four views: [`fuse_masked`](Blocks::fuse_masked) is
+    /// True if masks hide views from [`Rule::Sum`] too, of two to four views: [`fuse_masked`](Blocks::fuse_masked) is
     /// faster than [`fuse_available`](Blocks::fuse_available), run by run.
     const MASKS_SUM: bool = false;
     /// A vector of costs in memory.

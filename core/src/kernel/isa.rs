@@ -53,7 +53,7 @@ pub trait Isa: sealed::Sealed + Copy + Debug {
     /// It may add [`bias(1)`](Isa::bias) as well.
     fn advance(self, sums: Self::Column, center: Change<u8>, view: Change<&Self::Samples>) -> Self::Column;
 
-    /// Whether [`count_within`](Isa::count_within) is faster than counting in lanes of the compiler's choice.
+    /// True if [`count_within`](Isa::count_within) is faster than counting in lanes of the compiler's choice.
     const COUNTS_HALVES: bool = false;
 
     /// Adds 1 to each half of `counts` if that half of `values` is not below that of `least`, and exceeds it by at most that of
@@ -91,13 +91,13 @@ pub trait Work {
     fn run(self);
 }
 
-/// What enters the block, and what leaves it.
+/// The value that enters the block, and the one that leaves it.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Change<T> {
-    /// What enters.
+    /// The value that enters.
     pub entering: T,
-    /// What leaves.
+    /// The value that leaves.
     pub leaving: T,
 }
 

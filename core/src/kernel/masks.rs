@@ -16,7 +16,7 @@ pub(crate) struct Masks<'a, L: Lane, I: Blocks<L>, const V: usize> {
     pub availability: &'a mut Availability,
     /// Around which the line is searched.
     pub prior: Option<PriorLine<'a>>,
-    /// Whether there are lanes past the last disparity.
+    /// True if there are lanes past the last disparity.
     pub padded: bool,
 }
 
@@ -48,7 +48,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Masks<'_, L, I, V> {
         Self::can_hide(rule, incomplete).then_some(masked)
     }
 
-    /// Whether masks can hide `incomplete` views, a bit for each, from `rule`.
+    /// True if masks can hide `incomplete` views, a bit for each, from `rule`.
     #[inline(always)]
     pub fn can_hide(rule: Rule, incomplete: u8) -> bool {
         let hides_from_sum = const { I::MASKS_SUM && V <= 4 } && rule == Rule::Sum;

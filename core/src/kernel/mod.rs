@@ -2,10 +2,10 @@
 //! set.
 //!
 //! An instruction set is a type that implements [`Isa`] and [`Blocks`] with the few operations that the loops
-//! consist of. [`Portable`] does so in plain Rust, and defines what the operations mean. Each room knows only
+//! consist of. [`Portable`] does so in plain Rust, and defines what the operations mean. Each module knows only
 //! those above it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `vector` | lanes, and vectors of column sums, block sums and costs: [`Lane`], [`Column`], [`Block`] |
 //! | `rule` | the fusion rules in lanes: [`Rule`] |

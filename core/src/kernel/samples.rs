@@ -6,7 +6,7 @@
 pub(crate) struct Samples<'a> {
     /// The memory that holds them.
     pub memory: &'a [u8],
-    /// Where the first column begins.
+    /// The beginning of the first column.
     pub start: usize,
     /// From the beginning of a column to that of the next.
     pub step: isize,
@@ -22,7 +22,7 @@ impl<'a> Samples<'a> {
         self.memory.get(start..start + self.depth).unwrap_or_default()
     }
 
-    /// Where the first column begins, if the memory holds all the samples of `columns` columns.
+    /// The beginning of the first column, if the memory holds all the samples of `columns` columns.
     pub fn first(&self, columns: usize) -> Option<*const u8> {
         let last = self.step.checked_mul(columns.checked_sub(1)? as isize)?;
         let last = self.start.checked_add_signed(last)?;

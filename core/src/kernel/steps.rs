@@ -1,8 +1,27 @@
 //! Steps along a line of the centre, column by column: the samples that enter and leave the blocks, and the
 //! column sums they change.
 //!
+//! ```text
+//! new:  check that every track has `depth` samples for each of the columns of the line; else there are no steps
+//! step: entering = sums[next]                                     // V x vectors, view by view
+//!       leaving  = next < block_size ? empty_column : sums[next - block_size]
+//!       samples  = first + next * step, of the entering and of the leaving line, for each view
+//!       next    += 1
+//! ```
+//!
 //! The bounds are checked once for a line. From then on, a step to the next column is a few additions to
-//! addresses.
+//! addresses. With a slice for each of up to eight views in each column, checks would cost more than the arithmetic.
+//!
+//! Data layout: a *track* holds the samples of a view so that those of a column at ascending disparities are contiguous,
+//! and the next column begins `step` bytes further: 1 in a row, -1 in a mirrored row, a stack's length in columns. The sums
+//! of a column are `vectors` vectors of the first view, then those of the second, and so on; columns follow each other.
+//!
+//! A step is given in three forms, from the safest to the fastest: [`Step`] with slices, [`RawStep`] with addresses for
+//! loops in assembly, and [`Stretch`], the addresses of many steps at once. A stretch is a single step until the block is
+//! full, so that all of its columns have a leaving column at the same distance.
+//!
+//! The one invariant: `next <= columns`, and `columns` is 0 unless `tracks` has checked all samples. The borrow of the
+//! sums lives in `memory`, and steps borrow `Steps` mutably, so that no two steps alias.
 #![allow(unsafe_code)]
 
 use core::{marker::PhantomData, slice};
@@ -34,7 +53,7 @@ pub struct Steps<'a, I: Isa, const V: usize> {
     memory: PhantomData<(&'a [u8], &'a mut [I::Sums])>,
 }
 
-/// Where the samples of a view are.
+/// The place of a view's samples.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(super) struct Track {

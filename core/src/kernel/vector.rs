@@ -8,7 +8,7 @@ pub trait Lane: Copy + Ord + Default + Pod {
     /// The cost at which 16-bit lanes saturate, and the cost of a candidate that is not available. No cost of
     /// a single view reaches it.
     const MAX: Self;
-    /// Whether a candidate may have this fused cost. Not in lanes that have saturated or belong to no candidate: masked 32-bit
+    /// True if a candidate may have this fused cost. Not in lanes that have saturated or belong to no candidate: masked 32-bit
     /// lanes wrap to values a little below [`Lane::MAX`] when they are fused.
     fn is_cost(self) -> bool;
     /// The cost in 32 bits.

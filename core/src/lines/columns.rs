@@ -16,18 +16,18 @@ pub(super) struct Columns<'m> {
     pub shape: StackShape,
     /// Samples that a column is compared with.
     pub depth: usize,
-    /// Whether stacks grow towards their beginning, since matches move up with the disparity.
+    /// True if stacks grow towards their beginning, since matches move up with the disparity.
     pub mirrored: bool,
     /// The leftmost column that gets a sample, possibly outside the frame.
     pub left: i32,
-    /// How many columns to the right of it, and how far below a line of the centre, the first pixel's match at the
+    /// The columns to the right of it, and the lines below a line of the centre, at which the first pixel's match at the
     /// smallest disparity lies.
     pub nearest: (usize, i32),
     /// The first virtual line.
     pub first: i32,
     /// The next virtual line to be pushed.
     pub next: i32,
-    /// How many lines of each set the samples have moved by.
+    /// The number of lines of each set by which the samples have moved.
     pub moved: usize,
 }
 

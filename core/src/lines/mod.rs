@@ -1,10 +1,23 @@
 //! The lines of all frames under the blocks of a disparity line.
 //!
+//! ```text
+//! for the next disparity line, whose blocks reach down to line v of the centre:
+//!     for each frame, the centre first:
+//!         while its next line <= v + lead:     // lead: how much lower than the centre's the lowest match lies
+//!             read the line into a buffer, and store it where blocks expect it
+//!         if v + lead is past the last line: repeat the last line
+//!     around a prior: interpolate the samples at each pixel's own offset
+//! at(v): a view of the stored samples: memory, start of the first column, step from a column to the next, depth
+//! ```
+//!
+//! Each line of each frame is read exactly once and in order, so that a source may be a sensor or a serial port. A frame
+//! is stored no longer than some block needs it: rings of `block_size + 1` lines, and stacks as tall as the search.
+//!
 //! They are stored so that a column's samples at ascending disparities are contiguous: a view in the centre's row of
 //! the array by line, mirrored if matches move to the left; any other by column. Frames are extended beyond their
 //! borders by replication: *virtual* lines below 0 repeat the first line, those past the end the last.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `replication` | extends a line beyond its borders |
 //! | `rows` | a ring of lines |
@@ -103,7 +116,7 @@ pub(crate) struct Lines<'m> {
     last: i32,
     /// The next line of the frame to be read.
     next: i32,
-    /// How far below the centre's line the view's lowest match lies.
+    /// The lines below the centre's line at which the view's lowest match lies.
     lead: i32,
 }
 

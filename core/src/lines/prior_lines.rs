@@ -50,7 +50,7 @@ impl<'m> PriorLines<'m> {
     }
 }
 
-/// Where line `v` of `width` pixels is in a ring of `pixels`.
+/// The place of line `v` of `width` pixels in a ring of `pixels`.
 fn place(v: usize, pixels: usize, width: usize) -> core::ops::Range<usize> {
     let lines = pixels.checked_div(width).unwrap_or_default();
     let start = v.checked_rem(lines).unwrap_or_default() * width;

@@ -17,14 +17,14 @@ pub(super) struct Rows<'m> {
     pub count: usize,
     /// Samples that a column is compared with.
     pub depth: usize,
-    /// Whether lines are mirrored, since matches move to the left with the disparity.
+    /// True if lines are mirrored, since matches move to the left with the disparity.
     pub mirrored: bool,
     /// The leftmost coordinate in a line, possibly outside the frame.
     pub left: i32,
 }
 
 impl Rows<'_> {
-    /// Where line `v` begins.
+    /// The beginning of line `v`.
     fn start(&self, v: i32) -> usize {
         (v as usize).checked_rem(self.count).unwrap_or_default() * self.reach
     }

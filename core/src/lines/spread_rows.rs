@@ -18,12 +18,12 @@ pub(super) struct SpreadRows<'m> {
     pub depth: usize,
     /// The column of the first pixel's match at the smallest disparity, possibly outside the frame.
     pub left: i32,
-    /// How far to the right the match at the next disparity lies.
+    /// The columns to the right at which the match at the next disparity lies.
     pub step: i32,
 }
 
 impl SpreadRows<'_> {
-    /// Where line `v` begins.
+    /// The beginning of line `v`.
     fn start(&self, v: i32) -> usize {
         (v as usize).checked_rem(self.count).unwrap_or_default() * self.span * self.depth
     }

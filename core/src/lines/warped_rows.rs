@@ -24,7 +24,7 @@ pub(super) struct WarpedRows<'m> {
     pub width: usize,
     /// The view's last line.
     pub last: i32,
-    /// How many lines of the view the matches of a line may lie in.
+    /// The number of lines of the view in which the matches of a line may lie.
     pub reach: usize,
     /// The smallest disparity, from the offset.
     pub min_disparity: i16,
@@ -33,7 +33,7 @@ pub(super) struct WarpedRows<'m> {
 }
 
 impl WarpedRows<'_> {
-    /// Where line `v` of the samples begins.
+    /// The beginning of line `v` of the samples.
     fn start(&self, v: i32) -> usize {
         (v as usize).checked_rem(self.count).unwrap_or_default() * self.span * self.depth
     }
@@ -52,13 +52,13 @@ impl WarpedRows<'_> {
         }
     }
 
-    /// Whether lines of the view are stored from right to left, so that the samples of a pixel's matches at ascending
+    /// True if lines of the view are stored from right to left, so that the samples of a pixel's matches at ascending
     /// disparities are contiguous.
     fn is_mirrored(&self) -> bool {
         self.view.shift(1) == (-1, 0)
     }
 
-    /// Where line `row` of the view begins, among those of the view.
+    /// The beginning of line `row` of the view, among those of the view.
     fn place(&self, row: i32) -> usize {
         (row as usize).checked_rem(self.reach).unwrap_or_default() * self.width
     }

@@ -68,13 +68,13 @@ impl<I: Kernel> Output<u16, I> for CostLine<'_> {
     }
 }
 
-/// What is seen of a pixel.
+/// The views that see a pixel.
 struct Seen {
     /// The views to mask, as in [`Masks::masked`].
     masked: Option<u8>,
     /// The divisor of its sums.
     divisor: Divisor,
-    /// Whether every candidate exists.
+    /// True if every candidate exists.
     is_covered: bool,
 }
 

@@ -1,6 +1,6 @@
-//! The matcher: scanlines in, disparity lines out. Each room knows only those above it:
+//! The matcher: scanlines in, disparity lines out. Each module knows only those above it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `exact` | exact fused costs, for the pixels whose lanes do not suffice |
 //! | `selection` | winner-takes-all, and sub-pixel refinement |
@@ -36,7 +36,7 @@ use sweep::{Output, Priming, Sweep};
 /// column and lose a column. The caller lends the memory for these sums and for the lines under the blocks.
 ///
 /// ```
-/// use multiscopic_core::{Frame, Fusion, Matcher, Memory, Params, ScanlineSource, Views};
+/// use multiscopic_core::{Frame, Fusion, Matcher, Memory, Params, ScanlineSource, SearchConfig, Views};
 ///
 /// /// A ramp, seen three pixels further to each side.
 /// struct Ramp;
@@ -56,7 +56,9 @@ use sweep::{Output, Priming, Sweep};
 ///     }
 /// }
 ///
-/// const PARAMS: Params = match Params::new(40, 30, Views::HORIZONTAL, Fusion::Min, 0, 8, 5) {
+/// const SEARCH: SearchConfig =
+///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(40, 30) };
+/// const PARAMS: Params = match SEARCH.block_matching(5) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
@@ -384,7 +386,7 @@ fn cast_mut<T: Pod, U: Pod>(memory: &mut [T]) -> &mut [U] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Fusion, View};
+    use crate::{Fusion, SearchConfig, View};
 
     /// A texture, seen two pixels further to each side, and anything from above.
     struct Texture;
@@ -414,7 +416,10 @@ mod tests {
         // An interpreter takes a thousand times as long.
         let (height, disparities) = if cfg!(miri) { (6, 4) } else { (20, 6) };
         for views in [Views::HORIZONTAL.with(View::TOP), Views::CROSS] {
-            let params = Params::new(30, height, views, Fusion::Half, 0, disparities, 3).unwrap();
+            let params =
+                SearchConfig { width: 30, height, views, fusion: Fusion::Half, min_disparity: 0, num_disparities: disparities }
+                    .block_matching(3)
+                    .unwrap();
             let mut memory = [0; 20_000];
             let mut matcher = Matcher::new(&params, &mut memory).unwrap();
             let (mut line, mut peaks) = ([None; 30], [0; 30]);

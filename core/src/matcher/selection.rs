@@ -1,4 +1,31 @@
 //! Winner-takes-all, and sub-pixel refinement.
+//!
+//! ```text
+//! for each pixel, with its block sums and the views that see each candidate:
+//!     fused = the rule over the available views, vector by vector
+//!     fused[lanes past the last disparity] = MAX
+//!     least = min(fused);  index = first lane that holds it
+//!     if least == MAX:                      disparity and peak by exact costs
+//!     else if index is an end of the search: disparity = min_disparity + index
+//!     else if a neighbour's cost is MAX:    refine by exact costs
+//!     else:                                 refine by the costs at index - 1, index, index + 1
+//! ```
+//!
+//! Lanes are 16 or 32 bits wide and saturate, and their scale depends on the views that are available. `MAX` therefore
+//! stands for three things that lanes cannot tell apart: a cost that has saturated, a candidate that no view sees, and
+//! padding. Wherever it could change the result, [`Exact`] computes the pixel again in 32 bits. That is rare, at borders
+//! and in noise; so lanes decide nearly all pixels, and the result is the one that exact costs define.
+//!
+//! Two ways lead here. [`Selection::slide_and_fuse`] and [`Selection::disparity`] take a pixel at a time, for small
+//! processors, which have the least cost in a register still. [`Selection::disparities`] takes a batch that was fused
+//! before: the latencies of finding the winner, loading its neighbours and dividing overlap across pixels on a processor
+//! that executes out of order. Both give the same bits.
+//!
+//! A view can be hidden from a pixel in two ways. For rules that a large cost does not disturb, a mask raises its lanes to
+//! `MAX` ([`Masks`]). Otherwise the disparities fall into segments that see the same views, and each is fused by itself.
+//!
+//! Peaks ask for the second minimum: the lanes at `index - 1`, `index` and `index + 1` are overwritten with `MAX`, and the
+//! minimum is taken again.
 
 use core::slice;
 

@@ -45,7 +45,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Work for Priming<'_, L, I, V> {
     }
 }
 
-/// What a sweep computes of each pixel's fused costs.
+/// The result that a sweep computes from each pixel's fused costs.
 pub(super) trait Output<L: Lane, I: Blocks<L>>: Sized {
     /// Computes the line.
     fn fill<const V: usize>(sweep: Sweep<'_, L, I, V, Self>);
@@ -71,7 +71,7 @@ pub(super) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize, O> {
     pub availability: &'a mut Availability,
     /// The fused costs of a batch of pixels, between two vectors of padding if there are several.
     pub fused: &'a mut [I::Costs],
-    /// What is computed.
+    /// The output.
     pub out: O,
 }
 

@@ -17,7 +17,7 @@ impl Exponentials {
     /// Scores further below the greatest count as the last of these.
     pub const COUNT: usize = 160;
 
-    /// How far a score, in sixteenths, is below the greatest, at most the last of the exponentials.
+    /// The distance of a score, in sixteenths, below the greatest, at most the last of the exponentials.
     pub fn below(greatest: i32, score: i32) -> u8 {
         (greatest - score).min(Exponentials::COUNT as i32 - 1) as u8
     }

@@ -1,10 +1,10 @@
 //! The network that decides between two passes of semi-global matching, and repairs where both fail.
 //!
 //! All of its numbers are whole: activations and weights of 8 bits, sums of 32. So it has the same bits with any
-//! instructions. These rooms define it, row by row, for any processor; the host runs them on threads, and [`NetworkMatcher`]
+//! instructions. These modules define it, row by row, for any processor; the host runs them on threads, and [`NetworkMatcher`]
 //! in the memory of a microcontroller. Each knows only those above it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `weight_file` | [`WeightFile`]: the file with the weights |
 //! | `quantized_output` | [`QuantizedOutput`]: how sums of products become activations |

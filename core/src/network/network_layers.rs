@@ -15,7 +15,7 @@ use super::{
 /// both passes of semi-global matching and of the blocks around, mixes those of neighbours, and adds a correction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NetworkLayers<L> {
-    /// What the colours of blocks add to their candidates, in two layers.
+    /// The two layers that turn the colours of blocks into summands of their candidates.
     pub guide: [L; 2],
     /// The volume part.
     pub volume: VolumeLayers<L>,

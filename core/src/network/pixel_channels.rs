@@ -1,4 +1,4 @@
-//! What the image part of the network sees of each pixel.
+//! The inputs of the network's image part at each pixel.
 
 use super::{
     exponentials::BlockDisparity,

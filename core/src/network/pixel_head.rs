@@ -10,7 +10,7 @@ use super::{
 /// The neighbours whose disparities are mixed: the pixel itself, then those around at distances of 1 and 3.
 const NEIGHBORS: usize = 17;
 
-/// What turns the outputs of the last layer into disparities and confidences.
+/// The tables that turn the outputs of the last layer into disparities and confidences.
 ///
 /// The outputs of a pixel are scores, in sixteenths, by whose exponentials disparities are weighted in a mean:
 ///
@@ -29,8 +29,8 @@ pub struct PixelHead<'a> {
     pub confidences: &'a [u8; 256],
 }
 
-/// What is known of a pixel besides its own choice: the correction in two bytes, the lower one first, how far the scores of the
-/// neighbours' choices are below the greatest, and the confidence.
+/// The output at a pixel besides its own choice: the correction in two bytes, the lower one first, the distances of the scores
+/// of the neighbours' choices below the greatest, and the confidence.
 pub type PixelScores = [u8; 2 + NEIGHBORS + 1];
 
 impl PixelHead<'_> {

@@ -1,4 +1,4 @@
-//! What the network sees of the costs.
+//! The inputs of the network from the costs.
 //!
 //! Two passes of semi-global matching along eight paths, A and B, give disparities and sums of path costs. There are four
 //! matching costs: those of A fused by their least and by their mean over all views, then those of B. The *excess* of a candidate
@@ -8,7 +8,7 @@
 use core::ops::Range;
 
 use super::MAX_ACTIVATION;
-use crate::{Disparity, Search};
+use crate::{Disparity, Search, SearchConfig};
 
 /// The side of the blocks of pixels over which costs are pooled.
 pub const BLOCK: usize = 4;
@@ -37,9 +37,8 @@ const NO_SUM: u16 = u16::MAX;
 /// A search with an even number of disparities, if there is another one: a volume has two in a slice, and the network was never
 /// trained with half a slice.
 pub const fn paired(search: &Search) -> Search {
-    let [width, height, count] = [search.width() as u16, search.height() as u16, search.num_disparities() as u16];
-    let count = count.next_multiple_of(2);
-    match Search::new(width, height, search.views(), search.fusion(), search.min_disparity(), count) {
+    let config = search.config();
+    match (SearchConfig { num_disparities: config.num_disparities.next_multiple_of(2), ..config }).checked() {
         Ok(paired) => paired,
         Err(_) => *search,
     }

@@ -1,13 +1,13 @@
 //! An output of a layer in whole numbers: sums of products, brought back to the scale of activations.
 
-/// How the sums of an output start, and how they become activations: by a shift, a multiplication and a rounding.
+/// The start of an output's sums, and their way to activations: by a shift, a multiplication and a rounding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct QuantizedOutput {
-    /// What its sum starts from.
+    /// The start of its sum.
     pub bias: i32,
     /// Bits by which the sum is shifted down.
     pub shift: u8,
-    /// What it is multiplied by then, in 2^-15.
+    /// The factor that follows, in 2^-15.
     pub multiplier: u16,
 }
 

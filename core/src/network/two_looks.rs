@@ -5,9 +5,8 @@ use crate::Disparity;
 /// A pixel's disparity, in steps, and its confidence, times 255, by what the network finds in two looks: at its inputs, and at
 /// the same turned by half a turn.
 ///
-/// What it finds only in one position it is not sure of, and errors that differ cancel. Where both disparities are at most a
-/// pixel apart, they are averaged, with the squares of their confidences plus one as weights, and their confidences too.
-/// Elsewhere the surer is taken. With probabilities `p` and `q` that each is right, and not both, its own is
+/// Findings of one position alone are not sure, and errors that differ cancel. Disparities that are at most a pixel apart are
+/// averaged, with the squares of their confidences plus one as weights, and their confidences too. Otherwise the surer is taken. With probabilities `p` and `q` that each is right, and not both, its own is
 /// `p (1 - q) / (1 - p q)`.
 #[inline]
 pub fn two_looks(disparities: [u16; 2], confidences: [u8; 2]) -> (u16, u8) {

@@ -4,10 +4,10 @@ use core::{array, error, fmt};
 
 use super::quantized_output::QuantizedOutput;
 
-/// What the file starts with.
+/// The first bytes of the file.
 const MAGIC: &[u8; 8] = b"MSCNET01";
 
-/// What is left of a file to be read. All numbers are little-endian.
+/// The part of a file that is still to be read. All numbers are little-endian.
 ///
 /// After the characters `MSCNET01` come the layers in the order of the network, then its tables, and nothing else. Of a layer, the
 /// weights come first: for each output those from all inputs. Then come the biases of all outputs, their multipliers
@@ -30,7 +30,7 @@ pub struct LayerRecord<'a> {
     count: u16,
 }
 
-/// Why a file does not have the weights of the network.
+/// The reason why a file does not have the weights of the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum WeightError {

@@ -34,7 +34,7 @@ impl Census {
         }
     }
 
-    /// How far the window reaches: to each side, and up and down, in pixels.
+    /// The reach of the window: to each side, and up and down, in pixels.
     pub const fn radius(self) -> [usize; 2] {
         match self {
             Census::Window5x5 => [2, 2],

@@ -1,6 +1,6 @@
 //! Parameters: what is searched, and by which method. Immutable and validated.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `search` | [`Search`]: frames, views and search range, whatever the method |
 //! | `prior` | [`Prior`]: what an earlier match tells a search |
@@ -18,4 +18,4 @@ pub use block_matching::Params;
 pub use census_transform::Census;
 pub use path_params::{PathPenalties, SemiGlobalCost, SemiGlobalParams};
 pub use prior::Prior;
-pub use search::{ParamsError, Search};
+pub use search::{ParamsError, Search, SearchConfig};

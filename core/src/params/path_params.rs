@@ -25,8 +25,8 @@ use crate::{Frame, Fusion};
 ///   [`Disparity::refine_equiangular`](crate::Disparity::refine_equiangular).
 ///
 /// ```
-/// use multiscopic_core::{SemiGlobalCost, Fusion, Search, SemiGlobalParams, Views};
-/// let search = Search::new(320, 240, Views::CROSS, Fusion::Min, 1, 32)?;
+/// use multiscopic_core::{Fusion, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views};
+/// let search = SearchConfig { fusion: Fusion::Min, num_disparities: 32, ..SearchConfig::of_size(320, 240) }.checked()?;
 /// let params = SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size: 5 })?;
 /// assert_eq!((params.penalties().p1(), params.penalties().p2(0)), (6, 48));
 /// # Ok::<(), multiscopic_core::ParamsError>(())
@@ -40,7 +40,7 @@ pub struct SemiGlobalParams {
     uniqueness_ratio: Option<u8>,
 }
 
-/// How much a pixel differs from its match, before the views are fused.
+/// The cost of a pixel's difference from its match, before the views are fused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SemiGlobalCost {
@@ -109,7 +109,7 @@ impl SemiGlobalCost {
     }
 }
 
-/// What a path charges for changes of disparity from a pixel to the next, in units of the matching cost.
+/// The penalties of a path for changes of disparity from a pixel to the next, in units of the matching cost.
 /// Every value of this type is valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -128,7 +128,7 @@ impl PathPenalties {
 
     /// `p1` for a change by one disparity and `p2` for any larger change.
     ///
-    /// Where the brightness of the centre changes by more than `p2_edge` from a pixel to the next, `p2` is
+    /// At edges, where the brightness of the centre changes by more than `p2_edge` from a pixel to the next, `p2` is
     /// lowered to `p2 * p2_edge / change`, rounded down, but not below `p1`.
     ///
     /// # Errors
@@ -223,7 +223,7 @@ impl SemiGlobalParams {
         self.uniqueness_ratio
     }
 
-    /// What is searched.
+    /// The search.
     pub const fn search(&self) -> &Search {
         &self.search
     }
@@ -233,7 +233,7 @@ impl SemiGlobalParams {
         self.cost
     }
 
-    /// What paths charge.
+    /// The penalties of paths.
     pub const fn penalties(&self) -> PathPenalties {
         self.penalties
     }
@@ -246,7 +246,7 @@ impl SemiGlobalParams {
         }
     }
 
-    /// How many lines above and below its own the cost of a line needs.
+    /// The number of lines above and below its own that the cost of a line needs.
     pub(crate) const fn reach(&self) -> usize {
         match self.cost {
             SemiGlobalCost::Sad { block_size } => block_size as usize / 2,
@@ -254,7 +254,7 @@ impl SemiGlobalParams {
         }
     }
 
-    /// How many lines of `frame` past its own a disparity line needs: as [`Params::lead`], with the radius
+    /// The number of lines of `frame` past its own that a disparity line needs: as [`Params::lead`], with the radius
     /// of the block or of the census window.
     pub const fn lead(&self, frame: Frame) -> i32 {
         block_matching::lead(self.search.range(), self.reach(), frame)

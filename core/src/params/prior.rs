@@ -1,4 +1,4 @@
-//! What an earlier match tells a search at a longer baseline.
+//! The prior: the disparities of an earlier match, for a search at a longer baseline.
 
 use crate::Disparity;
 
@@ -7,14 +7,14 @@ use crate::Disparity;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Prior {
-    /// How many baselines of the earlier match there are in one of the search.
+    /// The number of baselines of the earlier match in one of the search.
     pub(super) multiple: u8,
     pub(super) min_disparity: i16,
     pub(super) max_disparity: i16,
 }
 
 impl Prior {
-    /// How many baselines of the prior there are in one of the search around it: 1 to 16.
+    /// The number of baselines of the prior in one of the search around it: 1 to 16.
     pub const fn multiple(&self) -> u8 {
         self.multiple
     }
@@ -29,7 +29,7 @@ impl Prior {
         self.max_disparity
     }
 
-    /// Whether the prior may have the disparity `d`.
+    /// True if the prior may have the disparity `d`.
     #[inline(always)]
     pub(crate) const fn contains(&self, d: Disparity) -> bool {
         let (bits, steps) = (d.to_bits() as i32, Disparity::STEPS);

@@ -1,8 +1,8 @@
-//! How far away a pixel is found.
+//! The distance at which a pixel is found.
 
 use crate::Disparity;
 
-/// Where the grey value of a rectified pixel is found in the frame that the camera took, relative to the pixel's own
+/// The place of a rectified pixel's grey value in the frame that the camera took, relative to the pixel's own
 /// coordinates. In steps of 1/64 pixel, up to 512 pixels away.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

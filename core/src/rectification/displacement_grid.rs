@@ -1,4 +1,4 @@
-//! Where displacements are given, and how they are interpolated.
+//! The grid on which displacements are given, and their interpolation.
 
 use super::displacement::Displacement;
 

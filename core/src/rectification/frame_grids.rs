@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{Frame, Memory, Views};
 
-/// Where the pixels of rectified frames are found in the frames that the camera took.
+/// The places of rectified frames' pixels in the frames that the camera took.
 ///
 /// A camera that pure translation carries has the same lens and the same tilt in all frames: they share one grid of
 /// displacements. Frames whose camera was turned have their own.

@@ -1,7 +1,7 @@
-//! Rectification: frames as a camera without distortion and tilt would have taken them. Each room knows only those
+//! Rectification: frames as a camera without distortion and tilt would have taken them. Each module knows only those
 //! above it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `displacement` | how far away a pixel is found |
 //! | `displacement_grid` | where displacements are given, and how they are interpolated |

@@ -116,7 +116,7 @@ impl<S: Rewind> Rewind for Rectified<'_, S> {
     }
 }
 
-/// Why a line could not be rectified.
+/// The reason why a line could not be rectified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]

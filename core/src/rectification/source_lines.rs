@@ -36,7 +36,7 @@ impl<'m> SourceLines<'m> {
         (self.next, self.place, self.unread, self.wanted) = (0, 0, 0, None);
     }
 
-    /// Whether `v` can be the next rectified line: any line is the first, and the one below is the next.
+    /// True if `v` can be the next rectified line: any line is the first, and the one below is the next.
     pub fn takes(&self, v: usize) -> bool {
         v < self.displacements.grid.height() && self.wanted.is_none_or(|wanted| v == wanted)
     }

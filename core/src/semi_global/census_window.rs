@@ -87,7 +87,7 @@ impl<'m> CensusWindow<'m> {
         self.samples.get(start..start + self.width).unwrap_or_default()
     }
 
-    /// Where line `v` is stored.
+    /// The place where line `v` is stored.
     fn stored(&self, v: usize) -> core::ops::Range<usize> {
         let [rx, ry] = self.radius;
         let span = self.width + 2 * rx;

@@ -1,4 +1,30 @@
 //! Semi-global matching along eight paths, in bounded memory.
+//!
+//! ```text
+//! cost(p, d)                                     // given by the caller, line by line, as often as is asked for
+//! L_r(p, d) = cost(p, d) + min(L_r(p - r, d), L_r(p - r, d +- 1) + P1, min_i L_r(p - r, i) + P2) - min_i L_r(p - r, i)
+//! sum(p, d) = sum over eight directions r of L_r(p, d)
+//!
+//! ascend(whole frame): paths from below only     // last line to first
+//!     keep the three paths' costs in the first line of each band from the third on
+//!     write the excess of the first band
+//! for each line v, downwards:
+//!     if v begins a band: ascend(this band) from the kept costs of the next, and write its excess
+//!     extend the three paths from above and the one from the left
+//!     extend the path from the right, and at each pixel: sum = 8 cost + excess of five paths + excess from below
+//!     select the winner, and refine it by two lines
+//! ```
+//!
+//! Without bands, the excess of the paths from below would take a byte for each candidate of the frame. With bands of `n`
+//! lines of `h`, the excess takes `n` lines of bytes and the kept costs take `3 (h / n - 2)`; [`Bands::new`] finds the least
+//! sum, near `n = sqrt(3 h)`. The price is that costs are computed three times and the paths from below extended twice.
+//!
+//! Paths add up their *excess* `L_r - cost`, which is at most `P2`: five paths fit a byte (5 x 51 = 255), so the excess of
+//! those from below is added later, in 16 bits. A slot holds the path costs of one pixel. Three rings of slots turn by a
+//! pixel from line to line ([`Slots`]), so that a diagonal path finds its predecessor without a copy.
+//!
+//! Invariants: `upward` is at the line that was extended last; `kept` has the costs of bands below the present one only;
+//! `excess` belongs to the band of `next`.
 
 use core::ops::Range;
 
@@ -26,13 +52,14 @@ const PATHS: u16 = 8;
 ///
 /// ```
 /// use multiscopic_core::network::{CensusPair, CensusPairLines};
-/// use multiscopic_core::{Census, EightPaths, Fusion, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Portable};
+/// use multiscopic_core::{Census, EightPaths, Fusion, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views, kernel::Portable};
 ///
 /// const PAIR: CensusPair = CensusPair::BothWays;
-/// const PARAMS: SemiGlobalParams = {
-///     let Ok(search) = Search::new(40, 30, Views::STEREO, Fusion::Min, 0, 8) else { panic!("out of range") };
-///     let Ok(params) = SemiGlobalParams::new(search, SemiGlobalCost::Census(Census::Window9x7)) else { panic!("out of range") };
-///     params
+/// const SEARCH: SearchConfig =
+///     SearchConfig { views: Views::STEREO, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(40, 30) };
+/// const PARAMS: SemiGlobalParams = match SEARCH.semi_global(SemiGlobalCost::Census(Census::Window9x7)) {
+///     Ok(params) => params,
+///     Err(_) => panic!("the parameters are out of range"),
 /// };
 /// // A texture, seen three pixels further to the left.
 /// let pixel = |u: usize, v: usize| (u * (u + 3 * v) % 61) as u8;
@@ -63,7 +90,7 @@ pub struct EightPaths<'m, 'f, I> {
     kept: &'m mut [u8],
     /// The lines of a band.
     band: usize,
-    /// What the paths from below add to the costs of the lines of a band.
+    /// The excess of the paths from below over the costs of the lines of a band.
     excess: &'m mut [u8],
     sums: &'m mut [u16],
     disparities: &'m mut [Option<Disparity>],
@@ -86,7 +113,7 @@ pub struct EightPathsLine<'a> {
 // The greatest sum.
 const _: () = assert!(8 * SemiGlobalParams::MAX_COST as u16 + 8 * crate::PathPenalties::MAX as u16 == 1424);
 
-/// How the lines of a frame are divided into bands.
+/// The division of a frame's lines into bands.
 #[derive(Clone, Copy, Debug)]
 struct Bands {
     shape: PathShape,
@@ -179,7 +206,7 @@ impl<'m, 'f, I: Isa> EightPaths<'m, 'f, I> {
         self.center.get(v * width..(v + 1) * width).unwrap_or_default()
     }
 
-    /// Where the path costs of line `v` are kept, if it is the first one of a band from the third on.
+    /// The place where the path costs of line `v` are kept, if it is the first one of a band from the third on.
     fn kept_at(&self, v: usize) -> Option<Range<usize>> {
         let first = v.checked_sub(2 * self.band).filter(|lines| lines.is_multiple_of(self.band))?;
         let bytes = 3 * self.downward.shape.line_bytes();
@@ -261,7 +288,7 @@ struct Upward<'a, 'm, I> {
     isa: I,
     shape: PathShape,
     costs: &'a [u8],
-    /// What the paths add to the costs, to be written.
+    /// The excess of the paths over the costs, to be written.
     excess: &'a mut [u8],
     upward: &'a mut [Slots<'m>; 3],
     /// The penalties, with the line below as the one above.
@@ -297,7 +324,7 @@ struct Downward<'a, 'm, I> {
     isa: I,
     params: &'a SemiGlobalParams,
     paths: &'a mut PathLines<'m>,
-    /// What the paths from below add to the costs.
+    /// The excess of the paths from below over the costs.
     excess: &'a [u8],
     sums: &'a mut [u16],
     disparities: &'a mut [Option<Disparity>],
@@ -344,12 +371,21 @@ fn select(min_disparity: i16, sums: &[u16]) -> Option<Disparity> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Census, Fusion, Search, SemiGlobalCost, Views, kernel::Portable};
+    use crate::{Census, Fusion, SearchConfig, SemiGlobalCost, Views, kernel::Portable};
 
     #[test]
     fn small_frames_take_less_than_120_kilobytes() {
         let bytes = |width, height, count| {
-            let search = Search::new(width, height, Views::HORIZONTAL, Fusion::Min, 0, count).unwrap();
+            let search = SearchConfig {
+                width,
+                height,
+                views: Views::HORIZONTAL,
+                fusion: Fusion::Min,
+                min_disparity: 0,
+                num_disparities: count,
+            }
+            .checked()
+            .unwrap();
             let params = SemiGlobalParams::new(search, SemiGlobalCost::Census(Census::Window9x7)).unwrap();
             4 * EightPaths::<Portable<8>>::memory_words(&params)
         };

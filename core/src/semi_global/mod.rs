@@ -1,6 +1,6 @@
-//! Semi-global matching: scanlines in, disparity lines out. Each room knows only those above it:
+//! Semi-global matching: scanlines in, disparity lines out. Each module knows only those above it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `census_window` | the lines of a frame under the census window, and their transform |
 //! | `census_lines` | costs by Hamming distances |
@@ -37,7 +37,7 @@ pub use path_selection::PathWinners;
 /// selects disparities. The caller lends the memory.
 ///
 /// ```
-/// use multiscopic_core::{Census, Frame, Fusion, ScanlineSource, Search, SemiGlobalCost};
+/// use multiscopic_core::{Census, Frame, Fusion, ScanlineSource, SearchConfig, SemiGlobalCost};
 /// use multiscopic_core::{SemiGlobalMatcher, SemiGlobalParams, Views};
 ///
 /// /// A texture, seen three pixels further to each side.
@@ -58,10 +58,11 @@ pub use path_selection::PathWinners;
 ///     }
 /// }
 ///
-/// const PARAMS: SemiGlobalParams = {
-///     let Ok(search) = Search::new(40, 30, Views::HORIZONTAL, Fusion::Min, 0, 8) else { panic!("out of range") };
-///     let Ok(params) = SemiGlobalParams::new(search, SemiGlobalCost::Census(Census::Window5x5)) else { panic!("out of range") };
-///     params
+/// const SEARCH: SearchConfig =
+///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(40, 30) };
+/// const PARAMS: SemiGlobalParams = match SEARCH.semi_global(SemiGlobalCost::Census(Census::Window5x5)) {
+///     Ok(params) => params,
+///     Err(_) => panic!("the parameters are out of range"),
 /// };
 /// let mut memory = [0; PARAMS.memory_words()];
 /// let mut matcher = SemiGlobalMatcher::new(&PARAMS, &mut memory)?;

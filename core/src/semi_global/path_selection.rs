@@ -83,7 +83,7 @@ pub(super) fn select(min_disparity: i16, pixel: Reached<'_>) -> Option<Disparity
     }
 }
 
-/// Whether a candidate with this sum exists.
+/// True if a candidate with this sum exists.
 #[inline(always)]
 fn exists(sum: u16) -> bool {
     sum < PATHS * u16::from(u8::MAX)

@@ -1,7 +1,7 @@
 //! Encodes packets.
 
 use core::{error, fmt};
-use multiscopic_core::{Disparity, Region, Search};
+use multiscopic_core::{Disparity, Region, Search, SearchConfig};
 
 use super::{
     checksum::{CHECKSUM_BYTES, checksum},
@@ -140,7 +140,9 @@ mod tests {
     use multiscopic_core::{Fusion, Params, Views};
     use std::{vec, vec::Vec};
 
-    const PARAMS: Params = match Params::new(700, 20, Views::CROSS, Fusion::Heuristic, 1, 4, 3) {
+    const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(700, 20) };
+
+    const PARAMS: Params = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };

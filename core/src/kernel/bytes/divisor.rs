@@ -5,7 +5,7 @@
 pub struct Divisor {
     /// The power of two.
     pub shift: u32,
-    /// Whether they are divided by three as well.
+    /// True if they are divided by three as well.
     pub by_three: bool,
 }
 

@@ -1,9 +1,9 @@
 //! Costs in 8-bit lanes, as semi-global matching has them.
 //!
 //! An instruction set implements the operations of [`Bytes`]. The loops of [`PixelLoops`] and [`RunLoops`]
-//! consist of them, and may be overridden. Each room knows only those above it:
+//! consist of them, and may be overridden. Each module knows only those above it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `lanes` | vectors of 8-bit costs, and the operations on them: [`ByteVector`], [`Bytes`] |
 //! | `divisor` | from fused sums to matching costs: [`Divisor`] |

@@ -162,7 +162,7 @@ impl<I: Bytes> Paths<'_, I> {
     }
 }
 
-/// What a path adds to the matching costs: the recursion of
+/// The excess of a path over the matching costs: the recursion of
 /// [`SemiGlobalParams`](crate::SemiGlobalParams). Of the path costs at the pixel before, there are those of the
 /// disparities below, of the same disparities, and of those above. `base` is the least of all, and `jump` that
 /// plus P2.

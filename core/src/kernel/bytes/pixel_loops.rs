@@ -63,7 +63,7 @@ pub trait PixelLoops: Bytes {
 
     /// Extends paths by a pixel with these `costs`.
     ///
-    /// What the paths add to the costs, at most [`PathPenalties::MAX`](crate::PathPenalties::MAX) each, is
+    /// The excess of the paths over the costs, at most [`PathPenalties::MAX`](crate::PathPenalties::MAX) each, is
     /// written to `excess` if `FIRST` is set, and added to it otherwise.
     #[inline(always)]
     fn extend<const N: usize, const FIRST: bool>(

@@ -6,7 +6,7 @@ use super::{
     pixel_loops::PixelLoops,
 };
 
-/// What paths charge for changes of disparity along a run.
+/// The penalties of paths for changes of disparity along a run.
 #[derive(Clone, Copy, Debug)]
 pub struct RunPenalties<'a> {
     /// The penalty of a change by one disparity.
@@ -28,7 +28,7 @@ pub struct ForwardRun<'a, 'm> {
     pub depth: usize,
     /// The matching costs, pixel by pixel.
     pub costs: &'a [u8],
-    /// What the paths add to them, to be written.
+    /// The excess of the paths over them, to be written.
     pub excess: &'a mut [u8],
     /// Two [slots](Slot) of the path from the left. Before and after the call, the first is that of the last
     /// pixel so far.
@@ -47,7 +47,7 @@ pub struct BackwardRun<'a, 'm> {
     pub depth: usize,
     /// The matching costs, pixel by pixel.
     pub costs: &'a [u8],
-    /// What the paths add to them, to be added to.
+    /// The excess of the paths over them, to be added to.
     pub excess: &'a mut [u8],
     /// Two slots of the path, the first that of the last pixel so far.
     pub along: &'a mut [&'m mut [u8]; 2],
@@ -62,7 +62,7 @@ pub struct Reached<'a> {
     pub column: usize,
     /// The matching costs.
     pub costs: &'a [u8],
-    /// What the paths add to them.
+    /// The excess of the paths over them.
     pub excess: &'a [u8],
     /// The result of [`PixelLoops::winner`].
     pub winner: (u16, usize),

@@ -5,7 +5,7 @@
 const WEIGHTS: [u16; 5] = [68, 55, 28, 9, 2];
 const _: () = assert!(WEIGHTS[0] + 2 * (WEIGHTS[1] + WEIGHTS[2] + WEIGHTS[3] + WEIGHTS[4]) == 256);
 
-/// How far the Gaussian reaches in pixels.
+/// The reach of the Gaussian in pixels.
 const REACH: usize = WEIGHTS.len() - 1;
 
 /// The column sums that [`blur`] needs for a frame of `width` columns.

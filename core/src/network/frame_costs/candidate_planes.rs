@@ -14,7 +14,7 @@ pub(super) const BYTES: usize = 4;
 #[derive(Debug)]
 pub(super) struct CandidatePlanes<'m> {
     planes: &'m mut [u8],
-    /// Whether matches move to the left with the disparity.
+    /// True if matches move to the left with the disparity.
     mirrored: bool,
     /// Baselines between the view and the centre.
     baselines: usize,

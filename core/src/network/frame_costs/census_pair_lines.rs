@@ -330,11 +330,20 @@ impl<I: Kernel, const V: usize> Work for FusePair<'_, '_, '_, I, V> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::Portable;
+    use crate::{SearchConfig, kernel::Portable};
 
     #[test]
     fn small_frames_take_less_than_thirty_kilobytes() {
-        let search = Search::new(160, 120, Views::HORIZONTAL, Fusion::Min, 0, 16).unwrap();
+        let search = SearchConfig {
+            width: 160,
+            height: 120,
+            views: Views::HORIZONTAL,
+            fusion: Fusion::Min,
+            min_disparity: 0,
+            num_disparities: 16,
+        }
+        .checked()
+        .unwrap();
         let bytes = |pair| 4 * CensusPairLines::<Portable<8>>::memory_words(pair, &search);
         assert_eq!([CensusPair::BothWays, CensusPair::TwoScales].map(bytes), [8640, 29_616]);
     }

@@ -83,7 +83,7 @@ impl<'m, S: Copy + PartialOrd> LineRing<'m, S> {
         v.saturating_add_signed(self.spacing as isize * dy).min(self.height.saturating_sub(1))
     }
 
-    /// Which line of the ring is for a line of the frame, and where it starts.
+    /// The line of the ring for a line of the frame, and its start.
     fn place(&self, row: usize) -> (usize, usize) {
         let place = row % (2 * RADIUS[1] * self.spacing + 1);
         (place, place * (self.width + 2 * RADIUS[0] * self.spacing))

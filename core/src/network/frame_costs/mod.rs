@@ -1,6 +1,6 @@
 //! Matching costs of frames that lie whole in memory.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `line_rings` | extended lines of a frame, and their transform |
 //! | `blurred_lines` | lines of the blurred frame |

@@ -1,4 +1,18 @@
-//! Activations in memory that was lent, and what layers make of them in place.
+//! Activations in memory that was lent, and the layers that change them in place.
+//!
+//! ```text
+//! residual in a volume:                          // h = within(x) over 3x3 cells of a slice; x += across(h)
+//!     for each row y:
+//!         hidden[slice] = within(saved row above, row y, row y + 1)   for all slices
+//!         saved[slice]  = row y, before it changes
+//!         row y        += across(hidden[slice - 1], hidden[slice], hidden[slice + 1])
+//! residual in an image:                          // x += second(first(x)), both over 3x3 cells
+//!     hidden is a ring of three rows, computed one row ahead of the one that changes
+//! convolution:                                   // x = layer(x)
+//!     new = layer(saved row above, row y, row y + 1);  saved = row y;  row y = new
+//! ```
+//!
+//! Rows are visited from the top, and a row's inputs below it are still as they were; only the row above needs a copy.
 
 use super::layer_row::layer_row;
 use crate::{
@@ -49,7 +63,7 @@ impl<'m> CellRows<'m> {
         (self.size[2] + 2) * self.channels
     }
 
-    /// Where a row lies. Outside, no byte does.
+    /// The place of a row. Outside, no byte lies.
     fn place(&self, slice: usize, y: usize) -> core::ops::Range<usize> {
         let [slices, height, _] = self.size;
         if slice < slices && y < height {

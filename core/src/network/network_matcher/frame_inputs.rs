@@ -1,4 +1,16 @@
-//! What the network sees of frames that lie whole in memory.
+//! The inputs of the network from frames that lie whole in memory.
+//!
+//! ```text
+//! take a pass of semi-global matching, line by line from the top:
+//!     winners[pass][pixel] = disparity;  margins[pixel] = excess of the best candidate beside the winner
+//!     pool the excesses of a candidate's sum over the least one: sum and minimum over the rows and columns of a block
+//!     after the last line of a block: excesses[row of blocks][disparity][block] = mean and least
+//! candidates(row of blocks): costs by Min and Mean, computed again from the frames and pooled, and the excesses
+//! measures(row of pixels): margins, and the costs of both winners in both passes
+//! ```
+//!
+//! All is kept in the order of the frames. A turned look maps row `y` to the line it shows ([`FrameInputs::frame_line`]),
+//! and columns alike, so that turning costs nothing and moves no data.
 
 use crate::{
     Disparity, Fusion, MemoryTooSmall, Search, SemiGlobalParams,
@@ -17,7 +29,7 @@ const PASSES: [CensusPair; 2] = [CensusPair::BothWays, CensusPair::TwoScales];
 /// The last four channels of a candidate: row of blocks by row, and within it disparity by disparity.
 pub type Excesses = [u8; 4];
 
-/// What the network sees of frames, in one look at a time.
+/// The inputs of the network from frames, for one look at a time.
 ///
 /// Kept is what semi-global matching gives. Costs are computed again from the frames whenever they are needed: they would take
 /// more memory than there is.
@@ -38,7 +50,7 @@ pub struct FrameInputs<'m, 'f, I> {
     /// Their sums, of two kinds, and the least, for a row of blocks.
     sums: &'m mut [u16],
     least: &'m mut [u8],
-    /// Whether everything is turned by half a turn.
+    /// True if everything is turned by half a turn.
     turned: bool,
 }
 

@@ -1,4 +1,14 @@
 //! The image part of the network: disparities of pixels.
+//!
+//! ```text
+//! for each two rows of pixels: fine[row / 2] = first layer(channels of 2x2 pixels)
+//! fine -> residual -> halve -> ... -> last -> residual -> double, add -> ... -> fine -> convolution
+//! for each row of pixels, REACH rows ahead:      // rings of choices and scores
+//!     scores  = last layer(fine);  choice = mean of A, B and the disparities of blocks around, weighted by scores
+//!     for the row REACH behind: disparity = mean of its choice and those of its neighbours, weighted by scores
+//! ```
+//!
+//! Only the finest level has the size of the image, halved; the rows of channels, winners and scores are rings.
 
 use core::array;
 
@@ -14,7 +24,7 @@ use crate::{
     network::{BLOCK, BlockDisparity, MEASURES, PIXEL_CHANNELS, PixelHead, PixelRow, PixelScores, Skeleton, blocks_around},
 };
 
-/// How far the head reaches: the choices of neighbours are known so many rows ahead of a pixel's disparity.
+/// The reach of the head in rows: the choices of neighbours are known so many rows ahead of a pixel's disparity.
 const REACH: usize = 3;
 /// The rows of choices that are kept.
 const CHOICE_ROWS: usize = 2 * REACH + 1;

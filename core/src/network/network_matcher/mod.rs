@@ -1,6 +1,38 @@
-//! The network in the memory of a microcontroller. Each room knows only those above it:
+//! The network in the memory of a microcontroller.
 //!
-//! | room | what it is |
+//! ```text
+//! read all frames
+//! for each pass A, B:                            // census both ways; census at two scales
+//!     semi-global matching along eight paths
+//!     keep each pixel's disparity and margin, and of each block of pixels the mean and least excess of each candidate
+//! for each look:                                 // as they are; turned by half a turn
+//!     volume part: costs and excesses, pooled over blocks -> U-net of three levels -> a disparity for each block
+//! for each look:
+//!     image part: colours, disparities, margins, block disparities -> U-net of four levels
+//!         -> each pixel's mean of A, B and the blocks around it, a correction, and its confidence
+//!     merge with the first look: the mean where both agree, else the surer one
+//! ```
+//!
+//! Frames lie whole in memory, and everything else is made to fit beside them. Costs are computed again from the frames
+//! whenever a part needs them: kept, they would take `width x height x disparities` bytes. Activations change in place,
+//! and the buffers of the parts, which take turns, share their memory:
+//!
+//! ```text
+//! | frames | inputs, block disparities | excesses | paths, then volume part  |
+//! |        |                           | result, image part                  |
+//! ```
+//!
+//! Layers keep two or three rows of scratch instead of a second copy of their outputs: a residual layer of 3x3 cells saves
+//! the row above as it was before it overwrites it. A row of cells has a cell of zeros at either end, so that a row of the
+//! kernel is one contiguous run of inputs and no tap is a special case.
+//!
+//! The second look turns the inputs instead of the frames: indices count from the other end. The image is padded to whole
+//! [`BLOCKS`](super::BLOCKS) by repeating the last row and column, at the bottom right in one look and at the top left in
+//! the other.
+//!
+//! Each module knows only those above it:
+//!
+//! | module | what it is |
 //! | --- | --- |
 //! | `layer_row` | a layer along a row of cells |
 //! | `cell_rows` | activations, which layers change in place |
@@ -28,7 +60,7 @@ use image_part::ImagePart;
 use layer_row::NetworkOn;
 use volume_part::VolumePart;
 
-/// What the network computes: a search in views of the centre's row of the array.
+/// The parameters of the network: a search in views of the centre's row of the array.
 ///
 /// The result has the bits of the host's `match --method net` of grey frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,7 +114,7 @@ impl NetworkParams {
         NetworkParams { search: self.search.with_fusion(fusion), passes: self.passes.with_fusion(fusion) }
     }
 
-    /// What is searched.
+    /// The search.
     pub const fn search(&self) -> &Search {
         &self.search
     }
@@ -111,9 +143,9 @@ impl NetworkParams {
 pub struct NetworkMemory {
     /// The frames.
     pub frames: usize,
-    /// What is kept of both passes of semi-global matching for each pixel, lines of costs, and the disparities of blocks.
+    /// Both passes of semi-global matching at each pixel, lines of costs, and the disparities of blocks.
     pub inputs: usize,
-    /// What is kept of them for each candidate of each block, until all blocks have disparities.
+    /// The excesses of both passes for each candidate of each block, until all blocks have disparities.
     pub excesses: usize,
     /// The paths of semi-global matching, besides.
     pub paths: usize,
@@ -153,7 +185,7 @@ pub struct NetworkMatcher<'m, 'w, I> {
     memory: &'m mut [u32],
 }
 
-/// Why there is no [`NetworkMatcher`].
+/// The reason why there is no [`NetworkMatcher`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum NetworkError {

@@ -1,4 +1,15 @@
 //! The volume part of the network: disparities of blocks.
+//!
+//! ```text
+//! for each row of blocks:
+//!     guide = second(first(colours of the rows of blocks around))      // a summand of each block's first activations
+//!     fine[slice, row] = relu(first layer(two candidates of the row) + guide)
+//! fine -> residual -> halve -> middle -> residual -> halve -> coarse -> residuals
+//! coarse -> double, add -> middle -> residual -> double, add -> fine -> residual
+//! for each block: score[d] = last layer(fine) - mean excess in B;  select by the weighted mean around the greatest
+//! ```
+//!
+//! A cell of the volume is a block of pixels and a slice of two disparities. Levels are halved in all three directions.
 
 use core::array;
 

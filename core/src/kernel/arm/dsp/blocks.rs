@@ -17,7 +17,7 @@ use crate::kernel::{
     vector::Block,
 };
 
-/// Whether there are four views, and four vectors of each.
+/// True if there are four views, and four vectors of each.
 #[inline(always)]
 pub(super) fn are_four<const V: usize>(
     steps: &Steps<'_, Dsp, V>,

@@ -26,7 +26,7 @@ use crate::{
 /// Pixels whose path from the right is extended before they are handed over.
 const PIXELS: usize = 32;
 
-/// Whether costs are aligned to words.
+/// True if costs are aligned to words.
 fn are_words(costs: &[u8]) -> bool {
     costs.as_ptr().cast::<u32>().is_aligned()
 }

@@ -4,7 +4,7 @@
 //! every other byte, so that lanes lie in memory as the disparities 0, 2, 1, 3. A vector is two such groups:
 //! one instruction loads or stores its four words.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `instruction` | single instructions as functions of words |
 //! | `vector` | vectors in words |

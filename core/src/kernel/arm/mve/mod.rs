@@ -3,7 +3,7 @@
 //! Rust has no types for these vectors, so whole loops are written in assembly; single operations are the
 //! portable ones.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `isa` | the token, the operations on column sums, and sums of products |
 //! | `slide` | column sums move down, and blocks slide |

@@ -34,7 +34,7 @@ use core::{iter, mem, ops::Range};
 
 use crate::{
     Search, View, Views,
-    prior_line::{PriorLine, available_from},
+    params::{PriorLine, available_from},
 };
 
 /// The disparities at which each view is available to a pixel: where the match lies inside the frame.
@@ -47,7 +47,7 @@ pub(crate) struct Availability {
     /// The views of the match, in their order: those whose matches leave the column come first.
     views: [Reach; Views::MAX_MATCHED],
     /// The number of them that leave the column.
-    sideways: u8,
+    leaving_views: u8,
     len: u8,
     /// Views, with those past the last, which are never available.
     places: u8,
@@ -171,7 +171,7 @@ impl Availability {
         Availability {
             views,
             zones,
-            sideways: search.views().iter().filter(|view| !view.is_vertical()).count() as u8,
+            leaving_views: search.views().iter().filter(|view| !view.is_vertical()).count() as u8,
             len: search.views().len() as u8,
             places,
             width: search.width() as u16,
@@ -203,7 +203,7 @@ impl Availability {
             let is_complete = range == (0..count);
             reach.follow(range, |index, available| change(k, index, available));
             self.incomplete = self.incomplete & !(1 << k) | u8::from(!is_complete) << k;
-            if k < usize::from(self.sideways) {
+            if k < usize::from(self.leaving_views) {
                 reach.expect_change_after(u);
                 self.constant_until = self.constant_until.min(reach.constant_until);
             }
@@ -230,7 +230,7 @@ impl Availability {
     fn enter_column(&mut self, u: usize, mut change: impl FnMut(usize, usize, bool)) -> bool {
         let (least, count) = (self.min_disparity, self.num_disparities);
         let (mut incomplete, mut constant_until) = (self.incomplete, self.width);
-        for (k, reach) in self.views.iter_mut().enumerate().take(self.sideways.into()) {
+        for (k, reach) in self.views.iter_mut().enumerate().take(self.leaving_views.into()) {
             if u >= usize::from(reach.constant_until) {
                 let range = reach.at(u, self.width, least, count);
                 let is_complete = range == (0..count);
@@ -323,10 +323,10 @@ impl Availability {
         }
         // What is available at both ends is available in between.
         let (first, last) = (columns.start, columns.end.saturating_sub(1));
-        let mut incomplete = self.incomplete & !all_views(self.sideways);
+        let mut incomplete = self.incomplete & !all_views(self.leaving_views);
         // Not `fold`, which is not inlined.
         let mut k = 0;
-        while k < self.sideways {
+        while k < self.leaving_views {
             incomplete |= u8::from(self.at(k, first) != all || self.at(k, last) != all) << k;
             k += 1;
         }

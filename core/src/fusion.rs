@@ -6,6 +6,16 @@ use crate::Views;
 ///
 /// [`fuse`](Fusion::fuse) defines the rules for single costs. The [`kernel`](crate::kernel) states the same
 /// rules for vectors.
+///
+/// ```
+/// use multiscopic_core::Fusion;
+/// // Three views agree. The fourth does not see the point.
+/// let costs = [30.0, 33.0, 36.0, 901.0_f32];
+/// assert_eq!(Fusion::Min.fuse(costs), 30.0);
+/// assert_eq!(Fusion::Mean.fuse(costs), 250.0);
+/// assert_eq!(Fusion::Heuristic.fuse(costs), 33.0);
+/// assert_eq!(Fusion::Half.fuse(costs), 31.5);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fusion {

@@ -455,7 +455,7 @@ pub(crate) const fn larger(a: usize, b: usize) -> usize {
 
 /// The bytes that a [`Lender`] takes for a piece.
 #[cfg(feature = "network")]
-pub(crate) const fn lent<I: Isa>(bytes: usize) -> usize {
+pub(crate) const fn lent_bytes<I: Isa>(bytes: usize) -> usize {
     align(bytes, vector_bytes::<I>())
 }
 

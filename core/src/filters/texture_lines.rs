@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use super::matched_lines::{MatchedLines, copy_to};
+use super::median_lines::{MatchedLines, copy_to};
 use crate::{
     Disparity, Frame, MatchError, MemoryTooSmall, Params, ScanlineSource, View, Views, kernel::Portable, memory::Lender,
 };

@@ -1,6 +1,6 @@
 //! The fusion rules in lanes.
 
-use super::vector::{Block, Lane};
+use super::isa::{Block, Lane};
 use crate::{Fusion, Views};
 
 /// The rule that fuses the costs of the views in lanes.

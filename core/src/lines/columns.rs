@@ -1,6 +1,6 @@
 //! Views in other rows of the array, by column.
 
-use super::replication::replicate;
+use super::rows::replicate;
 use crate::{kernel::Samples, memory::StackShape};
 
 /// A stack of samples for each column, whose matches at ascending disparities follow each other.
@@ -28,7 +28,7 @@ pub(super) struct Columns<'m> {
     /// The next virtual line to be pushed.
     pub next: i32,
     /// The number of lines of each set by which the samples have moved.
-    pub moved: usize,
+    pub shifted_lines: usize,
 }
 
 impl Columns<'_> {
@@ -71,7 +71,7 @@ impl Columns<'_> {
                 Some(back) => copy_within(self.samples, back, 0),
                 None => copy_within(self.samples, 0, to.wrapping_sub(from)),
             }
-            self.moved += places;
+            self.shifted_lines += places;
         }
         self.next += 1;
         self.index(self.next - 1)
@@ -81,10 +81,10 @@ impl Columns<'_> {
     fn set_and_place(&self, v: i32) -> (usize, usize) {
         let line = (v - self.first) as usize;
         match self.shape.sets {
-            1 => (0, line.wrapping_sub(self.moved)),
+            1 => (0, line.wrapping_sub(self.shifted_lines)),
             sets => {
                 let place = line.checked_div(sets).unwrap_or_default();
-                (line - place * sets, place.wrapping_sub(self.moved))
+                (line - place * sets, place.wrapping_sub(self.shifted_lines))
             }
         }
     }

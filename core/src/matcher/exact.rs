@@ -23,7 +23,7 @@ use crate::{
     Disparity, Fusion, MatchingCost, Params, SemiGlobalParams,
     confidence::PeakRatio,
     kernel::{Blocks, Lane},
-    prior_line::PriorLine,
+    params::PriorLine,
 };
 
 /// The fused costs of a pixel in 32 bits, one by one. They are needed where lanes have saturated, and next to

@@ -4,12 +4,8 @@
 //! | --- | --- |
 //! | `exact` | exact fused costs, for the pixels whose lanes do not suffice |
 //! | `selection` | winner-takes-all, and sub-pixel refinement |
-//! | `sweep` | the sweep along a line |
-//! | `cost_line` | a line of matching costs, from a sweep |
-//! | `disparity_line` | a line of disparities, from a sweep |
+//! | `sweep` | the sweep along a line, and its results: matching costs or disparities |
 
-mod cost_line;
-mod disparity_line;
 mod exact;
 mod selection;
 mod sweep;
@@ -25,9 +21,7 @@ use crate::{
     lines::{Frames, Lines, PriorLines},
     memory::{Lender, Shape},
 };
-use cost_line::CostLine;
-use disparity_line::DisparityLine;
-use sweep::{Output, Priming, Sweep};
+use sweep::{CostLine, DisparityLine, Output, Priming, Sweep};
 
 /// A pass over a region of a frame, one disparity line at a time.
 ///
@@ -85,7 +79,7 @@ pub struct Matcher<'m, I = Portable<{ Params::LANES }>> {
     /// The next disparity line.
     next: usize,
     /// The next line of the centre to enter the blocks of the region's first line; virtual above the frame.
-    primed: i32,
+    next_primed: i32,
 }
 
 /// The running sums and the costs fused from them, in vectors. Column sums are ordered by column, view and
@@ -186,7 +180,7 @@ impl<'m, I: Isa> Matcher<'m, I> {
             availability: Availability::new(params.search()),
             line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
             next: region.rows().start,
-            primed: region.rows().start as i32 - params.radius() as i32,
+            next_primed: region.rows().start as i32 - params.radius() as i32,
         })
     }
 
@@ -344,12 +338,12 @@ impl<I: Isa> Matcher<'_, I> {
         let mut lines = Change { entering, leaving: entering - self.params.block_size() as i32 };
         if v == self.region.rows().start {
             lines.leaving = entering;
-            while self.primed <= entering {
-                self.frames.read_ahead(source, &self.params, self.line, self.primed)?;
-                let line = Change { entering: self.primed, leaving: self.primed };
+            while self.next_primed <= entering {
+                self.frames.read_ahead(source, &self.params, self.line, self.next_primed)?;
+                let line = Change { entering: self.next_primed, leaving: self.next_primed };
                 let steps = sweep::steps::<I, V>(&self.frames, line, columns, empty_column, self.params.block_size());
                 self.isa.compiled(Priming { isa: self.isa, steps, columns: self.shape.span, lane: PhantomData });
-                self.primed += 1;
+                self.next_primed += 1;
             }
         }
         self.frames.read_ahead(source, &self.params, self.line, entering)?;

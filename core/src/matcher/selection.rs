@@ -36,7 +36,7 @@ use crate::{
     confidence::PeakRatio,
     disparity::Around,
     kernel::{Block, Blocks, Isa, Lane, MAX_BATCH, Masks, Rule, Steps, Winners},
-    prior_line::PriorLine,
+    params::PriorLine,
 };
 
 /// Selects disparities by their fused costs in lanes.
@@ -52,9 +52,9 @@ pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     /// elsewhere.
     padding: Option<I::Costs>,
     /// Disparities with a neighbour on both sides.
-    inner: usize,
+    inner_disparities: usize,
     /// Those that [`disparity`](Selection::disparity) refines by a parabola: none around a prior.
-    parabolic: usize,
+    parabola_disparities: usize,
 }
 
 impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
@@ -71,9 +71,9 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             }
         }
         let padding = (!params.num_disparities().is_multiple_of(I::LANES)).then_some(padding);
-        let inner = params.num_disparities().saturating_sub(2);
-        let parabolic = if params.prior().is_some() { 0 } else { inner };
-        Selection { isa, params, rule, indices, padding, inner, parabolic }
+        let inner_disparities = params.num_disparities().saturating_sub(2);
+        let parabola_disparities = if params.prior().is_some() { 0 } else { inner_disparities };
+        Selection { isa, params, rule, indices, padding, inner_disparities, parabola_disparities }
     }
 
     /// Masks over `vectors`, in which all lanes are masked as yet, of a pixel that sees no view as yet.
@@ -166,7 +166,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         for (i, unclear) in unclear.iter_mut().enumerate() {
             let (index, at, before, after) = (winners.indices[i], winners.costs[i], winners.before[i], winners.after[i]);
             // The disparities at the ends of the search are not refined.
-            let inner = index.wrapping_sub(1) < self.inner as u32;
+            let inner = index.wrapping_sub(1) < self.inner_disparities as u32;
             *unclear = (at == L::MAX) | (inner & ((before == L::MAX) | (after == L::MAX)));
             around.d[i] = self.params.min_disparity().wrapping_add(index as i16);
             around.before[i] = if inner { before } else { at }.widen();
@@ -253,14 +253,14 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             let costs = (*lanes.get(lane::<I>(before))?, *lanes.get(lane::<I>(index + 1))?);
             (costs.0.max(costs.1) != L::MAX).then_some((costs.0.widen(), costs.1.widen()))
         };
-        if before < self.parabolic {
+        if before < self.parabola_disparities {
             return match neighbours() {
                 Some((before, after)) => Disparity::refine(d, before, cost.widen(), after),
                 None => exact().refined(index),
             };
         }
         // Either around a prior or at an end of the search.
-        if self.parabolic > 0 || before >= self.inner {
+        if self.parabola_disparities > 0 || before >= self.inner_disparities {
             return Disparity::whole(d);
         }
         match neighbours() {
@@ -333,7 +333,7 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
             return exact().peak();
         }
         let ratio = PeakRatio { least: least.widen(), second: second.widen(), unit };
-        PeakRatio::judge(Some(ratio), index.wrapping_sub(1) >= self.inner, self.params.uniqueness_ratio())
+        PeakRatio::judge(Some(ratio), index.wrapping_sub(1) >= self.inner_disparities, self.params.uniqueness_ratio())
     }
 }
 

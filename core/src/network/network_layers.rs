@@ -1,10 +1,8 @@
 //! The layers of the network.
 
 use super::{
-    exponentials::Exponentials,
-    pixel_channels::PIXEL_CHANNELS,
-    pixel_head::PixelHead,
-    pooled_candidates::{BLOCK, CANDIDATE_CHANNELS},
+    channels::{BLOCK, CANDIDATE_CHANNELS, PIXEL_CHANNELS},
+    pixel_head::{Exponentials, PixelHead},
     weight_file::{LayerRecord, WeightError, WeightFile},
 };
 

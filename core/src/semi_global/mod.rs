@@ -2,22 +2,14 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `census_window` | the lines of a frame under the census window, and their transform |
-//! | `census_lines` | costs by Hamming distances |
-//! | `cost_lines` | costs of a line, by either cost function |
-//! | `slots` | the paths from the line above |
-//! | `path_selection` | disparities by the sums of path costs |
-//! | `path_lines` | the paths through a line |
+//! | `cost_lines` | the matching costs of a line: sums of absolute differences, or Hamming distances of census transforms |
+//! | `path_lines` | the paths through a line and from the line above, and disparities by their sums |
 //! | `eight_paths` | with the feature `network`: sums of path costs along eight paths |
 
-mod census_lines;
-mod census_window;
 mod cost_lines;
 #[cfg(feature = "network")]
 mod eight_paths;
 mod path_lines;
-mod path_selection;
-mod slots;
 
 use crate::{
     Disparity, MatchError, Memory, MemoryTooSmall, Params, ScanlineSource, SemiGlobalParams,
@@ -26,9 +18,11 @@ use crate::{
 };
 use cost_lines::CostLines;
 #[cfg(feature = "network")]
+pub(crate) use cost_lines::{descriptor_at, set_descriptors};
+#[cfg(feature = "network")]
 pub use eight_paths::{EightPaths, EightPathsLine};
+pub use path_lines::PathWinners;
 use path_lines::{PathLines, PathSweep};
-pub use path_selection::PathWinners;
 
 /// A pass of semi-global matching over the whole frame, one disparity line at a time.
 ///

@@ -34,30 +34,28 @@
 //!
 //! | module | what it is |
 //! | --- | --- |
-//! | `layer_row` | a layer along a row of cells |
-//! | `cell_rows` | activations, which layers change in place |
-//! | `frame_inputs` | what the network sees of frames that lie whole in memory |
+//! | `cell_rows` | a layer along a row of cells, and activations that layers change in place |
+//! | `frame_inputs` | the inputs from frames that lie whole in memory |
 //! | `volume_part` | disparities of blocks |
 //! | `image_part` | disparities of pixels |
 
 mod cell_rows;
 mod frame_inputs;
 mod image_part;
-mod layer_row;
 mod volume_part;
 
 use core::{array, error, fmt};
 
-use super::{BLOCK, BlockDisparity, LayerRecord, NetworkLayers, WeightError, pooled_candidates::paired, two_looks};
+use super::{BLOCK, BlockDisparity, LayerRecord, NetworkLayers, WeightError, channels::paired, two_looks};
 use crate::{
     Census, Disparity, Frame, Fusion, MemoryTooSmall, ScanlineSource, Search, SemiGlobalCost, SemiGlobalParams, Views,
     kernel::{Isa, Kernel},
-    memory::{Lender, Memory, larger, lent},
+    memory::{Lender, Memory, larger, lent_bytes},
     semi_global::EightPaths,
 };
+use cell_rows::NetworkOn;
 use frame_inputs::{Excesses, FrameInputs};
 use image_part::ImagePart;
-use layer_row::NetworkOn;
 use volume_part::VolumePart;
 
 /// The parameters of the network: a search in views of the centre's row of the array.
@@ -124,14 +122,14 @@ impl NetworkParams {
         let search = self.passes.search();
         let pixels = search.width() * search.height();
         let blocks = FrameInputs::<I>::blocks(search);
-        let of_blocks = lent::<I>(size_of::<BlockDisparity>() * blocks[0] * blocks[1]);
+        let of_blocks = lent_bytes::<I>(size_of::<BlockDisparity>() * blocks[0] * blocks[1]);
         NetworkMemory {
-            frames: (1 + search.views().len()) * lent::<I>(pixels),
+            frames: (1 + search.views().len()) * lent_bytes::<I>(pixels),
             inputs: FrameInputs::<I>::bytes(search) + 2 * of_blocks,
-            excesses: lent::<I>(FrameInputs::<I>::excess_bytes(search)),
-            paths: lent::<I>(4 * EightPaths::<I>::memory_words(&self.passes)),
+            excesses: lent_bytes::<I>(FrameInputs::<I>::excess_bytes(search)),
+            paths: lent_bytes::<I>(4 * EightPaths::<I>::memory_words(&self.passes)),
             volume: VolumePart::new(search.num_disparities(), blocks).bytes::<I>(),
-            result: lent::<I>(2 * pixels) + lent::<I>(pixels),
+            result: lent_bytes::<I>(2 * pixels) + lent_bytes::<I>(pixels),
             image: ImagePart::new(blocks).bytes::<I>(),
         }
     }
@@ -263,7 +261,7 @@ impl<'m, 'w, I: Isa> NetworkMatcher<'m, 'w, I> {
         let NetworkMemory { frames, inputs, .. } = self.params.memory::<I>();
         let start = frames + inputs + 2 * v * width;
         let disparities = bytes.get(start..start + 2 * width).unwrap_or_default().as_chunks().0;
-        let start = frames + inputs + lent::<I>(2 * pixels) + v * width;
+        let start = frames + inputs + lent_bytes::<I>(2 * pixels) + v * width;
         let confidences = bytes.get(start..start + width).unwrap_or_default();
         let least = i32::from(search.min_disparity()) * Disparity::STEPS;
         disparities.iter().zip(confidences).map(move |(&steps, &confidence)| {

@@ -11,10 +11,9 @@ use super::{
 };
 use crate::kernel::{
     blocks::{Blocks, fuse_loop, fuse_masked_loop},
-    isa::Isa,
+    isa::{Block, Isa},
     rule::Rule,
     steps::{RawStep, Steps},
-    vector::Block,
 };
 
 /// True if there are four views, and four vectors of each.

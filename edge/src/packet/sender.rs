@@ -1,7 +1,7 @@
 //! Encodes packets.
 
 use core::{error, fmt};
-use multiscopic_core::{Disparity, Region, Search};
+use multiscopic_core::{Disparity, Region, Search, SearchConfig};
 
 use super::format::{CHECKSUM_BYTES, Content, Header, MAGIC, MAX_HEADER_BYTES, VERSION, checksum, encode, max_encoded_bytes};
 
@@ -136,7 +136,9 @@ mod tests {
     use multiscopic_core::{Fusion, Params, Views};
     use std::{vec, vec::Vec};
 
-    const PARAMS: Params = match Params::new(700, 20, Views::CROSS, Fusion::Heuristic, 1, 4, 3) {
+    const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(700, 20) };
+
+    const PARAMS: Params = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };

@@ -6,7 +6,7 @@ use libfuzzer_sys::{
     arbitrary::{Result, Unstructured},
     fuzz_target,
 };
-use multiscopic_core::{ConfidenceLines, ConfidenceTable, Disparity, Fusion, MatchError, Search, Views};
+use multiscopic_core::{ConfidenceLines, ConfidenceTable, Disparity, Fusion, MatchError, SearchConfig, Views};
 use multiscopic_fuzz::assert_same;
 use multiscopic_tests::reference::confidence;
 
@@ -31,7 +31,7 @@ fn compare(input: &mut Unstructured) -> Result<()> {
         })
         .collect();
 
-    let search = Search::new(width as u16, height as u16, Views::HORIZONTAL, Fusion::Min, 1, 2).expect("a valid search");
+    let search = SearchConfig::of_size(width as u16, height as u16).checked().expect("a valid search");
     let mut memory = vec![0xA5A5_5A5A; ConfidenceLines::memory_words(width)];
     let mut lines = ConfidenceLines::new(&search, &table, &mut memory).expect("enough memory");
     let map: Vec<Vec<Option<f32>>> =

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use multiscopic_core::{Params, View, kernel::Rule};
+use multiscopic_core::{Params, SearchConfig, View, kernel::Rule};
 
 /// How many pixels are fused in which way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,7 +56,7 @@ mod tests {
     use multiscopic_core::{Fusion, Views};
 
     fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> Params {
-        Params::new(20, 17, views, fusion, min_disparity, num_disparities, block_size).unwrap()
+        SearchConfig { width: 20, height: 17, views, fusion, min_disparity, num_disparities }.block_matching(block_size).unwrap()
     }
 
     /// The views available at `(u, v)` and `d`. States the definition again, independently of the core.

@@ -1,6 +1,6 @@
 //! The work of a match, counted.
 
-use multiscopic_core::{Params, Search, kernel::Rule};
+use multiscopic_core::{Params, Search, SearchConfig, kernel::Rule};
 use multiscopic_edge::Matching;
 
 use super::{
@@ -144,7 +144,7 @@ mod tests {
     use multiscopic_core::{Fusion, SemiGlobalCost, SemiGlobalParams, View, Views};
 
     fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> Params {
-        Params::new(20, 17, views, fusion, min_disparity, num_disparities, block_size).unwrap()
+        SearchConfig { width: 20, height: 17, views, fusion, min_disparity, num_disparities }.block_matching(block_size).unwrap()
     }
 
     #[test]

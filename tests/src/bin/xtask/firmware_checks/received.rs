@@ -6,7 +6,7 @@ use multiscopic::{
     stereo::confidence_map::ConfidenceMap,
     target::reception::{self, Flaw, Notice, ReceivedFrame},
 };
-use multiscopic_core::{Disparity, Search};
+use multiscopic_core::{Disparity, Search, SearchConfig};
 use std::path::Path;
 
 /// The frame in `bytes`, which were read from `path`. Fails unless every pixel comes exactly once, undamaged,
@@ -68,7 +68,9 @@ mod tests {
     use multiscopic_core::{Fusion, Params, Region, Views};
     use multiscopic_edge::packet::{Sender, buffer_bytes};
 
-    const PARAMS: Params = match Params::new(3, 2, Views::CROSS, Fusion::Min, 1, 4, 3) {
+    const SEARCH: SearchConfig = SearchConfig { fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(3, 2) };
+
+    const PARAMS: Params = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
@@ -128,7 +130,8 @@ mod tests {
         assert_eq!(error(&sent(Some(1), b""), &PARAMS), "line 1 (packet 1) is lost");
         assert!(error(&sent(Some(2), b""), &PARAMS).starts_with("the end of the frame is lost"));
         assert_eq!(error(&sent(None, b"more"), &PARAMS), "4 bytes follow the end of the frame");
-        let other = Params::new(2, 3, Views::CROSS, Fusion::Min, 1, 4, 3).unwrap();
+        let other =
+            SearchConfig { fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(2, 3) }.block_matching(3).unwrap();
         assert_eq!(error(&sent(None, b""), &other), "a frame of (3, 2) pixels, expected (2, 3)");
     }
 }

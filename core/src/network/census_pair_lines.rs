@@ -1,15 +1,12 @@
 //! Matching costs by two census transforms, for lines in any order.
 
-use super::{
-    blurred_lines::{blur, column_sums},
-    candidate_planes::{BYTES, CandidatePlanes},
-    line_rings::{LineRing, Pair},
-};
+use super::frame_lines::{BYTES, CandidatePlanes, LineRing, Pair, blur, column_sums};
 use crate::{
     Census, Fusion, MemoryTooSmall, Search, Views,
     availability::Availability,
     kernel::{Candidates, Isa, Kernel, Work, as_vectors_mut},
     memory::{Lender, align, vector_bytes},
+    semi_global::descriptor_at,
 };
 
 /// The window of all transforms.
@@ -81,7 +78,7 @@ pub struct CensusPairLines<'m, 'f, I> {
     views: [Option<ViewRings<'m, 'f>>; Views::MAX_MATCHED],
     availability: Availability,
     /// The descriptors of the centre's line by both transforms, one plane after the other.
-    here: [&'m mut [u8]; 2],
+    center_descriptors: [&'m mut [u8]; 2],
     /// A buffer for the descriptors of a line by one of them.
     descriptors: &'m mut [u8],
     /// A buffer for a line that is blurred.
@@ -180,7 +177,7 @@ impl<'m, 'f, I: Isa> CensusPairLines<'m, 'f, I> {
             center,
             views,
             availability: Availability::new(search),
-            here: [lender.bytes(BYTES * width)?, lender.bytes(BYTES * width)?],
+            center_descriptors: [lender.bytes(BYTES * width)?, lender.bytes(BYTES * width)?],
             descriptors: lender.bytes(BYTES * width)?,
             sums: lender.halfwords(column_sums(width))?,
             second: lender.bytes(depth)?,
@@ -212,7 +209,7 @@ impl<I: Kernel> CensusPairLines<'_, '_, I> {
         let size = (width, self.search.height());
         let (least, count) = (self.search.min_disparity(), self.search.num_disparities());
         let of_transform = |k: usize| {
-            let here = self.here.get(k).map(|here| &**here).unwrap_or_default();
+            let here = self.center_descriptors.get(k).map(|here| &**here).unwrap_or_default();
             let byte = |plane: &[u8], at: usize| u32::from(plane.get(at).copied().unwrap_or_default());
             let here = (0..BYTES).fold(0, |bits, k| bits << 8 | byte(here, k * width + u));
             // As the kernels add distances, in eight bits.
@@ -241,7 +238,7 @@ impl<I: Kernel> CensusPairLines<'_, '_, I> {
         }
         self.held = Some(v);
         let (isa, pair) = (self.isa, self.pair);
-        for (k, descriptors) in self.here.iter_mut().enumerate() {
+        for (k, descriptors) in self.center_descriptors.iter_mut().enumerate() {
             isa.compiled(Describe { rings: &mut self.center, pair, is_second: k == 1, v, sums: self.sums, descriptors });
         }
         for ViewRings { rings, planes } in self.views.iter_mut().flatten() {
@@ -302,17 +299,14 @@ impl<I: Kernel, const V: usize> Work for FusePair<'_, '_, '_, I, V> {
     #[inline(always)]
     fn run(self) {
         let FusePair { lines, v, fusion, costs } = self;
-        let CensusPairLines { isa, search, depth, views, availability, here, second, .. } = lines;
+        let CensusPairLines { isa, search, depth, views, availability, center_descriptors, second, .. } = lines;
         let (width, count) = (search.width(), search.num_disparities());
         availability.enter_line(0, v, None, |_, _, _| {});
         for (u, costs) in costs.chunks_exact_mut((*depth).max(1)).enumerate().take(width) {
             availability.enter::<{ Views::MAX_MATCHED }>(u, None, |_, _, _| {});
             for (k, costs) in [&mut *costs, &mut *second].into_iter().enumerate() {
-                let mut descriptor = [0; BYTES];
-                let planes = here.get(k).map(|here| here.chunks_exact(width.max(1)));
-                for (byte, plane) in descriptor.iter_mut().zip(planes.into_iter().flatten()) {
-                    *byte = plane.get(u).copied().unwrap_or_default();
-                }
+                let descriptors = center_descriptors.get(k).map_or(&[][..], |descriptors| &**descriptors);
+                let descriptor = descriptor_at::<BYTES>(descriptors, width, u);
                 let mut candidates = [const { Candidates::NONE }; V];
                 for (place, (candidates, view)) in candidates.iter_mut().zip(&*views).enumerate() {
                     if let Some(planes) = view.as_ref().and_then(|view| view.planes.get(k)) {
@@ -330,11 +324,20 @@ impl<I: Kernel, const V: usize> Work for FusePair<'_, '_, '_, I, V> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::Portable;
+    use crate::{SearchConfig, kernel::Portable};
 
     #[test]
     fn small_frames_take_less_than_thirty_kilobytes() {
-        let search = Search::new(160, 120, Views::HORIZONTAL, Fusion::Min, 0, 16).unwrap();
+        let search = SearchConfig {
+            width: 160,
+            height: 120,
+            views: Views::HORIZONTAL,
+            fusion: Fusion::Min,
+            min_disparity: 0,
+            num_disparities: 16,
+        }
+        .checked()
+        .unwrap();
         let bytes = |pair| 4 * CensusPairLines::<Portable<8>>::memory_words(pair, &search);
         assert_eq!([CensusPair::BothWays, CensusPair::TwoScales].map(bytes), [8640, 29_616]);
     }

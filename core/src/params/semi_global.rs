@@ -2,10 +2,72 @@
 
 use super::{
     block_matching::{self, Params},
-    census_transform::Census,
     search::{ParamsError, Search},
 };
 use crate::{Frame, Fusion};
+
+/// The window of the centre-symmetric census transform.
+///
+/// A descriptor has one bit for each pair of opposite pixels in the window, set if the pixel above or to the
+/// left is the darker one (Spangenberg, Langner and Rojas, "Weighted semi-global matching and
+/// center-symmetric census transform for robust driver assistance", 2013). Beyond the frame's borders, pixels
+/// repeat the border's. The cost of a match is the Hamming distance of the two descriptors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Census {
+    /// 5 x 5 pixels, 12 bits.
+    Window5x5,
+    /// 7 x 7 pixels, 24 bits.
+    Window7x7,
+    /// 9 x 7 pixels, 31 bits.
+    #[default]
+    Window9x7,
+}
+
+impl Census {
+    /// Every window, the smallest first.
+    pub const ALL: [Census; 3] = [Census::Window5x5, Census::Window7x7, Census::Window9x7];
+
+    /// The most bits of any window, which is also the greatest cost.
+    pub const MAX_BITS: usize = 31;
+
+    /// The window's size, as command lines name it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Census::Window5x5 => "5x5",
+            Census::Window7x7 => "7x7",
+            Census::Window9x7 => "9x7",
+        }
+    }
+
+    /// The reach of the window: to each side, and up and down, in pixels.
+    pub const fn radius(self) -> [usize; 2] {
+        match self {
+            Census::Window5x5 => [2, 2],
+            Census::Window7x7 => [3, 3],
+            Census::Window9x7 => [4, 3],
+        }
+    }
+
+    /// Bits of a descriptor, one for each pair of opposite pixels.
+    pub const fn bits(self) -> usize {
+        let [rx, ry] = self.radius();
+        ((2 * rx + 1) * (2 * ry + 1) - 1) / 2
+    }
+
+    /// Bytes of a descriptor.
+    pub const fn bytes(self) -> usize {
+        self.bits().div_ceil(8)
+    }
+
+    /// The offsets `[dx, dy]` of the pixels that are compared with their opposites, in the order of the bits:
+    /// line by line from the top left.
+    pub fn offsets(self) -> impl Iterator<Item = [isize; 2]> {
+        let [rx, ry] = self.radius().map(|radius| radius as isize);
+        let all = (-ry..=0).flat_map(move |dy| (-rx..=rx).map(move |dx| [dx, dy]));
+        all.take(self.bits())
+    }
+}
 
 /// The parameters of semi-global matching (H. Hirschmüller, "Stereo processing by semiglobal matching and
 /// mutual information", 2008), line by line. Every value of this type is valid.
@@ -25,8 +87,8 @@ use crate::{Frame, Fusion};
 ///   [`Disparity::refine_equiangular`](crate::Disparity::refine_equiangular).
 ///
 /// ```
-/// use multiscopic_core::{SemiGlobalCost, Fusion, Search, SemiGlobalParams, Views};
-/// let search = Search::new(320, 240, Views::CROSS, Fusion::Min, 1, 32)?;
+/// use multiscopic_core::{Fusion, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views};
+/// let search = SearchConfig { fusion: Fusion::Min, num_disparities: 32, ..SearchConfig::of_size(320, 240) }.checked()?;
 /// let params = SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size: 5 })?;
 /// assert_eq!((params.penalties().p1(), params.penalties().p2(0)), (6, 48));
 /// # Ok::<(), multiscopic_core::ParamsError>(())
@@ -40,7 +102,7 @@ pub struct SemiGlobalParams {
     uniqueness_ratio: Option<u8>,
 }
 
-/// How much a pixel differs from its match, before the views are fused.
+/// The cost of a pixel's difference from its match, before the views are fused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SemiGlobalCost {
@@ -109,7 +171,7 @@ impl SemiGlobalCost {
     }
 }
 
-/// What a path charges for changes of disparity from a pixel to the next, in units of the matching cost.
+/// The penalties of a path for changes of disparity from a pixel to the next, in units of the matching cost.
 /// Every value of this type is valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -128,7 +190,7 @@ impl PathPenalties {
 
     /// `p1` for a change by one disparity and `p2` for any larger change.
     ///
-    /// Where the brightness of the centre changes by more than `p2_edge` from a pixel to the next, `p2` is
+    /// At edges, where the brightness of the centre changes by more than `p2_edge` from a pixel to the next, `p2` is
     /// lowered to `p2 * p2_edge / change`, rounded down, but not below `p1`.
     ///
     /// # Errors
@@ -223,7 +285,7 @@ impl SemiGlobalParams {
         self.uniqueness_ratio
     }
 
-    /// What is searched.
+    /// The search.
     pub const fn search(&self) -> &Search {
         &self.search
     }
@@ -233,7 +295,7 @@ impl SemiGlobalParams {
         self.cost
     }
 
-    /// What paths charge.
+    /// The penalties of paths.
     pub const fn penalties(&self) -> PathPenalties {
         self.penalties
     }
@@ -246,7 +308,7 @@ impl SemiGlobalParams {
         }
     }
 
-    /// How many lines above and below its own the cost of a line needs.
+    /// The number of lines above and below its own that the cost of a line needs.
     pub(crate) const fn reach(&self) -> usize {
         match self.cost {
             SemiGlobalCost::Sad { block_size } => block_size as usize / 2,
@@ -254,7 +316,7 @@ impl SemiGlobalParams {
         }
     }
 
-    /// How many lines of `frame` past its own a disparity line needs: as [`Params::lead`], with the radius
+    /// The number of lines of `frame` past its own that a disparity line needs: as [`Params::lead`], with the radius
     /// of the block or of the census window.
     pub const fn lead(&self, frame: Frame) -> i32 {
         block_matching::lead(self.search.range(), self.reach(), frame)
@@ -263,5 +325,25 @@ impl SemiGlobalParams {
     /// The latency in lines: as [`Params::latency_lines`].
     pub fn latency_lines(&self) -> usize {
         block_matching::latency_lines(&self.search, self.search.range(), self.reach())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+
+    extern crate std;
+
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn each_pair_of_opposite_pixels_has_a_bit() {
+        for (window, size, bits) in [(Census::Window5x5, 25, 12), (Census::Window7x7, 49, 24), (Census::Window9x7, 63, 31)] {
+            assert_eq!((window.bits(), window.offsets().count()), (bits, bits), "{}", window.name());
+            let with_opposites = window.offsets().flat_map(|[dx, dy]| [[dx, dy], [-dx, -dy]]);
+            let pixels: BTreeSet<_> = with_opposites.chain([[0, 0]]).collect();
+            assert_eq!(pixels.len(), size, "{}", window.name());
+        }
     }
 }

@@ -16,7 +16,6 @@ use multiscopic_core::{Frame, Fusion, Matcher, Params, ScanlineSource, SearchCon
 
 const SEARCH: SearchConfig =
     SearchConfig { width: 64, height: 48, views: Views::HORIZONTAL, fusion: Fusion::Min, min_disparity: 0, num_disparities: 16 };
-
 const PARAMS: Params = match SEARCH.block_matching(7) {
     Ok(params) => params,
     Err(_) => panic!("the parameters are out of range"),

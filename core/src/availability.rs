@@ -321,7 +321,7 @@ impl Availability {
                 .zip(0..self.len)
                 .fold(self.incomplete & !all_views(self.len), |views, (zone, k)| views | u8::from(incomplete(zone)) << k);
         }
-        // What is available at both ends is available in between.
+        // A candidate available at both ends is available in between.
         let (first, last) = (columns.start, columns.end.saturating_sub(1));
         let mut incomplete = self.incomplete & !all_views(self.leaving_views);
         // Not `fold`, which is not inlined.

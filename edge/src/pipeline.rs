@@ -280,7 +280,6 @@ mod tests {
     use std::{vec, vec::Vec};
 
     const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(24, 20) };
-
     const PARAMS: Params = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),

@@ -22,9 +22,9 @@ type Raw = u32;
 
 /// Confidences: of each pixel the probability that its disparity is at most one pixel off, times 255.
 ///
-/// Two measures decide. The *agreement* is how many of 27 pixels have a disparity at most one pixel apart: those in columns
-/// `u - 20, u - 15, ... u + 20` of lines `v - 5`, `v` and `v + 5`, the pixel itself among them. Beyond the frame's borders those
-/// at the border count. Surfaces are smooth almost everywhere, and mismatches are scattered. The *evidence*
+/// Two measures decide. The *agreement* is the number of pixels, of 27, that have a disparity at most one pixel apart: those
+/// in columns `u - 20, u - 15, ... u + 20` of lines `v - 5`, `v` and `v + 5`, the pixel itself among them. Beyond the frame's
+/// borders those at the border count. Surfaces are smooth almost everywhere, and mismatches are scattered. The *evidence*
 /// is a number from 0 to 15 that the method gives, such as the grade of the [peak ratio](crate::PeakRatio).
 ///
 /// An invalid pixel has the confidence 0.

@@ -13,8 +13,8 @@ pub use median_lines::MedianLines;
 pub(crate) use median_lines::{MatchedLines, copy_to};
 pub use texture_lines::{CenterLines, SeenIn, TextureLines, slopes};
 
-/// Invalidates the disparities of a line that are less sure than `least`, a probability times 255. What is invalid has the
-/// confidence 0.
+/// Invalidates the disparities of a line that are less sure than `least`, a probability times 255. An invalid pixel has
+/// the confidence 0.
 pub fn keep_sure(least: u8, disparities: &mut [Option<Disparity>], confidences: &mut [u8]) {
     for (disparity, confidence) in disparities.iter_mut().zip(confidences) {
         *disparity = disparity.filter(|_| *confidence >= least);

@@ -25,7 +25,7 @@ pub(super) fn steps<'a, I: Isa, const V: usize>(
 ) -> Steps<'a, I, V> {
     let at = |frame: &'a Lines<'_>| Change { entering: frame.at(lines.entering), leaving: frame.at(lines.leaving) };
     let mut views = frames.views.iter().flatten();
-    // What is never available may be any view.
+    // A place whose view is never available may hold any view.
     let any = if const { V > 4 } { frames.views.iter().flatten().next() } else { None };
     let views = array::from_fn(|_| at(views.next().or(any).unwrap_or(&frames.center)));
     Steps::new(at(&frames.center), views, sums, empty_column, block_size)
@@ -133,7 +133,7 @@ impl<I: Kernel> Output<u16, I> for CostLine<'_> {
         masks.enter_line(start, v);
         let divisor = |is_complete| divisor(params.fusion(), V, is_complete, shift);
         let (complete, incomplete) = (divisor(true), divisor(false));
-        // What follows from the availability, which seldom changes.
+        // These follow from the availability, which seldom changes.
         let seen = |masks: &Masks<'_, u16, I, V>| PixelViews {
             masked: masks.masked(selection.rule),
             divisor: if masks.availability.incomplete() == 0 { complete } else { incomplete },

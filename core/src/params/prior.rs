@@ -103,7 +103,7 @@ impl PriorLine<'_> {
         let steps = Disparity::STEPS;
         let (least, most) = (i32::from(search.min_disparity()) * steps, i32::from(search.max_disparity()) * steps);
         for (pixel, &prior) in found.iter_mut().zip(self.pixels.get(columns).unwrap_or_default()) {
-            // What is found lies between the ends of the search, or at one of them.
+            // A disparity that was found lies between the ends of the search, or at one of them.
             let inner = pixel.filter(|found| (least + 1..most).contains(&i32::from(found.to_bits())));
             *pixel = match (prior, inner) {
                 (Some(prior), Some(inner)) => self.prior.moved(prior, inner),

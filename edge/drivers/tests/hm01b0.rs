@@ -16,7 +16,6 @@ use multiscopic_drivers::hm01b0::{
 
 const SEARCH: SearchConfig =
     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
-
 const PARAMS: Params = match SEARCH.block_matching(7) {
     Ok(params) => params,
     Err(_) => panic!("the parameters are out of range"),

@@ -4,7 +4,7 @@
 #[cfg(target_os = "none")]
 mod image {
     use core::hint::black_box;
-    use multiscopic_core::{Fusion, Params, SearchConfig, Views};
+    use multiscopic_core::{Params, SearchConfig};
     use multiscopic_firmware as _; // Provides the fault handler.
     use static_cell::ConstStaticCell;
 

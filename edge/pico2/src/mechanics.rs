@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 use embedded_hal::digital::PinState;
-use multiscopic_core::{Fusion, Params, Views, capture::Policy, kernel::Dsp, SearchConfig};
+use multiscopic_core::{Params, capture::Policy, kernel::Dsp, SearchConfig};
 use multiscopic_drivers::{
     hm01b0::{Configuration, Size},
     stepper::Axis,

@@ -133,11 +133,10 @@ mod tests {
 
     use super::*;
     use crate::packet::Packet;
-    use multiscopic_core::{Fusion, Params, Views};
+    use multiscopic_core::Params;
     use std::{vec, vec::Vec};
 
     const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(700, 20) };
-
     const PARAMS: Params = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),

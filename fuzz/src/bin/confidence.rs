@@ -6,7 +6,7 @@ use libfuzzer_sys::{
     arbitrary::{Result, Unstructured},
     fuzz_target,
 };
-use multiscopic_core::{ConfidenceLines, ConfidenceTable, Disparity, Fusion, MatchError, SearchConfig, Views};
+use multiscopic_core::{ConfidenceLines, ConfidenceTable, Disparity, MatchError, SearchConfig};
 use multiscopic_fuzz::assert_same;
 use multiscopic_tests::reference::confidence;
 

@@ -6,7 +6,7 @@ use core::arch::asm;
 
 use crate::kernel::bytes::{Divisor, Slot, Step};
 
-/// Extends a path by a pixel. What it adds to the costs is written to `excess` if `FIRST` is set, and added to
+/// Extends a path by a pixel. Its excess over the costs is written to `excess` if `FIRST` is set, and added to
 /// it otherwise.
 ///
 /// # Safety

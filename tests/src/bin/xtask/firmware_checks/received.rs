@@ -65,11 +65,10 @@ pub fn same_lines(found: &[u8], simulated: &[u8]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Fusion, Params, Region, Views};
+    use multiscopic_core::{Fusion, Params, Region};
     use multiscopic_edge::packet::{Sender, buffer_bytes};
 
     const SEARCH: SearchConfig = SearchConfig { fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(3, 2) };
-
     const PARAMS: Params = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),

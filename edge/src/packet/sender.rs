@@ -1,7 +1,7 @@
 //! Encodes packets.
 
 use core::{error, fmt};
-use multiscopic_core::{Disparity, Region, Search, SearchConfig};
+use multiscopic_core::{Disparity, Region, Search};
 
 use super::format::{CHECKSUM_BYTES, Content, Header, MAGIC, MAX_HEADER_BYTES, VERSION, checksum, encode, max_encoded_bytes};
 
@@ -134,6 +134,7 @@ mod tests {
     use super::*;
     use crate::packet::Packet;
     use multiscopic_core::Params;
+    use multiscopic_core::SearchConfig;
     use std::{vec, vec::Vec};
 
     const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(700, 20) };

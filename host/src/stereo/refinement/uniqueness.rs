@@ -1,6 +1,6 @@
 //! The uniqueness filter: what another candidate explains nearly as well is uncertain.
 
-use multiscopic_core::{Search, SearchConfig};
+use multiscopic_core::Search;
 use rayon::prelude::*;
 
 use crate::{
@@ -29,6 +29,7 @@ pub fn keep_unique<C: Cost>(costs: &Volume<C>, search: &Search, map: &mut Dispar
 #[cfg(test)]
 mod tests {
     use super::*;
+    use multiscopic_core::SearchConfig;
     use multiscopic_core::{Fusion, Views};
 
     #[test]

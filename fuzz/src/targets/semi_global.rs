@@ -1,14 +1,11 @@
 //! Semi-global matching against its reference, with every instruction set of this processor.
 
-#![no_main]
-
-use libfuzzer_sys::fuzz_target;
+use arbitrary::{Arbitrary, Unstructured};
 use multiscopic::{Simd, stereo::Task};
 use multiscopic_core::{
     SemiGlobalParams,
     kernel::{Kernel, Portable},
 };
-use multiscopic_fuzz::{SmallMatch, assert_same};
 use multiscopic_tests::{
     reference::raw16,
     split_mix::Random,
@@ -17,6 +14,8 @@ use multiscopic_tests::{
         view_set::ViewSet,
     },
 };
+
+use crate::{small_match::SmallMatch, support::assert_same};
 
 /// A match of the core: disparities and peak ratios.
 struct Match<'a> {
@@ -34,7 +33,9 @@ impl Task for Match<'_> {
     }
 }
 
-fuzz_target!(|small: SmallMatch| {
+/// Tries an input.
+pub fn run(bytes: &[u8]) -> bool {
+    let Ok(small) = SmallMatch::arbitrary_take_rest(Unstructured::new(bytes)) else { return false };
     let SmallMatch { case, images } = &small;
     // Its cost and its penalties follow from the seed, which is part of the input.
     let reference = case.semi_global(images, &mut Random(case.seed));
@@ -47,4 +48,5 @@ fuzz_target!(|small: SmallMatch| {
         assert_same(&found, &disparities, &kernel);
         assert_same(&found_peaks, &peaks, &format!("{kernel}, peak ratios"));
     }
-});
+    true
+}

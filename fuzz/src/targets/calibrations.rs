@@ -1,15 +1,14 @@
 //! Calibrations of lenses, as TOML and as the YAML of other programs.
 
-#![no_main]
-
-use libfuzzer_sys::fuzz_target;
 use multiscopic::{
     CameraModel,
     lens::{Mount, Undistortion},
 };
-use multiscopic_fuzz::file;
 
-fuzz_target!(|bytes: &[u8]| {
+use crate::support::file;
+
+/// Tries an input.
+pub fn run(bytes: &[u8]) -> bool {
     for name in ["calibration.toml", "calibration.yaml"] {
         if let Ok(camera) = CameraModel::read(&file(name, bytes)) {
             // What was read can be used.
@@ -21,4 +20,5 @@ fuzz_target!(|bytes: &[u8]| {
             let _ = (undistortion.place(3, 2), camera.direction([3.0, 2.0]), camera.pixel([0.1, -0.2]));
         }
     }
-});
+    true
+}

@@ -1,16 +1,12 @@
 //! Rectified lines against their reference.
 
-#![no_main]
-
 use std::convert::Infallible;
 
-use libfuzzer_sys::{
-    arbitrary::{Result, Unstructured},
-    fuzz_target,
-};
+use arbitrary::{Result, Unstructured};
 use multiscopic_core::{Displacement, DisplacementGrid, Frame, Rectification, Rectified, ScanlineSource, View, Views};
-use multiscopic_fuzz::assert_same;
 use multiscopic_tests::reference::rectify;
+
+use crate::support::assert_same;
 
 /// The same image for every frame.
 struct Source<'a> {
@@ -62,6 +58,8 @@ fn compare(input: &mut Unstructured) -> Result<()> {
     Ok(())
 }
 
-fuzz_target!(|bytes: &[u8]| {
+/// Tries an input.
+pub fn run(bytes: &[u8]) -> bool {
     let _ = compare(&mut Unstructured::new(bytes));
-});
+    true
+}

@@ -1,12 +1,11 @@
 //! `rig.toml`, and the other TOML files of a rig.
 
-#![no_main]
-
-use libfuzzer_sys::fuzz_target;
 use multiscopic::{Rig, capture::Imperfections, lens::Mount};
-use multiscopic_fuzz::file;
 
-fuzz_target!(|bytes: &[u8]| {
+use crate::support::file;
+
+/// Tries an input.
+pub fn run(bytes: &[u8]) -> bool {
     let path = file(Rig::FILE_NAME, bytes);
     let _ = Mount::read(&path);
     let _ = Imperfections::read(&path);
@@ -14,4 +13,5 @@ fuzz_target!(|bytes: &[u8]| {
         // What was read can be used.
         let _ = (rig.geometry([640, 480]), rig.principal_point([640, 480]), rig.images.views());
     }
-});
+    true
+}

@@ -1,15 +1,10 @@
 //! Packets of microcontrollers: as they arrive, and with valid framing and checksums around whatever they hold.
 
-#![no_main]
-
 use std::path::Path;
 
-use libfuzzer_sys::fuzz_target;
 use multiscopic::target::reception;
-// Without libFuzzer, it has the entry point.
-use multiscopic_fuzz as _;
 
-/// The separator of the packets of an input. It is rare in them.
+/// What separates the packets of an input. It is rare in them.
 const SEPARATOR: u8 = 0xA5;
 /// The most bytes of a block of COBS, without the byte before them.
 const MAX_BLOCK: usize = 254;
@@ -29,10 +24,12 @@ fn append(contents: &[u8], packets: &mut Vec<u8>) {
     packets.push(0);
 }
 
-fuzz_target!(|bytes: &[u8]| {
+/// Tries an input.
+pub fn run(bytes: &[u8]) -> bool {
     let path = Path::new("packets");
     let _ = reception::receive(bytes, path, |_| ());
     let mut packets = Vec::new();
     bytes.split(|&byte| byte == SEPARATOR).for_each(|contents| append(contents, &mut packets));
     let _ = reception::receive(&packets[..], path, |_| ());
-});
+    true
+}

@@ -1,16 +1,9 @@
 //! Buffers of cameras, in every format.
 
-#![no_main]
-
-use libfuzzer_sys::{
-    arbitrary::{Result, Unstructured},
-    fuzz_target,
-};
+use arbitrary::{Result, Unstructured};
 use multiscopic::capture::camera::{FrameLayout, PixelFormat};
-// Without libFuzzer, it has the entry point.
-use multiscopic_fuzz as _;
 
-/// Converts a buffer with a layout as a driver describes it.
+/// What a driver says about a buffer, and the buffer.
 fn convert(input: &mut Unstructured) -> Result<()> {
     let layout = FrameLayout {
         format: *input.choose(&PixelFormat::ALL)?,
@@ -31,6 +24,8 @@ fn convert(input: &mut Unstructured) -> Result<()> {
     Ok(())
 }
 
-fuzz_target!(|bytes: &[u8]| {
+/// Tries an input.
+pub fn run(bytes: &[u8]) -> bool {
     let _ = convert(&mut Unstructured::new(bytes));
-});
+    true
+}

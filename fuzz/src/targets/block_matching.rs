@@ -1,14 +1,11 @@
 //! Block matching against its reference, with every instruction set of this processor.
 
-#![no_main]
-
-use libfuzzer_sys::fuzz_target;
+use arbitrary::{Arbitrary, Unstructured};
 use multiscopic::{Simd, stereo::Task};
 use multiscopic_core::{
     Params, Region,
     kernel::{Kernel, Portable},
 };
-use multiscopic_fuzz::{SmallMatch, assert_same};
 use multiscopic_tests::{
     split_mix::Random,
     test_images::{
@@ -16,6 +13,8 @@ use multiscopic_tests::{
         view_set::ViewSet,
     },
 };
+
+use crate::{small_match::SmallMatch, support::assert_same};
 
 /// A match of the core in a part of the frame: disparities and peak ratios.
 struct Match<'a> {
@@ -34,7 +33,9 @@ impl Task for Match<'_> {
     }
 }
 
-fuzz_target!(|small: SmallMatch| {
+/// Tries an input.
+pub fn run(bytes: &[u8]) -> bool {
+    let Ok(small) = SmallMatch::arbitrary_take_rest(Unstructured::new(bytes)) else { return false };
     let SmallMatch { case, images } = &small;
     let uniqueness_ratio = [None, Some(0), Some(5), Some(255)][(case.seed >> 32 & 3) as usize];
     let params = case.params().with_uniqueness_ratio(uniqueness_ratio);
@@ -58,4 +59,5 @@ fuzz_target!(|small: SmallMatch| {
             assert_same(&found_peaks, &cut(&peaks, case.width, region), &format!("{kernel}, peak ratios"));
         }
     }
-});
+    true
+}

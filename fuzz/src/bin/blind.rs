@@ -1,12 +1,11 @@
-//! Runs a target without libFuzzer and its C++ compiler, on each file in folders of seeds and on random changes of them.
+//! Runs a target without libFuzzer and its instruments, which takes no C++ compiler: on each file of folders of seeds, and on
+//! random changes of them, which are the same each time with the same number to begin with.
 //!
 //! ```text
-//! TARGET NUMBER INPUTS SECONDS SEEDS...
+//! blind TARGET NUMBER INPUTS SECONDS SEEDS...
 //! ```
 //!
-//! `NUMBER` seeds the random changes, `INPUTS` is the number of inputs in all, and `SECONDS` the longest time of an input.
-
-#![allow(unsafe_code, reason = "libFuzzer, which this stands in for, calls the target by its symbol and has the entry point")]
+//! An input may take so many seconds.
 
 use std::{
     env, fs, panic,
@@ -17,25 +16,19 @@ use std::{
     time::{Duration, Instant},
 };
 
+use multiscopic_fuzz::targets::Target;
 use multiscopic_tests::split_mix::Random;
 
 /// The longest input in bytes, if the seeds are shorter.
 const LONGEST: usize = 4096;
 
-unsafe extern "C" {
-    // `fuzz_target!` defines it, in Rust.
-    #[allow(improper_ctypes)]
-    safe fn rust_fuzzer_test_input(input: &[u8]) -> i32;
-}
-
-/// The current input and its start. If it breaks something, it is written to a file.
+/// The input that is tried, and since when. If it breaks something, it is written to a file.
 static INPUT: Mutex<(Vec<u8>, Option<Instant>)> = Mutex::new((Vec::new(), None));
 
-/// The entry point of the targets, whose `no_main` leaves it to libFuzzer.
-#[unsafe(no_mangle)]
-extern "C" fn main() -> i32 {
-    let arguments: Vec<String> = env::args().collect();
-    let [_, number, inputs, seconds, seeds @ ..] = &arguments[..] else { panic!("TARGET NUMBER INPUTS SECONDS SEEDS...") };
+fn main() {
+    let arguments: Vec<String> = env::args().skip(1).collect();
+    let [name, number, inputs, seconds, seeds @ ..] = &arguments[..] else { panic!("TARGET NUMBER INPUTS SECONDS SEEDS...") };
+    let target = Target::named(name).unwrap_or_else(|| panic!("no target is called {name}"));
     let (number, inputs) = (number.parse().expect("a number"), inputs.parse().expect("a number of inputs"));
     let longest = Duration::from_secs(seconds.parse().expect("a number of seconds"));
     let seeds: Vec<Vec<u8>> = seeds.iter().flat_map(|folder| files(Path::new(folder))).collect();
@@ -57,18 +50,17 @@ extern "C" fn main() -> i32 {
     });
     let random = &mut Random(number);
     for seed in &seeds {
-        test(seed.clone());
+        test(target, seed.clone());
     }
     for _ in seeds.len()..inputs {
-        test(changed(&seeds, random));
+        test(target, changed(&seeds, random));
     }
     println!("{} inputs", inputs.max(seeds.len()));
-    0
 }
 
-fn test(input: Vec<u8>) {
+fn test(target: Target, input: Vec<u8>) {
     *INPUT.lock().expect("an input") = (input.clone(), Some(Instant::now()));
-    rust_fuzzer_test_input(&input);
+    (target.run)(&input);
 }
 
 /// The contents of a folder's files, in the order of their names.
@@ -79,7 +71,7 @@ fn files(folder: &Path) -> Vec<Vec<u8>> {
     paths.iter().map(|path| fs::read(path).expect("a seed")).collect()
 }
 
-/// A seed with one to eight changes: of bits and bytes, and parts cut out, repeated, or taken from another seed.
+/// A seed with one to eight changes: bits, bytes, numbers, what is cut out, repeated, or taken from another seed.
 fn changed(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
     let mut input = seeds[random.below(seeds.len())].clone();
     for _ in 0..=random.below(8) {

@@ -1,7 +1,5 @@
 //! Replies of a robot arm, over sockets of this machine.
 
-#![no_main]
-
 use std::{
     io::Write,
     net::{Ipv4Addr, Shutdown, TcpListener},
@@ -13,11 +11,8 @@ use std::{
     time::Duration,
 };
 
-use libfuzzer_sys::fuzz_target;
 use multiscopic::capture::stage::{Arm, ArmAddress, Limits};
 use multiscopic_core::capture::Stage;
-// Without libFuzzer, it has the entry point.
-use multiscopic_fuzz as _;
 
 /// An arm that says the input on its port of the Real-Time Data Exchange, and hangs up.
 struct TalkingArm {
@@ -44,7 +39,8 @@ impl TalkingArm {
     }
 }
 
-fuzz_target!(|bytes: &[u8]| {
+/// Tries an input.
+pub fn run(bytes: &[u8]) -> bool {
     static ARM: OnceLock<TalkingArm> = OnceLock::new();
     let arm = ARM.get_or_init(TalkingArm::start);
     arm.replies.send(bytes.to_vec()).expect("the arm listens");
@@ -55,4 +51,5 @@ fuzz_target!(|bytes: &[u8]| {
         let _ = stage.position();
         let _ = stage.has_arrived();
     }
-});
+    true
+}

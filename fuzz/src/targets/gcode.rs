@@ -1,17 +1,12 @@
 //! Replies of machines with Grbl or Marlin.
 
-#![no_main]
-
 use std::{
     io::{self, Read, Write},
     time::Duration,
 };
 
-use libfuzzer_sys::fuzz_target;
 use multiscopic::capture::stage::{Limits, gcode};
 use multiscopic_core::capture::{Position, Stage};
-// Without libFuzzer, it has the entry point.
-use multiscopic_fuzz as _;
 
 /// A port that brings the input, in pieces of a few bytes, and is then unplugged.
 struct Port(Vec<u8>);
@@ -40,10 +35,11 @@ impl Write for Port {
     }
 }
 
-fuzz_target!(|bytes: &[u8]| {
+/// Tries an input.
+pub fn run(bytes: &[u8]) -> bool {
     let timeout = Duration::from_millis(20);
     let limits = Limits { connect_timeout: timeout, silence_timeout: timeout, stall_timeout: timeout, ..Limits::default() };
-    let Ok(mut stage) = gcode::connect(Port(bytes.to_vec()), "port", &limits) else { return };
+    let Ok(mut stage) = gcode::connect(Port(bytes.to_vec()), "port", &limits) else { return true };
     if stage.move_to(Position { x_um: 20_000, y_um: -10_000 }).is_ok() {
         let _ = stage.has_arrived();
     }
@@ -51,4 +47,5 @@ fuzz_target!(|bytes: &[u8]| {
         let _ = stage.move_to(position);
     }
     let _ = stage.stop();
-});
+    true
+}

@@ -1,10 +1,8 @@
 //! Values of options on the command line.
 
-#![no_main]
-
+use arbitrary::{Arbitrary, Unstructured};
 use std::{fmt::Display, str::FromStr};
 
-use libfuzzer_sys::fuzz_target;
 use multiscopic::{
     Dataset,
     capture::{Accuracy, stage::StageSpec},
@@ -12,8 +10,6 @@ use multiscopic::{
     images::{ImageRegion, Layout},
 };
 use multiscopic_core::View;
-// Without libFuzzer, it has the entry point.
-use multiscopic_fuzz as _;
 
 /// Parses a value. What is accepted is accepted again as it is printed.
 fn parse<T: FromStr + Display>(text: &str) {
@@ -23,7 +19,9 @@ fn parse<T: FromStr + Display>(text: &str) {
     }
 }
 
-fuzz_target!(|text: &str| {
+/// Tries an input.
+pub fn run(bytes: &[u8]) -> bool {
+    let Ok(text) = <&str>::arbitrary_take_rest(Unstructured::new(bytes)) else { return false };
     parse::<View>(text);
     parse::<Dataset>(text);
     parse::<Layout>(text);
@@ -31,4 +29,5 @@ fuzz_target!(|text: &str| {
     let _ = text.parse::<CameraSteps>();
     let _ = text.parse::<ImageRegion>();
     let _ = text.parse::<Accuracy>();
-});
+    true
+}

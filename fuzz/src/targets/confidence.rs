@@ -1,16 +1,12 @@
 //! Confidences against their definition.
 
-#![no_main]
-
-use libfuzzer_sys::{
-    arbitrary::{Result, Unstructured},
-    fuzz_target,
-};
+use arbitrary::{Result, Unstructured};
 use multiscopic_core::{ConfidenceLines, ConfidenceTable, Disparity, MatchError, SearchConfig};
-use multiscopic_fuzz::assert_same;
 use multiscopic_tests::reference::confidence;
 
-/// The replacement of an input of fewer bytes.
+use crate::support::assert_same;
+
+/// What an input of fewer bytes is taken for.
 const SHORT: &[u8] = &[0; 3];
 
 fn compare(input: &mut Unstructured) -> Result<()> {
@@ -53,6 +49,8 @@ fn compare(input: &mut Unstructured) -> Result<()> {
     Ok(())
 }
 
-fuzz_target!(|bytes: &[u8]| {
+/// Tries an input.
+pub fn run(bytes: &[u8]) -> bool {
     let _ = compare(&mut Unstructured::new(bytes));
-});
+    true
+}

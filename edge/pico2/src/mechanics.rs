@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 use embedded_hal::digital::PinState;
-use multiscopic_core::{Params, capture::Policy, kernel::Dsp, SearchConfig};
+use multiscopic_core::{Params, SearchConfig, capture::Policy, kernel::Dsp};
 use multiscopic_drivers::{
     hm01b0::{Configuration, Size},
     stepper::Axis,
@@ -46,7 +46,8 @@ pub const HOMING_TIMEOUT: Duration = Duration::from_secs(60);
 pub const CONFIGURATION: Configuration = Configuration { stream_last: false, ..Configuration::new(Size::Qvga) };
 
 const SIZE: Size = CONFIGURATION.size;
-const SEARCH: SearchConfig = SearchConfig { num_disparities: 32, ..SearchConfig::of_size(SIZE.width() as u16, SIZE.height() as u16) };
+const SEARCH: SearchConfig =
+    SearchConfig { num_disparities: 32, ..SearchConfig::of_size(SIZE.width() as u16, SIZE.height() as u16) };
 /// The match of the profile `qvga`: four views, 32 disparities, blocks of 11x11 pixels.
 pub const PARAMS: Params = match SEARCH.block_matching(11) {
     Ok(params) => params,

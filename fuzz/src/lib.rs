@@ -1,4 +1,4 @@
-//! The code that the targets share.
+//! What the targets share.
 
 mod small_match;
 #[cfg(not(feature = "libfuzzer"))]
@@ -30,7 +30,7 @@ pub fn file(name: &'static str, contents: &[u8]) -> PathBuf {
     path
 }
 
-/// Panics with the first pixel at which `found` differs from `expected`.
+/// Panics with the first place where `found` is not what was `expected`.
 pub fn assert_same<T: PartialEq + std::fmt::Debug>(found: &[T], expected: &[T], what: &str) {
     if let Some(place) = (0..expected.len()).find(|&place| found.get(place) != Some(&expected[place])) {
         panic!("{what}, pixel {place}: found {:?}, expected {:?}", found.get(place), expected[place]);

@@ -1,10 +1,11 @@
-//! Runs a target without libFuzzer and its C++ compiler, on each file in folders of seeds and on random changes of them.
+//! Runs a target without libFuzzer and its instruments, which takes no C++ compiler: on each file of folders of seeds, and on
+//! random changes of them, the same ones each time with the same number to begin with.
 //!
 //! ```text
 //! TARGET NUMBER INPUTS SECONDS SEEDS...
 //! ```
 //!
-//! `NUMBER` seeds the random changes, `INPUTS` is the number of inputs in all, and `SECONDS` the longest time of an input.
+//! An input may take so many seconds.
 
 #![allow(unsafe_code, reason = "libFuzzer, which this stands in for, calls the target by its symbol and has the entry point")]
 
@@ -28,7 +29,7 @@ unsafe extern "C" {
     safe fn rust_fuzzer_test_input(input: &[u8]) -> i32;
 }
 
-/// The current input and its start. If it breaks something, it is written to a file.
+/// The input that is tried, and since when. If it breaks something, it is written to a file.
 static INPUT: Mutex<(Vec<u8>, Option<Instant>)> = Mutex::new((Vec::new(), None));
 
 /// The entry point of the targets, whose `no_main` leaves it to libFuzzer.
@@ -79,7 +80,7 @@ fn files(folder: &Path) -> Vec<Vec<u8>> {
     paths.iter().map(|path| fs::read(path).expect("a seed")).collect()
 }
 
-/// A seed with one to eight changes: of bits and bytes, and parts cut out, repeated, or taken from another seed.
+/// A seed with one to eight changes: bits, bytes, numbers, what is cut out, repeated, or taken from another seed.
 fn changed(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
     let mut input = seeds[random.below(seeds.len())].clone();
     for _ in 0..=random.below(8) {

@@ -39,7 +39,7 @@ const SHORT_RUN: &str = "500";
 /// What to fuzz, and for how long.
 #[derive(Args)]
 pub struct Fuzzing {
-    /// Targets, by their names in `fuzz/src/bin` [default: all]
+    /// Targets, by their names in `fuzz/targets` [default: all]
     targets: Vec<String>,
 
     /// Minutes for each target
@@ -177,7 +177,7 @@ pub fn lint() -> Result<()> {
 
 /// The names of all targets, sorted.
 fn targets() -> Result<Vec<String>> {
-    let folder = folders::root().join("fuzz/src/bin");
+    let folder = folders::root().join("fuzz/targets");
     let entries = fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))?;
     let names = entries.map(|entry| Ok(entry?.path().file_stem().context("a file's name")?.to_string_lossy().into_owned()));
     let mut names: Vec<String> = names.collect::<Result<_>>()?;

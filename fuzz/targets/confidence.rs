@@ -10,7 +10,7 @@ use multiscopic_core::{ConfidenceLines, ConfidenceTable, Disparity, Fusion, Matc
 use multiscopic_fuzz::assert_same;
 use multiscopic_tests::reference::confidence;
 
-/// The replacement of an input of fewer bytes.
+/// What an input of fewer bytes is taken for.
 const SHORT: &[u8] = &[0; 3];
 
 fn compare(input: &mut Unstructured) -> Result<()> {

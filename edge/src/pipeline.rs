@@ -269,14 +269,17 @@ fn apart<R>(run: impl FnOnce() -> R) -> R {
 mod tests {
     extern crate std;
 
+    use embedded_io::{ErrorType, Write};
+    use multiscopic_core::{Frame, ScanlineSource};
+
     use super::*;
     use crate::{
         buffers::{Lengths, Wide},
         packet::{Content, Packet},
     };
     use core::{convert::Infallible, time::Duration};
-    use embedded_io::{ErrorType, SliceWriteError, Write};
-    use multiscopic_core::{Frame, Fusion, ScanlineSource, Search, SearchConfig, SemiGlobalCost, View, Views};
+    use embedded_io::SliceWriteError;
+    use multiscopic_core::{Fusion, Search, SearchConfig, SemiGlobalCost, View, Views};
     use std::{vec, vec::Vec};
 
     const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(24, 20) };

@@ -1,5 +1,6 @@
 //! The format of a packet: its header, its checksum, and its framing by COBS, which removes the zeros so that a zero can end it.
 
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use serde::{Deserialize, Serialize};
 
 /// The first bytes of every packet.
@@ -56,8 +57,6 @@ pub enum Content {
         columns: u16,
     },
 }
-
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
 
 /// The size of the checksum.
 pub(super) const CHECKSUM_BYTES: usize = 4;

@@ -3,8 +3,7 @@
 use core::sync::atomic::{AtomicU8, Ordering};
 use heapless::spsc::{Consumer, Producer, Queue};
 
-/// Receives the lines of a sensor: from an interrupt, through a [`LineQueue`], or
-/// straight from a peripheral that buffers a few.
+/// Receives the lines of a sensor: from an interrupt, through a [`LineQueue`], or straight from a peripheral that buffers a few.
 pub trait PixelBus {
     /// Drops the frame that is being received. The next line begins a frame that started after this call.
     fn restart(&mut self);

@@ -1,10 +1,40 @@
-//! Which views see the candidates of a pixel: the one treatment of the frame's borders.
+//! The views that see the candidates of a pixel: the one treatment of the frame's borders.
+//!
+//! A view sees candidate `d` of pixel `(u, v)` if the match `(u, v) + d * offset` lies inside the frame. A match moves
+//! along a straight line with `d`, so these candidates are one range of indices for each view.
+//!
+//! ```text
+//! enter_line(u, v):
+//!     for each view k:
+//!         rows     = candidates whose match lies in a line of the frame       // the same along the line
+//!         range    = rows and candidates whose match lies in a column         // just rows for a vertical view
+//!         follow the change from the old range to the new one
+//! enter(u):                                   // called for each pixel, so it does nothing most of the time
+//!     if u < constant_until: return           // no view changes before this column
+//!     for each view k that leaves the column and whose own constant_until has come:
+//!         the same, with the rows of the line
+//!     constant_until = least of the views
+//! follow(old, new):                           // at most two candidates from one pixel to the next
+//!     for each index between the two starts and between the two ends:
+//!         report (k, index, is it in new?)    // the masks set or clear a lane
+//! ```
+//!
+//! Between the columns near the left border and those near the right, all candidates of a view are available
+//! (`complete_columns`), and nothing is computed for a pixel but one comparison.
+//!
+//! Around a prior neighbours may be searched at any disparities, and candidates come two samples each. Then a *zone* takes
+//! the place of `constant_until`: the columns in which the first and the last sample of the pixel before lay, inside the
+//! frame or to one side of it. While samples stay in their zones all candidates remain available, or none, and again
+//! nothing is reported.
+//!
+//! Invariants: bit `k` of `incomplete` is set if and only if `range` of view `k` is not all of the search; places past
+//! the last view have empty ranges and set bits; the sum of all reports is the current ranges.
 
 use core::{iter, mem, ops::Range};
 
 use crate::{
     Search, View, Views,
-    prior_line::{PriorLine, available_from},
+    params::{PriorLine, available_from},
 };
 
 /// The disparities at which each view is available to a pixel: where the match lies inside the frame.
@@ -16,12 +46,12 @@ use crate::{
 pub(crate) struct Availability {
     /// The views of the match, in their order: those whose matches leave the column come first.
     views: [Reach; Views::MAX_MATCHED],
-    /// How many of them leave the column.
-    sideways: u8,
+    /// The number of them that leave the column.
+    leaving_views: u8,
     len: u8,
     /// Views, with those past the last, which are never available.
     places: u8,
-    /// Where the samples of the views lie around a prior. Those after the last stay at the pixel.
+    /// The zones of the views' samples around a prior. Those after the last stay at the pixel.
     zones: [Zone; Views::MAX_MATCHED],
     width: u16,
     height: u16,
@@ -29,7 +59,7 @@ pub(crate) struct Availability {
     num_disparities: u16,
     /// The views that are not available at all disparities, as bits.
     incomplete: u8,
-    /// Whether the pixel has no prior to be searched around.
+    /// True if the pixel has no prior to be searched around.
     is_blind: bool,
     /// Until this column of the line, nothing changes for any view.
     constant_until: u16,
@@ -75,7 +105,7 @@ pub(crate) struct Segment {
 }
 
 impl Zone {
-    /// Whether all samples lie there, as `samples` after the first.
+    /// True if all samples lie there, as `samples` after the first.
     #[inline(always)]
     fn holds(&self, first: i16, samples: u16, (u, v): (usize, u16), height: u16) -> bool {
         let (first, samples) = (i32::from(first), i32::from(samples));
@@ -141,7 +171,7 @@ impl Availability {
         Availability {
             views,
             zones,
-            sideways: search.views().iter().filter(|view| !view.is_vertical()).count() as u8,
+            leaving_views: search.views().iter().filter(|view| !view.is_vertical()).count() as u8,
             len: search.views().len() as u8,
             places,
             width: search.width() as u16,
@@ -173,7 +203,7 @@ impl Availability {
             let is_complete = range == (0..count);
             reach.follow(range, |index, available| change(k, index, available));
             self.incomplete = self.incomplete & !(1 << k) | u8::from(!is_complete) << k;
-            if k < usize::from(self.sideways) {
+            if k < usize::from(self.leaving_views) {
                 reach.expect_change_after(u);
                 self.constant_until = self.constant_until.min(reach.constant_until);
             }
@@ -200,7 +230,7 @@ impl Availability {
     fn enter_column(&mut self, u: usize, mut change: impl FnMut(usize, usize, bool)) -> bool {
         let (least, count) = (self.min_disparity, self.num_disparities);
         let (mut incomplete, mut constant_until) = (self.incomplete, self.width);
-        for (k, reach) in self.views.iter_mut().enumerate().take(self.sideways.into()) {
+        for (k, reach) in self.views.iter_mut().enumerate().take(self.leaving_views.into()) {
             if u >= usize::from(reach.constant_until) {
                 let range = reach.at(u, self.width, least, count);
                 let is_complete = range == (0..count);
@@ -229,7 +259,7 @@ impl Availability {
         !is_as_before
     }
 
-    /// Whether all samples of the pixel of the line in column `u` lie in the zone, from disparity `first` on.
+    /// True if all samples of the pixel of the line in column `u` lie in the zone, from disparity `first` on.
     #[inline(always)]
     fn holds(&self, zone: &Zone, first: i16, u: usize) -> bool {
         zone.holds(first, self.num_disparities, (u, self.v), self.height)
@@ -291,12 +321,12 @@ impl Availability {
                 .zip(0..self.len)
                 .fold(self.incomplete & !all_views(self.len), |views, (zone, k)| views | u8::from(incomplete(zone)) << k);
         }
-        // What is available at both ends is available in between.
+        // A candidate available at both ends is available in between.
         let (first, last) = (columns.start, columns.end.saturating_sub(1));
-        let mut incomplete = self.incomplete & !all_views(self.sideways);
+        let mut incomplete = self.incomplete & !all_views(self.leaving_views);
         // Not `fold`, which is not inlined.
         let mut k = 0;
-        while k < self.sideways {
+        while k < self.leaving_views {
             incomplete |= u8::from(self.at(k, first) != all || self.at(k, last) != all) << k;
             k += 1;
         }
@@ -314,7 +344,7 @@ impl Availability {
         self.views.get(k).map(|reach| reach.range.clone()).unwrap_or_default()
     }
 
-    /// Whether some view is available at all disparities, so that every candidate exists.
+    /// True if some view is available at all disparities, so that every candidate exists.
     pub fn is_covered(&self) -> bool {
         self.incomplete != all_views(self.places)
     }

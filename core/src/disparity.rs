@@ -230,7 +230,7 @@ impl<const N: usize> Around<N> {
     }
 }
 
-/// Whether the refined disparity is negative. Its sign is that of `d`, since the shift is at most half a pixel, or that of the
+/// True if the refined disparity is negative. Its sign is that of `d`, since the shift is at most half a pixel, or that of the
 /// shift where `d` is 0.
 #[inline(always)]
 fn is_negative<T: PartialOrd>(d: i32, fall: T, rise: T) -> bool {

@@ -1,4 +1,4 @@
-//! Why lines could not be matched.
+//! The errors of matching.
 
 use core::{error, fmt};
 
@@ -20,7 +20,7 @@ impl fmt::Display for MemoryTooSmall {
 
 impl error::Error for MemoryTooSmall {}
 
-/// Why a disparity line could not be computed.
+/// The reason why a disparity line could not be computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]

@@ -1,4 +1,4 @@
-//! How the matching costs of several views become one.
+//! The fusion of the matching costs of several views into one.
 
 use crate::Views;
 
@@ -6,6 +6,16 @@ use crate::Views;
 ///
 /// [`fuse`](Fusion::fuse) defines the rules for single costs. The [`kernel`](crate::kernel) states the same
 /// rules for vectors.
+///
+/// ```
+/// use multiscopic_core::Fusion;
+/// // Three views agree. The fourth does not see the point.
+/// let costs = [30.0, 33.0, 36.0, 901.0_f32];
+/// assert_eq!(Fusion::Min.fuse(costs), 30.0);
+/// assert_eq!(Fusion::Mean.fuse(costs), 250.0);
+/// assert_eq!(Fusion::Heuristic.fuse(costs), 33.0);
+/// assert_eq!(Fusion::Half.fuse(costs), 31.5);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fusion {
@@ -100,7 +110,7 @@ pub trait MatchingCost: Copy + PartialOrd {
     /// A cost of zero.
     const ZERO: Self;
 
-    /// Whether the candidate is available.
+    /// True if the candidate is available.
     #[inline]
     fn exists(self) -> bool {
         self != Self::NONE

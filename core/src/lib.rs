@@ -1,38 +1,78 @@
 //! Multiscopic block matching and semi-global matching for microcontrollers and hosts: scanlines in, disparity
 //! lines out, in fixed point and bounded memory.
 //!
+//! Implement [`ScanlineSource`] for what holds your frames, say what to search in a [`SearchConfig`], lend a matcher its
+//! memory, and take disparity lines from it:
+//!
+//! ```
+//! use multiscopic_core::{Frame, Fusion, Matcher, ScanlineSource, SearchConfig, Views};
+//!
+//! /// Frames in memory, in flash, in a file or on a sensor. Here: a ramp, seen three pixels further in both views.
+//! struct Ramp;
+//!
+//! impl ScanlineSource for Ramp {
+//!     type Error = core::convert::Infallible;
+//!
+//!     fn read_line(&mut self, frame: Frame, _v: usize, line: &mut [u8]) -> Result<(), Self::Error> {
+//!         let shift = if let Frame::View(view) = frame { view.shift(3).0 } else { 0 };
+//!         line.iter_mut().zip(0..).for_each(|(pixel, u)| *pixel = (5 * (u - shift)).clamp(0, 255) as u8);
+//!         Ok(())
+//!     }
+//! }
+//!
+//! let search = SearchConfig { num_disparities: 8, ..SearchConfig::of_size(40, 30) };
+//! let params = SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, ..search }.block_matching(5)?;
+//! let mut memory = vec![0; params.memory_words()]; // in firmware a static array of a constant length
+//! let mut matcher = Matcher::new(&params, &mut memory)?;
+//! let mut line = [None; 40];
+//! while let Some(v) = matcher.next_line(&mut Ramp, &mut line)? {
+//!     assert_eq!(line[20].map(f32::from), Some(3.0), "line {v}");
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | to do | begin with |
+//! | --- | --- |
+//! | match blocks, or along paths where there is little texture | [`Matcher`]; [`SemiGlobalMatcher`] |
+//! | name the views, the search range and the fusion rule | [`SearchConfig`], [`Views`], [`Fusion`] |
+//! | know the memory beforehand, or match in tiles to bound it | [`Memory`]; [`Region`] |
+//! | turn disparities into distances | [`Triangulation`] |
+//! | correct the lens and the mount while lines are read | [`Rectification`], [`Rectified`] |
+//! | keep what is sure, or smooth it | [`ConfidenceLines`]; [`MedianLines`], [`TextureLines`] |
+//! | move the camera and take the frames | [`capture`] |
+//!
+//! # Method
 //! One camera is moved in its image plane and takes a centre image and neighbours, whole baselines away to the left,
 //! right, top and bottom. A point has the same disparity for each baseline to all of them, so the matching costs of
 //! the pairs are fused into one. The method is that of *Active Perception with A Monocular Camera
 //! for Multiscopic Vision* (Yuan, Fan, Wang, Chen). The documentation of [`View`], [`Fusion`], [`Search`],
 //! [`Params`] and [`Disparity`] defines the result, bit for bit.
 //!
-//! Data flows down this list, and each room knows only those above it:
+//! # Modules
+//! Data flows down this list, and each module knows only those above it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
-//! | `view` | [`View`], [`Frame`]: where the camera was, and where matches lie |
+//! | `view` | [`View`], [`Frame`]: positions of the camera, and the places of matches |
 //! | `views` | [`Views`]: a set of views, in order |
-//! | `fusion` | [`Fusion`]: how the matching costs of several views become one |
+//! | `fusion` | [`Fusion`]: the fusion of the matching costs of several views into one |
 //! | `disparity` | [`Disparity`]: fixed point, and sub-pixel refinement |
-//! | `depth` | [`Triangulation`], [`Depth`]: from disparity to distance |
-//! | `params` | [`Search`], [`Params`], [`SemiGlobalParams`]: what is searched, and by which method |
-//! | `error` | [`MatchError`], [`MemoryTooSmall`]: why lines could not be matched |
+//! | `depth` | [`Triangulation`], [`Depth`]: the distances of disparities |
+//! | `params` | [`SearchConfig`], [`Search`], [`Params`], [`SemiGlobalParams`]: the search, and the method |
+//! | `error` | [`MatchError`], [`MemoryTooSmall`]: the errors of matching |
 //! | `region` | [`Region`]: the part of the frame that a pass computes |
-//! | `scanline` | [`ScanlineSource`], [`Rewind`]: where lines come from, such as memory, flash, a file or a sensor |
-//! | `gradients` | [`Gradients`]: the gradients of a source's lines |
-//! | `prior_line` | a line of the disparities around which is searched |
-//! | `availability` | the frame's borders: which views see a candidate |
+//! | `scanline` | [`ScanlineSource`], [`Rewind`]: sources of lines, such as memory, flash, a file or a sensor; [`Gradients`] of one |
+//! | `availability` | the frame's borders: the views that see a candidate |
 //! | [`kernel`] | the inner loops, for the vectors of each instruction set |
 //! | `memory` | [`Memory`]: the bytes of each buffer, which the caller lends |
 //! | `rectification` | [`Rectification`], [`Rectified`]: a source's lines without the camera's distortion and tilt |
 //! | `lines` | the lines of all frames that a line is compared with |
 //! | `filters` | [`TextureLines`], [`MedianLines`], [`keep_sure`]: filters of disparity lines |
-//! | `confidence` | [`ConfidenceTable`], [`ConfidenceLines`]: how probable it is that a disparity is right |
+//! | `confidence` | [`ConfidenceTable`], [`ConfidenceLines`]: the probability that a disparity is right |
 //! | `matcher` | [`Matcher`]: pulls lines, and computes disparity lines by block matching |
 //! | `semi_global` | [`SemiGlobalMatcher`]: the same by semi-global matching |
-//! | `network` | with the feature `network`: the learned network, and how it runs in bounded memory |
-//! | [`capture`] | how the frames are taken: the camera moves, settles and captures |
+//! | `network` | with the feature `network`: the learned network in bounded memory |
+//! | [`capture`] | taking the frames: the camera moves, settles and captures |
 //!
 //! The crate does not allocate, panic or recurse. Unsafe code is confined to modules of [`kernel`], each of
 //! which states why it is sound.
@@ -53,7 +93,6 @@ mod disparity;
 mod error;
 mod filters;
 mod fusion;
-mod gradients;
 pub mod kernel;
 mod lines;
 mod matcher;
@@ -61,7 +100,6 @@ mod memory;
 #[cfg(feature = "network")]
 pub mod network;
 mod params;
-mod prior_line;
 mod rectification;
 mod region;
 mod scanline;
@@ -77,13 +115,12 @@ pub use disparity::Disparity;
 pub use error::{MatchError, MemoryTooSmall};
 pub use filters::{CenterLines, MedianLines, SeenIn, TextureLines, keep_sure, slopes};
 pub use fusion::{Fusion, MatchingCost};
-pub use gradients::Gradients;
 pub use matcher::Matcher;
 pub use memory::Memory;
-pub use params::{Census, Params, ParamsError, PathPenalties, Prior, Search, SemiGlobalCost, SemiGlobalParams};
+pub use params::{Census, Params, ParamsError, PathPenalties, Prior, Search, SearchConfig, SemiGlobalCost, SemiGlobalParams};
 pub use rectification::{Displacement, DisplacementGrid, Rectification, RectificationError, Rectified, RectifiedError};
 pub use region::{Region, RegionError};
-pub use scanline::{Rewind, ScanlineSource};
+pub use scanline::{Gradients, Rewind, ScanlineSource};
 #[cfg(feature = "network")]
 pub use semi_global::{EightPaths, EightPathsLine};
 pub use semi_global::{PathWinners, SemiGlobalMatcher};

@@ -55,8 +55,9 @@ use crate::{
 /// single view.
 ///
 /// ```
-/// use multiscopic_core::{Fusion, Memory, Params, Views, kernel::Portable};
-/// let params = Params::new(320, 240, Views::CROSS, Fusion::Min, 1, 32, 11).unwrap();
+/// use multiscopic_core::{Fusion, Memory, SearchConfig, Views, kernel::Portable};
+/// let params =
+///     SearchConfig { fusion: Fusion::Min, num_disparities: 32, ..SearchConfig::of_size(320, 240) }.block_matching(11).unwrap();
 /// assert!(Memory::new::<Portable<4>>(&params, 320).bytes() < 144 * 1024);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -454,7 +455,7 @@ pub(crate) const fn larger(a: usize, b: usize) -> usize {
 
 /// The bytes that a [`Lender`] takes for a piece.
 #[cfg(feature = "network")]
-pub(crate) const fn lent<I: Isa>(bytes: usize) -> usize {
+pub(crate) const fn lent_bytes<I: Isa>(bytes: usize) -> usize {
     align(bytes, vector_bytes::<I>())
 }
 

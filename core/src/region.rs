@@ -8,6 +8,14 @@ use crate::Search;
 ///
 /// One pass can compute the whole frame. Column tiles bound the memory by their width; bands of lines divide
 /// the work between threads. Either way, every pixel gets the same bits as in one pass.
+///
+/// ```
+/// use multiscopic_core::{Region, SearchConfig};
+/// let search = SearchConfig::of_size(320, 240).checked()?;
+/// let tiles: Vec<Region> = Region::tiles(&search, 160).collect();
+/// assert_eq!((tiles[0].columns(), tiles[1].columns(), tiles[1].rows()), (0..160, 160..320, 0..240));
+/// # Ok::<(), multiscopic_core::ParamsError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Region {
@@ -99,10 +107,12 @@ mod tests {
     use std::{format, string::ToString, vec::Vec};
 
     use super::*;
-    use crate::{Fusion, Views};
+    use crate::{Fusion, SearchConfig, Views};
 
     fn search() -> Search {
-        Search::new(5, 4, Views::STEREO, Fusion::Min, 1, 2).expect("valid")
+        SearchConfig { views: Views::STEREO, fusion: Fusion::Min, num_disparities: 2, ..SearchConfig::of_size(5, 4) }
+            .checked()
+            .expect("valid")
     }
 
     #[test]

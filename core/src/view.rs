@@ -111,7 +111,7 @@ impl View {
         }
     }
 
-    /// How far the match of a pixel lies from that pixel at a disparity of `d` pixels: `(du, dv)`.
+    /// The offset of a pixel's match from that pixel at a disparity of `d` pixels: `(du, dv)`.
     ///
     /// This is the one definition of the table above.
     #[inline(always)]
@@ -136,13 +136,13 @@ impl View {
         }
     }
 
-    /// Whether the camera moved along the image's rows, so that matches lie in the same line.
+    /// True if the camera moved along the image's rows, so that matches lie in the same line.
     #[inline(always)]
     pub const fn is_horizontal(self) -> bool {
         self.down == 0
     }
 
-    /// Whether the camera moved along the image's columns, so that matches lie in the same column.
+    /// True if the camera moved along the image's columns, so that matches lie in the same column.
     #[inline(always)]
     pub const fn is_vertical(self) -> bool {
         self.right == 0
@@ -187,7 +187,7 @@ impl View {
         available_along(self.down, v, height, least, count)
     }
 
-    /// What [`Views`](crate::Views) are ordered by: views whose matches leave the column come first, of those the
+    /// The order of [`Views`](crate::Views): views whose matches leave the column come first, of those the
     /// ones whose matches stay in the line, and the nearest of each.
     pub(crate) const fn rank(self) -> u32 {
         let distance = self.right.unsigned_abs() as u32 + self.down.unsigned_abs() as u32;
@@ -287,7 +287,7 @@ impl fmt::Display for ViewError {
 
 impl error::Error for ViewError {}
 
-/// Why a text is not a view.
+/// The error of a text that is not a view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ParseViewError {
@@ -321,7 +321,7 @@ pub enum Frame {
 }
 
 impl Frame {
-    /// Whether both are the same: `==` in constants.
+    /// True if both are the same: `==` in constants.
     pub(crate) const fn is(self, other: Frame) -> bool {
         match (self, other) {
             (Frame::Center, Frame::Center) => true,

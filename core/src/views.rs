@@ -71,7 +71,7 @@ impl Views {
         Views { views, len: self.len + 1 }
     }
 
-    /// Whether `view` is in the set.
+    /// True if `view` is in the set.
     pub const fn contains(self, view: View) -> bool {
         let mut k = 0;
         while k < Views::MAX && k < self.len() {
@@ -88,7 +88,7 @@ impl Views {
         self.len as usize
     }
 
-    /// Whether the set is empty.
+    /// True if the set is empty.
     pub const fn is_empty(self) -> bool {
         self.len == 0
     }

@@ -11,7 +11,7 @@ use multiscopic_core::{Rewind, Search};
 /// ```
 /// use core::{convert::Infallible, time::Duration};
 /// use embedded_io::Write;
-/// use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, Search, View, Views};
+/// use multiscopic_core::{Frame, Fusion, Params, Rewind, ScanlineSource, Search, SearchConfig, View, Views};
 /// use multiscopic_edge::{Board, Lengths, Matching, Phase, Workspace};
 ///
 /// /// The kernel of the processor: `Dsp` for a Cortex-M4, M7 or M33, `Mve` for a Cortex-M55.
@@ -21,7 +21,9 @@ use multiscopic_core::{Rewind, Search};
 /// #[cfg(not(target_arch = "arm"))]
 /// type Kernel = multiscopic_edge::Wide;
 ///
-/// const PARAMS: Params = match Params::new(96, 64, Views::HORIZONTAL, Fusion::Min, 1, 16, 7) {
+/// const SEARCH: SearchConfig =
+///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(96, 64) };
+/// const PARAMS: Params = match SEARCH.block_matching(7) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };

@@ -1,7 +1,8 @@
 //! The computation of a pipeline.
 
 use multiscopic_core::{
-    ConfidenceLines, Memory, Params, Region, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa, network::NetworkParams,
+    ConfidenceLines, Memory, Params, Region, Search, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views, kernel::Isa,
+    network::NetworkParams,
 };
 
 use crate::{Lengths, packet};
@@ -65,12 +66,11 @@ impl WholeLines {
 
 impl Matching {
     /// From the baselines of a match to `multiple` times as long ones in the same directions: `num_disparities` are searched
-    /// there around what it finds, with the same blocks and fusion. `None` if that is out of range: see [`Params::new`].
+    /// there around what it finds, with the same blocks and fusion. `None` if that is out of range: see [`SearchConfig`].
     pub fn around_prior(short: Params, multiple: u8, num_disparities: u16) -> Option<Matching> {
         let views: Option<Views> = short.views().iter().map(|view| view.times(multiple)).collect();
-        let (width, height) = (u16::try_from(short.width()).ok()?, u16::try_from(short.height()).ok()?);
         let min_disparity = -i16::try_from(num_disparities / 2).ok()?;
-        let search = Search::new(width, height, views?, short.fusion(), min_disparity, num_disparities).ok()?;
+        let search = SearchConfig { views: views?, min_disparity, num_disparities, ..short.search().config() }.checked().ok()?;
         let block_size = u8::try_from(short.block_size()).ok()?;
         Some(Matching::AroundPrior { short, long: Params::block_matching(search, block_size).ok()? })
     }

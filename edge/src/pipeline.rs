@@ -269,20 +269,18 @@ fn apart<R>(run: impl FnOnce() -> R) -> R {
 mod tests {
     extern crate std;
 
-    use embedded_io::{ErrorType, Write};
-    use multiscopic_core::{Frame, ScanlineSource};
-
     use super::*;
     use crate::{
         buffers::{Lengths, Wide},
         packet::{Content, Packet},
     };
     use core::{convert::Infallible, time::Duration};
-    use embedded_io::SliceWriteError;
-    use multiscopic_core::{Fusion, Search, SemiGlobalCost, View, Views};
+    use embedded_io::{ErrorType, SliceWriteError, Write};
+    use multiscopic_core::{Frame, Fusion, ScanlineSource, Search, SearchConfig, SemiGlobalCost, View, Views};
     use std::{vec, vec::Vec};
 
-    const PARAMS: Params = match Params::new(24, 20, Views::CROSS, Fusion::Heuristic, 1, 4, 3) {
+    const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(24, 20) };
+    const PARAMS: Params = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
@@ -405,7 +403,10 @@ mod tests {
 
     #[test]
     fn semi_global_matching_sends_every_pixel_once() {
-        let search = Search::new(24, 20, Views::HORIZONTAL, Fusion::Min, 1, 4).unwrap();
+        let search =
+            SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(24, 20) }
+                .checked()
+                .unwrap();
         let params = SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size: 3 }).unwrap();
         let (pixels, rewinds) = sent_pixels(&Matching::SemiGlobal(params));
         assert!(pixels.iter().all(Option::is_some));
@@ -416,7 +417,10 @@ mod tests {
     #[test]
     fn confidences_are_sent_with_the_disparities() {
         const W: usize = PARAMS.width();
-        let search = Search::new(24, 20, Views::HORIZONTAL, Fusion::Min, 1, 4).unwrap();
+        let search =
+            SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(24, 20) }
+                .checked()
+                .unwrap();
         let semi_global = SemiGlobalParams::new(search, SemiGlobalCost::Sad { block_size: 3 }).unwrap();
         for lines in [WholeLines::Blocks(PARAMS), WholeLines::SemiGlobal(semi_global)] {
             let Ok(mut output) = TestBoard.output();
@@ -483,12 +487,19 @@ mod tests {
     /// A search at twice the baseline of [`PARAMS`].
     fn long() -> Params {
         let views = [-2, 2].into_iter().filter_map(|right| View::new(right, 0).ok()).collect();
-        Params::new(24, 20, views, Fusion::Min, -2, 4, 5).unwrap()
+        SearchConfig { width: 24, height: 20, views, fusion: Fusion::Min, min_disparity: -2, num_disparities: 4 }
+            .block_matching(5)
+            .unwrap()
     }
 
     #[test]
     fn short_and_long_matches_side_by_side_are_those_one_after_the_other() {
-        let (short, long) = (Params::new(24, 20, Views::HORIZONTAL, Fusion::Min, 1, 4, 3).unwrap(), long());
+        let (short, long) = (
+            SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(24, 20) }
+                .block_matching(3)
+                .unwrap(),
+            long(),
+        );
         let disparities = |params: &Params, source: &mut dyn ScanlineSource<Error = Infallible>| {
             let (mut memory, mut line, mut lines) = (vec![0; params.memory_words()], [None; 24], Vec::new());
             let mut matcher = Matcher::new(params, &mut memory).unwrap();

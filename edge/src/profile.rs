@@ -1,7 +1,7 @@
 //! Ready-made match sizes and their RAM budgets.
 
 use multiscopic_core::{
-    Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams, View, Views, kernel::Isa, network::NetworkParams,
+    Fusion, Params, Search, SearchConfig, SemiGlobalCost, SemiGlobalParams, View, Views, kernel::Isa, network::NetworkParams,
 };
 
 use crate::{
@@ -205,9 +205,10 @@ impl MatchSize {
     }
 
     const fn search(self, fusion: Fusion) -> Search {
-        match Search::new(self.width, self.height, self.views, fusion, self.min_disparity, self.num_disparities) {
+        let MatchSize { width, height, views, min_disparity, num_disparities, .. } = self;
+        match (SearchConfig { width, height, views, fusion, min_disparity, num_disparities }).checked() {
             Ok(search) => search,
-            Err(_) => panic!("a profile's parameters are out of range: see Search::new"),
+            Err(_) => panic!("a profile's parameters are out of range: see SearchConfig"),
         }
     }
 

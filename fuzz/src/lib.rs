@@ -1,39 +1,14 @@
-//! What the targets share.
+//! Fuzz targets: what reads outside bytes, and what must equal its reference.
+//!
+//! libFuzzer runs them guided by coverage (the program `guided`), and the program `blind` on random changes of seeds: many by
+//! `cargo xtask fuzz --blind`, a few in the tests.
+//!
+//! | module | what it is |
+//! | --- | --- |
+//! | `support` | files that hold an input, and comparisons |
+//! | `small_match` | matches that bytes make |
+//! | [`targets`] | the targets |
 
 mod small_match;
-#[cfg(not(feature = "libfuzzer"))]
-mod standalone;
-
-use std::{collections::BTreeMap, fs::File, os::unix::fs::FileExt, path::PathBuf, sync::Mutex};
-
-use tempfile::TempDir;
-
-pub use small_match::SmallMatch;
-
-/// Files of this process, by their names. They stay open: to make one again takes longer than most readers do.
-///
-/// libFuzzer ends the process without running destructors, so one folder stays behind.
-struct Files {
-    folder: TempDir,
-    open: BTreeMap<&'static str, File>,
-}
-
-/// Writes a file with this name and these contents, for readers that take a path. The next one of this name replaces it.
-pub fn file(name: &'static str, contents: &[u8]) -> PathBuf {
-    static FILES: Mutex<Option<Files>> = Mutex::new(None);
-    let files = &mut *FILES.lock().expect("no failure before");
-    let new = || Files { folder: tempfile::tempdir().expect("a temporary folder"), open: BTreeMap::new() };
-    let Files { folder, open } = files.get_or_insert_with(new);
-    let path = folder.path().join(name);
-    let file = open.entry(name).or_insert_with(|| File::create(&path).expect("a temporary file"));
-    file.set_len(contents.len() as u64).and_then(|()| file.write_all_at(contents, 0)).expect("a temporary file");
-    path
-}
-
-/// Panics with the first place where `found` is not what was `expected`.
-pub fn assert_same<T: PartialEq + std::fmt::Debug>(found: &[T], expected: &[T], what: &str) {
-    if let Some(place) = (0..expected.len()).find(|&place| found.get(place) != Some(&expected[place])) {
-        panic!("{what}, pixel {place}: found {:?}, expected {:?}", found.get(place), expected[place]);
-    }
-    assert_eq!(found.len(), expected.len(), "{what}: pixels");
-}
+mod support;
+pub mod targets;

@@ -1,6 +1,6 @@
 //! Small matches, made of bytes.
 
-use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
+use arbitrary::{Arbitrary, Result, Unstructured};
 use multiscopic_core::{View, Views};
 use multiscopic_tests::{
     reference::Fusion,
@@ -61,7 +61,7 @@ impl<'a> Arbitrary<'a> for SmallMatch {
             || views.iter().map(steps).sum::<usize>() > MAX_STEPS
             || views.len() > Views::MAX_MATCHED
         {
-            return Err(libfuzzer_sys::arbitrary::Error::IncorrectFormat);
+            return Err(arbitrary::Error::IncorrectFormat);
         }
         let images = images(&case, input)?;
         Ok(SmallMatch { case, images })

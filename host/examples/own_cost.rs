@@ -13,7 +13,7 @@ use multiscopic::{
         optimization::winner,
     },
 };
-use multiscopic_core::{Frame, Fusion, Search, SemiGlobalCost, Views};
+use multiscopic_core::{Frame, Fusion, Search, SearchConfig, SemiGlobalCost, Views};
 
 /// The fused costs of a centre and its views: differences of slopes, at most [`SlopeRows::MOST`].
 struct SlopeRows<'a> {
@@ -59,7 +59,9 @@ impl CostRows for SlopeRows<'_> {
 fn main() -> multiscopic::Result<()> {
     let shot = RandomScene::new(3, 0, [256, 192]).render(Views::HORIZONTAL);
     let frames = shot.color_frames();
-    let search = Search::new(256, 192, Views::HORIZONTAL, Fusion::Min, 1, 32)?;
+    let search =
+        SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 32, ..SearchConfig::of_size(256, 192) }
+            .checked()?;
     let engine = Engine::new(None, 0)?;
     let rows = SlopeRows { frames: &frames, search: &search };
 

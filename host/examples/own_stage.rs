@@ -22,7 +22,7 @@ use multiscopic::{
     capture::{BlockingCamera, ThreadedCamera, acquire_images},
 };
 use multiscopic_core::{
-    Fusion, Search, Views,
+    Fusion, SearchConfig, Views,
     capture::{Plan, Policy, Position, Stage},
 };
 
@@ -127,7 +127,15 @@ fn main() -> multiscopic::Result<()> {
     })?;
 
     let frames = acquisition.frames();
-    let search = Search::new(96, 64, frames.views(), Fusion::Heuristic, 0, 16)?;
+    let search = SearchConfig {
+        width: 96,
+        height: 64,
+        views: frames.views(),
+        fusion: Fusion::Heuristic,
+        min_disparity: 0,
+        num_disparities: 16,
+    }
+    .checked()?;
     let map = Method::semi_global(4).disparities(&Engine::new(None, 0)?, &frames, &search, &())?;
     let expected = (f64::from(BASELINE_UM) / 1000.0 * PX_PER_MM) as f32;
     let near = map.to_float().pixels().iter().filter(|disparity| (**disparity - expected).abs() < 0.5).count();

@@ -7,14 +7,16 @@
 use std::{env, path::Path};
 
 use multiscopic::{Engine, Frames, Method, files::FrameFiles};
-use multiscopic_core::{Fusion, Search, View, Views};
+use multiscopic_core::{Fusion, SearchConfig, View, Views};
 
 /// Disparities from 1 to 60 pixels, by the network.
 fn match_pictures(center: &Path, right: &Path, output: &Path) -> multiscopic::Result<()> {
     let files = FrameFiles { center: center.into(), ..FrameFiles::default() }.with(View::RIGHT, right.into());
     let (frames, _) = Frames::load(&files)?;
     let [width, height] = frames.size().map(|side| side as u16);
-    let search = Search::new(width, height, Views::STEREO, Fusion::Min, 1, 60)?;
+    let search =
+        SearchConfig { views: Views::STEREO, fusion: Fusion::Min, num_disparities: 60, ..SearchConfig::of_size(width, height) }
+            .checked()?;
     let disparities = Method::net().disparities(&Engine::new(None, 0)?, &frames, &search, &())?;
     multiscopic::files::write_pfm(&disparities.to_float(), output)
 }

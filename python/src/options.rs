@@ -17,7 +17,7 @@ use multiscopic::{
         refinement::{BackgroundFill, Bilateral, LucasKanade, Median, Refinement, Speckles, TextureThreshold},
     },
 };
-use multiscopic_core::{Census, Fusion, Search, Views};
+use multiscopic_core::{Census, Fusion, Search, SearchConfig, Views};
 use pyo3::{
     exceptions::{PyOverflowError, PyTypeError, PyValueError},
     prelude::*,
@@ -226,14 +226,15 @@ impl Options {
         };
         let views = frames.views();
         let fusion = choice("fusion", &self.fusion, &Fusion::ALL, |fusion| fusion.name().into())?;
-        Ok(Search::new(
-            side(frames.width())?,
-            side(frames.height())?,
+        Ok(SearchConfig {
+            width: side(frames.width())?,
+            height: side(frames.height())?,
             views,
-            fusion.unwrap_or(Fusion::default_for(self.first(views).len())),
-            self.min_disparity.unwrap_or(range.0),
-            self.num_disparities.unwrap_or(range.1),
-        )?)
+            fusion: fusion.unwrap_or(Fusion::default_for(self.first(views).len())),
+            min_disparity: self.min_disparity.unwrap_or(range.0),
+            num_disparities: self.num_disparities.unwrap_or(range.1),
+        }
+        .checked()?)
     }
 
     /// The method, for matches with the views of `frames`.

@@ -15,7 +15,7 @@ use multiscopic::{
     stereo::{Task, refinement::Smoother},
 };
 use multiscopic_core::{
-    Disparity, Fusion, Params, Views,
+    Disparity, Fusion, SearchConfig, Views,
     kernel::{Block, Blocks, Change, Column, Isa, Kernel, Rule, Work},
 };
 use multiscopic_tests::split_mix::Random;
@@ -98,7 +98,14 @@ fn smoother(bencher: Bencher) {
 
 fn bench_match(bencher: Bencher, case: Case, threads: usize, disparities: u16, block_size: u8) {
     let engine = Engine::new(Some(case.simd), threads).expect("threads");
-    let params = Params::new(SIZE[0], SIZE[1], case.views, case.fusion, 1, disparities, block_size).expect("parameters");
+    let params = SearchConfig {
+        views: case.views,
+        fusion: case.fusion,
+        num_disparities: disparities,
+        ..SearchConfig::of_size(SIZE[0], SIZE[1])
+    }
+    .block_matching(block_size)
+    .expect("parameters");
     let frames = &*FRAMES;
     bencher.counter(ItemsCount::new(params.evaluations())).bench_local(|| engine.disparities(&frames.planes(), &params, &|| ()));
 }

@@ -22,7 +22,7 @@ use multiscopic::{
         optimization::edge_aware::Penalties,
     },
 };
-use multiscopic_core::{ConfidenceTable, Fusion, Search, SemiGlobalCost, View, Views};
+use multiscopic_core::{ConfidenceTable, Fusion, SearchConfig, SemiGlobalCost, View, Views};
 
 /// The sizes of pictures.
 const SIZES: [[u32; 2]; 3] = [[256, 192], [384, 288], [512, 384]];
@@ -139,7 +139,7 @@ fn capture(subject: &Subject, engine: &Engine, seed: u64, number: u64) -> Result
     let shot = RandomScene::new(seed, number, size).render(views);
     // The disparities of all scenes.
     let [width, height] = size.map(|length| length as u16);
-    let search = Search::new(width, height, views, fusion, 1, width / 8)?;
+    let search = SearchConfig { views, fusion, num_disparities: width / 8, ..SearchConfig::of_size(width, height) }.checked()?;
     let method = (subject.method)(views.len());
     let frames = if method.needs_color() { shot.color_frames() } else { shot.frames(views) };
     let (map, evidence) = method.disparities_and_evidence(engine, &frames, &search, &())?;

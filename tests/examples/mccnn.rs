@@ -13,7 +13,7 @@ use multiscopic::{
     Frames, Result,
     stereo::cost::mccnn::{Architecture, Costs, Input, Network},
 };
-use multiscopic_core::{Fusion, Search, View, Views};
+use multiscopic_core::{Fusion, SearchConfig, View, Views};
 use multiscopic_tests::split_mix::Random;
 
 /// Times the networks
@@ -67,7 +67,13 @@ fn main() -> Result<()> {
             black_box(network.features(&input, 0..options.height.into()));
             return;
         }
-        let search = Search::new(options.width, options.height, views, Fusion::Min, 1, options.num_disparities);
+        let search = SearchConfig {
+            views,
+            fusion: Fusion::Min,
+            num_disparities: options.num_disparities,
+            ..SearchConfig::of_size(options.width, options.height)
+        }
+        .checked();
         let search = search.expect("the parameters are in range");
         let mut costs = Costs::new(&network, &frames, &search);
         let height = costs.band_height().min(search.height());

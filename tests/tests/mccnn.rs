@@ -26,7 +26,7 @@ use multiscopic::{
         refinement::{Refinement, check_left_right},
     },
 };
-use multiscopic_core::{Frame, Fusion, Search, View, Views};
+use multiscopic_core::{Frame, Fusion, Search, SearchConfig, View, Views};
 use multiscopic_tests::{
     program::Invocation,
     reference::networks::{self, Reference},
@@ -118,7 +118,9 @@ fn frames(width: usize, height: usize, random: &mut Random) -> Frames {
 
 fn search(frames: &Frames, views: Views, min_disparity: i16, num_disparities: u16) -> Search {
     let [width, height] = frames.size().map(|side| side as u16);
-    Search::new(width, height, views, Fusion::Min, min_disparity, num_disparities).expect("the parameters are in range")
+    SearchConfig { width, height, views, fusion: Fusion::Min, min_disparity, num_disparities }
+        .checked()
+        .expect("the parameters are in range")
 }
 
 /// The costs of all views, computed in bands whose heights cycle through `heights`.
@@ -202,7 +204,9 @@ fn disparities(name: &'static str) -> Result<(), Failed> {
         let method = Method::new(Pipeline::McCnn { network: Box::new(network.clone()), aggregation, penalties })
             .with_refinement(Refinement { left_right, ..Refinement::NONE });
         let [width, height] = frames.size();
-        let search = Search::new(width as u16, height as u16, views, fusion, -1, 4)?;
+        let search =
+            SearchConfig { width: width as u16, height: height as u16, views, fusion, min_disparity: -1, num_disparities: 4 }
+                .checked()?;
 
         let of_views = computed(&network, &frames, &search, &[height]);
         let mut costs = Volume::filled(width, height, 4, f32::NONE);

@@ -12,7 +12,7 @@ use std::{
 
 use image::{DynamicImage, ImageFormat, Luma, Rgb};
 use multiscopic::{CameraModel, Picture, Rig, capture::Imperfections, files::FrameFiles, lens::Mount, target::reception};
-use multiscopic_core::{Disparity, Fusion, Params, Region, Views};
+use multiscopic_core::{Disparity, Fusion, Region, SearchConfig, Views};
 use multiscopic_edge::packet::{Sender, buffer_bytes_with_confidences};
 use multiscopic_tests::{program, split_mix::Random, test_images::golden};
 use proptest::{collection::vec, prelude::*, sample::Index, test_runner::TestRunner};
@@ -349,7 +349,14 @@ fn command_lines_are_refused_without_a_panic() {
 #[test]
 fn packets() {
     let valid = [([7_u16, 5_u16], 4), ([3000, 2], 3000), ([9000, 7000], 1)].map(|([width, height], columns)| {
-        let params = Params::new(width, height, Views::HORIZONTAL, Fusion::Min, 1, 8, 3).expect("parameters in range");
+        let params = SearchConfig {
+            views: Views::HORIZONTAL,
+            fusion: Fusion::Min,
+            num_disparities: 8,
+            ..SearchConfig::of_size(width, height)
+        }
+        .block_matching(3)
+        .expect("parameters in range");
         let mut buffer = vec![0; buffer_bytes_with_confidences(columns)];
         let mut sender = Sender::new(params.search(), &mut buffer);
         let mut packets = Vec::new();

@@ -4,7 +4,7 @@ use std::{cell::Cell, fmt::Debug};
 
 use multiscopic_core::{
     Disparity, Displacement, DisplacementGrid, Frame, Fusion, Matcher, Memory, MemoryTooSmall, Params, Rectification, Rectified,
-    RectifiedError, Region, Rewind, ScanlineSource, View, Views, kernel::Portable,
+    RectifiedError, Region, Rewind, ScanlineSource, SearchConfig, View, Views, kernel::Portable,
 };
 use multiscopic_tests::{
     reference::{RectifiedImage, rectify},
@@ -319,7 +319,16 @@ fn matching_rectified_lines_is_matching_rectified_images() {
         let images = case.references().into_iter().map(|(frame, reference)| (frame, reference.pixels)).collect();
         let straight = vec![Displacement::ZERO; case.grid.nodes()];
         let beforehand = Case { width, height, grid: case.grid, images, common: straight, own: Vec::new() };
-        let params = Params::new(width as u16, height as u16, views, Fusion::Heuristic, -2, 8, 5).expect("valid parameters");
+        let params = SearchConfig {
+            width: width as u16,
+            height: height as u16,
+            views,
+            fusion: Fusion::Heuristic,
+            min_disparity: -2,
+            num_disparities: 8,
+        }
+        .block_matching(5)
+        .expect("valid parameters");
         let (tile_width, band_height) = (1 + random.below(width), 1 + random.below(height));
         let regions = Region::tiles(params.search(), tile_width).chain(Region::bands(params.search(), band_height));
 

@@ -1,6 +1,6 @@
-//! Active perception: moving the camera and taking the frames. Each room knows only those above it:
+//! Active perception: moving the camera and taking the frames. Each module knows only those above it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `position` | [`Position`]: where the camera is |
 //! | `plan` | [`Plan`]: the frames of a capture and their positions |

@@ -22,9 +22,9 @@ type Raw = u32;
 
 /// Confidences: of each pixel the probability that its disparity is at most one pixel off, times 255.
 ///
-/// Two measures decide. The *agreement* is how many of 27 pixels have a disparity at most one pixel apart: those in columns
-/// `u - 20, u - 15, ... u + 20` of lines `v - 5`, `v` and `v + 5`, the pixel itself among them. Beyond the frame's borders those
-/// at the border count. Surfaces are smooth almost everywhere, and mismatches are scattered. The *evidence*
+/// Two measures decide. The *agreement* is the number of pixels, of 27, that have a disparity at most one pixel apart: those
+/// in columns `u - 20, u - 15, ... u + 20` of lines `v - 5`, `v` and `v + 5`, the pixel itself among them. Beyond the frame's
+/// borders those at the border count. Surfaces are smooth almost everywhere, and mismatches are scattered. The *evidence*
 /// is a number from 0 to 15 that the method gives, such as the grade of the [peak ratio](crate::PeakRatio).
 ///
 /// An invalid pixel has the confidence 0.
@@ -39,7 +39,7 @@ impl ConfidenceTable {
     pub const AGREEMENTS: usize = 3 * COLUMNS.len();
     /// The steps of the evidence.
     pub const EVIDENCE: usize = 16;
-    /// How many lines above and below a pixel there are pixels that may agree.
+    /// The number of lines above and below a pixel that have pixels which may agree.
     pub const ROWS: usize = 5;
 
     /// The confidences of a line. `rows` are the disparities of the line [`ROWS`](ConfidenceTable::ROWS) above it, of itself,
@@ -62,8 +62,8 @@ impl ConfidenceTable {
         }
     }
 
-    /// How many of the 27 disparities in `rows` around each pixel of `line` are at most a pixel apart from its own. All are as
-    /// long.
+    /// Counts the disparities, of the 27 in `rows` around each pixel of `line`, that are at most a pixel apart from its
+    /// own. All are as long.
     pub fn agreements(line: &[Option<Disparity>], rows: [&[Option<Disparity>]; 3], counts: &mut [u8]) {
         agreements(Portable::<1>, line, rows, counts);
     }
@@ -123,8 +123,8 @@ fn count<I: Isa>(isa: I, own: &[Option<Disparity>], rows: [&[Option<Disparity>];
     }
 }
 
-/// How many samples agree with each of `N` pixels of `own` from column `start` on. Their samples are in as many columns of
-/// `rows`, `WINDOW`, from `start` on. `None` if there are fewer.
+/// The number of samples that agree with each of `N` pixels of `own` from column `start` on. Their samples are in as many
+/// columns of `rows`, `WINDOW`, from `start` on. `None` if there are fewer.
 #[inline(always)]
 fn batch_agreements<const N: usize, const WINDOW: usize>(
     own: &[Option<Disparity>],

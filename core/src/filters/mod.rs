@@ -1,18 +1,25 @@
 //! Filters of disparity lines, as they stream. Each takes lines from a matcher or from another filter.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
-//! | `matched_lines` | the last lines from a matcher |
-//! | `median_lines` | [`MedianLines`]: the median over 3 x 3 pixels |
-//! | `texture_lines` | [`TextureLines`]: what has too little texture |
-//! | `sure` | [`keep_sure`]: what is sure enough |
+//! | `median_lines` | the last lines from a matcher, and [`MedianLines`]: the median over 3 x 3 pixels |
+//! | `texture_lines` | [`TextureLines`]: removes disparities where there is too little texture |
 
-mod matched_lines;
 mod median_lines;
-mod sure;
 mod texture_lines;
 
-pub(crate) use matched_lines::{MatchedLines, copy_to};
+use crate::Disparity;
 pub use median_lines::MedianLines;
-pub use sure::keep_sure;
+pub(crate) use median_lines::{MatchedLines, copy_to};
 pub use texture_lines::{CenterLines, SeenIn, TextureLines, slopes};
+
+/// Invalidates the disparities of a line that are less sure than `least`, a probability times 255. An invalid pixel has
+/// the confidence 0.
+pub fn keep_sure(least: u8, disparities: &mut [Option<Disparity>], confidences: &mut [u8]) {
+    for (disparity, confidence) in disparities.iter_mut().zip(confidences) {
+        *disparity = disparity.filter(|_| *confidence >= least);
+        if disparity.is_none() {
+            *confidence = 0;
+        }
+    }
+}

@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use super::matched_lines::{MatchedLines, copy_to};
+use super::median_lines::{MatchedLines, copy_to};
 use crate::{
     Disparity, Frame, MatchError, MemoryTooSmall, Params, ScanlineSource, View, Views, kernel::Portable, memory::Lender,
 };
@@ -15,7 +15,7 @@ use crate::{
 /// OpenCV's StereoBM, except at the borders. It is one line behind the matcher, whose lines of the centre it sees on their way.
 ///
 /// ```
-/// use multiscopic_core::{Frame, Fusion, Matcher, Params, ScanlineSource, TextureLines, Views};
+/// use multiscopic_core::{Frame, Fusion, Matcher, Params, ScanlineSource, SearchConfig, TextureLines, Views};
 ///
 /// /// Stripes, and blank columns from 40 on, seen two pixels further to each side.
 /// struct Wall;
@@ -32,7 +32,9 @@ use crate::{
 ///     }
 /// }
 ///
-/// const PARAMS: Params = match Params::new(80, 30, Views::HORIZONTAL, Fusion::Min, 0, 8, 5) {
+/// const SEARCH: SearchConfig =
+///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(80, 30) };
+/// const PARAMS: Params = match SEARCH.block_matching(5) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
@@ -85,7 +87,7 @@ pub struct SeenIn<'c, 'm, S> {
 const MAX_SLOPE: u32 = 31;
 
 impl TextureLines<'_> {
-    /// How many lines it is behind the matcher.
+    /// The number of lines by which it is behind the matcher.
     pub const LATENCY_LINES: usize = 1;
 
     /// The words of memory for these parameters: a byte for each column and line of the block, and 14 for each column.
@@ -213,7 +215,7 @@ impl<'m> CenterLines<'m> {
         }
     }
 
-    /// Where the slopes of line `v` are.
+    /// The place of the slopes of line `v`.
     fn place(&self, v: usize) -> Range<usize> {
         let start = v % (self.block_size + 2) * self.width;
         start..start + self.width

@@ -1,16 +1,98 @@
 //! A batch of pixels whose block sums stay in registers, for instruction sets that have enough of them.
+//!
+//! ```text
+//! sums[j][k] = the block of the pixel before the batch     // J vectors of disparities in each of V views
+//! for each stretch of columns that the steps give:         // 1 column until blocks are full, then many
+//!     for each column i, which is a pixel:
+//!         if MASKED: masks[j][k] = the views that hide at this pixel
+//!         for j in 0..J, k in 0..V:                        // unrolled
+//!             column[j][k] += |center - view|(entering line) - |center - view|(leaving line)
+//!             sums[j][k]   += column[j][k] - leaving_column[j][k]
+//!             costs[k]      = max(sums[j][k], masks[j][k])
+//!         fused[i][j] = rule(costs), in the order of the disparities, max padding
+//!         if the rule is not Min: kept[i] = sums           // for exact costs, should lanes saturate
+//! store sums as the block of the last pixel
+//! ```
+//!
+//! The plain way over a line ([`Blocks::slide_and_fuse`]) loads and stores the block sums at each pixel, which takes as
+//! many accesses as the columns do. Here they live in `V x J` registers for a whole batch, and the addresses of a stretch
+//! are computed once. That pays for `J` of 1 or 2 vectors: more do not fit the registers.
+//!
+//! The decisions that hold for a whole batch are constants of the inner function (`J`, `MASKED`, `PADDED`, and the rule,
+//! which is a constant after inlining), so that the loop over the columns has no branch but its own.
+//!
+//! Invariants that the unsafe code relies on:
+//! - A stretch has samples and sums for each of its columns: `Steps::new` has checked the whole line.
+//! - The entering and the leaving column are different columns, since a block has at least one column.
+//! - Vectors of samples are plain bytes ([`assert_layout`](super::isa::assert_layout)), and costs have one lane for each
+//!   disparity ([`assert_costs`]).
+//!
+//! The winners of a batch, the least fused cost of each pixel, are found for all of its pixels together. Finding one has a
+//! long latency, but no pixel waits for another: an out-of-order processor overlaps several, given nothing else to do in
+//! between.
 #![allow(unsafe_code)]
 
 use core::mem;
 
 use super::{
-    blocks::{Blocks, assert_costs},
-    isa::Change,
-    masks::Masks,
+    blocks::{Blocks, Masks, assert_costs},
+    isa::{Block, Change, Column, Lane, MAX_BATCH},
     rule::Rule,
     steps::{Steps, Stretch},
-    vector::{Block, Column, Lane},
 };
+
+/// The least fused costs of a batch of pixels, and their neighbours.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Winners<L> {
+    /// The first index with the least cost.
+    pub indices: [u32; MAX_BATCH],
+    /// The least cost.
+    pub costs: [L; MAX_BATCH],
+    /// The cost at the index before; arbitrary at the first index.
+    pub before: [L; MAX_BATCH],
+    /// The cost at the index after; arbitrary at the last index.
+    pub after: [L; MAX_BATCH],
+}
+
+impl<L: Lane> Winners<L> {
+    /// No pixels yet.
+    pub const NONE: Winners<L> =
+        Winners { indices: [0; MAX_BATCH], costs: [L::MAX; MAX_BATCH], before: [L::MAX; MAX_BATCH], after: [L::MAX; MAX_BATCH] };
+
+    /// Finds the winners of a batch: `padded` has the fused costs of its pixels, `vectors` for each, in the
+    /// order of the disparities, between two vectors of padding.
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    pub fn find<I: Blocks<L>>(&mut self, isa: I, padded: &[I::Costs], vectors: usize) {
+        // The usual numbers of vectors as constants.
+        match vectors {
+            1 => self.find_in(isa, padded, 1),
+            2 => self.find_in(isa, padded, 2),
+            _ => self.find_in(isa, padded, vectors),
+        }
+    }
+
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn find_in<I: Blocks<L>>(&mut self, isa: I, padded: &[I::Costs], vectors: usize) {
+        const { assert_costs::<L, I>() };
+        const { assert!(I::BATCH == 1 || I::LANES >= 4, "too few lanes to read past the end") };
+        let lanes = padded.as_ptr().cast::<L>();
+        let [_, fused @ .., _] = padded else { return };
+        let pixels = fused.chunks_exact(vectors.max(1)).take(MAX_BATCH);
+        // Two loops instead of one, so that the processor overlaps pixels rather than the stages of one.
+        for (fused, cost) in pixels.clone().zip(&mut self.costs) {
+            *cost = isa.least(fused);
+        }
+        for (i, fused) in pixels.enumerate() {
+            let index = isa.position(fused, self.costs[i]).min(vectors * I::LANES);
+            self.indices[i] = index as u32;
+            // SAFETY: the pixel's lanes begin at a vector after the first, and another vector follows them,
+            // so there is a lane before `index`. At most three of the four lanes lie in the vector that
+            // follows, which has four or more.
+            let around = unsafe { lanes.add((1 + i * vectors) * I::LANES + index - 1).cast::<[L; 4]>().read_unaligned() };
+            [self.before[i], _, self.after[i], _] = around;
+        }
+    }
+}
 
 /// A loop over the views `k` of `V` that is always unrolled: the sums then stay in registers, as far as there are any.
 macro_rules! each_view {
@@ -73,12 +155,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Batch<'_, '_, L, I, V> {
     }
 
     #[cfg_attr(not(debug_assertions), inline(always))]
-    fn fuse_by_rule<const J: usize, const MASKED: bool>(
-        mut self,
-        isa: I,
-        rule: Rule,
-        steps: &mut Steps<'_, I, V>,
-    ) {
+    fn fuse_by_rule<const J: usize, const MASKED: bool>(mut self, isa: I, rule: Rule, steps: &mut Steps<'_, I, V>) {
         const { assert_costs::<L, I>() };
         let Some(blocks) = self.blocks.first_chunk_mut::<J>().filter(|_| steps.vectors() == J) else { return };
         let mut sums = [[isa.splat(L::default()); V]; J];

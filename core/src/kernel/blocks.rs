@@ -1,21 +1,44 @@
 //! The inner loops over the disparities of a pixel.
+//!
+//! Block matching spends its time here. For the next pixel, in each view and at each disparity:
+//!
+//! ```text
+//! column   = column + |c - s| - |c' - s'|     // c, s enter at the bottom of the column, c', s' leave at its top
+//! block    = block + column - leaving_column  // columns enter on the right and leave on the left
+//! fused    = rule(block of view 0, block of view 1, ...), raised to MAX where a mask is MAX
+//! least    = min(least, fused)
+//! ```
+//!
+//! So a candidate costs two differences and four additions per view, whatever the size of the block. Column sums carry
+//! over from line to line and block sums from pixel to pixel; both wrap, since additions and subtractions cancel.
+//! Column sums are 16 bits wide; block sums are 16 or 32, the [`Lane`].
+//!
+//! Data layout: a vector holds [`LANES`](Isa::LANES) neighbouring disparities of one view. A block is `[[Costs; V]]`, the
+//! vectors of all views at the same disparities side by side, because fusion needs them together. Columns and samples are
+//! view by view, because they come from different tracks.
+//!
+//! The provided methods are the definition. An instruction set overrides what it can do better: Arm's DSP and MVE have
+//! [`slide_and_fuse`](Blocks::slide_and_fuse) in assembly, and instruction sets with many registers keep the blocks of a
+//! [batch](super::Batch) in them.
+
+use core::{ops::Range, slice};
 
 use bytemuck::Pod;
 
 use super::{
-    isa::{Change, Isa},
+    isa::{Block, Change, Column, Isa, Lane},
     rule::Rule,
     steps::Steps,
-    vector::{Block, Column, Lane},
 };
+use crate::{availability::Availability, params::PriorLine};
 
 /// An instruction set with vectors of block sums in lanes of type `L`, and the inner loops over them.
 ///
 /// The provided loops are their definition. An instruction set that overrides one computes the same.
 pub trait Blocks<L: Lane>: Isa {
-    /// Whether batches keep the sums of a block in registers, if it has one vector or two in each view.
+    /// True if batches keep the sums of a block in registers, if it has one vector or two in each view.
     const IN_REGISTERS: bool = false;
-    /// Whether masks hide views from [`Rule::Sum`] too, of two to four views: [`fuse_masked`](Blocks::fuse_masked) is
+    /// True if masks hide views from [`Rule::Sum`] too, of two to four views: [`fuse_masked`](Blocks::fuse_masked) is
     /// faster than [`fuse_available`](Blocks::fuse_available), run by run.
     const MASKS_SUM: bool = false;
     /// A vector of costs in memory.
@@ -198,4 +221,65 @@ pub(super) fn fuse_masked_loop<L: Lane, I: Blocks<L>, const V: usize>(
         least = least.min(costs);
     }
     least.least()
+}
+
+/// Masks for the block sums of a pixel: [`Lane::MAX`] where a view is not available, and in lanes past the
+/// last disparity; zero elsewhere.
+///
+/// They follow the pixel lane by lane: at a border, few of them change from one pixel to the next.
+#[derive(Debug)]
+pub(crate) struct Masks<'a, L: Lane, I: Blocks<L>, const V: usize> {
+    /// All [`Lane::MAX`] at first.
+    pub vectors: &'a mut [[I::Costs; V]],
+    pub availability: &'a mut Availability,
+    /// Around which the line is searched.
+    pub prior: Option<PriorLine<'a>>,
+    /// True if there are lanes past the last disparity.
+    pub padded: bool,
+}
+
+impl<L: Lane, I: Blocks<L>, const V: usize> Masks<'_, L, I, V> {
+    /// Goes to pixel `(u, v)`.
+    pub fn enter_line(&mut self, u: usize, v: usize) {
+        self.availability.enter_line(u, v, self.prior, |k, index, available| set::<L, I, V>(self.vectors, k, index, available));
+    }
+
+    /// Goes to the pixel at `u`, to the right in the same line, and returns whether anything may have
+    /// changed.
+    #[inline(always)]
+    pub fn enter(&mut self, u: usize) -> bool {
+        self.availability.enter::<V>(u, self.prior, |k, index, available| set::<L, I, V>(self.vectors, k, index, available))
+    }
+
+    /// The views that are not available at all disparities in all of these columns of the line, as bits.
+    #[inline(always)]
+    pub fn incomplete_in(&self, columns: Range<usize>) -> u8 {
+        self.availability.incomplete_in(columns, self.prior)
+    }
+
+    /// The views whose masks are not zero, as bits, or `None` if masks cannot hide views from `rule` here. If
+    /// no view has to be hidden there are none: lanes past the last disparity are then left to the caller.
+    #[inline(always)]
+    pub fn masked(&self, rule: Rule) -> Option<u8> {
+        let incomplete = self.availability.incomplete();
+        let masked = if incomplete != 0 && self.padded { u8::MAX } else { incomplete };
+        Self::can_hide(rule, incomplete).then_some(masked)
+    }
+
+    /// True if masks can hide `incomplete` views, a bit for each, from `rule`.
+    #[inline(always)]
+    pub fn can_hide(rule: Rule, incomplete: u8) -> bool {
+        let hides_from_sum = const { I::MASKS_SUM && V <= 4 } && rule == Rule::Sum;
+        incomplete == 0 || hides_from_sum || rule.masks(V, incomplete.count_ones() as usize)
+    }
+}
+
+/// Sets the mask of the `k`-th view at a disparity.
+#[inline(always)]
+fn set<L: Lane, I: Blocks<L>, const V: usize>(vectors: &mut [[I::Costs; V]], k: usize, index: usize, available: bool) {
+    let vector = vectors.get_mut(index / I::LANES).and_then(|views| views.get_mut(k));
+    let lanes = vector.and_then(|vector| bytemuck::try_cast_slice_mut::<_, L>(slice::from_mut(vector)).ok());
+    if let Some(lane) = lanes.and_then(|lanes| lanes.get_mut(I::lane(index % I::LANES))) {
+        *lane = if available { L::default() } else { L::MAX };
+    }
 }

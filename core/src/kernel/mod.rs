@@ -2,21 +2,17 @@
 //! set.
 //!
 //! An instruction set is a type that implements [`Isa`] and [`Blocks`] with the few operations that the loops
-//! consist of. [`Portable`] does so in plain Rust, and defines what the operations mean. Each room knows only
+//! consist of. [`Portable`] does so in plain Rust, and defines what the operations mean. Each module knows only
 //! those above it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
-//! | `vector` | lanes, and vectors of column sums, block sums and costs: [`Lane`], [`Column`], [`Block`] |
+//! | `isa` | instruction sets, and their lanes and vectors of column sums, block sums and costs: [`Isa`], [`Lane`], [`Column`], [`Block`] |
 //! | `rule` | the fusion rules in lanes: [`Rule`] |
-//! | `isa` | instruction sets: [`Isa`] |
-//! | `samples` | the samples of a line, as the loops read them |
-//! | `steps` | steps along a line, from column to column: [`Steps`] |
-//! | `blocks` | the inner loops: [`Blocks`] |
+//! | `steps` | the samples of a line, and steps along it from column to column: [`Steps`] |
+//! | `blocks` | the inner loops, and masks that hide block sums where a view is not available: [`Blocks`] |
 //! | `bytes` | costs in 8-bit lanes, and their loops: [`Bytes`], [`PixelLoops`], [`RunLoops`] |
-//! | `masks` | masks that hide block sums where a view is not available |
-//! | `batch` | batches of pixels with their block sums in registers |
-//! | `winners` | winner-takes-all over a batch |
+//! | `batch` | batches of pixels with their block sums in registers, and winner-takes-all over them |
 //! | `portable` | plain Rust over arrays: [`Portable`] |
 //! | `x86` | `Avx2` and `Avx512` |
 //! | `aarch64` | `Neon` |
@@ -30,13 +26,9 @@ mod batch;
 mod blocks;
 mod bytes;
 mod isa;
-mod masks;
 mod portable;
 mod rule;
-mod samples;
 mod steps;
-mod vector;
-mod winners;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
@@ -44,19 +36,17 @@ mod x86;
 pub use aarch64::Neon;
 #[cfg(target_arch = "arm")]
 pub use arm::{Dsp, Mve};
-pub(crate) use batch::Batch;
+pub(crate) use batch::{Batch, Winners};
 pub use blocks::Blocks;
+pub(crate) use blocks::Masks;
 pub use bytes::{
     Along, BackwardRun, ByteVector, Bytes, CandidateRun, Candidates, Divisor, ForwardRun, Kernel, PixelLoops, Reached, RunLoops,
     RunPenalties, Slot, Step, as_vectors, as_vectors_mut, hamming_run,
 };
-pub use isa::{Change, Isa, MAX_BATCH, Work};
-pub(crate) use masks::Masks;
+pub use isa::{Block, Change, Column, Isa, Lane, MAX_BATCH, Work};
 pub use portable::Portable;
 pub use rule::Rule;
-pub(crate) use samples::Samples;
+pub(crate) use steps::Samples;
 pub use steps::Steps;
-pub use vector::{Block, Column, Lane};
-pub(crate) use winners::Winners;
 #[cfg(target_arch = "x86_64")]
 pub use x86::{Avx2, Avx512};

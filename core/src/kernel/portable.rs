@@ -5,8 +5,7 @@ use core::array;
 use super::{
     blocks::Blocks,
     bytes::{ByteVector, Bytes, PixelLoops, RunLoops},
-    isa::{Change, Isa, sealed::Sealed},
-    vector::{Block, Column},
+    isa::{Block, Change, Column, Isa, sealed::Sealed},
 };
 
 /// No instruction set in particular: arrays of `N` lanes, and batches of `B` pixels.

@@ -1,9 +1,9 @@
 //! The fusion rules in lanes.
 
-use super::vector::{Block, Lane};
+use super::isa::{Block, Lane};
 use crate::{Fusion, Views};
 
-/// How the costs of the views are fused in lanes.
+/// The rule that fuses the costs of the views in lanes.
 ///
 /// This states [`Fusion::fuse`] for vectors. Costs are on a scale that keeps them small where all views are
 /// available: a factor common to all candidates of a pixel changes neither which one is least nor where the
@@ -21,7 +21,7 @@ pub enum Rule {
 }
 
 impl Rule {
-    /// Whether [`Rule::Half`] is fused in lanes. Otherwise exact costs do, one by one.
+    /// True if [`Rule::Half`] is fused in lanes. Otherwise exact costs do, one by one.
     pub(crate) const HAS_HALF: bool = Views::MAX_MATCHED > 4;
 
     /// The rule for one to eight views.
@@ -34,7 +34,7 @@ impl Rule {
         }
     }
 
-    /// Whether masks can hide views where they are not available, by the cost [`Lane::MAX`], if `incomplete`
+    /// True if masks can hide views where they are not available, by the cost [`Lane::MAX`], if `incomplete`
     /// of `views` views are not available at all disparities.
     ///
     /// A sum has no such cost; some instruction sets mask it nevertheless. The heuristic rule ignores the cost, unless it

@@ -1,16 +1,63 @@
-//! Steps along a line of the centre, column by column: the samples that enter and leave the blocks, and the
-//! column sums they change.
+//! The samples of a line, and steps along a line of the centre, column by column: the samples that enter and leave the
+//! blocks, and the column sums they change.
+//!
+//! ```text
+//! new:  check that every track has `depth` samples for each of the columns of the line; else there are no steps
+//! step: entering = sums[next]                                     // V x vectors, view by view
+//!       leaving  = next < block_size ? empty_column : sums[next - block_size]
+//!       samples  = first + next * step, of the entering and of the leaving line, for each view
+//!       next    += 1
+//! ```
 //!
 //! The bounds are checked once for a line. From then on, a step to the next column is a few additions to
-//! addresses.
+//! addresses. With a slice for each of up to eight views in each column, checks would cost more than the arithmetic.
+//!
+//! Data layout: a *track* holds the samples of a view so that those of a column at ascending disparities are contiguous,
+//! and the next column begins `step` bytes further: 1 in a row, -1 in a mirrored row, a stack's length in columns. The sums
+//! of a column are `vectors` vectors of the first view, then those of the second, and so on; columns follow each other.
+//!
+//! A step is given in three forms, from the safest to the fastest: [`Step`] with slices, [`RawStep`] with addresses for
+//! loops in assembly, and [`Stretch`], the addresses of many steps at once. A stretch is a single step until the block is
+//! full, so that all of its columns have a leaving column at the same distance.
+//!
+//! The one invariant: `next <= columns`, and `columns` is 0 unless `tracks` has checked all samples. The borrow of the
+//! sums lives in `memory`, and steps borrow `Steps` mutably, so that no two steps alias.
 #![allow(unsafe_code)]
 
 use core::{marker::PhantomData, slice};
 
-use super::{
-    isa::{Change, Isa, assert_layout},
-    samples::Samples,
-};
+use super::isa::{Change, Isa, assert_layout};
+
+/// The samples that a line of the centre is compared with at all disparities, column by column. A column's
+/// are contiguous, at ascending disparities.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Samples<'a> {
+    /// The memory that holds them.
+    pub memory: &'a [u8],
+    /// The beginning of the first column.
+    pub start: usize,
+    /// From the beginning of a column to that of the next.
+    pub step: isize,
+    /// Samples in a column.
+    pub depth: usize,
+}
+
+impl<'a> Samples<'a> {
+    /// The samples of a column.
+    #[inline(always)]
+    pub fn column(&self, u: usize) -> &'a [u8] {
+        let start = self.start.wrapping_add_signed(u as isize * self.step);
+        self.memory.get(start..start + self.depth).unwrap_or_default()
+    }
+
+    /// The beginning of the first column, if the memory holds all the samples of `columns` columns.
+    pub fn first(&self, columns: usize) -> Option<*const u8> {
+        let last = self.step.checked_mul(columns.checked_sub(1)? as isize)?;
+        let last = self.start.checked_add_signed(last)?;
+        let covered = |start: usize| start.checked_add(self.depth).is_some_and(|end| end <= self.memory.len());
+        (covered(self.start) && covered(last)).then(|| self.memory.as_ptr().wrapping_add(self.start))
+    }
+}
 
 /// The steps along a line, with samples of `V` views.
 ///
@@ -34,7 +81,7 @@ pub struct Steps<'a, I: Isa, const V: usize> {
     memory: PhantomData<(&'a [u8], &'a mut [I::Sums])>,
 }
 
-/// Where the samples of a view are.
+/// The place of a view's samples.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(super) struct Track {

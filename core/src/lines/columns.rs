@@ -1,6 +1,6 @@
 //! Views in other rows of the array, by column.
 
-use super::replication::replicate;
+use super::rows::replicate;
 use crate::{kernel::Samples, memory::StackShape};
 
 /// A stack of samples for each column, whose matches at ascending disparities follow each other.
@@ -16,19 +16,19 @@ pub(super) struct Columns<'m> {
     pub shape: StackShape,
     /// Samples that a column is compared with.
     pub depth: usize,
-    /// Whether stacks grow towards their beginning, since matches move up with the disparity.
+    /// True if stacks grow towards their beginning, since matches move up with the disparity.
     pub mirrored: bool,
     /// The leftmost column that gets a sample, possibly outside the frame.
     pub left: i32,
-    /// How many columns to the right of it, and how far below a line of the centre, the first pixel's match at the
+    /// The columns to the right of it, and the lines below a line of the centre, at which the first pixel's match at the
     /// smallest disparity lies.
     pub nearest: (usize, i32),
     /// The first virtual line.
     pub first: i32,
     /// The next virtual line to be pushed.
     pub next: i32,
-    /// How many lines of each set the samples have moved by.
-    pub moved: usize,
+    /// The number of lines of each set by which the samples have moved.
+    pub shifted_lines: usize,
 }
 
 impl Columns<'_> {
@@ -71,7 +71,7 @@ impl Columns<'_> {
                 Some(back) => copy_within(self.samples, back, 0),
                 None => copy_within(self.samples, 0, to.wrapping_sub(from)),
             }
-            self.moved += places;
+            self.shifted_lines += places;
         }
         self.next += 1;
         self.index(self.next - 1)
@@ -81,10 +81,10 @@ impl Columns<'_> {
     fn set_and_place(&self, v: i32) -> (usize, usize) {
         let line = (v - self.first) as usize;
         match self.shape.sets {
-            1 => (0, line.wrapping_sub(self.moved)),
+            1 => (0, line.wrapping_sub(self.shifted_lines)),
             sets => {
                 let place = line.checked_div(sets).unwrap_or_default();
-                (line - place * sets, place.wrapping_sub(self.moved))
+                (line - place * sets, place.wrapping_sub(self.shifted_lines))
             }
         }
     }

@@ -1,23 +1,30 @@
 //! The lines of all frames under the blocks of a disparity line.
 //!
+//! ```text
+//! for the next disparity line, whose blocks reach down to line v of the centre:
+//!     for each frame, the centre first:
+//!         while its next line <= v + lead:     // lead: how much lower than the centre's the lowest match lies
+//!             read the line into a buffer, and store it where blocks expect it
+//!         if v + lead is past the last line: repeat the last line
+//!     around a prior: interpolate the samples at each pixel's own offset
+//! at(v): a view of the stored samples: memory, start of the first column, step from a column to the next, depth
+//! ```
+//!
+//! Each line of each frame is read exactly once and in order, so that a source may be a sensor or a serial port. A frame
+//! is stored no longer than some block needs it: rings of `block_size + 1` lines, and stacks as tall as the search.
+//!
 //! They are stored so that a column's samples at ascending disparities are contiguous: a view in the centre's row of
 //! the array by line, mirrored if matches move to the left; any other by column. Frames are extended beyond their
 //! borders by replication: *virtual* lines below 0 repeat the first line, those past the end the last.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
-//! | `replication` | extends a line beyond its borders |
-//! | `rows` | a ring of lines |
-//! | `spread_rows` | a ring of lines, with samples of its own for each column |
+//! | `rows` | rings of lines, as they are or with samples of its own for each column |
 //! | `columns` | a stack of samples for each column |
-//! | `prior_lines` | a ring of lines of the prior |
-//! | `warped_rows` | a ring of lines, with the samples of each column that its prior foretells |
+//! | `warped_rows` | a ring of lines of the prior, and one with the samples of each column that its prior foretells |
 
 mod columns;
-mod prior_lines;
-mod replication;
 mod rows;
-mod spread_rows;
 mod warped_rows;
 
 use core::iter;
@@ -28,10 +35,9 @@ use crate::{
     memory::{Shape, StackShape},
 };
 use columns::Columns;
-pub(crate) use prior_lines::PriorLines;
-pub(crate) use replication::replicate;
-use rows::Rows;
-use spread_rows::SpreadRows;
+pub(crate) use rows::replicate;
+use rows::{Rows, SpreadRows};
+pub(crate) use warped_rows::PriorLines;
 use warped_rows::WarpedRows;
 
 /// The stored lines of all frames of a match.
@@ -60,7 +66,7 @@ impl<'m> Frames<'m> {
             priors.read_ahead(source, v as usize)?;
         }
         for (frame, lines) in self.frames(params) {
-            while let Some(row) = lines.wanted(v) {
+            while let Some(row) = lines.needed_line(v) {
                 source.read_line(frame, row, line).map_err(MatchError::Source)?;
                 lines.take(v, line, params.width());
             }
@@ -80,7 +86,7 @@ impl<'m> Frames<'m> {
         line: &mut [u8],
     ) -> Result<(), MatchError<S::Error>> {
         for (frame, lines) in self.frames(params) {
-            while let Some(row) = lines.unread() {
+            while let Some(row) = lines.unread_line() {
                 source.read_line(frame, row, line).map_err(MatchError::Source)?;
                 lines.skip();
             }
@@ -103,7 +109,7 @@ pub(crate) struct Lines<'m> {
     last: i32,
     /// The next line of the frame to be read.
     next: i32,
-    /// How far below the centre's line the view's lowest match lies.
+    /// The lines below the centre's line at which the view's lowest match lies.
     lead: i32,
 }
 
@@ -189,7 +195,7 @@ impl<'m> Lines<'m> {
                     nearest: ((nearest.0 - leftmost) as usize, nearest.1),
                     first: first_virtual,
                     next: first_virtual,
-                    moved: 0,
+                    shifted_lines: 0,
                 })
             }
         };
@@ -201,21 +207,21 @@ impl<'m> Lines<'m> {
 
     /// The next line of the frame to read before blocks can reach down to line `v` of the centre, or `None`
     /// if no line is missing.
-    pub fn wanted(&self, v: i32) -> Option<usize> {
+    pub fn needed_line(&self, v: i32) -> Option<usize> {
         (self.next <= (v + self.lead).min(self.last).max(0)).then_some(self.next as usize)
     }
 
     /// The first line of the frame that has not been read, or `None` after the last.
-    pub fn unread(&self) -> Option<usize> {
+    pub fn unread_line(&self) -> Option<usize> {
         (self.next <= self.last).then_some(self.next as usize)
     }
 
-    /// Skips the line that was [`unread`](Lines::unread).
+    /// Skips the line that was [`unread_line`](Lines::unread_line).
     pub fn skip(&mut self) {
         self.next += 1;
     }
 
-    /// Stores the line that was [`wanted`](Lines::wanted) for line `v` of the centre: one plane of `width` pixels
+    /// Stores the line that was [`needed_line`](Lines::needed_line) for line `v` of the centre: one plane of `width` pixels
     /// after the other.
     pub fn take(&mut self, v: i32, line: &[u8], width: usize) {
         let planes = || line.chunks_exact(width.max(1));

@@ -1,4 +1,21 @@
 //! Exact fused costs, for the pixels whose lanes do not suffice.
+//!
+//! This is the definition of a pixel's result, in scalar code; lanes compute the same where they can.
+//!
+//! ```text
+//! available[k] = range of candidates at which view k sees the pixel         // by geometry, not by masks
+//! cost(index)  = fuse over k of (index in available[k] ? sums[index][k] : NONE)
+//! winner       = first index of least cost among candidates that exist
+//! refined(i)   = whole(d) unless cost(i - 1), cost(i) and cost(i + 1) all exist, else the parabola
+//!                (two lines around a prior)
+//! peak         = (least, least of the costs more than one index away from the winner)
+//! ```
+//!
+//! The block sums are those of the lanes: 16 bits hold the sum of any block that has lanes of 16 bits, so only the fused
+//! cost, which is a multiple of it, can have saturated there. [`Fusion::fuse`] takes the sums widened to 32 bits.
+//!
+//! Each call visits all candidates. It is `#[cold]`, and no state outlives it: the callers' loops stay as small as without
+//! it. Without the feature `array`, the rule [`Fusion::Half`] has no loop in lanes, and every pixel is computed here.
 
 use core::{ops::Range, slice};
 
@@ -6,7 +23,7 @@ use crate::{
     Disparity, Fusion, MatchingCost, Params, SemiGlobalParams,
     confidence::PeakRatio,
     kernel::{Blocks, Lane},
-    prior_line::PriorLine,
+    params::PriorLine,
 };
 
 /// The fused costs of a pixel in 32 bits, one by one. They are needed where lanes have saturated, and next to

@@ -1,15 +1,11 @@
-//! The matcher: scanlines in, disparity lines out. Each room knows only those above it:
+//! The matcher: scanlines in, disparity lines out. Each module knows only those above it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `exact` | exact fused costs, for the pixels whose lanes do not suffice |
 //! | `selection` | winner-takes-all, and sub-pixel refinement |
-//! | `sweep` | the sweep along a line |
-//! | `cost_line` | a line of matching costs, from a sweep |
-//! | `disparity_line` | a line of disparities, from a sweep |
+//! | `sweep` | the sweep along a line, and its results: matching costs or disparities |
 
-mod cost_line;
-mod disparity_line;
 mod exact;
 mod selection;
 mod sweep;
@@ -25,9 +21,7 @@ use crate::{
     lines::{Frames, Lines, PriorLines},
     memory::{Lender, Shape},
 };
-use cost_line::CostLine;
-use disparity_line::DisparityLine;
-use sweep::{Output, Priming, Sweep};
+use sweep::{CostLine, DisparityLine, Output, Priming, Sweep};
 
 /// A pass over a region of a frame, one disparity line at a time.
 ///
@@ -36,7 +30,7 @@ use sweep::{Output, Priming, Sweep};
 /// column and lose a column. The caller lends the memory for these sums and for the lines under the blocks.
 ///
 /// ```
-/// use multiscopic_core::{Frame, Fusion, Matcher, Memory, Params, ScanlineSource, Views};
+/// use multiscopic_core::{Frame, Fusion, Matcher, Memory, Params, ScanlineSource, SearchConfig, Views};
 ///
 /// /// A ramp, seen three pixels further to each side.
 /// struct Ramp;
@@ -56,7 +50,9 @@ use sweep::{Output, Priming, Sweep};
 ///     }
 /// }
 ///
-/// const PARAMS: Params = match Params::new(40, 30, Views::HORIZONTAL, Fusion::Min, 0, 8, 5) {
+/// const SEARCH: SearchConfig =
+///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(40, 30) };
+/// const PARAMS: Params = match SEARCH.block_matching(5) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
@@ -83,7 +79,7 @@ pub struct Matcher<'m, I = Portable<{ Params::LANES }>> {
     /// The next disparity line.
     next: usize,
     /// The next line of the centre to enter the blocks of the region's first line; virtual above the frame.
-    primed: i32,
+    next_primed: i32,
 }
 
 /// The running sums and the costs fused from them, in vectors. Column sums are ordered by column, view and
@@ -184,7 +180,7 @@ impl<'m, I: Isa> Matcher<'m, I> {
             availability: Availability::new(params.search()),
             line: cast_mut(line).get_mut(..params.width()).unwrap_or_default(),
             next: region.rows().start,
-            primed: region.rows().start as i32 - params.radius() as i32,
+            next_primed: region.rows().start as i32 - params.radius() as i32,
         })
     }
 
@@ -342,12 +338,12 @@ impl<I: Isa> Matcher<'_, I> {
         let mut lines = Change { entering, leaving: entering - self.params.block_size() as i32 };
         if v == self.region.rows().start {
             lines.leaving = entering;
-            while self.primed <= entering {
-                self.frames.read_ahead(source, &self.params, self.line, self.primed)?;
-                let line = Change { entering: self.primed, leaving: self.primed };
+            while self.next_primed <= entering {
+                self.frames.read_ahead(source, &self.params, self.line, self.next_primed)?;
+                let line = Change { entering: self.next_primed, leaving: self.next_primed };
                 let steps = sweep::steps::<I, V>(&self.frames, line, columns, empty_column, self.params.block_size());
                 self.isa.compiled(Priming { isa: self.isa, steps, columns: self.shape.span, lane: PhantomData });
-                self.primed += 1;
+                self.next_primed += 1;
             }
         }
         self.frames.read_ahead(source, &self.params, self.line, entering)?;
@@ -384,7 +380,7 @@ fn cast_mut<T: Pod, U: Pod>(memory: &mut [T]) -> &mut [U] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Fusion, View};
+    use crate::{Fusion, SearchConfig, View};
 
     /// A texture, seen two pixels further to each side, and anything from above.
     struct Texture;
@@ -414,7 +410,10 @@ mod tests {
         // An interpreter takes a thousand times as long.
         let (height, disparities) = if cfg!(miri) { (6, 4) } else { (20, 6) };
         for views in [Views::HORIZONTAL.with(View::TOP), Views::CROSS] {
-            let params = Params::new(30, height, views, Fusion::Half, 0, disparities, 3).unwrap();
+            let params =
+                SearchConfig { width: 30, height, views, fusion: Fusion::Half, min_disparity: 0, num_disparities: disparities }
+                    .block_matching(3)
+                    .unwrap();
             let mut memory = [0; 20_000];
             let mut matcher = Matcher::new(&params, &mut memory).unwrap();
             let (mut line, mut peaks) = ([None; 30], [0; 30]);

@@ -1,4 +1,31 @@
 //! Winner-takes-all, and sub-pixel refinement.
+//!
+//! ```text
+//! for each pixel, with its block sums and the views that see each candidate:
+//!     fused = the rule over the available views, vector by vector
+//!     fused[lanes past the last disparity] = MAX
+//!     least = min(fused);  index = first lane that holds it
+//!     if least == MAX:                      disparity and peak by exact costs
+//!     else if index is an end of the search: disparity = min_disparity + index
+//!     else if a neighbour's cost is MAX:    refine by exact costs
+//!     else:                                 refine by the costs at index - 1, index, index + 1
+//! ```
+//!
+//! Lanes are 16 or 32 bits wide and saturate, and their scale depends on the views that are available. `MAX` therefore
+//! stands for three things that lanes cannot tell apart: a cost that has saturated, a candidate that no view sees, and
+//! padding. Wherever it could change the result, [`Exact`] computes the pixel again in 32 bits. That is rare, at borders
+//! and in noise; so lanes decide nearly all pixels, and the result is the one that exact costs define.
+//!
+//! Two ways lead here. [`Selection::slide_and_fuse`] and [`Selection::disparity`] take a pixel at a time, for small
+//! processors, which have the least cost in a register still. [`Selection::disparities`] takes a batch that was fused
+//! before: the latencies of finding the winner, loading its neighbours and dividing overlap across pixels on a processor
+//! that executes out of order. Both give the same bits.
+//!
+//! A view can be hidden from a pixel in two ways. For rules that a large cost does not disturb, a mask raises its lanes to
+//! `MAX` ([`Masks`]). Otherwise the disparities fall into segments that see the same views, and each is fused by itself.
+//!
+//! Peaks ask for the second minimum: the lanes at `index - 1`, `index` and `index + 1` are overwritten with `MAX`, and the
+//! minimum is taken again.
 
 use core::slice;
 
@@ -9,7 +36,7 @@ use crate::{
     confidence::PeakRatio,
     disparity::Around,
     kernel::{Block, Blocks, Isa, Lane, MAX_BATCH, Masks, Rule, Steps, Winners},
-    prior_line::PriorLine,
+    params::PriorLine,
 };
 
 /// Selects disparities by their fused costs in lanes.
@@ -25,9 +52,9 @@ pub(crate) struct Selection<'a, L: Lane, I: Blocks<L>> {
     /// elsewhere.
     padding: Option<I::Costs>,
     /// Disparities with a neighbour on both sides.
-    inner: usize,
+    inner_disparities: usize,
     /// Those that [`disparity`](Selection::disparity) refines by a parabola: none around a prior.
-    parabolic: usize,
+    parabola_disparities: usize,
 }
 
 impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
@@ -44,9 +71,9 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             }
         }
         let padding = (!params.num_disparities().is_multiple_of(I::LANES)).then_some(padding);
-        let inner = params.num_disparities().saturating_sub(2);
-        let parabolic = if params.prior().is_some() { 0 } else { inner };
-        Selection { isa, params, rule, indices, padding, inner, parabolic }
+        let inner_disparities = params.num_disparities().saturating_sub(2);
+        let parabola_disparities = if params.prior().is_some() { 0 } else { inner_disparities };
+        Selection { isa, params, rule, indices, padding, inner_disparities, parabola_disparities }
     }
 
     /// Masks over `vectors`, in which all lanes are masked as yet, of a pixel that sees no view as yet.
@@ -142,7 +169,7 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
         for (i, unclear) in unclear.iter_mut().enumerate() {
             let (index, at, before, after) = (winners.indices[i], winners.costs[i], winners.before[i], winners.after[i]);
             // The disparities at the ends of the search are not refined.
-            let inner = index.wrapping_sub(1) < self.inner as u32;
+            let inner = index.wrapping_sub(1) < self.inner_disparities as u32;
             *unclear = (at == L::MAX) | (inner & ((before == L::MAX) | (after == L::MAX)));
             around.d[i] = self.params.min_disparity().wrapping_add(index as i16);
             around.before[i] = if inner { before } else { at }.widen();
@@ -229,14 +256,14 @@ impl<'a, L: Lane, I: Blocks<L>> Selection<'a, L, I> {
             let costs = (*lanes.get(lane::<I>(before))?, *lanes.get(lane::<I>(index + 1))?);
             (costs.0.max(costs.1) != L::MAX).then_some((costs.0.widen(), costs.1.widen()))
         };
-        if before < self.parabolic {
+        if before < self.parabola_disparities {
             return match neighbours() {
                 Some((before, after)) => Disparity::refine(d, before, cost.widen(), after),
                 None => exact().refined(index),
             };
         }
         // Either around a prior or at an end of the search.
-        if self.parabolic > 0 || before >= self.inner {
+        if self.parabola_disparities > 0 || before >= self.inner_disparities {
             return Disparity::whole(d);
         }
         match neighbours() {
@@ -309,7 +336,7 @@ impl<L: Lane, I: Blocks<L>> Selection<'_, L, I> {
             return exact().peak();
         }
         let ratio = PeakRatio { least: least.widen(), second: second.widen(), unit };
-        PeakRatio::judge(Some(ratio), index.wrapping_sub(1) >= self.inner, self.params.uniqueness_ratio())
+        PeakRatio::judge(Some(ratio), index.wrapping_sub(1) >= self.inner_disparities, self.params.uniqueness_ratio())
     }
 }
 

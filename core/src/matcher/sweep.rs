@@ -1,13 +1,16 @@
-//! The sweep along a line: column sums move down by a line, and blocks slide over them.
+//! The sweep along a line, and its two results: a line of matching costs, and a line of disparities.
+//!
+//! Column sums move down by a line, and blocks slide over them.
 
 use core::{array, marker::PhantomData};
 
+use super::{exact::Exact, selection::Selection};
 use crate::{
-    Params, Region,
+    Disparity, Fusion, Params, Region,
     availability::Availability,
-    kernel::{Block, Blocks, Change, Isa, Lane, Steps, Work},
+    kernel::{Batch, Block, Blocks, Change, Divisor, Isa, Kernel, Lane, MAX_BATCH, Masks, Rule, Steps, Winners, Work},
     lines::{Frames, Lines},
-    prior_line::PriorLine,
+    params::PriorLine,
 };
 
 /// The steps along a disparity line, at which `lines` of the centre, which may be virtual, enter and leave
@@ -22,7 +25,7 @@ pub(super) fn steps<'a, I: Isa, const V: usize>(
 ) -> Steps<'a, I, V> {
     let at = |frame: &'a Lines<'_>| Change { entering: frame.at(lines.entering), leaving: frame.at(lines.leaving) };
     let mut views = frames.views.iter().flatten();
-    // What is never available may be any view.
+    // A place whose view is never available may hold any view.
     let any = if const { V > 4 } { frames.views.iter().flatten().next() } else { None };
     let views = array::from_fn(|_| at(views.next().or(any).unwrap_or(&frames.center)));
     Steps::new(at(&frames.center), views, sums, empty_column, block_size)
@@ -45,7 +48,7 @@ impl<L: Lane, I: Blocks<L>, const V: usize> Work for Priming<'_, L, I, V> {
     }
 }
 
-/// What a sweep computes of each pixel's fused costs.
+/// The result that a sweep computes from each pixel's fused costs.
 pub(super) trait Output<L: Lane, I: Blocks<L>>: Sized {
     /// Computes the line.
     fn fill<const V: usize>(sweep: Sweep<'_, L, I, V, Self>);
@@ -71,7 +74,7 @@ pub(super) struct Sweep<'a, L: Lane, I: Blocks<L>, const V: usize, O> {
     pub availability: &'a mut Availability,
     /// The fused costs of a batch of pixels, between two vectors of padding if there are several.
     pub fused: &'a mut [I::Costs],
-    /// What is computed.
+    /// The output.
     pub out: O,
 }
 
@@ -95,5 +98,246 @@ pub(super) fn slide_to_first<L: Lane, I: Blocks<L>, const V: usize>(
     }
     for _ in 0..2 * radius {
         isa.slide(steps, blocks);
+    }
+}
+
+/// The matching costs of a line, to be computed: fused sums, divided by `2^shift`.
+pub(super) struct CostLine<'a> {
+    /// `depth` for each pixel.
+    pub costs: &'a mut [u8],
+    pub depth: usize,
+    pub shift: u32,
+}
+
+impl<I: Kernel> Output<u16, I> for CostLine<'_> {
+    /// Pixel by pixel, on any processor: what follows takes longer.
+    #[cfg_attr(target_arch = "arm", inline(never))]
+    #[cfg_attr(not(any(target_arch = "arm", debug_assertions)), inline(always))]
+    fn fill<const V: usize>(sweep: Sweep<'_, u16, I, V, Self>) {
+        let Sweep { isa, params, region, v, mut steps, blocks, masks, availability, fused, out, .. } = sweep;
+        let CostLine { costs, depth, shift } = out;
+        let Some(fused) = fused.get_mut(..blocks.len()) else { return };
+        slide_to_first::<u16, I, V>(isa, params.radius(), &mut steps, blocks);
+        let rule = Rule::new(params.fusion(), V);
+        // Lanes do not divide by five or seven.
+        if (const { V > 4 } && rule == Rule::Sum) || (const { !Rule::HAS_HALF && V > 2 } && rule == Rule::Half) {
+            for (costs, u) in costs.chunks_exact_mut(depth.max(1)).zip(region.columns()) {
+                Blocks::<u16>::slide(isa, &mut steps, blocks);
+                Exact::<u16, I, V> { params, u, v, prior: None, blocks }.quotients(shift, costs);
+            }
+            return;
+        }
+        let selection = Selection::<u16, I>::new(isa, params, rule);
+        let mut masks = selection.masks(masks, availability, None);
+        let start = region.columns().start;
+        masks.enter_line(start, v);
+        let divisor = |is_complete| divisor(params.fusion(), V, is_complete, shift);
+        let (complete, incomplete) = (divisor(true), divisor(false));
+        // These follow from the availability, which seldom changes.
+        let seen = |masks: &Masks<'_, u16, I, V>| PixelViews {
+            masked: masks.masked(selection.rule),
+            divisor: if masks.availability.incomplete() == 0 { complete } else { incomplete },
+            is_covered: masks.availability.is_covered(),
+        };
+        let mut pixel = seen(&masks);
+        for (u, costs) in costs.chunks_exact_mut(depth.max(1)).enumerate() {
+            if masks.enter(start + u) {
+                pixel = seen(&masks);
+            }
+            match pixel.masked {
+                Some(masked) => {
+                    isa.slide_and_divide(selection.rule, masked, pixel.divisor, &mut steps, blocks, masks.vectors, fused, costs);
+                }
+                None => {
+                    selection.slide_and_fuse(None, &masks, &mut steps, blocks, fused);
+                    isa.divide(pixel.divisor, fused, costs);
+                }
+            }
+            hide(masks.availability, pixel.is_covered, params.num_disparities(), costs);
+        }
+    }
+}
+
+/// The views that see a pixel.
+struct PixelViews {
+    /// The views to mask, as in [`Masks::masked`].
+    masked: Option<u8>,
+    /// The divisor of its sums.
+    divisor: Divisor,
+    /// True if every candidate exists.
+    is_covered: bool,
+}
+
+/// By what sums are divided that are fused in lanes, so that costs of different pixels compare.
+const fn divisor(fusion: Fusion, views: usize, is_complete: bool, shift: u32) -> Divisor {
+    let (bits, by_three) = match Rule::new(fusion, views).scale(views, is_complete) {
+        1 => (0, false),
+        2 => (1, false),
+        3 => (0, true),
+        4 => (2, false),
+        6 => (1, true),
+        _ => (2, true),
+    };
+    Divisor { shift: shift + bits, by_three }
+}
+
+/// Raises the costs of candidates that do not exist to 255.
+#[inline(always)]
+fn hide(availability: &Availability, is_covered: bool, count: usize, costs: &mut [u8]) {
+    if let Some(padding) = costs.get_mut(count..).filter(|padding| !padding.is_empty()) {
+        padding.fill(u8::MAX);
+    }
+    if is_covered {
+        return;
+    }
+    for segment in availability.segments().filter(|segment| segment.views == 0) {
+        costs.get_mut(segment.start..segment.end).unwrap_or_default().fill(u8::MAX);
+    }
+}
+
+/// The disparities of a line, to be computed.
+pub(super) struct DisparityLine<'a> {
+    pub disparities: &'a mut [Option<Disparity>],
+    /// The [peak ratio](super::Matcher::next_line_and_peaks) of each, if they are asked for.
+    pub peaks: Option<&'a mut [u8]>,
+}
+
+impl<L: Lane, I: Blocks<L>> Output<L, I> for DisparityLine<'_> {
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn fill<const V: usize>(sweep: Sweep<'_, L, I, V, Self>) {
+        if const { !Rule::HAS_HALF && V > 2 } && Rule::new(sweep.params.fusion(), V) == Rule::Half {
+            return sweep.by_exact_costs();
+        }
+        let needs_peaks = sweep.out.peaks.is_some() || sweep.params.uniqueness_ratio().is_some();
+        match (const { I::BATCH == 1 }, needs_peaks) {
+            (true, false) => sweep.by_pixel::<false>(),
+            (true, true) => sweep.by_pixel::<true>(),
+            (false, _) => sweep.by_batch(),
+        }
+    }
+}
+
+// Both drivers share steps, masks and fusion, and differ in selection. A microcontroller selects the winner
+// while the least cost is in a register, where the fusing loop left it. An out-of-order processor hides the
+// latency of selection, but only across a batch.
+impl<L: Lane, I: Blocks<L>, const V: usize> Sweep<'_, L, I, V, DisparityLine<'_>> {
+    /// Pixel by pixel, with peak ratios if `PEAKS` is set. A function of its own, since small processors have few
+    /// registers.
+    #[inline(never)]
+    fn by_pixel<const PEAKS: bool>(self) {
+        let Sweep { isa, params, region, v, prior, mut steps, blocks, masks, availability, fused, out, .. } = self;
+        let DisparityLine { disparities, peaks } = out;
+        let mut peaks = peaks.unwrap_or_default().iter_mut();
+        // That there is a vector saves checks in the loop.
+        let Some(fused) = fused.get_mut(..blocks.len()).filter(|fused| !fused.is_empty()) else { return };
+        slide_to_first(isa, params.radius(), &mut steps, blocks);
+        let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
+        let mut masks = selection.masks(masks, availability, prior);
+        let start = region.columns().start;
+        masks.enter_line(start, v);
+        let mut masked = masks.masked(selection.rule);
+        let mut unit = selection.unit::<V>(masks.availability.incomplete());
+        for (pixel, u) in disparities.iter_mut().zip(start..) {
+            if masks.enter(u) {
+                masked = masks.masked(selection.rule);
+                unit = selection.unit::<V>(masks.availability.incomplete());
+            }
+            let least = selection.slide_and_fuse(masked, &masks, &mut steps, blocks, fused);
+            let exact = || Exact { params, u, v, prior, blocks };
+            if PEAKS {
+                let grade;
+                (*pixel, grade) = selection.disparity_and_peak(least, fused, unit, exact);
+                if let Some(peak) = peaks.next() {
+                    *peak = grade;
+                }
+            } else {
+                *pixel = selection.disparity(least, fused, exact);
+            }
+        }
+    }
+
+    /// Pixel by pixel, by exact costs.
+    #[inline(never)]
+    fn by_exact_costs(self) {
+        let Sweep { isa, params, region, v, prior, mut steps, blocks, out: DisparityLine { disparities, peaks }, .. } = self;
+        let needs_peaks = peaks.is_some() || params.uniqueness_ratio().is_some();
+        let mut peaks = peaks.unwrap_or_default().iter_mut();
+        slide_to_first::<L, I, V>(isa, params.radius(), &mut steps, blocks);
+        for (pixel, u) in disparities.iter_mut().zip(region.columns()) {
+            Blocks::<L>::slide(isa, &mut steps, blocks);
+            let exact = Exact::<L, I, V> { params, u, v, prior, blocks };
+            if needs_peaks {
+                let grade;
+                (*pixel, grade) = exact.disparity_and_peak();
+                if let Some(peak) = peaks.next() {
+                    *peak = grade;
+                }
+            } else {
+                *pixel = exact.disparity();
+            }
+        }
+    }
+
+    /// In batches of pixels.
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn by_batch(self) {
+        let Sweep {
+            isa,
+            params,
+            region,
+            v,
+            prior,
+            mut steps,
+            blocks,
+            kept,
+            masks,
+            availability,
+            fused: padded,
+            out: DisparityLine { disparities, mut peaks },
+            ..
+        } = self;
+        let vectors = blocks.len();
+        slide_to_first(isa, params.radius(), &mut steps, blocks);
+        let selection = Selection::new(isa, params, Rule::new(params.fusion(), V));
+        let rule = selection.rule;
+        let padding = selection.ordered_padding();
+        let mut masks = selection.masks(masks, availability, prior);
+        let mut winners = Winners::NONE;
+        let start = region.columns().start;
+        let mut u = start;
+        masks.enter_line(u, v);
+        for pixels in disparities.chunks_mut(I::BATCH) {
+            let Some(padded) = padded.get_mut(..pixels.len() * vectors + 2) else { return };
+            let [_, fused @ .., _] = &mut *padded else { return };
+            let incomplete = masks.incomplete_in(u..u + pixels.len());
+            let mut units = [selection.unit::<V>(incomplete); MAX_BATCH];
+            if const { Batch::<L, I, V>::VECTORS > 0 }
+                && (1..=Batch::<L, I, V>::VECTORS).contains(&vectors)
+                && Masks::<L, I, V>::can_hide(rule, incomplete)
+            {
+                let masks = (incomplete != 0).then_some((&mut masks, u));
+                Batch { rule, blocks, kept, fused, padding, masks }.fuse(isa, &mut steps);
+            } else {
+                for (i, fused) in fused.chunks_exact_mut(vectors.max(1)).enumerate() {
+                    masks.enter(u + i);
+                    units[i] = selection.unit::<V>(masks.availability.incomplete());
+                    selection.slide_and_fuse(masks.masked(rule), &masks, &mut steps, blocks, fused);
+                    isa.order(fused);
+                    if let Some(kept) = kept.get_mut(i * vectors..(i + 1) * vectors) {
+                        kept.copy_from_slice(blocks);
+                    }
+                }
+            }
+            winners.find(isa, padded, vectors);
+            let of_pixel = |i: usize| kept.get(i * vectors..).unwrap_or_default();
+            let exact = |i: usize| Exact { params, u: u + i, v, prior, blocks: of_pixel(i) };
+            selection.disparities(&winners, pixels, exact);
+            if peaks.is_some() || params.uniqueness_ratio().is_some() {
+                let [_, fused @ .., _] = &mut *padded else { return };
+                let peaks = peaks.as_mut().and_then(|peaks| peaks.get_mut(u - start..u - start + pixels.len()));
+                selection.peaks(&winners, fused, &units, pixels, peaks, exact);
+            }
+            u += pixels.len();
+        }
     }
 }

@@ -1,10 +1,8 @@
 //! The layers of the network.
 
 use super::{
-    exponentials::Exponentials,
-    pixel_channels::PIXEL_CHANNELS,
-    pixel_head::PixelHead,
-    pooled_candidates::{BLOCK, CANDIDATE_CHANNELS},
+    channels::{BLOCK, CANDIDATE_CHANNELS, PIXEL_CHANNELS},
+    pixel_head::{Exponentials, PixelHead},
     weight_file::{LayerRecord, WeightError, WeightFile},
 };
 
@@ -15,7 +13,7 @@ use super::{
 /// both passes of semi-global matching and of the blocks around, mixes those of neighbours, and adds a correction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NetworkLayers<L> {
-    /// What the colours of blocks add to their candidates, in two layers.
+    /// The two layers that turn the colours of blocks into summands of their candidates.
     pub guide: [L; 2],
     /// The volume part.
     pub volume: VolumeLayers<L>,

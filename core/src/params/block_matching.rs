@@ -10,12 +10,13 @@ use crate::{Frame, Fusion, View, Views};
 /// valid.
 ///
 /// ```
-/// use multiscopic_core::{Fusion, Params, Views};
-/// const QVGA: Params = match Params::new(320, 240, Views::CROSS, Fusion::Heuristic, 1, 32, 11) {
+/// use multiscopic_core::{Fusion, Params, SearchConfig, Views};
+/// const SEARCH: SearchConfig = SearchConfig { num_disparities: 32, ..SearchConfig::of_size(320, 240) };
+/// const PARAMS: Params = match SEARCH.block_matching(11) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };
-/// assert_eq!(QVGA.max_disparity(), 32);
+/// assert_eq!(PARAMS.max_disparity(), 32);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -29,25 +30,6 @@ pub struct Params {
 impl Params {
     /// The largest block, 21 x 21 pixels.
     pub const MAX_BLOCK_SIZE: u8 = 21;
-
-    /// [`Search::new`] and [`Params::block_matching`] in one.
-    ///
-    /// # Errors
-    /// The first parameter that is out of its range, with its value.
-    pub const fn new(
-        width: u16,
-        height: u16,
-        views: Views,
-        fusion: Fusion,
-        min_disparity: i16,
-        num_disparities: u16,
-        block_size: u8,
-    ) -> Result<Params, ParamsError> {
-        match Search::new(width, height, views, fusion, min_disparity, num_disparities) {
-            Ok(search) => Params::block_matching(search, block_size),
-            Err(error) => Err(error),
-        }
-    }
 
     /// Parameters that compare blocks of `block_size` x `block_size` pixels, which is odd, from 1 to 21.
     ///
@@ -71,7 +53,7 @@ impl Params {
     /// The same search, at each pixel around a disparity that is known beforehand: its *prior*, which an earlier match
     /// of the same centre found, usually at a shorter baseline, with the disparities of `earlier`.
     ///
-    /// What the offsets of the views have in common is their *multiple*: 4 for `(4, 0)` and `(-4, 0)`. The search is
+    /// The greatest common divisor of the offsets of the views is their *multiple*: 4 for `(4, 0)` and `(-4, 0)`. The search is
     /// in pixels of that longer baseline, in which [`views`](Params::views) are nearest neighbours. There the prior
     /// `p` of a pixel is the disparity `multiple p`, in steps of 1/64, and the disparities `multiple p + r` are searched,
     /// with each `r` of this search's range, such as -4 to 3.
@@ -79,7 +61,7 @@ impl Params {
     /// A block compares each of its pixels at that pixel's own prior, so that it follows slanted surfaces. With `o` for the
     /// whole pixels of `multiple p` and `f` for its other steps, the sample of the view `(i, j)` for pixel `(x, y)` is
     /// `((64 - f) s(o + r) + f s(o + r + 1) + 32) / 64`, rounded down, between the samples `s(d)` at `(x - i d, y - j d)`.
-    /// Where that is outside the frame, the nearest sample inside takes its place; for pixels of the block outside the
+    /// Outside the frame, the nearest sample inside takes its place; for pixels of the block outside the
     /// frame, so does the nearest pixel inside. A pixel without a prior takes that of the last one to its left that has a
     /// prior, or else the disparity nearest to 0 that there may be.
     ///
@@ -90,13 +72,17 @@ impl Params {
     /// pixel without a prior, or whose prior is outside the range of `earlier`, stays invalid.
     ///
     /// ```
-    /// use multiscopic_core::{Frame, Fusion, Params, View, Views};
-    /// const SHORT: Params = match Params::new(320, 240, Views::HORIZONTAL, Fusion::Min, 1, 32, 11) {
+    /// use multiscopic_core::{Frame, Fusion, Params, SearchConfig, View, Views};
+    /// const QVGA: SearchConfig = SearchConfig::of_size(320, 240);
+    /// const SEARCH: SearchConfig =
+    ///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 32, ..QVGA };
+    /// const SHORT: Params = match SEARCH.block_matching(11) {
     ///     Ok(params) => params,
     ///     Err(_) => panic!("the parameters are out of range"),
     /// };
     /// let views = [-4, 4].into_iter().filter_map(|i| View::new(i, 0).ok()).collect();
-    /// let long = Params::new(320, 240, views, Fusion::Min, -4, 8, 11)?.around(SHORT.search());
+    /// let long =
+    ///     SearchConfig { views, min_disparity: -4, num_disparities: 8, ..SEARCH }.block_matching(11)?.around(SHORT.search());
     /// assert_eq!(long.views(), Views::HORIZONTAL);
     /// assert_eq!(long.frame(View::RIGHT).to_string(), "4,0");
     /// # Ok::<(), multiscopic_core::ParamsError>(())
@@ -158,7 +144,7 @@ impl Params {
         Params { search: self.search.with_fusion(fusion), ..self }
     }
 
-    /// What is searched, whatever the size of the block.
+    /// The search, whatever the size of the block.
     pub const fn search(&self) -> &Search {
         &self.search
     }
@@ -178,7 +164,7 @@ impl Params {
         self.search.views()
     }
 
-    /// How the costs of the views are fused.
+    /// The rule that fuses the costs of the views.
     pub const fn fusion(&self) -> Fusion {
         self.search.fusion()
     }
@@ -208,7 +194,7 @@ impl Params {
         self.block_size as usize
     }
 
-    /// How far the block reaches to each side of its centre, in pixels: the paper's rho.
+    /// The reach of the block to each side of its centre, in pixels: the paper's rho.
     pub const fn radius(&self) -> usize {
         self.block_size() / 2
     }
@@ -223,7 +209,7 @@ impl Params {
         255 * self.block_area()
     }
 
-    /// How many lines of `frame` past its own a disparity line needs; negative if the frame lags behind.
+    /// The number of lines of `frame` past its own that a disparity line needs; negative if the frame lags behind.
     ///
     /// Until disparity line `v` is out, no line of the frame after `max(0, v + lead)` has been read. With the
     /// last disparity line the rest of the frame is read too. The centre and the horizontal views are read

@@ -1,45 +1,56 @@
-//! What every matching method needs to know: the frames, the views, and the disparities to search.
+//! The search that every matching method needs: the frames, the views, and the disparities to search.
 
 use core::{error, fmt};
 
+use super::{Params, SemiGlobalCost, SemiGlobalParams};
 use crate::{Disparity, Fusion, Views};
 
-/// A search for disparities: the size of the frames, the views to match with, how their costs are fused, and
-/// the search range. Every value of this type is valid.
+/// The fields of a [`Search`] by their names: what is searched in frames of a size. Values out of range are refused by
+/// [`checked`](SearchConfig::checked), or by the parameters of a method that are made of it.
 ///
 /// ```
-/// use multiscopic_core::{Fusion, Search, Views};
-/// let search = Search::new(320, 240, Views::CROSS, Fusion::Heuristic, 1, 32)?;
-/// assert_eq!(search.max_disparity(), 32);
-/// # Ok::<(), multiscopic_core::ParamsError>(())
+/// use multiscopic_core::{Fusion, Params, SearchConfig, Views};
+/// const SEARCH: SearchConfig =
+///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
+/// const PARAMS: Params = match SEARCH.block_matching(7) {
+///     Ok(params) => params,
+///     Err(_) => panic!("the parameters are out of range"),
+/// };
+/// assert_eq!((PARAMS.min_disparity(), PARAMS.max_disparity(), PARAMS.block_size()), (1, 16, 7));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Search {
-    width: u16,
-    height: u16,
-    views: Views,
-    fusion: Fusion,
-    min_disparity: i16,
-    num_disparities: u16,
+pub struct SearchConfig {
+    /// Pixels in a line, at least one.
+    pub width: u16,
+    /// Lines in a frame, at least one.
+    pub height: u16,
+    /// The neighbouring views to match with, at least one.
+    pub views: Views,
+    /// The rule by which the costs of the views are fused.
+    pub fusion: Fusion,
+    /// The smallest disparity that is searched, in pixels. It may be negative.
+    pub min_disparity: i16,
+    /// The number of disparities `d` that are searched, at least one: `min_disparity <= d < min_disparity + num_disparities`,
+    /// all within -511..=511.
+    pub num_disparities: u16,
 }
 
-impl Search {
-    /// A search in frames of `width` x `height` pixels.
-    ///
-    /// The disparities `d` with `min_disparity <= d < min_disparity + num_disparities` are searched, all
-    /// within -511..=511.
+impl SearchConfig {
+    /// The paper's search in frames of `width` x `height` pixels: four neighbours, which the heuristic rule fuses, and the
+    /// disparities from 1 to 60.
+    pub const fn of_size(width: u16, height: u16) -> SearchConfig {
+        let views = Views::CROSS;
+        let fusion = Fusion::default_for(views.len());
+        SearchConfig { width, height, views, fusion, min_disparity: 1, num_disparities: 60 }
+    }
+
+    /// The search, if all fields are within their ranges.
     ///
     /// # Errors
-    /// The first parameter that is out of its range, with its value.
-    pub const fn new(
-        width: u16,
-        height: u16,
-        views: Views,
-        fusion: Fusion,
-        min_disparity: i16,
-        num_disparities: u16,
-    ) -> Result<Search, ParamsError> {
+    /// The first field that is out of its range, with its value.
+    pub const fn checked(self) -> Result<Search, ParamsError> {
+        let SearchConfig { width, height, views, min_disparity, num_disparities, .. } = self;
         if width == 0 || height == 0 {
             return Err(ParamsError::EmptyFrame { width, height });
         }
@@ -50,7 +61,51 @@ impl Search {
         if num_disparities == 0 || min_disparity < Disparity::MIN_SEARCH || last > Disparity::MAX_SEARCH as i32 {
             return Err(ParamsError::Range { min_disparity, num_disparities });
         }
-        Ok(Search { width, height, views, fusion, min_disparity, num_disparities })
+        Ok(Search { config: self })
+    }
+
+    /// The parameters of block matching in this search: [`Params::block_matching`].
+    ///
+    /// # Errors
+    /// The first parameter that is out of its range, with its value.
+    pub const fn block_matching(self, block_size: u8) -> Result<Params, ParamsError> {
+        match self.checked() {
+            Ok(search) => Params::block_matching(search, block_size),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The parameters of semi-global matching in this search, with the default penalties: [`SemiGlobalParams::new`].
+    ///
+    /// # Errors
+    /// The first parameter that is out of its range, with its value.
+    pub const fn semi_global(self, cost: SemiGlobalCost) -> Result<SemiGlobalParams, ParamsError> {
+        match self.checked() {
+            Ok(search) => SemiGlobalParams::new(search, cost),
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// A search for disparities: the size of the frames, the views to match with, the rule that fuses their costs, and
+/// the search range. Every value of this type is valid.
+///
+/// ```
+/// use multiscopic_core::{SearchConfig, Views};
+/// let search = SearchConfig { num_disparities: 32, ..SearchConfig::of_size(320, 240) }.checked()?;
+/// assert_eq!((search.views(), search.max_disparity()), (Views::CROSS, 32));
+/// # Ok::<(), multiscopic_core::ParamsError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Search {
+    config: SearchConfig,
+}
+
+impl Search {
+    /// The fields of the search, to change some of them.
+    pub const fn config(&self) -> SearchConfig {
+        self.config
     }
 
     /// Checks that the matchers of this crate take so many views, as their parameters do.
@@ -58,7 +113,7 @@ impl Search {
     /// # Errors
     /// [`ParamsError::TooManyViews`].
     pub const fn check_views(&self) -> Result<(), ParamsError> {
-        match self.views.len() {
+        match self.config.views.len() {
             given if given > Views::MAX_MATCHED => Err(ParamsError::TooManyViews { given, most: Views::MAX_MATCHED }),
             _ => Ok(()),
         }
@@ -72,62 +127,62 @@ impl Search {
         if views.is_empty() {
             return Err(ParamsError::NoViews);
         }
-        Ok(Search { views, ..self })
+        Ok(Search { config: SearchConfig { views, ..self.config } })
     }
 
     /// The same with another fusion rule.
     #[inline(always)]
     pub const fn with_fusion(self, fusion: Fusion) -> Search {
-        Search { fusion, ..self }
+        Search { config: SearchConfig { fusion, ..self.config } }
     }
 
     /// Pixels in a line.
     pub const fn width(&self) -> usize {
-        self.width as usize
+        self.config.width as usize
     }
 
     /// Lines in a frame.
     pub const fn height(&self) -> usize {
-        self.height as usize
+        self.config.height as usize
     }
 
     /// The neighbouring views to match with, at least one.
     pub const fn views(&self) -> Views {
-        self.views
+        self.config.views
     }
 
-    /// How the costs of the views are fused.
+    /// The rule that fuses the costs of the views.
     pub const fn fusion(&self) -> Fusion {
-        self.fusion
+        self.config.fusion
     }
 
     /// The smallest disparity of the search, in pixels.
     pub const fn min_disparity(&self) -> i16 {
-        self.min_disparity
+        self.config.min_disparity
     }
 
     /// The largest disparity of the search, in pixels.
     pub const fn max_disparity(&self) -> i16 {
-        self.min_disparity + (self.num_disparities - 1) as i16
+        self.config.min_disparity + (self.config.num_disparities - 1) as i16
     }
 
     /// The smallest and the largest disparity of the search.
     pub(super) const fn range(&self) -> (i16, i16) {
-        (self.min_disparity, self.max_disparity())
+        (self.config.min_disparity, self.max_disparity())
     }
 
     /// The number of disparities searched, at least one.
     pub const fn num_disparities(&self) -> usize {
-        self.num_disparities as usize
+        self.config.num_disparities as usize
     }
 
     /// The number of disparity evaluations (pixel x disparity x view) of a match.
     pub const fn evaluations(&self) -> u64 {
-        self.width as u64 * self.height as u64 * self.num_disparities as u64 * self.views.len() as u64
+        self.config.width as u64 * self.config.height as u64 * self.config.num_disparities as u64 * self.config.views.len() as u64
     }
 }
 
-/// Why parameters were refused.
+/// The parameter that is out of its range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]

@@ -1,11 +1,34 @@
 //! Semi-global matching along eight paths, in bounded memory.
+//!
+//! ```text
+//! cost(p, d)                                     // given by the caller, line by line, as often as is asked for
+//! L_r(p, d) = cost(p, d) + min(L_r(p - r, d), L_r(p - r, d +- 1) + P1, min_i L_r(p - r, i) + P2) - min_i L_r(p - r, i)
+//! sum(p, d) = sum over eight directions r of L_r(p, d)
+//!
+//! ascend(whole frame): paths from below only     // last line to first
+//!     keep the three paths' costs in the first line of each band from the third on
+//!     write the excess of the first band
+//! for each line v, downwards:
+//!     if v begins a band: ascend(this band) from the kept costs of the next, and write its excess
+//!     extend the three paths from above and the one from the left
+//!     extend the path from the right, and at each pixel: sum = 8 cost + excess of five paths + excess from below
+//!     select the winner, and refine it by two lines
+//! ```
+//!
+//! Without bands, the excess of the paths from below would take a byte for each candidate of the frame. With bands of `n`
+//! lines of `h`, the excess takes `n` lines of bytes and the kept costs take `3 (h / n - 2)`; [`Bands::new`] finds the least
+//! sum, near `n = sqrt(3 h)`. The price is that costs are computed three times and the paths from below extended twice.
+//!
+//! Paths add up their *excess* `L_r - cost`, which is at most `P2`: five paths fit a byte (5 x 51 = 255), so the excess of
+//! those from below is added later, in 16 bits. A slot holds the path costs of one pixel. Three rings of slots turn by a
+//! pixel from line to line ([`Slots`]), so that a diagonal path finds its predecessor without a copy.
+//!
+//! Invariants: `paths_from_below` is at the line that was extended last; `kept_costs` has the costs of bands below the present one only;
+//! `excess` belongs to the band of `next`.
 
 use core::ops::Range;
 
-use super::{
-    path_lines::{PathLines, PathSweep},
-    slots::Slots,
-};
+use super::path_lines::{PathLines, PathSweep, Slots};
 use crate::{
     Disparity, Memory, MemoryTooSmall, SemiGlobalParams,
     kernel::{Isa, Kernel, Reached, RunPenalties, Slot, Step, Work, as_vectors, as_vectors_mut},
@@ -26,13 +49,14 @@ const PATHS: u16 = 8;
 ///
 /// ```
 /// use multiscopic_core::network::{CensusPair, CensusPairLines};
-/// use multiscopic_core::{Census, EightPaths, Fusion, Search, SemiGlobalCost, SemiGlobalParams, Views, kernel::Portable};
+/// use multiscopic_core::{Census, EightPaths, Fusion, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views, kernel::Portable};
 ///
 /// const PAIR: CensusPair = CensusPair::BothWays;
-/// const PARAMS: SemiGlobalParams = {
-///     let Ok(search) = Search::new(40, 30, Views::STEREO, Fusion::Min, 0, 8) else { panic!("out of range") };
-///     let Ok(params) = SemiGlobalParams::new(search, SemiGlobalCost::Census(Census::Window9x7)) else { panic!("out of range") };
-///     params
+/// const SEARCH: SearchConfig =
+///     SearchConfig { views: Views::STEREO, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(40, 30) };
+/// const PARAMS: SemiGlobalParams = match SEARCH.semi_global(SemiGlobalCost::Census(Census::Window9x7)) {
+///     Ok(params) => params,
+///     Err(_) => panic!("the parameters are out of range"),
 /// };
 /// // A texture, seen three pixels further to the left.
 /// let pixel = |u: usize, v: usize| (u * (u + 3 * v) % 61) as u8;
@@ -56,14 +80,14 @@ pub struct EightPaths<'m, 'f, I> {
     /// The centre, line by line.
     center: &'f [u8],
     /// The paths of the second pass, with the costs and the excess of the line at hand, in either pass.
-    downward: PathLines<'m>,
+    paths_from_above: PathLines<'m>,
     /// The paths from the bottom left, the bottom and the bottom right.
-    upward: [Slots<'m>; 3],
+    paths_from_below: [Slots<'m>; 3],
     /// The costs of these paths in the first line of each band from the third on.
-    kept: &'m mut [u8],
+    kept_costs: &'m mut [u8],
     /// The lines of a band.
     band: usize,
-    /// What the paths from below add to the costs of the lines of a band.
+    /// The excess of the paths from below over the costs of the lines of a band.
     excess: &'m mut [u8],
     sums: &'m mut [u16],
     disparities: &'m mut [Option<Disparity>],
@@ -86,7 +110,7 @@ pub struct EightPathsLine<'a> {
 // The greatest sum.
 const _: () = assert!(8 * SemiGlobalParams::MAX_COST as u16 + 8 * crate::PathPenalties::MAX as u16 == 1424);
 
-/// How the lines of a frame are divided into bands.
+/// The division of a frame's lines into bands.
 #[derive(Clone, Copy, Debug)]
 struct Bands {
     shape: PathShape,
@@ -156,15 +180,15 @@ impl<'m, 'f, I: Isa> EightPaths<'m, 'f, I> {
         let shape = PathShape::new::<I>(params);
         let bands = Bands::new(shape, params.search().height());
         let mut lender = Lender::new::<I>(memory, EightPaths::<I>::memory_words(params))?;
-        let downward = PathLines::new(params, shape, |bytes| lender.bytes(bytes))?;
-        let mut slots = |slope| Ok(Slots::new(slope, shape, lender.bytes(shape.slots_bytes())?, downward.start));
+        let paths_from_above = PathLines::new(params, shape, |bytes| lender.bytes(bytes))?;
+        let mut slots = |slope| Ok(Slots::new(slope, shape, lender.bytes(shape.slots_bytes())?, paths_from_above.start));
         Ok(EightPaths {
             isa,
             params: *params,
             center,
-            upward: [slots(1)?, slots(0)?, slots(-1)?],
-            downward,
-            kept: lender.bytes(bands.kept_bytes())?,
+            paths_from_below: [slots(1)?, slots(0)?, slots(-1)?],
+            paths_from_above,
+            kept_costs: lender.bytes(bands.kept_bytes())?,
             band: bands.lines,
             excess: lender.bytes(bands.excess_bytes())?,
             sums: lender.halfwords(shape.line_bytes())?,
@@ -175,14 +199,14 @@ impl<'m, 'f, I: Isa> EightPaths<'m, 'f, I> {
 
     /// The samples of the centre in line `v`.
     fn center(&self, v: usize) -> &'f [u8] {
-        let width = self.downward.shape.width;
+        let width = self.paths_from_above.shape.width;
         self.center.get(v * width..(v + 1) * width).unwrap_or_default()
     }
 
-    /// Where the path costs of line `v` are kept, if it is the first one of a band from the third on.
-    fn kept_at(&self, v: usize) -> Option<Range<usize>> {
+    /// The place where the path costs of line `v` are kept, if it is the first one of a band from the third on.
+    fn kept_costs_at(&self, v: usize) -> Option<Range<usize>> {
         let first = v.checked_sub(2 * self.band).filter(|lines| lines.is_multiple_of(self.band))?;
-        let bytes = 3 * self.downward.shape.line_bytes();
+        let bytes = 3 * self.paths_from_above.shape.line_bytes();
         let start = first.checked_div(self.band)? * bytes;
         Some(start..start + bytes)
     }
@@ -204,14 +228,14 @@ impl<I: Kernel> EightPaths<'_, '_, I> {
         } else if v.is_multiple_of(self.band) {
             self.ascend(costs, v, (v + self.band).min(height));
         }
-        costs(v, self.downward.costs);
-        self.downward.enter_line(self.center(v));
-        let bytes = self.downward.shape.line_bytes();
+        costs(v, self.paths_from_above.costs);
+        self.paths_from_above.enter_line(self.center(v));
+        let bytes = self.paths_from_above.shape.line_bytes();
         let excess = self.excess.get(v.checked_rem(self.band)? * bytes..)?.get(..bytes)?;
-        self.isa.compiled(Downward {
+        self.isa.compiled(ExtendAndSelect {
             isa: self.isa,
             params: &self.params,
-            paths: &mut self.downward,
+            paths: &mut self.paths_from_above,
             excess,
             sums: self.sums,
             disparities: self.disparities,
@@ -223,61 +247,61 @@ impl<I: Kernel> EightPaths<'_, '_, I> {
     /// Extends the paths from below through the lines above `bottom` up to `top`, the first line of a band. Keeps what they add
     /// to the costs of this band, and the path costs of the first line of the bands below it.
     fn ascend(&mut self, costs: &mut impl FnMut(usize, &mut [u8]), top: usize, bottom: usize) {
-        let (shape, height) = (self.downward.shape, self.params.search().height());
+        let (shape, height) = (self.paths_from_above.shape, self.params.search().height());
         let line = shape.line_bytes();
-        match self.kept_at(bottom).and_then(|kept| self.kept.get(kept)) {
+        match self.kept_costs_at(bottom).and_then(|kept| self.kept_costs.get(kept)) {
             Some(kept) if bottom < height => {
                 let kept = kept.chunks_exact(line.max(1));
-                self.upward.iter_mut().zip(kept).for_each(|(slots, costs)| slots.load(costs, shape.depth));
+                self.paths_from_below.iter_mut().zip(kept).for_each(|(slots, costs)| slots.load(costs, shape.depth));
             }
-            _ => self.upward.iter_mut().for_each(|slots| slots.begin(self.downward.start)),
+            _ => self.paths_from_below.iter_mut().for_each(|slots| slots.begin(self.paths_from_above.start)),
         }
         for v in (top..bottom).rev() {
             let (here, below) = (self.center(v), self.center((v + 1).min(height - 1)));
-            let kept = self.kept_at(v);
-            let PathLines { costs: all_costs, excess: unused, start, p2, .. } = &mut self.downward;
+            let kept = self.kept_costs_at(v);
+            let PathLines { costs: all_costs, excess: unused, start, p2, .. } = &mut self.paths_from_above;
             costs(v, all_costs);
-            self.upward.iter_mut().for_each(|slots| slots.enter_line(start));
+            self.paths_from_below.iter_mut().for_each(|slots| slots.enter_line(start));
             let is_in_band = v < top + self.band;
             let excess = if is_in_band { self.excess.get_mut((v - top) * line..).unwrap_or_default() } else { &mut **unused };
-            self.isa.compiled(Upward {
+            self.isa.compiled(ExtendFromBelow {
                 isa: self.isa,
                 shape,
                 costs: all_costs,
                 excess,
-                upward: &mut self.upward,
+                paths_from_below: &mut self.paths_from_below,
                 penalties: RunPenalties { p1: self.params.penalties().p1(), p2, here, above: below },
             });
-            if let Some(kept) = kept.filter(|_| !is_in_band).and_then(|kept| self.kept.get_mut(kept)) {
+            if let Some(kept) = kept.filter(|_| !is_in_band).and_then(|kept| self.kept_costs.get_mut(kept)) {
                 let kept = kept.chunks_exact_mut(line.max(1));
-                self.upward.iter().zip(kept).for_each(|(slots, costs)| slots.store(costs, shape.depth));
+                self.paths_from_below.iter().zip(kept).for_each(|(slots, costs)| slots.store(costs, shape.depth));
             }
         }
     }
 }
 
 /// Extends the paths from below by a line.
-struct Upward<'a, 'm, I> {
+struct ExtendFromBelow<'a, 'm, I> {
     isa: I,
     shape: PathShape,
     costs: &'a [u8],
-    /// What the paths add to the costs, to be written.
+    /// The excess of the paths over the costs, to be written.
     excess: &'a mut [u8],
-    upward: &'a mut [Slots<'m>; 3],
+    paths_from_below: &'a mut [Slots<'m>; 3],
     /// The penalties, with the line below as the one above.
     penalties: RunPenalties<'a>,
 }
 
-impl<I: Kernel> Work for Upward<'_, '_, I> {
+impl<I: Kernel> Work for ExtendFromBelow<'_, '_, I> {
     #[inline(always)]
     fn run(self) {
-        let Upward { isa, shape: PathShape { width, depth }, costs, excess, upward, penalties } = self;
+        let ExtendFromBelow { isa, shape: PathShape { width, depth }, costs, excess, paths_from_below, penalties } = self;
         let stride = Slot::bytes(depth);
         let mut pixels = costs.chunks_exact(depth.max(1)).zip(excess.chunks_exact_mut(depth.max(1)));
         let mut start = 0;
         while start < width {
-            let length = upward.iter().map(|slots| slots.run_length(start)).fold(width - start, usize::min);
-            let mut runs = upward.each_mut().map(|slots| slots.run(start, length));
+            let length = paths_from_below.iter().map(|slots| slots.run_length(start)).fold(width - start, usize::min);
+            let mut runs = paths_from_below.each_mut().map(|slots| slots.run(start, length));
             for (i, (costs, excess)) in pixels.by_ref().take(length).enumerate() {
                 let [_, p2_a, p2_b, p2_c] = penalties.forward_p2(start + i);
                 let [a, b, c] = runs.each_mut().map(|slots| {
@@ -293,20 +317,20 @@ impl<I: Kernel> Work for Upward<'_, '_, I> {
 }
 
 /// Extends the paths from above and along a line, and selects its disparities.
-struct Downward<'a, 'm, I> {
+struct ExtendAndSelect<'a, 'm, I> {
     isa: I,
     params: &'a SemiGlobalParams,
     paths: &'a mut PathLines<'m>,
-    /// What the paths from below add to the costs.
+    /// The excess of the paths from below over the costs.
     excess: &'a [u8],
     sums: &'a mut [u16],
     disparities: &'a mut [Option<Disparity>],
 }
 
-impl<I: Kernel> Work for Downward<'_, '_, I> {
+impl<I: Kernel> Work for ExtendAndSelect<'_, '_, I> {
     #[cfg_attr(not(debug_assertions), inline(always))]
     fn run(self) {
-        let Downward { isa, params, paths, excess: from_below, sums, disparities } = self;
+        let ExtendAndSelect { isa, params, paths, excess: from_below, sums, disparities } = self;
         PathSweep { isa, params, paths, disparities: &mut [], peaks: None }.forward();
         let (depth, min_disparity) = (paths.shape.depth, params.search().min_disparity());
         paths.extend_backward(isa, params.penalties().p1(), |Reached { column, costs, excess, .. }| {
@@ -344,12 +368,21 @@ fn select(min_disparity: i16, sums: &[u16]) -> Option<Disparity> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Census, Fusion, Search, SemiGlobalCost, Views, kernel::Portable};
+    use crate::{Census, Fusion, SearchConfig, SemiGlobalCost, Views, kernel::Portable};
 
     #[test]
     fn small_frames_take_less_than_120_kilobytes() {
         let bytes = |width, height, count| {
-            let search = Search::new(width, height, Views::HORIZONTAL, Fusion::Min, 0, count).unwrap();
+            let search = SearchConfig {
+                width,
+                height,
+                views: Views::HORIZONTAL,
+                fusion: Fusion::Min,
+                min_disparity: 0,
+                num_disparities: count,
+            }
+            .checked()
+            .unwrap();
             let params = SemiGlobalParams::new(search, SemiGlobalCost::Census(Census::Window9x7)).unwrap();
             4 * EightPaths::<Portable<8>>::memory_words(&params)
         };

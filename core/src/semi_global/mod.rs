@@ -1,23 +1,15 @@
-//! Semi-global matching: scanlines in, disparity lines out. Each room knows only those above it:
+//! Semi-global matching: scanlines in, disparity lines out. Each module knows only those above it:
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
-//! | `census_window` | the lines of a frame under the census window, and their transform |
-//! | `census_lines` | costs by Hamming distances |
-//! | `cost_lines` | costs of a line, by either cost function |
-//! | `slots` | the paths from the line above |
-//! | `path_selection` | disparities by the sums of path costs |
-//! | `path_lines` | the paths through a line |
+//! | `cost_lines` | the matching costs of a line: sums of absolute differences, or Hamming distances of census transforms |
+//! | `path_lines` | the paths through a line and from the line above, and disparities by their sums |
 //! | `eight_paths` | with the feature `network`: sums of path costs along eight paths |
 
-mod census_lines;
-mod census_window;
 mod cost_lines;
 #[cfg(feature = "network")]
 mod eight_paths;
 mod path_lines;
-mod path_selection;
-mod slots;
 
 use crate::{
     Disparity, MatchError, Memory, MemoryTooSmall, Params, ScanlineSource, SemiGlobalParams,
@@ -26,9 +18,11 @@ use crate::{
 };
 use cost_lines::CostLines;
 #[cfg(feature = "network")]
+pub(crate) use cost_lines::{descriptor_at, set_descriptors};
+#[cfg(feature = "network")]
 pub use eight_paths::{EightPaths, EightPathsLine};
+pub use path_lines::PathWinners;
 use path_lines::{PathLines, PathSweep};
-pub use path_selection::PathWinners;
 
 /// A pass of semi-global matching over the whole frame, one disparity line at a time.
 ///
@@ -37,7 +31,7 @@ pub use path_selection::PathWinners;
 /// selects disparities. The caller lends the memory.
 ///
 /// ```
-/// use multiscopic_core::{Census, Frame, Fusion, ScanlineSource, Search, SemiGlobalCost};
+/// use multiscopic_core::{Census, Frame, Fusion, ScanlineSource, SearchConfig, SemiGlobalCost};
 /// use multiscopic_core::{SemiGlobalMatcher, SemiGlobalParams, Views};
 ///
 /// /// A texture, seen three pixels further to each side.
@@ -58,10 +52,11 @@ pub use path_selection::PathWinners;
 ///     }
 /// }
 ///
-/// const PARAMS: SemiGlobalParams = {
-///     let Ok(search) = Search::new(40, 30, Views::HORIZONTAL, Fusion::Min, 0, 8) else { panic!("out of range") };
-///     let Ok(params) = SemiGlobalParams::new(search, SemiGlobalCost::Census(Census::Window5x5)) else { panic!("out of range") };
-///     params
+/// const SEARCH: SearchConfig =
+///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(40, 30) };
+/// const PARAMS: SemiGlobalParams = match SEARCH.semi_global(SemiGlobalCost::Census(Census::Window5x5)) {
+///     Ok(params) => params,
+///     Err(_) => panic!("the parameters are out of range"),
 /// };
 /// let mut memory = [0; PARAMS.memory_words()];
 /// let mut matcher = SemiGlobalMatcher::new(&PARAMS, &mut memory)?;

@@ -7,14 +7,16 @@ use embedded_hal_mock::eh1::{
     i2c::{Mock, Transaction},
 };
 use multiscopic_core::{
-    Frame, Fusion, MatchError, Matcher, Params, ScanlineSource, View, Views,
+    Frame, Fusion, MatchError, Matcher, Params, ScanlineSource, SearchConfig, View, Views,
     capture::{Camera, Plan},
 };
 use multiscopic_drivers::hm01b0::{
     Arrival, ClockDivider, Configuration, FrameMemory, Gain, Hm01b0, Hm01b0Error, LineQueue, LineSender, NoRoom, PixelBus, Size,
 };
 
-const PARAMS: Params = match Params::new(160, 120, Views::HORIZONTAL, Fusion::Min, 1, 16, 7) {
+const SEARCH: SearchConfig =
+    SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
+const PARAMS: Params = match SEARCH.block_matching(7) {
     Ok(params) => params,
     Err(_) => panic!("the parameters are out of range"),
 };

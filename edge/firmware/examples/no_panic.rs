@@ -17,7 +17,7 @@ mod image {
     use multiscopic_core::network::{NetworkMatcher, NetworkParams};
     use multiscopic_core::{
         Census, Disparity, Displacement, DisplacementGrid, Frame, Fusion, Matcher, Params, Rectification, Rectified, Region,
-        Rewind, ScanlineSource, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
+        Rewind, ScanlineSource, SearchConfig, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
     };
     use static_cell::ConstStaticCell;
 
@@ -58,7 +58,8 @@ mod image {
         // With the feature `array`, loops over eight views are linked as well.
         let (width, height, views) = black_box((64, 48, Views::CROSS));
         let (min_disparity, num_disparities, block_size) = black_box((1, 16, 11));
-        let params = Params::new(width, height, views, fusion, min_disparity, num_disparities, block_size).ok()?;
+        let params =
+            SearchConfig { width, height, views, fusion, min_disparity, num_disparities }.block_matching(block_size).ok()?;
         let (memory, line) = (MEMORY.try_take()?, LINE.try_take()?);
         let matches = black_box([params, params.around(params.search())]);
         let tiles = |params: Params| Region::tiles(params.search(), black_box(20)).map(move |tile| (params, tile));

@@ -1,6 +1,6 @@
 //! The command line that the firmware is started with.
 
-use multiscopic_core::{Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams, Views};
+use multiscopic_core::{Fusion, Params, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views};
 use multiscopic_edge::Matching;
 use semihosting::experimental::env;
 
@@ -45,7 +45,9 @@ pub fn calibration() -> Option<Matching> {
     };
     let (min_disparity, num_disparities) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
     let block_size = words.next()?.parse().ok()?;
-    let search = Search::new(width, height, views, fusion_of(words.next()?)?, min_disparity, num_disparities).ok()?;
+    let search = SearchConfig { width, height, views, fusion: fusion_of(words.next()?)?, min_disparity, num_disparities }
+        .checked()
+        .ok()?;
     let tile_width = words.next()?.parse().ok()?;
     let blocks = || Params::block_matching(search, block_size).ok();
     Some(match words.next()? {

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 use embedded_hal::digital::PinState;
-use multiscopic_core::{Fusion, Params, Views, capture::Policy, kernel::Dsp};
+use multiscopic_core::{Params, SearchConfig, capture::Policy, kernel::Dsp};
 use multiscopic_drivers::{
     hm01b0::{Configuration, Size},
     stepper::Axis,
@@ -45,18 +45,13 @@ pub const HOMING_TIMEOUT: Duration = Duration::from_secs(60);
 /// Frames of 320x240 pixels at a pixel clock of 3 MHz: 31 ms each, of which 15 ms are exposure.
 pub const CONFIGURATION: Configuration = Configuration { stream_last: false, ..Configuration::new(Size::Qvga) };
 
+const SIZE: Size = CONFIGURATION.size;
+const SEARCH: SearchConfig =
+    SearchConfig { num_disparities: 32, ..SearchConfig::of_size(SIZE.width() as u16, SIZE.height() as u16) };
 /// The match of the profile `qvga`: four views, 32 disparities, blocks of 11x11 pixels.
-pub const PARAMS: Params = match Params::new(
-    CONFIGURATION.size.width() as u16,
-    CONFIGURATION.size.height() as u16,
-    Views::CROSS,
-    Fusion::Heuristic,
-    1,
-    32,
-    11,
-) {
+pub const PARAMS: Params = match SEARCH.block_matching(11) {
     Ok(params) => params,
-    Err(_) => panic!("the parameters are out of range: see Params::new"),
+    Err(_) => panic!("the parameters are out of range: see SearchConfig"),
 };
 /// Columns that are matched in one pass. All 320 at once would not fit beside five frames.
 pub const TILE_WIDTH: usize = 160;

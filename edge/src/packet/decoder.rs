@@ -128,10 +128,11 @@ mod tests {
 
     use super::*;
     use crate::packet::{Sender, buffer_bytes_with_confidences};
-    use multiscopic_core::{Fusion, Params, Region, Views};
+    use multiscopic_core::{Params, Region, SearchConfig};
     use std::{vec, vec::Vec};
 
-    const PARAMS: Params = match Params::new(40, 20, Views::CROSS, Fusion::Heuristic, 1, 4, 3) {
+    const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(40, 20) };
+    const PARAMS: Params = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };

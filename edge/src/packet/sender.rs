@@ -133,10 +133,12 @@ mod tests {
 
     use super::*;
     use crate::packet::Packet;
-    use multiscopic_core::{Fusion, Params, Views};
+    use multiscopic_core::Params;
+    use multiscopic_core::SearchConfig;
     use std::{vec, vec::Vec};
 
-    const PARAMS: Params = match Params::new(700, 20, Views::CROSS, Fusion::Heuristic, 1, 4, 3) {
+    const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(700, 20) };
+    const PARAMS: Params = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };

@@ -1,6 +1,6 @@
 //! From short baselines to long ones.
 
-use multiscopic_core::{Fusion, Params, Search, View, Views};
+use multiscopic_core::{Fusion, Params, Search, SearchConfig, View, Views};
 
 use super::{Engine, refinement::Median};
 use crate::{
@@ -73,9 +73,9 @@ impl LongBaselines {
         let mut refined = prior.clone();
         for &views in sets {
             let least = -i16::try_from(self.num_disparities / 2).unwrap_or(i16::MAX);
-            let (width, height) = (earlier.width() as u16, earlier.height() as u16);
             let fusion = Fusion::default_for(views.len());
-            let search = Search::new(width, height, views, fusion, least, self.num_disparities)?;
+            let (min_disparity, num_disparities) = (least, self.num_disparities);
+            let search = SearchConfig { views, fusion, min_disparity, num_disparities, ..earlier.config() }.checked()?;
             let params = Params::block_matching(search, self.block_size)?.around(earlier);
             progress.begin(search.height() as u64, "lines");
             let found = engine.disparities_around(&frames.planes(), &prior, &params, &|| progress.advance(1))?;
@@ -102,7 +102,15 @@ impl LongBaselines {
         let range = prior.whole_range().ok_or_else(|| Error::Usage("no pixel of the prior has a disparity".into()))?;
         let (least, most) = range.into_inner();
         let (width, height) = (prior.width() as u16, prior.height() as u16);
-        let earlier = Search::new(width, height, frames.views(), Fusion::Min, least, (most - least + 1) as u16)?;
+        let earlier = SearchConfig {
+            width,
+            height,
+            views: frames.views(),
+            fusion: Fusion::Min,
+            min_disparity: least,
+            num_disparities: (most - least + 1) as u16,
+        }
+        .checked()?;
         self.refine(engine, frames, &earlier, &LongBaselines::sets(frames.views()), prior, progress)
     }
 }

@@ -147,7 +147,7 @@ impl Processor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Census, Fusion, Params, SemiGlobalCost, SemiGlobalParams, Views};
+    use multiscopic_core::{Census, Fusion, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views};
     use multiscopic_edge::profile;
 
     const MEASURED_RULES: [Fusion; 3] = [Fusion::Min, Fusion::Mean, Fusion::Heuristic];
@@ -168,7 +168,9 @@ mod tests {
         for views in [Views::STEREO, Views::HORIZONTAL, Views::THREE, Views::CROSS, Views::ARRAY] {
             let rules = if views == Views::ARRAY { [Fusion::Min, Fusion::Heuristic, Fusion::Half] } else { MEASURED_RULES };
             for (fusion, block_size) in rules.into_iter().flat_map(|fusion| [(fusion, 3), (fusion, 21)]) {
-                let params = Params::new(40, 30, views, fusion, 1, 8, block_size).unwrap();
+                let params = SearchConfig { views, fusion, num_disparities: 8, ..SearchConfig::of_size(40, 30) }
+                    .block_matching(block_size)
+                    .unwrap();
                 for processor in Processor::ALL {
                     let matching = Matching::Blocks { params, tile_width: 40 };
                     // More than one instruction per pixel.
@@ -197,7 +199,10 @@ mod tests {
         for (views, fusion) in
             [Views::STEREO, Views::CROSS].into_iter().flat_map(|views| MEASURED_RULES.map(|fusion| (views, fusion)))
         {
-            let search = *Params::new(40, 30, views, fusion, 1, 8, 1).unwrap().search();
+            let search = *SearchConfig { views, fusion, num_disparities: 8, ..SearchConfig::of_size(40, 30) }
+                .block_matching(1)
+                .unwrap()
+                .search();
             let matching = |cost| Matching::SemiGlobal(SemiGlobalParams::new(search, cost).unwrap());
             for processor in Processor::ALL {
                 let sad = processor.instructions(&matching(SemiGlobalCost::Sad { block_size: 5 }));

@@ -113,7 +113,7 @@ impl CrateTree {
     }
 
     /// The top-level module that a module is in; `None` for the crate's root.
-    pub fn room(&self, mut module: ModuleId) -> Option<ModuleId> {
+    pub fn top_level(&self, mut module: ModuleId) -> Option<ModuleId> {
         while let Some(parent) = self.modules[module].parent {
             if parent == 0 {
                 return Some(module);
@@ -128,7 +128,7 @@ impl CrateTree {
         self.modules[module].children.iter().copied().find(|&child| self.modules[child].name == name)
     }
 
-    /// Whether `module` is `ancestor` or a descendant of it.
+    /// Returns true if `module` is `ancestor` or a descendant of it.
     pub fn is_within(&self, mut module: ModuleId, ancestor: ModuleId) -> bool {
         while module != ancestor {
             match self.modules[module].parent {
@@ -146,7 +146,7 @@ fn module_file(folder: &Path, name: &str) -> (PathBuf, PathBuf) {
     if file.is_file() { (file, inner) } else { (inner.join("mod.rs"), inner) }
 }
 
-/// Whether an item is compiled only for unit tests.
+/// Returns true if an item is compiled only for unit tests.
 fn is_for_tests(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| match &attribute.meta {
         Meta::List(list) if list.path.is_ident("cfg") => list.tokens.to_string() == "test",

@@ -1,15 +1,12 @@
-//! The workspace's architecture: imports between rooms run one way, files form no circles, folders are short,
-//! and names are unambiguous.
+//! The workspace's architecture: imports between a crate's top-level modules run one way, and files form no circles.
 //!
 //! The check parses every source file and follows every path in it, through modules and re-exports, to the
 //! file that defines the item. Code for unit tests (`#[cfg(test)]`) may import anything.
 
 mod circles;
 mod crate_tree;
-mod crowding;
 mod imports;
 mod layers;
-mod names;
 mod resolution;
 mod violation;
 mod workspace;
@@ -31,17 +28,13 @@ pub fn check(root: &Path) -> Result<Vec<Violation>, Box<dyn Error>> {
 
 fn check_crates(root: &Path, crate_roots: &[CrateRoot]) -> Result<Vec<Violation>, Box<dyn Error>> {
     let mut violations = Vec::new();
-    let mut trees = Vec::new();
     for crate_root in crate_roots {
         let tree = CrateTree::read(root, &crate_root.path)?;
         let imports = imports::of(&tree);
         violations.extend(imports.unresolved);
         violations.extend(layers::check(&tree, &imports.edges, crate_root.usage == Use::Library));
         violations.extend(circles::check(&tree, &imports.edges));
-        trees.push((tree, crate_root.usage));
     }
-    violations.extend(names::check(&trees));
-    violations.extend(crowding::check(root, crate_roots)?);
     violations.sort();
     violations.dedup();
     Ok(violations)

@@ -10,7 +10,7 @@ use std::{
 /// The kind of a crate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Use {
-    /// A library, which must list its rooms.
+    /// A library, which must list its modules.
     Library,
     /// A program.
     Program,

@@ -14,7 +14,7 @@ use multiscopic::{
     },
 };
 use multiscopic_core::{
-    Fusion, Params, Views,
+    Fusion, SearchConfig, Views,
     capture::{CaptureProgress, Plan, Policy},
 };
 
@@ -289,7 +289,14 @@ fn check_match(acquisition: Acquisition, what: &str) {
     let frames = acquisition.frames();
     let engine = Engine::new(None, 2).expect("two threads");
     let [width, height] = SIZE.map(|side| side as u16);
-    let params = Params::new(width, height, Views::HORIZONTAL, Fusion::Min, 1, 8, 5).expect("valid parameters");
+    let params = SearchConfig {
+        views: Views::HORIZONTAL,
+        fusion: Fusion::Min,
+        num_disparities: 8,
+        ..SearchConfig::of_size(width, height)
+    }
+    .block_matching(5)
+    .expect("valid parameters");
     let map: DisparityMap = engine.disparities(&frames.planes(), &params, &|| ()).expect("the frames fit");
     let wall = map.pixels().iter().flatten().filter(|disparity| (f32::from(**disparity) - DISPARITY as f32).abs() < 0.5).count();
     let all = map.pixels().len();

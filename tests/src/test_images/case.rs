@@ -2,7 +2,9 @@
 
 use std::{env, ops::Range, str::FromStr, time::SystemTime};
 
-use multiscopic_core::{Disparity, Fusion as CoreFusion, Matcher, Memory, Params, Region, View, Views, kernel::Kernel};
+use multiscopic_core::{
+    Disparity, Fusion as CoreFusion, Matcher, Memory, Params, Region, SearchConfig, View, Views, kernel::Kernel,
+};
 use proptest::{
     prelude::*,
     test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner},
@@ -220,8 +222,16 @@ pub fn params_in(
         Fusion::Half => CoreFusion::Half,
     };
     let narrow = |value: i32| value.try_into().expect("a parameter's type");
-    Params::new(width as u16, height as u16, views, fusion, min_disparity as i16, num_disparities as u16, narrow(block_size))
-        .expect("valid parameters")
+    SearchConfig {
+        width: width as u16,
+        height: height as u16,
+        views,
+        fusion,
+        min_disparity: min_disparity as i16,
+        num_disparities: num_disparities as u16,
+    }
+    .block_matching(narrow(block_size))
+    .expect("valid parameters")
 }
 
 /// The core's disparities in a region, in the 16-bit encoding. The source is strict; the memory has exactly

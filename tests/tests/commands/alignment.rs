@@ -5,7 +5,7 @@ use multiscopic::{
     Alignment, Frames, Picture, Rig,
     scene::{PinholeCamera, Scene, render},
 };
-use multiscopic_core::{Frame, Fusion, Search, View};
+use multiscopic_core::{Frame, Fusion, SearchConfig, View};
 use multiscopic_tests::{
     program::Invocation,
     test_images::{
@@ -168,7 +168,10 @@ fn views_of_arrays_are_aligned() {
         };
         frames = frames.with(View::new(i, j).unwrap(), image(&view));
     }
-    let search = Search::new(144, 108, frames.views(), Fusion::Min, 1, 8).unwrap();
+    let search =
+        SearchConfig { views: frames.views(), fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(144, 108) }
+            .checked()
+            .unwrap();
     let alignment = Alignment::estimate(&frames, &search, None).unwrap();
     let aligned = Alignment::estimate(&alignment.compensate(&frames), &search, None).unwrap();
     for ((i, j), _, shift, gain) in cases {

@@ -11,7 +11,7 @@ use multiscopic::{
     Processor,
     scene::{PinholeCamera, Scene, render_views},
 };
-use multiscopic_core::{Disparity, Frame, Fusion, Memory, Params, Region, SemiGlobalCost, View, Views};
+use multiscopic_core::{Disparity, Frame, Fusion, Memory, Params, Region, SearchConfig, SemiGlobalCost, View, Views};
 use multiscopic_edge::{
     Matching, Profile, WholeLines, Wide,
     packet::{Sender, buffer_bytes, buffer_bytes_with_confidences},
@@ -32,7 +32,9 @@ fn folder() -> TempDir {
 }
 
 /// A frame of 7 x 5 pixels, sent in tiles of 4 columns.
-const PARAMS: Params = match Params::new(7, 5, Views::HORIZONTAL, Fusion::Min, 1, 8, 3) {
+const SEARCH: SearchConfig =
+    SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(7, 5) };
+const PARAMS: Params = match SEARCH.block_matching(3) {
     Ok(params) => params,
     Err(_) => panic!("the parameters are out of range"),
 };
@@ -200,7 +202,9 @@ fn a_truncated_stream_is_reported() {
 
 #[test]
 fn foreign_packets_are_named_and_skipped() {
-    let other = Params::new(9, 2, Views::HORIZONTAL, Fusion::Min, 1, 8, 3).expect("they are in range");
+    let other = SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 8, ..SearchConfig::of_size(9, 2) }
+        .block_matching(3)
+        .expect("they are in range");
     let mut buffer = vec![0; buffer_bytes(9)];
     let line = Sender::new(other.search(), &mut buffer)
         .line(&Region::whole(other.search()), 0, &[None; 9])

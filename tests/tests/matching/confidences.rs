@@ -1,6 +1,6 @@
 //! Confidences equal their definition.
 
-use multiscopic_core::{ConfidenceLines, ConfidenceTable, Disparity, Fusion, MatchError, Search, Views};
+use multiscopic_core::{ConfidenceLines, ConfidenceTable, Disparity, Fusion, MatchError, SearchConfig, Views};
 use multiscopic_tests::{reference::confidence, split_mix::Random};
 
 /// Disparities around a few values, among them the ends of what is possible, with some that are invalid.
@@ -21,7 +21,14 @@ fn lines_equal_the_definition() {
         let map = random_map(width, height, &mut random);
         let evidence: Vec<Vec<u8>> = (0..height).map(|_| (0..width).map(|_| random.below(16) as u8).collect()).collect();
         let table = ConfidenceTable([[0; 16]; 27].map(|row| row.map(|_| random.byte())));
-        let search = Search::new(width as u16, height as u16, Views::HORIZONTAL, Fusion::Min, 1, 2).unwrap();
+        let search = SearchConfig {
+            views: Views::HORIZONTAL,
+            fusion: Fusion::Min,
+            num_disparities: 2,
+            ..SearchConfig::of_size(width as u16, height as u16)
+        }
+        .checked()
+        .unwrap();
         let mut memory: Vec<u32> = (0..ConfidenceLines::memory_words(width)).map(|_| random.bits() as u32).collect();
         let mut lines = ConfidenceLines::new(&search, &table, &mut memory).unwrap();
         let pixels: Vec<Vec<_>> = map.iter().map(|row| row.iter().map(|pixel| pixel.map(f32::from)).collect()).collect();
@@ -63,7 +70,10 @@ fn lines_equal_the_definition() {
 
 #[test]
 fn lines_of_another_length_are_refused() {
-    let search = Search::new(30, 8, Views::HORIZONTAL, Fusion::Min, 1, 2).unwrap();
+    let search =
+        SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 2, ..SearchConfig::of_size(30, 8) }
+            .checked()
+            .unwrap();
     let table = ConfidenceTable::BLOCK_MATCHING;
     let mut memory = vec![0; ConfidenceLines::memory_words(30)];
     assert!(ConfidenceLines::new(&search, &table, &mut memory[1..]).is_err());

@@ -5,7 +5,7 @@ use multiscopic::{
     stereo::refinement::{Median, TextureThreshold},
 };
 use multiscopic_core::{
-    ConfidenceLines, ConfidenceTable, Disparity, Frame, Fusion, MatchError, Matcher, MedianLines, ScanlineSource, Search,
+    ConfidenceLines, ConfidenceTable, Disparity, Frame, Fusion, MatchError, Matcher, MedianLines, ScanlineSource, SearchConfig,
     TextureLines, View, Views, keep_sure,
 };
 use multiscopic_tests::{
@@ -40,7 +40,14 @@ fn medians_equal_the_definition_and_the_hosts() {
         let (width, height) = (1 + random.below(12), 1 + random.below(12));
         let map = random_map(width, height, &mut random);
         let peaks: Vec<Vec<u8>> = map.iter().map(|row| row.iter().map(|_| random.byte()).collect()).collect();
-        let search = Search::new(width as u16, height as u16, Views::HORIZONTAL, Fusion::Min, 1, 2).unwrap();
+        let search = SearchConfig {
+            views: Views::HORIZONTAL,
+            fusion: Fusion::Min,
+            num_disparities: 2,
+            ..SearchConfig::of_size(width as u16, height as u16)
+        }
+        .checked()
+        .unwrap();
         let mut memory: Vec<u32> = (0..MedianLines::memory_words(width)).map(|_| random.bits() as u32).collect();
         let mut lines = MedianLines::new(&search, &mut memory).unwrap();
         let (mut disparities, mut passed) = (vec![None; width], vec![0; width]);
@@ -165,7 +172,14 @@ fn filters_form_a_chain() {
     let (width, height) = (50, 20);
     let map = random_map(width, height, &mut random);
     let grades: Vec<Vec<u8>> = map.iter().map(|row| row.iter().map(|_| random.below(16) as u8).collect()).collect();
-    let search = Search::new(width as u16, height as u16, Views::HORIZONTAL, Fusion::Min, 1, 2).unwrap();
+    let search = SearchConfig {
+        views: Views::HORIZONTAL,
+        fusion: Fusion::Min,
+        num_disparities: 2,
+        ..SearchConfig::of_size(width as u16, height as u16)
+    }
+    .checked()
+    .unwrap();
     let mut memory = vec![0; MedianLines::memory_words(width)];
     let mut median_lines = MedianLines::new(&search, &mut memory).unwrap();
     let mut memory = vec![0; ConfidenceLines::memory_words(width)];

@@ -5,7 +5,7 @@ use std::{cell::Cell, convert::Infallible};
 use image::GrayImage;
 use multiscopic::{DisparityMap, Frames};
 use multiscopic_core::{
-    Disparity, Frame, Gradients, Matcher, Memory, Params, Region, ScanlineSource, Search, View, Views, kernel::Portable,
+    Disparity, Frame, Gradients, Matcher, Memory, Params, Region, ScanlineSource, SearchConfig, View, Views, kernel::Portable,
 };
 use multiscopic_tests::{
     engines::engines,
@@ -79,8 +79,16 @@ impl Case {
         let views = self.views.iter().map(|(offset, _)| self.view(*offset)).collect();
         let params = params_in(self.width, self.height, views, self.fusion, self.search, self.block_size);
         let (least, most) = self.priors;
-        let earlier = Search::new(1, 1, Views::STEREO, multiscopic_core::Fusion::Min, least as i16, (most - least + 1) as u16)
-            .expect("valid");
+        let earlier = SearchConfig {
+            width: 1,
+            height: 1,
+            views: Views::STEREO,
+            fusion: multiscopic_core::Fusion::Min,
+            min_disparity: least as i16,
+            num_disparities: (most - least + 1) as u16,
+        }
+        .checked()
+        .expect("valid");
         params.around(&earlier)
     }
 

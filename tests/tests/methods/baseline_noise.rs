@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use image::GrayImage;
 use multiscopic::{Engine, Frames, Method};
-use multiscopic_core::{Fusion, Search, View, Views};
+use multiscopic_core::{Fusion, SearchConfig, View, Views};
 use multiscopic_tests::split_mix::Random;
 
 const WIDTH: usize = 480;
@@ -48,7 +48,14 @@ fn noise(multiple: i8, engine: &Engine) -> f64 {
             frames.with(View::new(i, 0).expect("near enough"), image(&texture, i, random))
         });
         let views: Views = frames.views();
-        let search = Search::new(WIDTH as u16, HEIGHT as u16, views, Fusion::Min, 1, 16).expect("in range");
+        let search = SearchConfig {
+            views,
+            fusion: Fusion::Min,
+            num_disparities: 16,
+            ..SearchConfig::of_size(WIDTH as u16, HEIGHT as u16)
+        }
+        .checked()
+        .expect("in range");
         let method = Method::block_matching(11);
         let map = method.disparities(engine, &frames, &search, &()).expect("the frames fit the search");
         for (v, u) in (12..HEIGHT - 12).flat_map(|v| (110..WIDTH - 110).map(move |u| (v, u))) {

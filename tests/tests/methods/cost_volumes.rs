@@ -9,7 +9,7 @@ use multiscopic::{
         optimization::edge_aware::{EdgeAware, Penalties},
     },
 };
-use multiscopic_core::{Disparity, Fusion, Search, Views};
+use multiscopic_core::{Disparity, Fusion, Search, SearchConfig, Views};
 use multiscopic_tests::split_mix::Random;
 
 /// Where the match of a pixel lies per pixel of disparity: left, right, top, bottom.
@@ -35,7 +35,16 @@ impl Problem {
         let views: Vec<usize> = (0..4).filter(|view| bits >> view & 1 != 0).collect();
         let set: Views =
             multiscopic_core::View::CROSS.into_iter().enumerate().filter(|(i, _)| views.contains(i)).map(|(_, v)| v).collect();
-        let search = Search::new(width as u16, height as u16, set, Fusion::Min, min, count).unwrap();
+        let search = SearchConfig {
+            width: width as u16,
+            height: height as u16,
+            views: set,
+            fusion: Fusion::Min,
+            min_disparity: min,
+            num_disparities: count,
+        }
+        .checked()
+        .unwrap();
         // Few levels, so that crosses have arms, and a little noise, so that no difference equals a
         // threshold.
         let mut image = || {
@@ -247,7 +256,16 @@ fn selection_equals_that_of_integers() {
     let mut random = Random(4);
     for _ in 0..2000 {
         let (min, count) = (random.below(30) as i16 - 15, 1 + random.below(9));
-        let search = Search::new(1, 1, Views::STEREO, Fusion::Min, min, count as u16).unwrap();
+        let search = SearchConfig {
+            width: 1,
+            height: 1,
+            views: Views::STEREO,
+            fusion: Fusion::Min,
+            min_disparity: min,
+            num_disparities: count as u16,
+        }
+        .checked()
+        .unwrap();
         let costs: Vec<Option<u16>> = (0..count).map(|_| (random.below(4) > 0).then(|| random.below(6) as u16 * 7)).collect();
         let mut whole = Volume::filled(1, 1, count, u16::NONE);
         let mut float = Volume::filled(1, 1, count, f32::NONE);

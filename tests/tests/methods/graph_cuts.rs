@@ -9,7 +9,7 @@ use multiscopic::{
         optimization::graph_cuts::{Energy, Label, Labelling, MaxFlow, OCCLUDED, Occlusion, Smoothness, Topology},
     },
 };
-use multiscopic_core::{Fusion, Search, View, Views};
+use multiscopic_core::{Fusion, Search, SearchConfig, View, Views};
 use multiscopic_tests::{
     reference::{self, energy},
     split_mix::Random,
@@ -134,7 +134,16 @@ impl Case {
             ..GraphCuts::default()
         };
         let (least, count) = (random.below(5) as i16 - 3, 1 + random.below(6) as u16);
-        let search = Search::new(width as u16, height as u16, views, fusion, least, count).unwrap();
+        let search = SearchConfig {
+            width: width as u16,
+            height: height as u16,
+            views,
+            fusion,
+            min_disparity: least,
+            num_disparities: count,
+        }
+        .checked()
+        .unwrap();
         let reference = energy::Energy {
             center,
             views: images,
@@ -315,7 +324,16 @@ fn bands_do_not_depend_on_threads() {
         };
         let frames = Frames::new(image(0, 0)).with(View::LEFT, image(1, 0)).with(View::RIGHT, image(-1, 0));
         let frames = frames.with(View::TOP, image(0, 1));
-        let search = Search::new(width as u16, height as u16, views, Fusion::Min, 0, 7).unwrap();
+        let search = SearchConfig {
+            width: width as u16,
+            height: height as u16,
+            views,
+            fusion: Fusion::Min,
+            min_disparity: 0,
+            num_disparities: 7,
+        }
+        .checked()
+        .unwrap();
         let method = GraphCuts { occlusions: Some(occlusions), ..GraphCuts::default() };
         let energy = Energy::new(&method, COLOR, &frames, &search);
         let start: Vec<Label> = (0..width * height).map(|_| random.below(7) as Label).collect();
@@ -404,7 +422,9 @@ fn enlarged_images_give_sub_pixel_disparities() {
     let center = GrayImage::from_fn(72, 24, |u, v| Luma([wave(u.into(), v.into()) as u8]));
     let right = GrayImage::from_fn(72, 24, |u, v| Luma([wave(f64::from(u) + disparity(f64::from(u) + 2.5), v.into()) as u8]));
     let frames = Frames::new(center).with(View::RIGHT, right);
-    let search = Search::new(72, 24, Views::STEREO, Fusion::Min, 1, 5).unwrap();
+    let search = SearchConfig { views: Views::STEREO, fusion: Fusion::Min, num_disparities: 5, ..SearchConfig::of_size(72, 24) }
+        .checked()
+        .unwrap();
     let engine = Engine::new(None, 1).unwrap();
     let map = |upsample: u8| {
         let method = GraphCuts { upsample, refine: false, start_block_size: 7, ..GraphCuts::default() };
@@ -451,7 +471,8 @@ fn several_views_match_what_one_cannot() {
     let frames = Frames::new(image(0)).with(View::LEFT, image(1)).with(View::RIGHT, image(-1));
     let engine = Engine::new(None, 2).unwrap();
     let wrong = |views: Views| {
-        let search = Search::new(64, 56, views, Fusion::Min, 1, 9).unwrap();
+        let search =
+            SearchConfig { views, fusion: Fusion::Min, num_disparities: 9, ..SearchConfig::of_size(64, 56) }.checked().unwrap();
         let cuts = GraphCuts { fill: false, start_block_size: 5, ..GraphCuts::default() };
         let method = Method::new(Pipeline::GraphCuts { cost: COLOR, cuts });
         let map = method.disparities(&engine, &frames, &search, &()).unwrap();
@@ -460,7 +481,10 @@ fn several_views_match_what_one_cannot() {
         let off = pixels.filter(|(i, d)| d.is_none_or(|d| (f32::from(d) - truth(*i)).abs() > 1.0));
         off.map(|(i, _)| i % 64).collect::<Vec<_>>()
     };
-    let search = Search::new(64, 56, Views::HORIZONTAL, Fusion::Min, 1, 9).unwrap();
+    let search =
+        SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 9, ..SearchConfig::of_size(64, 56) }
+            .checked()
+            .unwrap();
     let unique = GraphCuts { occlusions: Some(Occlusion::Unique), ..GraphCuts::default() };
     let message = unique.disparities(COLOR, &engine, &frames, &search, &()).unwrap_err().to_string();
     assert!(message.contains("unique in 2 views"), "{message}");

@@ -4,7 +4,7 @@ use multiscopic::{
     Engine, Method, SemiGlobal,
     stereo::{CostFunction, Pipeline},
 };
-use multiscopic_core::{Census, Disparity, Fusion as CoreFusion, Search, SemiGlobalCost};
+use multiscopic_core::{Census, Disparity, Fusion as CoreFusion, Search, SearchConfig, SemiGlobalCost};
 use multiscopic_tests::{
     reference::{Fusion, raw16, semi_global::Cost},
     split_mix::Random,
@@ -38,7 +38,16 @@ fn search(images: &ViewSet, fusion: CoreFusion, min: i32, count: i32) -> Search 
     let offsets: Vec<(i32, i32)> = images.others.iter().map(|(offset, _)| *offset).collect();
     assert!(offsets.iter().all(|&offset| images.view(view_at(offset)).is_some()));
     let set = views(images.views.each_ref().map(Option::is_some), &offsets);
-    Search::new(images.width as u16, images.height as u16, set, fusion, min as i16, count as u16).expect("in range")
+    SearchConfig {
+        width: images.width as u16,
+        height: images.height as u16,
+        views: set,
+        fusion,
+        min_disparity: min as i16,
+        num_disparities: count as u16,
+    }
+    .checked()
+    .expect("in range")
 }
 
 /// The method's disparities in the 16-bit encoding.

@@ -13,7 +13,7 @@ use multiscopic::{
     },
 };
 use multiscopic_core::{
-    Disparity, Fusion as CoreFusion, Search, View, Views,
+    Disparity, Fusion as CoreFusion, Search, SearchConfig, View, Views,
     network::{
         NetworkError, NetworkMatcher, NetworkMemory, NetworkParams, NetworkViewsError, QuantizedOutput, TRAINED_WEIGHTS,
         WeightError,
@@ -70,7 +70,9 @@ fn random_inputs(random: &mut Random) -> NetworkInputs {
 /// A search of the size of `inputs`. It has a disparity less where their number is even, since theirs may have been rounded up.
 fn search(inputs: &NetworkInputs, min_disparity: i16) -> Search {
     let [width, height, count] = [inputs.width, inputs.height, inputs.count - i64::from(inputs.count % 2 == 0)].map(|n| n as u16);
-    Search::new(width, height, Views::HORIZONTAL, CoreFusion::Min, min_disparity, count).expect("a small search")
+    SearchConfig { width, height, views: Views::HORIZONTAL, fusion: CoreFusion::Min, min_disparity, num_disparities: count }
+        .checked()
+        .expect("a small search")
 }
 
 /// Compares the network with the reference for these inputs.
@@ -174,7 +176,15 @@ fn inputs_equal_the_reference() {
         };
         let (width, height) = (images.width as u16, images.height as u16);
         let set = views(images.views.each_ref().map(Option::is_some), &offsets);
-        let search = Search::new(width, height, set, fusion, case.min_disparity as i16, case.num_disparities as u16);
+        let search = SearchConfig {
+            width,
+            height,
+            views: set,
+            fusion,
+            min_disparity: case.min_disparity as i16,
+            num_disparities: case.num_disparities as u16,
+        }
+        .checked();
         let search = search.expect("a search of the case");
         let engine = &engines[case.seed as usize % engines.len()];
         let found = Inputs::new(&images.frames().planes(), &search, engine, &()).expect("the frames fit the search");
@@ -211,7 +221,15 @@ fn the_matcher_in_bounded_memory_equals_the_network() {
         }
         let (width, height) = (images.width as u16, images.height as u16);
         let fusion = [CoreFusion::Min, CoreFusion::Mean][case.seed as usize % 2];
-        let search = Search::new(width, height, set, fusion, case.min_disparity as i16, case.num_disparities as u16);
+        let search = SearchConfig {
+            width,
+            height,
+            views: set,
+            fusion,
+            min_disparity: case.min_disparity as i16,
+            num_disparities: case.num_disparities as u16,
+        }
+        .checked();
         let (search, frames) = (search.expect("a search of the case"), images.frames());
         let inputs = Inputs::new(&frames.planes(), &search, &engine, &()).expect("the frames fit the search");
         let random_file = reference::DisparityNetwork::random_file(&mut random.borrow_mut());
@@ -238,7 +256,15 @@ fn bands_give_the_bits_of_the_whole_image() {
         (5, 1, 16, Views::HORIZONTAL),
     ] {
         let shot = RandomScene::new(1_000_004, random.below(1000) as u64, [width, height]).render(views);
-        let search = Search::new(width as u16, height as u16, views, CoreFusion::Mean, 0, 3 + random.below(9) as u16);
+        let search = SearchConfig {
+            width: width as u16,
+            height: height as u16,
+            views,
+            fusion: CoreFusion::Mean,
+            min_disparity: 0,
+            num_disparities: 3 + random.below(9) as u16,
+        }
+        .checked();
         let (search, frames) = (search.expect("a search"), shot.color_frames());
         // With random weights, everything depends on all that it can depend on.
         let network = DisparityNetwork::new(&reference::DisparityNetwork::random_file(&mut random)).expect("a file of weights");
@@ -256,10 +282,21 @@ fn bands_give_the_bits_of_the_whole_image() {
 #[test]
 fn the_matcher_in_bounded_memory_takes_views_in_a_row() {
     for views in [Views::CROSS, Views::NONE.with(View::TOP)] {
-        let search = Search::new(8, 8, views, CoreFusion::Min, 0, 4).expect("a search");
+        let search = SearchConfig { width: 8, height: 8, views, fusion: CoreFusion::Min, min_disparity: 0, num_disparities: 4 }
+            .checked()
+            .expect("a search");
         assert_eq!(NetworkParams::new(search), Err(NetworkViewsError { views }));
     }
-    let search = Search::new(8, 8, Views::HORIZONTAL, CoreFusion::Min, 0, 4).expect("a search");
+    let search = SearchConfig {
+        width: 8,
+        height: 8,
+        views: Views::HORIZONTAL,
+        fusion: CoreFusion::Min,
+        min_disparity: 0,
+        num_disparities: 4,
+    }
+    .checked()
+    .expect("a search");
     let params = NetworkParams::new(search).expect("views in a row");
     let mut memory = vec![0; params.memory::<Wide>().words() - 1];
     let error = NetworkMatcher::new(Wide::default(), &params, TRAINED_WEIGHTS, &mut memory).expect_err("too little memory");
@@ -272,7 +309,16 @@ fn the_matcher_in_bounded_memory_takes_views_in_a_row() {
 #[test]
 fn the_matcher_takes_memory_in_proportion_to_the_frames() {
     let parts = |[width, height]: [u16; 2]| {
-        let search = Search::new(width, height, Views::HORIZONTAL, CoreFusion::Min, 0, 24).expect("a search");
+        let search = SearchConfig {
+            width,
+            height,
+            views: Views::HORIZONTAL,
+            fusion: CoreFusion::Min,
+            min_disparity: 0,
+            num_disparities: 24,
+        }
+        .checked()
+        .expect("a search");
         let NetworkMemory { frames, inputs, excesses, paths, volume, result, image } =
             NetworkParams::new(search).expect("views in a row").memory::<Wide>();
         [frames, inputs, excesses, paths, volume, result, image]
@@ -305,7 +351,16 @@ fn checks_by_costs_are_refused() {
     let blank = vec![0; 64];
     let views = [Some(blank.clone()), Some(blank.clone()), None, None];
     let images = ViewSet { width: 8, height: 8, center: blank, views, others: Vec::new() };
-    let search = Search::new(8, 8, Views::HORIZONTAL, CoreFusion::Min, 0, 4).expect("a search");
+    let search = SearchConfig {
+        width: 8,
+        height: 8,
+        views: Views::HORIZONTAL,
+        fusion: CoreFusion::Min,
+        min_disparity: 0,
+        num_disparities: 4,
+    }
+    .checked()
+    .expect("a search");
     let engine = Engine::new(None, 1).expect("a thread");
     for refinement in
         [Refinement { uniqueness: Some(5), ..Refinement::NONE }, Refinement { left_right: Some(1), ..Refinement::NONE }]
@@ -325,7 +380,14 @@ fn the_trained_network_beats_semi_global_matching() {
     // Scenes of a seed that is neither trained nor selected with.
     for number in 0..3 {
         let shot = RandomScene::new(1_000_003, number, [256, 192]).render(Views::HORIZONTAL);
-        let search = Search::new(256, 192, Views::HORIZONTAL, CoreFusion::Min, 1, 32).expect("a search");
+        let search = SearchConfig {
+            views: Views::HORIZONTAL,
+            fusion: CoreFusion::Min,
+            num_disparities: 32,
+            ..SearchConfig::of_size(256, 192)
+        }
+        .checked()
+        .expect("a search");
         for (method, errors) in [&sgm, &Method::net()].into_iter().zip(&mut errors) {
             let map = method.disparities(&engine, &shot.color_frames(), &search, &()).expect("the frames fit the search");
             *errors += Metrics::new(&map, &shot.truth).expect("the truth is known").avg_err / 3.0;

@@ -9,7 +9,7 @@ use multiscopic::{
         refinement::{Refinement, check_left_right},
     },
 };
-use multiscopic_core::{Census, Disparity, Fusion, Search, View, Views};
+use multiscopic_core::{Census, Disparity, Fusion, Search, SearchConfig, View, Views};
 use multiscopic_tests::{
     reference::{
         self, energy, raw16,
@@ -92,7 +92,16 @@ fn birchfield_tomasi_costs_with_winner_takes_all_equal_the_reference() {
         let (fusion, slow_fusion) = fusions[random.below(2)];
         let (min, count) = (random.below(7) as i16 - 4, 1 + random.below(6) as u16);
         let [width, height] = frames.size();
-        let search = Search::new(width as u16, height as u16, frames.views(), fusion, min, count).expect("in range");
+        let search = SearchConfig {
+            width: width as u16,
+            height: height as u16,
+            views: frames.views(),
+            fusion,
+            min_disparity: min,
+            num_disparities: count,
+        }
+        .checked()
+        .expect("in range");
         let costs = energy::Energy {
             center,
             views,
@@ -126,7 +135,11 @@ fn birchfield_tomasi_costs_with_winner_takes_all_equal_the_reference() {
 fn what_does_not_go_together_is_refused() {
     let engine = Engine::new(None, 1).expect("threads");
     let frames = Frames::new(GrayImage::new(20, 10)).with(View::RIGHT, GrayImage::new(20, 10));
-    let search = |width, views| Search::new(width, 10, views, Fusion::Min, 0, 4).expect("in range");
+    let search = |width, views| {
+        SearchConfig { width, height: 10, views, fusion: Fusion::Min, min_disparity: 0, num_disparities: 4 }
+            .checked()
+            .expect("in range")
+    };
     let message = |method: Method, search: Search| match method.disparities(&engine, &frames, &search, &()) {
         Err(error) => error.to_string(),
         Ok(map) => panic!("{method:?}: {map:?}"),

@@ -1,4 +1,4 @@
-//! What all loops in assembly share.
+//! The constants and macros that all loops in assembly share.
 
 use core::mem::offset_of;
 

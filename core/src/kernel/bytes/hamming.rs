@@ -5,7 +5,7 @@ use core::{ops::Range, ptr};
 
 use bytemuck::{Zeroable, bytes_of, bytes_of_mut};
 
-use super::lanes::{ByteVector, Bytes, as_vectors, as_vectors_mut};
+use super::{ByteVector, Bytes, as_vectors, as_vectors_mut};
 use crate::Fusion;
 
 /// The candidates of a pixel in a view, with descriptors of `N` bytes.

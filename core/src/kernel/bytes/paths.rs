@@ -1,6 +1,9 @@
 //! The recursion along the paths of semi-global matching.
+//!
+//! In memory, each step would wait for the stores of the step before: processors do not forward a store to a
+//! load that begins a byte earlier or later.
 
-use super::lanes::{ByteVector, Bytes, as_vectors, as_vectors_mut};
+use super::{ByteVector, Bytes, as_vectors, as_vectors_mut};
 
 /// The path costs at a pixel, as a slice of bytes: [`Slot::LEAD`] bytes, the costs, and [`Slot::TRAIL`] bytes.
 ///
@@ -120,7 +123,7 @@ impl<I: Bytes> Paths<'_, I> {
         let mut least = isa.splat_byte(u8::MAX);
         for (j, sum) in sums.iter_mut().enumerate() {
             let (Some(cost), Some(before)) = (self.costs.get(j), around(isa, before, j)) else { return };
-            let added = added(before, p1, jump, base);
+            let added = path_excess(before, p1, jump, base);
             let path = isa.load_bytes(cost).add(added);
             if let Some(after) = vector_at_mut::<I>(after, Slot::LEAD + j * I::LANES) {
                 path.store(after);
@@ -148,7 +151,7 @@ impl<I: Bytes> Paths<'_, I> {
                 else {
                     break;
                 };
-                let added = added(before, p1, jump, base);
+                let added = path_excess(before, p1, jump, base);
                 let path = isa.load_bytes(cost).add(added);
                 path.store(after);
                 let sum = if FIRST && k == 0 { added } else { isa.load_bytes(excess).add(added) };
@@ -162,12 +165,12 @@ impl<I: Bytes> Paths<'_, I> {
     }
 }
 
-/// What a path adds to the matching costs: the recursion of
+/// The excess of a path over the matching costs: the recursion of
 /// [`SemiGlobalParams`](crate::SemiGlobalParams). Of the path costs at the pixel before, there are those of the
 /// disparities below, of the same disparities, and of those above. `base` is the least of all, and `jump` that
 /// plus P2.
 #[inline(always)]
-pub(super) fn added<B: ByteVector>([lower, same, upper]: [B; 3], p1: B, jump: B, base: B) -> B {
+pub(super) fn path_excess<B: ByteVector>([lower, same, upper]: [B; 3], p1: B, jump: B, base: B) -> B {
     same.min(lower.min(upper).add(p1)).min(jump).sub(base)
 }
 
@@ -194,5 +197,45 @@ fn vector_at_mut<I: Bytes>(bytes: &mut [u8], start: usize) -> Option<&mut I::Sam
     match bytes.get_mut(start..start + I::LANES) {
         Some(bytes) => as_vectors_mut::<I>(bytes).first_mut(),
         None => None,
+    }
+}
+
+/// A path along a line, up to a pixel, in `M` vectors.
+#[derive(Clone, Copy, Debug)]
+pub struct Along<I: Bytes, const M: usize> {
+    /// The path costs.
+    costs: [I::Bytes; M],
+    /// The least of them, in each lane.
+    least: I::Bytes,
+}
+
+impl<I: Bytes, const M: usize> Along<I, M> {
+    /// A path that begins: the costs of a [slot](super::Slot) without what is around them.
+    #[inline(always)]
+    pub fn begin(isa: I, costs: &[u8]) -> Along<I, M> {
+        let mut path = Along { costs: [isa.splat_byte(u8::MAX); M], least: isa.splat_byte(0) };
+        for (vector, costs) in path.costs.iter_mut().zip(as_vectors::<I>(costs)) {
+            *vector = isa.load_bytes(costs);
+        }
+        path
+    }
+
+    /// Goes to the pixel with these `costs`, and returns what the path adds to them: the step of
+    /// [`PixelLoops::extend`](super::PixelLoops::extend).
+    #[inline(always)]
+    pub fn step(&mut self, isa: I, costs: &[I::Samples], p1: u8, p2: u8) -> [I::Bytes; M] {
+        let (none, p1) = (isa.splat_byte(u8::MAX), isa.splat_byte(p1));
+        let jump = self.least.add(isa.splat_byte(p2));
+        let (mut added, mut least, before) = ([none; M], none, self.costs);
+        for j in 0..M {
+            let Some(cost) = costs.get(j) else { break };
+            let lower = before[j].moved_up(if j > 0 { before[j - 1] } else { none });
+            let upper = before[j].moved_down(if j + 1 < M { before[j + 1] } else { none });
+            added[j] = path_excess([lower, before[j], upper], p1, jump, self.least);
+            self.costs[j] = isa.load_bytes(cost).add(added[j]);
+            least = least.min(self.costs[j]);
+        }
+        self.least = least.least_in_each();
+        added
     }
 }

@@ -10,8 +10,7 @@ use core::arch::x86_64::*;
 
 use crate::kernel::{
     blocks::Blocks,
-    isa::{Change, Isa, MAX_BATCH, Work, sealed::Sealed},
-    vector::{Block, Column},
+    isa::{Block, Change, Column, Isa, MAX_BATCH, Work, sealed::Sealed},
 };
 
 token! {

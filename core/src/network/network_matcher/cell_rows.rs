@@ -1,10 +1,70 @@
-//! Activations in memory that was lent, and what layers make of them in place.
+//! Activations in memory that was lent, and the layers that change them in place.
+//!
+//! ```text
+//! residual in a volume:                          // h = within(x) over 3x3 cells of a slice; x += across(h)
+//!     for each row y:
+//!         hidden[slice] = within(saved row above, row y, row y + 1)   for all slices
+//!         saved[slice]  = row y, before it changes
+//!         row y        += across(hidden[slice - 1], hidden[slice], hidden[slice + 1])
+//! residual in an image:                          // x += second(first(x)), both over 3x3 cells
+//!     hidden is a ring of three rows, computed one row ahead of the one that changes
+//! convolution:                                   // x = layer(x)
+//!     new = layer(saved row above, row y, row y + 1);  saved = row y;  row y = new
+//! ```
+//!
+//! Rows are visited from the top, and a row's inputs below it are still as they were; only the row above needs a copy.
 
-use super::layer_row::layer_row;
+use core::{array, iter};
+
 use crate::{
     kernel::Isa,
-    network::{LayerRecord, MAX_ACTIVATION},
+    network::{LayerRecord, MAX_ACTIVATION, NetworkLayers},
 };
+
+/// The network, and the instructions that compute it.
+#[derive(Clone, Copy, Debug)]
+pub struct NetworkOn<'a, I> {
+    /// The instructions.
+    pub isa: I,
+    /// The layers.
+    pub layers: &'a NetworkLayers<LayerRecord<'a>>,
+}
+
+/// The positions whose sums are computed together.
+const POSITIONS: usize = 4;
+
+/// Computes the outputs of a layer at the first `count` positions of a row, and gives each to `put`: the position, the output,
+/// and its value.
+///
+/// The inputs lie side by side in as many runs as the layer has, and those of a position `stride` bytes behind those of the
+/// position before. A run without inputs counts as zeros.
+#[inline(always)]
+pub fn layer_row<I: Isa, const RUNS: usize>(
+    isa: I,
+    layer: &LayerRecord,
+    runs: [&[u8]; RUNS],
+    stride: usize,
+    count: usize,
+    mut put: impl FnMut(usize, usize, i16),
+) {
+    let length = layer.run_length();
+    for (output, (weights, of_output)) in layer.outputs().enumerate() {
+        for first in (0..count).step_by(POSITIONS) {
+            // Past the last one, it is computed again.
+            let positions: [usize; POSITIONS] = array::from_fn(|i| (first + i).min(count - 1));
+            let mut sums = [of_output.bias; POSITIONS];
+            for (run, weights) in iter::zip(runs, weights.chunks_exact(length.max(1))) {
+                if !run.is_empty() {
+                    let inputs = positions.map(|position| run.get(position * stride..).unwrap_or_default());
+                    sums = isa.add_products(sums, weights, inputs);
+                }
+            }
+            for (position, sum) in (first..count).zip(sums) {
+                put(position, output, of_output.of(sum));
+            }
+        }
+    }
+}
 
 /// Activations of cells in slices, which have rows. An image is one slice; a volume of costs has one for every few disparities.
 ///
@@ -49,7 +109,7 @@ impl<'m> CellRows<'m> {
         (self.size[2] + 2) * self.channels
     }
 
-    /// Where a row lies. Outside, no byte does.
+    /// The place of a row. Outside, no byte lies.
     fn place(&self, slice: usize, y: usize) -> core::ops::Range<usize> {
         let [slices, height, _] = self.size;
         if slice < slices && y < height {

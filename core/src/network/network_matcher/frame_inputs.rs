@@ -1,9 +1,21 @@
-//! What the network sees of frames that lie whole in memory.
+//! The inputs of the network from frames that lie whole in memory.
+//!
+//! ```text
+//! take a pass of semi-global matching, line by line from the top:
+//!     winners[pass][pixel] = disparity;  margins[pixel] = excess of the best candidate beside the winner
+//!     pool the excesses of a candidate's sum over the least one: sum and minimum over the rows and columns of a block
+//!     after the last line of a block: excesses[row of blocks][disparity][block] = mean and least
+//! candidates(row of blocks): costs by Min and Mean, computed again from the frames and pooled, and the excesses
+//! measures(row of pixels): margins, and the costs of both winners in both passes
+//! ```
+//!
+//! All is kept in the order of the frames. A turned look maps row `y` to the line it shows ([`FrameInputs::frame_line`]),
+//! and columns alike, so that turning costs nothing and moves no data.
 
 use crate::{
     Disparity, Fusion, MemoryTooSmall, Search, SemiGlobalParams,
     kernel::{Isa, Kernel},
-    memory::{Lender, lent},
+    memory::{Lender, lent_bytes},
     network::{
         BLOCK, CANDIDATE_CHANNELS, CensusPair, CensusPairLines, MAX_ACTIVATION, MAX_POOLED_COST, MEASURES, block_rows,
         cost_channel, cost_measure, excess_channels, excesses, nearest_candidate, padded_blocks, pool,
@@ -17,9 +29,9 @@ const PASSES: [CensusPair; 2] = [CensusPair::BothWays, CensusPair::TwoScales];
 /// The last four channels of a candidate: row of blocks by row, and within it disparity by disparity.
 pub type Excesses = [u8; 4];
 
-/// What the network sees of frames, in one look at a time.
+/// The inputs of the network from frames, for one look at a time.
 ///
-/// Kept is what semi-global matching gives. Costs are computed again from the frames whenever they are needed: they would take
+/// The results of semi-global matching are kept. Costs are computed again from the frames whenever they are needed: they would take
 /// more memory than there is.
 #[derive(Debug)]
 pub struct FrameInputs<'m, 'f, I> {
@@ -38,8 +50,8 @@ pub struct FrameInputs<'m, 'f, I> {
     /// Their sums, of two kinds, and the least, for a row of blocks.
     sums: &'m mut [u16],
     least: &'m mut [u8],
-    /// Whether everything is turned by half a turn.
-    turned: bool,
+    /// True if everything is turned by half a turn.
+    is_turned: bool,
 }
 
 impl<'m, 'f, I: Isa> FrameInputs<'m, 'f, I> {
@@ -68,11 +80,11 @@ impl<'m, 'f, I: Isa> FrameInputs<'m, 'f, I> {
     /// The bytes of memory that they take.
     pub const fn bytes(search: &Search) -> usize {
         let [winners, margins, line, sums, least] = Self::buffer_bytes(search);
-        let mut bytes = 2 * lent::<I>(winners) + lent::<I>(margins) + lent::<I>(line);
-        bytes += lent::<I>(sums) + lent::<I>(least);
+        let mut bytes = 2 * lent_bytes::<I>(winners) + lent_bytes::<I>(margins) + lent_bytes::<I>(line);
+        bytes += lent_bytes::<I>(sums) + lent_bytes::<I>(least);
         let mut pass = 0;
         while pass < PASSES.len() {
-            bytes += lent::<I>(4 * CensusPairLines::<I>::memory_words(PASSES[pass], search));
+            bytes += lent_bytes::<I>(4 * CensusPairLines::<I>::memory_words(PASSES[pass], search));
             pass += 1;
         }
         bytes
@@ -97,7 +109,7 @@ impl<'m, 'f, I: Isa> FrameInputs<'m, 'f, I> {
             line: memory.bytes(line)?,
             sums: memory.halfwords(sums / 2)?,
             least: memory.bytes(least)?,
-            turned: false,
+            is_turned: false,
         })
     }
 
@@ -113,19 +125,19 @@ impl<'m, 'f, I: Isa> FrameInputs<'m, 'f, I> {
 
     /// Turns everything by half a turn, or back.
     pub fn turn(&mut self) {
-        self.turned = !self.turned;
+        self.is_turned = !self.is_turned;
     }
 
     /// The line of the frames that is row `y` of the padded image.
     fn frame_line(&self, y: usize) -> usize {
         let height = BLOCK * padded_blocks(self.search.height());
-        let v = if self.turned { height.saturating_sub(1 + y) } else { y };
+        let v = if self.is_turned { height.saturating_sub(1 + y) } else { y };
         v.min(self.search.height().saturating_sub(1))
     }
 
     /// Sets all pixels of a row of the padded image to what `of` gives for their columns in the frames.
     fn fill<T>(&self, row: &mut [T], of: impl Fn(usize) -> T) {
-        let (width, turned) = (self.search.width(), self.turned);
+        let (width, turned) = (self.search.width(), self.is_turned);
         let padded = row.len();
         for (x, pixel) in row.iter_mut().enumerate() {
             let u = if turned { padded - 1 - x } else { x };
@@ -145,7 +157,7 @@ impl<'m, 'f, I: Isa> FrameInputs<'m, 'f, I> {
         for (i, color) in colors.as_chunks_mut::<3>().0.iter_mut().enumerate() {
             let (column, pixel) = (i / (BLOCK * BLOCK), i % (BLOCK * BLOCK));
             let x = BLOCK * column + pixel % BLOCK;
-            let u = if self.turned { width.saturating_sub(1 + x) } else { x }.min(self.search.width().saturating_sub(1));
+            let u = if self.is_turned { width.saturating_sub(1 + x) } else { x }.min(self.search.width().saturating_sub(1));
             let v = self.frame_line(BLOCK * row + pixel / BLOCK);
             *color = [self.center.get(v * self.search.width() + u).copied().unwrap_or_default() >> 1; 3];
         }
@@ -161,13 +173,13 @@ impl<'m, 'f, I: Isa> FrameInputs<'m, 'f, I> {
 
     /// The row of blocks in the frames that is row `row`.
     fn frame_blocks(&self, row: usize) -> usize {
-        if self.turned { padded_blocks(self.search.height()).saturating_sub(1 + row) } else { row }
+        if self.is_turned { padded_blocks(self.search.height()).saturating_sub(1 + row) } else { row }
     }
 
     /// The mean excess in B of a candidate: the row and the column of its block, and its disparity.
     pub fn mean_excess(&self, excesses: &[Excesses], [row, index, column]: [usize; 3]) -> u8 {
         let columns = padded_blocks(self.search.width());
-        let column = if self.turned { columns.saturating_sub(1 + column) } else { column };
+        let column = if self.is_turned { columns.saturating_sub(1 + column) } else { column };
         let line = self.frame_blocks(row) * self.search.num_disparities() + index;
         excesses.get(line * columns + column).map_or(MAX_ACTIVATION, |&[mean, ..]| mean)
     }
@@ -267,7 +279,7 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
             [*a, *b, *last] = [margin_a, margin_b, excess];
             measures
         });
-        let (width, turned, padded) = (self.search.width(), self.turned, measures.len());
+        let (width, turned, padded) = (self.search.width(), self.is_turned, measures.len());
         for (x, measures) in measures.iter_mut().enumerate() {
             let u = if turned { padded - 1 - x } else { x }.min(width.saturating_sub(1));
             let [_, _, of_costs @ ..] = measures;
@@ -286,7 +298,7 @@ impl<I: Kernel> FrameInputs<'_, '_, I> {
         let row = self.frame_blocks(row);
         let [columns, _] = FrameInputs::<I>::blocks(&self.search);
         let count = self.search.num_disparities();
-        let turned = self.turned;
+        let turned = self.is_turned;
         let place = |index: usize, column: usize| index * columns + if turned { columns - 1 - column } else { column };
         let FrameInputs { search, depth, costs, line, sums, least, .. } = self;
         for (pass, pair) in costs.iter_mut().enumerate() {

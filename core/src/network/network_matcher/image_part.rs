@@ -1,20 +1,29 @@
 //! The image part of the network: disparities of pixels.
+//!
+//! ```text
+//! for each two rows of pixels: fine[row / 2] = first layer(channels of 2x2 pixels)
+//! fine -> residual -> halve -> ... -> last -> residual -> double, add -> ... -> fine -> convolution
+//! for each row of pixels, REACH rows ahead:      // rings of choices and scores
+//!     scores  = last layer(fine);  choice = mean of A, B and the disparities of blocks around, weighted by scores
+//!     for the row REACH behind: disparity = mean of its choice and those of its neighbours, weighted by scores
+//! ```
+//!
+//! Only the finest level has the size of the image, halved; the rows of channels, winners and scores are rings.
 
 use core::array;
 
 use super::{
-    cell_rows::CellRows,
+    cell_rows::{CellRows, NetworkOn, layer_row},
     frame_inputs::FrameInputs,
-    layer_row::{NetworkOn, layer_row},
 };
 use crate::{
     MemoryTooSmall,
     kernel::{Isa, Kernel},
-    memory::{Lender, larger, lent},
+    memory::{Lender, larger, lent_bytes},
     network::{BLOCK, BlockDisparity, MEASURES, PIXEL_CHANNELS, PixelHead, PixelRow, PixelScores, Skeleton, blocks_around},
 };
 
-/// How far the head reaches: the choices of neighbours are known so many rows ahead of a pixel's disparity.
+/// The reach of the head in rows: the choices of neighbours are known so many rows ahead of a pixel's disparity.
 const REACH: usize = 3;
 /// The rows of choices that are kept.
 const CHOICE_ROWS: usize = 2 * REACH + 1;
@@ -71,17 +80,19 @@ impl ImagePart {
 
     /// The bytes of memory that it takes.
     pub const fn bytes<I: Isa>(&self) -> usize {
-        let levels =
-            self.level_bytes::<I>(1) + self.level_bytes::<I>(2) + self.level_bytes::<I>(3) + lent::<I>(self.scratch_bytes());
+        let levels = self.level_bytes::<I>(1)
+            + self.level_bytes::<I>(2)
+            + self.level_bytes::<I>(3)
+            + lent_bytes::<I>(self.scratch_bytes());
         let [colors, winners, measures, channels] = self.first_bytes();
-        let first = lent::<I>(colors) + lent::<I>(winners) + lent::<I>(measures) + lent::<I>(channels);
+        let first = lent_bytes::<I>(colors) + lent_bytes::<I>(winners) + lent_bytes::<I>(measures) + lent_bytes::<I>(channels);
         let [winners, outputs, choices, scores] = self.last_bytes();
-        let last = lent::<I>(winners) + lent::<I>(outputs) + lent::<I>(choices) + lent::<I>(scores);
+        let last = lent_bytes::<I>(winners) + lent_bytes::<I>(outputs) + lent_bytes::<I>(choices) + lent_bytes::<I>(scores);
         self.level_bytes::<I>(0) + larger(levels, larger(first, last))
     }
 
     const fn level_bytes<I: Isa>(&self, level: usize) -> usize {
-        lent::<I>(CellRows::bytes(self.size(level), Self::channels(level)))
+        lent_bytes::<I>(CellRows::bytes(self.size(level), Self::channels(level)))
     }
 
     /// Finds the disparity and the confidence of each pixel of the padded image, by those of the blocks, in as many

@@ -1,34 +1,64 @@
-//! The network in the memory of a microcontroller. Each room knows only those above it:
+//! The network in the memory of a microcontroller.
 //!
-//! | room | what it is |
+//! ```text
+//! read all frames
+//! for each pass A, B:                            // census both ways; census at two scales
+//!     semi-global matching along eight paths
+//!     keep each pixel's disparity and margin, and of each block of pixels the mean and least excess of each candidate
+//! for each look:                                 // as they are; turned by half a turn
+//!     volume part: costs and excesses, pooled over blocks -> U-net of three levels -> a disparity for each block
+//! for each look:
+//!     image part: colours, disparities, margins, block disparities -> U-net of four levels
+//!         -> each pixel's mean of A, B and the blocks around it, a correction, and its confidence
+//!     merge with the first look: the mean where both agree, else the surer one
+//! ```
+//!
+//! Frames lie whole in memory, and everything else is made to fit beside them. Costs are computed again from the frames
+//! whenever a part needs them: kept, they would take `width x height x disparities` bytes. Activations change in place,
+//! and the buffers of the parts, which take turns, share their memory:
+//!
+//! ```text
+//! | frames | inputs, block disparities | excesses | paths, then volume part  |
+//! |        |                           | result, image part                  |
+//! ```
+//!
+//! Layers keep two or three rows of scratch instead of a second copy of their outputs: a residual layer of 3x3 cells saves
+//! the row above as it was before it overwrites it. A row of cells has a cell of zeros at either end, so that a row of the
+//! kernel is one contiguous run of inputs and no tap is a special case.
+//!
+//! The second look turns the inputs instead of the frames: indices count from the other end. The image is padded to whole
+//! [`BLOCKS`](super::BLOCKS) by repeating the last row and column, at the bottom right in one look and at the top left in
+//! the other.
+//!
+//! Each module knows only those above it:
+//!
+//! | module | what it is |
 //! | --- | --- |
-//! | `layer_row` | a layer along a row of cells |
-//! | `cell_rows` | activations, which layers change in place |
-//! | `frame_inputs` | what the network sees of frames that lie whole in memory |
+//! | `cell_rows` | a layer along a row of cells, and activations that layers change in place |
+//! | `frame_inputs` | the inputs from frames that lie whole in memory |
 //! | `volume_part` | disparities of blocks |
 //! | `image_part` | disparities of pixels |
 
 mod cell_rows;
 mod frame_inputs;
 mod image_part;
-mod layer_row;
 mod volume_part;
 
 use core::{array, error, fmt};
 
-use super::{BLOCK, BlockDisparity, LayerRecord, NetworkLayers, WeightError, pooled_candidates::paired, two_looks};
+use super::{BLOCK, BlockDisparity, LayerRecord, NetworkLayers, WeightError, channels::paired, two_looks};
 use crate::{
     Census, Disparity, Frame, Fusion, MemoryTooSmall, ScanlineSource, Search, SemiGlobalCost, SemiGlobalParams, Views,
     kernel::{Isa, Kernel},
-    memory::{Lender, Memory, larger, lent},
+    memory::{Lender, Memory, larger, lent_bytes},
     semi_global::EightPaths,
 };
+use cell_rows::NetworkOn;
 use frame_inputs::{Excesses, FrameInputs};
 use image_part::ImagePart;
-use layer_row::NetworkOn;
 use volume_part::VolumePart;
 
-/// What the network computes: a search in views of the centre's row of the array.
+/// The parameters of the network: a search in views of the centre's row of the array.
 ///
 /// The result has the bits of the host's `match --method net` of grey frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,7 +112,7 @@ impl NetworkParams {
         NetworkParams { search: self.search.with_fusion(fusion), passes: self.passes.with_fusion(fusion) }
     }
 
-    /// What is searched.
+    /// The search.
     pub const fn search(&self) -> &Search {
         &self.search
     }
@@ -92,14 +122,14 @@ impl NetworkParams {
         let search = self.passes.search();
         let pixels = search.width() * search.height();
         let blocks = FrameInputs::<I>::blocks(search);
-        let of_blocks = lent::<I>(size_of::<BlockDisparity>() * blocks[0] * blocks[1]);
+        let of_blocks = lent_bytes::<I>(size_of::<BlockDisparity>() * blocks[0] * blocks[1]);
         NetworkMemory {
-            frames: (1 + search.views().len()) * lent::<I>(pixels),
+            frames: (1 + search.views().len()) * lent_bytes::<I>(pixels),
             inputs: FrameInputs::<I>::bytes(search) + 2 * of_blocks,
-            excesses: lent::<I>(FrameInputs::<I>::excess_bytes(search)),
-            paths: lent::<I>(4 * EightPaths::<I>::memory_words(&self.passes)),
+            excesses: lent_bytes::<I>(FrameInputs::<I>::excess_bytes(search)),
+            paths: lent_bytes::<I>(4 * EightPaths::<I>::memory_words(&self.passes)),
             volume: VolumePart::new(search.num_disparities(), blocks).bytes::<I>(),
-            result: lent::<I>(2 * pixels) + lent::<I>(pixels),
+            result: lent_bytes::<I>(2 * pixels) + lent_bytes::<I>(pixels),
             image: ImagePart::new(blocks).bytes::<I>(),
         }
     }
@@ -111,9 +141,9 @@ impl NetworkParams {
 pub struct NetworkMemory {
     /// The frames.
     pub frames: usize,
-    /// What is kept of both passes of semi-global matching for each pixel, lines of costs, and the disparities of blocks.
+    /// Both passes of semi-global matching at each pixel, lines of costs, and the disparities of blocks.
     pub inputs: usize,
-    /// What is kept of them for each candidate of each block, until all blocks have disparities.
+    /// The excesses of both passes for each candidate of each block, until all blocks have disparities.
     pub excesses: usize,
     /// The paths of semi-global matching, besides.
     pub paths: usize,
@@ -153,7 +183,7 @@ pub struct NetworkMatcher<'m, 'w, I> {
     memory: &'m mut [u32],
 }
 
-/// Why there is no [`NetworkMatcher`].
+/// The reason why there is no [`NetworkMatcher`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum NetworkError {
@@ -231,7 +261,7 @@ impl<'m, 'w, I: Isa> NetworkMatcher<'m, 'w, I> {
         let NetworkMemory { frames, inputs, .. } = self.params.memory::<I>();
         let start = frames + inputs + 2 * v * width;
         let disparities = bytes.get(start..start + 2 * width).unwrap_or_default().as_chunks().0;
-        let start = frames + inputs + lent::<I>(2 * pixels) + v * width;
+        let start = frames + inputs + lent_bytes::<I>(2 * pixels) + v * width;
         let confidences = bytes.get(start..start + width).unwrap_or_default();
         let least = i32::from(search.min_disparity()) * Disparity::STEPS;
         disparities.iter().zip(confidences).map(move |(&steps, &confidence)| {

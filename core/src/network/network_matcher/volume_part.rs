@@ -1,16 +1,26 @@
 //! The volume part of the network: disparities of blocks.
+//!
+//! ```text
+//! for each row of blocks:
+//!     guide = second(first(colours of the rows of blocks around))      // a summand of each block's first activations
+//!     fine[slice, row] = relu(first layer(two candidates of the row) + guide)
+//! fine -> residual -> halve -> middle -> residual -> halve -> coarse -> residuals
+//! coarse -> double, add -> middle -> residual -> double, add -> fine -> residual
+//! for each block: score[d] = last layer(fine) - mean excess in B;  select by the weighted mean around the greatest
+//! ```
+//!
+//! A cell of the volume is a block of pixels and a slice of two disparities. Levels are halved in all three directions.
 
 use core::array;
 
 use super::{
-    cell_rows::{CellRows, set_outputs},
+    cell_rows::{CellRows, NetworkOn, layer_row, set_outputs},
     frame_inputs::{Excesses, FrameInputs},
-    layer_row::{NetworkOn, layer_row},
 };
 use crate::{
     MemoryTooSmall,
     kernel::{Isa, Kernel},
-    memory::{Lender, larger, lent},
+    memory::{Lender, larger, lent_bytes},
     network::{BlockDisparity, CANDIDATE_CHANNELS, MAX_ACTIVATION, Skeleton},
 };
 
@@ -66,10 +76,14 @@ impl VolumePart {
     pub const fn bytes<I: Isa>(&self) -> usize {
         let [fine, middle, coarse] = Skeleton::VOLUME_CHANNELS;
         let [colors, hidden, outputs] = self.guide_bytes();
-        let first = lent::<I>(colors) + lent::<I>(hidden) + lent::<I>(outputs) + lent::<I>(self.candidate_bytes());
-        let scratch = lent::<I>(self.scratch_bytes());
-        let levels = lent::<I>(CellRows::bytes(self.size(1), middle)) + lent::<I>(CellRows::bytes(self.size(2), coarse));
-        lent::<I>(CellRows::bytes(self.size(0), fine)) + larger(first, levels + scratch)
+        let first = lent_bytes::<I>(colors)
+            + lent_bytes::<I>(hidden)
+            + lent_bytes::<I>(outputs)
+            + lent_bytes::<I>(self.candidate_bytes());
+        let scratch = lent_bytes::<I>(self.scratch_bytes());
+        let levels =
+            lent_bytes::<I>(CellRows::bytes(self.size(1), middle)) + lent_bytes::<I>(CellRows::bytes(self.size(2), coarse));
+        lent_bytes::<I>(CellRows::bytes(self.size(0), fine)) + larger(first, levels + scratch)
     }
 
     /// Finds the disparity of each block, and how sure it is, in as many [`bytes`](VolumePart::bytes) of memory, with any content.

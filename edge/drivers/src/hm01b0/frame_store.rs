@@ -16,10 +16,12 @@ pub trait FrameStore: ScanlineSource {
 /// [`Views`](multiscopic_core::Views).
 ///
 /// ```
-/// use multiscopic_core::{Frame, Fusion, Params, Views};
+/// use multiscopic_core::{Frame, Fusion, Params, SearchConfig, Views};
 /// use multiscopic_drivers::hm01b0::FrameMemory;
 ///
-/// const PARAMS: Params = match Params::new(160, 120, Views::HORIZONTAL, Fusion::Min, 1, 16, 7) {
+/// const SEARCH: SearchConfig =
+///     SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 16, ..SearchConfig::of_size(160, 120) };
+/// const PARAMS: Params = match SEARCH.block_matching(7) {
 ///     Ok(params) => params,
 ///     Err(_) => panic!("the parameters are out of range"),
 /// };

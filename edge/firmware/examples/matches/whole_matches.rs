@@ -1,6 +1,6 @@
 //! Compares whole matches by block matching, line by line.
 
-use multiscopic_core::{Disparity, Fusion, Matcher, Params, Region, View, Views};
+use multiscopic_core::{Disparity, Fusion, Matcher, Region, SearchConfig, View, Views};
 use multiscopic_firmware::BoardKernel;
 use semihosting::eprintln;
 
@@ -19,7 +19,8 @@ pub fn compare_matches([memory, memory_of_twin]: &mut [&mut [u32]; 2]) -> Result
         for (bits, fusion) in (1..16).flat_map(|bits| Fusion::ALL.map(|fusion| (bits, fusion))) {
             let views: Views = (0..).zip(View::CROSS).filter(|(k, _)| bits >> k & 1 != 0).map(|(_, view)| view).collect();
             let pattern = Pattern::ALL[count % Pattern::ALL.len()];
-            let params = Params::new(WIDTH, HEIGHT, views, fusion, min_disparity, num_disparities, block_size);
+            let params = SearchConfig { width: WIDTH, height: HEIGHT, views, fusion, min_disparity, num_disparities }
+                .block_matching(block_size);
             let Ok(params) = params else { return Err(Difference) };
             let tile_width = if count % 3 == 0 { 13 } else { WIDTH.into() };
             for tile in Region::tiles(params.search(), tile_width) {

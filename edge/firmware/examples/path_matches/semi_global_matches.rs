@@ -1,7 +1,7 @@
 //! Compares whole matches by semi-global matching, line by line.
 
 use multiscopic_core::{
-    Census, Disparity, Fusion, PathPenalties, Search, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
+    Census, Disparity, Fusion, PathPenalties, SearchConfig, SemiGlobalCost, SemiGlobalMatcher, SemiGlobalParams, View, Views,
     kernel::Kernel,
 };
 use multiscopic_firmware::BoardKernel;
@@ -28,7 +28,7 @@ pub fn compare_semi_global_matches(memory: &mut [u32]) -> Result<usize, Differen
     for (min_disparity, num_disparities, block_size) in sizes {
         for (bits, fusion) in (1..16).flat_map(|bits| Fusion::ALL.map(|fusion| (bits, fusion))) {
             let views: Views = (0..).zip(View::CROSS).filter(|(k, _)| bits >> k & 1 != 0).map(|(_, view)| view).collect();
-            let search = Search::new(WIDTH, HEIGHT, views, fusion, min_disparity, num_disparities);
+            let search = SearchConfig { width: WIDTH, height: HEIGHT, views, fusion, min_disparity, num_disparities }.checked();
             let cost = match count % 5 {
                 0 => SemiGlobalCost::Census(Census::ALL[count / 5 % Census::ALL.len()]),
                 _ => SemiGlobalCost::Sad { block_size },

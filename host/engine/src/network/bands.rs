@@ -1,7 +1,7 @@
 //! The network in bands of rows, where the whole image would take too much memory.
 
 use multiscopic_core::{
-    Census, EightPaths, EightPathsLine, Fusion, Search, SemiGlobalCost, SemiGlobalParams,
+    Census, EightPaths, EightPathsLine, Fusion, Search, SearchConfig, SemiGlobalCost, SemiGlobalParams,
     kernel::Kernel,
     network::{BLOCK, BLOCKS, CANDIDATE_CHANNELS, padded_blocks, paired},
 };
@@ -162,8 +162,7 @@ impl Task for BandTask<'_> {
             }
 
             let rows = (end.min(height) - first) as u16;
-            let [columns, disparities] = [width, search.num_disparities()].map(|number| number as u16);
-            let part = Search::new(columns, rows, search.views(), search.fusion(), search.min_disparity(), disparities)?;
+            let part = SearchConfig { height: rows, ..search.config() }.checked()?;
             let (found, sure) = network.disparities(inputs.part(first, end, &window), &part, engine);
             for v in band..height.min(band + bands.rows) {
                 map.row_mut(v).copy_from_slice(found.row(v - first));

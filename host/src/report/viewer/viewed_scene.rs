@@ -224,7 +224,7 @@ fn jpeg(image: &RgbImage) -> String {
 #[cfg(test)]
 mod tests {
     use image::GrayImage;
-    use multiscopic_core::{Disparity, Fusion, Search, Views};
+    use multiscopic_core::{Disparity, Fusion, SearchConfig, Views};
 
     use super::*;
     use crate::images::Raster;
@@ -238,7 +238,16 @@ mod tests {
         let mut scene = ViewedScene::new("scene", SIZE).with_frames(&frames, None);
         let disparities = DisparityMap::new(40, 30, vec![Disparity::from_bits(64); 1200]);
         let confidences = Raster::new(40, 30, (0..1200).map(|i| (i * 7 % 256) as u8).collect());
-        let search = Search::new(40, 30, Views::STEREO, Fusion::Min, 0, 4).expect("a search");
+        let search = SearchConfig {
+            width: 40,
+            height: 30,
+            views: Views::STEREO,
+            fusion: Fusion::Min,
+            min_disparity: 0,
+            num_disparities: 4,
+        }
+        .checked()
+        .expect("a search");
         scene.add(ViewedMap {
             name: "map".into(),
             disparities: &disparities,

@@ -1,7 +1,7 @@
 //! Exact matching costs by sums of absolute differences, for more views than the core's kernels take.
 
 use image::GrayImage;
-use multiscopic_core::{Frame, Fusion, MatchingCost, Params, Search, View, Views};
+use multiscopic_core::{Frame, Fusion, MatchingCost, Params, Search, SearchConfig, View, Views};
 
 use super::CostRows;
 use crate::{error::Result, images::Frames};
@@ -20,14 +20,7 @@ impl<'a> BlockRows<'a> {
     /// # Errors
     /// [`Error::Usage`](crate::Error::Usage) if the core has no such block.
     pub fn new(frames: &'a Frames, search: &'a Search, block_size: u8) -> Result<BlockRows<'a>> {
-        let one_view = Search::new(
-            search.width() as u16,
-            search.height() as u16,
-            Views::STEREO,
-            Fusion::Min,
-            search.min_disparity(),
-            search.num_disparities() as u16,
-        )?;
+        let one_view = SearchConfig { views: Views::STEREO, fusion: Fusion::Min, ..search.config() }.checked()?;
         let params = Params::block_matching(one_view, block_size)?;
         Ok(BlockRows { search, frames, radius: params.radius() as isize })
     }

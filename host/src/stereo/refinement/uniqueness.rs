@@ -29,6 +29,7 @@ pub fn keep_unique<C: Cost>(costs: &Volume<C>, search: &Search, map: &mut Dispar
 #[cfg(test)]
 mod tests {
     use super::*;
+    use multiscopic_core::SearchConfig;
     use multiscopic_core::{Fusion, Views};
 
     #[test]
@@ -41,7 +42,16 @@ mod tests {
         let mut removed = 0;
         for _ in 0..40 {
             let (width, height, count) = (1 + below(6), 1 + below(5), 1 + below(9));
-            let search = Search::new(width as u16, height as u16, Views::HORIZONTAL, Fusion::Min, 0, count as u16).unwrap();
+            let search = SearchConfig {
+                width: width as u16,
+                height: height as u16,
+                views: Views::HORIZONTAL,
+                fusion: Fusion::Min,
+                min_disparity: 0,
+                num_disparities: count as u16,
+            }
+            .checked()
+            .unwrap();
             let mut volume = Volume::filled(width as usize, height as usize, count as usize, 0_u16);
             let high = [3, 50, 60_000][below(3) as usize];
             volume.costs_mut().iter_mut().for_each(|cost| *cost = if below(9) == 0 { u16::NONE } else { below(high) as u16 });

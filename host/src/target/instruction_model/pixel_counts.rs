@@ -53,10 +53,11 @@ fn available(params: &Params, first: i16, view: View, u: usize, v: usize) -> Ran
 #[cfg(test)]
 mod tests {
     use super::*;
+    use multiscopic_core::SearchConfig;
     use multiscopic_core::{Fusion, Views};
 
     fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> Params {
-        Params::new(20, 17, views, fusion, min_disparity, num_disparities, block_size).unwrap()
+        SearchConfig { width: 20, height: 17, views, fusion, min_disparity, num_disparities }.block_matching(block_size).unwrap()
     }
 
     /// The views available at `(u, v)` and `d`. States the definition again, independently of the core.

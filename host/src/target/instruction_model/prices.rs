@@ -43,11 +43,14 @@ fn added<const N: usize>(counts: [f64; N], prices: [f64; N]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Fusion, Params, Views};
+    use multiscopic_core::{Fusion, SearchConfig, Views};
 
     #[test]
     fn instructions_are_counts_times_prices() {
-        let params = Params::new(20, 17, Views::HORIZONTAL, Fusion::Min, 1, 4, 3).unwrap();
+        let params =
+            SearchConfig { views: Views::HORIZONTAL, fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(20, 17) }
+                .block_matching(3)
+                .unwrap();
         let mut prices = Prices { units: WorkUnits { pixel: 10.0, packet: 3.0, ..WorkUnits::default() }, ..Prices::default() };
         let matching = Matching::Blocks { params, tile_width: 20 };
         assert_eq!(prices.instructions(&matching, Processor::CortexM4), None);

@@ -141,10 +141,11 @@ pub fn kernel_name(params: &Params, processor: Processor) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use multiscopic_core::SearchConfig;
     use multiscopic_core::{Fusion, SemiGlobalCost, SemiGlobalParams, View, Views};
 
     fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> Params {
-        Params::new(20, 17, views, fusion, min_disparity, num_disparities, block_size).unwrap()
+        SearchConfig { width: 20, height: 17, views, fusion, min_disparity, num_disparities }.block_matching(block_size).unwrap()
     }
 
     #[test]

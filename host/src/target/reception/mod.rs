@@ -57,10 +57,11 @@ pub fn receive(mut source: impl BufRead, path: &Path, notify: impl FnMut(Notice)
 mod tests {
     use super::*;
     use crate::images::{DisparityMap, Raster};
-    use multiscopic_core::{Disparity, Fusion, Params, Region, Views};
+    use multiscopic_core::{Disparity, Fusion, Params, Region, SearchConfig};
     use multiscopic_edge::packet::{Sender, buffer_bytes, buffer_bytes_with_confidences};
 
-    const PARAMS: Params = match Params::new(3, 4, Views::CROSS, Fusion::Min, 1, 4, 3) {
+    const SEARCH: SearchConfig = SearchConfig { fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(3, 4) };
+    const PARAMS: Params = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
@@ -174,7 +175,8 @@ mod tests {
     #[test]
     fn packets_of_other_frames_do_no_harm() {
         let mut packets = sent();
-        let other = Params::new(9, 9, Views::CROSS, Fusion::Min, 1, 4, 3).unwrap();
+        let other =
+            SearchConfig { fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(9, 9) }.block_matching(3).unwrap();
         let mut buffer = vec![0; buffer_bytes(9)];
         let line = Sender::new(other.search(), &mut buffer).line(&Region::whole(other.search()), 0, &[None; 9]).unwrap().to_vec();
         packets.insert(3, line);

@@ -1,6 +1,6 @@
 //! `cargo xtask`: one command for developers and continuous integration. It needs only Rust.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `system` | other programs, threads, and where things are |
 //! | `tools` | the programs that checks run, and how they are installed |
@@ -10,13 +10,15 @@
 //! | `emulation` | emulated boards: firmware is built for them, run and measured |
 //! | `firmware_checks` | what the firmware must do on the boards |
 //! | `publishing` | what others receive: crates, archives of the program, and what both depend on |
-//! | `workspace_checks` | what the whole workspace must do, step by step |
+//! | `workspace_checks` | what the whole workspace must do |
+//! | `suite` | which steps each suite runs |
 
 mod counts;
 mod emulation;
 mod firmware_checks;
 mod machine;
 mod publishing;
+mod suite;
 mod system;
 mod timing;
 mod tools;
@@ -28,9 +30,10 @@ use std::process::ExitCode;
 use emulation::setup;
 use firmware_checks::{bit_flips, capturing, cycles, faults, kernel_twins, pico2, profiles};
 use publishing::{crates, public_api, release, supply_chain};
+use suite::Extent;
 use workspace_checks::{
     cluster, crashes, emulated_arm64, emulated_cameras, fuzzing, host_instructions, interpreting, mutating, pages,
-    python_package, sanitizing, soaking, suite,
+    python_package, sanitizing, soaking,
 };
 
 /// Runs the project's checks, tests and firmware.
@@ -48,10 +51,10 @@ enum Task {
     /// Run the checks for every change, a minute or two: formatting, architecture, lints, unit tests,
     /// bit-exactness
     Check,
-    /// Run every test: debug and release builds, cameras in a virtual machine, firmware in the emulator
-    Test,
-    /// Run every test of the firmware: libraries, kernels, profiles, cycles, captures, faults and flipped bits
-    Firmware,
+    /// Run the tests: debug and release builds, cameras in a virtual machine, a sample of the firmware in the emulator
+    Test(Extent),
+    /// Run the tests of the firmware: libraries, kernels, profiles, cycles, captures, faults and flipped bits
+    Firmware(Extent),
     /// Check formatting, architecture, lints and documentation
     Lint,
     /// Build the firmware, run it in the emulator, compare it with the host bit for bit, and measure it
@@ -70,7 +73,7 @@ enum Task {
     Kernels,
     /// Test the kernel of 64-bit Arm, in the emulator on other machines
     Aarch64,
-    /// Check the architecture: layers of rooms, circles of files, crowded folders, ambiguous names
+    /// Check the architecture: layers of modules, circles of files
     Architecture,
     /// Count the instructions of matching on this machine, and compare them with the record
     Instructions(host_instructions::Guard),
@@ -86,7 +89,7 @@ enum Task {
     Semver(public_api::PublicApi),
     /// Make archives of the program for Linux and Debian, which the same commit gives the same bytes
     Release(release::Release),
-    /// Check the licences and versions of dependencies, the reasons for them and the count of unsafe code
+    /// Check the versions of dependencies, the reasons for them and the count of unsafe code
     SupplyChain(supply_chain::SupplyChain),
     /// Fuzz the readers of outside bytes, and what must equal its reference, guided by coverage
     Fuzz(fuzzing::Fuzzing),
@@ -120,8 +123,8 @@ fn run(task: Task) -> anyhow::Result<()> {
     match task {
         Task::Architecture => suite::architecture(),
         Task::Setup => setup::run().map(drop),
-        Task::Test => suite::test(),
-        Task::Firmware => suite::firmware(),
+        Task::Test(extent) => extent.test(),
+        Task::Firmware(extent) => extent.firmware(),
         Task::Check => suite::check(),
         Task::Lint => suite::lint(),
         Task::V4l2 => emulated_cameras::run_tests(),
@@ -129,7 +132,7 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Aarch64 => emulated_arm64::run_tests(),
         Task::Instructions(guard) => guard.run(),
         Task::Page => pages::run_tests(),
-        Task::Python => python_package::run_tests(),
+        Task::Python => python_package::test_wheel(),
         Task::Package => crates::check(),
         Task::Semver(public_api) => public_api.check(),
         Task::Release(release) => release.run(),
@@ -152,5 +155,54 @@ fn run(task: Task) -> anyhow::Result<()> {
         Task::Flips(flips) => flips.run(&setup::run()?),
         Task::Cycles(accounting) => accounting.run(&setup::run()?),
         Task::Edge(selection) => profiles::run(&setup::run()?, &selection),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use clap::CommandFactory;
+    use std::{fs, path::PathBuf};
+
+    use system::folders;
+
+    /// The guides, and the sources of the runner's own help.
+    fn guides() -> Vec<PathBuf> {
+        let markdown = |folder: &str| {
+            let entries = fs::read_dir(folders::root().join(folder)).expect("a folder with guides");
+            entries.map(|entry| entry.expect("an entry").path()).filter(|path| path.extension().is_some_and(|name| name == "md"))
+        };
+        ["", "docs", "edge/pico2", "tests/benches"]
+            .into_iter()
+            .flat_map(markdown)
+            .filter(|path| !path.ends_with("CHANGELOG.md"))
+            .collect()
+    }
+
+    #[test]
+    fn commands_of_the_guides_exist() {
+        let program = Cli::command();
+        let (mut found, mut wrong) = (0, Vec::new());
+        for path in guides() {
+            let text = fs::read_to_string(&path).expect("a guide");
+            for rest in text.split("cargo xtask ").skip(1) {
+                // To the end of the code or of the line. Brackets and colons are not part of the command.
+                let line = rest.split(['`', '\n', '#']).next().unwrap_or_default();
+                let mut words = line.split_whitespace().map(|word| word.trim_matches(['[', ']', ',', ':', ';', ')', '.']));
+                let name = words.next().unwrap_or_default();
+                let command = program.find_subcommand(name);
+                let has = |option: &str| {
+                    command.is_some_and(|command| command.get_arguments().any(|argument| argument.get_long() == Some(option)))
+                };
+                let unknown = words.filter_map(|word| word.strip_prefix("--")).find(|option| !has(option));
+                if name != "help" && (command.is_none() || unknown.is_some()) {
+                    wrong.push(format!("{}: cargo xtask {line}", path.display()));
+                }
+                found += 1;
+            }
+        }
+        assert!(wrong.is_empty(), "{} commands are not there:\n{}", wrong.len(), wrong.join("\n"));
+        assert!(found > 50, "{found} commands");
     }
 }

@@ -4,7 +4,7 @@
 
 use std::fs;
 
-use multiscopic_core::{Disparity, Fusion, Params, Region, Views};
+use multiscopic_core::{Disparity, Fusion, Region, SearchConfig, Views};
 use multiscopic_edge::packet::{Sender, buffer_bytes};
 use multiscopic_tests::{program::Invocation, split_mix::Random, test_images::golden};
 use tempfile::TempDir;
@@ -191,7 +191,14 @@ fn metadata_are_not_inflated() {
 
 /// Packets of the first pixels of the lines of a frame.
 fn packets([width, height]: [u16; 2], columns: usize, lines: usize) -> Vec<u8> {
-    let params = Params::new(width, height, Views::HORIZONTAL, Fusion::Min, 1, 8, 3).expect("parameters in range");
+    let params = SearchConfig {
+        views: Views::HORIZONTAL,
+        fusion: Fusion::Min,
+        num_disparities: 8,
+        ..SearchConfig::of_size(width, height)
+    }
+    .block_matching(3)
+    .expect("parameters in range");
     let tile = Region::new(params.search(), 0..columns, 0..height.into()).expect("a part of the frame");
     let mut buffer = vec![0; buffer_bytes(columns)];
     let mut sender = Sender::new(params.search(), &mut buffer);

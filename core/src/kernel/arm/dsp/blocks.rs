@@ -11,13 +11,12 @@ use super::{
 };
 use crate::kernel::{
     blocks::{Blocks, fuse_loop, fuse_masked_loop},
-    isa::Isa,
+    isa::{Block, Isa},
     rule::Rule,
     steps::{RawStep, Steps},
-    vector::Block,
 };
 
-/// Whether there are four views, and four vectors of each.
+/// True if there are four views, and four vectors of each.
 #[inline(always)]
 pub(super) fn are_four<const V: usize>(
     steps: &Steps<'_, Dsp, V>,

@@ -3,12 +3,11 @@
 
 use super::{
     blocks::{are_four, slide_to_min},
-    byte_vector::U8x8,
-    divide,
     fuse::Costs,
     instruction::{splat, words},
     isa::Dsp,
-    paths, runs, winner,
+    pixel, runs,
+    vector::U8x8,
 };
 use crate::{
     SemiGlobalParams,
@@ -26,7 +25,7 @@ use crate::{
 /// Pixels whose path from the right is extended before they are handed over.
 const PIXELS: usize = 32;
 
-/// Whether costs are aligned to words.
+/// True if costs are aligned to words.
 fn are_words(costs: &[u8]) -> bool {
     costs.as_ptr().cast::<u32>().is_aligned()
 }
@@ -65,7 +64,7 @@ impl PixelLoops for Dsp {
     #[inline(always)]
     fn divide(self, divisor: Divisor, sums: &[Costs], quotients: &mut [u8]) {
         let Divisor { shift, by_three } = divisor;
-        if by_three || shift > divide::MOST_SHIFT || sums.is_empty() || quotients.len() != 8 * sums.len() {
+        if by_three || shift > pixel::MOST_SHIFT || sums.is_empty() || quotients.len() != 8 * sums.len() {
             return divide_others(divisor, sums, quotients);
         }
         let quotients = quotients.as_mut_ptr();
@@ -73,8 +72,8 @@ impl PixelLoops for Dsp {
         // shift is not too large.
         unsafe {
             match sums.len() {
-                4 => divide::by_power_of_two::<4>(shift, sums, quotients),
-                _ => divide::by_power_of_two::<1>(shift, sums, quotients),
+                4 => pixel::by_power_of_two::<4>(shift, sums, quotients),
+                _ => pixel::by_power_of_two::<1>(shift, sums, quotients),
             }
         }
     }
@@ -91,7 +90,7 @@ impl PixelLoops for Dsp {
         fused: &mut [Costs],
         quotients: &mut [u8],
     ) {
-        let is_short = !divisor.by_three && divisor.shift <= divide::MOST_SHIFT;
+        let is_short = !divisor.by_three && divisor.shift <= pixel::MOST_SHIFT;
         if rule != Rule::Min || !is_short || !are_four(steps, blocks, masks, fused) || quotients.len() != runs::DEPTH {
             Blocks::<u16>::slide_and_fuse(self, rule, masked, steps, blocks, masks, fused);
             return self.divide(divisor, fused, quotients);
@@ -100,7 +99,7 @@ impl PixelLoops for Dsp {
         // SAFETY: there are four views, four vectors of each, and as many quotients. The shift is not too large.
         unsafe {
             slide_to_min::<V, false>(masked, step, blocks, masks, fused);
-            divide::by_power_of_two::<4>(divisor.shift, fused, quotients.as_mut_ptr());
+            pixel::by_power_of_two::<4>(divisor.shift, fused, quotients.as_mut_ptr());
         }
     }
 
@@ -110,7 +109,7 @@ impl PixelLoops for Dsp {
         let fits = |step: &Step<'_>| (step.before.len() == slot) & (step.after.len() == slot);
         if !costs.is_empty() && costs.len() == excess.len() && steps.iter().all(fits) {
             // SAFETY: there are as many vectors of costs as of excess, not 0, and all slots are for as many.
-            unsafe { paths::extend::<N, FIRST>(costs, steps, p1, excess) }
+            unsafe { pixel::extend::<N, FIRST>(costs, steps, p1, excess) }
         }
     }
 
@@ -120,10 +119,10 @@ impl PixelLoops for Dsp {
             return Portable::<8>.winner(paths, costs, excess);
         }
         let mut least = (u16::MAX, 0);
-        let parts = costs.chunks(winner::MOST_VECTORS).zip(excess.chunks(winner::MOST_VECTORS));
-        for ((costs, excess), first) in parts.zip((0..).step_by(8 * winner::MOST_VECTORS)) {
+        let parts = costs.chunks(pixel::MOST_VECTORS).zip(excess.chunks(pixel::MOST_VECTORS));
+        for ((costs, excess), first) in parts.zip((0..).step_by(8 * pixel::MOST_VECTORS)) {
             // SAFETY: there are as many vectors of each, from 1 to the most.
-            let (sum, index) = winner::unpack(unsafe { winner::least_key(costs, excess) });
+            let (sum, index) = pixel::unpack(unsafe { pixel::least_key(costs, excess) });
             if sum < least.0 {
                 least = (sum, first + index);
             }
@@ -187,7 +186,7 @@ impl RunLoops for Dsp {
                 runs::backward(penalties.p1, p2, costs.as_flattened(), excess.as_flattened_mut(), along[0], keys);
             }
             for (i, ((costs, excess), &mut key)) in costs.iter().zip(&*excess).zip(keys).enumerate() {
-                reach(Reached { column: start + i, costs, excess, winner: winner::unpack(key) });
+                reach(Reached { column: start + i, costs, excess, winner: pixel::unpack(key) });
             }
             end = start;
         }
@@ -199,7 +198,7 @@ impl RunLoops for Dsp {
 fn divide_others(divisor: Divisor, sums: &[Costs], quotients: &mut [u8]) {
     let words = quotients.chunks_exact_mut(4);
     for ([even, odd], quotients) in sums.iter().flat_map(|&[a, b, c, d]| [[a, b], [c, d]]).zip(words) {
-        quotients.copy_from_slice(&divide::four(divisor, even, odd).to_le_bytes());
+        quotients.copy_from_slice(&pixel::four(divisor, even, odd).to_le_bytes());
     }
 }
 

@@ -140,6 +140,22 @@ macro_rules! mask {
     };
 }
 
+/// [`asm_up_to!`] for a loop over the blocks of a pixel, with the operands that all of them have: `{n}` blocks from `{block}`
+/// on, their masks from `{mask}` on, the costs to be written from `{fused}` on, and the `{least}` of them. Those of one
+/// loop alone follow.
+macro_rules! fuse_blocks {
+    ([$blocks:ident $(, $masks:ident)? -> $fused:ident, $least:ident] $bytes:literal bytes, $($template:expr),+; $($operands:tt)*) => {
+        asm_up_to!($bytes bytes, $($template),+;
+            n = inout(reg) $fused.len() => _,
+            block = inout(reg) $blocks => _,
+            $(mask = inout(reg) $masks => _,)?
+            fused = inout(reg) $fused.as_mut_ptr() => _,
+            least = inout(reg) $least,
+            $($operands)*
+        )
+    };
+}
+
 /// The minimum of views.
 ///
 /// # Safety
@@ -152,7 +168,7 @@ pub(super) unsafe fn min<const V: usize, const UNROLLED: usize, const LEAST: boo
     let mut least = u32::MAX;
     // SAFETY: reads so many blocks and writes as many fused costs. Every register that changes is an output.
     unsafe {
-        asm_up_to!(600 bytes,
+        fuse_blocks!([blocks -> fused, least] 600 bytes,
             "2:",
             ".rept {unrolled}",
             ".if {views} == 1",
@@ -169,10 +185,6 @@ pub(super) unsafe fn min<const V: usize, const UNROLLED: usize, const LEAST: boo
             ".endr",
             "subs {n}, {n}, #{unrolled}",
             "bne 2b";
-            n = inout(reg) fused.len() => _,
-            block = inout(reg) blocks => _,
-            fused = inout(reg) fused.as_mut_ptr() => _,
-            least = inout(reg) least,
             t = out(reg) _,
             out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
             views = const V,
@@ -193,7 +205,7 @@ pub(super) unsafe fn heuristic_of_four(blocks: *const [Costs; 4], fused: &mut [C
     let mut least = u32::MAX;
     // SAFETY: reads as many blocks as it writes fused costs. Every register that changes is an output.
     unsafe {
-        asm_up_to!(600 bytes,
+        fuse_blocks!([blocks -> fused, least] 600 bytes,
             "2:",
             ".irp next, 8, 56",
             "ldrd r2, r3, [{block}, #16]",
@@ -208,10 +220,6 @@ pub(super) unsafe fn heuristic_of_four(blocks: *const [Costs; 4], fused: &mut [C
             ".endr",
             "subs {n}, {n}, #1",
             "bne 2b";
-            n = inout(reg) fused.len() => _,
-            block = inout(reg) blocks => _,
-            fused = inout(reg) fused.as_mut_ptr() => _,
-            least = inout(reg) least,
             t = out(reg) _,
             out("r0") _, out("r1") _, out("r2") _, out("r3") _, out("r4") _, out("r5") _, out("r8") _, out("r9") _,
             options(nostack),
@@ -230,7 +238,7 @@ pub(super) unsafe fn heuristic_of_four_masked(blocks: *const [Costs; 4], masks: 
     // SAFETY: reads as many blocks and masks as it writes fused costs. Every register that changes is an
     // output.
     unsafe {
-        asm_up_to!(800 bytes,
+        fuse_blocks!([blocks, masks -> fused, least] 800 bytes,
             "2:",
             // Word by word, for want of registers.
             ".irp next, 4, 4, 4, 52",
@@ -252,11 +260,6 @@ pub(super) unsafe fn heuristic_of_four_masked(blocks: *const [Costs; 4], masks: 
             ".endr",
             "subs {n}, {n}, #1",
             "bne 2b";
-            n = inout(reg) fused.len() => _,
-            block = inout(reg) blocks => _,
-            mask = inout(reg) masks => _,
-            fused = inout(reg) fused.as_mut_ptr() => _,
-            least = inout(reg) least,
             a = out(reg) _,
             b = out(reg) _,
             c = out(reg) _,
@@ -278,7 +281,7 @@ pub(super) unsafe fn min_masked<const V: usize>(blocks: *const [Costs; V], masks
     // SAFETY: reads as many blocks and masks as it writes fused costs. Every register that changes is an
     // output.
     unsafe {
-        asm_up_to!(700 bytes,
+        fuse_blocks!([blocks, masks -> fused, least] 700 bytes,
             "2:",
             ".irp half, 0, 8",
             "ldrd {a}, {b}, [{block}, #\\half]",
@@ -303,11 +306,6 @@ pub(super) unsafe fn min_masked<const V: usize>(blocks: *const [Costs; V], masks
             "add {mask}, {mask}, #{stride}",
             "subs {n}, {n}, #1",
             "bne 2b";
-            n = inout(reg) fused.len() => _,
-            block = inout(reg) blocks => _,
-            mask = inout(reg) masks => _,
-            fused = inout(reg) fused.as_mut_ptr() => _,
-            least = inout(reg) least,
             a = out(reg) _,
             b = out(reg) _,
             c = out(reg) _,

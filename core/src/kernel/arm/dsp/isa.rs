@@ -6,10 +6,7 @@ use super::{
     },
     vector::U16x8,
 };
-use crate::kernel::{
-    isa::{Change, Isa, sealed::Sealed},
-    vector::Column,
-};
+use crate::kernel::isa::{Change, Column, Isa, sealed::Sealed};
 
 /// The DSP extension: eight lanes.
 #[derive(Clone, Copy, Debug, Default)]

@@ -4,7 +4,7 @@
 //! every other byte, so that lanes lie in memory as the disparities 0, 2, 1, 3. A vector is two such groups:
 //! one instruction loads or stores its four words.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `instruction` | single instructions as functions of words |
 //! | `vector` | vectors in words |
@@ -12,23 +12,16 @@
 //! | `slide` | column sums move down, and blocks slide |
 //! | `fuse` | fused costs, with the least of all |
 //! | `blocks` | the inner loops of block matching, put together |
-//! | `divide` | fused sums become 8-bit costs |
-//! | `byte_vector` | 8-bit costs in words |
-//! | `paths` | the paths of semi-global matching through a pixel |
-//! | `winner` | the least sum over all paths |
+//! | `pixel` | the division of fused sums, the paths through a pixel, and its winner |
 //! | `runs` | paths and winners of many pixels of 32 disparities |
 //! | `bytes` | the operations on 8-bit costs, put together |
 
-// Their macros serve `runs` as well.
+// Its macros serve `runs` as well.
 #[macro_use]
-mod paths;
-#[macro_use]
-mod winner;
+mod pixel;
 
 mod blocks;
-mod byte_vector;
 mod bytes;
-mod divide;
 mod fuse;
 mod instruction;
 mod isa;

@@ -3,7 +3,7 @@
 
 use super::{
     instruction::splat,
-    winner::{INDEX_BITS, MOST_VECTORS},
+    pixel::{INDEX_BITS, MOST_VECTORS},
 };
 use crate::kernel::bytes::Slot;
 

@@ -2,10 +2,9 @@
 #![allow(unsafe_code)]
 
 use super::{
-    backward, extend, forward, hamming,
     isa::{Mve, TWIN},
-    slide_to_min,
-    winner::{self, AT_ONCE, MOST_PATHS},
+    pixel::{self, AT_ONCE, MOST_PATHS},
+    runs, slide_to_min,
 };
 use crate::{
     Fusion,
@@ -37,7 +36,7 @@ impl Bytes for Mve {
 
     #[inline(always)]
     fn hamming_distances<const N: usize>(self, descriptor: [u8; N], others: [&[u8; 8]; N]) -> [u8; 8] {
-        hamming::distances(descriptor, others)
+        pixel::distances(descriptor, others)
     }
 }
 
@@ -62,7 +61,7 @@ impl PixelLoops for Mve {
             let costs = costs.get_mut(range).unwrap_or_default();
             if !costs.is_empty() && planes.iter().all(|plane| plane.len() == costs.len()) {
                 // SAFETY: there are as many bytes in each plane as costs, not 0, and at most four planes.
-                unsafe { hamming::lower(descriptor, planes, costs) }
+                unsafe { pixel::lower(descriptor, planes, costs) }
             }
         }
     }
@@ -77,8 +76,8 @@ impl PixelLoops for Mve {
         // SAFETY: there are as many quotients as sums, not 0.
         unsafe {
             match by_three {
-                false => winner::divide::<false>(shift, sums, quotients),
-                true => winner::divide::<true>(shift, sums, quotients),
+                false => pixel::divide::<false>(shift, sums, quotients),
+                true => pixel::divide::<true>(shift, sums, quotients),
             }
         }
     }
@@ -117,8 +116,8 @@ impl PixelLoops for Mve {
             // SAFETY: there are as many costs as excess, and the slots fit them.
             unsafe {
                 match FIRST && k == 0 {
-                    true => extend::extend::<true>(costs, step, p1, excess),
-                    false => extend::extend::<false>(costs, step, p1, excess),
+                    true => pixel::extend::<true>(costs, step, p1, excess),
+                    false => pixel::extend::<false>(costs, step, p1, excess),
                 }
             }
         }
@@ -133,7 +132,7 @@ impl PixelLoops for Mve {
         let mut winner = (u16::MAX, 0);
         for (j, (costs, excess)) in costs.zip(excess).enumerate().filter(|(_, (costs, excess))| costs.len() == excess.len()) {
             // SAFETY: chunks are not empty, and have as many costs as excess.
-            let (least, index) = winner::unpack(unsafe { winner::least(paths, costs, excess) });
+            let (least, index) = pixel::unpack(unsafe { pixel::least(paths, costs, excess) });
             if least < winner.0 {
                 winner = (least, AT_ONCE * j + index);
             }
@@ -145,11 +144,11 @@ impl PixelLoops for Mve {
 impl RunLoops for Mve {
     #[inline(always)]
     fn extend_forward(self, run: ForwardRun<'_, '_>) {
-        forward::forward(self, run);
+        runs::forward(self, run);
     }
 
     #[inline(always)]
     fn extend_backward(self, paths: u16, run: BackwardRun<'_, '_>, reach: impl FnMut(Reached<'_>)) {
-        backward::backward(self, paths, run, reach);
+        runs::backward(self, paths, run, reach);
     }
 }

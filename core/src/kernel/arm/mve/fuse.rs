@@ -3,6 +3,22 @@
 
 use super::isa::VECTOR;
 
+/// [`asm_up_to!`] for a loop over the blocks of a pixel, with the operands that all of them have: `{n}` blocks from `{block}`
+/// on, their masks from `{mask}` on, the costs to be written from `{fused}` on, and the `{least}` of them. Those of one
+/// loop alone follow.
+macro_rules! fuse_blocks {
+    ([$blocks:ident $(, $masks:ident)? -> $fused:ident, $least:ident] $bytes:literal bytes, $($template:expr),+; $($operands:tt)*) => {
+        asm_up_to!($bytes bytes, $($template),+;
+            n = in(reg) $fused.len(),
+            block = inout(reg) $blocks => _,
+            $(mask = inout(reg) $masks => _,)?
+            fused = inout(reg) $fused.as_mut_ptr() => _,
+            least = inout(reg) $least,
+            $($operands)*
+        )
+    };
+}
+
 /// Loads the costs of a view into `q\q`, if there is such a view, raised to their mask.
 ///
 /// Arithmetic stands between the loads of two views: vector instructions overlap only if they take different
@@ -44,7 +60,7 @@ pub(super) unsafe fn min<const V: usize, const MASKED: u8>(
     // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
     // changes is an output.
     unsafe {
-        asm_up_to!(100 bytes,
+        fuse_blocks!([blocks, masks -> fused, least] 100 bytes,
             "dls lr, {n}",
             "2:",
             ".irp q, 0, 1, 2, 3",
@@ -57,11 +73,6 @@ pub(super) unsafe fn min<const V: usize, const MASKED: u8>(
             "vstrh.16 q0, [{fused}], #16",
             "vminv.u16 {least}, q0",
             "le lr, 2b";
-            n = in(reg) fused.len(),
-            block = inout(reg) blocks => _,
-            mask = inout(reg) masks => _,
-            fused = inout(reg) fused.as_mut_ptr() => _,
-            least = inout(reg) least,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q5") _,
             views = const V,
             masked = const MASKED,
@@ -100,7 +111,7 @@ pub(super) unsafe fn min_of_eight<const MASKED: bool>(
     // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
     // changes is an output.
     unsafe {
-        asm_up_to!(200 bytes,
+        fuse_blocks!([blocks, masks -> fused, least] 200 bytes,
             "dls lr, {n}",
             "2:",
             load_next_view!("q0", "q3"),
@@ -115,11 +126,6 @@ pub(super) unsafe fn min_of_eight<const MASKED: bool>(
             "vstrh.16 q0, [{fused}], #16",
             "vminv.u16 {least}, q0",
             "le lr, 2b";
-            n = in(reg) fused.len(),
-            block = inout(reg) blocks => _,
-            mask = inout(reg) masks => _,
-            fused = inout(reg) fused.as_mut_ptr() => _,
-            least = inout(reg) least,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _,
             masked = const MASKED as u8,
             options(nostack, preserves_flags),
@@ -143,7 +149,7 @@ pub(super) unsafe fn heuristic<const V: usize, const MASKED: u8>(
     // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
     // changes is an output; the predicate, of which the compiler is not told, is restored.
     unsafe {
-        asm_up_to!(200 bytes,
+        fuse_blocks!([blocks, masks -> fused, least] 200 bytes,
             "vmrs {before}, p0",
             "dls lr, {n}",
             "2:",
@@ -185,11 +191,6 @@ pub(super) unsafe fn heuristic<const V: usize, const MASKED: u8>(
             "vminv.u16 {least}, q0",
             "le lr, 2b",
             "vmsr p0, {before}";
-            n = in(reg) fused.len(),
-            block = inout(reg) blocks => _,
-            mask = inout(reg) masks => _,
-            fused = inout(reg) fused.as_mut_ptr() => _,
-            least = inout(reg) least,
             before = out(reg) _,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _,
             views = const V,
@@ -216,7 +217,7 @@ pub(super) unsafe fn sum<const V: usize, const MASKED: u8>(
     // SAFETY: reads as many blocks, and masks if there are any, as it writes fused costs. Every register that
     // changes is an output; the predicate, of which the compiler is not told, is restored.
     unsafe {
-        asm_up_to!(300 bytes,
+        fuse_blocks!([blocks, masks -> fused, least] 300 bytes,
             "vmrs {before}, p0",
             "dls lr, {n}",
             "2:",
@@ -271,11 +272,6 @@ pub(super) unsafe fn sum<const V: usize, const MASKED: u8>(
             "vminv.u16 {least}, q0",
             "le lr, 2b",
             "vmsr p0, {before}";
-            n = in(reg) fused.len(),
-            block = inout(reg) blocks => _,
-            mask = inout(reg) masks => _,
-            fused = inout(reg) fused.as_mut_ptr() => _,
-            least = inout(reg) least,
             before = out(reg) _,
             two_hidden = in(reg) -2,
             all_but_one_hidden = in(reg) 1 - (V as i32),
@@ -313,7 +309,7 @@ pub(super) unsafe fn half_of_eight(blocks: *const [[u16; 8]; 8], fused: &mut [[u
     let mut least = u32::from(u16::MAX);
     // SAFETY: reads as many blocks as it writes fused costs. Every register that changes is an output.
     unsafe {
-        asm_up_to!(300 bytes,
+        fuse_blocks!([blocks -> fused, least] 300 bytes,
             "dls lr, {n}",
             "2:",
             "vldrh.u16 q0, [{block}], #16",
@@ -340,10 +336,6 @@ pub(super) unsafe fn half_of_eight(blocks: *const [[u16; 8]; 8], fused: &mut [[u
             "vstrh.16 q0, [{fused}], #16",
             "vminv.u16 {least}, q0",
             "le lr, 2b";
-            n = in(reg) fused.len(),
-            block = inout(reg) blocks => _,
-            fused = inout(reg) fused.as_mut_ptr() => _,
-            least = inout(reg) least,
             out("lr") _, out("q0") _, out("q1") _, out("q2") _, out("q3") _, out("q4") _, out("q5") _, out("q6") _,
             out("q7") _,
             options(nostack, preserves_flags),

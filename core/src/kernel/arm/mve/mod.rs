@@ -3,18 +3,14 @@
 //! Rust has no types for these vectors, so whole loops are written in assembly; single operations are the
 //! portable ones.
 //!
-//! | room | what it is |
+//! | module | what it is |
 //! | --- | --- |
 //! | `isa` | the token, the operations on column sums, and sums of products |
 //! | `slide` | column sums move down, and blocks slide |
 //! | `slide_to_min` | blocks slide and are fused to the minimum at once |
 //! | `fuse` | fused costs, with the least of all |
-//! | `extend` | paths through a pixel |
-//! | `winner` | fused sums are divided, and the least sums of path costs found |
-//! | `unrolled` | paths through pixels of 32 disparities |
-//! | `forward` | the paths from the left and from above, through many pixels |
-//! | `backward` | the path from the right, through many pixels |
-//! | `hamming` | Hamming distances |
+//! | `pixel` | the loops over the 8-bit costs of a pixel: paths, winners, the division of fused sums, and Hamming distances |
+//! | `runs` | paths through many pixels of 32 disparities |
 //! | `bytes` | costs in 8-bit lanes |
 //! | `blocks` | the inner loops, put together |
 
@@ -22,17 +18,12 @@
 mod slide;
 #[macro_use]
 mod slide_to_min;
-#[macro_use]
-mod unrolled;
 
-mod backward;
 mod blocks;
 mod bytes;
-mod extend;
-mod forward;
 mod fuse;
-mod hamming;
 mod isa;
-mod winner;
+mod pixel;
+mod runs;
 
 pub use isa::Mve;

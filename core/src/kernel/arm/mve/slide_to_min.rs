@@ -8,7 +8,7 @@ use crate::kernel::{
     steps::{RawStep, Steps},
 };
 
-/// Whether the loops here are made for a step: the minimum of four views, and four vectors of each.
+/// True if the loops here are made for a step: the minimum of four views, and four vectors of each.
 #[inline(always)]
 pub(super) fn suits<const V: usize>(
     rule: Rule,

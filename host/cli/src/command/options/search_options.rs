@@ -2,7 +2,7 @@
 
 use clap::Args;
 use multiscopic::{Error, Method, Result};
-use multiscopic_core::{Fusion, Params, Search, Views};
+use multiscopic_core::{Fusion, Params, Search, SearchConfig, Views};
 
 /// The views that `--views` stands for.
 pub fn views_of_count(count: usize) -> Result<Views> {
@@ -53,14 +53,15 @@ impl SearchOptions {
         let side = |length: usize| {
             u16::try_from(length).map_err(|_| Error::Usage(format!("a frame has a side of {length} pixels, the limit is 65535")))
         };
-        Ok(Search::new(
-            side(width)?,
-            side(height)?,
+        Ok(SearchConfig {
+            width: side(width)?,
+            height: side(height)?,
             views,
-            fusion.unwrap_or(Fusion::default_for(views.len())),
-            self.min_disparity.unwrap_or(default_range.0),
-            self.num_disparities.unwrap_or(default_range.1),
-        )?)
+            fusion: fusion.unwrap_or(Fusion::default_for(views.len())),
+            min_disparity: self.min_disparity.unwrap_or(default_range.0),
+            num_disparities: self.num_disparities.unwrap_or(default_range.1),
+        }
+        .checked()?)
     }
 
     /// The parameters of block matching for a search.

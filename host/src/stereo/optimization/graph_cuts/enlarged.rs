@@ -1,7 +1,7 @@
 //! Matching in enlarged images, whose whole disparities are fractions of a pixel of the original images.
 
 use image::ImageBuffer;
-use multiscopic_core::{Disparity, Frame, Params, Search};
+use multiscopic_core::{Disparity, Frame, Params, Search, SearchConfig};
 
 use crate::{
     error::{Error, Result},
@@ -61,8 +61,10 @@ pub fn params(search: &Params, times: u8) -> Result<Params> {
         return Err(too_large(format!("disparities {least}..={most}, and 511 is the most, either way")));
     }
     let block = ((search.block_size() * usize::from(times)) | 1).min(Params::MAX_BLOCK_SIZE.into());
-    let (least, count) = (least as i16, (most - least + 1) as u16);
-    Ok(Params::new(side(width)?, side(height)?, search.views(), search.fusion(), least, count, block as u8)?)
+    let (min_disparity, num_disparities) = (least as i16, (most - least + 1) as u16);
+    let (width, height) = (side(width)?, side(height)?);
+    let enlarged = SearchConfig { width, height, min_disparity, num_disparities, ..search.search().config() };
+    Ok(enlarged.block_matching(block as u8)?)
 }
 
 /// The map of frames enlarged by the factor `times`, reduced to their original size. Each pixel has the
@@ -115,10 +117,32 @@ mod tests {
 
     #[test]
     fn refuses_frames_that_are_too_large() {
-        let search =
-            |width: u16, least: i16, count: u16| Params::new(width, 10, Views::STEREO, Fusion::Min, least, count, 11).unwrap();
+        let search = |width: u16, least: i16, count: u16| {
+            SearchConfig {
+                width,
+                height: 10,
+                views: Views::STEREO,
+                fusion: Fusion::Min,
+                min_disparity: least,
+                num_disparities: count,
+            }
+            .block_matching(11)
+            .unwrap()
+        };
         let enlarged = params(&search(100, -3, 8), 4).unwrap();
-        assert_eq!(enlarged, Params::new(400, 40, Views::STEREO, Fusion::Min, -12, 29, 21).unwrap());
+        assert_eq!(
+            enlarged,
+            SearchConfig {
+                width: 400,
+                height: 40,
+                views: Views::STEREO,
+                fusion: Fusion::Min,
+                min_disparity: -12,
+                num_disparities: 29
+            }
+            .block_matching(21)
+            .unwrap()
+        );
         let message = |search: Params, times: u8| params(&search, times).unwrap_err().to_string();
         assert!(message(search(20000, 1, 9), 4).contains("a side of 80000 pixels"));
         assert!(message(search(100, 1, 200), 3).contains("disparities 3..=600"));

@@ -27,13 +27,7 @@ pub struct EmulatedBoard {
 }
 
 impl EmulatedBoard {
-    /// Whether its firmware matches with the same kernel as another board's, or with the portable one, which runs everywhere.
-    pub fn has_kernel_of(&self, other: &EmulatedBoard) -> bool {
-        let is_vector = |board: &EmulatedBoard| board.processor == Some(Processor::CortexM55);
-        is_vector(self) == is_vector(other)
-    }
-
-    /// Whether its processor is an Arm, for which there are kernels and a toolchain that all of them share.
+    /// Returns true if its processor is an Arm, for which there are kernels and a toolchain that all of them share.
     pub fn is_arm(&self) -> bool {
         ARM.iter().any(|board| board.name == self.name)
     }
@@ -63,6 +57,17 @@ pub const VECTORS: EmulatedBoard = EmulatedBoard {
     emulator: &tool::QEMU,
     machine: "mps3-an547",
     ram: 512 * 1024,
+};
+
+/// The board with a Cortex-M7.
+pub const M7: EmulatedBoard = EmulatedBoard {
+    name: "stm32h743",
+    core: "Cortex-M7",
+    processor: Some(Processor::CortexM7),
+    feature: Some("stm32h743"),
+    machine: "mps2-an500",
+    ram: 512 * 1024,
+    ..REFERENCE
 };
 
 /// The board with the memory of a Raspberry Pi Pico 2.
@@ -95,15 +100,7 @@ pub const RISC_V: EmulatedBoard = EmulatedBoard {
 pub const ARM: [EmulatedBoard; 5] = [
     REFERENCE,
     EmulatedBoard { name: "stm32f405", feature: Some("stm32f405"), machine: "netduinoplus2", ram: 128 * 1024, ..REFERENCE },
-    EmulatedBoard {
-        name: "stm32h743",
-        core: "Cortex-M7",
-        processor: Some(Processor::CortexM7),
-        feature: Some("stm32h743"),
-        machine: "mps2-an500",
-        ram: 512 * 1024,
-        ..REFERENCE
-    },
+    M7,
     PICO,
     VECTORS,
 ];

@@ -12,8 +12,12 @@ pub fn run() -> Result<Toolchain> {
     for tool in &tool::ALL {
         eprintln!("setup: {}", tool.install()?);
     }
-    let targets = emulated_board::targets();
-    let toolchain = Toolchain::install(&targets).context("setup: the Rust targets of the boards")?;
-    eprintln!("setup: {} from {toolchain}", targets.join(", "));
+    let toolchain = toolchain()?;
+    eprintln!("setup: {} from {toolchain}", emulated_board::targets().join(", "));
     Ok(toolchain)
+}
+
+/// The toolchain for the boards with Arm processors.
+pub fn toolchain() -> Result<Toolchain> {
+    Toolchain::install(&emulated_board::targets()).context("setup: the Rust targets of the boards")
 }

@@ -102,6 +102,11 @@ impl BitFlips {
         BitFlips { count: 48, seed: 1 }
     }
 
+    /// As many as by default.
+    pub fn many() -> BitFlips {
+        BitFlips { count: 1000, seed: 1 }
+    }
+
     /// Flips the bits.
     pub fn run(&self, toolchain: &Toolchain) -> Result<()> {
         let images = build::build(toolchain, BOARD, &[Program::Example("bit_flips")])?;

@@ -29,7 +29,6 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
     for board in &emulated_board::ARM {
         stack_overflow(toolchain, board)?;
     }
-    no_panic(toolchain)?;
     bad_input(toolchain, &emulated_board::REFERENCE)
 }
 

@@ -42,6 +42,46 @@ pub fn fusions(profile: &Profile) -> impl Iterator<Item = Fusion> + use<> {
     Fusion::ALL.into_iter().filter(move |&fusion| has_half || fusion != Fusion::Half)
 }
 
+/// A profile, and the fusion rules by which its firmware matches.
+type SampledProfile = (Profile, &'static [Fusion]);
+
+/// The runs of `cargo xtask test`: boards, and the profiles and fusion rules that run there.
+///
+/// Each kernel matches blocks by each rule for which it has loops, semi-globally, and with eight views. What does not depend on the
+/// kernel runs on one board: column tiles, the prior, the network. `qvga` is built for the count of cycles too.
+const SAMPLE: [(&EmulatedBoard, &[SampledProfile]); 5] = [
+    (
+        &emulated_board::REFERENCE,
+        &[
+            (profile::QQVGA, &[Fusion::Min, Fusion::Mean, Fusion::Heuristic]),
+            (profile::QVGA, &[Fusion::Heuristic]),
+            (profile::QVGA_TILED, &[Fusion::Min]),
+            (profile::QQVGA_SGM_CONFIDENCE, &[Fusion::Mean]),
+            (profile::QQVGA_3X3, &[Fusion::Half]),
+            (profile::QVGA_PRIOR, &[Fusion::Min]),
+        ],
+    ),
+    (&emulated_board::M7, &[(profile::QVGA, &[Fusion::Min])]),
+    (&emulated_board::PICO, &[(profile::QVGA, &[Fusion::Min])]),
+    (
+        &emulated_board::VECTORS,
+        &[
+            (profile::QVGA, &[Fusion::Min, Fusion::Mean, Fusion::Heuristic]),
+            (profile::QVGA_CONFIDENCE, &[Fusion::Min]),
+            (profile::QQVGA_SGM, &[Fusion::Heuristic]),
+            (profile::QQVGA_3X3, &[Fusion::Half]),
+            (profile::QQVGA_NET, &[Fusion::Min]),
+        ],
+    ),
+    (&emulated_board::RISC_V, &[(profile::QQVGA, &[Fusion::Mean]), (profile::QVGA_TILED, &[Fusion::Min])]),
+];
+
+/// The fusion rules of a profile on a board in the sample.
+fn sampled(board: &EmulatedBoard, profile: &Profile) -> &'static [Fusion] {
+    let profiles = SAMPLE.iter().find(|(sampled, _)| sampled.name == board.name).map_or(&[][..], |(_, profiles)| profiles);
+    profiles.iter().find(|(sampled, _)| sampled.name == profile.name).map_or(&[], |(_, fusions)| fusions)
+}
+
 /// The selection of runs; all by default.
 #[derive(Args, Default)]
 pub struct Selection {
@@ -54,9 +94,9 @@ pub struct Selection {
     /// Only this board
     #[arg(long, value_parser = emulated_board::all().map(|board| board.name).collect::<Vec<_>>())]
     board: Option<String>,
-    /// Of boards whose processors have the same kernel, run all fusion rules on the first that has the RAM, and min on the others
-    #[arg(long, conflicts_with_all = ["fit", "fusion"])]
-    once: bool,
+    /// Only the runs of `cargo xtask test`, which have each kernel, each matcher and each fusion rule at least once
+    #[arg(long, conflicts_with = "fit")]
+    sample: bool,
     /// First fit the cost model of `multiscopic budget`, and write it and the measured RAM to
     /// host/src/target/measured.toml; with --board rp2350 or an547, only for that board's instruction set
     #[arg(long, conflicts_with_all = ["profile", "fusion"])]
@@ -70,19 +110,18 @@ pub struct Selection {
 }
 
 impl Selection {
-    /// Each rule once with each kernel.
-    pub fn once() -> Selection {
-        Selection { once: true, ..Selection::default() }
+    /// The [sample](SAMPLE).
+    pub fn sample() -> Selection {
+        Selection { sample: true, ..Selection::default() }
     }
 
     /// The rules that run for a profile on a board.
-    fn fusions(&self, board: &EmulatedBoard, profile: &Profile) -> impl Iterator<Item = Fusion> {
-        let earlier = emulated_board::all().take_while(|earlier| earlier.name != board.name);
-        let is_repeated = self.once && { earlier }.any(|earlier| earlier.has_kernel_of(board) && self.has(earlier, profile));
-        fusions(profile).filter(move |fusion| wanted(&self.fusion, fusion.name()) && (!is_repeated || *fusion == Fusion::Min))
+    fn fusions(&self, board: &EmulatedBoard, profile: &Profile) -> Vec<Fusion> {
+        let is_in_sample = |fusion: &Fusion| !self.sample || sampled(board, profile).contains(fusion);
+        fusions(profile).filter(|fusion| wanted(&self.fusion, fusion.name()) && is_in_sample(fusion)).collect()
     }
 
-    /// Whether a profile runs on a board: both are selected, and the board has enough RAM. The portable kernel, which every
+    /// Returns true if a profile runs on a board: both are selected, and the board has enough RAM. The portable kernel, which every
     /// other test runs too, has to show on RISC-V only that it works there.
     fn has(&self, board: &EmulatedBoard, profile: &Profile) -> bool {
         let is_shown = [profile::QQVGA.name, profile::QVGA_TILED.name].contains(&profile.name);
@@ -90,9 +129,10 @@ impl Selection {
             && wanted(&self.profile, profile.name)
             && profile.ram_budget <= board.ram
             && (board.is_arm() || self.board.is_some() || is_shown)
+            && !self.fusions(board, profile).is_empty()
     }
 
-    /// Whether the firmware that rectifies runs on a board.
+    /// Returns true if the firmware that rectifies runs on a board.
     fn rectifies_on(&self, board: &EmulatedBoard) -> bool {
         wanted(&self.board, board.name)
             && wanted(&self.profile, rectifying::NAME)
@@ -100,7 +140,7 @@ impl Selection {
     }
 }
 
-/// Whether `choice` is `name` or open.
+/// Returns true if `choice` is `name` or open.
 fn wanted(choice: &Option<String>, name: &str) -> bool {
     choice.as_deref().is_none_or(|choice| choice == name)
 }
@@ -222,7 +262,12 @@ fn build(toolchain: &Toolchain, selection: &Selection) -> Result<Vec<Run>> {
             false => build::build(&Toolchain::install(&[board.target])?, board, &programs)?,
         };
         for (profile, image) in profiles.into_iter().zip(images) {
-            runs.extend(selection.fusions(board, &profile).map(|fusion| Run { board, profile, fusion, image: image.clone() }));
+            runs.extend(selection.fusions(board, &profile).into_iter().map(|fusion| Run {
+                board,
+                profile,
+                fusion,
+                image: image.clone(),
+            }));
         }
     }
     Ok(runs)
@@ -233,7 +278,7 @@ impl Run {
         format!("{} on {}, {}", self.profile.name, self.board.name, self.fusion.name())
     }
 
-    /// Whether the cost model covers it.
+    /// Returns true if the cost model covers it.
     fn is_modelled(&self) -> bool {
         let matching = self.profile.matching(self.fusion);
         self.board.processor.is_some_and(|processor| Workload::new(&matching, processor).is_some())
@@ -386,4 +431,35 @@ fn check(runs: &[Run], measurements: &[Measurement], table: &FirmwareCostTable) 
     }
     ensure!(wrong == 0, "{wrong} budgets are not met");
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn the_sample_has_everything_once() {
+        let runs: Vec<(&EmulatedBoard, &Profile, Fusion)> = SAMPLE
+            .iter()
+            .flat_map(|(board, profiles)| profiles.iter().map(move |(profile, rules)| (*board, profile, rules)))
+            .flat_map(|(board, profile, rules)| rules.iter().map(move |&fusion| (board, profile, fusion)))
+            .collect();
+        for (board, profile, fusion) in &runs {
+            assert!(Selection::sample().has(board, profile), "{} does not run on {}", profile.name, board.name);
+            assert!(fusions(profile).any(|rule| rule == *fusion), "{} has no {}", profile.name, fusion.name());
+        }
+        // A board with less RAM, larger frames, and semi-global matching without confidences, which the vectors do.
+        let left_out = |name| ["stm32f405", "vga", "vga-tiled", "qvga-sgm"].contains(&name);
+        let names = |boards: &mut dyn Iterator<Item = &'static str>| -> BTreeSet<&str> {
+            boards.filter(|name| !left_out(name)).collect()
+        };
+        assert_eq!(names(&mut runs.iter().map(|run| run.0.name)), names(&mut emulated_board::all().map(|board| board.name)));
+        assert_eq!(names(&mut runs.iter().map(|run| run.1.name)), names(&mut profile::ALL.iter().map(|profile| profile.name)));
+        for board in [&emulated_board::REFERENCE, &emulated_board::VECTORS] {
+            let rules: BTreeSet<&str> = runs.iter().filter(|run| run.0.name == board.name).map(|run| run.2.name()).collect();
+            assert_eq!(rules, Fusion::ALL.map(Fusion::name).into());
+        }
+    }
 }

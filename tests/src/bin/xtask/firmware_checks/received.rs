@@ -65,10 +65,12 @@ pub fn same_lines(found: &[u8], simulated: &[u8]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Fusion, Params, Region, Views};
+    use multiscopic_core::SearchConfig;
+    use multiscopic_core::{Fusion, Params, Region};
     use multiscopic_edge::packet::{Sender, buffer_bytes};
 
-    const PARAMS: Params = match Params::new(3, 2, Views::CROSS, Fusion::Min, 1, 4, 3) {
+    const SEARCH: SearchConfig = SearchConfig { fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(3, 2) };
+    const PARAMS: Params = match SEARCH.block_matching(3) {
         Ok(params) => params,
         Err(_) => panic!("the parameters are out of range"),
     };
@@ -128,7 +130,8 @@ mod tests {
         assert_eq!(error(&sent(Some(1), b""), &PARAMS), "line 1 (packet 1) is lost");
         assert!(error(&sent(Some(2), b""), &PARAMS).starts_with("the end of the frame is lost"));
         assert_eq!(error(&sent(None, b"more"), &PARAMS), "4 bytes follow the end of the frame");
-        let other = Params::new(2, 3, Views::CROSS, Fusion::Min, 1, 4, 3).unwrap();
+        let other =
+            SearchConfig { fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(2, 3) }.block_matching(3).unwrap();
         assert_eq!(error(&sent(None, b""), &other), "a frame of (3, 2) pixels, expected (2, 3)");
     }
 }

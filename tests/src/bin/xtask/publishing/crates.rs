@@ -13,19 +13,27 @@ use crate::system::{
 };
 
 /// The crates in the order of their dependencies.
-pub const PUBLISHED: [&str; 5] = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", HOST, "multiscopic-cli"];
+pub const PUBLISHED: [&str; 5] = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", HOST, PROGRAM];
 
 /// The library for the host.
 pub const HOST: &str = "multiscopic";
+
+/// The program, which offers nothing to other crates.
+pub const PROGRAM: &str = "multiscopic-cli";
 
 /// The bindings for V4L2, which are patched in the packages as in the workspace. Without them, building the
 /// host's package needs libclang, as it does for whoever depends on the published crate.
 const BINDINGS: &str = "v4l2-sys-mit";
 
+/// Packages every published crate.
+pub fn pack() -> Result<()> {
+    let selected = PUBLISHED.map(|name| format!("--package={name}"));
+    run(command("cargo", ["package", "--quiet", "--no-verify", "--allow-dirty"]).args(selected))
+}
+
 /// Packages and compiles every published crate.
 pub fn check() -> Result<()> {
-    let selected = PUBLISHED.map(|name| format!("--package={name}"));
-    run(command("cargo", ["package", "--quiet", "--no-verify", "--allow-dirty"]).args(selected))?;
+    pack()?;
     let unpacked = folders::target().join("unpacked");
     let _ = fs::remove_dir_all(&unpacked);
     fs::create_dir_all(&unpacked)?;

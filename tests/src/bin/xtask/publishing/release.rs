@@ -42,6 +42,9 @@ pub struct Release {
 }
 
 impl Release {
+    /// Builds twice.
+    pub const TWICE: Release = Release { twice: true };
+
     /// Makes the archives in `target/publish`, with their checksums.
     pub fn run(&self) -> Result<()> {
         let archives = archives(&program("release-build")?, "publish")?;

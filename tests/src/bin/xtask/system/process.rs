@@ -69,6 +69,9 @@ pub const OPTIMIZED: [&str; 6] = [
     "--features=multiscopic-tests/program,multiscopic-drivers/hm01b0,multiscopic-drivers/stepper",
 ];
 
+/// The program beside them, and its features.
+pub const OPTIMIZED_PROGRAM: [&str; 2] = ["-pmultiscopic-cli", "--features=multiscopic-cli/default"];
+
 /// Builds the command line as the tests in debug use it, and returns its path.
 ///
 /// This runner is selected too, although it is there: cargo then builds the macros of both alike, and each library once.
@@ -76,10 +79,23 @@ pub fn built_program() -> Result<PathBuf> {
     built("build", &["-pmultiscopic-cli", "-pmultiscopic-tests", "--bin=multiscopic", "--bin=xtask"], "multiscopic", &[])
 }
 
+/// Builds the module for Python with the libraries of the tests in debug, and returns its path.
+pub fn built_extension() -> Result<PathBuf> {
+    let program = ["-pmultiscopic-cli", "-pmultiscopic-tests", "--bin=multiscopic", "--bin=xtask"];
+    let mut cargo = command("cargo", ["build", "--quiet", "--message-format=json-render-diagnostics"]);
+    // The interpreter that loads it has the symbols of Python.
+    cargo.args(["-p", PYTHON_PACKAGE, "--lib"]).args(program).env("PYO3_BUILD_EXTENSION_MODULE", "1");
+    let library = |message: &str| {
+        let message: serde_json::Value = serde_json::from_str(message).ok()?;
+        let is_it = message["target"]["name"] == "multiscopic_python" && message["reason"] == "compiler-artifact";
+        message["filenames"][0].as_str().filter(|_| is_it).map(PathBuf::from)
+    };
+    read(&mut cargo)?.lines().find_map(library).context("cargo built no module for Python")
+}
+
 /// Builds the command line as the tests in release use it, and returns its path.
 pub fn built_optimized_program() -> Result<PathBuf> {
-    let program = ["--release", "-pmultiscopic-cli", "--features=multiscopic-cli/default", "--bin=multiscopic"];
-    built("build", &[&OPTIMIZED[..], &program].concat(), "multiscopic", &[])
+    built("build", &[&OPTIMIZED[..], &OPTIMIZED_PROGRAM, &["--release", "--bin=multiscopic"]].concat(), "multiscopic", &[])
 }
 
 /// Builds a test program in release, and returns its path.

@@ -22,6 +22,9 @@ pub struct Crashing {
 }
 
 impl Crashing {
+    /// As often as by default.
+    pub const MANY: Crashing = Crashing { moments: 200, seed: 1, release: false };
+
     /// Kills all commands.
     #[cfg(unix)]
     pub fn run(&self) -> Result<()> {

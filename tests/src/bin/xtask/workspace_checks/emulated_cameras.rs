@@ -23,7 +23,7 @@ const TEST: &str = "cameras";
 pub fn run_tests() -> Result<()> {
     if let Some(reason) = missing() {
         println!("v4l2: no virtual machine: {reason}");
-        return run(command("cargo", ["test", "--release", "--test", TEST]).args(OPTIMIZED));
+        return run(command("cargo", ["test", "--no-fail-fast", "--release", "--test", TEST]).args(OPTIMIZED));
     }
     let mut machine = Machine::new()?;
     let program = built_optimized_program()?;

@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use multiscopic_tests::program::within;
 
-use super::sanitizing::{apart, instrumented, under_address_sanitizer};
+use super::sanitizing::{apart, instrumented};
 use crate::system::{
     folders,
     process::{command, run},
@@ -23,8 +23,11 @@ use crate::system::{
 const INSTRUMENTS: &str = "-Zsanitizer=address -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
                            -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
                            -Cllvm-args=-sanitizer-coverage-trace-compares -Dwarnings";
-/// The workspace of the targets.
-pub const MANIFEST: &str = "fuzz/Cargo.toml";
+/// The crate of the targets, and the profile that it is built with.
+const PACKAGE: &str = "--package=multiscopic-fuzz";
+const PROFILE: &str = "fuzzing";
+/// The variable that names a target for libFuzzer.
+const TARGET: &str = "MULTISCOPIC_FUZZ_TARGET";
 /// The memory in megabytes that an input may take.
 const MEMORY: u32 = 2048;
 /// How long an input may take, in seconds.
@@ -33,13 +36,10 @@ const LONGEST: u64 = 20;
 /// The most inputs of one process without instruments, which says when they are done.
 const PART: u64 = 5_000_000;
 
-/// The inputs of a short run.
-const SHORT_RUN: &str = "500";
-
 /// What to fuzz, and for how long.
 #[derive(Args)]
 pub struct Fuzzing {
-    /// Targets, by their names in `fuzz/targets` [default: all]
+    /// Targets, by their names in `fuzz/seeds` [default: all]
     targets: Vec<String>,
 
     /// Minutes for each target
@@ -65,6 +65,9 @@ struct Outcome {
 }
 
 impl Fuzzing {
+    /// Each target for a minute.
+    pub const A_MINUTE: Fuzzing = Fuzzing { targets: Vec::new(), minutes: 1.0, runs: None, blind: None };
+
     /// Builds the targets and runs each.
     pub fn run(&self) -> Result<()> {
         let all = targets()?;
@@ -73,12 +76,12 @@ impl Fuzzing {
         }
         let targets = all.iter().filter(|target| self.targets.is_empty() || self.targets.contains(target));
         if let Some(inputs) = self.blind {
-            let programs = build_without_instruments()?;
-            return targets.map(String::as_str).try_for_each(|target| fuzz_blindly(target, &programs.join(target), inputs));
+            let program = build_without_instruments()?;
+            return targets.map(String::as_str).try_for_each(|target| fuzz_blindly(target, &program, inputs));
         }
-        let programs = build()?;
+        let program = build()?;
         for target in targets {
-            let Outcome { inputs, time, edges: [reached, all] } = self.fuzz(target, &programs.join(target))?;
+            let Outcome { inputs, time, edges: [reached, all] } = self.fuzz(target, &program)?;
             let seconds = time.as_secs_f64();
             println!("fuzz: {target}: {inputs} inputs in {seconds:.0} s reached {reached} of {all} edges");
         }
@@ -99,7 +102,8 @@ impl Fuzzing {
         for folder in [&found, &failed] {
             fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         }
-        let mut fuzzer = target_command(program);
+        let mut fuzzer = in_memory(command::<&str>(&program.to_string_lossy(), []));
+        fuzzer.env(TARGET, target);
         fuzzer.arg("-print_final_stats=1");
         fuzzer.arg(format!("-artifact_prefix={}/{target}-", failed.display()));
         fuzzer.args([format!("-rss_limit_mb={MEMORY}"), format!("-timeout={LONGEST}")]);
@@ -136,27 +140,10 @@ fn fuzz_blindly(target: &str, program: &Path, inputs: u64) -> Result<()> {
     let parts: Vec<_> = (1..=count).map(|number| (number, inputs / count + u64::from(number <= inputs % count))).collect();
     workers::map(&parts, |(number, inputs)| {
         let mut fuzzer = in_memory(within(MEMORY as usize, program));
-        run(fuzzer.args([number, inputs, &LONGEST].map(u64::to_string)).arg(&seeds).args(&found))
+        run(fuzzer.arg(target).args([number, inputs, &LONGEST].map(u64::to_string)).arg(&seeds).args(&found))
     })?;
     println!("fuzz: {target}: {inputs} inputs in {:.0} s, blind", start.elapsed().as_secs_f64());
     Ok(())
-}
-
-/// Runs each target without libFuzzer but under AddressSanitizer, on its seeds and on a few random changes of them: a minute or
-/// two.
-pub fn run_shortly() -> Result<()> {
-    let (mut cargo, programs) = under_address_sanitizer("build")?;
-    run(cargo.args(["--no-default-features", "--manifest-path", MANIFEST]))?;
-    for target in targets()? {
-        let seeds = folders::root().join("fuzz/seeds").join(&target);
-        run(target_command(&programs.join(&target)).args(["1", SHORT_RUN, &LONGEST.to_string()]).arg(seeds))?;
-    }
-    Ok(())
-}
-
-/// The command that runs a target.
-fn target_command(program: &Path) -> Command {
-    in_memory(command::<&str>(&program.to_string_lossy(), []))
 }
 
 /// A target whose files are in memory where there is a folder for that: a disk would take most of the time.
@@ -168,34 +155,27 @@ fn in_memory(mut target: Command) -> Command {
     target
 }
 
-/// Checks the sources of the targets, without libFuzzer.
-pub fn lint() -> Result<()> {
-    let mut clippy =
-        command("cargo", ["clippy", "--locked", "--no-default-features", "--manifest-path", MANIFEST, "--target-dir"]);
-    run(clippy.arg(folders::target()).args(["--", "-Dwarnings"]))
-}
-
-/// The names of all targets, sorted.
+/// The names of all targets, sorted. Each has a folder of seeds.
 fn targets() -> Result<Vec<String>> {
-    let folder = folders::root().join("fuzz/targets");
+    let folder = folders::root().join("fuzz/seeds");
     let entries = fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))?;
-    let names = entries.map(|entry| Ok(entry?.path().file_stem().context("a file's name")?.to_string_lossy().into_owned()));
+    let names = entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()));
     let mut names: Vec<String> = names.collect::<Result<_>>()?;
     names.sort();
-    ensure!(!names.is_empty(), "no targets in {}", folder.display());
+    ensure!(!names.is_empty(), "no seeds in {}", folder.display());
     Ok(names)
 }
 
-/// Builds all targets as they are, in a folder of their own, and returns the one of the programs.
+/// Builds the targets as they are, in a folder of their own, and returns the program that changes seeds.
 fn build_without_instruments() -> Result<PathBuf> {
     let (mut cargo, folder) = apart("build", "blind")?;
-    run(cargo.args(["--release", "--no-default-features", "--manifest-path", MANIFEST]))?;
-    Ok(folder.join("release"))
+    run(cargo.args([PACKAGE, "--bin=blind", "--profile", PROFILE]))?;
+    Ok(folder.join(PROFILE).join("blind"))
 }
 
-/// Builds all targets in a folder of their own, and returns the one of the programs.
+/// Builds the targets for libFuzzer in a folder of their own, and returns the program that it guides.
 fn build() -> Result<PathBuf> {
     let (mut cargo, folder) = instrumented("build", INSTRUMENTS, "fuzz")?;
-    run(cargo.args(["--release", "--manifest-path", MANIFEST]))?;
-    Ok(folder.join("release"))
+    run(cargo.args([PACKAGE, "--bin=guided", "--features=libfuzzer", "--profile", PROFILE]))?;
+    Ok(folder.join(PROFILE).join("guided"))
 }

@@ -1,4 +1,4 @@
-//! Checks of the whole workspace, and the suites that combine all checks.
+//! Checks of the whole workspace.
 
 pub mod cluster;
 pub mod crashes;
@@ -12,4 +12,3 @@ pub mod pages;
 pub mod python_package;
 pub mod sanitizing;
 pub mod soaking;
-pub mod suite;

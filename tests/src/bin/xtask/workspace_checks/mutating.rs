@@ -94,6 +94,16 @@ const PARTS: [Part; 6] = [
 ];
 
 impl Mutating {
+    /// A sample of all parts.
+    pub fn sample() -> Mutating {
+        Mutating { parts: Vec::new(), shard: Some("0/54".to_owned()) }
+    }
+
+    /// Every mutant of a part.
+    pub fn of(part: &str) -> Mutating {
+        Mutating { parts: vec![part.to_owned()], shard: None }
+    }
+
     /// Tries the mutants of the parts. Fails if tests miss one that `.cargo/mutants.toml` does not explain.
     pub fn run(&self) -> Result<()> {
         let selected = |part: &&Part| self.parts.is_empty() || self.parts.iter().any(|name| name == part.name);

@@ -3,6 +3,7 @@
 use std::{
     fs,
     path::{Path, PathBuf},
+    process::Command,
 };
 
 use anyhow::{Context, Result};
@@ -10,7 +11,7 @@ use anyhow::{Context, Result};
 use crate::{
     system::{
         folders,
-        process::{built_program, command, run},
+        process::{built_extension, built_program, command, run},
     },
     tools::tool,
 };
@@ -23,16 +24,31 @@ pub struct PythonEnvironment {
     folder: PathBuf,
 }
 
-/// Builds the wheel and the program, and runs the tests of the package in an environment of its own in `target/python`.
-pub fn run_tests() -> Result<()> {
+/// The package as maturin makes it from a crate of this name.
+const INIT: &str = "from .multiscopic import *\n\n__doc__ = multiscopic.__doc__\n";
+
+/// Builds the module as the tests in debug build its libraries, lays it out as a package, and tests that.
+pub fn test_extension() -> Result<()> {
+    let library = built_extension()?;
+    let packages = folder().join("packages");
+    let package = packages.join("multiscopic");
+    let _ = fs::remove_dir_all(&package);
+    fs::create_dir_all(&package).with_context(|| format!("cannot make {}", package.display()))?;
+    fs::copy(&library, package.join("multiscopic.abi3.so")).with_context(|| format!("cannot copy {}", library.display()))?;
+    fs::copy(folders::root().join("python/multiscopic.pyi"), package.join("__init__.pyi"))?;
+    fs::write(package.join("__init__.py"), INIT)?;
+    fs::write(package.join("py.typed"), "")?;
+    let environment = PythonEnvironment::install("environment", REQUIREMENTS)?;
+    environment.uninstall_package()?;
+    run(environment.tests()?.env("PYTHONPATH", packages))
+}
+
+/// Builds the wheel by maturin, and tests what pip installs from it.
+pub fn test_wheel() -> Result<()> {
     let wheels = wheels()?;
     let environment = PythonEnvironment::install("environment", REQUIREMENTS)?;
     environment.install_package(&wheels)?;
-    // That of the tests in debug.
-    let program = built_program()?;
-    let pytest = ["-m", "pytest", "--quiet", "-p", "no:cacheprovider", "python"];
-    let mut pytest = command(&environment.program("python"), pytest);
-    run(pytest.env("MULTISCOPIC_BINARY", program).env("PYTHONDONTWRITEBYTECODE", "1"))
+    run(&mut environment.tests()?)
 }
 
 /// Builds the wheel, and returns the folder that it is in.
@@ -76,6 +92,20 @@ impl PythonEnvironment {
     pub fn install_package(&self, wheels: &Path) -> Result<()> {
         let pip = ["-m", "pip", "install", "--quiet", "--no-index", "--no-deps", "--force-reinstall", "--find-links"];
         run(command(&self.program("python"), pip).arg(wheels).arg("multiscopic"))
+    }
+
+    /// Removes our package, if it is there.
+    pub fn uninstall_package(&self) -> Result<()> {
+        let pip = ["-m", "pip", "uninstall", "--quiet", "--disable-pip-version-check", "--yes", "multiscopic"];
+        run(&mut command(&self.program("python"), pip))
+    }
+
+    /// The command that tests the package, against the program of the tests in debug.
+    fn tests(&self) -> Result<Command> {
+        let pytest = ["-m", "pytest", "--quiet", "-p", "no:cacheprovider", "python"];
+        let mut pytest = command(&self.program("python"), pytest);
+        pytest.env("MULTISCOPIC_BINARY", built_program()?).env("PYTHONDONTWRITEBYTECODE", "1");
+        Ok(pytest)
     }
 
     /// The path of a program in it.

@@ -32,32 +32,27 @@ pub struct Sanitizing {
     /// as long, so that it gets a tenth of the random values, and it has no AVX-512
     #[arg(long)]
     valgrind: bool,
-
-    /// Run the units of the libraries alone, as `cargo xtask test` does
-    #[arg(long, conflicts_with = "valgrind")]
-    units: bool,
 }
 
 impl Sanitizing {
-    /// The units under AddressSanitizer.
-    pub const UNITS: Sanitizing = Sanitizing { valgrind: false, units: true };
+    /// In AddressSanitizer.
+    pub const ADDRESSES: Sanitizing = Sanitizing { valgrind: false };
+    /// In Valgrind.
+    pub const VALGRIND: Sanitizing = Sanitizing { valgrind: true };
 
     /// Builds the tests in a folder of their own and runs them. All of them are a little optimised, since watching makes them
     /// slower.
     pub fn run_tests(&self) -> Result<()> {
-        let mut cargo = if self.valgrind { under_valgrind()? } else { under_address_sanitizer("test")?.0 };
-        match self.units {
-            true => cargo.args(&TESTS[..3]).arg("--lib"),
-            false => cargo.args(["--config", "profile.dev.opt-level=1"]).args(TESTS),
-        };
-        run(&mut cargo)
+        let mut cargo = if self.valgrind { under_valgrind()? } else { under_address_sanitizer()? };
+        run(cargo.args(["--no-fail-fast", "--config", "profile.dev.opt-level=1"]).args(TESTS))
     }
 }
 
-/// The cargo command `verb` for code under AddressSanitizer, and the folder for the programs of the profile `dev`.
-pub fn under_address_sanitizer(verb: &str) -> Result<(Command, PathBuf)> {
-    let (cargo, folder) = instrumented(verb, "-Zsanitizer=address", "sanitized")?;
-    Ok((cargo, folder.join("debug")))
+/// The cargo command that runs tests under AddressSanitizer: those of the fuzz targets' seeds, too, without their limit of addresses.
+fn under_address_sanitizer() -> Result<Command> {
+    let (mut cargo, _) = instrumented("test", "-Zsanitizer=address", "sanitized")?;
+    cargo.args(["--package=multiscopic-fuzz", "--test=seeds"]).env("MULTISCOPIC_UNLIMITED", "1");
+    Ok(cargo)
 }
 
 /// The cargo command `verb` for instrumented code, with a target folder of this name, and where the folders of profiles are.

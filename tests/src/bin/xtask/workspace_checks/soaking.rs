@@ -20,6 +20,9 @@ pub struct Soaking {
 }
 
 impl Soaking {
+    /// As many captures as by default.
+    pub const LONG: Soaking = Soaking { captures: 10_000, rigs: 16, seed: 1 };
+
     /// Captures, and prints what the process takes meanwhile.
     #[cfg(target_os = "linux")]
     pub fn run(&self) -> Result<()> {

@@ -1,10 +1,11 @@
 use multiscopic::{DisparityMap, Engine, Frames, Method, Result, stereo};
-use multiscopic_core::{Fusion, Search};
+use multiscopic_core::{Fusion, SearchConfig};
 
 /// The disparities of frames without distortion, by what `multiscopic tune` found.
 pub fn disparities(frames: &Frames) -> Result<DisparityMap> {
     let [width, height] = frames.size().map(|side| side as u16);
-    let search = Search::new(width, height, frames.views(), Fusion::Heuristic, 1, 16)?;
+    let range = SearchConfig { min_disparity: 1, num_disparities: 16, ..SearchConfig::of_size(width, height) };
+    let search = SearchConfig { views: frames.views(), fusion: Fusion::Heuristic, ..range }.checked()?;
     let cost = stereo::cost::BirchfieldTomasi { color: true };
     let cuts = multiscopic::GraphCuts {
         occlusion: Some(12.0),

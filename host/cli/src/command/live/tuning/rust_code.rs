@@ -30,13 +30,15 @@ pub fn of_match(plan: &TunedMatch) -> String {
         (_, true) => ", stereo, stereo::refinement",
     };
     line(&format!("use multiscopic::{{DisparityMap, Engine, Frames, Method, Result{stereo}}};"));
-    line("use multiscopic_core::{Fusion, Search};");
+    line("use multiscopic_core::{Fusion, SearchConfig};");
     line("");
     line("/// The disparities of frames without distortion, by what `multiscopic tune` found.");
     line("pub fn disparities(frames: &Frames) -> Result<DisparityMap> {");
     line("    let [width, height] = frames.size().map(|side| side as u16);");
     let (fusion, least, count) = (search.fusion(), search.min_disparity(), search.num_disparities());
-    line(&format!("    let search = Search::new(width, height, frames.views(), Fusion::{fusion:?}, {least}, {count})?;"));
+    let range = format!("min_disparity: {least}, num_disparities: {count}, ..SearchConfig::of_size(width, height)");
+    line(&format!("    let range = SearchConfig {{ {range} }};"));
+    line(&format!("    let search = SearchConfig {{ views: frames.views(), fusion: Fusion::{fusion:?}, ..range }}.checked()?;"));
     let mutable = if lines.is_empty() { "" } else { "mut " };
     pipeline(&method.pipeline).iter().for_each(|text| line(&format!("    {text}")));
     let made = if *name == "net" { "Method::net()" } else { "Method::new(pipeline)" };

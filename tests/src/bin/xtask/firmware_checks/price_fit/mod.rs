@@ -7,7 +7,7 @@ use multiscopic::target::{
     Processor,
     instruction_model::{CandidateUnits, Prices, WorkUnits, Workload},
 };
-use multiscopic_core::{Fusion, Params, Search, SemiGlobalCost, SemiGlobalParams, Views};
+use multiscopic_core::{Fusion, Params, Search, SearchConfig, SemiGlobalCost, SemiGlobalParams, Views};
 use multiscopic_edge::{Matching, Wide};
 use std::{collections::BTreeMap, path::PathBuf};
 
@@ -140,7 +140,15 @@ impl Shape {
     }
 
     fn search(&self, (views, fusion): (Views, Fusion)) -> Result<Search> {
-        Ok(Search::new(self.width, self.height, views, fusion, self.min_disparity, self.num_disparities)?)
+        Ok(SearchConfig {
+            width: self.width,
+            height: self.height,
+            views,
+            fusion,
+            min_disparity: self.min_disparity,
+            num_disparities: self.num_disparities,
+        }
+        .checked()?)
     }
 
     fn blocks(&self, variant: (Views, Fusion), block_size: u8) -> Result<Params> {

@@ -31,6 +31,9 @@ enum ClusterEngine {
 }
 
 impl Clusters {
+    /// Both clusters.
+    pub const ALL: Clusters = Clusters { engine: None };
+
     /// Makes them. It needs Linux, and Slurm needs root.
     pub fn run(&self) -> Result<()> {
         let is_asked_for = |engine| self.engine.is_none_or(|one| one == engine);

@@ -1,0 +1,279 @@
+//! The suites: which steps `check`, `lint`, `firmware`, `test` and `test --all` run.
+//!
+//! `docs/testing.md` says what each step checks, and why it stands where it does.
+
+mod features;
+mod needs;
+mod static_checks;
+mod step;
+
+use anyhow::{Result, anyhow};
+use clap::Args;
+use std::{iter, path::Path};
+
+use crate::{
+    emulation::setup,
+    firmware_checks::{
+        bit_flips::BitFlips,
+        capturing,
+        cycles::Accounting,
+        faults, kernel_twins, pico2,
+        profiles::{self, Selection},
+    },
+    publishing::{crates, public_api::PublicApi, release, supply_chain::SupplyChain},
+    system::{
+        background_task::BackgroundTask,
+        process::{OPTIMIZED, PYTHON_PACKAGE, built_optimized_program, built_program, command, run},
+    },
+    tools::toolchain::Toolchain,
+    workspace_checks::{
+        cluster::Clusters, crashes::Crashing, emulated_arm64, emulated_cameras, fuzzing::Fuzzing, host_instructions::Guard,
+        interpreting, mutating::Mutating, pages, python_package, sanitizing::Sanitizing, soaking::Soaking,
+    },
+};
+use needs::Needs;
+use step::{
+    Report,
+    Scope::{All, Sample, Test},
+    Step,
+};
+
+pub use static_checks::architecture;
+
+/// The tests of `check`: units, and the comparisons of all methods with their references.
+const QUICK: [&str; 9] = [
+    "-pmultiscopic-core",
+    "-pmultiscopic",
+    "-pmultiscopic-cli",
+    "-pmultiscopic-edge",
+    "-pmultiscopic-tests",
+    "--lib",
+    "--bins",
+    "--test=matching",
+    "--test=methods",
+];
+
+/// The tests that optimisation might change: of what computes, not of what talks to users, browsers, cameras and stages.
+const COMPUTATIONS: [&str; 7] = [
+    "--lib",
+    "--test=matching",
+    "--test=methods",
+    "--test=mccnn",
+    "--test=outside_bytes",
+    "--test=real_data",
+    "--test=rectified_lines",
+];
+/// The parts of others with tests that take minutes in debug, which leaves them out.
+const LONG: [&str; 14] = [
+    "--test=commands",
+    "--test=capture",
+    "--",
+    "alignment",
+    "arrays",
+    "calibrations",
+    "commands_that_are_killed",
+    "edge_commands",
+    "filters",
+    "lenses",
+    "memory_demand",
+    "mounts",
+    "search_ranges",
+    "the_truth_is",
+];
+
+/// The static checks.
+const LINT: [Step; 10] = [
+    Step { name: "formatting", scope: Test, run: static_checks::formatting },
+    Step { name: "architecture", scope: Test, run: architecture },
+    Step { name: "lints", scope: Test, run: static_checks::lints },
+    Step { name: "lints for Arm", scope: Test, run: || static_checks::lints_for_arm(&arm()?) },
+    Step { name: "lints for RISC-V", scope: Test, run: static_checks::lints_for_risc_v },
+    Step { name: "lints for the Pico 2", scope: Test, run: || pico2::lint(&arm()?) },
+    Step { name: "features", scope: Test, run: features::check },
+    Step { name: "supply chain", scope: Test, run: || SupplyChain::CHECK.run() },
+    Step { name: "subjects of commits", scope: Test, run: static_checks::subjects },
+    Step { name: "documentation", scope: Test, run: static_checks::documentation },
+];
+
+/// The tests on this machine. Those that need the same build are beside each other.
+const TESTS: [Step; 25] = [
+    Step { name: "tests in debug", scope: Test, run: tests_in_debug },
+    Step { name: "Python, as built for the tests", scope: Sample, run: python_package::test_extension },
+    Step { name: "the published packages, packed", scope: Sample, run: crates::pack },
+    Step { name: "computations in release", scope: Test, run: || run_optimized_tests(&COMPUTATIONS) },
+    Step { name: "long tests in release", scope: Test, run: || run_optimized_tests(&LONG) },
+    Step { name: "archives of the program", scope: Test, run: release::check },
+    Step { name: "pages in a browser", scope: Test, run: pages::run_tests },
+    Step { name: "instructions", scope: Test, run: || Guard::COMPARE.run() },
+    Step { name: "cameras in a virtual machine", scope: Test, run: emulated_cameras::run_tests },
+    Step { name: "the Python wheel", scope: All, run: python_package::test_wheel },
+    Step { name: "the published packages, compiled", scope: All, run: crates::check },
+    Step { name: "archives, built twice", scope: All, run: || release::Release::TWICE.run() },
+    Step { name: "64-bit Arm", scope: All, run: emulated_arm64::run_tests },
+    Step { name: "everything that computes in AddressSanitizer", scope: All, run: || Sanitizing::ADDRESSES.run_tests() },
+    Step { name: "everything that computes in Valgrind", scope: All, run: || Sanitizing::VALGRIND.run_tests() },
+    Step { name: "matching in Miri", scope: All, run: interpreting::run_tests },
+    Step { name: "fuzzing, guided by coverage", scope: All, run: || Fuzzing::A_MINUTE.run() },
+    Step { name: "commands that are killed", scope: All, run: || Crashing::MANY.run() },
+    Step { name: "hardware that fails", scope: All, run: || Soaking::LONG.run() },
+    Step { name: "clusters", scope: All, run: || Clusters::ALL.run() },
+    Step { name: "licences, sources and bans", scope: All, run: || SupplyChain::DENY.run() },
+    Step { name: "what the published crates offer", scope: All, run: || PublicApi::SINCE_TAG.check() },
+    Step { name: "mutants", scope: All, run: || Mutating::sample().run() },
+    Step { name: "mutants of the capture sequence", scope: All, run: || Mutating::of("capture").run() },
+    Step { name: "mutants of the selection", scope: All, run: || Mutating::of("selection").run() },
+];
+
+/// The tests of the firmware, and of the libraries as firmware depends on them.
+const FIRMWARE: [Step; 11] = [
+    Step { name: "the libraries for Arm", scope: Test, run: || static_checks::libraries_for_arm(&arm()?) },
+    Step { name: "the firmware for the Pico 2", scope: Test, run: || pico2::build(&arm()?) },
+    Step { name: "the kernels in the emulator", scope: Test, run: || kernel_twins::run(&arm()?) },
+    Step { name: "firmware, a sample", scope: Sample, run: || profiles::run(&arm()?, &Selection::sample()) },
+    Step { name: "firmware of every profile", scope: All, run: || profiles::run(&arm()?, &Selection::default()) },
+    Step { name: "the firmware's cycles", scope: Test, run: || Accounting::compare().run(&arm()?) },
+    Step { name: "the firmware that captures", scope: Test, run: || capturing::run(&arm()?) },
+    Step { name: "the firmware's faults", scope: Test, run: || faults::run(&arm()?) },
+    Step { name: "no panics", scope: Test, run: || faults::no_panic(&arm()?) },
+    Step { name: "a few flipped bits", scope: Sample, run: || BitFlips::few().run(&arm()?) },
+    Step { name: "many flipped bits", scope: All, run: || BitFlips::many().run(&arm()?) },
+];
+
+/// The step of `test` that waits for the tests of the firmware.
+const WAITING: &str = "the firmware, in the background";
+
+/// What the suites take, as measured on two processors.
+const LINT_NEEDS: Needs = Needs { command: "cargo xtask lint", disk_gib: 2.5, minutes: 6 };
+const TEST_NEEDS: Needs = Needs { command: "cargo xtask test", disk_gib: 6.0, minutes: 20 };
+const ALL_NEEDS: Needs = Needs { command: "cargo xtask test --all", disk_gib: 24.0, minutes: 600 };
+
+/// How much to test.
+#[derive(Args, Clone, Copy)]
+pub struct Extent {
+    /// Also what takes long or builds anew: every profile on every board, archives built twice, 64-bit Arm, AddressSanitizer,
+    /// Valgrind, Miri, fuzzing, mutants, clusters
+    #[arg(long)]
+    all: bool,
+}
+
+impl Extent {
+    /// Every test of this extent. Those of the firmware run in the background: their compilers and emulators use one processor at a
+    /// time.
+    pub fn test(self) -> Result<()> {
+        let needs = if self.all { ALL_NEEDS } else { TEST_NEEDS };
+        needs.check()?;
+        let mut report = Report::default();
+        report.step("setup", || setup::run().map(drop));
+        let arguments = iter::once("firmware").chain(self.all.then_some("--all"));
+        let firmware = BackgroundTask::start(&arguments.collect::<Vec<_>>())?;
+        report.run(self.steps(&TESTS));
+        report.step(WAITING, || firmware.finish());
+        report.finish()
+    }
+
+    /// Every test of the firmware of this extent.
+    pub fn firmware(self) -> Result<()> {
+        let mut report = Report::default();
+        report.step("setup", || setup::run().map(drop));
+        report.run(self.steps(&FIRMWARE));
+        report.finish()
+    }
+
+    fn steps(self, steps: &[Step]) -> impl Iterator<Item = &Step> {
+        steps.iter().filter(move |step| step.scope.is_run(self.all))
+    }
+}
+
+/// The checks for every change.
+pub fn check() -> Result<()> {
+    let mut report = Report::default();
+    report.run(&LINT[..3]);
+    report.step("unit and bit-exactness tests", || run(cargo(&["test", "--no-fail-fast"]).args(QUICK)));
+    report.finish()
+}
+
+/// The static checks.
+pub fn lint() -> Result<()> {
+    LINT_NEEDS.check()?;
+    let mut report = Report::default();
+    report.step("setup", || setup::run().map(drop));
+    report.run(&LINT);
+    report.finish()
+}
+
+fn tests_in_debug() -> Result<()> {
+    let all = run_tests(&built_program()?, &["--workspace", "--exclude", PYTHON_PACKAGE]);
+    // As most firmware has it. In the workspace, the tests' features are on.
+    let alone = run(&mut cargo(&["test", "--no-fail-fast", "-pmultiscopic-core", "--lib"]));
+    both(all, alone)
+}
+
+/// Fails if either did, with the messages of both.
+fn both(first: Result<()>, second: Result<()>) -> Result<()> {
+    match (first, second) {
+        (Err(first), Err(second)) => Err(anyhow!("{first:#}; {second:#}")),
+        (first, second) => first.and(second),
+    }
+}
+
+fn run_tests(program: &Path, selection: &[&str]) -> Result<()> {
+    run(cargo(&["test", "--no-fail-fast"]).args(selection).env("MULTISCOPIC_BINARY", program))
+}
+
+fn run_optimized_tests(selection: &[&str]) -> Result<()> {
+    run_tests(&built_optimized_program()?, &[&OPTIMIZED[..], &["--release"], selection].concat())
+}
+
+/// The toolchain for the boards with Arm processors.
+fn arm() -> Result<Toolchain> {
+    setup::toolchain()
+}
+
+fn cargo(args: &[&str]) -> std::process::Command {
+    command("cargo", args)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use std::fs;
+
+    use crate::system::folders;
+
+    /// The rows of a table of the guide, by the heading above it: the name of a step and the suites that it is part of.
+    fn rows(guide: &str, heading: &str) -> Vec<[String; 2]> {
+        let section = guide.split_once(heading).expect("a heading").1.split("\n## ").next().expect("a section");
+        let lines = section.lines().filter(|line| line.starts_with("| ")).skip(2);
+        lines
+            .map(|line| {
+                let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+                [cells[1].to_owned(), cells[2].to_owned()]
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_guide_lists_every_step() {
+        let guide = fs::read_to_string(folders::root().join("docs/testing.md")).expect("the guide");
+        for (heading, steps) in
+            [("## Lint\n", &LINT[..]), ("## Tests on this machine\n", &TESTS), ("## Tests of the firmware\n", &FIRMWARE)]
+        {
+            let suites = |scope| match scope {
+                Test => "`test`",
+                Sample => "`test` alone",
+                All => "`test --all`",
+            };
+            let suites = |step: &Step| if heading.contains("Lint") { "`lint`" } else { suites(step.scope) };
+            let expected: Vec<[String; 2]> = steps.iter().map(|step| [step.name.to_owned(), suites(step).to_owned()]).collect();
+            assert_eq!(rows(&guide, heading), expected, "{heading}");
+        }
+    }
+
+    #[test]
+    fn a_failure_does_not_hide_another() {
+        assert!(both(Ok(()), Ok(())).is_ok());
+        let failure = both(Err(anyhow!("a")), Err(anyhow!("b"))).expect_err("both failed").to_string();
+        assert_eq!(failure, "a; b");
+    }
+}

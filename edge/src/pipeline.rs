@@ -269,9 +269,6 @@ fn apart<R>(run: impl FnOnce() -> R) -> R {
 mod tests {
     extern crate std;
 
-    use embedded_io::{ErrorType, Write};
-    use multiscopic_core::{Frame, ScanlineSource};
-
     use super::*;
     use crate::{
         buffers::{Lengths, Wide},

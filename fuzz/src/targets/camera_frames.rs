@@ -3,7 +3,7 @@
 use arbitrary::{Result, Unstructured};
 use multiscopic::capture::camera::{FrameLayout, PixelFormat};
 
-/// What a driver says about a buffer, and the buffer.
+/// Converts a buffer with a layout as a driver describes it.
 fn convert(input: &mut Unstructured) -> Result<()> {
     let layout = FrameLayout {
         format: *input.choose(&PixelFormat::ALL)?,

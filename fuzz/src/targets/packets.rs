@@ -4,7 +4,7 @@ use std::path::Path;
 
 use multiscopic::target::reception;
 
-/// What separates the packets of an input. It is rare in them.
+/// The separator of the packets of an input. It is rare in them.
 const SEPARATOR: u8 = 0xA5;
 /// The most bytes of a block of COBS, without the byte before them.
 const MAX_BLOCK: usize = 254;

@@ -17,12 +17,12 @@ use crate::{program, split_mix::Random};
 
 /// A file of the user beside the outputs.
 const OF_THE_USER: &str = "notes.txt";
-/// How the names of temporary files and folders begin.
+/// The prefixes of names of temporary files and folders.
 const TEMPORARY: &str = ".multiscopic-";
 /// A quick capture, but for its folder.
 const CAPTURE: &str =
     "capture --camera sim --stage sim --baseline 8 --views 2 --size 96x64 --speed 250 --acceleration 1200 --settle 0";
-/// How long a command may take on a busy machine.
+/// The time after which a command counts as hung.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A command with outputs.
@@ -79,7 +79,7 @@ pub const VICTIMS: [Victim; 5] = [
     },
 ];
 
-/// What came of a number of killed runs.
+/// The outcomes of a number of killed runs.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
     /// Runs that were killed before they ended.
@@ -94,12 +94,12 @@ pub struct Tally {
     pub unsealed: usize,
 }
 
-/// Where outputs find no room.
+/// A lack of space for outputs.
 #[derive(Clone, Copy, Debug)]
 pub enum Want {
     /// No file may have more than so many blocks of the shell, of 512 or 1024 bytes.
     FileSize(u32),
-    /// The disk has room for so many KiB.
+    /// The disk holds so many KiB.
     Disk(u32),
     /// Nothing can be written.
     ReadOnly,
@@ -110,9 +110,9 @@ struct Bench {
     folder: tempfile::TempDir,
     victim: Victim,
     runs: usize,
-    /// How long the last whole run took, which changes with what else the machine does.
+    /// The time that the last whole run took, which changes with the load of the machine.
     length: Duration,
-    /// What a whole run makes where nothing is.
+    /// The outputs of a whole run in an empty folder.
     outputs: BTreeSet<PathBuf>,
 }
 
@@ -138,7 +138,7 @@ impl Victim {
 }
 
 impl Victim {
-    /// Runs the command where it finds no room for its outputs, or for some of them. Panics unless it says so and leaves nothing,
+    /// Runs the command without space for its outputs, or for some of them. Panics unless it says so and leaves nothing,
     /// or leaves everything. Returns whether it was refused; `None` if the system does not let a user mount such a disk.
     pub fn starve(&self, want: Want) -> Option<bool> {
         let bench = Bench::new(Victim { seal: None, ..*self });
@@ -150,7 +150,7 @@ impl Victim {
             Want::Disk(kib) => mount(format!("size={kib}k")),
             Want::ReadOnly => mount("ro".into()),
         };
-        // What is on the disk is gone with the shell.
+        // The disk's contents are gone with the shell.
         let script = setup + r#""$0" "$@"; code=$?; find out -type f; exit $code"#;
         let mut command = match want {
             Want::FileSize(_) => Command::new("sh"),
@@ -321,7 +321,7 @@ impl Bench {
         assert!(files.contains_key(Path::new("rig/rig.toml")), "{name}: the input");
     }
 
-    /// Whether the contents of the file `path` are all that a file with such an extension should have.
+    /// True if the contents of the file `path` are all that a file with such an extension should have.
     fn is_whole(&self, extension: Option<&OsStr>, path: &Path, contents: &[u8]) -> bool {
         match extension.and_then(OsStr::to_str) {
             Some("png") => image::load_from_memory_with_format(contents, image::ImageFormat::Png).is_ok(),

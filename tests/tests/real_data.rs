@@ -22,7 +22,7 @@ use multiscopic_tests::{
     },
 };
 
-/// What `evaluate` reports: RMS and AvgErr in pixels, Bad0.5, Bad1 and Bad2 in percent.
+/// The errors that `evaluate` reports: RMS and AvgErr in pixels, Bad0.5, Bad1 and Bad2 in percent.
 type Errors = [f64; 5];
 
 /// A test, given the folder of the data.

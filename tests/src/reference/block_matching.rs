@@ -82,7 +82,7 @@ impl Match<'_> {
         pixels.map(|(u, v)| self.peak(u, v)).collect()
     }
 
-    /// Whether the best candidate that is more than a disparity away from the winner costs over `percent` of its cost more, or
+    /// True if the best candidate that is more than a disparity away from the winner costs over `percent` of its cost more, or
     /// does not exist, line by line.
     pub fn unique(&self, percent: u8) -> Vec<bool> {
         let pixels = (0..self.height as i32).flat_map(|v| (0..self.width as i32).map(move |u| (u, v)));

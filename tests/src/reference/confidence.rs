@@ -1,6 +1,6 @@
 //! The confidence of a disparity, by definition.
 
-/// What a peak ratio from 0 to 255 counts as: octaves of which each has two grades.
+/// The grade of a peak ratio from 0 to 255: octaves of which each has two grades.
 pub fn grade(ratio: f64) -> u8 {
     const BEGINS: [f64; 16] = [0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0, 96.0, 128.0, 192.0];
     BEGINS.iter().filter(|begin| **begin <= ratio).count() as u8 - 1

@@ -1,11 +1,11 @@
-//! Reference for what the network sees of images: its definition pixel by pixel.
+//! Reference for the network's inputs from images: their definition pixel by pixel.
 
 use crate::reference::{
     Fusion, fixed,
     semi_global::{Cost, PATHS, SemiGlobal},
 };
 
-/// What the network sees of images.
+/// The network's inputs from images.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NetworkInputs {
     /// Width of the images in pixels.

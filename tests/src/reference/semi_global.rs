@@ -9,7 +9,7 @@ pub const PATHS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, 1), (1, 1), (-1, 1), (0
 /// The shift `(du, dv)` of a match per pixel of disparity, by view: left, right, top, bottom.
 const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
-/// How much a pixel differs from its match.
+/// The measure by which a pixel differs from its match.
 #[derive(Clone, Copy, Debug)]
 pub enum Cost {
     /// The Hamming distance of census transforms, by the horizontal and vertical radius of the window.
@@ -59,7 +59,7 @@ pub struct SemiGlobal<'a> {
     pub p2_edge: Option<i64>,
     /// The largest difference that the left-right check tolerates.
     pub left_right: Option<i32>,
-    /// Whether lines of equal slope refine disparities, instead of a parabola.
+    /// True if lines of equal slope refine disparities, instead of a parabola.
     pub equiangular: bool,
 }
 
@@ -98,7 +98,7 @@ impl SemiGlobal<'_> {
         self.best_two().into_iter().map(peak).collect()
     }
 
-    /// Whether the best candidate that is more than a disparity away from the winner costs over `percent` of its sum
+    /// True if the best candidate that is more than a disparity away from the winner costs over `percent` of its sum
     /// more, or does not exist, line by line.
     pub fn unique(&self, percent: u8) -> Vec<bool> {
         let is_unique = |(c1, c2, _): (i64, i64, usize)| 100 * (c2 - c1) > i64::from(percent) * c1;
@@ -240,7 +240,7 @@ impl SemiGlobal<'_> {
         nearest.chain(self.others.iter().map(|((i, j), image)| (&image[..], (-i, -j))))
     }
 
-    /// How many of the pairs of pixels are in another order of brightness around `(x, y)` than around `(u, v)` of the centre.
+    /// The number of pairs of pixels in another order of brightness around `(x, y)` than around `(u, v)` of the centre.
     fn hamming_distance(
         &self,
         pairs: &[[(i32, i32); 2]],

@@ -44,15 +44,15 @@ pub struct Case {
     pub width: usize,
     /// Lines.
     pub height: usize,
-    /// Whether there are a left, right, top and bottom view.
+    /// Flags for the left, right, top and bottom view.
     pub views: [bool; 4],
     /// The offsets of views elsewhere: baselines to the right and down.
     pub others: Vec<(i32, i32)>,
-    /// How costs are fused.
+    /// The fusion rule.
     pub fusion: Fusion,
     /// The smallest disparity of the search.
     pub min_disparity: i32,
-    /// How many disparities are searched.
+    /// The number of disparities searched.
     pub num_disparities: i32,
     /// The side length of the block in pixels.
     pub block_size: i32,

@@ -155,7 +155,7 @@ fn views_of_arrays_are_aligned() {
     for ((i, j), (nx, ny), shift, gain) in cases {
         let (i, j): (i8, i8) = (i, j);
         let (sin, cos) = f64::atan2(shift, focal).sin_cos();
-        // Where the view would show what its pixel shows, if the camera had not been turned.
+        // The place in the view where its pixel would be seen if the camera had not been turned.
         let unturned = |u: f64, v: f64| {
             let along = nx * (u - cx) + ny * (v - cy);
             let (turned, ahead) = (along * cos - focal * sin, along * sin / focal + cos);

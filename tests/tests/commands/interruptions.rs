@@ -1,4 +1,4 @@
-//! What signals and failures leave behind.
+//! Signals and failures leave nothing behind.
 
 #![cfg(target_os = "linux")]
 

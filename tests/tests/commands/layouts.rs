@@ -93,7 +93,7 @@ fn the_accuracy_asked_for_moves_the_camera_farther() {
     assert_eq!(rig.images.views(), Views::HORIZONTAL);
     assert!(rig.capture.notes.is_some_and(|notes| notes.contains("to stay at 8 mm, which gives 400 mm at 1000 mm")));
 
-    // What is reached is so by the truth.
+    // The accuracy that is reported is the one measured against the truth.
     let camera = PinholeCamera { baseline_mm: 8.0, ..PinholeCamera::new(240, 180) };
     let truth = render(&Scene::demo(), &camera, 1).truth;
     let [long, short] = ["long", "short"].map(|name| median_error(&path(name), truth.pixels()));

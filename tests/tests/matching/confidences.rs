@@ -76,7 +76,7 @@ fn lines_of_another_length_are_refused() {
     assert_eq!(next(30, 30), Ok(Some(0)));
 }
 
-/// What is surer is not less probable.
+/// Probabilities do not fall where evidence grows.
 #[test]
 fn tables_rise_with_agreement_and_evidence() {
     for ConfidenceTable(rows) in [ConfidenceTable::BLOCK_MATCHING, ConfidenceTable::SEMI_GLOBAL] {

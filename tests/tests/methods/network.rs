@@ -276,7 +276,7 @@ fn the_matcher_takes_memory_in_proportion_to_the_frames() {
             NetworkParams::new(search).expect("views in a row").memory::<Wide>();
         [frames, inputs, excesses, paths, volume, result, image]
     };
-    // What is kept for a few rows at a time doubles where the frames take four times as much.
+    // Buffers of a few rows double where frames take four times as much.
     for (part, (small, large)) in iter::zip(parts([160, 120]), parts([320, 240])).enumerate() {
         let times = large as f64 / small as f64;
         assert!((1.8..4.2).contains(&times), "part {part} takes {small} bytes, and {large} for four times as many pixels");

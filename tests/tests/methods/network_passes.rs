@@ -1,4 +1,4 @@
-//! What the core computes for the disparity network equals the slow references, with each kernel that this processor
+//! The core's two passes for the disparity network equal the slow references, with each kernel that this processor
 //! supports.
 
 use multiscopic::{Simd, stereo::Task};

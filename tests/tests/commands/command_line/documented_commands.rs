@@ -4,7 +4,7 @@ use std::{fs, path::Path, process::Command};
 
 use multiscopic_tests::program;
 
-/// What is not run: the first words, and why.
+/// Commands that are not run: their first words, and the reason.
 const LEFT_OUT: [(&str, &str); 8] = [
     ("multiscopic tune", "it serves a page until it is closed"),
     ("multiscopic live", "it serves a page until it is closed"),
@@ -53,7 +53,7 @@ fn commands_of_the_readme_work() {
         let messages = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(0), "{line}: {messages}");
     };
-    // What the README begins with, and its pictures.
+    // The README's first command, and pictures for the next ones.
     run("multiscopic demo -o out/demo");
     for (name, picture) in [("c", "center"), ("l", "left"), ("r", "right"), ("t", "top"), ("b", "bottom")] {
         let picture = dir.path().join(format!("out/demo/{picture}.png"));

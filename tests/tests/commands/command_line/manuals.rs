@@ -16,7 +16,7 @@ fn shells_complete_commands_and_options() {
     }
     Invocation::new(["completions", "cmd"]).assert_refused(&["cmd", "bash"]);
 
-    // What bash itself makes of it.
+    // Bash itself runs the script.
     let Ok(mut bash) = Command::new("bash").stdin(Stdio::piped()).stdout(Stdio::piped()).spawn() else {
         println!("bash is not installed: its script is not run");
         return;

@@ -416,7 +416,7 @@ fn an_impossible_demo_is_refused() {
 
     let own = dir.path().join("center.png");
     fs::write(&own, "the user's own").expect("a file");
-    // What an earlier demo wrote is replaced, but none wrote so much.
+    // A demo replaces the files of an earlier one, but none is this large.
     let long = format!("the scene of multiscopic demo{}", " ".repeat(1 << 22));
     for rig in ["", &long] {
         fs::write(dir.path().join("rig.toml"), rig).expect("a file");
@@ -435,7 +435,7 @@ fn an_output_is_replaced_as_a_whole() {
     assert_eq!(bench.files(), ["out.pfm"]);
 }
 
-/// Whether there are cameras depends on the machine.
+/// The outcome depends on the cameras of the machine.
 #[cfg(target_os = "linux")]
 #[test]
 fn cameras_are_listed() {

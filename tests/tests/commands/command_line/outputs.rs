@@ -1,4 +1,4 @@
-//! Which outputs a command writes, and where.
+//! The outputs that a command writes, and their places.
 
 use std::{fs, io::Read, path::Path, process::Command};
 

@@ -60,7 +60,7 @@ impl<'a> Fields<'a> {
         seconds
     }
 
-    /// What follows the header of an image: its size, encoding and data.
+    /// The rest of an image message after its header: its size, encoding and data.
     fn image(&mut self) -> ([u32; 2], &'a str, &'a [u8]) {
         let [height, width] = [self.u32(), self.u32()];
         let encoding = self.text();
@@ -274,7 +274,7 @@ fn rerun_converts_the_same_recording() {
     failing.assert_refused(&["no such version", "r.rrd", "3"]);
     assert_eq!(names(), 2, "the scenes and the programs");
 
-    // What it is given, so that it can be compared.
+    // Its inputs, for comparison.
     let copying = r#"[ "$1" = --version ] || { [ "$1 $2 $5" = "mcap convert -o" ] && /bin/cp "$7" "$6"; }"#;
     run(folder_of_rerun(dir.path(), copying)).assert_done();
     assert_eq!(timeless(&path("r.rrd")), timeless(&path("r.mcap")));

@@ -12,7 +12,7 @@ fn demo(folder: &Path) -> String {
     demo
 }
 
-/// What the page has to show.
+/// The data that the page shows.
 fn data(page: &str) -> serde_json::Value {
     let html = fs::read_to_string(page).expect("a page");
     let (_, data) = html.split_once("id=\"viewer-data\">").expect("a viewer");

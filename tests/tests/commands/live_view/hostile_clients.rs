@@ -106,7 +106,7 @@ fn broken_requests_and_messages_end_their_connection_alone() {
         assert!(socket.is_closed_by_server(), "{bytes:?}");
     }
 
-    // What is understood, but asks for what the page does not offer, is refused by a notice.
+    // A well-formed request for something that the page does not offer is refused by a notice.
     for settings in [
         json!({ "method": "bm", "output": "/tmp/x" }),
         json!({ "method": "--help" }),
@@ -234,7 +234,7 @@ fn a_thousand_sockets_do_not_stop_the_page() {
     let settings = json!({ "method": "bm", "num-disparities": "19" });
     page.ask(settings.clone());
     assert!(page.notice("result", |contents| contents["settings"] == settings)["map"].is_object(), "the page goes on");
-    // After their time is over there is room for others, though nobody has closed them.
+    // Once their time is over, others are served, though nobody has closed them.
     thread::sleep(Duration::from_secs(8));
     assert_eq!(server.get(&server.path, &[("Host", &server.host)]).0, 200);
     drop(silent);

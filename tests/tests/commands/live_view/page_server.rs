@@ -107,7 +107,7 @@ impl PageServer {
         self.child.wait().unwrap().code()
     }
 
-    /// Whether it still runs.
+    /// True if it still runs.
     pub fn is_running(&mut self) -> bool {
         self.child.try_wait().unwrap().is_none()
     }
@@ -189,7 +189,7 @@ impl PageSocket {
         }
     }
 
-    /// Whether the server closes it without being asked to.
+    /// True if the server closes it without being asked to.
     pub fn is_closed_by_server(&mut self) -> bool {
         while let Some((code, _)) = self.receive() {
             if code == 8 {

@@ -90,7 +90,7 @@ fn twelve_bits_are_told_by_the_brightest_image() {
     }
     let is_silent = |run: &Invocation| !run.stderr.contains("-bit");
     assert!(is_silent(&expected.0), "{}", expected.0.stderr);
-    // What is known is not guessed.
+    // A known value is not guessed.
     let (known, disparities) = matched(folder.path(), &["--bits", "12"]);
     assert!(is_silent(&known) && disparities == expected.1, "{}", known.stderr);
     rig_toml(folder.path(), "bits = 12\n");
@@ -136,12 +136,12 @@ fn rig_init_records_the_bits() {
     assert_eq!(init(&["--bits", "14"]), (false, Some(14)));
 }
 
-/// How a frame was rectified.
+/// The rectification of a frame.
 #[derive(Debug, PartialEq)]
 struct Rectification {
     /// From its pixels to those of its image.
     homography: [[f64; 3]; 3],
-    /// What its brightness was divided by.
+    /// The divisor of its brightness.
     gain: f64,
 }
 
@@ -186,7 +186,7 @@ fn align_keeps_the_depth_and_the_colours() {
         assert!(levels.len() > 1000, "{} levels in {}", levels.len(), path.display());
         let (mut squares, mut flat_squares, mut count) = (0.0, 0.0, 0.0);
         for (u, v, pixel) in image.enumerate_pixels() {
-            // Where the homography finds the pixel.
+            // The source of the pixel by the homography.
             let [x, y, z] = homography.map(|[a, b, c]| a * f64::from(u) + b * f64::from(v) + c);
             let inside = |at: f64, size: u32| (2.0..f64::from(size) - 3.0).contains(&at);
             for color in 0..3 {

@@ -97,24 +97,3 @@ impl AroundPrior<'_> {
         (x.clamp(0, self.width - 1), y.clamp(0, self.height - 1))
     }
 }
-
-/// Half the difference of each pixel's neighbours in the line, rounded down, plus 128.
-pub fn gradients(image: &[u8], width: usize) -> Vec<u8> {
-    let gradient = |i: usize| {
-        let u = i % width;
-        let [before, after] = [u.saturating_sub(1), (u + 1).min(width - 1)].map(|x| i32::from(image[i - u + x]));
-        ((after - before).div_euclid(2) + 128) as u8
-    };
-    (0..image.len()).map(gradient).collect()
-}
-
-/// The upper median of the values that exist in a window of `size` x `size` pixels, where there is one.
-pub fn medians(map: &[Option<i32>], width: usize, size: usize) -> Vec<Option<i32>> {
-    let median = |i: usize| {
-        let near = |j: &usize| (j % width).abs_diff(i % width) <= size / 2 && (j / width).abs_diff(i / width) <= size / 2;
-        let mut window: Vec<i32> = (0..map.len()).filter(near).filter_map(|j| map[j]).collect();
-        window.sort_unstable();
-        map[i].map(|_| window[window.len() / 2])
-    };
-    (0..map.len()).map(median).collect()
-}

@@ -9,7 +9,8 @@ use multiscopic_tests::{
     reference::Fusion,
     split_mix::Random,
     test_images::{
-        case::{Appearance, Case, cases, cut, matched, property},
+        case::{Appearance, Case, cases, property},
+        core_match::{cut, matched},
         strict_source::{FRAMES, StrictSource},
     },
 };

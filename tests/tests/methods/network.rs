@@ -25,7 +25,8 @@ use multiscopic_tests::{
     reference::{self, Fusion, NetworkInputs, semi_global::Cost},
     split_mix::Random,
     test_images::{
-        case::{Case, cases, property, views},
+        case::{Case, cases, property},
+        core_match::views,
         view_set::ViewSet,
     },
 };

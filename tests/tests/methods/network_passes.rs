@@ -15,7 +15,7 @@ use multiscopic_tests::{
     split_mix::Random,
     test_images::{
         case::{Appearance, Case, cases, property},
-        semi_global_case::semi_global_params,
+        core_match::semi_global_params,
         view_set::ViewSet,
     },
 };

@@ -15,7 +15,7 @@ use multiscopic_tests::{
     split_mix::Random,
     test_images::{
         case::{Appearance, Case, cases, property, wide_cases},
-        semi_global_case::{semi_global_params, semi_globally_matched},
+        core_match::{semi_global_params, semi_globally_matched},
         view_set::ViewSet,
     },
 };

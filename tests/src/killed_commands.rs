@@ -6,14 +6,13 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::{Command, Stdio},
-    sync::OnceLock,
     thread,
     time::{Duration, Instant},
 };
 
 use multiscopic::{Frames, Rig};
 
-use crate::{program, split_mix::Random};
+use crate::{program, split_mix::Random, test_images::made_up::make};
 
 /// A file of the user beside the outputs.
 const OF_THE_USER: &str = "notes.txt";
@@ -190,10 +189,7 @@ impl Victim {
 impl Bench {
     fn new(victim: Victim) -> Bench {
         let folder = tempfile::tempdir().expect("a folder");
-        fs::create_dir(folder.path().join("rig")).expect("a folder");
-        for (name, contents) in rig_files() {
-            fs::write(folder.path().join("rig").join(name), contents).expect("a file");
-        }
+        make(CAPTURE, &folder.path().join("rig"));
         for place in ["out", "out/demo"] {
             let place = folder.path().join(place);
             let is_made = place.ends_with("out") || victim.seal.is_some();
@@ -343,21 +339,6 @@ impl Bench {
             _ => false,
         }
     }
-}
-
-/// The files of a small capture.
-fn rig_files() -> &'static BTreeMap<PathBuf, Vec<u8>> {
-    static FILES: OnceLock<BTreeMap<PathBuf, Vec<u8>>> = OnceLock::new();
-    FILES.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a folder");
-        let mut command = Command::new(program::binary());
-        command.args(CAPTURE.split(' ')).args(["-o", "rig"]).current_dir(&folder).stdin(Stdio::null());
-        let output = command.output().expect("the command runs");
-        assert!(output.status.success(), "{output:?}");
-        let entries = fs::read_dir(folder.path().join("rig")).expect("a folder");
-        let paths = entries.map(|entry| entry.expect("an entry").path());
-        paths.map(|path| (path.file_name().expect("a name").into(), fs::read(path).expect("a file"))).collect()
-    })
 }
 
 fn is_temporary(path: &Path) -> bool {

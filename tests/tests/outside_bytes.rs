@@ -23,7 +23,7 @@ use proptest::{collection::vec, prelude::*, sample::Index, test_runner::TestRunn
 /// The address space in megabytes in which everything must be read. The largest picture takes half of it.
 const MEMORY: usize = 2048;
 /// The time after which a reader counts as hung.
-const LONGEST: Duration = Duration::from_secs(20);
+const LONGEST: Duration = Duration::from_secs(120);
 /// The number of files for each reader, unless `PROPTEST_CASES` says otherwise.
 const CASES: u32 = 500;
 

@@ -78,19 +78,20 @@ impl AroundPrior<'_> {
             return None;
         }
         let rho = self.block_size / 2;
-        let mut sum = 0.0;
-        for y in v - rho..=v + rho {
-            for x in u - rho..=u + rho {
+        let mut sum = 0;
+        for y in v - rho..v + rho + 1 {
+            for x in u - rho..u + rho + 1 {
                 let (x, y) = self.clamp(x, y);
-                let offset = offsets[(y * self.width + x) as usize] + 64 * r;
-                let at = |image: &[u8], (x, y): (i32, i32)| f64::from(image[(y * self.width + x) as usize]);
+                let at = |image: &[u8], (x, y): (i32, i32)| i32::from(image[(y * self.width + x) as usize]);
                 let sample = |d: i32| at(image, self.clamp(x - i * d, y - j * d));
-                let (d, rest) = (offset.div_euclid(64), f64::from(offset.rem_euclid(64)) / 64.0);
-                let between = ((1.0 - rest) * sample(d) + rest * sample(d + 1) + 0.5).floor();
+                let offset = offsets[(y * self.width + x) as usize] + 64 * r;
+                let (d, rest) = (offset.div_euclid(64), offset.rem_euclid(64));
+                // Rounded to the nearest grey value, halves up.
+                let between = ((64 - rest) * sample(d) + rest * sample(d + 1) + 32) / 64;
                 sum += (at(self.center, (x, y)) - between).abs();
             }
         }
-        Some(sum)
+        Some(sum.into())
     }
 
     fn clamp(&self, x: i32, y: i32) -> (i32, i32) {

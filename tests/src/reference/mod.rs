@@ -14,7 +14,7 @@ mod rectification;
 pub mod semi_global;
 
 pub use around_prior::AroundPrior;
-pub use block_matching::{Fusion, Match, fixed, fuse, raw16};
+pub use block_matching::{FusedCosts, Fusion, Match, fixed, fuse, raw16};
 pub use disparity_network::DisparityNetwork;
 pub use filters::{confidence, grade, gradients, medians, texture};
 pub use lucas_kanade::LucasKanade;

@@ -10,7 +10,7 @@ use proptest::{
 
 use crate::{
     reference::{
-        Fusion, raw16,
+        Fusion, Match, raw16,
         semi_global::{Cost, SemiGlobal},
     },
     split_mix::Random,
@@ -152,20 +152,14 @@ impl Case {
         params_in(self.width, self.height, views(self.views, &self.others), self.fusion, search, self.block_size)
     }
 
+    /// This match of its `images` for the float reference.
+    pub fn block_match<'a>(&self, images: &'a ViewSet) -> Match<'a> {
+        images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size)
+    }
+
     /// The float reference's disparities in the 16-bit encoding.
     pub fn reference(&self, images: &ViewSet) -> Vec<u16> {
-        let reference = images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size);
-        reference.disparities().into_iter().map(raw16).collect()
-    }
-
-    /// The float reference's [`unique`](crate::reference::Match::unique) pixels.
-    pub fn reference_unique(&self, images: &ViewSet, percent: u8) -> Vec<bool> {
-        images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size).unique(percent)
-    }
-
-    /// The float reference's peak ratios.
-    pub fn reference_peaks(&self, images: &ViewSet) -> Vec<u8> {
-        images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size).peaks()
+        self.block_match(images).disparities().into_iter().map(raw16).collect()
     }
 
     /// A semi-global match of its `images`, with a random cost and random penalties. The block size is not

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use multiscopic::FloatImage;
-use multiscopic_tests::program::Invocation;
+use multiscopic_tests::{program::Invocation, test_images::made_up::make};
 use tempfile::TempDir;
 
 /// A made-up capture.
@@ -12,8 +12,7 @@ struct Capture(TempDir);
 impl Capture {
     fn new() -> Capture {
         let dir = tempfile::tempdir().expect("a folder");
-        let scenes = dir.path().to_str().expect("a path in UTF-8");
-        Invocation::new(["scene", "--random", "--seed", "4", "--views", "2", "--size", "96x72", "-o", scenes]).assert_done();
+        make("scene --random --seed 4 --views 2 --size 96x72", dir.path());
         Capture(dir)
     }
 

@@ -41,13 +41,16 @@ impl Matched<'_> {
 /// number of lanes.
 fn check(case: &Case) {
     let images = case.images();
-    let (mut expected, expected_peaks) = (case.reference(&images), case.reference_peaks(&images));
+    let reference = case.block_match(&images);
+    let costs = reference.fused_costs();
+    let mut expected: Vec<u16> = costs.disparities().into_iter().map(raw16).collect();
+    let expected_peaks = costs.peaks();
     let random = &mut Random(case.seed);
     let wants_peaks = random.below(2) > 0;
     let uniqueness_ratio = [None, None, Some(0), Some(5), Some(30), Some(255)][random.below(6)];
     let params = case.params().with_uniqueness_ratio(uniqueness_ratio);
     if let Some(percent) = uniqueness_ratio {
-        let unique = case.reference_unique(&images, percent);
+        let unique = costs.unique(percent);
         expected.iter_mut().zip(unique).filter(|(_, is_unique)| !is_unique).for_each(|(raw, _)| *raw = 0);
     }
 

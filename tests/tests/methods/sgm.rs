@@ -96,8 +96,8 @@ fn equals_the_core_on_larger_images() {
     for (i, cost) in costs.into_iter().enumerate() {
         for (j, views) in [[false, true, false, false], [true, true, false, false], [true; 4]].into_iter().enumerate() {
             let case = Case {
-                width: 97,
-                height: 61,
+                width: 67,
+                height: 41,
                 views,
                 others: Vec::new(),
                 fusion: fusions[(i + j) % 3],
@@ -113,7 +113,7 @@ fn equals_the_core_on_larger_images() {
             let params = semi_global_params(&reference);
             let method = method(&params, Paths::Five);
             let expected = Simd::BASELINE.run(CoreMatch { params: &params, images: &images });
-            for simd in Simd::available() {
+            for simd in Simd::available().into_iter().filter(|simd| *simd != Simd::BASELINE) {
                 assert!(simd.run(CoreMatch { params: &params, images: &images }) == expected, "the core with {simd}, {params:?}");
             }
             for engine in &engines {

@@ -7,7 +7,7 @@ use multiscopic::{
     Engine, Frames, Method, SemiGlobal,
     stereo::{CostFunction, Optimizer},
 };
-use multiscopic_core::{Census, Disparity, Fusion as CoreFusion, Search, SemiGlobalCost, View, Views};
+use multiscopic_core::{Census, Disparity, Fusion as CoreFusion, Search, SemiGlobalCost, View};
 use multiscopic_tests::{
     reference::{Fusion, raw16, semi_global::Cost},
     split_mix::Random,
@@ -98,57 +98,74 @@ const PLANE: (f64, f64) = (6.0, 3.0 / WIDTH as f64);
 /// The standard deviation of the images' noise in grey values.
 const NOISE: f64 = 12.0;
 
-/// A texture of sine waves, of 3.5 to 14 pixels.
-fn texture(random: &mut Random) -> impl Fn(f64, f64) -> f64 + use<> {
-    let mut uniform = || random.below(1 << 20) as f64 / f64::from(1 << 20);
-    let waves: Vec<[f64; 3]> = (0..60)
-        .map(|_| {
+/// A texture of sine waves, of 3.5 to 14 pixels: frequencies to the right and down, and phases.
+struct Texture(Vec<[f64; 3]>);
+
+impl Texture {
+    fn new(random: &mut Random) -> Texture {
+        let mut uniform = || random.below(1 << 20) as f64 / f64::from(1 << 20);
+        let wave = |_| {
             let (frequency, angle) = (TAU / (3.5 + 10.5 * uniform()), TAU * uniform());
             [frequency * angle.cos(), frequency * angle.sin(), TAU * uniform()]
-        })
-        .collect();
-    move |u, v| 128.0 + 8.2 * waves.iter().map(|[x, y, phase]| (x * u + y * v + phase).sin()).sum::<f64>()
-}
-
-/// The plane, seen `baselines` to the right of the centre.
-fn image_of_plane(texture: &impl Fn(f64, f64) -> f64, baselines: i8, random: &mut Random) -> GrayImage {
-    let (nearest, slope) = PLANE;
-    GrayImage::from_fn(WIDTH as u32, HEIGHT as u32, |x, v| {
-        let baselines = f64::from(baselines);
-        // The centre's pixel u is seen at x = u - baselines (nearest + slope u).
-        let u = (f64::from(x) + baselines * nearest) / (1.0 - baselines * slope);
-        let noise = (0..12).map(|_| random.below(1 << 20) as f64 / f64::from(1 << 20)).sum::<f64>() - 6.0;
-        image::Luma([(texture(u, f64::from(v)) + NOISE * noise).round().clamp(0.0, 255.0) as u8])
-    })
-}
-
-/// The standard deviation of the disparity with left and right at one baseline and at `multiple`, away from the borders.
-fn noise(multiple: i8, engine: &Engine) -> f64 {
-    let (mut squares, mut count) = (0.0, 0.0);
-    for seed in 0..2 {
-        let random = &mut Random(seed);
-        let texture = texture(random);
-        let frames =
-            [-1, 1, -multiple, multiple].into_iter().fold(Frames::new(image_of_plane(&texture, 0, random)), |frames, i| {
-                frames.with(View::new(i, 0).expect("near enough"), image_of_plane(&texture, i, random))
-            });
-        let views: Views = frames.views();
-        let search = Search::new(WIDTH as u16, HEIGHT as u16, views, CoreFusion::Min, 1, 16).expect("in range");
-        let method = Method::new(CostFunction::Sad { block_size: 11 }, None, Optimizer::WinnerTakesAll);
-        let map = method.disparities(engine, &frames, &search, &()).expect("the frames fit the search");
-        for (v, u) in (12..HEIGHT - 12).flat_map(|v| (110..WIDTH - 110).map(move |u| (v, u))) {
-            let found = map.get(u, v).map_or(0.0, f32::from);
-            squares += (f64::from(found) - PLANE.0 - PLANE.1 * u as f64).powi(2);
-            count += 1.0;
-        }
+        };
+        Texture((0..60).map(wave).collect())
     }
-    (squares / count).sqrt()
+
+    /// The sines and cosines of the waves' `angle`s.
+    fn sines(&self, angle: impl Fn(&[f64; 3]) -> f64) -> Vec<(f64, f64)> {
+        self.0.iter().map(|wave| angle(wave).sin_cos()).collect()
+    }
+
+    /// The plane, seen `baselines` to the right of the centre.
+    fn image(&self, baselines: i8, random: &mut Random) -> GrayImage {
+        let ((nearest, slope), baselines) = (PLANE, f64::from(baselines));
+        // The centre's pixel u is seen at x = u - baselines (nearest + slope u).
+        let u = |x: usize| (x as f64 + baselines * nearest) / (1.0 - baselines * slope);
+        let columns: Vec<_> = (0..WIDTH).map(|x| self.sines(|[right, _, _]| right * u(x))).collect();
+        let rows: Vec<_> = (0..HEIGHT).map(|v| self.sines(|[_, down, phase]| down * v as f64 + phase)).collect();
+        GrayImage::from_fn(WIDTH as u32, HEIGHT as u32, |x, v| {
+            let waves = columns[x as usize].iter().zip(&rows[v as usize]);
+            let sum: f64 = waves.map(|((sin_x, cos_x), (sin_v, cos_v))| sin_x * cos_v + cos_x * sin_v).sum();
+            let noise = (0..12).map(|_| random.below(1 << 20) as f64 / f64::from(1 << 20)).sum::<f64>() - 6.0;
+            image::Luma([(128.0 + 8.2 * sum + NOISE * noise).round().clamp(0.0, 255.0) as u8])
+        })
+    }
+}
+
+/// The standard deviation of the disparity with left and right at one baseline and at each of `multiples`, away from the borders.
+fn noise<const N: usize>(multiples: [i8; N], engine: &Engine) -> [f64; N] {
+    let inner = || (12..HEIGHT - 12).flat_map(|v| (110..WIDTH - 110).map(move |u| (v, u)));
+    let (mut squares, mut count) = ([0.0; N], 0.0);
+    for seed in 0..2 {
+        let mut random = Random(seed);
+        let texture = Texture::new(&mut random);
+        let with = |frames: Frames, i: i8, random: &mut Random| {
+            frames.with(View::new(i, 0).expect("near enough"), texture.image(i, random))
+        };
+        let near = Frames::new(texture.image(0, &mut random));
+        let near = [-1, 1].into_iter().fold(near, |frames, i| with(frames, i, &mut random));
+        for (multiple, squares) in multiples.into_iter().zip(&mut squares) {
+            let mut random = random;
+            let frames = [-multiple, multiple].into_iter().fold(near.clone(), |frames, i| with(frames, i, &mut random));
+            let search = Search::new(WIDTH as u16, HEIGHT as u16, frames.views(), CoreFusion::Min, 1, 16).expect("in range");
+            let method = Method::new(CostFunction::Sad { block_size: 11 }, None, Optimizer::WinnerTakesAll);
+            let map = method.disparities(engine, &frames, &search, &()).expect("the frames fit the search");
+            for (v, u) in inner() {
+                let found = map.get(u, v).map_or(0.0, f32::from);
+                *squares += (f64::from(found) - PLANE.0 - PLANE.1 * u as f64).powi(2);
+            }
+        }
+        count += inner().count() as f64;
+    }
+    squares.map(|squares| f64::sqrt(squares / count))
 }
 
 #[test]
 fn baseline_noise_falls_in_proportion() {
     let engine = Engine::new(None, 2).expect("threads");
-    let noise = [1, 2, 3, 4, 5, 6, 8].map(|multiple| (multiple, noise(multiple, &engine)));
+    let multiples = [1, 2, 3, 4, 5, 6, 8];
+    let found = noise(multiples, &engine);
+    let noise: Vec<(i8, f64)> = multiples.into_iter().zip(found).collect();
     let (_, short) = noise[0];
     println!("{noise:?}");
     // Beyond five baselines, the step of 1/64 pixel is a part of it.

@@ -7,7 +7,10 @@ use multiscopic::{
     FloatImage,
     images::{ColorScale, Colormap},
 };
-use multiscopic_tests::program::{Invocation, binary};
+use multiscopic_tests::{
+    program::{Invocation, binary},
+    test_images::made_up::make,
+};
 use tempfile::TempDir;
 
 /// A small made-up capture in a new folder, and its path.
@@ -18,9 +21,8 @@ fn rig() -> (TempDir, String) {
 fn rig_of(size: &str) -> (TempDir, String) {
     let dir = tempfile::tempdir().expect("a folder");
     let scenes = dir.path().join("scenes");
-    let scenes = scenes.to_str().expect("a path in UTF-8");
-    Invocation::new(["scene", "--random", "--seed", "7", "--size", size, "-o", scenes]).assert_done();
-    let rig = format!("{scenes}/0000");
+    make(&format!("scene --random --seed 7 --size {size}"), &scenes);
+    let rig = scenes.join("0000").to_str().expect("a path in UTF-8").to_owned();
     (dir, rig)
 }
 
@@ -173,8 +175,7 @@ const SIZE: [u32; 2] = [160, 120];
 /// A made-up capture in a new folder.
 fn capture() -> TempDir {
     let dir = tempfile::tempdir().expect("a folder");
-    let scenes = dir.path().to_str().expect("a path in UTF-8");
-    Invocation::new(["scene", "--random", "--seed", "7", "--views", "2", "--size", "160x120", "-o", scenes]).assert_done();
+    make("scene --random --seed 7 --views 2 --size 160x120", dir.path());
     dir
 }
 

@@ -7,7 +7,7 @@ use std::{
 };
 
 use multiscopic::FloatImage;
-use multiscopic_tests::program::Invocation;
+use multiscopic_tests::{program::Invocation, test_images::made_up::make};
 
 /// Reads a message of plain little-endian CDR: each number lies at a multiple of its size.
 struct Fields<'a> {
@@ -92,8 +92,7 @@ fn floats(data: &[u8]) -> Vec<f32> {
 fn every_field_and_pixel_is_that_of_the_other_files() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
-    let scene = ["scene", "--random", "--seed", "7", "--views", "2", "--size", "160x120", "-o", &path("scenes")];
-    Invocation::new(scene).assert_done();
+    make("scene --random --seed 7 --views 2 --size 160x120", &dir.path().join("scenes"));
     let rig = path("scenes/0000");
     let outputs = [("-o", "d.pfm"), ("--depth", "z.pfm"), ("--confidence", "c.png"), ("--ply", "p.ply"), ("--mcap", "r.mcap")];
     let mut words: Vec<String> =
@@ -239,7 +238,7 @@ fn a_live_recording_has_what_match_finds_in_each_capture() {
 fn a_recording_needs_a_baseline() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
-    Invocation::new(["scene", "--random", "--size", "48x36", "-o", &path("scenes")]).assert_done();
+    make("scene --random --seed 7 --size 48x36", &dir.path().join("scenes"));
     let frame = |name: &str| path(&format!("scenes/0000/{name}.png"));
     let words = ["match", "--center", &frame("center"), "--right", &frame("right"), "--mcap", &path("r.mcap")];
     Invocation::new(words).assert_refused(&["--mcap", "baseline"]);
@@ -264,7 +263,7 @@ fn folder_of_rerun(dir: &Path, script: &str) -> PathBuf {
 fn rerun_converts_the_same_recording() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
-    Invocation::new(["scene", "--random", "--size", "48x36", "-o", &path("scenes")]).assert_done();
+    make("scene --random --seed 7 --size 48x36", &dir.path().join("scenes"));
     let words = ["match", &path("scenes/0000"), "--num-disparities", "8", "--mcap", &path("r.mcap"), "--rerun", &path("r.rrd")];
     let run = |folder: PathBuf| Invocation::with(words, [("PATH", folder)]);
     let names = || fs::read_dir(dir.path()).expect("a folder").count();

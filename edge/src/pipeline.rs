@@ -275,8 +275,8 @@ mod tests {
         packet::{Content, Packet},
     };
     use core::{convert::Infallible, time::Duration};
-    use embedded_io::SliceWriteError;
-    use multiscopic_core::{Fusion, Search, SearchConfig, SemiGlobalCost, View, Views};
+    use embedded_io::{ErrorType, SliceWriteError, Write};
+    use multiscopic_core::{Frame, Fusion, ScanlineSource, Search, SearchConfig, SemiGlobalCost, View, Views};
     use std::{vec, vec::Vec};
 
     const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(24, 20) };

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What `match --align` makes of errors of a rig that are injected into real images.
+"""The errors that `match --align` leaves of those that are injected into real images.
 
     pip install numpy scipy pillow
     cargo build --release && tests/benches/alignment.py DATA --scenes middlebury2006-third --errors rolled,mount,together

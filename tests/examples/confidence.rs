@@ -66,7 +66,7 @@ struct Subject {
     name: &'static str,
     /// The methods, by the number of neighbours.
     method: Box<dyn Fn(usize) -> Method + Sync>,
-    /// Whether it is slow.
+    /// True if it is slow.
     is_slow: bool,
 }
 
@@ -181,7 +181,7 @@ impl Counts {
         wrong / (right + wrong)
     }
 
-    /// How good the confidences of a table are.
+    /// The quality of the confidences of a table.
     fn quality(&self, table: &ConfidenceTable) -> Option<ConfidenceMetrics> {
         let mut counts = [[0; 2]; 256];
         for (cells, confidences) in self.0.iter().zip(&table.0) {
@@ -237,7 +237,7 @@ fn fit(counts: &Counts) -> ConfidenceTable {
             table[agreement][evidence] = p.max(below).max(before);
         }
     }
-    // Where all are as sure, those with more evidence come first.
+    // Among equally sure pixels, those with more evidence come first.
     for row in &mut table {
         for evidence in (0..ConfidenceTable::EVIDENCE - 1).rev() {
             row[evidence] = row[evidence].min(row[evidence + 1].saturating_sub(1));

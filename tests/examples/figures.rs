@@ -27,10 +27,10 @@ fn main() -> Result<()> {
     figures.draw_failures()
 }
 
-/// Where pictures are drawn.
+/// The folder in which pictures are drawn.
 struct Figures {
     docs: PathBuf,
-    /// For what the commands write.
+    /// The folder for the outputs of commands.
     folder: PathBuf,
 }
 
@@ -68,7 +68,7 @@ impl Figures {
         self.draw_row("confidence.png", &[all, picture(&confidence)?, sure, smooth])
     }
 
-    /// What a microcontroller sees: the centre image, block matching, semi-global matching.
+    /// The view of a microcontroller: the centre image, block matching, semi-global matching.
     fn draw_microcontroller(&self) -> Result<()> {
         self.run(&format!("demo --width 320 --height 240 -o {}", self.path("qvga")))?;
         let mut row = vec![picture(&self.path("qvga/center.png"))?];

@@ -36,7 +36,7 @@ struct Options {
     #[arg(long, default_value_t = 0)]
     num_disparities: u16,
 
-    /// How many of the views right, left, bottom, top to use
+    /// The number of views to use of right, left, bottom, top
     #[arg(long, default_value_t = 2)]
     views: usize,
 

@@ -73,7 +73,7 @@ async function assertSmooth(opened) {
   return times;
 }
 
-// What the program writes for planes whose values differ by up to `most` from what their neighbours predict: of `bytes` bytes,
+// A plane as the program writes it, whose values differ by up to `most` from what their neighbours predict: of `bytes` bytes each,
 // the low ones first.
 function plane(most, bytes) {
   const count = SIZE[0] * SIZE[1];

@@ -186,7 +186,7 @@ const opened = async (size, scheme) => {
   await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
   await page.setViewport({ width: size[0], height: size[1] });
   await page.goto(live.address);
-  await page.waitForFunction(() => !document.getElementById("preview").hidden, { timeout: 60_000 });
+  await page.waitForFunction(() => !document.getElementById("preview").hidden);
   return page;
 };
 
@@ -235,7 +235,7 @@ await check("a set is taken, its steps are told, and it is matched", async () =>
 for (const [width, scheme] of [[390, "light"], [1600, "dark"]]) {
   await check(`no violation of accessibility beside a camera at ${width} pixels, ${scheme}`, async () => {
     const page = await opened([width, 844], scheme);
-    await page.waitForSelector("html[data-viewer=ready]", { timeout: 60_000 });
+    await page.waitForSelector("html[data-viewer=ready]");
     await assertUsable(page, "live");
     await page.screenshot({ path: join(screenshots, `live-${width}-${scheme}.png`), fullPage: true });
     await page.close();

@@ -14,10 +14,11 @@ const opened = (width, height, scheme) => browser.open(address, [width, height],
 
 const choose = (page, mode) => page.$eval(`input[name=mode][value=${mode}]`, (input) => input.click());
 
-const { page, seconds } = await opened(1280, 1000, "light");
+const { page, work } = await opened(1280, 1000, "light");
+const seconds = await work();
 await page.screenshot({ path: join(screenshots, "wide-light.png"), fullPage: true });
 
-await check(`the page opens in ${seconds.toFixed(1)} s`, () => assert(seconds < 10));
+await check(`the page opens with ${seconds.toFixed(1)} s of work`, () => assert(seconds < 10));
 
 await check("the values under the cursor are those in the files", async () => {
   const names = await page.evaluate(() => multiscopic.current().maps.map(({ name, file }) => [name, file]));
@@ -162,8 +163,7 @@ await check("blinking shows two pictures in turn", async () => {
   const different = await page.evaluate(async () => {
     const canvas = document.querySelector("#pane-first");
     const seen = new Map();
-    const start = performance.now();
-    while (seen.size < 2 && performance.now() - start < 5000) {
+    while (seen.size < 2) {
       await new Promise((done) => requestAnimationFrame(() => setTimeout(done, 50)));
       const copy = new OffscreenCanvas(100, 75).getContext("2d", { willReadFrequently: true });
       copy.drawImage(canvas, 0, 0, 100, 75);

@@ -6,23 +6,22 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::{Command, Stdio},
-    sync::OnceLock,
     thread,
     time::{Duration, Instant},
 };
 
 use multiscopic::{Frames, Rig};
 
-use crate::{program, split_mix::Random};
+use crate::{program, split_mix::Random, test_images::made_up::make};
 
 /// A file of the user beside the outputs.
 const OF_THE_USER: &str = "notes.txt";
-/// How the names of temporary files and folders begin.
+/// The prefixes of names of temporary files and folders.
 const TEMPORARY: &str = ".multiscopic-";
 /// A quick capture, but for its folder.
 const CAPTURE: &str =
     "capture --camera sim --stage sim --baseline 8 --views 2 --size 96x64 --speed 250 --acceleration 1200 --settle 0";
-/// How long a command may take on a busy machine.
+/// The time after which a command counts as hung.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A command with outputs.
@@ -79,7 +78,7 @@ pub const VICTIMS: [Victim; 5] = [
     },
 ];
 
-/// What came of a number of killed runs.
+/// The outcomes of a number of killed runs.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
     /// Runs that were killed before they ended.
@@ -94,12 +93,12 @@ pub struct Tally {
     pub unsealed: usize,
 }
 
-/// Where outputs find no room.
+/// A lack of space for outputs.
 #[derive(Clone, Copy, Debug)]
 pub enum Want {
     /// No file may have more than so many blocks of the shell, of 512 or 1024 bytes.
     FileSize(u32),
-    /// The disk has room for so many KiB.
+    /// The disk holds so many KiB.
     Disk(u32),
     /// Nothing can be written.
     ReadOnly,
@@ -110,9 +109,9 @@ struct Bench {
     folder: tempfile::TempDir,
     victim: Victim,
     runs: usize,
-    /// How long the last whole run took, which changes with what else the machine does.
+    /// The time that the last whole run took, which changes with the load of the machine.
     length: Duration,
-    /// What a whole run makes where nothing is.
+    /// The outputs of a whole run in an empty folder.
     outputs: BTreeSet<PathBuf>,
 }
 
@@ -138,7 +137,7 @@ impl Victim {
 }
 
 impl Victim {
-    /// Runs the command where it finds no room for its outputs, or for some of them. Panics unless it says so and leaves nothing,
+    /// Runs the command without space for its outputs, or for some of them. Panics unless it says so and leaves nothing,
     /// or leaves everything. Returns whether it was refused; `None` if the system does not let a user mount such a disk.
     pub fn starve(&self, want: Want) -> Option<bool> {
         let bench = Bench::new(Victim { seal: None, ..*self });
@@ -150,7 +149,7 @@ impl Victim {
             Want::Disk(kib) => mount(format!("size={kib}k")),
             Want::ReadOnly => mount("ro".into()),
         };
-        // What is on the disk is gone with the shell.
+        // The disk's contents are gone with the shell.
         let script = setup + r#""$0" "$@"; code=$?; find out -type f; exit $code"#;
         let mut command = match want {
             Want::FileSize(_) => Command::new("sh"),
@@ -190,10 +189,7 @@ impl Victim {
 impl Bench {
     fn new(victim: Victim) -> Bench {
         let folder = tempfile::tempdir().expect("a folder");
-        fs::create_dir(folder.path().join("rig")).expect("a folder");
-        for (name, contents) in rig_files() {
-            fs::write(folder.path().join("rig").join(name), contents).expect("a file");
-        }
+        make(CAPTURE, &folder.path().join("rig"));
         for place in ["out", "out/demo"] {
             let place = folder.path().join(place);
             let is_made = place.ends_with("out") || victim.seal.is_some();
@@ -321,7 +317,7 @@ impl Bench {
         assert!(files.contains_key(Path::new("rig/rig.toml")), "{name}: the input");
     }
 
-    /// Whether the contents of the file `path` are all that a file with such an extension should have.
+    /// True if the contents of the file `path` are all that a file with such an extension should have.
     fn is_whole(&self, extension: Option<&OsStr>, path: &Path, contents: &[u8]) -> bool {
         match extension.and_then(OsStr::to_str) {
             Some("png") => image::load_from_memory_with_format(contents, image::ImageFormat::Png).is_ok(),
@@ -343,21 +339,6 @@ impl Bench {
             _ => false,
         }
     }
-}
-
-/// The files of a small capture.
-fn rig_files() -> &'static BTreeMap<PathBuf, Vec<u8>> {
-    static FILES: OnceLock<BTreeMap<PathBuf, Vec<u8>>> = OnceLock::new();
-    FILES.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a folder");
-        let mut command = Command::new(program::binary());
-        command.args(CAPTURE.split(' ')).args(["-o", "rig"]).current_dir(&folder).stdin(Stdio::null());
-        let output = command.output().expect("the command runs");
-        assert!(output.status.success(), "{output:?}");
-        let entries = fs::read_dir(folder.path().join("rig")).expect("a folder");
-        let paths = entries.map(|entry| entry.expect("an entry").path());
-        paths.map(|path| (path.file_name().expect("a name").into(), fs::read(path).expect("a file"))).collect()
-    })
 }
 
 fn is_temporary(path: &Path) -> bool {

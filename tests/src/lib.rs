@@ -1,6 +1,6 @@
-//! What the tests share: reference implementations, test images, and simulated hardware.
+//! Code that the tests share: reference implementations, test images, and simulated hardware.
 //!
-//! | room | what it is |
+//! | module | contents |
 //! | --- | --- |
 //! | [`split_mix`] | random numbers that are the same everywhere |
 //! | `reference` | the definitions that the product is compared with |

@@ -90,6 +90,30 @@ impl Invocation {
         Invocation::of(within(megabytes, binary()).args(arguments))
     }
 
+    /// Runs the command line to its end. Also returns the processor time that it took, in seconds, which depends little on what else
+    /// the machine does.
+    ///
+    /// # Panics
+    /// If the shell does not tell the time.
+    #[cfg(unix)]
+    pub fn with_processor_time<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> (Invocation, f64) {
+        let mut shell = Command::new("sh");
+        shell.arg("-c").arg(r#""$0" "$@"; code=$?; times >&2; exit $code"#).arg(binary()).args(arguments).env("LC_ALL", "C");
+        let mut run = Invocation::of(&mut shell);
+        // The last line has the times of the shell's children: in the program, and in the system, such as 0m1.25s.
+        let mut lines: Vec<&str> = run.stderr.lines().collect();
+        let times = lines.pop().expect("the times of children");
+        lines.pop();
+        let seconds = |time: &str| {
+            let (minutes, seconds) = time.strip_suffix('s')?.split_once('m')?;
+            Some(60.0 * minutes.parse::<f64>().ok()? + seconds.parse::<f64>().ok()?)
+        };
+        let seconds: Option<f64> = times.split(' ').map(seconds).sum();
+        let seconds = seconds.unwrap_or_else(|| panic!("the shell says {times}"));
+        run.stderr = lines.iter().map(|line| format!("{line}\n")).collect();
+        (run, seconds)
+    }
+
     fn of(command: &mut Command) -> Invocation {
         let output = command.stdin(Stdio::null()).output().expect("the command line runs");
         let text = |bytes| String::from_utf8(bytes).expect("the output is UTF-8");

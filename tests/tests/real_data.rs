@@ -14,15 +14,14 @@ use multiscopic_tests::{
     },
     split_mix::Random,
     test_images::{
-        case::{matched, params},
+        core_match::{matched, params},
         misaligned,
         real_data::{self, Dataset},
         view_set::{ViewSet, read_pfm},
-        weight_files,
     },
 };
 
-/// What `evaluate` reports: RMS and AvgErr in pixels, Bad0.5, Bad1 and Bad2 in percent.
+/// The errors that `evaluate` reports: RMS and AvgErr in pixels, Bad0.5, Bad1 and Bad2 in percent.
 type Errors = [f64; 5];
 
 /// A test, given the folder of the data.
@@ -120,7 +119,7 @@ fn evaluate(root: &Path, dataset: Dataset, arguments: &[&str]) -> Result<Vec<Row
     let paths = [folder.to_str().ok_or("a path in UTF-8")?, json.to_str().ok_or("a path in UTF-8")?];
     let mut all = vec!["evaluate", paths[0], "--dataset", dataset.name(), "--json", paths[1]];
     all.extend(arguments);
-    let run = Invocation::with(&all, weight_files::weights().map(|folder| ("MULTISCOPIC_WEIGHTS", folder)));
+    let run = Invocation::with(&all, real_data::weights().map(|folder| ("MULTISCOPIC_WEIGHTS", folder)));
     if run.code != Some(0) {
         return Err(format!("{all:?}: {run:#?}").into());
     }
@@ -195,7 +194,7 @@ fn reduction(root: &Path) -> Result<(), Failed> {
 /// than those before it, and two views lower ones than stereo. Graph cuts are compared with block matching
 /// alone. MC-CNN is left out where its weights are not installed.
 fn methods(root: &Path) -> Result<(), Failed> {
-    let mccnn = if weight_files::weights().is_some() { ",mccnn-fast" } else { "" };
+    let mccnn = if real_data::weights().is_some() { ",mccnn-fast" } else { "" };
     let methods = format!("bm,sgm,gc{mccnn}");
     let rows = evaluate(root, Dataset::Middlebury2006Third, &["--scenes", "Aloe,Lampshade1,Wood1", "--methods", &methods])?;
     let mean = |method: &str, views: u64, error: usize| {

@@ -102,7 +102,7 @@ struct Strict<'a> {
     limit: &'a Cell<usize>,
     /// The next line of each frame, or `None` if it may be any.
     next: Vec<Option<usize>>,
-    /// How many of ten calls fail, and which failed last.
+    /// The number of calls in ten that fail, and the last line that failed.
     rate: usize,
     failed: Option<(Frame, usize)>,
     random: Random,

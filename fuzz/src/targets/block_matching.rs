@@ -7,9 +7,10 @@ use multiscopic_core::{
     kernel::{Kernel, Portable},
 };
 use multiscopic_tests::{
+    reference::raw16,
     split_mix::Random,
     test_images::{
-        case::{cut, matched_with_peaks},
+        core_match::{cut, matched_with_peaks},
         view_set::ViewSet,
     },
 };
@@ -39,9 +40,12 @@ pub fn run(bytes: &[u8]) -> bool {
     let SmallMatch { case, images } = &small;
     let uniqueness_ratio = [None, Some(0), Some(5), Some(255)][(case.seed >> 32 & 3) as usize];
     let params = case.params().with_uniqueness_ratio(uniqueness_ratio);
-    let (mut disparities, peaks) = (case.reference(images), case.reference_peaks(images));
+    let reference = case.block_match(images);
+    let costs = reference.fused_costs();
+    let mut disparities: Vec<u16> = costs.disparities().into_iter().map(raw16).collect();
+    let peaks = costs.peaks();
     if let Some(percent) = uniqueness_ratio {
-        let unique = case.reference_unique(images, percent);
+        let unique = costs.unique(percent);
         disparities.iter_mut().zip(unique).filter(|(_, is_unique)| !is_unique).for_each(|(raw, _)| *raw = 0);
     }
     let random = &mut Random(case.seed);

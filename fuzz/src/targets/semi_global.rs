@@ -10,7 +10,7 @@ use multiscopic_tests::{
     reference::raw16,
     split_mix::Random,
     test_images::{
-        semi_global_case::{semi_global_params, semi_globally_matched_with_peaks},
+        core_match::{semi_global_params, semi_globally_matched_with_peaks},
         view_set::ViewSet,
     },
 };
@@ -40,8 +40,9 @@ pub fn run(bytes: &[u8]) -> bool {
     // Its cost and its penalties follow from the seed, which is part of the input.
     let reference = case.semi_global(images, &mut Random(case.seed));
     let params = semi_global_params(&reference);
-    let disparities: Vec<u16> = reference.disparities().into_iter().map(raw16).collect();
-    let peaks = reference.peaks();
+    let solution = reference.solution();
+    let disparities: Vec<u16> = solution.disparities().into_iter().map(raw16).collect();
+    let peaks = solution.peaks();
     let task = || Match { params: &params, images, seed: case.seed };
     let found = Simd::available().into_iter().map(|simd| (simd.to_string(), simd.run(task())));
     for (kernel, (found, found_peaks)) in found.chain([("4 lanes".into(), task().run(Portable::<4>))]) {

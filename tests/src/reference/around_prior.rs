@@ -78,43 +78,23 @@ impl AroundPrior<'_> {
             return None;
         }
         let rho = self.block_size / 2;
-        let mut sum = 0.0;
-        for y in v - rho..=v + rho {
-            for x in u - rho..=u + rho {
+        let mut sum = 0;
+        for y in v - rho..v + rho + 1 {
+            for x in u - rho..u + rho + 1 {
                 let (x, y) = self.clamp(x, y);
-                let offset = offsets[(y * self.width + x) as usize] + 64 * r;
-                let at = |image: &[u8], (x, y): (i32, i32)| f64::from(image[(y * self.width + x) as usize]);
+                let at = |image: &[u8], (x, y): (i32, i32)| i32::from(image[(y * self.width + x) as usize]);
                 let sample = |d: i32| at(image, self.clamp(x - i * d, y - j * d));
-                let (d, rest) = (offset.div_euclid(64), f64::from(offset.rem_euclid(64)) / 64.0);
-                let between = ((1.0 - rest) * sample(d) + rest * sample(d + 1) + 0.5).floor();
+                let offset = offsets[(y * self.width + x) as usize] + 64 * r;
+                let (d, rest) = (offset.div_euclid(64), offset.rem_euclid(64));
+                // Rounded to the nearest grey value, halves up.
+                let between = ((64 - rest) * sample(d) + rest * sample(d + 1) + 32) / 64;
                 sum += (at(self.center, (x, y)) - between).abs();
             }
         }
-        Some(sum)
+        Some(sum.into())
     }
 
     fn clamp(&self, x: i32, y: i32) -> (i32, i32) {
         (x.clamp(0, self.width - 1), y.clamp(0, self.height - 1))
     }
-}
-
-/// Half the difference of each pixel's neighbours in the line, rounded down, plus 128.
-pub fn gradients(image: &[u8], width: usize) -> Vec<u8> {
-    let gradient = |i: usize| {
-        let u = i % width;
-        let [before, after] = [u.saturating_sub(1), (u + 1).min(width - 1)].map(|x| i32::from(image[i - u + x]));
-        ((after - before).div_euclid(2) + 128) as u8
-    };
-    (0..image.len()).map(gradient).collect()
-}
-
-/// The upper median of the values that exist in a window of `size` x `size` pixels, where there is one.
-pub fn medians(map: &[Option<i32>], width: usize, size: usize) -> Vec<Option<i32>> {
-    let median = |i: usize| {
-        let near = |j: &usize| (j % width).abs_diff(i % width) <= size / 2 && (j / width).abs_diff(i / width) <= size / 2;
-        let mut window: Vec<i32> = (0..map.len()).filter(near).filter_map(|j| map[j]).collect();
-        window.sort_unstable();
-        map[i].map(|_| window[window.len() / 2])
-    };
-    (0..map.len()).map(median).collect()
 }

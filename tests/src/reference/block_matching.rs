@@ -1,6 +1,6 @@
 //! The float reference: an independent definition of block matching.
 //!
-//! It sums every block sample directly in `f64`. It keeps nothing from one pixel to the next and shares no
+//! It sums every block sample directly. It keeps nothing from one pixel to the next and shares no
 //! code with the core. Every cost is an integer far below 2^53, so nothing rounds before the sub-pixel
 //! division.
 
@@ -46,17 +46,58 @@ pub struct Match<'a> {
     pub block_size: i32,
 }
 
+/// The fused costs of a match, from which everything else is selected.
+#[derive(Clone, Debug)]
+pub struct FusedCosts<'a> {
+    of: &'a Match<'a>,
+    /// The costs of each pixel, line by line, at each disparity; `None` where there is no candidate.
+    costs: Vec<Vec<Option<f64>>>,
+}
+
+impl FusedCosts<'_> {
+    /// The disparity of each pixel, line by line; `None` where there is no candidate.
+    pub fn disparities(&self) -> Vec<Option<f64>> {
+        self.costs.iter().map(|costs| self.of.select(costs)).collect()
+    }
+
+    /// The grade of the peak ratio of each pixel, line by line: by how much more the best candidate costs that is more than a
+    /// disparity away from the winner, in 256ths of that cost and a grey value in each sample.
+    pub fn peaks(&self) -> Vec<u8> {
+        self.costs.iter().map(|costs| self.of.peak(costs)).collect()
+    }
+
+    /// True if the best candidate that is more than a disparity away from the winner costs over `percent` of its cost more, or
+    /// does not exist, line by line.
+    pub fn unique(&self, percent: u8) -> Vec<bool> {
+        let is_unique = |(c1, c2, _)| 100.0 * (c2 - c1) > f64::from(percent) * c1;
+        self.costs.iter().map(|costs| best_two(costs).is_none_or(is_unique)).collect()
+    }
+}
+
 impl Match<'_> {
     /// The disparity of each pixel, line by line; `None` where there is no candidate.
     pub fn disparities(&self) -> Vec<Option<f64>> {
-        let pixels = (0..self.height as i32).flat_map(|v| (0..self.width as i32).map(move |u| (u, v)));
-        pixels.map(|(u, v)| self.disparity(u, v)).collect()
+        self.pixels().map(|(u, v)| self.select(&self.costs(u, v))).collect()
     }
 
-    /// The disparity of one pixel.
-    pub fn disparity(&self, u: i32, v: i32) -> Option<f64> {
-        let costs: Vec<Option<f64>> = (0..self.num_disparities).map(|i| self.fused_cost(u, v, self.min_disparity + i)).collect();
+    /// The fused costs, if more than the disparities is to be known.
+    pub fn fused_costs(&self) -> FusedCosts<'_> {
+        FusedCosts { of: self, costs: self.pixels().map(|(u, v)| self.costs(u, v)).collect() }
+    }
 
+    /// The pixels, line by line.
+    fn pixels(&self) -> impl Iterator<Item = (i32, i32)> + use<> {
+        let (width, height) = (self.width as i32, self.height as i32);
+        (0..height).flat_map(move |v| (0..width).map(move |u| (u, v)))
+    }
+
+    /// The fused costs of a pixel at each disparity.
+    fn costs(&self, u: i32, v: i32) -> Vec<Option<f64>> {
+        (0..self.num_disparities).map(|i| self.fused_cost(u, v, self.min_disparity + i)).collect()
+    }
+
+    /// The disparity of a pixel with these costs.
+    fn select(&self, costs: &[Option<f64>]) -> Option<f64> {
         let mut best = None;
         for (i, &cost) in costs.iter().enumerate() {
             if let Some(cost) = cost
@@ -75,40 +116,13 @@ impl Match<'_> {
         Some(if denominator == 0.0 { d } else { d + (a - b) / denominator })
     }
 
-    /// The grade of the peak ratio of each pixel, line by line: by how much more the best candidate costs that is more than a
-    /// disparity away from the winner, in 256ths of that cost and a grey value in each sample.
-    pub fn peaks(&self) -> Vec<u8> {
-        let pixels = (0..self.height as i32).flat_map(|v| (0..self.width as i32).map(move |u| (u, v)));
-        pixels.map(|(u, v)| self.peak(u, v)).collect()
-    }
-
-    /// Whether the best candidate that is more than a disparity away from the winner costs over `percent` of its cost more, or
-    /// does not exist, line by line.
-    pub fn unique(&self, percent: u8) -> Vec<bool> {
-        let pixels = (0..self.height as i32).flat_map(|v| (0..self.width as i32).map(move |u| (u, v)));
-        let is_unique = |(c1, c2, _)| 100.0 * (c2 - c1) > f64::from(percent) * c1;
-        pixels.map(|(u, v)| self.best_two(u, v).is_none_or(is_unique)).collect()
-    }
-
-    fn peak(&self, u: i32, v: i32) -> u8 {
-        let Some((c1, c2, winner)) = self.best_two(u, v) else { return 0 };
+    /// The grade of the peak ratio of a pixel with these costs.
+    fn peak(&self, costs: &[Option<f64>]) -> u8 {
+        let Some((c1, c2, winner)) = best_two(costs) else { return 0 };
         // One view's cost, fused alone, is on the scale of all.
         let area = fuse_on(self.factor(), self.fusion, vec![f64::from(self.block_size.pow(2))]).expect("a cost");
         let ratio = (256.0 * (c2 - c1) / (c2 + area)).floor();
-        grade(if winner == 0 || winner == self.num_disparities - 1 { ratio / 2.0 } else { ratio })
-    }
-
-    /// The winner's cost, that of the best candidate more than a disparity away, and the winner's index.
-    fn best_two(&self, u: i32, v: i32) -> Option<(f64, f64, i32)> {
-        let candidates: Vec<(f64, i32)> =
-            (0..self.num_disparities).filter_map(|i| Some((self.fused_cost(u, v, self.min_disparity + i)?, i))).collect();
-        let least = |far_from: Option<i32>| {
-            let searched = candidates.iter().filter(|(_, i)| far_from.is_none_or(|other| (i - other).abs() > 1));
-            searched.copied().min_by(|(a, _), (b, _)| a.total_cmp(b))
-        };
-        let (c1, winner) = least(None)?;
-        let (c2, _) = least(Some(winner))?;
-        Some((c1, c2, winner))
+        grade(if winner == 0 || winner == costs.len() - 1 { ratio / 2.0 } else { ratio })
     }
 
     /// The fused cost of a candidate; `None` if no view is available.
@@ -138,22 +152,31 @@ impl Match<'_> {
         if !inside {
             return None;
         }
-        let mut sum = 0.0;
+        // Borders are replicated: pixels are moved first, and then clamped.
+        let row = |y: i32| self.width * y.clamp(0, self.height as i32 - 1) as usize;
+        let column = |x: i32| x.clamp(0, self.width as i32 - 1) as usize;
+        let mut sum = 0_u64;
         let rho = self.block_size / 2;
-        for y in v - rho..=v + rho {
-            for x in u - rho..=u + rho {
-                sum += (self.sample(self.center, x, y) - self.sample(image, x + du, y + dv)).abs();
+        for y in v - rho..v + rho + 1 {
+            let (center, image) = (&self.center[row(y)..], &image[row(y + dv)..]);
+            for x in u - rho..u + rho + 1 {
+                sum += u64::from(center[column(x)].abs_diff(image[column(x + du)]));
             }
         }
-        Some(sum)
+        Some(sum as f64)
     }
+}
 
-    /// A pixel of an image whose borders are replicated.
-    fn sample(&self, image: &[u8], x: i32, y: i32) -> f64 {
-        let x = x.clamp(0, self.width as i32 - 1) as usize;
-        let y = y.clamp(0, self.height as i32 - 1) as usize;
-        f64::from(image[y * self.width + x])
-    }
+/// The winner's cost, that of the best candidate more than a disparity away, and the winner's index.
+fn best_two(costs: &[Option<f64>]) -> Option<(f64, f64, usize)> {
+    let candidates: Vec<(f64, usize)> = costs.iter().enumerate().filter_map(|(i, cost)| Some(((*cost)?, i))).collect();
+    let least = |far_from: Option<usize>| {
+        let searched = candidates.iter().filter(|(_, i)| far_from.is_none_or(|other| i.abs_diff(other) > 1));
+        searched.copied().min_by(|(a, _), (b, _)| a.total_cmp(b))
+    };
+    let (c1, winner) = least(None)?;
+    let (c2, _) = least(Some(winner))?;
+    Some((c1, c2, winner))
 }
 
 /// The fused cost on a scale of the rule (1, 840, 6 or 12) on which it is an integer; `None` if there are no costs.
@@ -224,7 +247,7 @@ mod tests {
     fn ties_go_to_the_smallest_disparity() {
         assert_eq!(line(&[5, 5, 5], &[5, 5, 5], -1, 3).disparities(), [Some(-1.0), Some(-1.0), Some(0.0)]);
         // Costs at 0, 1, 2 of the last pixel: 4, 1, 1.
-        assert_eq!(line(&[0, 0, 9], &[10, 10, 5], 0, 3).disparity(2, 0), Some(1.0 + 3.0 / 6.0));
+        assert_eq!(line(&[0, 0, 9], &[10, 10, 5], 0, 3).disparities()[2], Some(1.0 + 3.0 / 6.0));
     }
 
     #[test]
@@ -232,11 +255,11 @@ mod tests {
         // Costs at -2 to 2 of the third pixel: 5, 4, 0, 6, 9.
         let right = [11, 14, 20, 16, 25];
         let pair = line(&[0, 0, 20, 0, 0], &right, -2, 5);
-        let pair = Match { num_disparities: 5, ..pair };
-        assert_eq!(pair.peak(2, 0), grade(256.0 * 5.0 / 6.0));
+        let peak = |pair: Match| pair.fused_costs().peaks()[2];
+        assert_eq!(peak(pair), grade(256.0 * 5.0 / 6.0));
         // At an end of the search it is halved, and without a second candidate it is 0.
-        assert_eq!(Match { min_disparity: 0, num_disparities: 3, ..pair }.peak(2, 0), grade(128.0 * 9.0 / 10.0));
-        assert_eq!(Match { min_disparity: -1, num_disparities: 2, ..pair }.peak(2, 0), 0);
+        assert_eq!(peak(Match { min_disparity: 0, num_disparities: 3, ..pair }), grade(128.0 * 9.0 / 10.0));
+        assert_eq!(peak(Match { min_disparity: -1, num_disparities: 2, ..pair }), 0);
     }
 
     #[test]
@@ -264,7 +287,7 @@ mod tests {
                     num_disparities: 7,
                     block_size: 1,
                 };
-                assert_eq!(pair.disparity(3, 3), Some(f64::from(d)), "view {view} at disparity {d}");
+                assert_eq!(pair.disparities()[7 * 3 + 3], Some(f64::from(d)), "view {view} at disparity {d}");
             }
         }
     }
@@ -290,7 +313,7 @@ mod tests {
                 num_disparities: 7,
                 block_size: 1,
             };
-            assert_eq!(pair.disparity(4, 4), Some(f64::from(d)), "the view {offset:?}");
+            assert_eq!(pair.disparities()[9 * 4 + 4], Some(f64::from(d)), "the view {offset:?}");
         }
     }
 

@@ -153,15 +153,18 @@ impl Layer {
     /// The outputs for the inputs in the channels of each cell.
     fn apply(&self, inputs: &Grid) -> Grid {
         assert_eq!(inputs.channels as usize, self.inputs, "the inputs of a layer");
-        let outputs = self.biases.len() as i64;
-        Grid::new(inputs.slices, inputs.height, inputs.width, outputs, |s, y, x, c| {
-            let c = c as usize;
-            let weights = &self.weights[c * self.inputs..][..self.inputs];
-            let products = weights.iter().zip(0..).map(|(&weight, input)| i64::from(weight) * inputs.at(s, y, x, input));
-            let sum = i64::from(self.biases[c]) + products.sum::<i64>();
-            let shifted = (sum >> self.shifts[c]).clamp(-32768, 32767);
-            (shifted * i64::from(self.multipliers[c]) + (1 << 14)) >> 15
-        })
+        let cells = inputs.values.chunks_exact(self.inputs);
+        let values = cells.flat_map(|cell| (0..self.biases.len()).map(|output| self.output(cell, output))).collect();
+        Grid { channels: self.biases.len() as i64, values, ..*inputs }
+    }
+
+    /// One output for the inputs in the channels of a cell.
+    fn output(&self, cell: &[i64], output: usize) -> i64 {
+        let weights = &self.weights[output * self.inputs..][..self.inputs];
+        let products = weights.iter().zip(cell).map(|(&weight, input)| i64::from(weight) * input);
+        let sum = i64::from(self.biases[output]) + products.sum::<i64>();
+        let shifted = (sum >> self.shifts[output]).clamp(-32768, 32767);
+        (shifted * i64::from(self.multipliers[output]) + (1 << 14)) >> 15
     }
 }
 

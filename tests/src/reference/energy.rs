@@ -13,10 +13,10 @@ pub struct Energy {
     pub fusion: super::Fusion,
     /// The cost of an occlusion.
     pub occlusion: f64,
-    /// Whether matches are unique and pixels may be occluded. Otherwise the data cost is capped at the cost
+    /// True if matches are unique and pixels may be occluded. Otherwise the data cost is capped at the cost
     /// of an occlusion.
     pub unique: bool,
-    /// Whether the smoothness term is Potts: every step costs the same.
+    /// True if the smoothness term is Potts: every step costs the same.
     pub potts: bool,
     /// The cost of a step between similar pixels, and between dissimilar ones.
     pub lambda: [f64; 2],

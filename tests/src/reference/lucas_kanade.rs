@@ -16,7 +16,7 @@ pub struct LucasKanade<'a> {
     pub range: [i32; 2],
 }
 
-/// What a view says about a pixel.
+/// A view's evidence about a pixel.
 #[derive(Clone, Copy)]
 struct Difference {
     residual: f64,
@@ -88,7 +88,7 @@ impl LucasKanade<'_> {
         [pulls, squares]
     }
 
-    /// How a view differs from a pixel of the centre, if it sees the match.
+    /// The difference of a view from a pixel of the centre, if it sees the match.
     fn difference(
         &self,
         center: &Spline,

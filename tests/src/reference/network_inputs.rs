@@ -1,11 +1,11 @@
-//! Reference for what the network sees of images: its definition pixel by pixel.
+//! Reference for the network's inputs from images: their definition pixel by pixel.
 
 use crate::reference::{
     Fusion, fixed,
     semi_global::{Cost, PATHS, SemiGlobal},
 };
 
-/// What the network sees of images.
+/// The network's inputs from images.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NetworkInputs {
     /// Width of the images in pixels.
@@ -38,15 +38,16 @@ impl NetworkInputs {
             let [p1, p2] = penalties;
             SemiGlobal { p1, p2, ..matched(images.fusion, cost) }
         });
-        let sums = passes.each_ref().map(SemiGlobal::sums);
-        let winners = passes.each_ref().map(|pass| {
+        let solutions = passes.each_ref().map(SemiGlobal::solution);
+        let sums = solutions.each_ref().map(|solution| &solution.sums);
+        let winners = solutions.each_ref().map(|solution| {
             let steps = |d: Option<f64>| d.map(|d| (i64::from(fixed(d)) - 64 * i64::from(min_disparity)) as u16);
-            pass.disparities().into_iter().map(steps).collect::<Vec<_>>()
+            solution.disparities().into_iter().map(steps).collect::<Vec<_>>()
         });
-        let costs = costs_of.map(|cost| [Fusion::Min, Fusion::Mean].map(|fusion| matched(fusion, cost).all_costs()));
+        let costs = costs_of.map(|cost| [Fusion::Min, Fusion::Mean].map(|fusion| matched(fusion, cost).costs()));
         let costs = costs.as_flattened();
         let excess = |pass: usize, pixel: usize, index: usize| {
-            let sums: &Vec<Option<i64>> = &sums[pass][pixel];
+            let sums = &sums[pass][pixel];
             let least = sums.iter().flatten().min();
             sums[index].map_or(127, |sum| ((sum - least.expect("it is one of them")) / 8).min(127))
         };

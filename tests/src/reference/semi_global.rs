@@ -9,7 +9,7 @@ pub const PATHS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, 1), (1, 1), (-1, 1), (0
 /// The shift `(du, dv)` of a match per pixel of disparity, by view: left, right, top, bottom.
 const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
-/// How much a pixel differs from its match.
+/// The measure by which a pixel differs from its match.
 #[derive(Clone, Copy, Debug)]
 pub enum Cost {
     /// The Hamming distance of census transforms, by the horizontal and vertical radius of the window.
@@ -25,8 +25,11 @@ pub enum Cost {
 /// An image, and the shift `(du, dv)` of a match per pixel of disparity.
 type ShiftedImage = (Vec<i64>, (i32, i32));
 
-/// The cost of a pixel and its match in an image.
-type MatchCost<'a> = dyn Fn((i32, i32), (i32, i32), &[i64]) -> i64 + 'a;
+/// The costs at each disparity, pixel by pixel; `None` where there is no candidate.
+pub type Costs = Vec<Vec<Option<i64>>>;
+
+/// Two pixels by their offsets from a third. A bit of a census transform tells if the first is darker than the second.
+type Pair = [(i32, i32); 2];
 
 /// Images and the parameters of their match.
 #[derive(Clone, Debug)]
@@ -59,26 +62,38 @@ pub struct SemiGlobal<'a> {
     pub p2_edge: Option<i64>,
     /// The largest difference that the left-right check tolerates.
     pub left_right: Option<i32>,
-    /// Whether lines of equal slope refine disparities, instead of a parabola.
+    /// True if lines of equal slope refine disparities, instead of a parabola.
     pub equiangular: bool,
 }
 
-impl SemiGlobal<'_> {
+/// The costs of a match, from which everything else is selected.
+#[derive(Clone, Debug)]
+pub struct Solution<'a> {
+    of: &'a SemiGlobal<'a>,
+    /// The fused costs.
+    pub costs: Costs,
+    /// The sums of the path costs.
+    pub sums: Costs,
+}
+
+impl Solution<'_> {
     /// The disparity of each pixel, line by line; `None` where there is no candidate or the left-right check
     /// fails.
     pub fn disparities(&self) -> Vec<Option<f64>> {
-        let sums = self.sums();
-        let views: Vec<_> = self.images().map(|(_, shift)| (shift, self.of_view(shift, &sums))).collect();
-        let pixels = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v)));
-        pixels
+        let Solution { of, sums, .. } = self;
+        let views: Vec<_> = match of.left_right {
+            Some(_) => of.images().map(|(_, shift)| (shift, of.of_view(shift, sums))).collect(),
+            None => Vec::new(),
+        };
+        of.pixels()
             .map(|(u, v)| {
-                let d = self.select(&sums[self.at(u, v)])?;
+                let d = of.select(&sums[of.at(u, v)])?;
                 // The check is on the rounded disparity, in steps of 1/64 pixel.
                 let nearest = (f64::from(fixed(d)) / 64.0).round() as i32;
-                let Some(tolerance) = self.left_right else { return Some(d) };
+                let Some(tolerance) = of.left_right else { return Some(d) };
                 let confirmed = views.iter().any(|((du, dv), view)| {
                     let (x, y) = (u + du * nearest, v + dv * nearest);
-                    let other = if self.is_inside(x, y) { view[self.at(x, y)] } else { None };
+                    let other = if of.is_inside(x, y) { view[of.at(x, y)] } else { None };
                     other.is_some_and(|other| (other - nearest).abs() <= tolerance)
                 });
                 confirmed.then_some(d)
@@ -91,14 +106,14 @@ impl SemiGlobal<'_> {
     pub fn peaks(&self) -> Vec<u8> {
         let peak = |best: Option<(i64, i64, usize)>| {
             let Some((c1, c2, winner)) = best else { return 0 };
-            let ratio = 256 * (c2 - c1) / (c2 + 16 * self.paths.len() as i64);
-            let is_at_end = winner == 0 || winner as i32 == self.num_disparities - 1;
+            let ratio = 256 * (c2 - c1) / (c2 + 16 * self.of.paths.len() as i64);
+            let is_at_end = winner == 0 || winner as i32 == self.of.num_disparities - 1;
             grade((if is_at_end { ratio / 2 } else { ratio }) as f64)
         };
         self.best_two().into_iter().map(peak).collect()
     }
 
-    /// Whether the best candidate that is more than a disparity away from the winner costs over `percent` of its sum
+    /// True if the best candidate that is more than a disparity away from the winner costs over `percent` of its sum
     /// more, or does not exist, line by line.
     pub fn unique(&self, percent: u8) -> Vec<bool> {
         let is_unique = |(c1, c2, _): (i64, i64, usize)| 100 * (c2 - c1) > i64::from(percent) * c1;
@@ -113,18 +128,29 @@ impl SemiGlobal<'_> {
             let &(c2, _) = sums.iter().filter(|(_, i)| i.abs_diff(winner) > 1).min()?;
             Some((c1, c2, winner))
         };
-        self.sums().iter().map(best).collect()
+        self.sums.iter().map(best).collect()
+    }
+}
+
+impl SemiGlobal<'_> {
+    /// The disparity of each pixel, line by line; `None` where there is no candidate or the left-right check
+    /// fails.
+    pub fn disparities(&self) -> Vec<Option<f64>> {
+        self.solution().disparities()
     }
 
-    /// The sum of the path costs at each pixel and disparity; `None` where there is no candidate.
-    pub fn sums(&self) -> Vec<Vec<Option<i64>>> {
-        let pixels: Vec<(i32, i32)> = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect();
-        let costs = self.costs(&pixels);
-        let mut sums: Vec<Vec<Option<i64>>> =
-            costs.iter().map(|costs| costs.iter().map(|cost| cost.map(|_| 0)).collect()).collect();
+    /// The fused costs and the sums of the path costs.
+    pub fn solution(&self) -> Solution<'_> {
+        let costs = self.costs();
+        Solution { of: self, sums: self.sums(&costs), costs }
+    }
+
+    /// The sum of the path costs at each pixel and disparity.
+    fn sums(&self, costs: &Costs) -> Costs {
+        let mut sums: Costs = costs.iter().map(|costs| costs.iter().map(|cost| cost.map(|_| 0)).collect()).collect();
         for &(du, dv) in &self.paths {
             let mut paths = costs.clone();
-            let mut order = pixels.clone();
+            let mut order: Vec<(i32, i32)> = self.pixels().collect();
             if (dv, du) < (0, 0) {
                 order.reverse();
             }
@@ -142,70 +168,77 @@ impl SemiGlobal<'_> {
                 };
                 for (i, path) in paths[self.at(u, v)].iter_mut().enumerate() {
                     let Some(cost) = path else { continue };
-                    let steps = before.iter().enumerate().filter_map(|(j, before)| {
-                        let penalty = match i.abs_diff(j) {
-                            0 => 0,
-                            1 => self.p1,
-                            _ => p2,
-                        };
-                        before.map(|before| before + penalty)
-                    });
-                    *cost += steps.min().expect("some exist") - least;
+                    let by_one = |j: Option<usize>| Some((*before.get(j?)?)? + self.p1);
+                    // P1 is at most P2, so the least cost with P2 may be taken from everywhere.
+                    let steps = [before[i], by_one(i.checked_sub(1)), by_one(i.checked_add(1)), Some(least + p2)];
+                    *cost += steps.into_iter().flatten().min().expect("some exist") - least;
                 }
             }
-            for (sums, paths) in sums.iter_mut().zip(&paths) {
-                for (sum, path) in sums.iter_mut().zip(paths) {
-                    *sum = sum.zip(*path).map(|(sum, path)| sum + path);
-                }
+            for (sum, path) in sums.iter_mut().flatten().zip(paths.into_iter().flatten()) {
+                *sum = sum.zip(path).map(|(sum, path)| sum + path);
             }
         }
         sums
     }
 
-    /// The fused costs of all pixels at each disparity; `None` where there is no candidate.
-    pub fn all_costs(&self) -> Vec<Vec<Option<i64>>> {
-        self.costs(&(0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v))).collect::<Vec<_>>())
-    }
-
-    /// The fused costs of pixels at each disparity, as whole numbers from 0 to 127.
-    fn costs(&self, pixels: &[(i32, i32)]) -> Vec<Vec<Option<i64>>> {
+    /// The fused costs at each pixel and disparity, as whole numbers from 0 to 127.
+    pub fn costs(&self) -> Costs {
         let images: Vec<ShiftedImage> = self.images().map(|(image, shift)| (wide(image), shift)).collect();
         let center = wide(self.center);
-        let fused = |cost: &MatchCost, images: &[ShiftedImage]| -> Vec<Vec<Option<i64>>> {
-            pixels.iter().map(|&(u, v)| self.fused_costs(cost, images, u, v)).collect()
-        };
         match self.cost {
-            Cost::Sad(radius) => fused(&|pixel, found, image| self.block_sum(radius, &center, image, pixel, found), &images),
+            Cost::Sad(radius) => self.fused(&images, |pixel, found, image| self.block_sum(radius, &center, image, pixel, found)),
             Cost::Census(rx, ry) => {
                 let half = (-ry..=0).flat_map(|dv| (-rx..=rx).map(move |du| (du, dv))).filter(|&(du, dv)| (dv, du) < (0, 0));
-                let pairs: Vec<_> = half.map(|(du, dv)| [(du, dv), (-du, -dv)]).collect();
-                fused(&|pixel, found, image| self.hamming_distance(&pairs, &center, image, pixel, found), &images)
+                let pairs: Vec<Pair> = half.map(|(du, dv)| [(du, dv), (-du, -dv)]).collect();
+                self.hamming_distances(&pairs, &center, &images)
             }
             Cost::CensusBothWays(rx, ry) => {
                 let window = (-ry..=ry).flat_map(|dv| (-rx..=rx).map(move |du| (du, dv)));
                 let pairs = window.filter(|&offset| offset != (0, 0)).map(|(du, dv)| [(du, dv), (-du, -dv)]);
-                let (darker, brighter): (Vec<_>, Vec<_>) = pairs.partition(|[(du, dv), _]| (dv, du) < (&0, &0));
-                let [darker, brighter] = [darker, brighter].map(|pairs| {
-                    fused(&|pixel, found, image| self.hamming_distance(&pairs, &center, image, pixel, found), &images)
-                });
-                means(&darker, &brighter)
+                let (darker, brighter): (Vec<Pair>, Vec<_>) = pairs.partition(|[(du, dv), _]| (dv, du) < (&0, &0));
+                means([darker, brighter].map(|pairs| self.hamming_distances(&pairs, &center, &images)))
             }
             Cost::TwoScaleCensus(rx, ry) => {
                 let window = (-ry..=ry).flat_map(|dv| (-rx..=rx).map(move |du| (du, dv)));
-                let pairs: Vec<_> = window.filter(|(du, dv)| (du + dv) % 2 != 0).map(|offset| [offset, (0, 0)]).collect();
-                let distant: Vec<_> = pairs.iter().map(|pair| pair.map(|(du, dv)| (3 * du, 3 * dv))).collect();
-                let blurred_center = self.blurred(&center);
+                let pairs: Vec<Pair> = window.filter(|(du, dv)| (du + dv) % 2 != 0).map(|offset| [offset, (0, 0)]).collect();
+                let distant: Vec<Pair> = pairs.iter().map(|pair| pair.map(|(du, dv)| (3 * du, 3 * dv))).collect();
                 let blurred: Vec<_> = images.iter().map(|(image, shift)| (self.blurred(image), *shift)).collect();
-                let fine = fused(&|pixel, found, image| self.hamming_distance(&pairs, &center, image, pixel, found), &images);
-                let coarse =
-                    fused(&|pixel, found, image| self.hamming_distance(&distant, &blurred_center, image, pixel, found), &blurred);
-                means(&fine, &coarse)
+                let fine = self.hamming_distances(&pairs, &center, &images);
+                means([fine, self.hamming_distances(&distant, &self.blurred(&center), &blurred)])
             }
         }
     }
 
-    /// The costs of a pixel `(u, v)` at each disparity, fused over the images.
-    fn fused_costs(&self, cost: &MatchCost, images: &[ShiftedImage], u: i32, v: i32) -> Vec<Option<i64>> {
+    /// The fused Hamming distances of the census transforms with a bit for each pair.
+    fn hamming_distances(&self, pairs: &[Pair], center: &[i64], images: &[ShiftedImage]) -> Costs {
+        let center = self.census(pairs, center);
+        let images: Vec<_> = images.iter().map(|(image, shift)| (self.census(pairs, image), *shift)).collect();
+        self.fused(&images, |(u, v), (x, y), image| (center[self.at(u, v)] ^ image[self.at(x, y)]).count_ones().into())
+    }
+
+    /// The census transform of an image: for each pixel, a bit for each pair of pixels around it.
+    fn census(&self, pairs: &[Pair], image: &[i64]) -> Vec<u64> {
+        assert!(pairs.len() <= 64, "a bit for each pair");
+        let is_darker = |(u, v): (i32, i32), pair: &Pair| {
+            let [one, other] = pair.map(|(du, dv)| self.sample(image, u + du, v + dv));
+            one < other
+        };
+        let bits = |pixel| pairs.iter().fold(0, |bits, pair| 2 * bits + u64::from(is_darker(pixel, pair)));
+        self.pixels().map(bits).collect()
+    }
+
+    /// The costs of all pixels and their matches in shifted images, fused at each disparity.
+    fn fused<T>(&self, images: &[(Vec<T>, (i32, i32))], cost: impl Fn((i32, i32), (i32, i32), &[T]) -> i64) -> Costs {
+        self.pixels().map(|pixel| self.fused_costs(&cost, images, pixel)).collect()
+    }
+
+    /// The costs of a pixel at each disparity, fused over the images.
+    fn fused_costs<T>(
+        &self,
+        cost: &impl Fn((i32, i32), (i32, i32), &[T]) -> i64,
+        images: &[(Vec<T>, (i32, i32))],
+        (u, v): (i32, i32),
+    ) -> Vec<Option<i64>> {
         let disparities = self.min_disparity..self.min_disparity + self.num_disparities;
         let unit = match self.cost {
             Cost::Census(..) | Cost::CensusBothWays(..) | Cost::TwoScaleCensus(..) => 1,
@@ -240,34 +273,26 @@ impl SemiGlobal<'_> {
         nearest.chain(self.others.iter().map(|((i, j), image)| (&image[..], (-i, -j))))
     }
 
-    /// How many of the pairs of pixels are in another order of brightness around `(x, y)` than around `(u, v)` of the centre.
-    fn hamming_distance(
-        &self,
-        pairs: &[[(i32, i32); 2]],
-        center: &[i64],
-        image: &[i64],
-        (u, v): (i32, i32),
-        (x, y): (i32, i32),
-    ) -> i64 {
-        let is_darker = |image: &[i64], (u, v): (i32, i32), pair: [(i32, i32); 2]| {
-            let [one, other] = pair.map(|(du, dv)| self.sample(image, u + du, v + dv));
-            one < other
-        };
-        pairs.iter().filter(|&&pair| is_darker(center, (u, v), pair) != is_darker(image, (x, y), pair)).count() as i64
-    }
-
     /// The sum of absolute differences over the blocks around `(u, v)` of the centre and `(x, y)`. The image is read
     /// where the block of the centre is moved to.
     fn block_sum(&self, radius: i32, center: &[i64], image: &[i64], (u, v): (i32, i32), (x, y): (i32, i32)) -> i64 {
-        let block = (-radius..=radius).flat_map(|dv| (-radius..=radius).map(move |du| (du, dv)));
-        block.map(|(du, dv)| (self.sample(center, u + du, v + dv) - self.sample(image, x + du, y + dv)).abs()).sum()
+        // Borders are replicated: pixels are moved first, and then clamped.
+        let row = |v: i32| self.at(0, v.clamp(0, self.height - 1));
+        let column = |u: i32| u.clamp(0, self.width - 1) as usize;
+        let mut sum = 0;
+        for dv in -radius..radius + 1 {
+            let (center, image) = (&center[row(v + dv)..], &image[row(y + dv)..]);
+            for du in -radius..radius + 1 {
+                sum += (center[column(u + du)] - image[column(x + du)]).abs();
+            }
+        }
+        sum
     }
 
     /// The image blurred by a Gaussian with a standard deviation of 1.5 pixels, times 256.
     fn blurred(&self, image: &[i64]) -> Vec<i64> {
         let weights = [2, 9, 28, 55, 68, 55, 28, 9, 2];
-        let pixels = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v)));
-        let blurred = pixels.map(|(u, v)| {
+        let blurred = self.pixels().map(|(u, v)| {
             let column = |du: i32, weight: i64| -> i64 {
                 (-4..).zip(weights).map(|(dv, other)| weight * other * self.sample(image, u + du, v + dv)).sum()
             };
@@ -294,9 +319,8 @@ impl SemiGlobal<'_> {
     }
 
     /// The disparities of a view, selected from the centre's costs.
-    fn of_view(&self, (du, dv): (i32, i32), sums: &[Vec<Option<i64>>]) -> Vec<Option<i32>> {
-        let pixels = (0..self.height).flat_map(|v| (0..self.width).map(move |u| (u, v)));
-        pixels
+    fn of_view(&self, (du, dv): (i32, i32), sums: &Costs) -> Vec<Option<i32>> {
+        self.pixels()
             .map(|(x, y)| {
                 let candidates = (0..self.num_disparities).filter_map(|i| {
                     let d = self.min_disparity + i;
@@ -309,6 +333,12 @@ impl SemiGlobal<'_> {
             .collect()
     }
 
+    /// The pixels, line by line.
+    fn pixels(&self) -> impl DoubleEndedIterator<Item = (i32, i32)> + use<> {
+        let (width, height) = (self.width, self.height);
+        (0..height).flat_map(move |v| (0..width).map(move |u| (u, v)))
+    }
+
     fn is_inside(&self, u: i32, v: i32) -> bool {
         (0..self.width).contains(&u) && (0..self.height).contains(&v)
     }
@@ -319,9 +349,9 @@ impl SemiGlobal<'_> {
 }
 
 /// The means of two costs each, rounded down.
-fn means(first: &[Vec<Option<i64>>], second: &[Vec<Option<i64>>]) -> Vec<Vec<Option<i64>>> {
+fn means([first, second]: [Costs; 2]) -> Costs {
     let mean = |(first, second): (&Option<i64>, &Option<i64>)| Some(((*first)? + (*second)?) / 2);
-    first.iter().zip(second).map(|(first, second)| first.iter().zip(second).map(mean).collect()).collect()
+    first.iter().zip(&second).map(|(first, second)| first.iter().zip(second).map(mean).collect()).collect()
 }
 
 fn wide(image: &[u8]) -> Vec<i64> {

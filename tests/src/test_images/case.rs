@@ -1,21 +1,22 @@
-//! Random matches, and the core's results for them.
+//! Random matches, and properties that hold for them.
 
-use std::{env, ops::Range, str::FromStr, time::SystemTime};
+use std::{env, str::FromStr, time::SystemTime};
 
-use multiscopic_core::{
-    Disparity, Fusion as CoreFusion, Matcher, Memory, Params, Region, SearchConfig, View, Views, kernel::Kernel,
-};
+use multiscopic_core::{Params, PathPenalties, Views};
 use proptest::{
     prelude::*,
     test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner},
 };
 
 use crate::{
-    reference::{Fusion, raw16},
+    reference::{
+        Fusion, Match, raw16,
+        semi_global::{Cost, SemiGlobal},
+    },
     split_mix::Random,
     test_images::{
-        strict_source::StrictSource,
-        view_set::{ViewSet, view_at},
+        core_match::{params_in, views},
+        view_set::ViewSet,
     },
 };
 
@@ -46,15 +47,15 @@ pub struct Case {
     pub width: usize,
     /// Lines.
     pub height: usize,
-    /// Whether there are a left, right, top and bottom view.
+    /// Flags for the left, right, top and bottom view.
     pub views: [bool; 4],
     /// The offsets of views elsewhere: baselines to the right and down.
     pub others: Vec<(i32, i32)>,
-    /// How costs are fused.
+    /// The fusion rule.
     pub fusion: Fusion,
     /// The smallest disparity of the search.
     pub min_disparity: i32,
-    /// How many disparities are searched.
+    /// The number of disparities searched.
     pub num_disparities: i32,
     /// The side length of the block in pixels.
     pub block_size: i32,
@@ -151,20 +152,30 @@ impl Case {
         params_in(self.width, self.height, views(self.views, &self.others), self.fusion, search, self.block_size)
     }
 
+    /// This match of its `images` for the float reference.
+    pub fn block_match<'a>(&self, images: &'a ViewSet) -> Match<'a> {
+        images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size)
+    }
+
     /// The float reference's disparities in the 16-bit encoding.
     pub fn reference(&self, images: &ViewSet) -> Vec<u16> {
-        let reference = images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size);
-        reference.disparities().into_iter().map(raw16).collect()
+        self.block_match(images).disparities().into_iter().map(raw16).collect()
     }
 
-    /// The float reference's [`unique`](crate::reference::Match::unique) pixels.
-    pub fn reference_unique(&self, images: &ViewSet, percent: u8) -> Vec<bool> {
-        images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size).unique(percent)
-    }
-
-    /// The float reference's peak ratios.
-    pub fn reference_peaks(&self, images: &ViewSet) -> Vec<u8> {
-        images.reference(self.fusion, self.min_disparity, self.num_disparities, self.block_size).peaks()
+    /// A semi-global match of its `images`, with a random cost and random penalties. The block size is not
+    /// the case's.
+    pub fn semi_global<'a>(&self, images: &'a ViewSet, random: &mut Random) -> SemiGlobal<'a> {
+        let cost = match random.below(6) {
+            0 => Cost::Census(2, 2),
+            1 => Cost::Census(3, 3),
+            2 => Cost::Census(4, 3),
+            _ => Cost::Sad(random.below(6) as i32),
+        };
+        let p2 = [random.below(10), random.below(52), PathPenalties::MAX.into()][random.below(3)] as i64;
+        let p1 = random.below(p2 as usize + 1) as i64;
+        let p2_edge = [None, Some(i64::from(random.byte() / 8))][random.below(2)];
+        let reference = images.semi_global(self.fusion, self.min_disparity, self.num_disparities, cost, [p1, p2]);
+        SemiGlobal { p2_edge, ..reference }
     }
 
     /// The number of samples that the float reference sums.
@@ -184,107 +195,6 @@ impl Case {
     fn evaluations(&self) -> u64 {
         self.params().evaluations()
     }
-}
-
-/// The core's parameters for the given match.
-pub fn params(
-    width: usize,
-    height: usize,
-    views: [bool; 4],
-    fusion: Fusion,
-    min_disparity: i32,
-    num_disparities: i32,
-    block_size: i32,
-) -> Params {
-    params_in(width, height, self::views(views, &[]), fusion, (min_disparity, num_disparities), block_size)
-}
-
-/// The core's set of the views that exist of left, right, top and bottom, and of others by their offsets.
-pub fn views(nearest: [bool; 4], others: &[(i32, i32)]) -> Views {
-    let order = [View::LEFT, View::RIGHT, View::TOP, View::BOTTOM];
-    let nearest = order.into_iter().zip(nearest).filter(|view| view.1).map(|view| view.0);
-    nearest.chain(others.iter().map(|&offset| view_at(offset))).collect()
-}
-
-/// [`params`] for any views.
-pub fn params_in(
-    width: usize,
-    height: usize,
-    views: Views,
-    fusion: Fusion,
-    (min_disparity, num_disparities): (i32, i32),
-    block_size: i32,
-) -> Params {
-    let fusion = match fusion {
-        Fusion::Min => CoreFusion::Min,
-        Fusion::Mean => CoreFusion::Mean,
-        Fusion::Heuristic => CoreFusion::Heuristic,
-        Fusion::Half => CoreFusion::Half,
-    };
-    let narrow = |value: i32| value.try_into().expect("a parameter's type");
-    SearchConfig {
-        width: width as u16,
-        height: height as u16,
-        views,
-        fusion,
-        min_disparity: min_disparity as i16,
-        num_disparities: num_disparities as u16,
-    }
-    .block_matching(narrow(block_size))
-    .expect("valid parameters")
-}
-
-/// The core's disparities in a region, in the 16-bit encoding. The source is strict; the memory has exactly
-/// the required length and is filled with random words.
-pub fn matched<I>(isa: I, params: &Params, region: &Region, images: &ViewSet, random: &mut Random) -> Vec<u16>
-where
-    I: Kernel,
-{
-    matched_with_peaks(isa, params, region, images, random, None)
-}
-
-/// [`matched`], which appends the peak ratios to `peaks`, if they are asked for.
-pub fn matched_with_peaks<I>(
-    isa: I,
-    params: &Params,
-    region: &Region,
-    images: &ViewSet,
-    random: &mut Random,
-    mut peaks: Option<&mut Vec<u8>>,
-) -> Vec<u16>
-where
-    I: Kernel,
-{
-    let words = Memory::new::<I>(params, region.width()).words();
-    let mut memory: Vec<u32> = (0..words).map(|_| random.bits() as u32).collect();
-    let mut matcher = Matcher::with_isa(isa, params, region, &mut memory).expect("enough memory");
-    let mut source = StrictSource::new(images, params, region);
-    let mut line: Vec<Option<Disparity>> = (0..region.width()).map(|_| Disparity::from_raw16(random.bits() as u16)).collect();
-    let mut line_of_peaks: Vec<u8> = (0..region.width()).map(|_| random.byte()).collect();
-    let mut found = Vec::new();
-    for v in region.rows() {
-        let next = match peaks {
-            Some(_) => matcher.next_line_and_peaks(&mut source, &mut line, &mut line_of_peaks),
-            None => matcher.next_line(&mut source, &mut line),
-        };
-        assert_eq!(next, Ok(Some(v)), "the number of the disparity line");
-        if let Some(peaks) = &mut peaks {
-            peaks.extend(&line_of_peaks);
-        }
-        source.line_done();
-        found.extend(line.iter().map(|&pixel| Disparity::to_raw16(pixel)));
-    }
-    for _ in 0..2 {
-        assert_eq!(matcher.next_line(&mut source, &mut line), Ok(None), "past the last disparity line");
-    }
-    source.assert_finished();
-    found
-}
-
-/// The pixels of a frame that a region covers.
-pub fn cut<T: Copy>(pixels: &[T], width: usize, region: &Region) -> Vec<T> {
-    let Range { start, end } = region.columns();
-    region.rows().flat_map(|v| &pixels[v * width..][start..end]).copied().collect()
 }
 
 /// Valid matches that take the float reference at most `samples` samples and the core at most `evaluations`

@@ -21,15 +21,15 @@ pub const HEIGHT: usize = 32;
 pub struct Golden {
     /// The name of its result.
     pub name: &'static str,
-    /// Whether the left, right, top and bottom view are matched.
+    /// Flags for the left, right, top and bottom view.
     pub views: [bool; 4],
-    /// How costs are fused.
+    /// The fusion rule.
     pub fusion: Fusion,
     /// The smallest disparity of the search.
     pub min_disparity: i32,
-    /// How many disparities are searched.
+    /// The number of disparities searched.
     pub num_disparities: i32,
-    /// How they are matched.
+    /// The matching method.
     pub method: GoldenMethod,
 }
 

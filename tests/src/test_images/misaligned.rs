@@ -60,7 +60,7 @@ pub fn write_rig(images: &ViewSet, folder: &Path) {
     fs::write(path, rest.join("\n")).expect("the folder is there");
 }
 
-/// What `multiscopic align` reports about a view.
+/// The report of `multiscopic align` on a view.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
     /// The shift across the baseline in pixels.

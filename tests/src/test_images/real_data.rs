@@ -1,11 +1,14 @@
-//! Real data sets, which are not in the repository.
+//! Real data sets and the published weights of MC-CNN, which are not in the repository.
 
 use std::{
     env,
     path::{Path, PathBuf},
 };
 
-use crate::test_images::view_set::{ViewSet, read_grey, read_pfm};
+use crate::{
+    reference::networks::file_name,
+    test_images::view_set::{ViewSet, read_grey, read_pfm},
+};
 
 /// The folder of the data: `$MULTISCOPIC_DATA`, or `../shared/data` beside the repository; `None` if neither
 /// exists.
@@ -94,4 +97,21 @@ pub fn errors(estimate: &[Option<f64>], truth: &[Option<f64>]) -> [f64; 5] {
     let rms = (known.iter().map(|pixel| error(pixel).powi(2)).sum::<f64>() / n).sqrt();
     let average = known.iter().map(error).sum::<f64>() / n;
     [rms, average, bad(0.5), bad(1.0), bad(2.0)]
+}
+
+/// The folder of MC-CNN's weights: `$MULTISCOPIC_WEIGHTS`, the cache of `multiscopic weights install`, or
+/// `../shared/weights` beside the repository, whichever has them first; `None` if none has.
+pub fn weights() -> Option<PathBuf> {
+    let given = env::var_os("MULTISCOPIC_WEIGHTS").map(PathBuf::from);
+    let cache =
+        env::var_os("XDG_CACHE_HOME").map(PathBuf::from).or_else(|| Some(Path::new(&env::var_os("HOME")?).join(".cache")));
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/weights");
+    let folders = [given, cache.map(|cache| cache.join("multiscopic")), Some(beside)];
+    let is_complete = |folder: &PathBuf| ["fast", "accurate"].iter().all(|name| folder.join(file_name(name)).is_file());
+    folders.into_iter().flatten().find(is_complete)
+}
+
+/// The wheel of the Python package of MC-CNN, given by `$MULTISCOPIC_MCCNN_WHEEL`.
+pub fn wheel() -> Option<PathBuf> {
+    env::var_os("MULTISCOPIC_MCCNN_WHEEL").map(PathBuf::from)
 }

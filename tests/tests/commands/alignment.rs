@@ -155,7 +155,7 @@ fn views_of_arrays_are_aligned() {
     for ((i, j), (nx, ny), shift, gain) in cases {
         let (i, j): (i8, i8) = (i, j);
         let (sin, cos) = f64::atan2(shift, focal).sin_cos();
-        // Where the view would show what its pixel shows, if the camera had not been turned.
+        // The place in the view where its pixel would be seen if the camera had not been turned.
         let unturned = |u: f64, v: f64| {
             let along = nx * (u - cx) + ny * (v - cy);
             let (turned, ahead) = (along * cos - focal * sin, along * sin / focal + cos);
@@ -234,6 +234,11 @@ fn what_cannot_be_aligned_is_refused() {
     let files = ["center.pgm", "left.pgm"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
     Invocation::new(["align", "--center", &files[0], "--left", &files[1], "-o", "new"]).assert_refused(&["-o", "rig.toml"]);
     // An existing folder is not touched.
-    write_rig(&quarter(&SCENE, [Off::NONE; 4]), folder.path());
-    Invocation::new(["align", rig, "-o", rig]).assert_refused(&[rig, "is there already"]);
+    let (width, height) = (144, 108);
+    let image = |right: f64| -> Vec<u8> {
+        (0..width * height).map(|k| waves((k % width) as f64 + 4.25 * right, (k / width) as f64).round() as u8).collect()
+    };
+    let views = [Some(image(-1.0)), Some(image(1.0)), None, None];
+    write_rig(&ViewSet { width, height, center: image(0.0), views, others: Vec::new() }, folder.path());
+    Invocation::new(["align", rig, "--num-disparities", "8", "-o", rig]).assert_refused(&[rig, "is there already"]);
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use multiscopic::FloatImage;
-use multiscopic_tests::program::Invocation;
+use multiscopic_tests::{program::Invocation, test_images::made_up::make};
 use tempfile::TempDir;
 
 /// A made-up capture.
@@ -12,8 +12,7 @@ struct Capture(TempDir);
 impl Capture {
     fn new() -> Capture {
         let dir = tempfile::tempdir().expect("a folder");
-        let scenes = dir.path().to_str().expect("a path in UTF-8");
-        Invocation::new(["scene", "--random", "--seed", "4", "--views", "2", "--size", "96x72", "-o", scenes]).assert_done();
+        make("scene --random --seed 4 --views 2 --size 96x72", dir.path());
         Capture(dir)
     }
 
@@ -72,7 +71,7 @@ fn filters_act_for_every_method() {
         }
         assert_ne!(capture.disparities(&of("--median 5")), all, "{method}");
         assert_ne!(capture.disparities(&of("--smooth")), all, "{method}");
-        // What is filtered out stays out, and everything else moves by half a pixel at most.
+        // Filtered pixels stay invalid, and all others move by half a pixel at most.
         let unique = if has_no_costs { "--texture-threshold 2800" } else { "--uniqueness-ratio 25" };
         let [coarse, fine] = ["none", "lucas-kanade"]
             .map(|step| capture.disparities(&format!("--method {method} --repair none {unique} --sub-pixel {step}")));
@@ -81,7 +80,7 @@ fn filters_act_for_every_method() {
     }
 }
 
-/// What is probably right is hardly moved, whatever the method. The rest follows it, and is still unsure.
+/// Disparities that are probably right hardly move, whatever the method. The rest follow them, and stay unsure.
 #[test]
 #[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation")]
 fn what_is_probably_wrong_is_repaired() {

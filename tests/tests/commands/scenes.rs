@@ -34,7 +34,7 @@ fn a_scene_does_not_depend_on_the_count() {
     assert_eq!(fs::read_dir(&many).expect("the folder").count(), 3);
 }
 
-/// What is in a folder is what the library renders, and the rig has its geometry.
+/// A folder holds the images that the library renders, and its rig has their geometry.
 #[test]
 fn a_folder_holds_what_the_library_renders() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -1,16 +1,23 @@
-//! The core equals the float reference on every bit.
+//! The core and the host's engine equal the float reference on every bit: the core with any number of lanes, in any region, the
+//! engine with each kernel that this processor supports and any number of threads.
 
-use std::fmt::Debug;
+use std::{
+    fmt::Debug,
+    sync::atomic::{AtomicUsize, Ordering},
+};
 
+use multiscopic::Engine;
 use multiscopic_core::{
     Params, Region,
     kernel::{Kernel, Portable},
 };
 use multiscopic_tests::{
+    engines::{assert_equal, engines},
     reference::{Fusion, raw16},
     split_mix::Random,
     test_images::{
-        case::{Appearance, Case, cases, cut, matched, matched_with_peaks, params_in, property, views},
+        case::{Appearance, Case, cases, property, wide_cases},
+        core_match::{cut, matched, matched_with_peaks, params_in, views},
         view_set::ViewSet,
     },
 };
@@ -32,15 +39,18 @@ impl Matched<'_> {
 
 /// Matches the whole frame in one pass, then in tiles, in bands, in a random rectangle, or with another
 /// number of lanes.
-fn equals_the_reference(case: &Case) {
+fn check(case: &Case) {
     let images = case.images();
-    let (mut expected, expected_peaks) = (case.reference(&images), case.reference_peaks(&images));
+    let reference = case.block_match(&images);
+    let costs = reference.fused_costs();
+    let mut expected: Vec<u16> = costs.disparities().into_iter().map(raw16).collect();
+    let expected_peaks = costs.peaks();
     let random = &mut Random(case.seed);
     let wants_peaks = random.below(2) > 0;
     let uniqueness_ratio = [None, None, Some(0), Some(5), Some(30), Some(255)][random.below(6)];
     let params = case.params().with_uniqueness_ratio(uniqueness_ratio);
     if let Some(percent) = uniqueness_ratio {
-        let unique = case.reference_unique(&images, percent);
+        let unique = costs.unique(percent);
         expected.iter_mut().zip(unique).filter(|(_, is_unique)| !is_unique).for_each(|(raw, _)| *raw = 0);
     }
 
@@ -53,18 +63,18 @@ fn equals_the_reference(case: &Case) {
         }
         assert_eq!(found.len(), expected.len(), "{what}: pixels");
     }
-    let check = |(found, peaks): (Vec<u16>, Option<Vec<u8>>), region: &Region, what: &str| {
+    let assert_found = |(found, peaks): (Vec<u16>, Option<Vec<u8>>), region: &Region, what: &str| {
         equal(&found, &expected, case.width, region, what);
         if let Some(peaks) = peaks {
             equal(&peaks, &expected_peaks, case.width, region, &format!("{what}, peak ratios"));
         }
     };
 
-    check((matched(Portable::<4, 1>, &params, &whole, &images, random), None), &whole, "4 lanes");
+    assert_found((matched(Portable::<4, 1>, &params, &whole, &images, random), None), &whole, "4 lanes");
     let matched = Matched { wants_peaks, params: &params, images: &images };
     let parts = |regions: &mut dyn Iterator<Item = Region>, random: &mut Random| {
         for region in regions {
-            check(matched.with(Portable::<4, 1>, &region, random), &region, &format!("{region:?}"));
+            assert_found(matched.with(Portable::<4, 1>, &region, random), &region, &format!("{region:?}"));
         }
     };
     let at_most_four = |length: usize, random: &mut Random| length.div_ceil(4) + random.below(length);
@@ -80,11 +90,11 @@ fn equals_the_reference(case: &Case) {
             let any = Region::new(params.search(), part(case.width, random), part(case.height, random));
             parts(&mut any.into_iter(), random);
         }
-        3 => check(matched.with(Portable::<1, 1>, &whole, random), &whole, "1 lane"),
-        4 => check(matched.with(Portable::<3, 1>, &whole, random), &whole, "3 lanes"),
-        5 => check(matched.with(Portable::<8, 1>, &whole, random), &whole, "8 lanes"),
-        6 => check(matched.with(Portable::<16, 5>, &whole, random), &whole, "16 lanes, batches of 5"),
-        _ => check(matched.with(Portable::<32, 32>, &whole, random), &whole, "32 lanes, batches of 32"),
+        3 => assert_found(matched.with(Portable::<1, 1>, &whole, random), &whole, "1 lane"),
+        4 => assert_found(matched.with(Portable::<3, 1>, &whole, random), &whole, "3 lanes"),
+        5 => assert_found(matched.with(Portable::<8, 1>, &whole, random), &whole, "8 lanes"),
+        6 => assert_found(matched.with(Portable::<16, 5>, &whole, random), &whole, "16 lanes, batches of 5"),
+        _ => assert_found(matched.with(Portable::<32, 32>, &whole, random), &whole, "32 lanes, batches of 32"),
     }
 }
 
@@ -92,7 +102,7 @@ fn equals_the_reference(case: &Case) {
 #[test]
 fn lanes_past_the_last_disparity_are_no_second_candidate() {
     for seed in 0..200 {
-        equals_the_reference(&Case {
+        check(&Case {
             width: 5,
             height: 3,
             views: [false, true, true, true],
@@ -133,10 +143,41 @@ fn the_greatest_means_are_refined() {
 
 #[test]
 fn small_matches_equal_the_reference() {
-    property(2000, cases(30_000, 8_000), equals_the_reference);
+    property(2000, cases(30_000, 8_000), check);
 }
 
 #[test]
 fn larger_matches_equal_the_reference() {
-    property(100, cases(1_000_000, 100_000), equals_the_reference);
+    property(100, cases(1_000_000, 100_000), check);
+}
+
+/// The numbers of threads of engines.
+const THREADS: [usize; 3] = [1, 2, 5];
+
+/// Matches with an engine of each instruction set.
+fn check_engines(engines: &[Engine], case: &Case) {
+    let images = case.images();
+    let (frames, expected) = (images.frames(), case.reference(&images));
+    let first = case.seed as usize % THREADS.len();
+    for engine in engines.iter().skip(first).step_by(THREADS.len()) {
+        let lines = AtomicUsize::new(0);
+        let map = engine.disparities(&frames.planes(), &case.params(), &|| {
+            lines.fetch_add(1, Ordering::Relaxed);
+        });
+        let map = map.expect("the frames fit the search");
+        assert_eq!(lines.into_inner(), case.height, "lines reported as done");
+        assert_equal(&map, &expected, &format!("{} on {} threads", engine.simd(case.params().search()), engine.threads()));
+    }
+}
+
+#[test]
+fn engines_equal_the_reference() {
+    let engines = engines(THREADS);
+    property(500, cases(30_000, 10_000), |case: &Case| check_engines(&engines, case));
+}
+
+#[test]
+fn engines_equal_the_reference_in_wide_images() {
+    let engines = engines(THREADS);
+    property(1000, wide_cases(), |case: &Case| check_engines(&engines, case));
 }

@@ -9,9 +9,8 @@ use multiscopic_core::{Region, kernel::Portable};
 use multiscopic_tests::{
     split_mix::Random,
     test_images::{
-        case::{matched, params},
+        core_match::{matched, params, semi_global_params, semi_globally_matched},
         golden::{self, GOLDEN, Golden, GoldenMethod},
-        semi_global_case::{semi_global_params, semi_globally_matched},
         view_set::read_raw16,
     },
 };

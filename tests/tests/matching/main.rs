@@ -2,11 +2,9 @@
 
 mod arithmetic;
 mod bit_exact;
-mod confidences;
-mod depth;
-mod engine;
 mod golden;
 mod line_filters;
+mod path_patterns;
 mod patterns;
 mod priors;
 mod scanlines;

@@ -5,7 +5,7 @@ use multiscopic_tests::{
     reference::Fusion::{self, Heuristic, Mean, Min},
     split_mix::Random,
     test_images::{
-        case::{matched, params},
+        core_match::{matched, params},
         drawing::{assert_drawn, draw, synthesise},
     },
 };

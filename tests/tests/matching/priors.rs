@@ -11,7 +11,7 @@ use multiscopic_tests::{
     engines::engines,
     reference::{AroundPrior, Fusion, gradients},
     split_mix::Random,
-    test_images::case::{params_in, property},
+    test_images::{case::property, core_match::params_in},
 };
 use proptest::prelude::any;
 

@@ -9,7 +9,8 @@ use multiscopic_tests::{
     reference::Fusion,
     split_mix::Random,
     test_images::{
-        case::{Appearance, Case, cases, cut, matched, property},
+        case::{Appearance, Case, cases, property},
+        core_match::{cut, matched},
         strict_source::{FRAMES, StrictSource},
     },
 };
@@ -31,7 +32,7 @@ pub(super) const CASE: Case = Case {
 pub(super) struct Failing<'a> {
     source: StrictSource<'a>,
     random: Random,
-    /// How many of ten calls fail, and which call failed last.
+    /// The number of calls in ten that fail, and the last call that failed.
     rate: usize,
     failed: Option<(Frame, usize)>,
     failures: usize,
@@ -80,7 +81,7 @@ impl ScanlineSource for Failing<'_> {
             assert_eq!((frame, v), failed, "the line that failed is asked for again");
         }
         if self.random.below(10) < self.rate {
-            // What a failed call has written must not matter.
+            // The output of a failed call must not matter.
             line.fill_with(|| self.random.byte());
             self.failed = Some((frame, v));
             self.failures += 1;

@@ -12,7 +12,7 @@ use multiscopic::{
 use multiscopic_core::{Disparity, Fusion, Search, SearchConfig, Views};
 use multiscopic_tests::split_mix::Random;
 
-/// Where the match of a pixel lies per pixel of disparity: left, right, top, bottom.
+/// The shift of a pixel's match per pixel of disparity: left, right, top, bottom.
 const SHIFTS: [(i32, i32); 4] = [(1, 0), (-1, 0), (0, 1), (0, -1)];
 
 /// A random problem: images, and costs where views are available.
@@ -20,7 +20,7 @@ struct Problem {
     search: Search,
     width: i32,
     height: i32,
-    /// Which of the four views exist, and their images.
+    /// Flags for the four views that exist, and their images.
     views: Vec<usize>,
     center: Raster<f32>,
     images: Vec<Raster<f32>>,

@@ -236,7 +236,7 @@ fn a_move_is_optimal() {
     let mut improved = 0;
     for case in 0..250 {
         let mut made = Case::random(&mut random, 3);
-        // Where all pixels are similar, or all steps cost the same, the cut is optimal.
+        // If all pixels are similar, or all steps cost the same, the cut is optimal.
         made.method.threshold = if made.reference.potts { made.method.threshold } else { u8::MAX };
         made.reference.theta = made.method.threshold;
         let exact = made.reference.potts || !made.reference.unique;

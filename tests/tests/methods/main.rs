@@ -1,11 +1,10 @@
 //! The host's other methods, and what the core has for them, equal their definitions.
 
-mod baseline_noise;
 mod cost_volumes;
 mod graph_cuts;
 mod lucas_kanade;
-mod many_views;
 mod network;
 mod network_passes;
 mod pairs;
 mod sgm;
+mod views;

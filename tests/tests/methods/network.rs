@@ -25,7 +25,8 @@ use multiscopic_tests::{
     reference::{self, Fusion, NetworkInputs, semi_global::Cost},
     split_mix::Random,
     test_images::{
-        case::{Case, cases, property, views},
+        case::{Case, cases, property},
+        core_match::views,
         view_set::ViewSet,
     },
 };
@@ -323,7 +324,7 @@ fn the_matcher_takes_memory_in_proportion_to_the_frames() {
             NetworkParams::new(search).expect("views in a row").memory::<Wide>();
         [frames, inputs, excesses, paths, volume, result, image]
     };
-    // What is kept for a few rows at a time doubles where the frames take four times as much.
+    // Buffers of a few rows double where frames take four times as much.
     for (part, (small, large)) in iter::zip(parts([160, 120]), parts([320, 240])).enumerate() {
         let times = large as f64 / small as f64;
         assert!((1.8..4.2).contains(&times), "part {part} takes {small} bytes, and {large} for four times as many pixels");
@@ -373,6 +374,7 @@ fn checks_by_costs_are_refused() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes a minute without optimisation, and the bits are the same")]
 fn the_trained_network_beats_semi_global_matching() {
     let engine = Engine::new(None, 0).expect("threads");
     let sgm = Method::semi_global(2);

@@ -1,4 +1,4 @@
-//! What the core computes for the disparity network equals the slow references, with each kernel that this processor
+//! The core's two passes for the disparity network equal the slow references, with each kernel that this processor
 //! supports.
 
 use multiscopic::{Simd, stereo::Task};
@@ -10,27 +10,26 @@ use multiscopic_core::{
 use multiscopic_tests::{
     reference::{
         Fusion, raw16,
-        semi_global::{Cost, PATHS, SemiGlobal},
+        semi_global::{Cost, PATHS, SemiGlobal, Solution},
     },
     split_mix::Random,
     test_images::{
         case::{Appearance, Case, cases, property},
-        semi_global_case::semi_global_params,
+        core_match::semi_global_params,
         view_set::ViewSet,
     },
 };
 
-/// Costs and their sums pixel by pixel, with `None` where there is no candidate, and disparities.
-struct Expected {
-    costs: Vec<Vec<Option<i64>>>,
-    sums: Vec<Vec<Option<i64>>>,
+/// Costs and their sums, and disparities.
+struct Expected<'a> {
+    solution: Solution<'a>,
     disparities: Vec<u16>,
 }
 
-impl Expected {
-    fn of(reference: &SemiGlobal) -> Expected {
-        let disparities = reference.disparities().into_iter().map(raw16).collect();
-        Expected { costs: reference.all_costs(), sums: reference.sums(), disparities }
+impl Expected<'_> {
+    fn of<'a>(reference: &'a SemiGlobal) -> Expected<'a> {
+        let solution = reference.solution();
+        Expected { disparities: solution.disparities().into_iter().map(raw16).collect(), solution }
     }
 }
 
@@ -40,7 +39,7 @@ struct CheckedPass<'a> {
     pair: CensusPair,
     params: &'a SemiGlobalParams,
     images: &'a ViewSet,
-    expected: &'a Expected,
+    expected: &'a Expected<'a>,
     random: Random,
 }
 
@@ -76,14 +75,14 @@ impl Task for CheckedPass<'_> {
         let mut costs = vec![self.random.byte(); width * depth];
         for v in (0..8).map(|_| self.random.below(height)).collect::<Vec<_>>() {
             lines.line(v, fusion, &mut costs);
-            self.check(v, &costs, &expected.costs, u8::MAX.into());
+            self.check(v, &costs, &expected.solution.costs, u8::MAX.into());
         }
         let mut paths = EightPaths::new(isa, params, &images.center, &mut lent_to_paths).expect("enough memory");
         let mut costs_of = |v: usize, costs: &mut [u8]| lines.line(v, fusion, costs);
         for v in 0..height {
             let line = paths.next_line(&mut costs_of).expect("a line is left");
             assert_eq!(line.v, v);
-            self.check(v, line.sums, &expected.sums, u16::MAX.into());
+            self.check(v, line.sums, &expected.solution.sums, u16::MAX.into());
             let found: Vec<u16> = line.disparities.iter().map(|&disparity| Disparity::to_raw16(disparity)).collect();
             assert_eq!(found, expected.disparities[v * width..][..width], "line {v}, {pair:?}, {params:?}");
         }
@@ -100,7 +99,8 @@ fn check(case: &Case) {
     let params = semi_global_params(&match_with(Cost::Census(4, 3)));
     let costs = [(CensusPair::BothWays, Cost::CensusBothWays(4, 3)), (CensusPair::TwoScales, Cost::TwoScaleCensus(4, 3))];
     for (pair, cost) in costs {
-        let expected = &Expected::of(&SemiGlobal { paths: PATHS.to_vec(), ..match_with(cost) });
+        let reference = SemiGlobal { paths: PATHS.to_vec(), ..match_with(cost) };
+        let expected = &Expected::of(&reference);
         let pass = CheckedPass { pair, params: &params, images: &images, expected, random };
         Simd::available().into_iter().for_each(|simd| simd.run(pass));
     }

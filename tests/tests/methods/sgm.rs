@@ -15,7 +15,7 @@ use multiscopic_tests::{
     split_mix::Random,
     test_images::{
         case::{Appearance, Case, cases, property, wide_cases},
-        semi_global_case::{semi_global_params, semi_globally_matched},
+        core_match::{semi_global_params, semi_globally_matched},
         view_set::ViewSet,
     },
 };
@@ -97,8 +97,8 @@ fn equals_the_core_on_larger_images() {
     for (i, cost) in costs.into_iter().enumerate() {
         for (j, views) in [[false, true, false, false], [true, true, false, false], [true; 4]].into_iter().enumerate() {
             let case = Case {
-                width: 97,
-                height: 61,
+                width: 67,
+                height: 41,
                 views,
                 others: Vec::new(),
                 fusion: fusions[(i + j) % 3],
@@ -114,7 +114,7 @@ fn equals_the_core_on_larger_images() {
             let params = semi_global_params(&reference);
             let method = method(&params, Paths::Five);
             let expected = Simd::BASELINE.run(CoreMatch { params: &params, images: &images });
-            for simd in Simd::available() {
+            for simd in Simd::available().into_iter().filter(|simd| *simd != Simd::BASELINE) {
                 assert!(simd.run(CoreMatch { params: &params, images: &images }) == expected, "the core with {simd}, {params:?}");
             }
             for engine in &engines {

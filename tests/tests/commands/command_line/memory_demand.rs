@@ -54,7 +54,7 @@ fn aligned(words: &[&str], output: &Path) -> f64 {
     most
 }
 
-/// What the program says that a match takes, in megabytes.
+/// The memory that a match takes by the program's own message, in megabytes.
 fn announced(words: &[&str]) -> f64 {
     let run = Invocation::new(words.iter().copied().chain(["--max-memory", "1"]));
     run.assert_refused(&["takes about", "MB of memory, and 1 MB may be taken"]);

@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use multiscopic_tests::program::Invocation;
+use multiscopic_tests::{program::Invocation, test_images::made_up::make};
 
 /// Reads a message of plain little-endian CDR: each number lies at a multiple of its size.
 struct Fields<'a> {
@@ -59,7 +59,7 @@ impl<'a> Fields<'a> {
         seconds
     }
 
-    /// What follows the header of an image: its size, encoding and data.
+    /// The rest of an image message after its header: its size, encoding and data.
     fn image(&mut self) -> ([u32; 2], &'a str, &'a [u8]) {
         let [height, width] = [self.u32(), self.u32()];
         let encoding = self.text();
@@ -91,8 +91,7 @@ fn floats(data: &[u8]) -> Vec<f32> {
 fn every_field_and_pixel_is_that_of_the_other_files() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
-    let scene = ["scene", "--random", "--seed", "7", "--views", "2", "--size", "160x120", "-o", &path("scenes")];
-    Invocation::new(scene).assert_done();
+    make("scene --random --seed 7 --views 2 --size 160x120", &dir.path().join("scenes"));
     let rig = path("scenes/0000");
     let outputs = [("-o", "d.pfm"), ("--depth", "z.pfm"), ("--confidence", "c.png"), ("--ply", "p.ply"), ("--mcap", "r.mcap")];
     let mut words: Vec<String> =
@@ -238,7 +237,7 @@ fn a_live_recording_has_what_match_finds_in_each_capture() {
 fn a_recording_needs_a_baseline() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
-    Invocation::new(["scene", "--random", "--size", "48x36", "-o", &path("scenes")]).assert_done();
+    make("scene --random --seed 7 --size 48x36", &dir.path().join("scenes"));
     let frame = |name: &str| path(&format!("scenes/0000/{name}.png"));
     let words = ["match", "--center", &frame("center"), "--right", &frame("right"), "--mcap", &path("r.mcap")];
     Invocation::new(words).assert_refused(&["--mcap", "baseline"]);
@@ -263,7 +262,7 @@ fn folder_of_rerun(dir: &Path, script: &str) -> PathBuf {
 fn rerun_converts_the_same_recording() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = |name: &str| dir.path().join(name).to_str().expect("UTF-8").to_owned();
-    Invocation::new(["scene", "--random", "--size", "48x36", "-o", &path("scenes")]).assert_done();
+    make("scene --random --seed 7 --size 48x36", &dir.path().join("scenes"));
     let words = ["match", &path("scenes/0000"), "--num-disparities", "8", "--mcap", &path("r.mcap"), "--rerun", &path("r.rrd")];
     let run = |folder: PathBuf| Invocation::with(words, [("PATH", folder)]);
     let names = || fs::read_dir(dir.path()).expect("a folder").count();
@@ -273,7 +272,7 @@ fn rerun_converts_the_same_recording() {
     failing.assert_refused(&["no such version", "r.rrd", "3"]);
     assert_eq!(names(), 2, "the scenes and the programs");
 
-    // What it is given, so that it can be compared.
+    // Its inputs, for comparison.
     let copying = r#"[ "$1" = --version ] || { [ "$1 $2 $5" = "mcap convert -o" ] && /bin/cp "$7" "$6"; }"#;
     run(folder_of_rerun(dir.path(), copying)).assert_done();
     assert_eq!(timeless(&path("r.rrd")), timeless(&path("r.mcap")));

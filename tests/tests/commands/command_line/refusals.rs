@@ -1,4 +1,4 @@
-//! What `match` and other commands refuse: exit code 2, a message that names the cause, and no output.
+//! Refusals by `match` and other commands: exit code 2, a message that names the cause, and no output.
 
 use std::fs;
 

@@ -2,17 +2,16 @@
 
 use std::{fs, path::Path};
 
-use multiscopic_tests::program::Invocation;
+use multiscopic_tests::{program::Invocation, test_images::made_up::make};
 
 /// A small capture with its truth.
 fn demo(folder: &Path) -> String {
-    let demo = folder.join("demo").to_str().expect("UTF-8").to_owned();
-    let size = ["--width", "64", "--height", "48", "--num-disparities", "6"];
-    assert_eq!(Invocation::new([&["demo", "-o", &demo], &size[..]].concat()).code, Some(0));
-    demo
+    let demo = folder.join("demo");
+    make("demo --width 64 --height 48 --num-disparities 6", &demo);
+    demo.to_str().expect("UTF-8").to_owned()
 }
 
-/// What the page has to show.
+/// The data that the page shows.
 fn data(page: &str) -> serde_json::Value {
     let html = fs::read_to_string(page).expect("a page");
     let (_, data) = html.split_once("id=\"viewer-data\">").expect("a viewer");

@@ -22,7 +22,7 @@ pub struct TrueCamera {
     pub is_equidistant: bool,
 }
 
-/// Where the board is: the tilt about the axes to the right and down, the roll, and the middle of the board in the camera's
+/// The pose of the board: the tilt about the axes to the right and down, the roll, and the middle of the board in the camera's
 /// coordinates, in millimetres.
 #[derive(Clone, Copy, Debug)]
 pub struct BoardPose {
@@ -76,7 +76,7 @@ impl TrueCamera {
         found
     }
 
-    /// What the corners of all pixels see, row by row.
+    /// The places of the board seen by the corners of all pixels, row by row.
     pub fn corner_directions(&self) -> Vec<[f64; 2]> {
         let mut directions: Vec<[f64; 2]> = Vec::new();
         for v in 0..=SIZE[1] {

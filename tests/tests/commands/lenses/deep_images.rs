@@ -28,7 +28,7 @@ fn waves([x, y]: [f64; 2]) -> f64 {
     directions.into_iter().enumerate().map(wave).sum::<f64>() / 6.0
 }
 
-/// Where the lens shows an ideal pixel.
+/// The place at which the lens shows an ideal pixel.
 fn distorted(pixel: [f64; 2]) -> [f64; 2] {
     let [x, y] = [0, 1].map(|axis| (pixel[axis] - PRINCIPAL_POINT[axis]) / FOCAL);
     let factor = 1.0 + K1 * (x * x + y * y);

@@ -232,7 +232,7 @@ fn boards_half_out_of_view_serve_or_are_refused() {
             photo
         })
     };
-    // What is left of the boards is used, together with boards as a whole in the other half.
+    // The visible parts of boards are used, together with whole boards in the other half.
     let paths: Vec<PathBuf> = (0..10).map(|k| if k % 2 == 0 { hidden(k, 240) } else { photos.paths[k].clone() }).collect();
     let done = photos.calibrate(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &["--min-coverage", "40"]);
     assert_eq!(done.code, Some(0), "{done:#?}");

@@ -166,7 +166,7 @@ fn calibrations_that_do_not_fit_are_refused() {
     refused(&opencv_yaml(), &[], &["lens.yml: found a calibration of 320x240 pixels, expected 32x24"]);
     refused(&fits, &[], &["rig.toml gives a focal length of 500 pixels", "lens.yml one of 400.0"]);
     refused(&fits, &["--focal-px", "600"], &["--focal-px gives a focal length of 600 pixels"]);
-    // What is written is not what is read.
+    // No output may overwrite an input.
     fs::write(&lens, &fits).expect("the folder is there");
     let overwrites = ["match", text(&rig), "--focal-px", "400", "--lens", text(&lens), "-o", text(&lens)];
     Invocation::new(overwrites).assert_refused(&["lens.yml"]);

@@ -1,11 +1,14 @@
 //! Clients that are not the page.
 
-use std::{io::Write, thread, time::Duration};
+use std::io::Write;
 
 use multiscopic_tests::{program::Invocation, split_mix::Random};
 use serde_json::{Value, json};
 
-use super::{page_server::PageServer, rig};
+use super::{
+    page_server::{PageServer, wait_until},
+    rig,
+};
 
 #[test]
 fn only_the_page_is_answered() {
@@ -106,7 +109,7 @@ fn broken_requests_and_messages_end_their_connection_alone() {
         assert!(socket.is_closed_by_server(), "{bytes:?}");
     }
 
-    // What is understood, but asks for what the page does not offer, is refused by a notice.
+    // A well-formed request for something that the page does not offer is refused by a notice.
     for settings in [
         json!({ "method": "bm", "output": "/tmp/x" }),
         json!({ "method": "--help" }),
@@ -234,9 +237,8 @@ fn a_thousand_sockets_do_not_stop_the_page() {
     let settings = json!({ "method": "bm", "num-disparities": "19" });
     page.ask(settings.clone());
     assert!(page.notice("result", |contents| contents["settings"] == settings)["map"].is_object(), "the page goes on");
-    // After their time is over there is room for others, though nobody has closed them.
-    thread::sleep(Duration::from_secs(8));
-    assert_eq!(server.get(&server.path, &[("Host", &server.host)]).0, 200);
+    // Once their time is over, others are served, though nobody has closed them.
+    wait_until("silent connections", || server.get(&server.path, &[("Host", &server.host)]).0 == 200);
     drop(silent);
 
     // Sockets of pages, with the token.
@@ -249,10 +251,6 @@ fn a_thousand_sockets_do_not_stop_the_page() {
     page.ask(settings.clone());
     assert!(page.notice("result", |contents| contents["settings"] == settings)["map"].is_object(), "the page goes on");
     drop(sockets);
-    let is_back = (0..100).any(|_| {
-        thread::sleep(Duration::from_millis(100));
-        server.handshake(&path, Some(&own)).0 == 101
-    });
-    assert!(is_back, "closed sockets make room");
+    wait_until("closed sockets are replaced", || server.handshake(&path, Some(&own)).0 == 101);
     assert!(server.is_running());
 }

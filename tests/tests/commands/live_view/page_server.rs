@@ -4,14 +4,25 @@ use std::{
     io::{BufRead, BufReader, ErrorKind, Read, Write},
     net::TcpStream,
     process::{Child, Command, Stdio},
-    time::Duration,
+    thread,
+    time::{Duration, Instant},
 };
 
 use multiscopic_tests::program;
 use serde_json::Value;
 
-/// The time within which a server must answer.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// The time after which a server counts as hung.
+const PATIENCE: Duration = Duration::from_secs(180);
+
+/// Waits until something happens. Panics if it never does.
+#[track_caller]
+pub fn wait_until(what: &str, mut happens: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !happens() {
+        assert!(start.elapsed() < PATIENCE, "{what}: nothing happens");
+        thread::sleep(Duration::from_millis(20));
+    }
+}
 
 /// A server that runs until it is dropped.
 pub struct PageServer {
@@ -33,7 +44,7 @@ impl PageServer {
         let mut child = command.args(words).arg("--no-open").stderr(Stdio::piped()).stdin(Stdio::null()).spawn().unwrap();
         let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
         let address = lines.find_map(|line| Some(line.unwrap().split_once("open http://")?.1.to_owned())).expect("an address");
-        std::thread::spawn(move || lines.for_each(drop));
+        thread::spawn(move || lines.for_each(drop));
         let (host, token) = address.split_once('/').unwrap();
         PageServer { child, host: host.into(), path: format!("/{token}") }
     }
@@ -85,9 +96,9 @@ impl PageServer {
     pub fn page(&self) -> PageSocket {
         let socket = self.socket();
         let mut other = PageSocket(socket.0.try_clone().unwrap());
-        std::thread::spawn(move || {
+        thread::spawn(move || {
             while other.send(10, b"") {
-                std::thread::sleep(Duration::from_secs(2));
+                thread::sleep(Duration::from_secs(2));
             }
         });
         socket
@@ -107,7 +118,7 @@ impl PageServer {
         self.child.wait().unwrap().code()
     }
 
-    /// Whether it still runs.
+    /// True if it still runs.
     pub fn is_running(&mut self) -> bool {
         self.child.try_wait().unwrap().is_none()
     }
@@ -189,7 +200,7 @@ impl PageSocket {
         }
     }
 
-    /// Whether the server closes it without being asked to.
+    /// True if the server closes it without being asked to.
     pub fn is_closed_by_server(&mut self) -> bool {
         while let Some((code, _)) = self.receive() {
             if code == 8 {

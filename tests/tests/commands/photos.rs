@@ -1,4 +1,5 @@
-//! Images as cameras store them: turned by an EXIF tag, of 10 to 16 bits, grey and in colour.
+//! Photos: `multiscopic rig init` on folders of them, and images as cameras store them: turned by an EXIF tag, of 10 to 16 bits,
+//! grey and in colour.
 
 use std::{
     collections::BTreeSet,
@@ -6,11 +7,85 @@ use std::{
     path::Path,
 };
 
-use image::{DynamicImage, GenericImageView, ImageBuffer, ImageEncoder, Luma, Rgb, codecs::png::PngEncoder};
+use image::{DynamicImage, GenericImageView, GrayImage, ImageBuffer, ImageEncoder, Luma, Rgb, codecs::png::PngEncoder};
 use multiscopic::{Rig, files::FrameFiles};
-use multiscopic_core::View;
+use multiscopic_core::{Frame, View};
 use multiscopic_tests::{program::Invocation, test_images::view_set::read_pfm};
 use tempfile::TempDir;
+
+/// A folder of photos with these names, each of its own brightness.
+fn photos(names: &[&str]) -> TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, gray) in names.iter().zip(0..) {
+        GrayImage::from_pixel(8, 6, Luma([gray])).save(folder.path().join(name)).expect("a photo");
+    }
+    folder
+}
+
+fn init(folder: &Path, options: &[&str]) -> Invocation {
+    Invocation::new([&["rig", "init", folder.to_str().expect("a path in UTF-8"), "--baseline-mm", "12.5"], options].concat())
+}
+
+/// The file of a frame.
+fn file(rig: &Rig, frame: Frame) -> &str {
+    rig.images.get(frame).and_then(Path::to_str).expect("a file")
+}
+
+#[test]
+fn photos_are_found_by_name() {
+    let folder = photos(&["center.png", "1,-1.png", "LEFT.PNG", "0,4.png", "lens-cap.png"]);
+    fs::write(folder.path().join("notes.txt"), "baseline 12.5").expect("a note");
+    init(folder.path(), &["--focal-px", "800"]).assert_done();
+    let rig = Rig::load(folder.path()).expect("a rig.toml");
+    assert_eq!((rig.baseline_mm, rig.focal_px, rig.principal_point), (Some(12.5), Some(800.0), None));
+    let view = |i, j| Frame::View(View::new(i, j).expect("a view"));
+    assert_eq!(rig.images.views().len(), 3);
+    assert_eq!(
+        [Frame::Center, view(1, -1), view(-1, 0), view(0, 4)].map(|frame| file(&rig, frame)),
+        ["center.png", "1,-1.png", "LEFT.PNG", "0,4.png"]
+    );
+    let out = folder.path().join("out.pfm");
+    let [folder, out] = [folder.path(), &out].map(|path| path.to_str().expect("a path in UTF-8"));
+    Invocation::new(["match", folder, "-o", out]).assert_done();
+}
+
+#[test]
+fn photos_of_a_layout_are_in_rows() {
+    let names: Vec<String> = (0..9).map(|k| format!("IMG_{k:04}.png")).collect();
+    let folder = photos(&names.iter().map(String::as_str).collect::<Vec<_>>());
+    init(folder.path(), &["--layout", "3x3"]).assert_done();
+    let rig = Rig::load(folder.path()).expect("a rig.toml");
+    for (name, k) in names.iter().zip(0..) {
+        let frame = View::new(k % 3 - 1, k / 3 - 1).map_or(Frame::Center, Frame::View);
+        assert_eq!(file(&rig, frame), name);
+    }
+    let folder = photos(&["a.png", "b.png", "c.png", "d.png", "e.png"]);
+    init(folder.path(), &["--layout", "cross"]).assert_done();
+    let rig = Rig::load(folder.path()).expect("a rig.toml");
+    let frames = [View::TOP, View::LEFT, View::RIGHT, View::BOTTOM].map(Frame::View);
+    assert_eq!(frames.map(|frame| file(&rig, frame)), ["a.png", "b.png", "d.png", "e.png"]);
+    assert_eq!(file(&rig, Frame::Center), "c.png");
+}
+
+#[test]
+fn what_is_no_rig_is_refused() {
+    let refused = |names: &[&str], options: &[&str], words: &[&str]| {
+        let folder = photos(names);
+        init(folder.path(), options).assert_refused(words);
+        assert!(!folder.path().join("rig.toml").exists());
+    };
+    refused(&["a.png", "left.png"], &[], &["none of the 2 photos", "named center"]);
+    refused(&["center.png", "b.png"], &[], &["named left or 1,-1"]);
+    refused(&["center.png", "left.png", "left.ppm"], &[], &["both left.png and left.ppm"]);
+    refused(&["a.png", "b.png"], &["--layout", "1x3"], &["has 2 photos, but a layout of 1x3 has 3"]);
+    let folder = photos(&["center.png"]);
+    GrayImage::new(9, 6).save(folder.path().join("right.png")).expect("a photo");
+    init(folder.path(), &[]).assert_refused(&["right.png: found 9x6 pixels, expected 8x6"]);
+    let folder = photos(&["center.png", "right.png"]);
+    init(folder.path(), &[]).assert_done();
+    init(folder.path(), &[]).assert_refused(&["rig.toml is there already"]);
+    Invocation::new(["rig", "init", "/nowhere", "--baseline-mm", "5"]).assert_refused(&["cannot read /nowhere"]);
+}
 
 const WIDTH: u32 = 88;
 const HEIGHT: u32 = 64;
@@ -90,7 +165,7 @@ fn twelve_bits_are_told_by_the_brightest_image() {
     }
     let is_silent = |run: &Invocation| !run.stderr.contains("-bit");
     assert!(is_silent(&expected.0), "{}", expected.0.stderr);
-    // What is known is not guessed.
+    // A known value is not guessed.
     let (known, disparities) = matched(folder.path(), &["--bits", "12"]);
     assert!(is_silent(&known) && disparities == expected.1, "{}", known.stderr);
     rig_toml(folder.path(), "bits = 12\n");
@@ -136,16 +211,16 @@ fn rig_init_records_the_bits() {
     assert_eq!(init(&["--bits", "14"]), (false, Some(14)));
 }
 
-/// How a frame was rectified.
+/// The rectification of a frame.
 #[derive(Debug, PartialEq)]
 struct Rectification {
     /// From its pixels to those of its image.
     homography: [[f64; 3]; 3],
-    /// What its brightness was divided by.
+    /// The divisor of its brightness.
     gain: f64,
 }
 
-/// Aligns a capture into a new folder: the files of the result, and how each frame was rectified.
+/// Aligns a capture into a new folder. Returns the files of the result, and the rectification of each frame.
 fn aligned(folder: &TempDir) -> (FrameFiles, Vec<Rectification>) {
     let new = folder.path().join("new");
     let [rig, out] = [folder.path(), &new].map(|path| path.to_str().expect("a path in UTF-8"));
@@ -186,7 +261,7 @@ fn align_keeps_the_depth_and_the_colours() {
         assert!(levels.len() > 1000, "{} levels in {}", levels.len(), path.display());
         let (mut squares, mut flat_squares, mut count) = (0.0, 0.0, 0.0);
         for (u, v, pixel) in image.enumerate_pixels() {
-            // Where the homography finds the pixel.
+            // The source of the pixel by the homography.
             let [x, y, z] = homography.map(|[a, b, c]| a * f64::from(u) + b * f64::from(v) + c);
             let inside = |at: f64, size: u32| (2.0..f64::from(size) - 3.0).contains(&at);
             for color in 0..3 {

@@ -1,10 +1,12 @@
-//! The commands of the README, run as it has them, on small images and simulated hardware.
+//! The README's commands, run as it has them, on small images and simulated hardware; completions and man pages.
 
 use std::{fs, path::Path, process::Command};
 
 use multiscopic_tests::program;
+#[cfg(target_os = "linux")]
+use multiscopic_tests::program::Invocation;
 
-/// What is not run: the first words, and why.
+/// Commands that are not run: their first words, and the reason.
 const LEFT_OUT: [(&str, &str); 8] = [
     ("multiscopic tune", "it serves a page until it is closed"),
     ("multiscopic live", "it serves a page until it is closed"),
@@ -53,7 +55,7 @@ fn commands_of_the_readme_work() {
         let messages = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(0), "{line}: {messages}");
     };
-    // What the README begins with, and its pictures.
+    // The README's first command, and pictures for the next ones.
     run("multiscopic demo -o out/demo");
     for (name, picture) in [("c", "center"), ("l", "left"), ("r", "right"), ("t", "top"), ("b", "bottom")] {
         let picture = dir.path().join(format!("out/demo/{picture}.png"));
@@ -78,4 +80,52 @@ fn commands_of_the_readme_work() {
 fn commands_are_found_in_a_text() {
     let text = "# Title\n```sh\n# a comment\na b \\\n  c   # why\n\nd '#'\n```\n```rust\nlet e;\n```\n```sh\nf\n```";
     assert_eq!(shell_lines(text), ["a b    c", "d '#'", "f"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn shells_complete_commands_and_options() {
+    use std::{io::Write, process::Stdio};
+
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = Invocation::new(["completions", shell]).stdout;
+        assert!(script.contains("num-disparities") && script.contains("evaluate"), "{shell}: {script}");
+    }
+    Invocation::new(["completions", "cmd"]).assert_refused(&["cmd", "bash"]);
+
+    // Bash itself runs the script.
+    let Ok(mut bash) = Command::new("bash").stdin(Stdio::piped()).stdout(Stdio::piped()).spawn() else {
+        println!("bash is not installed: its script is not run");
+        return;
+    };
+    let script = Invocation::new(["completions", "bash"]).stdout;
+    let complete = |words: &str, index: usize, word: &str| {
+        format!("COMP_WORDS=({words}); COMP_CWORD={index}; _multiscopic multiscopic '{word}' ''; echo \"${{COMPREPLY[*]}}\"\n")
+    };
+    let script = script + &complete("multiscopic mat", 1, "mat") + &complete("multiscopic match --num", 2, "--num");
+    bash.stdin.take().expect("a pipe").write_all(script.as_bytes()).expect("bash reads");
+    let output = bash.wait_with_output().expect("bash ends");
+    assert_eq!(String::from_utf8_lossy(&output.stdout), "match\n--num-disparities\n");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn every_command_has_a_page() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let folder = dir.path().join("share/man/man1");
+    let man = || Invocation::new(["man", "-o", folder.to_str().expect("UTF-8")]).assert_done();
+    man();
+    // Again, as after an update.
+    man();
+    let help = Invocation::new(["--help"]).stdout;
+    let commands = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let commands: Vec<&str> =
+        commands.filter(|line| !line.starts_with("    ")).filter_map(|line| line.split_whitespace().next()).collect();
+    assert!(commands.contains(&"match") && commands.len() > 10, "{commands:?}");
+    for command in commands.into_iter().filter(|command| *command != "help") {
+        let page = fs::read_to_string(folder.join(format!("multiscopic-{command}.1"))).expect(command);
+        assert!(page.contains(".TH multiscopic-") && page.contains(".SH OPTIONS"), "{command}: {page}");
+    }
+    let page = fs::read_to_string(folder.join("multiscopic-calibrate-lens.1")).expect("a command of a command");
+    assert!(page.contains("multiscopic\\-calibrate\\-lens"), "{page}");
 }

@@ -8,8 +8,8 @@ use multiscopic_tests::{
     },
     split_mix::Random,
     test_images::{
+        core_match::{semi_global_params, semi_globally_matched},
         drawing::{assert_drawn, draw, synthesise},
-        semi_global_case::{semi_global_params, semi_globally_matched},
         view_set::ViewSet,
     },
 };

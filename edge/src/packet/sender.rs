@@ -1,7 +1,7 @@
 //! Encodes packets.
 
 use core::{error, fmt};
-use multiscopic_core::{Disparity, Region, Search, SearchConfig};
+use multiscopic_core::{Disparity, Region, Search};
 
 use super::{
     checksum::{CHECKSUM_BYTES, checksum},
@@ -137,7 +137,7 @@ mod tests {
 
     use super::*;
     use crate::packet::Packet;
-    use multiscopic_core::Params;
+    use multiscopic_core::{Params, SearchConfig};
     use std::{vec, vec::Vec};
 
     const SEARCH: SearchConfig = SearchConfig { num_disparities: 4, ..SearchConfig::of_size(700, 20) };

@@ -1,6 +1,6 @@
 //! The uniqueness filter: what another candidate explains nearly as well is uncertain.
 
-use multiscopic_core::{Search, SearchConfig};
+use multiscopic_core::Search;
 use rayon::prelude::*;
 
 use crate::{
@@ -31,7 +31,7 @@ impl<C: Cost> Volume<C> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Fusion, Views};
+    use multiscopic_core::{Fusion, SearchConfig, Views};
 
     #[test]
     fn another_candidate_must_cost_more() {

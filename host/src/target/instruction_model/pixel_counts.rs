@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use multiscopic_core::{Params, SearchConfig, View, kernel::Rule};
+use multiscopic_core::{Params, View, kernel::Rule};
 
 /// How many pixels are fused in which way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,7 +53,7 @@ fn available(params: &Params, first: i16, view: View, u: usize, v: usize) -> Ran
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Fusion, Views};
+    use multiscopic_core::{Fusion, SearchConfig, Views};
 
     fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> Params {
         SearchConfig { width: 20, height: 17, views, fusion, min_disparity, num_disparities }.block_matching(block_size).unwrap()

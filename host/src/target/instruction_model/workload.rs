@@ -1,6 +1,6 @@
 //! The work of a match, counted.
 
-use multiscopic_core::{Params, Search, SearchConfig, kernel::Rule};
+use multiscopic_core::{Params, Search, kernel::Rule};
 use multiscopic_edge::Matching;
 
 use super::{
@@ -141,7 +141,7 @@ pub fn kernel_name(params: &Params, processor: Processor) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Fusion, SemiGlobalCost, SemiGlobalParams, View, Views};
+    use multiscopic_core::{Fusion, SearchConfig, SemiGlobalCost, SemiGlobalParams, View, Views};
 
     fn params(views: Views, fusion: Fusion, min_disparity: i16, num_disparities: u16, block_size: u8) -> Params {
         SearchConfig { width: 20, height: 17, views, fusion, min_disparity, num_disparities }.block_matching(block_size).unwrap()

@@ -6,7 +6,7 @@ use multiscopic::{
     stereo::confidence_map::ConfidenceMap,
     target::reception::{self, Flaw, Notice, ReceivedFrame},
 };
-use multiscopic_core::{Disparity, Search, SearchConfig};
+use multiscopic_core::{Disparity, Search};
 use std::path::Path;
 
 /// The frame in `bytes`, which were read from `path`. Fails unless every pixel comes exactly once, undamaged,
@@ -65,7 +65,7 @@ pub fn same_lines(found: &[u8], simulated: &[u8]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use multiscopic_core::{Fusion, Params, Region};
+    use multiscopic_core::{Fusion, Params, Region, SearchConfig};
     use multiscopic_edge::packet::{Sender, buffer_bytes};
 
     const SEARCH: SearchConfig = SearchConfig { fusion: Fusion::Min, num_disparities: 4, ..SearchConfig::of_size(3, 2) };

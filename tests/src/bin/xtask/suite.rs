@@ -7,7 +7,7 @@ mod needs;
 mod static_checks;
 mod step;
 
-use anyhow::{Result, anyhow};
+use anyhow::{Result, ensure};
 use clap::Args;
 use std::{iter, path::Path};
 
@@ -202,18 +202,23 @@ pub fn lint() -> Result<()> {
 }
 
 fn tests_in_debug() -> Result<()> {
-    let all = run_tests(&built_program()?, &["--workspace", "--exclude", PYTHON_PACKAGE]);
-    // As most firmware has it. In the workspace, the tests' features are on.
-    let alone = run(&mut cargo(&["test", "--no-fail-fast", "-pmultiscopic-core", "--lib"]));
-    both(all, alone)
+    let program = built_program()?;
+    // pytest tests the Python package. The firmware has no tests on this machine, but two dozen programs to link.
+    let workspace = ["--workspace", "--exclude", PYTHON_PACKAGE, "--exclude", "multiscopic-firmware"];
+    all([
+        // Examples without tests are left to the lints.
+        run_tests(&program, &[&workspace[..], &["--tests"]].concat()),
+        run_tests(&program, &[&workspace[..], &["--doc"]].concat()),
+        // As most firmware has it. In the workspace, the tests' features are on.
+        run(&mut cargo(&["test", "--no-fail-fast", "-pmultiscopic-core", "--lib"])),
+    ])
 }
 
-/// Fails if either did, with the messages of both.
-fn both(first: Result<()>, second: Result<()>) -> Result<()> {
-    match (first, second) {
-        (Err(first), Err(second)) => Err(anyhow!("{first:#}; {second:#}")),
-        (first, second) => first.and(second),
-    }
+/// Fails if any did, with the messages of all.
+fn all<const N: usize>(results: [Result<()>; N]) -> Result<()> {
+    let failures: Vec<String> = results.into_iter().filter_map(|result| Some(format!("{:#}", result.err()?))).collect();
+    ensure!(failures.is_empty(), failures.join("; "));
+    Ok(())
 }
 
 fn run_tests(program: &Path, selection: &[&str]) -> Result<()> {
@@ -237,6 +242,7 @@ fn cargo(args: &[&str]) -> std::process::Command {
 mod tests {
     use super::*;
 
+    use anyhow::anyhow;
     use std::fs;
 
     use crate::system::folders;
@@ -272,8 +278,8 @@ mod tests {
 
     #[test]
     fn a_failure_does_not_hide_another() {
-        assert!(both(Ok(()), Ok(())).is_ok());
-        let failure = both(Err(anyhow!("a")), Err(anyhow!("b"))).expect_err("both failed").to_string();
+        assert!(all([Ok(()), Ok(())]).is_ok());
+        let failure = all([Err(anyhow!("a")), Ok(()), Err(anyhow!("b"))]).expect_err("two failed").to_string();
         assert_eq!(failure, "a; b");
     }
 }

@@ -10,8 +10,7 @@ use std::{
 
 use crate::system::folders;
 
-/// The crate of the Python package. Tests of the workspace leave it out: pytest tests it, and its dependencies would change the
-/// features of the others', so that cargo builds them again.
+/// The crate of the Python package.
 pub const PYTHON_PACKAGE: &str = "multiscopic-python";
 
 /// A command that runs in the workspace's root folder.

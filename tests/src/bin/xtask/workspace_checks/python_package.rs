@@ -25,7 +25,13 @@ pub struct PythonEnvironment {
 }
 
 /// The package as maturin makes it from a crate of this name.
-const INIT: &str = "from .multiscopic import *\n\n__doc__ = multiscopic.__doc__\n";
+const INIT: &str = "\
+from .multiscopic import *
+
+__doc__ = multiscopic.__doc__
+if hasattr(multiscopic, \"__all__\"):
+    __all__ = multiscopic.__all__
+";
 
 /// Builds the module as the tests in debug build its libraries, lays it out as a package, and tests that.
 pub fn test_extension() -> Result<()> {

@@ -47,7 +47,7 @@ impl ImageArray<'_> {
     }
 }
 
-/// How many bits of uint16 carry values: the keyword argument `bits`.
+/// The number of bits of uint16 that carry values: the keyword argument `bits`.
 #[derive(Clone, Copy, Debug)]
 pub struct Bits(pub BitDepth);
 

@@ -28,9 +28,9 @@ pub type ViewArrays<'py> = BTreeMap<(i8, i8), ImageArray<'py>>;
 pub struct Capture {
     /// The pictures as the camera took them, the centre's first.
     pub pictures: Vec<(Frame, Picture)>,
-    /// What takes out the distortion of the lens, if it is known.
+    /// The table that takes out the distortion of the lens, if it is known.
     pub undistortion: Option<Undistortion>,
-    /// What is known of the camera.
+    /// The camera, as far as it is known.
     pub camera: KnownCamera,
 }
 

@@ -1,4 +1,4 @@
-//! How good disparities are.
+//! Measures of the quality of disparities.
 
 use multiscopic::{DisparityMap, Error, Metrics, Raster, evaluation::Sparsification};
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};

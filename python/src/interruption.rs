@@ -18,7 +18,7 @@ use crate::exceptions::exception;
 /// The time between two looks for signals.
 const BETWEEN_LOOKS: Duration = Duration::from_millis(50);
 
-/// Whether a signal has ended the work.
+/// True if a signal has ended the work.
 struct Interruption(AtomicBool);
 
 impl Progress for Interruption {

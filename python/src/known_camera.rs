@@ -1,15 +1,15 @@
-//! What is known of the camera.
+//! The camera, as far as it is known.
 
 use multiscopic::Geometry;
 
-/// What turns disparities into depth, as far as it is known.
+/// The geometry that turns disparities into depth, as far as it is known.
 #[derive(Clone, Copy, Debug)]
 pub struct KnownCamera {
     /// Focal length in pixels.
     pub focal_px: Option<f64>,
     /// The distance from the centre to each neighbour, in millimetres.
     pub baseline_mm: Option<f64>,
-    /// Where the optical axis meets the images that are matched, in pixels.
+    /// The point where the optical axis meets the images that are matched, in pixels.
     pub principal_point: [f64; 2],
     /// The negated disparity of a point at infinity, in pixels.
     pub doffs: f64,

@@ -35,16 +35,23 @@ mod views;
 /// captured folders. evaluate() measures errors.
 #[pyo3::pymodule]
 mod multiscopic {
+    use pyo3::prelude::*;
+
     #[pymodule_export]
     use crate::{
         evaluation::evaluate,
         files::{colorize, read_image, read_pfm, set_max_pixels, write_pfm, write_png},
         match_result::MatchResult,
         rig::Rig,
-        views::{align, inspect, matched},
+        views::{align, inspect},
     };
 
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "it is Python's name")]
     const __version__: &str = env!("CARGO_PKG_VERSION");
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::views::add_match(module)
+    }
 }

@@ -1,4 +1,4 @@
-//! What matching gives.
+//! The result of matching.
 
 use std::path::PathBuf;
 
@@ -38,7 +38,7 @@ pub struct MatchResult {
 }
 
 impl MatchResult {
-    /// What was found in the frames of `center`, and what is known of their camera.
+    /// Makes the result of a match of `center` by a camera of which so much is known.
     pub fn new(
         py: Python<'_>,
         map: DisparityMap,
@@ -51,7 +51,7 @@ impl MatchResult {
         Ok(MatchResult { map, confidences, center: center.into_8_bits(), camera, disparity, confidence })
     }
 
-    /// What turns disparities into depth: these numbers, or else what is known of the camera.
+    /// Returns the geometry that turns disparities into depth: these numbers, or else what is known of the camera.
     fn geometry(
         &self,
         focal_px: Option<f64>,

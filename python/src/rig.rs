@@ -15,7 +15,7 @@ use crate::{arrays, capture::Capture, exceptions::exception, interruption, known
 pub struct Rig {
     directory: PathBuf,
     rig: multiscopic::Rig,
-    /// What is known of the lens and of the mount, if the images are not ideal.
+    /// The lens and the mount, if the images are not ideal.
     lens: Option<LensFile>,
 }
 
@@ -34,7 +34,7 @@ impl Rig {
         Ok(Capture { pictures: order.zip(pictures).collect(), undistortion, camera: self.camera(frames.size())? })
     }
 
-    /// What is known of the camera, whose undistorted images have this size. The rig's focal length comes first, and the
+    /// Returns what is known of the camera, whose undistorted images have this size. The rig's focal length comes first, and the
     /// principal point of undistorted images.
     fn camera(&self, size: [usize; 2]) -> Result<KnownCamera> {
         if let Some(lens) = &self.lens {

@@ -13,6 +13,7 @@ mod lenses;
 mod live_view;
 mod photos;
 mod pictures;
+mod python_stub;
 mod rig_quality;
 mod scenes;
 mod search_ranges;

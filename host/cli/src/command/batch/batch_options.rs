@@ -23,7 +23,7 @@ use crate::command::terminal;
 /// The most names in a summary.
 const MOST_NAMES: usize = 5;
 
-/// Where results go, and which of them are made here.
+/// The folder of the results, and the share of them that is made here.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Many items, on many machines")]
 pub struct BatchOptions {
@@ -44,7 +44,7 @@ pub struct Batch<'a> {
     run: RunFile,
 }
 
-/// What was done to an item.
+/// The work on an item.
 pub struct Done<R> {
     /// The results.
     pub results: R,
@@ -61,7 +61,7 @@ impl BatchOptions {
         Ok(Some(Batch { results, shard: self.shard.unwrap_or(Shard::WHOLE), run }))
     }
 
-    /// Whether the results go to a folder.
+    /// Returns true if the results go to a folder.
     pub fn is_given(&self) -> bool {
         self.results.is_some()
     }
@@ -111,7 +111,7 @@ impl Batch<'_> {
         if failed.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
     }
 
-    /// Whether an item has a record of the same inputs and settings, and the outputs that it tells of.
+    /// Returns true if an item has a record of the same inputs and settings, and the outputs that it tells of.
     fn is_done(&self, item: &str, inputs: &Fingerprint) -> bool {
         let folder = ItemRecord::<IgnoredAny>::folder(self.results, item);
         // One that is no record was not written to its end, by the disk if not by us.

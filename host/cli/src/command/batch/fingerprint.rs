@@ -1,4 +1,4 @@
-//! Which files there were.
+//! Fingerprints of files.
 
 use std::{fmt::Write as _, io::Read, path::Path};
 
@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 /// The contents of files.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fingerprint {
-    /// How many bytes they have.
+    /// The number of bytes in all of them.
     pub bytes: u64,
     /// The SHA-256 of them, as hexadecimal digits. That of several files is the one of the SHA-256 of each, in their order.
     pub sha256: String,

@@ -13,12 +13,12 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::{fingerprint::Fingerprint, run_settings::RunSettings};
 
-/// What was done to an item, and what came of it. It is written last: an item with a record is done.
+/// The work on an item, and its outcome. It is written last: an item with a record is done.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ItemRecord<R> {
     /// The item's name.
     pub item: String,
-    /// What decided the results, besides the inputs.
+    /// The settings that decided the results, besides the inputs.
     pub run: RunSettings,
     /// The files that were read.
     pub inputs: Fingerprint,
@@ -62,7 +62,7 @@ impl<R> ItemRecord<R> {
         folder.join(Self::FILE_NAME)
     }
 
-    /// Whether the outputs in a folder are there and have the bytes that they should have.
+    /// Returns true if the outputs in a folder are there and have the bytes that they should have.
     pub fn has_outputs(&self, folder: &Path) -> bool {
         let has_bytes = |metadata: fs::Metadata, output: &OutputRecord| metadata.len() == output.contents.bytes;
         self.outputs.iter().all(|output| fs::metadata(folder.join(&output.file)).is_ok_and(|there| has_bytes(there, output)))

@@ -19,7 +19,7 @@ const MAX_BYTES: u64 = 1 << 25;
 /// The settings and all items of a run, those of other shares too.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunFile {
-    /// What decides the results of all items.
+    /// The settings that decide the results of all items.
     pub run: RunSettings,
     /// The names of the items in their order.
     pub items: Vec<String>,

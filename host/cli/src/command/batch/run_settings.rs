@@ -1,4 +1,4 @@
-//! What decides the results of all items alike.
+//! The settings that decide the results of all items alike.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -35,7 +35,7 @@ impl RunSettings {
         }
     }
 
-    /// What is different in other settings, if anything is.
+    /// Returns what is different in other settings, if anything is.
     pub fn difference(&self, other: &RunSettings) -> Option<String> {
         if self.command != other.command {
             return Some(format!("the results of `{}`, not of `{}`", other.command, self.command));

@@ -7,7 +7,7 @@ use std::{
 
 /// Every N-th item from the I-th on, counted from 1: `I/N`, as in Jest, Playwright and cargo-nextest.
 ///
-/// Which items these are follows from their order alone. Items that are appended move none to another share.
+/// The order of the items alone decides which these are. Items that are appended move none to another share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
     number: usize,
@@ -18,7 +18,7 @@ impl Shard {
     /// All items.
     pub const WHOLE: Shard = Shard { number: 1, count: 1 };
 
-    /// Whether the item at an index, from 0, belongs to it.
+    /// Returns true if the item at an index, from 0, belongs to it.
     pub fn has(self, index: usize) -> bool {
         index % self.count == self.number - 1
     }

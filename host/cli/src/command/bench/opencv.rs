@@ -1,4 +1,4 @@
-//! What `bench` is compared with: OpenCV on the same machine, measured by a program in Python.
+//! The comparison of `bench` with OpenCV on the same machine, measured by a program in Python.
 
 use multiscopic::{
     Error, Method, Result,

@@ -105,7 +105,7 @@ impl Budget {
         profile.matching(self.fusion.unwrap_or(Fusion::default_for(views)))
     }
 
-    /// What is computed without a profile.
+    /// Returns the matching that is computed without a profile.
     fn custom_matching(&self) -> Result<Matching> {
         let size = [self.width, self.height].map(|side| usize::from(side.unwrap_or_default()));
         let views = views_of_count(self.views.unwrap_or(4))?;

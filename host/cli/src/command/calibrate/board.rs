@@ -22,8 +22,8 @@ pub struct Board {
     output: PathBuf,
 
     /// Paper of a PDF
-    #[arg(long, value_parser = named::<Paper>(), default_value = "a4")]
-    paper: Paper,
+    #[arg(long, value_parser = named::<PaperName>(), default_value = "a4")]
+    paper: PaperName,
 
     /// Resolution of a PNG in dots per inch
     #[arg(long, value_name = "N", value_parser = positive, default_value = "300", allow_negative_numbers = true)]
@@ -39,7 +39,7 @@ impl Board {
         let board = self.board.board()?;
         let extension = self.output.extension().map(|extension| extension.to_string_lossy().to_lowercase());
         match extension.as_deref() {
-            Some("pdf") => board.write_pdf(&self.output, self.paper)?,
+            Some("pdf") => board.write_pdf(&self.output, self.paper.0)?,
             Some("png") => board.write_png(&self.output, self.dpi)?,
             _ => return Err(Error::Usage(format!("{}: its name must end in .pdf or .png", self.output.display()))),
         }
@@ -48,15 +48,19 @@ impl Board {
     }
 }
 
-impl Named for Paper {
-    const ALL: &'static [Paper] = &Paper::ALL;
+/// The paper of a PDF, as options name it.
+#[derive(Clone, Copy, Debug)]
+struct PaperName(Paper);
+
+impl Named for PaperName {
+    const ALL: &'static [PaperName] = &[PaperName(Paper::A4), PaperName(Paper::A3), PaperName(Paper::Letter)];
 
     fn name(&self) -> &'static str {
-        Paper::name(*self)
+        Paper::name(self.0)
     }
 
     fn about(&self) -> &'static str {
-        match self {
+        match self.0 {
             Paper::A4 => "210 x 297 mm",
             Paper::A3 => "297 x 420 mm",
             Paper::Letter => "8.5 x 11 inches",

@@ -61,7 +61,7 @@ pub struct Demo {
     engine: EngineOptions,
 }
 
-/// What there is to look at: the variants with their default rule, the capture and the truth.
+/// Returns the maps and pictures to look at: the variants with their default rule, the capture and the truth.
 fn scene(shot: &Shot, camera: &PinholeCamera, frames: &Frames, outcomes: &[Outcome]) -> ViewedScene {
     let size = frames.size();
     let records: Vec<Record> = outcomes.iter().map(|outcome| outcome.record.clone()).collect();

@@ -5,17 +5,17 @@ use multiscopic_core::Search;
 
 use crate::command::variant::Variant;
 
-/// What a variant estimated, and how accurate it is.
+/// The estimates of a variant, and their accuracy.
 pub struct Outcome {
     /// The variant.
     pub variant: Variant,
     /// The method with its parameters.
     pub method: Method,
-    /// Where it searched.
+    /// The range that it searched.
     pub search: Search,
     /// The estimate.
     pub disparities: DisparityMap,
-    /// How sure it is.
+    /// Its confidences.
     pub confidences: ConfidenceMap,
     /// The errors.
     pub record: Record,

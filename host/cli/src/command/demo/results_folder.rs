@@ -35,7 +35,7 @@ pub fn frames(views: Views) -> Vec<(Frame, String)> {
     std::iter::once(center).chain(views.iter().map(|view| (Frame::View(view), caption(view)))).collect()
 }
 
-/// What the frames show, as `rig.toml` tells.
+/// The name of the scene in `rig.toml`.
 const SCENE: &str = "the scene of multiscopic demo";
 /// The picture of the truth.
 pub const TRUTH_PNG: &str = "truth.png";
@@ -54,7 +54,7 @@ const SHEET_PANEL: u32 = 168;
 /// A folder in which every result can be written.
 pub struct ResultsFolder {
     path: PathBuf,
-    /// Whether it is made together with its files.
+    /// True if it is made together with its files.
     is_new: bool,
     /// All views of the capture.
     views: Views,
@@ -98,7 +98,7 @@ impl ResultsFolder {
         Ok(folder)
     }
 
-    /// Whether an earlier demo has written the results that are there, or was killed while it did.
+    /// Returns true if an earlier demo has written the results that are there, or was killed while it did.
     fn is_of_a_demo(&self) -> bool {
         let rig = self.file(Rig::FILE_NAME);
         let tells = |path: &Path| input::read_text(path).is_ok_and(|rig| rig.contains(SCENE));

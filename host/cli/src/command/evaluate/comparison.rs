@@ -1,4 +1,4 @@
-//! What an evaluation compares: methods, sets of views, and fusion rules.
+//! The subjects of an evaluation: methods, sets of views, and fusion rules.
 
 use clap::Args;
 use multiscopic::{Dataset, Error, Result, evaluation::CameraSteps, images::Layout, stereo::MethodName};
@@ -47,7 +47,7 @@ impl Comparison {
         self.camera_steps.map_or(Ok(dataset), |steps| dataset.with_camera_steps(steps))
     }
 
-    /// Whether each number of views has the fusion rule that it has by default.
+    /// Returns true if each number of views has the fusion rule that it has by default.
     pub fn has_default_fusion(&self) -> bool {
         self.fusion.is_empty()
     }
@@ -173,7 +173,7 @@ fn further(views: Views, multiple: u8) -> impl Iterator<Item = View> {
     views.iter().filter_map(move |view| view.times(multiple))
 }
 
-/// Whether a data set has all of `views`.
+/// Returns true if a data set has all of `views`.
 fn has_all(dataset: Dataset, views: Views) -> bool {
     views.iter().all(|view| dataset.has(view))
 }

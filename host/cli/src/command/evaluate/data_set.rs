@@ -24,7 +24,7 @@ use crate::command::{
     view::{command_line, matched_map},
 };
 
-/// What is compared on the scenes of a data set.
+/// The comparison on the scenes of a data set.
 struct Contest<'a> {
     dataset: Dataset,
     variants: &'a [Variant],
@@ -33,13 +33,13 @@ struct Contest<'a> {
     bar: ProgressBar,
 }
 
-/// What was measured on a scene.
+/// The measurements on a scene.
 struct SceneResults {
     /// A record for each variant.
     records: Vec<Record>,
     /// A curve for each variant.
     curves: Vec<Sparsification>,
-    /// What there is to look at, if there is a page.
+    /// The maps and pictures to look at, if there is a page.
     viewed: Option<ViewedScene>,
 }
 

@@ -1,4 +1,4 @@
-//! What was measured on a scene, as its record has it.
+//! The measurements on a scene, as its record has them.
 
 use multiscopic::{
     Metrics,

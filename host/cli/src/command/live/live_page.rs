@@ -21,11 +21,11 @@ const MODULES: [(&str, &str); 3] = [
     ("live/tuning.js", include_str!("page/tuning.js")),
 ];
 
-/// What is on the page.
+/// The contents of the page.
 #[derive(Clone, Copy, Debug)]
 pub struct Page<'a> {
     pub title: &'a str,
-    /// Whether there is a camera beside the matching.
+    /// True if there is a camera beside the matching.
     pub has_camera: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What the page of `live` shows: a camera on a stage, or a captured folder.
+//! The source of the page of `live`: a camera on a stage, or a captured folder.
 
 use std::path::PathBuf;
 

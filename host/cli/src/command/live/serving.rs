@@ -1,4 +1,4 @@
-//! Where and how long the page is served.
+//! The address of the page, and the time for which it is served.
 
 use std::{
     net::SocketAddr,
@@ -22,10 +22,10 @@ use super::{
 };
 use crate::command::terminal::{self, signals};
 
-/// How often the server looks for Ctrl-C.
+/// The time between two looks for Ctrl-C.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Where the page is served.
+/// The address of the page.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Page")]
 pub struct ServingOptions {

@@ -57,7 +57,7 @@ pub fn tune(folder: &Path, serving: &ServingOptions, engine: &EngineOptions) -> 
 /// The messages of `tune`.
 struct Tuning(Arc<Workbench>);
 
-/// What a page of `tune` says.
+/// A message of a page of `tune`.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Message {

@@ -24,8 +24,8 @@ use outputs::Outputs;
 pub use self::summary::Summary;
 use super::{
     batch::{BatchOptions, RunSettings},
-    options::{EngineOptions, GeometryOptions, MatchingOptions, Source, SourceOptions, say_if_much},
-    preparation::{PreparationOptions, mask_unseen},
+    options::{EngineOptions, GeometryOptions, MatchingOptions, PRIOR_EXCLUDES, PreparationOptions, Source, SourceOptions},
+    preparation::{mask_unseen, prepare, say_if_much},
     scene::rendered_capture::truth_file,
     terminal::{self, Watch},
     view,
@@ -57,15 +57,7 @@ pub struct Match {
 
     /// Disparities around which all views are searched, instead of over the whole range: a 16-bit image as --raw16 writes,
     /// in pixels of one baseline [default: those of the views at the shortest of several baselines]
-    #[arg(
-        long,
-        value_name = "PRIOR.png",
-        conflicts_with_all = [
-            "method", "together", "disp12_max_diff", "uniqueness_ratio", "texture_threshold", "speckle_window_size", "median",
-            "bilateral", "repair", "min_confidence", "smooth", "fill",
-        ],
-        help_heading = "Several baselines"
-    )]
+    #[arg(long, value_name = "PRIOR.png", conflicts_with_all = PRIOR_EXCLUDES, help_heading = "Several baselines")]
     prior: Option<PathBuf>,
 
     #[command(flatten)]
@@ -129,7 +121,7 @@ impl Match {
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.matching.search(size, views, range);
         let preparation =
-            self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
+            prepare(&self.preparation, &source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
         let search = preparation.search;
         let center = outputs.has_center().then(|| match (&preparation.alignment, &undistortion) {
             (Some(alignment), undistortion) => alignment.rectified(Frame::Center, center, undistortion.as_ref()),

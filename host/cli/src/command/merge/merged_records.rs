@@ -75,7 +75,7 @@ fn check_folders(directories: &[PathBuf]) -> Result<()> {
     }
 }
 
-/// What came of a rig.
+/// The outcome of a rig.
 #[derive(Serialize)]
 pub struct MergedRig {
     rig: String,

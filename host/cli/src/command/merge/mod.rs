@@ -64,7 +64,7 @@ impl Merge {
     }
 }
 
-/// How the items of another run differ.
+/// Describes how the items of another run differ.
 fn items(first: &RunFile, other: &RunFile) -> String {
     let known: BTreeSet<&String> = first.items.iter().collect();
     let new = other.items.iter().find(|item| !known.contains(item));

@@ -6,7 +6,7 @@ use multiscopic_core::Views;
 
 use super::views_of_count;
 
-/// Which neighbours are captured.
+/// The neighbours that are captured.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct NeighborOptions {
     /// Neighbours: right (1), left and right (2), top as well (3), all in the row and column (4), or all of a 3x3 array (8)

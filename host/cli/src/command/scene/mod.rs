@@ -42,7 +42,7 @@ pub struct SceneCommand {
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = value_parser!(u32).range(1..=1_000_000))]
     count: u32,
 
-    /// Where the scenes are captured
+    /// Setting in which the scenes are captured
     #[arg(long, value_name = "SETTING", value_enum, default_value_t)]
     setting: SettingName,
 

@@ -35,7 +35,7 @@ pub fn print_report(report: &(impl Display + Serialize), json: bool) -> Result<(
     print(&text)
 }
 
-/// Whether notes are left out.
+/// True if notes are left out.
 static IS_QUIET: AtomicBool = AtomicBool::new(false);
 
 /// Leaves out notes and progress bars from now on.
@@ -43,7 +43,7 @@ pub fn be_quiet() {
     IS_QUIET.store(true, Ordering::Relaxed);
 }
 
-/// Whether notes and progress bars are left out.
+/// Returns true if notes and progress bars are left out.
 pub fn is_quiet() -> bool {
     IS_QUIET.load(Ordering::Relaxed)
 }
@@ -82,7 +82,7 @@ pub fn visible(text: &str) -> Cow<'_, str> {
     escaped.into()
 }
 
-/// What a summary says about the share of confidences from [`SURE`] on, after what it says about disparities.
+/// Words for the share of confidences from [`SURE`] on, which end a summary of disparities.
 pub fn sure(share: f64) -> String {
     format!(", {:.1} % sure (from {SURE} on)", 100.0 * share)
 }

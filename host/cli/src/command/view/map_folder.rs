@@ -65,7 +65,7 @@ pub fn read_all(folder: &Path, size: Option<[usize; 2]>) -> Result<Vec<MapFile>>
     Ok(maps)
 }
 
-/// Whether a file is a disparity map other than the truth, by its name.
+/// Returns true if a file is a disparity map other than the truth, by its name.
 fn is_map(path: &Path) -> bool {
     let is_pfm = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("pfm"));
     is_pfm && !path.ends_with(TRUTH_FILE_NAME) && !stem(path).contains("depth")

@@ -25,8 +25,11 @@ use self::map_folder::MapFile;
 pub use self::matched_map::shell_line;
 pub use self::matched_map::{command_line, matched_map};
 use super::{
-    options::{BitsOption, EngineOptions, GeometryOptions, MethodOptions, Named, SearchOptions, Source, named, output_file},
-    preparation::{PreparationOptions, mask_unseen},
+    options::{
+        BitsOption, EngineOptions, GeometryOptions, MethodOptions, Named, PreparationOptions, SearchOptions, Source, named,
+        output_file,
+    },
+    preparation::{mask_unseen, prepare},
     scene::rendered_capture::truth_file,
     terminal,
 };
@@ -135,7 +138,7 @@ impl View {
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.search.search(size, views, None, range);
         let preparation =
-            self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
+            prepare(&self.preparation, &source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
         // Maps in files are of the frames as they were.
         let files = if preparation.alignment.is_some() { Vec::new() } else { map_folder::read_all(folder, Some(size))? };
         output::check(&[output], &files.iter().map(|map| &*map.path).collect::<Vec<_>>())?;

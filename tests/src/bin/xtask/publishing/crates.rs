@@ -13,7 +13,8 @@ use crate::system::{
 };
 
 /// The crates in the order of their dependencies.
-pub const PUBLISHED: [&str; 5] = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", HOST, "multiscopic-cli"];
+pub const PUBLISHED: [&str; 6] =
+    ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", HOST, "multiscopic-options", "multiscopic-cli"];
 
 /// The library for the host.
 pub const HOST: &str = "multiscopic";

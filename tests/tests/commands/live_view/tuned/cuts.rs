@@ -1,20 +1,9 @@
-use multiscopic::{DisparityMap, Engine, Frames, Method, Result, stereo};
-use multiscopic_core::{Fusion, Search};
+use multiscopic::{DisparityMap, Engine, Frames, Method, Result};
+use multiscopic_options::MatchingOptions;
 
 /// The disparities of frames without distortion, by what `multiscopic tune` found.
 pub fn disparities(frames: &Frames) -> Result<DisparityMap> {
-    let [width, height] = frames.size().map(|side| side as u16);
-    let search = Search::new(width, height, frames.views(), Fusion::Heuristic, 1, 16)?;
-    let cost = stereo::CostFunction::BirchfieldTomasi(stereo::cost::BirchfieldTomasi { color: true });
-    let cuts = multiscopic::GraphCuts {
-        occlusion: Some(12.0),
-        lambda: [Some(4.0), None],
-        smoothness: stereo::optimization::graph_cuts::Smoothness::Potts,
-        start_block_size: 7,
-        sweeps: 2,
-        ..multiscopic::GraphCuts::default()
-    };
-    let optimizer = stereo::Optimizer::GraphCuts(cuts);
-    let method = Method::new(cost, None, optimizer);
-    method.disparities(&Engine::new(None, 0)?, frames, &search, &())
+    let options = MatchingOptions::parse(["--method", "gc", "--num-disparities", "16", "--block-size", "7", "--occlusion-cost", "12", "--lambda1", "4", "--smoothness", "potts", "--sweeps", "2"])?;
+    let search = options.search(frames.size(), frames.views(), Method::DEFAULT_RANGE)?;
+    options.method(frames.views())?.disparities(&Engine::new(None, 0)?, frames, &search, &())
 }

@@ -1,15 +1,9 @@
-use multiscopic::{DisparityMap, Engine, Frames, Method, Result, stereo, stereo::refinement};
-use multiscopic_core::{Fusion, Search};
+use multiscopic::{DisparityMap, Engine, Frames, Method, Result};
+use multiscopic_options::MatchingOptions;
 
 /// The disparities of frames without distortion, by what `multiscopic tune` found.
 pub fn disparities(frames: &Frames) -> Result<DisparityMap> {
-    let [width, height] = frames.size().map(|side| side as u16);
-    let search = Search::new(width, height, frames.views(), Fusion::Heuristic, 1, 40)?;
-    let cost = stereo::CostFunction::TwoScaleCensus(multiscopic_core::Census::Window7x7);
-    let penalties = multiscopic_core::PathPenalties::new(5, 30, Some(12))?;
-    let paths = stereo::optimization::sgm::Paths::Eight;
-    let optimizer = stereo::Optimizer::SemiGlobal(multiscopic::SemiGlobal { paths, penalties });
-    let mut method = Method::new(cost, None, optimizer);
-    method.refinement.smoother = Some(refinement::Smoother::DEFAULT);
-    method.disparities(&Engine::new(None, 0)?, frames, &search, &())
+    let options = MatchingOptions::parse(["--method", "sgm", "--num-disparities", "40", "--cost", "census2", "--census", "7x7", "--p1", "5", "--p2", "30", "--p2-edge", "12", "--paths", "8", "--smooth"])?;
+    let search = options.search(frames.size(), frames.views(), Method::DEFAULT_RANGE)?;
+    options.method(frames.views())?.disparities(&Engine::new(None, 0)?, frames, &search, &())
 }

@@ -23,7 +23,7 @@ const REQUEST_TIME: Duration = Duration::from_secs(20);
 /// Bytes of a request's head.
 const MOST_HEAD_BYTES: usize = 16 << 10;
 const MOST_HEADERS: usize = 64;
-/// How long to wait if the system has no connection to give, as when it has no more files.
+/// The time to wait if the system has no connection to give, as when it has no more files.
 const PAUSE: Duration = Duration::from_millis(50);
 
 /// Serves connections until `end` is complete.

@@ -25,7 +25,7 @@ pub use self::socket::Messages;
 
 /// The most pages that are connected at once.
 const MOST_SOCKETS: usize = 16;
-/// What no page may do with the server's page: show it inside itself.
+/// The header that forbids pages to show the server's page inside themselves.
 const NO_FRAMES: &str = "frame-ancestors 'none'";
 
 /// A server that listens, and serves nothing yet.
@@ -34,7 +34,7 @@ pub struct Server {
     gate: Gate,
 }
 
-/// What all requests share.
+/// The state that all requests share.
 struct Shared {
     gate: Gate,
     page: String,

@@ -16,15 +16,15 @@ const PING_TIME: Duration = Duration::from_secs(5);
 /// A page that has said nothing for so long is gone, or never ends its message.
 const SILENCE_TIME: Duration = Duration::from_secs(12);
 
-/// What messages are about.
+/// The other end of the pages' messages.
 pub trait Messages: Send + Sync {
-    /// What pages are told.
+    /// The notices for pages.
     fn board(&self) -> &NoticeBoard;
 
     /// Takes a message of a page.
     ///
     /// # Errors
-    /// Why it makes no sense. The page loses its socket.
+    /// If it makes no sense: the reason. The page then loses its socket.
     fn take(&self, text: &str) -> Result<(), String>;
 }
 

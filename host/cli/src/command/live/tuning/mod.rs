@@ -1,8 +1,5 @@
 //! A rig that is matched while the options of `match` are set.
 
-mod controls;
-mod rust_code;
-mod tuned_options;
 mod tuned_rig;
 mod workbench;
 

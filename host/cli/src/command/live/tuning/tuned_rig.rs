@@ -13,9 +13,8 @@ use multiscopic::{
 };
 use multiscopic_core::{Frame, Search};
 
-use super::tuned_options::TunedOptions;
 use crate::command::{
-    options::{BitsOption, GeometryOptions, SearchOptions, Source},
+    options::{BitsOption, GeometryOptions, MatchingOptions, SearchOptions, Source},
     preparation::mask_unseen,
     terminal,
     view::{matched_map, title, truth},
@@ -32,19 +31,19 @@ pub struct TunedRig {
     scene: ViewedScene,
 }
 
-/// How a rig is matched.
+/// The method and the search that match a rig.
 pub struct TunedMatch {
     pub name: &'static str,
     pub method: Method,
     pub search: Search,
 }
 
-/// What came out.
+/// The outcome of a match.
 pub struct Tuned {
     pub map: EncodedMap,
     /// One line about it.
     pub summary: String,
-    /// What gives reason to doubt it.
+    /// The reasons to doubt it.
     pub warnings: Vec<String>,
 }
 
@@ -70,7 +69,7 @@ impl TunedRig {
         &self.folder
     }
 
-    /// What the page shows of it, without maps.
+    /// Returns what the page shows of it, without maps.
     pub fn scene(&self) -> &ViewedScene {
         &self.scene
     }
@@ -80,11 +79,11 @@ impl TunedRig {
         self.inspection.found_range().ok()
     }
 
-    /// How `match` would match it with these options.
-    pub fn plan(&self, options: &TunedOptions) -> Result<TunedMatch> {
+    /// Returns how `match` would match it with these options.
+    pub fn plan(&self, options: &MatchingOptions) -> Result<TunedMatch> {
         let (size, views) = (self.frames.size(), self.frames.views());
-        let search = options.matching.search(size, views, SearchOptions::DEFAULT_RANGE)?;
-        Ok(TunedMatch { name: options.matching.method.name(), method: options.matching.method(views)?, search })
+        let search = options.search(size, views, SearchOptions::DEFAULT_RANGE)?;
+        Ok(TunedMatch { name: options.method.name(), method: options.method(views)?, search })
     }
 
     /// Matches it.

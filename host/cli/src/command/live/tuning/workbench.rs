@@ -15,19 +15,15 @@ use multiscopic::{
 };
 use multiscopic_core::{Params, SemiGlobalCost, SemiGlobalParams};
 use multiscopic_edge::Matching;
+use multiscopic_options::page::{self, Control, Settings};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::{
-    controls::{self, Control, Settings},
-    rust_code,
-    tuned_options::TunedOptions,
-    tuned_rig::{TunedMatch, TunedRig},
-};
+use super::tuned_rig::{TunedMatch, TunedRig};
 use crate::command::{
     budget::{Prediction, TargetOptions},
     live::notice_board::{NoticeBoard, Subject},
-    options::Named,
+    options::{MatchingOptions, Named},
     view::shell_line,
 };
 
@@ -37,7 +33,7 @@ const PATIENCE: Duration = Duration::from_millis(150);
 /// The least time between two notices of progress.
 const BETWEEN_NOTICES: Duration = Duration::from_millis(100);
 
-/// What a page asks for.
+/// The match that a page asks for.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wish {
@@ -54,18 +50,18 @@ impl Default for Wish {
 
 /// The rig, the wish, and what came of it.
 pub struct Workbench {
-    /// What pages are told.
+    /// The notices for pages.
     pub board: NoticeBoard,
     controls: Vec<Control>,
     engine: Engine,
     desk: Mutex<Desk>,
     /// Notified when the desk changes.
     change: Condvar,
-    /// How often it has changed.
+    /// The number of its changes.
     changes: AtomicU64,
 }
 
-/// What is to be matched.
+/// The rig and the wish that are to be matched.
 #[derive(Default)]
 struct Desk {
     rig: Option<Arc<TunedRig>>,
@@ -73,7 +69,7 @@ struct Desk {
     is_closed: bool,
 }
 
-/// What a page is told before the match.
+/// The notice to a page before the match.
 #[derive(Debug, Serialize)]
 struct PlanNotice {
     settings: Settings,
@@ -91,7 +87,7 @@ impl Workbench {
     pub fn new(engine: Engine) -> Workbench {
         Workbench {
             board: NoticeBoard::new(),
-            controls: controls::all(),
+            controls: page::controls(),
             engine,
             desk: Mutex::default(),
             change: Condvar::new(),
@@ -99,7 +95,7 @@ impl Workbench {
         }
     }
 
-    /// What can be set.
+    /// Returns the options that can be set.
     pub fn controls(&self) -> &[Control] {
         &self.controls
     }
@@ -158,11 +154,12 @@ impl Workbench {
     }
 
     fn match_once(&self, rig: &TunedRig, wish: &Wish, number: u64) -> Result<()> {
-        let words = controls::words(&self.controls, &wish.settings)?;
+        let words = page::words(&self.controls, &wish.settings)?;
         let processor = Processor::ALL.iter().find(|processor| processor.name() == wish.core).copied();
         let processor =
             processor.ok_or_else(|| Error::Usage(format!("{:.40} is none of the processors on the page", wish.core)))?;
-        let plan = rig.plan(&TunedOptions::parse(&words)?)?;
+        let plan = rig.plan(&MatchingOptions::parse(&words)?)?;
+        let rust = rust_code(&words);
         let ends = ["-o", "disparity.pfm"].map(str::to_owned);
         let folder = rig.folder().display().to_string();
         let command = ["match".to_owned(), folder.clone()].into_iter().chain(words).chain(ends);
@@ -174,7 +171,7 @@ impl Workbench {
                 applying: applying.collect(),
                 core: wish.core.clone(),
                 command: shell_line(command),
-                rust: rust_code::of_match(&plan),
+                rust,
                 prediction: prediction(&plan, processor),
             },
         );
@@ -191,7 +188,23 @@ impl Workbench {
     }
 }
 
-/// What the same match takes on a microcontroller, or why it cannot run there.
+/// A function in Rust that matches frames by these options. It needs the crates `multiscopic` and `multiscopic-options`.
+fn rust_code(words: &[String]) -> String {
+    format!(
+        "use multiscopic::{{DisparityMap, Engine, Frames, Method, Result}};
+use multiscopic_options::MatchingOptions;
+
+/// The disparities of frames without distortion, by what `multiscopic tune` found.
+pub fn disparities(frames: &Frames) -> Result<DisparityMap> {{
+    let options = MatchingOptions::parse({words:?})?;
+    let search = options.search(frames.size(), frames.views(), Method::DEFAULT_RANGE)?;
+    options.method(frames.views())?.disparities(&Engine::new(None, 0)?, frames, &search, &())
+}}
+"
+    )
+}
+
+/// Predicts what the same match takes on a microcontroller, or says why it cannot run there.
 fn prediction(plan: &TunedMatch, processor: Processor) -> std::result::Result<Prediction, String> {
     let TunedMatch { name, method, search } = plan;
     let matching = match (&method.cost, &method.optimizer) {
@@ -275,7 +288,7 @@ mod tests {
 
     /// The messages of a page, of which every other one is damaged.
     fn messages() -> impl Strategy<Value = String> {
-        let options = controls::all().iter().map(Control::option).chain(["output", ""]).collect::<Vec<_>>();
+        let options = page::controls().iter().map(Control::option).chain(["output", ""]).collect::<Vec<_>>();
         let value = prop_oneof![8 => select(&VALUES[..]).prop_map(String::from), 1 => any::<String>()];
         let settings = btree_map(select(options), value, 0..6);
         let damages = prop_oneof![Just(Vec::new()), vec((any::<Index>(), any::<char>(), 0..3), 1..4)];
@@ -296,17 +309,17 @@ mod tests {
 
     #[test]
     fn any_message_is_taken_or_refused() {
-        let controls = controls::all();
+        let controls = page::controls();
         let plan = |text: &str| {
             let wish: Wish = serde_json::from_str(text).ok()?;
-            let words = controls::words(&controls, &wish.settings).ok()?;
+            let words = page::words(&controls, &wish.settings).ok()?;
             let offered = |word: &String| controls.iter().any(|control| word[2..] == *control.option());
             assert!(words.iter().filter(|word| word.starts_with("--")).all(offered), "{words:?}");
-            let matching = TunedOptions::parse(&words).ok()?.matching;
+            let matching = MatchingOptions::parse(&words).ok()?;
             let search = matching.search([48, 36], Views::CROSS, SearchOptions::DEFAULT_RANGE).ok()?;
             let plan = TunedMatch { name: matching.method.name(), method: matching.method(Views::CROSS).ok()?, search };
             let prediction = prediction(&plan, Processor::ALL[0]);
-            Some((rust_code::of_match(&plan), prediction.map(|prediction| json!(prediction))))
+            Some(prediction.map(|prediction| json!(prediction)))
         };
         let outcomes = tally(2000, &messages(), |text| Ok(if plan(&text).is_some() { "planned" } else { "refused" }));
         assert!(outcomes["planned"] > 100 && outcomes["refused"] > 500);

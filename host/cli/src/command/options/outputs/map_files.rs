@@ -59,7 +59,7 @@ impl MapFiles {
         }
     }
 
-    /// Whether standard output gets the disparities.
+    /// Returns true if standard output gets the disparities.
     fn is_printed(&self) -> bool {
         self.output.as_deref().is_some_and(output_file::is_standard_output)
     }

@@ -12,7 +12,7 @@ pub fn floats_or_standard(text: &str) -> Result<PathBuf> {
     if text == STANDARD_OUTPUT { Ok(text.into()) } else { floats(text) }
 }
 
-/// Whether a path is the name of standard output.
+/// Returns true if a path is the name of standard output.
 pub fn is_standard_output(path: &Path) -> bool {
     path == Path::new(STANDARD_OUTPUT)
 }
@@ -27,7 +27,7 @@ pub fn depths(text: &str) -> Result<PathBuf> {
     named(text, &["pfm", "npy", "npz", "png"])
 }
 
-/// Whether a path ends in `.` and `end`.
+/// Returns true if a path ends in `.` and `end`.
 pub fn ends_in(path: &Path, end: &str) -> bool {
     path.extension().is_some_and(|found| found.eq_ignore_ascii_case(end))
 }

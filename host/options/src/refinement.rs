@@ -2,22 +2,23 @@
 
 use clap::{Args, value_parser};
 use multiscopic::{
-    Method, Result,
+    Result,
     stereo::{
         confidence_map,
-        refinement::{BackgroundFill, Bilateral, LucasKanade, Median, Refinement, Speckles, TextureThreshold},
+        refinement::{BackgroundFill, Bilateral, LucasKanade, Median, Refinement, Smoother, Speckles, TextureThreshold},
     },
 };
 
-use crate::command::options::{
+use crate::{
     named::{Named, named},
+    page::{Entry, Settings, Unset, method},
     value::{point, probability},
 };
 
 /// The filters.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Filters")]
-pub struct RefinementOptions {
+pub(crate) struct RefinementOptions {
     /// Keep a disparity only if a view confirms it to within this many pixels; not for gc (OpenCV: disp12MaxDiff)
     /// [default: keep all]
     #[arg(long, value_name = "N")]
@@ -74,7 +75,7 @@ pub struct RefinementOptions {
     fill: Option<FillName>,
 }
 
-/// How invalid pixels are filled.
+/// The filling of invalid pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum FillName {
     /// From the farther side.
@@ -93,7 +94,7 @@ impl Named for FillName {
     }
 }
 
-/// How disparities become more precise after matching.
+/// The step that makes disparities more precise after matching.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum SubPixelName {
     /// By the gradients of all views.
@@ -120,7 +121,7 @@ impl Named for SubPixelName {
     }
 }
 
-/// What becomes of disparities that are more probably wrong than right.
+/// The fate of disparities that are more probably wrong than right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum RepairName {
     /// They follow what is sure around them.
@@ -147,16 +148,38 @@ impl Named for RepairName {
     }
 }
 
+/// Returns true if the method has costs that checks can look at.
+fn has_costs(settings: &Settings) -> bool {
+    !matches!(method(settings), "gc" | "net")
+}
+
 impl RefinementOptions {
-    /// Whether a filter counts in blocks.
-    pub fn has_blocks(&self) -> bool {
+    /// The controls of the page.
+    pub(crate) const ON_PAGE: [Entry; 11] = [
+        Entry::slider("uniqueness-ratio", "Uniqueness ratio, %", [0.0, 60.0, 1.0], 10.0, Unset::Off).if_(has_costs),
+        Entry::slider("disp12-max-diff", "Left-right check, px", [0.0, 16.0, 1.0], 1.0, Unset::Off).if_(has_costs),
+        Entry::slider("texture-threshold", "Texture threshold", [0.0, 4000.0, 10.0], 200.0, Unset::Off),
+        Entry::slider("median", "Median, px", [3.0, 31.0, 2.0], 5.0, Unset::Off),
+        Entry::slider("speckle-window-size", "Speckles up to, pixels", [10.0, 3000.0, 10.0], 200.0, Unset::Off),
+        Entry::slider("speckle-range", "Speckle range, px", [0.0, 16.0, 1.0], 1.0, Unset::Default)
+            .if_(|settings| settings.contains_key("speckle-window-size")),
+        Entry::list("sub-pixel", "Sub-pixel step"),
+        Entry::list("repair", "Repair"),
+        Entry::slider("min-confidence", "Least confidence", [0.0, 1.0, 0.01], 0.9, Unset::Off),
+        Entry::list("smooth", "Smooth"),
+        Entry::list("fill", "Fill from the background"),
+    ];
+
+    /// Returns true if a filter counts in blocks.
+    pub(crate) fn has_blocks(&self) -> bool {
         self.texture_threshold.is_some()
     }
 
-    /// The refinement of a method, whose own has its defaults. Texture counts in blocks of `block_size`.
-    pub fn refinement(&self, method: &Method, block_size: u8) -> Result<Refinement> {
-        let sharpens = method.refinement.sub_pixel.is_some();
-        let repairs = method.refinement.repair.is_some();
+    /// Returns the refinement of a method, which has these `defaults` and smooths with `smoother`. Texture counts in blocks of
+    /// `block_size`.
+    pub(crate) fn refinement(&self, defaults: &Refinement, smoother: Smoother, block_size: u8) -> Result<Refinement> {
+        let sharpens = defaults.sub_pixel.is_some();
+        let repairs = defaults.repair.is_some();
         let speckles = |window_size| Speckles { window_size, range: self.speckle_range };
         Ok(Refinement {
             uniqueness: self.uniqueness_ratio,
@@ -164,10 +187,10 @@ impl RefinementOptions {
             speckles: self.speckle_window_size.map(speckles),
             left_right: self.disp12_max_diff,
             sub_pixel: self.sub_pixel.map_or(sharpens, |name| name == SubPixelName::LucasKanade).then_some(LucasKanade),
-            repair: self.repair.map_or(repairs, |name| name == RepairName::Smooth).then(|| method.smoother()),
+            repair: self.repair.map_or(repairs, |name| name == RepairName::Smooth).then_some(smoother),
             median: self.median.map(Median::new).transpose()?,
             bilateral: self.bilateral.map(|[sigma, threshold]| Bilateral::new(sigma, threshold)).transpose()?,
-            smoother: self.smooth.then(|| method.smoother()),
+            smoother: self.smooth.then_some(smoother),
             fill: self.fill.map(|FillName::Background| BackgroundFill),
             min_confidence: self.min_confidence.map(confidence_map::of_probability),
         })

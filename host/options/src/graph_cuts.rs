@@ -1,27 +1,28 @@
 //! The options of graph cuts.
 
-use clap::{Args, value_parser};
+use clap::Args;
 use multiscopic::{
-    GraphCuts, Result,
+    Error, GraphCuts, Result,
     stereo::{
         cost::BirchfieldTomasi,
         optimization::graph_cuts::{Occlusion, Smoothness},
     },
 };
 
-use crate::command::options::{
-    named::{Named, named},
+use crate::{
+    named::{Named, named, one_of},
+    page::{Entry, Settings, Unset, method},
     value::positive,
 };
 
 /// The options of `--method gc`.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Graph cuts (--method gc; costs are in grey levels)")]
-pub struct GraphCutsOptions {
+pub(crate) struct GraphCutsOptions {
     /// Cost of an occlusion (the paper's K: 10 for good images, 25 for a cheap camera); `auto` estimates it from the images
     /// [default: 10, or the data set's: auto for hci4d]
     #[arg(long, value_name = "K|auto", value_parser = occlusion_cost)]
-    pub occlusion_cost: Option<OcclusionCost>,
+    pub(crate) occlusion_cost: Option<OcclusionCost>,
 
     /// Treatment of pixels without a match [default: unique with one neighbour, capped with more]
     #[arg(long, value_parser = named::<Occlusion>())]
@@ -40,21 +41,21 @@ pub struct GraphCutsOptions {
     #[arg(long, value_name = "COST", value_parser = positive)]
     lambda2: Option<f64>,
 
-    /// Brightness difference from which neighbours count as different (the paper's theta) [default: 8]
-    #[arg(long, value_name = "N")]
-    theta: Option<u8>,
+    /// Brightness difference from which neighbours count as different (the paper's theta)
+    #[arg(long, value_name = "N", default_value_t = GraphCuts::default().threshold)]
+    theta: u8,
 
-    /// Disparity step above which the penalty stops growing (the paper's d cut-off) [default: 5]
-    #[arg(long, value_name = "N")]
-    cutoff: Option<u16>,
+    /// Disparity step above which the penalty stops growing (the paper's d cut-off)
+    #[arg(long, value_name = "N", default_value_t = GraphCuts::default().cutoff)]
+    cutoff: u16,
 
     /// Match grey values even if the images are in colour
     #[arg(long)]
     gray: bool,
 
-    /// Maximum number of sweeps over all disparities [default: 20]
-    #[arg(long, value_name = "N")]
-    sweeps: Option<usize>,
+    /// Maximum number of sweeps over all disparities
+    #[arg(long, value_name = "N", default_value_t = GraphCuts::default().sweeps)]
+    sweeps: usize,
 
     /// Seed of the order in which disparities are tried
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -69,39 +70,52 @@ pub struct GraphCutsOptions {
     keep_occluded: bool,
 
     /// Match the images at N times their size, from 1 to 4, for finer disparities (the paper: 4); takes N * N times the memory
-    #[arg(long, value_name = "N", default_value_t = 1,
-        value_parser = value_parser!(u8).range(1..=i64::from(GraphCuts::MAX_UPSAMPLE)))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = one_of(1..=GraphCuts::MAX_UPSAMPLE))]
+    #[arg(hide_possible_values = true)]
     upsample: u8,
 }
 
 /// The cost of an occlusion; `None` to estimate it from the images.
-type OcclusionCost = Option<f64>;
+pub(crate) type OcclusionCost = Option<f64>;
+
+/// Returns true if graph cuts are the method.
+fn are_cut(settings: &Settings) -> bool {
+    method(settings) == "gc"
+}
 
 fn occlusion_cost(text: &str) -> Result<OcclusionCost> {
     match text {
         "auto" => Ok(None),
-        number => positive(number).map(Some),
+        number => positive(number).map(Some).map_err(|_| Error::Usage("it must be a number above 0, or auto".into())),
     }
 }
 
 impl GraphCutsOptions {
-    /// The cost function.
-    pub fn cost(&self) -> BirchfieldTomasi {
+    /// The controls of the page.
+    pub(crate) const ON_PAGE: [Entry; 4] = [
+        Entry::slider("occlusion-cost", "Occlusion cost", [1.0, 60.0, 0.5], 10.0, Unset::Default).if_(are_cut),
+        Entry::slider("lambda1", "Lambda 1", [0.5, 40.0, 0.5], 3.0, Unset::Default).if_(are_cut),
+        Entry::list("smoothness", "Smoothness").if_(are_cut),
+        Entry::slider("sweeps", "Sweeps", [1.0, 20.0, 1.0], 20.0, Unset::Default).if_(are_cut),
+    ];
+
+    /// Returns the cost function.
+    pub(crate) fn cost(&self) -> BirchfieldTomasi {
         BirchfieldTomasi { color: !self.gray }
     }
 
-    /// The optimizer, which starts from block matching with blocks of `start_block_size`.
-    pub fn graph_cuts(&self, start_block_size: u8) -> GraphCuts {
+    /// Returns the optimizer, which starts from block matching with blocks of `start_block_size`.
+    pub(crate) fn graph_cuts(&self, start_block_size: u8) -> GraphCuts {
         let default = GraphCuts::default();
         GraphCuts {
             occlusion: self.occlusion_cost.unwrap_or(default.occlusion),
             occlusions: self.occlusions,
             smoothness: self.smoothness,
             lambda: [self.lambda1, self.lambda2],
-            threshold: self.theta.unwrap_or(default.threshold),
-            cutoff: self.cutoff.unwrap_or(default.cutoff),
+            threshold: self.theta,
+            cutoff: self.cutoff,
             start_block_size,
-            sweeps: self.sweeps.unwrap_or(default.sweeps),
+            sweeps: self.sweeps,
             seed: self.seed,
             refine: !self.no_refine,
             fill: !self.keep_occluded,

@@ -1,4 +1,4 @@
-//! Numbers on the command line, checked as they are parsed.
+//! Numbers, checked as they are parsed.
 
 use multiscopic::{Error, Geometry, Result};
 
@@ -33,6 +33,12 @@ pub fn size(text: &str) -> Result<[u32; 2]> {
     let side = |text: &str| text.parse().ok().filter(|side| *side > 0);
     let sides = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
     sides.ok_or_else(|| Error::Usage("it must be a width and a height, as 640x480".into()))
+}
+
+/// Parses a whole number above 0.
+pub fn count(text: &str) -> Result<u64> {
+    let number = text.trim().parse().ok().filter(|number| *number > 0);
+    number.ok_or_else(|| Error::Usage("it must be a whole number above 0".into()))
 }
 
 /// Parses a probability.

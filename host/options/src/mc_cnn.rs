@@ -7,12 +7,12 @@ use multiscopic::stereo::{
     optimization::edge_aware::Penalties,
 };
 
-use crate::command::options::value::positive;
+use crate::value::positive;
 
 /// The options of `--method mccnn-fast` and `mccnn-accurate`, named as by the authors of MC-CNN.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "MC-CNN (--method mccnn-fast or mccnn-accurate; defaults for Middlebury)")]
-pub struct McCnnOptions {
+pub(crate) struct McCnnOptions {
     /// Penalty for a disparity change of one between neighbouring pixels (sgm_P1) [default: 2.3 fast, 1.3 accurate]
     #[arg(long, value_name = "COST", value_parser = positive)]
     sgm_p1: Option<f64>,
@@ -56,8 +56,8 @@ pub struct McCnnOptions {
 }
 
 impl McCnnOptions {
-    /// The aggregation.
-    pub fn aggregation(&self, architecture: Architecture) -> Aggregation {
+    /// Returns the aggregation.
+    pub(crate) fn aggregation(&self, architecture: Architecture) -> Aggregation {
         let [before, after] = architecture.iterations();
         Aggregation {
             region: SupportRegion { intensity: self.cbca_intensity as f32, distance: self.cbca_distance },
@@ -65,8 +65,8 @@ impl McCnnOptions {
         }
     }
 
-    /// The penalties of the paths.
-    pub fn penalties(&self, architecture: Architecture) -> Penalties {
+    /// Returns the penalties of the paths.
+    pub(crate) fn penalties(&self, architecture: Architecture) -> Penalties {
         let Penalties { p1, p2, q1, q2, vertical, edge } = match architecture {
             Architecture::Fast => Penalties::FAST,
             Architecture::Accurate => Penalties::ACCURATE,

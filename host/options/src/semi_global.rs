@@ -1,18 +1,18 @@
 //! The options of semi-global matching.
 
 use clap::Args;
-use multiscopic::{
-    Error, Result,
-    stereo::{CostName, SemiGlobalMethod, optimization::sgm::Paths},
-};
+use multiscopic::stereo::{CostName, SemiGlobalMethod, optimization::sgm::Paths};
 use multiscopic_core::Census;
 
-use crate::command::options::named::{Named, named};
+use crate::{
+    named::{Named, named},
+    page::{Entry, Settings, Unset, method},
+};
 
 /// The options of `--method sgm`.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Semi-global matching (--method sgm)")]
-pub struct SemiGlobalOptions {
+pub(crate) struct SemiGlobalOptions {
     /// Matching cost
     #[arg(long, value_name = "COST", value_parser = named::<CostName>(), default_value = "census")]
     cost: CostName,
@@ -32,7 +32,8 @@ pub struct SemiGlobalOptions {
     p2_edge: Option<u8>,
 
     /// Number of paths: 4, 5 or 8 (OpenCV: MODE_HH4, MODE_SGBM or MODE_HH); 4 and 8 keep all costs in memory
-    #[arg(long, value_name = "4|5|8", default_value = "5", value_parser = paths)]
+    #[arg(long, value_name = "4|5|8", default_value = "5", value_parser = named::<Paths>())]
+    #[arg(hide_possible_values = true)]
     paths: Paths,
 
     /// Window of the census transform
@@ -41,21 +42,52 @@ pub struct SemiGlobalOptions {
 }
 
 impl SemiGlobalOptions {
-    /// Whether the matching cost counts in blocks.
-    pub fn has_blocks(&self) -> bool {
+    /// The controls of the page.
+    pub(crate) const ON_PAGE: [Entry; 6] = [
+        Entry::list("cost", "Cost").if_(has_paths),
+        Entry::list("census", "Census window")
+            .if_(|settings| has_paths(settings) && settings.get("cost").is_none_or(|cost| cost != "sad")),
+        Entry::slider("p1", "P1", [0.0, 51.0, 1.0], 8.0, Unset::Default).if_(has_paths),
+        Entry::slider("p2", "P2", [0.0, 51.0, 1.0], 48.0, Unset::Default).if_(has_paths),
+        Entry::slider("p2-edge", "P2 edge", [1.0, 255.0, 1.0], 10.0, Unset::Default).if_(has_paths),
+        Entry::list("paths", "Paths").if_(has_paths),
+    ];
+
+    /// Returns true if the matching cost counts in blocks.
+    pub(crate) fn has_blocks(&self) -> bool {
         self.cost == CostName::Sad
     }
 
-    /// What these options describe. `block_size` is that of sums of absolute differences, if one was asked for.
-    pub fn with_block_size(&self, block_size: Option<u8>) -> SemiGlobalMethod {
+    /// Returns what these options describe. `block_size` is that of sums of absolute differences, if one was asked for.
+    pub(crate) fn with_block_size(&self, block_size: Option<u8>) -> SemiGlobalMethod {
         let SemiGlobalOptions { cost, p1, p2, p2_edge, paths, census } = *self;
         SemiGlobalMethod { cost, census, block_size, p1, p2, p2_edge, paths }
     }
 }
 
-fn paths(text: &str) -> Result<Paths> {
-    let paths = Paths::ALL.into_iter().find(|paths| paths.count().to_string() == text);
-    paths.ok_or_else(|| Error::Usage("it must be 4, 5 or 8".into()))
+/// Returns true if semi-global matching is the method.
+fn has_paths(settings: &Settings) -> bool {
+    method(settings) == "sgm"
+}
+
+impl Named for Paths {
+    const ALL: &'static [Paths] = &Paths::ALL;
+
+    fn name(&self) -> &'static str {
+        match self {
+            Paths::Four => "4",
+            Paths::Five => "5",
+            Paths::Eight => "8",
+        }
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            Paths::Four => "From the left, the right, the top and the bottom",
+            Paths::Five => "From the left, the right and the top, straight and along both diagonals",
+            Paths::Eight => "From all eight sides",
+        }
+    }
 }
 
 impl Named for CostName {

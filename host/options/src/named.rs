@@ -1,7 +1,12 @@
-//! Values that are chosen by name on the command line.
+//! Values that are chosen by name.
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use multiscopic::{Dataset, Processor, images::Colormap};
+use std::ops::RangeInclusive;
+
+use clap::{
+    Arg,
+    builder::{PossibleValue, PossibleValuesParser, TypedValueParser},
+};
+use multiscopic::{Dataset, LensModel, Processor, images::Colormap};
 use multiscopic_core::Fusion;
 
 /// A type with few values, each of which has a name on the command line.
@@ -12,7 +17,7 @@ pub trait Named: Clone + Send + Sync + 'static {
     /// The name on the command line.
     fn name(&self) -> &'static str;
 
-    /// What `--help` says about it.
+    /// The text of `--help` about it.
     fn about(&self) -> &'static str;
 }
 
@@ -23,6 +28,20 @@ pub fn named<T: Named>() -> impl TypedValueParser<Value = T> {
         let value = T::ALL.iter().find(|value| value.name() == name);
         value.expect("the parser admits the listed names alone").clone()
     })
+}
+
+/// Parses one of a few whole numbers. Errors list all of them.
+pub(crate) fn one_of(numbers: RangeInclusive<u8>) -> impl TypedValueParser<Value = u8> {
+    let names = PossibleValuesParser::new(numbers.map(|number| number.to_string()));
+    names.map(|name| name.parse().expect("the parser admits the listed numbers alone"))
+}
+
+/// The names of the values that an option takes. Empty if it takes others.
+pub(crate) fn possible_values(arg: &Arg) -> Vec<String> {
+    if !arg.get_action().takes_values() {
+        return Vec::new();
+    }
+    arg.get_possible_values().iter().map(|value| value.get_name().to_owned()).collect()
 }
 
 impl Named for Fusion {
@@ -88,6 +107,22 @@ impl Named for Dataset {
             Dataset::Middlebury2005Full => "Middlebury 2005 at full size: three views in a row",
             Dataset::Tsukuba => "Tsukuba's head and lamp: one scene, an array of 5x5 views",
             Dataset::Hci4d(_) => "The HCI's 4D light fields: arrays of 9x9 cameras, of which every fourth is used by default",
+        }
+    }
+}
+
+impl Named for LensModel {
+    const ALL: &'static [LensModel] = &LensModel::ALL;
+
+    fn name(&self) -> &'static str {
+        LensModel::name(*self)
+    }
+
+    fn about(&self) -> &'static str {
+        match self {
+            LensModel::PlumbBob => "Brown and Conrady's, for most lenses",
+            LensModel::Rational => "With a denominator, for wide angles",
+            LensModel::Equidistant => "Kannala and Brandt's, for fisheyes",
         }
     }
 }

@@ -6,7 +6,7 @@ use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
     arrays::{self, FloatArray},
-    exceptions::exception,
+    interpreter::exception,
 };
 
 /// The errors of disparities over all pixels whose true disparity is known.

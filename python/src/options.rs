@@ -12,7 +12,7 @@ use pyo3::{
     types::PyDict,
 };
 
-use crate::{arrays::PriorArray, exceptions::exception};
+use crate::{arrays::PriorArray, interpreter::exception};
 
 /// The values of the keyword arguments.
 pub struct Options {

@@ -12,7 +12,7 @@ use pyo3::{
 use crate::{
     arrays::{self, Bits, ImageArray},
     capture::{Capture, ViewArrays},
-    interruption,
+    interpreter,
     match_result::MatchResult,
     options::Options,
     rig::frame_offset,
@@ -127,7 +127,7 @@ pub fn align<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let named = [left.as_ref(), right.as_ref(), top.as_ref(), bottom.as_ref()];
     let capture = Capture::of_arrays(&center, named, &views.unwrap_or_default(), bits.map(|Bits(depth)| depth))?;
-    let rectified = interruption::run(py, |_| {
+    let rectified = interpreter::run(py, |_| {
         let mut frames = capture.frames();
         let [width, height] = frames.size().map(|side| side as f64);
         let principal_point = [(width - 1.0) / 2.0, (height - 1.0) / 2.0];
@@ -183,7 +183,7 @@ pub fn inspect<'py>(
 ) -> PyResult<(Option<DisparityRange>, Vec<String>)> {
     let named = [left.as_ref(), right.as_ref(), top.as_ref(), bottom.as_ref()];
     let capture = Capture::of_arrays(&center, named, &views.unwrap_or_default(), bits.map(|Bits(depth)| depth))?;
-    interruption::run(py, |_| {
+    interpreter::run(py, |_| {
         let inspection = Inspection::of(&capture.frames());
         Ok((inspection.found_range().ok(), inspection.warnings(Method::DEFAULT_RANGE.0)))
     })

@@ -113,8 +113,7 @@ impl MatchingOptions {
     /// If a parameter is out of its range or has no effect, or the weights of MC-CNN are not installed.
     pub fn method(&self, views: Views) -> Result<Method> {
         self.options.check_block_size(&[self.method], self.search.block_size)?;
-        let method = self.options.method(self.method, self.search.block_size, self.baselines.first(views).len())?;
-        Ok(Method { long_baselines: self.baselines.long_baselines()?, ..method })
+        self.options.method_at_baselines(self.method, self.search.block_size, views, &self.baselines)
     }
 }
 
@@ -171,6 +170,21 @@ impl MethodOptions {
         };
         let refinement = refinement.refinement(&method.refinement, method.smoother(), block_size_or_default)?;
         Ok(method.with_refinement(refinement))
+    }
+
+    /// Returns the same method for a match with `views`, of which those at longer baselines refine what the shortest found.
+    ///
+    /// # Errors
+    /// Those of [`method`](MethodOptions::method), and if the prior's filter is out of its range.
+    pub fn method_at_baselines(
+        &self,
+        name: MethodName,
+        block_size: Option<u8>,
+        views: Views,
+        baselines: &BaselineOptions,
+    ) -> Result<Method> {
+        let method = self.method(name, block_size, baselines.first(views).len())?;
+        Ok(Method { long_baselines: baselines.long_baselines()?, ..method })
     }
 }
 

@@ -30,9 +30,12 @@ pub fn named<T: Named>() -> impl TypedValueParser<Value = T> {
     })
 }
 
-/// Parses one of a few whole numbers. Errors list all of them.
+/// The numbers of one digit, as text.
+const DIGITS: [&str; 10] = ["0", "1", "2", "3", "4", "5", "6", "7", "8", "9"];
+
+/// Parses one of a few whole numbers below 10. Errors list all of them.
 pub(crate) fn one_of(numbers: RangeInclusive<u8>) -> impl TypedValueParser<Value = u8> {
-    let names = PossibleValuesParser::new(numbers.map(|number| number.to_string()));
+    let names = PossibleValuesParser::new(numbers.map(|number| DIGITS[usize::from(number)]));
     names.map(|name| name.parse().expect("the parser admits the listed numbers alone"))
 }
 

@@ -14,7 +14,7 @@ use multiscopic::{
 };
 use rayon::prelude::*;
 
-use super::{board_options::BoardOptions, camera_session::CameraSession, lens_outcome::LensOutcome};
+use super::{board::BoardOptions, camera_session::CameraSession, lens_outcome::LensOutcome};
 use crate::command::{
     options::{BitsOption, CameraSpec, SettingsOptions, depth_of, named, output_file},
     terminal::{self, Watch},

@@ -7,7 +7,7 @@ use multiscopic::{
 };
 use multiscopic_core::{Search, Views};
 
-use super::layout_options::at_multiple;
+use super::recorder_options::at_multiple;
 use crate::command::options::SearchOptions;
 
 /// The choice of views at longer baselines.

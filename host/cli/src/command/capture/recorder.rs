@@ -19,11 +19,8 @@ use multiscopic_core::{
 };
 use serde::Serialize;
 
-use super::{
-    capture_log::{self, CaptureLog},
-    long_baseline::LongBaseline,
-};
-use crate::command::{hardware::Hardware, scene::rendered_capture::TRUTH_FILE_NAME, terminal};
+use super::{CaptureLog, long_baseline::LongBaseline};
+use crate::command::{hardware::Hardware, scene::TRUTH_FILE_NAME, terminal};
 
 /// Takes captures that differ only in their folder and date.
 pub struct Recorder {
@@ -218,7 +215,7 @@ fn acquire(
     let mut done = 0;
     let Hardware { stage, camera, policy, interrupts, .. } = hardware;
     let images = acquire_images(stage, camera, plan, *policy, interrupts, |elapsed, progress| {
-        let step = capture_log::step(plan, progress);
+        let step = super::step(plan, progress);
         log.add(elapsed, &step);
         if let CaptureProgress::Captured(_) = progress {
             bar.inc(1);

@@ -8,14 +8,15 @@ use std::{
 
 use indicatif::ProgressBar;
 use multiscopic::{
-    Dataset, Engine, Error, Result,
-    evaluation::{CameraSteps, DatasetScene, Record, ResultRow, Sparsification, results},
+    Dataset, Engine, Error, Metrics, Result,
+    evaluation::{CameraSteps, ConfidenceMetrics, DatasetScene, Record, ResultRow, Sparsification, results},
     files::output,
     report::{Chart, Report, ViewedMap, ViewedScene},
 };
 use multiscopic_core::Views;
+use serde::{Deserialize, Serialize};
 
-use super::{Evaluate, PAGE_BYTES, SceneRecord, method_table::MethodTable, print_tables};
+use super::{Evaluate, PAGE_BYTES, comparison::MethodTable, print_tables};
 use crate::command::{
     batch::{Done, RunSettings},
     charts::{self, Errors},
@@ -173,5 +174,29 @@ impl Evaluate {
         }
         scenes.retain(|scene| self.scenes.is_empty() || self.scenes.contains(&scene.name));
         Ok(scenes)
+    }
+}
+
+/// A result of a variant. In its parts, since `serde_json` does not read real numbers that are flattened if anything in the
+/// program turns on its arbitrary precision.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SceneRecord {
+    variant: Record<()>,
+    metrics: Metrics,
+    confidence: Option<ConfidenceMetrics>,
+}
+
+impl From<Record> for SceneRecord {
+    /// Without the time, which is another on each machine.
+    fn from(record: Record) -> SceneRecord {
+        let Record { metrics, confidence, .. } = record;
+        let variant = Record { confidence: None, seconds: None, ..record.with_metrics(()) };
+        SceneRecord { variant, metrics, confidence }
+    }
+}
+
+impl From<SceneRecord> for Record {
+    fn from(SceneRecord { variant, metrics, confidence }: SceneRecord) -> Record {
+        Record { confidence, ..variant.with_metrics(metrics) }
     }
 }

@@ -2,11 +2,9 @@
 
 mod comparison;
 mod data_set;
-mod method_table;
 mod rig_metrics;
 mod rig_options;
 mod rigs;
-mod scene_record;
 
 use std::{
     path::{Path, PathBuf},
@@ -22,7 +20,7 @@ use multiscopic::{
 };
 use serde::Serialize;
 
-pub use self::scene_record::SceneRecord;
+pub use self::data_set::SceneRecord;
 use self::{comparison::Comparison, rig_options::RigOptions};
 use super::{
     batch::{BatchOptions, RunSettings},

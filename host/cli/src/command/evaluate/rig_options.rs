@@ -11,7 +11,7 @@ use multiscopic::{
 use crate::command::{
     options::{BitsOption, GeometryOptions, MemoryOptions, PreparationOptions, SearchOptions, Source, value::positive},
     preparation::prepare,
-    scene::rendered_capture::truth_file,
+    scene::truth_file,
 };
 
 /// The references that captured folders are compared with.

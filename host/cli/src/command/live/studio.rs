@@ -23,7 +23,8 @@ use super::{
     frame_meters::FrameMeters,
     notice_board::{NoticeBoard, Subject},
     server::Messages,
-    tuning::{TunedRig, Wish, Workbench},
+    tuned_rig::TunedRig,
+    workbench::{Wish, Workbench},
 };
 use crate::command::{
     capture::{Recorder, free_folders},

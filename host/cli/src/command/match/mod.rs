@@ -1,6 +1,5 @@
 //! `multiscopic match`: disparities from images.
 
-mod listed_rigs;
 mod outputs;
 mod summary;
 
@@ -14,22 +13,23 @@ use clap::Args;
 use multiscopic::{
     DisparityMap, Engine, Error, Result,
     evaluation::ground_truth,
-    files::output,
+    files::{ListedRig, output},
     report::{Report, ViewedMap, ViewedScene},
     stereo::network::Inputs,
 };
 use multiscopic_core::Frame;
-use outputs::Outputs;
 
-pub use self::summary::Summary;
 use super::{
-    batch::{BatchOptions, RunSettings},
+    batch::{BatchOptions, Done, RunSettings},
     options::{EngineOptions, GeometryOptions, MatchingOptions, PRIOR_EXCLUDES, PreparationOptions, Source, SourceOptions},
     preparation::{mask_unseen, prepare, say_if_much},
-    scene::rendered_capture::truth_file,
+    scene::truth_file,
     terminal::{self, Watch},
     view,
 };
+use outputs::Outputs;
+
+pub use self::summary::Summary;
 
 /// Estimates the disparity of each pixel of a centre image by matching it with its neighbours
 #[derive(Clone, Debug, Args)]
@@ -180,5 +180,33 @@ impl Match {
         let warnings = preparation.warnings(&disparities, &search);
         let summary = Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings);
         Ok((summary, disparities))
+    }
+}
+
+impl Match {
+    /// Matches the rigs of a list that belong to the share of this machine.
+    pub(super) fn run_list(&self, list: &Path, settings: &RunSettings) -> Result<ExitCode> {
+        if self.outputs.within(Path::new(""))?.paths().is_empty() {
+            let message = "there is nothing to write: give -o disparity.pfm, or another output such as --png disparity.png";
+            return Err(Error::Usage(message.into()));
+        }
+        let rigs = ListedRig::read_all(list)?;
+        let engine = self.engine.engine()?;
+        let Some(batch) = self.batch.batch(settings, rigs.iter().map(|rig| rig.name.clone()))? else {
+            return Err(Error::Usage("--list needs a folder for the results: give --results DIR".into()));
+        };
+        let inputs = |index: usize| {
+            let source = self.source.source_of(&rigs[index].directory)?;
+            Ok(source.paths().map(PathBuf::from).chain(self.truth_file(&source)).collect())
+        };
+        let work = |index: usize, folder: &Path| {
+            let ListedRig { name, directory } = &rigs[index];
+            let outputs = self.outputs.within(folder)?;
+            let (summary, _) = self.matched(self.source.source_of(directory)?, &outputs, &engine)?;
+            terminal::say(&format!("{name}: {summary}"));
+            summary.warnings().iter().for_each(|warning| terminal::warn(&format!("{name}: {warning}")));
+            Ok(Done { results: summary.without_time(), outputs: outputs.paths().into_iter().map(PathBuf::from).collect() })
+        };
+        Ok(batch.run(inputs, work))
     }
 }

@@ -2,7 +2,6 @@
 
 mod connections;
 mod gate;
-mod socket;
 
 use std::{net::SocketAddr, sync::Arc};
 
@@ -20,8 +19,8 @@ use axum::{
 use multiscopic::{Error, Result};
 use tokio::{net::TcpListener, sync::Semaphore};
 
+pub use self::connections::Messages;
 use self::gate::Gate;
-pub use self::socket::Messages;
 
 /// The most pages that are connected at once.
 const MOST_SOCKETS: usize = 16;
@@ -121,8 +120,8 @@ async fn socket_of(
         Err(rejection) => return rejection.into_response(),
     };
     let messages = shared.messages.clone();
-    upgrade.max_message_size(socket::MOST_BYTES).max_frame_size(socket::MOST_BYTES).on_upgrade(async move |socket| {
-        socket::talk(socket, &*messages).await;
+    upgrade.max_message_size(connections::MOST_BYTES).max_frame_size(connections::MOST_BYTES).on_upgrade(async move |socket| {
+        connections::talk(socket, &*messages).await;
         drop(permit);
     })
 }

@@ -1,7 +1,7 @@
-//! Long work that leaves the interpreter to other threads, and that Ctrl-C ends.
+//! The interpreter: errors as its exceptions, and long work that leaves it to other threads and ends at Ctrl-C.
 
 use std::{
-    panic,
+    io, panic,
     sync::{
         atomic::{AtomicBool, Ordering},
         mpsc::{self, RecvTimeoutError},
@@ -10,10 +10,12 @@ use std::{
     time::Duration,
 };
 
-use multiscopic::Progress;
-use pyo3::prelude::*;
-
-use crate::exceptions::exception;
+use multiscopic::{Error, Progress};
+use pyo3::{
+    PyErr,
+    exceptions::{PyRuntimeError, PyValueError},
+    prelude::*,
+};
 
 /// The time between two looks for signals.
 const BETWEEN_LOOKS: Duration = Duration::from_millis(50);
@@ -52,4 +54,16 @@ pub fn run<T: Send>(py: Python<'_>, work: impl FnOnce(&dyn Progress) -> multisco
             outcome.map_err(exception)
         })
     })
+}
+
+/// The exception for an error: `OSError`, or the class of it that fits, for files that cannot be read or written, and
+/// `ValueError` for what is in them and for arguments.
+pub fn exception(error: Error) -> PyErr {
+    let text = error.to_string();
+    match error {
+        // Of several classes of `OSError`, that of the system's error: `FileNotFoundError`, `PermissionError` and so on.
+        Error::Read { source, .. } | Error::Write { source, .. } => io::Error::new(source.kind(), text).into(),
+        Error::Device(_) | Error::Capture { .. } => PyRuntimeError::new_err(text),
+        _ => PyValueError::new_err(text),
+    }
 }

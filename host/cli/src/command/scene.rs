@@ -1,7 +1,5 @@
 //! `multiscopic scene`: made-up captures with known disparities.
 
-pub mod rendered_capture;
-
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -10,11 +8,11 @@ use std::{
 
 use clap::{Args, ValueEnum, value_parser};
 use multiscopic::{
-    Error, Result,
-    files::output,
-    scene::{RandomScene, Setting},
+    Error, Result, Rig,
+    files::{FrameFiles, Provenance, image_codec::write_png, output},
+    scene::{PinholeCamera, RandomScene, Setting, Shot},
 };
-use multiscopic_core::Views;
+use multiscopic_core::{Frame, Views};
 use rayon::prelude::*;
 
 use super::{
@@ -97,7 +95,7 @@ impl SceneCommand {
         let random = RandomScene::within(self.setting.into(), self.seed, number.into(), self.size);
         let shot = random.render(views);
         let what = format!("a random scene, seed {}, number {number}", self.seed);
-        output::write_folder(folder, |folder| rendered_capture::write(folder, &shot, &random.camera, what))
+        output::write_folder(folder, |folder| write_capture(folder, &shot, &random.camera, what))
     }
 }
 
@@ -105,4 +103,44 @@ impl SceneCommand {
 fn view_size(text: &str) -> Result<[u32; 2]> {
     let size = value::size(text).ok().filter(|size| size.iter().all(|side| (16..=4096).contains(side)));
     size.ok_or_else(|| Error::Usage("it must be a width and a height from 16 to 4096, such as 256x192".into()))
+}
+
+/// The true disparities of a rendered capture, within its folder.
+pub const TRUTH_FILE_NAME: &str = "truth.pfm";
+
+/// The file of the true disparities in a captured folder, if it is there.
+pub fn truth_file(folder: &Path) -> Option<PathBuf> {
+    Some(folder.join(TRUTH_FILE_NAME)).filter(|path| path.is_file())
+}
+
+/// Writes the frames, the truth and `rig.toml` into a folder that is there. `what` says what was rendered.
+pub fn write_capture(folder: &Path, shot: &Shot, camera: &PinholeCamera, what: String) -> Result<()> {
+    let frames = std::iter::once(Frame::Center).chain(shot.neighbors.keys().copied().map(Frame::View));
+    for frame in frames {
+        write_png(&folder.join(FrameFiles::name_of(frame)), shot.frame(frame))?;
+    }
+    shot.truth.write_pfm(&folder.join(TRUTH_FILE_NAME))?;
+    rig(camera, shot.neighbors.keys().copied().collect(), what).save(folder)
+}
+
+/// The rig of a rendered capture.
+pub fn rig(camera: &PinholeCamera, views: Views, what: String) -> Rig {
+    let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
+    Rig {
+        baseline_mm: Some(camera.baseline_mm),
+        focal_px: Some(camera.focal_px),
+        principal_point: Some([middle(camera.width), middle(camera.height)]),
+        doffs: 0.0,
+        lens: None,
+        mount_rotation_deg: None,
+        images: FrameFiles::of_capture(views),
+        alignment: None,
+        capture: Provenance {
+            camera: Some("ray tracer".into()),
+            stage: Some("simulated".into()),
+            repeatability_mm: Some(camera.repeatability_mm),
+            notes: Some(what),
+            ..Provenance::default()
+        },
+    }
 }

@@ -8,7 +8,7 @@ use numpy::{
 };
 use pyo3::{exceptions::PyTypeError, prelude::*};
 
-use crate::exceptions::exception;
+use crate::interpreter::exception;
 
 /// An image as it comes from Python: of height x width or height x width x 3 (RGB), in any order of memory.
 pub enum ImageArray<'py> {
@@ -47,7 +47,7 @@ impl ImageArray<'_> {
     }
 }
 
-/// How many bits of uint16 carry values: the keyword argument `bits`.
+/// The number of bits of uint16 that carry values: the keyword argument `bits`.
 #[derive(Clone, Copy, Debug)]
 pub struct Bits(pub BitDepth);
 

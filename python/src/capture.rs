@@ -13,10 +13,8 @@ use pyo3::prelude::*;
 
 use crate::{
     arrays::{self, ImageArray},
-    exceptions::exception,
-    interruption,
-    known_camera::KnownCamera,
-    match_result::MatchResult,
+    interpreter::{self, exception},
+    match_result::{KnownCamera, MatchResult},
     options::Options,
 };
 
@@ -28,9 +26,9 @@ pub type ViewArrays<'py> = BTreeMap<(i8, i8), ImageArray<'py>>;
 pub struct Capture {
     /// The pictures as the camera took them, the centre's first.
     pub pictures: Vec<(Frame, Picture)>,
-    /// What takes out the distortion of the lens, if it is known.
+    /// The table that takes out the distortion of the lens, if it is known.
     pub undistortion: Option<Undistortion>,
-    /// What is known of the camera.
+    /// The camera, as far as it is known.
     pub camera: KnownCamera,
 }
 
@@ -98,7 +96,7 @@ impl Capture {
 
     /// Matches it without the interpreter's lock.
     pub fn matched(mut self, py: Python<'_>, options: &Options) -> PyResult<MatchResult> {
-        let (map, confidences, center) = interruption::run(py, |progress| {
+        let (map, confidences, center) = interpreter::run(py, |progress| {
             let mut frames = self.frames();
             let (search, alignment) = self.prepare(&mut frames, options)?;
             let method = options.method(&frames)?;

@@ -1,4 +1,4 @@
-//! How good disparities are.
+//! Measures of the quality of disparities.
 
 use multiscopic::{DisparityMap, Error, Metrics, Raster, evaluation::Sparsification};
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
@@ -6,7 +6,7 @@ use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
     arrays::{self, FloatArray},
-    exceptions::exception,
+    interpreter::exception,
 };
 
 /// The errors of disparities over all pixels whose true disparity is known.

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 
 use crate::{
     arrays::{self, FloatArray, ImageArray},
-    exceptions::exception,
+    interpreter::exception,
 };
 
 /// Reads an image as the program does: PNG, PGM, PPM or JPEG, turned as its EXIF orientation says, in 8 bits.

@@ -4,14 +4,12 @@
 //!
 //! | room | what it is |
 //! | --- | --- |
-//! | `exceptions` | errors of the library as Python's exceptions |
-//! | `interruption` | long work that leaves the interpreter to other threads, and that Ctrl-C ends |
+//! | `interpreter` | errors as Python's exceptions, and long work that leaves the interpreter to other threads |
 //! | `arrays` | numpy arrays as pictures and maps, and back |
 //! | `files` | reading and writing the program's files |
 //! | `evaluation` | how good disparities are |
 //! | `options` | the keyword arguments of matching |
-//! | `known_camera` | what is known of the camera |
-//! | `match_result` | what matching gives |
+//! | `match_result` | the result of matching, and the camera that depths follow from |
 //! | `capture` | the images of one capture, and how they are matched |
 //! | `rig` | captured folders |
 //! | `views` | matching, rectification and inspection of arrays |
@@ -20,10 +18,8 @@
 mod arrays;
 mod capture;
 mod evaluation;
-mod exceptions;
 mod files;
-mod interruption;
-mod known_camera;
+mod interpreter;
 mod match_result;
 mod options;
 mod rig;
@@ -35,16 +31,23 @@ mod views;
 /// captured folders. evaluate() measures errors.
 #[pyo3::pymodule]
 mod multiscopic {
+    use pyo3::prelude::*;
+
     #[pymodule_export]
     use crate::{
         evaluation::evaluate,
         files::{colorize, read_image, read_pfm, set_max_pixels, write_pfm, write_png},
         match_result::MatchResult,
         rig::Rig,
-        views::{align, inspect, matched},
+        views::{align, inspect},
     };
 
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "it is Python's name")]
     const __version__: &str = env!("CARGO_PKG_VERSION");
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::views::add_match(module)
+    }
 }

@@ -1,4 +1,4 @@
-//! What matching gives.
+//! The result of matching.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ use multiscopic::{
 use numpy::PyArray2;
 use pyo3::prelude::*;
 
-use crate::{arrays, exceptions::exception, known_camera::KnownCamera};
+use crate::{arrays, interpreter::exception};
 
 /// Disparities, how sure they are, and the depths that follow from them.
 ///
@@ -38,7 +38,7 @@ pub struct MatchResult {
 }
 
 impl MatchResult {
-    /// What was found in the frames of `center`, and what is known of their camera.
+    /// Makes the result of a match of `center` by a camera of which so much is known.
     pub fn new(
         py: Python<'_>,
         map: DisparityMap,
@@ -51,7 +51,7 @@ impl MatchResult {
         Ok(MatchResult { map, confidences, center: center.into_8_bits(), camera, disparity, confidence })
     }
 
-    /// What turns disparities into depth: these numbers, or else what is known of the camera.
+    /// Returns the geometry that turns disparities into depth: these numbers, or else what is known of the camera.
     fn geometry(
         &self,
         focal_px: Option<f64>,
@@ -154,5 +154,32 @@ impl MatchResult {
         let pixels = self.map.pixels();
         let valid = 100.0 * pixels.iter().flatten().count() as f64 / pixels.len() as f64;
         format!("<multiscopic.Result of {}x{} pixels, {valid:.1} % of them valid>", self.map.width(), self.map.height())
+    }
+}
+
+/// The geometry that turns disparities into depth, as far as it is known.
+#[derive(Clone, Copy, Debug)]
+pub struct KnownCamera {
+    /// Focal length in pixels.
+    pub focal_px: Option<f64>,
+    /// The distance from the centre to each neighbour, in millimetres.
+    pub baseline_mm: Option<f64>,
+    /// The point where the optical axis meets the images that are matched, in pixels.
+    pub principal_point: [f64; 2],
+    /// The negated disparity of a point at infinity, in pixels.
+    pub doffs: f64,
+}
+
+impl KnownCamera {
+    /// A camera of which nothing is known, whose images have `width` x `height` pixels.
+    pub fn unknown((width, height): (u32, u32)) -> KnownCamera {
+        let principal_point = [width, height].map(|side| (f64::from(side) - 1.0) / 2.0);
+        KnownCamera { focal_px: None, baseline_mm: None, principal_point, doffs: 0.0 }
+    }
+
+    /// The geometry, if all of it is known.
+    pub fn geometry(&self) -> Option<Geometry> {
+        let KnownCamera { focal_px, baseline_mm, principal_point, doffs } = *self;
+        Some(Geometry { focal_px: focal_px?, baseline_mm: baseline_mm?, principal_point, doffs })
     }
 }

@@ -6,7 +6,13 @@ use multiscopic::{Frames, Result, images::BitDepth, lens::LensFile};
 use multiscopic_core::{Frame, View};
 use pyo3::{prelude::*, types::PyDict};
 
-use crate::{arrays, capture::Capture, exceptions::exception, interruption, known_camera::KnownCamera, options::Options};
+use crate::{
+    arrays,
+    capture::Capture,
+    interpreter::{self, exception},
+    match_result::KnownCamera,
+    options::Options,
+};
 
 /// A captured folder: images and the rig.toml that describes them.
 ///
@@ -15,7 +21,7 @@ use crate::{arrays, capture::Capture, exceptions::exception, interruption, known
 pub struct Rig {
     directory: PathBuf,
     rig: multiscopic::Rig,
-    /// What is known of the lens and of the mount, if the images are not ideal.
+    /// The lens and the mount, if the images are not ideal.
     lens: Option<LensFile>,
 }
 
@@ -34,7 +40,7 @@ impl Rig {
         Ok(Capture { pictures: order.zip(pictures).collect(), undistortion, camera: self.camera(frames.size())? })
     }
 
-    /// What is known of the camera, whose undistorted images have this size. The rig's focal length comes first, and the
+    /// Returns what is known of the camera, whose undistorted images have this size. The rig's focal length comes first, and the
     /// principal point of undistorted images.
     fn camera(&self, size: [usize; 2]) -> Result<KnownCamera> {
         if let Some(lens) = &self.lens {
@@ -104,7 +110,7 @@ impl Rig {
     ///     OSError: an image cannot be read.
     ///     ValueError: a file is not an image, or the images differ in size.
     fn frames<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let frames = interruption::run(py, |_| Ok(self.capture(None)?.frames()))?;
+        let frames = interpreter::run(py, |_| Ok(self.capture(None)?.frames()))?;
         let arrays = PyDict::new(py);
         let views = frames.views();
         for frame in [Frame::Center].into_iter().chain(views.iter().map(Frame::View)) {
@@ -125,7 +131,7 @@ impl Rig {
     #[pyo3(name = "match", signature = (**options))]
     fn matched(&self, py: Python<'_>, options: Option<&Bound<'_, PyDict>>) -> PyResult<crate::match_result::MatchResult> {
         let options = Options::new(options)?;
-        let capture = interruption::run(py, |_| self.capture(options.bits()))?;
+        let capture = interpreter::run(py, |_| self.capture(options.bits()))?;
         capture.matched(py, &options)
     }
 

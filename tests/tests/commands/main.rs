@@ -11,6 +11,7 @@ mod interruptions;
 mod lenses;
 mod live_view;
 mod photos;
+mod python_stub;
 mod rig_quality;
 mod scenes;
 mod search_ranges;

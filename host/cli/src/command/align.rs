@@ -17,6 +17,7 @@ use serde::Serialize;
 
 use super::{
     options::{MemoryOptions, SearchOptions, SourceOptions, output_file},
+    preparation::check_alignment,
     terminal,
 };
 
@@ -49,7 +50,7 @@ pub struct Align {
     memory: MemoryOptions,
 }
 
-/// What `--json` prints.
+/// The object that `--json` prints.
 #[derive(Debug, Serialize)]
 struct Findings {
     /// The rotation between the camera and the stage's axes, about the axes to the right, down and ahead.
@@ -99,7 +100,7 @@ impl Align {
             (rig, _) => rig,
         };
         let geometry = rig.as_ref().and_then(|rig| rig.geometry(frames.size()));
-        self.memory.check_alignment(&frames)?;
+        check_alignment(&self.memory, &frames)?;
         let inspection = Inspection::of(&frames);
         let alignment = Alignment::estimate(&frames, &search, geometry.as_ref());
         let refuse_swapped = |inspection: &Inspection| inspection.refuse_swapped(search.min_disparity());
@@ -152,7 +153,7 @@ impl Align {
 }
 
 impl Findings {
-    /// How the camera is turned against the stage.
+    /// The rotation of the camera against the stage.
     fn common(&self) -> String {
         let [right, down, ahead] = self.common_rotation_deg;
         let deviations = self.common_rotation_deviation_deg.map(|deg| match deg.is_finite() {

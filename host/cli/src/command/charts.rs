@@ -9,12 +9,12 @@ use multiscopic_core::{Fusion, Views};
 
 use super::{options::Named, variant::Variant};
 
-/// What is compared with what else: the variants, the records of each in every scene, and what the charts need to name them.
+/// The subjects of the charts: the variants, the records of each in every scene, and what names them.
 pub struct Errors<'a> {
     pub variants: &'a [Variant],
     /// Every variant's record, for one scene after the other.
     pub records: &'a [Record],
-    /// Whether each number of views has the fusion rule that it has by default.
+    /// True if each number of views has the fusion rule that it has by default.
     pub has_default_fusion: bool,
     /// The name of a baseline, in the plural.
     pub baselines: &'a str,

@@ -25,7 +25,7 @@ use super::{
     terminal::signals,
 };
 
-/// How much longer than the camera the sequence waits for a frame: the camera's own error says more about the cause.
+/// The time that the sequence waits for a frame beyond the camera's own limit: the camera's error says more about the cause.
 const CAMERA_FIRST: Duration = Duration::from_secs(3);
 /// Width and height of a simulated camera's frames, unless its lens is for another size.
 const SIMULATED_SIZE: [u32; 2] = [640, 480];
@@ -44,7 +44,7 @@ pub struct Hardware {
     pub stage: AnyStage,
     /// The stage, as the command line names it.
     pub stage_name: String,
-    /// How far and how fast the stage may go.
+    /// The limits of the stage's reach and speed.
     pub limits: Limits,
     /// Time limits, retries and tolerances.
     pub policy: Policy,

@@ -50,7 +50,7 @@ pub struct Listen {
     json: bool,
 }
 
-/// What was received. Shares are from 0 to 1.
+/// The outcome of a reception. Shares are from 0 to 1.
 #[derive(Debug, Serialize)]
 struct Summary {
     width: usize,
@@ -69,7 +69,7 @@ struct Summary {
     flaws: usize,
 }
 
-/// How many flaws are reported one by one. The others are counted.
+/// The number of flaws that are reported one by one. The others are counted.
 const REPORTED_FLAWS: usize = 10;
 
 /// The name of standard input on the command line.

@@ -1,47 +1,53 @@
-//! What comes between reading frames and matching them.
+//! Steps between reading frames and matching them.
 
-use clap::Args;
 use multiscopic::{
-    DisparityMap, Frames, Geometry, Preparation, Result,
+    Alignment, DisparityMap, Frames, Geometry, Preparation, Result,
     lens::Undistortion,
     stereo::confidence_map::{self, ConfidenceMap},
 };
 use multiscopic_core::Search;
 
-use super::options::{MemoryOptions, Source};
+use super::{
+    options::{MemoryOptions, PreparationOptions, Source},
+    terminal,
+};
 
-/// How frames are prepared for matching.
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Matching")]
-pub struct PreparationOptions {
-    /// Rectify the views before matching, as `multiscopic align` does: how they are turned, scaled and shifted, and their
-    /// brightness
-    #[arg(long)]
-    align: bool,
+/// The megabytes from which on the user is told.
+const MUCH: u64 = 1000;
 
-    /// Find the range of disparities from the images
-    #[arg(long, conflicts_with_all = ["min_disparity", "num_disparities"])]
-    auto_range: bool,
+/// Prepares the frames of `source` and their geometry. `search` makes a search of a range of disparities: the smallest one and their
+/// number. Alignments that take more `memory` than may be taken are refused.
+pub fn prepare(
+    options: &PreparationOptions,
+    source: &Source,
+    undistortion: Option<&Undistortion>,
+    frames: &mut Frames,
+    geometry: &mut Option<Geometry>,
+    memory: &MemoryOptions,
+    search: impl Fn((i16, u16)) -> Result<Search>,
+) -> Result<Preparation> {
+    if !options.align {
+        return Preparation::new(frames, options.auto_range, search);
+    }
+    check_alignment(memory, frames)?;
+    let rectified = |alignment: &_| source.rectified_frames(undistortion, alignment);
+    Preparation::rectifying(frames, geometry, options.auto_range, search, rectified)
 }
 
-impl PreparationOptions {
-    /// Prepares the frames of `source` and their geometry. `search` makes a search of a range of disparities: the smallest one
-    /// and their number. Alignments that take more `memory` than may be taken are refused.
-    pub fn prepare(
-        &self,
-        source: &Source,
-        undistortion: Option<&Undistortion>,
-        frames: &mut Frames,
-        geometry: &mut Option<Geometry>,
-        memory: &MemoryOptions,
-        search: impl Fn((i16, u16)) -> Result<Search>,
-    ) -> Result<Preparation> {
-        if !self.align {
-            return Preparation::new(frames, self.auto_range, search);
-        }
-        memory.check_alignment(frames)?;
-        let rectified = |alignment: &_| source.rectified_frames(undistortion, alignment);
-        Preparation::rectifying(frames, geometry, self.auto_range, search, rectified)
+/// Checks that the alignment of `frames` may take what it takes.
+///
+/// # Errors
+/// Those of [`Alignment::check_memory`].
+pub fn check_alignment(memory: &MemoryOptions, frames: &Frames) -> Result<()> {
+    say_if_much("aligning", Alignment::bytes(frames));
+    Alignment::check_memory(frames, memory.most_bytes())
+}
+
+/// Tells how much memory is taken, if it is much.
+pub fn say_if_much(what: &str, bytes: u64) {
+    let megabytes = bytes.div_ceil(1_000_000);
+    if megabytes >= MUCH {
+        terminal::say(&format!("{what} takes about {megabytes} MB of memory"));
     }
 }
 

@@ -16,7 +16,7 @@ use multiscopic_core::{Frame, View};
 
 use super::{
     options::{
-        BitsOption,
+        BitsOption, depth_of,
         value::{point, positive},
     },
     terminal,
@@ -48,7 +48,7 @@ struct Init {
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     baseline_mm: Option<f64>,
 
-    /// Where the photos were taken, if their names do not tell
+    /// Places where the photos were taken, if their names do not tell
     #[arg(long, value_name = "cross|3x3|RxC")]
     layout: Option<Layout>,
 
@@ -86,7 +86,7 @@ impl Init {
             None => by_name(directory, &photos)?,
         };
         let files = images.within(directory);
-        images.bits = self.bits.depth(None, &files.paths().collect::<Vec<_>>())?;
+        images.bits = depth_of(&self.bits, None, &files.paths().collect::<Vec<_>>())?;
         // Reading them all finds photos of different sizes now instead of later.
         let (frames, _) = Frames::load(&images.within(directory))?;
         let rig = Rig {

@@ -38,13 +38,13 @@ pub struct Subject<'a> {
     pub truth: &'a FloatImage,
 }
 
-/// What a variant estimated, and how accurate it is.
+/// The estimates of a variant, and their accuracy.
 pub struct Measured {
     /// The disparities at the default baseline.
     pub disparities: DisparityMap,
-    /// How sure they are.
+    /// Their confidences.
     pub confidences: ConfidenceMap,
-    /// How many of the surest are wrong.
+    /// The share of errors among the surest.
     pub curve: Sparsification,
     /// The errors.
     pub record: Record,
@@ -92,7 +92,7 @@ impl Variant {
         Ok((disparities, confidences, start.elapsed().as_secs_f64()))
     }
 
-    /// What was measured in the scene of a data set.
+    /// Returns the record of a measurement in the scene of a data set.
     pub fn record<M>(&self, dataset: &str, scene: &str, metrics: M, seconds: f64) -> Record<M> {
         Record {
             dataset: dataset.into(),

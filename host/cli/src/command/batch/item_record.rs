@@ -1,7 +1,9 @@
-//! The record of an item that is done.
+//! The record of an item that is done, with fingerprints of its files.
 
 use std::{
-    fs, io,
+    fmt::Write as _,
+    fs,
+    io::{self, Read},
     path::{Path, PathBuf},
 };
 
@@ -10,15 +12,16 @@ use multiscopic::{
     files::{input, output},
 };
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use sha2::{Digest, Sha256};
 
-use super::{fingerprint::Fingerprint, run_settings::RunSettings};
+use super::run_settings::RunSettings;
 
-/// What was done to an item, and what came of it. It is written last: an item with a record is done.
+/// The work on an item, and its outcome. It is written last: an item with a record is done.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ItemRecord<R> {
     /// The item's name.
     pub item: String,
-    /// What decided the results, besides the inputs.
+    /// The settings that decided the results, besides the inputs.
     pub run: RunSettings,
     /// The files that were read.
     pub inputs: Fingerprint,
@@ -62,7 +65,7 @@ impl<R> ItemRecord<R> {
         folder.join(Self::FILE_NAME)
     }
 
-    /// Whether the outputs in a folder are there and have the bytes that they should have.
+    /// Returns true if the outputs in a folder are there and have the bytes that they should have.
     pub fn has_outputs(&self, folder: &Path) -> bool {
         let has_bytes = |metadata: fs::Metadata, output: &OutputRecord| metadata.len() == output.contents.bytes;
         self.outputs.iter().all(|output| fs::metadata(folder.join(&output.file)).is_ok_and(|there| has_bytes(there, output)))
@@ -106,5 +109,77 @@ impl<R: Serialize> ItemRecord<R> {
     pub fn write(&self, folder: &Path) -> Result<()> {
         let json = serde_json::to_string_pretty(self).expect("numbers and strings");
         output::write(&Self::path(folder), |writer| writeln!(writer, "{json}"))
+    }
+}
+
+/// The contents of files.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Fingerprint {
+    /// The number of bytes in all of them.
+    pub bytes: u64,
+    /// The SHA-256 of them, as hexadecimal digits. That of several files is the one of the SHA-256 of each, in their order.
+    pub sha256: String,
+}
+
+impl Fingerprint {
+    /// That of a file.
+    pub fn of_file(path: &Path) -> Result<Fingerprint> {
+        let (bytes, digest) = digest(path)?;
+        Ok(Fingerprint { bytes, sha256: hexadecimal(&digest) })
+    }
+
+    /// That of several files in their order.
+    pub fn of_files<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<Fingerprint> {
+        let (mut all, mut sum) = (Sha256::new(), 0);
+        for path in paths {
+            let (bytes, digest) = digest(path)?;
+            all.update(digest);
+            sum += bytes;
+        }
+        Ok(Fingerprint { bytes: sum, sha256: hexadecimal(&all.finalize()) })
+    }
+}
+
+/// The number of bytes of a file, and their SHA-256.
+fn digest(path: &Path) -> Result<(u64, [u8; 32])> {
+    let failed = |source| Error::Read { path: path.into(), source };
+    let mut file = input::open(path)?;
+    let (mut sha256, mut bytes, mut part) = (Sha256::new(), 0, vec![0; 1 << 16]);
+    loop {
+        match file.read(&mut part).map_err(failed)? {
+            0 => return Ok((bytes, sha256.finalize().into())),
+            read => {
+                sha256.update(&part[..read]);
+                bytes += read as u64;
+            }
+        }
+    }
+}
+
+fn hexadecimal(digest: &[u8]) -> String {
+    digest.iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fingerprints_are_sha256() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = |name: &str| dir.path().join(name);
+        std::fs::write(path("abc"), "abc").unwrap();
+        std::fs::write(path("none"), "").unwrap();
+        // The example of FIPS 180-2.
+        let abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(Fingerprint::of_file(&path("abc")).unwrap(), Fingerprint { bytes: 3, sha256: abc.into() });
+        let [abc, none] = ["abc", "none"].map(path);
+        let both = Fingerprint::of_files([&*abc, &*none]).unwrap();
+        assert_eq!(both.bytes, 3);
+        assert_ne!(both, Fingerprint::of_files([&*none, &*abc]).unwrap());
+        assert!(matches!(Fingerprint::of_file(&path("other")), Err(Error::Read { .. })));
     }
 }

@@ -1,16 +1,14 @@
 //! `multiscopic bench`: the speed of matching on this machine.
 
-mod opencv;
-
 use std::{fmt, process::ExitCode, time::Instant};
 
 use clap::Args;
 use image::{GrayImage, Luma};
 use multiscopic::{
     Error, Frames, Method, Picture, Result,
-    stereo::{MethodName, network::DotProducts},
+    stereo::{MethodName, Paths, Pipeline, network::DotProducts},
 };
-use multiscopic_core::{Fusion, Params};
+use multiscopic_core::{Fusion, Params, Search};
 
 use super::{
     options::{EngineOptions, MethodOptions, SearchOptions, named, views_of_count},
@@ -98,8 +96,8 @@ impl Bench {
         self.options.check_block_size(&[self.method], self.search.block_size)?;
         let method: Method = self.options.method(self.method, self.search.block_size, views.len())?;
         if self.opencv {
-            let matcher = opencv::matcher(&method, params.num_disparities())?;
-            let program = opencv::program(params.search(), &matcher, [self.engine.threads, self.repeat]);
+            let matcher = opencv_matcher(&method, params.num_disparities())?;
+            let program = opencv_program(params.search(), &matcher, [self.engine.threads, self.repeat]);
             terminal::print(&program)?;
             return Ok(ExitCode::SUCCESS);
         }
@@ -156,4 +154,40 @@ fn noise_frames(params: &Params) -> Frames {
     let shifted = |(du, dv): (i32, i32)| GrayImage::from_fn(width, height, |u, v| Luma([noise(u as i32 - du, v as i32 - dv)]));
     let middle = i16::midpoint(params.min_disparity(), params.max_disparity());
     params.views().iter().fold(Frames::new(shifted((0, 0))), |frames, view| frames.with(view, shifted(view.shift(middle))))
+}
+
+/// The program, with names in braces for what differs.
+const PROGRAM: &str = include_str!("opencv.py");
+
+/// The call that makes OpenCV's matcher of the same kind, without its filters. OpenCV takes multiples of 16 disparities.
+///
+/// # Errors
+/// If OpenCV has no such method.
+fn opencv_matcher(method: &Method, num_disparities: usize) -> Result<String> {
+    let count = num_disparities.next_multiple_of(16);
+    match &method.pipeline {
+        Pipeline::BlockMatching { block_size } if *block_size >= 5 => Ok(format!("cv2.StereoBM.create({count}, {block_size})")),
+        Pipeline::BlockMatching { .. } => {
+            Err(Error::Usage("OpenCV's StereoBM has blocks of at least 5 pixels: give --block-size".into()))
+        }
+        Pipeline::SemiGlobal { paths, .. } => {
+            let mode = match paths.paths {
+                Paths::Four => "HH4",
+                Paths::Five => "SGBM",
+                Paths::Eight => "HH",
+            };
+            // OpenCV's example of penalties, for blocks of 5 x 5 pixels.
+            Ok(format!("cv2.StereoSGBM.create(0, {count}, 5, 200, 800, -1, 63, 0, 0, 0, cv2.STEREO_SGBM_MODE_{mode})"))
+        }
+        _ => Err(Error::Usage("OpenCV has matchers like bm and sgm alone: give --method".into())),
+    }
+}
+
+/// The program that measures a matcher on frames of a search's size, on a number of threads, and takes the best of some runs.
+fn opencv_program(search: &Search, matcher: &str, [threads, repeat]: [usize; 2]) -> String {
+    // OpenCV takes one thread per core if it is told -1, and none at all if 0.
+    let threads = if threads == 0 { "-1".into() } else { threads.to_string() };
+    let numbers = [("{width}", search.width()), ("{height}", search.height()), ("{repeat}", repeat)];
+    let program = PROGRAM.replace("{matcher}", matcher).replace("{threads}", &threads);
+    numbers.iter().fold(program, |program, (name, number)| program.replace(name, &number.to_string()))
 }

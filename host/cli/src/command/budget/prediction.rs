@@ -6,7 +6,7 @@ use multiscopic::target::{Buffer, Ram};
 use multiscopic_edge::Matching;
 use serde::Serialize;
 
-use super::target_options::TargetOptions;
+use super::TargetOptions;
 
 /// The prediction; `--json` prints these fields.
 #[derive(Debug, Serialize)]

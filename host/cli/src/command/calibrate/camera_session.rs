@@ -34,7 +34,7 @@ const MOST_TRIALS: u32 = 3000;
 /// Pictures to be taken.
 pub struct CameraSession<'a> {
     pub board: &'a PrintedBoard,
-    /// How many.
+    /// The number of pictures to take.
     pub pictures: usize,
     /// A new folder for them.
     pub keep: Option<&'a Path>,
@@ -137,7 +137,7 @@ impl Taken<'_> {
         Ok(())
     }
 
-    /// What to do next.
+    /// Returns advice on the next picture.
     fn next(&self) -> String {
         let pixels = self.images.iter().flat_map(|image| &image.corners).map(|corner| corner.pixel);
         let missing = Coverage::new(self.size, pixels).missing();

@@ -14,9 +14,9 @@ use multiscopic::{
 };
 use rayon::prelude::*;
 
-use super::{board_options::BoardOptions, camera_session::CameraSession, lens_outcome::LensOutcome};
+use super::{board::BoardOptions, camera_session::CameraSession, lens_outcome::LensOutcome};
 use crate::command::{
-    options::{BitsOption, CameraSpec, Named, SettingsOptions, named, output_file},
+    options::{BitsOption, CameraSpec, SettingsOptions, depth_of, named, output_file},
     terminal::{self, Watch},
 };
 
@@ -121,7 +121,7 @@ impl LensCommand {
                 expected: format!("pictures: name them, as in {}", folder.join("*.png").display()),
             });
         }
-        let depth = self.bits.depth(None, &self.images.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+        let depth = depth_of(&self.bits, None, &self.images.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
         let watch = Watch::new();
         watch.begin(self.images.len() as u64, "pictures");
         let photo = |path: &PathBuf| {
@@ -164,22 +164,6 @@ fn read(path: &Path, board: &PrintedBoard, depth: Option<BitDepth>) -> Result<Ph
 fn refusal(error: &LensCalibrationError, left_out: &[String]) -> Error {
     let lines = left_out.iter().map(|line| format!("\n    left out {line}"));
     Error::Usage(lines.fold(error.to_string(), |message, line| message + &line))
-}
-
-impl Named for LensModel {
-    const ALL: &'static [LensModel] = &LensModel::ALL;
-
-    fn name(&self) -> &'static str {
-        LensModel::name(*self)
-    }
-
-    fn about(&self) -> &'static str {
-        match self {
-            LensModel::PlumbBob => "Brown and Conrady's, for most lenses",
-            LensModel::Rational => "With a denominator, for wide angles",
-            LensModel::Equidistant => "Kannala and Brandt's, for fisheyes",
-        }
-    }
 }
 
 fn percent(text: &str) -> Result<f64> {

@@ -1,4 +1,4 @@
-//! What `multiscopic calibrate lens` found, as a table, as JSON and as a page.
+//! The outcome of `multiscopic calibrate lens`: a table, JSON and a page.
 
 use multiscopic::{
     calibration::{LensCalibration, PrintedBoard},
@@ -19,7 +19,7 @@ pub struct LensOutcome<'a> {
     pub board: &'a PrintedBoard,
 }
 
-/// What `--json` prints.
+/// The object that `--json` prints.
 #[derive(Debug, Serialize)]
 struct Summary<'a> {
     model: &'static str,
@@ -85,7 +85,7 @@ impl LensOutcome<'_> {
         with_deviations.map(|((&name, &value), &deviation)| Parameter { name, value, deviation }).collect()
     }
 
-    /// What would make the calibration better.
+    /// Returns advice that would make the calibration better.
     pub fn warnings(&self) -> Vec<String> {
         let calibration = self.calibration;
         let mut warnings: Vec<String> = calibration

@@ -3,8 +3,6 @@
 #[cfg(feature = "calibration")]
 mod board;
 #[cfg(feature = "calibration")]
-mod board_options;
-#[cfg(feature = "calibration")]
 mod camera_session;
 #[cfg(feature = "calibration")]
 mod lens;

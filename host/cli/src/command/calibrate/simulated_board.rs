@@ -34,7 +34,7 @@ pub struct SimulatedBoard {
     size: [usize; 2],
     /// The width of the image at a distance of 1.
     field: f64,
-    /// What the corners of all pixels see: the direction `(x, y, 1)`. `None` beyond the lens model.
+    /// The directions `(x, y, 1)` that the corners of all pixels see. `None` beyond the lens model.
     directions: Raster<Option<[f64; 2]>>,
     random: fastrand::Rng,
     taken: u32,

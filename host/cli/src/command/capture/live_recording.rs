@@ -1,4 +1,4 @@
-//! What is found of captures, as a stream for ROS 2.
+//! Results of captures, as a stream for ROS 2.
 
 use std::{
     path::Path,

@@ -1,6 +1,5 @@
 //! `multiscopic demo`: what additional views are good for, in pictures.
 
-mod outcome;
 mod results_folder;
 mod results_page;
 mod variants;
@@ -9,19 +8,19 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::{Args, value_parser};
 use multiscopic::{
-    Frames, Method, Result,
+    DisparityMap, Frames, Method, Result,
     evaluation::{Record, results},
     images::Layout,
     report::{ViewedMap, ViewedScene},
     scene::{PinholeCamera, Scene, Shot, render_views},
+    stereo::confidence_map::ConfidenceMap,
 };
 use multiscopic_core::{Params, Search, Views};
 
-use self::{outcome::Outcome, results_folder::ResultsFolder, results_page::ResultsPage, variants::variants};
+use self::{results_folder::ResultsFolder, results_page::ResultsPage, variants::variants};
 use super::{
     charts::Errors,
     options::{EngineOptions, SearchOptions},
-    scene::rendered_capture,
     terminal,
     variant::{Measured, Subject, Variant},
     view::matched_map,
@@ -61,11 +60,11 @@ pub struct Demo {
     engine: EngineOptions,
 }
 
-/// What there is to look at: the variants with their default rule, the capture and the truth.
+/// Returns the maps and pictures to look at: the variants with their default rule, the capture and the truth.
 fn scene(shot: &Shot, camera: &PinholeCamera, frames: &Frames, outcomes: &[Outcome]) -> ViewedScene {
     let size = frames.size();
     let records: Vec<Record> = outcomes.iter().map(|outcome| outcome.record.clone()).collect();
-    let geometry = rendered_capture::rig(camera, frames.views(), String::new()).geometry(size);
+    let geometry = super::scene::rig(camera, frames.views(), String::new()).geometry(size);
     let mut scene = ViewedScene::new("demo", size)
         .with_geometry(geometry.as_ref())
         .with_frames(frames, Some(&shot.center))
@@ -185,4 +184,20 @@ impl Demo {
              multiscopic match {output} {search} -o disparities.pfm --png disparities.png"
         )
     }
+}
+
+/// The estimates of a variant, and their accuracy.
+pub struct Outcome {
+    /// The variant.
+    pub variant: Variant,
+    /// The method with its parameters.
+    pub method: Method,
+    /// The range that it searched.
+    pub search: Search,
+    /// The estimate.
+    pub disparities: DisparityMap,
+    /// Its confidences.
+    pub confidences: ConfidenceMap,
+    /// The errors.
+    pub record: Record,
 }

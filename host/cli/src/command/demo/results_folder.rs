@@ -22,8 +22,12 @@ use multiscopic::{
 };
 use multiscopic_core::{Frame, View, Views};
 
-use super::{outcome::Outcome, variants};
-use crate::command::{charts::Errors, scene::rendered_capture, variant::Variant};
+use super::{Outcome, variants};
+use crate::command::{
+    charts::Errors,
+    scene::{self, TRUTH_FILE_NAME},
+    variant::Variant,
+};
 
 /// The frames, with their captions.
 pub fn frames(views: Views) -> Vec<(Frame, String)> {
@@ -35,7 +39,7 @@ pub fn frames(views: Views) -> Vec<(Frame, String)> {
     std::iter::once(center).chain(views.iter().map(|view| (Frame::View(view), caption(view)))).collect()
 }
 
-/// What the frames show, as `rig.toml` tells.
+/// The name of the scene in `rig.toml`.
 const SCENE: &str = "the scene of multiscopic demo";
 /// The picture of the truth.
 pub const TRUTH_PNG: &str = "truth.png";
@@ -54,7 +58,7 @@ const SHEET_PANEL: u32 = 168;
 /// A folder in which every result can be written.
 pub struct ResultsFolder {
     path: PathBuf,
-    /// Whether it is made together with its files.
+    /// True if it is made together with its files.
     is_new: bool,
     /// All views of the capture.
     views: Views,
@@ -72,18 +76,8 @@ impl ResultsFolder {
             return Ok(folder);
         }
         let maps = variants.iter().map(variants::stem).flat_map(|stem| [map_pfm(&stem), map_png(&stem), errors_png(&stem)]);
-        let single = [
-            Rig::FILE_NAME,
-            rendered_capture::TRUTH_FILE_NAME,
-            TRUTH_PNG,
-            CLOUD,
-            OVERVIEW,
-            SHEET,
-            OVER_VIEWS,
-            OVER_BASELINES,
-            PAGE,
-        ]
-        .map(String::from);
+        let single = [Rig::FILE_NAME, TRUTH_FILE_NAME, TRUTH_PNG, CLOUD, OVERVIEW, SHEET, OVER_VIEWS, OVER_BASELINES, PAGE]
+            .map(String::from);
         let frames = frames(views).into_iter().map(|(frame, _)| FrameFiles::name_of(frame));
         let paths: Vec<PathBuf> = frames.chain(single).chain(maps).map(|name| folder.file(&name)).collect();
         output::check(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[])?;
@@ -98,7 +92,7 @@ impl ResultsFolder {
         Ok(folder)
     }
 
-    /// Whether an earlier demo has written the results that are there, or was killed while it did.
+    /// Returns true if an earlier demo has written the results that are there, or was killed while it did.
     fn is_of_a_demo(&self) -> bool {
         let rig = self.file(Rig::FILE_NAME);
         let tells = |path: &Path| input::read_text(path).is_ok_and(|rig| rig.contains(SCENE));
@@ -122,7 +116,7 @@ impl ResultsFolder {
 
     /// Writes the frames and `rig.toml`, as after a capture, and the truth.
     pub fn write_capture(&self, shot: &Shot, camera: &PinholeCamera, seed: u64) -> Result<()> {
-        rendered_capture::write(&self.path, shot, camera, format!("{SCENE}, seed {seed}"))
+        scene::write_capture(&self.path, shot, camera, format!("{SCENE}, seed {seed}"))
     }
 
     /// Writes the maps of all variants, their pictures and errors, the overview, what each set of views adds, and the best
@@ -160,7 +154,7 @@ impl ResultsFolder {
         let best = outcomes.iter().min_by(|a, b| error(a).total_cmp(&error(b))).expect("there are several variants");
         let center = Picture::Rgb(shot.center.clone());
         let size = [camera.width as usize, camera.height as usize];
-        let geometry = rendered_capture::rig(camera, self.views, String::new()).geometry(size).expect("the camera is known");
+        let geometry = scene::rig(camera, self.views, String::new()).geometry(size).expect("the camera is known");
         ply::write(&self.file(CLOUD), &best.disparities, None, &geometry, &center, Encoding::Binary)?;
         let panels = [&shot.center, &color(stereo), &color(fused), &color(&best.disparities), &color(&truth)];
         write_png(&self.file(OVERVIEW), &montage::row(panels, OVERVIEW_PANEL))

@@ -22,21 +22,21 @@ const ABOUT_THE_SCENE: &str = "The views are ray-traced: a still life on a brush
 const REPRODUCE: &str = "The first command makes this page and its files. The second matches the captured folder, as it would a \
                          real one.";
 
-/// What the page reports.
+/// The contents of the page.
 pub struct ResultsPage<'a> {
     /// The commands that make the results again.
     pub commands: &'a str,
     /// All views of the capture.
     pub views: Views,
-    /// What is compared, and how accurate it is.
+    /// The variants that are compared, and their accuracy.
     pub errors: &'a Errors<'a>,
     /// The parameters of the first variant; all variants share range and block.
     pub params: &'a Params,
-    /// What there is to look at.
+    /// The maps and pictures to look at.
     pub scene: &'a ViewedScene,
-    /// What was measured with the fewest errors.
+    /// The measurement with the fewest errors.
     pub best: &'a Record,
-    /// What other methods are shown.
+    /// The other methods that are shown.
     pub others: &'a [Variant],
     /// The rows of the table.
     pub rows: &'a [ResultRow],

@@ -1,4 +1,4 @@
-//! What the demo compares, and what it calls it.
+//! The variants that the demo compares, and their names.
 
 use multiscopic::{
     Error, Result,
@@ -19,7 +19,7 @@ const NEAREST: [(Views, Fusion); 6] = [
     (Views::CROSS, Fusion::Heuristic),
 ];
 
-/// What is compared in a layout that also stands at longer `baselines`: stereo first, the default for all views last.
+/// Returns the variants of a layout that also stands at longer `baselines`: stereo first, the default for all views last.
 pub fn variants(layout: Layout, baselines: &[u8]) -> Result<Vec<Variant>> {
     let nearest = layout.views();
     if !nearest.contains(View::RIGHT) {
@@ -64,7 +64,7 @@ pub fn other_methods(layout: Layout) -> Vec<Variant> {
     methods.map(|method| Variant { method, layout: None, views, fusion: default_fusion(views) }).collect()
 }
 
-/// Whether a variant has the rule that its views have by default.
+/// Returns true if a variant has the rule that its views have by default.
 pub fn is_default(variant: &Variant) -> bool {
     variant.fusion == default_fusion(variant.views)
 }
@@ -107,7 +107,7 @@ pub fn heading(variant: &Variant) -> String {
     }
 }
 
-/// Where the views are, if that is not clear from their number.
+/// Describes the places of the views, if they are not clear from their number.
 fn place(variant: &Variant) -> String {
     let layout = variant.layout.map(|layout| format!(", {layout}")).unwrap_or_default();
     layout + &prefixed(", baselines ", &baselines(variant, " "))

@@ -1,11 +1,11 @@
-//! What an evaluation compares: methods, sets of views, and fusion rules.
+//! The subjects of an evaluation: methods, sets of views and fusion rules, and the methods with their options.
 
 use clap::Args;
-use multiscopic::{Dataset, Error, Result, evaluation::CameraSteps, images::Layout, stereo::MethodName};
+use multiscopic::{Dataset, Error, Method, Result, evaluation::CameraSteps, images::Layout, stereo::MethodName};
 use multiscopic_core::{Fusion, View, Views};
 
 use crate::command::{
-    options::{BaselineOptions, named, views_of_count},
+    options::{BaselineOptions, MethodOptions, named, views_of_count},
     variant::Variant,
 };
 
@@ -47,7 +47,7 @@ impl Comparison {
         self.camera_steps.map_or(Ok(dataset), |steps| dataset.with_camera_steps(steps))
     }
 
-    /// Whether each number of views has the fusion rule that it has by default.
+    /// Returns true if each number of views has the fusion rule that it has by default.
     pub fn has_default_fusion(&self) -> bool {
         self.fusion.is_empty()
     }
@@ -173,7 +173,48 @@ fn further(views: Views, multiple: u8) -> impl Iterator<Item = View> {
     views.iter().filter_map(move |view| view.times(multiple))
 }
 
-/// Whether a data set has all of `views`.
+/// Returns true if a data set has all of `views`.
 fn has_all(dataset: Dataset, views: Views) -> bool {
     views.iter().all(|view| dataset.has(view))
+}
+
+/// The methods of several variants, each loaded once. Those of a name differ by the number of views, on which penalties depend.
+pub struct MethodTable<'a> {
+    long: &'a BaselineOptions,
+    methods: Vec<((MethodName, usize), Method)>,
+}
+
+impl<'a> MethodTable<'a> {
+    /// The methods with these options.
+    pub fn new(
+        variants: &[Variant],
+        options: &MethodOptions,
+        block_size: Option<u8>,
+        long: &'a BaselineOptions,
+    ) -> Result<MethodTable<'a>> {
+        let mut names: Vec<MethodName> = variants.iter().map(|variant| variant.method).collect();
+        names.dedup();
+        options.check_block_size(&names, block_size)?;
+        let mut table = MethodTable { long, methods: Vec::new() };
+        for variant in variants {
+            if table.find(variant).is_none() {
+                let method = options.method_at_baselines(variant.method, block_size, variant.views, long)?;
+                table.methods.push((table.key(variant), method));
+            }
+        }
+        Ok(table)
+    }
+
+    /// The method of one of the variants.
+    pub fn get(&self, variant: &Variant) -> &Method {
+        self.find(variant).expect("every variant has its method")
+    }
+
+    fn find(&self, variant: &Variant) -> Option<&Method> {
+        self.methods.iter().find(|(key, _)| *key == self.key(variant)).map(|(_, method)| method)
+    }
+
+    fn key(&self, variant: &Variant) -> (MethodName, usize) {
+        (variant.method, self.long.first(variant.views).len())
+    }
 }

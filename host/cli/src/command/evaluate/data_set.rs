@@ -8,14 +8,15 @@ use std::{
 
 use indicatif::ProgressBar;
 use multiscopic::{
-    Dataset, Engine, Error, Result,
-    evaluation::{CameraSteps, DatasetScene, Record, ResultRow, Sparsification, results},
+    Dataset, Engine, Error, Metrics, Result,
+    evaluation::{CameraSteps, ConfidenceMetrics, DatasetScene, Record, ResultRow, Sparsification, results},
     files::output,
     report::{Chart, Report, ViewedMap, ViewedScene},
 };
 use multiscopic_core::Views;
+use serde::{Deserialize, Serialize};
 
-use super::{Evaluate, PAGE_BYTES, SceneRecord, method_table::MethodTable, print_tables};
+use super::{Evaluate, PAGE_BYTES, comparison::MethodTable, print_tables};
 use crate::command::{
     batch::{Done, RunSettings},
     charts::{self, Errors},
@@ -24,7 +25,7 @@ use crate::command::{
     view::{command_line, matched_map},
 };
 
-/// What is compared on the scenes of a data set.
+/// The comparison on the scenes of a data set.
 struct Contest<'a> {
     dataset: Dataset,
     variants: &'a [Variant],
@@ -33,13 +34,13 @@ struct Contest<'a> {
     bar: ProgressBar,
 }
 
-/// What was measured on a scene.
+/// The measurements on a scene.
 struct SceneResults {
     /// A record for each variant.
     records: Vec<Record>,
     /// A curve for each variant.
     curves: Vec<Sparsification>,
-    /// What there is to look at, if there is a page.
+    /// The maps and pictures to look at, if there is a page.
     viewed: Option<ViewedScene>,
 }
 
@@ -173,5 +174,29 @@ impl Evaluate {
         }
         scenes.retain(|scene| self.scenes.is_empty() || self.scenes.contains(&scene.name));
         Ok(scenes)
+    }
+}
+
+/// A result of a variant. In its parts, since `serde_json` does not read real numbers that are flattened if anything in the
+/// program turns on its arbitrary precision.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SceneRecord {
+    variant: Record<()>,
+    metrics: Metrics,
+    confidence: Option<ConfidenceMetrics>,
+}
+
+impl From<Record> for SceneRecord {
+    /// Without the time, which is another on each machine.
+    fn from(record: Record) -> SceneRecord {
+        let Record { metrics, confidence, .. } = record;
+        let variant = Record { confidence: None, seconds: None, ..record.with_metrics(()) };
+        SceneRecord { variant, metrics, confidence }
+    }
+}
+
+impl From<SceneRecord> for Record {
+    fn from(SceneRecord { variant, metrics, confidence }: SceneRecord) -> Record {
+        Record { confidence, ..variant.with_metrics(metrics) }
     }
 }

@@ -2,11 +2,9 @@
 
 mod comparison;
 mod data_set;
-mod method_table;
 mod rig_metrics;
 mod rig_options;
 mod rigs;
-mod scene_record;
 
 use std::{
     path::{Path, PathBuf},
@@ -22,16 +20,17 @@ use multiscopic::{
 };
 use serde::Serialize;
 
-pub use self::scene_record::SceneRecord;
+pub use self::data_set::SceneRecord;
 use self::{comparison::Comparison, rig_options::RigOptions};
 use super::{
     batch::{BatchOptions, RunSettings},
-    options::{BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, SearchOptions, named, output_file},
-    preparation::PreparationOptions,
+    options::{
+        BaselineOptions, EngineOptions, GeometryOptions, MethodOptions, PreparationOptions, SearchOptions, named, output_file,
+    },
     terminal,
 };
 
-/// What the scenes of a page take at most, unless their disparities alone take more.
+/// The most bytes that the scenes of a page take, unless their disparities alone take more.
 const PAGE_BYTES: usize = 16_000_000;
 
 /// Measures how good matching is on a data set with ground truth, or how good a rig is

@@ -1,4 +1,4 @@
-//! What is measured of a rig, and the tables of it.
+//! Measurements of a rig, and their tables.
 
 use multiscopic::{
     Metrics,
@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::command::terminal;
 
-/// What is measured of a capture that a variant matched.
+/// The measurements of a capture that a variant matched.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct RigMetrics {
     /// The errors of disparities, if the truth is known.

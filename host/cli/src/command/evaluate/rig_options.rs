@@ -1,4 +1,4 @@
-//! What captured folders are compared with, and how they are read.
+//! The references that captured folders are compared with, and how both are read.
 
 use std::path::{Path, PathBuf};
 
@@ -9,12 +9,12 @@ use multiscopic::{
 };
 
 use crate::command::{
-    options::{BitsOption, GeometryOptions, MemoryOptions, SearchOptions, Source, value::positive},
-    preparation::PreparationOptions,
-    scene::rendered_capture::truth_file,
+    options::{BitsOption, GeometryOptions, MemoryOptions, PreparationOptions, SearchOptions, Source, value::positive},
+    preparation::prepare,
+    scene::truth_file,
 };
 
-/// What captured folders are compared with.
+/// The references that captured folders are compared with.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Captured folders")]
 pub struct RigOptions {
@@ -55,13 +55,13 @@ pub struct RigFiles {
 pub struct PreparedRig {
     /// The frames, undistorted and rectified.
     pub frames: Frames,
-    /// What undistorted them.
+    /// The table that undistorted them, if the lens is known.
     pub undistortion: Option<Undistortion>,
     /// The geometry, if it is known.
     pub geometry: Option<Geometry>,
     /// The true disparities of the centre, if they are known.
     pub truth: Option<FloatImage>,
-    /// How they were prepared.
+    /// Their preparation, with what it found.
     pub preparation: Preparation,
 }
 
@@ -112,7 +112,7 @@ impl RigFiles {
         let truth = self.truth.as_ref().map(read).transpose()?;
         let (size, views) = (frames.size(), frames.views());
         let search = |range| search.search(size, views, None, range);
-        let preparation = preparation.prepare(&self.source, undistortion.as_ref(), &mut frames, &mut geometry, memory, search)?;
+        let preparation = prepare(preparation, &self.source, undistortion.as_ref(), &mut frames, &mut geometry, memory, search)?;
         let truth = truth.map(|truth| preparation.truth(truth));
         Ok(PreparedRig { frames, undistortion, geometry, truth, preparation })
     }

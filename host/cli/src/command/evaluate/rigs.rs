@@ -10,7 +10,7 @@ use multiscopic::{
 
 use super::{
     Evaluate, PAGE_BYTES,
-    method_table::MethodTable,
+    comparison::MethodTable,
     rig_metrics::{RigMetrics, RigTable},
     rig_options::{PreparedRig, RigFiles},
 };

@@ -1,4 +1,4 @@
-//! What to focus and to expose by.
+//! Measures to focus and to expose by.
 
 use image::GrayImage;
 use serde::Serialize;
@@ -9,7 +9,7 @@ const BINS: usize = 64;
 /// Measures of a frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FrameMeters {
-    /// How sharp it is: the root mean square of the second differences of grey between neighbouring pixels, in percent of the
+    /// Its sharpness: the root mean square of the second differences of grey between neighbouring pixels, in percent of the
     /// mean. It does not depend on the brightness.
     pub focus: f64,
     /// The mean of grey, from 0 to 255.

@@ -1,4 +1,4 @@
-//! What the server has to tell every page: for each subject the newest notice, and none of those before it.
+//! The notices of the server to every page: for each subject the newest one, and none of those before it.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -7,22 +7,22 @@ use serde::Serialize;
 use serde_json::json;
 use tokio::sync::watch;
 
-/// What a notice is about. A page receives them in this order.
+/// The subject of a notice. A page receives them in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Subject {
     /// The pictures of the rig.
     Scene,
     /// The folders that can be looked at.
     History,
-    /// What is being matched: its settings, command, code and cost.
+    /// The match that is under way: its settings, command, code and cost.
     Plan,
-    /// How far the match has come.
+    /// The progress of the match.
     Progress,
     /// The newest disparities, or why there are none.
     Result,
-    /// What the camera sees.
+    /// The picture of the camera.
     Preview,
-    /// How far the capture has come.
+    /// The progress of the capture.
     Capture,
 }
 
@@ -49,7 +49,7 @@ pub struct NoticeBoard {
     count: watch::Sender<u64>,
 }
 
-/// What a page has seen.
+/// A page's place among the notices.
 #[derive(Debug)]
 pub struct Reader {
     last: u64,

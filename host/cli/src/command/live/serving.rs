@@ -1,4 +1,4 @@
-//! Where and how long the page is served.
+//! The page of `tune` and `live`: its contents, its address, and the time for which it is served.
 
 use std::{
     net::SocketAddr,
@@ -12,20 +12,27 @@ use std::{
 };
 
 use clap::Args;
-use multiscopic::{Error, Result};
+use multiscopic::{
+    Error, Processor, Result,
+    report::{LivePanel, Report},
+};
+use serde_json::json;
 use tokio::runtime::{Builder, Runtime};
 
 use super::{
-    live_page::Page,
     server::{Messages, Server},
-    tuning::Workbench,
+    workbench::Workbench,
 };
-use crate::command::terminal::{self, signals};
+use crate::command::{
+    options::Named,
+    terminal::{self, signals},
+    view::command_line,
+};
 
-/// How often the server looks for Ctrl-C.
+/// The time between two looks for Ctrl-C.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Where the page is served.
+/// The address of the page.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Page")]
 pub struct ServingOptions {
@@ -91,5 +98,38 @@ impl Served {
             std::panic::resume_unwind(panic);
         }
         Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from))
+    }
+}
+
+const STYLE: &str = include_str!("page/panel.css");
+const CAMERA: &str = include_str!("page/camera.html");
+const TUNING: &str = include_str!("page/tuning.html");
+const START: &str = include_str!("page/start.js");
+
+/// The modules that others import, by name.
+const MODULES: [(&str, &str); 3] = [
+    ("live/camera.js", include_str!("page/camera.js")),
+    ("live/link.js", include_str!("page/link.js")),
+    ("live/tuning.js", include_str!("page/tuning.js")),
+];
+
+/// The contents of the page.
+#[derive(Clone, Copy, Debug)]
+pub struct Page<'a> {
+    pub title: &'a str,
+    /// True if there is a camera beside the matching.
+    pub has_camera: bool,
+}
+
+impl Page<'_> {
+    /// The page in HTML.
+    pub fn html(self, bench: &Workbench) -> String {
+        let processor = |processor: &Processor| json!({ "name": processor.name(), "clock_mhz": processor.clock_mhz() });
+        let processors: Vec<_> = Processor::ALL.iter().map(processor).collect();
+        let data = json!({ "controls": bench.controls(), "processors": processors });
+        let camera = if self.has_camera { CAMERA } else { "" };
+        let markup = format!("<div class=\"side\">{camera}{TUNING}</div>");
+        let panel = LivePanel { markup: &markup, style: STYLE, modules: &MODULES, start: START, data };
+        Report::new(self.title).live_viewer(&command_line(), panel).to_html()
     }
 }

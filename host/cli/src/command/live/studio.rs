@@ -23,7 +23,8 @@ use super::{
     frame_meters::FrameMeters,
     notice_board::{NoticeBoard, Subject},
     server::Messages,
-    tuning::{TunedRig, Wish, Workbench},
+    tuned_rig::TunedRig,
+    workbench::{Wish, Workbench},
 };
 use crate::command::{
     capture::{Recorder, free_folders},
@@ -34,14 +35,14 @@ use crate::command::{
 const JPEG_QUALITY: u8 = 80;
 /// The least time between two pictures of the preview.
 const BETWEEN_PICTURES: Duration = Duration::from_millis(60);
-/// How often the camera and the orders are looked at.
+/// The time between two looks at the camera and the orders.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
-/// How long after a failure the camera is opened again.
+/// The time after a failure until the camera is opened again.
 const AFTER_FAILURE: Duration = Duration::from_secs(2);
 /// The most folders that the page lists.
 const MOST_FOLDERS: usize = 100;
 
-/// What a page of `live` says.
+/// A message of a page of `live`.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Message {
@@ -55,7 +56,7 @@ enum Message {
     Open(String),
 }
 
-/// What the thread is to do next.
+/// The next order to the thread.
 #[derive(Debug)]
 enum Order {
     Take,
@@ -69,7 +70,7 @@ pub struct Studio {
     order: Mutex<Option<Order>>,
     /// Each increase stops a capture: at the first one the stage returns to the centre, at the second it stops where it is.
     stops: Arc<AtomicUsize>,
-    /// How many signals have come.
+    /// The number of signals that have come.
     signals: AtomicUsize,
 }
 

@@ -1,6 +1,5 @@
 //! `multiscopic match`: disparities from images.
 
-mod listed_rigs;
 mod outputs;
 mod summary;
 
@@ -14,22 +13,23 @@ use clap::Args;
 use multiscopic::{
     DisparityMap, Engine, Error, Result,
     evaluation::ground_truth,
-    files::output,
+    files::{ListedRig, output},
     report::{Report, ViewedMap, ViewedScene},
     stereo::{network::Inputs, write_inputs},
 };
 use multiscopic_core::Frame;
-use outputs::Outputs;
 
-pub use self::summary::Summary;
 use super::{
-    batch::{BatchOptions, RunSettings},
-    options::{EngineOptions, GeometryOptions, MatchingOptions, Source, SourceOptions, say_if_much},
-    preparation::{PreparationOptions, mask_unseen},
-    scene::rendered_capture::truth_file,
+    batch::{BatchOptions, Done, RunSettings},
+    options::{EngineOptions, GeometryOptions, MatchingOptions, PRIOR_EXCLUDES, PreparationOptions, Source, SourceOptions},
+    preparation::{mask_unseen, prepare, say_if_much},
+    scene::truth_file,
     terminal::{self, Watch},
     view,
 };
+use outputs::Outputs;
+
+pub use self::summary::Summary;
 
 /// Estimates the disparity of each pixel of a centre image by matching it with its neighbours
 #[derive(Clone, Debug, Args)]
@@ -57,15 +57,7 @@ pub struct Match {
 
     /// Disparities around which all views are searched, instead of over the whole range: a 16-bit image as --raw16 writes,
     /// in pixels of one baseline [default: those of the views at the shortest of several baselines]
-    #[arg(
-        long,
-        value_name = "PRIOR.png",
-        conflicts_with_all = [
-            "method", "together", "disp12_max_diff", "uniqueness_ratio", "texture_threshold", "speckle_window_size", "median",
-            "bilateral", "repair", "min_confidence", "smooth", "fill",
-        ],
-        help_heading = "Several baselines"
-    )]
+    #[arg(long, value_name = "PRIOR.png", conflicts_with_all = PRIOR_EXCLUDES, help_heading = "Several baselines")]
     prior: Option<PathBuf>,
 
     #[command(flatten)]
@@ -129,7 +121,7 @@ impl Match {
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.matching.search(size, views, range);
         let preparation =
-            self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
+            prepare(&self.preparation, &source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
         let search = preparation.search;
         let center = outputs.has_center().then(|| match (&preparation.alignment, &undistortion) {
             (Some(alignment), undistortion) => alignment.rectified(Frame::Center, center, undistortion.as_ref()),
@@ -188,5 +180,33 @@ impl Match {
         let warnings = preparation.warnings(&disparities, &search);
         let summary = Summary::new(name, &search, &disparities, confidences.as_ref(), seconds, warnings);
         Ok((summary, disparities))
+    }
+}
+
+impl Match {
+    /// Matches the rigs of a list that belong to the share of this machine.
+    pub(super) fn run_list(&self, list: &Path, settings: &RunSettings) -> Result<ExitCode> {
+        if self.outputs.within(Path::new(""))?.paths().is_empty() {
+            let message = "there is nothing to write: give -o disparity.pfm, or another output such as --png disparity.png";
+            return Err(Error::Usage(message.into()));
+        }
+        let rigs = ListedRig::read_all(list)?;
+        let engine = self.engine.engine()?;
+        let Some(batch) = self.batch.batch(settings, rigs.iter().map(|rig| rig.name.clone()))? else {
+            return Err(Error::Usage("--list needs a folder for the results: give --results DIR".into()));
+        };
+        let inputs = |index: usize| {
+            let source = self.source.source_of(&rigs[index].directory)?;
+            Ok(source.paths().map(PathBuf::from).chain(self.truth_file(&source)).collect())
+        };
+        let work = |index: usize, folder: &Path| {
+            let ListedRig { name, directory } = &rigs[index];
+            let outputs = self.outputs.within(folder)?;
+            let (summary, _) = self.matched(self.source.source_of(directory)?, &outputs, &engine)?;
+            terminal::say(&format!("{name}: {summary}"));
+            summary.warnings().iter().for_each(|warning| terminal::warn(&format!("{name}: {warning}")));
+            Ok(Done { results: summary.without_time(), outputs: outputs.paths().into_iter().map(PathBuf::from).collect() })
+        };
+        Ok(batch.run(inputs, work))
     }
 }

@@ -1,4 +1,4 @@
-//! What `multiscopic match` writes.
+//! The outputs of `multiscopic match`.
 
 use std::path::{Path, PathBuf};
 #[cfg(feature = "mcap")]
@@ -39,7 +39,7 @@ pub struct Outputs {
     #[arg(long, value_name = "OUT.png", value_parser = output_file::png)]
     depth_png: Option<PathBuf>,
 
-    /// What the network of --method net sees of the images, as a folder of arrays for numpy: train/README.md tells what they are
+    /// Inputs of the network of --method net, made from the images, as a folder of arrays for numpy: train/README.md tells what they are
     #[arg(long, value_name = "DIR")]
     pub features: Option<PathBuf>,
 
@@ -187,12 +187,12 @@ impl Outputs {
         recordings.into_iter().filter_map(|(option, path)| Some((option, path.as_deref()?))).collect()
     }
 
-    /// Whether an output has confidences.
+    /// Returns true if an output has confidences.
     pub fn has_confidences(&self) -> bool {
         self.confidence.is_some() || self.report.is_some() || !self.recordings().is_empty()
     }
 
-    /// Whether an output has the colours of the centre.
+    /// Returns true if an output has the colours of the centre.
     pub fn has_center(&self) -> bool {
         self.ply.is_some() || !self.recordings().is_empty()
     }

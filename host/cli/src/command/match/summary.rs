@@ -1,4 +1,4 @@
-//! What a match found, in a line.
+//! The outcome of a match, in a line.
 
 use std::fmt::{self, Display};
 
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::command::terminal;
 
-/// What a match found. Shares are from 0 to 1.
+/// The outcome of a match. Shares are from 0 to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     width: usize,
@@ -31,7 +31,7 @@ pub struct Summary {
     /// The share with a confidence from 0.9 on, if confidences were computed.
     #[serde(skip_serializing_if = "Option::is_none")]
     sure: Option<f64>,
-    /// How long the match took, unless it is one of many.
+    /// The seconds that the match took, unless it is one of many.
     #[serde(skip_serializing_if = "Option::is_none")]
     milliseconds: Option<f64>,
     warnings: Vec<String>,
@@ -84,7 +84,7 @@ impl Summary {
         Summary { milliseconds: None, ..self }
     }
 
-    /// What the user should know.
+    /// Returns what the user should know.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }

@@ -1,30 +1,41 @@
-//! Options that several commands share.
+//! Options that several commands share. Those of matching are in a crate of their own, which Python has, too.
 
-mod baseline_options;
-mod bits_option;
-mod engine_options;
 mod geometry_options;
 mod hardware_options;
-mod memory_options;
-mod methods;
-mod named;
-mod neighbor_options;
-mod outputs;
-mod search_options;
+mod map_files;
+pub mod output_file;
 mod source_options;
-pub mod value;
 
-pub use baseline_options::BaselineOptions;
-pub use bits_option::BitsOption;
-pub use engine_options::EngineOptions;
+use clap::Args;
+use multiscopic::{Result, images::Layout};
+use multiscopic_core::Views;
+
 pub use geometry_options::GeometryOptions;
 #[cfg(feature = "calibration")]
 pub use hardware_options::SettingsOptions;
 pub use hardware_options::{CameraSpec, HardwareOptions, micrometres};
-pub use memory_options::{MemoryOptions, say_if_much};
-pub use methods::{MatchingOptions, MethodOptions};
-pub use named::{Named, named};
-pub use neighbor_options::NeighborOptions;
-pub use outputs::{MapFiles, output_file};
-pub use search_options::{SearchOptions, views_of_count};
-pub use source_options::{Source, SourceOptions};
+pub use map_files::MapFiles;
+pub use multiscopic_options::{
+    BaselineOptions, BitsOption, EngineOptions, MatchingOptions, MemoryOptions, MethodOptions, Named, PRIOR_EXCLUDES,
+    PreparationOptions, SearchOptions, named, value, views_of_count,
+};
+pub use source_options::{Source, SourceOptions, depth_of};
+
+/// The neighbours that are captured.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct NeighborOptions {
+    /// Neighbours: right (1), left and right (2), top as well (3), all in the row and column (4), or all of a 3x3 array (8)
+    #[arg(long, value_name = "1|2|3|4|8", default_value_t = 4)]
+    views: usize,
+
+    /// Neighbours on a cross or an array of rows and columns, instead of --views
+    #[arg(long, value_name = "cross|3x3|RxC", conflicts_with = "views")]
+    layout: Option<Layout>,
+}
+
+impl NeighborOptions {
+    /// The neighbours.
+    pub fn views(&self) -> Result<Views> {
+        self.layout.map_or_else(|| views_of_count(self.views), |layout| Ok(layout.views()))
+    }
+}

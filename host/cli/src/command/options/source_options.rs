@@ -9,11 +9,13 @@ use clap::Args;
 use multiscopic::{
     Alignment, Error, Frames, Picture, Rig,
     files::FrameFiles,
+    images::BitDepth,
     lens::{LensFile, Undistortion},
 };
 use multiscopic_core::{Frame, ParseViewError, View, Views};
 
 use super::BitsOption;
+use crate::command::terminal;
 
 /// The frames: a captured folder, or an image for each.
 #[derive(Clone, Debug, Args)]
@@ -94,7 +96,7 @@ impl Source {
     /// Reads the frames, without distortion, and the centre as the picture in its file, with its colours and its distortion. The
     /// last is what undistorted them. From then on, the bits of 16-bit images are known.
     pub fn load(&mut self) -> multiscopic::Result<(Frames, Picture, Option<Undistortion>)> {
-        self.images.bits = self.bits.depth(self.images.bits, &self.images.paths().collect::<Vec<_>>())?;
+        self.images.bits = depth_of(&self.bits, self.images.bits, &self.images.paths().collect::<Vec<_>>())?;
         let mut undistortion = None;
         let (frames, center) = Frames::load_each(&self.images, |picture| {
             let (width, height) = picture.dimensions();
@@ -137,6 +139,23 @@ impl Source {
     }
 }
 
+/// Returns the depth of the 16-bit images among files of one capture, in this order: that of the command line, the `known` one, or
+/// else a guess, which is said if it is below 16 bits. `None` if there are no 16-bit images.
+pub fn depth_of(bits: &BitsOption, known: Option<BitDepth>, paths: &[&Path]) -> multiscopic::Result<Option<BitDepth>> {
+    if let Some(depth) = bits.bits.or(known) {
+        return Ok(Some(depth));
+    }
+    let Some(brightest) = Picture::brightest(paths)? else { return Ok(None) };
+    let depth = BitDepth::of_brightest(brightest);
+    if depth != BitDepth::Sixteen {
+        let (bits, white) = (depth.bits(), depth.white());
+        terminal::say(&format!(
+            "16-bit files with {bits}-bit values: the brightest is {brightest}, and {white} is taken for white; --bits says otherwise"
+        ));
+    }
+    Ok(Some(depth))
+}
+
 /// A view and its image, as `--view` takes them.
 #[derive(Clone, Debug)]
 struct ViewImage {
@@ -159,7 +178,7 @@ impl SourceOptions {
         Source::of_rig(directory, self.lens.as_deref(), &self.bits)
     }
 
-    /// What the command line names. `None` if it names no images.
+    /// Returns the files that the command line names. `None` if it names no images.
     pub fn source(&self) -> multiscopic::Result<Option<Source>> {
         if let Some(directory) = &self.rig {
             return self.source_of(directory).map(Some);

@@ -1,16 +1,18 @@
-//! Results on standard output and messages on standard error.
+//! Results on standard output, messages on standard error, the width of the terminal, and pages opened in the browser.
 
 use std::{
     borrow::Cow,
+    env,
+    ffi::OsStr,
     fmt::{Display, Write as _},
-    io::{self, ErrorKind, Write},
+    io::{self, ErrorKind, IsTerminal, Write, stderr},
+    process::{Command, Stdio},
     sync::atomic::{AtomicBool, Ordering},
 };
 
 use multiscopic::{Error, Result, stereo::confidence_map::SURE};
 use serde::Serialize;
-
-use super::columns::{columns, wrapped};
+use terminal_size::{Width, terminal_size};
 
 /// Writes text or JSON to standard output, as [`visible`] does. It is not an error if the reader has closed it, as `| head` does.
 pub fn print(text: &str) -> Result<()> {
@@ -35,7 +37,7 @@ pub fn print_report(report: &(impl Display + Serialize), json: bool) -> Result<(
     print(&text)
 }
 
-/// Whether notes are left out.
+/// True if notes are left out.
 static IS_QUIET: AtomicBool = AtomicBool::new(false);
 
 /// Leaves out notes and progress bars from now on.
@@ -43,7 +45,7 @@ pub fn be_quiet() {
     IS_QUIET.store(true, Ordering::Relaxed);
 }
 
-/// Whether notes and progress bars are left out.
+/// Returns true if notes and progress bars are left out.
 pub fn is_quiet() -> bool {
     IS_QUIET.load(Ordering::Relaxed)
 }
@@ -82,9 +84,57 @@ pub fn visible(text: &str) -> Cow<'_, str> {
     escaped.into()
 }
 
-/// What a summary says about the share of confidences from [`SURE`] on, after what it says about disparities.
+/// Words for the share of confidences from [`SURE`] on, which end a summary of disparities.
 pub fn sure(share: f64) -> String {
     format!(", {:.1} % sure (from {SURE} on)", 100.0 * share)
+}
+
+/// The characters in a line of the terminal, or `None` if standard output goes elsewhere.
+pub fn columns() -> Option<usize> {
+    let (Width(columns), _) = io::stdout().is_terminal().then(terminal_size).flatten()?;
+    Some(columns.into())
+}
+
+/// Breaks lines of more than `limit` characters between words. What follows is indented as the last column of the line, before
+/// which there are two spaces.
+pub fn wrapped(text: &str, limit: usize) -> String {
+    text.lines().map(|line| wrapped_line(line, limit) + "\n").collect()
+}
+
+fn wrapped_line(line: &str, limit: usize) -> String {
+    let indent = line.rfind("  ").map_or(0, |at| at + 2);
+    let (start, words) = line.split_at(indent);
+    let mut text = start.to_owned();
+    let mut used = start.chars().count();
+    for (i, word) in words.split(' ').enumerate() {
+        let length = word.chars().count();
+        if i > 0 && used + 1 + length > limit {
+            text += &format!("\n{:indent$}", "");
+            used = indent;
+        } else if i > 0 {
+            text.push(' ');
+            used += 1;
+        }
+        text += word;
+        used += length;
+    }
+    text
+}
+
+/// Opens a page, a file or an address, with the program that the user has for it, if messages go to a terminal. If there is no
+/// such program, a message has told where the page is.
+pub fn open(page: &OsStr) {
+    if !stderr().is_terminal() {
+        return;
+    }
+    let (program, arguments): (_, &[&str]) = match env::consts::OS {
+        "macos" => ("open", &[]),
+        "windows" => ("cmd", &["/c", "start", ""]),
+        _ if env::var_os("DISPLAY").is_none() && env::var_os("WAYLAND_DISPLAY").is_none() => return,
+        _ => ("xdg-open", &[]),
+    };
+    let null = || Stdio::null();
+    let _ = Command::new(program).args(arguments).arg(page).stdin(null()).stdout(null()).stderr(null()).spawn();
 }
 
 #[cfg(test)]
@@ -106,5 +156,15 @@ mod tests {
         let json = serde_json::to_string(value).unwrap();
         assert_ne!(visible(&json), json);
         assert_eq!(serde_json::from_str::<String>(&visible(&json)).unwrap(), value);
+    }
+
+    #[test]
+    fn long_lines_are_broken_below_their_last_column() {
+        let text = "    12  sums   of the left and right views\n256 bytes\n";
+        assert_eq!(wrapped(text, 80), text);
+        let expected = "    12  sums   of the left\n               and right\n               views\n256 bytes\n";
+        assert_eq!(wrapped(text, 26), expected);
+        // A word that is wider than the terminal is not broken.
+        assert_eq!(wrapped("one indivisible", 5), "one\nindivisible\n");
     }
 }

@@ -4,7 +4,7 @@ use std::{env, fmt::Write as _};
 
 use image::{RgbImage, imageops};
 
-use super::columns::columns;
+use super::messages::columns;
 
 /// The colours of a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,11 +10,11 @@ use std::{
 
 use multiscopic::{Error, Result, files::output};
 
-/// How many signals have come.
+/// The number of signals that have come.
 static RECEIVED: LazyLock<Arc<AtomicUsize>> = LazyLock::new(Arc::default);
 /// The last one.
 static SIGNAL: AtomicI32 = AtomicI32::new(0);
-/// Which of them ends the program.
+/// The number of the signal that ends the program.
 static LAST: AtomicUsize = AtomicUsize::new(1);
 
 /// Lets signals end the program without half of its output.

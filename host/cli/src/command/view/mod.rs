@@ -1,7 +1,6 @@
 //! `multiscopic view`: a page to look at a rig, or at disparity maps.
 
-mod map_folder;
-mod matched_map;
+mod maps;
 
 use std::{
     ffi::{OsStr, OsString},
@@ -20,14 +19,17 @@ use multiscopic::{
 };
 use multiscopic_core::{Frame, Search};
 
-use self::map_folder::MapFile;
+use self::maps::MapFile;
 #[cfg(feature = "live")]
-pub use self::matched_map::shell_line;
-pub use self::matched_map::{command_line, matched_map};
+pub use self::maps::shell_line;
+pub use self::maps::{command_line, matched_map};
 use super::{
-    options::{BitsOption, EngineOptions, GeometryOptions, MethodOptions, Named, SearchOptions, Source, named, output_file},
-    preparation::{PreparationOptions, mask_unseen},
-    scene::rendered_capture::truth_file,
+    options::{
+        BitsOption, EngineOptions, GeometryOptions, MethodOptions, Named, PreparationOptions, SearchOptions, Source, named,
+        output_file,
+    },
+    preparation::{mask_unseen, prepare},
+    scene::truth_file,
     terminal,
 };
 
@@ -135,9 +137,9 @@ impl View {
         let (size, views) = (frames.size(), frames.views());
         let search = |range| self.search.search(size, views, None, range);
         let preparation =
-            self.preparation.prepare(&source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
+            prepare(&self.preparation, &source, undistortion.as_ref(), &mut frames, &mut geometry, &self.engine.memory, search)?;
         // Maps in files are of the frames as they were.
-        let files = if preparation.alignment.is_some() { Vec::new() } else { map_folder::read_all(folder, Some(size))? };
+        let files = if preparation.alignment.is_some() { Vec::new() } else { maps::read_all(folder, Some(size))? };
         output::check(&[output], &files.iter().map(|map| &*map.path).collect::<Vec<_>>())?;
         let truth = truth(folder, size, &source.images.center)?.map(|truth| preparation.truth(truth));
         let methods = if self.methods.is_empty() && files.is_empty() { &[MethodName::Bm][..] } else { &self.methods };
@@ -171,7 +173,7 @@ impl View {
 
 /// The page of a folder with maps.
 fn maps_page(folder: &Path, output: &Path) -> Result<Report> {
-    let maps = map_folder::read_all(folder, None)?;
+    let maps = maps::read_all(folder, None)?;
     output::check(&[output], &maps.iter().map(|map| &*map.path).collect::<Vec<_>>())?;
     let Some(first) = maps.first() else {
         return Err(Error::Format {

@@ -13,7 +13,8 @@ use crate::system::{
 };
 
 /// The crates in the order of their dependencies.
-pub const PUBLISHED: [&str; 5] = ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", HOST, PROGRAM];
+pub const PUBLISHED: [&str; 7] =
+    ["multiscopic-core", "multiscopic-edge", "multiscopic-drivers", "multiscopic-engine", HOST, "multiscopic-options", PROGRAM];
 
 /// The library for the host.
 pub const HOST: &str = "multiscopic";

@@ -1,19 +1,9 @@
-use multiscopic::{DisparityMap, Engine, Frames, Method, Result, stereo, stereo::refinement};
-use multiscopic_core::{Fusion, SearchConfig};
+use multiscopic::{DisparityMap, Engine, Frames, Method, Result};
+use multiscopic_options::MatchingOptions;
 
 /// The disparities of frames without distortion, by what `multiscopic tune` found.
 pub fn disparities(frames: &Frames) -> Result<DisparityMap> {
-    let [width, height] = frames.size().map(|side| side as u16);
-    let range = SearchConfig { min_disparity: -2, num_disparities: 40, ..SearchConfig::of_size(width, height) };
-    let search = SearchConfig { views: frames.views(), fusion: Fusion::Mean, ..range }.checked()?;
-    let pipeline = stereo::Pipeline::BlockMatching { block_size: 9 };
-    let mut method = Method::new(pipeline);
-    method.refinement.uniqueness = Some(5);
-    method.refinement.left_right = Some(2);
-    method.refinement.texture = Some(refinement::TextureThreshold { threshold: 100, block_size: 9 });
-    method.refinement.median = Some(refinement::Median::new(5)?);
-    method.refinement.speckles = Some(refinement::Speckles { window_size: 30, range: 2 });
-    method.refinement.sub_pixel = Some(refinement::LucasKanade);
-    method.refinement.min_confidence = Some(77);
-    method.disparities(&Engine::new(None, 0)?, frames, &search, &())
+    let options = MatchingOptions::parse(["--method", "bm", "--fusion", "mean", "--min-disparity", "-2", "--num-disparities", "40", "--block-size", "9", "--uniqueness-ratio", "5", "--disp12-max-diff", "2", "--texture-threshold", "100", "--median", "5", "--speckle-window-size", "30", "--speckle-range", "2", "--sub-pixel", "lucas-kanade", "--min-confidence", "0.3"])?;
+    let search = options.search(frames.size(), frames.views(), Method::DEFAULT_RANGE)?;
+    options.method(frames.views())?.disparities(&Engine::new(None, 0)?, frames, &search, &())
 }

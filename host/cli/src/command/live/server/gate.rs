@@ -31,13 +31,13 @@ impl Gate {
         format!("http://{}/{}/", self.listening, self.token)
     }
 
-    /// Whether this is the token. It takes the same time for all tokens of its length.
+    /// Returns true if this is the token. It takes the same time for all tokens of its length.
     pub fn is_token(&self, token: &str) -> bool {
         let differences = token.bytes().zip(self.token.bytes()).fold(0, |bits, (a, b)| bits | (a ^ b));
         token.len() == self.token.len() && differences == 0
     }
 
-    /// Why a request is refused by where it is from and whom it asks, if it is.
+    /// Returns the reason to refuse a request for where it is from and whom it asks, if there is one.
     pub fn refusal(&self, headers: &HeaderMap) -> Option<&'static str> {
         let mut hosts = headers.get_all(HOST).iter();
         let (Some(host), None) = (hosts.next().and_then(|host| host.to_str().ok()), hosts.next()) else {
@@ -59,8 +59,8 @@ impl Gate {
         }
     }
 
-    /// Whether a host is this server. Names other than `localhost` are not: whoever owns one can point it here, and read with a
-    /// page of their own what a browser gets from it.
+    /// Returns true if a host is this server. Names other than `localhost` are not: whoever owns one can point it here, and
+    /// read with a page of their own what a browser gets from it.
     fn is_host(&self, host: &str) -> bool {
         let Some((name, port)) = host.rsplit_once(':') else { return false };
         let is_loopback = self.listening.ip().is_loopback();

@@ -2,7 +2,6 @@
 
 mod connections;
 mod gate;
-mod socket;
 
 use std::{net::SocketAddr, sync::Arc};
 
@@ -20,12 +19,12 @@ use axum::{
 use multiscopic::{Error, Result};
 use tokio::{net::TcpListener, sync::Semaphore};
 
+pub use self::connections::Messages;
 use self::gate::Gate;
-pub use self::socket::Messages;
 
 /// The most pages that are connected at once.
 const MOST_SOCKETS: usize = 16;
-/// What no page may do with the server's page: show it inside itself.
+/// The header that forbids pages to show the server's page inside themselves.
 const NO_FRAMES: &str = "frame-ancestors 'none'";
 
 /// A server that listens, and serves nothing yet.
@@ -34,7 +33,7 @@ pub struct Server {
     gate: Gate,
 }
 
-/// What all requests share.
+/// The state that all requests share.
 struct Shared {
     gate: Gate,
     page: String,
@@ -121,8 +120,8 @@ async fn socket_of(
         Err(rejection) => return rejection.into_response(),
     };
     let messages = shared.messages.clone();
-    upgrade.max_message_size(socket::MOST_BYTES).max_frame_size(socket::MOST_BYTES).on_upgrade(async move |socket| {
-        socket::talk(socket, &*messages).await;
+    upgrade.max_message_size(connections::MOST_BYTES).max_frame_size(connections::MOST_BYTES).on_upgrade(async move |socket| {
+        connections::talk(socket, &*messages).await;
         drop(permit);
     })
 }

@@ -1,0 +1,119 @@
+//! A rig in memory that is matched again and again.
+
+use std::{
+    path::{Path, PathBuf},
+    time::Instant,
+};
+
+use multiscopic::{
+    DisparityMap, Engine, Frames, Inspection, Method, Preparation, Progress, Result,
+    lens::Undistortion,
+    report::{EncodedMap, ViewedScene},
+    stereo::confidence_map::{self, ConfidenceMap},
+};
+use multiscopic_core::{Frame, Search};
+
+use crate::command::{
+    options::{BitsOption, GeometryOptions, MatchingOptions, SearchOptions, Source},
+    preparation::mask_unseen,
+    terminal,
+    view::{matched_map, title, truth},
+};
+
+/// A captured folder, read once.
+pub struct TunedRig {
+    folder: PathBuf,
+    frames: Frames,
+    /// Without colours, as `match` matches them if colours do not matter.
+    gray: Frames,
+    undistortion: Option<Undistortion>,
+    inspection: Inspection,
+    scene: ViewedScene,
+}
+
+/// The method and the search that match a rig.
+pub struct TunedMatch {
+    pub name: &'static str,
+    pub method: Method,
+    pub search: Search,
+}
+
+/// The outcome of a match.
+pub struct Tuned {
+    pub map: EncodedMap,
+    /// One line about it.
+    pub summary: String,
+    /// The reasons to doubt it.
+    pub warnings: Vec<String>,
+}
+
+impl TunedRig {
+    /// Reads a captured folder.
+    pub fn open(folder: &Path) -> Result<TunedRig> {
+        let mut source = Source::of_rig(folder, None, &BitsOption::default())?;
+        let (frames, _, undistortion) = source.load()?;
+        let geometry = GeometryOptions::default().geometry(source.rig.as_ref(), source.lens.as_ref(), &frames)?;
+        let folder = source.folder().unwrap_or(folder);
+        let truth = truth(folder, frames.size(), &source.images.center)?;
+        let scene = ViewedScene::new(title(folder), frames.size())
+            .served()
+            .with_geometry(geometry.as_ref())
+            .with_frames(&frames, frames.color(Frame::Center))
+            .with_truth(truth.as_ref());
+        let inspection = Inspection::of(&frames);
+        Ok(TunedRig { folder: folder.into(), gray: frames.clone().without_color(), frames, undistortion, inspection, scene })
+    }
+
+    /// Its folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Returns what the page shows of it, without maps.
+    pub fn scene(&self) -> &ViewedScene {
+        &self.scene
+    }
+
+    /// The range of disparities that the images tell: the smallest one and their number.
+    pub fn found_range(&self) -> Option<(i16, u16)> {
+        self.inspection.found_range().ok()
+    }
+
+    /// Returns how `match` would match it with these options.
+    pub fn plan(&self, options: &MatchingOptions) -> Result<TunedMatch> {
+        let (size, views) = (self.frames.size(), self.frames.views());
+        let search = options.search(size, views, SearchOptions::DEFAULT_RANGE)?;
+        Ok(TunedMatch { name: options.method.name(), method: options.method(views)?, search })
+    }
+
+    /// Matches it.
+    pub fn run(&self, plan: &TunedMatch, engine: &Engine, progress: &dyn Progress) -> Result<(DisparityMap, ConfidenceMap, f64)> {
+        let frames = if plan.method.needs_color() { &self.frames } else { &self.gray };
+        let start = Instant::now();
+        let (mut disparities, mut confidences) =
+            plan.method.disparities_and_confidences(engine, frames, &plan.search, progress)?;
+        mask_unseen(self.undistortion.as_ref(), &mut disparities, Some(&mut confidences));
+        Ok((disparities, confidences, start.elapsed().as_secs_f64()))
+    }
+
+    /// A match as the page takes it.
+    pub fn tuned(&self, plan: &TunedMatch, (disparities, confidences, seconds): (DisparityMap, ConfidenceMap, f64)) -> Tuned {
+        let TunedMatch { name, method, search } = plan;
+        let results = (&disparities, Some(&confidences));
+        let map = self.scene.encoded(matched_map((*name).into(), (name, method), search, results, Some(seconds)));
+        let valid = disparities.pixels().iter().flatten().count() as f64 / disparities.pixels().len() as f64;
+        let summary = format!(
+            "{:.0} ms, {:.1} % valid{}",
+            1e3 * seconds,
+            100.0 * valid,
+            terminal::sure(confidence_map::sure_share(&confidences))
+        );
+        let preparation = Preparation {
+            inspection: self.inspection.clone(),
+            alignment: None,
+            range: SearchOptions::DEFAULT_RANGE,
+            search: *search,
+        };
+        Tuned { map, summary, warnings: preparation.warnings(&disparities, search) }
+    }
+}

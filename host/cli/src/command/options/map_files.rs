@@ -1,0 +1,112 @@
+//! The files that disparity maps are written to.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use multiscopic::{
+    DisparityMap, Error, FloatImage, Picture, Result,
+    images::{ColorScale, Colormap},
+    report::color_bar,
+};
+
+use super::output_file;
+use crate::command::{options::named, terminal};
+
+/// The files that a disparity map is written to.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Output")]
+pub struct MapFiles {
+    /// Disparities in pixels, +inf where invalid, as PFM or for numpy (OUT.npy, OUT.npz); - is standard output, as PFM
+    #[arg(short, long, value_name = "OUT.pfm", value_parser = output_file::floats_or_standard)]
+    output: Option<PathBuf>,
+
+    /// Disparities in colour: near is red, far is blue, invalid is black
+    #[arg(long, value_name = "OUT.png", value_parser = output_file::png)]
+    png: Option<PathBuf>,
+
+    /// Draw a colour bar beside coloured pictures, with a scale in their unit
+    #[arg(long)]
+    png_colorbar: bool,
+
+    /// Colours of pictures
+    #[arg(long, value_name = "MAP", value_parser = named::<Colormap>(), default_value = "turbo")]
+    colormap: Colormap,
+
+    /// Disparities times 64 plus 32768 as a 16-bit image, 0 where invalid
+    #[arg(long, value_name = "OUT.png", value_parser = output_file::png)]
+    raw16: Option<PathBuf>,
+}
+
+impl MapFiles {
+    /// The paths of all files.
+    pub fn paths(&self) -> impl Iterator<Item = &Path> {
+        [self.output_file(), self.png.as_deref(), self.raw16.as_deref()].into_iter().flatten()
+    }
+
+    /// The paths of all files, and of standard output.
+    pub fn paths_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        [&mut self.output, &mut self.png, &mut self.raw16].into_iter().flatten()
+    }
+
+    /// Refuses two things on standard output: the disparities, or what one of `others` prints, an option that may be given.
+    /// Returns whether anything is printed.
+    pub fn check_printed(&self, others: &[(&str, bool)]) -> Result<bool> {
+        let printed = [("-o -", self.is_printed())].into_iter().chain(others.iter().copied());
+        let printed: Vec<&str> = printed.filter_map(|(option, is_given)| is_given.then_some(option)).collect();
+        match printed[..] {
+            [first, second, ..] => Err(Error::Usage(format!("{first} and {second} both take standard output: give one of them"))),
+            _ => Ok(!printed.is_empty()),
+        }
+    }
+
+    /// Returns true if standard output gets the disparities.
+    fn is_printed(&self) -> bool {
+        self.output.as_deref().is_some_and(output_file::is_standard_output)
+    }
+
+    /// The file of disparities in pixels.
+    fn output_file(&self) -> Option<&Path> {
+        self.output.as_deref().filter(|path| !output_file::is_standard_output(path))
+    }
+
+    /// Writes `disparities` to all files.
+    pub fn write(&self, disparities: &DisparityMap) -> Result<()> {
+        if let Some(path) = self.output_file() {
+            output_file::write_floats(&disparities.to_float(), path, "disparity")?;
+        }
+        if let Some(path) = &self.png {
+            self.draw(&disparities.to_float(), &self.scale(disparities)).write_png(path)?;
+        }
+        if let Some(path) = &self.raw16 {
+            multiscopic::files::write_raw16(disparities, path)?;
+        }
+        Ok(())
+    }
+
+    /// Writes `disparities` to standard output, if it gets them.
+    pub fn print(&self, disparities: &DisparityMap) -> Result<()> {
+        if self.is_printed() { terminal::print_bytes(&multiscopic::files::pfm_bytes(&disparities.to_float())) } else { Ok(()) }
+    }
+
+    /// The file of disparities in pixels, if it is in the same folder as another file.
+    pub fn beside(&self, other: &Path) -> Option<String> {
+        let name = self.output_file().filter(|output| output.parent() == other.parent())?.file_name()?;
+        Some(name.to_string_lossy().into_owned())
+    }
+
+    /// The colour map that was asked for.
+    pub fn colormap(&self) -> Colormap {
+        self.colormap
+    }
+
+    /// The colours of disparities, from the smallest to the largest.
+    pub fn scale(&self, disparities: &DisparityMap) -> ColorScale {
+        ColorScale::of_disparities(self.colormap, disparities.range())
+    }
+
+    /// A coloured picture, with a colour bar if it was asked for.
+    pub fn draw(&self, image: &FloatImage, scale: &ColorScale) -> Picture {
+        let drawn = scale.draw(image);
+        Picture::Rgb(if self.png_colorbar { color_bar::beside(&drawn, scale) } else { drawn })
+    }
+}

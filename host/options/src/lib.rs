@@ -1,0 +1,58 @@
+//! The options of matching, described once: the command line, the keyword arguments of Python and the controls of the page in the
+//! browser all follow from the structs of this crate.
+//!
+//! ```
+//! use multiscopic::{Engine, Frames, Method};
+//! use multiscopic_core::View;
+//! use multiscopic_options::MatchingOptions;
+//!
+//! # fn main() -> multiscopic::Result<()> {
+//! # let image = image::GrayImage::from_fn(40, 30, |u, v| [(u * 37 + v * 91) as u8].into());
+//! # let (center, right) = (image.clone(), image);
+//! let frames = Frames::new(center).with(View::RIGHT, right);
+//! let options = MatchingOptions::parse(["--method", "sgm", "--min-disparity", "0", "--num-disparities", "16"])?;
+//! let search = options.search(frames.size(), frames.views(), Method::DEFAULT_RANGE)?;
+//! let disparities = options.method(frames.views())?.disparities(&Engine::new(None, 0)?, &frames, &search, &())?;
+//! # assert_eq!((disparities.width(), disparities.height()), (40, 30));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! To add an option, add a field to the struct of its group. The doc comment is the text of `--help` and of Python's `help()`, the
+//! type decides what Python takes. In the same file, say what the option changes, and add a line to the group's table of the
+//! page if it should have a control there.
+//!
+//! | room | what it is |
+//! | --- | --- |
+//! | [`value`] | numbers, checked as they are parsed |
+//! | `named` | [`Named`]: values that are chosen by name |
+//! | [`page`] | the controls of the page in the browser |
+//! | `search` | the search range, the block, and views at several baselines |
+//! | `graph_cuts` | the options of `gc` |
+//! | `semi_global` | the options of `sgm` |
+//! | `mc_cnn` | the options of `mccnn-fast` and `mccnn-accurate` |
+//! | `refinement` | checks and filters of disparities |
+//! | `matching` | all of them, and the method that they describe |
+//! | `machine` | threads, vector instructions and memory |
+//! | `preparation` | what is done to images before they are matched |
+//! | [`keywords`] | the keyword arguments of Python |
+
+mod graph_cuts;
+pub mod keywords;
+mod machine;
+mod matching;
+mod mc_cnn;
+mod named;
+pub mod page;
+mod preparation;
+mod refinement;
+mod search;
+mod semi_global;
+pub mod value;
+
+pub use keywords::Keywords;
+pub use machine::{EngineOptions, MemoryOptions};
+pub use matching::{MatchingOptions, MethodOptions, PRIOR_EXCLUDES};
+pub use named::{Named, named};
+pub use preparation::{BitsOption, PreparationOptions};
+pub use search::{BaselineOptions, SearchOptions, views_of_count};
